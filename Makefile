@@ -1,0 +1,176 @@
+# cairn: one Makefile. `make help` lists the targets. Everything is built under $(BUILD).
+#
+#   make BUILD=build/asan SANITIZE=1 test     a variant beside the default one
+#   make BUILD=build/clang CC=clang CXX=clang++ OPT=-O3
+
+BUILD    ?= build
+OPT      ?= -O2
+CFLAGS   ?=
+CXXFLAGS ?= $(CFLAGS)
+LDFLAGS  ?=
+PREFIX   ?= /usr/local
+DESTDIR  ?=
+WERROR   ?=
+
+version_part = $(shell awk '/define CAIRN_VERSION_$(1) /{print $$3}' include/cairn/version.h)
+VERSION := $(call version_part,MAJOR).$(call version_part,MINOR).$(call version_part,PATCH)
+SOVERSION := $(call version_part,MAJOR).$(call version_part,MINOR)
+
+WARN     := -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wdouble-promotion -Wvla -Wundef -Wcast-align
+CWARN    := $(WARN) -Wstrict-prototypes -Wmissing-prototypes
+SAN      := $(if $(SANITIZE),-fsanitize=address$(,)undefined -fno-sanitize-recover=all -fno-omit-frame-pointer -g)
+,        := ,
+COMMON   := $(OPT) -g -I. -Iinclude -MMD -MP -ffp-contract=off -fPIC $(SAN) $(if $(COVERAGE),--coverage -O0)
+# The library itself is freestanding C11; all that runs on a desktop may use POSIX and is built with assertions on.
+LIB_FLAGS  = -std=c11 $(CWARN) $(WERROR) $(COMMON) -fno-math-errno $(if $(ASSERTIONS),-DCAIRN_ASSERTIONS)
+HOST_FLAGS = -std=c11 -D_POSIX_C_SOURCE=200809L $(CWARN) $(WERROR) $(COMMON)
+CXX_FLAGS  = -std=c++17 $(WARN) $(WERROR) $(COMMON)
+
+# Rooms. Box2D, libyaml, zlib, libpng and cmocka are looked for where Debian puts them; what is missing switches off what
+# needs it (tools/deps.sh brings it).
+has        = $(or $(wildcard /usr/include/$(1)),$(wildcard /usr/local/include/$(1)))
+CORE_SRC    := $(wildcard src/core/*.c)
+CONTOUR_SRC := $(wildcard src/contour/*.c)
+MAPPING_SRC := $(wildcard src/mapping/*.c)
+LIB_SRC     := $(CORE_SRC) $(CONTOUR_SRC) $(MAPPING_SRC)
+HAVE_HOST   := $(and $(call has,yaml.h),$(call has,zlib.h),$(call has,png.h))
+HAVE_SIM    := $(call has,box2d/box2d.h)
+HAVE_TEST   := $(call has,cmocka.h)
+HOST_SRC    := $(if $(HAVE_HOST),$(wildcard src/host/*.c))
+SIM_SRC     := $(if $(HAVE_SIM),$(wildcard sim/*.cpp))
+TEST_SRC    := $(if $(and $(HAVE_TEST),$(HAVE_SIM),$(HAVE_HOST)),$(wildcard tests/test_*.c))
+BENCH_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(filter-out bench/bench_%,$(wildcard bench/*.c)))
+BENCH_COMMON := $(wildcard bench/bench_*.c)
+CAIRN_SRC   := $(if $(HAVE_HOST),$(filter-out tools/cairn_arena%,$(wildcard tools/cairn*.c)))
+ARENA_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(wildcard tools/cairn_arena*.c))
+HOST_LIBS   := -lyaml -lpng -lz
+SIM_LIBS    := -lbox2d
+
+object = $(patsubst %,$(BUILD)/$(1)/%.o,$(2))
+LIBS     := $(BUILD)/libcairn.a $(BUILD)/libcairn-float.a $(BUILD)/libcairn.so.$(SOVERSION) \
+            $(if $(HOST_SRC),$(BUILD)/libcairn-host.a)
+TOOLS    := $(if $(CAIRN_SRC),$(BUILD)/cairn) $(if $(ARENA_SRC),$(BUILD)/cairn-arena)
+TESTS    := $(TEST_SRC:tests/%.c=%)
+BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
+
+.PHONY: all help test run-tests demo run-demo bench check amalgamation coverage install clean format missing
+.DELETE_ON_ERROR:
+.SECONDARY:
+
+all: missing $(LIBS) $(TOOLS)
+
+help:
+	@echo "make                library, float library, host library, tools"
+	@echo "make demo           an arena, its scans, a map (installs what it needs)"
+	@echo "make test           all tests, double and float (installs what it needs)"
+	@echo "make bench          the measuring programs, build/bench/*"
+	@echo "make check          warnings, formats, analyzers, freestanding proof, room order"
+	@echo "make amalgamation   cairn.c and cairn.h, two files to drop into a firmware project"
+	@echo "make coverage       tests with line and branch coverage of src/"
+	@echo "make install        PREFIX=$(PREFIX) DESTDIR=$(DESTDIR)"
+
+missing:
+	@$(if $(HAVE_HOST),:,echo "cairn: no libyaml, zlib or libpng: libcairn-host and the tools are left out (tools/deps.sh build)")
+	@$(if $(HAVE_SIM),:,echo "cairn: no Box2D: sim and cairn-arena are left out (tools/deps.sh build)")
+
+# Library objects, double and float.
+$(BUILD)/double/src/%.c.o: src/%.c
+	@mkdir -p $(@D)
+	$(CC) $(if $(filter host/%,$*),$(HOST_FLAGS),$(LIB_FLAGS)) $(CFLAGS) -c $< -o $@
+$(BUILD)/float/src/%.c.o: src/%.c
+	@mkdir -p $(@D)
+	$(CC) -DCAIRN_FLOAT $(if $(filter host/%,$*),$(HOST_FLAGS),$(LIB_FLAGS)) $(CFLAGS) -c $< -o $@
+# Everything else.
+$(BUILD)/double/%.c.o: %.c
+	@mkdir -p $(@D)
+	$(CC) $(HOST_FLAGS) $(CFLAGS) -c $< -o $@
+$(BUILD)/float/%.c.o: %.c
+	@mkdir -p $(@D)
+	$(CC) -DCAIRN_FLOAT $(HOST_FLAGS) $(CFLAGS) -c $< -o $@
+$(BUILD)/double/%.cpp.o: %.cpp
+	@mkdir -p $(@D)
+	$(CXX) $(CXX_FLAGS) $(CXXFLAGS) -c $< -o $@
+$(BUILD)/float/%.cpp.o: %.cpp
+	@mkdir -p $(@D)
+	$(CXX) -DCAIRN_FLOAT $(CXX_FLAGS) $(CXXFLAGS) -c $< -o $@
+
+archive = @mkdir -p $(@D); rm -f $@; $(AR) rcs $@ $^
+$(BUILD)/libcairn.a: $(call object,double,$(LIB_SRC))
+	$(archive)
+$(BUILD)/libcairn-float.a: $(call object,float,$(LIB_SRC))
+	$(archive)
+$(BUILD)/libcairn-host.a: $(call object,double,$(HOST_SRC))
+	$(archive)
+$(BUILD)/float/libcairn-host.a: $(call object,float,$(HOST_SRC))
+	$(archive)
+$(BUILD)/libcairn-sim.a: $(call object,double,$(SIM_SRC))
+	$(archive)
+$(BUILD)/float/libcairn-sim.a: $(call object,float,$(SIM_SRC))
+	$(archive)
+$(BUILD)/libcairn.so.$(SOVERSION): $(call object,double,$(LIB_SRC))
+	$(CC) -shared -Wl,-soname,$(@F) $(SAN) $(LDFLAGS) -o $@ $^ -lm
+
+link = @mkdir -p $(@D); $(CXX) $(SAN) $(if $(COVERAGE),--coverage) $(LDFLAGS) -o $@ $^
+DOUBLE_LIBS := $(if $(SIM_SRC),$(BUILD)/libcairn-sim.a) $(BUILD)/libcairn-host.a $(BUILD)/libcairn.a
+FLOAT_LIBS  := $(if $(SIM_SRC),$(BUILD)/float/libcairn-sim.a) $(BUILD)/float/libcairn-host.a $(BUILD)/libcairn-float.a
+SYS_LIBS    = $(if $(SIM_SRC),$(SIM_LIBS)) $(HOST_LIBS) -lpthread -lm
+
+$(BUILD)/cairn: $(call object,double,$(CAIRN_SRC)) $(BUILD)/libcairn-host.a $(BUILD)/libcairn.a
+	$(link) $(HOST_LIBS) -lm
+$(BUILD)/cairn-arena: $(call object,double,$(ARENA_SRC)) $(DOUBLE_LIBS)
+	$(link) $(SYS_LIBS)
+$(BUILD)/bench/%: $(BUILD)/double/bench/%.c.o $(call object,double,$(BENCH_COMMON)) $(DOUBLE_LIBS)
+	$(link) $(SYS_LIBS)
+$(BUILD)/tests/%: $(BUILD)/double/tests/%.c.o $(call object,double,tests/support.c) $(DOUBLE_LIBS)
+	$(link) -lcmocka $(SYS_LIBS)
+$(BUILD)/tests-float/%: $(BUILD)/float/tests/%.c.o $(call object,float,tests/support.c) $(FLOAT_LIBS)
+	$(link) -lcmocka $(SYS_LIBS)
+
+# make test and make demo bring what they need, then run make again, which now sees it.
+test:
+	@sh tools/deps.sh build test
+	@$(MAKE) ASSERTIONS=1 BUILD=$(BUILD)/checked run-tests
+
+TEST_PROGRAMS = $(TESTS:%=$(BUILD)/tests/%) $(TESTS:%=$(BUILD)/tests-float/%)
+run-tests: all $(TEST_PROGRAMS)
+	@sh tests/run.sh $(BUILD) $(TEST_PROGRAMS)
+
+demo:
+	@sh tools/deps.sh build
+	@$(MAKE) run-demo
+run-demo: all
+	@sh tools/demo.sh $(BUILD)
+
+bench:
+	@sh tools/deps.sh build
+	@$(MAKE) run-bench
+run-bench: all $(BENCHES)
+.PHONY: run-bench
+
+check:
+	@sh tools/deps.sh build test check
+	@sh tools/check.sh $(BUILD)
+
+check-freestanding: $(BUILD)/libcairn.a $(BUILD)/libcairn-float.a
+	@sh tools/check-freestanding.sh $^
+.PHONY: check-freestanding
+
+format:
+	clang-format -i $(LIB_SRC) $(wildcard src/*/*.h include/cairn/*.h src/host/*.c sim/*.cpp sim/*.h tools/*.c tools/*.h tests/*.c tests/*.h bench/*.c bench/*.h)
+
+amalgamation: $(BUILD)/amalgamation/cairn.c
+$(BUILD)/amalgamation/cairn.c: $(LIB_SRC) $(wildcard src/*/*.h include/cairn/*.h) tools/amalgamate.sh
+	sh tools/amalgamate.sh $(@D)
+
+coverage:
+	@sh tools/deps.sh build test check
+	@$(MAKE) BUILD=$(BUILD)/coverage COVERAGE=1 run-tests
+	@sh tools/coverage.sh $(BUILD)/coverage
+
+install: all
+	sh tools/install.sh "$(BUILD)" "$(DESTDIR)$(PREFIX)" "$(PREFIX)" "$(VERSION)" "$(SOVERSION)"
+
+clean:
+	rm -rf $(BUILD)
+
+-include $(shell find $(BUILD)/double $(BUILD)/float -name '*.d' 2>/dev/null)

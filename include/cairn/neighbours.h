@@ -1,0 +1,83 @@
+/* neighbours: who is near whom: a hash grid over points, sweep-and-prune over boxes. */
+#ifndef CAIRN_NEIGHBOURS_H
+#define CAIRN_NEIGHBOURS_H
+
+#include "cairn/geometry.h"
+#include "cairn/pool.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* ---- Hash grid over points ---- */
+
+typedef struct cairn_point_grid cairn_point_grid;
+
+typedef struct cairn_point_grid_params {
+    int32_t max_points; /* 1 ... 2^28 */
+    cairn_real cell;    /* side of a cell in m, > 0; best near the usual query radius */
+} cairn_point_grid_params;
+
+/* 0 for params that create() would refuse. */
+size_t cairn_point_grid_memory(const cairn_point_grid_params *params);
+
+/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status cairn_point_grid_create(cairn_point_grid **grid, cairn_pool *pool,
+                                                   const cairn_point_grid_params *params);
+
+/* Forgets all points. Cost: linear in max_points. */
+void cairn_point_grid_clear(cairn_point_grid *grid);
+
+/* Adds a point; its index is the number of points before it. CAIRN_NOT_FINITE, CAIRN_FULL. Constant time. */
+CAIRN_CHECKED cairn_status cairn_point_grid_insert(cairn_point_grid *grid, cairn_vec2 point);
+
+int32_t cairn_point_grid_count(const cairn_point_grid *grid);
+
+/* Index of the point nearest to p within `radius` (inclusive), the lowest index among equals; -1 when there is none.
+ * *distance_squared, when not NULL, is set when there is one. Cost: the points in the cells that the radius touches. */
+int32_t cairn_point_grid_nearest(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius,
+                                 cairn_real *distance_squared);
+
+/* All points within `radius` of p one by one, so that a caller can stop and go on: begin, then next until -1. The order
+ * depends only on the points and the order of their insertion. The cursor is open only to be copied. */
+typedef struct cairn_point_grid_cursor {
+    cairn_vec2 centre;
+    cairn_real radius_squared;
+    int32_t min_x, max_x, max_y; /* cells */
+    int32_t x, y;
+    int32_t next; /* candidate in the current cell, -1: none */
+} cairn_point_grid_cursor;
+
+cairn_point_grid_cursor cairn_point_grid_begin(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius);
+int32_t cairn_point_grid_next(const cairn_point_grid *grid, cairn_point_grid_cursor *cursor);
+
+/* ---- Sweep and prune over boxes ---- */
+
+typedef struct cairn_box_sweep cairn_box_sweep;
+
+typedef struct cairn_box_sweep_params {
+    int32_t max_boxes; /* 1 ... 2^28 */
+} cairn_box_sweep_params;
+
+size_t cairn_box_sweep_memory(const cairn_box_sweep_params *params);
+
+/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status cairn_box_sweep_create(cairn_box_sweep **sweep, cairn_pool *pool,
+                                                  const cairn_box_sweep_params *params);
+
+/* Starts to report the overlapping pairs of boxes[0 ... count-1], which must stay as they are until the last pair has
+ * been reported. The sorted order of the last sweep is the start of this one (insertion sort: linear when the boxes moved
+ * little; new boxes may be appended). CAIRN_BAD_ARGUMENT: count < 0, or NULL with count > 0. CAIRN_FULL: count > max_boxes. */
+CAIRN_CHECKED cairn_status cairn_box_sweep_begin(cairn_box_sweep *sweep, const cairn_box *boxes, int32_t count);
+
+/* The next pair, *first < *second. CAIRN_OK: here it is. CAIRN_MORE: the budget is used up before one was found.
+ * CAIRN_EMPTY: there are no more. Costs one unit for four moves of the sort or four tests. The pairs and their order do
+ * not depend on the budget. */
+CAIRN_CHECKED cairn_status cairn_box_sweep_next(cairn_box_sweep *sweep, cairn_budget *budget, int32_t *first,
+                                                int32_t *second);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

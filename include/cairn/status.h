@@ -1,0 +1,61 @@
+/* status: what a call returns, where an input went wrong, and how much work a step may do.
+ *
+ * A status says whether a call could be carried out. What was found out by it (converged, ambiguous, unobservable) is a
+ * field of the result, never a status. */
+#ifndef CAIRN_STATUS_H
+#define CAIRN_STATUS_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#if defined(__GNUC__) || defined(__clang__)
+#define CAIRN_CHECKED __attribute__((warn_unused_result))
+#else
+#define CAIRN_CHECKED
+#endif
+
+/* 0: done. Positive: not an error. Negative: the call was refused and nothing changed. */
+typedef int32_t cairn_status;
+enum {
+    CAIRN_OK = 0,
+    CAIRN_MORE = 1,           /* the budget is used up, there is work left: call again */
+    CAIRN_BAD_ARGUMENT = -1,  /* NULL, or a value outside the range that the header states */
+    CAIRN_NOT_FINITE = -2,    /* NaN or infinity where a number is needed */
+    CAIRN_NO_MEMORY = -3,     /* the pool has less room than _memory() or _scratch() says */
+    CAIRN_FULL = -4,          /* a capacity that the caller chose is used up */
+    CAIRN_EMPTY = -5,         /* nothing there to work on */
+    CAIRN_BAD_FORMAT = -6,    /* input that does not follow its format */
+    CAIRN_TRUNCATED = -7,     /* input that ends too early */
+    CAIRN_UNSUPPORTED = -8,   /* valid, but not offered by this build */
+    CAIRN_IO = -9,            /* the operating system refused to read or write */
+    CAIRN_BAD_BUILD = -10     /* compiled with options that change results (contraction, flush to zero) */
+};
+
+/* A status in words, without a full stop: "out of pool memory". Constant storage; any value gives a text. */
+const char *cairn_status_text(cairn_status status);
+
+/* Where an array or file went wrong. `index` counts elements or lines as the function's comment says; -1: no one place.
+ * `what` is constant text that says what is wrong and what was expected; NULL when there was no fault. */
+typedef struct cairn_fault {
+    int64_t index;
+    const char *what;
+} cairn_fault;
+
+/* Work that a step may still do, counted down. One unit is at most about 200 instructions of a Cortex-M7; dearer items
+ * charge several. Objects may share one budget. 0 is legal: the step does nothing and returns CAIRN_MORE or CAIRN_OK. */
+typedef struct cairn_budget {
+    int32_t left;
+} cairn_budget;
+
+/* A budget that is never used up by one call. */
+#define CAIRN_UNBOUNDED INT32_MAX
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

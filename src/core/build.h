@@ -1,0 +1,27 @@
+/* Included first by every .c of the library: the same bits from every compiler, and the internal assertion. */
+#ifndef CAIRN_CORE_BUILD_H
+#define CAIRN_CORE_BUILD_H
+
+#ifdef __FAST_MATH__
+#error "cairn gives the same bits everywhere; -ffast-math does not"
+#endif
+
+#if defined(__FLT_EVAL_METHOD__) && __FLT_EVAL_METHOD__ != 0
+#error "cairn gives the same bits everywhere; excess precision (x87) does not: use -msse2 -mfpmath=sse"
+#endif
+
+#if defined(__clang__)
+#pragma STDC FP_CONTRACT OFF
+#elif defined(__GNUC__)
+#pragma GCC optimize("fp-contract=off")
+#endif
+
+/* Invariants of the library itself; the tests are built with CAIRN_ASSERTIONS. */
+#ifdef CAIRN_ASSERTIONS
+void cairn_assertion_failed(const char *condition, const char *file, int line);
+#define CAIRN_ASSERT(condition) ((condition) ? (void)0 : cairn_assertion_failed(#condition, __FILE__, __LINE__))
+#else
+#define CAIRN_ASSERT(condition) ((void)0)
+#endif
+
+#endif

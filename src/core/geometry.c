@@ -1,0 +1,160 @@
+#include "src/core/build.h"
+
+#include <stddef.h>
+
+#include "cairn/geometry.h"
+
+cairn_vec2 cairn_vec2_unit(cairn_vec2 a)
+{
+    cairn_real norm = cairn_vec2_norm(a);
+
+    return norm > 0 ? cairn_vec2_scale(a, 1 / norm) : a;
+}
+
+cairn_pose cairn_pose_compose(cairn_pose a_b, cairn_pose b_c)
+{
+    cairn_vec2 b_position = {b_c.x, b_c.y};
+    cairn_vec2 position = cairn_transform_point(cairn_transform_of(a_b), b_position);
+    cairn_pose a_c = {position.x, position.y, cairn_wrap_angle(a_b.theta + b_c.theta)};
+
+    return a_c;
+}
+
+cairn_pose cairn_pose_inverse(cairn_pose a_b)
+{
+    cairn_transform t = cairn_transform_of(a_b);
+    cairn_pose b_a = {-(t.cosine * t.x + t.sine * t.y), t.sine * t.x - t.cosine * t.y, cairn_wrap_angle(-a_b.theta)};
+
+    return b_a;
+}
+
+cairn_pose cairn_pose_between(cairn_pose a_b, cairn_pose a_c)
+{
+    cairn_transform t = cairn_transform_of(a_b);
+    cairn_real x = a_c.x - t.x, y = a_c.y - t.y;
+    cairn_pose b_c = {t.cosine * x + t.sine * y, t.cosine * y - t.sine * x, cairn_wrap_angle(a_c.theta - a_b.theta)};
+
+    return b_c;
+}
+
+cairn_vec2 cairn_pose_point(cairn_pose a_b, cairn_vec2 b_point)
+{
+    return cairn_transform_point(cairn_transform_of(a_b), b_point);
+}
+
+int32_t cairn_pose_is_finite(cairn_pose pose)
+{
+    return cairn_is_finite(pose.x) && cairn_is_finite(pose.y) && cairn_is_finite(pose.theta);
+}
+
+cairn_real cairn_segment_length(cairn_segment segment)
+{
+    return cairn_vec2_norm(cairn_vec2_sub(segment.b, segment.a));
+}
+
+cairn_vec2 cairn_segment_nearest(cairn_segment segment, cairn_vec2 p, cairn_real *parameter)
+{
+    cairn_vec2 along = cairn_vec2_sub(segment.b, segment.a);
+    cairn_real square = cairn_vec2_norm_squared(along);
+    cairn_real t = square > 0 ? cairn_vec2_dot(cairn_vec2_sub(p, segment.a), along) / square : 0;
+
+    t = cairn_min(cairn_max(t, 0), 1);
+    if (parameter)
+        *parameter = t;
+    return cairn_vec2_add(segment.a, cairn_vec2_scale(along, t));
+}
+
+cairn_real cairn_segment_distance(cairn_segment segment, cairn_vec2 p)
+{
+    return cairn_vec2_norm(cairn_vec2_sub(p, cairn_segment_nearest(segment, p, NULL)));
+}
+
+int32_t cairn_line_intersection(cairn_segment first, cairn_segment second, cairn_vec2 *point)
+{
+    cairn_vec2 u = cairn_vec2_sub(first.b, first.a);
+    cairn_vec2 v = cairn_vec2_sub(second.b, second.a);
+    cairn_real cross = cairn_vec2_cross(u, v);
+    cairn_real sine_limit = CAIRN_REAL(1e-6) * cairn_vec2_norm(u) * cairn_vec2_norm(v);
+
+    if (!(cairn_abs(cross) > sine_limit))
+        return 0;
+    *point = cairn_vec2_add(first.a, cairn_vec2_scale(u, cairn_vec2_cross(cairn_vec2_sub(second.a, first.a), v) / cross));
+    return 1;
+}
+
+/* Sign of the turn a -> b -> c: 1 left, -1 right, 0 straight. */
+static int turn(cairn_vec2 a, cairn_vec2 b, cairn_vec2 c)
+{
+    cairn_real cross = cairn_vec2_cross(cairn_vec2_sub(b, a), cairn_vec2_sub(c, a));
+
+    return (cross > 0) - (cross < 0);
+}
+
+static int within_box(cairn_segment s, cairn_vec2 p)
+{
+    return p.x >= cairn_min(s.a.x, s.b.x) && p.x <= cairn_max(s.a.x, s.b.x) && p.y >= cairn_min(s.a.y, s.b.y) &&
+           p.y <= cairn_max(s.a.y, s.b.y);
+}
+
+int32_t cairn_segments_cross(cairn_segment first, cairn_segment second)
+{
+    int a = turn(first.a, first.b, second.a), b = turn(first.a, first.b, second.b);
+    int c = turn(second.a, second.b, first.a), d = turn(second.a, second.b, first.b);
+
+    if (a * b < 0 && c * d < 0)
+        return 1;
+    return (a == 0 && within_box(first, second.a)) || (b == 0 && within_box(first, second.b)) ||
+           (c == 0 && within_box(second, first.a)) || (d == 0 && within_box(second, first.b));
+}
+
+cairn_box cairn_box_empty(void)
+{
+    cairn_box box = {{CAIRN_REAL_MAX, CAIRN_REAL_MAX}, {-CAIRN_REAL_MAX, -CAIRN_REAL_MAX}};
+    return box;
+}
+
+cairn_box cairn_box_extend(cairn_box box, cairn_vec2 p)
+{
+    box.min.x = cairn_min(box.min.x, p.x);
+    box.min.y = cairn_min(box.min.y, p.y);
+    box.max.x = cairn_max(box.max.x, p.x);
+    box.max.y = cairn_max(box.max.y, p.y);
+    return box;
+}
+
+cairn_box cairn_box_grow(cairn_box box, cairn_real by)
+{
+    box.min.x -= by;
+    box.min.y -= by;
+    box.max.x += by;
+    box.max.y += by;
+    return box;
+}
+
+int32_t cairn_box_overlap(cairn_box a, cairn_box b)
+{
+    return a.min.x <= b.max.x && b.min.x <= a.max.x && a.min.y <= b.max.y && b.min.y <= a.max.y;
+}
+
+cairn_real cairn_polygon_area(const cairn_vec2 *vertices, int32_t count)
+{
+    cairn_real twice = 0;
+
+    for (int32_t i = 0; i < count; i++)
+        twice += cairn_vec2_cross(cairn_vec2_sub(vertices[i], vertices[0]),
+                                  cairn_vec2_sub(vertices[(i + 1) % count], vertices[0]));
+    return twice / 2;
+}
+
+int32_t cairn_polygon_contains(const cairn_vec2 *vertices, int32_t count, cairn_vec2 p)
+{
+    int32_t inside = 0;
+
+    for (int32_t i = 0, j = count - 1; i < count; j = i++) {
+        cairn_vec2 a = vertices[i], b = vertices[j];
+
+        if ((a.y > p.y) != (b.y > p.y) && p.x < a.x + (b.x - a.x) * (p.y - a.y) / (b.y - a.y))
+            inside = !inside;
+    }
+    return inside;
+}

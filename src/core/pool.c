@@ -1,0 +1,254 @@
+/* Bump pool and block pool.
+ *
+ * A counting pool has base NULL and size SIZE_MAX: the same carve() of a room that lays an object out in memory, run over
+ * it, gives the object's size. */
+#include "src/core/build.h"
+
+#include <float.h>
+#include <string.h>
+
+#include "cairn/pool.h"
+#include "cairn/real.h"
+
+#if CAIRN_POOL_GAP > 0
+void __asan_poison_memory_region(void const volatile *address, size_t size);
+void __asan_unpoison_memory_region(void const volatile *address, size_t size);
+#define POISON(address, size) __asan_poison_memory_region(address, size)
+#define UNPOISON(address, size) __asan_unpoison_memory_region(address, size)
+#else
+#define POISON(address, size) ((void)(address), (void)(size))
+#define UNPOISON(address, size) ((void)(address), (void)(size))
+#endif
+
+/* Bytes that a piece occupies with rounding and gap; false when that overflows. */
+static int piece_bytes(size_t count, size_t size, size_t *bytes)
+{
+    if (size != 0 && count > (SIZE_MAX - CAIRN_ALIGN - CAIRN_POOL_GAP) / size)
+        return 0;
+    *bytes = CAIRN_PIECE_BYTES(count, size);
+    return 1;
+}
+
+/* 1 when neither a * b + c is contracted nor small results are flushed; volatile keeps the compiler from folding. */
+static int arithmetic_is_faithful(void)
+{
+    volatile cairn_real a = 1 + CAIRN_REAL_EPSILON;
+    volatile cairn_real b = 1 - CAIRN_REAL_EPSILON;
+    volatile cairn_real c = -1;
+#ifdef CAIRN_FLOAT
+    volatile cairn_real tiny = FLT_MIN;
+#else
+    volatile cairn_real tiny = DBL_MIN;
+#endif
+    cairn_real x = a, y = b, z = c, t = tiny;
+    cairn_real sum = x * y + z; /* rounded product: 0; contracted: -epsilon^2 */
+    cairn_real half = t / 2;    /* subnormal, or 0 when flushed */
+    return sum == 0 && half > 0;
+}
+
+cairn_status cairn_pool_init(cairn_pool *pool, void *memory, size_t bytes)
+{
+    uintptr_t skip;
+
+    if (pool == NULL || memory == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    skip = (CAIRN_ALIGN - (uintptr_t)memory % CAIRN_ALIGN) % CAIRN_ALIGN;
+    if (bytes < skip + CAIRN_ALIGN)
+        return CAIRN_BAD_ARGUMENT;
+    if (!arithmetic_is_faithful())
+        return CAIRN_BAD_BUILD;
+
+    memset(pool, 0, sizeof *pool);
+    pool->base = (unsigned char *)memory + skip;
+    pool->size = (bytes - skip) / CAIRN_ALIGN * CAIRN_ALIGN;
+    POISON(pool->base, pool->size);
+    return CAIRN_OK;
+}
+
+void cairn_pool_init_counting(cairn_pool *pool)
+{
+    memset(pool, 0, sizeof *pool);
+    pool->size = SIZE_MAX;
+}
+
+void *cairn_pool_take(cairn_pool *pool, size_t count, size_t size)
+{
+    size_t bytes = 0;
+    unsigned char *piece;
+    int fits = piece_bytes(count, size, &bytes);
+
+    if (pool->base == NULL) {
+        pool->used = fits && bytes < SIZE_MAX - pool->used ? pool->used + bytes : SIZE_MAX;
+        return NULL;
+    }
+    if (!fits || bytes > pool->size - pool->used) {
+        pool->refused++;
+        return NULL;
+    }
+    piece = pool->base + pool->used;
+    pool->used += bytes;
+    if (pool->used > pool->peak)
+        pool->peak = pool->used;
+    UNPOISON(piece, count * size);
+    return piece;
+}
+
+size_t cairn_pool_room(const cairn_pool *pool)
+{
+    return pool->size - pool->used;
+}
+
+int32_t cairn_pool_has_room(cairn_pool *pool, size_t bytes)
+{
+    if (bytes <= pool->size - pool->used)
+        return 1;
+    pool->refused++;
+    return 0;
+}
+
+cairn_status cairn_pool_mark(cairn_pool *pool, cairn_mark *mark)
+{
+    if (pool == NULL || mark == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    pool->marks++;
+    mark->used = pool->used;
+    mark->index = pool->marks;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_pool_release(cairn_pool *pool, cairn_mark mark)
+{
+    if (pool == NULL || mark.index == 0 || mark.index != pool->marks || mark.used > pool->used)
+        return CAIRN_BAD_ARGUMENT;
+    pool->marks--;
+    if (pool->base != NULL)
+        POISON(pool->base + mark.used, pool->used - mark.used);
+    pool->used = mark.used;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_pool_split(cairn_pool *pool, cairn_pool *child, size_t bytes)
+{
+    void *memory;
+    size_t rounded;
+
+    if (pool == NULL || child == NULL || pool->base == NULL || bytes == 0)
+        return CAIRN_BAD_ARGUMENT;
+    rounded = bytes > SIZE_MAX - CAIRN_ALIGN ? SIZE_MAX : (bytes + CAIRN_ALIGN - 1) / CAIRN_ALIGN * CAIRN_ALIGN;
+    memory = cairn_pool_take(pool, rounded, 1);
+    if (memory == NULL)
+        return CAIRN_NO_MEMORY;
+    return cairn_pool_init(child, memory, rounded);
+}
+
+/* Block pool: next[i] links free blocks by index; a block in use is marked, so that giving it twice is seen. */
+
+enum { END = -1, IN_USE = -2 };
+
+struct cairn_block_pool {
+    unsigned char *blocks;
+    int32_t *next;
+    size_t stride;
+    size_t block_bytes;
+    int32_t count;
+    int32_t free;
+    int32_t used;
+    int32_t peak;
+    uint32_t refused;
+};
+
+static cairn_block_pool *carve_blocks(cairn_pool *pool, size_t stride, size_t count)
+{
+    cairn_block_pool *blocks = cairn_pool_take(pool, 1, sizeof *blocks);
+    int32_t *next = cairn_pool_take(pool, count, sizeof *next);
+    unsigned char *data = cairn_pool_take(pool, count, stride);
+
+    if (blocks != NULL) {
+        blocks->next = next;
+        blocks->blocks = data;
+    }
+    return blocks;
+}
+
+static size_t block_stride(size_t block_bytes)
+{
+    return (block_bytes + CAIRN_ALIGN - 1) / CAIRN_ALIGN * CAIRN_ALIGN;
+}
+
+size_t cairn_block_pool_memory(size_t block_bytes, size_t count)
+{
+    cairn_pool counting;
+
+    if (block_bytes == 0 || count == 0 || count >= INT32_MAX || block_bytes > SIZE_MAX - CAIRN_ALIGN)
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve_blocks(&counting, block_stride(block_bytes), count);
+    return counting.used == SIZE_MAX ? 0 : counting.used;
+}
+
+cairn_status cairn_block_pool_create(cairn_block_pool **blocks, cairn_pool *pool, size_t block_bytes, size_t count)
+{
+    size_t need = cairn_block_pool_memory(block_bytes, count);
+    cairn_block_pool *made;
+
+    if (blocks == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    made = carve_blocks(pool, block_stride(block_bytes), count);
+    made->stride = block_stride(block_bytes);
+    made->block_bytes = block_bytes;
+    made->count = (int32_t)count;
+    made->free = 0;
+    made->used = 0;
+    made->peak = 0;
+    made->refused = 0;
+    for (int32_t i = 0; i < made->count; i++)
+        made->next[i] = i + 1 < made->count ? i + 1 : END;
+    POISON(made->blocks, made->stride * count);
+    *blocks = made;
+    return CAIRN_OK;
+}
+
+void *cairn_block_pool_take(cairn_block_pool *blocks)
+{
+    int32_t index = blocks->free;
+    unsigned char *block;
+
+    if (index == END) {
+        blocks->refused++;
+        return NULL;
+    }
+    blocks->free = blocks->next[index];
+    blocks->next[index] = IN_USE;
+    blocks->used++;
+    if (blocks->used > blocks->peak)
+        blocks->peak = blocks->used;
+    block = blocks->blocks + (size_t)index * blocks->stride;
+    UNPOISON(block, blocks->block_bytes);
+    return block;
+}
+
+cairn_status cairn_block_pool_give(cairn_block_pool *blocks, void *block)
+{
+    uintptr_t offset;
+    size_t index;
+
+    if (blocks == NULL || block == NULL || (uintptr_t)block < (uintptr_t)blocks->blocks)
+        return CAIRN_BAD_ARGUMENT;
+    offset = (uintptr_t)block - (uintptr_t)blocks->blocks;
+    index = offset / blocks->stride;
+    if (index >= (size_t)blocks->count || offset % blocks->stride != 0 || blocks->next[index] != IN_USE)
+        return CAIRN_BAD_ARGUMENT;
+    blocks->next[index] = blocks->free;
+    blocks->free = (int32_t)index;
+    blocks->used--;
+    POISON(block, blocks->stride);
+    return CAIRN_OK;
+}
+
+cairn_block_pool_usage cairn_block_pool_read(const cairn_block_pool *blocks)
+{
+    cairn_block_pool_usage usage = {blocks->count, blocks->used, blocks->peak, blocks->refused};
+    return usage;
+}

@@ -1,0 +1,64 @@
+#include "tests/test.h"
+
+#include <math.h>
+
+/* The library's assertions end the test at hand. */
+void cairn_assertion_failed(const char *condition, const char *file, int line);
+void cairn_assertion_failed(const char *condition, const char *file, int line)
+{
+    _assert_true(0, condition, file, line);
+}
+
+void test_assert_near(double actual, double expected, double tolerance, const char *what, const char *file, int line)
+{
+    if (fabs(actual - expected) <= tolerance)
+        return;
+    print_error("%s is %.17g, expected %.17g within %.3g\n", what, actual, expected, tolerance);
+    _fail(file, line);
+}
+
+cairn_pool test_pool(size_t bytes)
+{
+    cairn_pool pool;
+    void *memory = aligned_alloc(CAIRN_ALIGN, (bytes + 2 * CAIRN_ALIGN - 1) / CAIRN_ALIGN * CAIRN_ALIGN);
+
+    assert_non_null(memory);
+    assert_ok(cairn_pool_init(&pool, memory, bytes < CAIRN_ALIGN ? CAIRN_ALIGN : bytes));
+    return pool;
+}
+
+void test_pool_free(cairn_pool *pool)
+{
+    free(pool->base);
+    pool->base = NULL;
+}
+
+void test_every_pool_size(test_create create, void *context, size_t need)
+{
+    /* Under AddressSanitizer the block must belong to the pool, whose poison free() takes back. */
+    cairn_pool whole = test_pool(need + CAIRN_ALIGN);
+
+    assert_true(need > 0);
+    assert_int_equal(need % CAIRN_ALIGN, 0);
+    for (size_t bytes = 0; bytes < need; bytes += CAIRN_ALIGN) {
+        cairn_pool pool = whole;
+
+        pool.size = bytes;
+        assert_status(create(context, &pool), CAIRN_NO_MEMORY);
+        assert_int_equal(pool.used, 0);
+        assert_int_equal(pool.marks, 0);
+    }
+    whole.size = need;
+    assert_ok(create(context, &whole));
+    assert_int_equal(whole.used, need);
+    test_pool_free(&whole);
+}
+
+uint64_t test_hash(uint64_t hash, const void *data, size_t bytes)
+{
+    const unsigned char *byte = data;
+
+    for (size_t i = 0; i < bytes; i++)
+        hash = (hash ^ byte[i]) * UINT64_C(1099511628211);
+    return hash;
+}

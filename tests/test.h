@@ -1,0 +1,47 @@
+/* What every test program includes: cmocka, and what it lacks. */
+#ifndef CAIRN_TESTS_TEST_H
+#define CAIRN_TESTS_TEST_H
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "cairn/geometry.h"
+#include "cairn/pool.h"
+#include "cairn/random.h"
+
+/* |actual - expected| <= tolerance; a NaN fails. */
+#define assert_near(actual, expected, tolerance)                                                                       \
+    test_assert_near((double)(actual), (double)(expected), (double)(tolerance), #actual, __FILE__, __LINE__)
+void test_assert_near(double actual, double expected, double tolerance, const char *what, const char *file, int line);
+
+#define assert_ok(call) assert_int_equal(call, CAIRN_OK)
+#define assert_status(call, status) assert_int_equal(call, status)
+
+/* 1e-12 in double and 1e-5 in float, say: NUMBER(1e-12, 1e-5). */
+#ifdef CAIRN_FLOAT
+#define NUMBER(in_double, in_float) (in_float)
+#else
+#define NUMBER(in_double, in_float) (in_double)
+#endif
+
+/* A pool over fresh memory from the heap; test_pool_free gives it back. */
+cairn_pool test_pool(size_t bytes);
+void test_pool_free(cairn_pool *pool);
+
+/* Calls create(context, pool) on pools of every size from 0 to `need` in steps of 16 bytes: all but the last must return
+ * CAIRN_NO_MEMORY and leave the pool as it was; the last must return CAIRN_OK and use exactly `need`. */
+typedef cairn_status (*test_create)(void *context, cairn_pool *pool);
+void test_every_pool_size(test_create create, void *context, size_t need);
+
+/* FNV-1a over bytes, for golden hashes. Start with TEST_HASH_START. */
+#define TEST_HASH_START UINT64_C(14695981039346656037)
+uint64_t test_hash(uint64_t hash, const void *data, size_t bytes);
+
+#endif
