@@ -8,11 +8,11 @@
  * Errors, in units in the last place against the exact value, as tests/test_real.c measures them against libc math:
  *
  *              double   float   range
- *   sin, cos     2        2     |x| <= 1e5 (double), 1e3 (float); beyond it the argument is first reduced by fmod
+ *   sin, cos     3        2     |x| <= 1e5 (double), 1e3 (float); beyond it the argument is first reduced by fmod
  *   atan2        2        2     all
  *   exp          2        2     all
  *   log          2        2     all positive
- *   erfc         8        8     all; above 26.5 (double) and 9.9 (float) subnormal results and 0
+ *   erfc         5        5     all; above 26.5 (double) and 9.2 (float) subnormal results, above 27.3 and 10.1 0
  *
  * A NaN gives a NaN; sin and cos of an infinity are NaN. */
 #ifndef CAIRN_REAL_H

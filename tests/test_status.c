@@ -1,0 +1,48 @@
+/* Every status has a text of its own, and the numbers stay what they are. */
+#include "tests/test.h"
+
+static void every_status_has_its_text(void **state)
+{
+    static const struct {
+        cairn_status status;
+        int32_t number;
+        const char *word; /* that its text must hold */
+    } all[] = {
+        {CAIRN_OK, 0, "done"},
+        {CAIRN_MORE, 1, "budget"},
+        {CAIRN_BAD_ARGUMENT, -1, "argument"},
+        {CAIRN_NOT_FINITE, -2, "finite"},
+        {CAIRN_NO_MEMORY, -3, "memory"},
+        {CAIRN_FULL, -4, "capacity"},
+        {CAIRN_EMPTY, -5, "nothing"},
+        {CAIRN_BAD_FORMAT, -6, "format"},
+        {CAIRN_TRUNCATED, -7, "ends"},
+        {CAIRN_UNSUPPORTED, -8, "supported"},
+        {CAIRN_IO, -9, "output"},
+        {CAIRN_BAD_BUILD, -10, "built"},
+    };
+    const size_t count = sizeof all / sizeof *all;
+
+    (void)state;
+    for (size_t i = 0; i < count; i++) {
+        const char *text = cairn_status_text(all[i].status);
+
+        assert_int_equal(all[i].status, all[i].number);
+        assert_non_null(strstr(text, all[i].word));
+        assert_int_not_equal(text[strlen(text) - 1], '.');
+        for (size_t j = 0; j < i; j++)
+            assert_string_not_equal(text, cairn_status_text(all[j].status));
+    }
+    assert_string_equal(cairn_status_text(2), "unknown status");
+    assert_string_equal(cairn_status_text(-11), "unknown status");
+    assert_string_equal(cairn_status_text(INT32_MIN), "unknown status");
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(every_status_has_its_text),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
