@@ -1,0 +1,408 @@
+/* Vectors, poses, segments, boxes and polygons: algebraic identities, slow twins and degenerate inputs. */
+#include "tests/test.h"
+
+#include <math.h>
+
+static const double TOLERANCE = NUMBER(1e-12, 1e-5);
+
+static cairn_vec2 vec(double x, double y)
+{
+    cairn_vec2 v = {(cairn_real)x, (cairn_real)y};
+    return v;
+}
+
+static cairn_segment segment(double ax, double ay, double bx, double by)
+{
+    cairn_segment s = {vec(ax, ay), vec(bx, by)};
+    return s;
+}
+
+static cairn_vec2 random_vec(cairn_random *random, cairn_real size)
+{
+    cairn_real x = cairn_random_uniform(random, -size, size);
+    cairn_real y = cairn_random_uniform(random, -size, size);
+    cairn_vec2 v = {x, y};
+
+    return v;
+}
+
+static cairn_pose random_pose(cairn_random *random)
+{
+    cairn_vec2 p = random_vec(random, 10);
+    cairn_pose pose = {p.x, p.y, cairn_random_uniform(random, -CAIRN_PI, CAIRN_PI)};
+
+    return pose;
+}
+
+static void assert_vec(cairn_vec2 actual, double x, double y, double tolerance)
+{
+    assert_near(actual.x, x, tolerance);
+    assert_near(actual.y, y, tolerance);
+}
+
+static void assert_pose(cairn_pose actual, cairn_pose expected, double tolerance)
+{
+    assert_near(actual.x, expected.x, tolerance);
+    assert_near(actual.y, expected.y, tolerance);
+    assert_near(cairn_wrap_angle(actual.theta - expected.theta), 0, tolerance);
+    assert_true(actual.theta > -CAIRN_PI && actual.theta <= CAIRN_PI);
+}
+
+static void vectors(void **state)
+{
+    cairn_vec2 a = vec(3, -4), b = vec(2, 5);
+
+    (void)state;
+    assert_vec(cairn_vec2_add(a, b), 5, 1, 0);
+    assert_vec(cairn_vec2_sub(a, b), 1, -9, 0);
+    assert_vec(cairn_vec2_scale(a, -2), -6, 8, 0);
+    assert_near(cairn_vec2_dot(a, b), -14, 0);
+    assert_near(cairn_vec2_cross(a, b), 23, 0);
+    assert_true(cairn_vec2_cross(vec(1, 0), vec(0, 1)) > 0);
+    assert_vec(cairn_vec2_left(a), 4, 3, 0);
+    assert_vec(cairn_vec2_left(vec(1, 0)), 0, 1, 0);
+    assert_near(cairn_vec2_norm_squared(a), 25, 0);
+    assert_near(cairn_vec2_norm(a), 5, 0);
+    assert_vec(cairn_vec2_unit(a), 0.6, -0.8, TOLERANCE);
+    assert_vec(cairn_vec2_unit(vec(0, 0)), 0, 0, 0);
+    assert_vec(cairn_vec2_unit(vec(0, 1e-3)), 0, 1, TOLERANCE);
+}
+
+static void transforms(void **state)
+{
+    cairn_pose pose = {1, 2, CAIRN_PI / 2};
+    cairn_transform t = cairn_transform_of(pose);
+
+    (void)state;
+    assert_near(t.cosine, 0, TOLERANCE);
+    assert_near(t.sine, 1, 0);
+    assert_vec(cairn_transform_point(t, vec(3, 4)), 1 - 4, 2 + 3, TOLERANCE);
+    assert_vec(cairn_transform_direction(t, vec(3, 4)), -4, 3, TOLERANCE);
+    assert_vec(cairn_pose_point(pose, vec(3, 4)), -3, 5, TOLERANCE);
+    pose.theta = CAIRN_PI / 6;
+    assert_vec(cairn_pose_point(pose, vec(2, 0)), 1 + sqrt(3), 2 + 1, TOLERANCE);
+    assert_vec(cairn_transform_direction(cairn_transform_of(pose), vec(0, 2)), -1, sqrt(3), TOLERANCE);
+}
+
+static void poses_are_a_group(void **state)
+{
+    cairn_random random = cairn_random_seed(1, 0);
+    cairn_pose identity = cairn_pose_identity();
+
+    (void)state;
+    assert_true(identity.x == 0 && identity.y == 0 && identity.theta == 0);
+    for (int i = 0; i < 2000; i++) {
+        cairn_pose a_b = random_pose(&random), b_c = random_pose(&random), c_d = random_pose(&random);
+        cairn_pose a_c = cairn_pose_compose(a_b, b_c);
+        cairn_vec2 c_point = random_vec(&random, 10);
+        cairn_vec2 by_steps = cairn_pose_point(a_b, cairn_pose_point(b_c, c_point));
+
+        assert_vec(cairn_pose_point(a_c, c_point), (double)by_steps.x, (double)by_steps.y, 10 * TOLERANCE);
+        assert_pose(cairn_pose_compose(a_c, c_d), cairn_pose_compose(a_b, cairn_pose_compose(b_c, c_d)),
+                    10 * TOLERANCE);
+        assert_pose(cairn_pose_compose(a_b, cairn_pose_inverse(a_b)), identity, 10 * TOLERANCE);
+        assert_pose(cairn_pose_compose(cairn_pose_inverse(a_b), a_b), identity, 10 * TOLERANCE);
+        assert_pose(cairn_pose_between(a_b, a_c), b_c, 10 * TOLERANCE);
+        assert_pose(cairn_pose_compose(a_b, identity), a_b, 0);
+        assert_pose(cairn_pose_between(identity, a_b), a_b, 0);
+    }
+}
+
+static void pose_by_hand(void **state)
+{
+    cairn_pose a_b = {1, 2, CAIRN_PI / 2}, b_c = {3, 4, CAIRN_PI * 3 / 4};
+    cairn_pose composed = {-3, 5, -CAIRN_PI * 3 / 4}, inverse = {-2, 1, -CAIRN_PI / 2};
+    cairn_pose half_turn = {0, 0, CAIRN_PI};
+
+    (void)state;
+    assert_pose(cairn_pose_compose(a_b, b_c), composed, TOLERANCE);
+    assert_pose(cairn_pose_inverse(a_b), inverse, TOLERANCE);
+    assert_pose(cairn_pose_between(a_b, composed), b_c, TOLERANCE);
+    assert_true(cairn_pose_inverse(half_turn).theta == CAIRN_PI);
+}
+
+static void finite_poses(void **state)
+{
+    const cairn_real bad[] = {(cairn_real)NAN, (cairn_real)INFINITY, -(cairn_real)INFINITY};
+    cairn_pose good = {1, -2, 3};
+
+    (void)state;
+    assert_int_equal(cairn_pose_is_finite(good), 1);
+    for (int i = 0; i < 3; i++) {
+        cairn_pose pose = good;
+
+        pose.x = bad[i];
+        assert_int_equal(cairn_pose_is_finite(pose), 0);
+        pose = good;
+        pose.y = bad[i];
+        assert_int_equal(cairn_pose_is_finite(pose), 0);
+        pose = good;
+        pose.theta = bad[i];
+        assert_int_equal(cairn_pose_is_finite(pose), 0);
+    }
+}
+
+static void nearest_point_of_a_segment(void **state)
+{
+    cairn_segment s = segment(1, 1, 5, 4);
+    cairn_real parameter = -1;
+
+    (void)state;
+    assert_near(cairn_segment_length(s), 5, TOLERANCE);
+    assert_vec(cairn_segment_nearest(s, vec(1 + 2 - 3, 1 + 1.5 + 4), &parameter), 3, 2.5, TOLERANCE);
+    assert_near(parameter, 0.5, TOLERANCE);
+    assert_near(cairn_segment_distance(s, vec(0, 6.5)), 5, TOLERANCE);
+    assert_vec(cairn_segment_nearest(s, vec(-2, -3), &parameter), 1, 1, 0);
+    assert_true(parameter == 0);
+    assert_near(cairn_segment_distance(s, vec(-2, -3)), 5, TOLERANCE);
+    assert_vec(cairn_segment_nearest(s, vec(8, 8), &parameter), 5, 4, TOLERANCE);
+    assert_true(parameter == 1);
+    assert_near(cairn_segment_distance(s, vec(8, 8)), 5, TOLERANCE);
+    assert_vec(cairn_segment_nearest(segment(2, 3, 2, 3), vec(5, 7), &parameter), 2, 3, 0);
+    assert_true(parameter == 0);
+    assert_near(cairn_segment_distance(segment(2, 3, 2, 3), vec(5, 7)), 5, TOLERANCE);
+    assert_vec(cairn_segment_nearest(s, vec(8, 8), NULL), 5, 4, TOLERANCE);
+}
+
+/* The nearest of many points along the segment. */
+static void nearest_against_sampling(void **state)
+{
+    cairn_random random = cairn_random_seed(2, 0);
+
+    (void)state;
+    for (int i = 0; i < 300; i++) {
+        cairn_segment s = {random_vec(&random, 5), random_vec(&random, 5)};
+        cairn_vec2 p = random_vec(&random, 8);
+        double best = 1e9;
+
+        for (int k = 0; k <= 1000; k++) {
+            double t = k / 1000.0;
+            double x = (double)s.a.x * (1 - t) + (double)s.b.x * t - (double)p.x;
+            double y = (double)s.a.y * (1 - t) + (double)s.b.y * t - (double)p.y;
+
+            best = fmin(best, sqrt(x * x + y * y));
+        }
+        assert_true((double)cairn_segment_distance(s, p) <= best + 1e-5);
+        assert_near(cairn_segment_distance(s, p), best, 0.01);
+    }
+}
+
+static void lines_meet(void **state)
+{
+    cairn_random random = cairn_random_seed(3, 0);
+    cairn_vec2 point = vec(77, 78);
+
+    (void)state;
+    assert_int_equal(cairn_line_intersection(segment(0, 0, 1, 1), segment(4, 0, 4, 1), &point), 1);
+    assert_vec(point, 4, 4, TOLERANCE);
+    for (int i = 0; i < 1000; i++) {
+        cairn_segment a = {random_vec(&random, 5), random_vec(&random, 5)};
+        cairn_segment b = {random_vec(&random, 5), random_vec(&random, 5)};
+        cairn_vec2 u = cairn_vec2_unit(cairn_vec2_sub(a.b, a.a)), v = cairn_vec2_unit(cairn_vec2_sub(b.b, b.a));
+
+        if (cairn_abs(cairn_vec2_cross(u, v)) < NUMBER(0.05, 0.05f))
+            continue;
+        assert_int_equal(cairn_line_intersection(a, b, &point), 1);
+        assert_near(cairn_vec2_cross(u, cairn_vec2_sub(point, a.a)), 0, 200 * TOLERANCE);
+        assert_near(cairn_vec2_cross(v, cairn_vec2_sub(point, b.a)), 0, 200 * TOLERANCE);
+    }
+    /* Parallel, without length, and both sides of the limit. */
+    point = vec(77, 78);
+    assert_int_equal(cairn_line_intersection(segment(0, 0, 2, 1), segment(1, 0, 5, 2), &point), 0);
+    assert_int_equal(cairn_line_intersection(segment(0, 0, 0, 0), segment(1, 0, 5, 2), &point), 0);
+    assert_int_equal(cairn_line_intersection(segment(0, 0, 2, 1), segment(1, 0, 1, 0), &point), 0);
+    assert_int_equal(cairn_line_intersection(segment(0, 0, 3, 0), segment(0, 0, 5, 0.9 * 5e-6), &point), 0);
+    assert_int_equal(cairn_line_intersection(segment(0, 0, 5, -0.9 * 5e-6), segment(0, 0, 3, 0), &point), 0);
+    assert_vec(point, 77, 78, 0);
+    assert_int_equal(cairn_line_intersection(segment(0, 0, 3, 0), segment(0, 0, 5, 1.1 * 5e-6), &point), 1);
+    assert_int_equal(cairn_line_intersection(segment(0, 0, 3, 0), segment(0, 0, 5, -1.1 * 5e-6), &point), 1);
+    assert_vec(point, 0, 0, 0);
+}
+
+static void crossing(const int corners[8], int expected)
+{
+    cairn_segment a = segment(corners[0], corners[1], corners[2], corners[3]);
+    cairn_segment b = segment(corners[4], corners[5], corners[6], corners[7]);
+    cairn_segment a_back = {a.b, a.a}, b_back = {b.b, b.a};
+
+    assert_int_equal(cairn_segments_cross(a, b), expected);
+    assert_int_equal(cairn_segments_cross(b, a), expected);
+    assert_int_equal(cairn_segments_cross(a_back, b), expected);
+    assert_int_equal(cairn_segments_cross(b_back, a), expected);
+}
+
+static void segments_cross(void **state)
+{
+    static const struct {
+        int corners[8], expected;
+    } cases[] = {
+        {{0, 0, 4, 4, 0, 4, 4, 0}, 1}, /* an X */
+        {{0, 0, 4, 0, 2, 0, 2, 3}, 1}, /* a T: an end on the other */
+        {{0, 0, 4, 0, 2, 1, 2, 3}, 0}, /* above it */
+        {{0, 0, 4, 0, 4, 0, 6, 3}, 1}, /* a common end */
+        {{0, 0, 4, 0, 5, 0, 7, 0}, 0}, /* on one line, apart */
+        {{0, 0, 4, 0, 3, 0, 7, 0}, 1}, /* on one line, overlapping */
+        {{0, 0, 4, 0, 1, 0, 2, 0}, 1}, /* one within the other */
+        {{0, 0, 0, 4, 0, 5, 0, 7}, 0}, /* the same upright */
+        {{0, 0, 0, 4, 0, 3, 0, 7}, 1},
+        {{0, 0, 4, 4, 1, 0, 5, 4}, 0}, /* parallel */
+        {{0, 0, 4, 4, 5, 5, 5, 0}, 0}, /* the line is met behind the end */
+        {{0, 0, 4, 0, 5, -1, 5, 1}, 0},
+        {{2, 2, 2, 2, 0, 0, 4, 4}, 1}, /* a point on a segment */
+        {{2, 3, 2, 3, 0, 0, 4, 4}, 0},
+        {{2, 2, 2, 2, 2, 2, 2, 2}, 1},
+        {{2, 2, 2, 2, 3, 2, 3, 2}, 0},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
+        crossing(cases[i].corners, cases[i].expected);
+}
+
+/* On a small grid of integers against the definition: some of the exactly computed parameters lie in [0, 1]. */
+static void segments_cross_exactly(void **state)
+{
+    cairn_random random = cairn_random_seed(4, 0);
+    int meeting = 0;
+
+    (void)state;
+    for (int i = 0; i < 20000; i++) {
+        int c[8], expected;
+        int32_t ux, uy, vx, vy, wx, wy, cross;
+
+        for (int k = 0; k < 8; k++)
+            c[k] = cairn_random_below(&random, 6);
+        ux = c[2] - c[0], uy = c[3] - c[1], vx = c[6] - c[4], vy = c[7] - c[5], wx = c[4] - c[0], wy = c[5] - c[1];
+        cross = ux * vy - uy * vx;
+        if (cross == 0)
+            continue; /* listed above */
+        if (cross > 0)
+            expected = wx * vy - wy * vx >= 0 && wx * vy - wy * vx <= cross && wx * uy - wy * ux >= 0 &&
+                       wx * uy - wy * ux <= cross;
+        else
+            expected = wx * vy - wy * vx <= 0 && wx * vy - wy * vx >= cross && wx * uy - wy * ux <= 0 &&
+                       wx * uy - wy * ux >= cross;
+        crossing(c, expected);
+        meeting += expected;
+    }
+    assert_true(meeting > 3000);
+}
+
+static void boxes(void **state)
+{
+    cairn_box box = cairn_box_empty(), other;
+
+    (void)state;
+    assert_true(box.min.x > box.max.x && box.min.y > box.max.y);
+    box = cairn_box_extend(box, vec(1, 5));
+    assert_vec(box.min, 1, 5, 0);
+    assert_vec(box.max, 1, 5, 0);
+    box = cairn_box_extend(box, vec(3, 2));
+    box = cairn_box_extend(box, vec(2, 3));
+    assert_vec(box.min, 1, 2, 0);
+    assert_vec(box.max, 3, 5, 0);
+    other = cairn_box_grow(box, 2);
+    assert_vec(other.min, -1, 0, 0);
+    assert_vec(other.max, 5, 7, 0);
+
+    for (int side = 0; side < 4; side++) {
+        double dx = side == 0 ? 2 : side == 1 ? -2 : 0, dy = side == 2 ? 3 : side == 3 ? -3 : 0;
+
+        other = box;
+        other.min = cairn_vec2_add(other.min, vec(dx, dy)); /* they touch: closed boxes overlap */
+        other.max = cairn_vec2_add(other.max, vec(dx, dy));
+        assert_int_equal(cairn_box_overlap(box, other), 1);
+        assert_int_equal(cairn_box_overlap(other, box), 1);
+        other.min = cairn_vec2_add(other.min, vec(dx / 100, dy / 100));
+        other.max = cairn_vec2_add(other.max, vec(dx / 100, dy / 100));
+        assert_int_equal(cairn_box_overlap(box, other), 0);
+        assert_int_equal(cairn_box_overlap(other, box), 0);
+    }
+    assert_int_equal(cairn_box_overlap(box, cairn_box_empty()), 0);
+    assert_int_equal(cairn_box_overlap(box, cairn_box_grow(box, -NUMBER(0.5, 0.5f))), 1);
+}
+
+static void polygon_areas(void **state)
+{
+    cairn_vec2 l[] = {vec(1, 1), vec(4, 1), vec(4, 2), vec(2, 2), vec(2, 5), vec(1, 5)}, back[6];
+    cairn_vec2 far_off[6];
+
+    (void)state;
+    assert_near(cairn_polygon_area(l, 6), 6, TOLERANCE);
+    for (int i = 0; i < 6; i++) {
+        back[i] = l[5 - i];
+        far_off[i] = cairn_vec2_add(l[i], vec(4096, -8192));
+    }
+    assert_near(cairn_polygon_area(back, 6), -6, TOLERANCE);
+    assert_near(cairn_polygon_area(far_off, 6), 6, 0);
+    assert_near(cairn_polygon_area(l, 3), 1.5, TOLERANCE);
+    assert_near(cairn_polygon_area(l, 2), 0, 0);
+    assert_near(cairn_polygon_area(l, 1), 0, 0);
+    assert_near(cairn_polygon_area(l, 0), 0, 0);
+}
+
+static void polygons_contain(void **state)
+{
+    cairn_vec2 l[] = {vec(1, 1), vec(4, 1), vec(4, 2), vec(2, 2), vec(2, 5), vec(1, 5)}, back[6];
+    cairn_vec2 diamond[] = {vec(0, -2), vec(3, 0), vec(0, 2), vec(-3, 0)};
+
+    (void)state;
+    for (int i = 0; i < 6; i++)
+        back[i] = l[5 - i];
+    for (int ix = 0; ix < 50; ix++)
+        for (int iy = 0; iy < 60; iy++) {
+            double x = 0.05 + ix * 0.1, y = 0.05 + iy * 0.1;
+            int expected = (x > 1 && x < 4 && y > 1 && y < 2) || (x > 1 && x < 2 && y > 1 && y < 5);
+
+            assert_int_equal(cairn_polygon_contains(l, 6, vec(x, y)), expected);
+            assert_int_equal(cairn_polygon_contains(back, 6, vec(x, y)), expected);
+            x -= 2.52;
+            y -= 3;
+            expected = fabs(x) / 3 + fabs(y) / 2 < 1;
+            assert_int_equal(cairn_polygon_contains(diamond, 4, vec(x, y)), expected);
+        }
+    assert_int_equal(cairn_polygon_contains(l, 0, vec(1, 1)), 0);
+    assert_int_equal(cairn_polygon_contains(l, 1, vec(1, 1)), 0);
+    assert_int_equal(cairn_polygon_contains(l, 2, vec(2, 1)), 0);
+}
+
+/* Four quadrants share their borders: each point is in exactly one of them. */
+static void shared_borders(void **state)
+{
+    cairn_vec2 q[4][4] = {{vec(0, 0), vec(2, 0), vec(2, 2), vec(0, 2)},
+                          {vec(-2, 0), vec(0, 0), vec(0, 2), vec(-2, 2)},
+                          {vec(-2, -2), vec(0, -2), vec(0, 0), vec(-2, 0)},
+                          {vec(0, -2), vec(2, -2), vec(2, 0), vec(0, 0)}};
+
+    (void)state;
+    for (int x = -3; x <= 3; x++)
+        for (int y = -3; y <= 3; y++) {
+            int inside = 0;
+
+            for (int i = 0; i < 4; i++)
+                inside += cairn_polygon_contains(q[i], 4, vec(x / 2.0, y / 2.0));
+            assert_int_equal(inside, 1);
+        }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(vectors),
+        cmocka_unit_test(transforms),
+        cmocka_unit_test(poses_are_a_group),
+        cmocka_unit_test(pose_by_hand),
+        cmocka_unit_test(finite_poses),
+        cmocka_unit_test(nearest_point_of_a_segment),
+        cmocka_unit_test(nearest_against_sampling),
+        cmocka_unit_test(lines_meet),
+        cmocka_unit_test(segments_cross),
+        cmocka_unit_test(segments_cross_exactly),
+        cmocka_unit_test(boxes),
+        cmocka_unit_test(polygon_areas),
+        cmocka_unit_test(polygons_contain),
+        cmocka_unit_test(shared_borders),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
