@@ -21,7 +21,7 @@
     test_assert_near((double)(actual), (double)(expected), (double)(tolerance), #actual, __FILE__, __LINE__)
 void test_assert_near(double actual, double expected, double tolerance, const char *what, const char *file, int line);
 
-#define assert_ok(call) assert_int_equal(call, CAIRN_OK)
+#define assert_ok(call)             assert_int_equal(call, CAIRN_OK)
 #define assert_status(call, status) assert_int_equal(call, status)
 
 /* 1e-12 in double and 1e-5 in float, say: NUMBER(1e-12, 1e-5). */

@@ -236,22 +236,18 @@ static void segments_cross(void **state)
     static const struct {
         int corners[8], expected;
     } cases[] = {
-        {{0, 0, 4, 4, 0, 4, 4, 0}, 1}, /* an X */
-        {{0, 0, 4, 0, 2, 0, 2, 3}, 1}, /* a T: an end on the other */
-        {{0, 0, 4, 0, 2, 1, 2, 3}, 0}, /* above it */
-        {{0, 0, 4, 0, 4, 0, 6, 3}, 1}, /* a common end */
-        {{0, 0, 4, 0, 5, 0, 7, 0}, 0}, /* on one line, apart */
-        {{0, 0, 4, 0, 3, 0, 7, 0}, 1}, /* on one line, overlapping */
-        {{0, 0, 4, 0, 1, 0, 2, 0}, 1}, /* one within the other */
-        {{0, 0, 0, 4, 0, 5, 0, 7}, 0}, /* the same upright */
-        {{0, 0, 0, 4, 0, 3, 0, 7}, 1},
-        {{0, 0, 4, 4, 1, 0, 5, 4}, 0}, /* parallel */
-        {{0, 0, 4, 4, 5, 5, 5, 0}, 0}, /* the line is met behind the end */
-        {{0, 0, 4, 0, 5, -1, 5, 1}, 0},
-        {{2, 2, 2, 2, 0, 0, 4, 4}, 1}, /* a point on a segment */
-        {{2, 3, 2, 3, 0, 0, 4, 4}, 0},
-        {{2, 2, 2, 2, 2, 2, 2, 2}, 1},
-        {{2, 2, 2, 2, 3, 2, 3, 2}, 0},
+        {{0, 0, 4, 4, 0, 4, 4, 0}, 1},                                 /* an X */
+        {{0, 0, 4, 0, 2, 0, 2, 3}, 1},                                 /* a T: an end on the other */
+        {{0, 0, 4, 0, 2, 1, 2, 3}, 0},                                 /* above it */
+        {{0, 0, 4, 0, 4, 0, 6, 3}, 1},                                 /* a common end */
+        {{0, 0, 4, 0, 5, 0, 7, 0}, 0},                                 /* on one line, apart */
+        {{0, 0, 4, 0, 3, 0, 7, 0}, 1},                                 /* on one line, overlapping */
+        {{0, 0, 4, 0, 1, 0, 2, 0}, 1},                                 /* one within the other */
+        {{0, 0, 0, 4, 0, 5, 0, 7}, 0},                                 /* the same upright */
+        {{0, 0, 0, 4, 0, 3, 0, 7}, 1},  {{0, 0, 4, 4, 1, 0, 5, 4}, 0}, /* parallel */
+        {{0, 0, 4, 4, 5, 5, 5, 0}, 0},                                 /* the line is met behind the end */
+        {{0, 0, 4, 0, 5, -1, 5, 1}, 0}, {{2, 2, 2, 2, 0, 0, 4, 4}, 1}, /* a point on a segment */
+        {{2, 3, 2, 3, 0, 0, 4, 4}, 0},  {{2, 2, 2, 2, 2, 2, 2, 2}, 1}, {{2, 2, 2, 2, 3, 2, 3, 2}, 0},
     };
 
     (void)state;

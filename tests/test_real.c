@@ -5,9 +5,9 @@
 #include <float.h>
 #include <math.h>
 
-#define MANTISSA NUMBER(DBL_MANT_DIG, FLT_MANT_DIG)
-#define MIN_EXPONENT NUMBER(DBL_MIN_EXP, FLT_MIN_EXP)
-#define SMALLEST NUMBER(DBL_MIN, (cairn_real)FLT_MIN)
+#define MANTISSA         NUMBER(DBL_MANT_DIG, FLT_MANT_DIG)
+#define MIN_EXPONENT     NUMBER(DBL_MIN_EXP, FLT_MIN_EXP)
+#define SMALLEST         NUMBER(DBL_MIN, (cairn_real)FLT_MIN)
 #define NEXT(x, towards) NUMBER(nextafter(x, towards), nextafterf(x, (float)(towards)))
 /* Where long double is no wider than double, libc's own error is in the figure. */
 #define REFERENCE_ERROR (LDBL_MANT_DIG > MANTISSA ? 0.0 : 1.0)
@@ -305,7 +305,8 @@ static void logarithm(void **state)
             x = 1 + log_uniform(&random, NUMBER(-52, -23), -4);
             break;
         default: /* about the square root of 1/2, where the exponent changes */
-            x = NUMBER(0.70710678118654752, 0.707106781f) * (1 + cairn_random_uniform(&random, -64, 64) * CAIRN_REAL_EPSILON);
+            x = NUMBER(0.70710678118654752, 0.707106781f) *
+                (1 + cairn_random_uniform(&random, -64, 64) * CAIRN_REAL_EPSILON);
             x *= (cairn_real)(1 << cairn_random_below(&random, 4));
         }
         record(&w, error_ulp(cairn_log(x), logl((long double)x)), x);
@@ -446,18 +447,12 @@ static void golden_bits(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(sine_and_cosine),
-        cmocka_unit_test(large_angles_stay_on_the_circle),
-        cmocka_unit_test(sine_special),
-        cmocka_unit_test(arc_tangent),
-        cmocka_unit_test(arc_tangent_special),
-        cmocka_unit_test(exponential),
-        cmocka_unit_test(logarithm),
-        cmocka_unit_test(complementary_error_function),
-        cmocka_unit_test(to_int_is_clamped),
-        cmocka_unit_test(wrapped_angles),
-        cmocka_unit_test(small_functions),
-        cmocka_unit_test(golden_bits),
+        cmocka_unit_test(sine_and_cosine),     cmocka_unit_test(large_angles_stay_on_the_circle),
+        cmocka_unit_test(sine_special),        cmocka_unit_test(arc_tangent),
+        cmocka_unit_test(arc_tangent_special), cmocka_unit_test(exponential),
+        cmocka_unit_test(logarithm),           cmocka_unit_test(complementary_error_function),
+        cmocka_unit_test(to_int_is_clamped),   cmocka_unit_test(wrapped_angles),
+        cmocka_unit_test(small_functions),     cmocka_unit_test(golden_bits),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

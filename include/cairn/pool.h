@@ -28,7 +28,7 @@ extern "C" {
 #endif
 
 /* Upper bound of what one piece of `count` elements of `size` bytes takes, as a constant expression. */
-#define CAIRN_PIECE_BYTES(count, size)                                                                                  \
+#define CAIRN_PIECE_BYTES(count, size)                                                                                 \
     (((((size_t)(count)) * (size_t)(size) + (CAIRN_ALIGN - 1)) / CAIRN_ALIGN) * CAIRN_ALIGN + CAIRN_POOL_GAP)
 
 /* Open for reading: how much there is, is taken, was taken at most, and how many requests were refused. */

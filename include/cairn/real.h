@@ -28,14 +28,14 @@ extern "C" {
 
 #ifdef CAIRN_FLOAT
 typedef float cairn_real;
-#define CAIRN_REAL(x) x##f
+#define CAIRN_REAL(x)      x##f
 #define CAIRN_REAL_EPSILON FLT_EPSILON
-#define CAIRN_REAL_MAX FLT_MAX
+#define CAIRN_REAL_MAX     FLT_MAX
 #else
 typedef double cairn_real;
-#define CAIRN_REAL(x) x
+#define CAIRN_REAL(x)      x
 #define CAIRN_REAL_EPSILON DBL_EPSILON
-#define CAIRN_REAL_MAX DBL_MAX
+#define CAIRN_REAL_MAX     DBL_MAX
 #endif
 
 #define CAIRN_PI CAIRN_REAL(3.14159265358979323846)

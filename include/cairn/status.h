@@ -22,17 +22,17 @@ extern "C" {
 typedef int32_t cairn_status;
 enum {
     CAIRN_OK = 0,
-    CAIRN_MORE = 1,           /* the budget is used up, there is work left: call again */
-    CAIRN_BAD_ARGUMENT = -1,  /* NULL, or a value outside the range that the header states */
-    CAIRN_NOT_FINITE = -2,    /* NaN or infinity where a number is needed */
-    CAIRN_NO_MEMORY = -3,     /* the pool has less room than _memory() or _scratch() says */
-    CAIRN_FULL = -4,          /* a capacity that the caller chose is used up */
-    CAIRN_EMPTY = -5,         /* nothing there to work on */
-    CAIRN_BAD_FORMAT = -6,    /* input that does not follow its format */
-    CAIRN_TRUNCATED = -7,     /* input that ends too early */
-    CAIRN_UNSUPPORTED = -8,   /* valid, but not offered by this build */
-    CAIRN_IO = -9,            /* the operating system refused to read or write */
-    CAIRN_BAD_BUILD = -10     /* compiled with options that change results (contraction, flush to zero) */
+    CAIRN_MORE = 1,          /* the budget is used up, there is work left: call again */
+    CAIRN_BAD_ARGUMENT = -1, /* NULL, or a value outside the range that the header states */
+    CAIRN_NOT_FINITE = -2,   /* NaN or infinity where a number is needed */
+    CAIRN_NO_MEMORY = -3,    /* the pool has less room than _memory() or _scratch() says */
+    CAIRN_FULL = -4,         /* a capacity that the caller chose is used up */
+    CAIRN_EMPTY = -5,        /* nothing there to work on */
+    CAIRN_BAD_FORMAT = -6,   /* input that does not follow its format */
+    CAIRN_TRUNCATED = -7,    /* input that ends too early */
+    CAIRN_UNSUPPORTED = -8,  /* valid, but not offered by this build */
+    CAIRN_IO = -9,           /* the operating system refused to read or write */
+    CAIRN_BAD_BUILD = -10    /* compiled with options that change results (contraction, flush to zero) */
 };
 
 /* A status in words, without a full stop: "out of pool memory". Constant storage; any value gives a text. */

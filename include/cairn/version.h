@@ -4,9 +4,9 @@
 
 #include <stdint.h>
 
-#define CAIRN_VERSION_MAJOR 0
-#define CAIRN_VERSION_MINOR 1
-#define CAIRN_VERSION_PATCH 0
+#define CAIRN_VERSION_MAJOR  0
+#define CAIRN_VERSION_MINOR  1
+#define CAIRN_VERSION_PATCH  0
 #define CAIRN_VERSION_STRING "0.1.0"
 
 #ifdef __cplusplus
