@@ -7,14 +7,8 @@ typedef struct layout {
     size_t actual, expected;
 } layout;
 
-#define SIZE(type, in_double, in_float)                                                                                \
-    {                                                                                                                  \
-#type, sizeof(type), NUMBER(in_double, in_float)                                                               \
-    }
-#define FIELD(type, field, in_double, in_float)                                                                        \
-    {                                                                                                                  \
-#type "." #field, offsetof(type, field), NUMBER(in_double, in_float)                                           \
-    }
+#define SIZE(type, in_double, in_float)         #type, sizeof(type), NUMBER(in_double, in_float)
+#define FIELD(type, field, in_double, in_float) #type "." #field, offsetof(type, field), NUMBER(in_double, in_float)
 
 #include "tests/layout.h"
 

@@ -79,5 +79,5 @@ for header in include/cairn/*.h; do
 done
 echo
 echo 'static const layout OPEN_STRUCTS[] = {'
-paste -d ' ' "$work/double.txt" "$work/float.txt" | awk '{ sub(/@/, ", ", $1); print "    " $1 ", " $2 ", " $4 ")," }'
+paste -d ' ' "$work/double.txt" "$work/float.txt" | awk '{ sub(/@/, ", ", $1); print "    {" $1 ", " $2 ", " $4 ")}," }'
 echo '};'
