@@ -1,0 +1,77 @@
+#!/bin/sh
+# Shows that the proof of the room order refuses what it must: tools/check-rooms-test.sh
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+failed=0
+
+# A house of four rooms that is in order, with file $1 replaced by what stands on standard input (none: -).
+house()
+{
+    rm -rf "${work:?}/house"
+    for folder in src/core src/contour src/mapping src/host include/cairn tests tools; do
+        mkdir -p "$work/house/$folder"
+    done
+    printf 'core base\ncore top\ncontour edge\nmapping map\nhost file\n' >"$work/house/tools/rooms.txt"
+    : >"$work/house/src/core/build.h"
+    for room in core/base core/top contour/edge mapping/map host/file; do
+        name=${room#*/}
+        printf '#include "src/core/build.h"\n#include "cairn/%s.h"\n' "$name" >"$work/house/src/$room.c"
+        printf '#include <stdint.h>\n' >"$work/house/include/cairn/$name.h"
+        : >"$work/house/tests/test_$name.c"
+    done
+    [ "$1" = - ] || cat >"$work/house/$1"
+}
+
+# expect "what must be said", or "" when the house is in order
+expect()
+{
+    said=$(sh tools/check-rooms.sh "$work/house")
+    status=$?
+    if [ -z "$1" ] && [ $status -ne 0 ]; then
+        echo "FAILED room order test: a good house was refused: $said"
+        failed=1
+    elif [ -n "$1" ] && { [ $status -eq 0 ] || ! echo "$said" | grep -q "$1"; }; then
+        echo "FAILED room order test: expected \"$1\" with a failure, got exit $status: $said"
+        failed=1
+    fi
+}
+
+house -
+expect ""
+echo '#include "cairn/base.h"' | house include/cairn/map.h
+expect ""
+echo '#include <stdio.h>' | house src/host/file.c
+expect ""
+echo '#include "cairn/top.h"' | house include/cairn/base.h
+expect "include/cairn/base.h:1: base may not know top"
+echo '#include "cairn/file.h"' | house src/core/top.c
+expect "src/core/top.c:1: top may not know file"
+echo '#include "cairn/edge.h"' | house src/mapping/map.c
+expect "contour and mapping may not know each other"
+echo '#include "cairn/map.h"' | house src/contour/edge.c
+expect "edge may not know map"
+echo '#include <stdlib.h>' | house src/core/top.c
+expect "<stdlib.h> is not for the freestanding library"
+echo '#include "base.h"' | house src/core/top.c
+expect 'expected "cairn/'
+echo | house src/core/extra.c
+expect "does not list the room extra"
+echo | house include/cairn/extra.h
+expect "does not list the room extra"
+house -
+rm "$work/house/src/core/top.c"
+expect "room top: no src/core/top.c"
+house -
+rm "$work/house/include/cairn/top.h"
+expect "room top: no header"
+house -
+rm "$work/house/tests/test_map.c"
+expect "room map: no tests/test_map.c"
+house -
+awk 'BEGIN { for (i = 0; i < 501; i++) print "" }' >"$work/house/src/core/top.c"
+sh tools/check-rooms.sh "$work/house" | grep -q "src/core/top.c has 501 lines" || {
+    echo "FAILED room order test: 501 lines were not reported"
+    failed=1
+}
+[ $failed -eq 0 ] && echo "ok     the room order refuses what it must"
+exit $failed
