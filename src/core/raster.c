@@ -1,0 +1,329 @@
+/* Views and distance maps.
+ *
+ * Method (Meijster, Roerdink and Hesselink 2000): a pass down and a pass up leave in each pixel the distance g to the
+ * nearest match in its column. Then each row by itself: for L1 a pass to the right and one to the left, d = min(d, d' + 1);
+ * for L2 the lower envelope of the parabolas (x - i)^2 + g(i)^2, built from the left on a stack of columns i with the place
+ * from which each is the lowest, and read off from the right. All in integers.
+ *
+ * The passes go along rows, in order of the memory, and can stop after any pixel.
+ *
+ * Limits: sides of at most 32768 keep (x - i)^2 + g^2 below 2^31. Columns without a match are left out of the envelope, so
+ * CAIRN_DISTANCE_FAR enters no sum. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "cairn/raster.h"
+
+/* ---- Views ---- */
+
+static cairn_status check_view(const void *data, int32_t width, int32_t height, ptrdiff_t stride, size_t element)
+{
+    ptrdiff_t limit = PTRDIFF_MAX / (ptrdiff_t)element;
+    ptrdiff_t step;
+
+    if (data == NULL || width < 1 || width > CAIRN_RASTER_MAX_SIDE || height < 1 || height > CAIRN_RASTER_MAX_SIDE)
+        return CAIRN_BAD_ARGUMENT;
+    if (height == 1)
+        return CAIRN_OK;
+    if (stride < -PTRDIFF_MAX)
+        return CAIRN_BAD_ARGUMENT;
+    step = stride < 0 ? -stride : stride;
+    return step >= width && step <= (limit - width) / (height - 1) ? CAIRN_OK : CAIRN_BAD_ARGUMENT;
+}
+
+cairn_status cairn_raster_u8_check(cairn_raster_u8_view view)
+{
+    return check_view(view.data, view.width, view.height, view.stride, sizeof *view.data);
+}
+
+cairn_status cairn_raster_i32_check(cairn_raster_i32_view view)
+{
+    return check_view(view.data, view.width, view.height, view.stride, sizeof *view.data);
+}
+
+cairn_status cairn_raster_real_check(cairn_raster_real_view view)
+{
+    return check_view(view.data, view.width, view.height, view.stride, sizeof *view.data);
+}
+
+/* ---- Distance maps ---- */
+
+enum { FAR = CAIRN_DISTANCE_FAR, OPERATIONS_PER_UNIT = 6 };
+
+/* Passes in order of work; the row passes repeat for every row. */
+enum pass { DOWN, UP, ROW_RIGHT, ROW_LEFT, ROW_BUILD, ROW_READ, DONE };
+
+struct cairn_distance_map {
+    int32_t *column; /* [max_width] distances in the columns of the current row */
+    int32_t *stack;  /* [max_width] columns of the lower envelope */
+    int32_t *start;  /* [max_width] where each becomes the lowest */
+    cairn_distance_map_input input;
+    int32_t max_width;
+    int32_t pass;
+    int32_t x, y;   /* next pixel of the pass */
+    int32_t top;    /* of the stack; -1: empty */
+    int32_t credit; /* operations paid for */
+};
+
+static int params_are_good(const cairn_distance_map_params *params)
+{
+    return params != NULL && params->max_width >= 1 && params->max_width <= CAIRN_RASTER_MAX_SIDE;
+}
+
+static cairn_distance_map *carve(cairn_pool *pool, const cairn_distance_map_params *params)
+{
+    cairn_distance_map *map = cairn_pool_take(pool, 1, sizeof *map);
+    int32_t *column = cairn_pool_take(pool, (size_t)params->max_width, sizeof *column);
+    int32_t *stack = cairn_pool_take(pool, (size_t)params->max_width, sizeof *stack);
+    int32_t *start = cairn_pool_take(pool, (size_t)params->max_width, sizeof *start);
+
+    if (map != NULL) {
+        map->column = column;
+        map->stack = stack;
+        map->start = start;
+    }
+    return map;
+}
+
+size_t cairn_distance_map_memory(const cairn_distance_map_params *params)
+{
+    cairn_pool counting;
+
+    if (!params_are_good(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return counting.used;
+}
+
+cairn_status cairn_distance_map_create(cairn_distance_map **map, cairn_pool *pool,
+                                       const cairn_distance_map_params *params)
+{
+    size_t need = cairn_distance_map_memory(params);
+    cairn_distance_map *made;
+
+    if (map == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    made = carve(pool, params);
+    memset(&made->input, 0, sizeof made->input);
+    made->max_width = params->max_width;
+    made->pass = DONE;
+    made->x = made->y = 0;
+    made->top = -1;
+    made->credit = 0;
+    *map = made;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_distance_map_begin(cairn_distance_map *map, const cairn_distance_map_input *input)
+{
+    if (map == NULL || input == NULL || cairn_raster_u8_check(input->pixels) != CAIRN_OK ||
+        cairn_raster_i32_check(cairn_raster_i32_read(input->distances)) != CAIRN_OK ||
+        input->pixels.width != input->distances.width || input->pixels.height != input->distances.height ||
+        (input->metric != CAIRN_DISTANCE_L1 && input->metric != CAIRN_DISTANCE_L2_SQUARED))
+        return CAIRN_BAD_ARGUMENT;
+    if (input->pixels.width > map->max_width)
+        return CAIRN_FULL;
+    map->input = *input;
+    map->pass = DOWN;
+    map->x = map->y = 0;
+    map->top = -1;
+    map->credit = 0;
+    return CAIRN_OK;
+}
+
+static int32_t *distance_row(const cairn_distance_map *map, int32_t y)
+{
+    return map->input.distances.data + y * map->input.distances.stride;
+}
+
+static int32_t one_more(int32_t distance)
+{
+    return distance == FAR ? FAR : distance + 1;
+}
+
+static void pass_down(cairn_distance_map *map, int32_t end)
+{
+    const uint8_t *pixel = map->input.pixels.data + map->y * map->input.pixels.stride;
+    int32_t *d = distance_row(map, map->y);
+    const int32_t *above = map->y > 0 ? distance_row(map, map->y - 1) : NULL;
+
+    for (int32_t x = map->x; x < end; x++) {
+        if ((pixel[x] & map->input.mask) == map->input.match)
+            d[x] = 0;
+        else
+            d[x] = above == NULL ? FAR : one_more(above[x]);
+    }
+}
+
+static void pass_up(cairn_distance_map *map, int32_t end)
+{
+    int32_t *d = distance_row(map, map->y);
+    const int32_t *below = distance_row(map, map->y + 1);
+
+    for (int32_t x = map->x; x < end; x++)
+        if (one_more(below[x]) < d[x])
+            d[x] = below[x] + 1;
+}
+
+static void pass_right(cairn_distance_map *map, int32_t end)
+{
+    int32_t *d = distance_row(map, map->y);
+
+    for (int32_t x = map->x > 0 ? map->x : 1; x < end; x++)
+        if (one_more(d[x - 1]) < d[x])
+            d[x] = d[x - 1] + 1;
+}
+
+/* Columns counted from the right. */
+static void pass_left(cairn_distance_map *map, int32_t end)
+{
+    int32_t last = map->input.pixels.width - 1;
+    int32_t *d = distance_row(map, map->y);
+
+    for (int32_t x = map->x > 0 ? map->x : 1; x < end; x++)
+        if (one_more(d[last - x + 1]) < d[last - x])
+            d[last - x] = d[last - x + 1] + 1;
+}
+
+/* Height at x of the parabola of column i. */
+static int32_t parabola(const cairn_distance_map *map, int32_t x, int32_t i)
+{
+    return (x - i) * (x - i) + map->column[i] * map->column[i];
+}
+
+/* At most `operations` pushes, pops and skips of the envelope; returns how many are left. */
+static int64_t build_envelope(cairn_distance_map *map, int64_t operations)
+{
+    const int32_t *d = distance_row(map, map->y);
+    int32_t width = map->input.pixels.width;
+
+    for (; map->x < width && operations > 0; operations--) {
+        int32_t x = map->x, top = map->top, i;
+
+        map->column[x] = d[x];
+        if (d[x] == FAR) {
+            map->x++;
+            continue;
+        }
+        if (top < 0) {
+            map->stack[0] = x;
+            map->start[0] = 0;
+            map->top = 0;
+            map->x++;
+            continue;
+        }
+        i = map->stack[top];
+        if (parabola(map, map->start[top], i) > parabola(map, map->start[top], x)) {
+            map->top--;
+            continue;
+        }
+        /* x is at or above i at start[top]: the last place where it still is lies there or to the right, not below 0. */
+        i = (x * x - i * i + d[x] * d[x] - map->column[i] * map->column[i]) / (2 * (x - i)) + 1;
+        if (i < width) {
+            map->top++;
+            map->stack[map->top] = x;
+            map->start[map->top] = i;
+        }
+        map->x++;
+    }
+    return operations;
+}
+
+/* Columns counted from the right. */
+static void read_envelope(cairn_distance_map *map, int32_t end)
+{
+    int32_t last = map->input.pixels.width - 1;
+    int32_t *d = distance_row(map, map->y);
+
+    for (int32_t x = map->x; x < end; x++) {
+        if (map->top < 0) {
+            d[last - x] = FAR;
+            continue;
+        }
+        d[last - x] = parabola(map, last - x, map->stack[map->top]);
+        if (last - x == map->start[map->top])
+            map->top--;
+    }
+}
+
+/* After the last pixel of a row: the next row of the pass, or the next pass. */
+static void next_row(cairn_distance_map *map)
+{
+    int32_t height = map->input.pixels.height;
+    int32_t first = map->input.metric == CAIRN_DISTANCE_L1 ? ROW_RIGHT : ROW_BUILD;
+
+    map->x = 0;
+    switch (map->pass) {
+    case DOWN:
+        map->y++;
+        if (map->y == height) {
+            map->y = height - 2;
+            map->pass = UP;
+        }
+        break;
+    case UP:
+        map->y--;
+        break;
+    case ROW_RIGHT:
+    case ROW_BUILD:
+        map->pass++;
+        break;
+    default:
+        map->y++;
+        map->pass = map->y == height ? DONE : first;
+        map->top = -1;
+        break;
+    }
+    if (map->pass == UP && map->y < 0) {
+        map->y = 0;
+        map->pass = first;
+    }
+}
+
+cairn_status cairn_distance_map_step(cairn_distance_map *map, cairn_budget *budget)
+{
+    int32_t width = map->input.pixels.width;
+
+    while (map->pass != DONE) {
+        int64_t affordable = budget->left > 0 ? map->credit + (int64_t)budget->left * OPERATIONS_PER_UNIT : 0;
+        int64_t used, units;
+        int32_t end;
+
+        if (affordable == 0)
+            return CAIRN_MORE;
+        end = affordable < width - map->x ? map->x + (int32_t)affordable : width;
+        used = end - map->x;
+        switch (map->pass) {
+        case DOWN:
+            pass_down(map, end);
+            break;
+        case UP:
+            pass_up(map, end);
+            break;
+        case ROW_RIGHT:
+            pass_right(map, end);
+            break;
+        case ROW_LEFT:
+            pass_left(map, end);
+            break;
+        case ROW_BUILD:
+            used = affordable - build_envelope(map, affordable);
+            end = map->x;
+            break;
+        default:
+            read_envelope(map, end);
+            break;
+        }
+        units = used > map->credit ? (used - map->credit + OPERATIONS_PER_UNIT - 1) / OPERATIONS_PER_UNIT : 0;
+        map->credit += (int32_t)(units * OPERATIONS_PER_UNIT - used);
+        budget->left -= (int32_t)units;
+        map->x = end;
+        if (map->x == width)
+            next_row(map);
+    }
+    return CAIRN_OK;
+}
