@@ -1,0 +1,284 @@
+/* bench/slam: whole real logs against their reference relations (Kuemmerle et al. 2009).
+ *
+ * A relation is the pose of one scan seen from another. Its error is that of the estimated relative pose seen from the
+ * reference: length of the translation, absolute angle of the rotation; mean and standard deviation over all relations.
+ * With --no-odometry the poses of the log are overwritten with noise before they could be used. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "bench/bench_json.h"
+#include "cairn/carmen_log.h"
+#include "cairn/mapper.h"
+#include "cairn/output.h"
+#include "tools/options.h"
+
+typedef struct settings {
+    const char *log, *relations, *data;
+    int64_t seed, window;
+    int32_t no_odometry;
+} settings;
+
+typedef struct relation {
+    int32_t first, second;
+    cairn_pose reference;
+} relation;
+
+typedef struct stamped {
+    int64_t stamp;
+    int32_t scan;
+} stamped;
+
+static int compare_stamped(const void *a, const void *b)
+{
+    const stamped *x = a, *y = b;
+
+    if (x->stamp != y->stamp)
+        return x->stamp < y->stamp ? -1 : 1;
+    return (x->scan > y->scan) - (x->scan < y->scan);
+}
+
+/* The scan of a stamp to the microsecond; -1 when there is none. */
+static int32_t find_scan(const stamped *table, int32_t count, double seconds)
+{
+    int64_t stamp = (int64_t)llround(seconds * 1e6) * 1000;
+    int32_t low = 0, high = count;
+
+    while (low < high) {
+        int32_t middle = low + (high - low) / 2;
+
+        if (table[middle].stamp < stamp - 1000)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low < count && llabs(table[low].stamp - stamp) <= 1000 ? table[low].scan : -1;
+}
+
+/* Relations by time ("t1 t2 x y z roll pitch yaw") or by scan ("a b dx dy dtheta"). Returns how many, -1 on failure. */
+static int32_t read_relations(const char *path, const cairn_carmen_scans *log, relation **relations)
+{
+    stamped *table = malloc((size_t)log->count * sizeof *table);
+    FILE *file = fopen(path, "r");
+    char line[1024];
+    int32_t count = 0, capacity = 0, number = 0;
+
+    *relations = NULL;
+    if (file == NULL || table == NULL) {
+        fprintf(stderr, "%s: cannot be read\n", path);
+        free(table);
+        if (file != NULL)
+            fclose(file);
+        return -1;
+    }
+    for (int32_t i = 0; i < log->count; i++) {
+        table[i].stamp = log->record[i].stamp_ns;
+        table[i].scan = i;
+    }
+    qsort(table, (size_t)log->count, sizeof *table, compare_stamped);
+    while (fgets(line, sizeof line, file) != NULL) {
+        double v[8];
+        int n = sscanf(line, "%lf %lf %lf %lf %lf %lf %lf %lf", &v[0], &v[1], &v[2], &v[3], &v[4], &v[5], &v[6], &v[7]);
+        relation r;
+
+        number++;
+        if (line[0] == '#' || n <= 0)
+            continue;
+        r.first = n == 8 ? find_scan(table, log->count, v[0]) : (int32_t)v[0];
+        r.second = n == 8 ? find_scan(table, log->count, v[1]) : (int32_t)v[1];
+        if ((n != 8 && n != 5) || r.first < 0 || r.second < 0 || r.first >= log->count || r.second >= log->count) {
+            fprintf(stderr, "%s:%d: no such relation, expected times of two scans and a pose\n", path, number);
+            continue;
+        }
+        r.reference.x = (cairn_real)v[2];
+        r.reference.y = (cairn_real)v[3];
+        r.reference.theta = (cairn_real)(n == 8 ? v[7] : v[4]);
+        if (count == capacity) {
+            relation *grown;
+
+            capacity = capacity ? 2 * capacity : 1024;
+            grown = realloc(*relations, (size_t)capacity * sizeof **relations);
+            if (grown == NULL)
+                break;
+            *relations = grown;
+        }
+        (*relations)[count++] = r;
+    }
+    fclose(file);
+    free(table);
+    return count;
+}
+
+/* Maps the log; poses: [count]. Returns the time that took, -1 on failure. */
+static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_pose *poses, size_t *pool_bytes,
+                      cairn_mapper_state *state)
+{
+    cairn_mapper_params params = cairn_mapper_default();
+    int32_t *key = malloc((size_t)log->count * sizeof *key);
+    cairn_mapper *mapper;
+    cairn_pool pool;
+    size_t bytes;
+    void *memory;
+    double start;
+    cairn_status status;
+
+    cairn_scan_capacity(&params.scan, log->info.beams_most);
+    params.window = (int32_t)s->window;
+    params.max_keys = log->count < 8192 ? log->count + 1 : 8192;
+    params.max_key_points = params.max_keys * 160;
+    params.max_key_segments = params.max_keys * 40;
+    bytes = cairn_mapper_memory(&params) + CAIRN_ALIGN;
+    memory = malloc(bytes);
+    status = memory == NULL || key == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);
+    if (status == CAIRN_OK)
+        status = cairn_mapper_create(&mapper, &pool, &params);
+    start = bench_seconds();
+    for (int32_t i = 0; i < log->count && status == CAIRN_OK; i++) {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        status = cairn_mapper_add(mapper, &log->record[i].scan, s->no_odometry ? NULL : &log->record[i].robot, NULL);
+        if (status == CAIRN_OK)
+            status = cairn_mapper_step(mapper, &budget);
+        if (status == CAIRN_OK) {
+            cairn_mapper_result result = cairn_mapper_read(mapper);
+
+            key[i] = result.key;
+            poses[i] = result.key_scan;
+        }
+        if (i % 500 == 0)
+            fprintf(stderr, "\r%" PRId32 " of %" PRId32 " scans ", i, log->count);
+    }
+    fprintf(stderr, "\r%*s\r", 40, "");
+    start = bench_seconds() - start;
+    if (status == CAIRN_OK) {
+        for (int32_t i = 0; i < log->count; i++)
+            poses[i] = cairn_pose_compose(cairn_mapper_key_pose(mapper, key[i]), poses[i]);
+        *state = cairn_mapper_measure(mapper);
+        *pool_bytes = pool.peak;
+    } else {
+        fprintf(stderr, "mapper: %s\n", cairn_status_text(status));
+    }
+    free(key);
+    free(memory);
+    return status == CAIRN_OK ? start : -1;
+}
+
+/* Puts noise where the log has poses. */
+static void overwrite_poses(cairn_carmen_scans *log, uint64_t seed)
+{
+    cairn_random random = cairn_random_seed(seed, 1);
+
+    for (int32_t i = 0; i < log->count; i++) {
+        log->record[i].robot.x = cairn_random_uniform(&random, -10, 10);
+        log->record[i].robot.y = cairn_random_uniform(&random, -10, 10);
+        log->record[i].robot.theta = cairn_random_uniform(&random, -3, 3);
+        log->record[i].laser = log->record[i].robot;
+    }
+}
+
+static void print_errors(const settings *s, const char *name, const cairn_carmen_scans *log, const cairn_pose *poses,
+                         const relation *relations, int32_t count, double seconds, size_t pool_bytes,
+                         const cairn_mapper_state *state)
+{
+    double t = 0, tt = 0, r = 0, rr = 0, n = count > 0 ? count : NAN;
+
+    for (int32_t i = 0; i < count; i++) {
+        cairn_pose estimate = cairn_pose_between(poses[relations[i].first], poses[relations[i].second]);
+        cairn_pose error = cairn_pose_between(relations[i].reference, estimate);
+        double translation = hypot((double)error.x, (double)error.y);
+        double rotation = fabs((double)error.theta) * 57.29577951308232;
+
+        t += translation;
+        tt += translation * translation;
+        r += rotation;
+        rr += rotation * rotation;
+    }
+    bench_json_begin("slam");
+    bench_json_text("log", name);
+    bench_json_text("odometry", s->no_odometry ? "none" : "log");
+    bench_json_integer("scans", log->count);
+    bench_json_integer("relations", count);
+    bench_json_number("trans_mean_m", t / n);
+    bench_json_number("trans_sd_m", sqrt(fmax(tt / n - t / n * (t / n), 0)));
+    bench_json_number("rot_mean_deg", r / n);
+    bench_json_number("rot_sd_deg", sqrt(fmax(rr / n - r / n * (r / n), 0)));
+    bench_json_number("scans_per_second", log->count / seconds);
+    bench_json_integer("pool_bytes", (int64_t)pool_bytes);
+    bench_json_integer("keys", state->keys);
+    bench_json_integer("unmatched", state->predicted);
+    bench_json_true("summary");
+    bench_json_end();
+}
+
+static int run_log(const settings *s, const char *log_path, const char *relations_path)
+{
+    cairn_carmen_scans log;
+    cairn_file_error error;
+    cairn_mapper_state state;
+    relation *relations = NULL;
+    cairn_pose *poses;
+    size_t pool_bytes = 0;
+    int32_t count;
+    double seconds = -1;
+
+    if (cairn_carmen_load(&log, log_path, NULL, &error) != CAIRN_OK) {
+        fprintf(stderr, "%s\n", error.text);
+        return 3;
+    }
+    count = read_relations(relations_path, &log, &relations);
+    poses = malloc((size_t)log.count * sizeof *poses);
+    if (s->no_odometry)
+        overwrite_poses(&log, (uint64_t)s->seed);
+    if (count >= 0 && poses != NULL)
+        seconds = map_log(s, &log, poses, &pool_bytes, &state);
+    if (seconds >= 0)
+        print_errors(s, cairn_path_name(log_path), &log, poses, relations, count, seconds, pool_bytes, &state);
+    free(poses);
+    free(relations);
+    cairn_carmen_scans_free(&log);
+    return seconds >= 0 ? 0 : 3;
+}
+
+int main(int argc, char **argv)
+{
+    static const char *const names[] = {"intel", "fr079", "aces"};
+    settings s = {NULL, NULL, "../shared/data", 1, 8, 0};
+    const option table[] = {
+        OPTION_TEXT("--log", &s.log, "FILE", "one CARMEN log (all of DIR/slam)"),
+        OPTION_TEXT("--relations", &s.relations, "FILE", "its reference relations"),
+        OPTION_TEXT("--data", &s.data, "DIR", "folder of the data sets (../shared/data)"),
+        OPTION_FLAG("--no-odometry", &s.no_odometry, "ranges alone; the log's poses are overwritten with noise"),
+        OPTION_INTEGER("--window", &s.window, 0, 64, "N", "key scans of the force field (8)"),
+        OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of that noise (1)"),
+    };
+    const option_set set = {"bench/slam", "[--log FILE --relations FILE] [options]",
+                            "Absolute errors of mapped logs over their reference relations.", table,
+                            sizeof table / sizeof *table};
+    size_t words = 0;
+    int code = 0;
+
+    switch (options_read(&set, argc, argv, NULL, &words)) {
+    case OPTIONS_HELPED:
+        return 0;
+    case OPTIONS_BAD:
+        return 2;
+    default:
+        break;
+    }
+    if ((s.log == NULL) != (s.relations == NULL)) {
+        fprintf(stderr, "bench/slam: --log and --relations go together\n");
+        return 2;
+    }
+    if (s.log != NULL)
+        return run_log(&s, s.log, s.relations);
+    for (size_t i = 0; i < sizeof names / sizeof *names && code == 0; i++) {
+        char log[4096], relations[4096];
+
+        snprintf(log, sizeof log, "%s/slam/%s.clf.gz", s.data, names[i]);
+        snprintf(relations, sizeof relations, "%s/slam/%s.relations", s.data, names[i]);
+        code = run_log(&s, log, relations);
+    }
+    return code;
+}

@@ -1,0 +1,112 @@
+/* mapper: from scans, one after another, to poses.
+ *
+ * Each scan is fitted (scan), matched against the key scans near by (icp), starting from the odometry where there is one
+ * and from the last motion otherwise, and, when it shows enough that is new, kept as a key scan. A new key scan lets the
+ * force field run over the window of the last key scans (Adluru 2008, section 7.3.6, online FFS). Scans hang on key scans:
+ * the pose of a scan is that of its key scan, which may still move, composed with its place seen from there. */
+#ifndef CAIRN_MAPPER_H
+#define CAIRN_MAPPER_H
+
+#include "cairn/force_field.h"
+#include "cairn/icp.h"
+#include "cairn/scan.h"
+#include "cairn/scan_set.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* The most key scans that a scan is matched against. */
+#define CAIRN_MAPPER_LOCAL_MOST 64
+
+typedef struct cairn_mapper_params {
+    cairn_scan_params scan;
+    cairn_icp_params icp;             /* its capacities are set by the mapper */
+    cairn_force_field_params field;   /* likewise max_scans */
+    int32_t max_keys;                 /* key scans in all, 1 ... 2^20 (1024) */
+    int32_t max_key_segments;         /* segments of all key scans, 1 ... 2^24 (32768) */
+    int32_t max_key_points;           /* points of all key scans, 1 ... 2^24 (131072) */
+    int32_t local_keys;               /* key scans to match against, 1 ... CAIRN_MAPPER_LOCAL_MOST (15) */
+    int32_t local_recent;             /* of these so many are the last ones, the others the nearest: 1 ... local_keys (3) */
+    cairn_real local_radius;          /* m, > 0: the nearest ones are at most so far (4) */
+    cairn_real key_distance;          /* m, > 0, and ... (0.5) */
+    cairn_real key_turn;              /* ... rad, > 0: what lies between key scans (0.5) */
+    int32_t window;                   /* key scans of the force field, 2 ... 64; 0: no force field (8) */
+    int32_t window_free;              /* of these so many may move, 1 ... window - 1 (3) */
+    cairn_real odometry_distance;     /* odometry is wrong by this share of the way ... (0.3) */
+    cairn_real odometry_turn;         /* ... and of the turn (0.3) */
+    cairn_real odometry_distance_min; /* m, and at least by this (0.03) */
+    cairn_real odometry_turn_min;     /* rad, and at least by this (0.02) */
+    cairn_real min_support;           /* a match counts when this share of the scan's points has partners (0.3) */
+} cairn_mapper_params;
+
+/* How the pose of a scan was found. */
+typedef int32_t cairn_mapper_verdict;
+enum {
+    CAIRN_MAPPER_FIRST = 0,     /* the first scan defines the map */
+    CAIRN_MAPPER_MATCHED = 1,   /* by match */
+    CAIRN_MAPPER_PREDICTED = 2, /* no match: odometry, or the last motion */
+    CAIRN_MAPPER_BLIND = 3      /* as predicted, the scan shows nothing */
+};
+
+typedef struct cairn_mapper_result {
+    cairn_mapper_verdict verdict;
+    int32_t key;               /* index of the key scan on which the scan hangs; may be the scan itself */
+    cairn_pose key_scan;       /* the scan seen from its key scan */
+    cairn_pose map_scan;       /* at the time of the match */
+    cairn_real covariance[9];  /* of the match, row-major over x, y, theta in the map; zeros for FIRST, NaN-free always */
+    cairn_real support;        /* share of the scan's points with partners; 0 without a match */
+    int32_t is_key;            /* 1: the scan was kept as a key scan */
+} cairn_mapper_result;
+
+/* Measurements over the mapper's whole life. */
+typedef struct cairn_mapper_state {
+    int64_t scans;
+    int64_t predicted;          /* scans that could not be matched, blind ones included */
+    int64_t odometry_rejected;  /* scans whose match from the last motion was better than that from odometry */
+    int32_t keys;
+    int64_t units;              /* of budget */
+    cairn_real potential;       /* of the last run of the force field */
+} cairn_mapper_state;
+
+typedef struct cairn_mapper cairn_mapper;
+
+/* The values in brackets; scans, match and field as their own defaults but for a force field that starts small. */
+cairn_mapper_params cairn_mapper_default(void);
+
+/* 0 for params that create() would refuse. */
+size_t cairn_mapper_memory(const cairn_mapper_params *params);
+
+/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool *pool,
+                                               const cairn_mapper_params *params);
+
+/* Takes in the next scan; its arrays are copied. odometry: the base in the odometry's frame at the first beam, NULL when
+ * there is none. CAIRN_MORE when the scan before is still being worked on: step() first, nothing was taken. Statuses of
+ * cairn_scan_begin; CAIRN_NOT_FINITE for an odometry that is not finite. CAIRN_FULL: no room for one more key scan. */
+CAIRN_CHECKED cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *input,
+                                            const cairn_pose *odometry, cairn_fault *fault);
+
+/* Goes on with the scan at hand. CAIRN_MORE: the budget is used up. CAIRN_OK: the scan has its pose. CAIRN_FULL: it
+ * should have become a key scan but there was no room; it has its pose, and the mapper takes no further scan. */
+CAIRN_CHECKED cairn_status cairn_mapper_step(cairn_mapper *mapper, cairn_budget *budget);
+
+/* The result of the last scan that was done. */
+cairn_mapper_result cairn_mapper_read(const cairn_mapper *mapper);
+
+/* The last scan as points and segments in its own frame; valid until the next add. */
+cairn_scan_view cairn_mapper_view(const cairn_mapper *mapper);
+
+/* Pose of key scan 0 <= key < keys now. */
+cairn_pose cairn_mapper_key_pose(const cairn_mapper *mapper, int32_t key);
+
+/* Segments and points of the key scans, each in its own frame. */
+const cairn_scan_set *cairn_mapper_keys(const cairn_mapper *mapper);
+
+cairn_mapper_state cairn_mapper_measure(const cairn_mapper *mapper);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,624 @@
+/* Scan by scan: predict, fit, match, keep.
+ *
+ * Method. The pose of a scan is predicted from the odometry since the last scan (or by repeating the last motion). The
+ * match starts there; when odometry and last motion disagree it is run from both, and the better result stands, so that
+ * odometry which is wrong now and then does no harm. Points are evenly spaced along the surfaces, not one a beam: near
+ * walls would otherwise outvote all others, and their small systematic errors turn the map.
+ *
+ * The local map is made of the last key scans and of the nearest ones, so that a place seen before is recognised when the
+ * robot comes back to it with an error below the match's gate.
+ *
+ * Layout: key scans in a scan_set with a pose each; the local map in the icp object, made anew when a key scan was added or
+ * moved, or the robot has left the place for which it was made.
+ *
+ * Limits: no search for loops that come back with a larger error; key scans are never forgotten. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "cairn/mapper.h"
+
+typedef int32_t phase;
+enum {
+    IDLE = 0,
+    FIT,          /* lines of the new scan */
+    SELECT,       /* key scans near the predicted pose */
+    TARGET,       /* local map out of them */
+    MATCH,        /* from the prediction */
+    MATCH_MOTION, /* from the last motion */
+    KEEP,         /* result, and a key scan if it is one */
+    WINDOW,       /* key scans into the force field */
+    FIELD
+};
+
+struct cairn_mapper {
+    cairn_mapper_params params;
+    cairn_scan *scan;
+    cairn_icp *icp;
+    cairn_force_field *field;
+    cairn_scan_set *keys;
+    cairn_pose *key_pose;           /* [max_keys] map_key */
+    /* One key scan on its way into the local map or the force field. */
+    cairn_oriented_point *oriented; /* [scan.max_points] */
+    cairn_segment *segments;        /* [scan.max_segments] */
+    int32_t *first_point;           /* [scan.max_segments + 1] */
+
+    phase phase;
+    int32_t cursor; /* within the phase */
+    int32_t full;
+
+    int32_t has_odometry; /* of the scan at hand */
+    cairn_pose odometry;
+    cairn_pose motion;    /* predicted by odometry or by the last motion */
+    cairn_pose predicted;
+    cairn_pose repeated;  /* pose by the last motion */
+
+    int32_t had_odometry; /* of the scan before */
+    cairn_pose last_odometry;
+    cairn_pose last_motion;
+
+    int32_t local[CAIRN_MAPPER_LOCAL_MOST]; /* key scans of the local map, the last ones first, then by distance */
+    cairn_real local_distance[CAIRN_MAPPER_LOCAL_MOST];
+    int32_t local_count;
+    int32_t target_stale; /* 1: key scans were added or moved since the local map was made */
+    cairn_pose target_pose;
+    cairn_icp_result match; /* the better one so far */
+    int32_t has_match;
+
+    cairn_mapper_result result;
+    cairn_mapper_state state;
+};
+
+cairn_mapper_params cairn_mapper_default(void)
+{
+    cairn_mapper_params params;
+
+    memset(&params, 0, sizeof params);
+    params.scan = cairn_scan_default();
+    params.icp = cairn_icp_default();
+    params.field = cairn_force_field_default();
+    params.field.sigma_start = CAIRN_REAL(0.04);
+    params.field.sigma_end = CAIRN_REAL(0.02);
+    params.field.dt_start = CAIRN_REAL(0.01);
+    params.field.dt_end = CAIRN_REAL(0.005);
+    params.field.roi = 0;
+    params.field.potential = 0;
+    params.field.max_steps = 10;
+    params.max_keys = 1024;
+    params.max_key_segments = 32768;
+    params.max_key_points = 131072;
+    params.local_keys = 15;
+    params.local_recent = 3;
+    params.local_radius = 4;
+    params.key_distance = CAIRN_REAL(0.5);
+    params.key_turn = CAIRN_REAL(0.5);
+    params.window = 8;
+    params.window_free = 3;
+    params.odometry_distance = CAIRN_REAL(0.3);
+    params.odometry_turn = CAIRN_REAL(0.3);
+    params.odometry_distance_min = CAIRN_REAL(0.03);
+    params.odometry_turn_min = CAIRN_REAL(0.02);
+    params.min_support = CAIRN_REAL(0.3);
+    return params;
+}
+
+/* The rooms' params with the capacities that the mapper needs. */
+static cairn_icp_params icp_params(const cairn_mapper_params *params)
+{
+    cairn_icp_params icp = params->icp;
+
+    icp.max_target = params->local_keys * params->scan.max_points;
+    return icp;
+}
+
+static cairn_force_field_params field_params(const cairn_mapper_params *params)
+{
+    cairn_force_field_params field = params->field;
+
+    field.max_scans = params->window;
+    field.max_segments = params->window * params->scan.max_segments;
+    field.max_points = params->window * params->scan.max_points;
+    return field;
+}
+
+static cairn_scan_set_params key_params(const cairn_mapper_params *params)
+{
+    cairn_scan_set_params keys = {params->max_keys, params->max_key_segments, params->max_key_points};
+
+    return keys;
+}
+
+static int is_valid(const cairn_mapper_params *p)
+{
+    if (p == NULL || p->max_keys < 1 || p->max_keys > 1 << 20)
+        return 0;
+    if (p->local_keys < 1 || p->local_keys > CAIRN_MAPPER_LOCAL_MOST || p->local_recent < 1 ||
+        p->local_recent > p->local_keys)
+        return 0;
+    if (p->scan.max_points < 1 || p->scan.max_points > 1 << 17 || p->scan.max_segments < 1 ||
+        p->scan.max_segments > 1 << 17)
+        return 0;
+    if (p->window != 0 && (p->window < 2 || p->window > 64 || p->window_free < 1 || p->window_free >= p->window))
+        return 0;
+    return p->local_radius > 0 && p->key_distance > 0 && p->key_turn > 0 && p->odometry_distance >= 0 &&
+           p->odometry_turn >= 0 && p->odometry_distance_min > 0 && p->odometry_turn_min > 0 && p->min_support >= 0 &&
+           p->min_support <= 1;
+}
+
+/* Bytes of the objects that the mapper creates; 0 when one of them refuses its params. */
+static size_t parts_memory(const cairn_mapper_params *params)
+{
+    cairn_icp_params icp = icp_params(params);
+    cairn_force_field_params field = field_params(params);
+    cairn_scan_set_params keys = key_params(params);
+    size_t sizes[4];
+    size_t sum = 0;
+
+    sizes[0] = cairn_scan_memory(&params->scan);
+    sizes[1] = cairn_icp_memory(&icp);
+    sizes[2] = cairn_scan_set_memory(&keys);
+    sizes[3] = params->window ? cairn_force_field_memory(&field) : CAIRN_ALIGN;
+    for (int i = 0; i < 4; i++) {
+        if (sizes[i] == 0 || sizes[i] > SIZE_MAX - sum)
+            return 0;
+        sum += sizes[i];
+    }
+    return params->window ? sum : sum - CAIRN_ALIGN;
+}
+
+static cairn_mapper *carve(cairn_pool *pool, const cairn_mapper_params *params)
+{
+    cairn_mapper *mapper = cairn_pool_take(pool, 1, sizeof *mapper);
+    cairn_pose *key_pose = cairn_pool_take(pool, (size_t)params->max_keys, sizeof *key_pose);
+    cairn_oriented_point *oriented = cairn_pool_take(pool, (size_t)params->scan.max_points, sizeof *oriented);
+    cairn_segment *segments = cairn_pool_take(pool, (size_t)params->scan.max_segments, sizeof *segments);
+    int32_t *first_point = cairn_pool_take(pool, (size_t)params->scan.max_segments + 1, sizeof *first_point);
+
+    if (mapper != NULL) {
+        memset(mapper, 0, sizeof *mapper);
+        mapper->key_pose = key_pose;
+        mapper->oriented = oriented;
+        mapper->segments = segments;
+        mapper->first_point = first_point;
+    }
+    return mapper;
+}
+
+size_t cairn_mapper_memory(const cairn_mapper_params *params)
+{
+    cairn_pool counting;
+    size_t parts;
+
+    if (!is_valid(params))
+        return 0;
+    parts = parts_memory(params);
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    if (parts == 0 || counting.used >= SIZE_MAX - parts)
+        return 0;
+    return counting.used + parts;
+}
+
+cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool *pool, const cairn_mapper_params *params)
+{
+    size_t need = cairn_mapper_memory(params);
+    cairn_icp_params icp;
+    cairn_force_field_params field;
+    cairn_scan_set_params keys;
+    cairn_mapper *made;
+    cairn_status status;
+
+    if (mapper == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    icp = icp_params(params);
+    field = field_params(params);
+    keys = key_params(params);
+    made = carve(pool, params);
+    made->params = *params;
+    status = cairn_scan_create(&made->scan, pool, &params->scan);
+    if (status == CAIRN_OK)
+        status = cairn_icp_create(&made->icp, pool, &icp);
+    if (status == CAIRN_OK)
+        status = cairn_scan_set_create(&made->keys, pool, &keys);
+    if (status == CAIRN_OK && params->window)
+        status = cairn_force_field_create(&made->field, pool, &field);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    made->target_stale = 1;
+    *mapper = made;
+    return status;
+}
+
+/* ---- Input ---- */
+
+/* Where the scan before is now. */
+static cairn_pose last_pose(const cairn_mapper *mapper)
+{
+    if (mapper->state.scans == 0)
+        return cairn_pose_identity();
+    return cairn_pose_compose(mapper->key_pose[mapper->result.key], mapper->result.key_scan);
+}
+
+cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *input, const cairn_pose *odometry,
+                              cairn_fault *fault)
+{
+    cairn_status status;
+    cairn_pose last;
+
+    if (mapper == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    if (mapper->phase != IDLE)
+        return CAIRN_MORE;
+    if (mapper->full)
+        return CAIRN_FULL;
+    if (odometry != NULL && !cairn_pose_is_finite(*odometry))
+        return CAIRN_NOT_FINITE;
+    status = cairn_scan_begin(mapper->scan, input, fault);
+    if (status != CAIRN_OK)
+        return status;
+
+    last = last_pose(mapper);
+    mapper->has_odometry = odometry != NULL && (mapper->had_odometry || mapper->state.scans == 0);
+    if (odometry != NULL)
+        mapper->odometry = *odometry;
+    if (mapper->state.scans == 0 && odometry != NULL)
+        last = *odometry; /* the map's frame is that of the odometry */
+    mapper->motion = mapper->has_odometry && mapper->state.scans > 0
+                         ? cairn_pose_between(mapper->last_odometry, mapper->odometry)
+                         : mapper->last_motion;
+    mapper->predicted = cairn_pose_compose(last, mapper->motion);
+    mapper->repeated = cairn_pose_compose(last, mapper->last_motion);
+    mapper->had_odometry = odometry != NULL;
+    if (odometry != NULL)
+        mapper->last_odometry = *odometry;
+    mapper->has_match = 0;
+    mapper->phase = FIT;
+    mapper->cursor = 0;
+    return CAIRN_OK;
+}
+
+/* ---- The local map ---- */
+
+static void take_local(cairn_mapper *mapper, int32_t key, cairn_real distance)
+{
+    int32_t at = mapper->local_count;
+
+    if (at == mapper->params.local_keys) {
+        if (!(distance < mapper->local_distance[at - 1]))
+            return;
+        at--;
+    } else {
+        mapper->local_count++;
+    }
+    for (; at > 0 && distance < mapper->local_distance[at - 1]; at--) {
+        mapper->local[at] = mapper->local[at - 1];
+        mapper->local_distance[at] = mapper->local_distance[at - 1];
+    }
+    mapper->local[at] = key;
+    mapper->local_distance[at] = distance;
+}
+
+/* One key scan a call; the last ones count as at distance -1. */
+static void select_key(cairn_mapper *mapper)
+{
+    int32_t key = mapper->keys->scan_count - 1 - mapper->cursor;
+    cairn_real x = mapper->key_pose[key].x - mapper->predicted.x;
+    cairn_real y = mapper->key_pose[key].y - mapper->predicted.y;
+    cairn_real distance = cairn_sqrt(x * x + y * y);
+
+    if (mapper->cursor < mapper->params.local_recent)
+        take_local(mapper, key, -1);
+    else if (distance <= mapper->params.local_radius)
+        take_local(mapper, key, distance);
+    mapper->cursor++;
+}
+
+/* 1 when the local map does not serve the predicted pose. */
+static int needs_target(const cairn_mapper *mapper)
+{
+    cairn_real x = mapper->predicted.x - mapper->target_pose.x, y = mapper->predicted.y - mapper->target_pose.y;
+
+    return mapper->target_stale ||
+           x * x + y * y > mapper->params.key_distance * mapper->params.key_distance;
+}
+
+/* A key scan as it was when it came, but without its beams; valid until the next call. */
+static cairn_scan_view key_view(cairn_mapper *mapper, int32_t key)
+{
+    const cairn_scan_set_scan *scan = &mapper->keys->scans[key];
+    cairn_scan_view view;
+    int32_t count = 0;
+
+    memset(&view, 0, sizeof view);
+    for (int32_t s = scan->first_segment; s < scan->end_segment; s++) {
+        const cairn_scan_set_segment *segment = &mapper->keys->segments[s];
+
+        mapper->segments[s - scan->first_segment] = segment->segment;
+        mapper->first_point[s - scan->first_segment] = count;
+        for (int32_t p = segment->first_point; p < segment->end_point; p++) {
+            mapper->oriented[count].position = mapper->keys->points[p];
+            mapper->oriented[count].direction = segment->direction;
+            count++;
+        }
+    }
+    view.segment_count = scan->end_segment - scan->first_segment;
+    view.point_count = count;
+    mapper->first_point[view.segment_count] = count;
+    view.segments = mapper->segments;
+    view.first_point = mapper->first_point;
+    view.points = mapper->oriented;
+    view.sensor = scan->sensor;
+    return view;
+}
+
+static cairn_status add_target(cairn_mapper *mapper, cairn_budget *budget)
+{
+    int32_t key = mapper->local[mapper->cursor];
+    cairn_scan_view view = key_view(mapper, key);
+
+    mapper->cursor++;
+    budget->left -= 1 + view.point_count / 2;
+    return cairn_icp_add_target(mapper->icp, view.points, view.point_count, mapper->key_pose[key], NULL);
+}
+
+/* ---- The match ---- */
+
+static cairn_status begin_match(cairn_mapper *mapper, cairn_pose start)
+{
+    const cairn_mapper_params *p = &mapper->params;
+    cairn_scan_view view = cairn_scan_read(mapper->scan);
+    cairn_real way = cairn_sqrt(mapper->motion.x * mapper->motion.x + mapper->motion.y * mapper->motion.y);
+    cairn_icp_prior prior;
+
+    prior.target_query = start;
+    prior.sigma_x = prior.sigma_y = p->odometry_distance_min + p->odometry_distance * way;
+    prior.sigma_theta =
+        p->odometry_turn_min + p->odometry_turn * (cairn_abs(mapper->motion.theta) + way / 10);
+    return cairn_icp_begin(mapper->icp, view.points, view.point_count, start, &prior, NULL);
+}
+
+/* A match is as good as its overlap, less for every 5 cm of mean distance. */
+static cairn_real quality(const cairn_icp_result *match)
+{
+    return match->overlap * cairn_exp(-match->mean_distance / CAIRN_REAL(0.05));
+}
+
+static void end_match(cairn_mapper *mapper, int32_t by_motion)
+{
+    cairn_icp_result match = cairn_icp_read(mapper->icp);
+
+    if (match.verdict == CAIRN_ICP_TOO_FEW_PAIRS || match.overlap < mapper->params.min_support)
+        return;
+    if (mapper->has_match && !(quality(&match) > CAIRN_REAL(1.05) * quality(&mapper->match)))
+        return;
+    mapper->match = match;
+    mapper->has_match = 1;
+    mapper->state.odometry_rejected += by_motion;
+}
+
+/* 1 when the last motion leads elsewhere than the odometry. */
+static int motions_differ(const cairn_mapper *mapper)
+{
+    cairn_pose d = cairn_pose_between(mapper->predicted, mapper->repeated);
+
+    return mapper->has_odometry && (d.x * d.x + d.y * d.y > CAIRN_REAL(0.0025) || cairn_abs(d.theta) > CAIRN_REAL(0.02));
+}
+
+/* ---- The result ---- */
+
+static int is_key_scan(const cairn_mapper *mapper, cairn_pose map_scan)
+{
+    cairn_pose key_scan;
+
+    if (mapper->keys->scan_count == 0)
+        return 1;
+    key_scan = cairn_pose_between(mapper->key_pose[mapper->keys->scan_count - 1], map_scan);
+    return key_scan.x * key_scan.x + key_scan.y * key_scan.y >
+               mapper->params.key_distance * mapper->params.key_distance ||
+           cairn_abs(key_scan.theta) > mapper->params.key_turn;
+}
+
+/* Fills the result and keeps the scan when it is a key scan. CAIRN_FULL: no room to keep it. */
+static cairn_status keep(cairn_mapper *mapper)
+{
+    cairn_scan_view view = cairn_scan_read(mapper->scan);
+    cairn_mapper_result *result = &mapper->result;
+    cairn_pose last = last_pose(mapper);
+    cairn_status status = CAIRN_OK;
+    int32_t first = mapper->keys->scan_count == 0;
+
+    if (mapper->state.scans == 0)
+        last = mapper->predicted;
+    result->map_scan = mapper->has_match ? mapper->match.target_query : mapper->predicted;
+    result->support = mapper->has_match ? mapper->match.overlap : 0;
+    memset(result->covariance, 0, sizeof result->covariance);
+    if (mapper->has_match)
+        memcpy(result->covariance, mapper->match.covariance, sizeof result->covariance);
+    if (mapper->has_match)
+        result->verdict = CAIRN_MAPPER_MATCHED;
+    else if (view.point_count == 0)
+        result->verdict = CAIRN_MAPPER_BLIND;
+    else
+        result->verdict = first ? CAIRN_MAPPER_FIRST : CAIRN_MAPPER_PREDICTED;
+    mapper->state.predicted += result->verdict == CAIRN_MAPPER_PREDICTED || result->verdict == CAIRN_MAPPER_BLIND;
+
+    /* The first scan of all is a key scan even when it shows nothing: something must carry the scans that hang on it. */
+    result->is_key = (first || view.point_count > 0) && is_key_scan(mapper, result->map_scan);
+    if (result->is_key) {
+        status = cairn_scan_set_add(mapper->keys, &view, NULL, NULL);
+        if (status == CAIRN_OK) {
+            mapper->key_pose[mapper->keys->scan_count - 1] = result->map_scan;
+            mapper->target_stale = 1;
+        } else {
+            result->is_key = 0;
+            mapper->full = 1;
+        }
+    }
+    result->key = mapper->keys->scan_count - 1;
+    result->key_scan = cairn_pose_between(mapper->key_pose[result->key], result->map_scan);
+    mapper->last_motion = cairn_pose_between(last, result->map_scan);
+    mapper->state.scans++;
+    mapper->state.keys = mapper->keys->scan_count;
+    return status;
+}
+
+/* ---- The force field over the last key scans ---- */
+
+static int32_t window_count(const cairn_mapper *mapper)
+{
+    int32_t keys = mapper->keys->scan_count;
+
+    return keys < mapper->params.window ? keys : mapper->params.window;
+}
+
+/* Adds the key scan at the cursor, as segments and points. */
+static cairn_status add_to_window(cairn_mapper *mapper, cairn_budget *budget)
+{
+    int32_t count = window_count(mapper);
+    int32_t key = mapper->keys->scan_count - count + mapper->cursor;
+    cairn_scan_view view = key_view(mapper, key);
+    cairn_status status = cairn_force_field_add_scan(mapper->field, &view, NULL, mapper->key_pose[key], NULL);
+
+    /* The first one always stays: something must hold the window in its place. */
+    if (status == CAIRN_OK && (mapper->cursor == 0 || mapper->cursor < count - mapper->params.window_free))
+        status = cairn_force_field_fix(mapper->field, mapper->cursor, 1);
+    budget->left -= 2 + view.point_count / 2;
+    mapper->cursor++;
+    return status;
+}
+
+static void read_window(cairn_mapper *mapper)
+{
+    int32_t count = window_count(mapper), first = mapper->keys->scan_count - count;
+
+    for (int32_t i = 0; i < count; i++)
+        mapper->key_pose[first + i] = cairn_force_field_pose(mapper->field, i);
+    mapper->result.map_scan = mapper->key_pose[mapper->keys->scan_count - 1];
+    mapper->state.potential = cairn_force_field_potential(mapper->field);
+}
+
+/* ---- Steps ---- */
+
+/* One item of the phase at hand. CAIRN_OK: the phase may have changed; CAIRN_MORE: the budget ended within a part. */
+static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
+{
+    cairn_status status = CAIRN_OK;
+
+    switch (mapper->phase) {
+    case FIT:
+        status = cairn_scan_step(mapper->scan, budget);
+        if (status == CAIRN_OK) {
+            int32_t blind = cairn_scan_read(mapper->scan).point_count == 0;
+
+            mapper->phase = blind || mapper->keys->point_count == 0 ? KEEP : needs_target(mapper) ? SELECT : MATCH;
+            mapper->cursor = 0;
+            mapper->local_count = mapper->phase == SELECT ? 0 : mapper->local_count;
+            if (mapper->phase == MATCH)
+                status = begin_match(mapper, mapper->predicted);
+        }
+        break;
+    case SELECT:
+        budget->left--;
+        select_key(mapper);
+        if (mapper->cursor == mapper->keys->scan_count) {
+            cairn_icp_clear_target(mapper->icp);
+            budget->left -= 1 + mapper->params.local_keys * mapper->params.scan.max_points / 64;
+            mapper->phase = TARGET;
+            mapper->cursor = 0;
+        }
+        break;
+    case TARGET:
+        status = add_target(mapper, budget);
+        if (status == CAIRN_OK && mapper->cursor == mapper->local_count) {
+            mapper->target_stale = 0;
+            mapper->target_pose = mapper->predicted;
+            mapper->phase = cairn_icp_target_count(mapper->icp) > 0 ? MATCH : KEEP;
+            if (mapper->phase == MATCH)
+                status = begin_match(mapper, mapper->predicted);
+        }
+        break;
+    case MATCH:
+    case MATCH_MOTION:
+        status = cairn_icp_step(mapper->icp, budget);
+        if (status == CAIRN_OK) {
+            end_match(mapper, mapper->phase == MATCH_MOTION);
+            if (mapper->phase == MATCH && motions_differ(mapper)) {
+                mapper->phase = MATCH_MOTION;
+                status = begin_match(mapper, mapper->repeated);
+            } else {
+                mapper->phase = KEEP;
+            }
+        }
+        break;
+    case KEEP:
+        budget->left -= 4 + cairn_scan_read(mapper->scan).point_count / 4;
+        status = keep(mapper);
+        mapper->phase = IDLE;
+        if (status == CAIRN_OK && mapper->result.is_key && mapper->params.window && mapper->keys->scan_count > 1) {
+            cairn_force_field_clear(mapper->field);
+            mapper->phase = WINDOW;
+            mapper->cursor = 0;
+        }
+        break;
+    case WINDOW:
+        status = add_to_window(mapper, budget);
+        if (status == CAIRN_OK && mapper->cursor == window_count(mapper))
+            mapper->phase = FIELD;
+        break;
+    default:
+        status = cairn_force_field_step(mapper->field, budget);
+        if (status == CAIRN_OK) {
+            read_window(mapper);
+            mapper->phase = IDLE;
+        }
+        break;
+    }
+    return status;
+}
+
+cairn_status cairn_mapper_step(cairn_mapper *mapper, cairn_budget *budget)
+{
+    cairn_status status = CAIRN_OK;
+    int32_t before;
+
+    if (mapper == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    before = budget->left;
+    while (status == CAIRN_OK && mapper->phase != IDLE) {
+        if (budget->left <= 0) {
+            status = CAIRN_MORE;
+            break;
+        }
+        status = advance(mapper, budget);
+    }
+    mapper->state.units += (int64_t)before - budget->left;
+    return status;
+}
+
+/* ---- Readers ---- */
+
+cairn_mapper_result cairn_mapper_read(const cairn_mapper *mapper)
+{
+    return mapper->result;
+}
+
+cairn_scan_view cairn_mapper_view(const cairn_mapper *mapper)
+{
+    return cairn_scan_read(mapper->scan);
+}
+
+cairn_pose cairn_mapper_key_pose(const cairn_mapper *mapper, int32_t key)
+{
+    return mapper->key_pose[key];
+}
+
+const cairn_scan_set *cairn_mapper_keys(const cairn_mapper *mapper)
+{
+    return mapper->keys;
+}
+
+cairn_mapper_state cairn_mapper_measure(const cairn_mapper *mapper)
+{
+    return mapper->state;
+}

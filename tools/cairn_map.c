@@ -1,0 +1,220 @@
+/* cairn map: a log, scan by scan. */
+#include "tools/cairn.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cairn/mapper.h"
+#include "cairn/output.h"
+#include "tools/console.h"
+#include "tools/map_output.h"
+#include "tools/options.h"
+#include "tools/scan_log.h"
+
+#define PROGRAM "cairn map"
+
+typedef struct settings {
+    const char *log, *folder;
+    int64_t max_keys, window, seed, pool;
+    double resolution, range, range_max;
+    int32_t no_odometry, quiet;
+} settings;
+
+static option_result read_settings(settings *s, int argc, char **argv)
+{
+    const option table[] = {
+        OPTION_TEXT("-o", &s->folder, "DIR", "folder for poses.csv, map.pgm, map.yaml and map.svg"),
+        OPTION_FLAG("--no-odometry", &s->no_odometry, "use the ranges alone"),
+        OPTION_INTEGER("--max-keys", &s->max_keys, 2, 1000000, "N", "key scans at most (4096)"),
+        OPTION_INTEGER("--window", &s->window, 0, 64, "N", "key scans that the force field runs over, 0: none (8)"),
+        OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "side of a cell of the map, m (0.05)"),
+        OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the map up to here, m (30)"),
+        OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M", "ranges from here on are no return, m (by the log)"),
+        OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "for methods that draw at random; this one does not (1)"),
+        OPTION_INTEGER("--pool", &s->pool, 1, 9e15, "BYTES", "memory of the mapper (just what it needs)"),
+        OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
+    };
+    const option_set set = {PROGRAM, "LOG -o DIR [options]",
+                            "Maps a CARMEN log (plain or gzipped), scan by scan: every scan is matched against the key scans\n"
+                            "near by, and force field simulation runs over a window of the last key scans.",
+                            table, sizeof table / sizeof *table};
+    const char *words[1];
+    size_t count = 1;
+    option_result result = options_read(&set, argc, argv, words, &count);
+
+    if (result != OPTIONS_READ)
+        return result;
+    s->log = count > 0 ? words[0] : NULL;
+    if (s->log == NULL || s->folder == NULL) {
+        (void)console_bad_input(PROGRAM, "%s, expected LOG -o DIR",
+                                s->log == NULL ? "no log" : "no folder to write to (-o)");
+        return OPTIONS_BAD;
+    }
+    return OPTIONS_READ;
+}
+
+/* Where a scan hangs, for its pose in the end. */
+typedef struct place {
+    cairn_pose key_scan;
+    int32_t key;
+} place;
+
+static const char *verdict_text(cairn_mapper_verdict verdict)
+{
+    static const char *const texts[] = {"first", "matched", "predicted", "blind"};
+
+    return texts[verdict];
+}
+
+/* Feeds all scans to the mapper; keeps what is drawn. */
+static int feed(const settings *s, const cairn_carmen_scans *log, cairn_mapper *mapper, map_scan *scans, place *places)
+{
+    console_progress progress = console_progress_start("map", log->count, s->quiet);
+    int code = EXIT_DONE;
+
+    for (int32_t i = 0; i < log->count && code == EXIT_DONE; i++) {
+        const cairn_carmen_record *record = &log->record[i];
+        cairn_status status =
+            cairn_mapper_add(mapper, &record->scan, s->no_odometry ? NULL : &record->robot, NULL);
+        cairn_mapper_result result;
+        cairn_scan_view view;
+
+        while (status == CAIRN_OK || status == CAIRN_MORE) {
+            cairn_budget budget = {CAIRN_UNBOUNDED};
+
+            status = cairn_mapper_step(mapper, &budget);
+            if (status == CAIRN_OK)
+                break;
+        }
+        if (status != CAIRN_OK) {
+            code = console_bad_input(PROGRAM, "%s:%" PRId64 ": %s%s", s->log, record->line, cairn_status_text(status),
+                                     status == CAIRN_FULL ? ", expected fewer key scans: raise --max-keys" : "");
+            break;
+        }
+        result = cairn_mapper_read(mapper);
+        view = cairn_mapper_view(mapper);
+        if (!map_scan_keep(&scans[i], &view)) {
+            fprintf(stderr, "%s: no memory for the scans\n", PROGRAM);
+            code = EXIT_FAILED;
+        }
+        places[i].key = result.key;
+        places[i].key_scan = result.key_scan;
+        scans[i].line = record->line;
+        scans[i].stamp_ns = record->stamp_ns;
+        scans[i].before = record->robot;
+        scans[i].support = result.support;
+        scans[i].verdict = verdict_text(result.verdict);
+        scans[i].doubtful = result.verdict == CAIRN_MAPPER_PREDICTED;
+        console_progress_at(&progress, i);
+    }
+    console_progress_end(&progress);
+    return code;
+}
+
+static int write_all(const settings *s, const cairn_carmen_scans *log, const cairn_mapper *mapper, map_scan *scans,
+                     const place *places)
+{
+    cairn_file_error error;
+    map_output output;
+    char title[256], subtitle[256];
+
+    for (int32_t i = 0; i < log->count; i++)
+        scans[i].after = cairn_pose_compose(cairn_mapper_key_pose(mapper, places[i].key), places[i].key_scan);
+    snprintf(title, sizeof title, "%s, mapped", cairn_path_name(s->log));
+    snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans, %" PRId32 " key scans%s", log->count,
+             cairn_mapper_measure(mapper).keys, s->no_odometry ? ", without odometry" : "");
+    memset(&output, 0, sizeof output);
+    output.title = title;
+    output.subtitle = subtitle;
+    output.scan = scans;
+    output.count = log->count;
+    output.in_order = 1;
+    output.grid_panel = 1;
+    output.resolution = s->resolution;
+    output.range = s->range;
+    if (map_output_write(&output, s->folder, &error) != CAIRN_OK)
+        return console_fail(&error);
+    return EXIT_DONE;
+}
+
+static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans, place *places)
+{
+    cairn_mapper_params params = cairn_mapper_default();
+    cairn_mapper *mapper = NULL;
+    cairn_mapper_state state;
+    cairn_status status;
+    cairn_pool pool;
+    void *memory;
+    double start = console_seconds(), fed;
+    int code;
+
+    cairn_scan_capacity(&params.scan, log->info.beams_most);
+    params.window = (int32_t)s->window;
+    if (params.window == 1)
+        return console_bad_input(PROGRAM, "--window is 1, expected 0 or 2 to 64");
+    if (params.window > 0 && params.window_free >= params.window)
+        params.window_free = params.window - 1;
+    /* Capacities for key scans as they are in buildings: some 100 points and 30 segments each. */
+    params.max_keys = (int32_t)(s->max_keys < log->count + 1 ? s->max_keys : log->count + 1);
+    params.max_key_points = params.max_keys * 160 + params.scan.max_points;
+    params.max_key_segments = params.max_keys * 40 + params.scan.max_segments;
+    code = console_pool(PROGRAM, s->pool, cairn_mapper_memory(&params), &pool, &memory);
+    if (code != EXIT_DONE)
+        return code;
+    status = cairn_mapper_create(&mapper, &pool, &params);
+    if (status != CAIRN_OK) {
+        free(memory);
+        return console_bad_input(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
+    }
+    code = feed(s, log, mapper, scans, places);
+    fed = console_seconds();
+    if (code == EXIT_DONE)
+        code = write_all(s, log, mapper, scans, places);
+    state = cairn_mapper_measure(mapper);
+    if (code == EXIT_DONE && !s->quiet)
+        printf("scans      %" PRId32 " (%" PRId64 " damaged lines left out)\n"
+               "seconds    %.3f, %.0f scans/s\n"
+               "pool       %zu bytes at most\n"
+               "key scans  %" PRId32 "\n"
+               "unmatched  %" PRId64 " (pose by prediction)\n"
+               "potential  %.6g\n",
+               log->count, log->info.faults, console_seconds() - start, log->count / (fed - start), pool.peak,
+               state.keys, state.predicted, (double)state.potential);
+    free(memory);
+    return code;
+}
+
+int cairn_map_main(int argc, char **argv)
+{
+    settings s = {NULL, NULL, 4096, 8, 1, 0, 0.05, 30, 0, 0, 0};
+    cairn_carmen_scans log;
+    map_scan *scans;
+    place *places;
+    int code;
+
+    switch (read_settings(&s, argc, argv)) {
+    case OPTIONS_HELPED:
+        return EXIT_DONE;
+    case OPTIONS_BAD:
+        return EXIT_BAD_INPUT;
+    default:
+        break;
+    }
+    code = scan_log_load(&log, s.log, s.range_max);
+    if (code != EXIT_DONE)
+        return code;
+    scans = map_scans_new(log.count);
+    places = malloc((size_t)log.count * sizeof *places);
+    if (scans == NULL || places == NULL) {
+        fprintf(stderr, "%s: no memory for %" PRId32 " scans\n", PROGRAM, log.count);
+        code = EXIT_FAILED;
+    } else {
+        code = run(&s, &log, scans, places);
+    }
+    map_scans_free(scans, log.count);
+    free(places);
+    cairn_carmen_scans_free(&log);
+    return code;
+}

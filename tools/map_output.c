@@ -1,0 +1,334 @@
+#include "tools/map_output.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cairn/map_file.h"
+#include "cairn/occupancy_grid.h"
+#include "cairn/output.h"
+#include "cairn/pose_table.h"
+#include "cairn/report.h"
+
+/* Cells of a map that a tool makes: 512 MB of grid. */
+#define CELLS_MOST (1 << 26)
+
+map_scan *map_scans_new(int32_t count)
+{
+    map_scan *scan = calloc((size_t)count, sizeof *scan);
+
+    for (int32_t i = 0; i < count && scan != NULL; i++) {
+        for (int k = 0; k < 9; k++)
+            scan[i].covariance[k] = (cairn_real)NAN;
+        scan[i].support = (cairn_real)NAN;
+        scan[i].verdict = "";
+    }
+    return scan;
+}
+
+void map_scans_free(map_scan *scan, int32_t count)
+{
+    for (int32_t i = 0; i < count && scan != NULL; i++) {
+        free(scan[i].beam);
+        free(scan[i].hit);
+        free(scan[i].point);
+        free(scan[i].segment);
+    }
+    free(scan);
+}
+
+int32_t map_scan_keep(map_scan *scan, const cairn_scan_view *view)
+{
+    /* One element more than needed, so that nothing to keep is not mistaken for no memory. */
+    scan->beam = malloc((2 * (size_t)view->beam_count + 1) * sizeof *scan->beam);
+    scan->hit = malloc((size_t)view->beam_count + 1);
+    scan->point = malloc(((size_t)view->point_count + 1) * sizeof *scan->point);
+    scan->segment = malloc(((size_t)view->segment_count + 1) * sizeof *scan->segment);
+    if (scan->beam == NULL || scan->hit == NULL || scan->point == NULL || scan->segment == NULL)
+        return 0;
+    scan->sensor = view->sensor;
+    for (int32_t i = 0; i < view->beam_count; i++) {
+        const cairn_beam *beam = &view->beams[i];
+
+        if (beam->kind == CAIRN_BEAM_UNKNOWN)
+            continue;
+        scan->beam[2 * scan->beam_count] = (float)beam->to.x;
+        scan->beam[2 * scan->beam_count + 1] = (float)beam->to.y;
+        scan->hit[scan->beam_count++] = beam->kind == CAIRN_BEAM_HIT;
+    }
+    for (int32_t i = 0; i < view->point_count; i++)
+        scan->point[i] = view->points[i].position;
+    scan->point_count = view->point_count;
+    if (view->segment_count > 0)
+        memcpy(scan->segment, view->segments, (size_t)view->segment_count * sizeof *scan->segment);
+    scan->segment_count = view->segment_count;
+    return 1;
+}
+
+/* ---- The grid ---- */
+
+/* A beam of a scan in the map, cut at the grid's range; *hit as it counts then. 0: nothing to enter. */
+static int beam_in_map(const map_output *output, const map_scan *scan, int32_t i, cairn_transform map_s,
+                       cairn_vec2 *from, cairn_vec2 *to, int32_t *hit)
+{
+    cairn_vec2 end = {(cairn_real)scan->beam[2 * i], (cairn_real)scan->beam[2 * i + 1]};
+    cairn_vec2 along = cairn_vec2_sub(end, scan->sensor);
+    cairn_real length = cairn_vec2_norm(along), range = (cairn_real)output->range;
+
+    *hit = scan->hit[i];
+    if (length > range) {
+        end = cairn_vec2_add(scan->sensor, cairn_vec2_scale(along, range / length));
+        *hit = 0;
+    }
+    *from = cairn_transform_point(map_s, scan->sensor);
+    *to = cairn_transform_point(map_s, end);
+    return length > 0;
+}
+
+static int compare(const void *a, const void *b)
+{
+    float x = *(const float *)a, y = *(const float *)b;
+
+    return (x > y) - (x < y);
+}
+
+/* Widens [*low, *high] to the middle 99.8 % of the values. */
+static void widen(float *values, size_t count, cairn_real *low, cairn_real *high)
+{
+    qsort(values, count, sizeof *values, compare);
+    *low = cairn_min(*low, (cairn_real)values[count / 1000]);
+    *high = cairn_max(*high, (cairn_real)values[count - 1 - count / 1000]);
+}
+
+/* Box of all poses and of the middle of what was hit. 0 when there is no memory. */
+static int map_box(const map_output *output, cairn_box *box)
+{
+    size_t hits = 0, n = 0;
+    float *x, *y;
+
+    *box = cairn_box_empty();
+    for (int32_t s = 0; s < output->count; s++)
+        for (int32_t i = 0; i < output->scan[s].beam_count; i++)
+            hits += output->scan[s].hit[i];
+    x = malloc((hits + 1) * sizeof *x);
+    y = malloc((hits + 1) * sizeof *y);
+    if (x == NULL || y == NULL) {
+        free(x);
+        free(y);
+        return 0;
+    }
+    for (int32_t s = 0; s < output->count; s++) {
+        const map_scan *scan = &output->scan[s];
+        cairn_transform t = cairn_transform_of(scan->after);
+        cairn_vec2 from, to;
+        int32_t hit;
+
+        *box = cairn_box_extend(*box, cairn_transform_point(t, scan->sensor));
+        for (int32_t i = 0; i < scan->beam_count; i++)
+            if (beam_in_map(output, scan, i, t, &from, &to, &hit) && hit) {
+                x[n] = (float)to.x;
+                y[n++] = (float)to.y;
+            }
+    }
+    if (n > 0) {
+        widen(x, n, &box->min.x, &box->max.x);
+        widen(y, n, &box->min.y, &box->max.y);
+    }
+    *box = cairn_box_grow(*box, 1);
+    free(x);
+    free(y);
+    return 1;
+}
+
+static cairn_status fill_grid(const map_output *output, cairn_occupancy_grid *grid)
+{
+    for (int32_t s = 0; s < output->count; s++) {
+        const map_scan *scan = &output->scan[s];
+        cairn_transform t = cairn_transform_of(scan->after);
+
+        for (int32_t i = 0; i < scan->beam_count; i++) {
+            cairn_vec2 from, to;
+            int32_t hit;
+            cairn_status status;
+
+            if (!beam_in_map(output, scan, i, t, &from, &to, &hit))
+                continue;
+            status = cairn_occupancy_grid_add_beam(grid, from, to, hit);
+            if (status != CAIRN_OK)
+                return status;
+        }
+    }
+    return CAIRN_OK;
+}
+
+/* Occupancy and pixels of the map from the grid. */
+static cairn_status read_grid(const cairn_occupancy_grid *grid, cairn_map_file *map)
+{
+    cairn_raster_u8 view;
+    cairn_status status;
+
+    view.data = map->pixel;
+    view.width = map->width;
+    view.height = map->height;
+    view.stride = map->width;
+    status = cairn_occupancy_grid_classify(grid, cairn_occupancy_thresholds_default(), 0, view);
+    for (size_t i = 0; i < (size_t)map->width * (size_t)map->height && status == CAIRN_OK; i++)
+        map->occupancy[i] = map->pixel[i] == CAIRN_CELL_OCCUPIED ? 100 : map->pixel[i] == CAIRN_CELL_FREE ? 0 : -1;
+    return status;
+}
+
+static cairn_status make_grid(const map_output *output, cairn_map_file *map, cairn_file_error *error)
+{
+    cairn_occupancy_grid_params params = cairn_occupancy_grid_default();
+    cairn_occupancy_grid *grid;
+    cairn_pool pool;
+    cairn_box box;
+    double width, height;
+    size_t bytes;
+    void *memory;
+    cairn_status status;
+
+    *map = cairn_map_file_default();
+    if (!map_box(output, &box))
+        return cairn_file_error_set(error, CAIRN_NO_MEMORY, "map", 0, "no memory for the map");
+    params.resolution = (cairn_real)output->resolution;
+    params.origin = box.min;
+    width = ceil((double)(box.max.x - box.min.x) / output->resolution);
+    height = ceil((double)(box.max.y - box.min.y) / output->resolution);
+    if (!(width * height <= CELLS_MOST) || width > CAIRN_RASTER_MAX_SIDE || height > CAIRN_RASTER_MAX_SIDE)
+        return cairn_file_error_set(error, CAIRN_FULL, "map", 0,
+                                    "%.0f x %.0f cells are too many, expected up to %d: choose a coarser --resolution",
+                                    width, height, CELLS_MOST);
+    params.width = (int32_t)width;
+    params.height = (int32_t)height;
+    bytes = cairn_occupancy_grid_memory(&params) + CAIRN_ALIGN;
+    memory = malloc(bytes);
+    if (memory == NULL)
+        return cairn_file_error_set(error, CAIRN_NO_MEMORY, "map", 0, "no memory for the map");
+    status = cairn_pool_init(&pool, memory, bytes);
+    if (status == CAIRN_OK)
+        status = cairn_occupancy_grid_create(&grid, &pool, &params);
+    if (status == CAIRN_OK)
+        status = fill_grid(output, grid);
+    map->resolution = params.resolution;
+    map->origin.x = params.origin.x;
+    map->origin.y = params.origin.y;
+    if (status == CAIRN_OK)
+        status = cairn_map_file_allocate(map, params.width, params.height);
+    if (status == CAIRN_OK)
+        status = read_grid(grid, map);
+    free(memory);
+    if (status != CAIRN_OK) {
+        cairn_map_file_free(map);
+        return cairn_file_error_set(error, status, "map", 0, "%s", cairn_status_text(status));
+    }
+    return CAIRN_OK;
+}
+
+/* ---- Files ---- */
+
+static cairn_status write_poses(const map_output *output, const char *path, cairn_file_error *error)
+{
+    cairn_pose_row *row = malloc((size_t)output->count * sizeof *row);
+    cairn_status status;
+
+    if (row == NULL)
+        return cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0, "no memory for %d poses", output->count);
+    for (int32_t i = 0; i < output->count; i++) {
+        const map_scan *scan = &output->scan[i];
+
+        row[i] = cairn_pose_row_of(i, scan->after);
+        row[i].line = scan->line;
+        row[i].stamp_ns = scan->stamp_ns;
+        memcpy(row[i].covariance, scan->covariance, sizeof row[i].covariance);
+        row[i].support = scan->support;
+        strncpy(row[i].verdict, scan->verdict, sizeof row[i].verdict - 1);
+    }
+    status = cairn_pose_table_write(path, row, output->count, error);
+    free(row);
+    return status;
+}
+
+static cairn_status write_picture(const map_output *output, const cairn_map_file *map, const char *path,
+                                  cairn_file_error *error)
+{
+    cairn_report_map picture = cairn_report_map_default();
+    cairn_report_panel panel[2];
+    cairn_report_grid grid;
+    size_t n = (size_t)output->count;
+    cairn_report_scan *scan = calloc(n, sizeof *scan);
+    cairn_pose *before = malloc(n * sizeof *before), *after = malloc(n * sizeof *after);
+    uint8_t *doubtful = malloc(n);
+    cairn_status status = CAIRN_NO_MEMORY;
+
+    memset(panel, 0, sizeof panel);
+    if (scan != NULL && before != NULL && after != NULL && doubtful != NULL) {
+        for (size_t i = 0; i < n; i++) {
+            const map_scan *s = &output->scan[i];
+
+            scan[i].point = s->point;
+            scan[i].point_count = s->point_count;
+            scan[i].segment = s->segment;
+            scan[i].segment_count = s->segment_count;
+            before[i] = s->before;
+            after[i] = s->after;
+            doubtful[i] = s->doubtful;
+        }
+        grid.pixel = map->pixel;
+        grid.width = map->width;
+        grid.height = map->height;
+        grid.resolution = map->resolution;
+        grid.origin = map->origin;
+        panel[0].title = "before";
+        panel[0].note = "poses of the log";
+        panel[0].pose = before;
+        panel[1].title = "after";
+        panel[1].note = output->grid_panel ? "occupancy grid and path" : "aligned";
+        panel[1].pose = after;
+        panel[1].doubtful = doubtful;
+        panel[1].grid = output->grid_panel ? &grid : NULL;
+        picture.title = output->title;
+        picture.subtitle = output->subtitle;
+        picture.panel = panel;
+        picture.panel_count = 2;
+        picture.scan = scan;
+        picture.scan_count = output->count;
+        picture.connect = output->in_order;
+        picture.colour_scans = !output->grid_panel;
+        status = cairn_report_map_write(path, &picture, error);
+    } else {
+        (void)cairn_file_error_set(error, status, path, 0, "no memory for the picture");
+    }
+    free(scan);
+    free(before);
+    free(after);
+    free(doubtful);
+    return status;
+}
+
+cairn_status map_output_write(const map_output *output, const char *folder, cairn_file_error *error)
+{
+    char *poses = cairn_path_join(folder, "poses.csv"), *yaml = cairn_path_join(folder, "map.yaml");
+    char *svg = cairn_path_join(folder, "map.svg");
+    cairn_map_file map;
+    cairn_status status = CAIRN_NO_MEMORY;
+
+    if (poses == NULL || yaml == NULL || svg == NULL)
+        (void)cairn_file_error_set(error, status, folder, 0, "no memory for the names of files");
+    else
+        status = cairn_output_folder(folder, error);
+    if (status == CAIRN_OK)
+        status = make_grid(output, &map, error);
+    if (status == CAIRN_OK) {
+        status = write_poses(output, poses, error);
+        if (status == CAIRN_OK)
+            status = cairn_map_file_write(&map, yaml, CAIRN_MAP_PGM, error);
+        if (status == CAIRN_OK)
+            status = write_picture(output, &map, svg, error);
+        cairn_map_file_free(&map);
+    }
+    free(poses);
+    free(yaml);
+    free(svg);
+    return status;
+}

@@ -1,0 +1,47 @@
+/* map_output: what cairn align and cairn map write: poses.csv, map.pgm with map.yaml, map.svg. */
+#ifndef CAIRN_TOOLS_MAP_OUTPUT_H
+#define CAIRN_TOOLS_MAP_OUTPUT_H
+
+#include "cairn/carmen_log.h"
+#include "cairn/file_error.h"
+#include "cairn/scan.h"
+
+/* A scan of the log and what was made of it. */
+typedef struct map_scan {
+    int64_t line, stamp_ns;
+    cairn_pose before, after;
+    cairn_real covariance[9]; /* row-major over x, y, theta; NaN: not known */
+    cairn_real support;       /* NaN: not known */
+    const char *verdict;      /* constant text */
+    uint8_t doubtful;         /* 1: drawn in red */
+
+    /* What it saw, in its own frame. */
+    cairn_vec2 sensor;
+    float *beam;   /* [2 beam_count] x and y of the ends of beams that hit or saw nothing */
+    uint8_t *hit;  /* [beam_count] 1: hit, 0: free */
+    cairn_vec2 *point;
+    cairn_segment *segment;
+    int32_t beam_count, point_count, segment_count;
+} map_scan;
+
+typedef struct map_output {
+    const char *title, *subtitle;
+    map_scan *scan; /* [count] */
+    int32_t count;
+    int32_t in_order;   /* 1: the poses are a path */
+    int32_t grid_panel; /* 1: the picture after shows the grid, otherwise the walls of the scans */
+    double resolution;  /* m */
+    double range;       /* m, the grid takes beams up to here */
+} map_output;
+
+/* Arrays for `count` scans, all unknown; NULL when there is no memory. */
+map_scan *map_scans_new(int32_t count);
+void map_scans_free(map_scan *scan, int32_t count);
+
+/* Copies what a scan saw. 0 when there is no memory. */
+int32_t map_scan_keep(map_scan *scan, const cairn_scan_view *view);
+
+/* Writes all files into the folder, which is made when it is missing. Each file is whole or not there. */
+CAIRN_CHECKED cairn_status map_output_write(const map_output *output, const char *folder, cairn_file_error *error);
+
+#endif
