@@ -14,7 +14,7 @@ gcc -std=gnu11 -O3 -march=native
 gcc -std=gnu11 -Os -fno-inline
 clang -std=gnu11 -O0
 clang -std=c11 -O2
-clang -std=gnu11 -O3 -march=native -ffp-contract=fast-honor-pragmas"
+clang -std=gnu11 -O3 -march=native"
 number=0
 echo "$variants" | while read -r compiler options; do
     command -v "$compiler" >/dev/null 2>&1 || continue
