@@ -20,7 +20,7 @@ void test_assert_near(double actual, double expected, double tolerance, const ch
 cairn_pool test_pool(size_t bytes)
 {
     cairn_pool pool;
-    void *memory = aligned_alloc(CAIRN_ALIGN, (bytes + 2 * CAIRN_ALIGN - 1) / CAIRN_ALIGN * CAIRN_ALIGN);
+    void *memory = aligned_alloc(CAIRN_ALIGN, (bytes + CAIRN_ALIGN + CAIRN_ALIGN - 1) / CAIRN_ALIGN * CAIRN_ALIGN);
 
     assert_non_null(memory);
     assert_ok(cairn_pool_init(&pool, memory, bytes < CAIRN_ALIGN ? CAIRN_ALIGN : bytes));

@@ -6,7 +6,7 @@ void __asan_unpoison_memory_region(void const volatile *address, size_t size);
 int __asan_address_is_poisoned(void const volatile *address);
 #endif
 
-enum { GAP = CAIRN_POOL_GAP, PIECE = CAIRN_ALIGN + CAIRN_POOL_GAP };
+static const size_t GAP = CAIRN_POOL_GAP, PIECE = CAIRN_ALIGN + CAIRN_POOL_GAP;
 
 static size_t rounded(size_t bytes)
 {
@@ -296,7 +296,7 @@ static void block_pool_sizes(void **state)
 
     (void)state;
     /* The object, 10 links, 10 blocks of 32 bytes. */
-    assert_true(need > 10 * 32 + 48 + 3 * (size_t)GAP);
+    assert_true(need > 10 * 32 + 48 + 3 * GAP);
     assert_int_equal(need % CAIRN_ALIGN, 0);
     assert_int_equal(cairn_block_pool_memory(20, 14) - need, 4 * 32 + 16);
     assert_int_equal(cairn_block_pool_memory(32, 10), need);

@@ -17,6 +17,7 @@ BEGIN {
         place[word[2]] = ++rooms
         floor[word[2]] = word[1]
         name[rooms] = word[2]
+        lowest[word[1]] = rooms
     }
     if (!rooms) { print "tools/rooms.txt: no rooms"; exit bad = 2 }
     split("float.h limits.h math.h stddef.h stdint.h string.h", list, " ")
@@ -47,9 +48,10 @@ END {
     for (i = 1; i <= files; i++) {
         path = file[i]
         room = room_of(path)
-        # A header without a .c (build.h, say) is seen by its whole floor and sees nothing of the rooms.
-        own = (room in place) ? place[room] : 0
+        # A header without a .c (build.h, say) belongs to its floor and sees what the floor sees.
+        if (!(room in place) && ((room in source) || (room in public))) continue
         where = path ~ /^src/ ? floor_of(path) : floor[room]
+        own = (room in place) ? place[room] : lowest[where]
         lines = 0
         while ((getline line < path) > 0) {
             lines++

@@ -173,6 +173,7 @@ static cairn_real atan_octant(cairn_real y, cairn_real x)
     cairn_real q = k == 0 ? y / x : (y - x * c) / (x + y * c);
     cairn_real z = q * q;
 
+    CAIRN_ASSERT(k >= 0 && k <= 4);
     return ATAN_HIGH[k] + (q + (ATAN_LOW[k] + q * (z * HORNER(ARCTAN, z))));
 }
 

@@ -1,0 +1,200 @@
+/* One line per scene, "name hash": what tools/check-bits.sh compares between compilers and options. A scene computes with
+ * seeded inputs and hashes all bits of its results; a NaN is never hashed. */
+#include "src/core/build.h"
+
+#include <stdio.h>
+
+#include "cairn/geometry.h"
+#include "cairn/pool.h"
+#include "cairn/random.h"
+#include "cairn/small_matrix.h"
+
+typedef uint64_t (*scene)(void);
+
+/* FNV-1a over the bytes of a value. */
+static uint64_t add_bytes(uint64_t hash, const void *data, size_t bytes)
+{
+    const unsigned char *byte = data;
+
+    for (size_t i = 0; i < bytes; i++)
+        hash = (hash ^ byte[i]) * UINT64_C(1099511628211);
+    return hash;
+}
+
+static uint64_t add_real(uint64_t hash, cairn_real x)
+{
+    return x == x ? add_bytes(hash, &x, sizeof x) : add_bytes(hash, "nan", 3);
+}
+
+static const uint64_t START = UINT64_C(14695981039346656037);
+
+/* 0: uniform within +-size; else a factor 2^-30 ... 2^30 on top. */
+static cairn_real argument(cairn_random *random, cairn_real size, int wide)
+{
+    cairn_real x = cairn_random_uniform(random, -size, size);
+    int32_t doublings = wide ? cairn_random_below(random, 61) - 30 : 0;
+
+    for (; doublings > 0; doublings--)
+        x *= 2;
+    for (; doublings < 0; doublings++)
+        x /= 2;
+    return x;
+}
+
+static uint64_t elementary_functions(void)
+{
+    cairn_random random = cairn_random_seed(1, 1);
+    uint64_t hash = START;
+
+    for (int i = 0; i < 40000; i++) {
+        cairn_real a = argument(&random, 100, 0), b = argument(&random, 4, i & 1), sine, cosine;
+
+        cairn_sincos(a, &sine, &cosine);
+        hash = add_real(hash, sine);
+        hash = add_real(hash, cosine);
+        hash = add_real(hash, cairn_sin(b));
+        hash = add_real(hash, cairn_cos(b));
+        hash = add_real(hash, cairn_atan2(a, b));
+        hash = add_real(hash, cairn_exp(a));
+        hash = add_real(hash, cairn_exp(b));
+        hash = add_real(hash, cairn_log(cairn_abs(b)));
+        hash = add_real(hash, cairn_erfc(b));
+        hash = add_real(hash, cairn_wrap_angle(a));
+        hash = add_real(hash, cairn_sqrt(cairn_abs(a)));
+        hash = add_real(hash, (cairn_real)cairn_real_to_int(a));
+    }
+    return hash;
+}
+
+static uint64_t random_numbers(void)
+{
+    cairn_random random = cairn_random_seed(2, 1);
+    uint64_t hash = START;
+
+    for (int i = 0; i < 20000; i++) {
+        uint32_t bits = cairn_random_bits(&random);
+
+        hash = add_bytes(hash, &bits, sizeof bits);
+        hash = add_real(hash, cairn_random_unit(&random));
+        hash = add_real(hash, cairn_random_uniform(&random, -3, 7));
+        hash = add_real(hash, cairn_random_normal(&random));
+        hash = add_real(hash, (cairn_real)cairn_random_below(&random, 1000));
+    }
+    return hash;
+}
+
+static cairn_vec2 random_point(cairn_random *random)
+{
+    cairn_real x = argument(random, 10, 0);
+    cairn_real y = argument(random, 10, 0);
+    cairn_vec2 point = {x, y};
+
+    return point;
+}
+
+static cairn_pose random_pose(cairn_random *random)
+{
+    cairn_vec2 p = random_point(random);
+    cairn_pose pose = {p.x, p.y, argument(random, CAIRN_PI, 0)};
+
+    return pose;
+}
+
+static uint64_t add_pose(uint64_t hash, cairn_pose pose)
+{
+    return add_real(add_real(add_real(hash, pose.x), pose.y), pose.theta);
+}
+
+static uint64_t add_point(uint64_t hash, cairn_vec2 point)
+{
+    return add_real(add_real(hash, point.x), point.y);
+}
+
+static uint64_t poses_and_segments(void)
+{
+    cairn_random random = cairn_random_seed(3, 1);
+    uint64_t hash = START;
+    cairn_pose walk = cairn_pose_identity();
+
+    for (int i = 0; i < 5000; i++) {
+        cairn_pose a = random_pose(&random), b = random_pose(&random);
+        cairn_segment s, t;
+        cairn_vec2 corners[4], point;
+        cairn_real parameter;
+
+        walk = cairn_pose_compose(walk, a);
+        hash = add_pose(hash, walk);
+        hash = add_pose(hash, cairn_pose_inverse(a));
+        hash = add_pose(hash, cairn_pose_between(a, b));
+        for (int k = 0; k < 4; k++)
+            corners[k] = random_point(&random);
+        s.a = corners[0], s.b = corners[1], t.a = corners[2], t.b = corners[3];
+        hash = add_point(hash, cairn_segment_nearest(s, corners[2], &parameter));
+        hash = add_real(hash, parameter);
+        hash = add_real(hash, cairn_segment_distance(t, corners[0]));
+        if (cairn_line_intersection(s, t, &point))
+            hash = add_point(hash, point);
+        hash = add_real(hash, (cairn_real)cairn_segments_cross(s, t));
+        hash = add_real(hash, cairn_polygon_area(corners, 4));
+        hash = add_point(hash, cairn_vec2_unit(corners[3]));
+    }
+    return hash;
+}
+
+static uint64_t small_matrices(void)
+{
+    cairn_random random = cairn_random_seed(4, 1);
+    uint64_t hash = START;
+
+    for (int i = 0; i < 5000; i++) {
+        cairn_sym3 m = cairn_sym3_zero(), inverse;
+        cairn_sym2 small;
+        cairn_real values[3], vectors[3][3], v[3], x[3];
+        cairn_vec2 minor, major;
+
+        for (int k = 0; k < 4; k++) {
+            for (int c = 0; c < 3; c++)
+                v[c] = argument(&random, 3, 0);
+            cairn_sym3_add_outer(&m, v, 1);
+        }
+        small.xx = m.xx, small.xy = m.xy, small.yy = m.yy;
+        cairn_sym2_eigen(small, values, &minor, &major);
+        hash = add_point(add_point(hash, minor), major);
+        hash = add_real(add_real(hash, values[0]), values[1]);
+        if (cairn_sym3_solve(m, v, x))
+            for (int k = 0; k < 3; k++)
+                hash = add_real(hash, x[k]);
+        if (cairn_sym3_inverse(m, &inverse))
+            hash = add_real(add_real(hash, inverse.xy), inverse.zz);
+        cairn_sym3_eigen(m, values, vectors);
+        for (int k = 0; k < 9; k++)
+            hash = add_real(hash, vectors[k / 3][k % 3]);
+        for (int k = 0; k < 3; k++)
+            hash = add_real(hash, values[k]);
+    }
+    return hash;
+}
+
+static const struct {
+    const char *name;
+    scene run;
+} SCENES[] = {
+    {"elementary_functions", elementary_functions},
+    {"random_numbers", random_numbers},
+    {"poses_and_segments", poses_and_segments},
+    {"small_matrices", small_matrices},
+};
+
+int main(void)
+{
+    static _Alignas(CAIRN_ALIGN) unsigned char memory[CAIRN_ALIGN];
+    cairn_pool pool;
+
+    if (cairn_pool_init(&pool, memory, sizeof memory) != CAIRN_OK) {
+        (void)puts("this build does not compute faithfully");
+        return 1;
+    }
+    for (size_t i = 0; i < sizeof SCENES / sizeof *SCENES; i++)
+        (void)printf("%s %016llx\n", SCENES[i].name, (unsigned long long)SCENES[i].run());
+    return 0;
+}

@@ -1,0 +1,197 @@
+#!/bin/sh
+# Writes the library as two files, cairn.h and cairn.c, into a directory: tools/amalgamate.sh DIRECTORY
+#
+# The public headers and the .c files of core, contour and mapping follow one another in the order of tools/rooms.txt.
+# Macros of a .c end with it. A file-level name (static function or variable, type, tag, enum constant) that several .c
+# files use is renamed in each by a macro, to <room>_<name>.
+set -e
+export LC_ALL=C
+out=${1:?usage: tools/amalgamate.sh DIRECTORY}
+mkdir -p "$out"
+
+rooms=$(awk '$1 == "core" || $1 == "contour" || $1 == "mapping" { print $1 "/" $2 }' tools/rooms.txt)
+sources=
+for room in $rooms; do
+    [ ! -f "src/$room.c" ] || sources="$sources src/$room.c"
+done
+
+# Comment that opens both files.
+banner()
+{
+    echo "/* cairn $(awk '/define CAIRN_VERSION_STRING/ { gsub(/"/, "", $3); print $3 }' include/cairn/version.h): $1"
+    echo ' *'
+    awk 'NR > 1 { print "" } { printf " *%s%s", ($0 == "" ? "" : " "), $0 }' LICENSE
+    echo ' */'
+}
+
+# A header without its guard and without what it includes of cairn.
+body()
+{
+    awk '
+    { line[NR] = $0 }
+    END {
+        guard = 0
+        for (last = NR; last > 0 && line[last] !~ /^#endif/; last--) {}
+        for (i = 1; i < last; i++) {
+            if (!guard && line[i] ~ /^#ifndef CAIRN_[A-Z0-9_]*_H$/) { guard = 1; i++; continue }
+            if (line[i] ~ /^#include "/) continue
+            print line[i]
+        }
+    }' "$1"
+}
+
+{
+    banner "all public headers in one (see cairn.c)"
+    echo '#ifndef CAIRN_H'
+    echo '#define CAIRN_H'
+    for room in $rooms; do
+        header=include/cairn/${room#*/}.h
+        [ ! -f "$header" ] || { echo && body "$header"; }
+    done
+    echo
+    echo '#endif'
+} >"$out/cairn.h.new"
+
+# File-level names of .c files, one "<file> <name>" a line.
+names()
+{
+    awk '
+    function declared(name) { if (name != "" && name !~ /^cairn_/) print file, name }
+    function finish(    i, skip, parens) # the tokens of one declaration without what is in braces
+    {
+        for (i = 1; i <= n; i++)
+            if ((token[i] == "struct" || token[i] == "union" || token[i] == "enum") && token[i + 2] == "{}") declared(token[i + 1])
+        if (token[1] == "typedef") {
+            for (i = 1; i <= n && !(token[i] == "(" && token[i + 1] == "*"); i++) {}
+            declared(i <= n ? token[i + 2] : token[n])
+        } else if (token[1] == "static") {
+            for (i = 1; i <= n && token[i] != "(" && token[i] != "=" && token[i] != "["; i++) {}
+            if (token[i] == "(" && token[i + 1] != "*") declared(token[i - 1])
+            else
+                for (i = 1; i <= n + 1; i++) {
+                    if (token[i] == "(" || token[i] == "[") parens++
+                    if (!parens && !skip && token[i + 1] ~ /^(\[|=|,|)$/ && token[i] ~ /^[A-Za-z_]/) declared(token[i])
+                    if (token[i] == ")" || token[i] == "]") parens--
+                    if (!parens && token[i] == "=") skip = 1
+                    if (!parens && token[i] == ",") skip = 0
+                }
+        }
+        for (i = 1; i <= n + 2; i++) delete token[i]
+        n = 0
+    }
+    FNR == 1 { file = FILENAME; n = depth = comment = continued = 0 }
+    continued || /^[ \t]*#/ { continued = /\\$/; next }
+    {
+        rest = $0
+        while (rest != "") {
+            if (comment) {
+                if (!(i = index(rest, "*/"))) break
+                rest = substr(rest, i + 2)
+                comment = 0
+                continue
+            }
+            if (substr(rest, 1, 2) == "/*") { comment = 1; rest = substr(rest, 3); continue }
+            if (substr(rest, 1, 2) == "//") break
+            if (!match(rest, /^([A-Za-z_][A-Za-z0-9_]*|[0-9.][0-9A-Za-z_.]*|"([^"\\]|\\.)*"|\047([^\047\\]|\\.)*\047|[ \t]+|.)/)) break
+            t = substr(rest, 1, RLENGTH)
+            rest = substr(rest, RLENGTH + 1)
+            if (t ~ /^[ \t]/) continue
+            if (t == "{") {
+                if (depth++ == 0) {
+                    enumeration = token[n] == "enum" || token[n - 1] == "enum"
+                    whole = token[n] == ")"
+                    before = ","
+                    token[++n] = "{}"
+                }
+            } else if (t == "}") {
+                if (--depth == 0 && whole) finish()
+            } else if (depth == 0) {
+                if (t == ";") finish()
+                else token[++n] = t
+            } else if (depth == 1 && enumeration) {
+                if (before == "," && t ~ /^[A-Za-z_]/) declared(t)
+                before = t
+            }
+        }
+    }' "$@"
+}
+# shellcheck disable=SC2086
+names $sources | sort -u >"$out/names"
+
+{
+    banner "the whole library in one file; #define CAIRN_FLOAT for it and for all users of cairn.h to compute in float"
+    body src/core/build.h
+    echo '#include "cairn.h"'
+    # shellcheck disable=SC2086
+    awk -v names="$out/names" '
+    function emit_header(path,    line, other, inner, i, count, guard, last) # with the private headers that it includes
+    {
+        if (path in emitted) return
+        emitted[path] = 1
+        count = 0
+        while ((getline line < path) > 0) {
+            if (line ~ /^#include "src\//) {
+                other = line
+                gsub(/^#include "|".*$/, "", other)
+                emit_header(other)
+            }
+        }
+        close(path)
+        guard = 0
+        count = 0
+        while ((getline line < path) > 0) {
+            if (!guard && line ~ /^#ifndef CAIRN_[A-Z0-9_]*_H$/) { guard = 1; getline line < path; continue }
+            if (line ~ /^#include "/) continue
+            text[++count] = line
+        }
+        close(path)
+        for (last = count; last > 0 && text[last] !~ /^#endif/; last--) {}
+        for (i = 1; i < last; i++) print text[i]
+    }
+    BEGIN {
+        emitted["src/core/build.h"] = 1
+        while ((getline line < names) > 0) {
+            split(line, word, " ")
+            users[word[2]]++
+            list[++entries] = line
+        }
+    }
+    function finish_file(    i)
+    {
+        for (i = 1; i <= macros; i++) print "#undef " macro[i]
+        macros = 0
+    }
+    FNR == 1 {
+        finish_file()
+        room = FILENAME
+        gsub(/^.*\/|\.c$/, "", room)
+        while ((getline line < FILENAME) > 0)
+            if (line ~ /^#include "src\//) {
+                other = line
+                gsub(/^#include "|".*$/, "", other)
+                emit_header(other)
+            }
+        close(FILENAME)
+        print "\n/* ---- " FILENAME " ---- */\n"
+        split("", defined)
+        for (i = 1; i <= entries; i++) {
+            split(list[i], word, " ")
+            if (word[1] == FILENAME && users[word[2]] > 1) {
+                print "#define " word[2] " " room "_" word[2]
+                macro[++macros] = word[2]
+            }
+        }
+    }
+    /^#include "/ { next }
+    /^#[ \t]*define[ \t]/ {
+        name = $0
+        sub(/^#[ \t]*define[ \t]+/, "", name)
+        sub(/[^A-Za-z0-9_].*/, "", name)
+        if (!(name in defined)) { defined[name] = 1; macro[++macros] = name }
+    }
+    { print }
+    END { finish_file() }' $sources
+} >"$out/cairn.c.new"
+rm "$out/names"
+mv "$out/cairn.h.new" "$out/cairn.h"
+mv "$out/cairn.c.new" "$out/cairn.c"

@@ -1,0 +1,44 @@
+#!/bin/sh
+# Shows that every compiler and option gives the same bits: tools/check-bits.sh BUILD
+#
+# Builds the library with tests/golden.c in many ways, in double and in float, and compares what they print. The options
+# do not say -ffp-contract=off: src/core/build.h must see to it alone.
+work=$1/bits
+rm -rf "$work"
+mkdir -p "$work"
+sources="tests/golden.c $(ls src/core/*.c src/contour/*.c src/mapping/*.c 2>/dev/null | tr '\n' ' ')"
+
+variants="gcc -std=gnu11 -O0
+gcc -std=c11 -O2
+gcc -std=gnu11 -O3 -march=native
+gcc -std=gnu11 -Os -fno-inline
+clang -std=gnu11 -O0
+clang -std=c11 -O2
+clang -std=gnu11 -O3 -march=native"
+number=0
+echo "$variants" | while read -r compiler options; do
+    command -v "$compiler" >/dev/null 2>&1 || continue
+    number=$((number + 1))
+    echo "$compiler $options -I. -Iinclude -w $sources -o $work/double-$number -lm"
+    echo "$compiler $options -DCAIRN_FLOAT -I. -Iinclude -w $sources -o $work/float-$number -lm"
+    echo "$compiler $options" >"$work/options-$number"
+done | xargs -P 2 -I '{}' sh -c '{} || exit 255' || {
+    echo "FAILED same bits: a variant does not compile"
+    exit 1
+}
+
+failed=0
+for real in double float; do
+    for program in "$work/$real"-*; do
+        "$program" >"$program.txt" || failed=1
+        cmp -s "$program.txt" "$work/$real-1.txt" || {
+            failed=1
+            echo "FAILED same bits in $real: $(cat "$work/options-${program##*-}") differs from $(cat "$work/options-1"):"
+            diff "$work/$real-1.txt" "$program.txt"
+        }
+    done
+done
+# Double and float that agree have not been told apart.
+cmp -s "$work/double-1.txt" "$work/float-1.txt" && failed=1
+[ $failed -eq 0 ] && echo "ok     same bits: $(wc -l <"$work/double-1.txt") scenes, $(ls "$work"/options-* | wc -l) variants, double and float"
+exit $failed

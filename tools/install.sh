@@ -1,0 +1,53 @@
+#!/bin/sh
+# What `make install` does: tools/install.sh BUILD DESTINATION PREFIX VERSION SOVERSION
+#
+# DESTINATION is where the files go (DESTDIR and PREFIX), PREFIX is where they will be found.
+set -e
+build=$1 to=$2 prefix=$3 version=$4 soversion=$5
+mkdir -p "$to/include/cairn" "$to/lib/pkgconfig" "$to/bin"
+
+for header in include/cairn/*.h; do
+    # Headers of the host library only come with it.
+    room=${header##*/}
+    if [ -f "$build/libcairn-host.a" ] || ! grep -q "^host ${room%.h}\$" tools/rooms.txt; then
+        install -m 644 "$header" "$to/include/cairn/"
+    fi
+done
+install -m 644 "$build/libcairn.a" "$build/libcairn-float.a" "$to/lib/"
+install -m 755 "$build/libcairn.so.$soversion" "$to/lib/"
+ln -sf "libcairn.so.$soversion" "$to/lib/libcairn.so"
+for tool in cairn cairn-arena; do
+    [ ! -f "$build/$tool" ] || install -m 755 "$build/$tool" "$to/bin/"
+done
+
+# package name description
+package()
+{
+    echo "prefix=$prefix"
+    echo 'includedir=${prefix}/include'
+    echo 'libdir=${prefix}/lib'
+    echo
+    echo "Name: $1"
+    echo "Description: $2"
+    echo "Version: $version"
+}
+{
+    package cairn "maps from range scans, objects from contours: freestanding C"
+    echo 'Cflags: -I${includedir}'
+    echo 'Libs: -L${libdir} -lcairn -lm'
+} >"$to/lib/pkgconfig/cairn.pc"
+{
+    package cairn-float "cairn computing in float"
+    echo 'Cflags: -I${includedir} -DCAIRN_FLOAT'
+    echo 'Libs: -L${libdir} -lcairn-float -lm'
+} >"$to/lib/pkgconfig/cairn-float.pc"
+if [ -f "$build/libcairn-host.a" ]; then
+    install -m 644 "$build/libcairn-host.a" "$to/lib/"
+    {
+        package cairn-host "files, pictures and solvers for cairn on an operating system"
+        echo 'Requires: cairn'
+        # The library is static only, so each user links what it stands on.
+        echo 'Libs: -L${libdir} -lcairn-host -lyaml -lpng -lz'
+    } >"$to/lib/pkgconfig/cairn-host.pc"
+fi
+echo "cairn $version: installed in $to"
