@@ -79,6 +79,8 @@ static void check_random_points(uint64_t seed, cairn_real cell, cairn_real scale
             }
             assert_int_equal(cairn_point_grid_count(grid), i);
             assert_ok(cairn_point_grid_insert(grid, points[i]));
+            assert_true(cairn_point_grid_point(grid, i).x == points[i].x);
+            assert_true(cairn_point_grid_point(grid, i / 2).y == points[i / 2].y);
             if (i % 20 == 0 || i == POINTS - 1) {
                 for (int k = 0; k < 6; k++) {
                     cairn_vec2 p = points[cairn_random_below(&random, i + 1)];

@@ -159,6 +159,12 @@ int32_t cairn_point_grid_count(const cairn_point_grid *grid)
     return grid->count;
 }
 
+cairn_vec2 cairn_point_grid_point(const cairn_point_grid *grid, int32_t index)
+{
+    CAIRN_ASSERT(index >= 0 && index < grid->count);
+    return grid->points[index];
+}
+
 /* The best point so far: lowest distance, then lowest index. */
 struct nearest {
     cairn_vec2 p;
