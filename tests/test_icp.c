@@ -68,7 +68,7 @@ static cairn_icp *make_icp(cairn_pool *pool, cairn_icp_params params)
 }
 
 static cairn_icp_result align(cairn_icp *icp, const struct points *query, cairn_pose start,
-                              const cairn_icp_prior *prior)
+                              const cairn_pose_prior *prior)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_icp_result result;
@@ -119,15 +119,14 @@ struct twin {
     int32_t pairs;
 };
 
-static void twin_prior(const cairn_icp_prior *prior, const struct twin *twin, double kx, double ky, double m[3][4])
+static void twin_prior(const cairn_pose_prior *prior, const struct twin *twin, double kx, double ky, double m[3][4])
 {
     for (int k = 0; prior != NULL && k < 3; k++) {
-        double pc = cos((double)prior->target_query.theta), ps = sin((double)prior->target_query.theta);
+        double pc = cos((double)prior->mean.theta), ps = sin((double)prior->mean.theta);
         double ax = k == 0 ? pc : k == 1 ? -ps : 0, ay = k == 0 ? ps : k == 1 ? pc : 0;
         double row[3] = {ax, ay, k < 2 ? -ax * kx - ay * ky : 1};
-        double e = k < 2
-                       ? ax * (twin->x - (double)prior->target_query.x) + ay * (twin->y - (double)prior->target_query.y)
-                       : twin->theta - (double)prior->target_query.theta;
+        double e = k < 2 ? ax * (twin->x - (double)prior->mean.x) + ay * (twin->y - (double)prior->mean.y)
+                         : twin->theta - (double)prior->mean.theta;
         double w = pow((double)(k == 0 ? prior->sigma_x : k == 1 ? prior->sigma_y : prior->sigma_theta), -2);
 
         for (int u = 0; u < 3; u++) {
@@ -158,7 +157,7 @@ static void eliminate(double m[3][4], double sides[3][3])
 }
 
 static void twin_iterate(const cairn_icp_params *params, const struct points *target, const struct points *query,
-                         const cairn_icp_prior *prior, struct twin *twin)
+                         const cairn_pose_prior *prior, struct twin *twin)
 {
     double a[3][4] = {{0}}, lines[3][3] = {{0}}, weights = 0, squares = 0, psi = 0, slopes = 0, points = 0, far = 0;
     double cx = 0, cy = 0, c = cos(twin->theta), s = sin(twin->theta), distance = 0, variance, scale;
@@ -280,7 +279,7 @@ static void test_icp_matches_twin(void **state)
         cairn_pose truth = random_pose(&random, CAIRN_REAL(0.8), 3),
                    off = random_pose(&random, CAIRN_REAL(0.1), CAIRN_REAL(0.08));
         cairn_pose start = cairn_pose_compose(truth, off);
-        cairn_icp_prior prior = {start, CAIRN_REAL(0.02), CAIRN_REAL(0.05), CAIRN_REAL(0.01)};
+        cairn_pose_prior prior = {start, CAIRN_REAL(0.02), CAIRN_REAL(0.05), CAIRN_REAL(0.01)};
         cairn_icp_params params = cairn_icp_default();
         struct twin twin = {(double)start.x, (double)start.y, (double)start.theta, 0.5, 0.5, 0.5, {{0}}, 0, 0};
 
@@ -473,7 +472,7 @@ static void test_corridor(void **state)
     for (int mode = CAIRN_ICP_POINT_TO_POINT; mode <= CAIRN_ICP_POINT_TO_LINE; mode++) {
         cairn_icp_params params = cairn_icp_default();
         cairn_pose off = {CAIRN_REAL(0.2), CAIRN_REAL(0.1), CAIRN_REAL(0.05)};
-        cairn_icp_prior prior;
+        cairn_pose_prior prior;
         cairn_icp_result result;
         cairn_pool pool;
         cairn_icp *icp;
@@ -506,7 +505,7 @@ static void test_corridor(void **state)
         off.x = CAIRN_REAL(0.05);
         off.y = CAIRN_REAL(0.03);
         off.theta = 0;
-        prior.target_query = cairn_pose_compose(corridor, off);
+        prior.mean = cairn_pose_compose(corridor, off);
         prior.sigma_x = CAIRN_REAL(0.2);
         prior.sigma_y = CAIRN_REAL(0.1);
         prior.sigma_theta = CAIRN_REAL(0.05);
@@ -697,7 +696,7 @@ static void test_budgets(void **state)
 static void test_few_points(void **state)
 {
     static struct points world, query;
-    cairn_icp_prior prior = {{CAIRN_REAL(0.1), 0, 0}, CAIRN_REAL(0.1), CAIRN_REAL(0.2), CAIRN_REAL(0.3)};
+    cairn_pose_prior prior = {{CAIRN_REAL(0.1), 0, 0}, CAIRN_REAL(0.1), CAIRN_REAL(0.2), CAIRN_REAL(0.3)};
     cairn_pose start = {CAIRN_REAL(0.01), CAIRN_REAL(0.02), CAIRN_REAL(0.03)}, away = {50, 0, 0};
     cairn_icp_params params = cairn_icp_default();
     cairn_icp_result result;
@@ -907,15 +906,15 @@ static void test_bad_inputs(void **state)
     }
     for (int k = 0; k < 3; k++) {
         cairn_pose pose = identity;
-        cairn_icp_prior prior = {identity, 1, 1, 1};
+        cairn_pose_prior prior = {identity, 1, 1, 1};
 
         *(k == 0 ? &pose.x : k == 1 ? &pose.y : &pose.theta) = (cairn_real)NAN;
         assert_status(cairn_icp_add_target(icp, world.at, 20, pose, &fault), CAIRN_NOT_FINITE);
         assert_status(cairn_icp_begin(icp, world.at, 20, pose, NULL, &fault), CAIRN_NOT_FINITE);
         assert_int_equal(fault.index, -1);
-        prior.target_query = pose;
+        prior.mean = pose;
         assert_status(cairn_icp_begin(icp, world.at, 20, identity, &prior, &fault), CAIRN_NOT_FINITE);
-        prior.target_query = identity;
+        prior.mean = identity;
         *(k == 0 ? &prior.sigma_x : k == 1 ? &prior.sigma_y : &prior.sigma_theta) = 0;
         assert_status(cairn_icp_begin(icp, world.at, 20, identity, &prior, NULL), CAIRN_BAD_ARGUMENT);
     }

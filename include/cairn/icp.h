@@ -8,8 +8,8 @@
 #ifndef CAIRN_ICP_H
 #define CAIRN_ICP_H
 
-#include "cairn/geometry.h"
 #include "cairn/pool.h"
+#include "cairn/rigid_motion.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -43,13 +43,6 @@ typedef struct cairn_icp_params {
 /* Point to line; 4096 points; 40 iterations; 10 pairs; gate 0.5 -> 0.1 m at 3 mean distances; 60 degrees; sigma 0.01 m;
  * converged below 1e-4 m and 1e-4 rad; weak below 0.01. */
 cairn_icp_params cairn_icp_default(void);
-
-/* What is known of the pose beforehand: normal, independent over (x, y, theta) in the frame of target_query itself. */
-typedef struct cairn_icp_prior {
-    cairn_pose target_query;
-    cairn_real sigma_x, sigma_y; /* m, > 0 */
-    cairn_real sigma_theta;      /* rad, > 0 */
-} cairn_icp_prior;
 
 typedef int32_t cairn_icp_verdict;
 enum {
@@ -104,7 +97,7 @@ int32_t cairn_icp_target_count(const cairn_icp *icp);
  * dropped. prior: NULL when nothing is known. CAIRN_EMPTY: no query or no target points. CAIRN_BAD_ARGUMENT: count < 0, NULL
  * query, directions as in add_target(), sigmas that are not > 0. CAIRN_NOT_FINITE. Cost: a linear pass over the query. */
 CAIRN_CHECKED cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, int32_t count,
-                                           cairn_pose start, const cairn_icp_prior *prior, cairn_fault *fault);
+                                           cairn_pose start, const cairn_pose_prior *prior, cairn_fault *fault);
 
 /* CAIRN_OK: nothing left to do, the verdict stands. CAIRN_MORE: go on. Costs 2 units for a query point, 8 more when the
  * nearest target point points elsewhere and another is searched, and 12 at the end of an iteration (targets with up to

@@ -13,15 +13,13 @@
  * Covariance: that of an M-estimator (Huber 1981, section 7.6) with the weighted information in place of the plain one,
  * sum(psi^2)/(n - 3) * (sum(w)/n) / (sum(psi')/n)^2 * (sum(w J J^T))^-1, psi(e) = w e.
  *
- * Limits: nearest neighbours are found anew in each iteration. Flat basins of a few gate lengths; a global search is
- * another room's. */
+ * Limits: the start must lie within about a gate of the truth; nothing is searched. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "cairn/icp.h"
 #include "cairn/neighbours.h"
-#include "cairn/small_matrix.h"
 
 enum { MAX_TARGET = 1 << 24, UNITS_PAIR = 2, UNITS_SEARCH = 8, UNITS_SOLVE = 12 };
 
@@ -29,13 +27,11 @@ enum { MAX_TARGET = 1 << 24, UNITS_PAIR = 2, UNITS_SEARCH = 8, UNITS_SOLVE = 12 
  * 1.26 of their variance. */
 static const cairn_real CAUCHY = CAIRN_REAL(2.385);
 static const cairn_real CAUCHY_VARIANCE = CAIRN_REAL(1.26);
-/* Least information in any direction: a standard deviation of 100 m. */
-static const cairn_real LEAST_INFORMATION = CAIRN_REAL(1e-4);
 
 /* Sums over the pairs of one iteration. */
 struct sums {
     cairn_sym3 lines;                       /* point-to-line information */
-    cairn_sym3 normal;                      /* of the mode's normal equations */
+    cairn_sym3 points;                      /* point-to-point information, in that mode */
     cairn_real gradient[3];                 /* of the mode */
     cairn_real weight, squares;             /* of residuals across the line: w, w e^2 */
     cairn_real psi_squares, slopes;         /* (w e)^2, d(w e)/de */
@@ -55,9 +51,8 @@ struct cairn_icp {
     int32_t next; /* query point to pair; == query_count: the iteration is to be solved */
     int32_t debt; /* units of items done that are not yet paid for */
     int32_t has_prior;
-    cairn_icp_prior prior;
-    cairn_vec2 centroid;
-    cairn_transform target_query; /* of result.target_query */
+    cairn_pose_prior prior;
+    cairn_rigid_motion motion; /* of the query about its centroid */
     cairn_real sigma, point_sigma;
     cairn_real gate; /* of this iteration */
     struct sums sums;
@@ -219,33 +214,32 @@ int32_t cairn_icp_target_count(const cairn_icp *icp)
     return cairn_point_grid_count(icp->grid);
 }
 
-static cairn_status check_prior(const cairn_icp_prior *prior, cairn_fault *fault)
+static cairn_status check_prior(const cairn_pose_prior *prior, cairn_fault *fault)
 {
     if (prior == NULL)
         return CAIRN_OK;
-    if (!cairn_pose_is_finite(prior->target_query))
+    if (!cairn_pose_is_finite(prior->mean))
         return refuse(fault, -1, "the prior's pose is not finite", CAIRN_NOT_FINITE);
     if (!is_positive(prior->sigma_x) || !is_positive(prior->sigma_y) || !is_positive(prior->sigma_theta))
         return refuse(fault, -1, "the prior's sigmas must be positive", CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
 
-/* Centroid and radius of the query. */
-static void measure_query(cairn_icp *icp)
+/* The query at its start pose, about its centroid, with its root mean square as radius. */
+static cairn_rigid_motion measure_query(const cairn_icp *icp, cairn_pose start)
 {
     cairn_real count = (cairn_real)icp->query_count, squares = 0;
-    cairn_vec2 sum = {0, 0};
+    cairn_vec2 centroid = {0, 0};
 
     for (int32_t i = 0; i < icp->query_count; i++)
-        sum = cairn_vec2_add(sum, icp->query[i].position);
-    icp->centroid = cairn_vec2_scale(sum, 1 / count);
+        centroid = cairn_vec2_add(centroid, cairn_vec2_scale(icp->query[i].position, 1 / count));
     for (int32_t i = 0; i < icp->query_count; i++)
-        squares += cairn_vec2_norm_squared(cairn_vec2_sub(icp->query[i].position, icp->centroid));
-    icp->result.radius = cairn_max(cairn_sqrt(squares / count), icp->params.sigma);
+        squares += cairn_vec2_norm_squared(cairn_vec2_sub(icp->query[i].position, centroid));
+    return cairn_rigid_motion_at(start, centroid, cairn_max(cairn_sqrt(squares / count), icp->params.sigma));
 }
 
 cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, int32_t count, cairn_pose start,
-                             const cairn_icp_prior *prior, cairn_fault *fault)
+                             const cairn_pose_prior *prior, cairn_fault *fault)
 {
     cairn_status status;
 
@@ -272,8 +266,8 @@ cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, 
     memset(&icp->sums, 0, sizeof icp->sums);
     memset(&icp->result, 0, sizeof icp->result);
     icp->result.target_query = start;
-    icp->target_query = cairn_transform_of(start);
-    measure_query(icp);
+    icp->motion = measure_query(icp, start);
+    icp->result.radius = icp->motion.radius;
     return CAIRN_OK;
 }
 
@@ -314,29 +308,21 @@ static cairn_real cauchy_weight(cairn_real squared, cairn_real sigma)
     return 1 / (1 + squared / (scale * scale));
 }
 
-/* J of a residual along `axis` for a query point whose offset from the centroid, turned, is `arm`. */
-static void jacobian(const cairn_icp *icp, cairn_vec2 axis, cairn_vec2 arm, cairn_real row[3])
-{
-    row[0] = axis.x;
-    row[1] = axis.y;
-    row[2] = cairn_vec2_dot(axis, cairn_vec2_left(arm)) / icp->result.radius;
-}
-
 static void add_gradient(cairn_real gradient[3], const cairn_real row[3], cairn_real by)
 {
     for (int k = 0; k < 3; k++)
         gradient[k] += by * row[k];
 }
 
-static void add_point_terms(cairn_icp *icp, cairn_vec2 difference, cairn_vec2 arm, cairn_real squared)
+static void add_point_terms(cairn_icp *icp, const cairn_oriented_point *q, cairn_vec2 difference, cairn_real squared)
 {
     static const cairn_vec2 axes[2] = {{1, 0}, {0, 1}};
     struct sums *sums = &icp->sums;
     cairn_real weight = cauchy_weight(squared, icp->point_sigma), row[3];
 
     for (int k = 0; k < 2; k++) {
-        jacobian(icp, axes[k], arm, row);
-        cairn_sym3_add_outer(&sums->normal, row, weight);
+        cairn_rigid_motion_row(&icp->motion, axes[k], q->position, row);
+        cairn_sym3_add_outer(&sums->points, row, weight);
         add_gradient(sums->gradient, row, weight * cairn_vec2_dot(axes[k], difference));
     }
     sums->point_weight += weight;
@@ -346,19 +332,18 @@ static void add_point_terms(cairn_icp *icp, cairn_vec2 difference, cairn_vec2 ar
 static void add_query_point(cairn_icp *icp, const cairn_oriented_point *q)
 {
     struct sums *sums = &icp->sums;
-    cairn_vec2 p = cairn_transform_point(icp->target_query, q->position);
-    int32_t target = find_pair(icp, p, cairn_transform_direction(icp->target_query, q->direction));
-    cairn_vec2 arm, difference, normal;
+    cairn_vec2 p = cairn_transform_point(icp->motion.transform, q->position);
+    int32_t target = find_pair(icp, p, cairn_transform_direction(icp->motion.transform, q->direction));
+    cairn_vec2 difference, normal;
     cairn_real error, squared, weight, row[3];
 
     if (target < 0)
         return;
-    arm = cairn_transform_direction(icp->target_query, cairn_vec2_sub(q->position, icp->centroid));
     difference = cairn_vec2_sub(p, cairn_point_grid_point(icp->grid, target));
     normal = cairn_vec2_left(icp->directions[target]);
     error = cairn_vec2_dot(normal, difference);
     weight = cauchy_weight(error * error, icp->sigma);
-    jacobian(icp, normal, arm, row);
+    cairn_rigid_motion_row(&icp->motion, normal, q->position, row);
     cairn_sym3_add_outer(&sums->lines, row, weight);
     sums->weight += weight;
     sums->squares += weight * error * error;
@@ -371,124 +356,10 @@ static void add_query_point(cairn_icp *icp, const cairn_oriented_point *q)
     if (icp->params.mode == CAIRN_ICP_POINT_TO_LINE)
         add_gradient(sums->gradient, row, weight * error);
     else
-        add_point_terms(icp, difference, arm, squared);
+        add_point_terms(icp, q, difference, squared);
 }
 
 /* ---- Solving ---- */
-
-/* Unit eigenvectors of the point-to-line information, the least observable first. */
-struct basis {
-    cairn_real vectors[3][3];
-};
-
-/* Coordinates of a row in the basis of the eigenvectors. */
-static void to_basis(const struct basis *basis, const cairn_real row[3], cairn_real out[3])
-{
-    for (int i = 0; i < 3; i++)
-        out[i] = basis->vectors[i][0] * row[0] + basis->vectors[i][1] * row[1] + basis->vectors[i][2] * row[2];
-}
-
-/* m in the basis of the eigenvectors. */
-static cairn_sym3 sym3_to_basis(const struct basis *basis, cairn_sym3 m)
-{
-    cairn_real columns[3][3], products[3];
-    cairn_sym3 out;
-
-    for (int i = 0; i < 3; i++) {
-        products[0] = m.xx * basis->vectors[i][0] + m.xy * basis->vectors[i][1] + m.xz * basis->vectors[i][2];
-        products[1] = m.xy * basis->vectors[i][0] + m.yy * basis->vectors[i][1] + m.yz * basis->vectors[i][2];
-        products[2] = m.xz * basis->vectors[i][0] + m.yz * basis->vectors[i][1] + m.zz * basis->vectors[i][2];
-        to_basis(basis, products, columns[i]);
-    }
-    out.xx = columns[0][0];
-    out.xy = columns[1][0];
-    out.xz = columns[2][0];
-    out.yy = columns[1][1];
-    out.yz = columns[2][1];
-    out.zz = columns[2][2];
-    return out;
-}
-
-/* Takes the first `weak` directions of the basis out of the information. */
-static void drop_weak(cairn_sym3 *m, int32_t weak)
-{
-    if (weak > 0)
-        m->xx = m->xy = m->xz = 0;
-    if (weak > 1)
-        m->yy = m->yz = 0;
-}
-
-/* The query's origin relative to the centroid moves with the rotation by this, per radian. */
-static cairn_vec2 origin_arm(const cairn_icp *icp)
-{
-    return cairn_vec2_left(cairn_transform_direction(icp->target_query, icp->centroid));
-}
-
-/* Adds the prior's three residuals, in the basis, to the normal equations. */
-static void add_prior(const cairn_icp *icp, const struct basis *basis, cairn_sym3 *information, cairn_real gradient[3])
-{
-    const cairn_icp_prior *prior = &icp->prior;
-    cairn_transform mean = cairn_transform_of(prior->target_query);
-    cairn_vec2 x_axis = {mean.cosine, mean.sine}, arm = origin_arm(icp);
-    cairn_vec2 off = {icp->result.target_query.x - mean.x, icp->result.target_query.y - mean.y};
-    cairn_vec2 axes[2] = {x_axis, cairn_vec2_left(x_axis)};
-    cairn_real sigmas[3] = {prior->sigma_x, prior->sigma_y, prior->sigma_theta};
-
-    for (int k = 0; k < 3; k++) {
-        cairn_real weight = 1 / (sigmas[k] * sigmas[k]), error, row[3] = {0, 0, 0}, turned[3];
-
-        if (k < 2) {
-            error = cairn_vec2_dot(axes[k], off);
-            row[0] = axes[k].x;
-            row[1] = axes[k].y;
-            row[2] = -cairn_vec2_dot(axes[k], arm) / icp->result.radius;
-        } else {
-            error = cairn_wrap_angle(icp->result.target_query.theta - prior->target_query.theta);
-            row[2] = 1 / icp->result.radius;
-        }
-        to_basis(basis, row, turned);
-        cairn_sym3_add_outer(information, turned, weight);
-        add_gradient(gradient, turned, weight * error);
-    }
-}
-
-/* Covariance of the pose from the information in the basis. */
-static void write_covariance(cairn_icp *icp, const struct basis *basis, cairn_sym3 information)
-{
-    cairn_real values[3], inner[3][3], radius = icp->result.radius;
-    cairn_vec2 arm = origin_arm(icp);
-
-    cairn_sym3_eigen(information, values, inner);
-    memset(icp->result.covariance, 0, sizeof icp->result.covariance);
-    for (int i = 0; i < 3; i++) {
-        cairn_real variance = 1 / cairn_max(values[i], LEAST_INFORMATION), motion[3], pose[3];
-
-        for (int k = 0; k < 3; k++)
-            motion[k] = inner[i][0] * basis->vectors[0][k] + inner[i][1] * basis->vectors[1][k] +
-                        inner[i][2] * basis->vectors[2][k];
-        pose[2] = motion[2] / radius;
-        pose[0] = motion[0] - arm.x * pose[2];
-        pose[1] = motion[1] - arm.y * pose[2];
-        for (int k = 0; k < 9; k++)
-            icp->result.covariance[k] += variance * pose[k / 3] * pose[k % 3];
-    }
-}
-
-/* Moves the pose by a motion about the centroid. */
-static void move(cairn_icp *icp, const cairn_real step[3])
-{
-    cairn_vec2 before = cairn_transform_direction(icp->target_query, icp->centroid), after;
-    cairn_pose pose = icp->result.target_query;
-
-    pose.theta = cairn_wrap_angle(pose.theta + step[2] / icp->result.radius);
-    icp->target_query = cairn_transform_of(pose);
-    after = cairn_transform_direction(icp->target_query, icp->centroid);
-    pose.x += before.x + step[0] - after.x;
-    pose.y += before.y + step[1] - after.y;
-    icp->target_query.x = pose.x;
-    icp->target_query.y = pose.y;
-    icp->result.target_query = pose;
-}
 
 /* The variance factor of the covariance, see the head of this file. */
 static cairn_real information_scale(const cairn_icp *icp)
@@ -506,104 +377,87 @@ static cairn_sym3 scaled(cairn_sym3 m, cairn_real by)
     return out;
 }
 
-/* Solves for the step in the basis and turns it back; 0 when the equations are singular. */
-static int solve_step(const cairn_icp *icp, const struct basis *basis, int32_t weak, cairn_real step[3])
+/* Ends the alignment. basis NULL: too few pairs, so that all that is known is the prior. */
+static void stop(cairn_icp *icp, cairn_icp_verdict verdict, const cairn_motion_basis *basis)
 {
-    int to_line = icp->params.mode == CAIRN_ICP_POINT_TO_LINE;
-    cairn_real sigma = to_line ? icp->sigma : icp->point_sigma, by = 1 / (sigma * sigma);
-    cairn_sym3 normal = sym3_to_basis(basis, scaled(to_line ? icp->sums.lines : icp->sums.normal, by));
-    cairn_real gradient[3], turned[3], length;
-
-    to_basis(basis, icp->sums.gradient, gradient);
-    for (int i = 0; i < 3; i++)
-        gradient[i] = i < weak ? 0 : -by * gradient[i];
-    drop_weak(&normal, weak);
-    if (icp->has_prior) {
-        cairn_real against[3] = {0, 0, 0};
-
-        add_prior(icp, basis, &normal, against);
-        for (int i = 0; i < 3; i++)
-            gradient[i] -= against[i];
-    } else {
-        if (weak > 0)
-            normal.xx = normal.zz;
-        if (weak > 1)
-            normal.yy = normal.zz;
-    }
-    if (!cairn_sym3_solve(normal, gradient, turned))
-        return 0;
-    length = cairn_sqrt(turned[0] * turned[0] + turned[1] * turned[1] + turned[2] * turned[2]);
-    for (int k = 0; k < 3; k++) {
-        step[k] =
-            turned[0] * basis->vectors[0][k] + turned[1] * basis->vectors[1][k] + turned[2] * basis->vectors[2][k];
-        if (length > icp->gate)
-            step[k] *= icp->gate / length;
-    }
-    return 1;
-}
-
-/* Ends the alignment: the covariance from the sums of the last iteration and the prior. */
-static void stop(cairn_icp *icp, cairn_icp_verdict verdict, const struct basis *basis, int32_t weak)
-{
+    cairn_normal_equations prior;
     cairn_sym3 information = cairn_sym3_zero();
-    cairn_real ignored[3] = {0, 0, 0};
 
-    if (verdict != CAIRN_ICP_TOO_FEW_PAIRS) {
-        information = scaled(sym3_to_basis(basis, icp->sums.lines), information_scale(icp));
-        drop_weak(&information, weak);
-    }
     if (icp->has_prior)
-        add_prior(icp, basis, &information, ignored);
-    write_covariance(icp, basis, information);
+        prior = cairn_rigid_motion_prior(&icp->motion, &icp->prior);
+    if (basis != NULL)
+        information = scaled(icp->sums.lines, information_scale(icp));
+    cairn_rigid_motion_covariance(&icp->motion, basis, &information, icp->has_prior ? &prior : NULL,
+                                  icp->result.covariance);
     icp->result.verdict = verdict;
     icp->running = 0;
 }
 
+/* Scales of the residuals, from those of this iteration. */
+static void update_sigmas(cairn_icp *icp)
+{
+    const struct sums *sums = &icp->sums;
+
+    icp->sigma = cairn_max(icp->params.sigma, cairn_sqrt(CAUCHY_VARIANCE * sums->squares / sums->weight));
+    if (icp->params.mode == CAIRN_ICP_POINT_TO_POINT)
+        icp->point_sigma =
+            cairn_max(icp->params.sigma, cairn_sqrt(CAUCHY_VARIANCE * sums->point_squares / (2 * sums->point_weight)));
+}
+
+/* The step of this iteration; 0 when there is none. */
+static int solve(const cairn_icp *icp, const cairn_motion_basis *basis, cairn_real step[3])
+{
+    int to_line = icp->params.mode == CAIRN_ICP_POINT_TO_LINE;
+    cairn_real sigma = to_line ? icp->sigma : icp->point_sigma, by = 1 / (sigma * sigma);
+    cairn_normal_equations observed, prior;
+
+    observed.information = scaled(to_line ? icp->sums.lines : icp->sums.points, by);
+    for (int k = 0; k < 3; k++)
+        observed.gradient[k] = by * icp->sums.gradient[k];
+    if (icp->has_prior)
+        prior = cairn_rigid_motion_prior(&icp->motion, &icp->prior);
+    return cairn_motion_solve(basis, &observed, icp->has_prior ? &prior : NULL, icp->gate, step);
+}
+
 static void end_iteration(cairn_icp *icp)
 {
-    static const struct basis axes = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
     const cairn_icp_params *params = &icp->params;
-    const struct sums *sums = &icp->sums;
     cairn_icp_result *result = &icp->result;
-    struct basis basis;
-    cairn_real values[3], step[3], gate, moved, sigma = icp->sigma;
-    int32_t weak = 0, converged;
+    cairn_motion_basis basis;
+    cairn_real step[3], gate, moved, sigma = icp->sigma;
+    int32_t converged;
 
     result->iterations++;
-    result->pairs = sums->pairs;
-    result->overlap = (cairn_real)sums->pairs / (cairn_real)icp->query_count;
+    result->pairs = icp->sums.pairs;
+    result->overlap = (cairn_real)result->pairs / (cairn_real)icp->query_count;
     result->gate = icp->gate;
-    if (sums->pairs < params->min_pairs) {
+    if (result->pairs < params->min_pairs) {
         result->observable = 0;
-        stop(icp, CAIRN_ICP_TOO_FEW_PAIRS, &axes, 3);
+        stop(icp, CAIRN_ICP_TOO_FEW_PAIRS, NULL);
         return;
     }
-    result->mean_distance = sums->distance / (cairn_real)sums->pairs;
-    icp->sigma = cairn_max(params->sigma, cairn_sqrt(CAUCHY_VARIANCE * sums->squares / sums->weight));
-    if (params->mode == CAIRN_ICP_POINT_TO_POINT)
-        icp->point_sigma =
-            cairn_max(params->sigma, cairn_sqrt(CAUCHY_VARIANCE * sums->point_squares / (2 * sums->point_weight)));
+    result->mean_distance = icp->sums.distance / (cairn_real)result->pairs;
+    update_sigmas(icp);
     result->sigma = icp->sigma;
-
-    cairn_sym3_eigen(sums->lines, values, basis.vectors);
-    while (weak < 2 && values[weak] < params->weak_ratio * values[2])
-        weak++;
-    result->observable = 3 - weak;
-    result->weak_ratio = cairn_max(values[0], 0) / values[2];
+    basis = cairn_motion_basis_of(icp->sums.lines, params->weak_ratio);
+    result->observable = 3 - basis.weak;
+    result->weak_ratio = basis.ratio;
     memcpy(result->weak, basis.vectors[0], sizeof result->weak);
-    if (!solve_step(icp, &basis, weak, step)) {
-        stop(icp, CAIRN_ICP_UNOBSERVABLE, &basis, weak);
+    if (!solve(icp, &basis, step)) {
+        stop(icp, CAIRN_ICP_UNOBSERVABLE, &basis);
         return;
     }
-    move(icp, step);
+    cairn_rigid_motion_move(&icp->motion, step);
+    result->target_query = icp->motion.map_body;
     moved = cairn_sqrt(step[0] * step[0] + step[1] * step[1]);
     gate = cairn_min(icp->gate, cairn_max(params->gate_end, params->gate_factor * result->mean_distance));
-    converged = moved < params->converged_distance && cairn_abs(step[2]) < params->converged_angle * result->radius &&
+    converged = moved < params->converged_distance &&
+                cairn_abs(step[2]) < params->converged_angle * icp->motion.radius &&
                 gate > CAIRN_REAL(0.99) * icp->gate && icp->sigma > CAIRN_REAL(0.9) * sigma;
     if (converged || result->iterations == params->max_iterations) {
         cairn_icp_verdict verdict = converged ? CAIRN_ICP_CONVERGED : CAIRN_ICP_OUT_OF_ITERATIONS;
 
-        stop(icp, weak > 0 && !icp->has_prior ? CAIRN_ICP_UNOBSERVABLE : verdict, &basis, weak);
+        stop(icp, basis.weak > 0 && !icp->has_prior ? CAIRN_ICP_UNOBSERVABLE : verdict, &basis);
         return;
     }
     icp->gate = gate;
