@@ -448,6 +448,50 @@ static void test_faces_of_a_thin_wall(void **state)
     test_pool_free(&pool);
 }
 
+/* Query points half way between two target points, with others nearer that point the other way: the lower index is taken,
+ * so that all move by half a spacing the same way. */
+static void test_ties(void **state)
+{
+    static struct points target, query;
+    cairn_icp_params params = cairn_icp_default();
+    cairn_icp_result result;
+    cairn_pool pool;
+    cairn_icp *icp;
+
+    (void)state;
+    params.mode = CAIRN_ICP_POINT_TO_POINT;
+    params.max_iterations = 1;
+    params.weak_ratio = 0;
+    for (int reverse = 0; reverse < 2; reverse++) {
+        target.count = 42;
+        query.count = 20;
+        for (int32_t i = 0; i < 21; i++) {
+            cairn_oriented_point *with = &target.at[reverse ? 20 - i : i], *against = &target.at[21 + i];
+
+            with->position.x = CAIRN_REAL(0.125) * (cairn_real)i;
+            against->position.x = with->position.x + CAIRN_REAL(0.0625);
+            with->position.y = 0;
+            against->position.y = CAIRN_REAL(-0.03125);
+            with->direction.x = 1;
+            against->direction.x = -1;
+            with->direction.y = against->direction.y = 0;
+        }
+        for (int32_t i = 0; i < 20; i++) {
+            query.at[i].position.x = CAIRN_REAL(0.125) * (cairn_real)i + CAIRN_REAL(0.0625);
+            query.at[i].position.y = 0;
+            query.at[i].direction.x = 1;
+            query.at[i].direction.y = 0;
+        }
+        icp = make_icp(&pool, params);
+        add_target(icp, &target);
+        result = align(icp, &query, cairn_pose_identity(), NULL);
+        assert_int_equal(result.pairs, 20);
+        assert_near(result.target_query.x, reverse ? 0.0625 : -0.0625, 1e-6);
+        assert_near(result.target_query.y, 0, 1e-6);
+        test_pool_free(&pool);
+    }
+}
+
 /* ---- Observability ---- */
 
 /* Two long walls, turned by 0.5 rad: the corridor's direction is named, the pose does not move along it and comes right
@@ -688,6 +732,7 @@ static void test_budgets(void **state)
         assert_int_equal(units[k], units[0]);
         assert_int_equal(results[k].verdict, CAIRN_ICP_CONVERGED);
     }
+    assert_int_equal((units[0] - results[0].iterations * (2 * query.count + 12)) % 8, 0);
     assert_in_range(units[0], results[0].iterations * (2 * query.count + 12),
                     results[0].iterations * (2 * query.count + 12) + results[0].iterations * query.count);
     test_pool_free(&pool);
@@ -760,6 +805,23 @@ static void test_bad_params(void **state)
     assert_true(params.max_target == 4096 && params.max_iterations == 40 && params.min_pairs == 10);
     assert_int_equal(params.mode, CAIRN_ICP_POINT_TO_LINE);
     assert_near(params.direction_gate, 3.14159265 / 3, 1e-6);
+    assert_near(params.cell, 0.2, 1e-7);
+    assert_near(params.gate_start, 0.5, 0);
+    assert_near(params.gate_end, 0.1, 1e-7);
+    assert_near(params.gate_factor, 3, 0);
+    assert_near(params.sigma, 0.01, 1e-8);
+    assert_near(params.converged_distance, 1e-4, 1e-10);
+    assert_near(params.converged_angle, 1e-4, 1e-10);
+    assert_near(params.weak_ratio, 0.01, 1e-8);
+    bad = params;
+    bad.gate_end = bad.gate_start;
+    bad.direction_gate = CAIRN_PI;
+    bad.max_target = bad.max_iterations = 1;
+    bad.min_pairs = 4;
+    bad.weak_ratio = 0;
+    assert_true(cairn_icp_memory(&bad) > 0);
+    bad.max_target = 1 << 24;
+    assert_true(cairn_icp_memory(&bad) > 0);
     for (int k = 0; k < 26; k++) {
         bad = params;
         switch (k) {
@@ -916,6 +978,9 @@ static void test_bad_inputs(void **state)
         assert_status(cairn_icp_begin(icp, world.at, 20, identity, &prior, &fault), CAIRN_NOT_FINITE);
         prior.mean = identity;
         *(k == 0 ? &prior.sigma_x : k == 1 ? &prior.sigma_y : &prior.sigma_theta) = 0;
+        fault.index = 4;
+        assert_status(cairn_icp_begin(icp, world.at, 20, identity, &prior, &fault), CAIRN_BAD_ARGUMENT);
+        assert_int_equal(fault.index, -1);
         assert_status(cairn_icp_begin(icp, world.at, 20, identity, &prior, NULL), CAIRN_BAD_ARGUMENT);
     }
     {
@@ -928,10 +993,13 @@ static void test_bad_inputs(void **state)
         world.at[9] = kept;
     }
     assert_status(cairn_icp_add_target(NULL, world.at, 20, identity, &fault), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_icp_add_target(icp, NULL, 20, identity, &fault), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_icp_add_target(icp, NULL, 1, identity, &fault), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(fault.index, -1);
     assert_status(cairn_icp_add_target(icp, world.at, -1, identity, &fault), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_icp_begin(NULL, world.at, 20, identity, NULL, &fault), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_icp_begin(icp, NULL, 20, identity, NULL, &fault), CAIRN_BAD_ARGUMENT);
+    fault.index = 4;
+    assert_status(cairn_icp_begin(icp, NULL, 1, identity, NULL, &fault), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(fault.index, -1);
     assert_status(cairn_icp_begin(icp, world.at, -1, identity, NULL, &fault), CAIRN_BAD_ARGUMENT);
     assert_int_equal(cairn_icp_target_count(icp), count);
     assert_ok(cairn_icp_step(icp, &budget));
@@ -939,7 +1007,9 @@ static void test_bad_inputs(void **state)
 
     assert_ok(cairn_icp_add_target(icp, NULL, 0, identity, NULL));
     assert_ok(cairn_icp_begin(icp, world.at, 20, identity, NULL, NULL));
+    fault.index = 4;
     assert_status(cairn_icp_add_target(icp, world.at, 20, identity, &fault), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(fault.index, -1);
     cairn_icp_clear_target(icp);
     assert_ok(cairn_icp_step(icp, &budget));
     assert_int_equal(budget.left, 10);
@@ -955,6 +1025,7 @@ int main(void)
         cmocka_unit_test(test_known_motions_with_noise),
         cmocka_unit_test(test_outliers),
         cmocka_unit_test(test_faces_of_a_thin_wall),
+        cmocka_unit_test(test_ties),
         cmocka_unit_test(test_corridor),
         cmocka_unit_test(test_wall_and_round_room),
         cmocka_unit_test(test_covariance_fits_the_errors),

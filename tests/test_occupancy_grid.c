@@ -43,8 +43,9 @@ static double slow_chord(cairn_vec2 from, cairn_vec2 to, double x, double y, dou
 }
 
 /* Beam by beam: chords of a walk against clipping with each cell, their sum against clipping with the whole grid; cells
- * follow each other without a gap; then what add_beam leaves in the cells. */
-static void check_beam(cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 to)
+ * follow each other without a gap, and none is touched in a corner alone by a `generic` beam; then what add_beam leaves
+ * in the cells. */
+static void check_beam(cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 to, int generic)
 {
     cairn_occupancy_grid_params params = cairn_occupancy_grid_read(grid);
     double res = (double)params.resolution, left = (double)params.origin.x, bottom = (double)params.origin.y;
@@ -64,7 +65,7 @@ static void check_beam(cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 t
         while (cairn_occupancy_walk_next(&walk, &chord)) {
             assert_in_range(chord.x, 0, WIDTH - 1);
             assert_in_range(chord.y, 0, HEIGHT - 1);
-            assert_true(chord.length >= 0);
+            assert_true(generic ? chord.length > 0 : chord.length >= 0);
             assert_true(cells == 0 || abs(chord.x - last_x) + abs(chord.y - last_y) == 1);
             last_x = chord.x;
             last_y = chord.y;
@@ -112,7 +113,7 @@ static void test_beams_match_clipping(void **state)
             from.x /= 20;
             from.y /= 20;
         }
-        check_beam(grid, from, to);
+        check_beam(grid, from, to, 1);
     }
     test_pool_free(&pool);
 }
@@ -138,7 +139,7 @@ static void test_beams_on_borders(void **state)
             to.y = from.y;
         if (i % 40 == 3)
             to = from;
-        check_beam(grid, from, to);
+        check_beam(grid, from, to, 0);
     }
     test_pool_free(&pool);
 }
@@ -160,6 +161,8 @@ static void test_known_beams(void **state)
     assert_near(cairn_occupancy_grid_cell(grid, 3, 1).length, 0, 0);
     assert_int_equal(cairn_occupancy_grid_cell(grid, 2, 1).hits, 1);
     assert_int_equal(cairn_occupancy_grid_cell(grid, 1, 1).hits, 0);
+    assert_near(cairn_occupancy_grid_cell(grid, 4, 0).length, 0, 0);
+    assert_near(cairn_occupancy_grid_cell(grid, -4, 2).length, 0, 0);
     assert_near(cairn_occupancy_grid_probability(grid, 2, 1), 1 - exp(-4), 1e-6);
     assert_near(cairn_occupancy_grid_probability(grid, 1, 1), 0, 0);
     assert_near(cairn_occupancy_grid_probability(grid, 3, 1), -1, 0);
@@ -198,6 +201,13 @@ static void test_beams_far_and_not_finite(void **state)
             assert_status(cairn_occupancy_grid_add_beam(grid, from, to, 1), CAIRN_NOT_FINITE);
             assert_status(cairn_occupancy_grid_walk(grid, from, to, &walk), CAIRN_NOT_FINITE);
         }
+    /* The length is 0, but the cells overflow. */
+    for (int k = 0; k < 2; k++) {
+        cairn_vec2 p = good;
+
+        *(k ? &p.y : &p.x) = CAIRN_REAL_MAX / 2;
+        assert_status(cairn_occupancy_grid_add_beam(grid, p, p, 1), CAIRN_NOT_FINITE);
+    }
     for (int32_t i = 0; i < WIDTH * HEIGHT; i++)
         assert_near(cairn_occupancy_grid_probability(grid, i % WIDTH, i / WIDTH), -1, 0);
     assert_ok(cairn_occupancy_grid_add_beam(grid, far, other_far, 1));
@@ -324,9 +334,11 @@ static void test_scan_refusals(void **state)
     assert_int_equal(budget.left, 10);
     assert_status(cairn_occupancy_grid_begin_scan(NULL, beams, 3, identity, &fault), CAIRN_BAD_ARGUMENT);
     assert_true(fault.index == -1 && fault.what != NULL);
-    assert_status(cairn_occupancy_grid_begin_scan(grid, NULL, 3, identity, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_occupancy_grid_begin_scan(grid, NULL, 1, identity, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_occupancy_grid_begin_scan(grid, beams, -1, identity, NULL), CAIRN_BAD_ARGUMENT);
+    fault.index = 3;
     assert_status(cairn_occupancy_grid_begin_scan(grid, beams, 3, bad, &fault), CAIRN_NOT_FINITE);
+    assert_int_equal(fault.index, -1);
     beams[1].kind = 3;
     assert_status(cairn_occupancy_grid_begin_scan(grid, beams, 3, identity, &fault), CAIRN_BAD_ARGUMENT);
     assert_int_equal(fault.index, 1);
@@ -485,8 +497,21 @@ static void test_grid_refusals(void **state)
     assert_int_equal(cairn_occupancy_grid_memory(&bad), 0);
     bad.width = 1;
     assert_true(cairn_occupancy_grid_memory(&bad) > 0);
+    bad.origin.x = CAIRN_REAL_MAX;
+    assert_int_equal(cairn_occupancy_grid_memory(&bad), 0);
+    bad.origin.x = 0;
+    bad.origin.y = CAIRN_REAL_MAX;
+    assert_int_equal(cairn_occupancy_grid_memory(&bad), 0);
+    bad.origin.y = 0;
     bad.height = 400;
     assert_int_equal(cairn_occupancy_grid_memory(&bad), 0);
+    bad = params;
+    bad.width = CAIRN_RASTER_MAX_SIDE;
+    bad.height = 1;
+    assert_true(cairn_occupancy_grid_memory(&bad) > CAIRN_RASTER_MAX_SIDE * 8);
+    bad.width = 1;
+    bad.height = CAIRN_RASTER_MAX_SIDE;
+    assert_true(cairn_occupancy_grid_memory(&bad) > CAIRN_RASTER_MAX_SIDE * 8);
     assert_int_equal(cairn_occupancy_grid_memory(NULL), 0);
     assert_status(cairn_occupancy_grid_create(&grid, &pool, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_occupancy_grid_create(NULL, &pool, &params), CAIRN_BAD_ARGUMENT);

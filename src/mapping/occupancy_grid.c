@@ -42,8 +42,7 @@ static int params_are_good(const cairn_occupancy_grid_params *params)
 {
     return params != NULL && params->width >= 1 && params->width <= CAIRN_RASTER_MAX_SIDE && params->height >= 1 &&
            params->height <= CAIRN_RASTER_MAX_SIDE && params->resolution > 0 &&
-           1 / params->resolution <= CAIRN_REAL_MAX && cairn_is_finite(params->origin.x) &&
-           cairn_is_finite(params->origin.y) &&
+           1 / params->resolution <= CAIRN_REAL_MAX &&
            cairn_is_finite(params->origin.x + (cairn_real)params->width * params->resolution) &&
            cairn_is_finite(params->origin.y + (cairn_real)params->height * params->resolution);
 }
