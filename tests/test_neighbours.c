@@ -79,6 +79,8 @@ static void check_random_points(uint64_t seed, cairn_real cell, cairn_real scale
             }
             assert_int_equal(cairn_point_grid_count(grid), i);
             assert_ok(cairn_point_grid_insert(grid, points[i]));
+            assert_true(cairn_point_grid_point(grid, i).x == points[i].x);
+            assert_true(cairn_point_grid_point(grid, i / 2).y == points[i / 2].y);
             if (i % 20 == 0 || i == POINTS - 1) {
                 for (int k = 0; k < 6; k++) {
                     cairn_vec2 p = points[cairn_random_below(&random, i + 1)];
@@ -257,8 +259,14 @@ static void test_grid_refusals(void **state)
     assert_int_equal(cairn_point_grid_next(grid, &cursor), -1);
     cursor = cairn_point_grid_begin(grid, nan_x, 9);
     assert_int_equal(cairn_point_grid_next(grid, &cursor), -1);
-    cursor = cairn_point_grid_begin(grid, infinite, 9);
-    assert_int_equal(cairn_point_grid_next(grid, &cursor), -1);
+    for (int k = 0; k < 4; k++) {
+        cairn_vec2 q = p;
+
+        *(k % 2 ? &q.y : &q.x) = k < 2 ? (cairn_real)INFINITY : (cairn_real)NAN;
+        assert_int_equal(cairn_point_grid_nearest(grid, q, (cairn_real)INFINITY, NULL), -1);
+        cursor = cairn_point_grid_begin(grid, q, (cairn_real)INFINITY);
+        assert_int_equal(cairn_point_grid_next(grid, &cursor), -1);
+    }
     test_pool_free(&pool);
 }
 
@@ -281,13 +289,18 @@ static int holds_a_point(cairn_box box)
     return box.min.x <= box.max.x && box.min.y <= box.max.y;
 }
 
+static int starts_before(const cairn_box *boxes, int32_t a, int32_t b)
+{
+    return boxes[a].min.x < boxes[b].min.x || (boxes[a].min.x == boxes[b].min.x && a < b);
+}
+
 /* Runs the sweep with budgets of `budget` units, compares with all pairs, and returns the units spent; *hash is one of the
- * pairs in order. */
+ * pairs in order, which is that of the left sides. */
 static int32_t check_sweep(cairn_box_sweep *sweep, const cairn_box *boxes, int32_t count, int32_t budget,
                            uint64_t *hash)
 {
     static unsigned char seen[BOXES][BOXES];
-    int32_t spent = 0, pair[2];
+    int32_t spent = 0, pair[2], last = -1, left_box;
     cairn_budget left;
     cairn_status status;
 
@@ -299,6 +312,9 @@ static int32_t check_sweep(cairn_box_sweep *sweep, const cairn_box *boxes, int32
         while ((status = cairn_box_sweep_next(sweep, &left, &pair[0], &pair[1])) == CAIRN_OK) {
             assert_true(pair[0] >= 0 && pair[0] < pair[1] && pair[1] < count);
             seen[pair[0]][pair[1]]++;
+            left_box = starts_before(boxes, pair[0], pair[1]) ? pair[0] : pair[1];
+            assert_true(last < 0 || last == left_box || starts_before(boxes, last, left_box));
+            last = left_box;
             *hash = test_hash(*hash, pair, sizeof pair);
         }
         assert_true(left.left >= 0);
@@ -448,7 +464,7 @@ static cairn_status create_sweep(void *context, cairn_pool *pool)
 static void test_sweep_refusals(void **state)
 {
     static const cairn_box_sweep_params bad[] = {{0}, {-5}, {(1 << 28) + 1}};
-    cairn_box_sweep_params params = {17};
+    cairn_box_sweep_params params = {17}, one = {1}, most = {1 << 28};
     cairn_pool pool = test_pool(10000);
     cairn_box_sweep *sweep;
     cairn_box boxes[2] = {{{0, 0}, {1, 1}}, {{0, 0}, {1, 1}}};
@@ -461,6 +477,8 @@ static void test_sweep_refusals(void **state)
         assert_status(cairn_box_sweep_create(&sweep, &pool, &bad[i]), CAIRN_BAD_ARGUMENT);
     }
     assert_int_equal(cairn_box_sweep_memory(NULL), 0);
+    assert_true(cairn_box_sweep_memory(&one) > 0);
+    assert_true(cairn_box_sweep_memory(&most) > (size_t)1 << 30);
     assert_status(cairn_box_sweep_create(&sweep, &pool, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_box_sweep_create(NULL, &pool, &params), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_box_sweep_create(&sweep, NULL, &params), CAIRN_BAD_ARGUMENT);
@@ -477,6 +495,7 @@ static void test_sweep_refusals(void **state)
     assert_int_equal(budget.left, 100);
     assert_ok(cairn_box_sweep_begin(sweep, NULL, 0));
     assert_status(cairn_box_sweep_next(sweep, &budget, &first, &second), CAIRN_EMPTY);
+    assert_int_equal(budget.left, 99);
 
     assert_ok(cairn_box_sweep_begin(sweep, boxes, 2));
     budget.left = 0;

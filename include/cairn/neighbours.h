@@ -33,6 +33,9 @@ CAIRN_CHECKED cairn_status cairn_point_grid_insert(cairn_point_grid *grid, cairn
 
 int32_t cairn_point_grid_count(const cairn_point_grid *grid);
 
+/* The point of an index below count(). */
+cairn_vec2 cairn_point_grid_point(const cairn_point_grid *grid, int32_t index);
+
 /* Index of the point nearest to p within `radius` (inclusive), the lowest index among equals; -1 when there is none.
  * *distance_squared, when not NULL, is set when there is one. Cost: the points in the cells that the radius touches
  * and those cells, at most twice the points in all. */

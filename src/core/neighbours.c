@@ -103,14 +103,17 @@ void cairn_point_grid_clear(cairn_point_grid *grid)
     grid->count = 0;
 }
 
-/* Monotone in the coordinate, which all pruning rests on. */
+/* Rounds down. Monotone in the coordinate, which all pruning rests on. */
 static int32_t cell_of(const cairn_point_grid *grid, cairn_real coordinate)
 {
-    int32_t cell = cairn_real_to_int(cairn_floor(coordinate * grid->inverse_cell));
+    cairn_real scaled = coordinate * grid->inverse_cell;
+    int32_t cell = cairn_real_to_int(scaled);
 
-    if (cell < -MAX_CELL)
+    if (cell <= -MAX_CELL)
         return -MAX_CELL;
-    return cell > MAX_CELL ? MAX_CELL : cell;
+    if (cell >= MAX_CELL)
+        return MAX_CELL;
+    return cell - ((cairn_real)cell > scaled);
 }
 
 static uint32_t bucket_of(const cairn_point_grid *grid, int32_t x, int32_t y)
@@ -157,6 +160,12 @@ cairn_status cairn_point_grid_insert(cairn_point_grid *grid, cairn_vec2 point)
 int32_t cairn_point_grid_count(const cairn_point_grid *grid)
 {
     return grid->count;
+}
+
+cairn_vec2 cairn_point_grid_point(const cairn_point_grid *grid, int32_t index)
+{
+    CAIRN_ASSERT(index >= 0 && index < grid->count);
+    return grid->points[index];
 }
 
 /* The best point so far: lowest distance, then lowest index. */

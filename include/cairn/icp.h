@@ -1,0 +1,114 @@
+/* icp: iterative closest points of oriented points against a local map, point to point or point to line.
+ *
+ * The target is a set of oriented points that the caller adds scan by scan; the query is one array of oriented points and
+ * a start pose. Each iteration pairs every query point with the nearest target point within a distance gate whose
+ * direction agrees, and takes one Gauss-Newton step on the robustly weighted distances (Besl and McKay 1992; Chen and
+ * Medioni 1992). Directions of motion that the pairs do not tell (along a corridor, around a round room) are found,
+ * named, and left to the prior or left alone. */
+#ifndef CAIRN_ICP_H
+#define CAIRN_ICP_H
+
+#include "cairn/pool.h"
+#include "cairn/rigid_motion.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct cairn_icp cairn_icp;
+
+typedef int32_t cairn_icp_mode;
+enum {
+    CAIRN_ICP_POINT_TO_POINT = 0,
+    CAIRN_ICP_POINT_TO_LINE = 1 /* distance along the normal of the target point: points may slide along their line */
+};
+
+typedef struct cairn_icp_params {
+    int32_t max_target;     /* points, 1 ... 2^24; memory grows by 2 points and 2 to 3 int32_t for each */
+    int32_t max_iterations; /* >= 1 */
+    int32_t min_pairs;      /* >= 4; with fewer the alignment ends */
+    cairn_icp_mode mode;
+    cairn_real cell;               /* side of the search cells, m; about half the gate is fastest */
+    cairn_real gate_start;         /* largest distance of a pair in the first iteration, m */
+    cairn_real gate_end;           /* ... and at the end, m, <= gate_start: the gate shrinks in between */
+    cairn_real gate_factor;        /* gate = this times the mean distance of the last pairs, never growing */
+    cairn_real direction_gate;     /* largest angle between the oriented directions of a pair, rad, (0, pi] */
+    cairn_real sigma;              /* least standard deviation of a point across its line that is believed, m */
+    cairn_real converged_distance; /* converged when a step moves less than this, m, ... */
+    cairn_real converged_angle;    /* ... and turns less than this, rad */
+    cairn_real weak_ratio;         /* a direction is not observable when its information is less than this share of the
+                                    * best one's, in [0, 1) */
+} cairn_icp_params;
+
+/* Point to line; 4096 points; 40 iterations; 10 pairs; gate 0.5 -> 0.1 m at 3 mean distances; 60 degrees; sigma 0.01 m;
+ * converged below 1e-4 m and 1e-4 rad; weak below 0.01. */
+cairn_icp_params cairn_icp_default(void);
+
+typedef int32_t cairn_icp_verdict;
+enum {
+    CAIRN_ICP_RUNNING = 0, /* or nothing begun */
+    CAIRN_ICP_CONVERGED = 1,
+    CAIRN_ICP_OUT_OF_ITERATIONS = 2,
+    CAIRN_ICP_TOO_FEW_PAIRS = 3, /* the pose is that of the last iteration that had enough */
+    CAIRN_ICP_UNOBSERVABLE = 4   /* no prior, and the pose did not move in the weak directions; see `weak` */
+};
+
+typedef struct cairn_icp_result {
+    cairn_pose target_query; /* the query's frame in the target's */
+    /* Row-major over (x, y, theta) of target_query, in the target's frame; zero while running. The inverse of the
+     * point-to-line information of the observable directions, scaled by the residuals' variance, plus that of the prior.
+     * What nothing is known of gets 100 m, about the query's centroid and with rotations times `radius`. Right when the
+     * errors of the points are independent; points resampled from a fitted segment share its error, and true errors are
+     * larger. */
+    cairn_real covariance[9];
+    cairn_real mean_distance; /* of the pairs, m */
+    cairn_real sigma;         /* robust standard deviation of the pairs across the line, m, >= params.sigma */
+    cairn_real gate;          /* distance gate of the last iteration, m */
+    cairn_real overlap;       /* share of query points that have a pair */
+    /* The least observable motion about the query's centroid: unit vector over (x, y, theta times `radius`) in the target's
+     * frame, sign free, and its information as a share of the best observable motion's. */
+    cairn_real weak[3];
+    cairn_real weak_ratio;
+    cairn_real radius;  /* of the query points about their centroid, root mean square, m */
+    int32_t observable; /* how many of three independent motions the pairs tell: 3 is good */
+    int32_t pairs;
+    int32_t iterations;
+    cairn_icp_verdict verdict;
+} cairn_icp_result;
+
+/* 0 for params that create() would refuse. */
+size_t cairn_icp_memory(const cairn_icp_params *params);
+
+/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status cairn_icp_create(cairn_icp **icp, cairn_pool *pool, const cairn_icp_params *params);
+
+/* Forgets the target and ends an alignment that is running. Cost: linear in max_target. */
+void cairn_icp_clear_target(cairn_icp *icp);
+
+/* Adds points[0 ... count-1], mapped by target_points, to the target; they are copied. CAIRN_BAD_ARGUMENT: count < 0, NULL
+ * with count > 0, a direction whose length is not 1 within 1 %, or an alignment is running. CAIRN_NOT_FINITE.
+ * CAIRN_FULL: more than max_target in all. *fault, when not NULL, tells the point. Cost: a linear pass over the points. */
+CAIRN_CHECKED cairn_status cairn_icp_add_target(cairn_icp *icp, const cairn_oriented_point *points, int32_t count,
+                                                cairn_pose target_points, cairn_fault *fault);
+
+int32_t cairn_icp_target_count(const cairn_icp *icp);
+
+/* Starts to align query[0 ... count-1], which must stay until step() returns CAIRN_OK; an alignment that is running is
+ * dropped. prior: NULL when nothing is known. CAIRN_EMPTY: no query or no target points. CAIRN_BAD_ARGUMENT: count < 0, NULL
+ * query, directions as in add_target(), sigmas that are not > 0. CAIRN_NOT_FINITE. Cost: a linear pass over the query. */
+CAIRN_CHECKED cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, int32_t count,
+                                           cairn_pose start, const cairn_pose_prior *prior, cairn_fault *fault);
+
+/* CAIRN_OK: nothing left to do, the verdict stands. CAIRN_MORE: go on. Costs 2 units for a query point, 8 more when the
+ * nearest target point points elsewhere and another is searched, and 12 at the end of an iteration (targets with up to
+ * about 20 points to a search cell). */
+CAIRN_CHECKED cairn_status cairn_icp_step(cairn_icp *icp, cairn_budget *budget);
+
+/* State after the last whole iteration. */
+cairn_icp_result cairn_icp_read(const cairn_icp *icp);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

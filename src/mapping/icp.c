@@ -1,0 +1,493 @@
+/* Iterative closest points.
+ *
+ * Motions are taken about the query's centroid, with the rotation multiplied by the query's radius, so that all three
+ * components are metres and comparable. In these coordinates a pair of mapped query point p and target point m with normal
+ * n has the residual e = n (p - m) and the row J = (n_x, n_y, n R'(q - c) / r).
+ *
+ * One iteration: every query point is paired and its terms are added to the sums at once, no pairs are kept. Then the
+ * eigenvectors of the point-to-line information sum(w J J^T) are found. Those with little information are taken out of the
+ * normal equations (Zhang, Kaess and Singh 2016): the prior decides there, or the pose stays. Weights are Cauchy's,
+ * 1 / (1 + (e / (2.385 sigma))^2), with sigma from the last iteration's residuals. A step is cut to the length of the
+ * gate, as pairs reach no farther.
+ *
+ * Covariance: that of an M-estimator (Huber 1981, section 7.6) with the weighted information in place of the plain one,
+ * sum(psi^2)/(n - 3) * (sum(w)/n) / (sum(psi')/n)^2 * (sum(w J J^T))^-1, psi(e) = w e.
+ *
+ * Limits: the start must lie within about a gate of the truth; nothing is searched. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "cairn/icp.h"
+#include "cairn/neighbours.h"
+
+enum { MAX_TARGET = 1 << 24, UNITS_PAIR = 2, UNITS_SEARCH = 8, UNITS_SOLVE = 12 };
+
+/* Cauchy weights of this scale lose 5 % of the information of normal residuals; the weighted mean square of these is 1 /
+ * 1.26 of their variance. */
+static const cairn_real CAUCHY = CAIRN_REAL(2.385);
+static const cairn_real CAUCHY_VARIANCE = CAIRN_REAL(1.26);
+
+/* Sums over the pairs of one iteration. */
+struct sums {
+    cairn_sym3 lines;                       /* point-to-line information */
+    cairn_sym3 points;                      /* point-to-point information, in that mode */
+    cairn_real gradient[3];                 /* of the mode */
+    cairn_real weight, squares;             /* of residuals across the line: w, w e^2 */
+    cairn_real psi_squares, slopes;         /* (w e)^2, d(w e)/de */
+    cairn_real point_weight, point_squares; /* of distances: w, w d^2 */
+    cairn_real distance;
+    int32_t pairs;
+};
+
+struct cairn_icp {
+    cairn_point_grid *grid;
+    cairn_vec2 *directions; /* [max_target] of the target points */
+    cairn_icp_params params;
+    cairn_real least_cosine; /* of the direction gate */
+    const cairn_oriented_point *query;
+    int32_t query_count;
+    int32_t running;
+    int32_t next; /* query point to pair; == query_count: the iteration is to be solved */
+    int32_t debt; /* units of items done that are not yet paid for */
+    int32_t has_prior;
+    cairn_pose_prior prior;
+    cairn_rigid_motion motion; /* of the query about its centroid */
+    cairn_real sigma, point_sigma;
+    cairn_real gate; /* of this iteration */
+    struct sums sums;
+    cairn_icp_result result;
+};
+
+cairn_icp_params cairn_icp_default(void)
+{
+    cairn_icp_params params = {4096,
+                               40,
+                               10,
+                               CAIRN_ICP_POINT_TO_LINE,
+                               CAIRN_REAL(0.2),
+                               CAIRN_REAL(0.5),
+                               CAIRN_REAL(0.1),
+                               3,
+                               CAIRN_PI / 3,
+                               CAIRN_REAL(0.01),
+                               CAIRN_REAL(1e-4),
+                               CAIRN_REAL(1e-4),
+                               CAIRN_REAL(0.01)};
+    return params;
+}
+
+static int is_positive(cairn_real x)
+{
+    return x > 0 && x <= CAIRN_REAL_MAX;
+}
+
+static int params_are_good(const cairn_icp_params *params)
+{
+    return params != NULL && params->max_target >= 1 && params->max_target <= MAX_TARGET &&
+           params->max_iterations >= 1 && params->min_pairs >= 4 &&
+           (params->mode == CAIRN_ICP_POINT_TO_POINT || params->mode == CAIRN_ICP_POINT_TO_LINE) &&
+           is_positive(params->gate_start) && is_positive(params->gate_end) && params->gate_end <= params->gate_start &&
+           is_positive(params->gate_factor) && is_positive(params->direction_gate) &&
+           params->direction_gate <= CAIRN_PI && is_positive(params->sigma) &&
+           is_positive(params->converged_distance) && is_positive(params->converged_angle) && params->weak_ratio >= 0 &&
+           params->weak_ratio < 1;
+}
+
+static cairn_icp *carve(cairn_pool *pool, const cairn_icp_params *params)
+{
+    cairn_icp *icp = cairn_pool_take(pool, 1, sizeof *icp);
+    cairn_vec2 *directions = cairn_pool_take(pool, (size_t)params->max_target, sizeof *directions);
+
+    if (icp != NULL)
+        icp->directions = directions;
+    return icp;
+}
+
+static cairn_point_grid_params grid_params(const cairn_icp_params *params)
+{
+    cairn_point_grid_params grid = {params->max_target, params->cell};
+    return grid;
+}
+
+size_t cairn_icp_memory(const cairn_icp_params *params)
+{
+    cairn_point_grid_params grid;
+    cairn_pool counting;
+    size_t grid_bytes;
+
+    if (!params_are_good(params))
+        return 0;
+    grid = grid_params(params);
+    grid_bytes = cairn_point_grid_memory(&grid);
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return grid_bytes == 0 || counting.used >= SIZE_MAX - grid_bytes ? 0 : counting.used + grid_bytes;
+}
+
+cairn_status cairn_icp_create(cairn_icp **icp, cairn_pool *pool, const cairn_icp_params *params)
+{
+    size_t need = cairn_icp_memory(params);
+    cairn_point_grid_params grid;
+    cairn_vec2 *directions;
+    cairn_icp *made;
+
+    if (icp == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    made = carve(pool, params);
+    directions = made->directions;
+    memset(made, 0, sizeof *made);
+    made->directions = directions;
+    made->params = *params;
+    made->least_cosine = cairn_cos(params->direction_gate);
+    grid = grid_params(params);
+    *icp = made;
+    return cairn_point_grid_create(&made->grid, pool, &grid);
+}
+
+void cairn_icp_clear_target(cairn_icp *icp)
+{
+    cairn_point_grid_clear(icp->grid);
+    icp->running = 0;
+}
+
+static cairn_status refuse(cairn_fault *fault, int32_t index, const char *what, cairn_status status)
+{
+    if (fault != NULL) {
+        fault->index = index;
+        fault->what = what;
+    }
+    return status;
+}
+
+static cairn_status check_points(const cairn_oriented_point *points, int32_t count, cairn_fault *fault)
+{
+    for (int32_t i = 0; i < count; i++) {
+        cairn_real norm = cairn_vec2_norm_squared(points[i].direction);
+
+        if (!cairn_is_finite(points[i].position.x) || !cairn_is_finite(points[i].position.y) || norm != norm)
+            return refuse(fault, i, "a coordinate is not finite", CAIRN_NOT_FINITE);
+        if (!(norm > CAIRN_REAL(0.98) && norm < CAIRN_REAL(1.02)))
+            return refuse(fault, i, "a direction is not of length 1", CAIRN_BAD_ARGUMENT);
+    }
+    return CAIRN_OK;
+}
+
+cairn_status cairn_icp_add_target(cairn_icp *icp, const cairn_oriented_point *points, int32_t count,
+                                  cairn_pose target_points, cairn_fault *fault)
+{
+    cairn_transform transform;
+    cairn_status status;
+
+    if (icp == NULL || count < 0 || (points == NULL && count > 0))
+        return refuse(fault, -1, "no object or no points", CAIRN_BAD_ARGUMENT);
+    if (icp->running)
+        return refuse(fault, -1, "an alignment is running", CAIRN_BAD_ARGUMENT);
+    if (!cairn_pose_is_finite(target_points))
+        return refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
+    if (count > icp->params.max_target - cairn_point_grid_count(icp->grid))
+        return refuse(fault, -1, "more target points than max_target", CAIRN_FULL);
+    status = check_points(points, count, fault);
+    if (status != CAIRN_OK)
+        return status;
+    transform = cairn_transform_of(target_points);
+    for (int32_t i = 0; i < count; i++) {
+        cairn_vec2 p = cairn_transform_point(transform, points[i].position);
+
+        if (!cairn_is_finite(p.x) || !cairn_is_finite(p.y))
+            return refuse(fault, i, "a coordinate overflows", CAIRN_NOT_FINITE);
+    }
+    for (int32_t i = 0; i < count; i++) {
+        int32_t index = cairn_point_grid_count(icp->grid);
+
+        status = cairn_point_grid_insert(icp->grid, cairn_transform_point(transform, points[i].position));
+        CAIRN_ASSERT(status == CAIRN_OK);
+        icp->directions[index] = cairn_transform_direction(transform, points[i].direction);
+    }
+    return status;
+}
+
+int32_t cairn_icp_target_count(const cairn_icp *icp)
+{
+    return cairn_point_grid_count(icp->grid);
+}
+
+static cairn_status check_prior(const cairn_pose_prior *prior, cairn_fault *fault)
+{
+    if (prior == NULL)
+        return CAIRN_OK;
+    if (!cairn_pose_is_finite(prior->mean))
+        return refuse(fault, -1, "the prior's pose is not finite", CAIRN_NOT_FINITE);
+    if (!is_positive(prior->sigma_x) || !is_positive(prior->sigma_y) || !is_positive(prior->sigma_theta))
+        return refuse(fault, -1, "the prior's sigmas must be positive", CAIRN_BAD_ARGUMENT);
+    return CAIRN_OK;
+}
+
+/* The query at its start pose, about its centroid, with its root mean square as radius. */
+static cairn_rigid_motion measure_query(const cairn_icp *icp, cairn_pose start)
+{
+    cairn_real count = (cairn_real)icp->query_count, squares = 0;
+    cairn_vec2 centroid = {0, 0};
+
+    for (int32_t i = 0; i < icp->query_count; i++)
+        centroid = cairn_vec2_add(centroid, cairn_vec2_scale(icp->query[i].position, 1 / count));
+    for (int32_t i = 0; i < icp->query_count; i++)
+        squares += cairn_vec2_norm_squared(cairn_vec2_sub(icp->query[i].position, centroid));
+    return cairn_rigid_motion_at(start, centroid, cairn_max(cairn_sqrt(squares / count), icp->params.sigma));
+}
+
+cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, int32_t count, cairn_pose start,
+                             const cairn_pose_prior *prior, cairn_fault *fault)
+{
+    cairn_status status;
+
+    if (icp == NULL || count < 0 || (query == NULL && count > 0))
+        return refuse(fault, -1, "no object or no query", CAIRN_BAD_ARGUMENT);
+    if (count == 0 || cairn_point_grid_count(icp->grid) == 0)
+        return refuse(fault, -1, "no query points or no target points", CAIRN_EMPTY);
+    if (!cairn_pose_is_finite(start))
+        return refuse(fault, -1, "the start pose is not finite", CAIRN_NOT_FINITE);
+    status = check_prior(prior, fault);
+    if (status == CAIRN_OK)
+        status = check_points(query, count, fault);
+    if (status != CAIRN_OK)
+        return status;
+    icp->query = query;
+    icp->query_count = count;
+    icp->running = 1;
+    icp->next = 0;
+    icp->debt = 0;
+    icp->has_prior = prior != NULL;
+    if (prior != NULL)
+        icp->prior = *prior;
+    icp->gate = icp->sigma = icp->point_sigma = icp->params.gate_start;
+    memset(&icp->sums, 0, sizeof icp->sums);
+    memset(&icp->result, 0, sizeof icp->result);
+    icp->result.target_query = start;
+    icp->motion = measure_query(icp, start);
+    icp->result.radius = icp->motion.radius;
+    return CAIRN_OK;
+}
+
+/* ---- Pairs ---- */
+
+static int agrees(const cairn_icp *icp, int32_t target, cairn_vec2 direction)
+{
+    return cairn_vec2_dot(icp->directions[target], direction) >= icp->least_cosine;
+}
+
+/* Nearest target point within the gate that points the same way; -1: none. */
+static int32_t find_pair(cairn_icp *icp, cairn_vec2 p, cairn_vec2 direction)
+{
+    cairn_real nearest = 0;
+    int32_t best = cairn_point_grid_nearest(icp->grid, p, icp->gate, NULL), i;
+    cairn_point_grid_cursor cursor;
+
+    if (best < 0 || agrees(icp, best, direction))
+        return best;
+    icp->debt += UNITS_SEARCH;
+    best = -1;
+    cursor = cairn_point_grid_begin(icp->grid, p, icp->gate);
+    while ((i = cairn_point_grid_next(icp->grid, &cursor)) >= 0) {
+        cairn_real d = cairn_vec2_norm_squared(cairn_vec2_sub(cairn_point_grid_point(icp->grid, i), p));
+
+        if (agrees(icp, i, direction) && (best < 0 || d < nearest || (d == nearest && i < best))) {
+            nearest = d;
+            best = i;
+        }
+    }
+    return best;
+}
+
+static cairn_real cauchy_weight(cairn_real squared, cairn_real sigma)
+{
+    cairn_real scale = CAUCHY * sigma;
+
+    return 1 / (1 + squared / (scale * scale));
+}
+
+static void add_gradient(cairn_real gradient[3], const cairn_real row[3], cairn_real by)
+{
+    for (int k = 0; k < 3; k++)
+        gradient[k] += by * row[k];
+}
+
+static void add_point_terms(cairn_icp *icp, const cairn_oriented_point *q, cairn_vec2 difference, cairn_real squared)
+{
+    static const cairn_vec2 axes[2] = {{1, 0}, {0, 1}};
+    struct sums *sums = &icp->sums;
+    cairn_real weight = cauchy_weight(squared, icp->point_sigma), row[3];
+
+    for (int k = 0; k < 2; k++) {
+        cairn_rigid_motion_row(&icp->motion, axes[k], q->position, row);
+        cairn_sym3_add_outer(&sums->points, row, weight);
+        add_gradient(sums->gradient, row, weight * cairn_vec2_dot(axes[k], difference));
+    }
+    sums->point_weight += weight;
+    sums->point_squares += weight * squared;
+}
+
+static void add_query_point(cairn_icp *icp, const cairn_oriented_point *q)
+{
+    struct sums *sums = &icp->sums;
+    cairn_vec2 p = cairn_transform_point(icp->motion.transform, q->position);
+    int32_t target = find_pair(icp, p, cairn_transform_direction(icp->motion.transform, q->direction));
+    cairn_vec2 difference, normal;
+    cairn_real error, squared, weight, row[3];
+
+    if (target < 0)
+        return;
+    difference = cairn_vec2_sub(p, cairn_point_grid_point(icp->grid, target));
+    normal = cairn_vec2_left(icp->directions[target]);
+    error = cairn_vec2_dot(normal, difference);
+    weight = cauchy_weight(error * error, icp->sigma);
+    cairn_rigid_motion_row(&icp->motion, normal, q->position, row);
+    cairn_sym3_add_outer(&sums->lines, row, weight);
+    sums->weight += weight;
+    sums->squares += weight * error * error;
+    sums->psi_squares += weight * weight * error * error;
+    /* psi = w e, 1 - (e / scale)^2 = 2 - 1 / w */
+    sums->slopes += weight * weight * (2 - 1 / weight);
+    squared = cairn_vec2_norm_squared(difference);
+    sums->distance += cairn_sqrt(squared);
+    sums->pairs++;
+    if (icp->params.mode == CAIRN_ICP_POINT_TO_LINE)
+        add_gradient(sums->gradient, row, weight * error);
+    else
+        add_point_terms(icp, q, difference, squared);
+}
+
+/* ---- Solving ---- */
+
+/* The variance factor of the covariance, see the head of this file. */
+static cairn_real information_scale(const cairn_icp *icp)
+{
+    const struct sums *sums = &icp->sums;
+    cairn_real n = (cairn_real)sums->pairs, slope = cairn_max(sums->slopes / n, CAIRN_REAL(0.1));
+    cairn_real scale = sums->psi_squares / (n - 3) * (sums->weight / n) / (slope * slope);
+
+    return 1 / cairn_max(scale, icp->params.sigma * icp->params.sigma);
+}
+
+static cairn_sym3 scaled(cairn_sym3 m, cairn_real by)
+{
+    cairn_sym3 out = {m.xx * by, m.xy * by, m.xz * by, m.yy * by, m.yz * by, m.zz * by};
+    return out;
+}
+
+/* Ends the alignment. basis NULL: too few pairs, so that all that is known is the prior. */
+static void stop(cairn_icp *icp, cairn_icp_verdict verdict, const cairn_motion_basis *basis)
+{
+    cairn_normal_equations prior;
+    cairn_sym3 information = cairn_sym3_zero();
+
+    if (icp->has_prior)
+        prior = cairn_rigid_motion_prior(&icp->motion, &icp->prior);
+    if (basis != NULL)
+        information = scaled(icp->sums.lines, information_scale(icp));
+    cairn_rigid_motion_covariance(&icp->motion, basis, &information, icp->has_prior ? &prior : NULL,
+                                  icp->result.covariance);
+    icp->result.verdict = verdict;
+    icp->running = 0;
+}
+
+/* Scales of the residuals, from those of this iteration. */
+static void update_sigmas(cairn_icp *icp)
+{
+    const struct sums *sums = &icp->sums;
+
+    icp->sigma = cairn_max(icp->params.sigma, cairn_sqrt(CAUCHY_VARIANCE * sums->squares / sums->weight));
+    if (icp->params.mode == CAIRN_ICP_POINT_TO_POINT)
+        icp->point_sigma =
+            cairn_max(icp->params.sigma, cairn_sqrt(CAUCHY_VARIANCE * sums->point_squares / (2 * sums->point_weight)));
+}
+
+/* The step of this iteration; 0 when there is none. */
+static int solve(const cairn_icp *icp, const cairn_motion_basis *basis, cairn_real step[3])
+{
+    int to_line = icp->params.mode == CAIRN_ICP_POINT_TO_LINE;
+    cairn_real sigma = to_line ? icp->sigma : icp->point_sigma, by = 1 / (sigma * sigma);
+    cairn_normal_equations observed, prior;
+
+    observed.information = scaled(to_line ? icp->sums.lines : icp->sums.points, by);
+    for (int k = 0; k < 3; k++)
+        observed.gradient[k] = by * icp->sums.gradient[k];
+    if (icp->has_prior)
+        prior = cairn_rigid_motion_prior(&icp->motion, &icp->prior);
+    return cairn_motion_solve(basis, &observed, icp->has_prior ? &prior : NULL, icp->gate, step);
+}
+
+static void end_iteration(cairn_icp *icp)
+{
+    const cairn_icp_params *params = &icp->params;
+    cairn_icp_result *result = &icp->result;
+    cairn_motion_basis basis;
+    cairn_real step[3], gate, moved, sigma = icp->sigma;
+    int32_t converged;
+
+    result->iterations++;
+    result->pairs = icp->sums.pairs;
+    result->overlap = (cairn_real)result->pairs / (cairn_real)icp->query_count;
+    result->gate = icp->gate;
+    if (result->pairs < params->min_pairs) {
+        result->observable = 0;
+        stop(icp, CAIRN_ICP_TOO_FEW_PAIRS, NULL);
+        return;
+    }
+    result->mean_distance = icp->sums.distance / (cairn_real)result->pairs;
+    update_sigmas(icp);
+    result->sigma = icp->sigma;
+    basis = cairn_motion_basis_of(icp->sums.lines, params->weak_ratio);
+    result->observable = 3 - basis.weak;
+    result->weak_ratio = basis.ratio;
+    memcpy(result->weak, basis.vectors[0], sizeof result->weak);
+    if (!solve(icp, &basis, step)) {
+        stop(icp, CAIRN_ICP_UNOBSERVABLE, &basis);
+        return;
+    }
+    cairn_rigid_motion_move(&icp->motion, step);
+    result->target_query = icp->motion.map_body;
+    moved = cairn_sqrt(step[0] * step[0] + step[1] * step[1]);
+    gate = cairn_min(icp->gate, cairn_max(params->gate_end, params->gate_factor * result->mean_distance));
+    converged = moved < params->converged_distance &&
+                cairn_abs(step[2]) < params->converged_angle * icp->motion.radius &&
+                gate > CAIRN_REAL(0.99) * icp->gate && icp->sigma > CAIRN_REAL(0.9) * sigma;
+    if (converged || result->iterations == params->max_iterations) {
+        cairn_icp_verdict verdict = converged ? CAIRN_ICP_CONVERGED : CAIRN_ICP_OUT_OF_ITERATIONS;
+
+        stop(icp, basis.weak > 0 && !icp->has_prior ? CAIRN_ICP_UNOBSERVABLE : verdict, &basis);
+        return;
+    }
+    icp->gate = gate;
+    icp->next = 0;
+    memset(&icp->sums, 0, sizeof icp->sums);
+}
+
+cairn_status cairn_icp_step(cairn_icp *icp, cairn_budget *budget)
+{
+    while (icp->running || icp->debt > 0) {
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        if (icp->debt > 0) {
+            int32_t paid = icp->debt < budget->left ? icp->debt : budget->left;
+
+            icp->debt -= paid;
+            budget->left -= paid;
+        } else if (icp->next < icp->query_count) {
+            icp->debt = UNITS_PAIR;
+            add_query_point(icp, &icp->query[icp->next]);
+            icp->next++;
+        } else {
+            icp->debt = UNITS_SOLVE;
+            end_iteration(icp);
+        }
+    }
+    return CAIRN_OK;
+}
+
+cairn_icp_result cairn_icp_read(const cairn_icp *icp)
+{
+    return icp->result;
+}

@@ -1,0 +1,1038 @@
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "cairn/icp.h"
+#include "cairn/small_matrix.h"
+
+enum { MAX_POINTS = 2000 };
+
+/* An L-shaped room, counter-clockwise, so that the inside is on the left. */
+static const cairn_vec2 L_ROOM[] = {{-3, -2}, {4, -2}, {4, 1}, {1, 1}, {1, 4}, {-3, 4}};
+
+struct points {
+    cairn_oriented_point at[MAX_POINTS];
+    int32_t count;
+};
+
+/* Points every `spacing` along a -> b, from half a spacing on. */
+static void add_wall(struct points *points, cairn_vec2 a, cairn_vec2 b, cairn_real spacing)
+{
+    cairn_vec2 along = cairn_vec2_sub(b, a), unit = cairn_vec2_unit(along);
+    cairn_real length = cairn_vec2_norm(along);
+
+    for (cairn_real s = spacing / 2; s < length; s += spacing) {
+        assert_true(points->count < MAX_POINTS);
+        points->at[points->count].position = cairn_vec2_add(a, cairn_vec2_scale(unit, s));
+        points->at[points->count].direction = unit;
+        points->count++;
+    }
+}
+
+static void add_room(struct points *points, const cairn_vec2 *corners, int32_t count, cairn_real spacing)
+{
+    for (int32_t i = 0; i < count; i++)
+        add_wall(points, corners[i], corners[(i + 1) % count], spacing);
+}
+
+static void l_room(struct points *points, cairn_real spacing)
+{
+    points->count = 0;
+    add_room(points, L_ROOM, 6, spacing);
+}
+
+/* The points as seen from `pose`, moved across their lines by normal noise. */
+static void seen_from(const struct points *world, cairn_pose pose, cairn_real noise, cairn_random *random,
+                      struct points *seen)
+{
+    cairn_transform inverse = cairn_transform_of(cairn_pose_inverse(pose));
+
+    seen->count = world->count;
+    for (int32_t i = 0; i < world->count; i++) {
+        cairn_real by = noise > 0 ? noise * cairn_random_normal(random) : 0;
+        cairn_vec2 normal = cairn_vec2_left(world->at[i].direction);
+
+        seen->at[i].position =
+            cairn_transform_point(inverse, cairn_vec2_add(world->at[i].position, cairn_vec2_scale(normal, by)));
+        seen->at[i].direction = cairn_transform_direction(inverse, world->at[i].direction);
+    }
+}
+
+static cairn_icp *make_icp(cairn_pool *pool, cairn_icp_params params)
+{
+    cairn_icp *icp;
+
+    *pool = test_pool(cairn_icp_memory(&params));
+    assert_ok(cairn_icp_create(&icp, pool, &params));
+    return icp;
+}
+
+static cairn_icp_result align(cairn_icp *icp, const struct points *query, cairn_pose start,
+                              const cairn_pose_prior *prior)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_icp_result result;
+
+    assert_ok(cairn_icp_begin(icp, query->at, query->count, start, prior, NULL));
+    result = cairn_icp_read(icp);
+    assert_int_equal(result.verdict, CAIRN_ICP_RUNNING);
+    assert_memory_equal(&result.target_query, &start, sizeof start);
+    assert_ok(cairn_icp_step(icp, &budget));
+    result = cairn_icp_read(icp);
+    assert_true(result.verdict != CAIRN_ICP_RUNNING);
+    for (int k = 0; k < 9; k++) {
+        assert_true(cairn_is_finite(result.covariance[k]));
+        assert_near(result.covariance[k], result.covariance[k % 3 * 3 + k / 3],
+                    1e-9 + 1e-5 * fabs((double)result.covariance[k]));
+    }
+    return result;
+}
+
+static void add_target(cairn_icp *icp, const struct points *target)
+{
+    assert_ok(cairn_icp_add_target(icp, target->at, target->count, cairn_pose_identity(), NULL));
+}
+
+static cairn_pose random_pose(cairn_random *random, cairn_real distance, cairn_real angle)
+{
+    cairn_pose pose;
+
+    pose.x = cairn_random_uniform(random, -distance, distance);
+    pose.y = cairn_random_uniform(random, -distance, distance);
+    pose.theta = cairn_random_uniform(random, -angle, angle);
+    return pose;
+}
+
+static void assert_pose_near(cairn_pose pose, cairn_pose expected, double distance, double angle)
+{
+    assert_near(pose.x, expected.x, distance);
+    assert_near(pose.y, expected.y, distance);
+    assert_near(cairn_wrap_angle(pose.theta - expected.theta), 0, angle);
+}
+
+/* ---- A plain twin: all pairs, normal equations over (x, y, theta) about the centroid, in double ---- */
+
+struct twin {
+    double x, y, theta, gate, sigma, point_sigma;
+    double covariance[3][3];
+    double mean_distance;
+    int32_t pairs;
+};
+
+static void twin_prior(const cairn_pose_prior *prior, const struct twin *twin, double kx, double ky, double m[3][4])
+{
+    for (int k = 0; prior != NULL && k < 3; k++) {
+        double pc = cos((double)prior->mean.theta), ps = sin((double)prior->mean.theta);
+        double ax = k == 0 ? pc : k == 1 ? -ps : 0, ay = k == 0 ? ps : k == 1 ? pc : 0;
+        double row[3] = {ax, ay, k < 2 ? -ax * kx - ay * ky : 1};
+        double e = k < 2 ? ax * (twin->x - (double)prior->mean.x) + ay * (twin->y - (double)prior->mean.y)
+                         : twin->theta - (double)prior->mean.theta;
+        double w = pow((double)(k == 0 ? prior->sigma_x : k == 1 ? prior->sigma_y : prior->sigma_theta), -2);
+
+        for (int u = 0; u < 3; u++) {
+            for (int v = 0; v < 3; v++)
+                m[u][v] += w * row[u] * row[v];
+            m[u][3] -= w * row[u] * e;
+        }
+    }
+}
+
+/* Gauss and Jordan on a positive definite matrix with one or more right sides, which become the solutions. */
+static void eliminate(double m[3][4], double sides[3][3])
+{
+    for (int p = 0; p < 3; p++)
+        for (int u = 0; u < 3; u++) {
+            double f = m[u][p] / m[p][p];
+
+            for (int v = 0; v < 4 && u != p; v++)
+                m[u][v] -= f * m[p][v];
+            for (int v = 0; v < 3 && u != p; v++)
+                sides[u][v] -= f * sides[p][v];
+        }
+    for (int u = 0; u < 3; u++) {
+        m[u][3] /= m[u][u];
+        for (int v = 0; v < 3; v++)
+            sides[u][v] /= m[u][u];
+    }
+}
+
+static void twin_iterate(const cairn_icp_params *params, const struct points *target, const struct points *query,
+                         const cairn_pose_prior *prior, struct twin *twin)
+{
+    double a[3][4] = {{0}}, lines[3][3] = {{0}}, weights = 0, squares = 0, psi = 0, slopes = 0, points = 0, far = 0;
+    double cx = 0, cy = 0, c = cos(twin->theta), s = sin(twin->theta), distance = 0, variance, scale;
+    double kx, ky, information[3][4] = {{0}}, g[3][3], n, sigma = twin->sigma, point_sigma = twin->point_sigma;
+    int to_line = params->mode == CAIRN_ICP_POINT_TO_LINE;
+
+    for (int32_t i = 0; i < query->count; i++) {
+        cx += (double)query->at[i].position.x / query->count;
+        cy += (double)query->at[i].position.y / query->count;
+    }
+    twin->pairs = 0;
+    for (int32_t i = 0; i < query->count; i++) {
+        const cairn_oriented_point *q = &query->at[i];
+        double qx = (double)q->position.x, qy = (double)q->position.y;
+        double px = c * qx - s * qy + twin->x, py = s * qx + c * qy + twin->y;
+        double ux = c * (double)q->direction.x - s * (double)q->direction.y;
+        double uy = s * (double)q->direction.x + c * (double)q->direction.y;
+        double best = twin->gate * twin->gate, ex, ey, e, w, axes[3][2];
+        double armx = -s * (qx - cx) - c * (qy - cy), army = c * (qx - cx) - s * (qy - cy);
+        int32_t pair = -1;
+
+        for (int32_t k = 0; k < target->count; k++) {
+            const cairn_oriented_point *t = &target->at[k];
+            double d = pow((double)t->position.x - px, 2) + pow((double)t->position.y - py, 2);
+
+            if (d < best &&
+                ux * (double)t->direction.x + uy * (double)t->direction.y >= cos((double)params->direction_gate)) {
+                best = d;
+                pair = k;
+            }
+        }
+        if (pair < 0)
+            continue;
+        twin->pairs++;
+        distance += sqrt(best);
+        ex = px - (double)target->at[pair].position.x;
+        ey = py - (double)target->at[pair].position.y;
+        axes[0][0] = -(double)target->at[pair].direction.y;
+        axes[0][1] = (double)target->at[pair].direction.x;
+        axes[1][0] = axes[2][1] = 1;
+        axes[1][1] = axes[2][0] = 0;
+        e = axes[0][0] * ex + axes[0][1] * ey;
+        w = 1 / (1 + e * e / pow(2.385 * sigma, 2));
+        weights += w;
+        squares += w * e * e;
+        psi += w * e * w * e;
+        slopes += (1 - e * e / pow(2.385 * sigma, 2)) * w * w;
+        for (int k = 0; k < 3; k++) {
+            double row[3] = {axes[k][0], axes[k][1], axes[k][0] * armx + axes[k][1] * army};
+            double wp = k == 0 ? w : 1 / (1 + best / pow(2.385 * point_sigma, 2));
+
+            for (int u = 0; u < 3; u++)
+                for (int v = 0; v < 3; v++) {
+                    lines[u][v] += k == 0 ? w * row[u] * row[v] : 0;
+                    a[u][v] += (k == 0) == to_line ? wp * row[u] * row[v] : 0;
+                }
+            for (int u = 0; u < 3; u++)
+                a[u][3] -= (k == 0) == to_line ? wp * row[u] * (axes[k][0] * ex + axes[k][1] * ey) : 0;
+            if (k == 1) {
+                points += wp;
+                far += wp * best;
+            }
+        }
+    }
+    n = twin->pairs;
+    twin->sigma = fmax((double)params->sigma, sqrt(1.26 * squares / weights));
+    twin->point_sigma = fmax((double)params->sigma, sqrt(1.26 * far / points / 2));
+    variance = pow(to_line ? twin->sigma : twin->point_sigma, 2);
+    kx = -s * cx - c * cy;
+    ky = c * cx - s * cy;
+    scale = fmax(psi / (n - 3) * (weights / n) / pow(slopes / n, 2), pow((double)params->sigma, 2));
+    for (int u = 0; u < 3; u++)
+        for (int v = 0; v < 4; v++) {
+            a[u][v] /= variance;
+            if (v < 3)
+                information[u][v] = lines[u][v] / scale;
+        }
+    twin_prior(prior, twin, kx, ky, a);
+    for (int i = 0; i < 9; i++)
+        g[i / 3][i % 3] = i % 4 == 0;
+    eliminate(a, g);
+    twin->x += a[0][3] + c * cx - s * cy;
+    twin->y += a[1][3] + s * cx + c * cy;
+    twin->theta += a[2][3];
+    c = cos(twin->theta);
+    s = sin(twin->theta);
+    twin->x -= c * cx - s * cy;
+    twin->y -= s * cx + c * cy;
+    kx = -s * cx - c * cy;
+    ky = c * cx - s * cy;
+    twin_prior(prior, twin, kx, ky, information);
+    for (int i = 0; i < 9; i++)
+        g[i / 3][i % 3] = i % 4 == 0;
+    eliminate(information, g);
+    for (int u = 0; u < 3; u++)
+        for (int v = 0; v < 3; v++) {
+            double to[3][3] = {{1, 0, -kx}, {0, 1, -ky}, {0, 0, 1}};
+
+            twin->covariance[u][v] = 0;
+            for (int i = 0; i < 9; i++)
+                twin->covariance[u][v] += to[u][i / 3] * g[i / 3][i % 3] * to[v][i % 3];
+        }
+    twin->mean_distance = distance / n;
+    twin->gate = fmin(twin->gate, fmax((double)params->gate_end, (double)params->gate_factor * twin->mean_distance));
+}
+
+/* Every iteration by itself against the twin, in both modes, with and without prior. */
+static void test_icp_matches_twin(void **state)
+{
+    static struct points world, target, query;
+    cairn_random random = cairn_random_seed(31, 0);
+    double tolerance = NUMBER(1e-9, 2e-4);
+
+    (void)state;
+    l_room(&world, CAIRN_REAL(0.13));
+    seen_from(&world, cairn_pose_identity(), CAIRN_REAL(0.02), &random, &target);
+    l_room(&world, CAIRN_REAL(0.17));
+    for (int k = 0; k < 8; k++) {
+        cairn_pose truth = random_pose(&random, CAIRN_REAL(0.8), 3),
+                   off = random_pose(&random, CAIRN_REAL(0.1), CAIRN_REAL(0.08));
+        cairn_pose start = cairn_pose_compose(truth, off);
+        cairn_pose_prior prior = {start, CAIRN_REAL(0.02), CAIRN_REAL(0.05), CAIRN_REAL(0.01)};
+        cairn_icp_params params = cairn_icp_default();
+        struct twin twin = {(double)start.x, (double)start.y, (double)start.theta, 0.5, 0.5, 0.5, {{0}}, 0, 0};
+
+        seen_from(&world, truth, CAIRN_REAL(0.02), &random, &query);
+        for (int32_t i = 0; i < query.count; i++)
+            query.at[i].position.x += i % 17 == 0 ? CAIRN_REAL(0.15) : 0;
+        params.mode = k % 2 ? CAIRN_ICP_POINT_TO_LINE : CAIRN_ICP_POINT_TO_POINT;
+        params.converged_distance = params.converged_angle = CAIRN_REAL(1e-30);
+        for (int32_t iterations = 1; iterations <= 6; iterations++) {
+            cairn_pool pool;
+            cairn_icp *icp;
+            cairn_icp_result result;
+            cairn_pose pose;
+
+            params.max_iterations = iterations;
+            icp = make_icp(&pool, params);
+            add_target(icp, &target);
+            result = align(icp, &query, start, k < 4 ? NULL : &prior);
+            assert_near(result.gate, twin.gate, tolerance);
+            twin_iterate(&params, &target, &query, k < 4 ? NULL : &prior, &twin);
+            pose.x = (cairn_real)twin.x;
+            pose.y = (cairn_real)twin.y;
+            pose.theta = (cairn_real)twin.theta;
+            assert_int_equal(result.verdict, CAIRN_ICP_OUT_OF_ITERATIONS);
+            assert_int_equal(result.iterations, iterations);
+            assert_pose_near(result.target_query, pose, tolerance, tolerance);
+            assert_true(abs(result.pairs - twin.pairs) <= NUMBER(0, 2));
+            assert_near(result.overlap, (double)result.pairs / query.count, 1e-6);
+            assert_near(result.mean_distance, twin.mean_distance, tolerance);
+            assert_near(result.sigma, twin.sigma, tolerance);
+            assert_int_equal(result.observable, 3);
+            for (int i = 0; i < 9; i++)
+                assert_near(result.covariance[i], twin.covariance[i / 3][i % 3],
+                            NUMBER(1e-6, 0.03) * sqrt(twin.covariance[i / 3][i / 3] * twin.covariance[i % 3][i % 3]));
+            test_pool_free(&pool);
+        }
+    }
+}
+
+/* ---- Known motions ---- */
+
+static void test_known_motions_without_noise(void **state)
+{
+    static struct points world, query;
+    cairn_random random = cairn_random_seed(32, 0);
+    cairn_pool pool;
+    cairn_icp *icp = make_icp(&pool, cairn_icp_default());
+
+    (void)state;
+    l_room(&world, CAIRN_REAL(0.1));
+    add_target(icp, &world);
+    assert_int_equal(cairn_icp_target_count(icp), world.count);
+    for (int k = 0; k < 40; k++) {
+        cairn_pose truth = random_pose(&random, 1, 3);
+        cairn_pose start = cairn_pose_compose(truth, random_pose(&random, CAIRN_REAL(0.15), CAIRN_REAL(0.1)));
+        cairn_icp_result result;
+
+        seen_from(&world, truth, 0, &random, &query);
+        result = align(icp, &query, start, NULL);
+        assert_int_equal(result.verdict, CAIRN_ICP_CONVERGED);
+        assert_pose_near(result.target_query, truth, NUMBER(1e-6, 5e-5), NUMBER(1e-6, 5e-5));
+        assert_true(result.iterations <= 15);
+        assert_true(result.overlap > CAIRN_REAL(0.98));
+        assert_near(result.sigma, 0.01, 1e-6);
+    }
+    test_pool_free(&pool);
+}
+
+/* The local map comes scan by scan, each from its pose; point to point and point to line agree. */
+static void test_known_motions_with_noise(void **state)
+{
+    static struct points world, query, scan;
+    cairn_random random = cairn_random_seed(33, 0);
+
+    (void)state;
+    for (int mode = CAIRN_ICP_POINT_TO_POINT; mode <= CAIRN_ICP_POINT_TO_LINE; mode++) {
+        cairn_icp_params params = cairn_icp_default();
+        cairn_pool pool;
+        cairn_icp *icp;
+        double worst = 0;
+
+        params.mode = mode;
+        icp = make_icp(&pool, params);
+        for (int k = 0; k < 3; k++) {
+            cairn_pose pose = random_pose(&random, 1, 3);
+
+            l_room(&world, CAIRN_REAL(0.09) + CAIRN_REAL(0.01) * (cairn_real)k);
+            seen_from(&world, pose, CAIRN_REAL(0.01), &random, &scan);
+            assert_ok(cairn_icp_add_target(icp, scan.at, scan.count, pose, NULL));
+        }
+        for (int k = 0; k < 20; k++) {
+            cairn_pose truth = random_pose(&random, 1, 3);
+            cairn_pose start = cairn_pose_compose(truth, random_pose(&random, CAIRN_REAL(0.1), CAIRN_REAL(0.1)));
+            cairn_icp_result result;
+
+            seen_from(&world, truth, CAIRN_REAL(0.01), &random, &query);
+            result = align(icp, &query, start, NULL);
+            assert_true(result.verdict == CAIRN_ICP_CONVERGED || mode == CAIRN_ICP_POINT_TO_POINT);
+            assert_pose_near(result.target_query, truth, 0.008, 0.004);
+            worst = fmax(worst,
+                         hypot((double)(result.target_query.x - truth.x), (double)(result.target_query.y - truth.y)));
+            assert_int_equal(result.observable, 3);
+        }
+        assert_true(worst > 1e-4);
+        test_pool_free(&pool);
+    }
+}
+
+/* A tenth of the query is elsewhere, up to half a metre: no more harm than noise does. */
+static void test_outliers(void **state)
+{
+    static struct points world, query;
+    cairn_random random = cairn_random_seed(34, 0);
+    cairn_pool pool;
+    cairn_icp *icp = make_icp(&pool, cairn_icp_default());
+
+    (void)state;
+    l_room(&world, CAIRN_REAL(0.1));
+    add_target(icp, &world);
+    for (int k = 0; k < 10; k++) {
+        cairn_pose truth = random_pose(&random, 1, 3);
+        cairn_pose start = cairn_pose_compose(truth, random_pose(&random, CAIRN_REAL(0.05), CAIRN_REAL(0.05)));
+
+        seen_from(&world, truth, CAIRN_REAL(0.005), &random, &query);
+        for (int32_t i = 0; i < query.count; i += 10) {
+            query.at[i].position.x += cairn_random_uniform(&random, 0, CAIRN_REAL(0.5));
+            query.at[i].position.y += cairn_random_uniform(&random, 0, CAIRN_REAL(0.5));
+        }
+        assert_pose_near(align(icp, &query, start, NULL).target_query, truth, 0.006, 0.003);
+    }
+    test_pool_free(&pool);
+}
+
+/* A wall of 0.1 m: the face that was seen is nearer to the other face's points, which point the other way. */
+static void test_faces_of_a_thin_wall(void **state)
+{
+    static const cairn_vec2 ends[] = {{-2, 0}, {2, 0}, {2, CAIRN_REAL(0.1)}, {-2, CAIRN_REAL(0.1)}};
+    static struct points world, face, query;
+    cairn_icp_params params = cairn_icp_default();
+    cairn_pose start = {0, CAIRN_REAL(-0.08), 0}, truth = {0, 0, 0};
+    cairn_icp_result result;
+    cairn_pool pool;
+    cairn_icp *icp;
+
+    (void)state;
+    world.count = face.count = 0;
+    add_wall(&world, ends[1], ends[0], CAIRN_REAL(0.1));
+    add_wall(&world, ends[3], ends[2], CAIRN_REAL(0.1));
+    add_wall(&world, ends[1], L_ROOM[1], CAIRN_REAL(0.1));
+    add_wall(&face, ends[3], ends[2], CAIRN_REAL(0.1));
+    add_wall(&face, ends[1], L_ROOM[1], CAIRN_REAL(0.1));
+    seen_from(&face, truth, 0, NULL, &query);
+    params.gate_start = CAIRN_REAL(0.3);
+    icp = make_icp(&pool, params);
+    add_target(icp, &world);
+    result = align(icp, &query, start, NULL);
+    assert_int_equal(result.verdict, CAIRN_ICP_CONVERGED);
+    assert_pose_near(result.target_query, truth, NUMBER(1e-6, 1e-4), NUMBER(1e-6, 1e-4));
+    test_pool_free(&pool);
+
+    params.direction_gate = CAIRN_PI;
+    icp = make_icp(&pool, params);
+    add_target(icp, &world);
+    result = align(icp, &query, start, NULL);
+    assert_true(result.target_query.y < CAIRN_REAL(-0.04));
+    test_pool_free(&pool);
+}
+
+/* Query points half way between two target points, with others nearer that point the other way: the lower index is taken,
+ * so that all move by half a spacing the same way. */
+static void test_ties(void **state)
+{
+    static struct points target, query;
+    cairn_icp_params params = cairn_icp_default();
+    cairn_icp_result result;
+    cairn_pool pool;
+    cairn_icp *icp;
+
+    (void)state;
+    params.mode = CAIRN_ICP_POINT_TO_POINT;
+    params.max_iterations = 1;
+    params.weak_ratio = 0;
+    for (int reverse = 0; reverse < 2; reverse++) {
+        target.count = 42;
+        query.count = 20;
+        for (int32_t i = 0; i < 21; i++) {
+            cairn_oriented_point *with = &target.at[reverse ? 20 - i : i], *against = &target.at[21 + i];
+
+            with->position.x = CAIRN_REAL(0.125) * (cairn_real)i;
+            against->position.x = with->position.x + CAIRN_REAL(0.0625);
+            with->position.y = 0;
+            against->position.y = CAIRN_REAL(-0.03125);
+            with->direction.x = 1;
+            against->direction.x = -1;
+            with->direction.y = against->direction.y = 0;
+        }
+        for (int32_t i = 0; i < 20; i++) {
+            query.at[i].position.x = CAIRN_REAL(0.125) * (cairn_real)i + CAIRN_REAL(0.0625);
+            query.at[i].position.y = 0;
+            query.at[i].direction.x = 1;
+            query.at[i].direction.y = 0;
+        }
+        icp = make_icp(&pool, params);
+        add_target(icp, &target);
+        result = align(icp, &query, cairn_pose_identity(), NULL);
+        assert_int_equal(result.pairs, 20);
+        assert_near(result.target_query.x, reverse ? 0.0625 : -0.0625, 1e-6);
+        assert_near(result.target_query.y, 0, 1e-6);
+        test_pool_free(&pool);
+    }
+}
+
+/* ---- Observability ---- */
+
+/* Two long walls, turned by 0.5 rad: the corridor's direction is named, the pose does not move along it and comes right
+ * across it; a prior decides along it. */
+static void test_corridor(void **state)
+{
+    static const cairn_vec2 ends[] = {{-10, -1}, {10, -1}, {10, 1}, {-10, 1}};
+    static struct points target, seen, query;
+    cairn_random random = cairn_random_seed(35, 0);
+    cairn_pose corridor = {CAIRN_REAL(0.3), CAIRN_REAL(0.2), CAIRN_REAL(0.5)}, start, along_across;
+    cairn_vec2 axis = {cairn_cos(corridor.theta), cairn_sin(corridor.theta)}, short_ends[4];
+
+    (void)state;
+    target.count = seen.count = 0;
+    for (int k = 0; k < 4; k++)
+        short_ends[k].x = ends[k].x * CAIRN_REAL(0.4), short_ends[k].y = ends[k].y;
+    add_wall(&target, ends[0], ends[1], CAIRN_REAL(0.1));
+    add_wall(&target, ends[2], ends[3], CAIRN_REAL(0.1));
+    add_wall(&seen, short_ends[0], short_ends[1], CAIRN_REAL(0.11));
+    add_wall(&seen, short_ends[2], short_ends[3], CAIRN_REAL(0.11));
+    seen_from(&seen, cairn_pose_identity(), CAIRN_REAL(0.005), &random, &query);
+    for (int mode = CAIRN_ICP_POINT_TO_POINT; mode <= CAIRN_ICP_POINT_TO_LINE; mode++) {
+        cairn_icp_params params = cairn_icp_default();
+        cairn_pose off = {CAIRN_REAL(0.2), CAIRN_REAL(0.1), CAIRN_REAL(0.05)};
+        cairn_pose_prior prior;
+        cairn_icp_result result;
+        cairn_pool pool;
+        cairn_icp *icp;
+
+        params.mode = mode;
+        icp = make_icp(&pool, params);
+        assert_ok(cairn_icp_add_target(icp, target.at, target.count, corridor, NULL));
+        start = cairn_pose_compose(corridor, off);
+        result = align(icp, &query, start, NULL);
+        assert_int_equal(result.verdict, CAIRN_ICP_UNOBSERVABLE);
+        assert_int_equal(result.observable, 2);
+        assert_near(cairn_abs(result.weak[0] * axis.x + result.weak[1] * axis.y), 1, 1e-3);
+        assert_near(result.weak[2], 0, 0.03);
+        assert_true(result.weak_ratio < CAIRN_REAL(1e-3));
+        along_across = cairn_pose_between(corridor, result.target_query);
+        assert_near(along_across.x, 0.2, 0.01);
+        assert_near(along_across.y, 0, 0.005);
+        assert_near(along_across.theta, 0, 0.002);
+        {
+            cairn_sym2 xy = {result.covariance[0], result.covariance[1], result.covariance[4]};
+            cairn_real values[2];
+            cairn_vec2 minor, major;
+
+            cairn_sym2_eigen(xy, values, &minor, &major);
+            assert_near(values[1], 1e4, NUMBER(1, 3e3));
+            assert_near(values[0], 1e-4 / query.count, NUMBER(2e-7, 0.1));
+            assert_near(cairn_abs(cairn_vec2_dot(major, axis)), 1, 1e-4);
+        }
+        /* The prior's mean lies 0.05 m along the corridor and 0.03 m beside it. */
+        off.x = CAIRN_REAL(0.05);
+        off.y = CAIRN_REAL(0.03);
+        off.theta = 0;
+        prior.mean = cairn_pose_compose(corridor, off);
+        prior.sigma_x = CAIRN_REAL(0.2);
+        prior.sigma_y = CAIRN_REAL(0.1);
+        prior.sigma_theta = CAIRN_REAL(0.05);
+        result = align(icp, &query, start, &prior);
+        assert_int_equal(result.verdict, CAIRN_ICP_CONVERGED);
+        assert_int_equal(result.observable, 2);
+        along_across = cairn_pose_between(corridor, result.target_query);
+        assert_near(along_across.x, 0.05, 0.001);
+        assert_near(along_across.y, 0, 0.005);
+        {
+            cairn_real across[2] = {-axis.y, axis.x};
+            double along_variance =
+                (double)(axis.x * axis.x * result.covariance[0] + 2 * axis.x * axis.y * result.covariance[1] +
+                         axis.y * axis.y * result.covariance[4]);
+            double across_variance = (double)(across[0] * across[0] * result.covariance[0] +
+                                              2 * across[0] * across[1] * result.covariance[1] +
+                                              across[1] * across[1] * result.covariance[4]);
+
+            assert_near(along_variance, 0.04, 0.001);
+            assert_true(across_variance < 4e-6);
+        }
+        test_pool_free(&pool);
+    }
+}
+
+/* One wall leaves its direction alone; a round room leaves the rotation, about its centre, unknown. */
+static void test_wall_and_round_room(void **state)
+{
+    static struct points target;
+    cairn_pose start = {CAIRN_REAL(0.04), CAIRN_REAL(0.05), CAIRN_REAL(0.02)};
+    cairn_vec2 a = {-2, 1}, b = {3, 1};
+    cairn_pool pool;
+    cairn_icp *icp = make_icp(&pool, cairn_icp_default());
+    cairn_icp_result result;
+
+    (void)state;
+    target.count = 0;
+    add_wall(&target, a, b, CAIRN_REAL(0.1));
+    add_target(icp, &target);
+    result = align(icp, &target, start, NULL);
+    assert_int_equal(result.verdict, CAIRN_ICP_UNOBSERVABLE);
+    assert_int_equal(result.observable, 2);
+    assert_near(cairn_abs(result.weak[0]), 1, 1e-3);
+    assert_near(result.target_query.y, 0, 1e-3);
+    assert_near(result.target_query.theta, 0, 1e-3);
+
+    cairn_icp_clear_target(icp);
+    assert_int_equal(cairn_icp_target_count(icp), 0);
+    target.count = 0;
+    for (int32_t i = 0; i < 200; i++) {
+        cairn_real sine, cosine;
+
+        cairn_sincos(CAIRN_PI * (cairn_real)i / 100, &sine, &cosine);
+        target.at[i].position.x = 1 + 2 * cosine;
+        target.at[i].position.y = 2 + 2 * sine;
+        target.at[i].direction.x = -sine;
+        target.at[i].direction.y = cosine;
+        target.count++;
+    }
+    add_target(icp, &target);
+    result = align(icp, &target, start, NULL);
+    assert_int_equal(result.verdict, CAIRN_ICP_UNOBSERVABLE);
+    assert_int_equal(result.observable, 2);
+    assert_near(cairn_abs(result.weak[2]), 1, 1e-3);
+    assert_near(result.radius, 2, 1e-4);
+    assert_near(result.target_query.theta, 0.02, 2e-3);
+    {
+        cairn_vec2 centre = {1, 2}, mapped = cairn_pose_point(result.target_query, centre);
+
+        assert_near(mapped.x, 1, 1e-3);
+        assert_near(mapped.y, 2, 1e-3);
+    }
+    /* All points in one place with one direction tell one thing: the distance across. */
+    cairn_icp_clear_target(icp);
+    for (int32_t i = 0; i < 20; i++) {
+        target.at[i].position = a;
+        target.at[i].direction.x = 0;
+        target.at[i].direction.y = 1;
+    }
+    target.count = 20;
+    add_target(icp, &target);
+    result = align(icp, &target, start, NULL);
+    assert_int_equal(result.verdict, CAIRN_ICP_UNOBSERVABLE);
+    assert_int_equal(result.observable, 1);
+    test_pool_free(&pool);
+}
+
+/* ---- Covariance ---- */
+
+/* Mean of the normalised squared pose error: 3 when the covariance is right. */
+static void test_covariance_fits_the_errors(void **state)
+{
+    static struct points world, target, query;
+    cairn_random random = cairn_random_seed(36, 0);
+    cairn_icp_params params = cairn_icp_default();
+    double nees = 0;
+    int runs = 300;
+    cairn_pool pool;
+    cairn_icp *icp;
+
+    (void)state;
+    params.sigma = CAIRN_REAL(0.001);
+    params.gate_end = CAIRN_REAL(0.2);
+    icp = make_icp(&pool, params);
+    for (int k = 0; k < runs; k++) {
+        cairn_pose truth = random_pose(&random, 1, 3);
+        cairn_pose start = cairn_pose_compose(truth, random_pose(&random, CAIRN_REAL(0.02), CAIRN_REAL(0.02)));
+        cairn_icp_result result;
+        cairn_sym3 covariance, information;
+        cairn_real error[3];
+
+        l_room(&world, CAIRN_REAL(0.1));
+        seen_from(&world, cairn_pose_identity(), CAIRN_REAL(0.01), &random, &target);
+        seen_from(&world, truth, CAIRN_REAL(0.01), &random, &query);
+        cairn_icp_clear_target(icp);
+        add_target(icp, &target);
+        result = align(icp, &query, start, NULL);
+        error[0] = result.target_query.x - truth.x;
+        error[1] = result.target_query.y - truth.y;
+        error[2] = cairn_wrap_angle(result.target_query.theta - truth.theta);
+        covariance.xx = result.covariance[0];
+        covariance.xy = result.covariance[1];
+        covariance.xz = result.covariance[2];
+        covariance.yy = result.covariance[4];
+        covariance.yz = result.covariance[5];
+        covariance.zz = result.covariance[8];
+        assert_true(cairn_sym3_inverse(covariance, &information));
+        nees += (double)cairn_sym3_form(information, error) / runs;
+        assert_near(result.sigma, 0.0141, 0.004);
+    }
+    print_message("mean NEES %.3f\n", nees);
+    assert_near(nees, 3, 0.6);
+    test_pool_free(&pool);
+}
+
+/* ---- Steps, edges, refusals ---- */
+
+static void test_budgets(void **state)
+{
+    static const int32_t budgets[] = {CAIRN_UNBOUNDED, 1, 7, 1000};
+    static struct points world, target, query;
+    cairn_random random = cairn_random_seed(37, 0);
+    cairn_pose truth = {CAIRN_REAL(0.5), 0, 1}, start = {CAIRN_REAL(0.55), CAIRN_REAL(0.07), CAIRN_REAL(1.06)};
+    cairn_icp_result results[4];
+    cairn_pool pool;
+    cairn_icp *icp = make_icp(&pool, cairn_icp_default());
+    int32_t units[4] = {0};
+
+    (void)state;
+    l_room(&world, CAIRN_REAL(0.1));
+    seen_from(&world, cairn_pose_identity(), CAIRN_REAL(0.01), &random, &target);
+    seen_from(&world, truth, CAIRN_REAL(0.01), &random, &query);
+    add_target(icp, &target);
+    for (int k = 0; k < 4; k++) {
+        cairn_budget budget = {100};
+        cairn_status status;
+        int32_t iterations = 0;
+
+        /* An alignment half done is dropped. */
+        assert_ok(cairn_icp_begin(icp, query.at, query.count, truth, NULL, NULL));
+        assert_status(cairn_icp_step(icp, &budget), CAIRN_MORE);
+        assert_int_equal(budget.left, 0);
+        assert_status(cairn_icp_step(icp, &budget), CAIRN_MORE);
+        assert_ok(cairn_icp_begin(icp, query.at, query.count, start, NULL, NULL));
+        do {
+            cairn_icp_result before = cairn_icp_read(icp), after;
+
+            budget.left = budgets[k];
+            status = cairn_icp_step(icp, &budget);
+            assert_true(budget.left >= 0 && (status == CAIRN_OK || (status == CAIRN_MORE && budget.left == 0)));
+            units[k] += budgets[k] - budget.left;
+            after = cairn_icp_read(icp);
+            assert_true(after.iterations >= iterations);
+            if (after.iterations == iterations)
+                assert_memory_equal(&before.target_query, &after.target_query, sizeof before.target_query);
+            iterations = after.iterations;
+        } while (status == CAIRN_MORE);
+        results[k] = cairn_icp_read(icp);
+        assert_memory_equal(&results[k], &results[0], sizeof results[0]);
+        assert_int_equal(units[k], units[0]);
+        assert_int_equal(results[k].verdict, CAIRN_ICP_CONVERGED);
+    }
+    assert_int_equal((units[0] - results[0].iterations * (2 * query.count + 12)) % 8, 0);
+    assert_in_range(units[0], results[0].iterations * (2 * query.count + 12),
+                    results[0].iterations * (2 * query.count + 12) + results[0].iterations * query.count);
+    test_pool_free(&pool);
+}
+
+static void test_few_points(void **state)
+{
+    static struct points world, query;
+    cairn_pose_prior prior = {{CAIRN_REAL(0.1), 0, 0}, CAIRN_REAL(0.1), CAIRN_REAL(0.2), CAIRN_REAL(0.3)};
+    cairn_pose start = {CAIRN_REAL(0.01), CAIRN_REAL(0.02), CAIRN_REAL(0.03)}, away = {50, 0, 0};
+    cairn_icp_params params = cairn_icp_default();
+    cairn_icp_result result;
+    cairn_pool pool;
+    cairn_icp *icp;
+
+    (void)state;
+    l_room(&world, CAIRN_REAL(0.1));
+    params.max_target = world.count;
+    params.min_pairs = 4;
+    icp = make_icp(&pool, params);
+    query = world;
+    query.count = 1;
+    assert_status(cairn_icp_begin(icp, query.at, 1, start, NULL, NULL), CAIRN_EMPTY);
+    add_target(icp, &world);
+    assert_status(cairn_icp_begin(icp, query.at, 0, start, NULL, NULL), CAIRN_EMPTY);
+    assert_status(cairn_icp_begin(icp, NULL, 0, start, NULL, NULL), CAIRN_EMPTY);
+    assert_status(cairn_icp_add_target(icp, world.at, 1, start, NULL), CAIRN_FULL);
+    for (query.count = 1; query.count < 5; query.count++) {
+        result = align(icp, &query, start, NULL);
+        assert_int_equal(result.pairs, query.count);
+        assert_near(result.overlap, 1, 0);
+        if (query.count < 4) {
+            assert_int_equal(result.verdict, CAIRN_ICP_TOO_FEW_PAIRS);
+            assert_int_equal(result.observable, 0);
+            assert_int_equal(result.iterations, 1);
+            assert_memory_equal(&result.target_query, &start, sizeof start);
+            assert_near(result.covariance[8] * result.radius * result.radius, 1e4, 1);
+        } else {
+            assert_int_equal(result.verdict, CAIRN_ICP_UNOBSERVABLE);
+        }
+    }
+    /* Nothing near: what is known is the prior. */
+    result = align(icp, &world, away, &prior);
+    assert_int_equal(result.verdict, CAIRN_ICP_TOO_FEW_PAIRS);
+    assert_int_equal(result.pairs, 0);
+    assert_near(result.covariance[0], 0.01, 1e-5);
+    assert_near(result.covariance[4], 0.04, 1e-5);
+    assert_near(result.covariance[8], 0.09, 1e-5);
+    assert_near(result.covariance[1], 0, 1e-5);
+    test_pool_free(&pool);
+}
+
+static cairn_status create_icp(void *context, cairn_pool *pool)
+{
+    cairn_icp *icp = NULL;
+    cairn_status status = cairn_icp_create(&icp, pool, context);
+
+    assert_true((status == CAIRN_OK) == (icp != NULL));
+    return status;
+}
+
+static void test_bad_params(void **state)
+{
+    cairn_icp_params params = cairn_icp_default(), bad;
+    cairn_pool pool = test_pool(1000);
+    cairn_real nan = (cairn_real)NAN;
+    cairn_icp *icp;
+
+    (void)state;
+    assert_true(params.max_target == 4096 && params.max_iterations == 40 && params.min_pairs == 10);
+    assert_int_equal(params.mode, CAIRN_ICP_POINT_TO_LINE);
+    assert_near(params.direction_gate, 3.14159265 / 3, 1e-6);
+    assert_near(params.cell, 0.2, 1e-7);
+    assert_near(params.gate_start, 0.5, 0);
+    assert_near(params.gate_end, 0.1, 1e-7);
+    assert_near(params.gate_factor, 3, 0);
+    assert_near(params.sigma, 0.01, 1e-8);
+    assert_near(params.converged_distance, 1e-4, 1e-10);
+    assert_near(params.converged_angle, 1e-4, 1e-10);
+    assert_near(params.weak_ratio, 0.01, 1e-8);
+    bad = params;
+    bad.gate_end = bad.gate_start;
+    bad.direction_gate = CAIRN_PI;
+    bad.max_target = bad.max_iterations = 1;
+    bad.min_pairs = 4;
+    bad.weak_ratio = 0;
+    assert_true(cairn_icp_memory(&bad) > 0);
+    bad.max_target = 1 << 24;
+    assert_true(cairn_icp_memory(&bad) > 0);
+    for (int k = 0; k < 26; k++) {
+        bad = params;
+        switch (k) {
+        case 0:
+            bad.max_target = 0;
+            break;
+        case 1:
+            bad.max_target = (1 << 24) + 1;
+            break;
+        case 2:
+            bad.max_iterations = 0;
+            break;
+        case 3:
+            bad.min_pairs = 3;
+            break;
+        case 4:
+            bad.mode = -1;
+            break;
+        case 5:
+            bad.mode = 2;
+            break;
+        case 6:
+            bad.cell = 0;
+            break;
+        case 7:
+            bad.cell = nan;
+            break;
+        case 8:
+            bad.gate_start = nan;
+            break;
+        case 9:
+            bad.gate_end = 0;
+            break;
+        case 10:
+            bad.gate_end = bad.gate_start * 2;
+            break;
+        case 11:
+            bad.gate_factor = 0;
+            break;
+        case 12:
+            bad.gate_factor = nan;
+            break;
+        case 13:
+            bad.direction_gate = 0;
+            break;
+        case 14:
+            bad.direction_gate = CAIRN_REAL(3.15);
+            break;
+        case 15:
+            bad.sigma = 0;
+            break;
+        case 16:
+            bad.sigma = (cairn_real)INFINITY;
+            break;
+        case 17:
+            bad.converged_distance = 0;
+            break;
+        case 18:
+            bad.converged_distance = nan;
+            break;
+        case 19:
+            bad.converged_angle = 0;
+            break;
+        case 20:
+            bad.converged_angle = nan;
+            break;
+        case 21:
+            bad.weak_ratio = -1;
+            break;
+        case 22:
+            bad.weak_ratio = 1;
+            break;
+        case 23:
+            bad.weak_ratio = nan;
+            break;
+        case 24:
+            bad.gate_end = nan;
+            break;
+        default:
+            bad.direction_gate = nan;
+            break;
+        }
+        assert_int_equal(cairn_icp_memory(&bad), 0);
+        assert_status(cairn_icp_create(&icp, &pool, &bad), CAIRN_BAD_ARGUMENT);
+    }
+    assert_int_equal(cairn_icp_memory(NULL), 0);
+    assert_status(cairn_icp_create(&icp, &pool, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_icp_create(NULL, &pool, &params), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_icp_create(&icp, NULL, &params), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(pool.used, 0);
+    test_pool_free(&pool);
+    params.max_target = 21;
+    test_every_pool_size(create_icp, &params, cairn_icp_memory(&params));
+}
+
+static void test_bad_inputs(void **state)
+{
+    static const cairn_real bad[] = {(cairn_real)NAN, (cairn_real)INFINITY};
+    static struct points world;
+    cairn_pose identity = {0, 0, 0};
+    cairn_fault fault = {5, NULL};
+    cairn_budget budget = {10};
+    cairn_pool pool;
+    cairn_icp *icp = make_icp(&pool, cairn_icp_default());
+    int32_t count;
+
+    (void)state;
+    l_room(&world, CAIRN_REAL(0.1));
+    add_target(icp, &world);
+    count = cairn_icp_target_count(icp);
+    assert_ok(cairn_icp_step(icp, &budget));
+    assert_int_equal(budget.left, 10);
+    assert_int_equal(cairn_icp_read(icp).verdict, CAIRN_ICP_RUNNING);
+    for (int k = 0; k < 8; k++) {
+        cairn_oriented_point kept = world.at[7];
+        cairn_real *value = k % 4 == 0   ? &world.at[7].position.x
+                            : k % 4 == 1 ? &world.at[7].position.y
+                            : k % 4 == 2 ? &world.at[7].direction.x
+                                         : &world.at[7].direction.y;
+
+        *value = bad[k / 4];
+        fault.index = -2;
+        if (k < 6) {
+            assert_status(cairn_icp_add_target(icp, world.at, 20, identity, &fault), CAIRN_NOT_FINITE);
+            assert_int_equal(fault.index, 7);
+        }
+        if (k < 4) {
+            assert_status(cairn_icp_begin(icp, world.at, world.count, identity, NULL, &fault), CAIRN_NOT_FINITE);
+            assert_int_equal(fault.index, 7);
+        }
+        world.at[7] = kept;
+    }
+    for (int k = 0; k < 3; k++) {
+        cairn_oriented_point kept = world.at[3];
+
+        world.at[3].direction = cairn_vec2_scale(kept.direction, k == 0   ? 0
+                                                                 : k == 1 ? CAIRN_REAL(0.9)
+                                                                          : CAIRN_REAL(1.1));
+        assert_status(cairn_icp_add_target(icp, world.at, 20, identity, &fault), CAIRN_BAD_ARGUMENT);
+        assert_int_equal(fault.index, 3);
+        assert_status(cairn_icp_begin(icp, world.at, world.count, identity, NULL, &fault), CAIRN_BAD_ARGUMENT);
+        assert_non_null(fault.what);
+        world.at[3] = kept;
+    }
+    for (int k = 0; k < 3; k++) {
+        cairn_pose pose = identity;
+        cairn_pose_prior prior = {identity, 1, 1, 1};
+
+        *(k == 0 ? &pose.x : k == 1 ? &pose.y : &pose.theta) = (cairn_real)NAN;
+        assert_status(cairn_icp_add_target(icp, world.at, 20, pose, &fault), CAIRN_NOT_FINITE);
+        assert_status(cairn_icp_begin(icp, world.at, 20, pose, NULL, &fault), CAIRN_NOT_FINITE);
+        assert_int_equal(fault.index, -1);
+        prior.mean = pose;
+        assert_status(cairn_icp_begin(icp, world.at, 20, identity, &prior, &fault), CAIRN_NOT_FINITE);
+        prior.mean = identity;
+        *(k == 0 ? &prior.sigma_x : k == 1 ? &prior.sigma_y : &prior.sigma_theta) = 0;
+        fault.index = 4;
+        assert_status(cairn_icp_begin(icp, world.at, 20, identity, &prior, &fault), CAIRN_BAD_ARGUMENT);
+        assert_int_equal(fault.index, -1);
+        assert_status(cairn_icp_begin(icp, world.at, 20, identity, &prior, NULL), CAIRN_BAD_ARGUMENT);
+    }
+    {
+        cairn_pose far = {CAIRN_REAL_MAX, 0, CAIRN_PI / 4};
+        cairn_oriented_point kept = world.at[9];
+
+        world.at[9].position.x = CAIRN_REAL_MAX;
+        assert_status(cairn_icp_add_target(icp, world.at, 20, far, &fault), CAIRN_NOT_FINITE);
+        assert_int_equal(fault.index, 9);
+        world.at[9] = kept;
+    }
+    assert_status(cairn_icp_add_target(NULL, world.at, 20, identity, &fault), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_icp_add_target(icp, NULL, 1, identity, &fault), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(fault.index, -1);
+    assert_status(cairn_icp_add_target(icp, world.at, -1, identity, &fault), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_icp_begin(NULL, world.at, 20, identity, NULL, &fault), CAIRN_BAD_ARGUMENT);
+    fault.index = 4;
+    assert_status(cairn_icp_begin(icp, NULL, 1, identity, NULL, &fault), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(fault.index, -1);
+    assert_status(cairn_icp_begin(icp, world.at, -1, identity, NULL, &fault), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(cairn_icp_target_count(icp), count);
+    assert_ok(cairn_icp_step(icp, &budget));
+    assert_int_equal(budget.left, 10);
+
+    assert_ok(cairn_icp_add_target(icp, NULL, 0, identity, NULL));
+    assert_ok(cairn_icp_begin(icp, world.at, 20, identity, NULL, NULL));
+    fault.index = 4;
+    assert_status(cairn_icp_add_target(icp, world.at, 20, identity, &fault), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(fault.index, -1);
+    cairn_icp_clear_target(icp);
+    assert_ok(cairn_icp_step(icp, &budget));
+    assert_int_equal(budget.left, 10);
+    assert_ok(cairn_icp_add_target(icp, world.at, 20, identity, &fault));
+    test_pool_free(&pool);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_icp_matches_twin),
+        cmocka_unit_test(test_known_motions_without_noise),
+        cmocka_unit_test(test_known_motions_with_noise),
+        cmocka_unit_test(test_outliers),
+        cmocka_unit_test(test_faces_of_a_thin_wall),
+        cmocka_unit_test(test_ties),
+        cmocka_unit_test(test_corridor),
+        cmocka_unit_test(test_wall_and_round_room),
+        cmocka_unit_test(test_covariance_fits_the_errors),
+        cmocka_unit_test(test_budgets),
+        cmocka_unit_test(test_few_points),
+        cmocka_unit_test(test_bad_params),
+        cmocka_unit_test(test_bad_inputs),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
