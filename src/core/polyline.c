@@ -164,7 +164,7 @@ cairn_status cairn_polyline_begin_scaled(cairn_polyline *x, const cairn_real *po
         }
     for (int j = 0; j < 3 && count > 0; j++)
         side = cairn_max(side, high[j] - x->low[j]);
-    x->cell = cairn_max(side, x->params.sigma) / ((INT32_C(1) << POLYLINE_LEVELS) - 1);
+    x->cell = cairn_max(side, x->params.sigma) / ((INT32_C(1) << (POLYLINE_LEVELS - 1)) - 1);
     x->count = count;
     x->piece_count = x->next_count = 0;
     x->shown_points = x->shown_segments = 0;
@@ -176,6 +176,10 @@ cairn_status cairn_polyline_begin_scaled(cairn_polyline *x, const cairn_real *po
     x->left_out = 0;
     memset(&x->measure, 0, sizeof x->measure);
     x->part = 0;
+    x->round = 0;
+    x->listing = 1;
+    x->changed = 0;
+    x->moved = 0;
     x->phase = KEYS;
     x->stage = x->at = 0;
     if (fault != NULL)
@@ -188,28 +192,62 @@ cairn_status cairn_polyline_begin(cairn_polyline *x, const cairn_real *points, i
     return cairn_polyline_begin_scaled(x, points, count, 1, fault);
 }
 
-/* Bits of the cell numbers of all axes, interleaved. */
+/* The bits of a number of POLYLINE_LEVELS bits, `dim` apart. */
+static uint64_t spread(uint64_t number, int32_t dim)
+{
+    if (dim == 2) {
+        number = (number | number << 16) & UINT64_C(0x0000ffff0000ffff);
+        number = (number | number << 8) & UINT64_C(0x00ff00ff00ff00ff);
+        number = (number | number << 4) & UINT64_C(0x0f0f0f0f0f0f0f0f);
+        number = (number | number << 2) & UINT64_C(0x3333333333333333);
+        return (number | number << 1) & UINT64_C(0x5555555555555555);
+    }
+    number = (number | number << 32) & UINT64_C(0x001f00000000ffff);
+    number = (number | number << 16) & UINT64_C(0x001f0000ff0000ff);
+    number = (number | number << 8) & UINT64_C(0x100f00f00f00f00f);
+    number = (number | number << 4) & UINT64_C(0x10c30c30c30c30c3);
+    return (number | number << 2) & UINT64_C(0x1249249249249249);
+}
+
+/* Number of a point in Morton order; the cells are shifted by round / 3 of the whole extent. */
 static uint64_t morton(const cairn_polyline *x, const cairn_real p[3])
 {
+    cairn_real shift = (cairn_real)x->round * ((INT32_C(1) << (POLYLINE_LEVELS - 1)) / 3);
     uint64_t code = 0;
-    uint32_t number[3];
 
-    for (int j = 0; j < x->params.dim; j++)
-        number[j] = (uint32_t)cairn_real_to_int((p[j] - x->low[j]) / x->cell);
-    for (int bit = POLYLINE_LEVELS - 1; bit >= 0; bit--)
-        for (int j = 0; j < x->params.dim; j++)
-            code = code << 1 | (number[j] >> bit & 1);
+    for (int j = 0; j < x->params.dim; j++) {
+        uint32_t number = (uint32_t)cairn_real_to_int((p[j] - x->low[j]) / x->cell + shift);
+
+        code |= spread(number, x->params.dim) << j;
+    }
     return code;
 }
 
 static int compute_keys(cairn_polyline *x, cairn_budget *budget)
 {
     for (; x->at < x->count; x->at++) {
-        if (!pay(x, budget, 16))
+        if (!pay(x, budget, 6))
             return 0;
         x->key[x->at] = morton(x, x->raw[x->at]);
         x->order[x->at] = x->at;
     }
+    x->listed = x->count;
+    return 1;
+}
+
+/* Lists the points that no piece claims, with their places in the shifted Morton order. In round 0 those are all, and the
+ * order is the one that they are in. */
+static int list_unclaimed(cairn_polyline *x, cairn_budget *budget)
+{
+    for (; x->at < x->count; x->at++) {
+        if (!pay(x, budget, 6))
+            return 0;
+        if (x->owner[x->at] >= 0)
+            continue;
+        x->key[x->at] = morton(x, x->point[x->at]);
+        x->order[x->other++] = x->at;
+    }
+    x->listed = x->other;
     return 1;
 }
 
@@ -224,6 +262,11 @@ static int point_before(const cairn_polyline *x, int32_t a, int32_t b)
     return a < b;
 }
 
+static int unclaimed_before(const cairn_polyline *x, int32_t a, int32_t b)
+{
+    return x->key[a] != x->key[b] ? x->key[a] < x->key[b] : a < b;
+}
+
 /* Total order of points by piece (none last), then along it. */
 static int support_before(const cairn_polyline *x, int32_t a, int32_t b)
 {
@@ -236,14 +279,16 @@ static int support_before(const cairn_polyline *x, int32_t a, int32_t b)
 
 static int before(const cairn_polyline *x, int32_t a, int32_t b)
 {
-    return x->phase == SORT_POINTS ? point_before(x, a, b) : support_before(x, a, b);
+    if (x->phase == SORT_SUPPORT)
+        return support_before(x, a, b);
+    return x->phase == SORT_POINTS ? point_before(x, a, b) : unclaimed_before(x, a, b);
 }
 
-/* Natural merge sort of order[0 ... count-1]: linear when the order of the last iteration still nearly holds. Stage 0 looks
+/* Natural merge sort of order[0 ... listed-1]: linear when the order of the last iteration still nearly holds. Stage 0 looks
  * for the end of a run, 1 for that of the next, 2 merges both into spare. */
 static int sort(cairn_polyline *x, cairn_budget *budget)
 {
-    int32_t n = x->count;
+    int32_t n = x->listed;
 
     for (;;) {
         const int32_t *from = x->order;
@@ -313,23 +358,30 @@ static int gather(cairn_polyline *x, cairn_budget *budget)
             x->block_min[block][j] = first ? value : cairn_min(x->block_min[block][j], value);
             x->block_max[block][j] = first ? value : cairn_max(x->block_max[block][j], value);
         }
-        x->order[x->at] = x->at;
+        x->owner[x->at] = -1;
     }
     return 1;
 }
 
+/* Places of the points along their pieces; after a search for new pieces all are listed again. */
 static int project(cairn_polyline *x, cairn_budget *budget)
 {
+    int relist = x->listing;
+
     for (; x->at < x->count; x->at++) {
         cairn_real local[3];
 
         if (!pay(x, budget, 4))
             return 0;
+        if (relist)
+            x->order[x->at] = x->at;
         if (x->owner[x->at] < 0)
             continue;
         piece_local(&x->pieces[x->owner[x->at]], x->point[x->at], local);
         x->along[x->at] = local[0];
     }
+    x->listing = 0;
+    x->listed = x->count;
     return 1;
 }
 
@@ -393,8 +445,9 @@ static int write_result(cairn_polyline *x, cairn_budget *budget)
     return 1;
 }
 
-/* The end of an iteration: what merging left becomes the pieces of the next; 1 when that was the last. */
-static int turn_over(cairn_polyline *x)
+/* The end of an iteration: what merging left becomes the pieces of the next. Returns the phase to go on with: when s is at
+ * its end, points without a piece are twice looked at again, in shifted cells. */
+static phase turn_over(cairn_polyline *x)
 {
     piece *swap = x->pieces;
     int settled;
@@ -406,11 +459,21 @@ static int turn_over(cairn_polyline *x)
     x->next_count = 0;
     x->measure.iterations++;
     settled = !x->changed && x->moved <= x->params.tolerance && x->s <= x->s_last;
-    x->converged = settled;
-    x->s = cairn_max(x->s * x->params.shrink, x->s_last);
     x->moved = 0;
     x->changed = 0;
-    return settled || x->measure.iterations >= x->params.max_iterations;
+    if (x->measure.iterations >= x->params.max_iterations)
+        return CLAIM_POINTS;
+    if (x->s <= x->s_last && x->round < ROUNDS - 1) {
+        x->round++;
+        x->listing = 1;
+        return LIST;
+    }
+    if (settled) {
+        x->converged = 1;
+        return CLAIM_POINTS;
+    }
+    x->s = cairn_max(x->s * x->params.shrink, x->s_last);
+    return EXPECT;
 }
 
 /* The phase at hand; 1 when it is through. */
@@ -420,10 +483,13 @@ static int run_phase(cairn_polyline *x, cairn_budget *budget)
     case KEYS:
         return compute_keys(x, budget);
     case SORT_POINTS:
+    case SORT_LIST:
     case SORT_SUPPORT:
         return sort(x, budget);
     case GATHER:
         return gather(x, budget);
+    case LIST:
+        return list_unclaimed(x, budget);
     case INITIAL:
         return cairn_polyline_initial(x, budget);
     case EXPECT:
@@ -452,7 +518,7 @@ cairn_status cairn_polyline_step(cairn_polyline *x, cairn_budget *budget)
         if (!run_phase(x, budget))
             return CAIRN_MORE;
         if (x->phase == COMPACT)
-            x->phase = turn_over(x) ? CLAIM_POINTS : EXPECT;
+            x->phase = turn_over(x);
         else
             x->phase++;
         x->stage = x->at = x->other = x->inner = 0;

@@ -2,17 +2,19 @@
  * each branch in which all but a few points lie in a band.
  *
  * Cells are runs of the sorted points, and the next cell follows from the codes at its border: there is no stack and no
- * tree. A cell is fitted three times, the last twice to the points in the band alone, so that clutter does not turn it. */
+ * tree. A wall that falls into cells with too few points each is found in one of two later rounds, in which the points that
+ * no piece claims are listed again in cells shifted by a third (Chan 1998: two points that are near each other share a small
+ * cell of one of three such trees). A cell is fitted three times, the last twice to the points in the band alone, so that clutter does not turn it. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/core/polyline_work.h"
 
-/* The cell of a point at a level: 0 is all, POLYLINE_LEVELS the smallest. */
+/* The cell of the i-th listed point at a level: 0 is all, POLYLINE_LEVELS the smallest. */
 static uint64_t cell_of(const cairn_polyline *x, int32_t i, int32_t level)
 {
-    return x->key[x->source[i]] >> (x->params.dim * (POLYLINE_LEVELS - level));
+    return x->key[x->order[i]] >> (x->params.dim * (POLYLINE_LEVELS - level));
 }
 
 /* Stage 1: finds the end of the cell that starts at `first`, and sums its points. */
@@ -20,10 +22,10 @@ static int sum_cell(cairn_polyline *x, cairn_budget *budget)
 {
     cairn_real local[3];
 
-    for (; x->last < x->count && cell_of(x, x->last, x->level) == cell_of(x, x->first, x->level); x->last++) {
+    for (; x->last < x->listed && cell_of(x, x->last, x->level) == cell_of(x, x->first, x->level); x->last++) {
         if (!pay(x, budget, 5))
             return 0;
-        piece_local(&x->made, x->point[x->last], local);
+        piece_local(&x->made, x->point[x->order[x->last]], local);
         cairn_polyline_add(&x->sum, local, 1);
     }
     return 1;
@@ -48,7 +50,7 @@ static int fit_band(cairn_polyline *x, cairn_budget *budget)
     for (; x->other < x->last; x->other++) {
         if (x->other > x->first && !pay(x, budget, 6))
             return 0;
-        piece_local(&x->made, x->point[x->other], local);
+        piece_local(&x->made, x->point[x->order[x->other]], local);
         if (local[1] * local[1] + local[2] * local[2] > x->least * x->least)
             continue;
         cairn_polyline_add(&x->sum, local, 1);
@@ -71,21 +73,21 @@ static void next_cell(cairn_polyline *x)
 {
     x->at = x->last;
     x->level = 0;
-    while (x->at < x->count && cell_of(x, x->at, x->level) == cell_of(x, x->at - 1, x->level))
+    while (x->at < x->listed && cell_of(x, x->at, x->level) == cell_of(x, x->at - 1, x->level))
         x->level++;
     x->stage = 0;
 }
 
 int cairn_polyline_initial(cairn_polyline *x, cairn_budget *budget)
 {
-    while (x->at < x->count) {
+    while (x->at < x->listed) {
         cairn_real side = x->cell * (cairn_real)(INT32_C(1) << (POLYLINE_LEVELS - x->level));
 
         if (x->stage == 0) {
             memset(&x->made, 0, sizeof x->made);
             memset(&x->sum, 0, sizeof x->sum);
             for (int j = 0; j < 3; j++) {
-                x->made.mid[j] = x->point[x->at][j];
+                x->made.mid[j] = x->point[x->order[x->at]][j];
                 x->made.axis[j][j] = 1;
             }
             x->first = x->last = x->other = x->at;

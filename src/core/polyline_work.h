@@ -11,6 +11,9 @@
 /* Bits of the Morton code per axis. */
 #define POLYLINE_LEVELS 20
 
+/* Searches for first pieces: of all points, then twice of those without one. */
+#define ROUNDS 3
+
 /* Half width of the band in which a piece claims points, in s. exp(-CLAIM^2 / 2) is the weight of "no piece at all". */
 #define CLAIM        3
 #define NOISE_WEIGHT CAIRN_REAL(0.011108996538242306)
@@ -40,6 +43,8 @@ typedef enum phase {
     KEYS,
     SORT_POINTS,
     GATHER,
+    LIST,
+    SORT_LIST,
     INITIAL,
     EXPECT,
     MAXIMIZE,
@@ -79,6 +84,9 @@ struct cairn_polyline {
     cairn_real merge_cosine;
     cairn_real moved; /* farthest that an end moved in this iteration */
     int32_t changed, converged, left_out;
+    int32_t round;   /* of searches for first pieces */
+    int32_t listed;  /* points in order[] */
+    int32_t listing; /* order[] holds only some points */
     cairn_polyline_measure measure;
 
     /* Where the phase at hand stands. Its cursors start at 0; what they count is said where they are used. */
