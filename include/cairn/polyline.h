@@ -58,9 +58,13 @@ CAIRN_CHECKED cairn_status cairn_polyline_create(cairn_polyline **polyline, cair
 CAIRN_CHECKED cairn_status cairn_polyline_begin(cairn_polyline *polyline, const cairn_real *points, int32_t count,
                                                 cairn_fault *fault);
 
-/* As begin(), with sigma, s_first and s_last all times `scale` (> 0) for this fit: for points of another accuracy. */
-CAIRN_CHECKED cairn_status cairn_polyline_begin_scaled(cairn_polyline *polyline, const cairn_real *points,
-                                                       int32_t count, cairn_real scale, cairn_fault *fault);
+/* The same one by one, for callers that must not make a whole pass at once: clear, then add each point, then step. sigma,
+ * s_first and s_last are all times `scale` for this fit: 1, or more for points of less accuracy. Constant time.
+ * CAIRN_BAD_ARGUMENT: NULL, or scale is not finite and > 0. */
+CAIRN_CHECKED cairn_status cairn_polyline_clear(cairn_polyline *polyline, cairn_real scale);
+
+/* point: [dim]. Statuses as for begin(); CAIRN_BAD_ARGUMENT also after the first step. */
+CAIRN_CHECKED cairn_status cairn_polyline_add(cairn_polyline *polyline, const cairn_real *point);
 
 /* Goes on fitting. CAIRN_MORE, CAIRN_OK; CAIRN_BAD_ARGUMENT: NULL. The dearest item costs 3 units. The result does not
  * depend on the budgets. */

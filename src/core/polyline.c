@@ -125,71 +125,105 @@ cairn_status cairn_polyline_create(cairn_polyline **polyline, cairn_pool *pool, 
     return CAIRN_OK;
 }
 
-static cairn_status refuse(cairn_fault *fault, int64_t index, const char *what, cairn_status status)
+static cairn_status check_point(const cairn_real *point, int32_t dim, const char **what)
 {
-    if (fault != NULL) {
-        fault->index = index;
-        fault->what = what;
+    for (int32_t j = 0; j < dim; j++) {
+        *what = "coordinate: not a finite number";
+        if (!cairn_is_finite(point[j]))
+            return CAIRN_NOT_FINITE;
+        *what = "coordinate: beyond CAIRN_POLYLINE_EXTENT";
+        if (cairn_abs(point[j]) > CAIRN_POLYLINE_EXTENT)
+            return CAIRN_BAD_ARGUMENT;
+    }
+    *what = NULL;
+    return CAIRN_OK;
+}
+
+static cairn_status check_points(const cairn_polyline *x, const cairn_real *points, int32_t count, cairn_fault *fault)
+{
+    cairn_status status = CAIRN_OK;
+
+    fault->index = -1;
+    fault->what = "points: NULL or a negative count, expected an array";
+    if (x == NULL || count < 0 || (points == NULL && count > 0))
+        return CAIRN_BAD_ARGUMENT;
+    fault->index = x->params.max_points;
+    fault->what = "points: more than max_points";
+    if (count > x->params.max_points)
+        return CAIRN_FULL;
+    fault->what = NULL;
+    for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {
+        fault->index = i;
+        status = check_point(points + (size_t)i * (size_t)x->params.dim, x->params.dim, &fault->what);
     }
     return status;
 }
 
-cairn_status cairn_polyline_begin_scaled(cairn_polyline *x, const cairn_real *points, int32_t count, cairn_real scale,
-                                         cairn_fault *fault)
+cairn_status cairn_polyline_clear(cairn_polyline *x, cairn_real scale)
 {
-    cairn_real high[3] = {0, 0, 0};
-    cairn_real side = 0;
-    int32_t dim;
-
-    if (x == NULL || count < 0 || (points == NULL && count > 0))
-        return refuse(fault, -1, "points: NULL or a negative count, expected an array", CAIRN_BAD_ARGUMENT);
-    if (!positive(scale))
-        return refuse(fault, -1, "scale: expected a finite number > 0", CAIRN_BAD_ARGUMENT);
-    if (count > x->params.max_points)
-        return refuse(fault, x->params.max_points, "more points than max_points", CAIRN_FULL);
-    dim = x->params.dim;
-    for (int32_t i = 0; i < count * dim; i++) {
-        if (!cairn_is_finite(points[i]))
-            return refuse(fault, i / dim, "coordinate: not a finite number", CAIRN_NOT_FINITE);
-        if (cairn_abs(points[i]) > CAIRN_POLYLINE_EXTENT)
-            return refuse(fault, i / dim, "coordinate: beyond CAIRN_POLYLINE_EXTENT", CAIRN_BAD_ARGUMENT);
-    }
-    for (int32_t i = 0; i < count; i++)
-        for (int j = 0; j < 3; j++) {
-            cairn_real value = j < dim ? points[i * dim + j] : 0;
-
-            x->raw[i][j] = value;
-            x->low[j] = i == 0 ? value : cairn_min(x->low[j], value);
-            high[j] = i == 0 ? value : cairn_max(high[j], value);
-        }
-    for (int j = 0; j < 3 && count > 0; j++)
-        side = cairn_max(side, high[j] - x->low[j]);
-    x->cell = cairn_max(side, x->params.sigma) / ((INT32_C(1) << (POLYLINE_LEVELS - 1)) - 1);
-    x->count = count;
-    x->piece_count = x->next_count = 0;
-    x->shown_points = x->shown_segments = 0;
+    if (x == NULL || !positive(scale))
+        return CAIRN_BAD_ARGUMENT;
     x->sigma = scale * x->params.sigma;
     x->s_first = scale * x->params.s_first;
     x->s_last = scale * x->params.s_last;
     x->s = x->s_first;
-    x->converged = 0;
-    x->left_out = 0;
-    memset(&x->measure, 0, sizeof x->measure);
-    x->part = 0;
+    x->side = 0;
+    x->count = 0;
+    x->piece_count = x->next_count = 0;
+    x->shown_points = x->shown_segments = 0;
     x->round = 0;
     x->listing = 1;
-    x->changed = 0;
     x->moved = 0;
+    x->changed = x->converged = x->left_out = 0;
+    memset(&x->measure, 0, sizeof x->measure);
+    x->part = 0;
     x->phase = KEYS;
     x->stage = x->at = 0;
-    if (fault != NULL)
-        fault->what = NULL;
     return CAIRN_OK;
+}
+
+static void append(cairn_polyline *x, const cairn_real *point)
+{
+    for (int j = 0; j < 3; j++) {
+        cairn_real value = j < x->params.dim ? point[j] : 0;
+
+        x->raw[x->count][j] = value;
+        x->low[j] = x->count == 0 ? value : cairn_min(x->low[j], value);
+        x->high[j] = x->count == 0 ? value : cairn_max(x->high[j], value);
+        x->side = cairn_max(x->side, x->high[j] - x->low[j]);
+    }
+    x->cell = cairn_max(x->side, x->sigma) / ((INT32_C(1) << (POLYLINE_LEVELS - 1)) - 1);
+    x->count++;
+}
+
+cairn_status cairn_polyline_add(cairn_polyline *x, const cairn_real *point)
+{
+    const char *what;
+    cairn_status status;
+
+    if (x == NULL || point == NULL || x->phase != KEYS || x->at > 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (x->count == x->params.max_points)
+        return CAIRN_FULL;
+    status = check_point(point, x->params.dim, &what);
+    if (status == CAIRN_OK)
+        append(x, point);
+    return status;
 }
 
 cairn_status cairn_polyline_begin(cairn_polyline *x, const cairn_real *points, int32_t count, cairn_fault *fault)
 {
-    return cairn_polyline_begin_scaled(x, points, count, 1, fault);
+    cairn_fault found;
+    cairn_status status = check_points(x, points, count, &found);
+
+    if (fault != NULL)
+        *fault = found;
+    if (status != CAIRN_OK)
+        return status;
+    status = cairn_polyline_clear(x, 1);
+    for (int32_t i = 0; i < count; i++)
+        append(x, points + (size_t)i * (size_t)x->params.dim);
+    return status;
 }
 
 /* The bits of a number of POLYLINE_LEVELS bits, `dim` apart. */

@@ -53,7 +53,7 @@ static void share(cairn_polyline *x, int32_t c, const cairn_real p[3])
     if (part < CAIRN_REAL(0.00390625))
         return;
     piece_local(k, p, local);
-    cairn_polyline_add(&k->soft, local, part);
+    cairn_polyline_sum(&k->soft, local, part);
 }
 
 /* Stage 0 collects the candidates of block `at`; then each point `first` weighs them (inner < candidates) and is shared. In

@@ -26,7 +26,7 @@ static int sum_cell(cairn_polyline *x, cairn_budget *budget)
         if (!pay(x, budget, 5))
             return 0;
         piece_local(&x->made, x->point[x->order[x->last]], local);
-        cairn_polyline_add(&x->sum, local, 1);
+        cairn_polyline_sum(&x->sum, local, 1);
     }
     return 1;
 }
@@ -53,7 +53,7 @@ static int fit_band(cairn_polyline *x, cairn_budget *budget)
         piece_local(&x->made, x->point[x->order[x->other]], local);
         if (local[1] * local[1] + local[2] * local[2] > x->least * x->least)
             continue;
-        cairn_polyline_add(&x->sum, local, 1);
+        cairn_polyline_sum(&x->sum, local, 1);
         x->made.low = cairn_min(x->made.low, local[0]);
         x->made.high = cairn_max(x->made.high, local[0]);
     }

@@ -3,7 +3,7 @@
 
 #include "src/core/polyline_work.h"
 
-void cairn_polyline_add(sums *m, const cairn_real v[3], cairn_real weight)
+void cairn_polyline_sum(sums *m, const cairn_real v[3], cairn_real weight)
 {
     m->n += weight;
     for (int i = 0; i < 3; i++)

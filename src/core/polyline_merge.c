@@ -24,8 +24,8 @@ static sums sums_of_both(const piece *heavy, const piece *light, const cairn_rea
     cairn_real across = cairn_max(1 - along[0] * along[0], 0);
     sums both = {0, {0, 0, 0}, {0, 0, 0, 0, 0, 0}};
 
-    cairn_polyline_add(&both, heavy->own, n1);
-    cairn_polyline_add(&both, mean, n2);
+    cairn_polyline_sum(&both, heavy->own, n1);
+    cairn_polyline_sum(&both, mean, n2);
     both.vv.xx += heavy->tt + light->tt * along[0] * along[0];
     both.vv.xy += light->tt * along[0] * along[1];
     both.vv.xz += light->tt * along[0] * along[2];

@@ -165,7 +165,7 @@ int cairn_polyline_support(cairn_polyline *x, cairn_budget *budget)
             if (!pay(x, budget, 5))
                 return 0;
             piece_local(&x->pieces[owner], x->point[x->order[x->inner]], local);
-            cairn_polyline_add(&x->sum, local, 1);
+            cairn_polyline_sum(&x->sum, local, 1);
         }
         sse = cairn_polyline_residual(&x->sum);
         if (x->stage == 2) {
@@ -177,7 +177,7 @@ int cairn_polyline_support(cairn_polyline *x, cairn_budget *budget)
             if (!pay(x, budget, 14))
                 return 0;
             piece_local(&x->pieces[owner], x->point[x->order[x->inner]], local);
-            cairn_polyline_add(&x->left, local, 1);
+            cairn_polyline_sum(&x->left, local, 1);
             try_cut(x);
         }
         x->stage = 4;

@@ -79,7 +79,8 @@ struct cairn_polyline {
 
     int32_t count, piece_count, next_count;
     int32_t shown_points, shown_segments; /* what read() shows */
-    cairn_real low[3], cell;              /* of the Morton code: corner and side of its smallest cell */
+    cairn_real low[3], high[3], side;     /* box of the points, and its longest side */
+    cairn_real cell;                      /* side of the smallest cell of the Morton code */
     cairn_real sigma, s, s_first, s_last;
     cairn_real merge_cosine;
     cairn_real moved; /* farthest that an end moved in this iteration */
@@ -125,7 +126,7 @@ static inline void piece_local(const piece *k, const cairn_real p[3], cairn_real
         local[i] = k->axis[i][0] * dx + k->axis[i][1] * dy + k->axis[i][2] * dz;
 }
 
-void cairn_polyline_add(sums *m, const cairn_real v[3], cairn_real weight);
+void cairn_polyline_sum(sums *m, const cairn_real v[3], cairn_real weight);
 
 /* Sum of squares across the regression line of sums taken in a frame nearly along that line. */
 cairn_real cairn_polyline_residual(const sums *m);
