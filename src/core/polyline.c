@@ -1,0 +1,575 @@
+/* Extended EM line fitting: the object, the canonical order of the points, and the first pieces.
+ *
+ * Method: points are sorted by Morton code (ties by coordinates), so that nothing after that depends on their order and
+ * neighbours in memory are neighbours in space. First pieces: cells of the quadtree (octree) that the code spells, from
+ * coarse to fine, the first on each branch in which all but a few points lie in a band. Then, until nothing changes: E-step,
+ * M-step (polyline_em.c), cuts at gaps and bends (polyline_support.c), merging (polyline_merge.c); s shrinks meanwhile.
+ *
+ * Layout: one pool piece per array; a point is three reals also in the plane, z = 0 there.
+ * Limits: coordinates up to CAIRN_POLYLINE_EXTENT; points nearer than 2^-20 of the whole extent are still told apart.
+ * Source: Adluru 2008, section 2 and refs 168, 170 (Lakaemper and Latecki, extended EM); the quadtree start is ours. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/core/polyline_work.h"
+
+cairn_polyline_params cairn_polyline_default(void)
+{
+    cairn_polyline_params params;
+
+    memset(&params, 0, sizeof params);
+    params.dim = 2;
+    params.max_points = 1024;
+    params.max_segments = 256;
+    params.min_points = 4;
+    params.max_iterations = 20;
+    params.min_length = CAIRN_REAL(0.08);
+    params.sigma = CAIRN_REAL(0.01);
+    params.s_first = CAIRN_REAL(0.05);
+    params.s_last = CAIRN_REAL(0.02);
+    params.shrink = CAIRN_REAL(0.6);
+    params.gap = CAIRN_REAL(0.25);
+    params.gap_factor = 3;
+    params.gap_max = CAIRN_REAL(1.5);
+    params.merge_angle = CAIRN_REAL(0.26);
+    params.merge_distance = CAIRN_REAL(0.10);
+    params.bend = 20;
+    params.tolerance = CAIRN_REAL(0.0005);
+    return params;
+}
+
+static int positive(cairn_real value)
+{
+    return value > 0 && cairn_is_finite(value);
+}
+
+static int acceptable(const cairn_polyline_params *p)
+{
+    return p != NULL && (p->dim == 2 || p->dim == 3) && p->max_points >= 1 && p->max_points <= INT32_C(1) << 26 &&
+           p->max_segments >= 1 && p->max_segments <= INT32_C(1) << 20 && p->min_points >= 3 &&
+           p->max_iterations >= 1 && p->min_length >= 0 && cairn_is_finite(p->min_length) && positive(p->sigma) &&
+           positive(p->s_last) && p->s_first >= p->s_last && cairn_is_finite(p->s_first) && p->shrink > 0 &&
+           p->shrink <= 1 && positive(p->gap) && p->gap_factor >= 1 && cairn_is_finite(p->gap_factor) &&
+           p->gap_max >= p->gap && cairn_is_finite(p->gap_max) && p->merge_angle >= 0 &&
+           p->merge_angle <= CAIRN_PI / 2 && positive(p->merge_distance) && positive(p->bend) && positive(p->tolerance);
+}
+
+static cairn_polyline *carve(cairn_pool *pool, const cairn_polyline_params *p)
+{
+    size_t n = (size_t)p->max_points, m = (size_t)p->max_segments, blocks = (n + BLOCK - 1) / BLOCK;
+    cairn_polyline *x = cairn_pool_take(pool, 1, sizeof *x);
+    cairn_real(*raw)[3] = cairn_pool_take(pool, n, sizeof *raw);
+    cairn_real(*point)[3] = cairn_pool_take(pool, n, sizeof *point);
+    uint64_t *key = cairn_pool_take(pool, n, sizeof *key);
+    int32_t *order = cairn_pool_take(pool, n, sizeof *order);
+    int32_t *spare = cairn_pool_take(pool, n, sizeof *spare);
+    int32_t *source = cairn_pool_take(pool, n, sizeof *source);
+    int32_t *owner = cairn_pool_take(pool, n, sizeof *owner);
+    int32_t *label = cairn_pool_take(pool, n, sizeof *label);
+    cairn_real *along = cairn_pool_take(pool, n, sizeof *along);
+    cairn_real(*block_min)[3] = cairn_pool_take(pool, blocks, sizeof *block_min);
+    cairn_real(*block_max)[3] = cairn_pool_take(pool, blocks, sizeof *block_max);
+    piece *pieces = cairn_pool_take(pool, m, sizeof *pieces);
+    piece *next = cairn_pool_take(pool, m, sizeof *next);
+    int32_t *candidate = cairn_pool_take(pool, m, sizeof *candidate);
+    cairn_real *weight = cairn_pool_take(pool, m, sizeof *weight);
+    cairn_polyline_segment *segments = cairn_pool_take(pool, m, sizeof *segments);
+
+    if (x != NULL) {
+        memset(x, 0, sizeof *x);
+        x->params = *p;
+        x->merge_cosine = cairn_cos(p->merge_angle);
+        x->raw = raw;
+        x->point = point;
+        x->key = key;
+        x->order = order;
+        x->spare = spare;
+        x->source = source;
+        x->owner = owner;
+        x->label = label;
+        x->along = along;
+        x->block_min = block_min;
+        x->block_max = block_max;
+        x->pieces = pieces;
+        x->next = next;
+        x->candidate = candidate;
+        x->weight = weight;
+        x->segments = segments;
+        x->phase = DONE;
+        x->converged = 1;
+    }
+    return x;
+}
+
+size_t cairn_polyline_memory(const cairn_polyline_params *params)
+{
+    cairn_pool counting;
+
+    if (!acceptable(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return counting.used == SIZE_MAX ? 0 : counting.used;
+}
+
+cairn_status cairn_polyline_create(cairn_polyline **polyline, cairn_pool *pool, const cairn_polyline_params *params)
+{
+    size_t need = cairn_polyline_memory(params);
+
+    if (polyline == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    *polyline = carve(pool, params);
+    return CAIRN_OK;
+}
+
+static cairn_status check_point(const cairn_real *point, int32_t dim, const char **what)
+{
+    for (int32_t j = 0; j < dim; j++) {
+        *what = "coordinate: not a finite number";
+        if (!cairn_is_finite(point[j]))
+            return CAIRN_NOT_FINITE;
+        *what = "coordinate: beyond CAIRN_POLYLINE_EXTENT";
+        if (cairn_abs(point[j]) > CAIRN_POLYLINE_EXTENT)
+            return CAIRN_BAD_ARGUMENT;
+    }
+    *what = NULL;
+    return CAIRN_OK;
+}
+
+static cairn_status check_points(const cairn_polyline *x, const cairn_real *points, int32_t count, cairn_fault *fault)
+{
+    cairn_status status = CAIRN_OK;
+
+    fault->index = -1;
+    fault->what = "points: NULL or a negative count, expected an array";
+    if (x == NULL || count < 0 || (points == NULL && count > 0))
+        return CAIRN_BAD_ARGUMENT;
+    fault->index = x->params.max_points;
+    fault->what = "points: more than max_points";
+    if (count > x->params.max_points)
+        return CAIRN_FULL;
+    fault->what = NULL;
+    for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {
+        fault->index = i;
+        status = check_point(points + (size_t)i * (size_t)x->params.dim, x->params.dim, &fault->what);
+    }
+    return status;
+}
+
+cairn_status cairn_polyline_clear(cairn_polyline *x, cairn_real scale)
+{
+    if (x == NULL || !positive(scale))
+        return CAIRN_BAD_ARGUMENT;
+    x->sigma = scale * x->params.sigma;
+    x->s_first = scale * x->params.s_first;
+    x->s_last = scale * x->params.s_last;
+    x->s = x->s_first;
+    x->side = 0;
+    x->count = 0;
+    x->piece_count = x->next_count = 0;
+    x->shown_points = x->shown_segments = 0;
+    x->round = 0;
+    x->listing = 1;
+    x->moved = 0;
+    x->changed = x->converged = x->left_out = 0;
+    memset(&x->measure, 0, sizeof x->measure);
+    x->part = 0;
+    x->phase = KEYS;
+    x->stage = x->at = 0;
+    return CAIRN_OK;
+}
+
+static void append(cairn_polyline *x, const cairn_real *point)
+{
+    for (int j = 0; j < 3; j++) {
+        cairn_real value = j < x->params.dim ? point[j] : 0;
+
+        x->raw[x->count][j] = value;
+        x->low[j] = x->count == 0 ? value : cairn_min(x->low[j], value);
+        x->high[j] = x->count == 0 ? value : cairn_max(x->high[j], value);
+        x->side = cairn_max(x->side, x->high[j] - x->low[j]);
+    }
+    x->cell = cairn_max(x->side, x->sigma) / ((INT32_C(1) << (POLYLINE_LEVELS - 1)) - 1);
+    x->count++;
+}
+
+cairn_status cairn_polyline_add(cairn_polyline *x, const cairn_real *point)
+{
+    const char *what;
+    cairn_status status;
+
+    if (x == NULL || point == NULL || x->phase != KEYS || x->at > 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (x->count == x->params.max_points)
+        return CAIRN_FULL;
+    status = check_point(point, x->params.dim, &what);
+    if (status == CAIRN_OK)
+        append(x, point);
+    return status;
+}
+
+cairn_status cairn_polyline_begin(cairn_polyline *x, const cairn_real *points, int32_t count, cairn_fault *fault)
+{
+    cairn_fault found;
+    cairn_status status = check_points(x, points, count, &found);
+
+    if (fault != NULL)
+        *fault = found;
+    if (status != CAIRN_OK)
+        return status;
+    status = cairn_polyline_clear(x, 1);
+    for (int32_t i = 0; i < count; i++)
+        append(x, points + (size_t)i * (size_t)x->params.dim);
+    return status;
+}
+
+/* The bits of a number of POLYLINE_LEVELS bits, `dim` apart. */
+static uint64_t spread(uint64_t number, int32_t dim)
+{
+    if (dim == 2) {
+        number = (number | number << 16) & UINT64_C(0x0000ffff0000ffff);
+        number = (number | number << 8) & UINT64_C(0x00ff00ff00ff00ff);
+        number = (number | number << 4) & UINT64_C(0x0f0f0f0f0f0f0f0f);
+        number = (number | number << 2) & UINT64_C(0x3333333333333333);
+        return (number | number << 1) & UINT64_C(0x5555555555555555);
+    }
+    number = (number | number << 32) & UINT64_C(0x001f00000000ffff);
+    number = (number | number << 16) & UINT64_C(0x001f0000ff0000ff);
+    number = (number | number << 8) & UINT64_C(0x100f00f00f00f00f);
+    number = (number | number << 4) & UINT64_C(0x10c30c30c30c30c3);
+    return (number | number << 2) & UINT64_C(0x1249249249249249);
+}
+
+/* Number of a point in Morton order; the cells are shifted by round / 3 of the whole extent. */
+static uint64_t morton(const cairn_polyline *x, const cairn_real p[3])
+{
+    cairn_real shift = (cairn_real)x->round * ((INT32_C(1) << (POLYLINE_LEVELS - 1)) / 3);
+    uint64_t code = 0;
+
+    for (int j = 0; j < x->params.dim; j++) {
+        uint32_t number = (uint32_t)cairn_real_to_int((p[j] - x->low[j]) / x->cell + shift);
+
+        code |= spread(number, x->params.dim) << j;
+    }
+    return code;
+}
+
+static int compute_keys(cairn_polyline *x, cairn_budget *budget)
+{
+    for (; x->at < x->count; x->at++) {
+        if (!pay(x, budget, 6))
+            return 0;
+        x->key[x->at] = morton(x, x->raw[x->at]);
+        x->order[x->at] = x->at;
+    }
+    x->listed = x->count;
+    return 1;
+}
+
+/* Lists the points that no piece claims, with their places in the shifted Morton order. In round 0 those are all, and the
+ * order is the one that they are in. */
+static int list_unclaimed(cairn_polyline *x, cairn_budget *budget)
+{
+    for (; x->at < x->count; x->at++) {
+        if (!pay(x, budget, 6))
+            return 0;
+        if (x->owner[x->at] >= 0)
+            continue;
+        x->key[x->at] = morton(x, x->point[x->at]);
+        x->order[x->other++] = x->at;
+    }
+    x->listed = x->other;
+    return 1;
+}
+
+/* Total order of raw points; equal points are in no order that shows. */
+static int point_before(const cairn_polyline *x, int32_t a, int32_t b)
+{
+    if (x->key[a] != x->key[b])
+        return x->key[a] < x->key[b];
+    for (int j = 0; j < 3; j++)
+        if (x->raw[a][j] < x->raw[b][j] || x->raw[a][j] > x->raw[b][j])
+            return x->raw[a][j] < x->raw[b][j];
+    return a < b;
+}
+
+static int unclaimed_before(const cairn_polyline *x, int32_t a, int32_t b)
+{
+    return x->key[a] != x->key[b] ? x->key[a] < x->key[b] : a < b;
+}
+
+/* Total order of points by piece (none last), then along it. */
+static int support_before(const cairn_polyline *x, int32_t a, int32_t b)
+{
+    if (x->owner[a] != x->owner[b])
+        return (uint32_t)x->owner[a] < (uint32_t)x->owner[b];
+    if (x->owner[a] >= 0 && (x->along[a] < x->along[b] || x->along[a] > x->along[b]))
+        return x->along[a] < x->along[b];
+    return a < b;
+}
+
+static int before(const cairn_polyline *x, int32_t a, int32_t b)
+{
+    if (x->phase == SORT_SUPPORT)
+        return support_before(x, a, b);
+    return x->phase == SORT_POINTS ? point_before(x, a, b) : unclaimed_before(x, a, b);
+}
+
+/* Natural merge sort of order[0 ... listed-1]: linear when the order of the last iteration still nearly holds. Stage 0 looks
+ * for the end of a run, 1 for that of the next, 2 merges both into spare. */
+static int sort(cairn_polyline *x, cairn_budget *budget)
+{
+    int32_t n = x->listed;
+
+    for (;;) {
+        const int32_t *from = x->order;
+
+        if (x->sort.stage == 0) {
+            while (x->sort.middle < n && !before(x, from[x->sort.middle], from[x->sort.middle - 1])) {
+                if (!pay(x, budget, 3))
+                    return 0;
+                x->sort.middle++;
+            }
+            if (x->sort.start == 0 && x->sort.middle >= n)
+                return 1;
+            x->sort.middle = x->sort.middle < n ? x->sort.middle : n;
+            x->sort.end = x->sort.middle + 1;
+            x->sort.stage = 1;
+        }
+        if (x->sort.stage == 1) {
+            while (x->sort.end < n && !before(x, from[x->sort.end], from[x->sort.end - 1])) {
+                if (!pay(x, budget, 3))
+                    return 0;
+                x->sort.end++;
+            }
+            x->sort.end = x->sort.end < n ? x->sort.end : n;
+            x->sort.left = x->sort.out = x->sort.start;
+            x->sort.right = x->sort.middle;
+            x->sort.stage = 2;
+        }
+        while (x->sort.out < x->sort.end) {
+            int32_t left = x->sort.left, right = x->sort.right;
+
+            if (!pay(x, budget, 4))
+                return 0;
+            if (left < x->sort.middle && (right >= x->sort.end || !before(x, from[right], from[left]))) {
+                x->spare[x->sort.out++] = from[left];
+                x->sort.left++;
+            } else {
+                x->spare[x->sort.out++] = from[right];
+                x->sort.right++;
+            }
+        }
+        x->sort.start = x->sort.end;
+        if (x->sort.start >= n) {
+            int32_t *swap = x->order;
+
+            x->order = x->spare;
+            x->spare = swap;
+            x->sort.start = 0;
+        }
+        x->sort.middle = x->sort.start + 1;
+        x->sort.stage = 0;
+    }
+}
+
+static int gather(cairn_polyline *x, cairn_budget *budget)
+{
+    for (; x->at < x->count; x->at++) {
+        int32_t block = x->at / BLOCK, raw = x->order[x->at];
+
+        if (!pay(x, budget, 4))
+            return 0;
+        x->source[x->at] = raw;
+        for (int j = 0; j < 3; j++) {
+            cairn_real value = x->raw[raw][j];
+            int first = x->at % BLOCK == 0;
+
+            x->point[x->at][j] = value;
+            x->block_min[block][j] = first ? value : cairn_min(x->block_min[block][j], value);
+            x->block_max[block][j] = first ? value : cairn_max(x->block_max[block][j], value);
+        }
+        x->owner[x->at] = -1;
+    }
+    return 1;
+}
+
+/* Places of the points along their pieces; after a search for new pieces all are listed again. */
+static int project(cairn_polyline *x, cairn_budget *budget)
+{
+    int relist = x->listing;
+
+    for (; x->at < x->count; x->at++) {
+        cairn_real local[3];
+
+        if (!pay(x, budget, 4))
+            return 0;
+        if (relist)
+            x->order[x->at] = x->at;
+        if (x->owner[x->at] < 0)
+            continue;
+        piece_local(&x->pieces[x->owner[x->at]], x->point[x->at], local);
+        x->along[x->at] = local[0];
+    }
+    x->listing = 0;
+    x->listed = x->count;
+    return 1;
+}
+
+/* Removes the pieces that merging emptied. */
+static int compact(cairn_polyline *x, cairn_budget *budget)
+{
+    for (; x->at < x->next_count; x->at++) {
+        if (!pay(x, budget, 8))
+            return 0;
+        if (x->next[x->at].count > 0)
+            x->next[x->other++] = x->next[x->at];
+    }
+    x->next_count = x->other;
+    return 1;
+}
+
+/* Labels in the order of the input, and the segments with what they claim. */
+static int write_result(cairn_polyline *x, cairn_budget *budget)
+{
+    if (x->stage == 0) {
+        for (; x->at < x->piece_count; x->at++) {
+            cairn_polyline_segment *segment = &x->segments[x->at];
+
+            if (!pay(x, budget, 4))
+                return 0;
+            cairn_polyline_end(&x->pieces[x->at], 0, segment->a);
+            cairn_polyline_end(&x->pieces[x->at], 1, segment->b);
+            segment->count = 0;
+            segment->rms = 0;
+        }
+        x->stage = 1;
+        x->at = 0;
+    }
+    if (x->stage == 1) {
+        for (; x->at < x->count; x->at++) {
+            int32_t owner = x->owner[x->at];
+            cairn_real local[3];
+
+            if (!pay(x, budget, 5))
+                return 0;
+            x->label[x->source[x->at]] = owner;
+            if (owner < 0)
+                continue;
+            piece_local(&x->pieces[owner], x->point[x->at], local);
+            x->segments[owner].count++;
+            x->segments[owner].rms += local[1] * local[1] + local[2] * local[2];
+        }
+        x->stage = 2;
+        x->at = 0;
+    }
+    for (; x->at < x->piece_count; x->at++) {
+        cairn_polyline_segment *segment = &x->segments[x->at];
+
+        if (!pay(x, budget, 4))
+            return 0;
+        if (segment->count > 0)
+            segment->rms = cairn_sqrt(segment->rms / (cairn_real)segment->count);
+    }
+    x->shown_segments = x->piece_count;
+    x->shown_points = x->count;
+    return 1;
+}
+
+/* The end of an iteration: what merging left becomes the pieces of the next. Returns the phase to go on with: when s is at
+ * its end, points without a piece are twice looked at again, in shifted cells. */
+static phase turn_over(cairn_polyline *x)
+{
+    piece *swap = x->pieces;
+    int settled;
+
+    x->pieces = x->next;
+    x->next = swap;
+    x->changed = x->changed || x->piece_count != x->next_count;
+    x->piece_count = x->next_count;
+    x->next_count = 0;
+    x->measure.iterations++;
+    settled = !x->changed && x->moved <= x->params.tolerance && x->s <= x->s_last;
+    x->moved = 0;
+    x->changed = 0;
+    if (x->measure.iterations >= x->params.max_iterations)
+        return CLAIM_POINTS;
+    if (x->s <= x->s_last && x->round < ROUNDS - 1) {
+        x->round++;
+        x->listing = 1;
+        return LIST;
+    }
+    if (settled) {
+        x->converged = 1;
+        return CLAIM_POINTS;
+    }
+    x->s = cairn_max(x->s * x->params.shrink, x->s_last);
+    return EXPECT;
+}
+
+/* The phase at hand; 1 when it is through. */
+static int run_phase(cairn_polyline *x, cairn_budget *budget)
+{
+    switch (x->phase) {
+    case KEYS:
+        return compute_keys(x, budget);
+    case SORT_POINTS:
+    case SORT_LIST:
+    case SORT_SUPPORT:
+        return sort(x, budget);
+    case GATHER:
+        return gather(x, budget);
+    case LIST:
+        return list_unclaimed(x, budget);
+    case INITIAL:
+        return cairn_polyline_initial(x, budget);
+    case EXPECT:
+    case CLAIM_POINTS:
+        return cairn_polyline_expect(x, budget);
+    case MAXIMIZE:
+        return cairn_polyline_maximize(x, budget);
+    case PROJECT:
+        return project(x, budget);
+    case SUPPORT:
+        return cairn_polyline_support(x, budget);
+    case MERGE:
+        return cairn_polyline_merge(x, budget);
+    case COMPACT:
+        return compact(x, budget);
+    default:
+        return write_result(x, budget);
+    }
+}
+
+cairn_status cairn_polyline_step(cairn_polyline *x, cairn_budget *budget)
+{
+    if (x == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (x->phase != DONE) {
+        if (!run_phase(x, budget))
+            return CAIRN_MORE;
+        if (x->phase == COMPACT)
+            x->phase = turn_over(x);
+        else
+            x->phase++;
+        x->stage = x->at = x->other = x->inner = 0;
+        x->level = 0;
+        memset(&x->sort, 0, sizeof x->sort);
+        x->sort.middle = 1;
+    }
+    return CAIRN_OK;
+}
+
+cairn_polyline_view cairn_polyline_read(const cairn_polyline *x)
+{
+    cairn_polyline_view view = {x->segments, x->label, x->shown_segments, x->shown_points, x->converged, x->left_out};
+    return view;
+}
+
+cairn_polyline_measure cairn_polyline_measured(const cairn_polyline *x)
+{
+    return x->measure;
+}

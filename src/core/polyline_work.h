@@ -1,0 +1,160 @@
+/* What the files of the polyline room share: the pieces that are fitted, and the state between steps. */
+#ifndef CAIRN_CORE_POLYLINE_WORK_H
+#define CAIRN_CORE_POLYLINE_WORK_H
+
+#include "cairn/polyline.h"
+#include "cairn/small_matrix.h"
+
+/* Points of a block share one list of candidate pieces. */
+#define BLOCK 8
+
+/* Bits of the Morton code per axis. */
+#define POLYLINE_LEVELS 20
+
+/* Searches for first pieces: of all points, then twice of those without one. */
+#define ROUNDS 3
+
+/* Half width of the band in which a piece claims points, in s. exp(-CLAIM^2 / 2) is the weight of "no piece at all". */
+#define CLAIM        3
+#define NOISE_WEIGHT CAIRN_REAL(0.011108996538242306)
+
+/* Weighted sums of points in some frame. */
+typedef struct sums {
+    cairn_real n;
+    cairn_real v[3];
+    cairn_sym3 vv;
+} sums;
+
+/* A line with its extent: points mid + t axis[0], low <= t <= high. axis[1] and axis[2] complete a right-handed frame; in
+ * the plane axis[2] is (0, 0, 1). All sums are taken in this frame, where distances to the line are small numbers. */
+typedef struct piece {
+    cairn_real mid[3], axis[3][3];
+    cairn_real low, high;
+    cairn_real reach_low, reach_high;  /* how far beyond its ends the next point may lie */
+    cairn_real box_min[3], box_max[3]; /* of the piece with its reach */
+    /* Of its own points, those that no piece is nearer to: */
+    cairn_real own[3];  /* mean, in this frame */
+    cairn_real tt, sse; /* sums of squares along and across the line about that mean */
+    int32_t count;
+    sums soft; /* of all points, each with its responsibility */
+} piece;
+
+typedef enum phase {
+    KEYS,
+    SORT_POINTS,
+    GATHER,
+    LIST,
+    SORT_LIST,
+    INITIAL,
+    EXPECT,
+    MAXIMIZE,
+    PROJECT,
+    SORT_SUPPORT,
+    SUPPORT,
+    MERGE,
+    COMPACT, /* and back to EXPECT */
+    CLAIM_POINTS,
+    WRITE,
+    DONE
+} phase;
+
+struct cairn_polyline {
+    cairn_polyline_params params;
+    /* Points: as given, then in canonical order. */
+    cairn_real (*raw)[3];
+    cairn_real (*point)[3];
+    uint64_t *key;     /* [max_points] Morton code of raw points */
+    int32_t *order;    /* [max_points] raw indices in canonical order, later canonical indices by piece and place */
+    int32_t *spare;    /* [max_points] the other half of the merge sort */
+    int32_t *source;   /* [max_points] raw index of each point */
+    int32_t *owner;    /* [max_points] piece that claims a point, -1 none */
+    cairn_real *along; /* [max_points] place on that piece */
+    cairn_real (*block_min)[3], (*block_max)[3];
+    /* Pieces of this and of the next iteration. */
+    piece *pieces, *next;
+    int32_t *candidate;
+    cairn_real *weight; /* [max_segments] of the point at hand for each candidate */
+    cairn_polyline_segment *segments;
+    int32_t *label;
+
+    int32_t count, piece_count, next_count;
+    int32_t shown_points, shown_segments; /* what read() shows */
+    cairn_real low[3], high[3], side;     /* box of the points, and its longest side */
+    cairn_real cell;                      /* side of the smallest cell of the Morton code */
+    cairn_real sigma, s, s_first, s_last;
+    cairn_real merge_cosine;
+    cairn_real moved; /* farthest that an end moved in this iteration */
+    int32_t changed, converged, left_out;
+    int32_t round;   /* of searches for first pieces */
+    int32_t listed;  /* points in order[] */
+    int32_t listing; /* order[] holds only some points */
+    cairn_polyline_measure measure;
+
+    /* Where the phase at hand stands. Its cursors start at 0; what they count is said where they are used. */
+    phase phase;
+    int32_t stage, at, other, inner, first, last, level;
+    int32_t part; /* sixteenths of a unit that are used but not yet charged */
+    int32_t candidates, best, adopter;
+    cairn_real total, least, adopter_least;
+    sums sum, left, best_left;
+    cairn_real best_sse;
+    int32_t best_at;
+    piece made;
+    struct {
+        int32_t stage, start, middle, end, left, right, out;
+    } sort;
+};
+
+/* Charges `sixteenths` of a unit; 0 when the budget is used up and the item at hand must wait. */
+static inline int pay(cairn_polyline *x, cairn_budget *budget, int32_t sixteenths)
+{
+    if (budget->left <= 0)
+        return 0;
+    x->part += sixteenths;
+    budget->left -= x->part / 16;
+    x->measure.units += x->part / 16;
+    x->part %= 16;
+    return 1;
+}
+
+/* Coordinates of a point in the frame of a piece. */
+static inline void piece_local(const piece *k, const cairn_real p[3], cairn_real local[3])
+{
+    cairn_real dx = p[0] - k->mid[0], dy = p[1] - k->mid[1], dz = p[2] - k->mid[2];
+
+    for (int i = 0; i < 3; i++)
+        local[i] = k->axis[i][0] * dx + k->axis[i][1] * dy + k->axis[i][2] * dz;
+}
+
+void cairn_polyline_sum(sums *m, const cairn_real v[3], cairn_real weight);
+
+/* Sum of squares across the regression line of sums taken in a frame nearly along that line. */
+cairn_real cairn_polyline_residual(const sums *m);
+
+/* Turns the frame of a piece to the principal axis of sums taken in that frame, keeping its sense; its ends stay. */
+void cairn_polyline_fit(piece *k, const sums *m, int32_t dim);
+
+/* Makes a piece of sums of its own points, taken in its frame: regression on t, then own, tt, sse, count. low and high are
+ * places in the old frame and are carried over. */
+void cairn_polyline_fit_own(piece *k, const sums *m, int32_t dim);
+
+/* Sets box_min and box_max. */
+void cairn_polyline_box(piece *k);
+
+/* The end of a piece, 0 at low and 1 at high. */
+void cairn_polyline_end(const piece *k, int32_t which, cairn_real end[3]);
+
+/* Sum of squares that a second line must save, for n points of which two lines leave `sse`. */
+cairn_real cairn_polyline_worth(const cairn_polyline *x, cairn_real n, cairn_real sse);
+
+/* Appends to list[*count]; when it is full, the piece of fewest points gives way. */
+void cairn_polyline_keep(cairn_polyline *x, piece *list, int32_t *count, const piece *k);
+
+/* The phases; each returns 1 when it is through and 0 when the budget is used up. */
+int cairn_polyline_initial(cairn_polyline *x, cairn_budget *budget);
+int cairn_polyline_expect(cairn_polyline *x, cairn_budget *budget);
+int cairn_polyline_maximize(cairn_polyline *x, cairn_budget *budget);
+int cairn_polyline_support(cairn_polyline *x, cairn_budget *budget);
+int cairn_polyline_merge(cairn_polyline *x, cairn_budget *budget);
+
+#endif
