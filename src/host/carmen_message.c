@@ -120,7 +120,7 @@ static int32_t take_tail(cursor *c, int64_t *stamp_ns)
     if (length == 0)
         return 1;
     c->status = cairn_file_error_set(c->fault, CAIRN_BAD_FORMAT, c->path, c->number,
-                                     "%s follows the last field of the %s line, expected its end: is the number of "
+                                     "%s follows the last field of the %s message, expected its end: is the number of "
                                      "readings right?",
                                      cairn_token_text(shown, token, length), c->name);
     return 0;

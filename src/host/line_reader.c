@@ -1,7 +1,7 @@
 /* Lines of a plain or gzipped file.
  *
- * One buffer holds what was read and not yet handed out: [begin, end). It doubles when a line does not fit. zlib reads a
- * cut gzip file to its end without a word; its error is asked for at the end of the data. */
+ * One buffer holds what was read and not yet handed out: [begin, end). It doubles when a line does not fit. Gzip is inflated
+ * here and not by zlib's file functions, which drop what they have just inflated when the data turn out to be damaged. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -15,16 +15,26 @@
 #include "src/host/line_reader.h"
 
 #define FIRST_CAPACITY (256 * 1024)
+#define INPUT_BYTES    (64 * 1024)
+
+/* What zlib calls a window of 32 KiB behind a gzip header. */
+#define GZIP_WINDOW (15 + 16)
 
 struct cairn_line_reader {
-    gzFile file;
+    int file;
     char *path;
     char *buffer; /* [capacity + 1]: one more for the closing 0 */
     size_t capacity, begin, end;
     int64_t number;
-    int32_t at_end;     /* nothing more can be read */
-    int32_t told;       /* ... and if that was an error, it has been returned */
-    int32_t unfinished; /* the last line had no line end */
+    int32_t at_end;     /* nothing more can be read, because of ... */
+    cairn_status cause; /* CAIRN_OK, CAIRN_TRUNCATED, CAIRN_BAD_FORMAT, CAIRN_IO; told once */
+    int32_t code;       /* errno of CAIRN_IO */
+    /* Gzip. */
+    int32_t begun;   /* the first bytes have told what the file is */
+    int32_t zipped;  /* inflating; `stream` is initialised */
+    int32_t between; /* behind the end of a member */
+    z_stream stream;
+    unsigned char *input; /* [INPUT_BYTES] */
 };
 
 cairn_status cairn_line_reader_open(cairn_line_reader **reader, const char *path, cairn_file_error *error)
@@ -42,43 +52,46 @@ cairn_status cairn_line_reader_open(cairn_line_reader **reader, const char *path
                                     S_ISDIR(about.st_mode) ? "folder" : "pipe or device");
     }
     r = calloc(1, sizeof *r);
-    if (r != NULL) {
-        r->path = malloc(strlen(path) + 1);
-        r->buffer = malloc(FIRST_CAPACITY + 1);
-        r->capacity = FIRST_CAPACITY;
-        r->file = gzdopen(file, "rb");
+    if (r == NULL) {
+        (void)close(file);
+        return cairn_file_error_system(error, path, "open", ENOMEM);
     }
-    if (r == NULL || r->path == NULL || r->buffer == NULL || r->file == NULL) {
-        if (r == NULL || r->file == NULL)
-            (void)close(file);
+    r->file = file;
+    r->path = malloc(strlen(path) + 1);
+    r->buffer = malloc(FIRST_CAPACITY + 1);
+    r->input = malloc(INPUT_BYTES);
+    r->capacity = FIRST_CAPACITY;
+    if (r->path == NULL || r->buffer == NULL || r->input == NULL) {
         cairn_line_reader_close(r);
         return cairn_file_error_system(error, path, "open", ENOMEM);
     }
-    (void)gzbuffer(r->file, FIRST_CAPACITY / 2);
     memcpy(r->path, path, strlen(path) + 1);
     *reader = r;
     return CAIRN_OK;
+}
+
+static void stop_inflating(cairn_line_reader *r)
+{
+    if (r->zipped)
+        (void)inflateEnd(&r->stream);
+    r->zipped = 0;
 }
 
 void cairn_line_reader_close(cairn_line_reader *reader)
 {
     if (reader == NULL)
         return;
-    if (reader->file != NULL)
-        (void)gzclose_r(reader->file);
+    stop_inflating(reader);
+    (void)close(reader->file);
     free(reader->path);
     free(reader->buffer);
+    free(reader->input);
     free(reader);
 }
 
 int64_t cairn_line_reader_number(const cairn_line_reader *reader)
 {
     return reader->number;
-}
-
-int32_t cairn_line_reader_unfinished(const cairn_line_reader *reader)
-{
-    return reader->unfinished;
 }
 
 const char *cairn_line_reader_path(const cairn_line_reader *reader)
@@ -88,15 +101,17 @@ const char *cairn_line_reader_path(const cairn_line_reader *reader)
 
 cairn_status cairn_line_reader_rewind(cairn_line_reader *reader, cairn_file_error *error)
 {
-    gzclearerr(reader->file);
-    if (gzrewind(reader->file) != 0)
-        return cairn_file_error_set(error, CAIRN_IO, reader->path, 0, "cannot be read a second time");
-    reader->begin = 0;
-    reader->end = 0;
-    reader->number = 0;
-    reader->at_end = 0;
-    reader->told = 0;
-    reader->unfinished = 0;
+    cairn_line_reader *r = reader;
+
+    if (lseek(r->file, 0, SEEK_SET) != 0)
+        return cairn_file_error_system(error, r->path, "read a second time", errno);
+    stop_inflating(r);
+    r->begin = 0;
+    r->end = 0;
+    r->number = 0;
+    r->at_end = 0;
+    r->cause = CAIRN_OK;
+    r->begun = 0;
     return CAIRN_OK;
 }
 
@@ -120,55 +135,134 @@ static cairn_status make_room(cairn_line_reader *r, cairn_file_error *error)
     return CAIRN_OK;
 }
 
-/* Reads up to the capacity; sets at_end when nothing more comes. */
+static void end_by(cairn_line_reader *r, cairn_status cause)
+{
+    r->at_end = 1;
+    r->cause = cause;
+}
+
+/* Up to `most` bytes of the file; 0 at its end, which is then marked. */
+static size_t read_bytes(cairn_line_reader *r, void *bytes, size_t most)
+{
+    ssize_t count;
+
+    do
+        count = read(r->file, bytes, most);
+    while (count < 0 && errno == EINTR);
+    if (count > 0)
+        return (size_t)count;
+    r->code = errno;
+    end_by(r, count < 0 ? CAIRN_IO : CAIRN_OK);
+    return 0;
+}
+
+/* More gzipped input when there is none. 0 at the end of the file: cut, unless a member has just ended. */
+static int32_t have_input(cairn_line_reader *r)
+{
+    if (r->stream.avail_in > 0)
+        return 1;
+    r->stream.next_in = r->input;
+    r->stream.avail_in = (uInt)read_bytes(r, r->input, INPUT_BYTES);
+    if (r->stream.avail_in == 0 && r->cause == CAIRN_OK && !r->between)
+        r->cause = CAIRN_TRUNCATED;
+    return r->stream.avail_in > 0;
+}
+
+/* Inflates into the room behind `end`. Members may follow one another; what else follows one is not looked at. */
+static void inflate_more(cairn_line_reader *r)
+{
+    size_t room = r->capacity - r->end;
+    int code;
+
+    r->stream.next_out = (Bytef *)r->buffer + r->end;
+    r->stream.avail_out = (uInt)room;
+    while (r->stream.avail_out > 0 && have_input(r)) {
+        if (r->between && (r->stream.next_in[0] != 0x1f || inflateReset(&r->stream) != Z_OK)) {
+            end_by(r, CAIRN_OK);
+            break;
+        }
+        r->between = 0;
+        code = inflate(&r->stream, Z_NO_FLUSH);
+        if (code == Z_STREAM_END) {
+            r->between = 1;
+        } else if (code != Z_OK && code != Z_BUF_ERROR) {
+            r->code = ENOMEM;
+            end_by(r, code == Z_MEM_ERROR ? CAIRN_NO_MEMORY : CAIRN_BAD_FORMAT);
+            break;
+        }
+    }
+    r->end += room - r->stream.avail_out;
+}
+
+/* The first bytes: plain text stays in the buffer, gzip goes to the inflater. */
+static void begin_reading(cairn_line_reader *r)
+{
+    size_t count = read_bytes(r, r->input, INPUT_BYTES);
+
+    r->begun = 1;
+    if (count < 2 || r->input[0] != 0x1f || r->input[1] != 0x8b) {
+        memcpy(r->buffer, r->input, count);
+        r->end = count;
+        return;
+    }
+    memset(&r->stream, 0, sizeof r->stream);
+    r->stream.next_in = r->input;
+    r->stream.avail_in = (uInt)count;
+    r->between = 0;
+    if (inflateInit2(&r->stream, GZIP_WINDOW) == Z_OK) {
+        r->zipped = 1;
+        return;
+    }
+    r->code = ENOMEM;
+    end_by(r, CAIRN_NO_MEMORY);
+}
+
+/* Reads up to the capacity, of which some is free; sets at_end when nothing more comes. */
 static void fill(cairn_line_reader *r)
 {
-    int count = gzread(r->file, r->buffer + r->end, (unsigned)(r->capacity - r->end));
-
-    if (count <= 0)
-        r->at_end = 1;
+    if (!r->begun)
+        begin_reading(r);
+    else if (r->zipped)
+        inflate_more(r);
     else
-        r->end += (size_t)count;
+        r->end += read_bytes(r, r->buffer + r->end, r->capacity - r->end);
 }
 
 /* Why the file ended: said once. */
 static cairn_status tell_end(cairn_line_reader *r, cairn_file_error *error)
 {
-    int code = Z_OK;
-    const char *words;
+    cairn_status cause = r->cause;
 
-    if (r->told)
+    r->cause = CAIRN_OK;
+    if (cause == CAIRN_OK)
         return CAIRN_EMPTY;
-    r->told = 1;
-    errno = 0;
-    words = gzerror(r->file, &code);
-    if (code == Z_OK || code == Z_STREAM_END)
-        return CAIRN_EMPTY;
-    if (code == Z_BUF_ERROR)
+    if (cause == CAIRN_TRUNCATED)
         return cairn_file_error_set(
-            error, CAIRN_TRUNCATED, r->path, r->number,
+            error, cause, r->path, r->number,
             "the gzip data end after this line, expected the end of the stream: the file is cut");
-    if (code == Z_DATA_ERROR)
-        return cairn_file_error_set(error, CAIRN_BAD_FORMAT, r->path, r->number,
+    if (cause == CAIRN_BAD_FORMAT)
+        return cairn_file_error_set(error, cause, r->path, r->number,
                                     "the gzip data are damaged after this line (%s), expected an unbroken stream",
-                                    words);
-    return cairn_file_error_set(error, CAIRN_IO, r->path, r->number, "reading failed after this line (%s)", words);
+                                    r->stream.msg != NULL ? r->stream.msg : "no reason given");
+    return cairn_file_error_system(error, r->path, "read", r->code);
 }
 
-/* Hands out [begin, begin + length) and moves on by `step`. */
+/* Hands out [begin, begin + length), or says that it is too long, and moves on by `step`. */
 static cairn_status hand_out(cairn_line_reader *r, size_t length, size_t step, const char **line, size_t *found)
 {
-    if (length > 0 && r->buffer[r->begin + length - 1] == '\r')
+    cairn_status status = length > CAIRN_LINE_LONGEST ? CAIRN_FULL : CAIRN_OK;
+
+    if (status == CAIRN_OK && length > 0 && r->buffer[r->begin + length - 1] == '\r')
         length--;
     *line = r->buffer + r->begin;
     *found = length;
     r->buffer[r->begin + length] = 0;
     r->begin += step;
     r->number++;
-    return CAIRN_OK;
+    return status;
 }
 
-/* Drops the rest of a line that is too long. */
+/* Drops what is left of a line that is too long. */
 static cairn_status skip_line(cairn_line_reader *r, const char **line, size_t *length)
 {
     size_t dropped = r->end - r->begin;
@@ -182,7 +276,6 @@ static cairn_status skip_line(cairn_line_reader *r, const char **line, size_t *l
         dropped += newline == NULL ? r->end : (size_t)(newline - r->buffer);
     }
     r->begin = newline == NULL ? r->end : (size_t)(newline - r->buffer) + 1;
-    r->unfinished = newline == NULL;
     r->number++;
     *line = "";
     *length = dropped;
@@ -204,19 +297,18 @@ cairn_status cairn_line_reader_next(cairn_line_reader *reader, const char **line
             pending = (size_t)(newline - r->buffer) - r->begin;
             return hand_out(r, pending, pending + 1, line, length);
         }
-        searched = pending;
         if (r->at_end)
             break;
         if (pending > CAIRN_LINE_LONGEST)
             return skip_line(r, line, length);
+        searched = pending;
         status = make_room(r, error);
-        if (status < 0)
+        if (status != CAIRN_OK)
             return status;
         fill(r);
     }
     if (pending == 0)
         return tell_end(r, error);
-    r->unfinished = 1;
     return hand_out(r, pending, pending, line, length);
 }
 

@@ -27,9 +27,6 @@ int64_t cairn_line_reader_number(const cairn_line_reader *reader);
 /* Back to the first line. CAIRN_IO. */
 CAIRN_CHECKED cairn_status cairn_line_reader_rewind(cairn_line_reader *reader, cairn_file_error *error);
 
-/* 1 when the last line had no line end: the file may have been cut inside it. */
-int32_t cairn_line_reader_unfinished(const cairn_line_reader *reader);
-
 const char *cairn_line_reader_path(const cairn_line_reader *reader);
 
 /* NULL is allowed. */
