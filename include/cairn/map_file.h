@@ -51,9 +51,9 @@ cairn_map_file cairn_map_file_default(void);
  * CAIRN_FULL: more than CAIRN_MAP_FILE_CELLS_MOST; CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_map_file_allocate(cairn_map_file *map, int32_t width, int32_t height);
 
-/* Sets the pixels from the occupancy. Trinary: 0 or 254 by the thresholds, 205 for what is between them or unknown
- * (negated: 255 less these). Raw: the occupancy, 255 for unknown. CAIRN_UNSUPPORTED in mode scale, in which a grey level
- * for unknown does not exist. */
+/* Sets the pixels from the occupancy. Trinary: 0 or 254 by the thresholds (negated: 255 or 1); 205 (50) for what is
+ * between them or unknown, or a level halfway between the thresholds where these would call 205 free or occupied. Raw: the
+ * occupancy, 255 for unknown. CAIRN_UNSUPPORTED in mode scale, in which a grey level for unknown does not exist. */
 CAIRN_CHECKED cairn_status cairn_map_file_draw(cairn_map_file *map);
 
 /* Reads a YAML file and its image. CAIRN_BAD_FORMAT: not as said above (the error names file and line); CAIRN_TRUNCATED,

@@ -65,10 +65,14 @@ cairn_status cairn_map_file_allocate(cairn_map_file *map, int32_t width, int32_t
     return CAIRN_OK;
 }
 
+static cairn_real probability_of(const cairn_map_file *map, int32_t pixel)
+{
+    return (cairn_real)(map->negate ? pixel : 255 - pixel) / 255;
+}
+
 static int8_t occupancy_of(const cairn_map_file *map, uint8_t pixel)
 {
-    double occupied = (double)map->occupied_threshold, open = (double)map->free_threshold;
-    double p = (map->negate ? pixel : 255 - pixel) / 255.0;
+    cairn_real occupied = map->occupied_threshold, open = map->free_threshold, p = probability_of(map, pixel);
 
     if (map->mode == CAIRN_MAP_RAW)
         return (int8_t)(pixel <= 100 ? pixel : -1);
@@ -81,28 +85,40 @@ static int8_t occupancy_of(const cairn_map_file *map, uint8_t pixel)
     return (int8_t)(occupied > open ? 1 + 98 * (p - open) / (occupied - open) : 1);
 }
 
-static uint8_t pixel_of(const cairn_map_file *map, int8_t occupancy)
+/* The grey level that is neither free nor occupied: the usual one, or one halfway where the thresholds do not admit it. */
+static int32_t unknown_pixel(const cairn_map_file *map)
+{
+    int32_t pixel = map->negate ? 255 - PIXEL_UNKNOWN : PIXEL_UNKNOWN;
+    cairn_real p = probability_of(map, pixel);
+
+    if (p >= map->free_threshold && p <= map->occupied_threshold)
+        return pixel;
+    pixel = cairn_real_to_int(255 * (map->free_threshold + map->occupied_threshold) / 2 + CAIRN_REAL(0.5));
+    return map->negate ? pixel : 255 - pixel;
+}
+
+static uint8_t pixel_of(const cairn_map_file *map, int8_t occupancy, int32_t unknown)
 {
     cairn_real p = CAIRN_REAL(0.01) * (cairn_real)occupancy;
-    int32_t pixel = PIXEL_UNKNOWN;
 
     if (map->mode == CAIRN_MAP_RAW)
         return (uint8_t)(occupancy < 0 || occupancy > 100 ? 255 : occupancy);
     if (occupancy >= 0 && p > map->occupied_threshold)
-        pixel = 0;
-    else if (occupancy >= 0 && p < map->free_threshold)
-        pixel = PIXEL_FREE;
-    return (uint8_t)(map->negate ? 255 - pixel : pixel);
+        return map->negate ? 255 : 0;
+    if (occupancy >= 0 && p < map->free_threshold)
+        return map->negate ? 255 - PIXEL_FREE : PIXEL_FREE;
+    return (uint8_t)unknown;
 }
 
 cairn_status cairn_map_file_draw(cairn_map_file *map)
 {
     size_t count = (size_t)map->width * (size_t)map->height, i;
+    int32_t unknown = unknown_pixel(map);
 
     if (map->mode != CAIRN_MAP_TRINARY && map->mode != CAIRN_MAP_RAW)
         return CAIRN_UNSUPPORTED;
     for (i = 0; i < count; i++)
-        map->pixel[i] = pixel_of(map, map->occupancy[i]);
+        map->pixel[i] = pixel_of(map, map->occupancy[i], unknown);
     return CAIRN_OK;
 }
 
