@@ -1,0 +1,61 @@
+/* cairn: one command, one file per subcommand. */
+#include <stdio.h>
+#include <string.h>
+
+#include "cairn/version.h"
+#include "tools/cairn_tool.h"
+
+typedef struct tool_command {
+    const char *name;
+    const char *summary;
+    int (*run)(int argc, char **argv);
+} tool_command;
+
+static const tool_command commands[] = {
+    {"info", "what a CARMEN log holds: scans, beams, time, path, damage", tool_info},
+};
+
+#define COMMANDS (sizeof commands / sizeof *commands)
+
+static void print_help(FILE *stream)
+{
+    fprintf(stream, "usage: cairn COMMAND [options] ...\n\ncommands:\n");
+    for (size_t i = 0; i < COMMANDS; i++)
+        fprintf(stream, "  %-10s %s\n", commands[i].name, commands[i].summary);
+    fprintf(stream, "\n  cairn COMMAND --help   what a command takes\n"
+                    "  cairn --version        the version\n\n"
+                    "exit codes: 0 done, 1 reading, writing or memory failed, 2 bad input or command line\n");
+}
+
+/* What was printed must have arrived: a full disk behind a pipe is a failure. */
+static int close_output(int code)
+{
+    if (fflush(stdout) != 0 || ferror(stdout)) {
+        perror("cairn: standard output");
+        return code == TOOL_OK ? TOOL_FAILED : code;
+    }
+    return code;
+}
+
+int main(int argc, char **argv)
+{
+    const char *name = argc > 1 ? argv[1] : "";
+
+    if (strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0 || strcmp(name, "help") == 0) {
+        print_help(stdout);
+        return close_output(TOOL_OK);
+    }
+    if (strcmp(name, "--version") == 0) {
+        printf("cairn %s\n", cairn_version_text());
+        return close_output(TOOL_OK);
+    }
+    for (size_t i = 0; i < COMMANDS; i++)
+        if (strcmp(name, commands[i].name) == 0)
+            return close_output(commands[i].run(argc - 1, argv + 1));
+    if (argc < 2)
+        fprintf(stderr, "cairn: no command, expected one of these\n\n");
+    else
+        fprintf(stderr, "cairn: unknown command '%s', expected one of these\n\n", name);
+    print_help(stderr);
+    return TOOL_BAD;
+}

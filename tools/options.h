@@ -1,0 +1,64 @@
+/* options: the command line of a tool from one table, which also makes its help.
+ *
+ *   static const option table[] = {
+ *       OPTION_INTEGER("--places", &places, 1, 1000, "N", "scan positions"),
+ *       OPTION_NUMBER("--range", &range, 0.1, 100, "M", "scanner range in m"),
+ *       OPTION_TEXT("-o", &folder, "DIR", "folder to write to"),
+ *       OPTION_FLAG("--quiet", &quiet, "no progress, no summary"),
+ *   };
+ *
+ * An option takes its value from the next word or after "=". "--" ends the options. Numbers are read without the locale;
+ * what is not a number, or out of range, is refused with a line that says what was expected. */
+#ifndef CAIRN_TOOLS_OPTIONS_H
+#define CAIRN_TOOLS_OPTIONS_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+typedef enum option_kind {
+    OPTION_IS_FLAG,    /* int32_t: set to 1 */
+    OPTION_IS_INTEGER, /* int64_t */
+    OPTION_IS_NUMBER,  /* double */
+    OPTION_IS_PAIR,    /* double[2], "A,B" or "AxB" */
+    OPTION_IS_TEXT     /* const char * */
+} option_kind;
+
+typedef struct option {
+    const char *name;
+    option_kind kind;
+    void *value;
+    double least, most;      /* of a number; for a pair of both */
+    const char *placeholder; /* in the help: "N", "M,DEG" */
+    const char *help;        /* with the unit and the default */
+    int32_t *given;          /* set to 1 when the option was given; NULL: nobody asks */
+} option;
+
+#define OPTION_FLAG(name, value, help) {name, OPTION_IS_FLAG, value, 0, 0, "", help, NULL}
+#define OPTION_INTEGER(name, value, least, most, placeholder, help)                                                    \
+    {name, OPTION_IS_INTEGER, value, least, most, placeholder, help, NULL}
+#define OPTION_NUMBER(name, value, least, most, placeholder, help)                                                     \
+    {name, OPTION_IS_NUMBER, value, least, most, placeholder, help, NULL}
+#define OPTION_PAIR(name, value, least, most, placeholder, help)                                                       \
+    {name, OPTION_IS_PAIR, value, least, most, placeholder, help, NULL}
+#define OPTION_TEXT(name, value, placeholder, help) {name, OPTION_IS_TEXT, value, 0, 0, placeholder, help, NULL}
+
+/* What a tool is, for its help and its errors. */
+typedef struct option_set {
+    const char *program;  /* "cairn map" */
+    const char *synopsis; /* "LOG -o DIR [options]" */
+    const char *about;    /* what it does; several lines */
+    const option *table;  /* [count] */
+    size_t count;
+} option_set;
+
+typedef enum option_result {
+    OPTIONS_READ,   /* go on */
+    OPTIONS_HELPED, /* --help was given and printed on standard output: exit with 0 */
+    OPTIONS_BAD     /* one line was printed on standard error: exit with 2 */
+} option_result;
+
+/* Reads argv[1 ... argc-1]. Words that are no options are collected, in order, in words[0 ... *word_count-1]; *word_count
+ * is their capacity before; one more is refused. */
+option_result options_read(const option_set *set, int argc, char **argv, const char **words, size_t *word_count);
+
+#endif
