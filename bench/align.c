@@ -64,7 +64,7 @@ static int run_gradient(const settings *s, const sim_scan *scans, int32_t count,
     void *memory;
     double start, stepped;
 
-    cairn_scan_capacity(&scan_params, scans[0].count);
+    scan_params.max_beams = scans[0].count;
     params.max_scans = count;
     params.max_segments = count * 48;
     params.max_points = count * 160;

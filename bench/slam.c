@@ -124,7 +124,7 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
     double start;
     cairn_status status;
 
-    cairn_scan_capacity(&params.scan, log->info.beams_most);
+    params.scan.max_beams = log->info.beams_most;
     params.window = (int32_t)s->window;
     params.max_keys = log->count < 8192 ? log->count + 1 : 8192;
     params.max_key_points = params.max_keys * 160;

@@ -1,48 +1,63 @@
-#include "tools/cairn.h"
-
+/* cairn: one command, one file per subcommand. */
 #include <stdio.h>
 #include <string.h>
 
 #include "cairn/version.h"
-#include "tools/console.h"
+#include "tools/cairn_tool.h"
 
-typedef struct command {
+typedef struct tool_command {
     const char *name;
+    const char *summary;
     int (*run)(int argc, char **argv);
-    const char *about;
-} command;
+} tool_command;
 
-static const command commands[] = {
-    {"align", cairn_align_main, "align all scans of a log at once, in any order"},
-    {"map", cairn_map_main, "map a log, scan by scan"},
+static const tool_command commands[] = {
+    {"align", "align all scans of a log at once, in any order", tool_align},
+    {"map", "map a log, scan by scan", tool_map},
+    {"info", "what a CARMEN log holds: scans, beams, time, path, damage", tool_info},
 };
 
-enum { COMMANDS = sizeof commands / sizeof *commands };
+#define COMMANDS (sizeof commands / sizeof *commands)
 
-static void print_help(void)
+static void print_help(FILE *stream)
 {
-    printf("usage: cairn COMMAND ... \n\nMaps from laser scans, in fixed memory.\n\ncommands:\n");
-    for (int i = 0; i < COMMANDS; i++)
-        printf("  %-10s %s\n", commands[i].name, commands[i].about);
-    printf("\ncairn COMMAND --help explains a command, cairn --version tells which cairn this is.\n");
+    fprintf(stream, "usage: cairn COMMAND [options] ...\n\ncommands:\n");
+    for (size_t i = 0; i < COMMANDS; i++)
+        fprintf(stream, "  %-10s %s\n", commands[i].name, commands[i].summary);
+    fprintf(stream, "\n  cairn COMMAND --help   what a command takes\n"
+                    "  cairn --version        the version\n\n"
+                    "exit codes: 0 done, 1 reading, writing or memory failed, 2 bad input or command line\n");
+}
+
+/* What was printed must have arrived: a full disk behind a pipe is a failure. */
+static int close_output(int code)
+{
+    if (fflush(stdout) != 0 || ferror(stdout)) {
+        perror("cairn: standard output");
+        return code == TOOL_OK ? TOOL_FAILED : code;
+    }
+    return code;
 }
 
 int main(int argc, char **argv)
 {
-    const char *word = argc > 1 ? argv[1] : "";
+    const char *name = argc > 1 ? argv[1] : "";
 
-    if (strcmp(word, "--help") == 0 || strcmp(word, "-h") == 0) {
-        print_help();
-        return EXIT_DONE;
+    if (strcmp(name, "--help") == 0 || strcmp(name, "-h") == 0 || strcmp(name, "help") == 0) {
+        print_help(stdout);
+        return close_output(TOOL_OK);
     }
-    if (strcmp(word, "--version") == 0) {
+    if (strcmp(name, "--version") == 0) {
         printf("cairn %s\n", cairn_version_text());
-        return EXIT_DONE;
+        return close_output(TOOL_OK);
     }
-    for (int i = 0; i < COMMANDS; i++)
-        if (strcmp(word, commands[i].name) == 0)
-            return commands[i].run(argc - 1, argv + 1);
-    if (word[0] == '\0')
-        return console_bad_input("cairn", "no command, expected one of those that --help lists");
-    return console_bad_input("cairn", "unknown command '%s', expected one of those that --help lists", word);
+    for (size_t i = 0; i < COMMANDS; i++)
+        if (strcmp(name, commands[i].name) == 0)
+            return close_output(commands[i].run(argc - 1, argv + 1));
+    if (argc < 2)
+        fprintf(stderr, "cairn: no command, expected one of these\n\n");
+    else
+        fprintf(stderr, "cairn: unknown command '%s', expected one of these\n\n", name);
+    print_help(stderr);
+    return TOOL_BAD;
 }

@@ -1,6 +1,4 @@
 /* cairn align: all scans of a log at once, by force field simulation. */
-#include "tools/cairn.h"
-
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -8,16 +6,14 @@
 
 #include "cairn/force_field.h"
 #include "cairn/output.h"
-#include "tools/console.h"
-#include "tools/map_output.h"
-#include "tools/options.h"
-#include "tools/scan_log.h"
+#include "tools/cairn_map_output.h"
+#include "tools/cairn_tool.h"
 
 #define PROGRAM "cairn align"
 
 typedef struct settings {
-    const char *log, *folder, *method;
-    int64_t max_scans, steps, seed, pool;
+    const char *log, *folder, *method, *pool;
+    int64_t max_scans, steps, seed;
     double resolution, range, range_max, spacing;
     int32_t quiet;
 } settings;
@@ -34,7 +30,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the map up to here, m (30)"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M", "ranges from here on are no return, m (by the log)"),
         OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "for methods that draw at random; gradient does not (1)"),
-        OPTION_INTEGER("--pool", &s->pool, 1, 9e15, "BYTES", "memory of the alignment (just what it needs)"),
+        OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the alignment (just what it needs)"),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
     };
     const option_set set = {PROGRAM, "LOG -o DIR [options]",
@@ -49,12 +45,12 @@ static option_result read_settings(settings *s, int argc, char **argv)
         return result;
     s->log = count > 0 ? words[0] : NULL;
     if (s->log == NULL || s->folder == NULL) {
-        (void)console_bad_input(PROGRAM, "%s, expected LOG -o DIR",
+        (void)tool_refuse(PROGRAM, "%s, expected LOG -o DIR",
                                 s->log == NULL ? "no log" : "no folder to write to (-o)");
         return OPTIONS_BAD;
     }
     if (strcmp(s->method, "gradient") != 0) {
-        (void)console_bad_input(PROGRAM, "unknown method '%s', expected gradient", s->method);
+        (void)tool_refuse(PROGRAM, "unknown method '%s', expected gradient", s->method);
         return OPTIONS_BAD;
     }
     return OPTIONS_READ;
@@ -78,15 +74,14 @@ static cairn_status fit(cairn_scan *scan, const cairn_scan_input *input, cairn_s
 static int survey(const settings *s, const cairn_carmen_scans *log, const cairn_scan_params *params, map_scan *scans,
                   cairn_force_field_params *field)
 {
-    size_t bytes = cairn_scan_memory(params) + CAIRN_ALIGN;
-    console_progress progress = console_progress_start("lines", log->count, s->quiet);
-    void *memory;
+    size_t bytes = cairn_scan_memory(params);
+    tool_progress progress = tool_progress_begin("lines", log->count, s->quiet);
     cairn_pool pool;
     cairn_scan *scan;
-    int code = console_pool(PROGRAM, 0, bytes, &pool, &memory);
+    int code = tool_pool_open(&pool, PROGRAM, NULL, bytes);
     cairn_status status;
 
-    if (code != EXIT_DONE)
+    if (code != TOOL_OK)
         return code;
     field->max_scans = log->count;
     field->max_segments = field->max_points = 0;
@@ -104,23 +99,23 @@ static int survey(const settings *s, const cairn_carmen_scans *log, const cairn_
         scans[i].before = log->record[i].robot;
         scans[i].verdict = view.point_count > 0 ? "aligned" : "blind";
         scans[i].doubtful = view.point_count == 0;
-        console_progress_at(&progress, i);
+        tool_progress_at(&progress, i);
     }
-    console_progress_end(&progress);
-    free(memory);
+    tool_progress_end(&progress);
+    tool_pool_close(&pool);
     if (status != CAIRN_OK)
-        return console_bad_input(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
+        return tool_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
     if (field->max_points == 0)
-        return console_bad_input(PROGRAM, "%s: no scan shows a wall, expected at least one", s->log);
+        return tool_refuse(PROGRAM, "%s: no scan shows a wall, expected at least one", s->log);
     field->max_corners = field->max_segments;
-    return EXIT_DONE;
+    return TOOL_OK;
 }
 
 /* Fits the scans again, adds them to the field, lets it run. */
 static cairn_status align(const settings *s, const cairn_carmen_scans *log, const cairn_scan_params *params,
                           cairn_scan *scan, cairn_force_field *field, map_scan *scans, cairn_real *first_potential)
 {
-    console_progress progress = console_progress_start("align", s->steps, s->quiet);
+    tool_progress progress = tool_progress_begin("align", s->steps, s->quiet);
     cairn_status status = CAIRN_OK;
     cairn_force_field_state state;
 
@@ -142,9 +137,9 @@ static cairn_status align(const settings *s, const cairn_carmen_scans *log, cons
         state = cairn_force_field_read(field);
         if (state.iterations == 1)
             *first_potential = state.potential;
-        console_progress_at(&progress, state.iterations);
+        tool_progress_at(&progress, state.iterations);
     } while (status == CAIRN_OK && state.verdict == CAIRN_FORCE_FIELD_RUNNING);
-    console_progress_end(&progress);
+    tool_progress_end(&progress);
     for (int32_t i = 0; i < log->count && status == CAIRN_OK; i++)
         scans[i].after = cairn_force_field_pose(field, i);
     return status;
@@ -168,8 +163,8 @@ static int write_all(const settings *s, const cairn_carmen_scans *log, map_scan 
     output.resolution = s->resolution;
     output.range = s->range;
     if (map_output_write(&output, s->folder, &error) != CAIRN_OK)
-        return console_fail(&error);
-    return EXIT_DONE;
+        return tool_report(&error);
+    return TOOL_OK;
 }
 
 static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans)
@@ -183,20 +178,19 @@ static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans
     cairn_status status;
     cairn_pool pool;
     size_t field_bytes;
-    void *memory;
-    double start = console_seconds();
+    double start = tool_seconds();
     int code;
 
-    cairn_scan_capacity(&scan_params, log->info.beams_most);
+    scan_params.max_beams = log->info.beams_most;
     scan_params.spacing = (cairn_real)s->spacing;
     code = survey(s, log, &scan_params, scans, &field_params);
-    if (code != EXIT_DONE)
+    if (code != TOOL_OK)
         return code;
     field_params.max_steps = (int32_t)s->steps;
     field_bytes = cairn_force_field_memory(&field_params);
-    code = console_pool(PROGRAM, s->pool, field_bytes == 0 ? 0 : field_bytes + cairn_scan_memory(&scan_params), &pool,
-                        &memory);
-    if (code != EXIT_DONE)
+    code = tool_pool_open(&pool, PROGRAM, s->pool,
+                          field_bytes == 0 ? 0 : field_bytes + cairn_scan_memory(&scan_params));
+    if (code != TOOL_OK)
         return code;
     status = cairn_scan_create(&scan, &pool, &scan_params);
     if (status == CAIRN_OK)
@@ -204,51 +198,51 @@ static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans
     if (status == CAIRN_OK)
         status = align(s, log, &scan_params, scan, field, scans, &first_potential);
     if (status != CAIRN_OK) {
-        free(memory);
-        return console_bad_input(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
+        tool_pool_close(&pool);
+        return tool_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
     }
     state = cairn_force_field_read(field);
     code = write_all(s, log, scans, &state);
-    if (code == EXIT_DONE && !s->quiet)
+    if (code == TOOL_OK && !s->quiet)
         printf("scans      %" PRId32 " (%" PRId64 " damaged lines left out)\n"
                "seconds    %.3f\n"
                "pool       %zu bytes at most\n"
                "steps      %" PRId32 " (%s)\n"
                "potential  %.6g -> %.6g\n",
-               log->count, log->info.faults, console_seconds() - start, pool.peak, state.iterations,
+               log->count, log->info.faults, tool_seconds() - start, pool.peak, state.iterations,
                state.verdict == CAIRN_FORCE_FIELD_CONVERGED ? "converged" : "out of steps", (double)first_potential,
                (double)state.potential);
-    free(memory);
+    tool_pool_close(&pool);
     return code;
 }
 
-int cairn_align_main(int argc, char **argv)
+int tool_align(int argc, char **argv)
 {
-    settings s = {NULL, NULL, "gradient", 500, 50, 1, 0, 0.05, 30, 0, 0.1, 0};
+    settings s = {NULL, NULL, "gradient", NULL, 500, 50, 1, 0.05, 30, 0, 0.1, 0};
     cairn_carmen_scans log;
     map_scan *scans;
     int code;
 
     switch (read_settings(&s, argc, argv)) {
     case OPTIONS_HELPED:
-        return EXIT_DONE;
+        return TOOL_OK;
     case OPTIONS_BAD:
-        return EXIT_BAD_INPUT;
+        return TOOL_BAD;
     default:
         break;
     }
-    code = scan_log_load(&log, s.log, s.range_max);
-    if (code != EXIT_DONE)
+    code = tool_load(&log, s.log, s.range_max, s.quiet);
+    if (code != TOOL_OK)
         return code;
     if (log.count > s.max_scans) {
-        code = console_bad_input(PROGRAM, "%s holds %" PRId32 " scans, expected at most %" PRId64
+        code = tool_refuse(PROGRAM, "%s holds %" PRId32 " scans, expected at most %" PRId64
                                           ": raise --max-scans, or use cairn map, which goes scan by scan",
                                  s.log, log.count, s.max_scans);
     } else {
         scans = map_scans_new(log.count);
         if (scans == NULL) {
             fprintf(stderr, "%s: no memory for %" PRId32 " scans\n", PROGRAM, log.count);
-            code = EXIT_FAILED;
+            code = TOOL_FAILED;
         } else {
             code = run(&s, &log, scans);
         }

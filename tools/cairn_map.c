@@ -1,6 +1,4 @@
 /* cairn map: a log, scan by scan. */
-#include "tools/cairn.h"
-
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -8,16 +6,14 @@
 
 #include "cairn/mapper.h"
 #include "cairn/output.h"
-#include "tools/console.h"
-#include "tools/map_output.h"
-#include "tools/options.h"
-#include "tools/scan_log.h"
+#include "tools/cairn_map_output.h"
+#include "tools/cairn_tool.h"
 
 #define PROGRAM "cairn map"
 
 typedef struct settings {
-    const char *log, *folder;
-    int64_t max_keys, window, seed, pool;
+    const char *log, *folder, *pool;
+    int64_t max_keys, window, seed;
     double resolution, range, range_max;
     int32_t no_odometry, quiet;
 } settings;
@@ -33,7 +29,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the map up to here, m (30)"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M", "ranges from here on are no return, m (by the log)"),
         OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "for methods that draw at random; this one does not (1)"),
-        OPTION_INTEGER("--pool", &s->pool, 1, 9e15, "BYTES", "memory of the mapper (just what it needs)"),
+        OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the mapper (just what it needs)"),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
     };
     const option_set set = {PROGRAM, "LOG -o DIR [options]",
@@ -48,7 +44,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         return result;
     s->log = count > 0 ? words[0] : NULL;
     if (s->log == NULL || s->folder == NULL) {
-        (void)console_bad_input(PROGRAM, "%s, expected LOG -o DIR",
+        (void)tool_refuse(PROGRAM, "%s, expected LOG -o DIR",
                                 s->log == NULL ? "no log" : "no folder to write to (-o)");
         return OPTIONS_BAD;
     }
@@ -71,10 +67,10 @@ static const char *verdict_text(cairn_mapper_verdict verdict)
 /* Feeds all scans to the mapper; keeps what is drawn. */
 static int feed(const settings *s, const cairn_carmen_scans *log, cairn_mapper *mapper, map_scan *scans, place *places)
 {
-    console_progress progress = console_progress_start("map", log->count, s->quiet);
-    int code = EXIT_DONE;
+    tool_progress progress = tool_progress_begin("map", log->count, s->quiet);
+    int code = TOOL_OK;
 
-    for (int32_t i = 0; i < log->count && code == EXIT_DONE; i++) {
+    for (int32_t i = 0; i < log->count && code == TOOL_OK; i++) {
         const cairn_carmen_record *record = &log->record[i];
         cairn_status status =
             cairn_mapper_add(mapper, &record->scan, s->no_odometry ? NULL : &record->robot, NULL);
@@ -89,7 +85,7 @@ static int feed(const settings *s, const cairn_carmen_scans *log, cairn_mapper *
                 break;
         }
         if (status != CAIRN_OK) {
-            code = console_bad_input(PROGRAM, "%s:%" PRId64 ": %s%s", s->log, record->line, cairn_status_text(status),
+            code = tool_refuse(PROGRAM, "%s:%" PRId64 ": %s%s", s->log, record->line, cairn_status_text(status),
                                      status == CAIRN_FULL ? ", expected fewer key scans: raise --max-keys" : "");
             break;
         }
@@ -97,7 +93,7 @@ static int feed(const settings *s, const cairn_carmen_scans *log, cairn_mapper *
         view = cairn_mapper_view(mapper);
         if (!map_scan_keep(&scans[i], &view)) {
             fprintf(stderr, "%s: no memory for the scans\n", PROGRAM);
-            code = EXIT_FAILED;
+            code = TOOL_FAILED;
         }
         places[i].key = result.key;
         places[i].key_scan = result.key_scan;
@@ -107,9 +103,9 @@ static int feed(const settings *s, const cairn_carmen_scans *log, cairn_mapper *
         scans[i].support = result.support;
         scans[i].verdict = verdict_text(result.verdict);
         scans[i].doubtful = result.verdict == CAIRN_MAPPER_PREDICTED;
-        console_progress_at(&progress, i);
+        tool_progress_at(&progress, i);
     }
-    console_progress_end(&progress);
+    tool_progress_end(&progress);
     return code;
 }
 
@@ -135,8 +131,8 @@ static int write_all(const settings *s, const cairn_carmen_scans *log, const cai
     output.resolution = s->resolution;
     output.range = s->range;
     if (map_output_write(&output, s->folder, &error) != CAIRN_OK)
-        return console_fail(&error);
-    return EXIT_DONE;
+        return tool_report(&error);
+    return TOOL_OK;
 }
 
 static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans, place *places)
@@ -146,49 +142,48 @@ static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans
     cairn_mapper_state state;
     cairn_status status;
     cairn_pool pool;
-    void *memory;
-    double start = console_seconds(), fed;
+    double start = tool_seconds(), fed;
     int code;
 
-    cairn_scan_capacity(&params.scan, log->info.beams_most);
+    params.scan.max_beams = log->info.beams_most;
     params.window = (int32_t)s->window;
     if (params.window == 1)
-        return console_bad_input(PROGRAM, "--window is 1, expected 0 or 2 to 64");
+        return tool_refuse(PROGRAM, "--window is 1, expected 0 or 2 to 64");
     if (params.window > 0 && params.window_free >= params.window)
         params.window_free = params.window - 1;
     /* Capacities for key scans as they are in buildings: some 100 points and 30 segments each. */
     params.max_keys = (int32_t)(s->max_keys < log->count + 1 ? s->max_keys : log->count + 1);
     params.max_key_points = params.max_keys * 160 + params.scan.max_points;
     params.max_key_segments = params.max_keys * 40 + params.scan.max_segments;
-    code = console_pool(PROGRAM, s->pool, cairn_mapper_memory(&params), &pool, &memory);
-    if (code != EXIT_DONE)
+    code = tool_pool_open(&pool, PROGRAM, s->pool, cairn_mapper_memory(&params));
+    if (code != TOOL_OK)
         return code;
     status = cairn_mapper_create(&mapper, &pool, &params);
     if (status != CAIRN_OK) {
-        free(memory);
-        return console_bad_input(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
+        tool_pool_close(&pool);
+        return tool_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
     }
     code = feed(s, log, mapper, scans, places);
-    fed = console_seconds();
-    if (code == EXIT_DONE)
+    fed = tool_seconds();
+    if (code == TOOL_OK)
         code = write_all(s, log, mapper, scans, places);
     state = cairn_mapper_measure(mapper);
-    if (code == EXIT_DONE && !s->quiet)
+    if (code == TOOL_OK && !s->quiet)
         printf("scans      %" PRId32 " (%" PRId64 " damaged lines left out)\n"
                "seconds    %.3f, %.0f scans/s\n"
                "pool       %zu bytes at most\n"
                "key scans  %" PRId32 "\n"
                "unmatched  %" PRId64 " (pose by prediction)\n"
                "potential  %.6g\n",
-               log->count, log->info.faults, console_seconds() - start, log->count / (fed - start), pool.peak,
+               log->count, log->info.faults, tool_seconds() - start, log->count / (fed - start), pool.peak,
                state.keys, state.predicted, (double)state.potential);
-    free(memory);
+    tool_pool_close(&pool);
     return code;
 }
 
-int cairn_map_main(int argc, char **argv)
+int tool_map(int argc, char **argv)
 {
-    settings s = {NULL, NULL, 4096, 8, 1, 0, 0.05, 30, 0, 0, 0};
+    settings s = {NULL, NULL, NULL, 4096, 8, 1, 0.05, 30, 0, 0, 0};
     cairn_carmen_scans log;
     map_scan *scans;
     place *places;
@@ -196,20 +191,20 @@ int cairn_map_main(int argc, char **argv)
 
     switch (read_settings(&s, argc, argv)) {
     case OPTIONS_HELPED:
-        return EXIT_DONE;
+        return TOOL_OK;
     case OPTIONS_BAD:
-        return EXIT_BAD_INPUT;
+        return TOOL_BAD;
     default:
         break;
     }
-    code = scan_log_load(&log, s.log, s.range_max);
-    if (code != EXIT_DONE)
+    code = tool_load(&log, s.log, s.range_max, s.quiet);
+    if (code != TOOL_OK)
         return code;
     scans = map_scans_new(log.count);
     places = malloc((size_t)log.count * sizeof *places);
     if (scans == NULL || places == NULL) {
         fprintf(stderr, "%s: no memory for %" PRId32 " scans\n", PROGRAM, log.count);
-        code = EXIT_FAILED;
+        code = TOOL_FAILED;
     } else {
         code = run(&s, &log, scans, places);
     }

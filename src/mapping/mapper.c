@@ -75,6 +75,7 @@ cairn_mapper_params cairn_mapper_default(void)
 
     memset(&params, 0, sizeof params);
     params.scan = cairn_scan_default();
+    params.scan.max_points = 1024;
     params.icp = cairn_icp_default();
     params.field = cairn_force_field_default();
     params.field.sigma_start = CAIRN_REAL(0.04);

@@ -1,6 +1,6 @@
-/* map_output: what cairn align and cairn map write: poses.csv, map.pgm with map.yaml, map.svg. */
-#ifndef CAIRN_TOOLS_MAP_OUTPUT_H
-#define CAIRN_TOOLS_MAP_OUTPUT_H
+/* cairn_map_output: what cairn align and cairn map write: poses.csv, map.pgm with map.yaml, map.svg. */
+#ifndef CAIRN_TOOLS_CAIRN_MAP_OUTPUT_H
+#define CAIRN_TOOLS_CAIRN_MAP_OUTPUT_H
 
 #include "cairn/carmen_log.h"
 #include "cairn/file_error.h"

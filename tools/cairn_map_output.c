@@ -1,4 +1,4 @@
-#include "tools/map_output.h"
+#include "tools/cairn_map_output.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -1,0 +1,354 @@
+/* Grey images. PNG goes through libpng, whose errors come back by longjmp: what must survive one is in a struct. */
+#include "src/core/build.h"
+
+#include <errno.h>
+#include <png.h>
+#include <setjmp.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "src/host/image_file.h"
+
+static cairn_status reserve(cairn_image *image, int64_t width, int64_t height, const char *path, int64_t line,
+                            cairn_file_error *error)
+{
+    if (width < 1 || height < 1)
+        return cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, line,
+                                    "the image has %lld x %lld pixels, expected some", (long long)width,
+                                    (long long)height);
+    if (width > CAIRN_IMAGE_PIXELS_MOST || height > CAIRN_IMAGE_PIXELS_MOST / width)
+        return cairn_file_error_set(error, CAIRN_FULL, path, line,
+                                    "the image has %lld x %lld pixels, expected at most %d", (long long)width,
+                                    (long long)height, CAIRN_IMAGE_PIXELS_MOST);
+    image->width = (int32_t)width;
+    image->height = (int32_t)height;
+    image->pixel = malloc((size_t)width * (size_t)height);
+    return image->pixel != NULL ? CAIRN_OK : cairn_file_error_system(error, path, "read", ENOMEM);
+}
+
+void cairn_image_free(cairn_image *image)
+{
+    free(image->pixel);
+    free(image->alpha);
+    memset(image, 0, sizeof *image);
+}
+
+/* ---- PGM ---- */
+
+typedef struct pgm_reader {
+    FILE *file;
+    const char *path;
+    int64_t line;
+    cairn_file_error *error;
+} pgm_reader;
+
+static int next_byte(pgm_reader *r)
+{
+    int c = getc(r->file);
+
+    r->line += c == '\n';
+    return c;
+}
+
+/* The next whole number; the one byte behind it is taken too. A number that is too large stays so. */
+static cairn_status pgm_number(pgm_reader *r, const char *what, int64_t *value)
+{
+    int c = next_byte(r);
+
+    while (c == '#' || c == ' ' || (c >= '\t' && c <= '\r')) {
+        if (c == '#')
+            while (c != '\n' && c != EOF)
+                c = next_byte(r);
+        else
+            c = next_byte(r);
+    }
+    if (c == EOF)
+        return cairn_file_error_set(r->error, CAIRN_TRUNCATED, r->path, r->line, "the file ends early, expected %s",
+                                    what);
+    if (c < '0' || c > '9')
+        return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, r->line, "byte 0x%02x, expected %s",
+                                    (unsigned)c, what);
+    for (*value = 0; c >= '0' && c <= '9'; c = next_byte(r))
+        if (*value < INT32_MAX)
+            *value = *value * 10 + (c - '0');
+    return CAIRN_OK;
+}
+
+static cairn_status read_plain_pixels(pgm_reader *r, cairn_image *image)
+{
+    size_t count = (size_t)image->width * (size_t)image->height, i;
+    cairn_status status;
+    int64_t value;
+
+    for (i = 0; i < count; i++) {
+        status = pgm_number(r, "a pixel", &value);
+        if (status != CAIRN_OK)
+            return status;
+        if (value > 255)
+            return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, r->line,
+                                        "pixel %zu is %lld, expected at most 255", i + 1, (long long)value);
+        image->pixel[i] = (uint8_t)value;
+    }
+    return CAIRN_OK;
+}
+
+static cairn_status read_pgm(cairn_image *image, pgm_reader *r, int plain)
+{
+    int64_t width, height, levels;
+    size_t count, got;
+    cairn_status status;
+
+    status = pgm_number(r, "the width of the image", &width);
+    if (status == CAIRN_OK)
+        status = pgm_number(r, "the height of the image", &height);
+    if (status == CAIRN_OK)
+        status = pgm_number(r, "the highest grey level", &levels);
+    if (status == CAIRN_OK && levels != 255)
+        status = cairn_file_error_set(r->error, CAIRN_UNSUPPORTED, r->path, r->line,
+                                      "the highest grey level is %lld, expected 255", (long long)levels);
+    if (status == CAIRN_OK)
+        status = reserve(image, width, height, r->path, r->line, r->error);
+    if (status != CAIRN_OK)
+        return status;
+    if (plain)
+        return read_plain_pixels(r, image);
+    count = (size_t)width * (size_t)height;
+    got = fread(image->pixel, 1, count, r->file);
+    if (got < count)
+        return cairn_file_error_set(r->error, CAIRN_TRUNCATED, r->path, 0, "the file ends after %zu of %zu pixels", got,
+                                    count);
+    return CAIRN_OK;
+}
+
+/* ---- PNG ---- */
+
+typedef struct png_work {
+    png_structp png;
+    png_infop info;
+    uint8_t *samples;
+    png_bytepp row;
+    /* Encoding. */
+    uint8_t *bytes;
+    size_t count, capacity;
+    int32_t no_memory;
+    char problem[160];
+} png_work;
+
+static void on_png_error(png_structp png, png_const_charp words)
+{
+    png_work *work = png_get_error_ptr(png);
+
+    (void)snprintf(work->problem, sizeof work->problem, "%s", words);
+    longjmp(png_jmpbuf(png), 1);
+}
+
+static void on_png_warning(png_structp png, png_const_charp words)
+{
+    (void)png;
+    (void)words;
+}
+
+/* Samples to grey and alpha. */
+static void take_samples(cairn_image *image, const uint8_t *sample, int32_t channels)
+{
+    size_t count = (size_t)image->width * (size_t)image->height, i;
+    int32_t colours = channels - (channels % 2 == 0), k;
+
+    for (i = 0; i < count; i++, sample += channels) {
+        int32_t sum = 0;
+
+        for (k = 0; k < colours; k++)
+            sum += sample[k];
+        image->pixel[i] = (uint8_t)((2 * sum + colours) / (2 * colours));
+        if (image->alpha != NULL)
+            image->alpha[i] = sample[channels - 1];
+    }
+}
+
+static cairn_status decode_png(cairn_image *image, png_work *work, FILE *file, const char *path,
+                               cairn_file_error *error)
+{
+    size_t stride, y;
+    int32_t channels;
+    cairn_status status;
+
+    if (setjmp(png_jmpbuf(work->png)) != 0)
+        return cairn_file_error_set(error, feof(file) ? CAIRN_TRUNCATED : CAIRN_BAD_FORMAT, path, 0,
+                                    "the PNG data are damaged or cut (%s), expected a whole PNG image", work->problem);
+    png_init_io(work->png, file);
+    png_read_info(work->png, work->info);
+    status = reserve(image, png_get_image_width(work->png, work->info), png_get_image_height(work->png, work->info),
+                     path, 0, error);
+    if (status != CAIRN_OK)
+        return status;
+    png_set_expand(work->png);
+    png_set_strip_16(work->png);
+    (void)png_set_interlace_handling(work->png);
+    png_read_update_info(work->png, work->info);
+    channels = png_get_channels(work->png, work->info);
+    stride = png_get_rowbytes(work->png, work->info);
+    work->samples = malloc(stride * (size_t)image->height);
+    work->row = malloc((size_t)image->height * sizeof *work->row);
+    if (channels % 2 == 0)
+        image->alpha = malloc((size_t)image->width * (size_t)image->height);
+    if (work->samples == NULL || work->row == NULL || (channels % 2 == 0 && image->alpha == NULL))
+        return cairn_file_error_system(error, path, "read", ENOMEM);
+    for (y = 0; y < (size_t)image->height; y++)
+        work->row[y] = work->samples + y * stride;
+    png_read_image(work->png, work->row);
+    png_read_end(work->png, NULL);
+    take_samples(image, work->samples, channels);
+    return CAIRN_OK;
+}
+
+static cairn_status read_png(cairn_image *image, FILE *file, const char *path, cairn_file_error *error)
+{
+    png_work work;
+    cairn_status status = CAIRN_NO_MEMORY;
+
+    memset(&work, 0, sizeof work);
+    work.png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &work, on_png_error, on_png_warning);
+    if (work.png != NULL)
+        work.info = png_create_info_struct(work.png);
+    if (work.info != NULL)
+        status = decode_png(image, &work, file, path, error);
+    else
+        (void)cairn_file_error_system(error, path, "read", ENOMEM);
+    png_destroy_read_struct(&work.png, &work.info, NULL);
+    free(work.samples);
+    free(work.row);
+    return status;
+}
+
+cairn_status cairn_image_read(cairn_image *image, const char *path, cairn_file_error *error)
+{
+    FILE *file = fopen(path, "rb");
+    pgm_reader pgm = {file, path, 1, error};
+    uint8_t magic[2];
+    cairn_status status;
+    size_t got;
+
+    memset(image, 0, sizeof *image);
+    if (file == NULL)
+        return cairn_file_error_system(error, path, "open", errno);
+    got = fread(magic, 1, 2, file);
+    if (ferror(file)) {
+        status = cairn_file_error_system(error, path, "read", errno);
+    } else if (got == 2 && magic[0] == 'P' && (magic[1] == '2' || magic[1] == '5')) {
+        status = read_pgm(image, &pgm, magic[1] == '2');
+    } else if (got == 2 && magic[0] == 0x89 && magic[1] == 'P') {
+        rewind(file);
+        status = read_png(image, file, path, error);
+    } else if (got < 2) {
+        status =
+            cairn_file_error_set(error, CAIRN_TRUNCATED, path, 0, "the file has %zu bytes, expected an image", got);
+    } else {
+        status = cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, 0,
+                                      "begins with the bytes 0x%02x%02x, expected a PGM (P5 or P2) or PNG image",
+                                      magic[0], magic[1]);
+    }
+    (void)fclose(file);
+    if (status != CAIRN_OK)
+        cairn_image_free(image);
+    return status;
+}
+
+cairn_status cairn_image_write_pgm(const char *path, const uint8_t *pixel, int32_t width, int32_t height,
+                                   cairn_file_error *error)
+{
+    cairn_output *output;
+    cairn_status status = cairn_output_open(&output, path, error);
+
+    if (status != CAIRN_OK)
+        return status;
+    cairn_output_print(output, "P5\n%d %d\n255\n", (int)width, (int)height);
+    cairn_output_bytes(output, pixel, (size_t)width * (size_t)height);
+    return cairn_output_commit(output, error);
+}
+
+static void on_png_bytes(png_structp png, png_bytep bytes, size_t count)
+{
+    png_work *work = png_get_io_ptr(png);
+    size_t capacity = work->capacity;
+    uint8_t *grown;
+
+    while (capacity - work->count < count)
+        capacity = capacity < 4096 ? 4096 : 2 * capacity;
+    if (capacity > work->capacity) {
+        grown = realloc(work->bytes, capacity);
+        if (grown == NULL)
+            png_error(png, "no memory");
+        work->bytes = grown;
+        work->capacity = capacity;
+    }
+    memcpy(work->bytes + work->count, bytes, count);
+    work->count += count;
+}
+
+static void on_png_flush(png_structp png)
+{
+    (void)png;
+}
+
+static int encode(png_work *work, const uint8_t *pixel, int32_t width, int32_t height, int32_t channels)
+{
+    int32_t y;
+
+    if (setjmp(png_jmpbuf(work->png)) != 0)
+        return 0;
+    png_set_write_fn(work->png, work, on_png_bytes, on_png_flush);
+    png_set_user_limits(work->png, INT32_MAX, INT32_MAX);
+    png_set_IHDR(work->png, work->info, (png_uint_32)width, (png_uint_32)height, 8,
+                 channels == 1   ? PNG_COLOR_TYPE_GRAY
+                 : channels == 3 ? PNG_COLOR_TYPE_RGB
+                                 : PNG_COLOR_TYPE_RGB_ALPHA,
+                 PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+    png_write_info(work->png, work->info);
+    for (y = 0; y < height; y++)
+        png_write_row(work->png, pixel + (size_t)y * (size_t)width * (size_t)channels);
+    png_write_end(work->png, NULL);
+    return 1;
+}
+
+cairn_status cairn_image_encode_png(uint8_t **bytes, size_t *count, const uint8_t *pixel, int32_t width, int32_t height,
+                                    int32_t channels)
+{
+    png_work work;
+    int whole = 0;
+
+    memset(&work, 0, sizeof work);
+    work.png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &work, on_png_error, on_png_warning);
+    if (work.png != NULL)
+        work.info = png_create_info_struct(work.png);
+    if (work.info != NULL)
+        whole = encode(&work, pixel, width, height, channels);
+    png_destroy_write_struct(&work.png, &work.info);
+    if (!whole) {
+        free(work.bytes);
+        work.bytes = NULL;
+        work.count = 0;
+    }
+    *bytes = work.bytes;
+    *count = work.count;
+    return whole ? CAIRN_OK : CAIRN_NO_MEMORY;
+}
+
+cairn_status cairn_image_write_png(const char *path, const uint8_t *pixel, int32_t width, int32_t height,
+                                   cairn_file_error *error)
+{
+    cairn_output *output;
+    uint8_t *bytes;
+    size_t count;
+    cairn_status status = cairn_image_encode_png(&bytes, &count, pixel, width, height, 1);
+
+    if (status != CAIRN_OK)
+        return cairn_file_error_system(error, path, "write", ENOMEM);
+    status = cairn_output_open(&output, path, error);
+    if (status == CAIRN_OK) {
+        cairn_output_bytes(output, bytes, count);
+        status = cairn_output_commit(output, error);
+    }
+    free(bytes);
+    return status;
+}

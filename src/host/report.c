@@ -1,0 +1,322 @@
+/* Pictures of maps as SVG: the drawing. Where things stand is in report_layout, images are in report_picture. */
+#include "src/core/build.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cairn/output.h"
+#include "src/host/report_picture.h"
+
+#define FOOT         44.0
+#define MARKERS_MOST 60
+#define PATH_PIECES  48
+
+#define FONT "system-ui,-apple-system,'Segoe UI',Roboto,Helvetica,Arial,sans-serif"
+
+cairn_report_map cairn_report_map_default(void)
+{
+    cairn_report_map map;
+
+    memset(&map, 0, sizeof map);
+    map.connect = 1;
+    map.elements_most = 20000;
+    map.width = 1200;
+    return map;
+}
+
+/* ---- drawing ---- */
+
+static void print_escaped(cairn_output *output, const char *text)
+{
+    for (; *text != 0; text++) {
+        if (*text == '<')
+            cairn_output_print(output, "&lt;");
+        else if (*text == '&')
+            cairn_output_print(output, "&amp;");
+        else if (*text == '"')
+            cairn_output_print(output, "&quot;");
+        else if ((unsigned char)*text >= ' ')
+            cairn_output_bytes(output, text, 1);
+    }
+}
+
+static void print_text(cairn_output *output, double x, double y, const char *style, const char *text)
+{
+    cairn_output_print(output, "<text x=\"%.1f\" y=\"%.1f\" %s>", x, y, style);
+    print_escaped(output, text);
+    cairn_output_print(output, "</text>\n");
+}
+
+/* The colour of a place in the path, 0 (start) to 1 (end): blue, violet, rose, amber. */
+static void colour_at(double place, int rgb[3])
+{
+    static const int stop[4][3] = {{37, 99, 235}, {139, 62, 230}, {225, 60, 130}, {245, 140, 20}};
+    int k = place < 1 ? (int)(place * 3) : 2, c;
+
+    for (c = 0; c < 3; c++)
+        rgb[c] = (int)(stop[k][c] + (place * 3 - k) * (stop[k + 1][c] - stop[k][c]) + 0.5);
+}
+
+static double place_of(const cairn_report_map *map, int32_t i)
+{
+    return map->scan_count > 1 ? (double)i / (double)(map->scan_count - 1) : 0;
+}
+
+static int is_doubtful(const cairn_report_panel *panel, int32_t i)
+{
+    return panel->doubtful != NULL && panel->doubtful[i] != 0;
+}
+
+static void draw_scan(cairn_output *output, const cairn_report_view *view, const cairn_report_scan *scan,
+                      cairn_pose pose)
+{
+    cairn_transform t = cairn_transform_of(pose);
+    int32_t k;
+
+    for (k = 0; k < scan->segment_count; k++) {
+        cairn_vec2 a = cairn_transform_point(t, scan->segment[k].a), b = cairn_transform_point(t, scan->segment[k].b);
+
+        cairn_output_print(output, "M%.1f %.1fL%.1f %.1f", cairn_report_view_x(view, (double)a.x),
+                           cairn_report_view_y(view, (double)a.y), cairn_report_view_x(view, (double)b.x),
+                           cairn_report_view_y(view, (double)b.y));
+    }
+    for (k = 0; k < scan->point_count && scan->segment_count == 0; k++) {
+        cairn_vec2 p = cairn_transform_point(t, scan->point[k]);
+
+        cairn_output_print(output, "M%.1f %.1fh0", cairn_report_view_x(view, (double)p.x),
+                           cairn_report_view_y(view, (double)p.y));
+    }
+}
+
+/* Walls one by one; doubtful scans last, in red. */
+static void draw_walls(cairn_output *output, const cairn_report_view *view, const cairn_report_map *map,
+                       const cairn_report_panel *panel)
+{
+    int32_t doubtful, i;
+    int rgb[3];
+
+    for (doubtful = 0; doubtful <= 1; doubtful++) {
+        cairn_output_print(output,
+                           "<g fill=\"none\" stroke-linecap=\"round\" stroke-width=\"1.5\" stroke=\"%s\" "
+                           "stroke-opacity=\"%s\">\n",
+                           doubtful ? "#dc2626" : "#1e293b",
+                           doubtful            ? ".45"
+                           : map->colour_scans ? ".75"
+                                               : ".6");
+        for (i = 0; i < map->scan_count; i++) {
+            if (is_doubtful(panel, i) != doubtful || map->scan[i].point_count + map->scan[i].segment_count == 0)
+                continue;
+            cairn_output_print(output, "<path d=\"");
+            draw_scan(output, view, &map->scan[i], panel->pose[i]);
+            cairn_output_print(output, "\"");
+            if (map->colour_scans && !doubtful) {
+                colour_at(place_of(map, i), rgb);
+                cairn_output_print(output, " stroke=\"#%02x%02x%02x\"", (unsigned)rgb[0], (unsigned)rgb[1],
+                                   (unsigned)rgb[2]);
+            }
+            cairn_output_print(output, "/>\n");
+        }
+        cairn_output_print(output, "</g>\n");
+    }
+}
+
+/* The path in pieces of one colour each; poses that lie within half a pixel of the last one drawn are passed over. */
+static void draw_path(cairn_output *output, const cairn_report_view *view, const cairn_report_map *map,
+                      const cairn_report_panel *panel)
+{
+    int32_t pieces = map->scan_count - 1 < PATH_PIECES ? map->scan_count - 1 : PATH_PIECES, piece, i;
+    int rgb[3];
+
+    cairn_output_print(output, "<g fill=\"none\" stroke-width=\"1.8\" stroke-linecap=\"round\" "
+                               "stroke-linejoin=\"round\">\n");
+    for (piece = 0; piece < pieces; piece++) {
+        int32_t first = (int32_t)((int64_t)(map->scan_count - 1) * piece / pieces);
+        int32_t last = (int32_t)((int64_t)(map->scan_count - 1) * (piece + 1) / pieces);
+        double drawn_x = 0, drawn_y = 0;
+
+        colour_at((piece + 0.5) / pieces, rgb);
+        cairn_output_print(output, "<path stroke=\"#%02x%02x%02x\" d=\"", (unsigned)rgb[0], (unsigned)rgb[1],
+                           (unsigned)rgb[2]);
+        for (i = first; i <= last; i++) {
+            double x = cairn_report_view_x(view, (double)panel->pose[i].x);
+            double y = cairn_report_view_y(view, (double)panel->pose[i].y);
+
+            if (i > first && i < last && fabs(x - drawn_x) < 0.5 && fabs(y - drawn_y) < 0.5)
+                continue;
+            cairn_output_print(output, "%s%.1f %.1f", i == first ? "M" : "L", x, y);
+            drawn_x = x;
+            drawn_y = y;
+        }
+        cairn_output_print(output, "\"/>\n");
+    }
+    cairn_output_print(output, "</g>\n");
+}
+
+/* An arrowhead for a robot that points along +x, turned to its heading. */
+static void draw_robot(cairn_output *output, double x, double y, double theta, const char *fill)
+{
+    cairn_output_print(output,
+                       "<path transform=\"translate(%.1f %.1f) rotate(%.1f)\" d=\"M7 0L-4.5 4.6L-2.4 0L-4.5 -4.6Z\" "
+                       "fill=\"%s\" stroke=\"#fff\" stroke-width=\".9\" stroke-linejoin=\"round\"/>\n",
+                       x, y, -theta * 180 / (double)CAIRN_PI, fill);
+}
+
+static void draw_robots(cairn_output *output, const cairn_report_view *view, const cairn_report_map *map,
+                        const cairn_report_panel *panel)
+{
+    int32_t step = (map->scan_count + MARKERS_MOST - 1) / MARKERS_MOST, i;
+    char fill[8] = "#dc2626";
+    int rgb[3], c, digit;
+
+    for (i = 0; i < map->scan_count; i++) {
+        cairn_pose pose = panel->pose[i];
+
+        /* With more poses than markers, the path shows where the others are; doubtful ones are shown if any can be. */
+        if (i % step != 0 && i != map->scan_count - 1)
+            continue;
+        if (is_doubtful(panel, i)) {
+            memcpy(fill, "#dc2626", sizeof fill);
+        } else {
+            colour_at(place_of(map, i), rgb);
+            for (c = 0; c < 6; c++) {
+                digit = rgb[c / 2] >> (c % 2 == 0 ? 4 : 0) & 15;
+                fill[1 + c] = "0123456789abcdef"[digit];
+            }
+        }
+        draw_robot(output, cairn_report_view_x(view, (double)pose.x), cairn_report_view_y(view, (double)pose.y),
+                   (double)pose.theta, fill);
+    }
+}
+
+static cairn_status draw_panel(cairn_output *output, const cairn_report_map *map, const cairn_report_layout *l,
+                               int32_t index)
+{
+    const cairn_report_panel *panel = &map->panel[index];
+    cairn_report_view view = cairn_report_view_of(l, index);
+    cairn_status status = CAIRN_OK;
+
+    if (panel->title != NULL)
+        print_text(output, view.frame_left + 2, l->top - 9, "font-size=\"14\" font-weight=\"600\" fill=\"#334155\"",
+                   panel->title);
+    if (panel->note != NULL)
+        print_text(output, view.frame_left + view.width - 2, l->top - 9,
+                   "font-size=\"12\" fill=\"#64748b\" text-anchor=\"end\"", panel->note);
+    cairn_output_print(
+        output,
+        "<rect id=\"frame%d\" x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" rx=\"8\" "
+        "fill=\"#fff\" stroke=\"#dbe2ea\"/>\n<clipPath id=\"clip%d\"><use href=\"#frame%d\"/></clipPath>\n"
+        "<g clip-path=\"url(#clip%d)\">\n",
+        (int)index, view.frame_left, view.frame_top, view.width, view.height, (int)index, (int)index, (int)index);
+    if (panel->grid != NULL)
+        status = cairn_report_draw_grid(output, &view, panel->grid);
+    else if (cairn_report_elements(map) > map->elements_most)
+        status = cairn_report_draw_density(output, &view, map, panel->pose);
+    else if (map->scan != NULL)
+        draw_walls(output, &view, map, panel);
+    if (map->connect && map->scan_count > 1)
+        draw_path(output, &view, map, panel);
+    draw_robots(output, &view, map, panel);
+    cairn_output_print(output, "</g>\n");
+    return status;
+}
+
+/* The longest of 1, 2, 5 times a power of ten metres that is at most 150 pixels. */
+static double bar_length(double scale)
+{
+    double most = 150 / scale, power = 1e-3;
+
+    while (power * 10 <= most)
+        power *= 10;
+    return power * 5 <= most ? power * 5 : power * 2 <= most ? power * 2 : power;
+}
+
+static void draw_foot(cairn_output *output, const cairn_report_map *map, const cairn_report_layout *l, double right)
+{
+    const char *style = "font-size=\"12\" fill=\"#475569\"";
+    double y = l->top + l->height + 28, x = CAIRN_REPORT_MARGIN + 2, bar = bar_length(l->scale);
+    int32_t i, k, doubtful = 0, grids = 0;
+    int rgb[3];
+
+    for (i = 0; i < map->panel_count; i++) {
+        grids += map->panel[i].grid != NULL;
+        for (k = 0; k < map->scan_count; k++)
+            doubtful |= is_doubtful(&map->panel[i], k);
+    }
+    if (cairn_report_elements(map) > 0 && grids < map->panel_count) {
+        cairn_output_print(output,
+                           "<path d=\"M%.1f %.1fh18\" stroke=\"#1e293b\" stroke-width=\"2.4\" "
+                           "stroke-linecap=\"round\" stroke-opacity=\".75\"/>\n",
+                           x, y - 4);
+        print_text(output, x + 25, y, style, "walls");
+        x += 78;
+    }
+    draw_robot(output, x + 6, y - 4, 0, "#2563eb");
+    print_text(output, x + 20, y, style, "robot");
+    x += 72;
+    x += map->connect ? 66 : 32;
+    cairn_output_print(output, "<text x=\"%.1f\" y=\"%.1f\" %s text-anchor=\"end\">%s</text>\n", x - 6, y, style,
+                       map->connect ? "path: start" : "start");
+    for (i = 0; i < 24; i++) {
+        colour_at((i + 0.5) / 24, rgb);
+        cairn_output_print(output, "<rect x=\"%.1f\" y=\"%.1f\" width=\"3.5\" height=\"5\" fill=\"#%02x%02x%02x\"/>\n",
+                           x + 3 * i, y - 6.5, (unsigned)rgb[0], (unsigned)rgb[1], (unsigned)rgb[2]);
+    }
+    print_text(output, x + 79, y, style, "end");
+    x += 122;
+    if (doubtful) {
+        draw_robot(output, x + 6, y - 4, 0, "#dc2626");
+        print_text(output, x + 20, y, style, "doubtful");
+    }
+    cairn_output_print(output,
+                       "<path d=\"M%.1f %.1fv7h%.1fv-7\" fill=\"none\" stroke=\"#334155\" stroke-width=\"1.4\"/>\n",
+                       right - 2 - bar * l->scale, y - 8, bar * l->scale);
+    cairn_output_print(output, "<text x=\"%.1f\" y=\"%.1f\" %s text-anchor=\"end\">%g m</text>\n",
+                       right - 10 - bar * l->scale, y, style, bar);
+}
+
+static cairn_status draw(cairn_output *output, const cairn_report_map *map, const cairn_report_layout *l)
+{
+    double height = l->top + l->height + FOOT, y = CAIRN_REPORT_MARGIN + 18;
+    cairn_status status = CAIRN_OK;
+    int32_t i;
+
+    cairn_output_print(output,
+                       "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%d\" height=\"%.0f\" viewBox=\"0 0 %d %.0f\" "
+                       "font-family=\"%s\">\n",
+                       (int)map->width, height, (int)map->width, height, FONT);
+    cairn_output_print(output, "<title>");
+    print_escaped(output, map->title != NULL ? map->title : "Map");
+    cairn_output_print(output, "</title>\n<rect width=\"100%%\" height=\"100%%\" rx=\"10\" fill=\"#f6f8fa\"/>\n");
+    if (map->title != NULL)
+        print_text(output, CAIRN_REPORT_MARGIN + 2, y, "font-size=\"20\" font-weight=\"650\" fill=\"#0f172a\"",
+                   map->title);
+    if (map->subtitle != NULL)
+        print_text(output, CAIRN_REPORT_MARGIN + 2, map->title != NULL ? y + 22 : y,
+                   "font-size=\"13\" fill=\"#64748b\"", map->subtitle);
+    for (i = 0; i < map->panel_count && status == CAIRN_OK; i++)
+        status = draw_panel(output, map, l, i);
+    draw_foot(output, map, l, map->width - CAIRN_REPORT_MARGIN);
+    cairn_output_print(output, "</svg>\n");
+    return status;
+}
+
+cairn_status cairn_report_map_write(const char *path, const cairn_report_map *map, cairn_file_error *error)
+{
+    cairn_output *output;
+    cairn_report_layout l;
+    cairn_status status = cairn_report_check(path, map, error);
+
+    if (status != CAIRN_OK)
+        return status;
+    if (cairn_report_lay_out(map, &l) != CAIRN_OK)
+        return cairn_file_error_system(error, path, "write", ENOMEM);
+    status = cairn_output_open(&output, path, error);
+    if (status != CAIRN_OK)
+        return status;
+    if (draw(output, map, &l) != CAIRN_OK) {
+        cairn_output_discard(output);
+        return cairn_file_error_system(error, path, "write", ENOMEM);
+    }
+    return cairn_output_commit(output, error);
+}

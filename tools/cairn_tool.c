@@ -1,0 +1,175 @@
+/* What all subcommands share. */
+#include <inttypes.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "cairn/number_text.h"
+#include "tools/cairn_tool.h"
+
+#define FAULTS_SHOWN 10
+#define BAR_CELLS    30
+#define BAR_EVERY_MS 100
+
+int tool_exit_code(cairn_status status)
+{
+    if (status >= 0)
+        return TOOL_OK;
+    return status == CAIRN_NO_MEMORY || status == CAIRN_BAD_BUILD ? TOOL_FAILED : TOOL_BAD;
+}
+
+int tool_report(const cairn_file_error *error)
+{
+    fprintf(stderr, "%s\n", error->text);
+    return tool_exit_code(error->status);
+}
+
+int tool_refuse(const char *program, const char *format, ...)
+{
+    va_list arguments;
+
+    fprintf(stderr, "%s: ", program);
+    va_start(arguments, format);
+    vfprintf(stderr, format, arguments);
+    va_end(arguments);
+    fputc('\n', stderr);
+    return TOOL_BAD;
+}
+
+double tool_seconds(void)
+{
+    struct timespec now = {0, 0};
+
+    (void)clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+void tool_on_fault(void *context, const cairn_file_error *fault)
+{
+    tool_faults *faults = context;
+
+    faults->count++;
+    if (!faults->quiet && faults->count <= FAULTS_SHOWN)
+        fprintf(stderr, "%s\n", fault->text);
+}
+
+void tool_faults_end(const tool_faults *faults)
+{
+    if (!faults->quiet && faults->count > FAULTS_SHOWN)
+        fprintf(stderr, "... and %" PRId64 " more damaged lines\n", faults->count - FAULTS_SHOWN);
+}
+
+int tool_load(cairn_carmen_scans *scans, const char *path, double range_max, int32_t quiet)
+{
+    cairn_carmen_params params = cairn_carmen_default();
+    tool_faults faults = {0, quiet};
+    cairn_file_error error;
+    cairn_status status;
+
+    params.range_max = range_max;
+    params.on_fault = tool_on_fault;
+    params.context = &faults;
+    status = cairn_carmen_load(scans, path, &params, &error);
+    tool_faults_end(&faults);
+    return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
+}
+
+static int64_t now_ms(void)
+{
+    struct timespec now = {0, 0};
+
+    (void)clock_gettime(CLOCK_MONOTONIC, &now);
+    return (int64_t)now.tv_sec * 1000 + now.tv_nsec / 1000000;
+}
+
+tool_progress tool_progress_begin(const char *label, int64_t total, int32_t quiet)
+{
+    tool_progress progress = {label, total, 0, !quiet && isatty(STDERR_FILENO), 0};
+
+    progress.drawn_ms = progress.live ? now_ms() : 0;
+    return progress;
+}
+
+void tool_progress_at(tool_progress *progress, int64_t done)
+{
+    char bar[BAR_CELLS + 1];
+    int64_t now;
+    int cells;
+
+    if (!progress->live || progress->total <= 0)
+        return;
+    now = now_ms();
+    if (now - progress->drawn_ms < BAR_EVERY_MS)
+        return;
+    progress->drawn_ms = now;
+    progress->shown = 1;
+    done = done < progress->total ? done : progress->total;
+    cells = (int)(BAR_CELLS * done / progress->total);
+    memset(bar, '.', BAR_CELLS);
+    memset(bar, '#', (size_t)cells);
+    bar[BAR_CELLS] = '\0';
+    fprintf(stderr, "\r%s [%s] %3d %%", progress->label, bar, (int)(100 * done / progress->total));
+    fflush(stderr);
+}
+
+void tool_progress_end(tool_progress *progress)
+{
+    if (progress->shown)
+        fprintf(stderr, "\r\033[K");
+    progress->shown = 0;
+    progress->live = 0;
+}
+
+int32_t tool_read_bytes(const char *text, size_t *bytes)
+{
+    static const char units[] = "KMG";
+    size_t length = strlen(text);
+    const char *unit = length > 0 ? strchr(units, text[length - 1]) : NULL;
+    int shift = unit != NULL ? 10 * (int)(unit - units + 1) : 0;
+    int64_t value;
+
+    if (!cairn_number_read_integer(text, length - (unit != NULL), &value) || value < 1 ||
+        (uint64_t)value > (uint64_t)(SIZE_MAX / 2) >> shift)
+        return 0;
+    *bytes = (size_t)value << shift;
+    return 1;
+}
+
+int tool_pool_open(cairn_pool *pool, const char *program, const char *asked, size_t need)
+{
+    size_t bytes = need;
+    void *memory;
+    cairn_status status;
+
+    if (asked != NULL && !tool_read_bytes(asked, &bytes)) {
+        fprintf(stderr, "%s: --pool is '%s', expected a number of bytes such as 65536, 64K or 2M\n", program, asked);
+        return TOOL_BAD;
+    }
+    bytes = bytes / CAIRN_ALIGN * CAIRN_ALIGN;
+    if (bytes < need) {
+        fprintf(stderr, "%s: --pool is %zu bytes, expected at least %zu\n", program, bytes, need);
+        return TOOL_BAD;
+    }
+    bytes = bytes > 0 ? bytes : CAIRN_ALIGN;
+    memory = aligned_alloc(CAIRN_ALIGN, bytes);
+    if (memory == NULL) {
+        fprintf(stderr, "%s: no memory for a pool of %zu bytes\n", program, bytes);
+        return TOOL_FAILED;
+    }
+    status = cairn_pool_init(pool, memory, bytes);
+    if (status != CAIRN_OK) {
+        fprintf(stderr, "%s: %s\n", program, cairn_status_text(status));
+        free(memory);
+        return tool_exit_code(status);
+    }
+    return TOOL_OK;
+}
+
+void tool_pool_close(cairn_pool *pool)
+{
+    free(pool->base);
+    memset(pool, 0, sizeof *pool);
+}
