@@ -34,18 +34,21 @@ CAIRN_CHECKED cairn_status cairn_point_grid_insert(cairn_point_grid *grid, cairn
 int32_t cairn_point_grid_count(const cairn_point_grid *grid);
 
 /* Index of the point nearest to p within `radius` (inclusive), the lowest index among equals; -1 when there is none.
- * *distance_squared, when not NULL, is set when there is one. Cost: the points in the cells that the radius touches. */
+ * *distance_squared, when not NULL, is set when there is one. Cost: the points in the cells that the radius touches
+ * and those cells, at most twice the points in all. */
 int32_t cairn_point_grid_nearest(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius,
                                  cairn_real *distance_squared);
 
-/* All points within `radius` of p one by one, so that a caller can stop and go on: begin, then next until -1. The order
- * depends only on the points and the order of their insertion. The cursor is open only to be copied. */
+/* All points within `radius` (inclusive) of p one by one, so that a caller can stop and go on: begin, then next until -1.
+ * The order depends only on the points and the order of their insertion. Valid until the grid changes. The cursor is open
+ * only to be copied. */
 typedef struct cairn_point_grid_cursor {
     cairn_vec2 centre;
     cairn_real radius_squared;
     int32_t min_x, max_x, max_y; /* cells */
     int32_t x, y;
     int32_t next; /* candidate in the current cell, -1: none */
+    int32_t all;  /* 1: the radius touches more cells than there are points, so all are looked at in turn */
 } cairn_point_grid_cursor;
 
 cairn_point_grid_cursor cairn_point_grid_begin(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius);
@@ -67,7 +70,8 @@ CAIRN_CHECKED cairn_status cairn_box_sweep_create(cairn_box_sweep **sweep, cairn
 
 /* Starts to report the overlapping pairs of boxes[0 ... count-1], which must stay as they are until the last pair has
  * been reported. The sorted order of the last sweep is the start of this one (insertion sort: linear when the boxes moved
- * little; new boxes may be appended). CAIRN_BAD_ARGUMENT: count < 0, or NULL with count > 0. CAIRN_FULL: count > max_boxes. */
+ * little; new boxes may be appended). CAIRN_BAD_ARGUMENT: count < 0, or NULL with count > 0. CAIRN_FULL: count > max_boxes. A box
+ * that is empty or holds a NaN overlaps none. Cost: constant time. */
 CAIRN_CHECKED cairn_status cairn_box_sweep_begin(cairn_box_sweep *sweep, const cairn_box *boxes, int32_t count);
 
 /* The next pair, *first < *second. CAIRN_OK: here it is. CAIRN_MORE: the budget is used up before one was found.

@@ -1,0 +1,468 @@
+/* Hash grid and sweep-and-prune.
+ *
+ * Hash grid: the plane is cut into square cells; the points of the cells that share a bucket form a chain (heads, next),
+ * the last one inserted first. A query visits the buckets of the cells that its radius touches and judges every candidate
+ * by its distance, so that points of other cells in the same bucket do no harm; the walk over all neighbours also
+ * compares cells, so that it meets each point once. The nearest point is searched in rings of cells around the query; the
+ * box of cells to visit shrinks to the distance found. A query that touches more cells than there are points looks at the
+ * points one by one instead, which bounds its cost.
+ *
+ * Sweep and prune (Cohen, Lin, Manocha and Ponamgi 1995): boxes sorted by the left side, ties by index; each is tested
+ * against those after it that start before it ends. The order of the last sweep is sorted again by insertion, linear
+ * when the boxes moved little; after many new boxes coarser strides go first (Shell 1959). The sort swaps in place: the
+ * order is a permutation at all times, and a sweep may be begun anew in the middle of another.
+ *
+ * Limits: cell numbers are clamped to +-2^30, so points farther than that many cells share the outermost ones: slower,
+ * not wrong. Boxes that are empty or hold a NaN are sorted last and overlap none. */
+#include "src/core/build.h"
+
+#include "cairn/neighbours.h"
+
+enum { MAX_COUNT = 1 << 28, MAX_CELL = 1 << 30, NONE = -1 };
+
+/* ---- Hash grid ---- */
+
+struct cairn_point_grid {
+    cairn_vec2 *points; /* [capacity] */
+    int32_t *next;      /* [capacity], NONE ends a chain */
+    int32_t *heads;     /* [mask + 1] */
+    cairn_real inverse_cell;
+    uint32_t mask;
+    int32_t capacity;
+    int32_t count;
+};
+
+/* Cells, borders included; empty when min > max. */
+struct cell_box {
+    int32_t min_x, max_x, min_y, max_y;
+};
+
+static uint32_t bucket_count(int32_t max_points)
+{
+    uint32_t buckets = 1;
+
+    while (buckets < (uint32_t)max_points)
+        buckets *= 2;
+    return buckets;
+}
+
+static int point_grid_params_are_good(const cairn_point_grid_params *params)
+{
+    return params != NULL && params->max_points >= 1 && params->max_points <= MAX_COUNT && params->cell > 0 &&
+           params->cell <= CAIRN_REAL_MAX && 1 / params->cell <= CAIRN_REAL_MAX;
+}
+
+static cairn_point_grid *carve_point_grid(cairn_pool *pool, const cairn_point_grid_params *params)
+{
+    cairn_point_grid *grid = cairn_pool_take(pool, 1, sizeof *grid);
+    cairn_vec2 *points = cairn_pool_take(pool, (size_t)params->max_points, sizeof *points);
+    int32_t *next = cairn_pool_take(pool, (size_t)params->max_points, sizeof *next);
+    int32_t *heads = cairn_pool_take(pool, bucket_count(params->max_points), sizeof *heads);
+
+    if (grid != NULL) {
+        grid->points = points;
+        grid->next = next;
+        grid->heads = heads;
+    }
+    return grid;
+}
+
+size_t cairn_point_grid_memory(const cairn_point_grid_params *params)
+{
+    cairn_pool counting;
+
+    if (!point_grid_params_are_good(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve_point_grid(&counting, params);
+    return counting.used == SIZE_MAX ? 0 : counting.used;
+}
+
+cairn_status cairn_point_grid_create(cairn_point_grid **grid, cairn_pool *pool, const cairn_point_grid_params *params)
+{
+    size_t need = cairn_point_grid_memory(params);
+    cairn_point_grid *made;
+
+    if (grid == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    made = carve_point_grid(pool, params);
+    made->inverse_cell = 1 / params->cell;
+    made->mask = bucket_count(params->max_points) - 1;
+    made->capacity = params->max_points;
+    cairn_point_grid_clear(made);
+    *grid = made;
+    return CAIRN_OK;
+}
+
+void cairn_point_grid_clear(cairn_point_grid *grid)
+{
+    for (uint32_t i = 0; i <= grid->mask; i++)
+        grid->heads[i] = NONE;
+    grid->count = 0;
+}
+
+/* Monotone in the coordinate, which all pruning rests on. */
+static int32_t cell_of(const cairn_point_grid *grid, cairn_real coordinate)
+{
+    int32_t cell = cairn_real_to_int(cairn_floor(coordinate * grid->inverse_cell));
+
+    if (cell < -MAX_CELL)
+        return -MAX_CELL;
+    return cell > MAX_CELL ? MAX_CELL : cell;
+}
+
+static uint32_t bucket_of(const cairn_point_grid *grid, int32_t x, int32_t y)
+{
+    uint32_t hash = (uint32_t)x * UINT32_C(0x9E3779B1) + (uint32_t)y * UINT32_C(0x85EBCA77);
+
+    return (hash ^ hash >> 15) & grid->mask;
+}
+
+/* The cells of all points whose computed distance from p is at most `radius`. The radius grows by more than the rounding
+ * and the underflow of that distance; rounding the sums is monotone, so no point is lost at a border. */
+static struct cell_box cells_within(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius)
+{
+    cairn_real reach = radius * (1 + 8 * CAIRN_REAL_EPSILON) + CAIRN_REAL(1e-19);
+    struct cell_box box = {cell_of(grid, p.x - reach), cell_of(grid, p.x + reach), cell_of(grid, p.y - reach),
+                           cell_of(grid, p.y + reach)};
+    return box;
+}
+
+/* 1 when looking at every point is cheaper than visiting the cells. */
+static int touches_too_many(const cairn_point_grid *grid, struct cell_box box)
+{
+    int64_t width = (int64_t)box.max_x - box.min_x + 1, height = (int64_t)box.max_y - box.min_y + 1;
+
+    return width * height > grid->count;
+}
+
+cairn_status cairn_point_grid_insert(cairn_point_grid *grid, cairn_vec2 point)
+{
+    uint32_t bucket;
+
+    if (!cairn_is_finite(point.x) || !cairn_is_finite(point.y))
+        return CAIRN_NOT_FINITE;
+    if (grid->count == grid->capacity)
+        return CAIRN_FULL;
+    bucket = bucket_of(grid, cell_of(grid, point.x), cell_of(grid, point.y));
+    grid->points[grid->count] = point;
+    grid->next[grid->count] = grid->heads[bucket];
+    grid->heads[bucket] = grid->count;
+    grid->count++;
+    return CAIRN_OK;
+}
+
+int32_t cairn_point_grid_count(const cairn_point_grid *grid)
+{
+    return grid->count;
+}
+
+/* The best point so far: lowest distance, then lowest index. */
+struct nearest {
+    cairn_vec2 p;
+    cairn_real distance_squared;
+    int32_t index;
+};
+
+static void try_point(const cairn_point_grid *grid, int32_t i, struct nearest *best)
+{
+    cairn_real d = cairn_vec2_norm_squared(cairn_vec2_sub(grid->points[i], best->p));
+
+    if (d < best->distance_squared || (d == best->distance_squared && (best->index == NONE || i < best->index))) {
+        best->distance_squared = d;
+        best->index = i;
+    }
+}
+
+static void try_cell(const cairn_point_grid *grid, int32_t x, int32_t y, struct nearest *best)
+{
+    for (int32_t i = grid->heads[bucket_of(grid, x, y)]; i != NONE; i = grid->next[i])
+        try_point(grid, i, best);
+}
+
+/* The cells at Chebyshev distance k from (cx, cy) that lie in the box. */
+static void try_ring(const cairn_point_grid *grid, int32_t cx, int32_t cy, int32_t k, struct cell_box box,
+                     struct nearest *best)
+{
+    int32_t low_x = cx - k > box.min_x ? cx - k : box.min_x, high_x = cx + k < box.max_x ? cx + k : box.max_x;
+    int32_t low_y = cy - k > box.min_y ? cy - k : box.min_y, high_y = cy + k < box.max_y ? cy + k : box.max_y;
+
+    for (int32_t y = low_y; y <= high_y; y++) {
+        if (y == cy - k || y == cy + k) {
+            for (int32_t x = low_x; x <= high_x; x++)
+                try_cell(grid, x, y, best);
+            continue;
+        }
+        if (low_x == cx - k)
+            try_cell(grid, low_x, y, best);
+        if (high_x == cx + k)
+            try_cell(grid, high_x, y, best);
+    }
+}
+
+static int32_t larger(int32_t a, int32_t b)
+{
+    return a > b ? a : b;
+}
+
+int32_t cairn_point_grid_nearest(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius,
+                                 cairn_real *distance_squared)
+{
+    struct nearest best = {p, radius * radius, NONE};
+    struct cell_box box;
+
+    if (!(radius >= 0) || !cairn_is_finite(p.x) || !cairn_is_finite(p.y))
+        return NONE;
+    box = cells_within(grid, p, radius);
+    if (touches_too_many(grid, box)) {
+        for (int32_t i = 0; i < grid->count; i++)
+            try_point(grid, i, &best);
+    } else {
+        int32_t cx = cell_of(grid, p.x), cy = cell_of(grid, p.y), last = NONE;
+        int32_t rings = larger(larger(cx - box.min_x, box.max_x - cx), larger(cy - box.min_y, box.max_y - cy));
+
+        for (int32_t k = 0; k <= rings; k++) {
+            try_ring(grid, cx, cy, k, box, &best);
+            if (best.index != last) {
+                last = best.index;
+                box = cells_within(grid, p, cairn_sqrt(best.distance_squared));
+                rings = larger(larger(cx - box.min_x, box.max_x - cx), larger(cy - box.min_y, box.max_y - cy));
+            }
+        }
+    }
+    if (best.index != NONE && distance_squared != NULL)
+        *distance_squared = best.distance_squared;
+    return best.index;
+}
+
+cairn_point_grid_cursor cairn_point_grid_begin(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius)
+{
+    cairn_point_grid_cursor cursor = {p, radius * radius, 0, 0, -1, 0, 0, NONE, 0};
+    struct cell_box box;
+
+    if (grid->count == 0 || !(radius >= 0) || !cairn_is_finite(p.x) || !cairn_is_finite(p.y))
+        return cursor;
+    box = cells_within(grid, p, radius);
+    if (touches_too_many(grid, box)) {
+        cursor.all = 1;
+        cursor.next = 0;
+        return cursor;
+    }
+    cursor.min_x = box.min_x;
+    cursor.max_x = box.max_x;
+    cursor.max_y = box.max_y;
+    cursor.x = box.min_x;
+    cursor.y = box.min_y;
+    cursor.next = grid->heads[bucket_of(grid, cursor.x, cursor.y)];
+    return cursor;
+}
+
+static int is_near(const cairn_point_grid *grid, const cairn_point_grid_cursor *cursor, int32_t i)
+{
+    return cairn_vec2_norm_squared(cairn_vec2_sub(grid->points[i], cursor->centre)) <= cursor->radius_squared;
+}
+
+int32_t cairn_point_grid_next(const cairn_point_grid *grid, cairn_point_grid_cursor *cursor)
+{
+    if (cursor->all) {
+        while (cursor->next < grid->count) {
+            int32_t i = cursor->next++;
+
+            if (is_near(grid, cursor, i))
+                return i;
+        }
+        return NONE;
+    }
+    while (cursor->y <= cursor->max_y) {
+        while (cursor->next != NONE) {
+            int32_t i = cursor->next;
+
+            cursor->next = grid->next[i];
+            if (is_near(grid, cursor, i) && cell_of(grid, grid->points[i].x) == cursor->x &&
+                cell_of(grid, grid->points[i].y) == cursor->y)
+                return i;
+        }
+        if (cursor->x < cursor->max_x) {
+            cursor->x++;
+        } else {
+            cursor->x = cursor->min_x;
+            cursor->y++;
+        }
+        if (cursor->y <= cursor->max_y)
+            cursor->next = grid->heads[bucket_of(grid, cursor->x, cursor->y)];
+    }
+    return NONE;
+}
+
+/* ---- Sweep and prune ---- */
+
+enum { OPERATIONS_PER_UNIT = 4 };
+
+struct cairn_box_sweep {
+    int32_t *order;         /* [capacity], a permutation */
+    const cairn_box *boxes; /* [count], the caller's */
+    int32_t capacity;
+    int32_t known;         /* order[0 ... known-1] holds 0 ... known-1 */
+    int32_t count;         /* <= known; indices from here on count as empty boxes */
+    int32_t stride;        /* of the sort; 0: sorted */
+    int32_t sorted;        /* next place to insert from */
+    int32_t place;         /* where the box being inserted stands */
+    int32_t first, second; /* places in order to test next; first == known: done */
+    int32_t credit;        /* operations paid for */
+};
+
+static int box_sweep_params_are_good(const cairn_box_sweep_params *params)
+{
+    return params != NULL && params->max_boxes >= 1 && params->max_boxes <= MAX_COUNT;
+}
+
+static cairn_box_sweep *carve_box_sweep(cairn_pool *pool, const cairn_box_sweep_params *params)
+{
+    cairn_box_sweep *sweep = cairn_pool_take(pool, 1, sizeof *sweep);
+    int32_t *order = cairn_pool_take(pool, (size_t)params->max_boxes, sizeof *order);
+
+    if (sweep != NULL)
+        sweep->order = order;
+    return sweep;
+}
+
+size_t cairn_box_sweep_memory(const cairn_box_sweep_params *params)
+{
+    cairn_pool counting;
+
+    if (!box_sweep_params_are_good(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve_box_sweep(&counting, params);
+    return counting.used == SIZE_MAX ? 0 : counting.used;
+}
+
+cairn_status cairn_box_sweep_create(cairn_box_sweep **sweep, cairn_pool *pool, const cairn_box_sweep_params *params)
+{
+    size_t need = cairn_box_sweep_memory(params);
+    cairn_box_sweep *made;
+
+    if (sweep == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    made = carve_box_sweep(pool, params);
+    for (int32_t i = 0; i < params->max_boxes; i++)
+        made->order[i] = i;
+    made->boxes = NULL;
+    made->capacity = params->max_boxes;
+    made->known = made->count = 0;
+    made->stride = 0;
+    made->sorted = made->place = 0;
+    made->first = made->second = 0;
+    made->credit = 0;
+    *sweep = made;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_box_sweep_begin(cairn_box_sweep *sweep, const cairn_box *boxes, int32_t count)
+{
+    int32_t added;
+
+    if (count < 0 || (boxes == NULL && count > 0))
+        return CAIRN_BAD_ARGUMENT;
+    if (count > sweep->capacity)
+        return CAIRN_FULL;
+    added = count - sweep->count;
+    if (count > sweep->known)
+        sweep->known = count;
+    sweep->boxes = boxes;
+    sweep->count = count;
+    sweep->stride = 1;
+    if (added > count / 8)
+        while (sweep->stride < count / 9)
+            sweep->stride = 3 * sweep->stride + 1;
+    sweep->sorted = sweep->place = sweep->stride;
+    sweep->first = 0;
+    sweep->second = 1;
+    sweep->credit = 0;
+    return CAIRN_OK;
+}
+
+/* 1 when the box exists and holds a point; false for a NaN. */
+static int is_box(const cairn_box_sweep *sweep, int32_t i)
+{
+    return i < sweep->count && sweep->boxes[i].min.x <= sweep->boxes[i].max.x &&
+           sweep->boxes[i].min.y <= sweep->boxes[i].max.y;
+}
+
+/* Total order: boxes by their left side, then what is none; ties by index. */
+static int comes_before(const cairn_box_sweep *sweep, int32_t a, int32_t b)
+{
+    int box_a = is_box(sweep, a), box_b = is_box(sweep, b);
+
+    if (box_a != box_b)
+        return box_a;
+    if (box_a && sweep->boxes[a].min.x != sweep->boxes[b].min.x)
+        return sweep->boxes[a].min.x < sweep->boxes[b].min.x;
+    return a < b;
+}
+
+/* One comparison of the sort. */
+static void sort_once(cairn_box_sweep *sweep)
+{
+    int32_t *order = sweep->order;
+    int32_t ahead = sweep->place - sweep->stride;
+
+    if (sweep->sorted >= sweep->known) {
+        sweep->stride /= 3;
+        sweep->sorted = sweep->place = sweep->stride;
+    } else if (ahead >= 0 && comes_before(sweep, order[sweep->place], order[ahead])) {
+        int32_t moved = order[ahead];
+
+        order[ahead] = order[sweep->place];
+        order[sweep->place] = moved;
+        sweep->place = ahead;
+    } else {
+        sweep->sorted++;
+        sweep->place = sweep->sorted;
+    }
+}
+
+/* One test; 1 when it finds a pair. */
+static int test_once(cairn_box_sweep *sweep, int32_t *first, int32_t *second)
+{
+    int32_t a = sweep->order[sweep->first], b;
+
+    if (!is_box(sweep, a)) {
+        sweep->first = sweep->known;
+        return 0;
+    }
+    b = sweep->second < sweep->known ? sweep->order[sweep->second] : NONE;
+    if (b == NONE || !is_box(sweep, b) || !(sweep->boxes[b].min.x <= sweep->boxes[a].max.x)) {
+        sweep->first++;
+        sweep->second = sweep->first + 1;
+        return 0;
+    }
+    sweep->second++;
+    if (!cairn_box_overlap(sweep->boxes[a], sweep->boxes[b]))
+        return 0;
+    *first = a < b ? a : b;
+    *second = a < b ? b : a;
+    return 1;
+}
+
+cairn_status cairn_box_sweep_next(cairn_box_sweep *sweep, cairn_budget *budget, int32_t *first, int32_t *second)
+{
+    while (sweep->stride > 0 || sweep->first < sweep->known) {
+        if (sweep->credit == 0) {
+            if (budget->left <= 0)
+                return CAIRN_MORE;
+            budget->left--;
+            sweep->credit = OPERATIONS_PER_UNIT;
+        }
+        sweep->credit--;
+        if (sweep->stride > 0)
+            sort_once(sweep);
+        else if (test_once(sweep, first, second))
+            return CAIRN_OK;
+    }
+    return CAIRN_EMPTY;
+}

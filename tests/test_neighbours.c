@@ -1,0 +1,509 @@
+#include "tests/test.h"
+
+#include "cairn/neighbours.h"
+
+/* ---- Hash grid beside a linear search ---- */
+
+enum { POINTS = 400 };
+
+static cairn_point_grid *make_grid(cairn_pool *pool, int32_t max_points, cairn_real cell)
+{
+    cairn_point_grid_params params = {max_points, cell};
+    cairn_point_grid *grid;
+
+    *pool = test_pool(cairn_point_grid_memory(&params));
+    assert_ok(cairn_point_grid_create(&grid, pool, &params));
+    return grid;
+}
+
+static cairn_real distance_squared(cairn_vec2 a, cairn_vec2 b)
+{
+    return cairn_vec2_norm_squared(cairn_vec2_sub(a, b));
+}
+
+static int32_t slow_nearest(const cairn_vec2 *points, int32_t count, cairn_vec2 p, cairn_real radius)
+{
+    int32_t best = -1;
+
+    for (int32_t i = 0; i < count; i++)
+        if (distance_squared(points[i], p) <= radius * radius &&
+            (best < 0 || distance_squared(points[i], p) < distance_squared(points[best], p)))
+            best = i;
+    return best;
+}
+
+/* The cursor meets every point within the radius once and no other. */
+static void check_cursor(const cairn_point_grid *grid, const cairn_vec2 *points, int32_t count, cairn_vec2 p,
+                         cairn_real radius)
+{
+    cairn_point_grid_cursor cursor = cairn_point_grid_begin(grid, p, radius);
+    int32_t seen[POINTS] = {0}, i;
+
+    while ((i = cairn_point_grid_next(grid, &cursor)) >= 0) {
+        assert_true(i < count);
+        seen[i]++;
+    }
+    assert_int_equal(cairn_point_grid_next(grid, &cursor), -1);
+    for (i = 0; i < count; i++)
+        assert_int_equal(seen[i], distance_squared(points[i], p) <= radius * radius);
+}
+
+static void check_query(const cairn_point_grid *grid, const cairn_vec2 *points, int32_t count, cairn_vec2 p,
+                        cairn_real radius)
+{
+    cairn_real squared = -1;
+    int32_t expected = slow_nearest(points, count, p, radius);
+
+    assert_int_equal(cairn_point_grid_nearest(grid, p, radius, &squared), expected);
+    assert_int_equal(cairn_point_grid_nearest(grid, p, radius, NULL), expected);
+    assert_true(squared == (expected < 0 ? -1 : distance_squared(points[expected], p)));
+    check_cursor(grid, points, count, p, radius);
+}
+
+/* Points at `scale` m around the origin, in steps of `step` cells (so that there are ties and points on borders). */
+static void check_random_points(uint64_t seed, cairn_real cell, cairn_real scale, cairn_real step)
+{
+    static const cairn_real radii[] = {0, CAIRN_REAL(0.3), 1, CAIRN_REAL(2.5), 8, 1000};
+    cairn_random random = cairn_random_seed(seed, 1);
+    cairn_pool pool;
+    cairn_point_grid *grid = make_grid(&pool, POINTS, cell);
+    cairn_vec2 points[POINTS];
+
+    for (int round = 0; round < 2; round++) {
+        for (int32_t i = 0; i < POINTS; i++) {
+            points[i].x = cairn_random_uniform(&random, -scale, scale);
+            points[i].y = cairn_random_uniform(&random, -scale, scale);
+            if (step > 0) {
+                points[i].x = cairn_rint(points[i].x / (step * cell)) * (step * cell);
+                points[i].y = cairn_rint(points[i].y / (step * cell)) * (step * cell);
+            }
+            assert_int_equal(cairn_point_grid_count(grid), i);
+            assert_ok(cairn_point_grid_insert(grid, points[i]));
+            if (i % 20 == 0 || i == POINTS - 1) {
+                for (int k = 0; k < 6; k++) {
+                    cairn_vec2 p = points[cairn_random_below(&random, i + 1)];
+
+                    check_query(grid, points, i + 1, p, radii[k] * cell);
+                    p.x = cairn_random_uniform(&random, -scale, scale);
+                    check_query(grid, points, i + 1, p, radii[k] * cell);
+                    p.y = cairn_random_uniform(&random, -scale, scale);
+                    check_query(grid, points, i + 1, p, radii[k] * cell);
+                }
+            }
+        }
+        cairn_point_grid_clear(grid);
+        assert_int_equal(cairn_point_grid_count(grid), 0);
+        check_query(grid, points, 0, points[0], 100 * cell);
+    }
+    test_pool_free(&pool);
+}
+
+static void test_grid_matches_linear_search(void **state)
+{
+    (void)state;
+    check_random_points(1, CAIRN_REAL(0.5), 5, 0);
+    check_random_points(2, CAIRN_REAL(0.25), 3, CAIRN_REAL(0.5));
+    check_random_points(3, CAIRN_REAL(0.1), 1, 1);
+    check_random_points(4, 1, 1000000, 0);
+    check_random_points(5, CAIRN_REAL(0.125), 1, CAIRN_REAL(0.25));
+}
+
+/* Far beyond the range of cell numbers all points share the outermost cells and are still told apart. */
+static void test_grid_far_points(void **state)
+{
+    static const cairn_vec2 points[] = {{CAIRN_REAL(1e30), 0}, {CAIRN_REAL(1.1e30), 0}, {-CAIRN_REAL(1e30), 1},
+                                        {0, CAIRN_REAL(1e30)}, {0, -CAIRN_REAL(1e30)},  {0, 0}};
+    cairn_pool pool;
+    cairn_point_grid *grid = make_grid(&pool, 6, CAIRN_REAL(0.001));
+    cairn_vec2 p = {CAIRN_REAL(1.09e30), 0};
+
+    (void)state;
+    for (int32_t i = 0; i < 6; i++)
+        assert_ok(cairn_point_grid_insert(grid, points[i]));
+    assert_int_equal(cairn_point_grid_nearest(grid, p, CAIRN_REAL(1e29), NULL), NUMBER(1, 0));
+#ifndef CAIRN_FLOAT
+    for (int32_t i = 0; i < 6; i++)
+        for (int k = 0; k < 4; k++)
+            check_query(grid, points, 6, points[i], k == 0 ? 0 : k == 1 ? 1 : k == 2 ? 1.5e29 : 3e30);
+#endif
+    test_pool_free(&pool);
+}
+
+/* A query meets points of the cell to the left and below even when the distance underflows to 0. */
+static void test_grid_underflow(void **state)
+{
+    static const cairn_vec2 points[] = {{-CAIRN_REAL(1e-30), -CAIRN_REAL(1e-30)},
+                                        {CAIRN_REAL(1e-30), 0},
+                                        {5, 5},
+                                        {6, 6},
+                                        {7, 7},
+                                        {8, 8},
+                                        {9, 9},
+                                        {10, 10},
+                                        {11, 11}};
+    cairn_pool pool;
+    cairn_point_grid *grid = make_grid(&pool, 9, 1);
+    cairn_vec2 p = {CAIRN_REAL(1e-30), 0};
+
+    (void)state;
+    for (int32_t i = 0; i < 9; i++)
+        assert_ok(cairn_point_grid_insert(grid, points[i]));
+    check_query(grid, points, 9, p, 0);
+    check_query(grid, points, 9, p, 1);
+    check_query(grid, points, 9, points[0], 1);
+    test_pool_free(&pool);
+}
+
+/* The work is bounded by the points, not by the area: a huge radius over tiny cells must return at once. */
+static void test_grid_huge_radius(void **state)
+{
+    cairn_pool pool;
+    cairn_point_grid *grid = make_grid(&pool, 3, CAIRN_REAL(1e-6));
+    cairn_vec2 points[3] = {{1, 1}, {-2, 3}, {1, 1}}, p = {0, 0};
+
+    (void)state;
+    for (int32_t i = 0; i < 3; i++)
+        assert_ok(cairn_point_grid_insert(grid, points[i]));
+    check_query(grid, points, 3, p, CAIRN_REAL(1e15));
+    check_query(grid, points, 3, p, (cairn_real)INFINITY);
+    check_query(grid, points, 3, points[1], (cairn_real)INFINITY);
+    test_pool_free(&pool);
+}
+
+/* Same points, same order of insertion: same order of visits. */
+static void test_grid_order_is_reproducible(void **state)
+{
+    uint64_t hashes[2];
+
+    (void)state;
+    for (int run = 0; run < 2; run++) {
+        cairn_random random = cairn_random_seed(9, 0);
+        cairn_pool pool;
+        cairn_point_grid *grid = make_grid(&pool, 300, CAIRN_REAL(0.5));
+        cairn_vec2 p = {0, 0};
+        cairn_point_grid_cursor cursor;
+        int32_t i;
+
+        for (i = 0; i < 300; i++) {
+            cairn_vec2 point;
+
+            point.x = cairn_random_uniform(&random, -2, 2);
+            point.y = cairn_random_uniform(&random, -2, 2);
+            assert_ok(cairn_point_grid_insert(grid, point));
+        }
+        cursor = cairn_point_grid_begin(grid, p, CAIRN_REAL(1.2));
+        hashes[run] = TEST_HASH_START;
+        while ((i = cairn_point_grid_next(grid, &cursor)) >= 0)
+            hashes[run] = test_hash(hashes[run], &i, sizeof i);
+        test_pool_free(&pool);
+    }
+    assert_true(hashes[0] == hashes[1]);
+}
+
+static cairn_status create_grid(void *context, cairn_pool *pool)
+{
+    cairn_point_grid *grid = NULL;
+    cairn_status status = cairn_point_grid_create(&grid, pool, context);
+
+    assert_true((status == CAIRN_OK) == (grid != NULL));
+    return status;
+}
+
+static void test_grid_refusals(void **state)
+{
+    static const cairn_point_grid_params bad[] = {{0, 1},
+                                                  {-1, 1},
+                                                  {(1 << 28) + 1, 1},
+                                                  {1, 0},
+                                                  {1, -1},
+                                                  {1, (cairn_real)NAN},
+                                                  {1, (cairn_real)INFINITY},
+                                                  {1, CAIRN_REAL_EPSILON * NUMBER(1e-300, 1e-36f)}};
+    cairn_point_grid_params params = {33, 1}, most = {1 << 28, 1};
+    cairn_pool pool = test_pool(100000);
+    cairn_point_grid *grid;
+    cairn_vec2 p = {1, 2}, nan_x = {(cairn_real)NAN, 0}, nan_y = {0, (cairn_real)NAN};
+    cairn_vec2 infinite = {0, (cairn_real)INFINITY};
+    cairn_point_grid_cursor cursor;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
+        assert_int_equal(cairn_point_grid_memory(&bad[i]), 0);
+        assert_status(cairn_point_grid_create(&grid, &pool, &bad[i]), CAIRN_BAD_ARGUMENT);
+    }
+    assert_int_equal(cairn_point_grid_memory(NULL), 0);
+    assert_true(cairn_point_grid_memory(&most) > ((size_t)1 << 28) * (sizeof(cairn_vec2) + 8));
+    assert_status(cairn_point_grid_create(&grid, &pool, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_point_grid_create(NULL, &pool, &params), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_point_grid_create(&grid, NULL, &params), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(pool.used, 0);
+    test_every_pool_size(create_grid, &params, cairn_point_grid_memory(&params));
+
+    params.max_points = 1;
+    assert_ok(cairn_point_grid_create(&grid, &pool, &params));
+    assert_status(cairn_point_grid_insert(grid, nan_x), CAIRN_NOT_FINITE);
+    assert_status(cairn_point_grid_insert(grid, nan_y), CAIRN_NOT_FINITE);
+    assert_status(cairn_point_grid_insert(grid, infinite), CAIRN_NOT_FINITE);
+    assert_int_equal(cairn_point_grid_count(grid), 0);
+    assert_ok(cairn_point_grid_insert(grid, p));
+    assert_status(cairn_point_grid_insert(grid, p), CAIRN_FULL);
+    assert_int_equal(cairn_point_grid_count(grid), 1);
+
+    assert_int_equal(cairn_point_grid_nearest(grid, p, -1, NULL), -1);
+    assert_int_equal(cairn_point_grid_nearest(grid, p, (cairn_real)NAN, NULL), -1);
+    assert_int_equal(cairn_point_grid_nearest(grid, nan_x, 9, NULL), -1);
+    assert_int_equal(cairn_point_grid_nearest(grid, nan_y, 9, NULL), -1);
+    cursor = cairn_point_grid_begin(grid, p, -1);
+    assert_int_equal(cairn_point_grid_next(grid, &cursor), -1);
+    cursor = cairn_point_grid_begin(grid, nan_x, 9);
+    assert_int_equal(cairn_point_grid_next(grid, &cursor), -1);
+    cursor = cairn_point_grid_begin(grid, infinite, 9);
+    assert_int_equal(cairn_point_grid_next(grid, &cursor), -1);
+    test_pool_free(&pool);
+}
+
+/* ---- Sweep and prune beside all pairs ---- */
+
+enum { BOXES = 120 };
+
+static cairn_box_sweep *make_sweep(cairn_pool *pool, int32_t max_boxes)
+{
+    cairn_box_sweep_params params = {max_boxes};
+    cairn_box_sweep *sweep;
+
+    *pool = test_pool(cairn_box_sweep_memory(&params));
+    assert_ok(cairn_box_sweep_create(&sweep, pool, &params));
+    return sweep;
+}
+
+static int holds_a_point(cairn_box box)
+{
+    return box.min.x <= box.max.x && box.min.y <= box.max.y;
+}
+
+/* Runs the sweep with budgets of `budget` units, compares with all pairs, and returns the units spent; *hash is one of the
+ * pairs in order. */
+static int32_t check_sweep(cairn_box_sweep *sweep, const cairn_box *boxes, int32_t count, int32_t budget,
+                           uint64_t *hash)
+{
+    static unsigned char seen[BOXES][BOXES];
+    int32_t spent = 0, pair[2];
+    cairn_budget left;
+    cairn_status status;
+
+    memset(seen, 0, sizeof seen);
+    *hash = TEST_HASH_START;
+    assert_ok(cairn_box_sweep_begin(sweep, boxes, count));
+    do {
+        left.left = budget;
+        while ((status = cairn_box_sweep_next(sweep, &left, &pair[0], &pair[1])) == CAIRN_OK) {
+            assert_true(pair[0] >= 0 && pair[0] < pair[1] && pair[1] < count);
+            seen[pair[0]][pair[1]]++;
+            *hash = test_hash(*hash, pair, sizeof pair);
+        }
+        assert_true(left.left >= 0);
+        assert_true(status == CAIRN_EMPTY || (status == CAIRN_MORE && left.left == 0));
+        spent += budget - left.left;
+    } while (status != CAIRN_EMPTY);
+    left.left = 0;
+    assert_status(cairn_box_sweep_next(sweep, &left, &pair[0], &pair[1]), CAIRN_EMPTY);
+    for (int32_t i = 0; i < count; i++)
+        for (int32_t j = i + 1; j < count; j++)
+            assert_int_equal(seen[i][j], holds_a_point(boxes[i]) && holds_a_point(boxes[j]) &&
+                                             cairn_box_overlap(boxes[i], boxes[j]));
+    return spent;
+}
+
+static void random_boxes(cairn_random *random, cairn_box *boxes, int32_t count, cairn_real size)
+{
+    for (int32_t i = 0; i < count; i++) {
+        boxes[i].min.x = cairn_rint(cairn_random_uniform(random, 0, 40)) / 4;
+        boxes[i].min.y = cairn_random_uniform(random, 0, 10);
+        boxes[i].max.x = boxes[i].min.x + cairn_rint(cairn_random_uniform(random, 0, 4 * size)) / 4;
+        boxes[i].max.y = boxes[i].min.y + cairn_random_uniform(random, 0, size);
+    }
+}
+
+static void test_sweep_matches_all_pairs(void **state)
+{
+    static const int32_t counts[] = {0, 1, 2, 3, 10, 30, 31, 90, 120, 50, 7, 0, 119, 120};
+    static const int32_t budgets[] = {CAIRN_UNBOUNDED, 1, 7, 1000};
+    uint64_t hashes[4];
+
+    (void)state;
+    for (int k = 0; k < 4; k++) {
+        cairn_random random = cairn_random_seed(11, 2);
+        cairn_pool pool;
+        cairn_box_sweep *sweep = make_sweep(&pool, BOXES);
+        cairn_box boxes[BOXES];
+
+        hashes[k] = TEST_HASH_START;
+        random_boxes(&random, boxes, BOXES, 2);
+        for (size_t round = 0; round < sizeof counts / sizeof counts[0]; round++) {
+            uint64_t hash;
+
+            (void)check_sweep(sweep, boxes, counts[round], budgets[k], &hash);
+            hashes[k] = test_hash(hashes[k], &hash, sizeof hash);
+            for (int32_t i = 0; i < BOXES; i++) {
+                cairn_real by = cairn_random_uniform(&random, CAIRN_REAL(-0.5), CAIRN_REAL(0.5));
+
+                boxes[i].min.x += by;
+                boxes[i].max.x += by;
+            }
+            if (round == 9)
+                random_boxes(&random, boxes, BOXES, 5);
+        }
+        test_pool_free(&pool);
+    }
+    assert_true(hashes[0] == hashes[1] && hashes[0] == hashes[2] && hashes[0] == hashes[3]);
+}
+
+/* Boxes that touch share a point; points and lines are boxes; what is empty or not a number overlaps nothing. */
+static void test_sweep_edges(void **state)
+{
+    cairn_box boxes[] = {
+        {{0, 0}, {1, 1}},
+        {{1, 1}, {2, 2}},
+        {{1, 0}, {1, 3}},
+        {{2, 2}, {2, 2}},
+        {{(cairn_real)NAN, 0}, {9, 9}},
+        {{0, (cairn_real)NAN}, {9, 9}},
+        {{0, 0}, {(cairn_real)NAN, 9}},
+        {{0, 0}, {9, (cairn_real)NAN}},
+        {{3, 0}, {-3, 9}},
+        {{0, 3}, {9, -3}},
+        {{-(cairn_real)INFINITY, -(cairn_real)INFINITY}, {(cairn_real)INFINITY, (cairn_real)INFINITY}}};
+    cairn_pool pool;
+    cairn_box_sweep *sweep = make_sweep(&pool, 20);
+    uint64_t hash;
+
+    (void)state;
+    for (int32_t count = 0; count <= 11; count++)
+        (void)check_sweep(sweep, boxes, count, 3, &hash);
+    for (int32_t count = 11; count >= 0; count--)
+        (void)check_sweep(sweep, boxes, count, 3, &hash);
+    test_pool_free(&pool);
+}
+
+/* A sweep begun in the middle of another, at any point of it, is as good as any. */
+static void test_sweep_begins_anew(void **state)
+{
+    cairn_random random = cairn_random_seed(3, 3);
+    cairn_box boxes[BOXES];
+
+    (void)state;
+    for (int32_t stop = 0; stop < 1500; stop += 13) {
+        cairn_pool pool;
+        cairn_box_sweep *sweep = make_sweep(&pool, BOXES);
+        cairn_budget budget = {stop};
+        int32_t first, second;
+        uint64_t hash;
+
+        random_boxes(&random, boxes, BOXES, 1);
+        assert_ok(cairn_box_sweep_begin(sweep, boxes, BOXES));
+        while (cairn_box_sweep_next(sweep, &budget, &first, &second) == CAIRN_OK)
+            assert_true(cairn_box_overlap(boxes[first], boxes[second]));
+        (void)check_sweep(sweep, boxes, stop % 2 ? BOXES : BOXES / 2, 50, &hash);
+        (void)check_sweep(sweep, boxes, BOXES, 50, &hash);
+        test_pool_free(&pool);
+    }
+}
+
+/* Sorted order is kept: the second sweep over boxes that stay costs a pass, four comparisons to the unit; the pairs come
+ * in order of the left sides. */
+static void test_sweep_cost(void **state)
+{
+    cairn_pool pool;
+    cairn_box_sweep *sweep = make_sweep(&pool, BOXES);
+    cairn_box boxes[BOXES];
+    uint64_t hash;
+    int32_t cost;
+
+    (void)state;
+    for (int32_t i = 0; i < BOXES; i++) {
+        boxes[i].min.x = (cairn_real)(BOXES - i) * 2;
+        boxes[i].max.x = boxes[i].min.x + 1;
+        boxes[i].min.y = 0;
+        boxes[i].max.y = 1;
+    }
+    cost = check_sweep(sweep, boxes, BOXES, 1, &hash);
+    assert_true(cost > 90 && cost < 400);
+    /* One comparison a box to see that all is sorted, one test a box to see that the next starts later. */
+    assert_int_equal(check_sweep(sweep, boxes, BOXES, 1, &hash), (2 * BOXES + 3) / 4);
+    boxes[0].min.x = boxes[1].min.x - 1;
+    boxes[0].max.x = boxes[1].min.x;
+    assert_true(check_sweep(sweep, boxes, BOXES, 1, &hash) <= (2 * BOXES + 3) / 4 + 1);
+    test_pool_free(&pool);
+}
+
+static cairn_status create_sweep(void *context, cairn_pool *pool)
+{
+    cairn_box_sweep *sweep = NULL;
+    cairn_status status = cairn_box_sweep_create(&sweep, pool, context);
+
+    assert_true((status == CAIRN_OK) == (sweep != NULL));
+    return status;
+}
+
+static void test_sweep_refusals(void **state)
+{
+    static const cairn_box_sweep_params bad[] = {{0}, {-5}, {(1 << 28) + 1}};
+    cairn_box_sweep_params params = {17};
+    cairn_pool pool = test_pool(10000);
+    cairn_box_sweep *sweep;
+    cairn_box boxes[2] = {{{0, 0}, {1, 1}}, {{0, 0}, {1, 1}}};
+    cairn_budget budget = {100};
+    int32_t first = 0, second = 0;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
+        assert_int_equal(cairn_box_sweep_memory(&bad[i]), 0);
+        assert_status(cairn_box_sweep_create(&sweep, &pool, &bad[i]), CAIRN_BAD_ARGUMENT);
+    }
+    assert_int_equal(cairn_box_sweep_memory(NULL), 0);
+    assert_status(cairn_box_sweep_create(&sweep, &pool, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_box_sweep_create(NULL, &pool, &params), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_box_sweep_create(&sweep, NULL, &params), CAIRN_BAD_ARGUMENT);
+    test_every_pool_size(create_sweep, &params, cairn_box_sweep_memory(&params));
+
+    params.max_boxes = 2;
+    assert_ok(cairn_box_sweep_create(&sweep, &pool, &params));
+    assert_status(cairn_box_sweep_next(sweep, &budget, &first, &second), CAIRN_EMPTY);
+    assert_status(cairn_box_sweep_begin(sweep, boxes, 3), CAIRN_FULL);
+    assert_status(cairn_box_sweep_begin(sweep, NULL, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_box_sweep_begin(sweep, boxes, -1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_box_sweep_begin(sweep, boxes, INT32_MIN), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_box_sweep_next(sweep, &budget, &first, &second), CAIRN_EMPTY);
+    assert_int_equal(budget.left, 100);
+    assert_ok(cairn_box_sweep_begin(sweep, NULL, 0));
+    assert_status(cairn_box_sweep_next(sweep, &budget, &first, &second), CAIRN_EMPTY);
+
+    assert_ok(cairn_box_sweep_begin(sweep, boxes, 2));
+    budget.left = 0;
+    assert_status(cairn_box_sweep_next(sweep, &budget, &first, &second), CAIRN_MORE);
+    assert_int_equal(budget.left, 0);
+    budget.left = 100;
+    assert_ok(cairn_box_sweep_next(sweep, &budget, &first, &second));
+    assert_int_equal(first, 0);
+    assert_int_equal(second, 1);
+    assert_status(cairn_box_sweep_next(sweep, &budget, &first, &second), CAIRN_EMPTY);
+    test_pool_free(&pool);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_grid_matches_linear_search),
+        cmocka_unit_test(test_grid_far_points),
+        cmocka_unit_test(test_grid_underflow),
+        cmocka_unit_test(test_grid_huge_radius),
+        cmocka_unit_test(test_grid_order_is_reproducible),
+        cmocka_unit_test(test_grid_refusals),
+        cmocka_unit_test(test_sweep_matches_all_pairs),
+        cmocka_unit_test(test_sweep_edges),
+        cmocka_unit_test(test_sweep_begins_anew),
+        cmocka_unit_test(test_sweep_cost),
+        cmocka_unit_test(test_sweep_refusals),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
