@@ -1,0 +1,175 @@
+/* force_field: force field simulation (FFS): aligns all scans at once.
+ *
+ * Every scan is a rigid body of point masses; points of different scans attract each other (force_kernel), and in every
+ * iteration each scan moves as a rigid body from rest would in the time dt. sigma, the reach of the attraction, and dt
+ * shrink from iteration to iteration (Adluru 2008, chapter 7, algorithm 1). Points near corners of the global map, the
+ * regions of interest, have a higher mass in the forces; in the motion all points have mass 1.
+ *
+ * Scans, fixing and restarts are inputs: they take effect at the next commit point, which is the end of the iteration
+ * under way, or at once when none is. Readers show the last commit point. The result is a function of the inputs and of
+ * the commit points at which they took effect. */
+#ifndef CAIRN_FORCE_FIELD_H
+#define CAIRN_FORCE_FIELD_H
+
+#include "cairn/corner.h"
+#include "cairn/force_kernel.h"
+#include "cairn/scan_set.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* How scans are moved. */
+typedef int32_t cairn_force_field_mode;
+enum {
+    CAIRN_FORCE_FIELD_GRADIENT = 1 /* as in the thesis: |cos| of directions, a step of 1/2 a dt^2 */
+};
+
+/* In brackets the defaults; where the thesis has a value it is the default, in its cm for comparison. The thesis's dt of 5
+ * to 1 is 0.05 to 0.01 here: accelerations in m are 1e4 times those in cm. */
+typedef struct cairn_force_field_params {
+    cairn_force_field_mode mode; /* (CAIRN_FORCE_FIELD_GRADIENT) */
+    int32_t max_scans;           /* 1 ... 2^20 (64) */
+    int32_t max_segments;        /* of all scans, 1 ... 2^24 (1024) */
+    int32_t max_points;          /* of all scans, 1 ... 2^24 (8192) */
+    int32_t max_corners;         /* 1 ... 2^24 (1024); of more than these the strongest are kept. Unused without roi */
+    cairn_real sigma_start;      /* m, > 0: sigma in the first iteration (0.15; thesis 15 cm) */
+    cairn_real sigma_end;        /* m, > 0, <= sigma_start: least sigma (0.04; 4 cm) */
+    cairn_real sigma_step;       /* m, >= 0: less in every iteration (0.0025; 0.25 cm) */
+    cairn_real dt_start;         /* > 0: step width in the first iteration (0.05; 5) */
+    cairn_real dt_end;           /* > 0, <= dt_start: least step width (0.01; 1) */
+    cairn_real dt_factor;        /* 0 ... 1: times that in every iteration (0.96) */
+    cairn_real reach;            /* in sigma, > 0, <= 6: pairs farther apart exert no force (5.3, where a force has
+                                      fallen below 1e-6 of its start; the thesis grows the boxes of segments by 2 sigma,
+                                      which sees all pairs up to a reach of 4 and some beyond) */
+    cairn_real sensor_below;     /* the centre of rotation is the centre of mass while sigma >= sensor_below *
+                                      sigma_start, then the sensor; 0: always the centre of mass (0.5) */
+    int32_t roi;                 /* not 0: regions of interest (1) */
+    cairn_real roi_radius;       /* m, > 0: about each corner (0.05; 5 cm) */
+    cairn_real roi_mass;         /* > 0: what the mass of a point in a region is multiplied by (4) */
+    cairn_real corner_distance;  /* m, > 0: a corner is at most so far from an end of both segments (0.30) */
+    cairn_real corner_min_opening; /* rad, > 0 (80 degrees) */
+    cairn_real corner_max_opening; /* rad, >= corner_min_opening, < pi (100 degrees) */
+    int32_t potential;             /* not 0: P(g) is computed, too (1) */
+    int32_t max_steps;             /* >= 1: iterations from a start to the stop (50) */
+    cairn_real stop_relocation;    /* m, >= 0: stops when the scans moved less than this in the mean (0.0001) */
+} cairn_force_field_params;
+
+/* Whether and why the simulation stands. */
+typedef int32_t cairn_force_field_verdict;
+enum {
+    CAIRN_FORCE_FIELD_RUNNING = 0,
+    CAIRN_FORCE_FIELD_CONVERGED = 1,   /* mean relocation below stop_relocation */
+    CAIRN_FORCE_FIELD_OUT_OF_STEPS = 2 /* max_steps iterations done */
+};
+
+/* Measurements. The first four fields are counts of the whole life of the object, the others those of the last iteration
+ * that was committed (0 before the first). */
+typedef struct cairn_force_field_state {
+    cairn_force_field_verdict verdict;
+    int32_t iterations;       /* since the creation or clear(), restarts included */
+    int64_t units;            /* of budget, by all steps */
+    int32_t worst_step;       /* units of the dearest call of a step */
+    int32_t start_iterations; /* since the last start of the cooling */
+    int64_t pairs;            /* pairs of points within reach */
+    int32_t segment_pairs;    /* pairs of colliding segments of different scans */
+    int32_t corners;          /* regions of interest */
+    int32_t corners_dropped;  /* beyond max_corners */
+    cairn_real sigma, dt;     /* as used */
+    cairn_real potential;     /* P(g) of the poses from which the iteration started; 0 when it was not asked for */
+    cairn_real
+        mean_relocation; /* m: mean over the free scans with points of the root mean square way of their points */
+} cairn_force_field_state;
+
+/* What an iteration did to a scan. */
+typedef struct cairn_force_field_motion {
+    cairn_vec2 centre;     /* of the rotation, in the map, before the motion */
+    cairn_vec2 force;      /* sum over the points, in the map: minus the gradient of P(g) with respect to a shift */
+    cairn_real torque;     /* about the centre */
+    cairn_real relocation; /* m, root mean square way of the points to first order; 0 when fixed */
+} cairn_force_field_motion;
+
+typedef struct cairn_force_field cairn_force_field;
+
+/* Upper bound of cairn_force_field_memory as a constant expression. */
+#define CAIRN_FORCE_FIELD_BYTES(scans, points, segments, corners)                                                      \
+    (2560 + 160 * sizeof(cairn_real) + CAIRN_SCAN_SET_BYTES(scans, points, segments) +                                 \
+     CAIRN_CORNER_BYTES(segments, corners) +                                                                           \
+     2 * CAIRN_PIECE_BYTES(scans, sizeof(cairn_pose) + sizeof(cairn_force_field_motion)) +                             \
+     CAIRN_PIECE_BYTES(scans, 8) + CAIRN_PIECE_BYTES(segments, sizeof(cairn_segment)) +                                \
+     CAIRN_PIECE_BYTES(segments, sizeof(cairn_vec2)) + CAIRN_PIECE_BYTES(segments, sizeof(cairn_box)) +                \
+     2 * CAIRN_PIECE_BYTES(points, sizeof(cairn_vec2)) + CAIRN_PIECE_BYTES(points, sizeof(cairn_real)) +               \
+     CAIRN_PIECE_BYTES(segments, sizeof(int32_t)) + CAIRN_PIECE_BYTES(corners, sizeof(cairn_vec2)) +                   \
+     3 * CAIRN_PIECE_BYTES(corners, sizeof(int32_t)))
+
+/* The defaults above. */
+cairn_force_field_params cairn_force_field_default(void);
+
+/* 0 for params that create() would refuse. */
+size_t cairn_force_field_memory(const cairn_force_field_params *params);
+
+/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status cairn_force_field_create(cairn_force_field **field, cairn_pool *pool,
+                                                    const cairn_force_field_params *params);
+
+/* Adds a scan at the pose map_scan; its index is the number of scans before it. View, mass, fault and statuses are as in
+ * cairn_scan_set_add; mass: of the points in the forces outside of regions of interest. A pose beyond 1e6 m is
+ * CAIRN_BAD_ARGUMENT. A scan without points takes no part. The scan does not change the cooling and does not set a field
+ * going that has stopped: restart() does. Linear in the scan. */
+CAIRN_CHECKED cairn_status cairn_force_field_add_scan(cairn_force_field *field, const cairn_scan_view *view,
+                                                      const cairn_real *mass, cairn_pose map_scan, cairn_fault *fault);
+
+/* A fixed scan (yes not 0) exerts forces but does not move. Pairs of fixed scans are skipped, in the potential, too.
+ * CAIRN_BAD_ARGUMENT: no such scan. Constant time. */
+CAIRN_CHECKED cairn_status cairn_force_field_fix(cairn_force_field *field, int32_t scan, int32_t yes);
+
+/* Starts the cooling anew: sigma, dt and the count against max_steps. Constant time. */
+void cairn_force_field_restart(cairn_force_field *field);
+
+/* Forgets all scans, at once; the field is as after its creation. Constant time. */
+void cairn_force_field_clear(cairn_force_field *field);
+
+/* Goes on with the simulation. CAIRN_MORE: the budget is used up. CAIRN_OK: the simulation has stopped, see the verdict.
+ * CAIRN_EMPTY: there are no scans. Costs per iteration a unit for four points and one for each segment, the search for
+ * corners and a unit for each point with regions of interest, the sweep over the segments, two units for each pair of
+ * near segments, a unit for four pairs of their points and one for each pair within reach, two for each scan. */
+CAIRN_CHECKED cairn_status cairn_force_field_step(cairn_force_field *field, cairn_budget *budget);
+
+/* As step(), but also returns CAIRN_OK at the next commit point, so that every iteration can be looked at. */
+CAIRN_CHECKED cairn_status cairn_force_field_iterate(cairn_force_field *field, cairn_budget *budget);
+
+/* Grows by 1 with every commit point that changed something: an iteration, or a scan that took effect. */
+uint32_t cairn_force_field_revision(const cairn_force_field *field);
+
+/* Scans that have taken effect. */
+int32_t cairn_force_field_pose_count(const cairn_force_field *field);
+
+/* map_scan of a scan, 0 <= scan < pose_count. */
+cairn_pose cairn_force_field_pose(const cairn_force_field *field, int32_t scan);
+
+/* What the last iteration did to a scan, 0 <= scan < pose_count; zeros before the scan's first. */
+cairn_force_field_motion cairn_force_field_motion_of(const cairn_force_field *field, int32_t scan);
+
+cairn_force_field_state cairn_force_field_read(const cairn_force_field *field);
+
+/* P(g) of the last committed iteration, as in the state. */
+cairn_real cairn_force_field_potential(const cairn_force_field *field);
+
+/* The segments and points of all scans in the frames of the scans, those of scans that have not yet taken effect last. */
+const cairn_scan_set *cairn_force_field_scans(const cairn_force_field *field);
+
+/* The force on point `index` of a scan and the mass of the point in the last iteration, in the map before the motion.
+ * CAIRN_BAD_ARGUMENT: no such point. CAIRN_EMPTY: an iteration is under way, or none has seen the scan. */
+CAIRN_CHECKED cairn_status cairn_force_field_point_force(const cairn_force_field *field, int32_t scan, int32_t index,
+                                                         cairn_vec2 *force, cairn_real *mass);
+
+/* The corners by the last search of the field, which belong to the poses before the last motion, or to those now when
+ * the iteration under way has found them already. The strongest first; segment indices count through all scans. None
+ * without roi. */
+const cairn_corner *cairn_force_field_corners(const cairn_force_field *field, int32_t *count);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

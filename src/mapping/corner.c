@@ -1,0 +1,407 @@
+/* Corners by sweep and prune.
+ *
+ * Method: the boxes of all segments are grown by the end distance, so that the boxes of two segments that make a corner
+ * hold it both; the sweep reports the candidates. The lines of a candidate are tested for their angle first (no root
+ * needed), then intersected. Found corners go through a heap with the weakest at its root, which makes room for stronger
+ * ones when the capacity is used up; the emptied heap is the sorted result, which is then thinned out.
+ *
+ * Layout: two lists of corners, one in work, one that readers see; the boxes of the segments; the sweep.
+ *
+ * Limits: corners are dropped by strength before near ones are merged, so many copies of a strong corner can displace a
+ * weak one; choose max_corners for the copies too.
+ *
+ * Source: Adluru 2008, sections 7.3.4 and 9. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "cairn/corner.h"
+
+enum { MAX_COUNT = 1 << 28 };
+
+/* Relative growth of boxes beyond what exact arithmetic needs. */
+#define SLACK CAIRN_REAL(1.001)
+
+typedef int32_t search_phase;
+enum { IDLE, BOXES, PAIRS, SORT, MERGE };
+
+struct cairn_corner_set {
+    cairn_corner_params params;
+    cairn_real cos_min, cos_max; /* cosines of min_opening and max_opening, cos_min >= cos_max */
+    cairn_real cos_squared;      /* lines with a larger squared cosine make no corner */
+    cairn_real cos_merge;        /* cosine of merge_angle */
+    cairn_box_sweep *sweep;
+    cairn_box *boxes;          /* [max_segments] */
+    cairn_corner *work, *done; /* [max_corners] each */
+    int32_t work_count, done_count;
+    int32_t work_dropped, done_dropped;
+    const cairn_segment *segments;
+    int32_t segment_count;
+    search_phase phase;
+    int32_t cursor;        /* BOXES: segment, SORT: end of the heap, MERGE: corner to be judged */
+    int32_t kept, against; /* MERGE: corners that stay, the next of them to be compared */
+};
+
+cairn_corner_params cairn_corner_default(void)
+{
+    cairn_corner_params params = {
+        .max_segments = 256,
+        .max_corners = 128,
+        .min_opening = 80 * (CAIRN_PI / 180),
+        .max_opening = 100 * (CAIRN_PI / 180),
+        .end_distance = CAIRN_REAL(0.30),
+        .merge_radius = CAIRN_REAL(0.10),
+        .merge_angle = 10 * (CAIRN_PI / 180),
+    };
+    return params;
+}
+
+static int params_are_valid(const cairn_corner_params *p)
+{
+    return p != NULL && p->max_segments >= 1 && p->max_segments <= MAX_COUNT && p->max_corners >= 1 &&
+           p->max_corners <= MAX_COUNT && p->min_opening > 0 && p->max_opening >= p->min_opening &&
+           p->max_opening < CAIRN_PI && p->end_distance > 0 && cairn_is_finite(p->end_distance) &&
+           p->merge_radius >= 0 && cairn_is_finite(p->merge_radius) && p->merge_angle >= 0 &&
+           p->merge_angle <= CAIRN_PI;
+}
+
+static cairn_box_sweep *carve_sweep(cairn_pool *pool, int32_t max_boxes)
+{
+    cairn_box_sweep_params params = {max_boxes};
+    size_t need = cairn_box_sweep_memory(&params);
+    cairn_box_sweep *sweep = NULL;
+    cairn_status status;
+
+    if (pool->base == NULL) {
+        pool->used = need == 0 || need >= SIZE_MAX - pool->used ? SIZE_MAX : pool->used + need;
+        return NULL;
+    }
+    status = cairn_box_sweep_create(&sweep, pool, &params);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    return sweep;
+}
+
+static cairn_corner_set *carve(cairn_pool *pool, const cairn_corner_params *params)
+{
+    size_t segments = (size_t)params->max_segments, corners = (size_t)params->max_corners;
+    cairn_corner_set *set = cairn_pool_take(pool, 1, sizeof *set);
+    cairn_box *boxes = cairn_pool_take(pool, segments, sizeof *boxes);
+    cairn_corner *work = cairn_pool_take(pool, corners, sizeof *work);
+    cairn_corner *done = cairn_pool_take(pool, corners, sizeof *done);
+    cairn_box_sweep *sweep = carve_sweep(pool, params->max_segments);
+
+    if (set != NULL) {
+        memset(set, 0, sizeof *set);
+        set->boxes = boxes;
+        set->work = work;
+        set->done = done;
+        set->sweep = sweep;
+    }
+    return set;
+}
+
+size_t cairn_corner_memory(const cairn_corner_params *params)
+{
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return counting.used == SIZE_MAX ? 0 : counting.used;
+}
+
+cairn_status cairn_corner_create(cairn_corner_set **set, cairn_pool *pool, const cairn_corner_params *params)
+{
+    size_t need = cairn_corner_memory(params);
+    cairn_corner_set *made;
+
+    if (set == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    made = carve(pool, params);
+    made->params = *params;
+    made->cos_min = cairn_cos(params->min_opening);
+    made->cos_max = cairn_cos(params->max_opening);
+    made->cos_squared = cairn_max(made->cos_min * made->cos_min, made->cos_max * made->cos_max) * SLACK;
+    made->cos_merge = cairn_cos(params->merge_angle);
+    *set = made;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_corner_begin(cairn_corner_set *set, const cairn_segment *segments, int32_t count)
+{
+    if (set == NULL || count < 0 || (segments == NULL && count > 0))
+        return CAIRN_BAD_ARGUMENT;
+    if (count > set->params.max_segments)
+        return CAIRN_FULL;
+    set->segments = segments;
+    set->segment_count = count;
+    set->work_count = 0;
+    set->work_dropped = 0;
+    set->cursor = 0;
+    set->phase = BOXES;
+    return CAIRN_OK;
+}
+
+static int32_t lower(const cairn_corner *c)
+{
+    return c->segment[0] < c->segment[1] ? c->segment[0] : c->segment[1];
+}
+
+static int32_t higher(const cairn_corner *c)
+{
+    return c->segment[0] < c->segment[1] ? c->segment[1] : c->segment[0];
+}
+
+/* The order of the result, total because every pair of segments makes one corner at most. */
+static int is_stronger(const cairn_corner *a, const cairn_corner *b)
+{
+    if (a->strength != b->strength)
+        return a->strength > b->strength;
+    if (lower(a) != lower(b))
+        return lower(a) < lower(b);
+    return higher(a) < higher(b);
+}
+
+/* Puts `c` into the heap of `count` corners from the vacant place `hole` down; no corner is weaker than its parent. */
+static void sift_down(cairn_corner *heap, int32_t count, int32_t hole, const cairn_corner *c)
+{
+    for (;;) {
+        int32_t child = 2 * hole + 1;
+
+        if (child >= count)
+            break;
+        if (child + 1 < count && is_stronger(&heap[child], &heap[child + 1]))
+            child++;
+        if (!is_stronger(c, &heap[child]))
+            break;
+        heap[hole] = heap[child];
+        hole = child;
+    }
+    heap[hole] = *c;
+}
+
+static void sift_up(cairn_corner *heap, int32_t hole, const cairn_corner *c)
+{
+    while (hole > 0 && is_stronger(&heap[(hole - 1) / 2], c)) {
+        heap[hole] = heap[(hole - 1) / 2];
+        hole = (hole - 1) / 2;
+    }
+    heap[hole] = *c;
+}
+
+static void keep(cairn_corner_set *set, const cairn_corner *c)
+{
+    if (set->work_count < set->params.max_corners) {
+        sift_up(set->work, set->work_count, c);
+        set->work_count++;
+        return;
+    }
+    set->work_dropped++;
+    if (is_stronger(c, &set->work[0]))
+        sift_down(set->work, set->work_count, 0, c);
+}
+
+/* The leg of a corner at p along a segment: *forward when it runs as a -> b. 0 when p is too far from both ends. */
+static int find_leg(cairn_segment segment, cairn_vec2 p, cairn_real end_distance, cairn_vec2 *leg, cairn_real *length,
+                    int *forward)
+{
+    cairn_real to_a = cairn_vec2_norm(cairn_vec2_sub(segment.a, p));
+    cairn_real to_b = cairn_vec2_norm(cairn_vec2_sub(segment.b, p));
+
+    *forward = to_a <= to_b;
+    *length = *forward ? to_b : to_a;
+    *leg = cairn_vec2_unit(*forward ? cairn_vec2_sub(segment.b, segment.a) : cairn_vec2_sub(segment.a, segment.b));
+    return (*forward ? to_a : to_b) <= end_distance;
+}
+
+/* 1 and *c set when the two segments make a corner. */
+static int find_corner(const cairn_corner_set *set, int32_t first, int32_t second, cairn_corner *c)
+{
+    cairn_segment s = set->segments[first], t = set->segments[second];
+    cairn_vec2 u = cairn_vec2_sub(s.b, s.a), v = cairn_vec2_sub(t.b, t.a), leg_s, leg_t;
+    cairn_real along = cairn_vec2_dot(u, v), length_s, length_t, cosine;
+    int forward_s, forward_t, left;
+
+    if (along * along > set->cos_squared * cairn_vec2_norm_squared(u) * cairn_vec2_norm_squared(v))
+        return 0;
+    if (!cairn_line_intersection(s, t, &c->position) ||
+        !find_leg(s, c->position, set->params.end_distance, &leg_s, &length_s, &forward_s) ||
+        !find_leg(t, c->position, set->params.end_distance, &leg_t, &length_t, &forward_t))
+        return 0;
+    cosine = cairn_vec2_dot(leg_s, leg_t);
+    if (cosine > set->cos_min || cosine < set->cos_max)
+        return 0;
+
+    left = cairn_vec2_cross(leg_s, leg_t) > 0;
+    c->leg[0] = left ? leg_s : leg_t;
+    c->leg[1] = left ? leg_t : leg_s;
+    c->segment[0] = left ? first : second;
+    c->segment[1] = left ? second : first;
+    c->opening = cairn_atan2(cairn_vec2_cross(c->leg[0], c->leg[1]), cosine);
+    c->strength = cairn_min(length_s, length_t);
+    /* The free side is on the left of a -> b: between the legs when leg[0] runs along its segment and leg[1] against. */
+    if (forward_s == forward_t)
+        c->kind = CAIRN_CORNER_MIXED;
+    else
+        c->kind = forward_s == left ? CAIRN_CORNER_CONCAVE : CAIRN_CORNER_CONVEX;
+    return 1;
+}
+
+/* Each phase returns CAIRN_OK when it is done. */
+
+static cairn_status step_boxes(cairn_corner_set *set, cairn_budget *budget)
+{
+    for (; set->cursor < set->segment_count; set->cursor++) {
+        cairn_segment s = set->segments[set->cursor];
+        cairn_box box = {s.a, s.a};
+
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        budget->left--;
+        if (!cairn_is_finite(s.a.x) || !cairn_is_finite(s.a.y) || !cairn_is_finite(s.b.x) || !cairn_is_finite(s.b.y))
+            return CAIRN_NOT_FINITE;
+        set->boxes[set->cursor] = cairn_box_grow(cairn_box_extend(box, s.b), set->params.end_distance * SLACK);
+    }
+    return cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count);
+}
+
+static cairn_status step_pairs(cairn_corner_set *set, cairn_budget *budget)
+{
+    cairn_status status;
+    int32_t first, second;
+    cairn_corner found;
+
+    for (;;) {
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        status = cairn_box_sweep_next(set->sweep, budget, &first, &second);
+        if (status != CAIRN_OK)
+            break;
+        budget->left--;
+        if (find_corner(set, first, second, &found)) {
+            budget->left--;
+            keep(set, &found);
+        }
+    }
+    if (status != CAIRN_EMPTY)
+        return status;
+    set->cursor = set->work_count;
+    return CAIRN_OK;
+}
+
+/* Moves the weakest of the heap behind its end until it is empty. */
+static cairn_status step_sort(cairn_corner_set *set, cairn_budget *budget)
+{
+    while (set->cursor > 1) {
+        cairn_corner last = set->work[set->cursor - 1];
+
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        budget->left -= 2;
+        set->cursor--;
+        set->work[set->cursor] = set->work[0];
+        sift_down(set->work, set->cursor, 0, &last);
+    }
+    set->cursor = 0;
+    set->kept = 0;
+    set->against = 0;
+    return CAIRN_OK;
+}
+
+static int is_same(const cairn_corner_set *set, const cairn_corner *a, const cairn_corner *b)
+{
+    cairn_real radius = set->params.merge_radius;
+
+    return a->kind == b->kind && cairn_vec2_norm_squared(cairn_vec2_sub(a->position, b->position)) < radius * radius &&
+           cairn_vec2_dot(a->leg[0], b->leg[0]) >= set->cos_merge &&
+           cairn_vec2_dot(a->leg[1], b->leg[1]) >= set->cos_merge;
+}
+
+/* Corner by corner, the strongest first, each against those that stay so far, eight at a time. */
+static cairn_status step_merge(cairn_corner_set *set, cairn_budget *budget)
+{
+    int same = 0;
+
+    while (set->cursor < set->work_count) {
+        const cairn_corner *c = &set->work[set->cursor];
+
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        budget->left--;
+        for (int32_t i = 0; i < 8 && set->against < set->kept && !same; i++)
+            same = is_same(set, c, &set->work[set->against++]);
+        if (!same && set->against < set->kept)
+            continue;
+        if (!same)
+            set->work[set->kept++] = *c;
+        set->cursor++;
+        set->against = 0;
+        same = 0;
+    }
+    set->work_count = set->kept;
+    return CAIRN_OK;
+}
+
+static void finish(cairn_corner_set *set)
+{
+    cairn_corner *list = set->done;
+
+    set->done = set->work;
+    set->done_count = set->work_count;
+    set->done_dropped = set->work_dropped;
+    set->work = list;
+}
+
+cairn_status cairn_corner_step(cairn_corner_set *set, cairn_budget *budget)
+{
+    cairn_status status = CAIRN_OK;
+
+    if (set == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (set->phase != IDLE) {
+        search_phase next = set->phase + 1;
+
+        switch (set->phase) {
+        case BOXES:
+            status = step_boxes(set, budget);
+            break;
+        case PAIRS:
+            status = step_pairs(set, budget);
+            break;
+        case SORT:
+            status = step_sort(set, budget);
+            if (!(set->params.merge_radius > 0))
+                next = IDLE;
+            break;
+        default:
+            status = step_merge(set, budget);
+            next = IDLE;
+            break;
+        }
+        if (status == CAIRN_MORE)
+            return status;
+        if (status < 0) {
+            set->phase = IDLE;
+            return status;
+        }
+        set->phase = next;
+        if (next == IDLE)
+            finish(set);
+    }
+    return CAIRN_OK;
+}
+
+const cairn_corner *cairn_corner_list(const cairn_corner_set *set, int32_t *count)
+{
+    *count = set->done_count;
+    return set->done;
+}
+
+int32_t cairn_corner_dropped(const cairn_corner_set *set)
+{
+    return set->done_dropped;
+}
