@@ -19,7 +19,7 @@ SOVERSION := $(call version_part,MAJOR).$(call version_part,MINOR)
 WARN     := -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wdouble-promotion -Wvla -Wundef -Wcast-align
 CWARN    := $(WARN) -Wstrict-prototypes -Wmissing-prototypes
 ,        := ,
-SAN      := $(if $(SANITIZE),-fsanitize=address$(,)undefined -fno-sanitize-recover=all -fno-omit-frame-pointer -g)
+SAN       = $(if $(SANITIZE),-fsanitize=address$(,)undefined -fno-sanitize-recover=all -fno-omit-frame-pointer -g)
 COMMON   := $(OPT) -g -I. -Iinclude -MMD -MP -ffp-contract=off -fPIC $(SAN) $(if $(COVERAGE),--coverage -O0)
 # The library itself is freestanding C11; all that runs on a desktop may use POSIX and is built with assertions on.
 LIB_FLAGS  = -std=c11 $(CWARN) $(WERROR) $(COMMON) -fno-math-errno $(if $(ASSERTIONS),-DCAIRN_ASSERTIONS)

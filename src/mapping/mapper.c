@@ -370,9 +370,9 @@ static cairn_status begin_match(cairn_mapper *mapper, cairn_pose start)
     const cairn_mapper_params *p = &mapper->params;
     cairn_scan_view view = cairn_scan_read(mapper->scan);
     cairn_real way = cairn_sqrt(mapper->motion.x * mapper->motion.x + mapper->motion.y * mapper->motion.y);
-    cairn_icp_prior prior;
+    cairn_pose_prior prior;
 
-    prior.target_query = start;
+    prior.mean = start;
     prior.sigma_x = prior.sigma_y = p->odometry_distance_min + p->odometry_distance * way;
     prior.sigma_theta =
         p->odometry_turn_min + p->odometry_turn * (cairn_abs(mapper->motion.theta) + way / 10);
