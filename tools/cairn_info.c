@@ -98,8 +98,8 @@ static void print_text(const char *path, const cairn_carmen_info *info, const be
     printf("%-12s %.1f m, %.0f degrees of turning, from the scans' odometry\n", "path", info->odometry_length,
            info->odometry_turn * DEGREES);
     if (info->fixed_mounting)
-        printf("%-12s %.3f m, %.3f m, %.2f degrees on the robot\n", "sensor", tidy(info->base_sensor.x),
-               tidy(info->base_sensor.y), tidy(info->base_sensor.theta * DEGREES));
+        printf("%-12s %.3f m, %.3f m, %.2f degrees on the robot\n", "sensor", tidy((double)info->base_sensor.x),
+               tidy((double)info->base_sensor.y), tidy((double)info->base_sensor.theta * DEGREES));
     else
         printf("%-12s not at a fixed place on the robot\n", "sensor");
     printf("%-12s %" PRId64 " odometry lines, %" PRId64 " of other kinds, %" PRId64 " damaged\n", "messages",

@@ -14,25 +14,26 @@
  * stamps need not grow. A log that holds both kinds of scans gives both.
  *
  * Bearings. A FLASER does not say them. The first beam points to -90 degrees; the step is 180/n degrees when n is even
- * (180: 1 degree, 360: half a degree, the last beam one step short of +90) and 180/(n - 1) when n is odd (181 and 361 end
- * at +90 degrees). A single range points ahead. A ROBOTLASER1 says its first angle and its step; a step of 0 is made from
- * the field of view.
+ * (180: 1 degree, 360: half a degree, the last beam one step short of +90) and 180/(n - 1) when n is odd (181 and 361
+ * end at +90 degrees). A single range points ahead. A ROBOTLASER1 says its first angle and its step; a step of 0 is
+ * made from the field of view.
  *
  * No return. A range at or above the scanner's limit says that nothing came back and is read as +infinity. The limit is
  *   1. params.range_max, when it is given;
  *   2. for a ROBOTLASER1 its maximum_range, when that is above 0;
  *   3. the PARAM robot_frontlaser_max or robot_front_laser_max, when the log agrees with it: of its ranges at or above
- *      that value 9 in 10 lie within 0.2 m of each other, or there are none (some logs set it to a planning distance far
- *      below what the scanner sees);
- *   4. where the ranges pile up: the window of 0.2 m above 40 m that holds the most ranges, when it holds 10 or more, 9 in
- *      10 of all above it, and more than the 2 m below it; the limit is its lowest range in steps of 1 cm (the scanners of
- *      these logs report 50, 51.1 or 81.8 to 81.9 m);
+ *      that value 9 in 10 lie within 0.2 m of each other, or there are none (some logs set it to a planning distance
+ *      far below what the scanner sees);
+ *   4. where the ranges pile up: the window of 0.2 m above 40 m that holds the most ranges, when it holds 10 or more, 9
+ *      in 10 of all above it, and more than the 2 m below it; the limit is its lowest range in steps of 1 cm (the scanners
+ *      of these logs report 50, 51.1 or 81.8 to 81.9 m);
  *   5. 80 m.
  * A range that is NaN, 0 or negative is passed on as it is: nothing is known. -infinity becomes NaN.
  *
- * Mounting. A log gives the pose of the laser and that of the robot. When the one as seen from the other is the same for
- * all scans, to 0.01 m and 0.01 rad, that is where the sensor sits (base_sensor, the mean). When not (in some corrected
- * logs the laser's pose is the corrected one), the sensor is taken to sit at the robot's origin, and `fixed_mounting` is 0.
+ * Mounting. A log gives the pose of the laser and that of the robot. When the one as seen from the other is the same
+ * for all scans, to 0.01 m and 0.01 rad, that is where the sensor sits (base_sensor, the mean). When not (in some
+ * corrected logs the laser's pose is the corrected one), the sensor is taken to sit at the robot's origin, and
+ * `fixed_mounting` is 0.
  *
  * Damage. A line that breaks its format is reported with its number, counted and left out, and so is the end of a file
  * that was cut. Only a file without any scan is an error. */

@@ -1,8 +1,8 @@
 /* file_error: what went wrong with a file, in words that a user can act on.
  *
- * Every call of the host library that touches a file takes a cairn_file_error, which may be NULL. It is written only when
- * something is wrong. The text has the form "file:line: what is wrong, expected what", or "file: ..." when there is no
- * line to name. */
+ * Every call of the host library that touches a file takes a cairn_file_error, which may be NULL. It is written only
+ * when something is wrong. The text has the form "file:line: what is wrong, expected what", or "file: ..." when there
+ * is no line to name. */
 #ifndef CAIRN_FILE_ERROR_H
 #define CAIRN_FILE_ERROR_H
 

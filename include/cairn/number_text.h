@@ -1,8 +1,8 @@
 /* number_text: numbers from and to text, the same under every locale.
  *
- * Reading is exact: the double nearest to the decimal. Writing gives the shortest of 15 to 17 digits (float build: 6 to 9)
- * that reads back as the same cairn_real. Stamps are decimal seconds on paper and int64 nanoseconds in memory, and never
- * pass through a floating-point number. */
+ * Reading is exact: the double nearest to the decimal. Writing gives the shortest of 15 to 17 digits (float build: 6 to
+ * 9) that reads back as the same cairn_real. Stamps are decimal seconds on paper and int64 nanoseconds in memory, and
+ * never pass through a floating-point number. */
 #ifndef CAIRN_NUMBER_TEXT_H
 #define CAIRN_NUMBER_TEXT_H
 

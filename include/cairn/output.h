@@ -1,7 +1,7 @@
 /* output: files that are either whole or not there.
  *
- * An output is written beside its target under another name and renamed onto it by the commit; until then the target is as
- * it was. Where the target is a link, the file it leads to is replaced; where it is a device or pipe, it is written
+ * An output is written beside its target under another name and renamed onto it by the commit; until then the target is
+ * as it was. Where the target is a link, the file it leads to is replaced; where it is a device or pipe, it is written
  * directly. */
 #ifndef CAIRN_OUTPUT_H
 #define CAIRN_OUTPUT_H
@@ -16,7 +16,8 @@ extern "C" {
 
 typedef struct cairn_output cairn_output;
 
-/* Begins to write `path`. CAIRN_IO when the folder is missing or not writable, or the path is a folder; CAIRN_NO_MEMORY. */
+/* Begins to write `path`. CAIRN_IO when the folder is missing or not writable, or the path is a folder;
+ * CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_output_open(cairn_output **output, const char *path, cairn_file_error *error);
 
 /* Appends. A failure is kept and returned by the commit, so that a writer need not look after every piece. */
@@ -25,7 +26,8 @@ void cairn_output_bytes(cairn_output *output, const void *bytes, size_t count);
 /* Appends like printf, but never under the user's locale. */
 void cairn_output_print(cairn_output *output, const char *format, ...) CAIRN_FORMAT(2, 3);
 
-/* Ends the output, which is freed in any case. CAIRN_OK: the target is the new file, whole. CAIRN_IO: it is as it was. */
+/* Ends the output, which is freed in any case. CAIRN_OK: the target is the new file, whole. CAIRN_IO: it is as it
+ * was. */
 CAIRN_CHECKED cairn_status cairn_output_commit(cairn_output *output, cairn_file_error *error);
 
 /* Ends the output and leaves the target as it was. NULL is allowed. */

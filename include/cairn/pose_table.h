@@ -2,8 +2,8 @@
  *
  *   index,line,time,x,y,theta,var_x,var_y,var_theta,cov_xy,cov_xtheta,cov_ytheta,support,verdict
  *
- * index counts scans from 0, line is the scan's line in its log, time is in s, x and y in m, theta in rad; the covariance
- * is in the frame of the poses. What is not known is an empty field. Numbers read back as the same bits. */
+ * index counts scans from 0, line is the scan's line in its log, time is in s, x and y in m, theta in rad; the
+ * covariance is in the frame of the poses. What is not known is an empty field. Numbers read back as the same bits. */
 #ifndef CAIRN_POSE_TABLE_H
 #define CAIRN_POSE_TABLE_H
 
@@ -37,10 +37,10 @@ cairn_pose_row cairn_pose_row_of(int64_t index, cairn_pose pose);
 CAIRN_CHECKED cairn_status cairn_pose_table_write(const char *path, const cairn_pose_row *row, int32_t count,
                                                   cairn_file_error *error);
 
-/* Reads a table into memory that cairn_pose_table_free gives back. Columns are found by their names in the first line, in
- * any order; index, x, y and theta are needed, others may be missing, unknown ones are passed over; blank lines and lines
- * that begin with # too. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED, CAIRN_NOT_FINITE with the line; CAIRN_EMPTY: no row; CAIRN_IO,
- * CAIRN_UNSUPPORTED, CAIRN_NO_MEMORY. On failure there is nothing to free. */
+/* Reads a table into memory that cairn_pose_table_free gives back. Columns are found by their names in the first line,
+ * in any order; index, x, y and theta are needed, others may be missing, unknown ones are passed over; blank lines and
+ * lines that begin with # too. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED, CAIRN_NOT_FINITE with the line; CAIRN_EMPTY: no row;
+ * CAIRN_IO, CAIRN_UNSUPPORTED, CAIRN_NO_MEMORY. On failure there is nothing to free. */
 CAIRN_CHECKED cairn_status cairn_pose_table_read(cairn_pose_row **row, int32_t *count, const char *path,
                                                  cairn_file_error *error);
 

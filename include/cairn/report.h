@@ -1,9 +1,9 @@
 /* report: pictures of maps as SVG.
  *
- * A picture has one to four panels side by side, all in one scale, such as the poses before and after an alignment. A panel
- * shows the walls that the scans saw, mapped by the panel's poses, or an occupancy grid; over it the robot's path, coloured
- * from its start to its end. Below stand a legend and a scale bar. Where there are too many walls to draw one by one they
- * become a picture within the picture (a PNG) whose darkness grows with the number of points.
+ * A picture has one to four panels side by side, all in one scale, such as the poses before and after an alignment. A
+ * panel shows the walls that the scans saw, mapped by the panel's poses, or an occupancy grid; over it the robot's
+ * path, coloured from its start to its end. Below stand a legend and a scale bar. Where there are too many walls to
+ * draw one by one they become a picture within the picture (a PNG) whose darkness grows with the number of points.
  *
  * Each panel shows the middle 99 % of its points in x and in y, and all its poses; what lies outside is cut off. */
 #ifndef CAIRN_REPORT_H
@@ -58,8 +58,8 @@ typedef struct cairn_report_map {
 cairn_report_map cairn_report_map_default(void);
 
 /* Writes the picture, or nothing. CAIRN_BAD_ARGUMENT: a count, width or grid size outside its range, or a NULL pose;
- * CAIRN_NOT_FINITE: a pose, point, segment or grid origin (the error says which); CAIRN_IO, CAIRN_NO_MEMORY. Cost: linear in points, some
- * 0.1 us each. */
+ * CAIRN_NOT_FINITE: a pose, point, segment or grid origin (the error says which); CAIRN_IO, CAIRN_NO_MEMORY. Cost:
+ * linear in points. */
 CAIRN_CHECKED cairn_status cairn_report_map_write(const char *path, const cairn_report_map *map,
                                                   cairn_file_error *error);
 

@@ -1,14 +1,14 @@
 /* CARMEN logs.
  *
- * Two passes over the file. The first checks every line, reports what is damaged and surveys the log: how many scans, where
- * the ranges pile up (the scanner's limit), whether the sensor's place on the robot is fixed. The second hands out the
- * records with what the first has found.
+ * Two passes over the file. The first checks every line, reports what is damaged and surveys the log: how many scans,
+ * where the ranges pile up (the scanner's limit), whether the sensor's place on the robot is fixed. The second hands
+ * out the records with what the first has found.
  *
- * Layout: a histogram of the FLASER ranges in bins of 1 cm up to 1000 m, in which longer ranges count at the end; counts
- * and sums.
+ * Layout: a histogram of the FLASER ranges in bins of 1 cm up to 1000 m, in which longer ranges count at the end;
+ * counts and sums.
  *
- * Limits: 100,000 ranges a scan, lines of 16 MiB, regular files. A file that changes between the passes gives the records
- * that it holds in the second. */
+ * Limits: 100,000 ranges a scan, lines of 16 MiB, regular files. A file that changes between the passes gives the
+ * records that it holds in the second. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -21,6 +21,7 @@
 
 #define BINS           100000
 #define BINS_PER_METRE 100
+#define BINNED_METRES  1000.0
 #define WINDOW_BINS    20  /* 0.2 m: ranges that mean "no return" lie that close together */
 #define BELOW_BINS     200 /* 2 m */
 #define PILE_FROM_BIN  (40 * BINS_PER_METRE)
@@ -75,7 +76,7 @@ static void survey_ranges(survey *s, const cairn_carmen_message *m)
 
     for (i = 0; i < m->count; i++)
         if (m->range[i] > 0 && m->range[i] <= DBL_MAX)
-            s->bin[m->range[i] < BINS / BINS_PER_METRE ? (size_t)(m->range[i] * BINS_PER_METRE) : BINS - 1]++;
+            s->bin[m->range[i] < BINNED_METRES ? (size_t)(m->range[i] * BINS_PER_METRE) : BINS - 1]++;
 }
 
 static void survey_poses(survey *s, cairn_carmen_info *info, const cairn_carmen_message *m)
@@ -122,8 +123,8 @@ static void survey_scan(survey *s, cairn_carmen_info *info, const cairn_carmen_m
     info->scans++;
 }
 
-/* The window of 0.2 m from `from` on that holds the most ranges: its first bin, the higher one of equals. `bin` holds the
- * numbers of ranges from each bin on. */
+/* The window of 0.2 m from `from` on that holds the most ranges: its first bin, the higher one of equals. `bin` holds
+ * the numbers of ranges from each bin on. */
 static size_t fullest_window(const uint64_t *bin, size_t from, uint64_t *count)
 {
     size_t best = from, b;
@@ -149,7 +150,7 @@ static double find_limit(survey *s)
     for (b = BINS; b-- > 0;)
         s->bin[b] += s->bin[b + 1];
     if (s->param_max > 0) {
-        from = s->param_max < BINS / BINS_PER_METRE ? (size_t)(s->param_max * BINS_PER_METRE) : BINS - 1;
+        from = s->param_max < BINNED_METRES ? (size_t)(s->param_max * BINS_PER_METRE) : BINS - 1;
         (void)fullest_window(s->bin, from, &held);
         if (held * 10 >= s->bin[from] * 9)
             return s->param_max;
@@ -183,7 +184,8 @@ static void report(cairn_carmen_log *log, const cairn_file_error *fault)
         log->params.on_fault(log->params.context, fault);
 }
 
-/* The next line that can be read as a message. Lines that cannot are reported in the first pass. CAIRN_EMPTY at the end. */
+/* The next line that can be read as a message. Lines that cannot are reported in the first pass. CAIRN_EMPTY at the
+ * end. */
 static cairn_status next_message(cairn_carmen_log *log, int32_t first_pass, cairn_file_error *error)
 {
     const char *path = cairn_line_reader_path(log->reader), *line;

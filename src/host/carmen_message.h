@@ -25,8 +25,8 @@ typedef struct cairn_carmen_message {
     int64_t stamp_ns;
 } cairn_carmen_message;
 
-/* Reads line[0 .. length), the line `number` of `path`. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED, CAIRN_NOT_FINITE and the fault:
- * the line is damaged; CAIRN_NO_MEMORY. The fault may be NULL. */
+/* Reads line[0 .. length), the line `number` of `path`. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED, CAIRN_NOT_FINITE and the
+ * fault: the line is damaged; CAIRN_NO_MEMORY. The fault may be NULL. */
 CAIRN_CHECKED cairn_status cairn_carmen_message_read(cairn_carmen_message *message, const char *line, size_t length,
                                                      const char *path, int64_t number, cairn_file_error *fault);
 

@@ -14,8 +14,8 @@ typedef struct cairn_image {
     uint8_t *alpha; /* the same, 0: transparent; NULL: the image has no transparency */
 } cairn_image;
 
-/* Reads a PGM (P2 or P5, of 255 grey levels) or a PNG, told apart by their first bytes. Colours become the mean of their
- * channels, 16 bits the upper 8. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED, CAIRN_UNSUPPORTED (levels other than 255),
+/* Reads a PGM (P2 or P5, of 255 grey levels) or a PNG, told apart by their first bytes. Colours become the mean of
+ * their channels, 16 bits the upper 8. CAIRN_BAD_FORMAT, CAIRN_TRUNCATED, CAIRN_UNSUPPORTED (levels other than 255),
  * CAIRN_FULL (more than CAIRN_IMAGE_PIXELS_MOST), CAIRN_IO, CAIRN_NO_MEMORY. On failure there is nothing to free. */
 CAIRN_CHECKED cairn_status cairn_image_read(cairn_image *image, const char *path, cairn_file_error *error);
 

@@ -1,7 +1,8 @@
 /* Lines of a plain or gzipped file.
  *
- * One buffer holds what was read and not yet handed out: [begin, end). It doubles when a line does not fit. Gzip is inflated
- * here and not by zlib's file functions, which drop what they have just inflated when the data turn out to be damaged. */
+ * One buffer holds what was read and not yet handed out: [begin, end). It doubles when a line does not fit. Gzip is
+ * inflated here and not by zlib's file functions, which drop what they have just inflated when the data turn out to be
+ * damaged. */
 #include "src/core/build.h"
 
 #include <errno.h>

@@ -9,15 +9,15 @@
 
 typedef struct cairn_line_reader cairn_line_reader;
 
-/* Opens a regular file; gzip is told from plain text by its first bytes. CAIRN_IO, CAIRN_NO_MEMORY; CAIRN_UNSUPPORTED when
- * the path is a folder, pipe or device. */
+/* Opens a regular file; gzip is told from plain text by its first bytes. CAIRN_IO, CAIRN_NO_MEMORY; CAIRN_UNSUPPORTED
+ * when the path is a folder, pipe or device. */
 CAIRN_CHECKED cairn_status cairn_line_reader_open(cairn_line_reader **reader, const char *path,
                                                   cairn_file_error *error);
 
 /* The next line without its end ("\n" or "\r\n"), followed by a 0 that is not counted; valid until the next call.
- * CAIRN_EMPTY: no line left. CAIRN_FULL: the line was longer than CAIRN_LINE_LONGEST and was skipped, *length is what was
- * there. CAIRN_TRUNCATED: the gzip data end too early; CAIRN_BAD_FORMAT: they are damaged; CAIRN_IO: reading failed; after
- * these, which come behind the last line that could be had, CAIRN_EMPTY. CAIRN_NO_MEMORY. */
+ * CAIRN_EMPTY: no line left. CAIRN_FULL: the line was longer than CAIRN_LINE_LONGEST and was skipped, *length is what
+ * was there. CAIRN_TRUNCATED: the gzip data end too early; CAIRN_BAD_FORMAT: they are damaged; CAIRN_IO: reading
+ * failed; after these, which come behind the last line that could be had, CAIRN_EMPTY. CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_line_reader_next(cairn_line_reader *reader, const char **line, size_t *length,
                                                   cairn_file_error *error);
 
@@ -32,7 +32,8 @@ const char *cairn_line_reader_path(const cairn_line_reader *reader);
 /* NULL is allowed. */
 void cairn_line_reader_close(cairn_line_reader *reader);
 
-/* The next token of [*at, end), which blanks and tabs separate; its length, 0 when there is none. *at moves behind it. */
+/* The next token of [*at, end), which blanks and tabs separate; its length, 0 when there is none. *at moves behind
+ * it. */
 size_t cairn_token_next(const char **at, const char *end, const char **token);
 
 /* A token for an error text: at most 24 bytes in quotes, unprintable ones as '?'. Returns text. */

@@ -85,7 +85,8 @@ static int8_t occupancy_of(const cairn_map_file *map, uint8_t pixel)
     return (int8_t)(occupied > open ? 1 + 98 * (p - open) / (occupied - open) : 1);
 }
 
-/* The grey level that is neither free nor occupied: the usual one, or one halfway where the thresholds do not admit it. */
+/* The grey level that is neither free nor occupied: the usual one, or one halfway where the thresholds do not admit
+ * it. */
 static int32_t unknown_pixel(const cairn_map_file *map)
 {
     int32_t pixel = map->negate ? 255 - PIXEL_UNKNOWN : PIXEL_UNKNOWN;
@@ -203,7 +204,7 @@ static cairn_status take_origin(yaml_view *view, cairn_pose *origin)
     const char *wanted = "a list of three finite numbers: x, y, yaw";
     yaml_node_t *node = view->value[KEY_ORIGIN];
     yaml_node_item_t *item;
-    cairn_real part[3];
+    cairn_real part[3] = {0, 0, 0};
     cairn_status status;
     int i;
 

@@ -1,8 +1,8 @@
 /* Numbers from and to text.
  *
  * Reading: a decimal of at most 19 digits is an integer m times 10^e. When m < 2^53 and |e| <= 22 both m and 10^|e| are
- * doubles without error, so one multiplication or division gives the nearest double (Clinger 1990). All others, which are
- * rare, go to strtod under the "C" locale. */
+ * doubles without error, so one multiplication or division gives the nearest double (Clinger 1990). All others, which
+ * are rare, go to strtod under the "C" locale. */
 #include "src/core/build.h"
 
 #include <errno.h>

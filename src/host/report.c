@@ -159,7 +159,7 @@ static void draw_robot(cairn_output *output, double x, double y, double theta, c
     cairn_output_print(output,
                        "<path transform=\"translate(%.1f %.1f) rotate(%.1f)\" d=\"M7 0L-4.5 4.6L-2.4 0L-4.5 -4.6Z\" "
                        "fill=\"%s\" stroke=\"#fff\" stroke-width=\".9\" stroke-linejoin=\"round\"/>\n",
-                       x, y, -theta * 180 / (double)CAIRN_PI, fill);
+                       x, y, 0 - theta * 180 / (double)CAIRN_PI, fill);
 }
 
 static void draw_robots(cairn_output *output, const cairn_report_view *view, const cairn_report_map *map,

@@ -1,8 +1,8 @@
 /* Where the panels of a map picture stand.
  *
- * All panels share one scale: the largest at which the box of each fits its frame. The box of a panel is the middle 99 % of
- * its points (all of them, or an even choice of 200,000) with its poses and grid. Frames are as high as the highest box
- * needs, within limits. */
+ * All panels share one scale: the largest at which the box of each fits its frame. The box of a panel is the middle 99
+ * % of its points (all of them, or an even choice of 200,000) with its poses and grid. Frames are as high as the
+ * highest box needs, within limits. */
 #include "src/core/build.h"
 
 #include <stdlib.h>
@@ -169,8 +169,8 @@ static cairn_status box_of_panel(const cairn_report_map *map, const cairn_report
         *box = cairn_box_extend(*box, p);
     }
     for (i = 0; i < 4 && panel->grid != NULL; i++) {
-        cairn_vec2 corner = {panel->grid->resolution * (cairn_real)(i % 2 * panel->grid->width),
-                             panel->grid->resolution * (cairn_real)(i / 2 * panel->grid->height)};
+        cairn_vec2 corner = {panel->grid->resolution * (cairn_real)(i % 2 == 0 ? 0 : panel->grid->width),
+                             panel->grid->resolution * (cairn_real)(i < 2 ? 0 : panel->grid->height)};
 
         *box = cairn_box_extend(*box, cairn_pose_point(panel->grid->origin, corner));
     }

@@ -159,7 +159,7 @@ cairn_status cairn_report_draw_grid(cairn_output *output, const cairn_report_vie
     }
     corner = cairn_transform_point(t, corner);
     m[0] = k * (double)t.cosine;
-    m[1] = -k * (double)t.sine;
+    m[1] = 0 - k * (double)t.sine;
     m[2] = k * (double)t.sine;
     m[3] = k * (double)t.cosine;
     m[4] = cairn_report_view_x(view, (double)corner.x);

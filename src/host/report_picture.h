@@ -5,7 +5,8 @@
 #include "cairn/output.h"
 #include "src/host/report_layout.h"
 
-/* Embeds a grey picture of all walls of a panel, two samples a pixel, darker where more points fall. CAIRN_NO_MEMORY. */
+/* Embeds a grey picture of all walls of a panel, two samples a pixel, darker where more points fall.
+ * CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_report_draw_density(cairn_output *output, const cairn_report_view *view,
                                                      const cairn_report_map *map, const cairn_pose *pose);
 

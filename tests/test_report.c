@@ -1,0 +1,582 @@
+/* Pictures of maps: where things are drawn, what becomes an image, refusals; every picture is well-formed XML. */
+#include "tests/files.h"
+
+#include <math.h>
+
+#include "cairn/report.h"
+#include "src/host/image_file.h"
+
+static void assert_holds(const char *string, const char *piece)
+{
+    if (strstr(string, piece) == NULL)
+        fail_msg("the picture does not hold %s", piece);
+}
+
+static void assert_lacks(const char *string, const char *piece)
+{
+    if (strstr(string, piece) != NULL)
+        fail_msg("the picture holds %s", piece);
+}
+
+static int count_of(const char *string, const char *piece)
+{
+    int count = 0;
+
+    for (; (string = strstr(string, piece)) != NULL; string++)
+        count++;
+    return count;
+}
+
+/* Tags close in order and quotes are even. */
+static void assert_well_formed(const char *xml)
+{
+    char open[32][32];
+    int depth = 0;
+
+    while ((xml = strchr(xml, '<')) != NULL) {
+        const char *end = strchr(xml, '>');
+        size_t name;
+        int quotes = 0;
+
+        assert_non_null(end);
+        for (const char *c = xml + 1; c < end; c++) {
+            assert_true(*c != '<');
+            quotes += *c == '"';
+        }
+        assert_int_equal(quotes % 2, 0);
+        if (xml[1] == '/') {
+            name = strcspn(xml + 2, " >");
+            assert_true(depth > 0);
+            depth--;
+            assert_int_equal(strlen(open[depth]), name);
+            assert_memory_equal(open[depth], xml + 2, name);
+        } else if (end[-1] != '/') {
+            name = strcspn(xml + 1, " >");
+            assert_true(depth < 32 && name < 32);
+            memcpy(open[depth], xml + 1, name);
+            open[depth++][name] = 0;
+        }
+        xml = end + 1;
+    }
+    assert_int_equal(depth, 0);
+}
+
+static char *draw(const cairn_report_map *map)
+{
+    cairn_file_error error;
+    const char *path = files_path("map.svg");
+    char *svg;
+
+    if (cairn_report_map_write(path, map, &error) != CAIRN_OK)
+        fail_msg("%s", error.text);
+    svg = files_read(path, NULL);
+    assert_non_null(svg);
+    assert_well_formed(svg);
+    assert_lacks(svg, "nan");
+    assert_lacks(svg, "inf");
+    return svg;
+}
+
+/* Two scans of one point each at (0, 0) and (10, 5), in two frames, and a panel for them. */
+typedef struct sample {
+    cairn_vec2 point[2];
+    cairn_report_scan scan[2];
+    cairn_pose pose[2];
+    cairn_report_panel panel[4];
+    cairn_report_map map;
+} sample;
+
+static void make_sample(sample *s)
+{
+    memset(s, 0, sizeof *s);
+    s->pose[0].x = 1;
+    s->pose[0].y = 1;
+    s->pose[1].x = 9;
+    s->pose[1].y = 4;
+    s->pose[1].theta = CAIRN_PI / 2;
+    s->point[0].x = -1;
+    s->point[0].y = -1;
+    s->point[1].x = 1; /* one ahead, one to the right of a robot that looks up: (10, 5) */
+    s->point[1].y = -1;
+    for (int i = 0; i < 2; i++) {
+        s->scan[i].point = &s->point[i];
+        s->scan[i].point_count = 1;
+    }
+    for (int i = 0; i < 4; i++)
+        s->panel[i].pose = s->pose;
+    s->map = cairn_report_map_default();
+    s->map.width = 1000;
+    s->map.panel = s->panel;
+    s->map.panel_count = 1;
+    s->map.scan = s->scan;
+    s->map.scan_count = 2;
+}
+
+static void test_places(void **state)
+{
+    sample s;
+    char *svg;
+
+    (void)state;
+    make_sample(&s);
+    svg = draw(&s.map);
+    /* Frame 952 wide at (24, 24), 18 within: (952 - 36)/10 = 91.6 pixels a metre, 5 * 91.6 + 36 = 494 high. */
+    assert_holds(svg, "width=\"1000\" height=\"562\"");
+    assert_holds(svg, "x=\"24.0\" y=\"24.0\" width=\"952.0\" height=\"494.0\"");
+    assert_holds(svg, "M42.0 500.0h0");
+    assert_holds(svg, "M958.0 42.0h0");
+    /* Robots: the first looks right, the second up. */
+    assert_holds(svg, "translate(133.6 408.4) rotate(0.0)");
+    assert_holds(svg, "translate(866.4 133.6) rotate(-90.0)");
+    /* The path between them, blue at its start. */
+    assert_holds(svg, "M133.6 408.4L866.4 133.6");
+    assert_holds(svg, "fill=\"#2563eb\"");
+    assert_holds(svg, "fill=\"#f58c14\"");
+    /* 1 m is 91.6 pixels, 2 m would be more than 150. */
+    assert_holds(svg, "v7h91.6v-7");
+    assert_holds(svg, ">1 m</text>");
+    assert_holds(svg, ">walls</text>");
+    assert_holds(svg, ">path: start</text>");
+    assert_lacks(svg, "doubtful");
+    assert_lacks(svg, "<image");
+    assert_holds(svg, "<title>Map</title>");
+    free(svg);
+
+    /* Segments take the place of points. */
+    {
+        cairn_segment segment = {{-1, -1}, {0, -1}};
+
+        s.scan[0].segment = &segment;
+        s.scan[0].segment_count = 1;
+        svg = draw(&s.map);
+        /* The box is that of the segment's middle, the point and the poses: 0.5 .. 10. */
+        assert_holds(svg, "L");
+        assert_int_equal(count_of(svg, "h0"), 1);
+        free(svg);
+    }
+}
+
+static void test_texts_and_panels(void **state)
+{
+    sample s;
+    char *svg;
+
+    (void)state;
+    make_sample(&s);
+    s.map.title = "A <b> & \"c\"\n";
+    s.map.subtitle = "below";
+    s.map.panel_count = 4;
+    s.panel[0].title = "Before";
+    s.panel[0].note = "5 < 6";
+    s.panel[3].title = "After";
+    svg = draw(&s.map);
+    assert_holds(svg, "<title>A &lt;b> &amp; &quot;c&quot;</title>");
+    assert_holds(svg, ">below</text>");
+    assert_holds(svg, ">Before</text>");
+    assert_holds(svg, ">5 &lt; 6</text>");
+    assert_holds(svg, ">After</text>");
+    /* Four frames of (952 - 60)/4 pixels, 20 apart, below the title (24 + 24 + 20 + 12) and the panels' titles (26). */
+    assert_int_equal(count_of(svg, "width=\"223.0\""), 4);
+    assert_holds(svg, "x=\"24.0\" y=\"106.0\"");
+    assert_holds(svg, "x=\"267.0\" y=\"106.0\"");
+    assert_holds(svg, "x=\"753.0\" y=\"106.0\"");
+    assert_int_equal(count_of(svg, "<clipPath"), 4);
+    free(svg);
+    s.map.title = NULL;
+    svg = draw(&s.map);
+    assert_holds(svg, "x=\"24.0\" y=\"82.0\"");
+    free(svg);
+}
+
+/* All panels have the scale of the largest. */
+static void test_common_scale(void **state)
+{
+    cairn_pose far_apart[2] = {{0, 0, 0}, {40, 0, 0}};
+    sample s;
+    char *svg;
+
+    (void)state;
+    make_sample(&s);
+    s.map.panel_count = 2;
+    s.map.scan = NULL;
+    s.panel[1].pose = far_apart;
+    svg = draw(&s.map);
+    /* (466 - 36)/40 = 10.75 pixels a metre; the first panel's path is 8 m by 3 m in the middle of its frame. */
+    assert_holds(svg, "v7h107.5v-7");
+    assert_holds(svg, ">10 m</text>");
+    assert_holds(svg, "M528.0 ");
+    assert_holds(svg, "L958.0 ");
+    assert_holds(svg, "M214.0 ");
+    assert_holds(svg, "L300.0 ");
+    assert_lacks(svg, ">walls</text>");
+    free(svg);
+}
+
+static void test_tall_and_tiny_maps(void **state)
+{
+    cairn_pose tall[2] = {{0, 0, 0}, {1, 100, 0}}, one = {5, 5, 0};
+    sample s;
+    char *svg;
+
+    (void)state;
+    make_sample(&s);
+    s.map.scan = NULL;
+    s.panel[0].pose = tall;
+    svg = draw(&s.map);
+    /* No higher than 1.25 times the width. */
+    assert_holds(svg, "width=\"952.0\" height=\"1190.0\"");
+    free(svg);
+    /* A single pose is in the middle of 1 m. */
+    s.panel[0].pose = &one;
+    s.map.scan_count = 1;
+    svg = draw(&s.map);
+    assert_holds(svg, "translate(500.0 500.0)");
+    assert_lacks(svg, "stroke-linejoin=\"round\">\n<path stroke");
+    free(svg);
+}
+
+static void test_doubtful_and_colours(void **state)
+{
+    static const uint8_t doubtful[2] = {0, 1};
+    sample s;
+    char *svg;
+
+    (void)state;
+    make_sample(&s);
+    s.panel[0].doubtful = doubtful;
+    s.map.connect = 0;
+    svg = draw(&s.map);
+    assert_holds(svg, ">doubtful</text>");
+    assert_holds(svg, "translate(866.4 133.6) rotate(-90.0)\" d=\"M7 0L-4.5 4.6L-2.4 0L-4.5 -4.6Z\" fill=\"#dc2626\"");
+    assert_holds(svg, "stroke=\"#dc2626\" stroke-opacity=\".45\">\n<path d=\"M958.0 42.0h0\"/>");
+    assert_holds(svg, "stroke=\"#1e293b\" stroke-opacity=\".6\">\n<path d=\"M42.0 500.0h0\"/>");
+    assert_holds(svg, ">start</text>");
+    assert_lacks(svg, "path: start");
+    assert_lacks(svg, "M133.6 408.4L");
+    free(svg);
+    s.panel[0].doubtful = NULL;
+    s.map.colour_scans = 1;
+    svg = draw(&s.map);
+    assert_holds(svg, "<path d=\"M42.0 500.0h0\" stroke=\"#2563eb\"/>");
+    assert_holds(svg, "<path d=\"M958.0 42.0h0\" stroke=\"#f58c14\"/>");
+    free(svg);
+}
+
+/* A long path: all of it drawn, few markers, no pose twice. */
+static void test_long_path(void **state)
+{
+    enum { COUNT = 5000 };
+    cairn_pose *pose = calloc(COUNT, sizeof *pose);
+    sample s;
+    char *svg;
+
+    (void)state;
+    make_sample(&s);
+    for (int i = 0; i < COUNT; i++)
+        pose[i].x = (cairn_real)i * CAIRN_REAL(0.001);
+    s.map.scan = NULL;
+    s.map.scan_count = COUNT;
+    s.panel[0].pose = pose;
+    svg = draw(&s.map);
+    assert_int_equal(count_of(svg, "<path stroke=\"#"), 48);
+    assert_in_range(count_of(svg, "translate("), 60, 62);
+    assert_holds(svg, "M42.0 ");
+    assert_holds(svg, "L958.0 ");
+    /* 916 pixels of path, a point every half pixel at most. */
+    assert_in_range(count_of(svg, "L"), 900, 2200);
+    free(svg);
+    free(pose);
+}
+
+/* Stray points do not make the map small. */
+static void test_strays_are_cut_off(void **state)
+{
+    enum { COUNT = 1000 };
+    cairn_vec2 *point = calloc(COUNT, sizeof *point);
+    cairn_report_scan scan = {NULL, NULL, COUNT, 0};
+    sample s;
+    char *svg;
+
+    (void)state;
+    make_sample(&s);
+    for (int i = 0; i < COUNT; i++) {
+        point[i].x = (cairn_real)(i % 100) * CAIRN_REAL(0.1);
+        point[i].y = (cairn_real)(i / 100) * CAIRN_REAL(0.5);
+    }
+    for (int i = 0; i < 5; i++)
+        point[i * 190].x = 1000;
+    scan.point = point;
+    s.map.scan = &scan;
+    s.map.scan_count = 1;
+    svg = draw(&s.map);
+    /* 9.9 m wide: the bar of 1 m is 916/9.9 pixels long. */
+    assert_holds(svg, "v7h92.5v-7");
+    free(svg);
+    free(point);
+}
+
+/* Takes the first embedded PNG out of a picture. */
+static void take_image(const char *svg, cairn_image *image)
+{
+    static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    const char *at = strstr(svg, "base64,");
+    unsigned char *bytes;
+    size_t count = 0;
+    unsigned group = 0;
+    int bits = 0;
+
+    assert_non_null(at);
+    at += 7;
+    bytes = malloc(strlen(at));
+    assert_non_null(bytes);
+    for (; *at != '"' && *at != '='; at++) {
+        const char *digit = strchr(digits, *at);
+
+        assert_non_null(digit);
+        group = (group << 6 | (unsigned)(digit - digits)) & 0xffffu;
+        bits += 6;
+        if (bits >= 8) {
+            bits -= 8;
+            bytes[count++] = (unsigned char)(group >> bits);
+        }
+    }
+    assert_ok(cairn_image_read(image, files_write("taken.png", bytes, count), NULL));
+    free(bytes);
+}
+
+static void test_many_points_become_an_image(void **state)
+{
+    cairn_segment segment = {{2, 2}, {2, CAIRN_REAL(3.5)}}, endless = {{3, 3}, {CAIRN_REAL(1e9), 3}};
+    cairn_image image;
+    sample s;
+    char *svg;
+
+    (void)state;
+    make_sample(&s);
+    s.map.elements_most = 1;
+    svg = draw(&s.map);
+    assert_lacks(svg, "h0");
+    assert_holds(svg, "transform=\"matrix(0.5 0 0 0.5 24.00 24.00)\"");
+    take_image(svg, &image);
+    assert_int_equal(image.width, 1904);
+    assert_int_equal(image.height, 988);
+    /* (0, 0) is at pixel (42, 500) of the picture, the image begins at (24, 24) with two samples a pixel. */
+    assert_int_equal(image.pixel[952 * 1904 + 36], 30);
+    assert_int_equal(image.pixel[36 * 1904 + 1868], 30);
+    {
+        int dark = 0;
+
+        for (int i = 0; i < 1904 * 988; i++)
+            dark += image.pixel[i] < 255;
+        assert_int_equal(dark, 2);
+    }
+    cairn_image_free(&image);
+    free(svg);
+
+    /* Twice as many points, darker; a third one alone is lighter. */
+    {
+        cairn_vec2 several[12] = {{-1, -1}, {-1, -1}, {-1, -1}, {-1, -1}, {-1, -1}, {-1, -1},
+                                  {-1, -1}, {2, 2},   {2, 3},   {3, 2},   {3, 3},   {4, 4}};
+
+        s.scan[0].point = several;
+        s.scan[0].point_count = 12;
+        svg = draw(&s.map);
+        take_image(svg, &image);
+        assert_int_equal(image.pixel[952 * 1904 + 36], 30);
+        assert_true(image.pixel[36 * 1904 + 1868] >= 30 && image.pixel[36 * 1904 + 1868] < 255);
+        cairn_image_free(&image);
+        free(svg);
+    }
+
+    /* Segments: each sample along them, without end too. */
+    make_sample(&s);
+    s.map.elements_most = 0;
+    s.scan[0].segment = &segment;
+    s.scan[0].segment_count = 1;
+    svg = draw(&s.map);
+    take_image(svg, &image);
+    {
+        int column = 0, longest = 0;
+
+        for (int x = 0; x < image.width; x++) {
+            int run = 0;
+
+            for (int y = 0; y < image.height; y++)
+                run += image.pixel[y * image.width + x] < 255;
+            if (run > longest) {
+                longest = run;
+                column = x;
+            }
+        }
+        /* 1.5 m at two samples a pixel. */
+        assert_true(longest > 150 && column > 0);
+    }
+    cairn_image_free(&image);
+    free(svg);
+    s.scan[1].segment = &endless;
+    s.scan[1].segment_count = 1;
+    free(draw(&s.map));
+}
+
+static void test_grid(void **state)
+{
+    static const uint8_t pixel[6] = {10, 20, 30, 40, 50, 60};
+    cairn_report_grid grid = {pixel, 3, 2, 2, {-1, -2, 0}};
+    cairn_image image;
+    sample s;
+    char *svg;
+
+    (void)state;
+    make_sample(&s);
+    s.panel[0].grid = &grid;
+    svg = draw(&s.map);
+    /* The box is the grid's, x -1 .. 5, with the poses, x up to 9; y -2 .. 4. (952 - 36)/10 pixels a metre. */
+    assert_holds(svg, "width=\"3\" height=\"2\" transform=\"matrix(183.2 0 0 183.2 42.00 225.20)\"");
+    assert_holds(svg, "image-rendering:pixelated");
+    assert_lacks(svg, ">walls</text>");
+    take_image(svg, &image);
+    assert_int_equal(image.width, 3);
+    assert_memory_equal(image.pixel, "\x28\x32\x3c\x0a\x14\x1e", 6);
+    cairn_image_free(&image);
+    free(svg);
+
+    /* Turned by a quarter: x of the grid goes up, its upper left corner is at (-1 - 4, -2). */
+    grid.origin.theta = CAIRN_PI / 2;
+    svg = draw(&s.map);
+    {
+        double m[6];
+        const char *at = strstr(svg, "matrix(");
+
+        assert_non_null(at);
+        assert_int_equal(sscanf(at, "matrix(%lf %lf %lf %lf %lf %lf)", &m[0], &m[1], &m[2], &m[3], &m[4], &m[5]), 6);
+        assert_near(m[0], 0, 1e-4);
+        assert_true(m[1] < -1 && m[2] > 1);
+        assert_near(m[1], -m[2], 1e-4);
+        assert_near(m[3], 0, 1e-4);
+        assert_near(m[4], 42, 0.01);
+    }
+    free(svg);
+}
+
+/* A large grid is drawn coarser; walls stay. */
+static void test_large_grid(void **state)
+{
+    int32_t side = 4097;
+    uint8_t *pixel = malloc((size_t)side * 3);
+    cairn_report_grid grid = {pixel, side, 3, CAIRN_REAL(0.05), {0, 0, 0}};
+    cairn_image image;
+    sample s;
+    char *svg;
+
+    (void)state;
+    assert_non_null(pixel);
+    memset(pixel, 255, (size_t)side * 3);
+    pixel[4] = 7;               /* row 0 */
+    pixel[2 * side + 4096] = 9; /* the last of the last row */
+    make_sample(&s);
+    s.panel[0].grid = &grid;
+    svg = draw(&s.map);
+    assert_lacks(svg, "pixelated");
+    take_image(svg, &image);
+    assert_int_equal(image.width, 1366);
+    assert_int_equal(image.height, 1);
+    assert_int_equal(image.pixel[1], 7);
+    assert_int_equal(image.pixel[0], 255);
+    assert_int_equal(image.pixel[1365], 9);
+    cairn_image_free(&image);
+    free(svg);
+    free(pixel);
+}
+
+static void test_refusals(void **state)
+{
+    const char *path = files_path("refused.svg");
+    cairn_file_error error;
+    static const uint8_t one = 0;
+    cairn_report_grid grid = {&one, 1, 1, 1, {0, 0, 0}};
+    sample good, s;
+
+    (void)state;
+    make_sample(&good);
+#define REFUSED(change, status, piece)                                                                                 \
+    do {                                                                                                               \
+        make_sample(&s);                                                                                               \
+        grid.width = 1;                                                                                                \
+        grid.height = 1;                                                                                               \
+        grid.resolution = 1;                                                                                           \
+        grid.pixel = &one;                                                                                             \
+        grid.origin = cairn_pose_identity();                                                                           \
+        change;                                                                                                        \
+        assert_status(cairn_report_map_write(path, &s.map, &error), status);                                           \
+        assert_holds(error.text, piece);                                                                               \
+        assert_int_equal(access(path, F_OK), -1);                                                                      \
+    } while (0)
+    REFUSED(s.map.panel = NULL, CAIRN_BAD_ARGUMENT, "panels");
+    REFUSED(s.map.panel_count = 0, CAIRN_BAD_ARGUMENT, "0 panels");
+    REFUSED(s.map.panel_count = 5, CAIRN_BAD_ARGUMENT, "5 panels");
+    REFUSED(s.map.scan_count = 0, CAIRN_BAD_ARGUMENT, "0 scans");
+    REFUSED(s.map.width = 199, CAIRN_BAD_ARGUMENT, "width 199");
+    REFUSED(s.map.width = 10001, CAIRN_BAD_ARGUMENT, "width 10001");
+    REFUSED(s.map.elements_most = -1, CAIRN_BAD_ARGUMENT, "panels");
+    REFUSED(s.panel[0].pose = NULL, CAIRN_BAD_ARGUMENT, "panel 0 has no poses");
+    REFUSED(s.pose[1].theta = (cairn_real)NAN, CAIRN_NOT_FINITE, "panel 0: pose 1 is not finite");
+    REFUSED(s.point[1].y = (cairn_real)INFINITY, CAIRN_NOT_FINITE, "scan 1: point 0 is not finite");
+    REFUSED(s.point[1].x = (cairn_real)NAN, CAIRN_NOT_FINITE, "scan 1: point 0 is not finite");
+    REFUSED(s.scan[1].point_count = -1, CAIRN_BAD_ARGUMENT, "scan 1: bad arrays");
+    REFUSED(s.scan[1].segment_count = -1, CAIRN_BAD_ARGUMENT, "scan 1: bad arrays");
+    REFUSED(s.scan[1].point = NULL, CAIRN_BAD_ARGUMENT, "scan 1: bad arrays");
+    REFUSED(s.scan[1].segment_count = 1, CAIRN_BAD_ARGUMENT, "scan 1: bad arrays");
+    {
+        cairn_segment segment = {{0, 0}, {0, (cairn_real)NAN}};
+
+        REFUSED((s.scan[0].segment = &segment, s.scan[0].segment_count = 1), CAIRN_NOT_FINITE, "scan 0: segment 0");
+        segment.a.x = (cairn_real)INFINITY;
+        segment.b.y = 0;
+        REFUSED((s.scan[0].segment = &segment, s.scan[0].segment_count = 1), CAIRN_NOT_FINITE, "scan 0: segment 0");
+    }
+    REFUSED((s.panel[0].grid = &grid, grid.width = 0), CAIRN_BAD_ARGUMENT, "panel 0 has a grid without");
+    REFUSED((s.panel[0].grid = &grid, grid.height = 0), CAIRN_BAD_ARGUMENT, "panel 0 has a grid without");
+    REFUSED((s.panel[0].grid = &grid, grid.pixel = NULL), CAIRN_BAD_ARGUMENT, "panel 0 has a grid without");
+    REFUSED((s.panel[0].grid = &grid, grid.resolution = 0), CAIRN_BAD_ARGUMENT, "panel 0 has a grid without");
+    REFUSED((s.panel[0].grid = &grid, grid.resolution = (cairn_real)INFINITY), CAIRN_BAD_ARGUMENT,
+            "panel 0 has a grid");
+    REFUSED((s.panel[0].grid = &grid, grid.origin.y = (cairn_real)NAN), CAIRN_NOT_FINITE, "the grid's origin");
+#undef REFUSED
+    assert_status(cairn_report_map_write(files_path("no/map.svg"), &good.map, &error), CAIRN_IO);
+    assert_status(cairn_report_map_write(files_path("no/map.svg"), &good.map, NULL), CAIRN_IO);
+}
+
+static void test_locale(void **state)
+{
+    sample s;
+    char *svg;
+
+    (void)state;
+    make_sample(&s);
+    if (!files_comma_locale())
+        skip();
+    svg = draw(&s.map);
+    assert_non_null(setlocale(LC_ALL, "C"));
+    assert_holds(svg, "M42.0 500.0h0");
+    assert_holds(svg, "rotate(-90.0)");
+    free(svg);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_places),
+        cmocka_unit_test(test_texts_and_panels),
+        cmocka_unit_test(test_common_scale),
+        cmocka_unit_test(test_tall_and_tiny_maps),
+        cmocka_unit_test(test_doubtful_and_colours),
+        cmocka_unit_test(test_long_path),
+        cmocka_unit_test(test_strays_are_cut_off),
+        cmocka_unit_test(test_many_points_become_an_image),
+        cmocka_unit_test(test_grid),
+        cmocka_unit_test(test_large_grid),
+        cmocka_unit_test(test_refusals),
+        cmocka_unit_test(test_locale),
+    };
+    return cmocka_run_group_tests(tests, files_setup, files_teardown);
+}
