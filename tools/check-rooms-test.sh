@@ -50,6 +50,8 @@ echo '#include "cairn/edge.h"' | house src/mapping/map.c
 expect "contour and mapping may not know each other"
 echo '#include "cairn/map.h"' | house src/contour/edge.c
 expect "edge may not know map"
+printf '#include "cairn/top.h"\n#include "src/core/build.h"\n' | house src/core/top.c
+expect "src/core/top.c:1: expected #include .src/core/build.h. first"
 echo '#include <stdlib.h>' | house src/core/top.c
 expect "<stdlib.h> is not for the freestanding library"
 echo '#include "base.h"' | house src/core/top.c

@@ -4,7 +4,8 @@
 # Reads the includes of src/*/*.[ch] and include/cairn/*.h against tools/rooms.txt. A room is src/<floor>/<room>.c with the
 # header include/cairn/<room>.h, or src/<floor>/<room>.h when only its own floor may use it. Refused are: an include of a
 # room below, contour and mapping including each other, a header of libc that is not freestanding in the library, a room
-# that is not listed, has no header, no .c or no test. Reported: rooms over 500 lines.
+# that is not listed, has no header, no .c or no test, a .c of the library that does not include src/core/build.h first.
+# Reported: rooms over 500 lines.
 cd "${1:-.}" || exit 2
 export LC_ALL=C
 ls src/*/*.c src/*/*.h include/cairn/*.h tests/test_*.c 2>/dev/null | awk '
@@ -53,9 +54,15 @@ END {
         where = path ~ /^src/ ? floor_of(path) : floor[room]
         own = (room in place) ? place[room] : lowest[where]
         lines = 0
+        first = ""
         while ((getline line < path) > 0) {
             lines++
             if (line !~ /^[ \t]*#[ \t]*include/) continue
+            if (first == "") {
+                first = line
+                if (path ~ /\.c$/ && where != "host" && line !~ /"src\/core\/build\.h"/)
+                    refuse(path ":" lines ": expected #include \"src/core/build.h\" first")
+            }
             at = path ":" lines ": "
             if (match(line, /<[^>]*>/)) {
                 header = substr(line, RSTART + 1, RLENGTH - 2)

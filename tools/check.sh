@@ -1,0 +1,149 @@
+#!/bin/sh
+# All that `make check` checks: tools/check.sh BUILD [STEP]...
+#
+# A step prints a line "ok ..." or what is wrong; all steps run, and the exit status is 1 when one found something.
+build=${1:?usage: tools/check.sh BUILD [STEP]...}
+shift
+out=$build/check
+mkdir -p "$out"
+make=${MAKE:-make}
+export LC_ALL=C
+unset MAKEFLAGS MFLAGS MAKELEVEL
+
+library=$(ls src/core/*.c src/contour/*.c src/mapping/*.c 2>/dev/null)
+c_files=$(ls src/*/*.c tools/*.c tests/*.c bench/*.c firmware/*.c 2>/dev/null)
+cpp_files=$(ls sim/*.cpp 2>/dev/null)
+headers=$(ls src/*/*.h include/cairn/*.h sim/*.h tools/*.h tests/*.h bench/*.h firmware/*.h 2>/dev/null)
+c_flags="-std=c11 -D_POSIX_C_SOURCE=200809L -I. -Iinclude"
+
+# said NAME STATUS LOG: the line of a step, with what its tools said when it failed.
+said()
+{
+    if [ "$2" -eq 0 ]; then
+        echo "ok     $1"
+    else
+        cat "$3"
+        echo "FAILED $1"
+    fi
+    return "$2"
+}
+
+# The gcc build: its objects are also those that the freestanding proof reads.
+gcc_build()
+{
+    $make -s -j2 BUILD="$out/gcc" CC=gcc CXX=g++ WERROR=-Werror \
+        CFLAGS='-fstack-usage -fcallgraph-info=su -fno-stack-protector -U_FORTIFY_SOURCE' "$@"
+}
+
+# Everything compiles without a warning.
+step_warnings()
+{
+    {
+        gcc_build objects all &&
+            $make -s -j2 BUILD="$out/clang" CC=clang CXX=clang++ WERROR=-Werror ASSERTIONS=1 objects
+    } >"$out/warnings.log" 2>&1
+    said "warnings: gcc and clang, double and float" $? "$out/warnings.log"
+}
+
+step_format()
+{
+    # shellcheck disable=SC2086
+    clang-format --dry-run -Werror $c_files $cpp_files $headers >"$out/format.log" 2>&1
+    said "format" $? "$out/format.log"
+}
+
+step_tidy()
+{
+    {
+        echo "$c_files" | xargs -P 2 -n 1 sh -c 'clang-tidy --quiet "$1" -- '"$c_flags"' || exit 1' tidy &&
+            echo "$cpp_files" | xargs -r -P 2 -n 1 sh -c 'clang-tidy --quiet "$1" -- -std=c++17 -I. -Iinclude || exit 1' tidy
+    } >"$out/tidy.log" 2>&1
+    said "clang-tidy" $? "$out/tidy.log"
+}
+
+step_cppcheck()
+{
+    # shellcheck disable=SC2046
+    cppcheck --quiet -j 2 --enable=warning,performance,portability --error-exitcode=1 --std=c11 -I. -Iinclude \
+        $(ls -d src tools bench firmware 2>/dev/null) >"$out/cppcheck.log" 2>&1 &&
+        { [ -z "$cpp_files" ] || cppcheck --quiet --enable=warning,performance,portability --error-exitcode=1 --std=c++17 \
+            -I. -Iinclude sim >"$out/cppcheck.log" 2>&1; }
+    said "cppcheck" $? "$out/cppcheck.log"
+}
+
+# Of C only, and of the library only: on C++ and on stdio gcc's analyzer is not ready.
+step_analyzer()
+{
+    echo "$library" | xargs -P 2 -n 1 sh -c 'gcc -std=c11 -O0 -I. -Iinclude -fanalyzer -Werror -c "$1" -o /dev/null || exit 1' \
+        analyzer >"$out/analyzer.log" 2>&1
+    said "gcc -fanalyzer" $? "$out/analyzer.log"
+}
+
+step_freestanding()
+{
+    sh tools/check-freestanding-test.sh || return 1
+    gcc_build all >"$out/freestanding.log" 2>&1 || {
+        said "freestanding: the library does not build" 1 "$out/freestanding.log"
+        return 1
+    }
+    sh tools/check-freestanding.sh "$out/gcc/libcairn.a" "$out/gcc/libcairn-float.a" || return 1
+    for real in double float; do
+        rm -rf "$out/graphs"
+        mkdir "$out/graphs"
+        for source in $library; do
+            cp "$out/gcc/$real/$source.ci" "$out/graphs/$(echo "$source" | tr / -).ci" || return 1
+        done
+        echo "stack in $real:"
+        sh tools/check-stack.sh "$out/graphs" || return 1
+    done
+}
+
+step_rooms()
+{
+    sh tools/check-rooms-test.sh && sh tools/check-rooms.sh
+}
+
+# Each public header alone, as C and as C++, in double and float.
+step_headers()
+{
+    ls include/cairn/*.h | xargs -P 2 -n 1 sh -c '
+        for real in CAIRN_DOUBLE CAIRN_FLOAT; do
+            for language in "c -std=c11" "c++ -std=c++17"; do
+                echo "#include \"${1#include/}\"" |
+                    gcc -x $language -Iinclude -D$real -Wall -Wextra -Wpedantic -Werror -fsyntax-only - || exit 1
+            done
+        done' headers >"$out/headers.log" 2>&1
+    said "headers alone, C11 and C++17" $? "$out/headers.log"
+}
+
+step_layout()
+{
+    sh tools/layout.sh | diff tests/layout.h - >"$out/layout.log" 2>&1
+    said "tests/layout.h holds all open structs" $? "$out/layout.log"
+}
+
+step_bits()
+{
+    sh tools/check-bits.sh "$out"
+}
+
+step_amalgamation()
+{
+    sh tools/amalgamate-test.sh "$out"
+}
+
+step_install()
+{
+    sh tools/install-test.sh "$out/gcc"
+}
+
+[ $# -gt 0 ] || set -- rooms headers format layout warnings freestanding bits amalgamation install analyzer cppcheck tidy
+failed=
+for step in "$@"; do
+    "step_$step" || failed="$failed $step"
+done
+if [ -n "$failed" ]; then
+    echo "make check: failed:$failed"
+    exit 1
+fi
+echo "make check: all passed"
