@@ -26,16 +26,16 @@ cairn_polyline_params cairn_polyline_default(void)
     params.max_iterations = 20;
     params.min_length = CAIRN_REAL(0.08);
     params.sigma = CAIRN_REAL(0.01);
-    params.s_first = CAIRN_REAL(0.05);
+    params.s_first = CAIRN_REAL(0.04);
     params.s_last = CAIRN_REAL(0.02);
-    params.shrink = CAIRN_REAL(0.6);
+    params.shrink = CAIRN_REAL(0.5);
     params.gap = CAIRN_REAL(0.25);
     params.gap_factor = 3;
     params.gap_max = CAIRN_REAL(1.5);
     params.merge_angle = CAIRN_REAL(0.26);
     params.merge_distance = CAIRN_REAL(0.10);
     params.bend = 20;
-    params.tolerance = CAIRN_REAL(0.0005);
+    params.tolerance = CAIRN_REAL(0.001);
     return params;
 }
 
@@ -74,6 +74,7 @@ static cairn_polyline *carve(cairn_pool *pool, const cairn_polyline_params *p)
     piece *next = cairn_pool_take(pool, m, sizeof *next);
     int32_t *candidate = cairn_pool_take(pool, m, sizeof *candidate);
     cairn_real *weight = cairn_pool_take(pool, m, sizeof *weight);
+    cairn_real(*local)[3] = cairn_pool_take(pool, m, sizeof *local);
     cairn_polyline_segment *segments = cairn_pool_take(pool, m, sizeof *segments);
 
     if (x != NULL) {
@@ -95,6 +96,7 @@ static cairn_polyline *carve(cairn_pool *pool, const cairn_polyline_params *p)
         x->next = next;
         x->candidate = candidate;
         x->weight = weight;
+        x->local = local;
         x->segments = segments;
         x->phase = DONE;
         x->converged = 1;
@@ -172,7 +174,7 @@ cairn_status cairn_polyline_clear(cairn_polyline *x, cairn_real scale)
     x->piece_count = x->next_count = 0;
     x->shown_points = x->shown_segments = 0;
     x->round = 0;
-    x->listing = 1;
+    x->base = 0;
     x->moved = 0;
     x->changed = x->converged = x->left_out = 0;
     memset(&x->measure, 0, sizeof x->measure);
@@ -226,196 +228,20 @@ cairn_status cairn_polyline_begin(cairn_polyline *x, const cairn_real *points, i
     return status;
 }
 
-/* The bits of a number of POLYLINE_LEVELS bits, `dim` apart. */
-static uint64_t spread(uint64_t number, int32_t dim)
-{
-    if (dim == 2) {
-        number = (number | number << 16) & UINT64_C(0x0000ffff0000ffff);
-        number = (number | number << 8) & UINT64_C(0x00ff00ff00ff00ff);
-        number = (number | number << 4) & UINT64_C(0x0f0f0f0f0f0f0f0f);
-        number = (number | number << 2) & UINT64_C(0x3333333333333333);
-        return (number | number << 1) & UINT64_C(0x5555555555555555);
-    }
-    number = (number | number << 32) & UINT64_C(0x001f00000000ffff);
-    number = (number | number << 16) & UINT64_C(0x001f0000ff0000ff);
-    number = (number | number << 8) & UINT64_C(0x100f00f00f00f00f);
-    number = (number | number << 4) & UINT64_C(0x10c30c30c30c30c3);
-    return (number | number << 2) & UINT64_C(0x1249249249249249);
-}
-
-/* Number of a point in Morton order; the cells are shifted by round / 3 of the whole extent. */
-static uint64_t morton(const cairn_polyline *x, const cairn_real p[3])
-{
-    cairn_real shift = (cairn_real)x->round * ((INT32_C(1) << (POLYLINE_LEVELS - 1)) / 3);
-    uint64_t code = 0;
-
-    for (int j = 0; j < x->params.dim; j++) {
-        uint32_t number = (uint32_t)cairn_real_to_int((p[j] - x->low[j]) / x->cell + shift);
-
-        code |= spread(number, x->params.dim) << j;
-    }
-    return code;
-}
-
-static int compute_keys(cairn_polyline *x, cairn_budget *budget)
-{
-    for (; x->at < x->count; x->at++) {
-        if (!pay(x, budget, 6))
-            return 0;
-        x->key[x->at] = morton(x, x->raw[x->at]);
-        x->order[x->at] = x->at;
-    }
-    x->listed = x->count;
-    return 1;
-}
-
-/* Lists the points that no piece claims, with their places in the shifted Morton order. In round 0 those are all, and the
- * order is the one that they are in. */
-static int list_unclaimed(cairn_polyline *x, cairn_budget *budget)
-{
-    for (; x->at < x->count; x->at++) {
-        if (!pay(x, budget, 6))
-            return 0;
-        if (x->owner[x->at] >= 0)
-            continue;
-        x->key[x->at] = morton(x, x->point[x->at]);
-        x->order[x->other++] = x->at;
-    }
-    x->listed = x->other;
-    return 1;
-}
-
-/* Total order of raw points; equal points are in no order that shows. */
-static int point_before(const cairn_polyline *x, int32_t a, int32_t b)
-{
-    if (x->key[a] != x->key[b])
-        return x->key[a] < x->key[b];
-    for (int j = 0; j < 3; j++)
-        if (x->raw[a][j] < x->raw[b][j] || x->raw[a][j] > x->raw[b][j])
-            return x->raw[a][j] < x->raw[b][j];
-    return a < b;
-}
-
-static int unclaimed_before(const cairn_polyline *x, int32_t a, int32_t b)
-{
-    return x->key[a] != x->key[b] ? x->key[a] < x->key[b] : a < b;
-}
-
-/* Total order of points by piece (none last), then along it. */
-static int support_before(const cairn_polyline *x, int32_t a, int32_t b)
-{
-    if (x->owner[a] != x->owner[b])
-        return (uint32_t)x->owner[a] < (uint32_t)x->owner[b];
-    if (x->owner[a] >= 0 && (x->along[a] < x->along[b] || x->along[a] > x->along[b]))
-        return x->along[a] < x->along[b];
-    return a < b;
-}
-
-static int before(const cairn_polyline *x, int32_t a, int32_t b)
-{
-    if (x->phase == SORT_SUPPORT)
-        return support_before(x, a, b);
-    return x->phase == SORT_POINTS ? point_before(x, a, b) : unclaimed_before(x, a, b);
-}
-
-/* Natural merge sort of order[0 ... listed-1]: linear when the order of the last iteration still nearly holds. Stage 0 looks
- * for the end of a run, 1 for that of the next, 2 merges both into spare. */
-static int sort(cairn_polyline *x, cairn_budget *budget)
-{
-    int32_t n = x->listed;
-
-    for (;;) {
-        const int32_t *from = x->order;
-
-        if (x->sort.stage == 0) {
-            while (x->sort.middle < n && !before(x, from[x->sort.middle], from[x->sort.middle - 1])) {
-                if (!pay(x, budget, 3))
-                    return 0;
-                x->sort.middle++;
-            }
-            if (x->sort.start == 0 && x->sort.middle >= n)
-                return 1;
-            x->sort.middle = x->sort.middle < n ? x->sort.middle : n;
-            x->sort.end = x->sort.middle + 1;
-            x->sort.stage = 1;
-        }
-        if (x->sort.stage == 1) {
-            while (x->sort.end < n && !before(x, from[x->sort.end], from[x->sort.end - 1])) {
-                if (!pay(x, budget, 3))
-                    return 0;
-                x->sort.end++;
-            }
-            x->sort.end = x->sort.end < n ? x->sort.end : n;
-            x->sort.left = x->sort.out = x->sort.start;
-            x->sort.right = x->sort.middle;
-            x->sort.stage = 2;
-        }
-        while (x->sort.out < x->sort.end) {
-            int32_t left = x->sort.left, right = x->sort.right;
-
-            if (!pay(x, budget, 4))
-                return 0;
-            if (left < x->sort.middle && (right >= x->sort.end || !before(x, from[right], from[left]))) {
-                x->spare[x->sort.out++] = from[left];
-                x->sort.left++;
-            } else {
-                x->spare[x->sort.out++] = from[right];
-                x->sort.right++;
-            }
-        }
-        x->sort.start = x->sort.end;
-        if (x->sort.start >= n) {
-            int32_t *swap = x->order;
-
-            x->order = x->spare;
-            x->spare = swap;
-            x->sort.start = 0;
-        }
-        x->sort.middle = x->sort.start + 1;
-        x->sort.stage = 0;
-    }
-}
-
-static int gather(cairn_polyline *x, cairn_budget *budget)
-{
-    for (; x->at < x->count; x->at++) {
-        int32_t block = x->at / BLOCK, raw = x->order[x->at];
-
-        if (!pay(x, budget, 4))
-            return 0;
-        x->source[x->at] = raw;
-        for (int j = 0; j < 3; j++) {
-            cairn_real value = x->raw[raw][j];
-            int first = x->at % BLOCK == 0;
-
-            x->point[x->at][j] = value;
-            x->block_min[block][j] = first ? value : cairn_min(x->block_min[block][j], value);
-            x->block_max[block][j] = first ? value : cairn_max(x->block_max[block][j], value);
-        }
-        x->owner[x->at] = -1;
-    }
-    return 1;
-}
-
-/* Places of the points along their pieces; after a search for new pieces all are listed again. */
+/* Places of the points along their pieces. */
 static int project(cairn_polyline *x, cairn_budget *budget)
 {
-    int relist = x->listing;
-
     for (; x->at < x->count; x->at++) {
         cairn_real local[3];
 
         if (!pay(x, budget, 4))
             return 0;
-        if (relist)
-            x->order[x->at] = x->at;
         if (x->owner[x->at] < 0)
             continue;
-        piece_local(&x->pieces[x->owner[x->at]], x->point[x->at], local);
+        piece_local(&x->pieces[x->owner[x->at]], x->params.dim, x->point[x->at], local);
         x->along[x->at] = local[0];
     }
-    x->listing = 0;
-    x->listed = x->count;
+    x->base = 0;
     return 1;
 }
 
@@ -459,7 +285,7 @@ static int write_result(cairn_polyline *x, cairn_budget *budget)
             x->label[x->source[x->at]] = owner;
             if (owner < 0)
                 continue;
-            piece_local(&x->pieces[owner], x->point[x->at], local);
+            piece_local(&x->pieces[owner], x->params.dim, x->point[x->at], local);
             x->segments[owner].count++;
             x->segments[owner].rms += local[1] * local[1] + local[2] * local[2];
         }
@@ -499,7 +325,7 @@ static phase turn_over(cairn_polyline *x)
         return CLAIM_POINTS;
     if (x->s <= x->s_last && x->round < ROUNDS - 1) {
         x->round++;
-        x->listing = 1;
+        x->base = x->unclaimed;
         return LIST;
     }
     if (settled) {
@@ -515,15 +341,15 @@ static int run_phase(cairn_polyline *x, cairn_budget *budget)
 {
     switch (x->phase) {
     case KEYS:
-        return compute_keys(x, budget);
+        return cairn_polyline_keys(x, budget);
     case SORT_POINTS:
     case SORT_LIST:
     case SORT_SUPPORT:
-        return sort(x, budget);
+        return cairn_polyline_sort(x, budget);
     case GATHER:
-        return gather(x, budget);
+        return cairn_polyline_gather(x, budget);
     case LIST:
-        return list_unclaimed(x, budget);
+        return cairn_polyline_list(x, budget);
     case INITIAL:
         return cairn_polyline_initial(x, budget);
     case EXPECT:

@@ -22,10 +22,10 @@ static int sum_cell(cairn_polyline *x, cairn_budget *budget)
 {
     cairn_real local[3];
 
-    for (; x->last < x->listed && cell_of(x, x->last, x->level) == cell_of(x, x->first, x->level); x->last++) {
+    for (; x->last < x->count && cell_of(x, x->last, x->level) == cell_of(x, x->first, x->level); x->last++) {
         if (!pay(x, budget, 5))
             return 0;
-        piece_local(&x->made, x->point[x->order[x->last]], local);
+        piece_local(&x->made, x->params.dim, x->point[x->order[x->last]], local);
         cairn_polyline_sum(&x->sum, local, 1);
     }
     return 1;
@@ -50,7 +50,7 @@ static int fit_band(cairn_polyline *x, cairn_budget *budget)
     for (; x->other < x->last; x->other++) {
         if (x->other > x->first && !pay(x, budget, 6))
             return 0;
-        piece_local(&x->made, x->point[x->order[x->other]], local);
+        piece_local(&x->made, x->params.dim, x->point[x->order[x->other]], local);
         if (local[1] * local[1] + local[2] * local[2] > x->least * x->least)
             continue;
         cairn_polyline_sum(&x->sum, local, 1);
@@ -73,14 +73,16 @@ static void next_cell(cairn_polyline *x)
 {
     x->at = x->last;
     x->level = 0;
-    while (x->at < x->listed && cell_of(x, x->at, x->level) == cell_of(x, x->at - 1, x->level))
+    while (x->at < x->count && cell_of(x, x->at, x->level) == cell_of(x, x->at - 1, x->level))
         x->level++;
     x->stage = 0;
 }
 
 int cairn_polyline_initial(cairn_polyline *x, cairn_budget *budget)
 {
-    while (x->at < x->listed) {
+    if (x->at < x->base)
+        x->at = x->base;
+    while (x->at < x->count) {
         cairn_real side = x->cell * (cairn_real)(INT32_C(1) << (POLYLINE_LEVELS - x->level));
 
         if (x->stage == 0) {

@@ -50,7 +50,7 @@ static int join(cairn_polyline *x, piece *a, piece *b)
         return 0;
     for (int which = 0; which < 2; which++) {
         cairn_polyline_end(light, which, end[which]);
-        piece_local(heavy, end[which], local[which]);
+        piece_local(heavy, x->params.dim, end[which], local[which]);
         if (local[which][1] * local[which][1] + local[which][2] * local[which][2] >
             p->merge_distance * p->merge_distance)
             return 0;
@@ -69,7 +69,7 @@ static int join(cairn_polyline *x, piece *a, piece *b)
     for (int i = 0; i < 3; i++)
         world[i] = light->mid[i] + light->own[0] * light->axis[0][i] + light->own[1] * light->axis[1][i] +
                    light->own[2] * light->axis[2][i];
-    piece_local(heavy, world, mean);
+    piece_local(heavy, x->params.dim, world, mean);
     m = sums_of_both(heavy, light, along, mean);
     n = m.n;
     saved = cairn_polyline_residual(&m) - heavy->sse - light->sse;

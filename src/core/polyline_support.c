@@ -164,19 +164,21 @@ int cairn_polyline_support(cairn_polyline *x, cairn_budget *budget)
         for (; x->stage == 2 && x->inner < x->last; x->inner++) {
             if (!pay(x, budget, 5))
                 return 0;
-            piece_local(&x->pieces[owner], x->point[x->order[x->inner]], local);
+            piece_local(&x->pieces[owner], x->params.dim, x->point[x->order[x->inner]], local);
             cairn_polyline_sum(&x->sum, local, 1);
         }
         sse = cairn_polyline_residual(&x->sum);
         if (x->stage == 2) {
             /* No cut can save more than there is. */
-            x->stage = sse > cairn_polyline_worth(x, x->sum.n, 0) ? 3 : 4;
+            x->stage =
+                x->measure.iterations < x->params.max_iterations / 2 && sse > cairn_polyline_worth(x, x->sum.n, 0) ? 3
+                                                                                                                   : 4;
             x->inner = x->first;
         }
         for (; x->stage == 3 && x->inner < x->last; x->inner++) {
             if (!pay(x, budget, 14))
                 return 0;
-            piece_local(&x->pieces[owner], x->point[x->order[x->inner]], local);
+            piece_local(&x->pieces[owner], x->params.dim, x->point[x->order[x->inner]], local);
             cairn_polyline_sum(&x->left, local, 1);
             try_cut(x);
         }
@@ -194,5 +196,6 @@ int cairn_polyline_support(cairn_polyline *x, cairn_budget *budget)
         x->at = x->last;
         x->stage = 0;
     }
+    x->unclaimed = x->at;
     return 1;
 }

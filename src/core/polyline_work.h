@@ -73,7 +73,8 @@ struct cairn_polyline {
     /* Pieces of this and of the next iteration. */
     piece *pieces, *next;
     int32_t *candidate;
-    cairn_real *weight; /* [max_segments] of the point at hand for each candidate */
+    cairn_real *weight;     /* [max_segments] of the point at hand for each candidate, ... */
+    cairn_real (*local)[3]; /* ... and where it is in the candidate's frame */
     cairn_polyline_segment *segments;
     int32_t *label;
 
@@ -85,9 +86,9 @@ struct cairn_polyline {
     cairn_real merge_cosine;
     cairn_real moved; /* farthest that an end moved in this iteration */
     int32_t changed, converged, left_out;
-    int32_t round;   /* of searches for first pieces */
-    int32_t listed;  /* points in order[] */
-    int32_t listing; /* order[] holds only some points */
+    int32_t round;     /* of searches for first pieces */
+    int32_t base;      /* where the part of order[] that is sorted or searched starts */
+    int32_t unclaimed; /* where that of the points without a piece starts */
     cairn_polyline_measure measure;
 
     /* Where the phase at hand stands. Its cursors start at 0; what they count is said where they are used. */
@@ -101,7 +102,7 @@ struct cairn_polyline {
     int32_t best_at;
     piece made;
     struct {
-        int32_t stage, start, middle, end, left, right, out;
+        int32_t stage, swapped, start, middle, end, left, right, out;
     } sort;
 };
 
@@ -118,12 +119,19 @@ static inline int pay(cairn_polyline *x, cairn_budget *budget, int32_t sixteenth
 }
 
 /* Coordinates of a point in the frame of a piece. */
-static inline void piece_local(const piece *k, const cairn_real p[3], cairn_real local[3])
+static inline void piece_local(const piece *k, int32_t dim, const cairn_real p[3], cairn_real local[3])
 {
-    cairn_real dx = p[0] - k->mid[0], dy = p[1] - k->mid[1], dz = p[2] - k->mid[2];
+    cairn_real dx = p[0] - k->mid[0], dy = p[1] - k->mid[1], dz;
 
-    for (int i = 0; i < 3; i++)
-        local[i] = k->axis[i][0] * dx + k->axis[i][1] * dy + k->axis[i][2] * dz;
+    local[0] = k->axis[0][0] * dx + k->axis[0][1] * dy;
+    local[1] = k->axis[1][0] * dx + k->axis[1][1] * dy;
+    local[2] = 0;
+    if (dim == 2)
+        return;
+    dz = p[2] - k->mid[2];
+    local[0] += k->axis[0][2] * dz;
+    local[1] += k->axis[1][2] * dz;
+    local[2] = k->axis[2][0] * dx + k->axis[2][1] * dy + k->axis[2][2] * dz;
 }
 
 void cairn_polyline_sum(sums *m, const cairn_real v[3], cairn_real weight);
@@ -151,6 +159,10 @@ cairn_real cairn_polyline_worth(const cairn_polyline *x, cairn_real n, cairn_rea
 void cairn_polyline_keep(cairn_polyline *x, piece *list, int32_t *count, const piece *k);
 
 /* The phases; each returns 1 when it is through and 0 when the budget is used up. */
+int cairn_polyline_keys(cairn_polyline *x, cairn_budget *budget);
+int cairn_polyline_sort(cairn_polyline *x, cairn_budget *budget);
+int cairn_polyline_gather(cairn_polyline *x, cairn_budget *budget);
+int cairn_polyline_list(cairn_polyline *x, cairn_budget *budget);
 int cairn_polyline_initial(cairn_polyline *x, cairn_budget *budget);
 int cairn_polyline_expect(cairn_polyline *x, cairn_budget *budget);
 int cairn_polyline_maximize(cairn_polyline *x, cairn_budget *budget);
