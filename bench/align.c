@@ -284,8 +284,8 @@ static void print_common(const settings *s, const outcome *o)
     bench_json_integer("scans", o->scans);
     bench_json_integer("observable", o->observable);
     bench_json_integer("aligned", o->aligned);
-    bench_json_number("share", o->observable > 0 ? (double)o->aligned / o->observable : NAN);
-    bench_json_number("pairs_ok", o->pairs > 0 ? (double)o->pairs_ok / o->pairs : NAN);
+    bench_json_number("share", o->observable > 0 ? (double)o->aligned / o->observable : (double)NAN);
+    bench_json_number("pairs_ok", o->pairs > 0 ? (double)o->pairs_ok / o->pairs : (double)NAN);
     bench_json_number("median_trans_m", o->median_m);
     bench_json_number("median_rot_deg", o->median_deg);
     bench_json_number("median_ratio", o->median_ratio);

@@ -13,6 +13,7 @@
 #include "cairn/carmen_log.h"
 #include "cairn/mapper.h"
 #include "cairn/output.h"
+#include "cairn/random.h"
 #include "tools/options.h"
 
 typedef struct settings {
