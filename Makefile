@@ -112,7 +112,7 @@ $(BUILD)/float/libcairn-sim.a: $(call object,float,$(SIM_SRC))
 $(BUILD)/libcairn.so.$(SOVERSION): $(call object,double,$(LIB_SRC))
 	$(CC) -shared -Wl,-soname,$(@F) $(SAN) $(LDFLAGS) -o $@ $^ -lm
 
-link = @mkdir -p $(@D); $(CXX) $(SAN) $(if $(COVERAGE),--coverage) $(LDFLAGS) -o $@ $^
+link = @mkdir -p $(@D); $(CXX) $(SAN) $(if $(COVERAGE),--coverage) $(LDFLAGS) -o $@ -Wl,--start-group $^ -Wl,--end-group
 DOUBLE_LIBS := $(if $(SIM_SRC),$(BUILD)/libcairn-sim.a) $(BUILD)/libcairn-host.a $(BUILD)/libcairn.a
 FLOAT_LIBS  := $(if $(SIM_SRC),$(BUILD)/float/libcairn-sim.a) $(BUILD)/float/libcairn-host.a $(BUILD)/libcairn-float.a
 SYS_LIBS    = $(if $(SIM_SRC),$(SIM_LIBS)) $(HOST_LIBS) -lpthread -lm

@@ -183,7 +183,7 @@ static void print_errors(const settings *s, const char *name, const cairn_carmen
                          const relation *relations, int32_t count, double seconds, size_t pool_bytes,
                          const cairn_mapper_state *state)
 {
-    double t = 0, tt = 0, r = 0, rr = 0, n = count > 0 ? count : NAN;
+    double t = 0, tt = 0, r = 0, rr = 0, n = count > 0 ? (double)count : (double)NAN;
 
     for (int32_t i = 0; i < count; i++) {
         cairn_pose estimate = cairn_pose_between(poses[relations[i].first], poses[relations[i].second]);
@@ -205,7 +205,7 @@ static void print_errors(const settings *s, const char *name, const cairn_carmen
     bench_json_number("trans_sd_m", sqrt(fmax(tt / n - t / n * (t / n), 0)));
     bench_json_number("rot_mean_deg", r / n);
     bench_json_number("rot_sd_deg", sqrt(fmax(rr / n - r / n * (r / n), 0)));
-    bench_json_number("scans_per_second", log->count / seconds);
+    bench_json_number("scans_per_second", (double)log->count / seconds);
     bench_json_integer("pool_bytes", (int64_t)pool_bytes);
     bench_json_integer("keys", state->keys);
     bench_json_integer("unmatched", state->predicted);

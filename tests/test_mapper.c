@@ -1,0 +1,449 @@
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "cairn/mapper.h"
+#include "sim/arena.h"
+
+/* A robot that drives through an arena; the poses that the mapper finds against the truth. */
+typedef struct drive {
+    sim_arena *arena;
+    sim_survey *survey;
+    const sim_scan *scans;
+    int32_t count;
+} drive;
+
+static drive start_drive(sim_scene scene, uint64_t seed, int32_t scans, double bias)
+{
+    sim_arena_options arena = sim_arena_default();
+    sim_survey_options survey = sim_survey_default();
+    char fault[256] = "";
+    drive d;
+
+    arena.scene = scene;
+    arena.seed = seed;
+    survey.seed = seed;
+    survey.drive = scans;
+    survey.beams = 181;
+    survey.fov = 3.14159265;
+    survey.bias_drift = bias;
+    d.arena = sim_arena_create(&arena, fault, sizeof fault);
+    assert_non_null(d.arena);
+    d.survey = sim_survey_create(d.arena, &survey, fault, sizeof fault);
+    assert_non_null(d.survey);
+    d.scans = sim_survey_scans(d.survey, &d.count);
+    assert_int_equal(d.count, scans);
+    return d;
+}
+
+static void end_drive(drive *d)
+{
+    sim_survey_free(d->survey);
+    sim_arena_free(d->arena);
+}
+
+static cairn_pose pose_of(sim_pose p)
+{
+    cairn_pose pose = {(cairn_real)p.x, (cairn_real)p.y, (cairn_real)p.theta};
+
+    return pose;
+}
+
+static cairn_mapper_params small_params(void)
+{
+    cairn_mapper_params params = cairn_mapper_default();
+
+    params.scan.max_beams = 181;
+    params.scan.max_points = 400;
+    params.scan.max_segments = 64;
+    params.max_keys = 200;
+    params.max_key_points = 40000;
+    params.max_key_segments = 8000;
+    return params;
+}
+
+static cairn_mapper *new_mapper(cairn_pool *pool, const cairn_mapper_params *params)
+{
+    cairn_mapper *mapper;
+
+    *pool = test_pool(cairn_mapper_memory(params));
+    assert_ok(cairn_mapper_create(&mapper, pool, params));
+    return mapper;
+}
+
+/* What became of a drive. */
+typedef struct trace {
+    cairn_mapper_result results[400];
+    cairn_pose poses[400];
+    int32_t count;
+} trace;
+
+typedef enum odometry { WITH, WITHOUT, NEVER_BACK } odometry;
+
+/* odometry NEVER_BACK: the defect of a real log, a robot that backs up is reported as driving ahead. */
+static void run(cairn_mapper *mapper, const drive *d, odometry how, int32_t budget, trace *t)
+{
+    cairn_pose believed = pose_of(d->scans[0].odometry);
+
+    t->count = d->count;
+    for (int32_t i = 0; i < d->count; i++) {
+        cairn_scan_input input = sim_scan_input(&d->scans[i]);
+        cairn_budget left = {budget};
+        cairn_status status;
+
+        if (i > 0) {
+            cairn_pose step =
+                cairn_pose_between(pose_of(d->scans[i - 1].odometry), pose_of(d->scans[i].odometry));
+
+            if (how == NEVER_BACK)
+                step.x = cairn_abs(step.x);
+            believed = cairn_pose_compose(believed, step);
+        }
+        assert_ok(cairn_mapper_add(mapper, &input, how == WITHOUT ? NULL : &believed, NULL));
+        while ((status = cairn_mapper_step(mapper, &left)) == CAIRN_MORE) {
+            assert_true(left.left <= 0);
+            left.left = budget;
+        }
+        assert_ok(status);
+        t->results[i] = cairn_mapper_read(mapper);
+    }
+    for (int32_t i = 0; i < d->count; i++)
+        t->poses[i] =
+            cairn_pose_compose(cairn_mapper_key_pose(mapper, t->results[i].key), t->results[i].key_scan);
+}
+
+/* Greatest error of position seen from the first scan, in m. */
+static double worst_error(const drive *d, const trace *t, int32_t odometry_alone)
+{
+    double worst = 0;
+
+    for (int32_t i = 0; i < d->count; i++) {
+        cairn_pose truth = cairn_pose_between(pose_of(d->scans[0].truth), pose_of(d->scans[i].truth));
+        cairn_pose found = odometry_alone ? cairn_pose_between(pose_of(d->scans[0].odometry), pose_of(d->scans[i].odometry))
+                                          : cairn_pose_between(t->poses[0], t->poses[i]);
+
+        worst = fmax(worst, hypot((double)(truth.x - found.x), (double)(truth.y - found.y)));
+    }
+    return worst;
+}
+
+static trace one, two;
+
+static void maps_better_than_odometry(void **state)
+{
+    cairn_mapper_params params = small_params();
+
+    (void)state;
+    for (uint64_t seed = 1; seed <= 3; seed++) {
+        drive d = start_drive(SIM_APARTMENT, seed, 250, 0.02);
+        cairn_pool pool;
+        cairn_mapper *mapper = new_mapper(&pool, &params);
+        cairn_mapper_state measured;
+
+        run(mapper, &d, WITH, CAIRN_UNBOUNDED, &one);
+        assert_true(worst_error(&d, &one, 1) > 0.3);
+        assert_true(worst_error(&d, &one, 0) < 0.15);
+        measured = cairn_mapper_measure(mapper);
+        assert_int_equal(measured.scans, 250);
+        assert_int_equal(measured.keys, cairn_mapper_keys(mapper)->scan_count);
+        assert_true(measured.keys > 5 && measured.keys < 200);
+        assert_int_equal(measured.predicted, 0);
+        assert_true(measured.units > 250 * 100);
+        test_pool_free(&pool);
+        end_drive(&d);
+    }
+}
+
+static void maps_without_odometry(void **state)
+{
+    cairn_mapper_params params = small_params();
+    drive d = start_drive(SIM_APARTMENT, 2, 250, 0.02);
+    cairn_pool pool;
+    cairn_mapper *mapper = new_mapper(&pool, &params);
+
+    (void)state;
+    run(mapper, &d, WITHOUT, CAIRN_UNBOUNDED, &one);
+    assert_true(worst_error(&d, &one, 0) < 0.15);
+    /* The map's frame is then that of the first scan. */
+    assert_near(one.poses[0].x, 0, 0);
+    assert_near(one.poses[0].theta, 0, 0);
+    test_pool_free(&pool);
+    end_drive(&d);
+}
+
+static void odometry_that_never_goes_back_is_not_believed(void **state)
+{
+    cairn_mapper_params params = small_params();
+    drive d = start_drive(SIM_RESCUE, 4, 200, 0.01);
+    cairn_pool pool;
+    cairn_mapper *mapper = new_mapper(&pool, &params);
+
+    (void)state;
+    run(mapper, &d, NEVER_BACK, CAIRN_UNBOUNDED, &one);
+    assert_true(worst_error(&d, &one, 0) < 0.2);
+    test_pool_free(&pool);
+    end_drive(&d);
+}
+
+static void budgets_do_not_matter(void **state)
+{
+    static const int32_t budgets[] = {1, 7, 1000};
+    cairn_mapper_params params = small_params();
+    drive d = start_drive(SIM_APARTMENT, 5, 40, 0.02);
+    cairn_pool pool;
+    cairn_mapper *mapper = new_mapper(&pool, &params);
+
+    (void)state;
+    run(mapper, &d, WITH, CAIRN_UNBOUNDED, &one);
+    test_pool_free(&pool);
+    for (size_t b = 0; b < sizeof budgets / sizeof *budgets; b++) {
+        mapper = new_mapper(&pool, &params);
+        run(mapper, &d, WITH, budgets[b], &two);
+        for (int32_t i = 0; i < d.count; i++) {
+            assert_memory_equal(&one.poses[i], &two.poses[i], sizeof one.poses[i]);
+            assert_memory_equal(one.results[i].covariance, two.results[i].covariance, sizeof one.results[i].covariance);
+        }
+        test_pool_free(&pool);
+    }
+    end_drive(&d);
+}
+
+static void verdicts_say_how_a_pose_was_found(void **state)
+{
+    cairn_mapper_params params = small_params();
+    drive d = start_drive(SIM_APARTMENT, 6, 30, 0);
+    cairn_pool pool;
+    cairn_mapper *mapper = new_mapper(&pool, &params);
+    cairn_scan_input blind = sim_scan_input(&d.scans[0]);
+    cairn_pose ahead = pose_of(d.scans[29].odometry), jump = {0.2f, 0, 0};
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_mapper_result result;
+    static float nothing[181];
+
+    (void)state;
+    run(mapper, &d, WITH, CAIRN_UNBOUNDED, &one);
+    assert_int_equal(one.results[0].verdict, CAIRN_MAPPER_FIRST);
+    assert_int_equal(one.results[0].is_key, 1);
+    assert_near(one.results[0].support, 0, 0);
+    for (int32_t i = 1; i < 30; i++) {
+        assert_int_equal(one.results[i].verdict, CAIRN_MAPPER_MATCHED);
+        assert_true(one.results[i].support > 0.5f && one.results[i].support <= 1);
+        assert_true(one.results[i].covariance[0] > 0 && one.results[i].covariance[8] > 0);
+        assert_true(one.results[i].key >= one.results[i - 1].key);
+        assert_true(one.results[i].is_key == (one.results[i].key > one.results[i - 1].key));
+    }
+
+    for (int i = 0; i < 181; i++)
+        nothing[i] = NAN;
+    blind.range = nothing;
+    ahead = cairn_pose_compose(ahead, jump);
+    assert_ok(cairn_mapper_add(mapper, &blind, &ahead, NULL));
+    assert_ok(cairn_mapper_step(mapper, &budget));
+    result = cairn_mapper_read(mapper);
+    assert_int_equal(result.verdict, CAIRN_MAPPER_BLIND);
+    assert_int_equal(result.is_key, 0);
+    assert_int_equal(cairn_mapper_view(mapper).point_count, 0);
+    assert_int_equal(cairn_mapper_view(mapper).beam_count, 181);
+    {
+        cairn_pose moved = cairn_pose_between(one.poses[29], result.map_scan);
+
+        assert_near(moved.x, 0.2, 1e-4);
+        assert_near(moved.y, 0, 1e-4);
+    }
+    assert_int_equal(cairn_mapper_measure(mapper).predicted, 1);
+    test_pool_free(&pool);
+    end_drive(&d);
+}
+
+/* A scan that fits nowhere gets the predicted pose. */
+static void what_does_not_match_is_predicted(void **state)
+{
+    cairn_mapper_params params = small_params();
+    drive d = start_drive(SIM_APARTMENT, 7, 20, 0), other = start_drive(SIM_ROUND, 1, 2, 0);
+    cairn_pool pool;
+    cairn_mapper *mapper;
+    cairn_scan_input input = sim_scan_input(&other.scans[0]);
+    cairn_pose far = {50, 0, 0}, from;
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_mapper_result result;
+
+    (void)state;
+    params.min_support = 0.9f;
+    mapper = new_mapper(&pool, &params);
+    run(mapper, &d, WITH, CAIRN_UNBOUNDED, &one);
+    from = pose_of(d.scans[19].odometry);
+    far = cairn_pose_compose(from, far);
+    assert_ok(cairn_mapper_add(mapper, &input, &far, NULL));
+    assert_ok(cairn_mapper_step(mapper, &budget));
+    result = cairn_mapper_read(mapper);
+    assert_int_equal(result.verdict, CAIRN_MAPPER_PREDICTED);
+    assert_int_equal(result.is_key, 1);
+    assert_near(cairn_pose_between(one.poses[19], result.map_scan).x, 50, 1e-3);
+    test_pool_free(&pool);
+    end_drive(&other);
+    end_drive(&d);
+}
+
+static void capacities_and_bad_input_change_nothing(void **state)
+{
+    cairn_mapper_params params = small_params();
+    drive d = start_drive(SIM_APARTMENT, 8, 60, 0);
+    cairn_pool pool;
+    cairn_mapper *mapper;
+    cairn_scan_input input = sim_scan_input(&d.scans[0]);
+    cairn_pose bad = {0, 0, 0};
+    cairn_budget budget = {CAIRN_UNBOUNDED}, none = {0};
+    cairn_status status = CAIRN_OK;
+    int32_t i;
+
+    (void)state;
+    params.max_keys = 2;
+    mapper = new_mapper(&pool, &params);
+    assert_status(cairn_mapper_add(NULL, &input, NULL, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_mapper_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_mapper_step(mapper, NULL), CAIRN_BAD_ARGUMENT);
+    assert_ok(cairn_mapper_step(mapper, &none));
+    assert_status(cairn_mapper_add(mapper, NULL, NULL, NULL), CAIRN_BAD_ARGUMENT);
+    bad.theta = (cairn_real)NAN;
+    assert_status(cairn_mapper_add(mapper, &input, &bad, NULL), CAIRN_NOT_FINITE);
+    input.count = 182;
+    assert_status(cairn_mapper_add(mapper, &input, NULL, NULL), CAIRN_FULL);
+    input.count = 181;
+    assert_ok(cairn_mapper_add(mapper, &input, NULL, NULL));
+    assert_status(cairn_mapper_step(mapper, &none), CAIRN_MORE);
+    assert_status(cairn_mapper_add(mapper, &input, NULL, NULL), CAIRN_MORE);
+    assert_ok(cairn_mapper_step(mapper, &budget));
+    for (i = 1; i < d.count && status == CAIRN_OK; i++) {
+        input = sim_scan_input(&d.scans[i]);
+        budget.left = CAIRN_UNBOUNDED;
+        assert_ok(cairn_mapper_add(mapper, &input, NULL, NULL));
+        status = cairn_mapper_step(mapper, &budget);
+    }
+    assert_status(status, CAIRN_FULL);
+    assert_int_equal(cairn_mapper_measure(mapper).keys, 2);
+    assert_int_equal(cairn_mapper_read(mapper).verdict, CAIRN_MAPPER_MATCHED);
+    assert_status(cairn_mapper_add(mapper, &input, NULL, NULL), CAIRN_FULL);
+    test_pool_free(&pool);
+    end_drive(&d);
+}
+
+static void a_window_of_force_field_keeps_the_map(void **state)
+{
+    cairn_mapper_params params = small_params();
+    drive d = start_drive(SIM_APARTMENT, 9, 120, 0.02);
+    cairn_pool pool;
+    cairn_mapper *mapper;
+    int32_t moved = 0;
+
+    (void)state;
+    mapper = new_mapper(&pool, &params);
+    run(mapper, &d, WITH, CAIRN_UNBOUNDED, &one);
+    assert_true(worst_error(&d, &one, 0) < 0.15);
+    test_pool_free(&pool);
+    params.window = 0;
+    mapper = new_mapper(&pool, &params);
+    run(mapper, &d, WITH, CAIRN_UNBOUNDED, &two);
+    assert_true(worst_error(&d, &two, 0) < 0.15);
+    for (int32_t i = 0; i < d.count; i++)
+        moved += memcmp(&one.poses[i], &two.poses[i], sizeof one.poses[i]) != 0;
+    assert_true(moved > d.count / 2);
+    test_pool_free(&pool);
+    end_drive(&d);
+}
+
+static cairn_status create(void *context, cairn_pool *pool)
+{
+    cairn_mapper *mapper;
+
+    return cairn_mapper_create(&mapper, pool, context);
+}
+
+static void memory_is_exact(void **state)
+{
+    cairn_mapper_params params = small_params();
+
+    (void)state;
+    params.scan.max_beams = 8;
+    params.scan.max_points = 8;
+    params.scan.max_segments = 4;
+    params.max_keys = 2;
+    params.max_key_points = 16;
+    params.max_key_segments = 8;
+    params.local_keys = 2;
+    params.local_recent = 1;
+    params.window = 2;
+    params.window_free = 1;
+    test_every_pool_size(create, &params, cairn_mapper_memory(&params));
+    params.window = 0;
+    test_every_pool_size(create, &params, cairn_mapper_memory(&params));
+}
+
+static void bad_params_are_refused(void **state)
+{
+    cairn_pool pool = test_pool(1024);
+    cairn_mapper *mapper;
+    cairn_mapper_params good = small_params();
+
+    (void)state;
+    assert_true(cairn_mapper_memory(&good) > 0);
+    assert_int_equal(cairn_mapper_memory(NULL), 0);
+    assert_status(cairn_mapper_create(&mapper, &pool, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_mapper_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_mapper_create(&mapper, NULL, &good), CAIRN_BAD_ARGUMENT);
+#define REFUSED(field, value)                                                                                          \
+    do {                                                                                                               \
+        cairn_mapper_params bad = good;                                                                                \
+        bad.field = value;                                                                                             \
+        assert_int_equal(cairn_mapper_memory(&bad), 0);                                                                \
+        assert_status(cairn_mapper_create(&mapper, &pool, &bad), CAIRN_BAD_ARGUMENT);                                  \
+    } while (0)
+    REFUSED(max_keys, 0);
+    REFUSED(max_keys, (1 << 20) + 1);
+    REFUSED(max_key_points, 0);
+    REFUSED(max_key_segments, 0);
+    REFUSED(local_keys, 0);
+    REFUSED(local_keys, CAIRN_MAPPER_LOCAL_MOST + 1);
+    REFUSED(local_recent, 0);
+    REFUSED(local_recent, good.local_keys + 1);
+    REFUSED(local_radius, (cairn_real)NAN);
+    REFUSED(key_distance, 0);
+    REFUSED(key_turn, 0);
+    REFUSED(window, 1);
+    REFUSED(window, 65);
+    REFUSED(window_free, 0);
+    REFUSED(window_free, good.window);
+    REFUSED(odometry_distance, -1);
+    REFUSED(odometry_turn, -1);
+    REFUSED(odometry_distance_min, 0);
+    REFUSED(odometry_turn_min, 0);
+    REFUSED(min_support, -0.1f);
+    REFUSED(min_support, 1.1f);
+    REFUSED(scan.max_points, 0);
+    REFUSED(scan.max_points, (1 << 17) + 1);
+    REFUSED(scan.max_segments, 0);
+    REFUSED(scan.max_segments, (1 << 17) + 1);
+    REFUSED(scan.max_beams, 0);
+    REFUSED(icp.max_iterations, 0);
+    REFUSED(field.max_steps, 0);
+#undef REFUSED
+    assert_int_equal(pool.used, 0);
+    test_pool_free(&pool);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(maps_better_than_odometry),
+        cmocka_unit_test(maps_without_odometry),
+        cmocka_unit_test(odometry_that_never_goes_back_is_not_believed),
+        cmocka_unit_test(budgets_do_not_matter),
+        cmocka_unit_test(verdicts_say_how_a_pose_was_found),
+        cmocka_unit_test(what_does_not_match_is_predicted),
+        cmocka_unit_test(capacities_and_bad_input_change_nothing),
+        cmocka_unit_test(a_window_of_force_field_keeps_the_map),
+        cmocka_unit_test(memory_is_exact),
+        cmocka_unit_test(bad_params_are_refused),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
