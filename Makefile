@@ -43,6 +43,7 @@ BENCH_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(filter-out bench/bench_%,$
 BENCH_COMMON := $(wildcard bench/bench_*.c)
 CAIRN_SRC   := $(if $(HAVE_HOST),$(filter-out tools/cairn_arena%,$(wildcard tools/cairn*.c)))
 ARENA_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(wildcard tools/cairn_arena*.c))
+OPTIONS_SRC := tools/options.c
 HOST_LIBS   := -lyaml -lpng -lz
 SIM_LIBS    := -lbox2d
 
@@ -115,9 +116,9 @@ DOUBLE_LIBS := $(if $(SIM_SRC),$(BUILD)/libcairn-sim.a) $(BUILD)/libcairn-host.a
 FLOAT_LIBS  := $(if $(SIM_SRC),$(BUILD)/float/libcairn-sim.a) $(BUILD)/float/libcairn-host.a $(BUILD)/libcairn-float.a
 SYS_LIBS    = $(if $(SIM_SRC),$(SIM_LIBS)) $(HOST_LIBS) -lpthread -lm
 
-$(BUILD)/cairn: $(call object,double,$(CAIRN_SRC)) $(BUILD)/libcairn-host.a $(BUILD)/libcairn.a
+$(BUILD)/cairn: $(call object,double,$(CAIRN_SRC) $(OPTIONS_SRC)) $(BUILD)/libcairn-host.a $(BUILD)/libcairn.a
 	$(link) $(HOST_LIBS) -lm
-$(BUILD)/cairn-arena: $(call object,double,$(ARENA_SRC)) $(DOUBLE_LIBS)
+$(BUILD)/cairn-arena: $(call object,double,$(ARENA_SRC) $(OPTIONS_SRC)) $(DOUBLE_LIBS)
 	$(link) $(SYS_LIBS)
 $(BUILD)/bench/%: $(BUILD)/double/bench/%.c.o $(call object,double,$(BENCH_COMMON)) $(DOUBLE_LIBS)
 	$(link) $(SYS_LIBS)
