@@ -227,7 +227,7 @@ static void verdicts_say_how_a_pose_was_found(void **state)
     assert_near(one.results[0].support, 0, 0);
     for (int32_t i = 1; i < 30; i++) {
         assert_int_equal(one.results[i].verdict, CAIRN_MAPPER_MATCHED);
-        assert_true(one.results[i].support > 0.5f && one.results[i].support <= 1);
+        assert_true((double)one.results[i].support > 0.5 && one.results[i].support <= 1);
         assert_true(one.results[i].covariance[0] > 0 && one.results[i].covariance[8] > 0);
         assert_true(one.results[i].key >= one.results[i - 1].key);
         assert_true(one.results[i].is_key == (one.results[i].key > one.results[i - 1].key));

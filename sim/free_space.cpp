@@ -1,0 +1,178 @@
+#include "sim/free_space.h"
+
+#include <algorithm>
+#include <queue>
+
+namespace sim
+{
+
+constexpr double cell_side = 0.1;
+
+FreeSpace::FreeSpace(const Layout &layout, double a) : width(layout.width), height(layout.height), angle(a)
+{
+    std::vector<double> reach;
+    std::vector<int32_t> stack, part;
+
+    columns = (int32_t)std::ceil(width / cell_side);
+    rows = (int32_t)std::ceil(height / cell_side);
+    clearance.resize((size_t)(columns * rows));
+    inside.assign(clearance.size(), 0);
+    for (const Body &body : layout.bodies)
+        reach.push_back(body.reach());
+    for (int32_t cell = 0; cell < columns * rows; cell++) {
+        sim_point p = middle(cell);
+        double nearest = 2; // more clearance than that is all the same
+
+        for (size_t i = 0; i < layout.bodies.size(); i++)
+            if (length(layout.bodies[i].centre - p) - reach[i] < nearest)
+                nearest = std::min(nearest, distance(layout.bodies[i], p));
+        clearance[(size_t)cell] = (float)nearest;
+    }
+
+    std::vector<char> seen(clearance.size(), 0);
+    for (int32_t start = 0; start < columns * rows; start++) {
+        if (seen[(size_t)start] || (double)clearance[(size_t)start] < free_clearance)
+            continue;
+        part.clear();
+        stack.assign(1, start);
+        seen[(size_t)start] = 1;
+        while (!stack.empty()) {
+            int32_t cell = stack.back(), column = cell % columns, row = cell / columns;
+
+            stack.pop_back();
+            part.push_back(cell);
+            for (int side = 0; side < 4; side++) {
+                int32_t c = column + (side == 0) - (side == 1), r = row + (side == 2) - (side == 3);
+                size_t next = (size_t)(r * columns + c);
+
+                if (c < 0 || r < 0 || c >= columns || r >= rows || seen[next] ||
+                    (double)clearance[next] < free_clearance)
+                    continue;
+                seen[next] = 1;
+                stack.push_back((int32_t)next);
+            }
+        }
+        if (part.size() > connected.size())
+            connected = part;
+    }
+    std::sort(connected.begin(), connected.end());
+    for (int32_t cell : connected)
+        inside[(size_t)cell] = 1;
+}
+
+sim_point FreeSpace::middle(int32_t cell) const
+{
+    double x = (cell % columns + 0.5) * cell_side - width / 2, y = (cell / columns + 0.5) * cell_side - height / 2;
+
+    return turned({x, y}, angle);
+}
+
+int32_t FreeSpace::cell_of(sim_point p) const
+{
+    sim_point q = turned(p, -angle);
+    double column = std::floor((q.x + width / 2) / cell_side), row = std::floor((q.y + height / 2) / cell_side);
+
+    if (!(column >= 0 && row >= 0 && column < columns && row < rows))
+        return -1;
+    return (int32_t)row * columns + (int32_t)column;
+}
+
+bool FreeSpace::reachable(sim_point p) const
+{
+    int32_t cell = cell_of(p);
+
+    return cell >= 0 && inside[(size_t)cell];
+}
+
+int32_t FreeSpace::nearest_reachable(sim_point p) const
+{
+    int32_t best = connected.front();
+
+    if (reachable(p))
+        return cell_of(p);
+    for (int32_t cell : connected)
+        if (length(middle(cell) - p) < length(middle(best) - p))
+            best = cell;
+    return best;
+}
+
+// Dijkstra over eight neighbours; `to` < 0: all cells. Ways along walls cost more than those in the open.
+void FreeSpace::search(int32_t from, int32_t to, std::vector<double> &cost, std::vector<int32_t> &parent) const
+{
+    using Entry = std::pair<double, int32_t>;
+    std::priority_queue<Entry, std::vector<Entry>, std::greater<Entry>> queue;
+
+    cost.assign(clearance.size(), 1e9);
+    parent.assign(clearance.size(), -1);
+    cost[(size_t)from] = 0;
+    queue.push({0, from});
+    while (!queue.empty()) {
+        auto [so_far, cell] = queue.top();
+
+        queue.pop();
+        if (cell == to)
+            return;
+        if (so_far > cost[(size_t)cell])
+            continue;
+        for (int step = 0; step < 9; step++) {
+            int32_t dc = step % 3 - 1, dr = step / 3 - 1, c = cell % columns + dc, r = cell / columns + dr;
+            size_t next = (size_t)(r * columns + c);
+            double price;
+
+            if (c < 0 || r < 0 || c >= columns || r >= rows || !inside[next])
+                continue;
+            price = so_far + cell_side * (dc && dr ? std::sqrt(2.0) : 1);
+            if (to >= 0)
+                price += cell_side * 0.3 * std::max(0.0, 0.7 - (double)clearance[next]) / 0.4;
+            if (price >= cost[next])
+                continue;
+            cost[next] = price;
+            parent[next] = cell;
+            queue.push({price, (int32_t)next});
+        }
+    }
+}
+
+std::vector<double> FreeSpace::distances(int32_t from) const
+{
+    std::vector<double> cost;
+    std::vector<int32_t> parent;
+
+    search(from, -1, cost, parent);
+    return cost;
+}
+
+bool FreeSpace::straight(sim_point a, sim_point b) const
+{
+    int steps = (int)std::ceil(length(b - a) / (cell_side / 2));
+
+    for (int i = 0; i <= steps; i++)
+        if (!reachable(a + (b - a) * (steps ? (double)i / steps : 0)))
+            return false;
+    return true;
+}
+
+std::vector<sim_point> FreeSpace::way(int32_t from, int32_t to) const
+{
+    std::vector<double> cost;
+    std::vector<int32_t> parent, cells;
+    std::vector<sim_point> way;
+
+    search(from, to, cost, parent);
+    for (int32_t cell = to; cell >= 0; cell = parent[(size_t)cell])
+        cells.push_back(cell);
+    std::reverse(cells.begin(), cells.end());
+    way.push_back(middle(cells[0]));
+    for (size_t i = 0; i + 1 < cells.size();) {
+        size_t next = i + 1;
+
+        // Straight legs of at most 2 m, so that the way keeps to the open.
+        while (next + 1 < cells.size() && next + 1 - i <= 20 && straight(middle(cells[i]), middle(cells[next + 1])))
+            next++;
+        way.push_back(middle(cells[next]));
+        i = next;
+    }
+    return way;
+}
+
+} // namespace sim

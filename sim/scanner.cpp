@@ -1,0 +1,143 @@
+#include "sim/arena_parts.h"
+
+#include <algorithm>
+
+namespace sim
+{
+
+// Random streams of a scan: 4 * index + one of these.
+enum { noise_of_scan = 0, dropout_of_scan = 1, tilt_of_scan = 2 };
+
+static Random scan_random(uint64_t seed, int32_t index, int which)
+{
+    return Random(seed, scan_streams + 4 * (uint64_t)index + (uint64_t)which);
+}
+
+Scanner::Scanner(const sim_arena &where, const sim_survey_options &how)
+    : arena(where), options(how), first(), index(0), next(0)
+{
+}
+
+void Scanner::begin(const State &state, int32_t number, double speed, double turn_rate)
+{
+    bool whole_turn = options.fov > 2 * pi - 1e-9;
+    sim_scan scan = {};
+
+    scan.count = options.beams;
+    scan.place = scan.heading = -1;
+    scan.angle_min = -options.fov / 2;
+    scan.angle_step = options.fov / (whole_turn ? options.beams : options.beams - 1);
+    scan.range_min = options.range_min;
+    scan.range_max = options.range_max;
+    scan.range_sigma = options.noise;
+    scan.base_sensor = options.base_sensor;
+    scan.truth = state.truth;
+    scan.odometry = state.odometry;
+    scan.speed = speed;
+    scan.turn_rate = turn_rate;
+    scan.stamp_ns = (int64_t)std::llround(state.time * 1e9);
+    sweep = {std::vector<float>((size_t)options.beams), std::vector<int32_t>((size_t)options.beams), scan};
+    range.assign((size_t)options.beams, 0);
+    first = state;
+    index = number;
+    next = 0;
+}
+
+int32_t Scanner::edge_of(const Hit &hit) const
+{
+    double best = -2;
+    int32_t edge = SIM_MOVER;
+
+    if (!hit.any)
+        return SIM_NOTHING;
+    if (hit.body == hit_mover)
+        return SIM_MOVER;
+    const sim_body &body = arena.bodies[(size_t)hit.body];
+    for (int32_t i = body.first_edge; i < body.first_edge + body.edge_count; i++) {
+        double likeness = dot(arena.edges[(size_t)i].normal, hit.normal);
+
+        if (likeness > best) {
+            best = likeness;
+            edge = i;
+        }
+    }
+    return edge;
+}
+
+bool Scanner::advance(const World &world, const State &before, const State &now)
+{
+    for (; next < options.beams; next++) {
+        double due = first.time + options.scan_time * next / (options.beams - 1);
+        double share = now.time > before.time ? (due - before.time) / (now.time - before.time) : 0;
+        sim_pose base, sensor;
+        Hit hit;
+
+        if (due > now.time + 1e-9)
+            return false;
+        share = std::clamp(share, 0.0, 1.0);
+        base = blend(before.truth, now.truth, share);
+        sensor = compose(base, options.base_sensor);
+        hit = world.cast({sensor.x, sensor.y}, sensor.theta + sweep.scan.angle_min + next * sweep.scan.angle_step,
+                         options.range_max);
+        range[(size_t)next] = hit.range;
+        sweep.edge[(size_t)next] = edge_of(hit);
+        if (next + 1 == options.beams) {
+            sweep.scan.motion = between(first.truth, base);
+            sweep.scan.odometry_motion = between(first.odometry, blend(before.odometry, now.odometry, share));
+        }
+    }
+    return true;
+}
+
+// A scanner that leans over by an angle a toward bearing b sees the floor in direction c at (height / tan a) / cos(c - b).
+// A run of beams about b reads so, short of all that stands there; the others of the sweep still clear the floor.
+void Scanner::tilt()
+{
+    Random random = scan_random(options.seed, index, tilt_of_scan);
+    double tilted_scans = std::min(1.0, 3 * options.tilt);
+    bool tilted = random.chance(tilted_scans);
+    double share = options.tilt / std::max(tilted_scans, 1e-9) * random.uniform(0.5, 1.5);
+    double start = random.unit(), depth = random.uniform(0.35, 0.9), nearest = 1e9;
+    int32_t length = std::min(options.beams, (int32_t)std::lround(share * options.beams));
+    int32_t from = (int32_t)std::lround(start * (options.beams - length));
+
+    if (!tilted || length == 0)
+        return;
+    auto leaning = [&](int32_t beam) {
+        return std::max(0.1, std::cos((beam - from - (length - 1) / 2.0) * sweep.scan.angle_step));
+    };
+    for (int32_t i = from; i < from + length; i++)
+        nearest = std::min(nearest, range[(size_t)i] * leaning(i));
+    for (int32_t i = from; i < from + length; i++) {
+        range[(size_t)i] = depth * nearest / leaning(i);
+        sweep.edge[(size_t)i] = SIM_FLOOR;
+    }
+    sweep.scan.tilted = 1;
+}
+
+Sweep Scanner::finish()
+{
+    Random noise = scan_random(options.seed, index, noise_of_scan);
+    Random dropout = scan_random(options.seed, index, dropout_of_scan);
+
+    tilt();
+    for (size_t i = 0; i < range.size(); i++) {
+        double error = noise.normal() * options.noise;
+        bool dropped = dropout.chance(options.dropout);
+        double read = std::max(range[i] + error, options.range_min);
+
+        if (sweep.edge[i] == SIM_NOTHING || (float)read >= (float)options.range_max) {
+            sweep.edge[i] = SIM_NOTHING;
+            sweep.range[i] = INFINITY;
+        } else {
+            sweep.range[i] = (float)read;
+        }
+        if (dropped) {
+            sweep.edge[i] = SIM_DROPPED;
+            sweep.range[i] = NAN;
+        }
+    }
+    return sweep;
+}
+
+} // namespace sim

@@ -1,0 +1,49 @@
+// scanner: one sweep of beams through a world, each beam from where the sensor is at its own time; then what a real
+// scanner adds: noise, a tilt toward the floor, dropouts.
+#ifndef CAIRN_SIM_SCANNER_H
+#define CAIRN_SIM_SCANNER_H
+
+#include "sim/world.h"
+
+namespace sim
+{
+
+struct Sweep {
+    std::vector<float> range;
+    std::vector<int32_t> edge;
+    sim_scan scan; // its arrays are set when the survey is complete
+};
+
+// Where the robot is and where it believes to be, and when.
+struct State {
+    double time; // s
+    sim_pose truth, odometry;
+};
+
+class Scanner
+{
+  public:
+    Scanner(const sim_arena &where, const sim_survey_options &how);
+
+    // Starts sweep number `index`.
+    void begin(const State &state, int32_t index, double speed, double turn_rate);
+    // Casts the beams that are due until `now`; true when the last one is cast.
+    bool advance(const World &world, const State &before, const State &now);
+    // The sweep with all errors of a scanner.
+    Sweep finish();
+
+  private:
+    int32_t edge_of(const Hit &hit) const;
+    void tilt();
+
+    const sim_arena &arena;
+    const sim_survey_options &options;
+    std::vector<double> range;
+    Sweep sweep;
+    State first;
+    int32_t index, next;
+};
+
+} // namespace sim
+
+#endif

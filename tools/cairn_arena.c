@@ -1,0 +1,236 @@
+/* cairn-arena: an arena by name and seed, and what a range scanner sees in it, as files. */
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "sim/files.h"
+#include "tools/cairn_arena_options.h"
+
+#define PROGRAM "cairn-arena"
+
+static const double degree = 3.14159265358979323846 / 180;
+
+/* The command line as it comes: degrees where the options say so. */
+typedef struct command {
+    sim_arena_options arena;
+    sim_survey_options survey;
+    double size[2], jitter[2], disturb[2];
+    double fov, turn;
+    const char *folder;
+    int32_t help;
+} command;
+
+enum { OPTION_COUNT = 22 };
+
+static void make_table(command *c, option *table)
+{
+    sim_survey_options *s = &c->survey;
+    const option options[OPTION_COUNT] = {
+        {"seed", 0, OPTION_SEED, "N", "same seed and options, same bytes", &c->arena.seed, 0, 0},
+        {"size", 0, OPTION_SIZE, "WxH", "m, at most 60x60; else the scene's own", c->size, 1, 60},
+        {"turn", 0, OPTION_NUMBER, "DEG", "turn of the scene in the world; else at random", &c->turn, -360, 360},
+        {"rubble", 0, OPTION_NUMBER, "SHARE", "amount of loose bodies, 0 to 3", &c->arena.rubble, 0, 3},
+        {"places", 0, OPTION_INTEGER, "N", "places to scan from; 0: the scene's own", &s->places, 0, 1000},
+        {"headings", 0, OPTION_INTEGER, "N", "scans at each place, evenly around", &s->headings, 1, 64},
+        {"jitter", 0, OPTION_PAIR, "M,DEG", "how far scans of one place lie apart, m and degrees", c->jitter, 0, 360},
+        {"drive", 0, OPTION_INTEGER, "N", "N scans while a robot drives along the places instead", &s->drive, 0,
+         100000},
+        {"drive-every", 0, OPTION_NUMBER, "M", "m between two scans of a drive", &s->drive_distance, 0.01, 100},
+        {"fov", 0, OPTION_NUMBER, "DEG", "field of view; 360 is a full circle", &c->fov, 0.1, 360},
+        {"beams", 0, OPTION_INTEGER, "N", "beams of a scan", &s->beams, 2, 100000},
+        {"range", 0, OPTION_NUMBER, "M", "greatest range, m", &s->range_max, 1, 200},
+        {"noise", 0, OPTION_NUMBER, "M", "standard deviation of a range, m", &s->noise, 0, 1},
+        {"dropout", 0, OPTION_NUMBER, "SHARE", "share of beams that are lost, 0 to 1", &s->dropout, 0, 1},
+        {"tilt", 0, OPTION_NUMBER, "SHARE", "share of beams that read short on the floor, 0 to 0.3", &s->tilt, 0, 0.3},
+        {"movers", 0, OPTION_INTEGER, "N", "bodies that walk about, 0 to 100", &s->movers, 0, 100},
+        {"scan-time", 0, OPTION_NUMBER, "S", "s from the first to the last beam, 0 to 2", &s->scan_time, 0, 2},
+        {"sweep-speed", 0, OPTION_NUMBER, "M/S", "m/s, at most, of a robot that sweeps at a place", &s->sweep_speed, 0,
+         5},
+        {"sweep-turn", 0, OPTION_NUMBER, "RAD/S", "rad/s, at most, of a robot that sweeps at a place", &s->sweep_turn,
+         0, 20},
+        {"disturb", 0, OPTION_PAIR, "M,DEG", "poses in the log: the truth +-M m and +-DEG degrees", c->disturb, 0, 360},
+        {"output", 'o', OPTION_TEXT, "DIR", "folder to write to; it is made when it is not there", &c->folder, 0, 0},
+        {"help", 'h', OPTION_FLAG, "", "this text", &c->help, 0, 0},
+    };
+
+    memcpy(table, options, sizeof options);
+}
+
+static void help(const option *table)
+{
+    printf(
+        "usage: cairn-arena SCENE [OPTION]... -o DIR\n\n"
+        "Makes an arena and scans of it: DIR/scans.log (CARMEN), DIR/truth.csv, DIR/arena.json (all walls with their\n"
+        "numbers), DIR/arena.svg (a picture). The poses in the log are the robot's drifting odometry.\n\nscenes:\n");
+    for (sim_scene scene = 0; scene < SIM_SCENES; scene++) {
+        double width, height;
+
+        sim_scene_size(scene, &width, &height);
+        printf("  %-10s %s [%.9gx%.9g m, %d places]\n", sim_scene_name(scene), sim_scene_about(scene), width, height,
+               (int)sim_scene_places(scene));
+    }
+    printf("\noptions (standard value in brackets):\n");
+    options_help(stdout, table, OPTION_COUNT);
+    printf(
+        "\nIn the log a beam that met nothing reads the greatest range, a lost one 0. A field of view of 180 degrees\n"
+        "gives FLASER lines, any other ROBOTLASER1. Exit: 0 done, 2 refused; nothing is half-written.\n");
+}
+
+/* What is written: all of it beside, under a name of its own, then moved to its place. */
+enum { LOG, TRUTH, JSON, PICTURE, FILE_COUNT };
+static const char *const file_names[FILE_COUNT] = {"scans.log", "truth.csv", "arena.json", "arena.svg"};
+
+static int32_t write_one(int32_t which, const sim_survey *survey, const sim_pose *poses, const char *line, FILE *file)
+{
+    switch (which) {
+    case LOG:
+        return sim_write_log(survey, poses, line, file);
+    case TRUTH:
+        return sim_write_truth(survey, file);
+    case JSON:
+        return sim_write_json(sim_survey_arena(survey), file);
+    default:
+        return sim_write_picture(survey, file);
+    }
+}
+
+static void path_of(char *path, size_t size, const char *folder, int32_t which, const char *ending)
+{
+    snprintf(path, size, "%s/%s%s", folder, file_names[which], ending);
+}
+
+static int write_all(const char *folder, const sim_survey *survey, const sim_pose *poses, const char *line)
+{
+    size_t size = strlen(folder) + 32;
+    char *part = malloc(size), *final = malloc(size);
+    int32_t done = 0, made = mkdir(folder, 0777) == 0;
+    int status = 0;
+
+    if (part == NULL || final == NULL)
+        status = options_fault(PROGRAM, "no memory, expected some more");
+    for (; status == 0 && done < FILE_COUNT; done++) {
+        FILE *file;
+        int32_t bad;
+
+        path_of(part, size, folder, done, ".part");
+        file = fopen(part, "wb");
+        if (file == NULL) {
+            status = options_fault(PROGRAM, "%s: %s, expected a folder that can be written to", part, strerror(errno));
+            break;
+        }
+        bad = write_one(done, survey, poses, line, file) != 0;
+        if (fclose(file) != 0 || bad)
+            status = options_fault(PROGRAM, "%s: %s, expected room for the file", part, strerror(errno));
+    }
+    for (int32_t i = 0; status == 0 && i < FILE_COUNT; i++) {
+        path_of(part, size, folder, i, ".part");
+        path_of(final, size, folder, i, "");
+        if (rename(part, final) != 0)
+            status = options_fault(PROGRAM, "%s: %s, expected a file that can be replaced", final, strerror(errno));
+    }
+    for (int32_t i = 0; status != 0 && part != NULL && i < done; i++) {
+        path_of(part, size, folder, i, ".part");
+        (void)unlink(part);
+    }
+    if (status != 0 && made)
+        (void)rmdir(folder); /* empty: nothing of ours stays behind */
+    free(part);
+    free(final);
+    return status;
+}
+
+/* The command line again, for the comment in the log, without the folder: same options, same bytes. */
+static void repeat(char *line, size_t size, const char *folder, int argc, char **argv)
+{
+    size_t used = (size_t)snprintf(line, size, "cairn-arena");
+
+    for (int i = 1; i < argc && used < size; i++) {
+        if (i + 1 < argc && argv[i + 1] == folder) {
+            i++;
+            continue;
+        }
+        if (strstr(argv[i], folder) != NULL && argv[i][0] == '-')
+            continue;
+        used += (size_t)snprintf(line + used, size - used, " %s", argv[i]);
+    }
+    for (char *c = line; *c != '\0'; c++)
+        if ((unsigned char)*c < ' ')
+            *c = ' '; /* the comment is one line */
+}
+
+static int run(command *c, const char *scene, int argc, char **argv)
+{
+    char fault[200], line[1000];
+    sim_arena *arena;
+    sim_survey *survey;
+    sim_pose *poses = NULL;
+    int32_t count;
+    int status = 0;
+
+    c->arena.scene = sim_scene_find(scene);
+    if (c->arena.scene < 0)
+        return options_fault(PROGRAM, "there is no scene '%s', expected one of those that --help lists", scene);
+    if (c->folder == NULL)
+        return options_fault(PROGRAM, "no output folder, expected -o DIR");
+    if (c->jitter[0] > 1)
+        return options_fault(PROGRAM, "--jitter is %.9g m, expected 0 to 1", c->jitter[0]);
+    c->arena.width = c->size[0];
+    c->arena.height = c->size[1];
+    c->arena.turn = c->turn * degree;
+    c->survey.seed = c->arena.seed;
+    c->survey.fov = c->fov * degree;
+    c->survey.jitter_position = c->jitter[0];
+    c->survey.jitter_heading = c->jitter[1] * degree;
+
+    arena = sim_arena_create(&c->arena, fault, sizeof fault);
+    if (arena == NULL)
+        return options_fault(PROGRAM, "%s: %s", scene, fault);
+    survey = sim_survey_create(arena, &c->survey, fault, sizeof fault);
+    if (survey == NULL) {
+        sim_arena_free(arena);
+        return options_fault(PROGRAM, "%s: %s", scene, fault);
+    }
+    (void)sim_survey_scans(survey, &count);
+    if (c->disturb[0] > 0 || c->disturb[1] > 0) {
+        poses = malloc((size_t)count * sizeof *poses);
+        if (poses == NULL)
+            status = options_fault(PROGRAM, "no memory for %d scans, expected some more", (int)count);
+        else
+            sim_survey_disturb(survey, c->arena.seed, c->disturb[0], c->disturb[1] * degree, poses);
+    }
+    if (status == 0) {
+        repeat(line, sizeof line, c->folder, argc, argv);
+        status = write_all(c->folder, survey, poses, line);
+    }
+    free(poses);
+    sim_survey_free(survey);
+    sim_arena_free(arena);
+    return status;
+}
+
+int main(int argc, char **argv)
+{
+    command c = {sim_arena_default(), sim_survey_default(), {0, 0}, {0, 0}, {0, 0}, 0, NAN, NULL, 0};
+    option table[OPTION_COUNT];
+    const char *scene;
+    int32_t given;
+
+    c.fov = c.survey.fov / degree;
+    c.jitter[0] = c.survey.jitter_position;
+    c.jitter[1] = c.survey.jitter_heading / degree;
+    make_table(&c, table);
+    for (int i = 1; i < argc; i++)
+        if (strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0) {
+            help(table);
+            return 0;
+        }
+    given = options_parse(PROGRAM, table, OPTION_COUNT, argc, argv, &scene, 1, "one scene");
+    if (given < 0)
+        return 2;
+    if (given == 0)
+        return options_fault(PROGRAM, "no scene, expected one of those that --help lists");
+    return run(&c, scene, argc, argv);
+}
