@@ -78,7 +78,8 @@ int32_t cairn_line_intersection(cairn_segment first, cairn_segment second, cairn
 
     if (!(cairn_abs(cross) > sine_limit))
         return 0;
-    *point = cairn_vec2_add(first.a, cairn_vec2_scale(u, cairn_vec2_cross(cairn_vec2_sub(second.a, first.a), v) / cross));
+    *point =
+        cairn_vec2_add(first.a, cairn_vec2_scale(u, cairn_vec2_cross(cairn_vec2_sub(second.a, first.a), v) / cross));
     return 1;
 }
 

@@ -13,10 +13,10 @@
 #if CAIRN_POOL_GAP > 0
 void __asan_poison_memory_region(void const volatile *address, size_t size);
 void __asan_unpoison_memory_region(void const volatile *address, size_t size);
-#define POISON(address, size) __asan_poison_memory_region(address, size)
+#define POISON(address, size)   __asan_poison_memory_region(address, size)
 #define UNPOISON(address, size) __asan_unpoison_memory_region(address, size)
 #else
-#define POISON(address, size) ((void)(address), (void)(size))
+#define POISON(address, size)   ((void)(address), (void)(size))
 #define UNPOISON(address, size) ((void)(address), (void)(size))
 #endif
 

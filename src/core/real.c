@@ -12,34 +12,29 @@
 #include "cairn/real.h"
 
 #ifdef CAIRN_FLOAT
-#define FMOD fmodf
-#define LDEXP ldexpf
-#define FREXP frexpf
+#define FMOD     fmodf
+#define LDEXP    ldexpf
+#define FREXP    frexpf
 #define COPYSIGN copysignf
 #else
-#define FMOD fmod
-#define LDEXP ldexp
-#define FREXP frexp
+#define FMOD     fmod
+#define LDEXP    ldexp
+#define FREXP    frexp
 #define COPYSIGN copysign
 #endif
 
 #ifdef CAIRN_FLOAT
-static const cairn_real SINE[] = {
-    -0.166666667f, 0.00833333333f, -0.000198412698f, 2.75573192e-06f};
-static const cairn_real COSINE[] = {
-    0.0416666667f, -0.00138888889f, 2.48015873e-05f, -2.75573192e-07f};
-static const cairn_real ARCTAN[] = {
-    -0.333333333f, 0.2f, -0.142857143f, 0.111111111f};
-static const cairn_real EXPONENTIAL[] = {
-    0.5f, 0.166666667f, 0.0416666667f, 0.00833333333f, 0.00138888889f, 0.000198412698f, 2.48015873e-05f};
-static const cairn_real LOGARITHM[] = {
-    0.666666667f, 0.4f, 0.285714286f, 0.222222222f, 0.181818182f};
-static const cairn_real ERF[] = {
-    1.12837917f, -0.376126385f, 0.112837787f, -0.0268647797f, 0.00521681665f, -0.000835735646f,
-    9.47299835e-05f};
-static const cairn_real ERFCX[] = {
-    0.626504029f, -0.0678105509f, -0.0237811558f, 0.0648224475f, -0.0596365928f, 0.0341562784f,
-    -0.011887527f, 0.00124862932f, 0.000952881558f, -0.000338999579f, -6.29051203e-05f};
+static const cairn_real SINE[] = {-0.166666667f, 0.00833333333f, -0.000198412698f, 2.75573192e-06f};
+static const cairn_real COSINE[] = {0.0416666667f, -0.00138888889f, 2.48015873e-05f, -2.75573192e-07f};
+static const cairn_real ARCTAN[] = {-0.333333333f, 0.2f, -0.142857143f, 0.111111111f};
+static const cairn_real EXPONENTIAL[] = {0.5f,           0.166666667f,    0.0416666667f,  0.00833333333f,
+                                         0.00138888889f, 0.000198412698f, 2.48015873e-05f};
+static const cairn_real LOGARITHM[] = {0.666666667f, 0.4f, 0.285714286f, 0.222222222f, 0.181818182f};
+static const cairn_real ERF[] = {1.12837917f,    -0.376126385f,    0.112837787f,   -0.0268647797f,
+                                 0.00521681665f, -0.000835735646f, 9.47299835e-05f};
+static const cairn_real ERFCX[] = {0.626504029f,    -0.0678105509f,   -0.0237811558f,  0.0648224475f,
+                                   -0.0596365928f,  0.0341562784f,    -0.011887527f,   0.00124862932f,
+                                   0.000952881558f, -0.000338999579f, -6.29051203e-05f};
 /* pi/2 and ln 2 in parts whose products with the integers below are exact. */
 static const cairn_real HALF_PI_PARTS[] = {1.5703125f, 0.000483751297f, 7.54953362e-08f, 2.56334415e-12f};
 static const cairn_real LN2_PARTS[] = {0.693145752f, 1.42860682e-06f};
@@ -49,36 +44,45 @@ static const cairn_real ATAN_HIGH[] = {0, 0.244978666f, 0.463647604f, 0.64350110
 static const cairn_real ATAN_LOW[] = {0, -3.17867784e-09f, 5.01215866e-09f, 5.86893746e-09f, -2.1855695e-08f};
 static const cairn_real PI_HIGH = 3.14159274f, PI_LOW = -8.742278e-08f;
 
-static const cairn_real REDUCE_LIMIT = 6000;         /* sin, cos: multiples of pi/2 stay exact up to here */
-static const cairn_real EXP_MAX = 88.7228394f;       /* exp overflows above */
-static const cairn_real EXP_MIN = -104;              /* exp is 0 below */
-static const cairn_real ERFC_MAX = 10.1f;            /* erfc is 0 above */
-static const cairn_real ERFC_SPLIT = 16;             /* x rounded to 1/16 has an exact square */
+static const cairn_real REDUCE_LIMIT = 6000;   /* sin, cos: multiples of pi/2 stay exact up to here */
+static const cairn_real EXP_MAX = 88.7228394f; /* exp overflows above */
+static const cairn_real EXP_MIN = -104;        /* exp is 0 below */
+static const cairn_real ERFC_MAX = 10.1f;      /* erfc is 0 above */
+static const cairn_real ERFC_SPLIT = 16;       /* x rounded to 1/16 has an exact square */
 #else
-static const cairn_real SINE[] = {
-    -0.16666666666666666, 0.0083333333333333332, -0.00019841269841269841, 2.7557319223985893e-06,
-    -2.505210838544172e-08, 1.6059043836821613e-10, -7.6471637318198164e-13, 2.8114572543455206e-15};
-static const cairn_real COSINE[] = {
-    0.041666666666666664, -0.0013888888888888889, 2.4801587301587302e-05, -2.7557319223985888e-07,
-    2.08767569878681e-09, -1.1470745597729725e-11, 4.7794773323873853e-14, -1.5619206968586225e-16};
-static const cairn_real ARCTAN[] = {
-    -0.33333333333333331, 0.20000000000000001, -0.14285714285714285, 0.1111111111111111,
-    -0.090909090909090912, 0.076923076923076927, -0.066666666666666666, 0.058823529411764705};
-static const cairn_real EXPONENTIAL[] = {
-    0.5, 0.16666666666666666, 0.041666666666666664, 0.0083333333333333332, 0.0013888888888888889,
-    0.00019841269841269841, 2.4801587301587302e-05, 2.7557319223985893e-06, 2.7557319223985888e-07,
-    2.505210838544172e-08, 2.08767569878681e-09, 1.6059043836821613e-10, 1.1470745597729725e-11};
-static const cairn_real LOGARITHM[] = {
-    0.66666666666666663, 0.40000000000000002, 0.2857142857142857, 0.22222222222222221,
-    0.18181818181818182, 0.15384615384615385, 0.13333333333333333, 0.11764705882352941,
-    0.10526315789473684, 0.095238095238095233, 0.086956521739130432};
-static const cairn_real ERF[] = {
-    1.1283791670955126, -0.37612638903183754, 0.11283791670955087, -0.026866170645118519,
-    0.0052239776252232459, -0.00085483270012233438, 0.00012055331549810692, -1.4925589533723744e-05,
-    1.6460386405915453e-06, -1.6333271656928769e-07, 1.4414195873086809e-08, -9.5038637623419788e-10};
+static const cairn_real SINE[] = {-0.16666666666666666,    0.0083333333333333332,  -0.00019841269841269841,
+                                  2.7557319223985893e-06,  -2.505210838544172e-08, 1.6059043836821613e-10,
+                                  -7.6471637318198164e-13, 2.8114572543455206e-15};
+static const cairn_real COSINE[] = {0.041666666666666664,    -0.0013888888888888889, 2.4801587301587302e-05,
+                                    -2.7557319223985888e-07, 2.08767569878681e-09,   -1.1470745597729725e-11,
+                                    4.7794773323873853e-14,  -1.5619206968586225e-16};
+static const cairn_real ARCTAN[] = {-0.33333333333333331,  0.20000000000000001,   -0.14285714285714285,
+                                    0.1111111111111111,    -0.090909090909090912, 0.076923076923076927,
+                                    -0.066666666666666666, 0.058823529411764705};
+static const cairn_real EXPONENTIAL[] = {0.5,
+                                         0.16666666666666666,
+                                         0.041666666666666664,
+                                         0.0083333333333333332,
+                                         0.0013888888888888889,
+                                         0.00019841269841269841,
+                                         2.4801587301587302e-05,
+                                         2.7557319223985893e-06,
+                                         2.7557319223985888e-07,
+                                         2.505210838544172e-08,
+                                         2.08767569878681e-09,
+                                         1.6059043836821613e-10,
+                                         1.1470745597729725e-11};
+static const cairn_real LOGARITHM[] = {0.66666666666666663,  0.40000000000000002, 0.2857142857142857,
+                                       0.22222222222222221,  0.18181818181818182, 0.15384615384615385,
+                                       0.13333333333333333,  0.11764705882352941, 0.10526315789473684,
+                                       0.095238095238095233, 0.086956521739130432};
+static const cairn_real ERF[] = {1.1283791670955126,      -0.37612638903183754,    0.11283791670955087,
+                                 -0.026866170645118519,   0.0052239776252232459,   -0.00085483270012233438,
+                                 0.00012055331549810692,  -1.4925589533723744e-05, 1.6460386405915453e-06,
+                                 -1.6333271656928769e-07, 1.4414195873086809e-08,  -9.5038637623419788e-10};
 static const cairn_real ERFCX[] = {
-    0.6265040291348648, -0.067810553062290599, -0.023781147176725637, 0.064822579351382234,
-    -0.059636831707633467, 0.034154013671911343, -0.011885257459941461, 0.0012646959096351397,
+    0.6265040291348648,     -0.067810553062290599,   -0.023781147176725637,   0.064822579351382234,
+    -0.059636831707633467,  0.034154013671911343,    -0.011885257459941461,   0.0012646959096351397,
     0.00094434518844367004, -0.00038991615594676334, -5.2579969090225262e-05, 6.2549835623330202e-05,
     2.4750502969607526e-06, -1.0051122145125327e-05, -3.6647310390519061e-07, 1.7390573337373671e-06,
     1.7878649509004555e-07, -3.1430784971086472e-07, -6.8515470850581181e-08, 5.7855843985001325e-08,
@@ -94,11 +98,11 @@ static const cairn_real ATAN_LOW[] = {0, 1.0698755618734451e-17, 2.2698777452961
                                       3.061616997868383e-17};
 static const cairn_real PI_HIGH = 3.1415926535897931, PI_LOW = 1.2246467991473532e-16;
 
-static const cairn_real REDUCE_LIMIT = 1000000;      /* sin, cos: multiples of pi/2 stay exact up to here */
+static const cairn_real REDUCE_LIMIT = 1000000;       /* sin, cos: multiples of pi/2 stay exact up to here */
 static const cairn_real EXP_MAX = 709.78271289338397; /* exp overflows above */
-static const cairn_real EXP_MIN = -746;              /* exp is 0 below */
-static const cairn_real ERFC_MAX = 27.3;             /* erfc is 0 above */
-static const cairn_real ERFC_SPLIT = 1048576;        /* x rounded to 2^-20 has an exact square */
+static const cairn_real EXP_MIN = -746;               /* exp is 0 below */
+static const cairn_real ERFC_MAX = 27.3;              /* erfc is 0 above */
+static const cairn_real ERFC_SPLIT = 1048576;         /* x rounded to 2^-20 has an exact square */
 #endif
 
 #define HORNER(coefficients, x) horner(coefficients, (int)(sizeof(coefficients) / sizeof *(coefficients)), x)
