@@ -12,13 +12,13 @@ extern "C" {
 
 /* A sweep. The fields of a ROS LaserScan map one to one. Arrays are the caller's and are only read. */
 typedef struct cairn_scan_input {
-    const float *range;       /* [count] m. +inf: free up to range_max; NaN, <= 0, < range_min: nothing known */
-    const float *angle;       /* [count] rad, any spacing, sense and start; NULL: angle_min + i * angle_step */
-    int32_t      count;
-    float        angle_min, angle_step, range_min, range_max, range_sigma;
-    int64_t      stamp_ns;    /* first beam */
-    cairn_pose   base_sensor; /* where the sensor sits on the robot */
-    cairn_pose   motion;      /* the base at the last beam seen from the base at the first; identity: it stood still */
+    const float *range; /* [count] m. +inf: free up to range_max; NaN, <= 0, < range_min: nothing known */
+    const float *angle; /* [count] rad, any spacing, sense and start; NULL: angle_min + i * angle_step */
+    int32_t count;
+    float angle_min, angle_step, range_min, range_max, range_sigma;
+    int64_t stamp_ns;       /* first beam */
+    cairn_pose base_sensor; /* where the sensor sits on the robot */
+    cairn_pose motion;      /* the base at the last beam seen from the base at the first; identity: it stood still */
 } cairn_scan_input;
 
 /* What a beam says. */
@@ -40,9 +40,9 @@ typedef struct cairn_beam {
  * direction of a point is that of its segment. The view is valid as long as the object that holds the arrays is not fed
  * again. */
 typedef struct cairn_scan_view {
-    const cairn_beam *beams; /* [beam_count], in order of the input */
+    const cairn_beam *beams;       /* [beam_count], in order of the input */
     const cairn_segment *segments; /* [segment_count], free side on the left of a -> b */
-    const int32_t *first_point;    /* [segment_count + 1]: points of segment k are first_point[k] ... first_point[k+1]-1 */
+    const int32_t *first_point; /* [segment_count + 1]: points of segment k are first_point[k] ... first_point[k+1]-1 */
     const cairn_oriented_point *points; /* [point_count], every `spacing` along the segments */
     int32_t beam_count;
     int32_t segment_count;
