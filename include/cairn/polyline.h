@@ -37,8 +37,10 @@ typedef struct cairn_polyline_params {
     cairn_real gap_max;     /* m, >= gap: ... and then still when it is longer than this */
     cairn_real merge_angle; /* rad, [0, pi/2]: segments that differ by more are never joined */
     cairn_real merge_distance; /* m, > 0: nor segments of which one ends farther from the other's line */
-    cairn_real bend;           /* > 0: two lines replace one when that lowers the sum of squares by so many variances */
-    cairn_real tolerance;      /* m, > 0: fitting ends when no end moved farther */
+    cairn_real
+        bend; /* > 0: two lines stay two when that lowers the sum of squares by so many variances, or by those of a
+                             quarter of the points; one line is cut in two when by half as much again */
+    cairn_real tolerance; /* m, > 0: fitting ends when no end moved farther */
 } cairn_polyline_params;
 
 /* For scans of rooms: 2-D, 1 cm noise. Capacities: 1024 points, 256 segments. */

@@ -234,7 +234,7 @@ static int project(cairn_polyline *x, cairn_budget *budget)
     for (; x->at < x->count; x->at++) {
         cairn_real local[3];
 
-        if (!pay(x, budget, 4))
+        if (!pay_four(x, budget, x->at, 4))
             return 0;
         if (x->owner[x->at] < 0)
             continue;

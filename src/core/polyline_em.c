@@ -81,7 +81,7 @@ int cairn_polyline_expect(cairn_polyline *x, cairn_budget *budget)
         }
         if (x->stage == 1) {
             for (; x->inner < x->piece_count; x->inner++) {
-                if (!pay(x, budget, 2))
+                if (!pay_four(x, budget, x->inner, 2))
                     return 0;
                 if (block_meets(x, x->at, &x->pieces[x->inner]))
                     x->candidate[x->candidates++] = x->inner;
@@ -97,7 +97,7 @@ int cairn_polyline_expect(cairn_polyline *x, cairn_budget *budget)
                 x->total = 0;
             }
             for (; x->inner < x->candidates; x->inner++) {
-                if (!pay(x, budget, 12))
+                if (!pay_four(x, budget, x->inner, 8))
                     return 0;
                 weigh(x, x->inner, p);
             }
@@ -106,7 +106,7 @@ int cairn_polyline_expect(cairn_polyline *x, cairn_budget *budget)
                 x->weight[x->best] = x->total = 1;
             }
             for (; !final && x->inner < 2 * x->candidates; x->inner++) {
-                if (!pay(x, budget, 6))
+                if (!pay_four(x, budget, x->inner - x->candidates, 4))
                     return 0;
                 share(x, x->inner - x->candidates);
             }

@@ -23,7 +23,7 @@ static int sum_cell(cairn_polyline *x, cairn_budget *budget)
     cairn_real local[3];
 
     for (; x->last < x->count && cell_of(x, x->last, x->level) == cell_of(x, x->first, x->level); x->last++) {
-        if (!pay(x, budget, 5))
+        if (!pay_four(x, budget, x->last - x->first, 5))
             return 0;
         piece_local(&x->made, x->params.dim, x->point[x->order[x->last]], local);
         cairn_polyline_sum(&x->sum, local, 1);
@@ -48,7 +48,7 @@ static int fit_band(cairn_polyline *x, cairn_budget *budget)
         x->made.high = -CAIRN_REAL_MAX;
     }
     for (; x->other < x->last; x->other++) {
-        if (x->other > x->first && !pay(x, budget, 6))
+        if (x->other > x->first && !pay_four(x, budget, x->other - x->first, 6))
             return 0;
         piece_local(&x->made, x->params.dim, x->point[x->order[x->other]], local);
         if (local[1] * local[1] + local[2] * local[2] > x->least * x->least)
@@ -104,7 +104,7 @@ int cairn_polyline_initial(cairn_polyline *x, cairn_budget *budget)
             }
             x->stage = 2;
         }
-        while (x->stage < 5 && x->sum.n >= (cairn_real)x->params.min_points) {
+        while (x->stage < 5 && (x->other > x->first || x->sum.n >= (cairn_real)x->params.min_points)) {
             if (!fit_band(x, budget))
                 return 0;
             x->stage++;

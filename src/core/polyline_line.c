@@ -5,10 +5,20 @@
 
 void cairn_polyline_sum(sums *m, const cairn_real v[3], cairn_real weight)
 {
+    cairn_real t = weight * v[0], p = weight * v[1], q = weight * v[2];
+
     m->n += weight;
-    for (int i = 0; i < 3; i++)
-        m->v[i] += weight * v[i];
-    cairn_sym3_add_outer(&m->vv, v, weight);
+    m->v[0] += t;
+    m->v[1] += p;
+    m->vv.xx += t * v[0];
+    m->vv.xy += t * v[1];
+    m->vv.yy += p * v[1];
+    if (q == 0) /* as always in the plane */
+        return;
+    m->v[2] += q;
+    m->vv.xz += t * v[2];
+    m->vv.yz += p * v[2];
+    m->vv.zz += q * v[2];
 }
 
 /* Scatter about the mean, which is also given. n > 0. */

@@ -1,7 +1,7 @@
 /* Merging: two pieces become one when a single line does nearly as well for the points of both.
  *
  * The sums of squares of both together follow from those of each and their means, in the frame of the longer one, where
- * what matters is small. The test is the same as that for cuts, at half the price, so that no pair is cut and joined by
+ * what matters is small. A cut must save half as much again as would forbid joining, so that no pair is cut and joined by
  * turns. A pass over all pairs is repeated until it joins none. */
 #include "src/core/build.h"
 
@@ -33,57 +33,82 @@ static sums sums_of_both(const piece *heavy, const piece *light, const cairn_rea
     return both;
 }
 
+/* Ends of a piece in the frame of another, the lower one there first, and how far beyond them it reaches. */
+typedef struct ends {
+    cairn_real lower[3], upper[3];
+    cairn_real reach_lower, reach_upper;
+    cairn_real across; /* square of the larger distance from the other's line */
+} ends;
+
+static ends ends_in(const cairn_polyline *x, const piece *heavy, const piece *light)
+{
+    ends e = {{0, 0, 0}, {0, 0, 0}, light->reach_low, light->reach_high, 0};
+    cairn_real low[3], high[3], local[2][3];
+
+    cairn_polyline_end(light, 0, low);
+    cairn_polyline_end(light, 1, high);
+    piece_local(heavy, x->params.dim, low, local[0]);
+    piece_local(heavy, x->params.dim, high, local[1]);
+    if (local[1][0] < local[0][0]) {
+        e.reach_lower = light->reach_high;
+        e.reach_upper = light->reach_low;
+    }
+    for (int j = 0; j < 3; j++) {
+        e.lower[j] = local[local[1][0] < local[0][0]][j];
+        e.upper[j] = local[!(local[1][0] < local[0][0])][j];
+    }
+    e.across = cairn_max(local[0][1] * local[0][1] + local[0][2] * local[0][2],
+                         local[1][1] * local[1][1] + local[1][2] * local[1][2]);
+    return e;
+}
+
+/* 1 when the hole between two pieces, if there is one, is no longer than both reach. */
+static int adjoin(const piece *heavy, const ends *e)
+{
+    if (e->lower[0] > heavy->high)
+        return e->lower[0] - heavy->high <= cairn_min(heavy->reach_high, e->reach_lower);
+    if (e->upper[0] < heavy->low)
+        return heavy->low - e->upper[0] <= cairn_min(heavy->reach_low, e->reach_upper);
+    return 1;
+}
+
 /* Joins b to a when one line does for both; b is then left empty. */
 static int join(cairn_polyline *x, piece *a, piece *b)
 {
-    const cairn_polyline_params *p = &x->params;
     const piece *heavy = b->tt > a->tt ? b : a, *light = heavy == a ? b : a;
     piece both = *heavy;
-    cairn_real along[3] = {0, 0, 0}, mean[3], end[2][3], local[2][3], world[3], gap, n, reach, saved;
-    int32_t near, far;
+    cairn_real along[3] = {0, 0, 0}, mean[3], world[3], saved;
+    int within;
     sums m;
+    ends e;
 
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
             along[i] += heavy->axis[i][j] * light->axis[0][j];
     if (cairn_abs(along[0]) < x->merge_cosine)
         return 0;
-    for (int which = 0; which < 2; which++) {
-        cairn_polyline_end(light, which, end[which]);
-        piece_local(heavy, x->params.dim, end[which], local[which]);
-        if (local[which][1] * local[which][1] + local[which][2] * local[which][2] >
-            p->merge_distance * p->merge_distance)
-            return 0;
-    }
-    near = local[1][0] < local[0][0]; /* the end of light that is lower on heavy */
-    far = !near;
-    if (local[near][0] + local[far][0] > heavy->low + heavy->high) {
-        gap = local[near][0] - heavy->high;
-        reach = cairn_min(heavy->reach_high, near == 0 ? light->reach_low : light->reach_high);
-    } else {
-        gap = heavy->low - local[far][0];
-        reach = cairn_min(heavy->reach_low, far == 0 ? light->reach_low : light->reach_high);
-    }
-    if (gap > reach)
+    e = ends_in(x, heavy, light);
+    if (e.across > x->params.merge_distance * x->params.merge_distance || !adjoin(heavy, &e))
         return 0;
     for (int i = 0; i < 3; i++)
         world[i] = light->mid[i] + light->own[0] * light->axis[0][i] + light->own[1] * light->axis[1][i] +
                    light->own[2] * light->axis[2][i];
     piece_local(heavy, x->params.dim, world, mean);
     m = sums_of_both(heavy, light, along, mean);
-    n = m.n;
     saved = cairn_polyline_residual(&m) - heavy->sse - light->sse;
-    if (saved > cairn_polyline_worth(x, n, heavy->sse + light->sse) / 2)
+    /* Of two pieces that lie in each other's noise, each has taken the points on its side: their sums say nothing. */
+    within = e.lower[0] > heavy->low && e.upper[0] < heavy->high && e.across < x->s_last * x->s_last;
+    if (!within && saved > cairn_polyline_worth(x, m.n, heavy->sse + light->sse))
         return 0;
-    if (local[near][0] < heavy->low) {
-        both.low = local[near][0];
-        both.reach_low = near == 0 ? light->reach_low : light->reach_high;
+    if (e.lower[0] < heavy->low) {
+        both.low = e.lower[0];
+        both.reach_low = e.reach_lower;
     }
-    if (local[far][0] > heavy->high) {
-        both.high = local[far][0];
-        both.reach_high = far == 0 ? light->reach_low : light->reach_high;
+    if (e.upper[0] > heavy->high) {
+        both.high = e.upper[0];
+        both.reach_high = e.reach_upper;
     }
-    cairn_polyline_fit_own(&both, &m, p->dim);
+    cairn_polyline_fit_own(&both, &m, x->params.dim);
     cairn_polyline_box(&both);
     *a = both;
     b->count = 0;

@@ -107,7 +107,7 @@ int cairn_polyline_sort(cairn_polyline *x, cairn_budget *budget)
 
         if (x->sort.stage == 0) {
             while (x->sort.middle < n && !before(x, from[x->sort.middle], from[x->sort.middle - 1])) {
-                if (!pay(x, budget, 3))
+                if (!pay_four(x, budget, x->sort.middle, 3))
                     return 0;
                 x->sort.middle++;
             }
@@ -116,7 +116,7 @@ int cairn_polyline_sort(cairn_polyline *x, cairn_budget *budget)
         }
         if (x->sort.stage == 1) {
             while (x->sort.end < n && !before(x, from[x->sort.end], from[x->sort.end - 1])) {
-                if (!pay(x, budget, 3))
+                if (!pay_four(x, budget, x->sort.end, 3))
                     return 0;
                 x->sort.end++;
             }
@@ -128,7 +128,7 @@ int cairn_polyline_sort(cairn_polyline *x, cairn_budget *budget)
         while (x->sort.stage == 2 && x->sort.out < x->sort.end) {
             int32_t left = x->sort.left, right = x->sort.right;
 
-            if (!pay(x, budget, 4))
+            if (!pay_four(x, budget, x->sort.out, 4))
                 return 0;
             if (left < x->sort.middle && (right >= x->sort.end || !before(x, from[right], from[left]))) {
                 to[x->sort.out++] = from[left];

@@ -8,6 +8,9 @@
 
 #include "src/core/polyline_work.h"
 
+/* What a cut must save, in terms of what forbids joining. */
+#define CUT CAIRN_REAL(1.5)
+
 static cairn_real place(const cairn_polyline *x, int32_t i)
 {
     return x->along[x->order[i]];
@@ -162,7 +165,7 @@ int cairn_polyline_support(cairn_polyline *x, cairn_budget *budget)
             }
         }
         for (; x->stage == 2 && x->inner < x->last; x->inner++) {
-            if (!pay(x, budget, 5))
+            if (!pay_four(x, budget, x->inner - x->first, 5))
                 return 0;
             piece_local(&x->pieces[owner], x->params.dim, x->point[x->order[x->inner]], local);
             cairn_polyline_sum(&x->sum, local, 1);
@@ -171,8 +174,9 @@ int cairn_polyline_support(cairn_polyline *x, cairn_budget *budget)
         if (x->stage == 2) {
             /* No cut can save more than there is. */
             x->stage =
-                x->measure.iterations < x->params.max_iterations / 2 && sse > cairn_polyline_worth(x, x->sum.n, 0) ? 3
-                                                                                                                   : 4;
+                x->measure.iterations < x->params.max_iterations / 2 && sse > CUT * cairn_polyline_worth(x, x->sum.n, 0)
+                    ? 3
+                    : 4;
             x->inner = x->first;
         }
         for (; x->stage == 3 && x->inner < x->last; x->inner++) {
@@ -185,7 +189,7 @@ int cairn_polyline_support(cairn_polyline *x, cairn_budget *budget)
         x->stage = 4;
         if (!pay(x, budget, 24))
             return 0;
-        if (x->best_at >= 0 && sse - x->best_sse > cairn_polyline_worth(x, x->sum.n, x->best_sse)) {
+        if (x->best_at >= 0 && sse - x->best_sse > CUT * cairn_polyline_worth(x, x->sum.n, x->best_sse)) {
             sums rest = rest_of(&x->sum, &x->best_left);
 
             emit(x, owner, x->first, x->best_at + 1, &x->best_left, 1);

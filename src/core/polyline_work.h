@@ -112,10 +112,20 @@ static inline int pay(cairn_polyline *x, cairn_budget *budget, int32_t sixteenth
     if (budget->left <= 0)
         return 0;
     x->part += sixteenths;
-    budget->left -= x->part / 16;
-    x->measure.units += x->part / 16;
-    x->part %= 16;
+    if (x->part >= 16) {
+        int32_t units = x->part / 16;
+
+        budget->left -= units;
+        x->measure.units += units;
+        x->part -= 16 * units;
+    }
     return 1;
+}
+
+/* The same for every fourth of items that cost so little that asking for each would show; `i` counts them. */
+static inline int pay_four(cairn_polyline *x, cairn_budget *budget, int32_t i, int32_t sixteenths)
+{
+    return i % 4 != 0 || pay(x, budget, 4 * sixteenths);
 }
 
 /* Coordinates of a point in the frame of a piece. */

@@ -518,10 +518,9 @@ static cairn_status emit(cairn_scan *x, cairn_budget *budget)
         const wall *w = &x->walls[x->order[x->at]];
         cairn_vec2 direction;
 
-        if (w->places == 0)
-            continue;
-        if (!pay(x, budget, 8))
+        if (x->stage == 0 && !pay(x, budget, 8))
             return CAIRN_MORE;
+        x->stage = 1;
         direction = cairn_vec2_unit(cairn_vec2_sub(w->segment.b, w->segment.a));
         for (; x->other < w->places; x->other++) {
             cairn_oriented_point *point = &x->points[x->point_count];
@@ -536,6 +535,9 @@ static cairn_status emit(cairn_scan *x, cairn_budget *budget)
             point->direction = direction;
             x->point_count++;
         }
+        x->stage = 0;
+        if (w->places == 0)
+            continue;
         x->segments[x->segment_count++] = w->segment;
         x->first_point[x->segment_count] = x->point_count;
     }

@@ -1,0 +1,762 @@
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "cairn/scan.h"
+
+#define PI        3.14159265358979323846
+#define MAX_BEAMS 2000
+
+/* ---- A scanner that moves while it turns ---- */
+
+typedef struct sweep {
+    float range[MAX_BEAMS], angle[MAX_BEAMS];
+    cairn_scan_input input;
+} sweep;
+
+/* Range from a sensor pose to the nearest wall at `angle`; infinity when there is none. */
+static double cast(const cairn_segment *walls, int count, double x, double y, double angle)
+{
+    double dx = cos(angle), dy = sin(angle), nearest = INFINITY;
+
+    for (int k = 0; k < count; k++) {
+        double ex = (double)(walls[k].b.x - walls[k].a.x), ey = (double)(walls[k].b.y - walls[k].a.y);
+        double px = (double)walls[k].a.x - x, py = (double)walls[k].a.y - y, cross = dx * ey - dy * ex;
+        double r = (px * ey - py * ex) / cross, t = (px * dy - py * dx) / cross;
+
+        if (fabs(cross) > 1e-12 && r > 0 && t >= 0 && t <= 1 && r < nearest)
+            nearest = r;
+    }
+    return nearest;
+}
+
+/* The base after the fraction f of a motion of constant twist, by many small steps: the slow twin. */
+static void drive(double v, double w, double f, double *x, double *y, double *theta)
+{
+    enum { STEPS = 2000 };
+
+    *x = *y = *theta = 0;
+    for (int i = 0; i < STEPS; i++) {
+        double middle = *theta + w * f / STEPS / 2;
+
+        *x += v * f / STEPS * cos(middle);
+        *y += v * f / STEPS * sin(middle);
+        *theta += w * f / STEPS;
+    }
+}
+
+/* Sweeps while the base drives v forward and turns by w in all, the sensor mounted at (mx, my, mt). */
+static void look(sweep *s, const cairn_segment *walls, int count, int beams, double first, double step, double v,
+                 double w, const double mount[3])
+{
+    double x, y, theta;
+
+    memset(&s->input, 0, sizeof s->input);
+    for (int i = 0; i < beams; i++) {
+        double sx, sy;
+
+        drive(v, w, beams > 1 ? (double)i / (beams - 1) : 0, &x, &y, &theta);
+        sx = x + mount[0] * cos(theta) - mount[1] * sin(theta);
+        sy = y + mount[0] * sin(theta) + mount[1] * cos(theta);
+        s->range[i] =
+            (float)cast(walls, count, sx, sy, theta + mount[2] + (double)((float)first + (float)i * (float)step));
+    }
+    s->input.range = s->range;
+    s->input.count = beams;
+    s->input.angle_min = (float)first;
+    s->input.angle_step = (float)step;
+    s->input.range_min = 0.05F;
+    s->input.range_max = 30;
+    s->input.range_sigma = 0.01F;
+    s->input.stamp_ns = 1234567890123;
+    s->input.base_sensor.x = (cairn_real)mount[0];
+    s->input.base_sensor.y = (cairn_real)mount[1];
+    s->input.base_sensor.theta = (cairn_real)mount[2];
+    drive(v, w, 1, &x, &y, &theta);
+    s->input.motion.x = (cairn_real)x;
+    s->input.motion.y = (cairn_real)y;
+    s->input.motion.theta = (cairn_real)theta;
+}
+
+static void add_noise(sweep *s, double sigma, uint64_t seed)
+{
+    cairn_random random = cairn_random_seed(seed, 1);
+
+    for (int i = 0; i < s->input.count; i++)
+        s->range[i] += (float)(sigma * (double)cairn_random_normal(&random));
+}
+
+static cairn_segment wall(double ax, double ay, double bx, double by)
+{
+    cairn_segment s = {{(cairn_real)ax, (cairn_real)ay}, {(cairn_real)bx, (cairn_real)by}};
+    return s;
+}
+
+static const double AT_BASE[3] = {0, 0, 0};
+
+/* ---- The object under test ---- */
+
+static cairn_pool pool;
+static cairn_scan *scanner;
+
+static int setup(void **state)
+{
+    cairn_scan_params params = cairn_scan_default();
+
+    (void)state;
+    params.max_beams = MAX_BEAMS;
+    pool = test_pool(cairn_scan_memory(&params));
+    assert_ok(cairn_scan_create(&scanner, &pool, &params));
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    (void)state;
+    test_pool_free(&pool);
+    return 0;
+}
+
+static cairn_scan_view take_with(cairn_scan *x, const cairn_scan_input *input, int32_t budget)
+{
+    cairn_budget left = {budget};
+    cairn_fault fault;
+    cairn_status status;
+
+    assert_ok(cairn_scan_begin(x, input, &fault));
+    assert_null(fault.what);
+    while ((status = cairn_scan_step(x, &left)) == CAIRN_MORE) {
+        assert_int_equal(cairn_scan_read(x).beam_count, 0);
+        assert_int_equal(cairn_scan_read(x).point_count, 0);
+        assert_true(left.left > -6);
+        left.left = budget;
+    }
+    assert_ok(status);
+    return cairn_scan_read(x);
+}
+
+static cairn_scan_view take(const cairn_scan_input *input)
+{
+    return take_with(scanner, input, CAIRN_UNBOUNDED);
+}
+
+/* What a view always promises. */
+static void assert_sound(cairn_scan_view view, double spacing, double support)
+{
+    assert_int_equal(view.first_point[0], 0);
+    assert_int_equal(view.first_point[view.segment_count], view.point_count);
+    for (int32_t k = 0; k < view.segment_count; k++) {
+        cairn_segment s = view.segments[k];
+        cairn_vec2 along = cairn_vec2_unit(cairn_vec2_sub(s.b, s.a)), left = cairn_vec2_left(along);
+        double length = (double)cairn_segment_length(s);
+        double margin = (length - floor(length / spacing) * spacing) / 2, last = -1;
+
+        /* The sensor is on the left. */
+        assert_true(cairn_vec2_dot(left, cairn_vec2_sub(view.sensor, s.a)) > 0);
+        for (int32_t i = view.first_point[k]; i < view.first_point[k + 1]; i++) {
+            cairn_oriented_point p = view.points[i];
+            double t = (double)cairn_vec2_dot(along, cairn_vec2_sub(p.position, s.a)), nearest = 1e9;
+            double place = (t - margin) / spacing;
+
+            assert_near(cairn_segment_distance(s, p.position), 0, 1e-5);
+            assert_near(p.direction.x, along.x, 1e-6);
+            assert_near(p.direction.y, along.y, 1e-6);
+            assert_near(place, floor(place + 0.5), 1e-3);
+            assert_true(t > last);
+            last = t;
+            for (int32_t b = 0; b < view.beam_count; b++)
+                if (view.beams[b].kind == CAIRN_BEAM_HIT &&
+                    cairn_segment_distance(s, view.beams[b].to) < CAIRN_REAL(0.07))
+                    nearest =
+                        fmin(nearest, fabs((double)cairn_vec2_dot(along, cairn_vec2_sub(view.beams[b].to, s.a)) - t));
+            assert_true(nearest <= support + 1e-3);
+        }
+    }
+}
+
+static double line_error(cairn_segment s, cairn_segment truth)
+{
+    cairn_vec2 v = cairn_vec2_unit(cairn_vec2_sub(truth.b, truth.a));
+
+    return fmax(fabs((double)cairn_vec2_cross(v, cairn_vec2_sub(s.a, truth.a))),
+                fabs((double)cairn_vec2_cross(v, cairn_vec2_sub(s.b, truth.a))));
+}
+
+/* ---- Beams ---- */
+
+static void test_kinds_of_beams(void **state)
+{
+    static const float NOTHING = NAN, FAR = INFINITY;
+    float range[9] = {NOTHING, FAR, -FAR, 0, -1, 0.0499F, 0.05F, 30, 30.01F};
+    static const cairn_beam_kind KIND[9] = {CAIRN_BEAM_UNKNOWN, CAIRN_BEAM_FREE,    CAIRN_BEAM_UNKNOWN,
+                                            CAIRN_BEAM_UNKNOWN, CAIRN_BEAM_UNKNOWN, CAIRN_BEAM_UNKNOWN,
+                                            CAIRN_BEAM_HIT,     CAIRN_BEAM_HIT,     CAIRN_BEAM_FREE};
+    cairn_scan_input input;
+    cairn_scan_view view;
+    cairn_scan_measure measure;
+
+    (void)state;
+    memset(&input, 0, sizeof input);
+    input.range = range;
+    input.count = 9;
+    input.angle_min = -1;
+    input.angle_step = 0.25F;
+    input.range_min = 0.05F;
+    input.range_max = 30;
+    input.base_sensor.x = 1;
+    input.base_sensor.y = 2;
+    view = take(&input);
+    assert_int_equal(view.beam_count, 9);
+    assert_int_equal(view.segment_count, 0);
+    assert_int_equal(view.point_count, 0);
+    for (int i = 0; i < 9; i++) {
+        double length = KIND[i] == CAIRN_BEAM_FREE ? 30 : KIND[i] == CAIRN_BEAM_HIT ? (double)range[i] : 0;
+
+        assert_int_equal(view.beams[i].kind, KIND[i]);
+        assert_near(view.beams[i].from.x, 1, 0);
+        assert_near(view.beams[i].from.y, 2, 0);
+        assert_near(view.beams[i].to.x, 1 + length * cos(-1 + 0.25 * i), NUMBER(1e-12, 1e-5));
+        assert_near(view.beams[i].to.y, 2 + length * sin(-1 + 0.25 * i), NUMBER(1e-12, 1e-5));
+    }
+    measure = cairn_scan_measured(scanner);
+    assert_int_equal(measure.hits, 2);
+    assert_int_equal(measure.free, 2);
+    assert_int_equal(measure.unknown, 5);
+    assert_int_equal(measure.uncertain, 2);
+    assert_int_equal(measure.left_out, 0);
+}
+
+static void test_scan_without_return(void **state)
+{
+    sweep s;
+    cairn_scan_view view;
+
+    (void)state;
+    look(&s, NULL, 0, 181, -PI / 2, PI / 180, 0, 0, AT_BASE);
+    view = take(&s.input);
+    assert_int_equal(view.beam_count, 181);
+    assert_int_equal(view.segment_count, 0);
+    assert_int_equal(view.point_count, 0);
+    assert_int_equal(view.first_point[0], 0);
+    for (int i = 0; i < 181; i++)
+        assert_int_equal(view.beams[i].kind, CAIRN_BEAM_FREE);
+    s.input.count = 1;
+    view = take(&s.input);
+    assert_int_equal(view.beam_count, 1);
+}
+
+/* Where beams start and end while driving an arc, with a mounted sensor, against the small steps of the slow twin. */
+static void test_motion_of_beams(void **state)
+{
+    static const double MOUNT[3] = {0.2, -0.1, 0.4};
+    static const double MOTIONS[6][2] = {{0, 0}, {0.5, 0}, {0, 1}, {0.5, -1.5}, {1, 1e-5}, {-0.4, 3}};
+    cairn_segment walls[4] = {wall(-4, -3, 4, -3), wall(4, -3, 4, 3), wall(4, 3, -4, 3), wall(-4, 3, -4, -3)};
+    sweep s;
+
+    (void)state;
+    for (int m = 0; m < 6; m++) {
+        cairn_scan_view view;
+
+        look(&s, walls, 4, 91, -2, 4.0 / 90, MOTIONS[m][0], MOTIONS[m][1], MOUNT);
+        view = take(&s.input);
+        assert_near(view.sensor.x, 0.2, 1e-6);
+        assert_near(view.sensor.y, -0.1, 1e-6);
+        for (int i = 0; i < 91; i++) {
+            double x, y, theta;
+
+            drive(MOTIONS[m][0], MOTIONS[m][1], i / 90.0, &x, &y, &theta);
+            assert_near(view.beams[i].from.x, x + 0.2 * cos(theta) + 0.1 * sin(theta), NUMBER(1e-6, 1e-5));
+            assert_near(view.beams[i].from.y, y + 0.2 * sin(theta) - 0.1 * cos(theta), NUMBER(1e-6, 1e-5));
+            /* On one of the walls. */
+            assert_near(fmin(fabs(fabs((double)view.beams[i].to.x) - 4), fabs(fabs((double)view.beams[i].to.y) - 3)), 0,
+                        NUMBER(2e-6, 2e-5));
+        }
+    }
+}
+
+/* A wall swept in 0.1 s at 1 rad/s is where the motionless scan has it, and 0.1 rad askew without the correction. */
+static void test_wall_while_turning(void **state)
+{
+    cairn_segment truth = wall(2, -1.5, 2, 1.5);
+    sweep still, moved;
+    cairn_segment a, b;
+    cairn_scan_view view;
+
+    (void)state;
+    look(&still, &truth, 1, 361, -PI / 3, 2 * PI / 3 / 360, 0, 0, AT_BASE);
+    look(&moved, &truth, 1, 361, -PI / 3, 2 * PI / 3 / 360, 0.05, 0.1, AT_BASE);
+    view = take(&still.input);
+    assert_int_equal(view.segment_count, 1);
+    a = view.segments[0];
+    view = take(&moved.input);
+    assert_int_equal(view.segment_count, 1);
+    b = view.segments[0];
+    assert_near(line_error(b, truth), 0, 1e-3);
+    assert_near(b.a.x, a.a.x, 1e-3);
+    assert_near(b.b.x, a.b.x, 1e-3);
+    assert_near(b.a.y, a.a.y, 0.02);
+    assert_near(b.b.y, a.b.y, 0.02);
+    for (int i = 0; i < 361; i++)
+        if (view.beams[i].kind == CAIRN_BEAM_HIT)
+            assert_near(view.beams[i].to.x, 2, NUMBER(1e-6, 1e-5));
+    moved.input.motion = cairn_pose_identity();
+    view = take(&moved.input);
+    assert_true(line_error(view.segments[view.segment_count - 1], truth) > 0.05);
+}
+
+/* ---- Segments and points ---- */
+
+static const double ROOM[5][4] = {{-3, -2, 5, -2}, {5, -2, 5, 4}, {5, 4, -3, 4}, {-3, 4, -3, -2}, {1.2, 1.5, 2.2, 1.1}};
+
+static void make_room(cairn_segment walls[5])
+{
+    for (int i = 0; i < 5; i++)
+        walls[i] = wall(ROOM[i][0], ROOM[i][1], ROOM[i][2], ROOM[i][3]);
+}
+
+static void test_room(void **state)
+{
+    cairn_segment walls[5];
+    sweep s;
+    cairn_scan_view view;
+
+    (void)state;
+    make_room(walls);
+    for (uint64_t seed = 0; seed < 5; seed++) {
+        int found = 0;
+
+        look(&s, walls, 5, 361, -PI, 2 * PI / 360, 0, 0, AT_BASE);
+        add_noise(&s, 0.01, seed);
+        view = take(&s.input);
+        assert_sound(view, 0.1, 0.2);
+        assert_int_equal(view.segment_count, 5);
+        assert_in_range(view.point_count, 240, 300);
+        assert_int_equal(view.stamp_ns, 1234567890123);
+        for (int32_t k = 0; k < view.segment_count; k++)
+            for (int i = 0; i < 5; i++)
+                found |= (line_error(view.segments[k], walls[i]) < 0.02) << i;
+        assert_int_equal(found, 31);
+        /* Counter-clockwise from -pi. */
+        for (int32_t k = 0; k + 1 < view.segment_count; k++) {
+            cairn_vec2 p = view.segments[k].a, q = view.segments[k + 1].a;
+
+            assert_true(atan2((double)p.y, (double)p.x) < atan2((double)q.y, (double)q.x) || k == 0);
+        }
+        assert_true(cairn_scan_measured(scanner).converged);
+        assert_in_range(cairn_scan_measured(scanner).uncertain, 0, 20);
+        assert_in_range(cairn_scan_measured(scanner).iterations, 3, 20);
+        assert_int_equal(cairn_scan_measured(scanner).hits, 361);
+    }
+}
+
+/* The same ranges in reverse, as an array of angles, and in no order: the same segments, to the last bit. */
+static void test_sense_and_order_of_beams(void **state)
+{
+    static cairn_segment segments[128];
+    static cairn_oriented_point points[2048];
+    cairn_segment walls[5];
+    sweep s, t;
+    cairn_scan_view view;
+    int32_t count, point_count;
+
+    (void)state;
+    make_room(walls);
+    look(&s, walls, 5, 361, -3.125, 1.0 / 64, 0, 0, AT_BASE);
+    add_noise(&s, 0.01, 3);
+    view = take(&s.input);
+    assert_sound(view, 0.1, 0.2);
+    count = view.segment_count;
+    point_count = view.point_count;
+    memcpy(segments, view.segments, (size_t)count * sizeof *segments);
+    memcpy(points, view.points, (size_t)point_count * sizeof *points);
+    for (int mode = 0; mode < 3; mode++) {
+        t = s;
+        t.input.range = t.range;
+        for (int i = 0; i < 361; i++) {
+            int from = mode == 0 ? 360 - i : mode == 1 ? i : i * 100 % 361;
+
+            t.range[i] = s.range[from];
+            t.angle[i] = -3.125F + (float)from / 64;
+        }
+        if (mode == 0) {
+            t.input.angle_min = -3.125F + 360.0F / 64;
+            t.input.angle_step = -1.0F / 64;
+        } else {
+            t.input.angle = t.angle;
+            t.input.angle_min = t.input.angle_step = NAN; /* not read */
+        }
+        view = take(&t.input);
+        assert_int_equal(view.segment_count, count);
+        assert_int_equal(view.point_count, point_count);
+        assert_memory_equal(view.segments, segments, (size_t)count * sizeof *segments);
+        assert_memory_equal(view.points, points, (size_t)point_count * sizeof *points);
+    }
+}
+
+/* Seen by a sensor that looks backwards from the tail, the room is where it was. */
+static void test_mounted_sensor(void **state)
+{
+    static const double TAIL[3] = {-0.4, 0.15, PI};
+    cairn_segment walls[5];
+    sweep s;
+    cairn_scan_view view;
+    int found = 0;
+
+    (void)state;
+    make_room(walls);
+    look(&s, walls, 5, 361, -PI, 2 * PI / 360, 0, 0, TAIL);
+    view = take(&s.input);
+    assert_near(view.sensor.x, -0.4, 1e-6);
+    assert_near(view.sensor.y, 0.15, 1e-6);
+    assert_sound(view, 0.1, 0.2);
+    for (int32_t k = 0; k < view.segment_count; k++)
+        for (int i = 0; i < 5; i++)
+            found |= (line_error(view.segments[k], walls[i]) < 0.01) << i;
+    assert_int_equal(found, 31);
+}
+
+/* Places along walls of known length, and a hole of 0.22 m, which is no gap but has no support in its middle. */
+static void test_spacing_and_support(void **state)
+{
+    cairn_segment one = wall(3, -1.03, 3, 1.03);
+    cairn_segment two[2] = {wall(2, -1, 2, -0.11), wall(2, 0.11, 2, 1)};
+    cairn_scan_params params = cairn_scan_default();
+    cairn_pool own;
+    cairn_scan *fine;
+    cairn_scan_view view;
+    cairn_real length;
+    sweep s;
+
+    (void)state;
+    look(&s, &one, 1, 1001, -PI / 2, PI / 1000, 0, 0, AT_BASE);
+    view = take(&s.input);
+    assert_int_equal(view.segment_count, 1);
+    length = cairn_segment_length(view.segments[0]);
+    assert_true(length > CAIRN_REAL(2.03) && length < CAIRN_REAL(2.07));
+    assert_int_equal(view.point_count, 21);
+    assert_near(view.points[0].position.y, -1.0, 0.02);
+    assert_near(view.points[20].position.y, 1.0, 0.02);
+    assert_near(view.points[0].direction.y, 1, 1e-6);
+
+    params.max_beams = 1100;
+    params.spacing = CAIRN_REAL(0.02);
+    params.support = CAIRN_REAL(0.05);
+    own = test_pool(cairn_scan_memory(&params));
+    assert_ok(cairn_scan_create(&fine, &own, &params));
+    look(&s, two, 2, 1001, -PI / 2, PI / 1000, 0, 0, AT_BASE);
+    view = take_with(fine, &s.input, 1000);
+    assert_int_equal(view.segment_count, 1);
+    assert_sound(view, 0.02, 0.05);
+    for (int32_t i = 0; i < view.point_count; i++)
+        assert_true(cairn_abs(view.points[i].position.y) > CAIRN_REAL(0.055));
+    assert_in_range(view.point_count, 91, 97);
+    test_pool_free(&own);
+}
+
+/* A far wall whose beams are 0.35 m apart is one segment with points all along. */
+static void test_far_wall(void **state)
+{
+    cairn_segment far = wall(78, -8, 80, 9);
+    sweep s;
+    cairn_scan_view view;
+
+    (void)state;
+    look(&s, &far, 1, 401, -0.2, 0.001 * 4.363323, 0, 0, AT_BASE);
+    s.input.range_max = 100;
+    add_noise(&s, 0.01, 4);
+    view = take(&s.input);
+    assert_int_equal(view.segment_count, 1);
+    assert_in_range(view.point_count, 168, 173);
+}
+
+/* Longest first when there is no room for all points. */
+static void test_too_many_points(void **state)
+{
+    cairn_segment walls[3] = {wall(2, -2, 2, -0.95), wall(3, 0, 3, 1.5), wall(0, 3, -0.5, 3)};
+    cairn_scan_params params = cairn_scan_default();
+    cairn_scan_view view;
+    cairn_scan *small;
+    cairn_pool own;
+    sweep s;
+
+    (void)state;
+    params.max_points = 28;
+    own = test_pool(cairn_scan_memory(&params));
+    assert_ok(cairn_scan_create(&small, &own, &params));
+    look(&s, walls, 3, 721, -PI, PI / 360, 0, 0, AT_BASE);
+    view = take_with(small, &s.input, 50);
+    assert_int_equal(view.segment_count, 2);
+    assert_near(line_error(view.segments[0], walls[0]), 0, 0.01);
+    assert_near(line_error(view.segments[1], walls[1]), 0, 0.01);
+    assert_int_equal(view.first_point[2], view.point_count);
+    assert_int_equal(cairn_scan_measured(small).left_out, 1);
+    assert_int_equal(cairn_scan_measured(small).uncertain, 0);
+    test_pool_free(&own);
+}
+
+/* The error of the ranges that the driver tells widens the fit. */
+static void test_range_sigma(void **state)
+{
+    cairn_segment truth = wall(4, -3, 4, 3);
+    sweep s;
+    cairn_scan_view view;
+    int32_t uncertain;
+
+    (void)state;
+    look(&s, &truth, 1, 361, -PI / 4, PI / 2 / 360, 0, 0, AT_BASE);
+    add_noise(&s, 0.05, 5);
+    s.input.range_sigma = 0.05F;
+    view = take(&s.input);
+    assert_int_equal(view.segment_count, 1);
+    assert_near(line_error(view.segments[0], truth), 0, 0.03);
+    uncertain = cairn_scan_measured(scanner).uncertain;
+    assert_in_range(uncertain, 0, 8);
+    /* Taken for 1 cm noise it is another matter. */
+    s.input.range_sigma = 0;
+    (void)take(&s.input);
+    assert_true(cairn_scan_measured(scanner).uncertain > uncertain);
+}
+
+/* ---- Budgets, memory, statuses ---- */
+
+static void test_budgets_are_equal(void **state)
+{
+    static const int32_t BUDGETS[] = {1, 7, 1000};
+    static cairn_segment segments[128];
+    static cairn_oriented_point points[2048];
+    static cairn_beam beams[MAX_BEAMS];
+    cairn_segment walls[5];
+    cairn_scan_measure cost;
+    cairn_scan_view view;
+    cairn_budget none = {0};
+    int32_t count, point_count;
+    sweep s;
+
+    (void)state;
+    make_room(walls);
+    look(&s, walls, 5, 361, -PI, 2 * PI / 360, 0.05, 0.1, AT_BASE);
+    add_noise(&s, 0.01, 6);
+    view = take(&s.input);
+    cost = cairn_scan_measured(scanner);
+    count = view.segment_count;
+    point_count = view.point_count;
+    memcpy(segments, view.segments, (size_t)count * sizeof *segments);
+    memcpy(points, view.points, (size_t)point_count * sizeof *points);
+    memcpy(beams, view.beams, 361 * sizeof *beams);
+    assert_in_range(cost.units, 5000, 60000);
+    for (size_t i = 0; i < sizeof BUDGETS / sizeof *BUDGETS; i++) {
+        cairn_scan_measure again;
+
+        view = take_with(scanner, &s.input, BUDGETS[i]);
+        again = cairn_scan_measured(scanner);
+        assert_int_equal(view.segment_count, count);
+        assert_int_equal(view.point_count, point_count);
+        assert_memory_equal(view.segments, segments, (size_t)count * sizeof *segments);
+        assert_memory_equal(view.points, points, (size_t)point_count * sizeof *points);
+        for (int k = 0; k < 361; k++) {
+            assert_int_equal(view.beams[k].kind, beams[k].kind);
+            assert_memory_equal(&view.beams[k].from, &beams[k].from, sizeof beams[k].from);
+            assert_memory_equal(&view.beams[k].to, &beams[k].to, sizeof beams[k].to);
+        }
+        assert_int_equal(again.units, cost.units);
+        assert_int_equal(again.iterations, cost.iterations);
+    }
+    assert_ok(cairn_scan_begin(scanner, &s.input, NULL));
+    assert_status(cairn_scan_step(scanner, &none), CAIRN_MORE);
+    assert_int_equal(none.left, 0);
+    assert_status(cairn_scan_step(NULL, &none), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_scan_step(scanner, NULL), CAIRN_BAD_ARGUMENT);
+}
+
+static cairn_status create(void *context, cairn_pool *from)
+{
+    cairn_scan *made = NULL;
+    cairn_status status = cairn_scan_create(&made, from, context);
+
+    assert_true((made != NULL) == (status == CAIRN_OK));
+    return status;
+}
+
+static void test_memory(void **state)
+{
+    cairn_scan_params params = cairn_scan_default();
+
+    (void)state;
+    params.max_beams = 31;
+    params.max_segments = 5;
+    params.max_points = 77;
+    test_every_pool_size(create, &params, cairn_scan_memory(&params));
+}
+
+#define REFUSED(field, value)                                                                                          \
+    do {                                                                                                               \
+        cairn_scan_params p = cairn_scan_default();                                                                    \
+        p.field = (value);                                                                                             \
+        assert_int_equal(cairn_scan_memory(&p), 0);                                                                    \
+        assert_status(cairn_scan_create(&x, &pool, &p), CAIRN_BAD_ARGUMENT);                                           \
+    } while (0)
+
+static void test_params(void **state)
+{
+    cairn_scan_params good = cairn_scan_default();
+    cairn_scan *x;
+
+    (void)state;
+    assert_true(cairn_scan_memory(&good) > 0);
+    good.fit.dim = 7; /* not read */
+    good.fit.max_points = -1;
+    good.fit.max_segments = -1;
+    assert_true(cairn_scan_memory(&good) > 0);
+    assert_int_equal(cairn_scan_memory(NULL), 0);
+    assert_status(cairn_scan_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_scan_create(&x, NULL, &good), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_scan_create(&x, &pool, NULL), CAIRN_BAD_ARGUMENT);
+    REFUSED(max_beams, 0);
+    REFUSED(max_beams, 100001);
+    REFUSED(max_segments, 0);
+    REFUSED(max_points, 0);
+    REFUSED(max_points, INT32_MAX);
+    REFUSED(spacing, 0);
+    REFUSED(spacing, (cairn_real)NAN);
+    REFUSED(support, 0);
+    REFUSED(support, (cairn_real)INFINITY);
+    REFUSED(fit.sigma, 0);
+}
+
+static void assert_refused(const cairn_scan_input *input, cairn_status expected, int64_t index)
+{
+    cairn_fault fault = {77, NULL};
+
+    assert_status(cairn_scan_begin(scanner, input, &fault), expected);
+    assert_non_null(fault.what);
+    assert_int_equal(fault.index, index);
+    assert_status(cairn_scan_begin(scanner, input, NULL), expected);
+}
+
+#define BAD(field, value, status)                                                                                      \
+    do {                                                                                                               \
+        cairn_scan_input in = s.input;                                                                                 \
+        in.field = (value);                                                                                            \
+        assert_refused(&in, status, -1);                                                                               \
+    } while (0)
+
+static void test_begin_statuses(void **state)
+{
+    cairn_segment truth = wall(2, -1.5, 2, 1.5);
+    const cairn_real nan = (cairn_real)NAN, far = CAIRN_SCAN_EXTENT * CAIRN_REAL(1.01);
+    cairn_scan_view before, after;
+    cairn_scan_measure cost;
+    sweep s;
+
+    (void)state;
+    look(&s, &truth, 1, 181, -PI / 2, PI / 180, 0, 0, AT_BASE);
+    before = take(&s.input);
+    assert_int_equal(before.segment_count, 1);
+    cost = cairn_scan_measured(scanner);
+
+    assert_status(cairn_scan_begin(NULL, &s.input, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_scan_begin(scanner, NULL, NULL), CAIRN_BAD_ARGUMENT);
+    BAD(range, NULL, CAIRN_BAD_ARGUMENT);
+    BAD(count, 0, CAIRN_BAD_ARGUMENT);
+    BAD(count, -5, CAIRN_BAD_ARGUMENT);
+    BAD(count, MAX_BEAMS + 1, CAIRN_FULL);
+    BAD(range_min, NAN, CAIRN_NOT_FINITE);
+    BAD(range_max, INFINITY, CAIRN_NOT_FINITE);
+    BAD(range_sigma, NAN, CAIRN_NOT_FINITE);
+    BAD(range_min, -0.1F, CAIRN_BAD_ARGUMENT);
+    BAD(range_min, 30, CAIRN_BAD_ARGUMENT);
+    BAD(range_max, 100001, CAIRN_BAD_ARGUMENT);
+    BAD(range_sigma, -0.1F, CAIRN_BAD_ARGUMENT);
+    BAD(base_sensor.theta, nan, CAIRN_NOT_FINITE);
+    BAD(motion.x, nan, CAIRN_NOT_FINITE);
+    BAD(base_sensor.x, far, CAIRN_BAD_ARGUMENT);
+    BAD(base_sensor.y, -far, CAIRN_BAD_ARGUMENT);
+    BAD(motion.x, -far, CAIRN_BAD_ARGUMENT);
+    BAD(motion.y, far, CAIRN_BAD_ARGUMENT);
+    BAD(angle_min, NAN, CAIRN_NOT_FINITE);
+    BAD(angle_step, INFINITY, CAIRN_NOT_FINITE);
+    for (int i = 0; i < 181; i++)
+        s.angle[i] = (float)i;
+    s.angle[42] = NAN;
+    s.input.angle = s.angle;
+    assert_refused(&s.input, CAIRN_NOT_FINITE, 42);
+
+    /* Nothing of that touched the last result. */
+    after = cairn_scan_read(scanner);
+    assert_memory_equal(&before, &after, sizeof before);
+    assert_int_equal(cairn_scan_measured(scanner).units, cost.units);
+    s.angle[42] = 42;
+    assert_ok(cairn_scan_begin(scanner, &s.input, NULL));
+}
+
+/* As many beams as are allowed; and the input's arrays may go after begin(). */
+static void test_hundred_thousand_beams(void **state)
+{
+    enum { BEAMS = 100000 };
+    static float range[BEAMS];
+    cairn_scan_params params = cairn_scan_default();
+    cairn_segment walls[5];
+    cairn_scan_input input;
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_scan_view view;
+    cairn_scan *large;
+    cairn_pool own;
+    sweep s;
+    int found = 0;
+
+    (void)state;
+    params.max_beams = BEAMS;
+    params.max_segments = 2000;
+    own = test_pool(cairn_scan_memory(&params));
+    assert_ok(cairn_scan_create(&large, &own, &params));
+    make_room(walls);
+    look(&s, walls, 5, 1, -3.14, 0, 0, 0, AT_BASE);
+    input = s.input;
+    input.range = range;
+    input.count = BEAMS;
+    input.angle_step = (float)(6.28 / BEAMS);
+    {
+        cairn_random random = cairn_random_seed(9, 1);
+
+        for (int i = 0; i < BEAMS; i++)
+            range[i] = (float)(cast(walls, 5, 0, 0, (double)(input.angle_min + (float)i * input.angle_step)) +
+                               0.01 * (double)cairn_random_normal(&random));
+    }
+    assert_ok(cairn_scan_begin(large, &input, NULL));
+    memset(range, 0, sizeof range);
+    assert_ok(cairn_scan_step(large, &budget));
+    view = cairn_scan_read(large);
+    assert_int_equal(view.beam_count, BEAMS);
+    assert_int_equal(view.segment_count, 5);
+    for (int32_t k = 0; k < view.segment_count; k++)
+        for (int i = 0; i < 5; i++)
+            found |= (line_error(view.segments[k], walls[i]) < 0.01) << i;
+    assert_int_equal(found, 31);
+    print_message("100,000 beams: %d segments, %d iterations, %.1f units a beam\n", view.segment_count,
+                  cairn_scan_measured(large).iterations, (double)cairn_scan_measured(large).units / BEAMS);
+    test_pool_free(&own);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_kinds_of_beams),
+        cmocka_unit_test(test_scan_without_return),
+        cmocka_unit_test(test_motion_of_beams),
+        cmocka_unit_test(test_wall_while_turning),
+        cmocka_unit_test(test_room),
+        cmocka_unit_test(test_sense_and_order_of_beams),
+        cmocka_unit_test(test_mounted_sensor),
+        cmocka_unit_test(test_spacing_and_support),
+        cmocka_unit_test(test_far_wall),
+        cmocka_unit_test(test_too_many_points),
+        cmocka_unit_test(test_range_sigma),
+        cmocka_unit_test(test_budgets_are_equal),
+        cmocka_unit_test(test_memory),
+        cmocka_unit_test(test_params),
+        cmocka_unit_test(test_begin_statuses),
+        cmocka_unit_test(test_hundred_thousand_beams),
+    };
+
+    return cmocka_run_group_tests(tests, setup, teardown);
+}
