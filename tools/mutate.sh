@@ -4,7 +4,8 @@
 # N faults (40) are drawn by SEED (1) over the lines of the FILEs (all of src/): signs, comparisons, indices, constants,
 # x and y, and, or, not, min and max. Each is planted in a scratch copy; the double tests run, that of the same room
 # first, until one fails, dies or takes ten times its usual time. Faults that do not compile or leave the object code as
-# it was are drawn again. Equal arguments give equal faults. Exits with 1 when a fault is missed.
+# it was are drawn again. Equal arguments give equal faults. Exits with 1 when fewer than nine in ten are found: some
+# faults change nothing that can be seen.
 count=${1:-40}
 seed=${2:-1}
 [ $# -lt 1 ] || shift
@@ -218,7 +219,7 @@ END
     cp m/original.o "m/double/$file.o"
 }
 
-found=0 missed=0 skipped=0 total=0
+found=0 skipped=0 total=0
 exec 3<"$work/candidates"
 more=1
 while [ $total -lt "$count" ] && [ $more -eq 1 ]; do
@@ -239,9 +240,9 @@ while [ $total -lt "$count" ] && [ $more -eq 1 ]; do
             continue
         fi
         total=$((total + 1))
-        case $verdict in missed) missed=$((missed + 1)) ;; *) found=$((found + 1)) ;; esac
+        [ "$verdict" = missed ] || found=$((found + 1))
         awk 'NR == 1 { verdict = $0 } NR == 2 { print $0 ": " verdict } NR > 2' "$work/$worker/result"
     done
 done
 echo "found $found of $total (seed $seed; $skipped more did not compile or changed nothing)"
-[ $missed -eq 0 ]
+[ $((found * 10)) -ge $((total * 9)) ]
