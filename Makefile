@@ -172,7 +172,8 @@ $(BUILD)/amalgamation/cairn.c: $(LIB_SRC) $(wildcard src/*/*.h include/cairn/*.h
 
 coverage:
 	@sh tools/deps.sh build test check
-	@$(MAKE) BUILD=$(BUILD)/coverage COVERAGE=1 run-tests
+	@rm -rf $(BUILD)/coverage
+	@$(MAKE) BUILD=$(BUILD)/coverage CC=gcc CXX=g++ COVERAGE=1 run-tests
 	@sh tools/coverage.sh $(BUILD)/coverage
 
 install: all

@@ -1,15 +1,21 @@
 #!/bin/sh
-# Runs test programs one after another: tests/run.sh BUILD PROGRAM...
+# Runs test programs, two at a time: tests/run.sh BUILD PROGRAM...
 # Prints each program's failures and a closing line with the totals; exits with 1 when a test failed or a program died.
 build=$1
 shift
 mkdir -p "$build/log"
+
+# The log of build/tests/test_pool is build/log/tests-test_pool, its exit status stands in build/log/tests-test_pool.exit.
+printf '%s\n' "$@" | xargs -P 2 -n 1 sh -c '
+    log=$1/log/$(basename "$(dirname "$2")")-$(basename "$2")
+    "$2" >"$log" 2>&1
+    echo $? >"$log.exit"' run "$build"
+
 passed=0 failed=0
 for program in "$@"; do
     name=$(basename "$(dirname "$program")")-$(basename "$program")
     log=$build/log/$name
-    "$program" >"$log" 2>&1
-    status=$?
+    status=$(cat "$log.exit")
     ok=$(grep -c '^\[       OK \]' "$log")
     bad=$(grep -c '^\[  FAILED  \] [A-Za-z0-9_]*$' "$log")
     if [ "$status" -ne 0 ] || [ "$ok" -eq 0 ]; then

@@ -1,6 +1,10 @@
 /* The bump pool, marks, splits, counting pools and the block pool. */
 #include "tests/test.h"
 
+#ifdef __SSE2__
+#include <xmmintrin.h>
+#endif
+
 #if CAIRN_POOL_GAP > 0
 void __asan_unpoison_memory_region(void const volatile *address, size_t size);
 int __asan_address_is_poisoned(void const volatile *address);
@@ -44,6 +48,24 @@ static void init_rounds_to_the_alignment(void **state)
     __asan_unpoison_memory_region(memory, sizeof memory);
 #endif
 }
+
+#ifdef __SSE2__
+static void flushing_to_zero_is_seen(void **state)
+{
+    static _Alignas(CAIRN_ALIGN) unsigned char memory[64];
+    cairn_pool pool = {NULL, 1, 2, 3, 4, 5};
+    const unsigned control = _mm_getcsr();
+    cairn_status status;
+
+    (void)state;
+    _mm_setcsr(control | 0x8000);
+    status = cairn_pool_init(&pool, memory, sizeof memory);
+    _mm_setcsr(control);
+    assert_status(status, CAIRN_BAD_BUILD);
+    assert_true(pool.base == NULL && pool.size == 1 && pool.used == 2 && pool.peak == 3 && pool.refused == 4 &&
+                pool.marks == 5);
+}
+#endif
 
 static void pieces_are_aligned_and_apart(void **state)
 {
@@ -431,6 +453,9 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(init_rounds_to_the_alignment),
+#ifdef __SSE2__
+        cmocka_unit_test(flushing_to_zero_is_seen),
+#endif
         cmocka_unit_test(pieces_are_aligned_and_apart),
         cmocka_unit_test(a_full_pool_refuses),
         cmocka_unit_test(nothing_is_a_valid_piece),
