@@ -50,7 +50,8 @@ static void add_scan(const sim_edge *edges, const sim_scan *scan, int32_t s, dou
         j[4] = -ny * (px - (edge->a.x + edge->b.x) / 2) + nx * (py - (edge->a.y + edge->b.y) / 2);
         for (int a = 0; a < POSE; a++)
             for (int b = 0; b < POSE; b++)
-                information[(size_t)(POSE * s + a) * (size_t)dimension + (size_t)(POSE * s + b)] += weight * j[a] * j[b];
+                information[(size_t)(POSE * s + a) * (size_t)dimension + (size_t)(POSE * s + b)] +=
+                    weight * j[a] * j[b];
         for (int a = 0; a < WALL; a++)
             for (int b = 0; b < WALL; b++)
                 walls[scan->edge[i]].own[a][b] += weight * j[POSE + a] * j[POSE + b];
@@ -114,7 +115,8 @@ static int32_t best_observed(const double *information, int32_t dimension, int32
         for (int a = 0; a < POSE; a++)
             for (int b = 0; b < POSE; b++)
                 m[a][b] = information[(size_t)(POSE * s + a) * (size_t)dimension + (size_t)(POSE * s + b)];
-        determinant = m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
+        determinant = m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) -
+                      m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0]) +
                       m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
         if (determinant > greatest) {
             greatest = determinant;

@@ -13,7 +13,8 @@ typedef struct drive {
     int32_t count;
 } drive;
 
-static drive start_drive(sim_scene scene, uint64_t seed, int32_t scans, double bias)
+/* every: m and rad between scans. */
+static drive start_drive(sim_scene scene, uint64_t seed, int32_t scans, double bias, double every)
 {
     sim_arena_options arena = sim_arena_default();
     sim_survey_options survey = sim_survey_default();
@@ -27,6 +28,8 @@ static drive start_drive(sim_scene scene, uint64_t seed, int32_t scans, double b
     survey.beams = 181;
     survey.fov = 3.14159265;
     survey.bias_drift = bias;
+    survey.drive_distance = every;
+    survey.drive_turn = every;
     d.arena = sim_arena_create(&arena, fault, sizeof fault);
     assert_non_null(d.arena);
     d.survey = sim_survey_create(d.arena, &survey, fault, sizeof fault);
@@ -92,8 +95,7 @@ static void run(cairn_mapper *mapper, const drive *d, odometry how, int32_t budg
         cairn_status status;
 
         if (i > 0) {
-            cairn_pose step =
-                cairn_pose_between(pose_of(d->scans[i - 1].odometry), pose_of(d->scans[i].odometry));
+            cairn_pose step = cairn_pose_between(pose_of(d->scans[i - 1].odometry), pose_of(d->scans[i].odometry));
 
             if (how == NEVER_BACK)
                 step.x = cairn_abs(step.x);
@@ -108,8 +110,7 @@ static void run(cairn_mapper *mapper, const drive *d, odometry how, int32_t budg
         t->results[i] = cairn_mapper_read(mapper);
     }
     for (int32_t i = 0; i < d->count; i++)
-        t->poses[i] =
-            cairn_pose_compose(cairn_mapper_key_pose(mapper, t->results[i].key), t->results[i].key_scan);
+        t->poses[i] = cairn_pose_compose(cairn_mapper_key_pose(mapper, t->results[i].key), t->results[i].key_scan);
 }
 
 /* Greatest error of position seen from the first scan, in m. */
@@ -119,8 +120,9 @@ static double worst_error(const drive *d, const trace *t, int32_t odometry_alone
 
     for (int32_t i = 0; i < d->count; i++) {
         cairn_pose truth = cairn_pose_between(pose_of(d->scans[0].truth), pose_of(d->scans[i].truth));
-        cairn_pose found = odometry_alone ? cairn_pose_between(pose_of(d->scans[0].odometry), pose_of(d->scans[i].odometry))
-                                          : cairn_pose_between(t->poses[0], t->poses[i]);
+        cairn_pose found = odometry_alone
+                               ? cairn_pose_between(pose_of(d->scans[0].odometry), pose_of(d->scans[i].odometry))
+                               : cairn_pose_between(t->poses[0], t->poses[i]);
 
         worst = fmax(worst, hypot((double)(truth.x - found.x), (double)(truth.y - found.y)));
     }
@@ -135,7 +137,7 @@ static void maps_better_than_odometry(void **state)
 
     (void)state;
     for (uint64_t seed = 1; seed <= 3; seed++) {
-        drive d = start_drive(SIM_APARTMENT, seed, 250, 0.02);
+        drive d = start_drive(SIM_APARTMENT, seed, 250, 0.02, 0.4);
         cairn_pool pool;
         cairn_mapper *mapper = new_mapper(&pool, &params);
         cairn_mapper_state measured;
@@ -157,7 +159,7 @@ static void maps_better_than_odometry(void **state)
 static void maps_without_odometry(void **state)
 {
     cairn_mapper_params params = small_params();
-    drive d = start_drive(SIM_APARTMENT, 2, 250, 0.02);
+    drive d = start_drive(SIM_APARTMENT, 2, 400, 0.02, 0.1);
     cairn_pool pool;
     cairn_mapper *mapper = new_mapper(&pool, &params);
 
@@ -174,7 +176,7 @@ static void maps_without_odometry(void **state)
 static void odometry_that_never_goes_back_is_not_believed(void **state)
 {
     cairn_mapper_params params = small_params();
-    drive d = start_drive(SIM_RESCUE, 4, 200, 0.01);
+    drive d = start_drive(SIM_RESCUE, 4, 200, 0.01, 0.4);
     cairn_pool pool;
     cairn_mapper *mapper = new_mapper(&pool, &params);
 
@@ -189,7 +191,7 @@ static void budgets_do_not_matter(void **state)
 {
     static const int32_t budgets[] = {1, 7, 1000};
     cairn_mapper_params params = small_params();
-    drive d = start_drive(SIM_APARTMENT, 5, 40, 0.02);
+    drive d = start_drive(SIM_APARTMENT, 5, 40, 0.02, 0.4);
     cairn_pool pool;
     cairn_mapper *mapper = new_mapper(&pool, &params);
 
@@ -211,7 +213,7 @@ static void budgets_do_not_matter(void **state)
 static void verdicts_say_how_a_pose_was_found(void **state)
 {
     cairn_mapper_params params = small_params();
-    drive d = start_drive(SIM_APARTMENT, 6, 30, 0);
+    drive d = start_drive(SIM_APARTMENT, 6, 30, 0, 0.4);
     cairn_pool pool;
     cairn_mapper *mapper = new_mapper(&pool, &params);
     cairn_scan_input blind = sim_scan_input(&d.scans[0]);
@@ -259,7 +261,7 @@ static void verdicts_say_how_a_pose_was_found(void **state)
 static void what_does_not_match_is_predicted(void **state)
 {
     cairn_mapper_params params = small_params();
-    drive d = start_drive(SIM_APARTMENT, 7, 20, 0), other = start_drive(SIM_ROUND, 1, 2, 0);
+    drive d = start_drive(SIM_APARTMENT, 7, 20, 0, 0.4), other = start_drive(SIM_ROUND, 1, 2, 0, 0.4);
     cairn_pool pool;
     cairn_mapper *mapper;
     cairn_scan_input input = sim_scan_input(&other.scans[0]);
@@ -287,7 +289,7 @@ static void what_does_not_match_is_predicted(void **state)
 static void capacities_and_bad_input_change_nothing(void **state)
 {
     cairn_mapper_params params = small_params();
-    drive d = start_drive(SIM_APARTMENT, 8, 60, 0);
+    drive d = start_drive(SIM_APARTMENT, 8, 60, 0, 0.4);
     cairn_pool pool;
     cairn_mapper *mapper;
     cairn_scan_input input = sim_scan_input(&d.scans[0]);
@@ -330,7 +332,7 @@ static void capacities_and_bad_input_change_nothing(void **state)
 static void a_window_of_force_field_keeps_the_map(void **state)
 {
     cairn_mapper_params params = small_params();
-    drive d = start_drive(SIM_APARTMENT, 9, 120, 0.02);
+    drive d = start_drive(SIM_APARTMENT, 9, 120, 0.02, 0.4);
     cairn_pool pool;
     cairn_mapper *mapper;
     int32_t moved = 0;
@@ -338,12 +340,12 @@ static void a_window_of_force_field_keeps_the_map(void **state)
     (void)state;
     mapper = new_mapper(&pool, &params);
     run(mapper, &d, WITH, CAIRN_UNBOUNDED, &one);
-    assert_true(worst_error(&d, &one, 0) < 0.15);
+    assert_true(worst_error(&d, &one, 0) < 0.25);
     test_pool_free(&pool);
     params.window = 0;
     mapper = new_mapper(&pool, &params);
     run(mapper, &d, WITH, CAIRN_UNBOUNDED, &two);
-    assert_true(worst_error(&d, &two, 0) < 0.15);
+    assert_true(worst_error(&d, &two, 0) < 0.25);
     for (int32_t i = 0; i < d.count; i++)
         moved += memcmp(&one.poses[i], &two.poses[i], sizeof one.poses[i]) != 0;
     assert_true(moved > d.count / 2);

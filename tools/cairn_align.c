@@ -28,15 +28,17 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_NUMBER("--spacing", &s->spacing, 0.01, 1, "M", "distance of the points along walls, m (0.10)"),
         OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "side of a cell of the map, m (0.05)"),
         OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the map up to here, m (30)"),
-        OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M", "ranges from here on are no return, m (by the log)"),
+        OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
+                      "ranges from here on are no return, m (by the log)"),
         OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "for methods that draw at random; gradient does not (1)"),
         OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the alignment (just what it needs)"),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
     };
-    const option_set set = {PROGRAM, "LOG -o DIR [options]",
-                            "Aligns all scans of a CARMEN log (plain or gzipped) at once. Their order does not matter; the\n"
-                            "poses in the log are the start.",
-                            table, sizeof table / sizeof *table};
+    const option_set set = {
+        PROGRAM, "LOG -o DIR [options]",
+        "Aligns all scans of a CARMEN log (plain or gzipped) at once. Their order does not matter; the\n"
+        "poses in the log are the start.",
+        table, sizeof table / sizeof *table};
     const char *words[1];
     size_t count = 1;
     option_result result = options_read(&set, argc, argv, words, &count);
@@ -45,8 +47,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         return result;
     s->log = count > 0 ? words[0] : NULL;
     if (s->log == NULL || s->folder == NULL) {
-        (void)tool_refuse(PROGRAM, "%s, expected LOG -o DIR",
-                                s->log == NULL ? "no log" : "no folder to write to (-o)");
+        (void)tool_refuse(PROGRAM, "%s, expected LOG -o DIR", s->log == NULL ? "no log" : "no folder to write to (-o)");
         return OPTIONS_BAD;
     }
     if (strcmp(s->method, "gradient") != 0) {
@@ -188,8 +189,8 @@ static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans
         return code;
     field_params.max_steps = (int32_t)s->steps;
     field_bytes = cairn_force_field_memory(&field_params);
-    code = tool_pool_open(&pool, PROGRAM, s->pool,
-                          field_bytes == 0 ? 0 : field_bytes + cairn_scan_memory(&scan_params));
+    code =
+        tool_pool_open(&pool, PROGRAM, s->pool, field_bytes == 0 ? 0 : field_bytes + cairn_scan_memory(&scan_params));
     if (code != TOOL_OK)
         return code;
     status = cairn_scan_create(&scan, &pool, &scan_params);
@@ -235,9 +236,10 @@ int tool_align(int argc, char **argv)
     if (code != TOOL_OK)
         return code;
     if (log.count > s.max_scans) {
-        code = tool_refuse(PROGRAM, "%s holds %" PRId32 " scans, expected at most %" PRId64
-                                          ": raise --max-scans, or use cairn map, which goes scan by scan",
-                                 s.log, log.count, s.max_scans);
+        code = tool_refuse(PROGRAM,
+                           "%s holds %" PRId32 " scans, expected at most %" PRId64
+                           ": raise --max-scans, or use cairn map, which goes scan by scan",
+                           s.log, log.count, s.max_scans);
     } else {
         scans = map_scans_new(log.count);
         if (scans == NULL) {

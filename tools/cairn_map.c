@@ -27,15 +27,17 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_INTEGER("--window", &s->window, 0, 64, "N", "key scans that the force field runs over, 0: none (8)"),
         OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "side of a cell of the map, m (0.05)"),
         OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the map up to here, m (30)"),
-        OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M", "ranges from here on are no return, m (by the log)"),
+        OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
+                      "ranges from here on are no return, m (by the log)"),
         OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "for methods that draw at random; this one does not (1)"),
         OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the mapper (just what it needs)"),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
     };
-    const option_set set = {PROGRAM, "LOG -o DIR [options]",
-                            "Maps a CARMEN log (plain or gzipped), scan by scan: every scan is matched against the key scans\n"
-                            "near by, and force field simulation runs over a window of the last key scans.",
-                            table, sizeof table / sizeof *table};
+    const option_set set = {
+        PROGRAM, "LOG -o DIR [options]",
+        "Maps a CARMEN log (plain or gzipped), scan by scan: every scan is matched against the key scans\n"
+        "near by, and force field simulation runs over a window of the last key scans.",
+        table, sizeof table / sizeof *table};
     const char *words[1];
     size_t count = 1;
     option_result result = options_read(&set, argc, argv, words, &count);
@@ -44,8 +46,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         return result;
     s->log = count > 0 ? words[0] : NULL;
     if (s->log == NULL || s->folder == NULL) {
-        (void)tool_refuse(PROGRAM, "%s, expected LOG -o DIR",
-                                s->log == NULL ? "no log" : "no folder to write to (-o)");
+        (void)tool_refuse(PROGRAM, "%s, expected LOG -o DIR", s->log == NULL ? "no log" : "no folder to write to (-o)");
         return OPTIONS_BAD;
     }
     return OPTIONS_READ;
@@ -72,8 +73,7 @@ static int feed(const settings *s, const cairn_carmen_scans *log, cairn_mapper *
 
     for (int32_t i = 0; i < log->count && code == TOOL_OK; i++) {
         const cairn_carmen_record *record = &log->record[i];
-        cairn_status status =
-            cairn_mapper_add(mapper, &record->scan, s->no_odometry ? NULL : &record->robot, NULL);
+        cairn_status status = cairn_mapper_add(mapper, &record->scan, s->no_odometry ? NULL : &record->robot, NULL);
         cairn_mapper_result result;
         cairn_scan_view view;
 
@@ -86,7 +86,7 @@ static int feed(const settings *s, const cairn_carmen_scans *log, cairn_mapper *
         }
         if (status != CAIRN_OK) {
             code = tool_refuse(PROGRAM, "%s:%" PRId64 ": %s%s", s->log, record->line, cairn_status_text(status),
-                                     status == CAIRN_FULL ? ", expected fewer key scans: raise --max-keys" : "");
+                               status == CAIRN_FULL ? ", expected fewer key scans: raise --max-keys" : "");
             break;
         }
         result = cairn_mapper_read(mapper);
@@ -175,8 +175,8 @@ static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans
                "key scans  %" PRId32 "\n"
                "unmatched  %" PRId64 " (pose by prediction)\n"
                "potential  %.6g\n",
-               log->count, log->info.faults, tool_seconds() - start, log->count / (fed - start), pool.peak,
-               state.keys, state.predicted, (double)state.potential);
+               log->count, log->info.faults, tool_seconds() - start, log->count / (fed - start), pool.peak, state.keys,
+               state.predicted, (double)state.potential);
     tool_pool_close(&pool);
     return code;
 }

@@ -17,8 +17,8 @@ typedef struct map_scan {
 
     /* What it saw, in its own frame. */
     cairn_vec2 sensor;
-    float *beam;   /* [2 beam_count] x and y of the ends of beams that hit or saw nothing */
-    uint8_t *hit;  /* [beam_count] 1: hit, 0: free */
+    float *beam;  /* [2 beam_count] x and y of the ends of beams that hit or saw nothing */
+    uint8_t *hit; /* [beam_count] 1: hit, 0: free */
     cairn_vec2 *point;
     cairn_segment *segment;
     int32_t beam_count, point_count, segment_count;

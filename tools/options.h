@@ -33,14 +33,26 @@ typedef struct option {
     int32_t *given;          /* set to 1 when the option was given; NULL: nobody asks */
 } option;
 
-#define OPTION_FLAG(name, value, help) {name, OPTION_IS_FLAG, value, 0, 0, "", help, NULL}
+#define OPTION_FLAG(name, value, help)                                                                                 \
+    {                                                                                                                  \
+        name, OPTION_IS_FLAG, value, 0, 0, "", help, NULL                                                              \
+    }
 #define OPTION_INTEGER(name, value, least, most, placeholder, help)                                                    \
-    {name, OPTION_IS_INTEGER, value, least, most, placeholder, help, NULL}
+    {                                                                                                                  \
+        name, OPTION_IS_INTEGER, value, least, most, placeholder, help, NULL                                           \
+    }
 #define OPTION_NUMBER(name, value, least, most, placeholder, help)                                                     \
-    {name, OPTION_IS_NUMBER, value, least, most, placeholder, help, NULL}
+    {                                                                                                                  \
+        name, OPTION_IS_NUMBER, value, least, most, placeholder, help, NULL                                            \
+    }
 #define OPTION_PAIR(name, value, least, most, placeholder, help)                                                       \
-    {name, OPTION_IS_PAIR, value, least, most, placeholder, help, NULL}
-#define OPTION_TEXT(name, value, placeholder, help) {name, OPTION_IS_TEXT, value, 0, 0, placeholder, help, NULL}
+    {                                                                                                                  \
+        name, OPTION_IS_PAIR, value, least, most, placeholder, help, NULL                                              \
+    }
+#define OPTION_TEXT(name, value, placeholder, help)                                                                    \
+    {                                                                                                                  \
+        name, OPTION_IS_TEXT, value, 0, 0, placeholder, help, NULL                                                     \
+    }
 
 /* What a tool is, for its help and its errors. */
 typedef struct option_set {

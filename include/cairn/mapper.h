@@ -21,20 +21,20 @@ extern "C" {
 
 typedef struct cairn_mapper_params {
     cairn_scan_params scan;
-    cairn_icp_params icp;             /* its capacities are set by the mapper */
-    cairn_force_field_params field;   /* likewise max_scans */
-    int32_t max_keys;                 /* key scans in all, 1 ... 2^20 (1024) */
-    int32_t max_key_segments;         /* segments of all key scans, 1 ... 2^24 (32768) */
-    int32_t max_key_points;           /* points of all key scans, 1 ... 2^24 (131072) */
-    int32_t local_keys;               /* key scans to match against, 1 ... CAIRN_MAPPER_LOCAL_MOST (15) */
-    int32_t local_recent;             /* of these so many are the last ones, the others the nearest: 1 ... local_keys (3) */
-    cairn_real local_radius;          /* m, > 0: the nearest ones are at most so far (4) */
-    cairn_real key_distance;          /* m, > 0, and ... (0.5) */
-    cairn_real key_turn;              /* ... rad, > 0: what lies between key scans (0.5) */
-    int32_t window;                   /* key scans of the force field, 2 ... 64; 0: no force field (8) */
-    int32_t window_free;              /* of these so many may move, 1 ... window - 1 (3) */
-    cairn_real odometry_distance;     /* odometry is wrong by this share of the way ... (0.3) */
-    cairn_real odometry_turn;         /* ... and of the turn (0.3) */
+    cairn_icp_params icp;           /* its capacities are set by the mapper */
+    cairn_force_field_params field; /* likewise max_scans */
+    int32_t max_keys;               /* key scans in all, 1 ... 2^20 (1024) */
+    int32_t max_key_segments;       /* segments of all key scans, 1 ... 2^24 (32768) */
+    int32_t max_key_points;         /* points of all key scans, 1 ... 2^24 (131072) */
+    int32_t local_keys;             /* key scans to match against, 1 ... CAIRN_MAPPER_LOCAL_MOST (15) */
+    int32_t local_recent;         /* of these so many are the last ones, the others the nearest: 1 ... local_keys (3) */
+    cairn_real local_radius;      /* m, > 0: the nearest ones are at most so far (4) */
+    cairn_real key_distance;      /* m, > 0, and ... (0.5) */
+    cairn_real key_turn;          /* ... rad, > 0: what lies between key scans (0.5) */
+    int32_t window;               /* key scans of the force field, 2 ... 64; 0: no force field (8) */
+    int32_t window_free;          /* of these so many may move, 1 ... window - 1 (3) */
+    cairn_real odometry_distance; /* odometry is wrong by this share of the way ... (0.3) */
+    cairn_real odometry_turn;     /* ... and of the turn (0.3) */
     cairn_real odometry_distance_min; /* m, and at least by this (0.03) */
     cairn_real odometry_turn_min;     /* rad, and at least by this (0.02) */
     cairn_real min_support;           /* a match counts when this share of the scan's points has partners (0.3) */
@@ -51,22 +51,23 @@ enum {
 
 typedef struct cairn_mapper_result {
     cairn_mapper_verdict verdict;
-    int32_t key;               /* index of the key scan on which the scan hangs; may be the scan itself */
-    cairn_pose key_scan;       /* the scan seen from its key scan */
-    cairn_pose map_scan;       /* at the time of the match */
-    cairn_real covariance[9];  /* of the match, row-major over x, y, theta in the map; zeros for FIRST, NaN-free always */
-    cairn_real support;        /* share of the scan's points with partners; 0 without a match */
-    int32_t is_key;            /* 1: the scan was kept as a key scan */
+    int32_t key;         /* index of the key scan on which the scan hangs; may be the scan itself */
+    cairn_pose key_scan; /* the scan seen from its key scan */
+    cairn_pose map_scan; /* at the time of the match */
+    cairn_real
+        covariance[9];  /* of the match, row-major over x, y, theta in the map; zeros for FIRST, NaN-free always */
+    cairn_real support; /* share of the scan's points with partners; 0 without a match */
+    int32_t is_key;     /* 1: the scan was kept as a key scan */
 } cairn_mapper_result;
 
 /* Measurements over the mapper's whole life. */
 typedef struct cairn_mapper_state {
     int64_t scans;
-    int64_t predicted;          /* scans that could not be matched, blind ones included */
-    int64_t odometry_rejected;  /* scans whose match from the last motion was better than that from odometry */
+    int64_t predicted;         /* scans that could not be matched, blind ones included */
+    int64_t odometry_rejected; /* scans whose match from the last motion was better than that from odometry */
     int32_t keys;
-    int64_t units;              /* of budget */
-    cairn_real potential;       /* of the last run of the force field */
+    int64_t units;        /* of budget */
+    cairn_real potential; /* of the last run of the force field */
 } cairn_mapper_state;
 
 typedef struct cairn_mapper cairn_mapper;

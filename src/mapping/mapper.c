@@ -37,7 +37,7 @@ struct cairn_mapper {
     cairn_icp *icp;
     cairn_force_field *field;
     cairn_scan_set *keys;
-    cairn_pose *key_pose;           /* [max_keys] map_key */
+    cairn_pose *key_pose; /* [max_keys] map_key */
     /* One key scan on its way into the local map or the force field. */
     cairn_oriented_point *oriented; /* [scan.max_points] */
     cairn_segment *segments;        /* [scan.max_segments] */
@@ -49,9 +49,9 @@ struct cairn_mapper {
 
     int32_t has_odometry; /* of the scan at hand */
     cairn_pose odometry;
-    cairn_pose motion;    /* predicted by odometry or by the last motion */
+    cairn_pose motion; /* predicted by odometry or by the last motion */
     cairn_pose predicted;
-    cairn_pose repeated;  /* pose by the last motion */
+    cairn_pose repeated; /* pose by the last motion */
 
     int32_t had_odometry; /* of the scan before */
     cairn_pose last_odometry;
@@ -320,8 +320,7 @@ static int needs_target(const cairn_mapper *mapper)
 {
     cairn_real x = mapper->predicted.x - mapper->target_pose.x, y = mapper->predicted.y - mapper->target_pose.y;
 
-    return mapper->target_stale ||
-           x * x + y * y > mapper->params.key_distance * mapper->params.key_distance;
+    return mapper->target_stale || x * x + y * y > mapper->params.key_distance * mapper->params.key_distance;
 }
 
 /* A key scan as it was when it came, but without its beams; valid until the next call. */
@@ -374,8 +373,7 @@ static cairn_status begin_match(cairn_mapper *mapper, cairn_pose start)
 
     prior.mean = start;
     prior.sigma_x = prior.sigma_y = p->odometry_distance_min + p->odometry_distance * way;
-    prior.sigma_theta =
-        p->odometry_turn_min + p->odometry_turn * (cairn_abs(mapper->motion.theta) + way / 10);
+    prior.sigma_theta = p->odometry_turn_min + p->odometry_turn * (cairn_abs(mapper->motion.theta) + way / 10);
     return cairn_icp_begin(mapper->icp, view.points, view.point_count, start, &prior, NULL);
 }
 
@@ -403,7 +401,8 @@ static int motions_differ(const cairn_mapper *mapper)
 {
     cairn_pose d = cairn_pose_between(mapper->predicted, mapper->repeated);
 
-    return mapper->has_odometry && (d.x * d.x + d.y * d.y > CAIRN_REAL(0.0025) || cairn_abs(d.theta) > CAIRN_REAL(0.02));
+    return mapper->has_odometry &&
+           (d.x * d.x + d.y * d.y > CAIRN_REAL(0.0025) || cairn_abs(d.theta) > CAIRN_REAL(0.02));
 }
 
 /* ---- The result ---- */
