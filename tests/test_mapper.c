@@ -332,7 +332,7 @@ static void capacities_and_bad_input_change_nothing(void **state)
 static void a_window_of_force_field_keeps_the_map(void **state)
 {
     cairn_mapper_params params = small_params();
-    drive d = start_drive(SIM_APARTMENT, 9, 120, 0.02, 0.4);
+    drive d = start_drive(SIM_APARTMENT, 10, 120, 0.02, 0.4);
     cairn_pool pool;
     cairn_mapper *mapper;
     int32_t moved = 0;
