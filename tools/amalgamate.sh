@@ -2,18 +2,26 @@
 # Writes the library as two files, cairn.h and cairn.c, into a directory: tools/amalgamate.sh DIRECTORY
 #
 # The public headers and the .c files of core, contour and mapping follow one another in the order of tools/rooms.txt.
-# Macros of a .c end with it. A file-level name (static function or variable, type, tag, enum constant) that several .c
-# files use is renamed in each by a macro, to <room>_<name>.
+# Macros of a .c end with it. A file-level name (static function or variable, type, tag, enum constant) that several
+# files use is renamed in each .c by a macro, to <room>_<name>.
 set -e
 export LC_ALL=C
 out=${1:?usage: tools/amalgamate.sh DIRECTORY}
 mkdir -p "$out"
 
 rooms=$(awk '$1 == "core" || $1 == "contour" || $1 == "mapping" { print $1 "/" $2 }' tools/rooms.txt)
-sources=
-for room in $rooms; do
-    [ ! -f "src/$room.c" ] || sources="$sources src/$room.c"
-done
+# The .c files in the order of their rooms, parts (<room>_<part>.c) behind their room.
+sources=$(ls src/core/*.c src/contour/*.c src/mapping/*.c 2>/dev/null | awk '
+    BEGIN {
+        while ((getline line < "tools/rooms.txt") > 0)
+            if (line !~ /^#/ && split(line, word, " ") == 2) place["src/" word[1] "/" word[2]] = ++rooms
+    }
+    {
+        room = $0
+        sub(/\.c$/, "", room)
+        while (!(room in place) && sub(/_[^_\/]*$/, "", room)) {}
+        printf "%d %s\n", place[room], $0
+    }' | sort -k 1,1n -k 2 | cut -d ' ' -f 2)
 
 # Comment that opens both files.
 banner()
@@ -52,7 +60,7 @@ body()
     echo '#endif'
 } >"$out/cairn.h.new"
 
-# File-level names of .c files, one "<file> <name>" a line.
+# File-level names of .c files and private headers, one "<file> <name>" a line.
 names()
 {
     awk '
@@ -116,7 +124,7 @@ names()
     }' "$@"
 }
 # shellcheck disable=SC2086
-names $sources | sort -u >"$out/names"
+names $sources $(ls src/core/*.h src/contour/*.h src/mapping/*.h 2>/dev/null) | sort -u >"$out/names"
 
 {
     banner "the whole library in one file; #define CAIRN_FLOAT for it and for all users of cairn.h to compute in float"

@@ -60,6 +60,10 @@ echo | house src/core/extra.c
 expect "does not list the room extra"
 echo | house include/cairn/extra.h
 expect "does not list the room extra"
+echo '#include "src/core/build.h"' | house src/core/top_part.c
+expect ""
+printf '#include "src/core/build.h"\n#include "cairn/top.h"\n' | house src/core/base_part.c
+expect "src/core/base_part.c:2: base may not know top"
 house -
 rm "$work/house/src/core/top.c"
 expect "room top: no src/core/top.c"

@@ -2,7 +2,8 @@
 # Proves the order of the rooms: tools/check-rooms.sh [ROOT]
 #
 # Reads the includes of src/*/*.[ch] and include/cairn/*.h against tools/rooms.txt. A room is src/<floor>/<room>.c with the
-# header include/cairn/<room>.h, or src/<floor>/<room>.h when only its own floor may use it. Refused are: an include of a
+# header include/cairn/<room>.h, or src/<floor>/<room>.h when only its own floor may use it. A file <room>_<part>.[ch] in
+# src/ that is not listed itself is a part of that room. Refused are: an include of a
 # room below, contour and mapping including each other, a header of libc that is not freestanding in the library, a room
 # that is not listed, has no header, no .c or no test, a .c of the library that does not include src/core/build.h first.
 # Reported: rooms over 500 lines.
@@ -10,7 +11,15 @@ cd "${1:-.}" || exit 2
 export LC_ALL=C
 ls src/*/*.c src/*/*.h include/cairn/*.h tests/test_*.c 2>/dev/null | awk '
 function refuse(text) { print text; bad = 1 }
-function room_of(path) { sub(/^.*\//, "", path); sub(/\.[ch]$/, "", path); return path }
+function base_of(path) { sub(/^.*\//, "", path); sub(/\.[ch]$/, "", path); return path }
+# The listed room of a file, or its bare name; of a part the listed room with the longest name.
+function room_of(path,    base, room)
+{
+    base = room = base_of(path)
+    if (path ~ /^src/)
+        while (!((room in place) && floor[room] == floor_of(path)) && sub(/_[^_]*$/, "", room)) {}
+    return path !~ /^src/ || ((room in place) && floor[room] == floor_of(path)) ? room : base
+}
 function floor_of(path) { sub(/^src\//, "", path); sub(/\/.*/, "", path); return path }
 BEGIN {
     while ((getline line < "tools/rooms.txt") > 0) {
@@ -29,14 +38,15 @@ BEGIN {
     file[++files] = $0
     room = room_of($0)
     if ($0 ~ /\.c$/) {
-        source[room] = $0
+        if (base_of($0) == room) source[room] = $0
+        else parts[room]++
         if (!(room in place)) refuse($0 ": tools/rooms.txt does not list the room " room)
         else if (floor[room] != floor_of($0)) refuse($0 ": tools/rooms.txt has " room " on the floor " floor[room])
     } else if ($0 ~ /^include/) {
         public[room] = 1
         if (!(room in place)) refuse($0 ": tools/rooms.txt does not list the room " room)
     } else
-        inner[room] = $0
+        inner[base_of($0)] = $0
 }
 END {
     if (bad == 2) exit 2
@@ -50,7 +60,7 @@ END {
         path = file[i]
         room = room_of(path)
         # A header without a .c (build.h, say) belongs to its floor and sees what the floor sees.
-        if (!(room in place) && ((room in source) || (room in public))) continue
+        if (!(room in place) && (path ~ /\.c$/ || (room in source) || (room in public))) continue
         where = path ~ /^src/ ? floor_of(path) : floor[room]
         own = (room in place) ? place[room] : lowest[where]
         lines = 0
@@ -88,6 +98,8 @@ END {
         close(path)
         if (path ~ /\.c$/ && lines > 500) print "note   " path " has " lines " lines: over 500 it is two rooms"
     }
+    for (i = 1; i <= rooms; i++)
+        if (parts[name[i]]) print "note   " name[i] " has " parts[name[i]] " more parts"
     if (!bad) print "ok     rooms: " rooms " in order"
     exit bad
 }'

