@@ -42,7 +42,7 @@ class Picture
         text.fixed(w, 0) << " ";
         text.fixed(h, 0)
             << "\">\n"
-            << "<style>.floor{fill:#f7f5f0}.seen{fill:#9cc7e6;fill-opacity:.10}"
+            << "<style>.floor{fill:#f7f5f0}.seen{fill:#9cc7e6}"
                ".wall{fill:#33373d}.furniture{fill:#d8cbb2;stroke:#8d7d60}.box{fill:#d9a05b;stroke:#96662f}"
                ".rubble{fill:#b3aca2;stroke:#7d776e}.way{fill:none;stroke:#2b6cb0;stroke-width:1.6;"
                "stroke-opacity:.75;stroke-dasharray:5 4;stroke-linejoin:round}"
@@ -112,7 +112,8 @@ class Picture
             sim_pose sensor = compose(scan.truth, scan.base_sensor);
             int32_t every = std::max(1, scan.count / 100);
 
-            text << "<polygon class=\"seen\" points=\"";
+            text << "<polygon class=\"seen\" fill-opacity=\"";
+            text.fixed(std::clamp(6.0 / count, 0.02, 0.12), 3) << "\" points=\"";
             point({sensor.x, sensor.y});
             for (int32_t k = 0; k < scan.count; k += every) {
                 double range = std::min((double)scan.range[k], scan.range_max), share = (double)k / (scan.count - 1);
