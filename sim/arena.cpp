@@ -1,8 +1,8 @@
 // arena: from options to bodies, edges and free space; the part of the C header that is about arenas.
 #include "sim/arena_parts.h"
 
+#include <algorithm>
 #include <cstring>
-#include <new>
 
 using namespace sim;
 
@@ -103,6 +103,39 @@ static std::vector<sim_edge> edges_of(const std::vector<Body> &bodies, std::vect
     return edges;
 }
 
+// Rubble cuts no room off: where it does, what lies on the shortest way into the room is taken away.
+static void clear_ways(Layout &layout, double angle)
+{
+    Layout standing = layout;
+
+    standing.bodies.clear();
+    for (const Body &body : layout.bodies)
+        if (!body.loose())
+            standing.bodies.push_back(body);
+    FreeSpace without(standing, angle), with(layout, angle);
+
+    if (with.cells().empty())
+        return;
+    for (sim_point there : with.cut_off()) {
+        sim_point here = with.middle(with.cells()[0]);
+        std::vector<sim_point> way;
+
+        if (!without.reachable(there) || !without.reachable(here))
+            continue;
+        way = without.way(without.cell_of(here), without.cell_of(there));
+        auto blocks = [&](const Body &body) {
+            if (!body.loose())
+                return false;
+            for (size_t i = 0; i + 1 < way.size(); i++)
+                for (double t = 0; t <= 1; t += 0.02)
+                    if (distance(body, way[i] + (way[i + 1] - way[i]) * t) < free_clearance + 0.05)
+                        return true;
+            return false;
+        };
+        layout.bodies.erase(std::remove_if(layout.bodies.begin(), layout.bodies.end(), blocks), layout.bodies.end());
+    }
+}
+
 } // namespace sim
 
 sim_arena::sim_arena(const sim_arena_options &o, Layout &&settled)
@@ -135,6 +168,7 @@ sim_arena *sim_arena_create(const sim_arena_options *given, char *fault_text, si
     scene.lay_out(layout);
     turn(layout, options.turn);
     settle(layout, options.turn);
+    clear_ways(layout, options.turn);
     return new sim_arena(options, std::move(layout));
 }
 

@@ -53,7 +53,7 @@ static bool in_the_open(Layout &layout, const Rect &room, double along, double a
 }
 
 // Up to `count` chairs about the body that was put last, some pushed in, some turned away.
-static void chairs_about(Layout &layout, int count)
+static void chairs_about(Layout &layout, const Rect &room, int count)
 {
     Body table = layout.bodies.back();
     double x = table.vertices[2].x, y = table.vertices[2].y;
@@ -64,7 +64,9 @@ static void chairs_about(Layout &layout, int count)
         sim_point at = i % 2 ? sim_point{along * x, i % 4 == 1 ? y + off : -y - off}
                              : sim_point{i % 4 == 0 ? x + off : -x - off, along * y};
 
-        layout.put(make_box(SIM_FURNITURE, table.centre + turned(at, table.angle), 0.42, 0.42, angle), 0.01);
+        at = table.centre + turned(at, table.angle);
+        if (at.x > room.x0 + 0.35 && at.x < room.x1 - 0.35 && at.y > room.y0 + 0.35 && at.y < room.y1 - 0.35)
+            layout.put(make_box(SIM_FURNITURE, at, 0.42, 0.42, angle), 0.01);
     }
 }
 
@@ -76,20 +78,20 @@ void furnish(Layout &layout, const Rect &room, Use use)
         against_wall(layout, room, 1.6, 0.4);
         against_wall(layout, room, 0.9, 0.9);
         if (in_the_open(layout, room, 1.1, 0.6, 0.65))
-            chairs_about(layout, 1);
+            chairs_about(layout, room, 1);
         break;
     case Use::kitchen:
         against_wall(layout, room, 2.4, 0.6);
         against_wall(layout, room, 0.65, 0.65);
         if (in_the_open(layout, room, 1.3, 0.8, 0.7))
-            chairs_about(layout, 4);
+            chairs_about(layout, room, 4);
         break;
     case Use::bedroom:
         against_wall(layout, room, 1.5, 2.0);
         against_wall(layout, room, 1.6, 0.6);
         against_wall(layout, room, 0.45, 0.45);
         if (against_wall(layout, room, 1.1, 0.6))
-            chairs_about(layout, 4);
+            chairs_about(layout, room, 4);
         break;
     case Use::bath:
         against_wall(layout, room, 1.7, 0.75);
@@ -98,17 +100,17 @@ void furnish(Layout &layout, const Rect &room, Use use)
         break;
     case Use::study:
         if (against_wall(layout, room, 1.5, 0.75))
-            chairs_about(layout, 4);
+            chairs_about(layout, room, 4);
         against_wall(layout, room, 1.0, 0.35);
         against_wall(layout, room, 1.4, 0.4);
         if (in_the_open(layout, room, 1.2, 0.7, 0.8))
-            chairs_about(layout, 3);
+            chairs_about(layout, room, 3);
         break;
     case Use::office:
         if (against_wall(layout, room, 1.6, 0.8))
-            chairs_about(layout, 4);
+            chairs_about(layout, room, 4);
         if (against_wall(layout, room, 1.6, 0.8))
-            chairs_about(layout, 4);
+            chairs_about(layout, room, 4);
         against_wall(layout, room, 1.2, 0.45);
         against_wall(layout, room, 0.45, 0.6);
         break;

@@ -34,8 +34,8 @@ int32_t sim_write_log(const sim_survey *survey, const sim_pose *poses, const cha
                 "laser_x laser_y laser_theta robot_x robot_y robot_theta tv rv safety safety turn_axis stamp host "
                 "logger_stamp\n";
     text << "# ODOM x y theta tv rv accel stamp host logger_stamp\n";
-    text << "PARAM robot_frontlaser_offset " << o.base_sensor.x << " host 0\n";
-    text << "PARAM robot_front_laser_max " << o.range_max << " host 0\n";
+    text << "PARAM robot_frontlaser_offset " << o.base_sensor.x << " nohost 0\n";
+    text << "PARAM robot_front_laser_max " << o.range_max << " nohost 0\n";
     for (int32_t i = 0; i < count; i++) {
         const sim_scan &scan = scans[i];
         sim_pose robot = poses ? poses[i] : scan.odometry, laser = compose(robot, scan.base_sensor);

@@ -53,7 +53,9 @@ FreeSpace::FreeSpace(const Layout &layout, double a) : width(layout.width), heig
             }
         }
         if (part.size() > connected.size())
-            connected = part;
+            std::swap(part, connected);
+        if ((double)part.size() * cell_side * cell_side > 0.5)
+            others.push_back(middle(part[0]));
     }
     std::sort(connected.begin(), connected.end());
     for (int32_t cell : connected)

@@ -24,6 +24,10 @@ class FreeSpace
     int32_t cell_of(sim_point p) const; // -1 outside
     bool reachable(sim_point p) const;
     int32_t nearest_reachable(sim_point p) const; // a cell
+    const std::vector<sim_point> &cut_off() const // a point in every other part of at least 0.5 m2
+    {
+        return others;
+    }
 
     // Length of the shortest way from a reachable cell to every cell; 1e9 where there is none.
     std::vector<double> distances(int32_t from) const;
@@ -39,6 +43,7 @@ class FreeSpace
     std::vector<float> clearance;
     std::vector<char> inside; // 1: of the largest connected part
     std::vector<int32_t> connected;
+    std::vector<sim_point> others;
 };
 
 } // namespace sim

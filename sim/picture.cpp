@@ -2,6 +2,7 @@
 #include "sim/files.h"
 
 #include <algorithm>
+#include <vector>
 
 #include "sim/numbers.h"
 #include "sim/text.h"
@@ -41,9 +42,9 @@ class Picture
         text.fixed(w, 0) << " ";
         text.fixed(h, 0)
             << "\">\n"
-            << "<style>.floor{fill:#f7f5f0}.seen{fill:#9cc7e6;fill-opacity:.10}"
-               ".wall{fill:#33373d}.furniture{fill:#8a7f6d;stroke:#6f6656}.box{fill:#c58b4a;stroke:#96662f}"
-               ".rubble{fill:#a9a39a;stroke:#7d776e}.way{fill:none;stroke:#2b6cb0;stroke-width:1.6;"
+            << "<style>.floor{fill:#f7f5f0}.seen{fill:#9cc7e6}"
+               ".wall{fill:#33373d}.furniture{fill:#d8cbb2;stroke:#8d7d60}.box{fill:#d9a05b;stroke:#96662f}"
+               ".rubble{fill:#b3aca2;stroke:#7d776e}.way{fill:none;stroke:#2b6cb0;stroke-width:1.6;"
                "stroke-opacity:.75;stroke-dasharray:5 4;stroke-linejoin:round}"
                ".look{stroke:#d1495b;stroke-width:2;stroke-linecap:round}.scan{fill:#d1495b;stroke:#fff}"
                "text{font:15px sans-serif;fill:#33373d}.bar{stroke:#33373d;stroke-width:3}</style>\n"
@@ -73,18 +74,30 @@ class Picture
         text.fixed(pixels, 1) << "\"/>\n";
     }
 
+    // The convex hull of all walls (Andrew 1979).
     void floor()
     {
-        sim_arena_options o = sim_arena_options_of(arena);
-        double x = o.width / 2, y = o.height / 2;
+        const sim_edge *edges = sim_arena_edges(arena, &edge_count);
+        std::vector<sim_point> points, hull;
 
+        for (int32_t i = 0; i < edge_count; i++)
+            points.push_back(edges[i].a);
+        std::sort(points.begin(), points.end(),
+                  [](sim_point a, sim_point b) { return a.x < b.x || (a.x == b.x && a.y < b.y); });
+        for (int side = 0; side < 2; side++) {
+            size_t start = hull.size();
+
+            for (sim_point p : points) {
+                while (hull.size() >= start + 2 && cross(hull.back() - hull[hull.size() - 2], p - hull.back()) <= 0)
+                    hull.pop_back();
+                hull.push_back(p);
+            }
+            hull.pop_back();
+            std::reverse(points.begin(), points.end());
+        }
         text << "<polygon class=\"floor\" points=\"";
-        if (o.scene == SIM_ROUND)
-            for (int i = 0; i < 72; i++)
-                point(turned({0.99 * x * std::cos(i * pi / 36), 0.99 * y * std::sin(i * pi / 36)}, o.turn));
-        else
-            for (sim_point corner : {sim_point{-x, -y}, sim_point{x, -y}, sim_point{x, y}, sim_point{-x, y}})
-                point(turned(corner, o.turn));
+        for (sim_point p : hull)
+            point(p);
         text << "\"/>\n";
     }
 
@@ -99,7 +112,8 @@ class Picture
             sim_pose sensor = compose(scan.truth, scan.base_sensor);
             int32_t every = std::max(1, scan.count / 100);
 
-            text << "<polygon class=\"seen\" points=\"";
+            text << "<polygon class=\"seen\" fill-opacity=\"";
+            text.fixed(std::clamp(6.0 / count, 0.02, 0.12), 3) << "\" points=\"";
             point({sensor.x, sensor.y});
             for (int32_t k = 0; k < scan.count; k += every) {
                 double range = std::min((double)scan.range[k], scan.range_max), share = (double)k / (scan.count - 1);

@@ -116,8 +116,8 @@ std::vector<sim_point> choose_places(const sim_arena &arena, int count, uint64_t
                                   std::back_inserter(known));
             overlap = (double)known.size() / (double)std::max<size_t>(1, views[i].size());
             score = (double)(views[i].size() - known.size()) + 6 * nearest[i];
-            // A view that shares less than a third with what is known comes last.
-            if (!places.empty() && overlap < 0.33)
+            // A view that shares less than a quarter with what is known comes last.
+            if (!places.empty() && overlap < 0.25)
                 score *= overlap / 10;
             if (score > best_score) {
                 best_score = score;

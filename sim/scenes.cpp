@@ -59,15 +59,16 @@ static std::vector<Rect> divide(Random &random, Rect whole, double smallest, std
     return rooms;
 }
 
-// Openings for a wall: one door at least, in the stretches between the walls that meet it.
-static std::vector<Opening> open_up(Layout &layout, Split &split)
+// Openings for a wall: one door at least, in the stretches between the walls that meet it. Long stretches without a door
+// may have come down in part.
+static std::vector<Opening> open_up(Layout &layout, Split &split, std::vector<sim_point> &breaks)
 {
     std::vector<Opening> openings;
     std::vector<std::pair<double, double>> stretches;
-    double from = 0;
+    double from = 0, whole = length(split.b - split.a);
 
     std::sort(split.joints.begin(), split.joints.end());
-    split.joints.push_back(length(split.b - split.a));
+    split.joints.push_back(whole);
     for (double joint : split.joints) {
         if (joint - from > 1.6)
             stretches.push_back({from, joint});
@@ -76,11 +77,15 @@ static std::vector<Opening> open_up(Layout &layout, Split &split)
     size_t first = (size_t)layout.random.below((int)stretches.size());
     for (size_t k = 0; k < stretches.size(); k++) {
         auto [low, high] = stretches[(first + k) % stretches.size()];
-        double width = layout.random.uniform(0.95, 1.2), room = high - low - 0.3 - width;
-        double at = low + 0.15 + width / 2 + room * layout.random.unit();
+        bool door = k == 0 || layout.random.chance(0.35), fallen = !door && layout.random.chance(0.7);
+        double width = fallen ? layout.random.uniform(0.9, 1.6) : layout.random.uniform(0.95, 1.2);
+        double edge = std::min(0.5, (high - low - width) / 2), room = high - low - width - 2 * edge;
+        double at = low + edge + width / 2 + room * layout.random.unit();
 
-        if (k == 0 || layout.random.chance(0.35))
-            openings.push_back({at, width, true});
+        if (door || (fallen && room > 0))
+            openings.push_back({at, width, door});
+        if (fallen && room > 0)
+            breaks.push_back(split.a + (split.b - split.a) * (at / whole));
     }
     return openings;
 }
@@ -93,19 +98,8 @@ void lay_out_rescue(Layout &layout)
     std::vector<sim_point> breaks;
 
     layout.walls(whole);
-    for (Split &split : splits) {
-        std::vector<Opening> openings = open_up(layout, split);
-        double whole_length = length(split.b - split.a);
-
-        // A wall that came down somewhere along it.
-        if (whole_length > 4 && layout.random.chance(0.75)) {
-            double width = layout.random.uniform(0.8, 1.7), at = layout.random.uniform(1, whole_length - 1);
-
-            openings.push_back({at, width, false});
-            breaks.push_back(split.a + (split.b - split.a) * (at / whole_length));
-        }
-        layout.wall(split.a, split.b, openings);
-    }
+    for (Split &split : splits)
+        layout.wall(split.a, split.b, open_up(layout, split, breaks));
     for (const Rect &room : rooms) {
         sim_point middle = room.middle();
         double slant = layout.random.uniform(-pi, pi), size = layout.random.uniform(0.9, 1.6);
@@ -230,6 +224,7 @@ void lay_out_twins(Layout &layout)
     layout.wall({0, 0}, {0, hall});
     layout.wall({w, 0}, {w, hall});
     layout.wall({room, hall}, {shift, hall});
+    layout.wall({room, h}, {shift, h});
     first = layout.bodies.size();
     layout.wall({0, hall}, {room, hall}, {{door, 1.0, true}});
     layout.wall({0, hall}, {0, h});
@@ -274,7 +269,7 @@ void lay_out_mirror(Layout &layout)
     for (int i = 0; i < 3; i++) {
         double y = layout.random.uniform(0.15, 0.85) * h, size = layout.random.uniform(0.2, 0.35);
 
-        layout.put(make_box(SIM_FURNITURE, {0.08 + size / 2, y}, size, size, 0), 0.01);
+        layout.put(make_box(SIM_FURNITURE, {0.08 + size / 2, y}, size, size, 0), 0.02);
     }
     for (size_t i = first, end = layout.bodies.size(); i < end; i++) {
         Body copy = layout.bodies[i];
