@@ -209,10 +209,10 @@ static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans
                "seconds    %.3f\n"
                "pool       %zu bytes at most\n"
                "steps      %" PRId32 " (%s)\n"
-               "potential  %.6g -> %.6g\n",
+               "potential  %.6g at sigma %.3g m -> %.6g at sigma %.3g m\n",
                log->count, log->info.faults, tool_seconds() - start, pool.peak, state.iterations,
                state.verdict == CAIRN_FORCE_FIELD_CONVERGED ? "converged" : "out of steps", (double)first_potential,
-               (double)state.potential);
+               (double)field_params.sigma_start, (double)state.potential, (double)state.sigma);
     tool_pool_close(&pool);
     return code;
 }

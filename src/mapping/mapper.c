@@ -83,7 +83,6 @@ cairn_mapper_params cairn_mapper_default(void)
     params.field.dt_start = CAIRN_REAL(0.01);
     params.field.dt_end = CAIRN_REAL(0.005);
     params.field.roi = 0;
-    params.field.potential = 0;
     params.field.max_steps = 10;
     params.max_keys = 1024;
     params.max_key_segments = 32768;

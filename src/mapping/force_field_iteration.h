@@ -1,6 +1,6 @@
-/* force_iteration: one iteration of a force field, and the field's state, which force_field shares. */
-#ifndef CAIRN_MAPPING_FORCE_ITERATION_H
-#define CAIRN_MAPPING_FORCE_ITERATION_H
+/* force_field_iteration: one iteration of a force field, and the field's state, which force_field shares. */
+#ifndef CAIRN_MAPPING_FORCE_FIELD_ITERATION_H
+#define CAIRN_MAPPING_FORCE_FIELD_ITERATION_H
 
 #include "cairn/force_field.h"
 

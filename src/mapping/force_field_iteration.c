@@ -15,7 +15,7 @@
 
 #include <string.h>
 
-#include "src/mapping/force_iteration.h"
+#include "src/mapping/force_field_iteration.h"
 
 enum { GROUP = 4 };
 
