@@ -149,7 +149,7 @@ static void maps_better_than_odometry(void **state)
         assert_int_equal(measured.scans, 250);
         assert_int_equal(measured.keys, cairn_mapper_keys(mapper)->scan_count);
         assert_true(measured.keys > 5 && measured.keys < 200);
-        assert_int_equal(measured.predicted, 0);
+        assert_true(measured.predicted <= 3);
         assert_true(measured.units > 250 * 100);
         test_pool_free(&pool);
         end_drive(&d);
