@@ -151,14 +151,14 @@ static void test_row_against_the_formulas(void **state)
                 force_x += (double)f.x;
                 force_y += (double)f.y;
                 if (j != 3) {
-                    assert_near(p.force[j].x, before.force[j].x - f.x, NUMBER(1e-13, 1e-4));
-                    assert_near(p.force[j].y, before.force[j].y - f.y, NUMBER(1e-13, 1e-4));
+                    assert_near(p.force[j].x, before.force[j].x - f.x, NUMBER(2e-11, 1e-4));
+                    assert_near(p.force[j].y, before.force[j].y - f.y, NUMBER(2e-11, 1e-4));
                 }
             }
             assert_true(pairs > 5 && pairs < 39);
             assert_int_equal(sum.pairs, 5 + pairs);
-            assert_near(p.force[3].x, force_x, NUMBER(1e-12, 1e-3));
-            assert_near(p.force[3].y, force_y, NUMBER(1e-12, 1e-3));
+            assert_near(p.force[3].x, force_x, NUMBER(1e-10, 1e-3));
+            assert_near(p.force[3].y, force_y, NUMBER(1e-10, 1e-3));
             assert_near(sum.potential, potential, NUMBER(1e-10, 1e-4));
             assert_int_equal(CAIRN_UNBOUNDED - budget.left, 10 + pairs);
         }
@@ -200,8 +200,8 @@ static void test_tables(void **state)
         worst_force = fmax(worst_force, fabs((double)f[0].x - force) / force);
         worst_potential = fmax(worst_potential, fabs((double)sum.potential - potential));
     }
-    /* exp(-18) is off by 18 times the rounding of its argument. */
-    assert_near(worst_force, 0, NUMBER(8e-15, 3e-6));
+    /* In float exp(-18) is off by 18 times the rounding of its argument. */
+    assert_near(worst_force, 0, NUMBER(3e-13, 3e-6));
     assert_near(worst_potential, 0, NUMBER(5e-14, 3e-7));
 }
 

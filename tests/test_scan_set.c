@@ -132,6 +132,7 @@ static void test_scans_are_copied(void **state)
             assert_memory_equal(&t->segment, &e.segments[i], sizeof t->segment);
             assert_near(t->direction.x, i == 0 ? 1 : i == 1 ? 0 : 0.6, 1e-6);
             assert_near(t->direction.y, i == 2 ? 0.8 : 0, 1e-6);
+            assert_near(t->spacing, i == 0 ? 1 : 0, 1e-6);
         }
         for (int32_t i = 0; i < 4; i++) {
             assert_near(set->points[point + i].x, e.points[i].position.x, 0);
@@ -150,6 +151,37 @@ static void test_scans_are_copied(void **state)
     assert_int_equal(set->scan_count + set->segment_count + set->point_count, 0);
     assert_ok(cairn_scan_set_add(set, &e.view, NULL, NULL));
     assert_int_equal(set->scans[0].first_point, 0);
+    test_pool_free(&pool);
+}
+
+/* Even points to a thousandth of their distance, along the direction and not against it. */
+static void test_spacing(void **state)
+{
+    static const struct {
+        double x, y, direction, spacing;
+    } cases[] = {{2, 0, 1, 1},      {2.0009, 0, 1, 1}, {2.002, 0, 1, 0},  {1.998, 0, 1, 0},
+                 {2, 0.0009, 1, 1}, {2, 0.002, 1, 0},  {2, -0.002, 1, 0}, {2, 0, -1, 0}};
+    cairn_scan_set_params params = {1, 3, 4};
+    cairn_pool pool = test_pool(cairn_scan_set_memory(&params));
+    cairn_scan_set *set;
+    struct example e;
+
+    (void)state;
+    assert_ok(cairn_scan_set_create(&set, &pool, &params));
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        make_example(&e);
+        set_point(&e.points[1], cases[i].x, cases[i].y, 1, 0);
+        e.points[0].direction.x = (cairn_real)cases[i].direction;
+        cairn_scan_set_clear(set);
+        assert_ok(cairn_scan_set_add(set, &e.view, NULL, NULL));
+        assert_near(set->segments[0].spacing, cases[i].spacing, 1e-6);
+    }
+    /* Points on each other. */
+    for (int k = 0; k < 3; k++)
+        set_point(&e.points[k], 1, 0, 1, 0);
+    cairn_scan_set_clear(set);
+    assert_ok(cairn_scan_set_add(set, &e.view, NULL, NULL));
+    assert_near(set->segments[0].spacing, 0, 0);
     test_pool_free(&pool);
 }
 
@@ -246,6 +278,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_params_and_memory),
         cmocka_unit_test(test_scans_are_copied),
+        cmocka_unit_test(test_spacing),
         cmocka_unit_test(test_full),
         cmocka_unit_test(test_bad_scans_are_refused),
     };
