@@ -26,7 +26,7 @@ typedef struct cairn_polyline_params {
     int32_t
         max_segments; /* 1 ... 2^20, also while fitting, when a wall is still in pieces: about 4 times the final number */
     int32_t min_points;     /* >= 3: segments of fewer points vanish */
-    int32_t max_iterations; /* >= 1; cuts at bends only in the first half of them */
+    int32_t max_iterations; /* >= 1; cuts at bends, and growth across holes, only in the first half of them */
     cairn_real min_length;  /* m, >= 0: shorter segments vanish */
     cairn_real sigma;   /* m, > 0: standard deviation of a point across its line; less is never read out of the data */
     cairn_real s_first; /* m, >= s_last: width s of the E-step at first; larger bridges more, and blurs corners more */

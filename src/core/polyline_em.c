@@ -8,6 +8,9 @@
 
 #include "src/core/polyline_work.h"
 
+/* Half width in s of the band beyond an end: less than CLAIM, so that a point once adopted is not lost again at once. */
+#define ADOPT 2
+
 static int block_meets(const cairn_polyline *x, int32_t block, const piece *k)
 {
     cairn_real by = CLAIM * x->s;
@@ -49,7 +52,8 @@ static void weigh(cairn_polyline *x, int32_t c, const cairn_real p[3])
             x->best = c;
             x->least = squared;
         }
-    } else if (across <= limit * limit && over <= (local[0] < k->low ? k->reach_low : k->reach_high) &&
+    } else if (x->adopting && across <= ADOPT * ADOPT * x->s * x->s &&
+               over <= (local[0] < k->low ? k->reach_low : k->reach_high) &&
                (x->adopter < 0 || squared < x->adopter_least)) {
         x->adopter = c;
         x->adopter_least = squared;
@@ -70,6 +74,8 @@ static void share(cairn_polyline *x, int32_t c)
 int cairn_polyline_expect(cairn_polyline *x, cairn_budget *budget)
 {
     int final = x->phase == CLAIM_POINTS;
+
+    x->adopting = !final && x->measure.iterations < x->params.max_iterations / 2;
 
     for (; x->at * BLOCK < x->count; x->at++, x->stage = 0) {
         int32_t end = cairn_real_to_int(cairn_min((cairn_real)x->count, (cairn_real)(x->at + 1) * BLOCK));
@@ -101,7 +107,7 @@ int cairn_polyline_expect(cairn_polyline *x, cairn_budget *budget)
                     return 0;
                 weigh(x, x->inner, p);
             }
-            if (x->inner == x->candidates && x->best < 0 && x->adopter >= 0 && !final) {
+            if (x->inner == x->candidates && x->best < 0 && x->adopter >= 0) {
                 x->best = x->adopter;
                 x->weight[x->best] = x->total = 1;
             }

@@ -95,7 +95,7 @@ struct cairn_polyline {
     phase phase;
     int32_t stage, at, other, inner, first, last, level;
     int32_t part; /* sixteenths of a unit that are used but not yet charged */
-    int32_t candidates, best, adopter;
+    int32_t candidates, best, adopter, adopting;
     cairn_real total, least, adopter_least;
     sums sum, left, best_left;
     cairn_real best_sse;
