@@ -117,6 +117,7 @@ static cairn_scan_view take_with(cairn_scan *x, const cairn_scan_input *input, i
     cairn_budget left = {budget};
     cairn_fault fault;
     cairn_status status;
+    int64_t used = 0;
 
     assert_ok(cairn_scan_begin(x, input, &fault));
     assert_null(fault.what);
@@ -125,9 +126,12 @@ static cairn_scan_view take_with(cairn_scan *x, const cairn_scan_input *input, i
         assert_int_equal(cairn_scan_read(x).beam_count, 0);
         assert_int_equal(cairn_scan_read(x).point_count, 0);
         assert_true(left.left > -6);
+        used += budget - left.left;
         left.left = budget;
     }
     assert_ok(status);
+    used += budget - left.left;
+    assert_int_equal(cairn_scan_measured(x).units, used);
     return cairn_scan_read(x);
 }
 
@@ -457,6 +461,7 @@ static void test_spacing_and_support(void **state)
     own = test_pool(cairn_scan_memory(&params));
     assert_ok(cairn_scan_create(&fine, &own, &params));
     look(&s, two, 2, 1001, -PI / 2, PI / 1000, 0, 0, AT_BASE);
+    s.range[500] = 1.8F; /* belongs to no segment, and supports none */
     view = take_with(fine, &s.input, 1000);
     assert_int_equal(view.segment_count, 1);
     assert_sound(view, 0.02, 0.05);
@@ -482,29 +487,58 @@ static void test_far_wall(void **state)
     assert_in_range(view.point_count, 168, 173);
 }
 
-/* Longest first when there is no room for all points. */
-static void test_too_many_points(void **state)
+/* With room for so many points, `kept` of three walls (the shortest go first) are in the view. */
+static void keep_longest(const cairn_scan_input *input, int32_t max_points, int32_t kept)
 {
-    cairn_segment walls[3] = {wall(2, -2, 2, -0.95), wall(3, 0, 3, 1.5), wall(0, 3, -0.5, 3)};
+    static const cairn_real SHORTEST[4] = {0, CAIRN_REAL(1.3), CAIRN_REAL(0.8), 0};
     cairn_scan_params params = cairn_scan_default();
     cairn_scan_view view;
     cairn_scan *small;
     cairn_pool own;
+
+    params.max_points = max_points;
+    own = test_pool(cairn_scan_memory(&params));
+    assert_ok(cairn_scan_create(&small, &own, &params));
+    view = take_with(small, input, 50);
+    assert_sound(view, 0.1, 0.2);
+    assert_int_equal(view.segment_count, kept);
+    assert_int_equal(cairn_scan_measured(small).left_out, 3 - kept);
+    for (int32_t k = 0; k < kept; k++)
+        assert_true(cairn_segment_length(view.segments[k]) > SHORTEST[kept]);
+    test_pool_free(&own);
+}
+
+static void test_too_many_points(void **state)
+{
+    static const double COSINE[4] = {1, 0, -1, 0};
     sweep s;
 
     (void)state;
-    params.max_points = 28;
-    own = test_pool(cairn_scan_memory(&params));
-    assert_ok(cairn_scan_create(&small, &own, &params));
-    look(&s, walls, 3, 721, -PI, PI / 360, 0, 0, AT_BASE);
-    view = take_with(small, &s.input, 50);
-    assert_int_equal(view.segment_count, 2);
-    assert_near(line_error(view.segments[0], walls[0]), 0, 0.01);
-    assert_near(line_error(view.segments[1], walls[1]), 0, 0.01);
-    assert_int_equal(view.first_point[2], view.point_count);
-    assert_int_equal(cairn_scan_measured(small).left_out, 1);
-    assert_int_equal(cairn_scan_measured(small).uncertain, 0);
-    test_pool_free(&own);
+    /* Turned by quarters, so that the walls are found in any order. */
+    for (int quarter = 0; quarter < 4; quarter++) {
+        double c = COSINE[quarter], d = COSINE[(quarter + 3) % 4];
+        cairn_segment walls[3] = {wall(2 * c + 2 * d, 2 * d - 2 * c, 2 * c + 0.95 * d, 2 * d - 0.95 * c),
+                                  wall(3 * c, 3 * d, 3 * c - 1.5 * d, 3 * d + 1.5 * c),
+                                  wall(-3 * d, 3 * c, -0.5 * c - 3 * d, -0.5 * d + 3 * c)};
+        int32_t places[3] = {0, 0, 0};
+        cairn_scan_view view;
+
+        look(&s, walls, 3, 721, -PI, PI / 360, 0, 0, AT_BASE);
+        view = take(&s.input);
+        assert_int_equal(view.segment_count, 3);
+        for (int32_t k = 0; k < 3; k++) {
+            double length = (double)cairn_segment_length(view.segments[k]);
+
+            places[length < 0.8 ? 2 : length < 1.3 ? 1 : 0] = (int32_t)floor(length / 0.1) + 1;
+        }
+        assert_true(places[0] > places[1] && places[1] > places[2] && places[2] > 3);
+        keep_longest(&s.input, places[0] + places[1] + places[2], 3);
+        keep_longest(&s.input, places[0] + places[1] + places[2] - 1, 2);
+        keep_longest(&s.input, places[0] + places[1], 2);
+        keep_longest(&s.input, places[0] + places[1] - 1, 1);
+        keep_longest(&s.input, places[0], 1);
+        keep_longest(&s.input, places[0] - 1, 0);
+    }
 }
 
 /* The error of the ranges that the driver tells widens the fit. */
@@ -616,6 +650,11 @@ static void test_params(void **state)
 
     (void)state;
     assert_true(cairn_scan_memory(&good) > 0);
+    assert_int_equal(good.max_beams, 1024);
+    assert_int_equal(good.max_segments, 128);
+    assert_int_equal(good.max_points, 2048);
+    assert_near(good.spacing, 0.10, 1e-6);
+    assert_near(good.support, 0.20, 1e-6);
     good.fit.dim = 7; /* not read */
     good.fit.max_points = -1;
     good.fit.max_segments = -1;
@@ -813,6 +852,7 @@ static void test_same_bits(void **state)
         hash = test_hash(hash, &cost.free, sizeof cost.free);
         hash = test_hash(hash, &cost.uncertain, sizeof cost.uncertain);
     }
+    print_message("hash 0x%016llx\n", (unsigned long long)hash);
     assert_true(hash == NUMBER(UINT64_C(0xfe11a2234cbfd5b8), UINT64_C(0x0316b9115779e0cc)));
 }
 
