@@ -23,14 +23,14 @@ static option_result read_settings(settings *s, int argc, char **argv)
     const option table[] = {
         OPTION_TEXT("-o", &s->folder, "DIR", "folder for poses.csv, map.pgm, map.yaml and map.svg"),
         OPTION_TEXT("--method", &s->method, "NAME", "gradient: force field simulation as in the thesis (default)"),
-        OPTION_INTEGER("--steps", &s->steps, 1, 100000, "N", "iterations at most (50)"),
-        OPTION_INTEGER("--max-scans", &s->max_scans, 1, 100000, "N", "scans at most (500)"),
-        OPTION_NUMBER("--spacing", &s->spacing, 0.01, 1, "M", "distance of the points along walls, m (0.10)"),
-        OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "side of a cell of the map, m (0.05)"),
-        OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the map up to here, m (30)"),
+        OPTION_INTEGER("--steps", &s->steps, 1, 100000, "N", "iterations at most"),
+        OPTION_INTEGER("--max-scans", &s->max_scans, 1, 100000, "N", "scans at most"),
+        OPTION_NUMBER("--spacing", &s->spacing, 0.01, 1, "M", "distance of the points along walls, m"),
+        OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "side of a cell of the map, m"),
+        OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the map up to here, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from here on are no return, m (by the log)"),
-        OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "for methods that draw at random; gradient does not (1)"),
+        OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "for methods that draw at random; gradient does not"),
         OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the alignment (just what it needs)"),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
     };
@@ -47,11 +47,12 @@ static option_result read_settings(settings *s, int argc, char **argv)
         return result;
     s->log = count > 0 ? words[0] : NULL;
     if (s->log == NULL || s->folder == NULL) {
-        (void)tool_refuse(PROGRAM, "%s, expected LOG -o DIR", s->log == NULL ? "no log" : "no folder to write to (-o)");
+        (void)options_refuse(PROGRAM, "%s, expected LOG -o DIR",
+                             s->log == NULL ? "no log" : "no folder to write to (-o)");
         return OPTIONS_BAD;
     }
     if (strcmp(s->method, "gradient") != 0) {
-        (void)tool_refuse(PROGRAM, "unknown method '%s', expected gradient", s->method);
+        (void)options_refuse(PROGRAM, "unknown method '%s', expected gradient", s->method);
         return OPTIONS_BAD;
     }
     return OPTIONS_READ;
@@ -105,9 +106,9 @@ static int survey(const settings *s, const cairn_carmen_scans *log, const cairn_
     tool_progress_end(&progress);
     tool_pool_close(&pool);
     if (status != CAIRN_OK)
-        return tool_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
+        return options_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
     if (field->max_points == 0)
-        return tool_refuse(PROGRAM, "%s: no scan shows a wall, expected at least one", s->log);
+        return options_refuse(PROGRAM, "%s: no scan shows a wall, expected at least one", s->log);
     field->max_corners = field->max_segments;
     return TOOL_OK;
 }
@@ -200,7 +201,7 @@ static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans
         status = align(s, log, &scan_params, scan, field, scans, &first_potential);
     if (status != CAIRN_OK) {
         tool_pool_close(&pool);
-        return tool_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
+        return options_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
     }
     state = cairn_force_field_read(field);
     code = write_all(s, log, scans, &state);
@@ -236,10 +237,10 @@ int tool_align(int argc, char **argv)
     if (code != TOOL_OK)
         return code;
     if (log.count > s.max_scans) {
-        code = tool_refuse(PROGRAM,
-                           "%s holds %" PRId32 " scans, expected at most %" PRId64
-                           ": raise --max-scans, or use cairn map, which goes scan by scan",
-                           s.log, log.count, s.max_scans);
+        code = options_refuse(PROGRAM,
+                              "%s holds %" PRId32 " scans, expected at most %" PRId64
+                              ": raise --max-scans, or use cairn map, which goes scan by scan",
+                              s.log, log.count, s.max_scans);
     } else {
         scans = map_scans_new(log.count);
         if (scans == NULL) {

@@ -23,13 +23,13 @@ static option_result read_settings(settings *s, int argc, char **argv)
     const option table[] = {
         OPTION_TEXT("-o", &s->folder, "DIR", "folder for poses.csv, map.pgm, map.yaml and map.svg"),
         OPTION_FLAG("--no-odometry", &s->no_odometry, "use the ranges alone"),
-        OPTION_INTEGER("--max-keys", &s->max_keys, 2, 1000000, "N", "key scans at most (4096)"),
-        OPTION_INTEGER("--window", &s->window, 0, 64, "N", "key scans that the force field runs over, 0: none (8)"),
-        OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "side of a cell of the map, m (0.05)"),
-        OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the map up to here, m (30)"),
+        OPTION_INTEGER("--max-keys", &s->max_keys, 2, 1000000, "N", "key scans at most"),
+        OPTION_INTEGER("--window", &s->window, 0, 64, "N", "key scans that the force field runs over, 0: none"),
+        OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "side of a cell of the map, m"),
+        OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the map up to here, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from here on are no return, m (by the log)"),
-        OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "for methods that draw at random; this one does not (1)"),
+        OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "for methods that draw at random; this one does not"),
         OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the mapper (just what it needs)"),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
     };
@@ -46,7 +46,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
         return result;
     s->log = count > 0 ? words[0] : NULL;
     if (s->log == NULL || s->folder == NULL) {
-        (void)tool_refuse(PROGRAM, "%s, expected LOG -o DIR", s->log == NULL ? "no log" : "no folder to write to (-o)");
+        (void)options_refuse(PROGRAM, "%s, expected LOG -o DIR",
+                             s->log == NULL ? "no log" : "no folder to write to (-o)");
         return OPTIONS_BAD;
     }
     return OPTIONS_READ;
@@ -85,8 +86,8 @@ static int feed(const settings *s, const cairn_carmen_scans *log, cairn_mapper *
                 break;
         }
         if (status != CAIRN_OK) {
-            code = tool_refuse(PROGRAM, "%s:%" PRId64 ": %s%s", s->log, record->line, cairn_status_text(status),
-                               status == CAIRN_FULL ? ", expected fewer key scans: raise --max-keys" : "");
+            code = options_refuse(PROGRAM, "%s:%" PRId64 ": %s%s", s->log, record->line, cairn_status_text(status),
+                                  status == CAIRN_FULL ? ", expected fewer key scans: raise --max-keys" : "");
             break;
         }
         result = cairn_mapper_read(mapper);
@@ -148,7 +149,7 @@ static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans
     params.scan.max_beams = log->info.beams_most;
     params.window = (int32_t)s->window;
     if (params.window == 1)
-        return tool_refuse(PROGRAM, "--window is 1, expected 0 or 2 to 64");
+        return options_refuse(PROGRAM, "--window is 1, expected 0 or 2 to 64");
     if (params.window > 0 && params.window_free >= params.window)
         params.window_free = params.window - 1;
     /* Capacities for key scans as they are in buildings: some 100 points and 30 segments each. */
@@ -161,7 +162,7 @@ static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans
     status = cairn_mapper_create(&mapper, &pool, &params);
     if (status != CAIRN_OK) {
         tool_pool_close(&pool);
-        return tool_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
+        return options_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
     }
     code = feed(s, log, mapper, scans, places);
     fed = tool_seconds();

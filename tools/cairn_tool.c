@@ -1,6 +1,5 @@
 /* What all subcommands share. */
 #include <inttypes.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -25,18 +24,6 @@ int tool_report(const cairn_file_error *error)
 {
     fprintf(stderr, "%s\n", error->text);
     return tool_exit_code(error->status);
-}
-
-int tool_refuse(const char *program, const char *format, ...)
-{
-    va_list arguments;
-
-    fprintf(stderr, "%s: ", program);
-    va_start(arguments, format);
-    vfprintf(stderr, format, arguments);
-    va_end(arguments);
-    fputc('\n', stderr);
-    return TOOL_BAD;
 }
 
 double tool_seconds(void)

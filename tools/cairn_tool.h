@@ -25,9 +25,6 @@ int tool_map(int argc, char **argv);
 /* Prints the error's text on standard error and returns its exit code. */
 int tool_report(const cairn_file_error *error);
 
-/* Prints "program: text" on standard error and returns TOOL_BAD. */
-int tool_refuse(const char *program, const char *format, ...) CAIRN_FORMAT(2, 3);
-
 /* The exit code of a status: TOOL_FAILED for CAIRN_NO_MEMORY and CAIRN_BAD_BUILD, TOOL_BAD for other errors. */
 int tool_exit_code(cairn_status status);
 
