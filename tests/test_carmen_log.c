@@ -428,7 +428,8 @@ static void test_limit_by_param(void **state)
     assert_near(limit_of(&t, 7), 7, 0);
     t.count = 0;
     add(&t, "PARAM robot_frontlaser_max 10 nohost 0\nPARAM robot_frontlaser_max x\nPARAM robot_frontlaser_max -4\n");
-    add(&t, "PARAM robot_frontlaser_max\nPARAM\nPARAM robot_frontlaser_max nan\nPARAM robot_rearlaser_max 3\n");
+    add(&t, "PARAM robot_frontlaser_max\nPARAM\nPARAM robot_frontlaser_max nan\nPARAM robot_frontlaser_max "
+            "1.1e5\nPARAM robot_rearlaser_max 3\n");
     add_ranges(&t, 12, 8);
     assert_near(limit_of(&t, 0), 10, 0);
     add_ranges(&t, 4, 15);
@@ -491,6 +492,20 @@ static void test_mounting(void **state)
     assert_near(record.scan.base_sensor.x, 0.2, 1e-5);
     cairn_carmen_log_close(log);
 
+    /* A place that no robot reaches is none, and so the scans can be used. */
+    for (int part = 0; part < 2; part++) {
+        cairn_carmen_scans scans;
+
+        assert_ok(cairn_carmen_load(&scans,
+                                    files_write_text("far.log", part == 0 ? "FLASER 1 2 100001 0 0 0 0 0 1 h 1\n"
+                                                                          : "FLASER 1 2 0 -100001 0 0 0 0 1 h 1\n"),
+                                    NULL, NULL));
+        assert_int_equal(scans.info.fixed_mounting, 0);
+        assert_near(scans.record[0].scan.base_sensor.x, 0, 0);
+        assert_near(scans.record[0].scan.base_sensor.y, 0, 0);
+        cairn_carmen_scans_free(&scans);
+    }
+
     /* One that is elsewhere by 0.02 m or rad makes the mounting unknown. */
     for (int part = 0; part < 3; part++) {
         size_t whole = t.count;
@@ -530,6 +545,8 @@ static void test_damaged_lines(void **state)
         {"FLASER 1 1 0 0 0 0 0", CAIRN_TRUNCATED, "expected the robot's pose"},
         {"FLASER 1 1 0 nan 0 0 0 0 1 h 1", CAIRN_NOT_FINITE, "the laser's pose is nan, expected a finite number"},
         {"FLASER 1 1 0 0 0 0 inf 0 1 h 1", CAIRN_NOT_FINITE, "the robot's pose is inf"},
+        {"FLASER 1 1 0 0 0 0 -1.1e9 0 1 h 1", CAIRN_BAD_FORMAT,
+         "the robot's pose is -1.1e+09, expected a number up to 1e+09"},
         {"FLASER 1 1 0 0 0 0 0 0", CAIRN_TRUNCATED, "expected the stamp"},
         {"FLASER 1 1 0 0 0 0 0 0 late h 1", CAIRN_BAD_FORMAT, "the stamp is \"late\""},
         {"FLASER 1 1 0 0 0 0 0 0 1e11 h 1", CAIRN_BAD_FORMAT, "the stamp is \"1e11\""},
@@ -545,6 +562,10 @@ static void test_damaged_lines(void **state)
         {"ODOM 1 2 3 4 5 6 7", CAIRN_TRUNCATED, "expected the host"},
         {"ROBOTLASER1 0 1 2", CAIRN_TRUNCATED, "expected the scanner's description"},
         {"ROBOTLASER1 0 1 2 3 inf 5 6 1 1", CAIRN_NOT_FINITE, "the scanner's description is inf"},
+        {"ROBOTLASER1 0 1 2 3 100001 5 6 1 1 0 0 0 0 0 0 0 1 2 3 4 5 1 h 1", CAIRN_BAD_FORMAT,
+         "the maximum range is 100001, expected at most 100000 m"},
+        {"ROBOTLASER1 0 1e300 2 3 4 5 6 1 1", CAIRN_BAD_FORMAT,
+         "the scanner's description is 1e+300, expected a number"},
         {"ROBOTLASER1 0 1 2 3 4 5 6 1", CAIRN_TRUNCATED, "expected reading 1"},
         {"ROBOTLASER1 0 1 2 3 4 5 6 1 1 -1", CAIRN_BAD_FORMAT,
          "the number of remissions is \"-1\", expected a whole number from 0"},
@@ -682,6 +703,9 @@ static void test_nothing_to_read(void **state)
     assert_status(cairn_carmen_log_open(&log, path, &params, &error), CAIRN_BAD_ARGUMENT);
     params.range_max = (double)INFINITY;
     assert_status(cairn_carmen_log_open(&log, path, &params, &error), CAIRN_BAD_ARGUMENT);
+    params.range_max = 100001;
+    assert_status(cairn_carmen_log_open(&log, path, &params, &error), CAIRN_BAD_ARGUMENT);
+    assert_holds(error.text, "the range limit is 100001, expected a number from 0 (find it) to 100000");
     params = cairn_carmen_default();
     params.range_sigma = (double)NAN;
     assert_status(cairn_carmen_log_open(&log, path, &params, &error), CAIRN_BAD_ARGUMENT);

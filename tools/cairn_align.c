@@ -11,6 +11,9 @@
 
 #define PROGRAM "cairn align"
 
+/* The most points, and segments, of a field. */
+#define FIELD_POINTS_MOST (1 << 24)
+
 typedef struct settings {
     const char *log, *folder, *method, *pool;
     int64_t max_scans, steps, seed;
@@ -59,10 +62,10 @@ static option_result read_settings(settings *s, int argc, char **argv)
 }
 
 /* Fits one scan. */
-static cairn_status fit(cairn_scan *scan, const cairn_scan_input *input, cairn_scan_view *view)
+static cairn_status fit(cairn_scan *scan, const cairn_scan_input *input, cairn_scan_view *view, cairn_fault *fault)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
-    cairn_status status = cairn_scan_begin(scan, input, NULL);
+    cairn_status status = cairn_scan_begin(scan, input, fault);
 
     while (status == CAIRN_OK && (status = cairn_scan_step(scan, &budget)) == CAIRN_MORE) {
         budget.left = CAIRN_UNBOUNDED;
@@ -73,78 +76,82 @@ static cairn_status fit(cairn_scan *scan, const cairn_scan_input *input, cairn_s
 }
 
 /* A first pass over all scans: what they show, and how much room that takes. */
-static int survey(const settings *s, const cairn_carmen_scans *log, const cairn_scan_params *params, map_scan *scans,
+static int survey(const settings *s, const cairn_carmen_scans *log, cairn_scan *scan, map_scan *scans,
                   cairn_force_field_params *field)
 {
-    size_t bytes = cairn_scan_memory(params);
     tool_progress progress = tool_progress_begin("lines", log->count, s->quiet);
-    cairn_pool pool;
-    cairn_scan *scan;
-    int code = tool_pool_open(&pool, PROGRAM, NULL, bytes);
-    cairn_status status;
+    int64_t segments = 0, points = 0;
 
-    if (code != TOOL_OK)
-        return code;
-    field->max_scans = log->count;
-    field->max_segments = field->max_points = 0;
-    status = cairn_scan_create(&scan, &pool, params);
-    for (int32_t i = 0; i < log->count && status == CAIRN_OK; i++) {
+    for (int32_t i = 0; i < log->count; i++) {
+        const cairn_carmen_record *record = &log->record[i];
+        cairn_fault fault = {-1, NULL};
         cairn_scan_view view;
+        cairn_status status = fit(scan, &record->scan, &view, &fault);
 
-        status = fit(scan, &log->record[i].scan, &view);
         if (status == CAIRN_OK && !map_scan_keep(&scans[i], &view))
             status = CAIRN_NO_MEMORY;
-        field->max_segments += view.segment_count;
-        field->max_points += view.point_count;
-        scans[i].line = log->record[i].line;
-        scans[i].stamp_ns = log->record[i].stamp_ns;
-        scans[i].before = log->record[i].robot;
+        if (status != CAIRN_OK) {
+            tool_progress_end(&progress);
+            return tool_report_scan(s->log, record->line, status, &fault);
+        }
+        segments += view.segment_count;
+        points += view.point_count;
+        scans[i].line = record->line;
+        scans[i].stamp_ns = record->stamp_ns;
+        scans[i].before = record->robot;
         scans[i].verdict = view.point_count > 0 ? "aligned" : "blind";
         scans[i].doubtful = view.point_count == 0;
         tool_progress_at(&progress, i);
     }
     tool_progress_end(&progress);
-    tool_pool_close(&pool);
-    if (status != CAIRN_OK)
-        return options_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
-    if (field->max_points == 0)
+    if (points == 0)
         return options_refuse(PROGRAM, "%s: no scan shows a wall, expected at least one", s->log);
+    if (points > FIELD_POINTS_MOST || segments > FIELD_POINTS_MOST)
+        return options_refuse(PROGRAM, "%s: the scans have %" PRId64 " points, expected at most %d: widen --spacing",
+                              s->log, points, FIELD_POINTS_MOST);
+    field->max_scans = log->count;
+    field->max_segments = (int32_t)segments;
+    field->max_points = (int32_t)points;
     field->max_corners = field->max_segments;
     return TOOL_OK;
 }
 
 /* Fits the scans again, adds them to the field, lets it run. */
-static cairn_status align(const settings *s, const cairn_carmen_scans *log, const cairn_scan_params *params,
-                          cairn_scan *scan, cairn_force_field *field, map_scan *scans, cairn_real *first_potential)
+static int align(const settings *s, const cairn_carmen_scans *log, cairn_scan *scan, cairn_force_field *field,
+                 map_scan *scans, cairn_real *first_potential)
 {
     tool_progress progress = tool_progress_begin("align", s->steps, s->quiet);
-    cairn_status status = CAIRN_OK;
     cairn_force_field_state state;
+    cairn_status status;
 
-    (void)params;
-    for (int32_t i = 0; i < log->count && status == CAIRN_OK; i++) {
+    for (int32_t i = 0; i < log->count; i++) {
+        const cairn_carmen_record *record = &log->record[i];
+        cairn_fault fault = {-1, NULL};
         cairn_scan_view view;
 
-        status = fit(scan, &log->record[i].scan, &view);
+        status = fit(scan, &record->scan, &view, &fault);
         if (status == CAIRN_OK)
-            status = cairn_force_field_add_scan(field, &view, NULL, scans[i].before, NULL);
+            status = cairn_force_field_add_scan(field, &view, NULL, scans[i].before, &fault);
+        if (status != CAIRN_OK)
+            return tool_report_scan(s->log, record->line, status, &fault);
     }
     do {
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
-        if (status == CAIRN_OK)
-            status = cairn_force_field_iterate(field, &budget);
-        if (status == CAIRN_MORE)
-            status = CAIRN_OK;
+        status = cairn_force_field_iterate(field, &budget);
         state = cairn_force_field_read(field);
         if (state.iterations == 1)
             *first_potential = state.potential;
         tool_progress_at(&progress, state.iterations);
-    } while (status == CAIRN_OK && state.verdict == CAIRN_FORCE_FIELD_RUNNING);
+    } while (status >= 0 && state.verdict == CAIRN_FORCE_FIELD_RUNNING);
     tool_progress_end(&progress);
-    for (int32_t i = 0; i < log->count && status == CAIRN_OK; i++)
+    if (status < 0) {
+        (void)options_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
+        return tool_exit_code(status);
+    }
+    for (int32_t i = 0; i < log->count; i++)
         scans[i].after = cairn_force_field_pose(field, i);
-    return status;
+    return TOOL_OK;
 }
 
 static int write_all(const settings *s, const cairn_carmen_scans *log, map_scan *scans,
@@ -169,6 +176,41 @@ static int write_all(const settings *s, const cairn_carmen_scans *log, map_scan 
     return TOOL_OK;
 }
 
+static void print_summary(const cairn_carmen_scans *log, const cairn_force_field_state *state, size_t pool_bytes,
+                          double seconds, cairn_real first_potential, cairn_real first_sigma)
+{
+    printf("scans      %" PRId32 " (%" PRId64 " damaged lines left out)\n"
+           "seconds    %.3f\n"
+           "pool       %zu bytes at most\n"
+           "steps      %" PRId32 " (%s)\n"
+           "potential  %.6g at sigma %.3g m -> %.6g at sigma %.3g m\n",
+           log->count, log->info.faults, seconds, pool_bytes, state->iterations,
+           state->verdict == CAIRN_FORCE_FIELD_CONVERGED ? "converged" : "out of steps", (double)first_potential,
+           (double)first_sigma, (double)state->potential, (double)state->sigma);
+}
+
+/* The scan alone, in a pool of its own, to learn how large the field must be. */
+static int measure(const settings *s, const cairn_carmen_scans *log, const cairn_scan_params *params, map_scan *scans,
+                   cairn_force_field_params *field)
+{
+    cairn_scan *scan = NULL;
+    cairn_pool pool;
+    cairn_status status;
+    int code = tool_pool_open(&pool, PROGRAM, NULL, cairn_scan_memory(params));
+
+    if (code != TOOL_OK)
+        return code;
+    status = cairn_scan_create(&scan, &pool, params);
+    if (status == CAIRN_OK) {
+        code = survey(s, log, scan, scans, field);
+    } else {
+        (void)options_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
+        code = tool_exit_code(status);
+    }
+    tool_pool_close(&pool);
+    return code;
+}
+
 static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans)
 {
     cairn_scan_params scan_params = cairn_scan_default();
@@ -179,41 +221,34 @@ static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans
     cairn_real first_potential = 0;
     cairn_status status;
     cairn_pool pool;
-    size_t field_bytes;
     double start = tool_seconds();
     int code;
 
     scan_params.max_beams = log->info.beams_most;
     scan_params.spacing = (cairn_real)s->spacing;
-    code = survey(s, log, &scan_params, scans, &field_params);
+    code = measure(s, log, &scan_params, scans, &field_params);
     if (code != TOOL_OK)
         return code;
     field_params.max_steps = (int32_t)s->steps;
-    field_bytes = cairn_force_field_memory(&field_params);
-    code =
-        tool_pool_open(&pool, PROGRAM, s->pool, field_bytes == 0 ? 0 : field_bytes + cairn_scan_memory(&scan_params));
+    code = tool_pool_open(&pool, PROGRAM, s->pool,
+                          cairn_force_field_memory(&field_params) + cairn_scan_memory(&scan_params));
     if (code != TOOL_OK)
         return code;
     status = cairn_scan_create(&scan, &pool, &scan_params);
     if (status == CAIRN_OK)
         status = cairn_force_field_create(&field, &pool, &field_params);
-    if (status == CAIRN_OK)
-        status = align(s, log, &scan_params, scan, field, scans, &first_potential);
-    if (status != CAIRN_OK) {
-        tool_pool_close(&pool);
-        return options_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
+    if (status == CAIRN_OK) {
+        code = align(s, log, scan, field, scans, &first_potential);
+    } else {
+        (void)options_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
+        code = tool_exit_code(status);
     }
-    state = cairn_force_field_read(field);
-    code = write_all(s, log, scans, &state);
-    if (code == TOOL_OK && !s->quiet)
-        printf("scans      %" PRId32 " (%" PRId64 " damaged lines left out)\n"
-               "seconds    %.3f\n"
-               "pool       %zu bytes at most\n"
-               "steps      %" PRId32 " (%s)\n"
-               "potential  %.6g at sigma %.3g m -> %.6g at sigma %.3g m\n",
-               log->count, log->info.faults, tool_seconds() - start, pool.peak, state.iterations,
-               state.verdict == CAIRN_FORCE_FIELD_CONVERGED ? "converged" : "out of steps", (double)first_potential,
-               (double)field_params.sigma_start, (double)state.potential, (double)state.sigma);
+    if (code == TOOL_OK) {
+        state = cairn_force_field_read(field);
+        code = write_all(s, log, scans, &state);
+        if (code == TOOL_OK && !s->quiet)
+            print_summary(log, &state, pool.peak, tool_seconds() - start, first_potential, field_params.sigma_start);
+    }
     tool_pool_close(&pool);
     return code;
 }
@@ -221,6 +256,7 @@ static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans
 int tool_align(int argc, char **argv)
 {
     settings s = {NULL, NULL, "gradient", NULL, 500, 50, 1, 0.05, 30, 0, 0.1, 0};
+    cairn_file_error error;
     cairn_carmen_scans log;
     map_scan *scans;
     int code;
@@ -233,6 +269,8 @@ int tool_align(int argc, char **argv)
     default:
         break;
     }
+    if (map_output_check(s.folder, &error) != CAIRN_OK)
+        return tool_report(&error);
     code = tool_load(&log, s.log, s.range_max, s.quiet);
     if (code != TOOL_OK)
         return code;
@@ -244,7 +282,7 @@ int tool_align(int argc, char **argv)
     } else {
         scans = map_scans_new(log.count);
         if (scans == NULL) {
-            fprintf(stderr, "%s: no memory for %" PRId32 " scans\n", PROGRAM, log.count);
+            (void)options_refuse(PROGRAM, "no memory for %" PRId32 " scans", log.count);
             code = TOOL_FAILED;
         } else {
             code = run(&s, &log, scans);

@@ -112,7 +112,7 @@ int tool_info(int argc, char **argv)
     tool_faults faults = {0, 0};
     int32_t quiet = 0;
     const option table[] = {
-        OPTION_NUMBER("--range-max", &params.range_max, 1e-3, 1e6, "M",
+        OPTION_NUMBER("--range-max", &params.range_max, 1e-3, 1e5, "M",
                       "ranges from here on are no return, in m (default: found in the log)"),
         OPTION_FLAG("--quiet", &quiet, "no progress bar, no warnings"),
     };
@@ -137,10 +137,8 @@ int tool_info(int argc, char **argv)
     default:
         break;
     }
-    if (word_count < 1) {
-        fprintf(stderr, "cairn info: no log, expected %s\n", set.synopsis);
-        return TOOL_BAD;
-    }
+    if (word_count < 1)
+        return options_refuse("cairn info", "no log, expected %s", set.synopsis);
     faults.quiet = quiet;
     params.on_fault = tool_on_fault;
     params.context = &faults;

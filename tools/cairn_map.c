@@ -11,6 +11,9 @@
 
 #define PROGRAM "cairn map"
 
+/* The most points, and segments, of all key scans. */
+#define KEY_CAPACITY_MOST (1 << 24)
+
 typedef struct settings {
     const char *log, *folder, *pool;
     int64_t max_keys, window, seed;
@@ -50,6 +53,10 @@ static option_result read_settings(settings *s, int argc, char **argv)
                              s->log == NULL ? "no log" : "no folder to write to (-o)");
         return OPTIONS_BAD;
     }
+    if (s->window == 1) {
+        (void)options_refuse(PROGRAM, "--window is '1', expected 0 or 2 to 64");
+        return OPTIONS_BAD;
+    }
     return OPTIONS_READ;
 }
 
@@ -66,18 +73,23 @@ static const char *verdict_text(cairn_mapper_verdict verdict)
     return texts[verdict];
 }
 
-/* Feeds all scans to the mapper; keeps what is drawn. */
-static int feed(const settings *s, const cairn_carmen_scans *log, cairn_mapper *mapper, map_scan *scans, place *places)
+/* Feeds all scans to the mapper; keeps what is drawn. TOOL_OK, or another exit code after a line on standard error; *full
+ * is set, and no line printed, when the mapper had no room for a key scan. */
+static int feed(const settings *s, const cairn_carmen_scans *log, cairn_mapper *mapper, map_scan *scans, place *places,
+                int32_t *full)
 {
     tool_progress progress = tool_progress_begin("map", log->count, s->quiet);
-    int code = TOOL_OK;
+    cairn_status status = CAIRN_OK;
+    int32_t i;
 
-    for (int32_t i = 0; i < log->count && code == TOOL_OK; i++) {
+    *full = 0;
+    for (i = 0; i < log->count; i++) {
         const cairn_carmen_record *record = &log->record[i];
-        cairn_status status = cairn_mapper_add(mapper, &record->scan, s->no_odometry ? NULL : &record->robot, NULL);
+        cairn_fault fault = {-1, NULL};
         cairn_mapper_result result;
         cairn_scan_view view;
 
+        status = cairn_mapper_add(mapper, &record->scan, s->no_odometry ? NULL : &record->robot, &fault);
         while (status == CAIRN_OK || status == CAIRN_MORE) {
             cairn_budget budget = {CAIRN_UNBOUNDED};
 
@@ -86,15 +98,15 @@ static int feed(const settings *s, const cairn_carmen_scans *log, cairn_mapper *
                 break;
         }
         if (status != CAIRN_OK) {
-            code = options_refuse(PROGRAM, "%s:%" PRId64 ": %s%s", s->log, record->line, cairn_status_text(status),
-                                  status == CAIRN_FULL ? ", expected fewer key scans: raise --max-keys" : "");
-            break;
+            tool_progress_end(&progress);
+            *full = status == CAIRN_FULL;
+            return *full ? TOOL_BAD : tool_report_scan(s->log, record->line, status, &fault);
         }
         result = cairn_mapper_read(mapper);
         view = cairn_mapper_view(mapper);
         if (!map_scan_keep(&scans[i], &view)) {
-            fprintf(stderr, "%s: no memory for the scans\n", PROGRAM);
-            code = TOOL_FAILED;
+            tool_progress_end(&progress);
+            return tool_report_scan(s->log, record->line, CAIRN_NO_MEMORY, NULL);
         }
         places[i].key = result.key;
         places[i].key_scan = result.key_scan;
@@ -107,7 +119,7 @@ static int feed(const settings *s, const cairn_carmen_scans *log, cairn_mapper *
         tool_progress_at(&progress, i);
     }
     tool_progress_end(&progress);
-    return code;
+    return TOOL_OK;
 }
 
 static int write_all(const settings *s, const cairn_carmen_scans *log, const cairn_mapper *mapper, map_scan *scans,
@@ -136,55 +148,90 @@ static int write_all(const settings *s, const cairn_carmen_scans *log, const cai
     return TOOL_OK;
 }
 
-static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans, place *places)
+static void print_summary(const cairn_carmen_scans *log, const cairn_mapper *mapper, size_t pool_bytes, double seconds,
+                          double seconds_to_map)
+{
+    cairn_mapper_state state = cairn_mapper_measure(mapper);
+
+    printf("scans      %" PRId32 " (%" PRId64 " damaged lines left out)\n"
+           "seconds    %.3f, %.0f scans/s\n"
+           "pool       %zu bytes at most\n"
+           "key scans  %" PRId32 "\n"
+           "unmatched  %" PRId64 " (pose by prediction)\n"
+           "potential  %.6g\n",
+           log->count, log->info.faults, seconds, log->count / seconds_to_map, pool_bytes, state.keys, state.predicted,
+           (double)state.potential);
+}
+
+static int32_t least(int64_t a, int32_t b)
+{
+    return a < b ? (int32_t)a : b;
+}
+
+/* Maps and writes with room for so many points a key scan. *full is set, and no line printed, when that is too few. */
+static int map_with_room(const settings *s, const cairn_carmen_scans *log, map_scan *scans, place *places,
+                         int32_t points, int32_t *full)
 {
     cairn_mapper_params params = cairn_mapper_default();
+    double start = tool_seconds(), fed;
     cairn_mapper *mapper = NULL;
-    cairn_mapper_state state;
     cairn_status status;
     cairn_pool pool;
-    double start = tool_seconds(), fed;
     int code;
 
+    *full = 0;
     params.scan.max_beams = log->info.beams_most;
     params.window = (int32_t)s->window;
-    if (params.window == 1)
-        return options_refuse(PROGRAM, "--window is 1, expected 0 or 2 to 64");
     if (params.window > 0 && params.window_free >= params.window)
         params.window_free = params.window - 1;
-    /* Capacities for key scans as they are in buildings: some 100 points and 30 segments each. */
-    params.max_keys = (int32_t)(s->max_keys < log->count + 1 ? s->max_keys : log->count + 1);
-    params.max_key_points = params.max_keys * 160 + params.scan.max_points;
-    params.max_key_segments = params.max_keys * 40 + params.scan.max_segments;
+    params.max_keys = least(s->max_keys, log->count);
+    params.max_key_points = least((int64_t)params.max_keys * points + params.scan.max_points, KEY_CAPACITY_MOST);
+    params.max_key_segments =
+        least((int64_t)params.max_keys * points / 4 + params.scan.max_segments, KEY_CAPACITY_MOST);
     code = tool_pool_open(&pool, PROGRAM, s->pool, cairn_mapper_memory(&params));
     if (code != TOOL_OK)
         return code;
     status = cairn_mapper_create(&mapper, &pool, &params);
     if (status != CAIRN_OK) {
         tool_pool_close(&pool);
-        return options_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
+        (void)options_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
+        return tool_exit_code(status);
     }
-    code = feed(s, log, mapper, scans, places);
+    code = feed(s, log, mapper, scans, places, full);
     fed = tool_seconds();
+    if (*full && cairn_mapper_measure(mapper).keys == params.max_keys) {
+        *full = 0;
+        code = options_refuse(PROGRAM,
+                              "%s: needs more than %" PRId32 " key scans, expected at most that: raise --max-keys",
+                              s->log, params.max_keys);
+    }
     if (code == TOOL_OK)
         code = write_all(s, log, mapper, scans, places);
-    state = cairn_mapper_measure(mapper);
     if (code == TOOL_OK && !s->quiet)
-        printf("scans      %" PRId32 " (%" PRId64 " damaged lines left out)\n"
-               "seconds    %.3f, %.0f scans/s\n"
-               "pool       %zu bytes at most\n"
-               "key scans  %" PRId32 "\n"
-               "unmatched  %" PRId64 " (pose by prediction)\n"
-               "potential  %.6g\n",
-               log->count, log->info.faults, tool_seconds() - start, log->count / (fed - start), pool.peak, state.keys,
-               state.predicted, (double)state.potential);
+        print_summary(log, mapper, pool.peak, tool_seconds() - start, fed - start);
     tool_pool_close(&pool);
+    return code;
+}
+
+/* Key scans in buildings have some 100 points and 30 segments each; where there are more, all begins anew with twice the
+ * room. */
+static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans, place *places)
+{
+    int32_t most = cairn_mapper_default().scan.max_points, full = 1;
+    int code = TOOL_OK;
+
+    for (int32_t points = 160; full && points < 2 * most; points *= 2)
+        code = map_with_room(s, log, scans, places, points, &full);
+    if (full)
+        code = options_refuse(PROGRAM, "%s: the key scans have more than %d points or segments, expected fewer", s->log,
+                              KEY_CAPACITY_MOST);
     return code;
 }
 
 int tool_map(int argc, char **argv)
 {
     settings s = {NULL, NULL, NULL, 4096, 8, 1, 0.05, 30, 0, 0, 0};
+    cairn_file_error error;
     cairn_carmen_scans log;
     map_scan *scans;
     place *places;
@@ -198,13 +245,15 @@ int tool_map(int argc, char **argv)
     default:
         break;
     }
+    if (map_output_check(s.folder, &error) != CAIRN_OK)
+        return tool_report(&error);
     code = tool_load(&log, s.log, s.range_max, s.quiet);
     if (code != TOOL_OK)
         return code;
     scans = map_scans_new(log.count);
     places = malloc((size_t)log.count * sizeof *places);
     if (scans == NULL || places == NULL) {
-        fprintf(stderr, "%s: no memory for %" PRId32 " scans\n", PROGRAM, log.count);
+        (void)options_refuse(PROGRAM, "no memory for %" PRId32 " scans", log.count);
         code = TOOL_FAILED;
     } else {
         code = run(&s, &log, scans, places);

@@ -1,3 +1,4 @@
+/* Maps and poses as files. */
 #include "tools/cairn_map_output.h"
 
 #include <math.h>
@@ -6,7 +7,7 @@
 
 #include "cairn/map_file.h"
 #include "cairn/occupancy_grid.h"
-#include "cairn/output.h"
+#include "cairn/output_set.h"
 #include "cairn/pose_table.h"
 #include "cairn/report.h"
 
@@ -306,29 +307,33 @@ static cairn_status write_picture(const map_output *output, const cairn_map_file
     return status;
 }
 
+enum { POSES, IMAGE, YAML, PICTURE, FILES };
+static const char *const file_names[FILES] = {"poses.csv", "map.pgm", "map.yaml", "map.svg"};
+
+cairn_status map_output_check(const char *folder, cairn_file_error *error)
+{
+    return cairn_output_set_check(folder, file_names, FILES, error);
+}
+
 cairn_status map_output_write(const map_output *output, const char *folder, cairn_file_error *error)
 {
-    char *poses = cairn_path_join(folder, "poses.csv"), *yaml = cairn_path_join(folder, "map.yaml");
-    char *svg = cairn_path_join(folder, "map.svg");
+    cairn_output_set *files = NULL;
     cairn_map_file map;
-    cairn_status status = CAIRN_NO_MEMORY;
+    cairn_status status = make_grid(output, &map, error);
 
-    if (poses == NULL || yaml == NULL || svg == NULL)
-        (void)cairn_file_error_set(error, status, folder, 0, "no memory for the names of files");
-    else
-        status = cairn_output_folder(folder, error);
+    if (status != CAIRN_OK)
+        return status;
+    status = cairn_output_set_open(&files, folder, file_names, FILES, error);
     if (status == CAIRN_OK)
-        status = make_grid(output, &map, error);
-    if (status == CAIRN_OK) {
-        status = write_poses(output, poses, error);
-        if (status == CAIRN_OK)
-            status = cairn_map_file_write(&map, yaml, CAIRN_MAP_PGM, error);
-        if (status == CAIRN_OK)
-            status = write_picture(output, &map, svg, error);
-        cairn_map_file_free(&map);
-    }
-    free(poses);
-    free(yaml);
-    free(svg);
+        status = write_poses(output, cairn_output_set_path(files, POSES), error);
+    if (status == CAIRN_OK)
+        status = cairn_map_file_write(&map, cairn_output_set_path(files, YAML), CAIRN_MAP_PGM, error);
+    if (status == CAIRN_OK)
+        status = write_picture(output, &map, cairn_output_set_path(files, PICTURE), error);
+    if (status == CAIRN_OK)
+        status = cairn_output_set_commit(files, error);
+    else
+        cairn_output_set_discard(files);
+    cairn_map_file_free(&map);
     return status;
 }

@@ -41,7 +41,10 @@ void map_scans_free(map_scan *scan, int32_t count);
 /* Copies what a scan saw. 0 when there is no memory. */
 int32_t map_scan_keep(map_scan *scan, const cairn_scan_view *view);
 
-/* Writes all files into the folder, which is made when it is missing. Each file is whole or not there. */
+/* Whether map_output_write could write there: to be asked before the work. Makes nothing. */
+CAIRN_CHECKED cairn_status map_output_check(const char *folder, cairn_file_error *error);
+
+/* Writes all files into the folder, which is made when it is missing. On failure the folder is as it was. */
 CAIRN_CHECKED cairn_status map_output_write(const map_output *output, const char *folder, cairn_file_error *error);
 
 #endif

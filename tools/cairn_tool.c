@@ -11,7 +11,7 @@
 
 #define FAULTS_SHOWN 10
 #define BAR_CELLS    30
-#define BAR_EVERY_MS 100
+#define BAR_EVERY_S  0.1
 
 int tool_exit_code(cairn_status status)
 {
@@ -24,6 +24,14 @@ int tool_report(const cairn_file_error *error)
 {
     fprintf(stderr, "%s\n", error->text);
     return tool_exit_code(error->status);
+}
+
+int tool_report_scan(const char *path, int64_t line, cairn_status status, const cairn_fault *fault)
+{
+    const char *what = fault != NULL && fault->what != NULL ? fault->what : cairn_status_text(status);
+
+    fprintf(stderr, "%s:%" PRId64 ": the scan cannot be used: %s\n", path, line, what);
+    return tool_exit_code(status);
 }
 
 double tool_seconds(void)
@@ -64,34 +72,25 @@ int tool_load(cairn_carmen_scans *scans, const char *path, double range_max, int
     return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
 }
 
-static int64_t now_ms(void)
-{
-    struct timespec now = {0, 0};
-
-    (void)clock_gettime(CLOCK_MONOTONIC, &now);
-    return (int64_t)now.tv_sec * 1000 + now.tv_nsec / 1000000;
-}
-
 tool_progress tool_progress_begin(const char *label, int64_t total, int32_t quiet)
 {
-    tool_progress progress = {label, total, 0, !quiet && isatty(STDERR_FILENO), 0};
+    tool_progress progress = {label, total, 0, !quiet && isatty(STDERR_FILENO), tool_seconds()};
 
-    progress.drawn_ms = progress.live ? now_ms() : 0;
     return progress;
 }
 
 void tool_progress_at(tool_progress *progress, int64_t done)
 {
     char bar[BAR_CELLS + 1];
-    int64_t now;
+    double now;
     int cells;
 
     if (!progress->live || progress->total <= 0)
         return;
-    now = now_ms();
-    if (now - progress->drawn_ms < BAR_EVERY_MS)
+    now = tool_seconds();
+    if (now - progress->drawn < BAR_EVERY_S)
         return;
-    progress->drawn_ms = now;
+    progress->drawn = now;
     progress->shown = 1;
     done = done < progress->total ? done : progress->total;
     cells = (int)(BAR_CELLS * done / progress->total);
@@ -131,25 +130,21 @@ int tool_pool_open(cairn_pool *pool, const char *program, const char *asked, siz
     void *memory;
     cairn_status status;
 
-    if (asked != NULL && !tool_read_bytes(asked, &bytes)) {
-        fprintf(stderr, "%s: --pool is '%s', expected a number of bytes such as 65536, 64K or 2M\n", program, asked);
-        return TOOL_BAD;
-    }
+    if (asked != NULL && !tool_read_bytes(asked, &bytes))
+        return options_refuse(program, "--pool is '%s', expected a number of bytes such as 65536, 64K or 2M", asked);
     bytes = bytes / CAIRN_ALIGN * CAIRN_ALIGN;
-    if (bytes < need) {
-        fprintf(stderr, "%s: --pool is %zu bytes, expected at least %zu\n", program, bytes, need);
-        return TOOL_BAD;
-    }
+    if (bytes < need)
+        return options_refuse(program, "--pool is '%s', expected at least %zu bytes", asked, need);
     bytes = bytes > 0 ? bytes : CAIRN_ALIGN;
     memory = aligned_alloc(CAIRN_ALIGN, bytes);
     if (memory == NULL) {
-        fprintf(stderr, "%s: no memory for a pool of %zu bytes\n", program, bytes);
+        (void)options_refuse(program, "no memory for a pool of %zu bytes", bytes);
         return TOOL_FAILED;
     }
     status = cairn_pool_init(pool, memory, bytes);
     if (status != CAIRN_OK) {
-        fprintf(stderr, "%s: %s\n", program, cairn_status_text(status));
         free(memory);
+        (void)options_refuse(program, "%s", cairn_status_text(status));
         return tool_exit_code(status);
     }
     return TOOL_OK;

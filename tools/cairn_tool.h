@@ -25,6 +25,10 @@ int tool_map(int argc, char **argv);
 /* Prints the error's text on standard error and returns its exit code. */
 int tool_report(const cairn_file_error *error);
 
+/* Prints "path:line: what is wrong" about a scan that the library refused: the fault's words, or the status's when it has
+ * none or is NULL. Returns the status's exit code. */
+int tool_report_scan(const char *path, int64_t line, cairn_status status, const cairn_fault *fault);
+
 /* The exit code of a status: TOOL_FAILED for CAIRN_NO_MEMORY and CAIRN_BAD_BUILD, TOOL_BAD for other errors. */
 int tool_exit_code(cairn_status status);
 
@@ -51,7 +55,7 @@ typedef struct tool_progress {
     int64_t total;
     int32_t shown; /* 1: there is a bar to be wiped off */
     int32_t live;
-    int64_t drawn_ms;
+    double drawn; /* s, when it was last */
 } tool_progress;
 
 tool_progress tool_progress_begin(const char *label, int64_t total, int32_t quiet);

@@ -32,11 +32,12 @@
  *
  * Mounting. A log gives the pose of the laser and that of the robot. When the one as seen from the other is the same
  * for all scans, to 0.01 m and 0.01 rad, that is where the sensor sits (base_sensor, the mean). When not (in some
- * corrected logs the laser's pose is the corrected one), the sensor is taken to sit at the robot's origin, and
- * `fixed_mounting` is 0.
+ * corrected logs the laser's pose is the corrected one), or farther away than CAIRN_SCAN_EXTENT, the sensor is taken to
+ * sit at the robot's origin, and `fixed_mounting` is 0.
  *
  * Damage. A line that breaks its format is reported with its number, counted and left out, and so is the end of a file
- * that was cut. Only a file without any scan is an error. */
+ * that was cut. So are lines that no scanner writes: a maximum_range above CAIRN_SCAN_EXTENT (a PARAM of the limit then
+ * is not read), a pose, bearing or motion beyond 1e9. Only a file without any scan is an error. */
 #ifndef CAIRN_CARMEN_LOG_H
 #define CAIRN_CARMEN_LOG_H
 
@@ -100,8 +101,8 @@ typedef struct cairn_carmen_record {
 typedef struct cairn_carmen_log cairn_carmen_log;
 
 /* Opens a log and reads it once through, for its info and its faults. CAIRN_EMPTY: no scan in it; CAIRN_BAD_ARGUMENT: a
- * range_max or range_sigma that is negative or not finite; CAIRN_IO, CAIRN_UNSUPPORTED (not a regular file),
- * CAIRN_NO_MEMORY. Memory: the longest line. params NULL: the default. */
+ * range_max that is negative or above CAIRN_SCAN_EXTENT, a range_sigma that is negative or not finite; CAIRN_IO,
+ * CAIRN_UNSUPPORTED (not a regular file), CAIRN_NO_MEMORY. Memory: the longest line. params NULL: the default. */
 CAIRN_CHECKED cairn_status cairn_carmen_log_open(cairn_carmen_log **log, const char *path,
                                                  const cairn_carmen_params *params, cairn_file_error *error);
 

@@ -93,6 +93,8 @@ static void survey_poses(survey *s, cairn_carmen_info *info, const cairn_carmen_
     off.x = place.x - s->place.x;
     off.y = place.y - s->place.y;
     off.theta = cairn_wrap_angle(place.theta - s->place.theta);
+    if (!(cairn_abs(place.x) <= CAIRN_SCAN_EXTENT && cairn_abs(place.y) <= CAIRN_SCAN_EXTENT))
+        s->place_varies = 1;
     if (!(cairn_abs(off.x) <= SAME_PLACE && cairn_abs(off.y) <= SAME_PLACE && cairn_abs(off.theta) <= SAME_PLACE))
         s->place_varies = 1;
     s->place_sum[0] += (double)off.x;
@@ -252,9 +254,10 @@ cairn_status cairn_carmen_log_open(cairn_carmen_log **log, const char *path, con
     survey s;
 
     *log = NULL;
-    if (!(p.range_max >= 0 && p.range_max <= (double)FLT_MAX))
+    if (!(p.range_max >= 0 && p.range_max <= (double)CAIRN_SCAN_EXTENT))
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "the range limit is %g, expected a number above 0, or 0 to find it", p.range_max);
+                                    "the range limit is %g, expected a number from 0 (find it) to %g", p.range_max,
+                                    (double)CAIRN_SCAN_EXTENT);
     if (!(p.range_sigma >= 0 && p.range_sigma <= (double)FLT_MAX))
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
                                     "the deviation of ranges is %g, expected a number from 0", p.range_sigma);

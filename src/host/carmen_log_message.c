@@ -10,6 +10,9 @@
 #include "src/host/carmen_log_message.h"
 #include "src/host/carmen_log_reader.h"
 
+/* m and rad, of poses, bearings and motions. */
+#define LARGEST 1e9
+
 typedef struct cursor {
     const char *at, *end;
     const char *path;
@@ -65,7 +68,7 @@ static int32_t take_number(cursor *c, expected e, double *value)
     return cairn_number_read(token, length, value) ? 1 : refuse(c, e, token, length, "a number");
 }
 
-/* Numbers that are finite as cairn_real too. */
+/* Numbers that are finite, and small enough to be so in float and after some arithmetic, too. */
 static int32_t take_finite(cursor *c, const char *what, double *value, int32_t count)
 {
     expected e = {what, 0};
@@ -74,9 +77,14 @@ static int32_t take_finite(cursor *c, const char *what, double *value, int32_t c
     for (i = 0; i < count; i++) {
         if (!take_number(c, e, &value[i]))
             return 0;
-        if (!cairn_is_finite((cairn_real)value[i])) {
+        if (!(fabs(value[i]) <= DBL_MAX)) {
             c->status = cairn_file_error_set(c->fault, CAIRN_NOT_FINITE, c->path, c->number,
                                              "%s is %g, expected a finite number", what, value[i]);
+            return 0;
+        }
+        if (fabs(value[i]) > LARGEST) {
+            c->status = cairn_file_error_set(c->fault, CAIRN_BAD_FORMAT, c->path, c->number,
+                                             "%s is %g, expected a number up to %g", what, value[i], LARGEST);
             return 0;
         }
     }
@@ -181,6 +189,12 @@ static int32_t read_robotlaser(cursor *c, cairn_carmen_message *m)
             return 0;
     if (!take_poses(c, m) || !take_finite(c, "the robot's motion", motion, 5) || !take_tail(c, &m->stamp_ns))
         return 0;
+    if (scanner[4] > (double)CAIRN_SCAN_EXTENT) {
+        c->status = cairn_file_error_set(c->fault, CAIRN_BAD_FORMAT, c->path, c->number,
+                                         "the maximum range is %g, expected at most %g m", scanner[4],
+                                         (double)CAIRN_SCAN_EXTENT);
+        return 0;
+    }
     m->angle_min = scanner[1];
     m->angle_step = scanner[3];
     if (!(fabs(m->angle_step) > 0) && m->count > 1)
@@ -215,7 +229,8 @@ static void read_param(cursor *c, cairn_carmen_message *m)
 
     length = cairn_token_next(&c->at, c->end, &token);
     m->kind = CAIRN_MESSAGE_OTHER;
-    if (known && cairn_number_read(token, length, &m->range_max) && m->range_max > 0 && m->range_max <= (double)FLT_MAX)
+    if (known && cairn_number_read(token, length, &m->range_max) && m->range_max > 0 &&
+        m->range_max <= (double)CAIRN_SCAN_EXTENT)
         m->kind = CAIRN_MESSAGE_PARAM;
 }
 

@@ -1,0 +1,253 @@
+/* Several files that come all or none. */
+#include "tests/files.h"
+
+#include "cairn/output.h"
+#include "cairn/output_set.h"
+
+static const char *const names[] = {"a.txt", "b.txt", "c.txt"};
+
+enum { FILES = 3 };
+
+static void write_to(const char *path, const char *text)
+{
+    cairn_output *output;
+
+    assert_ok(cairn_output_open(&output, path, NULL));
+    cairn_output_print(output, "%s", text);
+    assert_ok(cairn_output_commit(output, NULL));
+}
+
+static void write_all(cairn_output_set *set, const char *text)
+{
+    for (int32_t i = 0; i < FILES; i++)
+        write_to(cairn_output_set_path(set, i), text);
+}
+
+static const char *in_folder(const char *folder, const char *name)
+{
+    char inner[128];
+
+    (void)snprintf(inner, sizeof inner, "%s/%s", folder, name);
+    return files_path(inner);
+}
+
+static void assert_file(const char *folder, const char *name, const char *expected)
+{
+    char *bytes = files_read(in_folder(folder, name), NULL);
+
+    if (expected == NULL) {
+        assert_null(bytes);
+        return;
+    }
+    assert_non_null(bytes);
+    assert_string_equal(bytes, expected);
+    free(bytes);
+}
+
+/* Entries of a folder, hidden ones too; -1 when it is not there. */
+static int count_in(const char *name)
+{
+    DIR *folder = opendir(files_path(name));
+    struct dirent *entry;
+    int count = -2;
+
+    if (folder == NULL)
+        return -1;
+    while ((entry = readdir(folder)) != NULL)
+        count++;
+    (void)closedir(folder);
+    return count;
+}
+
+static int is_root(void)
+{
+    return geteuid() == 0;
+}
+
+static void test_all_come_at_the_commit(void **state)
+{
+    static const char folder[] = "one/two/three";
+    cairn_file_error error;
+    cairn_output_set *set;
+
+    (void)state;
+    assert_ok(cairn_output_set_check(files_path(folder), names, FILES, &error));
+    assert_int_equal(count_in("one"), -1);
+    assert_ok(cairn_output_set_open(&set, files_path(folder), names, FILES, &error));
+    write_all(set, "first");
+    assert_file(folder, "a.txt", NULL);
+    assert_int_equal(count_in(folder), 1);
+    assert_ok(cairn_output_set_commit(set, &error));
+    for (int32_t i = 0; i < FILES; i++)
+        assert_file(folder, names[i], "first");
+    assert_int_equal(count_in(folder), FILES);
+
+    /* Once more, over what is there and beside what is none of its. */
+    write_to(in_folder(folder, "other"), "kept");
+    assert_ok(cairn_output_set_check(files_path(folder), names, FILES, &error));
+    assert_ok(cairn_output_set_open(&set, files_path(folder), names, FILES, &error));
+    write_all(set, "second");
+    assert_file(folder, "b.txt", "first");
+    assert_ok(cairn_output_set_commit(set, &error));
+    for (int32_t i = 0; i < FILES; i++)
+        assert_file(folder, names[i], "second");
+    assert_file(folder, "other", "kept");
+    assert_int_equal(count_in(folder), FILES + 1);
+}
+
+static void test_discard_leaves_nothing(void **state)
+{
+    cairn_output_set *set;
+
+    (void)state;
+    cairn_output_set_discard(NULL);
+    assert_ok(cairn_output_set_open(&set, files_path("new/deep//er/"), names, FILES, NULL));
+    write_to(cairn_output_set_path(set, 1), "gone");
+    assert_int_equal(count_in("new/deep/er"), 1);
+    cairn_output_set_discard(set);
+    assert_int_equal(count_in("new"), -1);
+
+    /* Only what it has made goes. */
+    assert_int_equal(mkdir(files_path("there"), 0777), 0);
+    assert_ok(cairn_output_set_open(&set, files_path("there/more"), names, FILES, NULL));
+    write_all(set, "gone");
+    cairn_output_set_discard(set);
+    assert_int_equal(count_in("there"), 0);
+    assert_ok(cairn_output_set_open(&set, files_path("there"), names, FILES, NULL));
+    write_all(set, "gone");
+    cairn_output_set_discard(set);
+    assert_int_equal(count_in("there"), 0);
+
+    /* And no folder with files of others. */
+    assert_ok(cairn_output_set_open(&set, files_path("shared/by"), names, FILES, NULL));
+    write_to(files_path("shared/by/two"), "kept");
+    cairn_output_set_discard(set);
+    assert_file("shared/by", "two", "kept");
+    assert_int_equal(count_in("shared/by"), 1);
+}
+
+static void test_a_failing_commit_takes_all_back(void **state)
+{
+    static const char folder[] = "back";
+    cairn_file_error error;
+    cairn_output_set *set;
+
+    (void)state;
+    /* The last file is not there. */
+    assert_ok(cairn_output_set_open(&set, files_path(folder), names, FILES, NULL));
+    write_to(cairn_output_set_path(set, 0), "x");
+    write_to(cairn_output_set_path(set, 1), "x");
+    assert_status(cairn_output_set_commit(set, &error), CAIRN_IO);
+    assert_non_null(strstr(error.text, "/back/c.txt: cannot write: No such file"));
+    assert_int_equal(count_in(folder), -1);
+
+    /* The same over older files; one of the three is new. */
+    assert_int_equal(mkdir(files_path(folder), 0777), 0);
+    write_to(in_folder(folder, "a.txt"), "old a");
+    write_to(in_folder(folder, "c.txt"), "old c");
+    assert_ok(cairn_output_set_open(&set, files_path(folder), names, FILES, NULL));
+    write_to(cairn_output_set_path(set, 0), "x");
+    write_to(cairn_output_set_path(set, 1), "x");
+    assert_status(cairn_output_set_commit(set, &error), CAIRN_IO);
+    assert_file(folder, "a.txt", "old a");
+    assert_file(folder, "b.txt", NULL);
+    assert_file(folder, "c.txt", "old c");
+    assert_int_equal(count_in(folder), 2);
+
+    /* A folder comes into the way between. */
+    assert_ok(cairn_output_set_open(&set, files_path(folder), names, FILES, NULL));
+    write_all(set, "x");
+    assert_int_equal(mkdir(in_folder(folder, "b.txt"), 0777), 0);
+    assert_status(cairn_output_set_commit(set, &error), CAIRN_IO);
+    assert_non_null(strstr(error.text, "/back/b.txt: cannot write: "));
+    assert_file(folder, "a.txt", "old a");
+    assert_file(folder, "c.txt", "old c");
+    assert_int_equal(count_in(folder), 3);
+    assert_int_equal(rmdir(in_folder(folder, "b.txt")), 0);
+}
+
+static void assert_refused(const char *folder, const char *expected)
+{
+    cairn_output_set *set = (cairn_output_set *)(void *)names;
+    cairn_file_error error;
+    int entries = files_count();
+
+    assert_status(cairn_output_set_check(folder, names, FILES, &error), CAIRN_IO);
+    assert_non_null(strstr(error.text, expected));
+    assert_status(cairn_output_set_check(folder, names, FILES, NULL), CAIRN_IO);
+    memset(&error, 0, sizeof error);
+    assert_status(cairn_output_set_open(&set, folder, names, FILES, &error), CAIRN_IO);
+    assert_non_null(strstr(error.text, expected));
+    assert_null(set);
+    assert_int_equal(files_count(), entries);
+}
+
+static void test_bad_places(void **state)
+{
+    cairn_output_set *set;
+    cairn_file_error error;
+    const char *file = files_write_text("file", "kept");
+
+    (void)state;
+    assert_refused(file, "/file: is a file, expected a folder");
+    assert_refused(files_path("file/inner/most"), "is a file, expected a folder");
+    assert_refused("", "is no name, expected that of a folder");
+    assert_file(".", "file", "kept");
+    assert_int_equal(mkdir(files_path("taken"), 0777), 0);
+    assert_int_equal(mkdir(files_path("taken/c.txt"), 0777), 0);
+    assert_refused(files_path("taken"), "/taken/c.txt: is a folder, expected a file or nothing");
+    assert_int_equal(count_in("taken"), 1);
+    if (!is_root()) {
+        assert_int_equal(mkdir(files_path("closed"), 0555), 0);
+        assert_refused(files_path("closed"), "/closed: cannot write in this folder: Permission denied");
+        assert_refused(files_path("closed/new"), "/closed: cannot write in this folder: Permission denied");
+    }
+    assert_status(cairn_output_set_open(&set, files_path("x"), names, 0, &error), CAIRN_BAD_ARGUMENT);
+    assert_non_null(strstr(error.text, "/x: 0 files, expected 1 to 16"));
+    assert_status(cairn_output_set_open(&set, files_path("x"), names, CAIRN_OUTPUT_SET_MOST + 1, &error),
+                  CAIRN_BAD_ARGUMENT);
+    assert_int_equal(count_in("x"), -1);
+}
+
+static void test_names_without_a_folder_above(void **state)
+{
+    char here[1024];
+    cairn_output_set *set;
+
+    (void)state;
+    assert_non_null(getcwd(here, sizeof here));
+    assert_int_equal(chdir(files_folder), 0);
+    assert_ok(cairn_output_set_check("plain", names, FILES, NULL));
+    assert_ok(cairn_output_set_open(&set, "plain", names, FILES, NULL));
+    write_all(set, "here");
+    assert_ok(cairn_output_set_commit(set, NULL));
+    assert_file("plain", "c.txt", "here");
+    assert_ok(cairn_output_set_open(&set, "gone", names, FILES, NULL));
+    cairn_output_set_discard(set);
+    assert_int_equal(count_in("gone"), -1);
+    /* Two at once: a stage of its own each, the later commit stays. */
+    {
+        cairn_output_set *other;
+
+        assert_ok(cairn_output_set_open(&set, ".", names, FILES, NULL));
+        assert_ok(cairn_output_set_open(&other, ".", names, FILES, NULL));
+        write_all(set, "one");
+        write_all(other, "other");
+        assert_ok(cairn_output_set_commit(set, NULL));
+        assert_file(".", "a.txt", "one");
+        assert_ok(cairn_output_set_commit(other, NULL));
+        assert_file(".", "a.txt", "other");
+    }
+    assert_int_equal(chdir(here), 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_all_come_at_the_commit),          cmocka_unit_test(test_discard_leaves_nothing),
+        cmocka_unit_test(test_a_failing_commit_takes_all_back), cmocka_unit_test(test_bad_places),
+        cmocka_unit_test(test_names_without_a_folder_above),
+    };
+
+    return cmocka_run_group_tests(tests, files_setup, files_teardown);
+}
