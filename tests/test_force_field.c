@@ -455,6 +455,14 @@ static void test_the_defaults_are_the_thesis(void **state)
     assert_near(p.corner_min_opening, 80 * DEGREE, 1e-6);
     assert_near(p.corner_max_opening, 100 * DEGREE, 1e-6);
     assert_int_equal(p.max_steps, 50);
+    assert_near(p.sensor_below, 0.5, 0);
+    assert_near(p.stop_relocation, 0.0001, 1e-9);
+    assert_int_equal(p.roi, 1);
+    assert_int_equal(p.potential, 1);
+    assert_int_equal(p.max_scans, 64);
+    assert_int_equal(p.max_segments, 1024);
+    assert_int_equal(p.max_points, 8192);
+    assert_int_equal(p.max_corners, 1024);
     assert_true(exp(-(double)p.reach * (double)p.reach / 2) < 1e-6);
 }
 
@@ -585,6 +593,10 @@ static void test_all_pairs(void **state)
     p.potential = 0;
     p.reach = 4;
     compare_with_slow(&p, 2, 0);
+    /* sigma falls to half its start, where the centre is still that of mass, and below. */
+    p.sigma_start = CAIRN_REAL(0.16);
+    p.sigma_step = CAIRN_REAL(0.04);
+    compare_with_slow(&p, 4, 0);
     /* Both clamps and the change of the centre within a few iterations. */
     p.sigma_step = CAIRN_REAL(0.03);
     p.sigma_end = CAIRN_REAL(0.05);

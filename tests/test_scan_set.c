@@ -220,6 +220,7 @@ static void test_full(void **state)
         assert_ok(cairn_scan_set_add(set, &e.view, NULL, &fault));
         assert_status(cairn_scan_set_add(set, &e.view, NULL, &fault), CAIRN_FULL);
         assert_non_null(strstr(fault.what, what[i]));
+        assert_int_equal(fault.index, -1);
         assert_int_equal(set->scan_count, 1);
         test_pool_free(&pool);
     }
