@@ -207,8 +207,8 @@ static void test_tables(void **state)
 
 static void test_row_at_no_distance(void **state)
 {
-    cairn_vec2 position[3] = {{1, 1}, {1, 1}, {1, 1}}, force[3] = {{0, 0}, {0, 0}, {0, 0}};
-    cairn_real mass[3] = {2, 1, 1};
+    cairn_vec2 position[4] = {{1, 1}, {1, 1}, {1, 1}, {1, 2}}, force[4] = {{0, 0}, {0, 0}, {0, 0}, {0, 0}};
+    cairn_real mass[4] = {2, 1, 1, 1};
     cairn_force_points points = {position, mass, force};
     cairn_force_kernel kernel;
     cairn_force_sum sum = {0, 0};
@@ -218,9 +218,11 @@ static void test_row_at_no_distance(void **state)
     (void)state;
     position[2].x += CAIRN_REAL_EPSILON; /* 1e-16 or 1e-7 m: nearer than 1e-9 in double only */
     cairn_force_kernel_init(&kernel);
-    assert_ok(cairn_force_kernel_row(&kernel, &points, 0, &next, 3, 1, 1, &sum, &budget));
-    assert_int_equal(sum.pairs, 2);
-    assert_near(sum.potential, -2, 1e-6);
+    assert_ok(cairn_force_kernel_row(&kernel, &points, 0, &next, 4, 1, 1, &sum, &budget));
+    assert_int_equal(sum.pairs, 3);
+    /* sigma is 1 after init: erfc(1 / sqrt(2)) = 0.3173..., exp(-1/2) / sqrt(2 pi) = 0.2419... */
+    assert_near(sum.potential, -2 - 0.31731050786291415, 1e-6);
+    assert_near(force[3].y, -2 * 0.24197072451914337, 1e-6);
     assert_near(force[1].x, 0, 0);
     assert_near(force[1].y, 0, 0);
     assert_near(force[2].x, NUMBER(0, -0.7978845608), 1e-6);

@@ -72,6 +72,15 @@ static void test_params_and_memory(void **state)
     REFUSED(max_points, -1);
     REFUSED(max_points, (1 << 24) + 1);
 #undef REFUSED
+    p = good;
+    p.max_scans = 1 << 20;
+    assert_true(cairn_scan_set_memory(&p) > (size_t)1 << 24);
+    p = good;
+    p.max_segments = 1 << 24;
+    assert_true(cairn_scan_set_memory(&p) > (size_t)1 << 28);
+    p = good;
+    p.max_points = 1 << 24;
+    assert_true(cairn_scan_set_memory(&p) > (size_t)1 << 26);
     assert_int_equal(cairn_scan_set_memory(NULL), 0);
     assert_status(cairn_scan_set_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_scan_set_create(&set, NULL, &good), CAIRN_BAD_ARGUMENT);
@@ -176,7 +185,16 @@ static void test_spacing(void **state)
         assert_ok(cairn_scan_set_add(set, &e.view, NULL, NULL));
         assert_near(set->segments[0].spacing, cases[i].spacing, 1e-6);
     }
+    /* Two are even if they lie as their direction says. */
+    e.first_point[1] = e.first_point[2] = 2;
+    e.first_point[3] = e.view.point_count = 3;
+    set_point(&e.points[0], 1, 0, 1, 0);
+    set_point(&e.points[1], 1.5, 0, 1, 0);
+    cairn_scan_set_clear(set);
+    assert_ok(cairn_scan_set_add(set, &e.view, NULL, NULL));
+    assert_near(set->segments[0].spacing, 0.5, 1e-6);
     /* Points on each other. */
+    make_example(&e);
     for (int k = 0; k < 3; k++)
         set_point(&e.points[k], 1, 0, 1, 0);
     cairn_scan_set_clear(set);
@@ -202,6 +220,7 @@ static void test_full(void **state)
         assert_ok(cairn_scan_set_add(set, &e.view, NULL, &fault));
         assert_status(cairn_scan_set_add(set, &e.view, NULL, &fault), CAIRN_FULL);
         assert_non_null(strstr(fault.what, what[i]));
+        assert_int_equal(fault.index, -1);
         assert_int_equal(set->scan_count, 1);
         test_pool_free(&pool);
     }
