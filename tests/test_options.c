@@ -146,7 +146,7 @@ static void test_help(void **state)
     assert_non_null(file);
     (void)parse("");
     parsed.text = "here";
-    parsed.free_number = (double)NAN;
+    parsed.free_number = NAN;
     options_help(file, table, OPTIONS);
     rewind(file);
     length = fread(text, 1, sizeof text - 1, file);

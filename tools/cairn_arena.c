@@ -213,7 +213,7 @@ static int run(command *c, const char *scene, int argc, char **argv)
 
 int main(int argc, char **argv)
 {
-    command c = {sim_arena_default(), sim_survey_default(), {0, 0}, {0, 0}, {0, 0}, 0, (double)NAN, NULL, 0};
+    command c = {sim_arena_default(), sim_survey_default(), {0, 0}, {0, 0}, {0, 0}, 0, NAN, NULL, 0};
     option table[OPTION_COUNT];
     const char *scene;
     int32_t given;
