@@ -741,7 +741,7 @@ static void test_bad_options(void **state)
         {offsetof(sim_survey_options, range_min), -0.1, "range_min is -0.1 m"},
         {offsetof(sim_survey_options, range_max), 0.5, "range_max is 0.5 m"},
         {offsetof(sim_survey_options, noise), -0.01, "noise is -0.01 m"},
-        {offsetof(sim_survey_options, noise), NAN, "noise is nan m"},
+        {offsetof(sim_survey_options, noise), (double)NAN, "noise is nan m"},
         {offsetof(sim_survey_options, dropout), 1.5, "dropout is 1.5"},
         {offsetof(sim_survey_options, tilt), 0.31, "tilt is 0.31"},
         {offsetof(sim_survey_options, scan_time), 3, "scan_time is 3 s"},
@@ -753,7 +753,7 @@ static void test_bad_options(void **state)
         {offsetof(sim_survey_options, bias_scale), 2, "bias_scale is 2"},
         {offsetof(sim_survey_options, bias_drift), 2, "bias_drift is 2"},
         {offsetof(sim_survey_options, base_sensor.x), 0.16, "base_sensor is 0.16 m"},
-        {offsetof(sim_survey_options, base_sensor.theta), INFINITY, "base_sensor.theta is inf"},
+        {offsetof(sim_survey_options, base_sensor.theta), (double)INFINITY, "base_sensor.theta is inf"},
     };
     const struct {
         size_t offset;
@@ -785,7 +785,7 @@ static void test_bad_options(void **state)
     assert_ptr_equal(strstr(fault, "beams is 0"), fault);
     assert_null(sim_survey_at(arena, &good, &pose, 1, 6, 0, fault, sizeof fault));
     assert_ptr_equal(strstr(fault, "speed is 6 m/s"), fault);
-    assert_null(sim_survey_at(arena, &good, &pose, 1, 0, NAN, fault, sizeof fault));
+    assert_null(sim_survey_at(arena, &good, &pose, 1, 0, (double)NAN, fault, sizeof fault));
     assert_ptr_equal(strstr(fault, "turn_rate"), fault);
     pose.x = cos(sim_arena_options_of(arena).turn + pi / 2);
     pose.y = sin(sim_arena_options_of(arena).turn + pi / 2);
