@@ -132,7 +132,7 @@ static void test_bad_input(void **state)
     assert_int_equal(o.code, 2);
     (void)snprintf(arguments, sizeof arguments, "info '%s'", files_path("missing.log"));
     o = run(arguments);
-    assert_int_equal(o.code, 1);
+    assert_int_equal(o.code, 2);
     assert_holds(o.err, "missing.log: cannot open: No such file");
     (void)snprintf(arguments, sizeof arguments, "info '%s'", files_write_text("none.log", "FLASER 3 1\n"));
     o = run(arguments);

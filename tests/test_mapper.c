@@ -81,10 +81,10 @@ typedef struct trace {
     int32_t count;
 } trace;
 
-typedef enum odometry { WITH, WITHOUT, NEVER_BACK } odometry;
+typedef enum odometry_kind { WITH, WITHOUT, NEVER_BACK } odometry_kind;
 
 /* odometry NEVER_BACK: the defect of a real log, a robot that backs up is reported as driving ahead. */
-static void run(cairn_mapper *mapper, const drive *d, odometry how, int32_t budget, trace *t)
+static void run(cairn_mapper *mapper, const drive *d, odometry_kind how, int32_t budget, trace *t)
 {
     cairn_pose believed = pose_of(d->scans[0].odometry);
 
@@ -362,10 +362,10 @@ static void the_window_moves_its_free_key_scans(void **state)
     (void)state;
     for (int32_t i = 0; i < d.count; i++) {
         cairn_scan_input input = sim_scan_input(&d.scans[i]);
-        cairn_pose odometry = pose_of(d.scans[i].odometry);
+        cairn_pose believed = pose_of(d.scans[i].odometry);
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
-        assert_ok(cairn_mapper_add(mapper, &input, &odometry, NULL));
+        assert_ok(cairn_mapper_add(mapper, &input, &believed, NULL));
         assert_ok(cairn_mapper_step(mapper, &budget));
         for (int32_t k = 0; k < keys; k++) {
             cairn_pose now = cairn_mapper_key_pose(mapper, k);

@@ -212,7 +212,7 @@ static int run(command *c, const char *scene, int argc, char **argv)
 
 int main(int argc, char **argv)
 {
-    command c = {sim_arena_default(), sim_survey_default(), {0, 0}, {0, 0}, {0, 0}, {0, 0}, 0, NAN, NULL};
+    command c = {sim_arena_default(), sim_survey_default(), {0, 0}, {0, 0}, {0, 0}, {0, 0}, 0, (double)NAN, NULL};
     option table[TABLE];
     char text[3000];
     option_set set = {PROGRAM, "SCENE -o DIR [options]", text, table, TABLE};
