@@ -14,6 +14,7 @@
 #include "cairn/number_text.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/output.h"
+#include "cairn/output_set.h"
 #include "cairn/polyline.h"
 #include "cairn/pool.h"
 #include "cairn/pose_table.h"
@@ -302,6 +303,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_polyline_params, gap_max, 80, 48)},
     {FIELD(cairn_polyline_params, merge_angle, 88, 52)},
     {FIELD(cairn_polyline_params, merge_distance, 96, 56)},
+    {FIELD(cairn_polyline_params, bend, 104, 60)},
     {FIELD(cairn_polyline_params, tolerance, 112, 64)},
     {SIZE(cairn_polyline_segment, 64, 32)},
     {FIELD(cairn_polyline_segment, a, 0, 0)},
