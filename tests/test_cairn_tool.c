@@ -1,74 +1,27 @@
-/* The cairn command as a user meets it: output, errors, exit codes. The program stands one folder above the tests. */
-#include "tests/files.h"
-
-#include <sys/wait.h>
-
-static char program[512];
-
-typedef struct outcome {
-    int code;
-    char out[8192];
-    char err[8192];
-} outcome;
-
-static void read_into(const char *name, char *text, size_t size)
-{
-    char *bytes = files_read(files_path(name), NULL);
-
-    assert_non_null(bytes);
-    (void)snprintf(text, size, "%s", bytes);
-    free(bytes);
-}
-
-static outcome run_to(const char *arguments, const char *output)
-{
-    char command[2048];
-    outcome o = {0, "", ""};
-    int status;
-
-    (void)snprintf(command, sizeof command, "'%s' %s >'%s' 2>'%s'", program, arguments, output, files_path("err"));
-    status = system(command);
-    assert_true(WIFEXITED(status));
-    o.code = WEXITSTATUS(status);
-    read_into("err", o.err, sizeof o.err);
-    return o;
-}
-
-static outcome run(const char *arguments)
-{
-    outcome o = run_to(arguments, files_path("out"));
-
-    read_into("out", o.out, sizeof o.out);
-    return o;
-}
-
-static void assert_holds(const char *string, const char *piece)
-{
-    if (strstr(string, piece) == NULL)
-        fail_msg("\"%s\" does not hold \"%s\"", string, piece);
-}
+/* The cairn command as a user meets it: output, errors, exit codes. */
+#include "tests/programs.h"
 
 static void test_frame(void **state)
 {
-    outcome o = run("--help");
+    outcome o = programs_run("cairn --help");
 
     (void)state;
     assert_int_equal(o.code, 0);
     assert_holds(o.out, "usage: cairn COMMAND");
     assert_holds(o.out, "  info ");
     assert_string_equal(o.err, "");
-    o = run("--version");
+    o = programs_run("cairn --version");
     assert_int_equal(o.code, 0);
     assert_memory_equal(o.out, "cairn 0.", 8);
-    o = run("");
+    o = programs_run("cairn");
     assert_int_equal(o.code, 2);
     assert_string_equal(o.out, "");
     assert_holds(o.err, "cairn: no command");
-    o = run("fly");
+    o = programs_run("cairn fly");
     assert_int_equal(o.code, 2);
     assert_holds(o.err, "cairn: unknown command 'fly'");
     if (access("/dev/full", W_OK) == 0) {
-        o = run_to("--help", "/dev/full");
+        o = programs_run_shell("", "cairn --help", "/dev/full");
         assert_int_equal(o.code, 1);
         assert_holds(o.err, "No space left");
     }
@@ -76,7 +29,7 @@ static void test_frame(void **state)
 
 static void test_info(void **state)
 {
-    char log[8192] = "", arguments[1024];
+    char log[8192] = "";
     outcome o;
 
     (void)state;
@@ -85,8 +38,8 @@ static void test_info(void **state)
                        "FLASER 4 1 2.5 81.9 nan %d.2 0 0 %d 0 0 %d.5 h 0\n", i, i, i);
     for (int i = 0; i < 12; i++)
         strcat(log, "FLASER 4 1 x\n");
-    (void)snprintf(arguments, sizeof arguments, "info '%s'", files_write_text("a.log", log));
-    o = run(arguments);
+    (void)files_write_text("a.log", log);
+    o = programs_run("cairn info @/a.log");
     assert_int_equal(o.code, 0);
     assert_holds(o.out, "scans        6 in 18 lines\n");
     assert_holds(o.out, "beams        4 a scan\n");
@@ -104,8 +57,7 @@ static void test_info(void **state)
     assert_holds(o.err, "... and 2 more damaged lines\n");
     assert_null(strstr(o.err, "%"));
 
-    (void)snprintf(arguments, sizeof arguments, "info --quiet --range-max=2 '%s'", files_path("a.log"));
-    o = run(arguments);
+    o = programs_run("cairn info --quiet --range-max=2 @/a.log");
     assert_int_equal(o.code, 0);
     assert_string_equal(o.err, "");
     assert_holds(o.out, "no return from 2.00 m on");
@@ -114,28 +66,26 @@ static void test_info(void **state)
 
 static void test_bad_input(void **state)
 {
-    char arguments[1024];
     outcome o;
 
     (void)state;
-    o = run("info");
+    o = programs_run("cairn info");
     assert_int_equal(o.code, 2);
     assert_holds(o.err, "cairn info: no log, expected LOG");
-    o = run("info --help");
+    o = programs_run("cairn info --help");
     assert_int_equal(o.code, 0);
     assert_holds(o.out, "usage: cairn info LOG");
-    o = run("info --fast x");
+    o = programs_run("cairn info --fast x");
     assert_int_equal(o.code, 2);
-    o = run("info --range-max -1 x");
+    o = programs_run("cairn info --range-max -1 x");
     assert_int_equal(o.code, 2);
-    o = run("info a b");
+    o = programs_run("cairn info a b");
     assert_int_equal(o.code, 2);
-    (void)snprintf(arguments, sizeof arguments, "info '%s'", files_path("missing.log"));
-    o = run(arguments);
+    o = programs_run("cairn info @/missing.log");
     assert_int_equal(o.code, 2);
     assert_holds(o.err, "missing.log: cannot open: No such file");
-    (void)snprintf(arguments, sizeof arguments, "info '%s'", files_write_text("none.log", "FLASER 3 1\n"));
-    o = run(arguments);
+    (void)files_write_text("none.log", "FLASER 3 1\n");
+    o = programs_run("cairn info @/none.log");
     assert_int_equal(o.code, 2);
     assert_holds(o.err, "none.log:1: the FLASER line ends early");
     assert_holds(o.err, "none.log: no whole scan in 1 lines (1 damaged)");
@@ -149,9 +99,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(test_info),
         cmocka_unit_test(test_bad_input),
     };
-    const char *slash = argc > 0 ? strrchr(argv[0], '/') : NULL;
 
-    (void)snprintf(program, sizeof program, "%.*s/../cairn", slash != NULL ? (int)(slash - argv[0]) : 1,
-                   slash != NULL ? argv[0] : ".");
+    programs_find(argc, argv);
     return cmocka_run_group_tests(tests, files_setup, files_teardown);
 }

@@ -182,6 +182,7 @@ static int map_with_room(const settings *s, const cairn_carmen_scans *log, map_s
     *full = 0;
     params.scan.max_beams = log->info.beams_most;
     params.window = (int32_t)s->window;
+    params.field.potential = 1;
     if (params.window > 0 && params.window_free >= params.window)
         params.window_free = params.window - 1;
     params.max_keys = least(s->max_keys, log->count);

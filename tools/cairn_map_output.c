@@ -27,19 +27,25 @@ map_scan *map_scans_new(int32_t count)
     return scan;
 }
 
+static void forget(map_scan *scan)
+{
+    free(scan->beam);
+    free(scan->hit);
+    free(scan->point);
+    free(scan->segment);
+    scan->beam_count = 0;
+}
+
 void map_scans_free(map_scan *scan, int32_t count)
 {
-    for (int32_t i = 0; i < count && scan != NULL; i++) {
-        free(scan[i].beam);
-        free(scan[i].hit);
-        free(scan[i].point);
-        free(scan[i].segment);
-    }
+    for (int32_t i = 0; i < count && scan != NULL; i++)
+        forget(&scan[i]);
     free(scan);
 }
 
 int32_t map_scan_keep(map_scan *scan, const cairn_scan_view *view)
 {
+    forget(scan);
     /* One element more than needed, so that nothing to keep is not mistaken for no memory. */
     scan->beam = malloc((2 * (size_t)view->beam_count + 1) * sizeof *scan->beam);
     scan->hit = malloc((size_t)view->beam_count + 1);

@@ -38,7 +38,7 @@ typedef struct map_output {
 map_scan *map_scans_new(int32_t count);
 void map_scans_free(map_scan *scan, int32_t count);
 
-/* Copies what a scan saw. 0 when there is no memory. */
+/* Copies what a scan saw, in place of what was kept before. 0 when there is no memory. */
 int32_t map_scan_keep(map_scan *scan, const cairn_scan_view *view);
 
 /* Whether map_output_write could write there: to be asked before the work. Makes nothing. */

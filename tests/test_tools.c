@@ -1,0 +1,917 @@
+/* Whole paths through the programs: an arena, its log, poses and a map; and what they say to bad input. */
+#include <sys/stat.h>
+
+#include <math.h>
+#include <zlib.h>
+
+#include "cairn/carmen_log.h"
+#include "cairn/map_file.h"
+#include "cairn/pose_table.h"
+#include "tests/programs.h"
+
+static const char *const arena_files[] = {"scans.log", "truth.csv", "arena.json", "arena.svg"};
+static const char *const map_files[] = {"poses.csv", "map.pgm", "map.yaml", "map.svg"};
+
+enum { FILES = 4 };
+
+/* ---- Helpers ---- */
+
+static const char *in_folder(const char *folder, const char *name)
+{
+    char inner[256];
+
+    (void)snprintf(inner, sizeof inner, "%s/%s", folder, name);
+    return files_path(inner);
+}
+
+static void assert_done(outcome o)
+{
+    if (o.code != 0)
+        fail_msg("exit code %d: %s", o.code, o.err);
+}
+
+/* Entries of a folder, hidden ones too; -1 when it is not there. */
+static int count_in(const char *name)
+{
+    DIR *folder = opendir(files_path(name));
+    struct dirent *entry;
+    int count = -2;
+
+    if (folder == NULL)
+        return -1;
+    while ((entry = readdir(folder)) != NULL)
+        count++;
+    (void)closedir(folder);
+    return count;
+}
+
+static void assert_same_files(const char *first, const char *second, const char *const *names)
+{
+    for (int i = 0; i < FILES; i++) {
+        size_t a = 0, b = 0;
+        char *one = files_read(in_folder(first, names[i]), &a), *two = files_read(in_folder(second, names[i]), &b);
+
+        assert_non_null(one);
+        assert_non_null(two);
+        if (a != b || memcmp(one, two, a) != 0)
+            fail_msg("%s of %s and of %s differ", names[i], first, second);
+        free(one);
+        free(two);
+    }
+}
+
+static int lines_of(const char *text)
+{
+    int lines = 0;
+
+    for (; *text != '\0'; text++)
+        lines += *text == '\n';
+    return lines;
+}
+
+/* One line that begins with `start` and says what was expected; nothing else, and exit code 2. */
+static void assert_refused(outcome o, const char *start, const char *piece)
+{
+    char whole[512];
+
+    (void)snprintf(whole, sizeof whole, "%s%s", start[0] == '/' ? files_folder : "", start);
+    if (o.code != 2 || lines_of(o.err) != 1 || strncmp(o.err, whole, strlen(whole)) != 0 ||
+        strstr(o.err, piece) == NULL || strstr(o.err, "expected") == NULL)
+        fail_msg("exit code %d, \"%s\", where 2 and one line \"%s...%s...\" was expected", o.code, o.err, whole, piece);
+    assert_string_equal(o.out, "");
+}
+
+/* ---- A log of a square room, written here ---- */
+
+typedef struct text {
+    char *bytes;
+    size_t count, capacity;
+} text;
+
+static void add(text *t, const char *format, ...)
+{
+    va_list arguments;
+
+    if (t->capacity - t->count < 256) {
+        t->capacity = 2 * t->capacity + 4096;
+        t->bytes = realloc(t->bytes, t->capacity);
+        assert_non_null(t->bytes);
+    }
+    va_start(arguments, format);
+    t->count += (size_t)vsnprintf(t->bytes + t->count, t->capacity - t->count, format, arguments);
+    va_end(arguments);
+}
+
+/* Distance to the walls of a room of side 2 * half about the origin. */
+static double room_range(double half, double x, double y, double angle)
+{
+    double c = cos(angle), s = sin(angle);
+    double to_x = fabs(c) > 1e-9 ? ((c > 0 ? half : -half) - x) / c : 1e9;
+    double to_y = fabs(s) > 1e-9 ? ((s > 0 ? half : -half) - y) / s : 1e9;
+
+    return fmin(to_x, to_y);
+}
+
+/* A line of `beams` beams around a whole circle from (x, 0); what: the word instead of each range, or NULL. */
+static void add_room_scan(text *t, double half, int beams, double x, const char *what, int stamp)
+{
+    double step = 6.283185307179586 / beams;
+
+    add(t, "ROBOTLASER1 0 -3.14159265 6.28318531 %.9g 50 0.01 0 %d", step, beams);
+    for (int i = 0; i < beams; i++)
+        if (what != NULL)
+            add(t, " %s", what);
+        else
+            add(t, " %.4f", room_range(half, x, 0, -3.14159265 + i * step));
+    add(t, " 0 %g 0 0 %g 0 0 0 0 0 0 0 %d h %d\n", x, x, stamp, stamp);
+}
+
+static void write_text(const char *name, text *t)
+{
+    (void)files_write(name, t->bytes, t->count);
+    t->count = 0;
+}
+
+/* ---- XML, as far as pictures go ---- */
+
+static int is_name(char c)
+{
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == ':' ||
+           c == '_';
+}
+
+/* What '&' begins, up to its ';'; NULL when it is no entity. */
+static const char *skip_entity(const char *at)
+{
+    static const char *const known[] = {"&lt;", "&gt;", "&amp;", "&quot;", "&apos;"};
+
+    if (at[1] == '#' && at[2] >= '0' && at[2] <= '9') {
+        for (at += 2; *at >= '0' && *at <= '9'; at++) {
+        }
+        return *at == ';' ? at + 1 : NULL;
+    }
+    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
+        if (strncmp(at, known[i], strlen(known[i])) == 0)
+            return at + strlen(known[i]);
+    return NULL;
+}
+
+/* Attributes up to '>' or '/'; NULL when they are not well formed or one of them is there twice. */
+static const char *skip_attributes(const char *at)
+{
+    const char *names[64];
+    size_t lengths[64];
+    int count = 0;
+
+    for (;;) {
+        const char *name;
+        int blank = 0;
+
+        for (; *at == ' ' || *at == '\n'; at++)
+            blank = 1;
+        if (*at == '>' || *at == '/')
+            return at;
+        for (name = at; is_name(*at); at++) {
+        }
+        if (!blank || at == name || count == 64)
+            return NULL;
+        names[count] = name;
+        lengths[count] = (size_t)(at - name);
+        for (int i = 0; i < count; i++)
+            if (lengths[i] == lengths[count] && strncmp(names[i], name, lengths[i]) == 0)
+                return NULL;
+        count++;
+        if (at[0] != '=' || at[1] != '"')
+            return NULL;
+        for (at += 2; *at != '"';) {
+            if (*at == '\0' || *at == '<')
+                return NULL;
+            at = *at == '&' ? skip_entity(at) : at + 1;
+            if (at == NULL)
+                return NULL;
+        }
+        at++;
+    }
+}
+
+/* NULL when the text is one well-formed element, or else where it is not. */
+static const char *xml_fault(const char *at)
+{
+    const char *open[64];
+    size_t lengths[64];
+    int depth = 0, roots = 0;
+
+    if (strncmp(at, "<?xml", 5) == 0) {
+        at = strstr(at, "?>");
+        if (at == NULL)
+            return "<?xml";
+        at += 2;
+    }
+    while (*at != '\0') {
+        const char *start = at;
+
+        if (*at != '<') {
+            if ((unsigned char)*at < ' ' && *at != '\n')
+                return start;
+            if (depth == 0 && *at != '\n' && *at != ' ')
+                return start;
+            at = *at == '&' ? skip_entity(at) : at + 1;
+            if (at == NULL)
+                return start;
+        } else if (at[1] == '/') {
+            if (depth == 0 || strncmp(at + 2, open[depth - 1], lengths[depth - 1]) != 0 ||
+                at[2 + lengths[depth - 1]] != '>')
+                return start;
+            depth--;
+            at += 3 + lengths[depth];
+        } else {
+            const char *name = ++at;
+
+            for (; is_name(*at); at++) {
+            }
+            if (at == name || depth == 64 || (depth == 0 && roots++ > 0))
+                return start;
+            open[depth] = name;
+            lengths[depth] = (size_t)(at - name);
+            at = skip_attributes(at);
+            if (at == NULL || (at[0] == '/' && at[1] != '>'))
+                return start;
+            depth += *at == '>';
+            at += *at == '>' ? 1 : 2;
+        }
+    }
+    return depth > 0 || roots != 1 ? at : NULL;
+}
+
+static void assert_picture(const char *folder, const char *name)
+{
+    char *bytes = files_read(in_folder(folder, name), NULL);
+    const char *fault;
+
+    assert_non_null(bytes);
+    assert_holds(bytes, "<svg xmlns=\"http://www.w3.org/2000/svg\"");
+    fault = xml_fault(bytes);
+    if (fault != NULL)
+        fail_msg("%s/%s is not well formed at byte %d: %.60s", folder, name, (int)(fault - bytes), fault);
+    free(bytes);
+}
+
+static void the_xml_checker_sees_faults(void **state)
+{
+    static const char *const bad[] = {"",
+                                      "<a>",
+                                      "<a></b>",
+                                      "<a><b></a></b>",
+                                      "<a b></a>",
+                                      "<a b=c></a>",
+                                      "<a b=\"c></a>",
+                                      "<a>&</a>",
+                                      "<a>&x;</a>",
+                                      "<a>&#12</a>",
+                                      "<a>&#;</a>",
+                                      "<a/><b/>",
+                                      "<a/>x",
+                                      "<a b=\"<\"></a>",
+                                      "<a>\x01</a>",
+                                      "<a b=\"&\"/>",
+                                      "<a b=\"1\"",
+                                      "<a>1 < 2</a>",
+                                      "</a>",
+                                      "<a></a",
+                                      "<a b=\"1\" b=\"2\"/>",
+                                      "<a b=\"1\"c=\"2\"/>"};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
+        if (xml_fault(bad[i]) == NULL)
+            fail_msg("'%s' passes", bad[i]);
+    assert_null(xml_fault("<?xml version=\"1.0\"?>\n<a x=\"1 &lt; 2\" y:z=\"\">t &amp;&#160; t<b/><c>\n</c></a>\n"));
+}
+
+/* ---- Good input ---- */
+
+/* One arena for many tests: a drive in "drive", scans at places from disturbed poses in "places". */
+static void make_arenas(void **state)
+{
+    outcome o = programs_run("cairn-arena rooms --seed 3 --drive 30 --fov 180 --beams 91 --movers 1 -o @/drive");
+
+    (void)state;
+    assert_done(o);
+    assert_string_equal(o.err, "");
+    assert_int_equal(count_in("drive"), FILES);
+    o = programs_run("cairn-arena apartment --seed 5 --places 4 --headings 3 --beams 121 --disturb 0.1,5 -o @/places");
+    assert_done(o);
+    assert_picture("drive", "arena.svg");
+    assert_picture("places", "arena.svg");
+}
+
+static void same_seed_same_bytes(void **state)
+{
+    char *one, *two;
+
+    (void)state;
+    assert_done(programs_run("cairn-arena rooms --seed 3 --drive 30 --fov 180 --beams 91 --movers 1 -o @/drive-again"));
+    assert_same_files("drive", "drive-again", arena_files);
+    assert_done(programs_run("cairn-arena rooms --seed 4 --drive 30 --fov 180 --beams 91 --movers 1 -o @/drive-4"));
+    one = files_read(in_folder("drive", "truth.csv"), NULL);
+    two = files_read(in_folder("drive-4", "truth.csv"), NULL);
+    assert_string_not_equal(one, two);
+    free(one);
+    free(two);
+
+    assert_done(programs_run("cairn map @/drive/scans.log -o @/map --seed 1"));
+    assert_done(programs_run("cairn map @/drive/scans.log -o @/map-again/new/folder --seed 1 --quiet"));
+    assert_same_files("map", "map-again/new/folder", map_files);
+    assert_done(programs_run("cairn align @/places/scans.log -o @/align --seed 1 --steps 20"));
+    assert_done(programs_run("cairn align @/places/scans.log -o @/align-again --seed 1 --steps=20 --pool 64M"));
+    assert_same_files("align", "align-again", map_files);
+    assert_int_equal(count_in("map"), FILES);
+    assert_int_equal(count_in("align"), FILES);
+    /* Over what is there, once more. */
+    assert_done(programs_run("cairn map @/drive/scans.log -o @/align-again"));
+    assert_same_files("map", "align-again", map_files);
+    assert_int_equal(count_in("align-again"), FILES);
+    assert_int_equal(count_in("drive"), FILES);
+}
+
+/* Mean distance of poses.csv from the true positions, the first one laid over its truth when `relative`. */
+static double mean_error(const cairn_pose_row *row, int32_t count, const char *truth_path, int32_t relative)
+{
+    cairn_pose_row *truth;
+    cairn_pose shift = cairn_pose_identity();
+    cairn_file_error error;
+    int32_t truths;
+    double sum = 0;
+
+    assert_ok(cairn_pose_table_read(&truth, &truths, truth_path, &error));
+    assert_int_equal(truths, count);
+    if (relative)
+        shift = cairn_pose_compose(truth[0].pose, cairn_pose_inverse(row[0].pose));
+    for (int32_t i = 0; i < count; i++) {
+        cairn_pose pose = cairn_pose_compose(shift, row[i].pose);
+
+        sum += hypot((double)(pose.x - truth[i].pose.x), (double)(pose.y - truth[i].pose.y));
+    }
+    cairn_pose_table_free(truth);
+    return sum / count;
+}
+
+static void a_pose_for_every_scan(void **state)
+{
+    static const struct {
+        const char *log, *poses, *truth, *verdicts;
+        int32_t relative;
+        double error;
+    } sample[] = {{"drive/scans.log", "map/poses.csv", "drive/truth.csv", "first matched predicted blind ", 1, 0.1},
+                  {"places/scans.log", "align/poses.csv", "places/truth.csv", "aligned blind ", 0, 0.12}};
+
+    (void)state;
+    for (size_t k = 0; k < 2; k++) {
+        char *bytes = files_read(files_path(sample[k].poses), NULL);
+        cairn_carmen_scans scans;
+        cairn_pose_row *row;
+        int32_t count;
+
+        assert_non_null(bytes);
+        assert_memory_equal(bytes,
+                            "index,line,time,x,y,theta,var_x,var_y,var_theta,cov_xy,cov_xtheta,cov_ytheta,support,"
+                            "verdict\n",
+                            92);
+        free(bytes);
+        assert_ok(cairn_carmen_load(&scans, files_path(sample[k].log), NULL, NULL));
+        assert_ok(cairn_pose_table_read(&row, &count, files_path(sample[k].poses), NULL));
+        assert_int_equal(count, scans.count);
+        for (int32_t i = 0; i < count; i++) {
+            char word[40];
+
+            assert_int_equal(row[i].index, i);
+            assert_int_equal(row[i].line, scans.record[i].line);
+            assert_int_equal(row[i].stamp_ns, scans.record[i].stamp_ns);
+            (void)snprintf(word, sizeof word, "%s ", row[i].verdict);
+            assert_holds(sample[k].verdicts, word);
+            assert_true(k == 1 || (row[i].support >= 0 && row[i].support <= 1));
+        }
+        if (k == 0) {
+            assert_string_equal(row[0].verdict, "first");
+            assert_string_equal(row[1].verdict, "matched");
+        }
+        assert_true(mean_error(row, count, files_path(sample[k].truth), sample[k].relative) < sample[k].error);
+        cairn_pose_table_free(row);
+        cairn_carmen_scans_free(&scans);
+    }
+}
+
+static void the_map_reads_back(void **state)
+{
+    static const char *const folders[] = {"map", "align"};
+
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        cairn_map_file map;
+        cairn_file_error error;
+        size_t occupied = 0, open = 0, unknown = 0, count;
+        double area;
+
+        assert_ok(cairn_map_file_read(&map, in_folder(folders[k], "map.yaml"), &error));
+        count = (size_t)map.width * (size_t)map.height;
+        assert_near(map.resolution, 0.05, 1e-9);
+        assert_int_equal(map.mode, CAIRN_MAP_TRINARY);
+        for (size_t i = 0; i < count; i++) {
+            assert_true(map.pixel[i] == 0 || map.pixel[i] == 205 || map.pixel[i] == 254);
+            assert_int_equal(map.occupancy[i], map.pixel[i] == 0 ? 100 : map.pixel[i] == 254 ? 0 : -1);
+            occupied += map.occupancy[i] == 100;
+            open += map.occupancy[i] == 0;
+            unknown += map.occupancy[i] < 0;
+        }
+        /* Walls are thin, rooms are free, what is behind walls is unknown. */
+        assert_true(occupied > 200 && occupied < open / 5);
+        area = (double)open * 0.05 * 0.05;
+        assert_true(area > 15 && area < 150);
+        assert_true(unknown > 0);
+        cairn_map_file_free(&map);
+        assert_picture(folders[k], "map.svg");
+    }
+    /* The side of a cell is that which was asked for. */
+    {
+        cairn_map_file map;
+
+        assert_done(programs_run("cairn map @/drive/scans.log -o @/coarse --resolution 0.2 --range 2"));
+        assert_ok(cairn_map_file_read(&map, in_folder("coarse", "map.yaml"), NULL));
+        assert_near(map.resolution, 0.2, 1e-7);
+        cairn_map_file_free(&map);
+    }
+}
+
+static void names_of_logs_stay_text(void **state)
+{
+    text t = {NULL, 0, 0};
+
+    (void)state;
+    add_room_scan(&t, 2, 60, 0, NULL, 0);
+    add_room_scan(&t, 2, 60, 0.1, NULL, 1);
+    write_text("a<b>&\"c\".log", &t);
+    assert_done(programs_run("cairn map '@/a<b>&\"c\".log' -o @/named --quiet"));
+    assert_picture("named", "map.svg");
+    free(t.bytes);
+}
+
+static void quiet_and_pipes(void **state)
+{
+    outcome o;
+
+    (void)state;
+    /* No bar in a pipe, even in a run that is long enough for one. */
+    o = programs_run("cairn map @/drive/scans.log -o @/quiet");
+    assert_done(o);
+    assert_string_equal(o.err, "");
+    assert_holds(o.out, "scans      30 (0 damaged lines left out)\n");
+    assert_holds(o.out, "key scans  ");
+    assert_int_equal(lines_of(o.out), 6);
+    o = programs_run("cairn align @/places/scans.log -o @/quiet --steps 300");
+    assert_done(o);
+    assert_string_equal(o.err, "");
+    assert_holds(o.out, "scans      12 (0 damaged lines left out)\n");
+    assert_int_equal(lines_of(o.out), 5);
+    o = programs_run("cairn map @/drive/scans.log -o @/quiet --quiet");
+    assert_done(o);
+    assert_string_equal(o.err, "");
+    assert_string_equal(o.out, "");
+    o = programs_run("cairn align --quiet --steps 2 @/places/scans.log -o @/quiet");
+    assert_done(o);
+    assert_string_equal(o.err, "");
+    assert_string_equal(o.out, "");
+}
+
+static void help_and_version(void **state)
+{
+    static const char *const commands[] = {"align", "map", "info"};
+    static const char *const common[] = {"--quiet", "--range-max M", "--help"};
+    static const char *const both[] = {"-o DIR", "--resolution M", "--pool BYTES", "--seed N"};
+    outcome o = programs_run("cairn --help");
+
+    (void)state;
+    assert_done(o);
+    for (int k = 0; k < 3; k++) {
+        char line[64];
+        outcome help = programs_run("cairn %s --help", commands[k]), brief = programs_run("cairn %s -h", commands[k]);
+
+        assert_done(help);
+        assert_string_equal(help.err, "");
+        assert_string_equal(help.out, brief.out);
+        (void)snprintf(line, sizeof line, "usage: cairn %s LOG", commands[k]);
+        assert_memory_equal(help.out, line, strlen(line));
+        (void)snprintf(line, sizeof line, "\n  %s ", commands[k]);
+        assert_holds(o.out, line);
+        for (int i = 0; i < 3; i++)
+            assert_holds(help.out, common[i]);
+        for (int i = 0; i < 4 && k < 2; i++)
+            assert_holds(help.out, both[i]);
+    }
+    o = programs_run("cairn --version");
+    assert_done(o);
+    assert_int_equal(lines_of(o.out), 1);
+    assert_memory_equal(o.out, "cairn 0.", 8);
+    o = programs_run("cairn-arena --help");
+    assert_done(o);
+    assert_holds(o.out, "usage: cairn-arena ");
+    assert_holds(o.out, "rescue");
+    assert_string_equal(o.err, "");
+}
+
+/* ---- Logs that are damaged in part ---- */
+
+static void a_damaged_scan_is_left_out(void **state)
+{
+    char *whole = files_read(files_path("drive/scans.log"), NULL), *line = whole;
+    cairn_pose_row *row, *all;
+    int32_t count, all_count;
+    outcome o;
+
+    (void)state;
+    /* The fifth scan gets a word instead of its third range. */
+    for (int scan = 0; scan < 5; scan++) {
+        line = strstr(line + 1, "\nFLASER");
+        assert_non_null(line);
+    }
+    line = strchr(line + 12, ' ');
+    line[1] = 'x';
+    (void)files_write_text("damaged.log", whole);
+    free(whole);
+    o = programs_run("cairn map @/damaged.log -o @/damaged-map");
+    assert_done(o);
+    assert_holds(o.out, "scans      29 (1 damaged lines left out)\n");
+    assert_int_equal(lines_of(o.err), 1);
+    assert_ok(cairn_pose_table_read(&all, &all_count, files_path("map/poses.csv"), NULL));
+    assert_ok(cairn_pose_table_read(&row, &count, files_path("damaged-map/poses.csv"), NULL));
+    assert_int_equal(count, 29);
+    for (int32_t i = 0; i < count; i++)
+        assert_int_equal(row[i].line, all[i < 4 ? i : i + 1].line);
+    {
+        char place[128];
+
+        (void)snprintf(place, sizeof place, "%s/damaged.log:%d: reading ", files_folder, (int)all[4].line);
+        assert_memory_equal(o.err, place, strlen(place));
+        assert_holds(o.err, "expected a number");
+    }
+    cairn_pose_table_free(row);
+    cairn_pose_table_free(all);
+    o = programs_run("cairn align @/damaged.log -o @/damaged-align --steps 3");
+    assert_done(o);
+    assert_holds(o.out, "scans      29 (1 damaged lines left out)\n");
+    assert_int_equal(lines_of(o.err), 1);
+    o = programs_run("cairn align @/damaged.log -o @/damaged-align --steps 3 --quiet");
+    assert_done(o);
+    assert_string_equal(o.err, "");
+}
+
+static void damage_of_all_kinds_among_good_scans(void **state)
+{
+    text t = {NULL, 0, 0};
+    cairn_pose_row *row;
+    int32_t count;
+    outcome o;
+
+    (void)state;
+    add_room_scan(&t, 2, 90, 0, NULL, 0);
+    add(&t, "ROBOTLASER1 0 -3 6 0.1 50 0.01 0 100001 1 2 3\n");
+    add_room_scan(&t, 2, 90, 0.1, NULL, 1);
+    add_room_scan(&t, 2, 90, 0.15, "nan", 2);
+    add_room_scan(&t, 2, 90, 0.2, "50", 3);
+    add(&t, "FLASER 10 1 2 3\n");
+    add_room_scan(&t, 2, 90, 0.3, NULL, 4);
+    add_room_scan(&t, 2, 90, 0.4, NULL, 5);
+    t.count -= 200; /* cut inside the last line */
+    write_text("mixed.log", &t);
+    o = programs_run("cairn map @/mixed.log -o @/mixed");
+    assert_done(o);
+    assert_int_equal(lines_of(o.err), 3);
+    assert_holds(o.err,
+                 "/mixed.log:2: the number of readings is \"100001\", expected a whole number from 1 to 100000\n");
+    assert_holds(o.err, "/mixed.log:6: the FLASER line ends early, expected reading 4\n");
+    assert_holds(o.err, "/mixed.log:8: the ROBOTLASER1 line ends early, expected ");
+    assert_holds(o.out, "scans      5 (3 damaged lines left out)\n");
+    assert_ok(cairn_pose_table_read(&row, &count, files_path("mixed/poses.csv"), NULL));
+    assert_int_equal(count, 5);
+    assert_string_equal(row[0].verdict, "first");
+    assert_string_equal(row[1].verdict, "matched");
+    assert_string_equal(row[2].verdict, "blind"); /* nothing known */
+    assert_string_equal(row[3].verdict, "blind"); /* nothing came back */
+    assert_string_equal(row[4].verdict, "matched");
+    assert_near(row[4].pose.x - row[0].pose.x, 0.3, 0.01);
+    cairn_pose_table_free(row);
+    o = programs_run("cairn align @/mixed.log -o @/mixed --steps 5");
+    assert_done(o);
+    assert_ok(cairn_pose_table_read(&row, &count, files_path("mixed/poses.csv"), NULL));
+    assert_int_equal(count, 5);
+    assert_string_equal(row[1].verdict, "aligned");
+    assert_string_equal(row[2].verdict, "blind");
+    assert_near(row[2].pose.x, 0.15, 1e-6);
+    cairn_pose_table_free(row);
+    free(t.bytes);
+}
+
+static void a_log_without_walls(void **state)
+{
+    text t = {NULL, 0, 0};
+    cairn_map_file map;
+
+    (void)state;
+    for (int i = 0; i < 3; i++)
+        add_room_scan(&t, 2, 90, 0.1 * i, i == 1 ? "nan" : "50", i);
+    write_text("blind.log", &t);
+    /* Free space is a map too. */
+    assert_done(programs_run("cairn map @/blind.log -o @/blind"));
+    assert_ok(cairn_map_file_read(&map, in_folder("blind", "map.yaml"), NULL));
+    for (size_t i = 0; i < (size_t)map.width * (size_t)map.height; i++)
+        assert_true(map.occupancy[i] <= 0);
+    cairn_map_file_free(&map);
+    assert_picture("blind", "map.svg");
+    assert_refused(programs_run("cairn align @/blind.log -o @/blind-align"),
+                   "cairn align: ", "no scan shows a wall, expected at least one");
+    assert_int_equal(count_in("blind-align"), -1);
+    /* One scan with one beam. */
+    add(&t, "FLASER 1 2 0 0 0 0 0 0 1 h 1\n");
+    write_text("single.log", &t);
+    assert_done(programs_run("cairn map @/single.log -o @/single"));
+    assert_refused(programs_run("cairn align @/single.log -o @/blind-align"), "cairn align: ", "no scan shows a wall");
+    free(t.bytes);
+}
+
+/* Key scans with more points than there is room for at first: all begins anew, and nothing of that is seen. */
+static void large_rooms_get_more_room(void **state)
+{
+    text t = {NULL, 0, 0};
+    cairn_pose_row *row;
+    int32_t count;
+    outcome o;
+
+    (void)state;
+    for (int i = 0; i < 12; i++)
+        add_room_scan(&t, 8, 900, 0.55 * i - 3, NULL, i);
+    write_text("large.log", &t);
+    o = programs_run("cairn map @/large.log -o @/large");
+    assert_done(o);
+    assert_holds(o.out, "key scans  12\n");
+    assert_ok(cairn_pose_table_read(&row, &count, files_path("large/poses.csv"), NULL));
+    assert_int_equal(count, 12);
+    for (int i = 0; i < 12; i++)
+        assert_near(row[i].pose.x - row[0].pose.x, 0.55 * i, 0.05);
+    cairn_pose_table_free(row);
+    assert_refused(programs_run("cairn map @/large.log -o @/too-few --max-keys 5"),
+                   "cairn map: ", "large.log: needs more than 5 key scans, expected at most that: raise --max-keys");
+    assert_int_equal(count_in("too-few"), -1);
+    free(t.bytes);
+}
+
+static void poses_far_away(void **state)
+{
+    text t = {NULL, 0, 0};
+
+    (void)state;
+    add_room_scan(&t, 2, 60, 0, NULL, 0);
+    add_room_scan(&t, 2, 60, 2e6, "2", 1);
+    write_text("far.log", &t);
+    assert_done(programs_run("cairn map @/far.log -o @/far"));
+    {
+        outcome o = programs_run("cairn align @/far.log -o @/far-align");
+
+        assert_int_equal(o.code, 2);
+        assert_holds(o.err, "/far.log:2: the scan cannot be used: the pose is farther than 1e6 m");
+        assert_int_equal(count_in("far-align"), -1);
+    }
+    free(t.bytes);
+}
+
+/* ---- Bad input ---- */
+
+/* Two lines for a log that has both a damaged line and no scan: the second one is checked by `piece`. */
+static void refuse_log(const char *name, int warnings, const char *first, const char *piece)
+{
+    static const char *const commands[] = {"align", "map", "info"};
+
+    for (int k = 0; k < 3; k++) {
+        outcome o = k < 2 ? programs_run("cairn %s @/%s -o @/refused", commands[k], name)
+                          : programs_run("cairn info @/%s", name);
+        char start[256];
+
+        (void)snprintf(start, sizeof start, "%s/%s:", files_folder, name);
+        if (o.code != 2 || lines_of(o.err) != warnings + 1 || strncmp(o.err, start, strlen(start)) != 0)
+            fail_msg("cairn %s: exit code %d: %s", commands[k], o.code, o.err);
+        assert_holds(o.err, first);
+        assert_holds(o.err, piece);
+        assert_string_equal(o.out, "");
+        assert_int_equal(count_in("refused"), -1);
+    }
+}
+
+static void logs_that_are_none(void **state)
+{
+    char *whole = files_read(files_path("drive/scans.log"), NULL);
+    const char *none = "no whole scan in 1 lines (1 damaged), expected FLASER or ROBOTLASER1 lines of a CARMEN log\n";
+    gzFile zip;
+    size_t count = 0;
+
+    (void)state;
+    refuse_log("missing.log", 0, "", "missing.log: cannot open: No such file or directory\n");
+    (void)files_write_text("empty.log", "");
+    refuse_log("empty.log", 0, "", "empty.log: the file is empty, expected a CARMEN log\n");
+    (void)files_write_text("cut.log", "FLASER 5 1.5 2.5 3");
+    refuse_log("cut.log", 1, "cut.log:1: the FLASER line ends early, expected reading 4\n", none);
+    (void)files_write_text("few.log", "FLASER 2 1.5 2.5 0 0 0 0 0 0 1.5 host\n");
+    refuse_log("few.log", 1, "few.log:1: the FLASER line ends early, expected the logger's stamp\n", none);
+    (void)files_write_text("nan.log", "FLASER 1 1 nan 0 0 0 0 0 1 h 1\n");
+    refuse_log("nan.log", 1, "nan.log:1: the laser's pose is nan, expected a finite number\n", none);
+    (void)files_write_text("beams.log", "FLASER 100001 1 1 1\n");
+    refuse_log("beams.log", 1, "beams.log:1: the number of readings is \"100001\", expected a whole number", none);
+    (void)files_write_text("prose.log", "Call me Ishmael.\n");
+    refuse_log("prose.log", 0, "", "no whole scan in 1 lines (0 damaged), expected FLASER");
+    assert_int_equal(mkdir(files_path("folder.log"), 0777), 0);
+    refuse_log("folder.log", 0, "", "folder.log: is a folder, expected a regular file\n");
+
+    /* A cut gzip file: what can be read is used; when that is nothing it is refused. */
+    zip = gzopen(files_path("whole.log.gz"), "wb");
+    assert_non_null(zip);
+    assert_int_equal(gzwrite(zip, whole, (unsigned)strlen(whole)), (int)strlen(whole));
+    assert_int_equal(gzclose(zip), Z_OK);
+    free(whole);
+    whole = files_read(files_path("whole.log.gz"), &count);
+    (void)files_write("cut.log.gz", whole, count / 2);
+    (void)files_write("stump.log.gz", whole, 20);
+    free(whole);
+    {
+        outcome o = programs_run("cairn map @/cut.log.gz -o @/cut-map");
+
+        assert_done(o);
+        assert_holds(o.err, "the gzip data end after this line, expected the end of the stream: the file is cut\n");
+        assert_holds(o.err, "/cut.log.gz:");
+        assert_null(strstr(o.out, "scans      30 "));
+    }
+    refuse_log("stump.log.gz", 1, "the file is cut", "expected");
+}
+
+static void command_lines(void **state)
+{
+    static const struct {
+        const char *arguments, *start, *piece;
+    } sample[] = {
+        {"cairn map", "cairn map: ", "no log"},
+        {"cairn align @/drive/scans.log", "cairn align: ", "no folder to write to (-o)"},
+        {"cairn map @/drive/scans.log -o", "cairn map: ", "nothing after '-o'"},
+        {"cairn map @/drive/scans.log -o ''", "cairn map: ", "-o is ''"},
+        {"cairn map a b -o @/refused", "cairn map: ", "one word too many, 'b'"},
+        {"cairn map @/drive/scans.log -o @/refused --fast", "cairn map: ", "unknown option '--fast'"},
+        {"cairn align @/drive/scans.log -o @/refused -x", "cairn align: ", "unknown option '-x'"},
+        {"cairn align @/drive/scans.log -o @/refused --method magic", "cairn align: ", "unknown method 'magic'"},
+        {"cairn align @/drive/scans.log -o @/refused --steps 0",
+         "cairn align: ", "--steps is '0', expected a whole number from 1 to 100000"},
+        {"cairn align @/drive/scans.log -o @/refused --steps 1.5", "cairn align: ", "--steps is '1.5'"},
+        {"cairn align @/drive/scans.log -o @/refused --spacing nan", "cairn align: ", "--spacing is 'nan'"},
+        {"cairn map @/drive/scans.log -o @/refused --window 1", "cairn map: ", "expected 0 or 2 to 64"},
+        {"cairn map @/drive/scans.log -o @/refused --window=65", "cairn map: ", "--window is '65'"},
+        {"cairn map @/drive/scans.log -o @/refused --resolution 0", "cairn map: ", "--resolution is '0'"},
+        {"cairn map @/drive/scans.log -o @/refused --resolution 1e-3x", "cairn map: ", "--resolution is '1e-3x'"},
+        {"cairn map @/drive/scans.log -o @/refused --range inf", "cairn map: ", "--range is 'inf'"},
+        {"cairn map @/drive/scans.log -o @/refused --max-keys 1", "cairn map: ", "--max-keys is '1'"},
+        {"cairn map @/drive/scans.log -o @/refused --seed=-1", "cairn map: ", "--seed is '-1'"},
+        {"cairn map @/drive/scans.log -o @/refused --quiet=yes", "cairn map: ", "'--quiet=yes'"},
+        {"cairn map @/drive/scans.log -o @/refused --pool 64", "cairn map: ", "--pool is '64', expected at least "},
+        {"cairn align @/drive/scans.log -o @/refused --pool 64K",
+         "cairn align: ", "--pool is '64K', expected at least "},
+        {"cairn map @/drive/scans.log -o @/refused --pool 2T",
+         "cairn map: ", "--pool is '2T', expected a number of bytes such as"},
+        {"cairn map @/drive/scans.log -o @/refused --pool K", "cairn map: ", "--pool is 'K'"},
+        {"cairn map @/drive/scans.log -o @/refused --pool 0", "cairn map: ", "--pool is '0'"},
+        {"cairn align @/drive/scans.log -o @/refused --max-scans 29",
+         "cairn align: ", "holds 30 scans, expected at most 29: raise --max-scans, or use cairn map"},
+        {"cairn map @/drive/scans.log -o @/refused --resolution 0.001",
+         "map: ", "cells are too many, expected up to 67108864: choose a coarser --resolution"},
+        {"cairn info", "cairn info: ", "no log"},
+        {"cairn info --range-max 0 @/drive/scans.log", "cairn info: ", "--range-max is '0'"},
+        {"cairn-arena", "cairn-arena: ", "scene"},
+        {"cairn-arena atlantis -o @/refused", "cairn-arena: ", "'atlantis'"},
+        {"cairn-arena rooms", "cairn-arena: ", "-o"},
+        {"cairn-arena rooms maze -o @/refused", "cairn-arena: ", "'maze'"},
+        {"cairn-arena rooms -o @/refused --speed 3", "cairn-arena: ", "'--speed'"},
+        {"cairn-arena rooms -o @/refused --beams 1", "cairn-arena: ", "--beams"},
+        {"cairn-arena rooms -o @/refused --beams 1e9", "cairn-arena: ", "--beams"},
+        {"cairn-arena rooms -o @/refused --noise nan", "cairn-arena: ", "--noise"},
+        {"cairn-arena rooms -o @/refused --size 10", "cairn-arena: ", "--size"},
+        {"cairn-arena rooms -o @/refused --seed", "cairn-arena: ", "--seed"},
+        {"cairn-arena rooms -o @/refused --size 2x2", "cairn-arena: ", "2"},
+    };
+    long long least = 0;
+    outcome o;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof sample / sizeof *sample; i++) {
+        assert_refused(programs_run("%s", sample[i].arguments), sample[i].start, sample[i].piece);
+        assert_int_equal(count_in("refused"), -1);
+    }
+    /* A pool that is just as large as it must be is enough. */
+    o = programs_run("cairn align @/drive/scans.log -o @/just --steps 2 --pool 1K");
+    assert_int_equal(o.code, 2);
+    assert_int_equal(sscanf(strstr(o.err, "at least "), "at least %lld", &least), 1);
+    o = programs_run("cairn align @/drive/scans.log -o @/just --steps 2 --pool %lld", least - 16);
+    assert_int_equal(o.code, 2);
+    o = programs_run("cairn align @/drive/scans.log -o @/just --steps 2 --pool %lld", least);
+    assert_int_equal(o.code, 0);
+}
+
+/* ---- Output folders ---- */
+
+static void assert_old(const char *folder)
+{
+    char *bytes = files_read(in_folder(folder, "map.svg"), NULL);
+
+    assert_non_null(bytes);
+    assert_string_equal(bytes, "old");
+    free(bytes);
+    assert_int_equal(count_in(folder), 1);
+}
+
+static void folders_that_cannot_be_written(void **state)
+{
+    outcome o;
+
+    (void)state;
+    (void)files_write_text("file", "kept");
+    assert_refused(programs_run("cairn map @/drive/scans.log -o @/file"), "/file: ", "is a file, expected a folder");
+    assert_refused(programs_run("cairn align @/drive/scans.log -o @/file/inner"), "/file",
+                   "is a file, expected a folder");
+    assert_refused(programs_run("cairn-arena rooms -o @/file"), "cairn-arena: ", "expected");
+    assert_int_equal(count_in("file"), -1);
+
+    /* A folder where a file shall be: nothing else is written either. */
+    assert_int_equal(mkdir(files_path("taken"), 0777), 0);
+    assert_int_equal(mkdir(files_path("taken/map.svg"), 0777), 0);
+    assert_refused(programs_run("cairn map @/drive/scans.log -o @/taken"), "/taken/map.svg: ", "is a folder, expected");
+    assert_int_equal(count_in("taken"), 1);
+
+    if (geteuid() != 0) {
+        assert_int_equal(mkdir(files_path("closed"), 0555), 0);
+        o = programs_run("cairn map @/drive/scans.log -o @/closed");
+        assert_int_equal(o.code, 2);
+        assert_holds(o.err, "/closed: cannot write in this folder: Permission denied\n");
+        o = programs_run("cairn-arena rooms -o @/closed");
+        assert_int_equal(o.code, 2);
+        assert_int_equal(count_in("closed"), 0);
+    }
+
+    /* No room on the disk after the first file: the folder is as it was, a new one is not there. */
+    assert_int_equal(mkdir(files_path("old"), 0777), 0);
+    (void)files_write_text("old/map.svg", "old");
+    for (int k = 0; k < 2; k++) {
+        char command[1024];
+
+        (void)snprintf(command, sizeof command, "cairn map '%s/drive/scans.log' --quiet -o '%s/%s'", files_folder,
+                       files_folder, k == 0 ? "old" : "new/deep");
+        o = programs_run_shell("trap '' XFSZ; ulimit -f 40;", command, NULL);
+        assert_int_equal(o.code, 2);
+        assert_int_equal(lines_of(o.err), 1);
+        assert_holds(o.err, "map.pgm: cannot write: File too large\n");
+        assert_old("old");
+        assert_int_equal(count_in("new"), -1);
+    }
+}
+
+/* A refused run leaves what an earlier one has written. */
+static void a_refused_run_leaves_the_folder(void **state)
+{
+    static const char *const arguments[] = {"cairn map @/missing.log", "cairn align @/drive/scans.log --max-scans 3",
+                                            "cairn map @/drive/scans.log --resolution 0.001", "cairn align @/blind.log",
+                                            "cairn map @/large.log --max-keys 3"};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof arguments / sizeof *arguments; i++) {
+        outcome o = programs_run("%s -o @/old", arguments[i]);
+
+        assert_int_equal(o.code, 2);
+        assert_old("old");
+    }
+}
+
+int main(int argc, char **argv)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_xml_checker_sees_faults),
+        cmocka_unit_test(make_arenas),
+        cmocka_unit_test(same_seed_same_bytes),
+        cmocka_unit_test(a_pose_for_every_scan),
+        cmocka_unit_test(the_map_reads_back),
+        cmocka_unit_test(names_of_logs_stay_text),
+        cmocka_unit_test(quiet_and_pipes),
+        cmocka_unit_test(help_and_version),
+        cmocka_unit_test(a_damaged_scan_is_left_out),
+        cmocka_unit_test(damage_of_all_kinds_among_good_scans),
+        cmocka_unit_test(a_log_without_walls),
+        cmocka_unit_test(large_rooms_get_more_room),
+        cmocka_unit_test(poses_far_away),
+        cmocka_unit_test(logs_that_are_none),
+        cmocka_unit_test(command_lines),
+        cmocka_unit_test(folders_that_cannot_be_written),
+        cmocka_unit_test(a_refused_run_leaves_the_folder),
+    };
+
+    programs_find(argc, argv);
+    return cmocka_run_group_tests(tests, files_setup, files_teardown);
+}
