@@ -255,9 +255,12 @@ static void test_scan_without_return(void **state)
     assert_int_equal(view.first_point[0], 0);
     for (int i = 0; i < 181; i++)
         assert_int_equal(view.beams[i].kind, CAIRN_BEAM_FREE);
-    s.input.count = 1;
+    s.input.count = 1; /* at no fraction of the motion */
+    s.input.motion.x = 1;
     view = take(&s.input);
     assert_int_equal(view.beam_count, 1);
+    assert_near(view.beams[0].from.x, 0, 0);
+    assert_near(view.beams[0].to.y, -30, 1e-4);
 }
 
 /* Where beams start and end while driving an arc, with a mounted sensor, against the small steps of the slow twin. */
