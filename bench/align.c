@@ -350,18 +350,18 @@ int main(int argc, char **argv)
 {
     settings s = {"gradient", "rescue", 20, 1, 15, 4, 401, 50, 0.30, 20, 100, {0.15, 0}, 0};
     option table[] = {
-        OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas (20)"),
-        OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow (1)"),
-        OPTION_NUMBER("--trans", &s.metres, 0.001, 10, "M", "disturbance of x and y, uniform +-, m (0.30)"),
-        OPTION_NUMBER("--rot", &s.degrees, 0.01, 180, "DEG", "disturbance of the heading, uniform +-, degrees (20)"),
+        OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
+        OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
+        OPTION_NUMBER("--trans", &s.metres, 0.001, 10, "M", "disturbance of x and y, uniform +-, m"),
+        OPTION_NUMBER("--rot", &s.degrees, 0.01, 180, "DEG", "disturbance of the heading, uniform +-, degrees"),
         OPTION_TEXT("--method", &s.method, "NAME", "gradient: as in the thesis"),
         OPTION_TEXT("--scene", &s.scene, "NAME", "scene of the arenas (rescue)"),
-        OPTION_INTEGER("--places", &s.places, 1, 1000, "N", "places with scans (15)"),
-        OPTION_INTEGER("--headings", &s.headings, 1, 64, "N", "scans at each place (4)"),
-        OPTION_NUMBER("--fov", &s.fov, 1, 360, "DEG", "field of view, degrees (100)"),
-        OPTION_INTEGER("--beams", &s.beams, 2, 100000, "N", "beams of a scan (401)"),
+        OPTION_INTEGER("--places", &s.places, 1, 1000, "N", "places with scans"),
+        OPTION_INTEGER("--headings", &s.headings, 1, 64, "N", "scans at each place"),
+        OPTION_NUMBER("--fov", &s.fov, 1, 360, "DEG", "field of view, degrees"),
+        OPTION_INTEGER("--beams", &s.beams, 2, 100000, "N", "beams of a scan"),
         OPTION_PAIR("--jitter", s.jitter, 0, 360, "M,DEG", "spread of the sensors of one place, m and degrees"),
-        OPTION_INTEGER("--steps", &s.steps, 1, 100000, "N", "iterations at most (50)"),
+        OPTION_INTEGER("--steps", &s.steps, 1, 100000, "N", "iterations at most"),
     };
     const option_set set = {"bench/align", "[options]", "Alignment of all scans of simulated arenas at once.", table,
                             sizeof table / sizeof *table};

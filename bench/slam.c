@@ -251,8 +251,8 @@ int main(int argc, char **argv)
         OPTION_TEXT("--relations", &s.relations, "FILE", "its reference relations"),
         OPTION_TEXT("--data", &s.data, "DIR", "folder of the data sets (../shared/data)"),
         OPTION_FLAG("--no-odometry", &s.no_odometry, "ranges alone; the log's poses are overwritten with noise"),
-        OPTION_INTEGER("--window", &s.window, 0, 64, "N", "key scans of the force field (8)"),
-        OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of that noise (1)"),
+        OPTION_INTEGER("--window", &s.window, 0, 64, "N", "key scans of the force field"),
+        OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of that noise"),
     };
     const option_set set = {"bench/slam", "[--log FILE --relations FILE] [options]",
                             "Absolute errors of mapped logs over their reference relations.", table,

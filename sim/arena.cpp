@@ -65,7 +65,7 @@ int32_t sim_scene_places(sim_scene scene)
 
 sim_arena_options sim_arena_default(void)
 {
-    return {1, SIM_RESCUE, 0, 0, NAN, 1};
+    return {1, SIM_RESCUE, 0, 0, std::nan(""), 1};
 }
 
 namespace sim

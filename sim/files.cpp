@@ -5,8 +5,6 @@
 
 using namespace sim;
 
-constexpr double degree = pi / 180;
-
 static Text &pose_into(Text &text, sim_pose pose)
 {
     return text << pose.x << " " << pose.y << " " << pose.theta;

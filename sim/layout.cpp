@@ -110,11 +110,11 @@ void Layout::wall(sim_point a, sim_point b, std::vector<Opening> openings)
         if (opening.door)
             doors.push_back(a + along * opening.at);
         if (end - from > 0.02)
-            bodies.push_back(piece(a + along * from, a + along * end, from > 0 ? 0 : wall_thickness / 2, 0));
+            bodies.push_back(piece(a + along * from, a + along * end, from > 0 ? 0 : wall_overlap, 0));
         from = std::max(from, opening.at + opening.width / 2);
     }
     if (whole - from > 0.02)
-        bodies.push_back(piece(a + along * from, b, from > 0 ? 0 : wall_thickness / 2, wall_thickness / 2));
+        bodies.push_back(piece(a + along * from, b, from > 0 ? 0 : wall_overlap, wall_overlap));
 }
 
 void Layout::walls(const Rect &rect)

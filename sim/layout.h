@@ -11,6 +11,8 @@ namespace sim
 {
 
 constexpr double wall_thickness = 0.1;
+// How far a wall reaches past its ends: short of the far face of a wall it meets there, so that no two faces coincide.
+constexpr double wall_overlap = 0.048;
 
 // A convex polygon (at most 8 vertices, counter-clockwise about its centre) or a disc.
 struct Body {

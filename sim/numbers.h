@@ -127,10 +127,17 @@ inline sim_pose between(sim_pose a_b, sim_pose a_c) // b_c
     return {p.x, p.y, wrap(a_c.theta - a_b.theta)};
 }
 
-// From a to b as time goes from 0 to 1.
+// From a to b as time goes from 0 to 1, at constant speed and turn rate: along an arc.
 inline sim_pose blend(sim_pose a, sim_pose b, double time)
 {
-    return {a.x + (b.x - a.x) * time, a.y + (b.y - a.y) * time, wrap(a.theta + wrap(b.theta - a.theta) * time)};
+    sim_pose way = between(a, b);
+    double turn = way.theta, half = turn / 2, part = turn * time;
+    double k = std::abs(half) > 1e-6 ? half / std::tan(half) : 1;
+    sim_point velocity = {k * way.x + half * way.y, k * way.y - half * way.x};
+    double along = std::abs(turn) > 1e-6 ? std::sin(part) / turn : time;
+    double aside = std::abs(turn) > 1e-6 ? (1 - std::cos(part)) / turn : part * time / 2;
+
+    return compose(a, {along * velocity.x - aside * velocity.y, aside * velocity.x + along * velocity.y, part});
 }
 
 } // namespace sim

@@ -38,7 +38,7 @@ sim_pose moved(sim_pose pose, Move move)
 
 Driver::Driver(const FreeSpace &s, const std::vector<sim_point> &g, uint64_t seed)
     : space(s), goals(g), random(seed, drive_stream), goal(0), leg(0), last(), stuck(0), back_off(0), failures(0),
-      back_turn(0)
+      back_turn(0), wander(0)
 {
 }
 
@@ -53,11 +53,13 @@ void Driver::command(sim_pose pose, double *speed, double *turn_rate)
     sim_point at = {pose.x, pose.y};
     double off;
 
-    // Stuck: hardly any motion for a second and a half.
+    // The hand on the stick is off by some 0.13 rad for a second or so.
+    wander = 0.98 * wander + 0.025 * random.normal();
+    // Stuck: hardly any motion for half a second.
     if (length(at - sim_point{last.x, last.y}) > 0.05 || std::abs(wrap(pose.theta - last.theta)) > 0.1) {
         last = pose;
         stuck = 0;
-    } else if (++stuck * time_step > 1.5) {
+    } else if (++stuck * time_step > 0.5) {
         stuck = 0;
         back_off = 50;
         back_turn = random.uniform(-1, 1);
@@ -84,7 +86,7 @@ void Driver::command(sim_pose pose, double *speed, double *turn_rate)
         *speed = *turn_rate = 0;
         return;
     }
-    off = wrap(std::atan2(way[leg].y - at.y, way[leg].x - at.x) - pose.theta);
+    off = wrap(std::atan2(way[leg].y - at.y, way[leg].x - at.x) - pose.theta + wander);
     *turn_rate = std::clamp(2.5 * off, -top_turn_rate, top_turn_rate);
     *speed = top_speed * std::max(0.0, 1 - std::abs(off) / 0.7);
 }

@@ -33,7 +33,8 @@ class Wheels
 
 sim_pose moved(sim_pose pose, Move move);
 
-// Drives through goals, round and round: plans a way to the next one, follows it, backs off when it is stuck.
+// Drives through goals, round and round: plans a way to the next one, follows it with an unsteady hand,
+// backs off when it is stuck.
 class Driver
 {
   public:
@@ -53,7 +54,7 @@ class Driver
     size_t leg;
     sim_pose last;
     int stuck, back_off, failures; // steps, steps, times
-    double back_turn;
+    double back_turn, wander;
 };
 
 } // namespace sim

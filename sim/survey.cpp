@@ -77,8 +77,9 @@ class Expedition
         survey.path.push_back(pose);
     }
 
-    // Along the ground without accident: turns to each leg, drives it, turns to the final heading.
-    void go(const std::vector<sim_point> &way, double heading)
+    // Along the ground without accident: turns to each leg, drives it, turns to the heading of the target,
+    // which the way ends at.
+    void go(const std::vector<sim_point> &way, sim_pose target)
     {
         double until = state.time;
 
@@ -91,7 +92,8 @@ class Expedition
             for (int i = 0, pieces = (int)std::ceil(length(leg) / 0.25); i < pieces; i++)
                 until += step({length(leg) / pieces, 0});
         }
-        until += step({0, wrap(heading - state.truth.theta)}) + 0.5;
+        until += step({0, wrap(target.theta - state.truth.theta)}) + 0.5;
+        state.truth = target;
         for (double time = state.time; movers.any() && time < until; time += time_step) {
             movers.step();
             world.step();
@@ -252,7 +254,7 @@ static void survey_places(sim_survey &survey, Expedition &expedition)
                     way =
                         space.way(space.nearest_reachable({here.x, here.y}), space.nearest_reachable({next.x, next.y}));
                 way.push_back({next.x, next.y});
-                expedition.go(way, next.theta);
+                expedition.go(way, next);
             }
             if (std::abs(speed) * o.scan_time > 0.2)
                 speed = std::copysign(0.2 / o.scan_time, speed);
@@ -328,7 +330,7 @@ sim_survey *sim_survey_at(const sim_arena *arena, const sim_survey_options *opti
         if (i == 0)
             expedition.start(poses[i]);
         else
-            expedition.go({{poses[i].x, poses[i].y}}, poses[i].theta);
+            expedition.go({{poses[i].x, poses[i].y}}, poses[i]);
         expedition.sweep(speed, turn_rate, -1, -1);
     }
     return complete(std::move(survey));

@@ -1,7 +1,5 @@
 #include "sim/world.h"
 
-#include <algorithm>
-
 namespace sim
 {
 

@@ -4,7 +4,6 @@
 
 #include <box2d/box2d.h>
 
-#include <memory>
 #include <vector>
 
 #include "sim/layout.h"

@@ -4,6 +4,7 @@
 
 #include <stdio.h>
 
+#include "cairn/force_field.h"
 #include "cairn/geometry.h"
 #include "cairn/pool.h"
 #include "cairn/random.h"
@@ -175,6 +176,68 @@ static uint64_t small_matrices(void)
     return hash;
 }
 
+/* Six scans of the corner of a room, some walls longer than others, aligned by 20 iterations. */
+static uint64_t force_field(void)
+{
+    enum { SCANS = 6, WALLS = 2, POINTS = 12 };
+    static _Alignas(
+        CAIRN_ALIGN) unsigned char memory[CAIRN_FORCE_FIELD_BYTES(SCANS, SCANS * WALLS * POINTS, SCANS * WALLS, 128)];
+    static const int32_t first_point[WALLS + 1] = {0, POINTS, WALLS * POINTS};
+    cairn_force_field_params params = cairn_force_field_default();
+    cairn_random random = cairn_random_seed(5, 1);
+    cairn_force_field_state state;
+    cairn_force_field *field;
+    cairn_pool pool;
+    uint64_t hash = START;
+
+    params.max_scans = SCANS;
+    params.max_segments = SCANS * WALLS;
+    params.max_points = SCANS * WALLS * POINTS;
+    params.max_corners = 128;
+    params.max_steps = 20;
+    if (cairn_pool_init(&pool, memory, sizeof memory) != CAIRN_OK ||
+        cairn_force_field_create(&field, &pool, &params) != CAIRN_OK)
+        return 0;
+    for (int i = 0; i < SCANS; i++) {
+        cairn_oriented_point points[WALLS * POINTS];
+        cairn_segment walls[WALLS];
+        cairn_scan_view view = {0};
+        cairn_real size = 1 + argument(&random, CAIRN_REAL(0.3), 0);
+        cairn_pose pose = {argument(&random, CAIRN_REAL(0.1), 0), 0, 0};
+
+        pose.y = argument(&random, CAIRN_REAL(0.1), 0);
+        pose.theta = argument(&random, CAIRN_REAL(0.1), 0);
+        for (int k = 0; k < WALLS * POINTS; k++) {
+            cairn_real place = size * (cairn_real)(k % POINTS) / (POINTS - 1);
+            cairn_oriented_point upward = {{0, place - size}, {0, 1}}, leftward = {{-place, 0}, {-1, 0}};
+
+            points[k] = k < POINTS ? upward : leftward;
+        }
+        for (int k = 0; k < WALLS; k++) {
+            walls[k].a = points[k * POINTS].position;
+            walls[k].b = points[(k + 1) * POINTS - 1].position;
+        }
+        view.segments = walls;
+        view.first_point = first_point;
+        view.points = points;
+        view.segment_count = WALLS;
+        view.point_count = WALLS * POINTS;
+        view.sensor.x = view.sensor.y = -1;
+        if (cairn_force_field_add_scan(field, &view, NULL, pose, NULL) != CAIRN_OK)
+            return 0;
+    }
+    do {
+        cairn_budget budget = {1000};
+
+        if (cairn_force_field_step(field, &budget) < 0)
+            return 0;
+        state = cairn_force_field_read(field);
+    } while (state.verdict == CAIRN_FORCE_FIELD_RUNNING);
+    for (int i = 0; i < SCANS; i++)
+        hash = add_pose(hash, cairn_force_field_pose(field, i));
+    return add_real(hash, state.potential);
+}
+
 static const struct {
     const char *name;
     scene run;
@@ -183,6 +246,7 @@ static const struct {
     {"random_numbers", random_numbers},
     {"poses_and_segments", poses_and_segments},
     {"small_matrices", small_matrices},
+    {"force_field", force_field},
 };
 
 int main(void)

@@ -82,13 +82,13 @@ static void test_bad_options(void **state)
     bad = good;
     bad.width = 5.9;
     expect_fault(bad, "width is 5.9 m");
-    bad.width = NAN;
+    bad.width = (double)NAN;
     expect_fault(bad, "width");
     bad = good;
     bad.height = 61;
     expect_fault(bad, "height is 61 m");
     bad = good;
-    bad.turn = INFINITY;
+    bad.turn = (double)INFINITY;
     expect_fault(bad, "turn");
     bad = good;
     bad.rubble = -0.1;

@@ -226,6 +226,29 @@ static cairn_status create_with(void *params, cairn_pool *pool)
     return cairn_corner_create(&set, pool, params);
 }
 
+static void test_limits_of_params(void **state)
+{
+    cairn_corner_params good = cairn_corner_default(), p;
+
+    (void)state;
+#define ACCEPTED(field, value)                                                                                         \
+    p = good;                                                                                                          \
+    p.field = value;                                                                                                   \
+    assert_true(cairn_corner_memory(&p) > 0)
+    ACCEPTED(max_segments, 1);
+    ACCEPTED(max_corners, 1);
+    ACCEPTED(max_opening, good.min_opening);
+    ACCEPTED(max_opening, CAIRN_REAL(3.14));
+    ACCEPTED(merge_radius, 0);
+    ACCEPTED(merge_angle, 0);
+    ACCEPTED(merge_angle, CAIRN_PI);
+#if SIZE_MAX > UINT32_MAX
+    ACCEPTED(max_segments, 1 << 28);
+    ACCEPTED(max_corners, 1 << 28);
+#endif
+#undef ACCEPTED
+}
+
 static void test_memory_is_exact(void **state)
 {
     cairn_corner_params p = cairn_corner_default();
@@ -485,21 +508,29 @@ static void test_budgets_are_equal(void **state)
     expected = search(whole.set, segments, MANY, &found);
     for (int i = 0; i < 3; i++) {
         struct fixture f = set_with(p);
-        int32_t steps = 0;
+        int32_t steps = 0, units = 0;
         cairn_status status;
         const cairn_corner *c;
 
         assert_ok(cairn_corner_begin(f.set, segments, MANY));
         do {
-            cairn_budget budget = {budgets[i]};
+            cairn_budget budget = {0};
 
+            /* Nothing for nothing. */
+            status = cairn_corner_step(f.set, &budget);
+            assert_status(status, CAIRN_MORE);
+            assert_int_equal(budget.left, 0);
+            budget.left = budgets[i];
             status = cairn_corner_step(f.set, &budget);
             assert_true(budget.left >= -3);
+            units += budgets[i] - budget.left;
             (void)cairn_corner_list(f.set, &count);
             assert_int_equal(count, status == CAIRN_OK ? found : 0);
             steps++;
         } while (status == CAIRN_MORE);
         assert_ok(status);
+        /* As counted once: what a change of the charges or of the work done would change. */
+        assert_int_equal(units, NUMBER(2721, 2910));
         assert_true(steps > (budgets[i] == 1 ? 300 : budgets[i] == 7 ? 100 : 1));
         c = cairn_corner_list(f.set, &count);
         assert_int_equal(count, found);
@@ -563,6 +594,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_params_are_refused),
+        cmocka_unit_test(test_limits_of_params),
         cmocka_unit_test(test_memory_is_exact),
         cmocka_unit_test(test_kind_and_legs),
         cmocka_unit_test(test_limits_of_the_opening),

@@ -205,6 +205,7 @@ static void test_merge_statuses(void **state)
     (void)state;
     assert_status(cairn_segment_merge(a, 1, a, 1, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_segment_merge(a, 0, a, 1, &merged), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_segment_merge(a, 1, a, 0, &merged), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_segment_merge(a, 1, a, (cairn_real)NAN, &merged), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_segment_merge(a, 1, bad, 1, &merged), CAIRN_NOT_FINITE);
     assert_status(cairn_segment_merge(bad, 1, a, 1, &merged), CAIRN_NOT_FINITE);

@@ -5,7 +5,7 @@
 #include <png.h>
 
 #include "cairn/map_file.h"
-#include "src/host/image_file.h"
+#include "src/host/map_file_image.h"
 
 #define NUMBERS "resolution: 0.05\norigin: [-10, 5.5, 0.25]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
 

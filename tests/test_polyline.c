@@ -117,14 +117,18 @@ static cairn_polyline_view fit_with(cairn_polyline *x, const cloud *c, int32_t b
 {
     cairn_budget left = {budget};
     cairn_status status;
+    int64_t used = 0;
 
     assert_ok(cairn_polyline_begin(x, &c->point[0].x, c->count, NULL));
     while ((status = cairn_polyline_step(x, &left)) == CAIRN_MORE) {
         assert_true(left.left > -5);
         assert_int_equal(cairn_polyline_read(x).segment_count, 0);
+        used += budget - left.left;
         left.left = budget;
     }
     assert_ok(status);
+    used += budget - left.left;
+    assert_int_equal(cairn_polyline_measured(x).units, used);
     return cairn_polyline_read(x);
 }
 
@@ -626,6 +630,9 @@ static void test_params(void **state)
 
     (void)state;
     assert_true(cairn_polyline_memory(&good) > 0);
+    assert_int_equal(good.dim, 2);
+    assert_int_equal(good.max_points, 1024);
+    assert_int_equal(good.max_segments, 256);
     assert_int_equal(cairn_polyline_memory(NULL), 0);
     assert_status(cairn_polyline_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_polyline_create(&x, NULL, &good), CAIRN_BAD_ARGUMENT);
@@ -967,6 +974,129 @@ static void test_space_agrees_with_plane(void **state)
     test_pool_free(&own);
 }
 
+/* ---- The same bits everywhere ---- */
+
+/* A scene of random walls around the origin, made with cairn's own functions alone, so that it has the same bits on
+ * every machine too: rays all around, noise, clutter. */
+static void random_scene(cloud *c, cairn_random *random)
+{
+    cairn_segment walls[8];
+    int32_t count = 3 + cairn_random_below(random, 6), beams = 60 + cairn_random_below(random, 300);
+    cairn_real noise = cairn_random_uniform(random, 0, CAIRN_REAL(0.02));
+    cairn_box box = {{-6, -6}, {6, 6}};
+
+    for (int32_t k = 0; k < count; k++) {
+        walls[k].a.x = cairn_random_uniform(random, -6, 6);
+        walls[k].a.y = cairn_random_uniform(random, -6, 6);
+        walls[k].b.x = cairn_random_uniform(random, -6, 6);
+        walls[k].b.y = cairn_random_uniform(random, -6, 6);
+    }
+    c->count = 0;
+    for (int32_t i = 0; i < beams; i++) {
+        cairn_vec2 d, e;
+        cairn_real nearest = 1000;
+
+        cairn_sincos(2 * CAIRN_PI * (cairn_real)i / (cairn_real)beams, &d.y, &d.x);
+        for (int32_t k = 0; k < count; k++) {
+            cairn_real cross, r, t;
+
+            e = cairn_vec2_sub(walls[k].b, walls[k].a);
+            cross = cairn_vec2_cross(d, e);
+            r = cairn_vec2_cross(walls[k].a, e) / cross;
+            t = cairn_vec2_cross(walls[k].a, d) / cross;
+            if (r > 0 && r < nearest && t >= 0 && t <= 1)
+                nearest = r;
+        }
+        nearest += noise * cairn_random_normal(random);
+        if (nearest < 100)
+            c->point[c->count++] = cairn_vec2_scale(d, nearest);
+    }
+    clutter(c, cairn_random_below(random, 1 + c->count / 4), box, random);
+}
+
+static uint64_t hash_fit(uint64_t hash, cairn_polyline *x)
+{
+    cairn_polyline_view view = cairn_polyline_read(x);
+    cairn_polyline_measure cost = cairn_polyline_measured(x);
+
+    for (int32_t i = 0; i < view.segment_count; i++) {
+        hash = test_hash(hash, view.segments[i].a, sizeof view.segments[i].a);
+        hash = test_hash(hash, view.segments[i].b, sizeof view.segments[i].b);
+        hash = test_hash(hash, &view.segments[i].rms, sizeof view.segments[i].rms);
+        hash = test_hash(hash, &view.segments[i].count, sizeof view.segments[i].count);
+    }
+    hash = test_hash(hash, view.label, (size_t)view.point_count * sizeof *view.label);
+    hash = test_hash(hash, &view.converged, sizeof view.converged);
+    hash = test_hash(hash, &view.left_out, sizeof view.left_out);
+    hash = test_hash(hash, &cost.iterations, sizeof cost.iterations);
+    hash = test_hash(hash, &cost.cuts, sizeof cost.cuts);
+    hash = test_hash(hash, &cost.merges, sizeof cost.merges);
+    return test_hash(hash, &cost.peak_segments, sizeof cost.peak_segments);
+}
+
+/* The hash of what this code gave where its results were looked at. A change of method changes it; a change of machine,
+ * compiler or optimisation must not. */
+static void test_same_bits(void **state)
+{
+    cairn_random random = cairn_random_seed(2008, 1);
+    cairn_polyline_params params = cairn_polyline_default();
+    cairn_polyline *small, *space;
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    uint64_t hash = TEST_HASH_START;
+    cairn_pool own;
+    cloud c;
+
+    (void)state;
+    params.max_points = 600;
+    params.max_segments = 12;
+    params.min_points = 3;
+    params.max_iterations = 7;
+    params.merge_distance = CAIRN_REAL(0.02);
+    params.merge_angle = CAIRN_REAL(0.1);
+    params.min_length = CAIRN_REAL(0.3);
+    own = test_pool(2 * cairn_polyline_memory(&params) + 100000);
+    assert_ok(cairn_polyline_create(&small, &own, &params));
+    params = cairn_polyline_default();
+    params.dim = 3;
+    params.max_points = 300;
+    params.max_segments = 40;
+    params.merge_distance = CAIRN_REAL(0.04);
+    assert_ok(cairn_polyline_create(&space, &own, &params));
+    for (int i = 0; i < 40; i++) {
+        random_scene(&c, &random);
+        (void)fit(&c);
+        hash = hash_fit(hash, fitter);
+        (void)fit_with(small, &c, 1000);
+        hash = hash_fit(hash, small);
+    }
+    for (int i = 0; i < 20; i++) {
+        static cairn_real points[300][3];
+        cairn_real ends[6][3];
+        int32_t lines = 2 + cairn_random_below(&random, 4);
+
+        for (int k = 0; k <= lines; k++)
+            for (int j = 0; j < 3; j++)
+                ends[k][j] = cairn_random_uniform(&random, -2, 2);
+        for (int p = 0; p < 300; p++) {
+            int32_t k = cairn_random_below(&random, lines + 1);
+            cairn_real t = cairn_random_unit(&random);
+
+            for (int j = 0; j < 3; j++) {
+                cairn_real noise = cairn_random_normal(&random);
+
+                points[p][j] =
+                    k == lines ? 2 * noise : ends[k][j] + t * (ends[k + 1][j] - ends[k][j]) + CAIRN_REAL(0.008) * noise;
+            }
+        }
+        assert_ok(cairn_polyline_begin(space, &points[0][0], 300, NULL));
+        assert_ok(cairn_polyline_step(space, &budget));
+        hash = hash_fit(hash, space);
+    }
+    print_message("hash 0x%016llx\n", (unsigned long long)hash);
+    assert_true(hash == NUMBER(UINT64_C(0x4290a476c69f7167), UINT64_C(0xf4463ff462a49cd5)));
+    test_pool_free(&own);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -991,6 +1121,7 @@ int main(void)
         cmocka_unit_test(test_few_segments),
         cmocka_unit_test(test_lines_in_space),
         cmocka_unit_test(test_space_agrees_with_plane),
+        cmocka_unit_test(test_same_bits),
     };
 
     return cmocka_run_group_tests(tests, setup, teardown);

@@ -72,6 +72,15 @@ static void test_params_and_memory(void **state)
     REFUSED(max_points, -1);
     REFUSED(max_points, (1 << 24) + 1);
 #undef REFUSED
+    p = good;
+    p.max_scans = 1 << 20;
+    assert_true(cairn_scan_set_memory(&p) > (size_t)1 << 24);
+    p = good;
+    p.max_segments = 1 << 24;
+    assert_true(cairn_scan_set_memory(&p) > (size_t)1 << 28);
+    p = good;
+    p.max_points = 1 << 24;
+    assert_true(cairn_scan_set_memory(&p) > (size_t)1 << 26);
     assert_int_equal(cairn_scan_set_memory(NULL), 0);
     assert_status(cairn_scan_set_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_scan_set_create(&set, NULL, &good), CAIRN_BAD_ARGUMENT);
@@ -132,6 +141,7 @@ static void test_scans_are_copied(void **state)
             assert_memory_equal(&t->segment, &e.segments[i], sizeof t->segment);
             assert_near(t->direction.x, i == 0 ? 1 : i == 1 ? 0 : 0.6, 1e-6);
             assert_near(t->direction.y, i == 2 ? 0.8 : 0, 1e-6);
+            assert_near(t->spacing, i == 0 ? 1 : 0, 1e-6);
         }
         for (int32_t i = 0; i < 4; i++) {
             assert_near(set->points[point + i].x, e.points[i].position.x, 0);
@@ -153,6 +163,46 @@ static void test_scans_are_copied(void **state)
     test_pool_free(&pool);
 }
 
+/* Even points to a thousandth of their distance, along the direction and not against it. */
+static void test_spacing(void **state)
+{
+    static const struct {
+        double x, y, direction, spacing;
+    } cases[] = {{2, 0, 1, 1},      {2.0009, 0, 1, 1}, {2.002, 0, 1, 0},  {1.998, 0, 1, 0},
+                 {2, 0.0009, 1, 1}, {2, 0.002, 1, 0},  {2, -0.002, 1, 0}, {2, 0, -1, 0}};
+    cairn_scan_set_params params = {1, 3, 4};
+    cairn_pool pool = test_pool(cairn_scan_set_memory(&params));
+    cairn_scan_set *set;
+    struct example e;
+
+    (void)state;
+    assert_ok(cairn_scan_set_create(&set, &pool, &params));
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        make_example(&e);
+        set_point(&e.points[1], cases[i].x, cases[i].y, 1, 0);
+        e.points[0].direction.x = (cairn_real)cases[i].direction;
+        cairn_scan_set_clear(set);
+        assert_ok(cairn_scan_set_add(set, &e.view, NULL, NULL));
+        assert_near(set->segments[0].spacing, cases[i].spacing, 1e-6);
+    }
+    /* Two are even if they lie as their direction says. */
+    e.first_point[1] = e.first_point[2] = 2;
+    e.first_point[3] = e.view.point_count = 3;
+    set_point(&e.points[0], 1, 0, 1, 0);
+    set_point(&e.points[1], 1.5, 0, 1, 0);
+    cairn_scan_set_clear(set);
+    assert_ok(cairn_scan_set_add(set, &e.view, NULL, NULL));
+    assert_near(set->segments[0].spacing, 0.5, 1e-6);
+    /* Points on each other. */
+    make_example(&e);
+    for (int k = 0; k < 3; k++)
+        set_point(&e.points[k], 1, 0, 1, 0);
+    cairn_scan_set_clear(set);
+    assert_ok(cairn_scan_set_add(set, &e.view, NULL, NULL));
+    assert_near(set->segments[0].spacing, 0, 0);
+    test_pool_free(&pool);
+}
+
 static void test_full(void **state)
 {
     static const cairn_scan_set_params small[3] = {{1, 9, 9}, {9, 5, 9}, {9, 9, 7}};
@@ -170,6 +220,7 @@ static void test_full(void **state)
         assert_ok(cairn_scan_set_add(set, &e.view, NULL, &fault));
         assert_status(cairn_scan_set_add(set, &e.view, NULL, &fault), CAIRN_FULL);
         assert_non_null(strstr(fault.what, what[i]));
+        assert_int_equal(fault.index, -1);
         assert_int_equal(set->scan_count, 1);
         test_pool_free(&pool);
     }
@@ -246,6 +297,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_params_and_memory),
         cmocka_unit_test(test_scans_are_copied),
+        cmocka_unit_test(test_spacing),
         cmocka_unit_test(test_full),
         cmocka_unit_test(test_bad_scans_are_refused),
     };

@@ -26,14 +26,14 @@ static option_result read_settings(settings *s, int argc, char **argv)
     const option table[] = {
         OPTION_TEXT("-o", &s->folder, "DIR", "folder for poses.csv, map.pgm, map.yaml and map.svg"),
         OPTION_TEXT("--method", &s->method, "NAME", "gradient: force field simulation as in the thesis (default)"),
-        OPTION_INTEGER("--steps", &s->steps, 1, 100000, "N", "iterations at most (50)"),
-        OPTION_INTEGER("--max-scans", &s->max_scans, 1, 100000, "N", "scans at most (500)"),
-        OPTION_NUMBER("--spacing", &s->spacing, 0.01, 1, "M", "distance of the points along walls, m (0.10)"),
-        OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "side of a cell of the map, m (0.05)"),
-        OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the map up to here, m (30)"),
+        OPTION_INTEGER("--steps", &s->steps, 1, 100000, "N", "iterations at most"),
+        OPTION_INTEGER("--max-scans", &s->max_scans, 1, 100000, "N", "scans at most"),
+        OPTION_NUMBER("--spacing", &s->spacing, 0.01, 1, "M", "distance of the points along walls, m"),
+        OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "side of a cell of the map, m"),
+        OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the map up to here, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from here on are no return, m (by the log)"),
-        OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "for methods that draw at random; gradient does not (1)"),
+        OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "for methods that draw at random; gradient does not"),
         OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the alignment (just what it needs)"),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
     };
@@ -50,11 +50,12 @@ static option_result read_settings(settings *s, int argc, char **argv)
         return result;
     s->log = count > 0 ? words[0] : NULL;
     if (s->log == NULL || s->folder == NULL) {
-        (void)tool_refuse(PROGRAM, "%s, expected LOG -o DIR", s->log == NULL ? "no log" : "no folder to write to (-o)");
+        (void)options_refuse(PROGRAM, "%s, expected LOG -o DIR",
+                             s->log == NULL ? "no log" : "no folder to write to (-o)");
         return OPTIONS_BAD;
     }
     if (strcmp(s->method, "gradient") != 0) {
-        (void)tool_refuse(PROGRAM, "unknown method '%s', expected gradient", s->method);
+        (void)options_refuse(PROGRAM, "unknown method '%s', expected gradient", s->method);
         return OPTIONS_BAD;
     }
     return OPTIONS_READ;
@@ -104,10 +105,10 @@ static int survey(const settings *s, const cairn_carmen_scans *log, cairn_scan *
     }
     tool_progress_end(&progress);
     if (points == 0)
-        return tool_refuse(PROGRAM, "%s: no scan shows a wall, expected at least one", s->log);
+        return options_refuse(PROGRAM, "%s: no scan shows a wall, expected at least one", s->log);
     if (points > FIELD_POINTS_MOST || segments > FIELD_POINTS_MOST)
-        return tool_refuse(PROGRAM, "%s: the scans have %" PRId64 " points, expected at most %d: widen --spacing",
-                           s->log, points, FIELD_POINTS_MOST);
+        return options_refuse(PROGRAM, "%s: the scans have %" PRId64 " points, expected at most %d: widen --spacing",
+                              s->log, points, FIELD_POINTS_MOST);
     field->max_scans = log->count;
     field->max_segments = (int32_t)segments;
     field->max_points = (int32_t)points;
@@ -145,7 +146,7 @@ static int align(const settings *s, const cairn_carmen_scans *log, cairn_scan *s
     } while (status >= 0 && state.verdict == CAIRN_FORCE_FIELD_RUNNING);
     tool_progress_end(&progress);
     if (status < 0) {
-        (void)tool_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
+        (void)options_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
         return tool_exit_code(status);
     }
     for (int32_t i = 0; i < log->count; i++)
@@ -176,16 +177,16 @@ static int write_all(const settings *s, const cairn_carmen_scans *log, map_scan 
 }
 
 static void print_summary(const cairn_carmen_scans *log, const cairn_force_field_state *state, size_t pool_bytes,
-                          double seconds, cairn_real first_potential)
+                          double seconds, cairn_real first_potential, cairn_real first_sigma)
 {
     printf("scans      %" PRId32 " (%" PRId64 " damaged lines left out)\n"
            "seconds    %.3f\n"
            "pool       %zu bytes at most\n"
            "steps      %" PRId32 " (%s)\n"
-           "potential  %.6g -> %.6g\n",
+           "potential  %.6g at sigma %.3g m -> %.6g at sigma %.3g m\n",
            log->count, log->info.faults, seconds, pool_bytes, state->iterations,
            state->verdict == CAIRN_FORCE_FIELD_CONVERGED ? "converged" : "out of steps", (double)first_potential,
-           (double)state->potential);
+           (double)first_sigma, (double)state->potential, (double)state->sigma);
 }
 
 /* The scan alone, in a pool of its own, to learn how large the field must be. */
@@ -203,7 +204,7 @@ static int measure(const settings *s, const cairn_carmen_scans *log, const cairn
     if (status == CAIRN_OK) {
         code = survey(s, log, scan, scans, field);
     } else {
-        (void)tool_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
+        (void)options_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
         code = tool_exit_code(status);
     }
     tool_pool_close(&pool);
@@ -239,14 +240,14 @@ static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans
     if (status == CAIRN_OK) {
         code = align(s, log, scan, field, scans, &first_potential);
     } else {
-        (void)tool_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
+        (void)options_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
         code = tool_exit_code(status);
     }
     if (code == TOOL_OK) {
         state = cairn_force_field_read(field);
         code = write_all(s, log, scans, &state);
         if (code == TOOL_OK && !s->quiet)
-            print_summary(log, &state, pool.peak, tool_seconds() - start, first_potential);
+            print_summary(log, &state, pool.peak, tool_seconds() - start, first_potential, field_params.sigma_start);
     }
     tool_pool_close(&pool);
     return code;
@@ -274,14 +275,14 @@ int tool_align(int argc, char **argv)
     if (code != TOOL_OK)
         return code;
     if (log.count > s.max_scans) {
-        code = tool_refuse(PROGRAM,
-                           "%s holds %" PRId32 " scans, expected at most %" PRId64
-                           ": raise --max-scans, or use cairn map, which goes scan by scan",
-                           s.log, log.count, s.max_scans);
+        code = options_refuse(PROGRAM,
+                              "%s holds %" PRId32 " scans, expected at most %" PRId64
+                              ": raise --max-scans, or use cairn map, which goes scan by scan",
+                              s.log, log.count, s.max_scans);
     } else {
         scans = map_scans_new(log.count);
         if (scans == NULL) {
-            (void)tool_refuse(PROGRAM, "no memory for %" PRId32 " scans", log.count);
+            (void)options_refuse(PROGRAM, "no memory for %" PRId32 " scans", log.count);
             code = TOOL_FAILED;
         } else {
             code = run(&s, &log, scans);

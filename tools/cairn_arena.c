@@ -7,7 +7,7 @@
 #include <unistd.h>
 
 #include "sim/files.h"
-#include "tools/cairn_arena_options.h"
+#include "tools/options.h"
 
 #define PROGRAM "cairn-arena"
 
@@ -18,65 +18,60 @@ typedef struct command {
     sim_arena_options arena;
     sim_survey_options survey;
     double size[2], jitter[2], disturb[2];
+    double sweep[2]; /* m/s, rad/s */
     double fov, turn;
     const char *folder;
-    int32_t help;
 } command;
 
-enum { OPTION_COUNT = 22 };
+enum { TABLE = 20 };
 
 static void make_table(command *c, option *table)
 {
     sim_survey_options *s = &c->survey;
-    const option options[OPTION_COUNT] = {
-        {"seed", 0, OPTION_SEED, "N", "same seed and options, same bytes", &c->arena.seed, 0, 0},
-        {"size", 0, OPTION_SIZE, "WxH", "m, at most 60x60; else the scene's own", c->size, 1, 60},
-        {"turn", 0, OPTION_NUMBER, "DEG", "turn of the scene in the world; else at random", &c->turn, -360, 360},
-        {"rubble", 0, OPTION_NUMBER, "SHARE", "amount of loose bodies, 0 to 3", &c->arena.rubble, 0, 3},
-        {"places", 0, OPTION_INTEGER, "N", "places to scan from; 0: the scene's own", &s->places, 0, 1000},
-        {"headings", 0, OPTION_INTEGER, "N", "scans at each place, evenly around", &s->headings, 1, 64},
-        {"jitter", 0, OPTION_PAIR, "M,DEG", "how far scans of one place lie apart, m and degrees", c->jitter, 0, 360},
-        {"drive", 0, OPTION_INTEGER, "N", "N scans while a robot drives along the places instead", &s->drive, 0,
-         100000},
-        {"drive-every", 0, OPTION_NUMBER, "M", "m between two scans of a drive", &s->drive_distance, 0.01, 100},
-        {"fov", 0, OPTION_NUMBER, "DEG", "field of view; 360 is a full circle", &c->fov, 0.1, 360},
-        {"beams", 0, OPTION_INTEGER, "N", "beams of a scan", &s->beams, 2, 100000},
-        {"range", 0, OPTION_NUMBER, "M", "greatest range, m", &s->range_max, 1, 200},
-        {"noise", 0, OPTION_NUMBER, "M", "standard deviation of a range, m", &s->noise, 0, 1},
-        {"dropout", 0, OPTION_NUMBER, "SHARE", "share of beams that are lost, 0 to 1", &s->dropout, 0, 1},
-        {"tilt", 0, OPTION_NUMBER, "SHARE", "share of beams that read short on the floor, 0 to 0.3", &s->tilt, 0, 0.3},
-        {"movers", 0, OPTION_INTEGER, "N", "bodies that walk about, 0 to 100", &s->movers, 0, 100},
-        {"scan-time", 0, OPTION_NUMBER, "S", "s from the first to the last beam, 0 to 2", &s->scan_time, 0, 2},
-        {"sweep-speed", 0, OPTION_NUMBER, "M/S", "m/s, at most, of a robot that sweeps at a place", &s->sweep_speed, 0,
-         5},
-        {"sweep-turn", 0, OPTION_NUMBER, "RAD/S", "rad/s, at most, of a robot that sweeps at a place", &s->sweep_turn,
-         0, 20},
-        {"disturb", 0, OPTION_PAIR, "M,DEG", "poses in the log: the truth +-M m and +-DEG degrees", c->disturb, 0, 360},
-        {"output", 'o', OPTION_TEXT, "DIR", "folder to write to; it is made when it is not there", &c->folder, 0, 0},
-        {"help", 'h', OPTION_FLAG, "", "this text", &c->help, 0, 0},
+    const option options[TABLE] = {
+        OPTION_TEXT("-o", &c->folder, "DIR", "folder to write to; it is made when it is not there"),
+        OPTION_SEED("--seed", &c->arena.seed, "same seed and options, same bytes"),
+        OPTION_PAIR("--size", c->size, 1, 60, "WxH", "m, at most 60x60; else the scene's own"),
+        OPTION_NUMBER("--turn", &c->turn, -360, 360, "DEG", "turn of the scene in the world; else at random"),
+        OPTION_NUMBER("--rubble", &c->arena.rubble, 0, 3, "SHARE", "amount of loose bodies, 0 to 3"),
+        OPTION_COUNT("--places", &s->places, 0, 1000, "N", "places to scan from; 0: the scene's own"),
+        OPTION_COUNT("--headings", &s->headings, 1, 64, "N", "scans at each place, evenly around"),
+        OPTION_PAIR("--jitter", c->jitter, 0, 360, "M,DEG", "how far scans of one place lie apart, m and degrees"),
+        OPTION_COUNT("--drive", &s->drive, 0, 100000, "N", "N scans while a robot drives along the places instead"),
+        OPTION_NUMBER("--drive-every", &s->drive_distance, 0.01, 100, "M", "m between two scans of a drive"),
+        OPTION_NUMBER("--fov", &c->fov, 0.1, 360, "DEG", "field of view, degrees; 360 is a full circle"),
+        OPTION_COUNT("--beams", &s->beams, 2, 100000, "N", "beams of a scan"),
+        OPTION_NUMBER("--range", &s->range_max, 1, 200, "M", "greatest range, m"),
+        OPTION_NUMBER("--noise", &s->noise, 0, 1, "M", "standard deviation of a range, m"),
+        OPTION_NUMBER("--dropout", &s->dropout, 0, 1, "SHARE", "share of beams that are lost, 0 to 1"),
+        OPTION_NUMBER("--tilt", &s->tilt, 0, 0.3, "SHARE", "share of beams that read short on the floor, 0 to 0.3"),
+        OPTION_COUNT("--movers", &s->movers, 0, 100, "N", "bodies that walk about, 0 to 100"),
+        OPTION_NUMBER("--scan-time", &s->scan_time, 0, 2, "S", "s from the first to the last beam, 0 to 2"),
+        OPTION_PAIR("--sweep", c->sweep, 0, 20, "V,W", "m/s and rad/s, at most, of a robot that sweeps at a place"),
+        OPTION_PAIR("--disturb", c->disturb, 0, 360, "M,DEG", "poses in the log: the truth +-M m and +-DEG degrees"),
     };
 
     memcpy(table, options, sizeof options);
 }
 
-static void help(const option *table)
+/* What the scenes are, for the help. */
+static void about(char *text, size_t size)
 {
-    printf(
-        "usage: cairn-arena SCENE [OPTION]... -o DIR\n\n"
+    size_t used = (size_t)snprintf(
+        text, size,
         "Makes an arena and scans of it: DIR/scans.log (CARMEN), DIR/truth.csv, DIR/arena.json (all walls with their\n"
-        "numbers), DIR/arena.svg (a picture). The poses in the log are the robot's drifting odometry.\n\nscenes:\n");
-    for (sim_scene scene = 0; scene < SIM_SCENES; scene++) {
+        "numbers), DIR/arena.svg (a picture). The poses in the log are the robot's drifting odometry. In the log a\n"
+        "beam that met nothing reads the greatest range, a lost one 0. A field of view of 180 degrees gives FLASER\n"
+        "lines, any other ROBOTLASER1. Exit: 0 done, 2 refused; nothing is half-written.\n\nscenes:");
+
+    for (sim_scene scene = 0; scene < SIM_SCENES && used < size; scene++) {
         double width, height;
 
         sim_scene_size(scene, &width, &height);
-        printf("  %-10s %s [%.9gx%.9g m, %d places]\n", sim_scene_name(scene), sim_scene_about(scene), width, height,
-               (int)sim_scene_places(scene));
+        used +=
+            (size_t)snprintf(text + used, size - used, "\n  %-10s %s [%.9gx%.9g m, %d places]", sim_scene_name(scene),
+                             sim_scene_about(scene), width, height, (int)sim_scene_places(scene));
     }
-    printf("\noptions (standard value in brackets):\n");
-    options_help(stdout, table, OPTION_COUNT);
-    printf(
-        "\nIn the log a beam that met nothing reads the greatest range, a lost one 0. A field of view of 180 degrees\n"
-        "gives FLASER lines, any other ROBOTLASER1. Exit: 0 done, 2 refused; nothing is half-written.\n");
 }
 
 /* What is written: all of it beside, under a name of its own, then moved to its place. */
@@ -110,7 +105,7 @@ static int write_all(const char *folder, const sim_survey *survey, const sim_pos
     int status = 0;
 
     if (part == NULL || final == NULL)
-        status = options_fault(PROGRAM, "no memory, expected some more");
+        status = options_refuse(PROGRAM, "no memory, expected some more");
     for (; status == 0 && done < FILE_COUNT; done++) {
         FILE *file;
         int32_t bad;
@@ -118,18 +113,18 @@ static int write_all(const char *folder, const sim_survey *survey, const sim_pos
         path_of(part, size, folder, done, ".part");
         file = fopen(part, "wb");
         if (file == NULL) {
-            status = options_fault(PROGRAM, "%s: %s, expected a folder that can be written to", part, strerror(errno));
+            status = options_refuse(PROGRAM, "%s: %s, expected a folder that can be written to", part, strerror(errno));
             break;
         }
         bad = write_one(done, survey, poses, line, file) != 0;
         if (fclose(file) != 0 || bad)
-            status = options_fault(PROGRAM, "%s: %s, expected room for the file", part, strerror(errno));
+            status = options_refuse(PROGRAM, "%s: %s, expected room for the file", part, strerror(errno));
     }
     for (int32_t i = 0; status == 0 && i < FILE_COUNT; i++) {
         path_of(part, size, folder, i, ".part");
         path_of(final, size, folder, i, "");
         if (rename(part, final) != 0)
-            status = options_fault(PROGRAM, "%s: %s, expected a file that can be replaced", final, strerror(errno));
+            status = options_refuse(PROGRAM, "%s: %s, expected a file that can be replaced", final, strerror(errno));
     }
     for (int32_t i = 0; status != 0 && part != NULL && i < done; i++) {
         path_of(part, size, folder, i, ".part");
@@ -172,11 +167,13 @@ static int run(command *c, const char *scene, int argc, char **argv)
 
     c->arena.scene = sim_scene_find(scene);
     if (c->arena.scene < 0)
-        return options_fault(PROGRAM, "there is no scene '%s', expected one of those that --help lists", scene);
+        return options_refuse(PROGRAM, "there is no scene '%s', expected one of those that --help lists", scene);
     if (c->folder == NULL)
-        return options_fault(PROGRAM, "no output folder, expected -o DIR");
+        return options_refuse(PROGRAM, "no output folder, expected -o DIR");
     if (c->jitter[0] > 1)
-        return options_fault(PROGRAM, "--jitter is %.9g m, expected 0 to 1", c->jitter[0]);
+        return options_refuse(PROGRAM, "--jitter is %.9g m, expected 0 to 1", c->jitter[0]);
+    if (c->sweep[0] > 5)
+        return options_refuse(PROGRAM, "--sweep is %.9g m/s, expected 0 to 5", c->sweep[0]);
     c->arena.width = c->size[0];
     c->arena.height = c->size[1];
     c->arena.turn = c->turn * degree;
@@ -184,20 +181,22 @@ static int run(command *c, const char *scene, int argc, char **argv)
     c->survey.fov = c->fov * degree;
     c->survey.jitter_position = c->jitter[0];
     c->survey.jitter_heading = c->jitter[1] * degree;
+    c->survey.sweep_speed = c->sweep[0];
+    c->survey.sweep_turn = c->sweep[1];
 
     arena = sim_arena_create(&c->arena, fault, sizeof fault);
     if (arena == NULL)
-        return options_fault(PROGRAM, "%s: %s", scene, fault);
+        return options_refuse(PROGRAM, "%s: %s", scene, fault);
     survey = sim_survey_create(arena, &c->survey, fault, sizeof fault);
     if (survey == NULL) {
         sim_arena_free(arena);
-        return options_fault(PROGRAM, "%s: %s", scene, fault);
+        return options_refuse(PROGRAM, "%s: %s", scene, fault);
     }
     (void)sim_survey_scans(survey, &count);
     if (c->disturb[0] > 0 || c->disturb[1] > 0) {
         poses = malloc((size_t)count * sizeof *poses);
         if (poses == NULL)
-            status = options_fault(PROGRAM, "no memory for %d scans, expected some more", (int)count);
+            status = options_refuse(PROGRAM, "no memory for %d scans, expected some more", (int)count);
         else
             sim_survey_disturb(survey, c->arena.seed, c->disturb[0], c->disturb[1] * degree, poses);
     }
@@ -213,24 +212,29 @@ static int run(command *c, const char *scene, int argc, char **argv)
 
 int main(int argc, char **argv)
 {
-    command c = {sim_arena_default(), sim_survey_default(), {0, 0}, {0, 0}, {0, 0}, 0, NAN, NULL, 0};
-    option table[OPTION_COUNT];
+    command c = {sim_arena_default(), sim_survey_default(), {0, 0}, {0, 0}, {0, 0}, {0, 0}, 0, (double)NAN, NULL};
+    option table[TABLE];
+    char text[3000];
+    option_set set = {PROGRAM, "SCENE -o DIR [options]", text, table, TABLE};
     const char *scene;
-    int32_t given;
+    size_t given = 1;
 
     c.fov = c.survey.fov / degree;
     c.jitter[0] = c.survey.jitter_position;
     c.jitter[1] = c.survey.jitter_heading / degree;
+    c.sweep[0] = c.survey.sweep_speed;
+    c.sweep[1] = c.survey.sweep_turn;
     make_table(&c, table);
-    for (int i = 1; i < argc; i++)
-        if (strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0) {
-            help(table);
-            return 0;
-        }
-    given = options_parse(PROGRAM, table, OPTION_COUNT, argc, argv, &scene, 1, "one scene");
-    if (given < 0)
+    about(text, sizeof text);
+    switch (options_read(&set, argc, argv, &scene, &given)) {
+    case OPTIONS_HELPED:
+        return 0;
+    case OPTIONS_BAD:
         return 2;
+    default:
+        break;
+    }
     if (given == 0)
-        return options_fault(PROGRAM, "no scene, expected one of those that --help lists");
+        return options_refuse(PROGRAM, "no scene, expected one of those that --help lists");
     return run(&c, scene, argc, argv);
 }

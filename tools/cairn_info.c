@@ -138,7 +138,7 @@ int tool_info(int argc, char **argv)
         break;
     }
     if (word_count < 1)
-        return tool_refuse("cairn info", "no log, expected %s", set.synopsis);
+        return options_refuse("cairn info", "no log, expected %s", set.synopsis);
     faults.quiet = quiet;
     params.on_fault = tool_on_fault;
     params.context = &faults;

@@ -26,13 +26,13 @@ static option_result read_settings(settings *s, int argc, char **argv)
     const option table[] = {
         OPTION_TEXT("-o", &s->folder, "DIR", "folder for poses.csv, map.pgm, map.yaml and map.svg"),
         OPTION_FLAG("--no-odometry", &s->no_odometry, "use the ranges alone"),
-        OPTION_INTEGER("--max-keys", &s->max_keys, 2, 1000000, "N", "key scans at most (4096)"),
-        OPTION_INTEGER("--window", &s->window, 0, 64, "N", "key scans that the force field runs over, 0: none (8)"),
-        OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "side of a cell of the map, m (0.05)"),
-        OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the map up to here, m (30)"),
+        OPTION_INTEGER("--max-keys", &s->max_keys, 2, 1000000, "N", "key scans at most"),
+        OPTION_INTEGER("--window", &s->window, 0, 64, "N", "key scans that the force field runs over, 0: none"),
+        OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "side of a cell of the map, m"),
+        OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the map up to here, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from here on are no return, m (by the log)"),
-        OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "for methods that draw at random; this one does not (1)"),
+        OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "for methods that draw at random; this one does not"),
         OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the mapper (just what it needs)"),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
     };
@@ -49,11 +49,12 @@ static option_result read_settings(settings *s, int argc, char **argv)
         return result;
     s->log = count > 0 ? words[0] : NULL;
     if (s->log == NULL || s->folder == NULL) {
-        (void)tool_refuse(PROGRAM, "%s, expected LOG -o DIR", s->log == NULL ? "no log" : "no folder to write to (-o)");
+        (void)options_refuse(PROGRAM, "%s, expected LOG -o DIR",
+                             s->log == NULL ? "no log" : "no folder to write to (-o)");
         return OPTIONS_BAD;
     }
     if (s->window == 1) {
-        (void)tool_refuse(PROGRAM, "--window is '1', expected 0 or 2 to 64");
+        (void)options_refuse(PROGRAM, "--window is '1', expected 0 or 2 to 64");
         return OPTIONS_BAD;
     }
     return OPTIONS_READ;
@@ -194,16 +195,16 @@ static int map_with_room(const settings *s, const cairn_carmen_scans *log, map_s
     status = cairn_mapper_create(&mapper, &pool, &params);
     if (status != CAIRN_OK) {
         tool_pool_close(&pool);
-        (void)tool_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
+        (void)options_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
         return tool_exit_code(status);
     }
     code = feed(s, log, mapper, scans, places, full);
     fed = tool_seconds();
     if (*full && cairn_mapper_measure(mapper).keys == params.max_keys) {
         *full = 0;
-        code =
-            tool_refuse(PROGRAM, "%s: needs more than %" PRId32 " key scans, expected at most that: raise --max-keys",
-                        s->log, params.max_keys);
+        code = options_refuse(PROGRAM,
+                              "%s: needs more than %" PRId32 " key scans, expected at most that: raise --max-keys",
+                              s->log, params.max_keys);
     }
     if (code == TOOL_OK)
         code = write_all(s, log, mapper, scans, places);
@@ -223,8 +224,8 @@ static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans
     for (int32_t points = 160; full && points < 2 * most; points *= 2)
         code = map_with_room(s, log, scans, places, points, &full);
     if (full)
-        code = tool_refuse(PROGRAM, "%s: the key scans have more than %d points or segments, expected fewer", s->log,
-                           KEY_CAPACITY_MOST);
+        code = options_refuse(PROGRAM, "%s: the key scans have more than %d points or segments, expected fewer", s->log,
+                              KEY_CAPACITY_MOST);
     return code;
 }
 
@@ -253,7 +254,7 @@ int tool_map(int argc, char **argv)
     scans = map_scans_new(log.count);
     places = malloc((size_t)log.count * sizeof *places);
     if (scans == NULL || places == NULL) {
-        (void)tool_refuse(PROGRAM, "no memory for %" PRId32 " scans", log.count);
+        (void)options_refuse(PROGRAM, "no memory for %" PRId32 " scans", log.count);
         code = TOOL_FAILED;
     } else {
         code = run(&s, &log, scans, places);

@@ -1,6 +1,5 @@
 /* What all subcommands share. */
 #include <inttypes.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -33,18 +32,6 @@ int tool_report_scan(const char *path, int64_t line, cairn_status status, const 
 
     fprintf(stderr, "%s:%" PRId64 ": the scan cannot be used: %s\n", path, line, what);
     return tool_exit_code(status);
-}
-
-int tool_refuse(const char *program, const char *format, ...)
-{
-    va_list arguments;
-
-    fprintf(stderr, "%s: ", program);
-    va_start(arguments, format);
-    vfprintf(stderr, format, arguments);
-    va_end(arguments);
-    fputc('\n', stderr);
-    return TOOL_BAD;
 }
 
 double tool_seconds(void)
@@ -144,20 +131,20 @@ int tool_pool_open(cairn_pool *pool, const char *program, const char *asked, siz
     cairn_status status;
 
     if (asked != NULL && !tool_read_bytes(asked, &bytes))
-        return tool_refuse(program, "--pool is '%s', expected a number of bytes such as 65536, 64K or 2M", asked);
+        return options_refuse(program, "--pool is '%s', expected a number of bytes such as 65536, 64K or 2M", asked);
     bytes = bytes / CAIRN_ALIGN * CAIRN_ALIGN;
     if (bytes < need)
-        return tool_refuse(program, "--pool is '%s', expected at least %zu bytes", asked, need);
+        return options_refuse(program, "--pool is '%s', expected at least %zu bytes", asked, need);
     bytes = bytes > 0 ? bytes : CAIRN_ALIGN;
     memory = aligned_alloc(CAIRN_ALIGN, bytes);
     if (memory == NULL) {
-        (void)tool_refuse(program, "no memory for a pool of %zu bytes", bytes);
+        (void)options_refuse(program, "no memory for a pool of %zu bytes", bytes);
         return TOOL_FAILED;
     }
     status = cairn_pool_init(pool, memory, bytes);
     if (status != CAIRN_OK) {
         free(memory);
-        (void)tool_refuse(program, "%s", cairn_status_text(status));
+        (void)options_refuse(program, "%s", cairn_status_text(status));
         return tool_exit_code(status);
     }
     return TOOL_OK;

@@ -29,9 +29,6 @@ int tool_report(const cairn_file_error *error);
  * none or is NULL. Returns the status's exit code. */
 int tool_report_scan(const char *path, int64_t line, cairn_status status, const cairn_fault *fault);
 
-/* Prints "program: text" on standard error and returns TOOL_BAD. */
-int tool_refuse(const char *program, const char *format, ...) CAIRN_FORMAT(2, 3);
-
 /* The exit code of a status: TOOL_FAILED for CAIRN_NO_MEMORY and CAIRN_BAD_BUILD, TOOL_BAD for other errors. */
 int tool_exit_code(cairn_status status);
 

@@ -3,7 +3,8 @@
 #
 # N faults (40) are drawn by SEED (1) over the lines of the FILEs (all of src/): signs, comparisons, indices, constants,
 # x and y, and, or, not, min and max. Each is planted in a scratch copy; the double tests run, that of the same room
-# first, until one fails, dies or takes ten times its usual time. Faults that do not compile or leave the object code as
+# first, until one fails, dies or takes ten times its usual time. Tests that fail without a fault (those of installed
+# commands, say) are left out. Faults that do not compile or leave the object code as
 # it was are drawn again. Equal arguments give equal faults. Exits with 1 when fewer than nine in ten are found: some
 # faults change nothing that can be seen.
 count=${1:-40}
@@ -169,15 +170,13 @@ done
         c++ -o "m/tests/$t" "m/double/tests/$t.c.o" m/double/tests/support.c.o -Lm -lfaulty $system_libs || exit 2
         start=$(date +%s%N)
         LD_LIBRARY_PATH=m "m/tests/$t" >m/log 2>&1 || {
-            cat m/log
-            echo "tools/mutate.sh: $t fails without a fault"
-            exit 2
+            echo "left out: $t, which fails without a fault" >&2
+            continue
         }
         echo "$t $((($(date +%s%N) - start) / 100000000 + 5))" # ten times its time, and five seconds
     done >m/times
     cat m/times >"$work/times"
 ) || {
-    cat "$work/times" 2>/dev/null
     echo "tools/mutate.sh: the tests must build and pass first" >&2
     exit 2
 }

@@ -1,29 +1,78 @@
 #include "tools/options.h"
 
+#include <inttypes.h>
 #include <math.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "cairn/number_text.h"
 
-static void print_help(const option_set *set)
+/* The default in brackets, from the value as it stands; nothing for 0 and NaN, whose meaning the help text says. */
+static void print_default(const option *o)
 {
-    printf("usage: %s %s\n\n%s\n", set->program, set->synopsis, set->about);
-    if (set->count > 0)
-        printf("\noptions:\n");
+    const double *pair = o->value;
+
+    switch (o->kind) {
+    case OPTION_IS_INTEGER:
+        if (*(const int64_t *)o->value != 0)
+            printf(" [%" PRId64 "]", *(const int64_t *)o->value);
+        break;
+    case OPTION_IS_COUNT:
+        if (*(const int32_t *)o->value != 0)
+            printf(" [%" PRId32 "]", *(const int32_t *)o->value);
+        break;
+    case OPTION_IS_SEED:
+        printf(" [%" PRIu64 "]", *(const uint64_t *)o->value);
+        break;
+    case OPTION_IS_NUMBER:
+        if (fabs(pair[0]) > 0)
+            printf(" [%.9g]", pair[0]);
+        break;
+    case OPTION_IS_PAIR:
+        if (fabs(pair[0]) > 0 || fabs(pair[1]) > 0)
+            printf(" [%.9g,%.9g]", pair[0], pair[1]);
+        break;
+    default:
+        break;
+    }
+}
+
+void options_help(const option_set *set)
+{
     for (size_t i = 0; i < set->count; i++) {
         const option *o = &set->table[i];
         char left[64];
 
         snprintf(left, sizeof left, "%s%s%s", o->name, o->placeholder[0] != '\0' ? " " : "", o->placeholder);
-        printf("  %-22s %s\n", left, o->help);
+        printf("  %-22s %s", left, o->help);
+        print_default(o);
+        putchar('\n');
     }
     printf("  %-22s %s\n", "--help", "this text");
 }
 
+static void print_help(const option_set *set)
+{
+    printf("usage: %s %s\n\n%s\n\noptions:\n", set->program, set->synopsis, set->about);
+    options_help(set);
+}
+
+int options_refuse(const char *program, const char *format, ...)
+{
+    va_list arguments;
+
+    fprintf(stderr, "%s: ", program);
+    va_start(arguments, format);
+    vfprintf(stderr, format, arguments);
+    va_end(arguments);
+    fputc('\n', stderr);
+    return 2;
+}
+
 static option_result bad(const option_set *set, const char *what, const char *word, const char *expected)
 {
-    fprintf(stderr, "%s: %s '%s', expected %s\n", set->program, what, word, expected);
+    (void)options_refuse(set->program, "%s '%s', expected %s", what, word, expected);
     return OPTIONS_BAD;
 }
 
@@ -43,6 +92,24 @@ static int in_range(const option *o, double value)
     return value >= o->least && value <= o->most;
 }
 
+/* Decimal digits up to the greatest uint64_t. */
+static int read_seed(const char *text, uint64_t *seed)
+{
+    uint64_t sum = 0;
+
+    if (text[0] == '\0')
+        return 0;
+    for (; *text != '\0'; text++) {
+        uint64_t digit = (uint64_t)(*text - '0');
+
+        if (*text < '0' || *text > '9' || sum > (UINT64_MAX - digit) / 10)
+            return 0;
+        sum = 10 * sum + digit;
+    }
+    *seed = sum;
+    return 1;
+}
+
 /* 1 when the text is what the option takes and is stored. */
 static int store(const option *o, const char *text)
 {
@@ -56,6 +123,13 @@ static int store(const option *o, const char *text)
             return 0;
         *(int64_t *)o->value = integer;
         return 1;
+    case OPTION_IS_COUNT:
+        if (!cairn_number_read_integer(text, strlen(text), &integer) || !in_range(o, (double)integer))
+            return 0;
+        *(int32_t *)o->value = (int32_t)integer;
+        return 1;
+    case OPTION_IS_SEED:
+        return read_seed(text, o->value);
     case OPTION_IS_NUMBER:
         if (!cairn_number_read(text, strlen(text), &a) || !in_range(o, a))
             return 0;
@@ -79,12 +153,15 @@ static int store(const option *o, const char *text)
 
 static void describe(const option *o, char *text, size_t size)
 {
-    const char *what = o->kind == OPTION_IS_INTEGER  ? "a whole number"
-                       : o->kind == OPTION_IS_NUMBER ? "a number"
-                       : o->kind == OPTION_IS_PAIR   ? "two numbers A,B"
-                                                     : "a word";
+    static const char *const names[] = {
+        [OPTION_IS_FLAG] = "nothing",         [OPTION_IS_INTEGER] = "a whole number",
+        [OPTION_IS_COUNT] = "a whole number", [OPTION_IS_SEED] = "a whole number from 0 to 18446744073709551615",
+        [OPTION_IS_NUMBER] = "a number",      [OPTION_IS_PAIR] = "two numbers A,B",
+        [OPTION_IS_TEXT] = "a word",
+    };
+    const char *what = names[o->kind];
 
-    if (o->kind == OPTION_IS_TEXT)
+    if (o->kind == OPTION_IS_TEXT || o->kind == OPTION_IS_SEED)
         snprintf(text, size, "%s", what);
     else if (o->most >= 9e15)
         snprintf(text, size, "%s from %.9g", what, o->least);
@@ -113,7 +190,7 @@ static option_result read_option(const option_set *set, int argc, char **argv, i
     if (text == NULL)
         return bad(set, "nothing after", o->name, expected);
     if (!store(o, text)) {
-        fprintf(stderr, "%s: %s is '%s', expected %s\n", set->program, o->name, text, expected);
+        (void)options_refuse(set->program, "%s is '%s', expected %s", o->name, text, expected);
         return OPTIONS_BAD;
     }
     return OPTIONS_READ;

@@ -15,9 +15,13 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "cairn/file_error.h"
+
 typedef enum option_kind {
     OPTION_IS_FLAG,    /* int32_t: set to 1 */
     OPTION_IS_INTEGER, /* int64_t */
+    OPTION_IS_COUNT,   /* int32_t */
+    OPTION_IS_SEED,    /* uint64_t, any */
     OPTION_IS_NUMBER,  /* double */
     OPTION_IS_PAIR,    /* double[2], "A,B" or "AxB" */
     OPTION_IS_TEXT     /* const char * */
@@ -29,7 +33,7 @@ typedef struct option {
     void *value;
     double least, most;      /* of a number; for a pair of both */
     const char *placeholder; /* in the help: "N", "M,DEG" */
-    const char *help;        /* with the unit and the default */
+    const char *help;        /* with the unit; a default other than 0 or NaN is added in brackets */
     int32_t *given;          /* set to 1 when the option was given; NULL: nobody asks */
 } option;
 
@@ -40,6 +44,14 @@ typedef struct option {
 #define OPTION_INTEGER(name, value, least, most, placeholder, help)                                                    \
     {                                                                                                                  \
         name, OPTION_IS_INTEGER, value, least, most, placeholder, help, NULL                                           \
+    }
+#define OPTION_COUNT(name, value, least, most, placeholder, help)                                                      \
+    {                                                                                                                  \
+        name, OPTION_IS_COUNT, value, least, most, placeholder, help, NULL                                             \
+    }
+#define OPTION_SEED(name, value, help)                                                                                 \
+    {                                                                                                                  \
+        name, OPTION_IS_SEED, value, 0, 0, "N", help, NULL                                                             \
     }
 #define OPTION_NUMBER(name, value, least, most, placeholder, help)                                                     \
     {                                                                                                                  \
@@ -68,6 +80,12 @@ typedef enum option_result {
     OPTIONS_HELPED, /* --help was given and printed on standard output: exit with 0 */
     OPTIONS_BAD     /* one line was printed on standard error: exit with 2 */
 } option_result;
+
+/* Prints the options, a line each, on standard output. */
+void options_help(const option_set *set);
+
+/* "program: ..." on standard error; returns 2, the exit code of a refused command line. */
+int options_refuse(const char *program, const char *format, ...) CAIRN_FORMAT(2, 3);
 
 /* Reads argv[1 ... argc-1]. Words that are no options are collected, in order, in words[0 ... *word_count-1]; *word_count
  * is their capacity before; one more is refused. */

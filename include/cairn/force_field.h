@@ -5,6 +5,10 @@
  * shrink from iteration to iteration (Adluru 2008, chapter 7, algorithm 1). Points near corners of the global map, the
  * regions of interest, have a higher mass in the forces; in the motion all points have mass 1.
  *
+ * What to expect: steps are proportional to the density of points, and the force of eq. 7.1 does not fade towards
+ * distance 0, so that scans at their goal swing by about 1/2 a dt^2 rather than come to rest. P(g) at the end of a run
+ * compares with P(g) at its start only for the same sigma.
+ *
  * Scans, fixing and restarts are inputs: they take effect at the next commit point, which is the end of the iteration
  * under way, or at once when none is. Readers show the last commit point. The result is a function of the inputs and of
  * the commit points at which they took effect. */

@@ -31,9 +31,10 @@ cairn_vec2 cairn_force_kernel_pair(cairn_oriented_point p1, cairn_oriented_point
 /* Tables and constants for many pairs; open because it is part of other objects, not to be changed by hand. */
 typedef struct cairn_force_kernel {
     cairn_real coarse[20];    /* exp(-i) */
-    cairn_real fine[32];      /* exp(-i / 32) */
+    cairn_real fine[64];      /* exp(-i / 64) */
     cairn_real erfc[69][2];   /* erfc(i / 16), exp(-(i / 16)^2) */
     cairn_real scale;         /* 1 / (2 sigma^2) */
+    cairn_real root_scale;    /* 1 / (sigma sqrt(2)) */
     cairn_real norm;          /* 1 / (sigma sqrt(2 pi)) */
     cairn_real limit_squared; /* (reach sigma)^2 */
 } cairn_force_kernel;
@@ -58,8 +59,8 @@ typedef struct cairn_force_sum {
 } cairn_force_sum;
 
 /* Adds the forces between point i and the points *next ... end-1 to both, and to *sum; potentials only when
- * with_potential. c is |cos| of the angle between the directions. *next moves on. Relative error of a force 4 ulp, of a
- * potential 1e-13 of its value at distance 0 (in float some ulp of that). Returns CAIRN_OK when the row is done,
+ * with_potential. c is |cos| of the angle between the directions. *next moves on. Relative error of a force 3e-13
+ * (float: 3e-6), of a potential 1e-13 (3e-7) of its value at distance 0. Returns CAIRN_OK when the row is done,
  * CAIRN_MORE when the budget is used up. Costs a unit for four points and one for each of them within reach; the sums do
  * not depend on how the budget is split. */
 CAIRN_CHECKED cairn_status cairn_force_kernel_row(const cairn_force_kernel *kernel, const cairn_force_points *points,

@@ -17,10 +17,10 @@ typedef struct cairn_line {
     cairn_real rms;       /* weighted root mean square of the distances to the line, in m */
 } cairn_line;
 
-/* The line with the least weighted sum of squared orthogonal distances to points[0 ... count-1]. weights: [count], >= 0,
- * or NULL when all are 1. Cost: three linear passes.
- * CAIRN_BAD_ARGUMENT: NULL, count < 2, or a weight < 0. CAIRN_NOT_FINITE: a NaN or infinity. CAIRN_EMPTY: the points of
- * weight > 0 are all at one place, so that they have no direction. */
+/* The line with the least weighted sum of squared orthogonal distances to points[0 ... count-1]. weights: [count],
+ * >= 0, or NULL when all are 1. Cost: three linear passes. CAIRN_BAD_ARGUMENT: NULL, count < 2, or a weight < 0.
+ * CAIRN_NOT_FINITE: a NaN or infinity. CAIRN_EMPTY: the points of weight > 0 are all at one place, so that they have
+ * no direction. */
 CAIRN_CHECKED cairn_status cairn_line_fit(const cairn_vec2 *points, const cairn_real *weights, int32_t count,
                                           cairn_line *line);
 

@@ -49,7 +49,14 @@ cairn_real cairn_log(cairn_real x);
 cairn_real cairn_erfc(cairn_real x);
 
 /* Toward zero, clamped to the range of int32_t; NaN gives 0. The only way in cairn from a real to an integer. */
-int32_t cairn_real_to_int(cairn_real x);
+static inline int32_t cairn_real_to_int(cairn_real x)
+{
+    if (!(x > CAIRN_REAL(-2147483648.0)))
+        return x != x ? 0 : INT32_MIN;
+    if (x >= CAIRN_REAL(2147483648.0))
+        return INT32_MAX;
+    return (int32_t)x;
+}
 
 /* Angle in (-pi, pi] that differs from x by whole turns. */
 cairn_real cairn_wrap_angle(cairn_real x);

@@ -36,9 +36,9 @@ typedef struct cairn_beam {
     cairn_beam_kind kind;
 } cairn_beam;
 
-/* A scan after its line fit, in the frame of the base at the first beam. Points are ordered by segment and along it; the
- * direction of a point is that of its segment. The view is valid as long as the object that holds the arrays is not fed
- * again. */
+/* A scan after its line fit, in the frame of the base at the first beam. Points are ordered by segment and along it;
+ * the direction of a point is that of its segment. The view is valid as long as the object that holds the arrays is
+ * not fed again. */
 typedef struct cairn_scan_view {
     const cairn_beam *beams;       /* [beam_count], in order of the input */
     const cairn_segment *segments; /* [segment_count], free side on the left of a -> b */
@@ -80,26 +80,27 @@ CAIRN_CHECKED cairn_status cairn_scan_create(cairn_scan **scan, cairn_pool *pool
 
 /* Checks a sweep, copies it, and forgets the last one. Cost: one linear pass.
  *
- * Beams may come in any order and sense (negative angle_step, `angle` as it likes); beam i is taken at the fraction
- * i / (count - 1) of the motion. Ranges are free to be NaN or infinite, see cairn_beam_kind. When range_sigma is above the
+ * Beams may come in any order and sense (negative angle_step, `angle` as it likes); beam i is taken at the fraction i /
+ * (count - 1) of the motion. Ranges are free to be NaN or infinite, see cairn_beam_kind. When range_sigma is above the
  * fit's sigma, the fit takes it instead, and its s in proportion.
  *
- * CAIRN_BAD_ARGUMENT: NULL, count < 1, range_min < 0, range_max not above it or beyond CAIRN_SCAN_EXTENT, range_sigma < 0,
- * a place or motion beyond CAIRN_SCAN_EXTENT. CAIRN_FULL: count > max_beams. CAIRN_NOT_FINITE: any field but a range is NaN
- * or infinite. *fault, when not NULL, tells what, and in an array where. A refused call changes nothing. */
+ * CAIRN_BAD_ARGUMENT: NULL, count < 1, range_min < 0, range_max not above it or beyond CAIRN_SCAN_EXTENT,
+ * range_sigma < 0, a place or motion beyond CAIRN_SCAN_EXTENT. CAIRN_FULL: count > max_beams. CAIRN_NOT_FINITE: any
+ * field but a range is NaN or infinite. *fault, when not NULL, tells what, and in an array where. A refused call
+ * changes nothing. */
 CAIRN_CHECKED cairn_status cairn_scan_begin(cairn_scan *scan, const cairn_scan_input *input, cairn_fault *fault);
 
-/* Goes on: beams, line fit, orientation, resampling. CAIRN_MORE, CAIRN_OK; CAIRN_BAD_ARGUMENT: NULL. The dearest item costs
- * 4 units. The result does not depend on the budgets. */
+/* Goes on: beams, line fit, orientation, resampling. CAIRN_MORE, CAIRN_OK; CAIRN_BAD_ARGUMENT: NULL. The dearest
+ * item costs 4 units. The result does not depend on the budgets. */
 CAIRN_CHECKED cairn_status cairn_scan_step(cairn_scan *scan, cairn_budget *budget);
 
 /* The result. Empty from begin() until step() returns CAIRN_OK; a scan without a hit has beams and nothing else.
  *
- * Beams: UNKNOWN for a range that is NaN, <= 0, < range_min or -infinity (`to` is `from`); FREE for one > range_max or
- * +infinity; else HIT. The base moves on an arc of constant twist from the identity to `motion`.
- * Segments: in the order of the smallest angle of their hits, which is counter-clockwise.
- * Points: a segment of length L has floor(L / spacing) + 1 places, `spacing` apart and centred, of which those with support
- * are points: a segment shorter than `spacing` has its middle. */
+ * Beams: UNKNOWN for a range that is NaN, <= 0, < range_min or -infinity (`to` is `from`); FREE for one > range_max
+ * or +infinity; else HIT. The base moves on an arc of constant twist from the identity to `motion`. Segments: in the
+ * order of the smallest angle of their hits, which is counter-clockwise. Points: a segment of length L has floor(L /
+ * spacing) + 1 places, `spacing` apart and centred, of which those with support are points: a segment shorter than
+ * `spacing` has its middle. */
 cairn_scan_view cairn_scan_read(const cairn_scan *scan);
 
 /* What the last scan was, and cost. */

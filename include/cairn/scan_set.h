@@ -33,6 +33,7 @@ typedef struct cairn_scan_set_scan {
 typedef struct cairn_scan_set_segment {
     cairn_segment segment;
     cairn_vec2 direction; /* of its points: unit, or zero when it has none */
+    cairn_real spacing;   /* m: point k lies k * spacing along direction from the first, to spacing / 1000; 0: uneven */
     int32_t first_point, end_point;
     int32_t scan;
 } cairn_scan_set_segment;

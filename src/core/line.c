@@ -1,7 +1,7 @@
 /* Orthogonal regression (total least squares) by the principal axis of the weighted scatter about the weighted mean.
  *
- * Sums are taken about the first point of weight > 0 and then about the mean, so that places far from the origin cost no
- * digits. Limits: the squares of all coordinates and of the weights' sum must be representable. */
+ * Sums are taken about the first point of weight > 0 and then about the mean, so that places far from the origin
+ * cost no digits. Limits: the squares of all coordinates and of the weights' sum must be representable. */
 #include "src/core/build.h"
 
 #include <stddef.h>

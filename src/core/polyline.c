@@ -1,13 +1,13 @@
-/* Extended EM line fitting: the object, the canonical order of the points, and the first pieces.
+/* Extended EM line fitting: the object, and the order of its phases.
  *
- * Method: points are sorted by Morton code (ties by coordinates), so that nothing after that depends on their order and
- * neighbours in memory are neighbours in space. First pieces: cells of the quadtree (octree) that the code spells, from
- * coarse to fine, the first on each branch in which all but a few points lie in a band. Then, until nothing changes: E-step,
- * M-step (polyline_em.c), cuts at gaps and bends (polyline_support.c), merging (polyline_merge.c); s shrinks meanwhile.
+ * Method: points are sorted by Morton code (polyline_order.c), so that nothing after that depends on their order and
+ * neighbours in memory are neighbours in space. Cells of the quadtree that the code spells give the first pieces
+ * (polyline_initial.c). Then, until nothing changes: E-step, M-step (polyline_em.c), cuts at gaps and bends
+ * (polyline_support.c), merging (polyline_merge.c); s shrinks meanwhile.
  *
- * Layout: one pool piece per array; a point is three reals also in the plane, z = 0 there.
- * Limits: coordinates up to CAIRN_POLYLINE_EXTENT; points nearer than 2^-20 of the whole extent are still told apart.
- * Source: Adluru 2008, section 2 and refs 168, 170 (Lakaemper and Latecki, extended EM); the quadtree start is ours. */
+ * Layout: one pool piece per array; a point is three reals also in the plane, z = 0 there. Limits: coordinates up to
+ * CAIRN_POLYLINE_EXTENT; points nearer than 2^-20 of the whole extent are still told apart. Source: Adluru 2008,
+ * section 2 and refs 168, 170 (Lakaemper and Latecki, extended EM); the quadtree start is ours. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -57,7 +57,7 @@ static int acceptable(const cairn_polyline_params *p)
 
 static cairn_polyline *carve(cairn_pool *pool, const cairn_polyline_params *p)
 {
-    size_t n = (size_t)p->max_points, m = (size_t)p->max_segments, blocks = (n + BLOCK - 1) / BLOCK;
+    size_t n = (size_t)p->max_points, m = (size_t)p->max_segments, blocks = (n + POLYLINE_BLOCK - 1) / POLYLINE_BLOCK;
     cairn_polyline *x = cairn_pool_take(pool, 1, sizeof *x);
     cairn_real(*raw)[3] = cairn_pool_take(pool, n, sizeof *raw);
     cairn_real(*point)[3] = cairn_pool_take(pool, n, sizeof *point);
@@ -70,8 +70,8 @@ static cairn_polyline *carve(cairn_pool *pool, const cairn_polyline_params *p)
     cairn_real *along = cairn_pool_take(pool, n, sizeof *along);
     cairn_real(*block_min)[3] = cairn_pool_take(pool, blocks, sizeof *block_min);
     cairn_real(*block_max)[3] = cairn_pool_take(pool, blocks, sizeof *block_max);
-    piece *pieces = cairn_pool_take(pool, m, sizeof *pieces);
-    piece *next = cairn_pool_take(pool, m, sizeof *next);
+    polyline_piece *pieces = cairn_pool_take(pool, m, sizeof *pieces);
+    polyline_piece *next = cairn_pool_take(pool, m, sizeof *next);
     int32_t *candidate = cairn_pool_take(pool, m, sizeof *candidate);
     cairn_real *weight = cairn_pool_take(pool, m, sizeof *weight);
     cairn_real(*local)[3] = cairn_pool_take(pool, m, sizeof *local);
@@ -98,7 +98,7 @@ static cairn_polyline *carve(cairn_pool *pool, const cairn_polyline_params *p)
         x->weight = weight;
         x->local = local;
         x->segments = segments;
-        x->phase = DONE;
+        x->phase = POLYLINE_DONE;
         x->converged = 1;
     }
     return x;
@@ -179,7 +179,7 @@ cairn_status cairn_polyline_clear(cairn_polyline *x, cairn_real scale)
     x->changed = x->converged = x->left_out = 0;
     memset(&x->measure, 0, sizeof x->measure);
     x->part = 0;
-    x->phase = KEYS;
+    x->phase = POLYLINE_KEYS;
     x->stage = x->at = 0;
     return CAIRN_OK;
 }
@@ -203,7 +203,7 @@ cairn_status cairn_polyline_add(cairn_polyline *x, const cairn_real *point)
     const char *what;
     cairn_status status;
 
-    if (x == NULL || point == NULL || x->phase != KEYS || x->at > 0)
+    if (x == NULL || point == NULL || x->phase != POLYLINE_KEYS || x->at > 0)
         return CAIRN_BAD_ARGUMENT;
     if (x->count == x->params.max_points)
         return CAIRN_FULL;
@@ -234,11 +234,11 @@ static int project(cairn_polyline *x, cairn_budget *budget)
     for (; x->at < x->count; x->at++) {
         cairn_real local[3];
 
-        if (!pay_four(x, budget, x->at, 4))
+        if (!polyline_pay_four(x, budget, x->at, 4))
             return 0;
         if (x->owner[x->at] < 0)
             continue;
-        piece_local(&x->pieces[x->owner[x->at]], x->params.dim, x->point[x->at], local);
+        polyline_local(&x->pieces[x->owner[x->at]], x->params.dim, x->point[x->at], local);
         x->along[x->at] = local[0];
     }
     x->base = 0;
@@ -249,7 +249,7 @@ static int project(cairn_polyline *x, cairn_budget *budget)
 static int compact(cairn_polyline *x, cairn_budget *budget)
 {
     for (; x->at < x->next_count; x->at++) {
-        if (!pay(x, budget, 8))
+        if (!polyline_pay(x, budget, 8))
             return 0;
         if (x->next[x->at].count > 0)
             x->next[x->other++] = x->next[x->at];
@@ -265,7 +265,7 @@ static int write_result(cairn_polyline *x, cairn_budget *budget)
         for (; x->at < x->piece_count; x->at++) {
             cairn_polyline_segment *segment = &x->segments[x->at];
 
-            if (!pay(x, budget, 4))
+            if (!polyline_pay(x, budget, 4))
                 return 0;
             cairn_polyline_end(&x->pieces[x->at], 0, segment->a);
             cairn_polyline_end(&x->pieces[x->at], 1, segment->b);
@@ -280,12 +280,12 @@ static int write_result(cairn_polyline *x, cairn_budget *budget)
             int32_t owner = x->owner[x->at];
             cairn_real local[3];
 
-            if (!pay(x, budget, 5))
+            if (!polyline_pay(x, budget, 5))
                 return 0;
             x->label[x->source[x->at]] = owner;
             if (owner < 0)
                 continue;
-            piece_local(&x->pieces[owner], x->params.dim, x->point[x->at], local);
+            polyline_local(&x->pieces[owner], x->params.dim, x->point[x->at], local);
             x->segments[owner].count++;
             x->segments[owner].rms += local[1] * local[1] + local[2] * local[2];
         }
@@ -295,7 +295,7 @@ static int write_result(cairn_polyline *x, cairn_budget *budget)
     for (; x->at < x->piece_count; x->at++) {
         cairn_polyline_segment *segment = &x->segments[x->at];
 
-        if (!pay(x, budget, 4))
+        if (!polyline_pay(x, budget, 4))
             return 0;
         if (segment->count > 0)
             segment->rms = cairn_sqrt(segment->rms / (cairn_real)segment->count);
@@ -305,11 +305,11 @@ static int write_result(cairn_polyline *x, cairn_budget *budget)
     return 1;
 }
 
-/* The end of an iteration: what merging left becomes the pieces of the next. Returns the phase to go on with: when s is at
- * its end, points without a piece are twice looked at again, in shifted cells. */
-static phase turn_over(cairn_polyline *x)
+/* The end of an iteration: what merging left becomes the pieces of the next. Returns the phase to go on with: when s
+ * is at its end, points without a piece are twice looked at again, in shifted cells. */
+static polyline_phase turn_over(cairn_polyline *x)
 {
-    piece *swap = x->pieces;
+    polyline_piece *swap = x->pieces;
     int settled;
 
     x->pieces = x->next;
@@ -322,48 +322,48 @@ static phase turn_over(cairn_polyline *x)
     x->moved = 0;
     x->changed = 0;
     if (x->measure.iterations >= x->params.max_iterations)
-        return CLAIM_POINTS;
-    if (x->s <= x->s_last && x->round < ROUNDS - 1) {
+        return POLYLINE_CLAIM_POINTS;
+    if (x->s <= x->s_last && x->round < POLYLINE_ROUNDS - 1) {
         x->round++;
         x->base = x->unclaimed;
-        return LIST;
+        return POLYLINE_LIST;
     }
     if (settled) {
         x->converged = 1;
-        return CLAIM_POINTS;
+        return POLYLINE_CLAIM_POINTS;
     }
     x->s = cairn_max(x->s * x->params.shrink, x->s_last);
-    return EXPECT;
+    return POLYLINE_EXPECT;
 }
 
 /* The phase at hand; 1 when it is through. */
 static int run_phase(cairn_polyline *x, cairn_budget *budget)
 {
     switch (x->phase) {
-    case KEYS:
+    case POLYLINE_KEYS:
         return cairn_polyline_keys(x, budget);
-    case SORT_POINTS:
-    case SORT_LIST:
-    case SORT_SUPPORT:
+    case POLYLINE_SORT_POINTS:
+    case POLYLINE_SORT_LIST:
+    case POLYLINE_SORT_SUPPORT:
         return cairn_polyline_sort(x, budget);
-    case GATHER:
+    case POLYLINE_GATHER:
         return cairn_polyline_gather(x, budget);
-    case LIST:
+    case POLYLINE_LIST:
         return cairn_polyline_list(x, budget);
-    case INITIAL:
+    case POLYLINE_INITIAL:
         return cairn_polyline_initial(x, budget);
-    case EXPECT:
-    case CLAIM_POINTS:
+    case POLYLINE_EXPECT:
+    case POLYLINE_CLAIM_POINTS:
         return cairn_polyline_expect(x, budget);
-    case MAXIMIZE:
+    case POLYLINE_MAXIMIZE:
         return cairn_polyline_maximize(x, budget);
-    case PROJECT:
+    case POLYLINE_PROJECT:
         return project(x, budget);
-    case SUPPORT:
+    case POLYLINE_SUPPORT:
         return cairn_polyline_support(x, budget);
-    case MERGE:
+    case POLYLINE_MERGE:
         return cairn_polyline_merge(x, budget);
-    case COMPACT:
+    case POLYLINE_COMPACT:
         return compact(x, budget);
     default:
         return write_result(x, budget);
@@ -374,10 +374,10 @@ cairn_status cairn_polyline_step(cairn_polyline *x, cairn_budget *budget)
 {
     if (x == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (x->phase != DONE) {
+    while (x->phase != POLYLINE_DONE) {
         if (!run_phase(x, budget))
             return CAIRN_MORE;
-        if (x->phase == COMPACT)
+        if (x->phase == POLYLINE_COMPACT)
             x->phase = turn_over(x);
         else
             x->phase++;

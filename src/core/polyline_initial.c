@@ -1,10 +1,11 @@
-/* The first pieces of a fit: cells of the quadtree (octree) that the Morton order spells, from coarse to fine, the first on
- * each branch in which all but a few points lie in a band.
+/* The first pieces of a fit: cells of the quadtree (octree) that the Morton order spells, from coarse to fine, the
+ * first on each branch in which all but a few points lie in a band.
  *
- * Cells are runs of the sorted points, and the next cell follows from the codes at its border: there is no stack and no
- * tree. A wall that falls into cells with too few points each is found in one of two later rounds, in which the points that
- * no piece claims are listed again in cells shifted by a third (Chan 1998: two points that are near each other share a small
- * cell of one of three such trees). A cell is fitted three times, the last twice to the points in the band alone, so that clutter does not turn it. */
+ * Cells are runs of the sorted points, and the next cell follows from the codes at its border: there is no stack and
+ * no tree. A wall that falls into cells with too few points each is found in one of two later rounds, in which the
+ * points that no piece claims are listed again in cells shifted by a third (Chan 1998: two points that are near each
+ * other share a small cell of one of three such trees). A cell is fitted three times, the last twice to the points
+ * in the band alone, so that clutter does not turn it. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -23,9 +24,9 @@ static int sum_cell(cairn_polyline *x, cairn_budget *budget)
     cairn_real local[3];
 
     for (; x->last < x->count && cell_of(x, x->last, x->level) == cell_of(x, x->first, x->level); x->last++) {
-        if (!pay_four(x, budget, x->last - x->first, 5))
+        if (!polyline_pay_four(x, budget, x->last - x->first, 5))
             return 0;
-        piece_local(&x->made, x->params.dim, x->point[x->order[x->last]], local);
+        polyline_local(&x->made, x->params.dim, x->point[x->order[x->last]], local);
         cairn_polyline_sum(&x->sum, local, 1);
     }
     return 1;
@@ -37,9 +38,9 @@ static int fit_band(cairn_polyline *x, cairn_budget *budget)
     cairn_real local[3];
 
     if (x->other == x->first) {
-        if (!pay(x, budget, x->params.dim == 2 ? 16 : 48))
+        if (!polyline_pay(x, budget, x->params.dim == 2 ? 16 : 48))
             return 0;
-        x->least = CLAIM * x->sigma;
+        x->least = POLYLINE_CLAIM * x->sigma;
         if (x->stage == 2) /* far points may have turned the first line */
             x->least += cairn_sqrt(cairn_polyline_residual(&x->sum) / x->sum.n);
         cairn_polyline_fit(&x->made, &x->sum, x->params.dim);
@@ -48,9 +49,9 @@ static int fit_band(cairn_polyline *x, cairn_budget *budget)
         x->made.high = -CAIRN_REAL_MAX;
     }
     for (; x->other < x->last; x->other++) {
-        if (x->other > x->first && !pay_four(x, budget, x->other - x->first, 6))
+        if (x->other > x->first && !polyline_pay_four(x, budget, x->other - x->first, 6))
             return 0;
-        piece_local(&x->made, x->params.dim, x->point[x->order[x->other]], local);
+        polyline_local(&x->made, x->params.dim, x->point[x->order[x->other]], local);
         if (local[1] * local[1] + local[2] * local[2] > x->least * x->least)
             continue;
         cairn_polyline_sum(&x->sum, local, 1);
@@ -98,7 +99,7 @@ int cairn_polyline_initial(cairn_polyline *x, cairn_budget *budget)
         if (x->stage == 1) {
             if (!sum_cell(x, budget))
                 return 0;
-            if (x->last - x->first < x->params.min_points || side < 2 * CLAIM * x->sigma) {
+            if (x->last - x->first < x->params.min_points || side < 2 * POLYLINE_CLAIM * x->sigma) {
                 next_cell(x);
                 continue;
             }
@@ -110,7 +111,7 @@ int cairn_polyline_initial(cairn_polyline *x, cairn_budget *budget)
             x->stage++;
         }
         if (is_line(x)) {
-            if (!pay(x, budget, 8))
+            if (!polyline_pay(x, budget, 8))
                 return 0;
             x->made.reach_low = x->made.reach_high = x->params.gap;
             x->made.count = cairn_real_to_int(x->sum.n);

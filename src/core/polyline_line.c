@@ -3,7 +3,7 @@
 
 #include "src/core/polyline_work.h"
 
-void cairn_polyline_sum(sums *m, const cairn_real v[3], cairn_real weight)
+void cairn_polyline_sum(polyline_sums *m, const cairn_real v[3], cairn_real weight)
 {
     cairn_real t = weight * v[0], p = weight * v[1], q = weight * v[2];
 
@@ -22,7 +22,7 @@ void cairn_polyline_sum(sums *m, const cairn_real v[3], cairn_real weight)
 }
 
 /* Scatter about the mean, which is also given. n > 0. */
-static cairn_sym3 scatter(const sums *m, cairn_real mean[3])
+static cairn_sym3 scatter(const polyline_sums *m, cairn_real mean[3])
 {
     cairn_sym3 about = m->vv;
 
@@ -32,7 +32,7 @@ static cairn_sym3 scatter(const sums *m, cairn_real mean[3])
     return about;
 }
 
-cairn_real cairn_polyline_residual(const sums *m)
+cairn_real cairn_polyline_residual(const polyline_sums *m)
 {
     cairn_real mean[3], sse;
     cairn_sym3 about = scatter(m, mean);
@@ -44,7 +44,7 @@ cairn_real cairn_polyline_residual(const sums *m)
 }
 
 /* Right-handed frame about axis[0]. */
-static void complete(piece *k, int32_t dim)
+static void complete(polyline_piece *k, int32_t dim)
 {
     cairn_real *u = k->axis[0], *v = k->axis[1], *w = k->axis[2];
     cairn_real norm = cairn_sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]);
@@ -73,7 +73,7 @@ static void complete(piece *k, int32_t dim)
 }
 
 /* Moves the origin to `mean` and turns the frame so that its first axis is `along`; both in the frame of the piece. */
-static void reframe(piece *k, const cairn_real mean[3], const cairn_real along[3], int32_t dim)
+static void reframe(polyline_piece *k, const cairn_real mean[3], const cairn_real along[3], int32_t dim)
 {
     cairn_real mid[3], direction[3];
 
@@ -90,7 +90,7 @@ static void reframe(piece *k, const cairn_real mean[3], const cairn_real along[3
     k->high -= mean[0];
 }
 
-void cairn_polyline_fit(piece *k, const sums *m, int32_t dim)
+void cairn_polyline_fit(polyline_piece *k, const polyline_sums *m, int32_t dim)
 {
     cairn_real mean[3], values[3], vectors[3][3], along[3] = {1, 0, 0};
     cairn_sym3 about = scatter(m, mean);
@@ -114,7 +114,7 @@ void cairn_polyline_fit(piece *k, const sums *m, int32_t dim)
     reframe(k, mean, along, dim);
 }
 
-void cairn_polyline_fit_own(piece *k, const sums *m, int32_t dim)
+void cairn_polyline_fit_own(polyline_piece *k, const polyline_sums *m, int32_t dim)
 {
     cairn_real mean[3], along[3] = {1, 0, 0}, stretch;
     cairn_sym3 about = scatter(m, mean);
@@ -134,7 +134,7 @@ void cairn_polyline_fit_own(piece *k, const sums *m, int32_t dim)
     k->high *= cairn_sqrt(stretch);
 }
 
-void cairn_polyline_end(const piece *k, int32_t which, cairn_real end[3])
+void cairn_polyline_end(const polyline_piece *k, int32_t which, cairn_real end[3])
 {
     cairn_real t = which == 0 ? k->low : k->high;
 
@@ -142,7 +142,7 @@ void cairn_polyline_end(const piece *k, int32_t which, cairn_real end[3])
         end[i] = k->mid[i] + t * k->axis[0][i];
 }
 
-void cairn_polyline_box(piece *k)
+void cairn_polyline_box(polyline_piece *k)
 {
     for (int i = 0; i < 3; i++) {
         cairn_real a = k->mid[i] + (k->low - k->reach_low) * k->axis[0][i];
@@ -162,11 +162,12 @@ cairn_real cairn_polyline_worth(const cairn_polyline *x, cairn_real n, cairn_rea
     return cairn_max(x->params.bend * variance, n * x->sigma * x->sigma / 4);
 }
 
-void cairn_polyline_keep(cairn_polyline *x, piece *list, int32_t *count, const piece *k)
+void cairn_polyline_keep(cairn_polyline *x, polyline_piece *list, int32_t *count, const polyline_piece *k)
 {
     int32_t place = *count;
 
     if (place == x->params.max_segments) {
+        x->part += *count; /* for the search */
         place = 0;
         for (int32_t i = 1; i < *count; i++)
             if (list[i].count <= list[place].count)
@@ -179,7 +180,7 @@ void cairn_polyline_keep(cairn_polyline *x, piece *list, int32_t *count, const p
     }
     list[place] = *k;
     cairn_polyline_box(&list[place]);
-    list[place].soft = (sums){0, {0, 0, 0}, {0, 0, 0, 0, 0, 0}};
+    list[place].soft = (polyline_sums){0, {0, 0, 0}, {0, 0, 0, 0, 0, 0}};
     if (*count > x->measure.peak_segments)
         x->measure.peak_segments = *count;
 }

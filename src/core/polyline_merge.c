@@ -1,15 +1,15 @@
 /* Merging: two pieces become one when a single line does nearly as well for the points of both.
  *
- * The sums of squares of both together follow from those of each and their means, in the frame of the longer one, where
- * what matters is small. A cut must save half as much again as would forbid joining, so that no pair is cut and joined by
- * turns. A pass over all pairs is repeated until it joins none. */
+ * The sums of squares of both together follow from those of each and their means, in the frame of the longer one,
+ * where what matters is small. A cut must save half as much again as would forbid joining, so that no pair is cut
+ * and joined by turns. A pass over all pairs is repeated until it joins none. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/core/polyline_work.h"
 
-static int boxes_meet(const piece *a, const piece *b, cairn_real by)
+static int boxes_meet(const polyline_piece *a, const polyline_piece *b, cairn_real by)
 {
     for (int j = 0; j < 3; j++)
         if (a->box_min[j] > b->box_max[j] + by || b->box_min[j] > a->box_max[j] + by)
@@ -18,11 +18,12 @@ static int boxes_meet(const piece *a, const piece *b, cairn_real by)
 }
 
 /* Own points of `light` added to those of `heavy`, as sums in the frame of heavy. */
-static sums sums_of_both(const piece *heavy, const piece *light, const cairn_real along[3], const cairn_real mean[3])
+static polyline_sums sums_of_both(const polyline_piece *heavy, const polyline_piece *light, const cairn_real along[3],
+                                  const cairn_real mean[3])
 {
     cairn_real n1 = (cairn_real)heavy->count, n2 = (cairn_real)light->count;
     cairn_real across = cairn_max(1 - along[0] * along[0], 0);
-    sums both = {0, {0, 0, 0}, {0, 0, 0, 0, 0, 0}};
+    polyline_sums both = {0, {0, 0, 0}, {0, 0, 0, 0, 0, 0}};
 
     cairn_polyline_sum(&both, heavy->own, n1);
     cairn_polyline_sum(&both, mean, n2);
@@ -40,15 +41,15 @@ typedef struct ends {
     cairn_real across; /* square of the larger distance from the other's line */
 } ends;
 
-static ends ends_in(const cairn_polyline *x, const piece *heavy, const piece *light)
+static ends ends_in(const cairn_polyline *x, const polyline_piece *heavy, const polyline_piece *light)
 {
     ends e = {{0, 0, 0}, {0, 0, 0}, light->reach_low, light->reach_high, 0};
     cairn_real low[3], high[3], local[2][3];
 
     cairn_polyline_end(light, 0, low);
     cairn_polyline_end(light, 1, high);
-    piece_local(heavy, x->params.dim, low, local[0]);
-    piece_local(heavy, x->params.dim, high, local[1]);
+    polyline_local(heavy, x->params.dim, low, local[0]);
+    polyline_local(heavy, x->params.dim, high, local[1]);
     if (local[1][0] < local[0][0]) {
         e.reach_lower = light->reach_high;
         e.reach_upper = light->reach_low;
@@ -63,7 +64,7 @@ static ends ends_in(const cairn_polyline *x, const piece *heavy, const piece *li
 }
 
 /* 1 when the hole between two pieces, if there is one, is no longer than both reach. */
-static int adjoin(const piece *heavy, const ends *e)
+static int adjoin(const polyline_piece *heavy, const ends *e)
 {
     if (e->lower[0] > heavy->high)
         return e->lower[0] - heavy->high <= cairn_min(heavy->reach_high, e->reach_lower);
@@ -73,13 +74,13 @@ static int adjoin(const piece *heavy, const ends *e)
 }
 
 /* Joins b to a when one line does for both; b is then left empty. */
-static int join(cairn_polyline *x, piece *a, piece *b)
+static int join(cairn_polyline *x, polyline_piece *a, polyline_piece *b)
 {
-    const piece *heavy = b->tt > a->tt ? b : a, *light = heavy == a ? b : a;
-    piece both = *heavy;
+    const polyline_piece *heavy = b->tt > a->tt ? b : a, *light = heavy == a ? b : a;
+    polyline_piece both = *heavy;
     cairn_real along[3] = {0, 0, 0}, mean[3], world[3], saved;
     int within;
-    sums m;
+    polyline_sums m;
     ends e;
 
     for (int i = 0; i < 3; i++)
@@ -93,7 +94,7 @@ static int join(cairn_polyline *x, piece *a, piece *b)
     for (int i = 0; i < 3; i++)
         world[i] = light->mid[i] + light->own[0] * light->axis[0][i] + light->own[1] * light->axis[1][i] +
                    light->own[2] * light->axis[2][i];
-    piece_local(heavy, x->params.dim, world, mean);
+    polyline_local(heavy, x->params.dim, world, mean);
     m = sums_of_both(heavy, light, along, mean);
     saved = cairn_polyline_residual(&m) - heavy->sse - light->sse;
     /* Of two pieces that lie in each other's noise, each has taken the points on its side: their sums say nothing. */
@@ -125,10 +126,10 @@ int cairn_polyline_merge(cairn_polyline *x, cairn_budget *budget)
             if (x->other <= x->at)
                 x->other = x->at + 1;
             for (; x->next[x->at].count > 0 && x->other < x->next_count; x->other++) {
-                piece *a = &x->next[x->at], *b = &x->next[x->other];
+                polyline_piece *a = &x->next[x->at], *b = &x->next[x->other];
                 int meet;
 
-                if (!pay(x, budget, 2))
+                if (!polyline_pay(x, budget, 2))
                     return 0;
                 meet = b->count > 0 && boxes_meet(a, b, x->params.merge_distance);
                 if (meet)

@@ -1,7 +1,7 @@
 /* Orders of the points of a fit: the canonical one, that of unclaimed points in shifted cells, that by piece and place.
  *
- * All are total and come from one merge sort in steps. Morton codes interleave the bits of cell numbers; points in one cell
- * are told apart by their coordinates, so that the canonical order does not depend on that of the input. */
+ * All are total and come from one merge sort in steps. Morton codes interleave the bits of cell numbers; points in
+ * one cell are told apart by their coordinates, so that the canonical order does not depend on that of the input. */
 #include "src/core/build.h"
 
 #include "src/core/polyline_work.h"
@@ -40,7 +40,7 @@ static uint64_t morton(const cairn_polyline *x, const cairn_real p[3])
 int cairn_polyline_keys(cairn_polyline *x, cairn_budget *budget)
 {
     for (; x->at < x->count; x->at++) {
-        if (!pay(x, budget, 6))
+        if (!polyline_pay(x, budget, 6))
             return 0;
         x->key[x->at] = morton(x, x->raw[x->at]);
         x->order[x->at] = x->at;
@@ -48,14 +48,14 @@ int cairn_polyline_keys(cairn_polyline *x, cairn_budget *budget)
     return 1;
 }
 
-/* Keys of the listed points, in cells that are shifted anew; in round 0 they are the codes by which all points are sorted
- * already. */
+/* Keys of the listed points, in cells that are shifted anew; in round 0 they are the codes by which all points are
+ * sorted already. */
 int cairn_polyline_list(cairn_polyline *x, cairn_budget *budget)
 {
     for (; x->base + x->at < x->count; x->at++) {
         int32_t i = x->order[x->base + x->at];
 
-        if (!pay(x, budget, 6))
+        if (!polyline_pay(x, budget, 6))
             return 0;
         x->key[i] = morton(x, x->point[i]);
     }
@@ -90,13 +90,14 @@ static int support_before(const cairn_polyline *x, int32_t a, int32_t b)
 
 static int before(const cairn_polyline *x, int32_t a, int32_t b)
 {
-    if (x->phase == SORT_SUPPORT)
+    if (x->phase == POLYLINE_SORT_SUPPORT)
         return support_before(x, a, b);
-    return x->phase == SORT_POINTS ? point_before(x, a, b) : unclaimed_before(x, a, b);
+    return x->phase == POLYLINE_SORT_POINTS ? point_before(x, a, b) : unclaimed_before(x, a, b);
 }
 
-/* Natural merge sort of order[base ... count-1]: linear when the order of the last iteration still nearly holds. Stage 0
- * looks for the end of a run, 1 for that of the next, 2 merges both from one array into the other, 3 copies the end back. */
+/* Natural merge sort of order[base ... count-1]: linear when the order of the last iteration still nearly holds.
+ * Stage 0 looks for the end of a run, 1 for that of the next, 2 merges both from one array into the other, 3 copies
+ * the end back. */
 int cairn_polyline_sort(cairn_polyline *x, cairn_budget *budget)
 {
     int32_t n = x->count - x->base;
@@ -107,7 +108,7 @@ int cairn_polyline_sort(cairn_polyline *x, cairn_budget *budget)
 
         if (x->sort.stage == 0) {
             while (x->sort.middle < n && !before(x, from[x->sort.middle], from[x->sort.middle - 1])) {
-                if (!pay_four(x, budget, x->sort.middle, 3))
+                if (!polyline_pay_four(x, budget, x->sort.middle, 3))
                     return 0;
                 x->sort.middle++;
             }
@@ -116,7 +117,7 @@ int cairn_polyline_sort(cairn_polyline *x, cairn_budget *budget)
         }
         if (x->sort.stage == 1) {
             while (x->sort.end < n && !before(x, from[x->sort.end], from[x->sort.end - 1])) {
-                if (!pay_four(x, budget, x->sort.end, 3))
+                if (!polyline_pay_four(x, budget, x->sort.end, 3))
                     return 0;
                 x->sort.end++;
             }
@@ -128,7 +129,7 @@ int cairn_polyline_sort(cairn_polyline *x, cairn_budget *budget)
         while (x->sort.stage == 2 && x->sort.out < x->sort.end) {
             int32_t left = x->sort.left, right = x->sort.right;
 
-            if (!pay_four(x, budget, x->sort.out, 4))
+            if (!polyline_pay_four(x, budget, x->sort.out, 4))
                 return 0;
             if (left < x->sort.middle && (right >= x->sort.end || !before(x, from[right], from[left]))) {
                 to[x->sort.out++] = from[left];
@@ -149,7 +150,7 @@ int cairn_polyline_sort(cairn_polyline *x, cairn_budget *budget)
         }
     }
     for (; x->sort.swapped && x->at < n; x->at++) {
-        if (!pay(x, budget, 1))
+        if (!polyline_pay(x, budget, 1))
             return 0;
         x->order[x->base + x->at] = x->spare[x->base + x->at];
     }
@@ -159,14 +160,14 @@ int cairn_polyline_sort(cairn_polyline *x, cairn_budget *budget)
 int cairn_polyline_gather(cairn_polyline *x, cairn_budget *budget)
 {
     for (; x->at < x->count; x->at++) {
-        int32_t block = x->at / BLOCK, raw = x->order[x->at];
+        int32_t block = x->at / POLYLINE_BLOCK, raw = x->order[x->at];
 
-        if (!pay(x, budget, 4))
+        if (!polyline_pay(x, budget, 4))
             return 0;
         x->source[x->at] = raw;
         for (int j = 0; j < 3; j++) {
             cairn_real value = x->raw[raw][j];
-            int first = x->at % BLOCK == 0;
+            int first = x->at % POLYLINE_BLOCK == 0;
 
             x->point[x->at][j] = value;
             x->block_min[block][j] = first ? value : cairn_min(x->block_min[block][j], value);

@@ -1,7 +1,7 @@
 /* The support of the pieces: extent, cuts at gaps, cuts at bends, and the end of those with too little.
  *
- * Points come sorted by piece and place. A run without a gap is summed, then swept by a cut that shows the residual of two
- * lines in place of one (sums left of the cut, the rest right of it). */
+ * Points come sorted by piece and place. A run without a gap is summed, then swept by a cut that shows the residual
+ * of two lines in place of one (sums left of the cut, the rest right of it). */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -22,8 +22,8 @@ static cairn_real reach_of(const cairn_polyline *x, cairn_real spacing)
     return cairn_min(cairn_max(x->params.gap, x->params.gap_factor * spacing), x->params.gap_max);
 }
 
-/* The longer of the up to two distances between points from ... from + 2 * way that lie in [first, last); -1 when there is
- * none. */
+/* The longer of the up to two distances between points from ... from + 2 * way that lie in [first, last); -1 when
+ * there is none. */
 static cairn_real spacing(const cairn_polyline *x, int32_t from, int32_t way, int32_t first, int32_t last)
 {
     cairn_real longest = -1;
@@ -33,8 +33,8 @@ static cairn_real spacing(const cairn_polyline *x, int32_t from, int32_t way, in
     return longest;
 }
 
-/* 1 when the points i and i + 1 of a run that starts at `first` and has points up to `last` are too far apart: farther than
- * either side, as far as it has distances, bears out. */
+/* 1 when the points i and i + 1 of a run that starts at `first` and has points up to `last` are too far apart:
+ * farther than either side, as far as it has distances, bears out. */
 static int is_gap(const cairn_polyline *x, int32_t i, int32_t first, int32_t last)
 {
     cairn_real distance = place(x, i + 1) - place(x, i), reach = x->params.gap_max, side;
@@ -56,9 +56,9 @@ static int32_t owner_at(const cairn_polyline *x, int32_t i)
 }
 
 /* Points first ... last-1 of the piece `owner`, whose sums are m, become a piece of the next iteration. */
-static void emit(cairn_polyline *x, int32_t owner, int32_t first, int32_t last, const sums *m, int cut)
+static void emit(cairn_polyline *x, int32_t owner, int32_t first, int32_t last, const polyline_sums *m, int cut)
 {
-    const piece *k = &x->pieces[owner];
+    const polyline_piece *k = &x->pieces[owner];
 
     x->made = *k;
     x->made.low = place(x, first);
@@ -85,9 +85,9 @@ static void emit(cairn_polyline *x, int32_t owner, int32_t first, int32_t last, 
 }
 
 /* The sums of the points right of a cut. */
-static sums rest_of(const sums *all, const sums *left)
+static polyline_sums rest_of(const polyline_sums *all, const polyline_sums *left)
 {
-    sums rest = *all;
+    polyline_sums rest = *all;
 
     rest.n -= left->n;
     for (int j = 0; j < 3; j++)
@@ -106,7 +106,7 @@ static void try_cut(cairn_polyline *x)
 {
     const cairn_polyline_params *p = &x->params;
     int32_t i = x->inner;
-    sums rest;
+    polyline_sums rest;
     cairn_real sse;
 
     if (i + 1 - x->first < p->min_points || x->last - i - 1 < p->min_points ||
@@ -127,7 +127,7 @@ static int find_run(cairn_polyline *x, cairn_budget *budget, int32_t owner)
     for (; owner_at(x, x->last) == owner; x->last++) {
         int32_t known = x->last + 1; /* of the points to the right, as many as a gap looks at */
 
-        if (!pay(x, budget, 6))
+        if (!polyline_pay(x, budget, 6))
             return 0;
         while (known < x->last + 3 && owner_at(x, known) == owner)
             known++;
@@ -165,9 +165,9 @@ int cairn_polyline_support(cairn_polyline *x, cairn_budget *budget)
             }
         }
         for (; x->stage == 2 && x->inner < x->last; x->inner++) {
-            if (!pay_four(x, budget, x->inner - x->first, 5))
+            if (!polyline_pay_four(x, budget, x->inner - x->first, 5))
                 return 0;
-            piece_local(&x->pieces[owner], x->params.dim, x->point[x->order[x->inner]], local);
+            polyline_local(&x->pieces[owner], x->params.dim, x->point[x->order[x->inner]], local);
             cairn_polyline_sum(&x->sum, local, 1);
         }
         sse = cairn_polyline_residual(&x->sum);
@@ -180,17 +180,17 @@ int cairn_polyline_support(cairn_polyline *x, cairn_budget *budget)
             x->inner = x->first;
         }
         for (; x->stage == 3 && x->inner < x->last; x->inner++) {
-            if (!pay(x, budget, 14))
+            if (!polyline_pay(x, budget, 14))
                 return 0;
-            piece_local(&x->pieces[owner], x->params.dim, x->point[x->order[x->inner]], local);
+            polyline_local(&x->pieces[owner], x->params.dim, x->point[x->order[x->inner]], local);
             cairn_polyline_sum(&x->left, local, 1);
             try_cut(x);
         }
         x->stage = 4;
-        if (!pay(x, budget, 24))
+        if (!polyline_pay(x, budget, 24))
             return 0;
         if (x->best_at >= 0 && sse - x->best_sse > CUT * cairn_polyline_worth(x, x->sum.n, x->best_sse)) {
-            sums rest = rest_of(&x->sum, &x->best_left);
+            polyline_sums rest = rest_of(&x->sum, &x->best_left);
 
             emit(x, owner, x->first, x->best_at + 1, &x->best_left, 1);
             emit(x, owner, x->best_at + 1, x->last, &rest, 1);

@@ -6,28 +6,30 @@
 #include "cairn/small_matrix.h"
 
 /* Points of a block share one list of candidate pieces. */
-#define BLOCK 8
+#define POLYLINE_BLOCK 8
 
 /* Bits of the Morton code per axis. */
 #define POLYLINE_LEVELS 20
 
 /* Searches for first pieces: of all points, then twice of those without one. */
-#define ROUNDS 3
+#define POLYLINE_ROUNDS 3
 
-/* Half width of the band in which a piece claims points, in s. exp(-CLAIM^2 / 2) is the weight of "no piece at all". */
-#define CLAIM        3
-#define NOISE_WEIGHT CAIRN_REAL(0.011108996538242306)
+/* Half width of the band in which a piece claims points, in s. exp(-POLYLINE_CLAIM^2 / 2) is the weight of "no piece
+ * at all". */
+#define POLYLINE_CLAIM 3
+#define POLYLINE_NOISE CAIRN_REAL(0.011108996538242306)
 
 /* Weighted sums of points in some frame. */
-typedef struct sums {
+typedef struct polyline_sums {
     cairn_real n;
     cairn_real v[3];
     cairn_sym3 vv;
-} sums;
+} polyline_sums;
 
-/* A line with its extent: points mid + t axis[0], low <= t <= high. axis[1] and axis[2] complete a right-handed frame; in
- * the plane axis[2] is (0, 0, 1). All sums are taken in this frame, where distances to the line are small numbers. */
-typedef struct piece {
+/* A line with its extent: points mid + t axis[0], low <= t <= high. axis[1] and axis[2] complete a right-handed
+ * frame; in the plane axis[2] is (0, 0, 1). All sums are taken in this frame, where distances to the line are small
+ * numbers. */
+typedef struct polyline_piece {
     cairn_real mid[3], axis[3][3];
     cairn_real low, high;
     cairn_real reach_low, reach_high;  /* how far beyond its ends the next point may lie */
@@ -36,27 +38,27 @@ typedef struct piece {
     cairn_real own[3];  /* mean, in this frame */
     cairn_real tt, sse; /* sums of squares along and across the line about that mean */
     int32_t count;
-    sums soft; /* of all points, each with its responsibility */
-} piece;
+    polyline_sums soft; /* of all points, each with its responsibility */
+} polyline_piece;
 
-typedef enum phase {
-    KEYS,
-    SORT_POINTS,
-    GATHER,
-    LIST,
-    SORT_LIST,
-    INITIAL,
-    EXPECT,
-    MAXIMIZE,
-    PROJECT,
-    SORT_SUPPORT,
-    SUPPORT,
-    MERGE,
-    COMPACT, /* and back to EXPECT */
-    CLAIM_POINTS,
-    WRITE,
-    DONE
-} phase;
+typedef enum polyline_phase {
+    POLYLINE_KEYS,
+    POLYLINE_SORT_POINTS,
+    POLYLINE_GATHER,
+    POLYLINE_LIST,
+    POLYLINE_SORT_LIST,
+    POLYLINE_INITIAL,
+    POLYLINE_EXPECT,
+    POLYLINE_MAXIMIZE,
+    POLYLINE_PROJECT,
+    POLYLINE_SORT_SUPPORT,
+    POLYLINE_SUPPORT,
+    POLYLINE_MERGE,
+    POLYLINE_COMPACT, /* and back to POLYLINE_EXPECT */
+    POLYLINE_CLAIM_POINTS,
+    POLYLINE_WRITE,
+    POLYLINE_DONE
+} polyline_phase;
 
 struct cairn_polyline {
     cairn_polyline_params params;
@@ -71,7 +73,7 @@ struct cairn_polyline {
     cairn_real *along; /* [max_points] place on that piece */
     cairn_real (*block_min)[3], (*block_max)[3];
     /* Pieces of this and of the next iteration. */
-    piece *pieces, *next;
+    polyline_piece *pieces, *next;
     int32_t *candidate;
     cairn_real *weight;     /* [max_segments] of the point at hand for each candidate, ... */
     cairn_real (*local)[3]; /* ... and where it is in the candidate's frame */
@@ -92,22 +94,22 @@ struct cairn_polyline {
     cairn_polyline_measure measure;
 
     /* Where the phase at hand stands. Its cursors start at 0; what they count is said where they are used. */
-    phase phase;
+    polyline_phase phase;
     int32_t stage, at, other, inner, first, last, level;
     int32_t part; /* sixteenths of a unit that are used but not yet charged */
-    int32_t candidates, best, adopter;
+    int32_t candidates, best, adopter, adopting;
     cairn_real total, least, adopter_least;
-    sums sum, left, best_left;
+    polyline_sums sum, left, best_left;
     cairn_real best_sse;
     int32_t best_at;
-    piece made;
+    polyline_piece made;
     struct {
         int32_t stage, swapped, start, middle, end, left, right, out;
     } sort;
 };
 
 /* Charges `sixteenths` of a unit; 0 when the budget is used up and the item at hand must wait. */
-static inline int pay(cairn_polyline *x, cairn_budget *budget, int32_t sixteenths)
+static inline int polyline_pay(cairn_polyline *x, cairn_budget *budget, int32_t sixteenths)
 {
     if (budget->left <= 0)
         return 0;
@@ -123,13 +125,13 @@ static inline int pay(cairn_polyline *x, cairn_budget *budget, int32_t sixteenth
 }
 
 /* The same for every fourth of items that cost so little that asking for each would show; `i` counts them. */
-static inline int pay_four(cairn_polyline *x, cairn_budget *budget, int32_t i, int32_t sixteenths)
+static inline int polyline_pay_four(cairn_polyline *x, cairn_budget *budget, int32_t i, int32_t sixteenths)
 {
-    return i % 4 != 0 || pay(x, budget, 4 * sixteenths);
+    return i % 4 != 0 || polyline_pay(x, budget, 4 * sixteenths);
 }
 
 /* Coordinates of a point in the frame of a piece. */
-static inline void piece_local(const piece *k, int32_t dim, const cairn_real p[3], cairn_real local[3])
+static inline void polyline_local(const polyline_piece *k, int32_t dim, const cairn_real p[3], cairn_real local[3])
 {
     cairn_real dx = p[0] - k->mid[0], dy = p[1] - k->mid[1], dz;
 
@@ -144,29 +146,29 @@ static inline void piece_local(const piece *k, int32_t dim, const cairn_real p[3
     local[2] = k->axis[2][0] * dx + k->axis[2][1] * dy + k->axis[2][2] * dz;
 }
 
-void cairn_polyline_sum(sums *m, const cairn_real v[3], cairn_real weight);
+void cairn_polyline_sum(polyline_sums *m, const cairn_real v[3], cairn_real weight);
 
 /* Sum of squares across the regression line of sums taken in a frame nearly along that line. */
-cairn_real cairn_polyline_residual(const sums *m);
+cairn_real cairn_polyline_residual(const polyline_sums *m);
 
 /* Turns the frame of a piece to the principal axis of sums taken in that frame, keeping its sense; its ends stay. */
-void cairn_polyline_fit(piece *k, const sums *m, int32_t dim);
+void cairn_polyline_fit(polyline_piece *k, const polyline_sums *m, int32_t dim);
 
-/* Makes a piece of sums of its own points, taken in its frame: regression on t, then own, tt, sse, count. low and high are
- * places in the old frame and are carried over. */
-void cairn_polyline_fit_own(piece *k, const sums *m, int32_t dim);
+/* Makes a piece of sums of its own points, taken in its frame: regression on t, then own, tt, sse, count. low and
+ * high are places in the old frame and are carried over. */
+void cairn_polyline_fit_own(polyline_piece *k, const polyline_sums *m, int32_t dim);
 
 /* Sets box_min and box_max. */
-void cairn_polyline_box(piece *k);
+void cairn_polyline_box(polyline_piece *k);
 
 /* The end of a piece, 0 at low and 1 at high. */
-void cairn_polyline_end(const piece *k, int32_t which, cairn_real end[3]);
+void cairn_polyline_end(const polyline_piece *k, int32_t which, cairn_real end[3]);
 
 /* Sum of squares that a second line must save, for n points of which two lines leave `sse`. */
 cairn_real cairn_polyline_worth(const cairn_polyline *x, cairn_real n, cairn_real sse);
 
 /* Appends to list[*count]; when it is full, the piece of fewest points gives way. */
-void cairn_polyline_keep(cairn_polyline *x, piece *list, int32_t *count, const piece *k);
+void cairn_polyline_keep(cairn_polyline *x, polyline_piece *list, int32_t *count, const polyline_piece *k);
 
 /* The phases; each returns 1 when it is through and 0 when the budget is used up. */
 int cairn_polyline_keys(cairn_polyline *x, cairn_budget *budget);

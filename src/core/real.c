@@ -269,15 +269,6 @@ cairn_real cairn_erfc(cairn_real x)
     return x < 0 ? 2 - tail : tail;
 }
 
-int32_t cairn_real_to_int(cairn_real x)
-{
-    if (!(x > CAIRN_REAL(-2147483648.0)))
-        return x != x ? 0 : INT32_MIN;
-    if (x >= CAIRN_REAL(2147483648.0))
-        return INT32_MAX;
-    return (int32_t)x;
-}
-
 cairn_real cairn_wrap_angle(cairn_real x)
 {
     if (x > -PI_HIGH && x <= PI_HIGH)

@@ -5,7 +5,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-void cairn_assertion_failed(const char *condition, const char *file, int line);
+#include "src/host/assertion.h"
+
 void cairn_assertion_failed(const char *condition, const char *file, int line)
 {
     fprintf(stderr, "%s:%d: internal error: %s does not hold\n", file, line, condition);

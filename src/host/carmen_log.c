@@ -16,8 +16,8 @@
 #include <string.h>
 
 #include "cairn/carmen_log.h"
-#include "src/host/carmen_message.h"
-#include "src/host/line_reader.h"
+#include "src/host/carmen_log_message.h"
+#include "src/host/carmen_log_reader.h"
 
 #define BINS           100000
 #define BINS_PER_METRE 100

@@ -10,8 +10,8 @@
 #include "cairn/map_file.h"
 #include "cairn/number_text.h"
 #include "cairn/output.h"
-#include "src/host/image_file.h"
-#include "src/host/line_reader.h"
+#include "src/host/map_file_image.h"
+#include "src/host/carmen_log_reader.h"
 
 #define PIXEL_FREE    254
 #define PIXEL_UNKNOWN 205

@@ -8,7 +8,7 @@
 #include "cairn/number_text.h"
 #include "cairn/output.h"
 #include "cairn/pose_table.h"
-#include "src/host/line_reader.h"
+#include "src/host/carmen_log_reader.h"
 
 enum { COLUMN_INDEX, COLUMN_LINE, COLUMN_TIME, COLUMN_X, COLUMN_Y, COLUMN_THETA, COLUMN_FIRST_COVARIANCE };
 enum { COLUMN_SUPPORT = 12, COLUMN_VERDICT = 13, COLUMNS = 14, COLUMNS_READ = 64, COVARIANCES = 6 };

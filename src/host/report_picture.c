@@ -3,7 +3,7 @@
 
 #include <stdlib.h>
 
-#include "src/host/image_file.h"
+#include "src/host/map_file_image.h"
 #include "src/host/report_picture.h"
 
 #define SAMPLES_PER_PIXEL 2

@@ -12,7 +12,7 @@
 
 #include <string.h>
 
-#include "src/mapping/force_iteration.h"
+#include "src/mapping/force_field_iteration.h"
 
 enum { MAX_CORNERS = 1 << 24 };
 

@@ -1,6 +1,6 @@
 /* The pair loop of force field simulation.
  *
- * Method: exp(-s) = exp(-i) exp(-j/32) exp(-d) with s = i + j/32 + d, from two tables and a short Taylor series; s is at
+ * Method: exp(-s) = exp(-i) exp(-j/64) exp(d) with s = i + j/64 - d, from two tables and a short Taylor series; s is at
  * most reach^2 / 2 = 18, so neither underflow nor scaling can occur. The potential takes erfc(x) = erfc(x0) - 2/sqrt(pi)
  * times the integral of exp(-t^2) from the nearest node x0 of a table to x, by the two-point Hermite rule with two
  * derivatives, whose end values are in the table and at hand: no second exponential.
@@ -10,11 +10,13 @@
 
 #include "cairn/force_kernel.h"
 
-enum { COARSE = 20, FINE = 32, NODES = 69 };
+enum { COARSE = 20, FINE = 64, NODES = 69 };
 
 /* 1 / sqrt(2 pi), 1 / sqrt(2), 1 / sqrt(pi) */
 #define INVERSE_SQRT_2PI CAIRN_REAL(0.39894228040143267794)
 #define INVERSE_SQRT_2   CAIRN_REAL(0.70710678118654752440)
+#define FIFTH            (CAIRN_REAL(1.0) / 5)
+#define SIXTH            (CAIRN_REAL(1.0) / 6)
 #define INVERSE_SQRT_PI  CAIRN_REAL(0.56418958354775628695)
 
 cairn_vec2 cairn_force_kernel_pair(cairn_oriented_point p1, cairn_oriented_point p2, cairn_real m1, cairn_real m2,
@@ -48,25 +50,23 @@ void cairn_force_kernel_init(cairn_force_kernel *kernel)
 void cairn_force_kernel_set(cairn_force_kernel *kernel, cairn_real sigma, cairn_real reach)
 {
     kernel->scale = 1 / (2 * sigma * sigma);
+    kernel->root_scale = INVERSE_SQRT_2 / sigma;
     kernel->norm = INVERSE_SQRT_2PI / sigma;
     kernel->limit_squared = reach * sigma * (reach * sigma);
 }
 
-/* exp(-s), 0 <= s < COARSE. */
+/* exp(-s), 0 <= s < COARSE - 1. */
 static inline cairn_real decay(const cairn_force_kernel *kernel, cairn_real s)
 {
-    int32_t k = cairn_real_to_int(s * FINE);
-    cairn_real d = s - (cairn_real)k / FINE; /* 0 ... 1/32 */
+    uint32_t k = (uint32_t)cairn_real_to_int(s * FINE + CAIRN_REAL(0.5));
+    cairn_real d = (cairn_real)(int32_t)k * (CAIRN_REAL(1.0) / FINE) - s; /* within 1/128 */
     cairn_real series;
 
-    CAIRN_ASSERT(k >= 0 && k < COARSE * FINE);
+    CAIRN_ASSERT(k < COARSE * FINE);
 #ifdef CAIRN_FLOAT
-    series = 1 - d * (1 - d * (CAIRN_REAL(1.0) / 2 - d * (CAIRN_REAL(1.0) / 6)));
+    series = 1 + (d + d * d * CAIRN_REAL(0.5));
 #else
-    series =
-        1 - d * (1 - d * (CAIRN_REAL(1.0) / 2 -
-                          d * (CAIRN_REAL(1.0) / 6 - d * (CAIRN_REAL(1.0) / 24 -
-                                                          d * (CAIRN_REAL(1.0) / 120 - d * (CAIRN_REAL(1.0) / 720))))));
+    series = 1 + (d + d * d * (CAIRN_REAL(1.0) / 2 + d * (CAIRN_REAL(1.0) / 6 + d * (CAIRN_REAL(1.0) / 24))));
 #endif
     return kernel->coarse[k / FINE] * (kernel->fine[k % FINE] * series);
 }
@@ -93,34 +93,37 @@ cairn_status cairn_force_kernel_row(const cairn_force_kernel *kernel, const cair
     const cairn_real *restrict mass = points->mass;
     cairn_vec2 *restrict force = points->force;
     cairn_vec2 p = position[i], f = force[i];
-    cairn_real weight = mass[i] * c, limit = kernel->limit_squared;
-    int32_t j = *next;
+    cairn_real limit = kernel->limit_squared, scale = kernel->scale;
+    cairn_real weight = mass[i] * c, strength = weight * kernel->norm, potential = sum->potential;
+    int32_t j = *next, left = budget->left, pairs = 0;
 
-    while (j < end && budget->left > 0) {
-        int32_t stop = end - j > 4 ? j + 4 : end;
+    while (j < end && left > 0) {
+        int32_t stop = end - j > 4 ? j + 4 : end, before = pairs;
 
-        budget->left--;
         for (; j < stop; j++) {
-            cairn_vec2 to = cairn_vec2_sub(position[j], p);
-            cairn_real square = cairn_vec2_norm_squared(to), r, e, w;
+            cairn_real x = position[j].x - p.x, y = position[j].y - p.y, square = x * x + y * y, r, e, v;
 
             if (square > limit)
                 continue;
-            budget->left--;
-            sum->pairs++;
+            pairs++;
             r = cairn_sqrt(square);
-            e = decay(kernel, square * kernel->scale);
-            w = weight * mass[j];
+            e = decay(kernel, square * scale);
             if (with_potential)
-                sum->potential -= w / 2 * complementary(kernel, cairn_sqrt(square * kernel->scale), e);
+                potential -= weight * mass[j] / 2 * complementary(kernel, r * kernel->root_scale, e);
             if (r < CAIRN_FORCE_KERNEL_NEAR)
                 continue;
-            to = cairn_vec2_scale(to, w * kernel->norm * e / r);
-            f = cairn_vec2_add(f, to);
-            force[j] = cairn_vec2_sub(force[j], to);
+            v = strength * mass[j] * e / r;
+            f.x += v * x;
+            f.y += v * y;
+            force[j].x -= v * x;
+            force[j].y -= v * y;
         }
+        left -= 1 + pairs - before;
     }
     force[i] = f;
+    sum->potential = potential;
+    sum->pairs += pairs;
+    budget->left = left;
     *next = j;
     return j < end ? CAIRN_MORE : CAIRN_OK;
 }

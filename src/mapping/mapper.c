@@ -16,58 +16,7 @@
 
 #include <string.h>
 
-#include "cairn/mapper.h"
-
-typedef int32_t phase;
-enum {
-    IDLE = 0,
-    FIT,          /* lines of the new scan */
-    SELECT,       /* key scans near the predicted pose */
-    TARGET,       /* local map out of them */
-    MATCH,        /* from the prediction */
-    MATCH_MOTION, /* from the last motion */
-    KEEP,         /* result, and a key scan if it is one */
-    WINDOW,       /* key scans into the force field */
-    FIELD
-};
-
-struct cairn_mapper {
-    cairn_mapper_params params;
-    cairn_scan *scan;
-    cairn_icp *icp;
-    cairn_force_field *field;
-    cairn_scan_set *keys;
-    cairn_pose *key_pose; /* [max_keys] map_key */
-    /* One key scan on its way into the local map or the force field. */
-    cairn_oriented_point *oriented; /* [scan.max_points] */
-    cairn_segment *segments;        /* [scan.max_segments] */
-    int32_t *first_point;           /* [scan.max_segments + 1] */
-
-    phase phase;
-    int32_t cursor; /* within the phase */
-    int32_t full;
-
-    int32_t has_odometry; /* of the scan at hand */
-    cairn_pose odometry;
-    cairn_pose motion; /* predicted by odometry or by the last motion */
-    cairn_pose predicted;
-    cairn_pose repeated; /* pose by the last motion */
-
-    int32_t had_odometry; /* of the scan before */
-    cairn_pose last_odometry;
-    cairn_pose last_motion;
-
-    int32_t local[CAIRN_MAPPER_LOCAL_MOST]; /* key scans of the local map, the last ones first, then by distance */
-    cairn_real local_distance[CAIRN_MAPPER_LOCAL_MOST];
-    int32_t local_count;
-    int32_t target_stale; /* 1: key scans were added or moved since the local map was made */
-    cairn_pose target_pose;
-    cairn_icp_result match; /* the better one so far */
-    int32_t has_match;
-
-    cairn_mapper_result result;
-    cairn_mapper_state state;
-};
+#include "src/mapping/mapper_keys.h"
 
 cairn_mapper_params cairn_mapper_default(void)
 {
@@ -83,7 +32,6 @@ cairn_mapper_params cairn_mapper_default(void)
     params.field.dt_start = CAIRN_REAL(0.01);
     params.field.dt_end = CAIRN_REAL(0.005);
     params.field.roi = 0;
-    params.field.potential = 0;
     params.field.max_steps = 10;
     params.max_keys = 1024;
     params.max_key_segments = 32768;
@@ -279,89 +227,6 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
     return CAIRN_OK;
 }
 
-/* ---- The local map ---- */
-
-static void take_local(cairn_mapper *mapper, int32_t key, cairn_real distance)
-{
-    int32_t at = mapper->local_count;
-
-    if (at == mapper->params.local_keys) {
-        if (!(distance < mapper->local_distance[at - 1]))
-            return;
-        at--;
-    } else {
-        mapper->local_count++;
-    }
-    for (; at > 0 && distance < mapper->local_distance[at - 1]; at--) {
-        mapper->local[at] = mapper->local[at - 1];
-        mapper->local_distance[at] = mapper->local_distance[at - 1];
-    }
-    mapper->local[at] = key;
-    mapper->local_distance[at] = distance;
-}
-
-/* One key scan a call; the last ones count as at distance -1. */
-static void select_key(cairn_mapper *mapper)
-{
-    int32_t key = mapper->keys->scan_count - 1 - mapper->cursor;
-    cairn_real x = mapper->key_pose[key].x - mapper->predicted.x;
-    cairn_real y = mapper->key_pose[key].y - mapper->predicted.y;
-    cairn_real distance = cairn_sqrt(x * x + y * y);
-
-    if (mapper->cursor < mapper->params.local_recent)
-        take_local(mapper, key, -1);
-    else if (distance <= mapper->params.local_radius)
-        take_local(mapper, key, distance);
-    mapper->cursor++;
-}
-
-/* 1 when the local map does not serve the predicted pose. */
-static int needs_target(const cairn_mapper *mapper)
-{
-    cairn_real x = mapper->predicted.x - mapper->target_pose.x, y = mapper->predicted.y - mapper->target_pose.y;
-
-    return mapper->target_stale || x * x + y * y > mapper->params.key_distance * mapper->params.key_distance;
-}
-
-/* A key scan as it was when it came, but without its beams; valid until the next call. */
-static cairn_scan_view key_view(cairn_mapper *mapper, int32_t key)
-{
-    const cairn_scan_set_scan *scan = &mapper->keys->scans[key];
-    cairn_scan_view view;
-    int32_t count = 0;
-
-    memset(&view, 0, sizeof view);
-    for (int32_t s = scan->first_segment; s < scan->end_segment; s++) {
-        const cairn_scan_set_segment *segment = &mapper->keys->segments[s];
-
-        mapper->segments[s - scan->first_segment] = segment->segment;
-        mapper->first_point[s - scan->first_segment] = count;
-        for (int32_t p = segment->first_point; p < segment->end_point; p++) {
-            mapper->oriented[count].position = mapper->keys->points[p];
-            mapper->oriented[count].direction = segment->direction;
-            count++;
-        }
-    }
-    view.segment_count = scan->end_segment - scan->first_segment;
-    view.point_count = count;
-    mapper->first_point[view.segment_count] = count;
-    view.segments = mapper->segments;
-    view.first_point = mapper->first_point;
-    view.points = mapper->oriented;
-    view.sensor = scan->sensor;
-    return view;
-}
-
-static cairn_status add_target(cairn_mapper *mapper, cairn_budget *budget)
-{
-    int32_t key = mapper->local[mapper->cursor];
-    cairn_scan_view view = key_view(mapper, key);
-
-    mapper->cursor++;
-    budget->left -= 1 + view.point_count / 2;
-    return cairn_icp_add_target(mapper->icp, view.points, view.point_count, mapper->key_pose[key], NULL);
-}
-
 /* ---- The match ---- */
 
 static cairn_status begin_match(cairn_mapper *mapper, cairn_pose start)
@@ -375,6 +240,22 @@ static cairn_status begin_match(cairn_mapper *mapper, cairn_pose start)
     prior.sigma_x = prior.sigma_y = p->odometry_distance_min + p->odometry_distance * way;
     prior.sigma_theta = p->odometry_turn_min + p->odometry_turn * (cairn_abs(mapper->motion.theta) + way / 10);
     return cairn_icp_begin(mapper->icp, view.points, view.point_count, start, &prior, NULL);
+}
+
+/* The scan is fitted: what comes next for its pose. */
+static cairn_status begin_pose(cairn_mapper *mapper)
+{
+    if (cairn_scan_read(mapper->scan).point_count == 0 || mapper->keys->point_count == 0) {
+        mapper->phase = KEEP;
+        return CAIRN_OK;
+    }
+    if (cairn_mapper_needs_local(mapper)) {
+        mapper->phase = SELECT;
+        cairn_mapper_begin_local(mapper);
+        return CAIRN_OK;
+    }
+    mapper->phase = MATCH;
+    return begin_match(mapper, mapper->predicted);
 }
 
 /* A match is as good as its overlap, less for every 5 cm of mean distance. */
@@ -463,41 +344,6 @@ static cairn_status keep(cairn_mapper *mapper)
     return status;
 }
 
-/* ---- The force field over the last key scans ---- */
-
-static int32_t window_count(const cairn_mapper *mapper)
-{
-    int32_t keys = mapper->keys->scan_count;
-
-    return keys < mapper->params.window ? keys : mapper->params.window;
-}
-
-/* Adds the key scan at the cursor, as segments and points. */
-static cairn_status add_to_window(cairn_mapper *mapper, cairn_budget *budget)
-{
-    int32_t count = window_count(mapper);
-    int32_t key = mapper->keys->scan_count - count + mapper->cursor;
-    cairn_scan_view view = key_view(mapper, key);
-    cairn_status status = cairn_force_field_add_scan(mapper->field, &view, NULL, mapper->key_pose[key], NULL);
-
-    /* The first one always stays: something must hold the window in its place. */
-    if (status == CAIRN_OK && (mapper->cursor == 0 || mapper->cursor < count - mapper->params.window_free))
-        status = cairn_force_field_fix(mapper->field, mapper->cursor, 1);
-    budget->left -= 2 + view.point_count / 2;
-    mapper->cursor++;
-    return status;
-}
-
-static void read_window(cairn_mapper *mapper)
-{
-    int32_t count = window_count(mapper), first = mapper->keys->scan_count - count;
-
-    for (int32_t i = 0; i < count; i++)
-        mapper->key_pose[first + i] = cairn_force_field_pose(mapper->field, i);
-    mapper->result.map_scan = mapper->key_pose[mapper->keys->scan_count - 1];
-    mapper->state.potential = cairn_force_field_potential(mapper->field);
-}
-
 /* ---- Steps ---- */
 
 /* One item of the phase at hand. CAIRN_OK: the phase may have changed; CAIRN_MORE: the budget ended within a part. */
@@ -508,20 +354,12 @@ static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
     switch (mapper->phase) {
     case FIT:
         status = cairn_scan_step(mapper->scan, budget);
-        if (status == CAIRN_OK) {
-            int32_t blind = cairn_scan_read(mapper->scan).point_count == 0;
-
-            mapper->phase = blind || mapper->keys->point_count == 0 ? KEEP : needs_target(mapper) ? SELECT : MATCH;
-            mapper->cursor = 0;
-            mapper->local_count = mapper->phase == SELECT ? 0 : mapper->local_count;
-            if (mapper->phase == MATCH)
-                status = begin_match(mapper, mapper->predicted);
-        }
+        if (status == CAIRN_OK)
+            status = begin_pose(mapper);
         break;
     case SELECT:
         budget->left--;
-        select_key(mapper);
-        if (mapper->cursor == mapper->keys->scan_count) {
+        if (cairn_mapper_select_local(mapper)) {
             cairn_icp_clear_target(mapper->icp);
             budget->left -= 1 + mapper->params.local_keys * mapper->params.scan.max_points / 64;
             mapper->phase = TARGET;
@@ -529,7 +367,7 @@ static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
         }
         break;
     case TARGET:
-        status = add_target(mapper, budget);
+        status = cairn_mapper_add_local(mapper, budget);
         if (status == CAIRN_OK && mapper->cursor == mapper->local_count) {
             mapper->target_stale = 0;
             mapper->target_pose = mapper->predicted;
@@ -562,14 +400,14 @@ static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
         }
         break;
     case WINDOW:
-        status = add_to_window(mapper, budget);
-        if (status == CAIRN_OK && mapper->cursor == window_count(mapper))
+        status = cairn_mapper_add_window(mapper, budget);
+        if (status == CAIRN_OK && mapper->cursor == cairn_mapper_window_count(mapper))
             mapper->phase = FIELD;
         break;
     default:
         status = cairn_force_field_step(mapper->field, budget);
         if (status == CAIRN_OK) {
-            read_window(mapper);
+            cairn_mapper_read_window(mapper);
             mapper->phase = IDLE;
         }
         break;

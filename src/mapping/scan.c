@@ -1,55 +1,16 @@
-/* A sweep becomes beams in one frame, segments with the free side on the left, and points every `spacing` along them.
+/* A sweep becomes beams in one frame and a line fit of its hits; the object of the room.
  *
- * Method: the base moves on an arc of constant twist: with (v, w) the logarithm of the motion in SE(2), it is at exp(f (v, w))
- * at the fraction f of the sweep. The hits go through the line fit of the polyline room. A segment is turned so that the
- * sensors that saw its hits are, on balance, on its left. Support of the places along all segments is counted in one array
- * of differences: +1 where a hit's support begins, -1 behind where it ends.
+ * Method: the base moves on an arc of constant twist: with (v, w) the logarithm of the motion in SE(2), it is at
+ * exp(f (v, w)) at the fraction f of the sweep. The hits go through the line fit of the polyline room; what becomes of its
+ * segments is in scan_points.c.
  *
- * Layout: one pool piece per array, the polyline object behind them.
- * Limits: the motion turns by at most half a turn. Source: Adluru 2008, sections 6.2 and 7.3 (pre-processing). */
+ * Layout: one pool piece per array, the polyline object behind them. Limits: the motion turns by at most half a
+ * turn. Source: Adluru 2008, sections 6.2 and 7.3 (pre-processing). */
 #include "src/core/build.h"
 
 #include <string.h>
 
-#include "cairn/scan.h"
-
-typedef enum phase { BEAMS, FIT, ATTRIBUTE, TURN, CHOOSE, MARK, EMIT, DONE } phase;
-
-/* What becomes of a segment of the fit. */
-typedef struct wall {
-    cairn_segment segment;
-    cairn_real length;
-    cairn_real side;        /* > 0: the sensors are on the left */
-    cairn_real first_angle; /* smallest of its hits */
-    int32_t first_place;    /* its first one in `support` */
-    int32_t places;         /* 0: left out */
-} wall;
-
-struct cairn_scan {
-    cairn_scan_params params;
-    cairn_polyline *polyline;
-    float *range, *angle;
-    cairn_beam *beams;
-    int32_t *hit; /* [max_beams] beam of each hit */
-    wall *walls;
-    int32_t *order;   /* [max_segments] walls in the order of the view */
-    int32_t *support; /* [max_points + 1] differences of the number of hits that support a place */
-    cairn_segment *segments;
-    int32_t *first_point;
-    cairn_oriented_point *points;
-
-    cairn_scan_input input; /* without its arrays */
-    cairn_vec2 velocity;    /* linear part of the twist of the motion */
-    cairn_real turn;        /* angular part */
-    int32_t hit_count, wall_count, place_count, segment_count, point_count;
-    int64_t total; /* of places */
-    cairn_scan_view view;
-    cairn_scan_measure measure;
-
-    phase phase;
-    int32_t at, other, stage, running;
-    int32_t part; /* sixteenths of a unit that are used but not yet charged */
-};
+#include "src/mapping/scan_work.h"
 
 cairn_scan_params cairn_scan_default(void)
 {
@@ -99,7 +60,7 @@ static cairn_scan *carve(cairn_pool *pool, const cairn_scan_params *p)
     float *angle = cairn_pool_take(pool, n, sizeof *angle);
     cairn_beam *beams = cairn_pool_take(pool, n, sizeof *beams);
     int32_t *hit = cairn_pool_take(pool, n, sizeof *hit);
-    wall *walls = cairn_pool_take(pool, m, sizeof *walls);
+    scan_wall *walls = cairn_pool_take(pool, m, sizeof *walls);
     int32_t *order = cairn_pool_take(pool, m, sizeof *order);
     int32_t *support = cairn_pool_take(pool, k + 1, sizeof *support);
     cairn_segment *segments = cairn_pool_take(pool, m, sizeof *segments);
@@ -124,7 +85,7 @@ static cairn_scan *carve(cairn_pool *pool, const cairn_scan_params *p)
         x->view.segments = segments;
         x->view.first_point = first_point;
         x->view.points = points;
-        x->phase = DONE;
+        x->phase = SCAN_DONE;
     }
     return x;
 }
@@ -248,20 +209,9 @@ cairn_status cairn_scan_begin(cairn_scan *x, const cairn_scan_input *input, cair
     x->first_point[0] = 0;
     memset(&x->measure, 0, sizeof x->measure);
     x->part = 0;
-    x->phase = BEAMS;
+    x->phase = SCAN_BEAMS;
     x->at = x->other = x->stage = x->running = 0;
     return cairn_polyline_clear(x->polyline, cairn_max(1, (cairn_real)input->range_sigma / x->params.fit.sigma));
-}
-
-static int pay(cairn_scan *x, cairn_budget *budget, int32_t sixteenths)
-{
-    if (budget->left <= 0)
-        return 0;
-    x->part += sixteenths;
-    budget->left -= x->part / 16;
-    x->measure.units += x->part / 16;
-    x->part %= 16;
-    return 1;
 }
 
 /* Where the base is at the fraction f of the sweep: exp(f (velocity, turn)). */
@@ -318,7 +268,7 @@ static cairn_status make_beams(cairn_scan *x, cairn_budget *budget)
         cairn_real point[2];
         cairn_status status;
 
-        if (!pay(x, budget, 64))
+        if (!scan_pay(x, budget, 64))
             return CAIRN_MORE;
         *beam = beam_of(x, x->at);
         (*kind_count(x, beam->kind))++;
@@ -347,225 +297,23 @@ static cairn_status fit(cairn_scan *x, cairn_budget *budget)
     return status;
 }
 
-/* Stage 0 takes the segments over; stage 1 asks each hit for its side and angle. */
-static cairn_status attribute(cairn_scan *x, cairn_budget *budget)
-{
-    cairn_polyline_view view = cairn_polyline_read(x->polyline);
-
-    for (; x->stage == 0 && x->at < view.segment_count; x->at++) {
-        const cairn_polyline_segment *from = &view.segments[x->at];
-        wall *w = &x->walls[x->at];
-
-        if (!pay(x, budget, 8))
-            return CAIRN_MORE;
-        memset(w, 0, sizeof *w);
-        w->segment.a.x = from->a[0];
-        w->segment.a.y = from->a[1];
-        w->segment.b.x = from->b[0];
-        w->segment.b.y = from->b[1];
-        w->length = cairn_segment_length(w->segment);
-        w->first_angle = CAIRN_REAL_MAX;
-    }
-    if (x->stage == 0) {
-        x->wall_count = view.segment_count;
-        x->measure.left_out = view.left_out;
-        x->measure.converged = view.converged;
-        x->stage = 1;
-        x->at = 0;
-    }
-    for (; x->at < x->hit_count; x->at++) {
-        int32_t label = view.label[x->at];
-        const cairn_beam *beam = &x->beams[x->hit[x->at]];
-        wall *w;
-
-        if (!pay(x, budget, 6))
-            return CAIRN_MORE;
-        if (label < 0) {
-            x->measure.uncertain++;
-            continue;
-        }
-        w = &x->walls[label];
-        w->side += cairn_vec2_cross(cairn_vec2_sub(w->segment.b, w->segment.a), cairn_vec2_sub(beam->from, beam->to));
-        w->first_angle = cairn_min(w->first_angle, (cairn_real)x->angle[x->hit[x->at]]);
-    }
-    return CAIRN_OK;
-}
-
-static int wall_before(const cairn_scan *x, int32_t a, int32_t b)
-{
-    cairn_real first = x->walls[a].first_angle, second = x->walls[b].first_angle;
-
-    return first < second || (!(second < first) && a < b);
-}
-
-/* Turns the walls, counts their places, and sorts them by insertion. */
-static cairn_status turn(cairn_scan *x, cairn_budget *budget)
-{
-    for (; x->at < x->wall_count; x->at++) {
-        wall *w = &x->walls[x->at];
-
-        if (x->stage == 0) {
-            cairn_real places = cairn_floor(w->length / x->params.spacing) + 1;
-
-            if (!pay(x, budget, 8))
-                return CAIRN_MORE;
-            if (w->side < 0) {
-                cairn_vec2 swap = w->segment.a;
-
-                w->segment.a = w->segment.b;
-                w->segment.b = swap;
-            }
-            w->places = cairn_real_to_int(places);
-            x->other = x->at;
-            x->stage = 1;
-        }
-        for (; x->other > 0 && wall_before(x, x->at, x->order[x->other - 1]); x->other--) {
-            if (!pay(x, budget, 2))
-                return CAIRN_MORE;
-            x->order[x->other] = x->order[x->other - 1];
-        }
-        x->order[x->other] = x->at;
-        x->stage = 0;
-    }
-    return CAIRN_OK;
-}
-
-/* Adds the places up and finds the shortest wall, the last among equals; it is left out and the sum made anew as long as
- * there are more than max_points. Stage 1 numbers the places in the order of the view. */
-static cairn_status choose(cairn_scan *x, cairn_budget *budget)
-{
-    while (x->stage == 0) {
-        if (x->at == 0) {
-            x->total = 0;
-            x->other = -1;
-        }
-        for (; x->at < x->wall_count; x->at++) {
-            const wall *w = &x->walls[x->at];
-
-            if (!pay(x, budget, 2))
-                return CAIRN_MORE;
-            x->total += w->places;
-            if (w->places > 0 && (x->other < 0 || w->length <= x->walls[x->other].length))
-                x->other = x->at;
-        }
-        x->at = 0;
-        if (x->total <= x->params.max_points) {
-            x->stage = 1;
-            x->place_count = 0;
-        } else {
-            x->walls[x->other].places = 0;
-            x->measure.left_out++;
-        }
-    }
-    for (; x->at < x->wall_count; x->at++) {
-        wall *w = &x->walls[x->order[x->at]];
-
-        if (!pay(x, budget, 2))
-            return CAIRN_MORE;
-        w->first_place = x->place_count;
-        x->place_count += w->places;
-    }
-    return CAIRN_OK;
-}
-
-/* Where the first place of a wall is along it. */
-static cairn_real margin(const cairn_scan *x, const wall *w)
-{
-    return (w->length - (cairn_real)(w->places - 1) * x->params.spacing) / 2;
-}
-
-/* Stage 0 clears the differences, stage 1 enters what each hit supports. */
-static cairn_status mark(cairn_scan *x, cairn_budget *budget)
-{
-    cairn_polyline_view view = cairn_polyline_read(x->polyline);
-
-    for (; x->stage == 0 && x->at <= x->place_count; x->at++) {
-        if (!pay(x, budget, 1))
-            return CAIRN_MORE;
-        x->support[x->at] = 0;
-    }
-    if (x->stage == 0) {
-        x->stage = 1;
-        x->at = 0;
-    }
-    for (; x->at < x->hit_count; x->at++) {
-        int32_t label = view.label[x->at], first, last;
-        const wall *w = &x->walls[label < 0 ? 0 : label];
-        cairn_real along;
-
-        if (!pay(x, budget, 8))
-            return CAIRN_MORE;
-        if (label < 0 || w->places == 0)
-            continue;
-        (void)cairn_segment_nearest(w->segment, x->beams[x->hit[x->at]].to, &along);
-        along = along * w->length - margin(x, w);
-        first = cairn_real_to_int(cairn_ceil((along - x->params.support) / x->params.spacing));
-        last = cairn_real_to_int(cairn_floor((along + x->params.support) / x->params.spacing));
-        first = first > 0 ? first : 0;
-        last = last < w->places - 1 ? last : w->places - 1;
-        if (first > last)
-            continue;
-        x->support[w->first_place + first]++;
-        x->support[w->first_place + last + 1]--;
-    }
-    return CAIRN_OK;
-}
-
-/* `at` is the segment of the view, `other` the place on it, `running` the hits that support that place. */
-static cairn_status emit(cairn_scan *x, cairn_budget *budget)
-{
-    for (; x->at < x->wall_count; x->at++, x->other = 0) {
-        const wall *w = &x->walls[x->order[x->at]];
-        cairn_vec2 direction;
-
-        if (x->stage == 0 && !pay(x, budget, 8))
-            return CAIRN_MORE;
-        x->stage = 1;
-        direction = cairn_vec2_unit(cairn_vec2_sub(w->segment.b, w->segment.a));
-        for (; x->other < w->places; x->other++) {
-            cairn_oriented_point *point = &x->points[x->point_count];
-            cairn_real along = margin(x, w) + (cairn_real)x->other * x->params.spacing;
-
-            if (!pay(x, budget, 4))
-                return CAIRN_MORE;
-            x->running += x->support[w->first_place + x->other];
-            if (x->running <= 0)
-                continue;
-            point->position = cairn_vec2_add(w->segment.a, cairn_vec2_scale(direction, along));
-            point->direction = direction;
-            x->point_count++;
-        }
-        x->stage = 0;
-        if (w->places == 0)
-            continue;
-        x->segments[x->segment_count++] = w->segment;
-        x->first_point[x->segment_count] = x->point_count;
-    }
-    x->view.beam_count = x->input.count;
-    x->view.segment_count = x->segment_count;
-    x->view.point_count = x->point_count;
-    x->view.sensor = x->beams[0].from;
-    x->view.stamp_ns = x->input.stamp_ns;
-    return CAIRN_OK;
-}
-
 static cairn_status run_phase(cairn_scan *x, cairn_budget *budget)
 {
     switch (x->phase) {
-    case BEAMS:
+    case SCAN_BEAMS:
         return make_beams(x, budget);
-    case FIT:
+    case SCAN_FIT:
         return fit(x, budget);
-    case ATTRIBUTE:
-        return attribute(x, budget);
-    case TURN:
-        return turn(x, budget);
-    case CHOOSE:
-        return choose(x, budget);
-    case MARK:
-        return mark(x, budget);
+    case SCAN_ATTRIBUTE:
+        return cairn_scan_attribute(x, budget);
+    case SCAN_TURN:
+        return cairn_scan_turn(x, budget);
+    case SCAN_CHOOSE:
+        return cairn_scan_choose(x, budget);
+    case SCAN_MARK:
+        return cairn_scan_mark(x, budget);
     default:
-        return emit(x, budget);
+        return cairn_scan_emit(x, budget);
     }
 }
 
@@ -573,7 +321,7 @@ cairn_status cairn_scan_step(cairn_scan *x, cairn_budget *budget)
 {
     if (x == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (x->phase != DONE) {
+    while (x->phase != SCAN_DONE) {
         cairn_status status = run_phase(x, budget);
 
         if (status != CAIRN_OK)

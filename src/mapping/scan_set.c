@@ -138,6 +138,23 @@ static cairn_status check_room(const cairn_scan_set *set, const cairn_scan_view 
     return CAIRN_OK;
 }
 
+/* The distance between points that lie evenly along the direction, 0 when they do not. */
+static cairn_real spacing_of(const cairn_oriented_point *points, int32_t count, cairn_vec2 direction)
+{
+    cairn_real spacing;
+
+    if (count < 2)
+        return 0;
+    spacing = cairn_vec2_norm(cairn_vec2_sub(points[count - 1].position, points[0].position)) / (cairn_real)(count - 1);
+    for (int32_t i = 1; i < count; i++) {
+        cairn_vec2 even = cairn_vec2_add(points[0].position, cairn_vec2_scale(direction, (cairn_real)i * spacing));
+
+        if (!(cairn_vec2_norm(cairn_vec2_sub(points[i].position, even)) < spacing / 1000))
+            return 0;
+    }
+    return spacing;
+}
+
 static void copy_segments(cairn_scan_set *set, const cairn_scan_view *view)
 {
     for (int32_t i = 0; i < view->segment_count; i++) {
@@ -147,6 +164,7 @@ static void copy_segments(cairn_scan_set *set, const cairn_scan_view *view)
 
         to->segment = view->segments[i];
         to->direction = first < end ? cairn_vec2_unit(view->points[first].direction) : none;
+        to->spacing = spacing_of(view->points + first, end - first, to->direction);
         to->first_point = set->point_count + first;
         to->end_point = set->point_count + end;
         to->scan = set->scan_count;

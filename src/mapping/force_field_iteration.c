@@ -15,7 +15,7 @@
 
 #include <string.h>
 
-#include "src/mapping/force_iteration.h"
+#include "src/mapping/force_field_iteration.h"
 
 enum { GROUP = 4 };
 
@@ -56,6 +56,7 @@ void cairn_force_iteration_begin(cairn_force_field *field)
     field->clock++;
     /* A little below, so that rounding does not decide where the two meet. */
     field->by_sensor = field->sigma < p->sensor_below * p->sigma_start * CAIRN_REAL(0.9999);
+    field->margin = p->reach * field->sigma / 2 * SLACK;
     cairn_force_kernel_set(&field->kernel, field->sigma, p->reach);
     field->scan = field->segment = field->point = 0;
     field->stage = STAGE_SCAN;
@@ -92,14 +93,12 @@ static void place_segment(cairn_force_field *field)
     field->segments[field->segment].a = a;
     field->segments[field->segment].b = b;
     field->directions[field->segment] = cairn_transform_direction(field->transform, from->direction);
-    field->boxes[field->segment] =
-        cairn_box_grow(cairn_box_extend(box, b), field->params.reach * field->sigma / 2 * SLACK);
+    field->boxes[field->segment] = cairn_box_grow(cairn_box_extend(box, b), field->margin);
 }
 
 /* The next few points of the segment at hand. */
 static void place_points(cairn_force_field *field, int32_t end)
 {
-    cairn_real margin = field->params.reach * field->sigma / 2 * SLACK;
     cairn_box box = field->boxes[field->segment];
 
     for (; field->point < end; field->point++) {
@@ -107,7 +106,7 @@ static void place_points(cairn_force_field *field, int32_t end)
         cairn_vec2 none = {0, 0};
         cairn_box around = {p, p};
 
-        around = cairn_box_grow(around, margin);
+        around = cairn_box_grow(around, field->margin);
         box = cairn_box_extend(cairn_box_extend(box, around.min), around.max);
         field->points.position[field->point] = p;
         field->points.mass[field->point] = field->set->mass[field->point];
@@ -161,6 +160,8 @@ static cairn_status step_corners(cairn_force_field *field, cairn_budget *budget)
 
     if (status != CAIRN_OK)
         return status;
+    if (budget->left <= 0)
+        return CAIRN_MORE;
     cairn_point_grid_clear(field->grid);
     budget->left -= 1 + field->params.max_corners / 64;
     field->next = 0;
@@ -202,33 +203,67 @@ static int begin_pair(cairn_force_field *field, int32_t first, int32_t second)
 {
     const cairn_scan_set_segment *a = &field->set->segments[first], *b = &field->set->segments[second];
 
-    if (a->scan == b->scan ||
+    if (a->scan == b->scan || b->first_point == b->end_point ||
         (cairn_force_iteration_is_fixed(field, a->scan) && cairn_force_iteration_is_fixed(field, b->scan)))
         return 0;
     field->segment_pairs++;
     field->segment = first;
     field->other = second;
     field->point = a->first_point;
-    field->next = b->first_point;
+    field->row = -1;
     field->cosine = cairn_abs(cairn_vec2_dot(field->directions[first], field->directions[second]));
     field->sum.pairs = 0;
     field->sum.potential = 0;
     return 1;
 }
 
+/* Points of b that can be within reach of the point of the row: all, or of evenly spaced ones those about the foot of the
+ * perpendicular. More than needed by rounding and by what `spacing` leaves open. */
+static void begin_row(cairn_force_field *field, const cairn_scan_set_segment *b)
+{
+    cairn_vec2 direction = field->directions[field->other], to;
+    cairn_real radius, along, across, half;
+    int32_t first, last;
+
+    field->row = field->point;
+    field->next = b->first_point;
+    field->row_end = b->end_point;
+    if (!(b->spacing > 0))
+        return;
+    radius = 2 * field->margin + b->spacing / 100;
+    to = cairn_vec2_sub(field->points.position[field->point], field->points.position[b->first_point]);
+    along = cairn_vec2_dot(to, direction);
+    across = cairn_vec2_cross(to, direction);
+    if (across * across > radius * radius) {
+        field->next = field->row_end;
+        return;
+    }
+    half = cairn_sqrt(radius * radius - across * across);
+    first = cairn_real_to_int((along - half) / b->spacing);
+    last = cairn_real_to_int((along + half) / b->spacing + 1);
+    if (first > 0)
+        field->next = first < b->end_point - b->first_point ? b->first_point + first : b->end_point;
+    if (last < b->end_point - b->first_point)
+        field->row_end = last > 0 ? b->first_point + last : b->first_point;
+}
+
 static cairn_status step_rows(cairn_force_field *field, cairn_budget *budget)
 {
     const cairn_scan_set_segment *a = &field->set->segments[field->segment], *b = &field->set->segments[field->other];
 
-    while (field->point < a->end_point) {
-        cairn_status status =
-            cairn_force_kernel_row(&field->kernel, &field->points, field->point, &field->next, b->end_point,
-                                   field->cosine, field->params.potential, &field->sum, budget);
+    for (; field->point < a->end_point; field->point++) {
+        cairn_status status;
 
+        if (field->row != field->point) {
+            if (budget->left <= 0)
+                return CAIRN_MORE;
+            budget->left--;
+            begin_row(field, b);
+        }
+        status = cairn_force_kernel_row(&field->kernel, &field->points, field->point, &field->next, field->row_end,
+                                        field->cosine, field->params.potential, &field->sum, budget);
         if (status != CAIRN_OK)
             return status;
-        field->point++;
-        field->next = b->first_point;
     }
     field->pairs += field->sum.pairs;
     field->potential += field->sum.potential;

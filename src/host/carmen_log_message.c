@@ -7,8 +7,8 @@
 #include <string.h>
 
 #include "cairn/number_text.h"
-#include "src/host/carmen_message.h"
-#include "src/host/line_reader.h"
+#include "src/host/carmen_log_message.h"
+#include "src/host/carmen_log_reader.h"
 
 /* m and rad, of poses, bearings and motions. */
 #define LARGEST 1e9

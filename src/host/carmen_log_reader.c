@@ -13,7 +13,7 @@
 #include <unistd.h>
 #include <zlib.h>
 
-#include "src/host/line_reader.h"
+#include "src/host/carmen_log_reader.h"
 
 #define FIRST_CAPACITY (256 * 1024)
 #define INPUT_BYTES    (64 * 1024)

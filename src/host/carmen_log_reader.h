@@ -1,6 +1,6 @@
-/* line_reader: the lines of a text file, plain or gzipped, in one growing buffer. Internal to the host library. */
-#ifndef CAIRN_HOST_LINE_READER_H
-#define CAIRN_HOST_LINE_READER_H
+/* carmen_log_reader: the lines of a text file, plain or gzipped, in one growing buffer. Internal to the host library. */
+#ifndef CAIRN_HOST_CARMEN_LOG_READER_H
+#define CAIRN_HOST_CARMEN_LOG_READER_H
 
 #include "cairn/file_error.h"
 

@@ -1,6 +1,6 @@
-/* force_iteration: one iteration of a force field, and the field's state, which force_field shares. */
-#ifndef CAIRN_MAPPING_FORCE_ITERATION_H
-#define CAIRN_MAPPING_FORCE_ITERATION_H
+/* force_field_iteration: one iteration of a force field, and the field's state, which force_field shares. */
+#ifndef CAIRN_MAPPING_FORCE_FIELD_ITERATION_H
+#define CAIRN_MAPPING_FORCE_FIELD_ITERATION_H
 
 #include "cairn/force_field.h"
 
@@ -49,8 +49,10 @@ struct cairn_force_field {
     int32_t segment_count, point_count; /* of the committed scans */
     int32_t by_sensor;                  /* rotations are about the sensor */
     cairn_real sigma, dt;
+    cairn_real margin;            /* m, half the reach: growth of boxes */
     int32_t scan, segment, point; /* cursors; in PHASE_PAIRS the segment and point of the row */
     int32_t other, next;          /* PHASE_PAIRS: the other segment, -1 between pairs, and its next point */
+    int32_t row, row_end;         /* PHASE_PAIRS: the point whose row was begun, the end of the row */
     cairn_transform transform;    /* PHASE_PLACE: of the scan at hand */
     cairn_real cosine;            /* PHASE_PAIRS: of the segments at hand */
     cairn_force_sum sum;          /* PHASE_PAIRS: of the segments at hand */

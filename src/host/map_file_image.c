@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "src/host/image_file.h"
+#include "src/host/map_file_image.h"
 
 static cairn_status reserve(cairn_image *image, int64_t width, int64_t height, const char *path, int64_t line,
                             cairn_file_error *error)

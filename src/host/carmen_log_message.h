@@ -1,6 +1,6 @@
-/* carmen_message: one line of a CARMEN log. Internal to the host library; the formats are in cairn/carmen_log.h. */
-#ifndef CAIRN_HOST_CARMEN_MESSAGE_H
-#define CAIRN_HOST_CARMEN_MESSAGE_H
+/* carmen_log_message: one line of a CARMEN log. Internal to the host library; the formats are in cairn/carmen_log.h. */
+#ifndef CAIRN_HOST_CARMEN_LOG_MESSAGE_H
+#define CAIRN_HOST_CARMEN_LOG_MESSAGE_H
 
 #include "cairn/carmen_log.h"
 

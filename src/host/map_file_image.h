@@ -1,6 +1,6 @@
-/* image_file: grey images from PGM and PNG files, and to them. Internal to the host library. */
-#ifndef CAIRN_HOST_IMAGE_FILE_H
-#define CAIRN_HOST_IMAGE_FILE_H
+/* map_file_image: grey images from PGM and PNG files, and to them. Internal to the host library. */
+#ifndef CAIRN_HOST_MAP_FILE_IMAGE_H
+#define CAIRN_HOST_MAP_FILE_IMAGE_H
 
 #include "cairn/output.h"
 

@@ -1,0 +1,51 @@
+/* bench/memory: what objects of usual capacities take from a pool. */
+#include <stdint.h>
+
+#include "bench/bench_json.h"
+#include "cairn/mapper.h"
+#include "cairn/occupancy_grid.h"
+
+static void print(const char *object, const char *capacities, size_t bytes)
+{
+    bench_json_begin("memory");
+    bench_json_text("object", object);
+    bench_json_text("capacities", capacities);
+    bench_json_integer("bytes", (int64_t)bytes);
+    bench_json_end();
+}
+
+int main(void)
+{
+    cairn_scan_params scan = cairn_scan_default();
+    cairn_icp_params icp = cairn_icp_default();
+    cairn_force_field_params field = cairn_force_field_default();
+    cairn_occupancy_grid_params grid = cairn_occupancy_grid_default();
+    cairn_mapper_params mapper = cairn_mapper_default();
+
+    scan.max_beams = 181;
+    scan.max_points = 256;
+    print("scan", "181 beams, 128 segments, 256 points", cairn_scan_memory(&scan));
+    scan.max_beams = 401;
+    print("scan", "401 beams, 128 segments, 256 points", cairn_scan_memory(&scan));
+    print("icp", "4096 target points", cairn_icp_memory(&icp));
+    field.max_scans = 16;
+    field.max_points = 2400;
+    field.max_segments = field.max_corners = 320;
+    print("force_field", "16 scans, 2400 points, 320 segments, 320 corners", cairn_force_field_memory(&field));
+    field.max_scans = 60;
+    field.max_points = 6000;
+    field.max_segments = field.max_corners = 900;
+    print("force_field", "60 scans, 6000 points, 900 segments, 900 corners", cairn_force_field_memory(&field));
+    print("occupancy_grid", "400 x 400 cells", cairn_occupancy_grid_memory(&grid));
+    mapper.scan.max_beams = 181;
+    mapper.scan.max_points = 256;
+    mapper.max_keys = 64;
+    mapper.max_key_points = 8192;
+    mapper.max_key_segments = 1024;
+    print("mapper", "181 beams, 64 key scans, 8192 points", cairn_mapper_memory(&mapper));
+    bench_json_begin("memory");
+    bench_json_integer("real_bytes", (int64_t)sizeof(cairn_real));
+    bench_json_true("summary");
+    bench_json_end();
+    return 0;
+}
