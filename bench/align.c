@@ -49,6 +49,13 @@ static sim_pose sim_of(cairn_pose p)
     return pose;
 }
 
+static int give_up(cairn_status status, void *memory)
+{
+    fprintf(stderr, "bench/align: %s\n", cairn_status_text(status));
+    free(memory);
+    return 0;
+}
+
 /* Force field simulation as in the thesis. Ranges in, poses out; 0 on failure. */
 static int run_gradient(const settings *s, const sim_scan *scans, int32_t count, sim_pose *poses, outcome *out)
 {
@@ -77,6 +84,8 @@ static int run_gradient(const settings *s, const sim_scan *scans, int32_t count,
         status = cairn_scan_create(&scan, &pool, &scan_params);
     if (status == CAIRN_OK)
         status = cairn_force_field_create(&field, &pool, &params);
+    if (status != CAIRN_OK)
+        return give_up(status, memory);
     start = bench_seconds();
     for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {
         cairn_scan_input input = sim_scan_input(&scans[i]);
@@ -106,10 +115,10 @@ static int run_gradient(const settings *s, const sim_scan *scans, int32_t count,
     for (int32_t i = 0; i < count && status == CAIRN_OK; i++)
         poses[i] = sim_of(cairn_force_field_pose(field, i));
     out->pool_bytes = pool.peak;
-    free(memory);
     if (status != CAIRN_OK)
-        fprintf(stderr, "bench/align: %s\n", cairn_status_text(status));
-    return status == CAIRN_OK;
+        return give_up(status, memory);
+    free(memory);
+    return 1;
 }
 
 /* ---- One arena ---- */
