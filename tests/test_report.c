@@ -300,8 +300,10 @@ static void test_strays_are_cut_off(void **state)
     (void)state;
     make_sample(&s);
     for (int i = 0; i < COUNT; i++) {
-        point[i].x = (cairn_real)(i % 100) * CAIRN_REAL(0.1);
-        point[i].y = (cairn_real)(i / 100) * CAIRN_REAL(0.5);
+        int column = i % 100, row = i / 100;
+
+        point[i].x = (cairn_real)column * CAIRN_REAL(0.1);
+        point[i].y = (cairn_real)row * CAIRN_REAL(0.5);
     }
     for (int i = 0; i < 5; i++)
         point[i * 190].x = 1000;

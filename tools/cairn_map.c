@@ -252,7 +252,7 @@ int tool_map(int argc, char **argv)
     if (code != TOOL_OK)
         return code;
     scans = map_scans_new(log.count);
-    places = malloc((size_t)log.count * sizeof *places);
+    places = calloc((size_t)log.count, sizeof *places);
     if (scans == NULL || places == NULL) {
         (void)options_refuse(PROGRAM, "no memory for %" PRId32 " scans", log.count);
         code = TOOL_FAILED;

@@ -180,7 +180,9 @@ static cairn_status read_grid(const cairn_occupancy_grid *grid, cairn_map_file *
     view.stride = map->width;
     status = cairn_occupancy_grid_classify(grid, cairn_occupancy_thresholds_default(), 0, view);
     for (size_t i = 0; i < (size_t)map->width * (size_t)map->height && status == CAIRN_OK; i++)
-        map->occupancy[i] = map->pixel[i] == CAIRN_CELL_OCCUPIED ? 100 : map->pixel[i] == CAIRN_CELL_FREE ? 0 : -1;
+        map->occupancy[i] = (int8_t)(map->pixel[i] == CAIRN_CELL_OCCUPIED ? 100
+                                     : map->pixel[i] == CAIRN_CELL_FREE   ? 0
+                                                                          : -1);
     return status;
 }
 

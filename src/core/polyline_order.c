@@ -26,7 +26,8 @@ static uint64_t spread(uint64_t number, int32_t dim)
 /* Number of a point in Morton order; the cells are shifted by round / 3 of the whole extent. */
 static uint64_t morton(const cairn_polyline *x, const cairn_real p[3])
 {
-    cairn_real shift = (cairn_real)x->round * ((INT32_C(1) << (POLYLINE_LEVELS - 1)) / 3);
+    const int32_t third = (INT32_C(1) << (POLYLINE_LEVELS - 1)) / 3;
+    cairn_real shift = (cairn_real)x->round * (cairn_real)third;
     uint64_t code = 0;
 
     for (int j = 0; j < x->params.dim; j++) {

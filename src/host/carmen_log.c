@@ -384,6 +384,7 @@ static cairn_status collect(cairn_carmen_log *log, cairn_carmen_scans *scans, ca
     cairn_carmen_record record;
     cairn_status status = CAIRN_OK;
 
+    memset(&record, 0, sizeof record);
     while (scans->count < (int32_t)scans->info.scans) {
         status = cairn_carmen_log_next(log, &record, error);
         if (status != CAIRN_OK)
@@ -409,7 +410,7 @@ cairn_status cairn_carmen_load(cairn_carmen_scans *scans, const char *path, cons
 
     memset(scans, 0, sizeof *scans);
     status = cairn_carmen_log_open(&log, path, params, error);
-    if (status != CAIRN_OK)
+    if (log == NULL)
         return status;
     scans->info = log->info;
     if (log->info.scans > INT32_MAX) {
