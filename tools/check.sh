@@ -141,7 +141,12 @@ step_install()
     sh tools/install-test.sh "$out/gcc"
 }
 
-[ $# -gt 0 ] || set -- rooms headers format layout warnings freestanding bits amalgamation install analyzer cppcheck tidy
+step_readme()
+{
+    gcc_build "$out/gcc/libcairn.a" >"$out/readme.log" 2>&1 && sh tools/check-readme.sh "$out/gcc/libcairn.a"
+}
+
+[ $# -gt 0 ] || set -- rooms headers format layout warnings freestanding bits amalgamation install readme analyzer cppcheck tidy
 failures=
 for step in "$@"; do
     "step_$step" || failures="$failures $step"
