@@ -237,7 +237,7 @@ static void verdicts_say_how_a_pose_was_found(void **state)
     cairn_pool pool;
     cairn_mapper *mapper = new_mapper(&pool, &params);
     cairn_scan_input blind = sim_scan_input(&d.scans[0]);
-    cairn_pose ahead = pose_of(d.scans[29].odometry), jump = {0.2f, 0, 0};
+    cairn_pose ahead = pose_of(d.scans[29].odometry), jump = {CAIRN_REAL(0.2), 0, 0};
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_mapper_result result;
     static float nothing[181];
@@ -290,7 +290,7 @@ static void what_does_not_match_is_predicted(void **state)
     cairn_mapper_result result;
 
     (void)state;
-    params.min_support = 0.9f;
+    params.min_support = CAIRN_REAL(0.9);
     mapper = new_mapper(&pool, &params);
     run(mapper, &d, WITH, CAIRN_UNBOUNDED, &one);
     from = pose_of(d.scans[19].odometry);
@@ -451,8 +451,8 @@ static void bad_params_are_refused(void **state)
     REFUSED(odometry_turn, -1);
     REFUSED(odometry_distance_min, 0);
     REFUSED(odometry_turn_min, 0);
-    REFUSED(min_support, -0.1f);
-    REFUSED(min_support, 1.1f);
+    REFUSED(min_support, CAIRN_REAL(-0.1));
+    REFUSED(min_support, CAIRN_REAL(1.1));
     REFUSED(scan.max_points, 0);
     REFUSED(scan.max_points, (1 << 17) + 1);
     REFUSED(scan.max_segments, 0);
