@@ -21,8 +21,8 @@
 typedef struct settings {
     const char *method, *scene;
     int64_t arenas, seed, places, headings, beams, steps;
-    double metres, degrees, fov, jitter[2];
-    int32_t has_jitter;
+    double metres, degrees, fov;
+    double jitter[2]; /* m, degrees; NaN: the survey's own */
 } settings;
 
 /* What one arena gave. */
@@ -49,11 +49,78 @@ static sim_pose sim_of(cairn_pose p)
     return pose;
 }
 
-static int give_up(cairn_status status, void *memory)
+static cairn_status fit(cairn_scan *scan, const sim_scan *from, cairn_scan_view *view)
 {
-    fprintf(stderr, "bench/align: %s\n", cairn_status_text(status));
+    cairn_scan_input input = sim_scan_input(from);
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_status status = cairn_scan_begin(scan, &input, NULL);
+
+    if (status == CAIRN_OK)
+        status = cairn_scan_step(scan, &budget);
+    *view = cairn_scan_read(scan);
+    return status;
+}
+
+/* How much room the scans need in a field. */
+static cairn_status count_room(const cairn_scan_params *scan_params, const sim_scan *scans, int32_t count,
+                               cairn_force_field_params *params)
+{
+    size_t bytes = cairn_scan_memory(scan_params) + CAIRN_ALIGN;
+    void *memory = malloc(bytes);
+    cairn_scan *scan = NULL;
+    cairn_pool pool;
+    cairn_status status = memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);
+
+    params->max_scans = count;
+    params->max_segments = 1;
+    params->max_points = 1;
+    if (status == CAIRN_OK)
+        status = cairn_scan_create(&scan, &pool, scan_params);
+    for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {
+        cairn_scan_view view;
+
+        status = fit(scan, &scans[i], &view);
+        params->max_segments += view.segment_count;
+        params->max_points += view.point_count;
+    }
+    params->max_corners = params->max_segments;
     free(memory);
-    return 0;
+    return status;
+}
+
+/* Adds all scans and lets the field run; the poses when it stands. */
+static cairn_status simulate(const sim_scan *scans, int32_t count, cairn_scan *scan, cairn_force_field *field,
+                             sim_pose *poses, outcome *out)
+{
+    double start = bench_seconds(), stepped;
+    cairn_force_field_state state;
+    cairn_status status = CAIRN_OK;
+    cairn_real before = 0;
+
+    for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {
+        cairn_scan_view view;
+
+        status = fit(scan, &scans[i], &view);
+        if (status == CAIRN_OK)
+            status = cairn_force_field_add_scan(field, &view, NULL, pose_of(poses[i]), NULL);
+    }
+    if (status != CAIRN_OK)
+        return status;
+    stepped = bench_seconds();
+    do {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        status = cairn_force_field_iterate(field, &budget);
+        state = cairn_force_field_read(field);
+        out->steps_rising += state.iterations > 1 && state.potential > before;
+        before = state.potential;
+    } while (status >= 0 && state.verdict == CAIRN_FORCE_FIELD_RUNNING);
+    out->steps = state.iterations;
+    out->seconds = bench_seconds() - start;
+    out->step_ms = 1e3 * (bench_seconds() - stepped) / (state.iterations > 0 ? state.iterations : 1);
+    for (int32_t i = 0; i < count && status >= 0; i++)
+        poses[i] = sim_of(cairn_force_field_pose(field, i));
+    return status < 0 ? status : CAIRN_OK;
 }
 
 /* Force field simulation as in the thesis. Ranges in, poses out; 0 on failure. */
@@ -61,64 +128,33 @@ static int run_gradient(const settings *s, const sim_scan *scans, int32_t count,
 {
     cairn_scan_params scan_params = cairn_scan_default();
     cairn_force_field_params params = cairn_force_field_default();
-    cairn_force_field *field;
-    cairn_force_field_state state;
-    cairn_scan *scan;
+    cairn_force_field *field = NULL;
+    cairn_scan *scan = NULL;
     cairn_pool pool;
     cairn_status status;
-    cairn_real before = 0;
+    void *memory = NULL;
     size_t bytes;
-    void *memory;
-    double start, stepped;
 
     scan_params.max_beams = scans[0].count;
-    params.max_scans = count;
-    params.max_segments = count * 48;
-    params.max_points = count * 160;
-    params.max_corners = count * 48;
     params.max_steps = (int32_t)s->steps;
-    bytes = cairn_force_field_memory(&params) + cairn_scan_memory(&scan_params) + CAIRN_ALIGN;
-    memory = malloc(bytes);
-    status = memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);
+    status = count_room(&scan_params, scans, count, &params);
+    if (status == CAIRN_OK) {
+        bytes = cairn_force_field_memory(&params) + cairn_scan_memory(&scan_params) + CAIRN_ALIGN;
+        memory = malloc(bytes);
+        status = memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);
+    }
     if (status == CAIRN_OK)
         status = cairn_scan_create(&scan, &pool, &scan_params);
     if (status == CAIRN_OK)
         status = cairn_force_field_create(&field, &pool, &params);
-    if (status != CAIRN_OK)
-        return give_up(status, memory);
-    start = bench_seconds();
-    for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {
-        cairn_scan_input input = sim_scan_input(&scans[i]);
-        cairn_budget budget = {CAIRN_UNBOUNDED};
-        cairn_scan_view view;
-
-        status = cairn_scan_begin(scan, &input, NULL);
-        if (status == CAIRN_OK)
-            status = cairn_scan_step(scan, &budget);
-        view = cairn_scan_read(scan);
-        if (status == CAIRN_OK)
-            status = cairn_force_field_add_scan(field, &view, NULL, pose_of(poses[i]), NULL);
-    }
-    stepped = bench_seconds();
-    do {
-        cairn_budget budget = {CAIRN_UNBOUNDED};
-
-        if (status == CAIRN_OK)
-            status = cairn_force_field_iterate(field, &budget);
-        state = cairn_force_field_read(field);
-        out->steps_rising += status == CAIRN_OK && state.iterations > 1 && state.potential > before;
-        before = state.potential;
-    } while (status == CAIRN_OK && state.verdict == CAIRN_FORCE_FIELD_RUNNING);
-    out->steps = state.iterations;
-    out->seconds = bench_seconds() - start;
-    out->step_ms = 1e3 * (bench_seconds() - stepped) / (state.iterations > 0 ? state.iterations : 1);
-    for (int32_t i = 0; i < count && status == CAIRN_OK; i++)
-        poses[i] = sim_of(cairn_force_field_pose(field, i));
-    out->pool_bytes = pool.peak;
-    if (status != CAIRN_OK)
-        return give_up(status, memory);
+    if (status == CAIRN_OK)
+        status = simulate(scans, count, scan, field, poses, out);
+    if (status == CAIRN_OK)
+        out->pool_bytes = pool.peak;
+    else
+        fprintf(stderr, "bench/align: %s\n", cairn_status_text(status));
     free(memory);
-    return 1;
+    return status == CAIRN_OK;
 }
 
 /* ---- One arena ---- */
@@ -235,7 +271,7 @@ static int run_arena(const settings *s, uint64_t seed, outcome *out)
     survey_options.headings = (int32_t)s->headings;
     survey_options.beams = (int32_t)s->beams;
     survey_options.fov = s->fov * DEGREE;
-    if (s->has_jitter) {
+    if (s->jitter[0] >= 0) {
         survey_options.jitter_position = s->jitter[0];
         survey_options.jitter_heading = s->jitter[1] * DEGREE;
     }
@@ -268,6 +304,8 @@ static int run_arena(const settings *s, uint64_t seed, outcome *out)
                    run_gradient(s, scans, count, poses, out);
             if (done)
                 score(arena, scans, truth, start, poses, bounds, count, out);
+        } else {
+            fprintf(stderr, "bench/align: no memory for %" PRId32 " scans\n", count);
         }
     } else {
         fprintf(stderr, "bench/align: %s\n", fault);
@@ -357,8 +395,8 @@ static int check(const settings *s)
 
 int main(int argc, char **argv)
 {
-    settings s = {"gradient", "rescue", 20, 1, 15, 4, 401, 50, 0.30, 20, 100, {0.15, 0}, 0};
-    option table[] = {
+    settings s = {"gradient", "rescue", 20, 1, 15, 4, 401, 50, 0.30, 20, 100, {(double)NAN, (double)NAN}};
+    const option table[] = {
         OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
         OPTION_NUMBER("--trans", &s.metres, 0.001, 10, "M", "disturbance of x and y, uniform +-, m"),
@@ -376,9 +414,7 @@ int main(int argc, char **argv)
                             sizeof table / sizeof *table};
     outcome *all;
     size_t words = 0;
-    int code = 0;
 
-    table[10].given = &s.has_jitter;
     switch (options_read(&set, argc, argv, NULL, &words)) {
     case OPTIONS_HELPED:
         return 0;
@@ -390,10 +426,14 @@ int main(int argc, char **argv)
     if (!check(&s))
         return 2;
     all = malloc((size_t)s.arenas * sizeof *all);
-    for (int64_t i = 0; i < s.arenas && code == 0 && all != NULL; i++) {
+    if (all == NULL) {
+        fprintf(stderr, "bench/align: no memory for %" PRId64 " arenas\n", s.arenas);
+        return 1;
+    }
+    for (int64_t i = 0; i < s.arenas; i++) {
         if (!run_arena(&s, (uint64_t)(s.seed + i), &all[i])) {
-            code = 1;
-            break;
+            free(all);
+            return 1;
         }
         bench_json_begin("align");
         bench_json_integer("arena", s.seed + i);
@@ -403,8 +443,7 @@ int main(int argc, char **argv)
         bench_json_integer("steps", all[i].steps);
         bench_json_end();
     }
-    if (code == 0 && all != NULL)
-        print_summary(&s, all, (size_t)s.arenas);
+    print_summary(&s, all, (size_t)s.arenas);
     free(all);
-    return code;
+    return 0;
 }

@@ -8,6 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "bench/bench_json.h"
 #include "cairn/carmen_log.h"
@@ -58,6 +59,12 @@ static int32_t find_scan(const stamped *table, int32_t count, double seconds)
     return low < count && llabs(table[low].stamp - stamp) <= 1000 ? table[low].scan : -1;
 }
 
+/* The number of a scan; -1 when it is none. */
+static int32_t index_of(double number, int32_t count)
+{
+    return number >= 0 && number < count ? (int32_t)number : -1;
+}
+
 /* Relations by time ("t1 t2 x y z roll pitch yaw") or by scan ("a b dx dy dtheta"). Returns how many, -1 on failure. */
 static int32_t read_relations(const char *path, const cairn_carmen_scans *log, relation **relations)
 {
@@ -80,16 +87,16 @@ static int32_t read_relations(const char *path, const cairn_carmen_scans *log, r
     }
     qsort(table, (size_t)log->count, sizeof *table, compare_stamped);
     while (fgets(line, sizeof line, file) != NULL) {
-        double v[8];
+        double v[8] = {0};
         int n = sscanf(line, "%lf %lf %lf %lf %lf %lf %lf %lf", &v[0], &v[1], &v[2], &v[3], &v[4], &v[5], &v[6], &v[7]);
         relation r;
 
         number++;
         if (line[0] == '#' || n <= 0)
             continue;
-        r.first = n == 8 ? find_scan(table, log->count, v[0]) : (int32_t)v[0];
-        r.second = n == 8 ? find_scan(table, log->count, v[1]) : (int32_t)v[1];
-        if ((n != 8 && n != 5) || r.first < 0 || r.second < 0 || r.first >= log->count || r.second >= log->count) {
+        r.first = n == 8 ? find_scan(table, log->count, v[0]) : index_of(v[0], log->count);
+        r.second = n == 8 ? find_scan(table, log->count, v[1]) : index_of(v[1], log->count);
+        if ((n != 8 && n != 5) || r.first < 0 || r.second < 0) {
             fprintf(stderr, "%s:%d: no such relation, expected times of two scans and a pose\n", path, number);
             continue;
         }
@@ -101,8 +108,11 @@ static int32_t read_relations(const char *path, const cairn_carmen_scans *log, r
 
             capacity = capacity ? 2 * capacity : 1024;
             grown = realloc(*relations, (size_t)capacity * sizeof **relations);
-            if (grown == NULL)
+            if (grown == NULL) {
+                fprintf(stderr, "%s: no memory for %" PRId32 " relations\n", path, capacity);
+                count = -1;
                 break;
+            }
             *relations = grown;
         }
         (*relations)[count++] = r;
@@ -124,9 +134,12 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
     void *memory;
     double start;
     cairn_status status;
+    int live = isatty(STDERR_FILENO);
 
     params.scan.max_beams = log->info.beams_most;
     params.window = (int32_t)s->window;
+    if (params.window > 0 && params.window_free >= params.window)
+        params.window_free = params.window - 1;
     params.max_keys = log->count < 8192 ? log->count + 1 : 8192;
     params.max_key_points = params.max_keys * 160;
     params.max_key_segments = params.max_keys * 40;
@@ -148,10 +161,11 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
             key[i] = result.key;
             poses[i] = result.key_scan;
         }
-        if (i % 500 == 0)
+        if (live && i % 500 == 0)
             fprintf(stderr, "\r%" PRId32 " of %" PRId32 " scans ", i, log->count);
     }
-    fprintf(stderr, "\r%*s\r", 40, "");
+    if (live)
+        fprintf(stderr, "\r%*s\r", 40, "");
     start = bench_seconds() - start;
     if (status == CAIRN_OK) {
         for (int32_t i = 0; i < log->count; i++)
@@ -232,6 +246,8 @@ static int run_log(const settings *s, const char *log_path, const char *relation
     poses = malloc((size_t)log.count * sizeof *poses);
     if (s->no_odometry)
         overwrite_poses(&log, (uint64_t)s->seed);
+    if (poses == NULL)
+        fprintf(stderr, "%s: no memory for %" PRId32 " poses\n", log_path, log.count);
     if (count >= 0 && poses != NULL)
         seconds = map_log(s, &log, poses, &pool_bytes, &state);
     if (seconds >= 0)
@@ -268,10 +284,10 @@ int main(int argc, char **argv)
     default:
         break;
     }
-    if ((s.log == NULL) != (s.relations == NULL)) {
-        fprintf(stderr, "bench/slam: --log and --relations go together\n");
-        return 2;
-    }
+    if ((s.log == NULL) != (s.relations == NULL))
+        return options_refuse("bench/slam", "--log or --relations alone, expected both or neither");
+    if (s.window == 1)
+        return options_refuse("bench/slam", "--window is '1', expected 0 or 2 to 64");
     if (s.log != NULL)
         return run_log(&s, s.log, s.relations);
     for (size_t i = 0; i < sizeof names / sizeof *names && code == 0; i++) {

@@ -1,0 +1,736 @@
+/* Whole paths on simulated arenas: sweeps of a moving scanner, force field, mapper, occupancy grid. */
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "cairn/force_field.h"
+#include "cairn/icp.h"
+#include "cairn/mapper.h"
+#include "cairn/occupancy_grid.h"
+#include "sim/arena.h"
+
+static cairn_pose pose_of(sim_pose p)
+{
+    cairn_pose pose = {(cairn_real)p.x, (cairn_real)p.y, (cairn_real)p.theta};
+
+    return pose;
+}
+
+/* ---- Sweeps of a scanner that turns ---- */
+
+enum { POINTS_MOST = 1024, PLACES_MOST = 32 };
+
+/* The points of a fitted scan. */
+typedef struct fitted {
+    cairn_oriented_point point[POINTS_MOST];
+    int32_t count;
+} fitted;
+
+static void fit(cairn_scan *scan, const sim_scan *from, int32_t give_motion, fitted *out)
+{
+    cairn_scan_input input = sim_scan_input(from);
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_scan_view view;
+
+    if (!give_motion)
+        input.motion = cairn_pose_identity();
+    assert_ok(cairn_scan_begin(scan, &input, NULL));
+    assert_ok(cairn_scan_step(scan, &budget));
+    view = cairn_scan_read(scan);
+    assert_true(view.point_count > 0 && view.point_count <= POINTS_MOST);
+    memcpy(out->point, view.points, (size_t)view.point_count * sizeof *out->point);
+    out->count = view.point_count;
+}
+
+/* Sums over pairs of scans. */
+typedef struct pose_errors {
+    double metres, radians;
+    int32_t pairs;
+} pose_errors;
+
+static void add_errors(pose_errors *sum, const pose_errors *e)
+{
+    sum->metres += e->metres;
+    sum->radians += e->radians;
+    sum->pairs += e->pairs;
+}
+
+/* Aligns the second scan to the first from a start that is off, and adds the error. */
+static void align_pair(cairn_icp *icp, const fitted *first, const fitted *second, cairn_pose truth, cairn_pose off,
+                       pose_errors *errors)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_icp_result result;
+    cairn_pose error;
+
+    cairn_icp_clear_target(icp);
+    assert_ok(cairn_icp_add_target(icp, first->point, first->count, cairn_pose_identity(), NULL));
+    assert_ok(cairn_icp_begin(icp, second->point, second->count, cairn_pose_compose(truth, off), NULL, NULL));
+    assert_ok(cairn_icp_step(icp, &budget));
+    result = cairn_icp_read(icp);
+    error = cairn_pose_between(truth, result.target_query);
+    errors->metres += hypot((double)error.x, (double)error.y);
+    errors->radians += fabs((double)error.theta);
+    errors->pairs++;
+}
+
+/* Pairs of poses 0.3 m and 0.5 rad apart at most, all with room about them. The number of pairs. */
+static int32_t choose_poses(const sim_arena *arena, uint64_t seed, sim_pose *from, sim_pose *to)
+{
+    sim_survey_options options = sim_survey_default();
+    cairn_random random = cairn_random_seed(seed, 5);
+    const sim_scan *at;
+    sim_survey *places;
+    int32_t count, used = 0;
+
+    options.seed = seed;
+    options.headings = 1;
+    options.beams = 2;
+    places = sim_survey_create(arena, &options, NULL, 0);
+    assert_non_null(places);
+    at = sim_survey_scans(places, &count);
+    for (int32_t i = 0; i < count && used < PLACES_MOST; i++) {
+        sim_point p;
+
+        from[used] = at[i].truth;
+        to[used] = at[i].truth;
+        to[used].x += (double)cairn_random_uniform(&random, CAIRN_REAL(-0.3), CAIRN_REAL(0.3));
+        to[used].y += (double)cairn_random_uniform(&random, CAIRN_REAL(-0.3), CAIRN_REAL(0.3));
+        to[used].theta += (double)cairn_random_uniform(&random, CAIRN_REAL(-0.5), CAIRN_REAL(0.5));
+        p.x = to[used].x;
+        p.y = to[used].y;
+        used += sim_arena_clearance(arena, p) > 0.3;
+    }
+    sim_survey_free(places);
+    return used;
+}
+
+/* Full sweeps of 0.1 s of a base that moves straight ahead and turns. */
+static sim_survey *sweep(const sim_arena *arena, uint64_t seed, const sim_pose *poses, int32_t count, double speed,
+                         double turn_rate)
+{
+    sim_survey_options options = sim_survey_default();
+    sim_survey *survey;
+
+    options.seed = seed;
+    options.beams = 541;
+    options.fov = 6.283185307179586;
+    options.range_max = 12;
+    options.scan_time = 0.1;
+    survey = sim_survey_at(arena, &options, poses, count, speed, turn_rate, NULL, 0);
+    assert_non_null(survey);
+    return survey;
+}
+
+/* Aligns the scans of one survey to those of another. */
+static void align_surveys(const sim_survey *a, const sim_survey *b, int32_t give_motion, cairn_scan *scan,
+                          cairn_icp *icp, pose_errors *errors)
+{
+    static fitted first, second;
+    cairn_random random = cairn_random_seed(1, 6);
+    const sim_scan *from, *to;
+    int32_t count;
+
+    from = sim_survey_scans(a, &count);
+    to = sim_survey_scans(b, &count);
+    for (int32_t i = 0; i < count; i++) {
+        cairn_pose off = {cairn_random_uniform(&random, CAIRN_REAL(-0.1), CAIRN_REAL(0.1)), 0, 0};
+
+        off.y = cairn_random_uniform(&random, CAIRN_REAL(-0.1), CAIRN_REAL(0.1));
+        off.theta = cairn_random_uniform(&random, CAIRN_REAL(-0.1), CAIRN_REAL(0.1));
+        fit(scan, &from[i], give_motion, &first);
+        fit(scan, &to[i], give_motion, &second);
+        align_pair(icp, &first, &second, cairn_pose_between(pose_of(from[i].truth), pose_of(to[i].truth)), off, errors);
+    }
+}
+
+enum { STILL, TURNING, DRIVING, IGNORED, WAYS };
+
+/* The same pairs of scans in all ways; the two scans of a pair turn against each other, so that nothing cancels out. */
+static void compare_ways(const sim_arena *arena, uint64_t seed, cairn_scan *scan, cairn_icp *icp, pose_errors *errors)
+{
+    static const double speeds[] = {0, 0, 0.5}, turns[] = {0, 1, 1};
+    sim_pose from[PLACES_MOST], to[PLACES_MOST];
+    int32_t count = choose_poses(arena, seed, from, to);
+
+    for (int way = STILL; way <= DRIVING; way++) {
+        sim_survey *a = sweep(arena, seed, from, count, speeds[way], turns[way]);
+        sim_survey *b = sweep(arena, seed + 1000, to, count, speeds[way], 0 - turns[way]);
+
+        align_surveys(a, b, 1, scan, icp, &errors[way]);
+        if (way == TURNING)
+            align_surveys(a, b, 0, scan, icp, &errors[IGNORED]);
+        sim_survey_free(a);
+        sim_survey_free(b);
+    }
+}
+
+/* A sweep of 0.1 s at 1 rad/s smears a scan by 6 degrees. With the motion given, the alignment is as good as that of scans
+ * that were taken standing still, within 10 % over all pairs. */
+static void motion_correction_brings_sweeps_back(void **state)
+{
+    static const sim_scene scenes[] = {SIM_APARTMENT, SIM_OFFICE, SIM_RESCUE};
+    cairn_scan_params scan_params = cairn_scan_default();
+    cairn_icp_params icp_params = cairn_icp_default();
+    pose_errors sum[WAYS];
+    cairn_scan *scan;
+    cairn_icp *icp;
+    cairn_pool pool;
+
+    (void)state;
+    memset(sum, 0, sizeof sum);
+    scan_params.max_points = POINTS_MOST;
+    pool = test_pool(cairn_scan_memory(&scan_params) + cairn_icp_memory(&icp_params));
+    assert_ok(cairn_scan_create(&scan, &pool, &scan_params));
+    assert_ok(cairn_icp_create(&icp, &pool, &icp_params));
+    for (int k = 0; k < 3; k++)
+        for (uint64_t seed = 1; seed <= 5; seed++) {
+            sim_arena_options options = sim_arena_default();
+            pose_errors errors[WAYS];
+            sim_arena *arena;
+
+            memset(errors, 0, sizeof errors);
+            options.scene = scenes[k];
+            options.seed = seed;
+            arena = sim_arena_create(&options, NULL, 0);
+            assert_non_null(arena);
+            compare_ways(arena, seed, scan, icp, errors);
+            sim_arena_free(arena);
+            for (int way = 0; way < WAYS; way++)
+                add_errors(&sum[way], &errors[way]);
+            /* What is ignored is missed in every arena. */
+            assert_true(errors[IGNORED].metres > 10 * errors[TURNING].metres);
+            assert_true(errors[IGNORED].radians > 50 * errors[TURNING].radians);
+        }
+    test_pool_free(&pool);
+    assert_true(sum[STILL].pairs > 200);
+    assert_int_equal(sum[TURNING].pairs, sum[STILL].pairs);
+    assert_true(sum[STILL].metres / sum[STILL].pairs < 0.002);
+    assert_true(sum[STILL].radians / sum[STILL].pairs < 0.0006);
+    assert_true(sum[TURNING].metres < 1.1 * sum[STILL].metres);
+    assert_true(sum[TURNING].radians < 1.1 * sum[STILL].radians);
+    assert_true(sum[DRIVING].metres < 1.2 * sum[STILL].metres);
+    assert_true(sum[DRIVING].radians < 1.2 * sum[STILL].radians);
+}
+
+/* ---- Force field: a room that is seen by full scans ---- */
+
+typedef struct room {
+    sim_arena *arena;
+    sim_survey *survey;
+    const sim_scan *scans;
+    sim_pose start[8];
+    int32_t count;
+    cairn_pool pool;
+    cairn_force_field *field;
+} room;
+
+/* Eight full scans of one place within 0.8 m, the first one fixed at its truth, the others off by so much at most. */
+static void begin_room(room *r, sim_scene scene, uint64_t seed, double metres, double radians,
+                       const cairn_force_field_params *params)
+{
+    cairn_force_field_params field_params = *params;
+    cairn_scan_params scan_params = cairn_scan_default();
+    sim_arena_options arena_options = sim_arena_default();
+    sim_survey_options options = sim_survey_default();
+    cairn_scan *scan;
+
+    arena_options.scene = scene;
+    arena_options.seed = seed;
+    r->arena = sim_arena_create(&arena_options, NULL, 0);
+    assert_non_null(r->arena);
+    options.seed = seed;
+    options.places = 1;
+    options.headings = 8;
+    options.jitter_position = 0.8;
+    options.beams = 361;
+    options.fov = 6.283185307179586;
+    r->survey = sim_survey_create(r->arena, &options, NULL, 0);
+    assert_non_null(r->survey);
+    r->scans = sim_survey_scans(r->survey, &r->count);
+    assert_int_equal(r->count, 8);
+    sim_survey_disturb(r->survey, seed, metres, radians, r->start);
+    r->start[0] = r->scans[0].truth;
+    field_params.max_points = 8 * 1024;
+    field_params.max_segments = 8 * 128;
+    r->pool = test_pool(cairn_scan_memory(&scan_params) + cairn_force_field_memory(&field_params));
+    assert_ok(cairn_scan_create(&scan, &r->pool, &scan_params));
+    assert_ok(cairn_force_field_create(&r->field, &r->pool, &field_params));
+    for (int32_t i = 0; i < r->count; i++) {
+        cairn_scan_input input = sim_scan_input(&r->scans[i]);
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+        cairn_scan_view view;
+
+        assert_ok(cairn_scan_begin(scan, &input, NULL));
+        assert_ok(cairn_scan_step(scan, &budget));
+        view = cairn_scan_read(scan);
+        assert_ok(cairn_force_field_add_scan(r->field, &view, NULL, pose_of(r->start[i]), NULL));
+    }
+    assert_ok(cairn_force_field_fix(r->field, 0, 1));
+}
+
+static void end_room(room *r)
+{
+    test_pool_free(&r->pool);
+    sim_survey_free(r->survey);
+    sim_arena_free(r->arena);
+}
+
+static void iterate(cairn_force_field *field)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    assert_true(cairn_force_field_iterate(field, &budget) >= 0);
+}
+
+/* Mean errors of the scans that may move, at the start and now. */
+static void room_errors(const room *r, pose_errors *start, pose_errors *now)
+{
+    memset(start, 0, sizeof *start);
+    memset(now, 0, sizeof *now);
+    for (int32_t i = 1; i < r->count; i++) {
+        cairn_pose truth = pose_of(r->scans[i].truth);
+        cairn_pose before = cairn_pose_between(truth, pose_of(r->start[i]));
+        cairn_pose after = cairn_pose_between(truth, cairn_force_field_pose(r->field, i));
+
+        start->metres += hypot((double)before.x, (double)before.y) / (r->count - 1);
+        start->radians += fabs((double)before.theta) / (r->count - 1);
+        now->metres += hypot((double)after.x, (double)after.y) / (r->count - 1);
+        now->radians += fabs((double)after.theta) / (r->count - 1);
+    }
+}
+
+static void a_disturbed_room_comes_back(void **state)
+{
+    cairn_force_field_params params = cairn_force_field_default();
+    static const sim_scene scenes[] = {SIM_ROOMS, SIM_APARTMENT, SIM_RESCUE};
+
+    pose_errors starts = {0, 0, 0}, ends = {0, 0, 0};
+
+    (void)state;
+    for (int k = 0; k < 3; k++)
+        for (uint64_t seed = 1; seed <= 3; seed++) {
+            pose_errors start, now;
+            room r;
+
+            begin_room(&r, scenes[k], seed, 0.05, 0.05, &params);
+            do
+                iterate(r.field);
+            while (cairn_force_field_read(r.field).verdict == CAIRN_FORCE_FIELD_RUNNING);
+            room_errors(&r, &start, &now);
+            add_errors(&starts, &start);
+            add_errors(&ends, &now);
+            assert_true(start.metres > 0.025 && start.radians > 0.015);
+            assert_true(now.metres < 0.01 && now.radians < 0.009);
+            /* What is fixed stays. */
+            assert_near(cairn_force_field_pose(r.field, 0).x, r.scans[0].truth.x, NUMBER(1e-12, 1e-6));
+            end_room(&r);
+        }
+    assert_true(ends.metres < starts.metres / 6);
+    assert_true(ends.radians < starts.radians / 6);
+}
+
+/* With sigma held and steps small enough, every step goes down the potential; that of the truth is lower still. */
+static void the_potential_falls(void **state)
+{
+    cairn_force_field_params params = cairn_force_field_default();
+
+    (void)state;
+    params.sigma_start = CAIRN_REAL(0.08);
+    params.sigma_end = CAIRN_REAL(0.08);
+    params.sigma_step = 0;
+    params.dt_start = CAIRN_REAL(0.006);
+    params.dt_end = CAIRN_REAL(0.006);
+    params.roi = 0;
+    params.stop_relocation = 0;
+    params.max_steps = 1000;
+    for (uint64_t seed = 1; seed <= 2; seed++) {
+        cairn_real first = 0, last = 0, potential;
+        pose_errors start, now;
+        room r;
+
+        begin_room(&r, SIM_ROOMS, seed, 0.05, 0.05, &params);
+        for (int step = 0; step < 40; step++) {
+            iterate(r.field);
+            potential = cairn_force_field_potential(r.field);
+            assert_true(potential < 0);
+            if (step == 0)
+                first = potential;
+            else
+                assert_true(potential < last);
+            last = potential;
+        }
+        room_errors(&r, &start, &now);
+        assert_true(now.metres < 0.9 * start.metres);
+        assert_true(last < CAIRN_REAL(1.03) * first);
+        end_room(&r);
+
+        /* The same from the truth. */
+        begin_room(&r, SIM_ROOMS, seed, 0, 0, &params);
+        iterate(r.field);
+        assert_true(cairn_force_field_potential(r.field) < last);
+        end_room(&r);
+    }
+}
+
+/* ---- Mapper: a drive becomes a grid ---- */
+
+enum { DRIVE = 150, BEAMS = 241, SAMPLES = 2048 };
+
+static const double resolution = 0.05, sample_length = 0.025;
+
+typedef struct drive {
+    sim_arena *arena;
+    sim_survey *survey;
+    const sim_scan *scans;
+    const sim_edge *edges;
+    int32_t edge_count;
+    uint8_t *seen; /* [edge_count][SAMPLES] pieces of walls that a beam has hit */
+    double side;   /* m, of the grid about the origin */
+    int32_t cells; /* along a side */
+} drive;
+
+/* Marks the piece of wall that a beam hit. */
+static void mark(drive *d, int32_t edge, double x, double y)
+{
+    const sim_edge *e = &d->edges[edge];
+    double dx = e->b.x - e->a.x, dy = e->b.y - e->a.y, length = hypot(dx, dy);
+    double along = length > 0 ? ((x - e->a.x) * dx + (y - e->a.y) * dy) / length : -1;
+
+    if (!(e->radius > 0) && along >= 0 && along < length && along < SAMPLES * sample_length)
+        d->seen[edge * SAMPLES + (int32_t)(along / sample_length)] = 1;
+}
+
+static void mark_all(drive *d)
+{
+    for (int32_t i = 0; i < DRIVE; i++) {
+        const sim_scan *s = &d->scans[i];
+
+        for (int32_t k = 0; k < s->count; k++) {
+            /* Turned on the spot or not, a beam lies in its own scan's piece of wall to far less than a cell. */
+            double share = (double)k / (s->count - 1), range = (double)s->range[k];
+            double theta = s->truth.theta + share * s->motion.theta, c = cos(s->truth.theta), si = sin(s->truth.theta);
+            double x = s->truth.x + share * (c * s->motion.x - si * s->motion.y);
+            double y = s->truth.y + share * (si * s->motion.x + c * s->motion.y);
+            double angle = theta + s->base_sensor.theta + s->angle_min + k * s->angle_step;
+
+            x += cos(theta) * s->base_sensor.x - sin(theta) * s->base_sensor.y;
+            y += sin(theta) * s->base_sensor.x + cos(theta) * s->base_sensor.y;
+            if (s->edge[k] >= 0)
+                mark(d, s->edge[k], x + range * cos(angle), y + range * sin(angle));
+        }
+    }
+}
+
+static void begin_drive(drive *d, sim_scene scene, uint64_t seed)
+{
+    sim_arena_options arena_options = sim_arena_default();
+    sim_survey_options options = sim_survey_default();
+    int32_t count;
+
+    arena_options.scene = scene;
+    arena_options.seed = seed;
+    d->arena = sim_arena_create(&arena_options, NULL, 0);
+    assert_non_null(d->arena);
+    arena_options = sim_arena_options_of(d->arena);
+    d->cells = (int32_t)(1.4 * hypot(arena_options.width, arena_options.height) / resolution);
+    d->side = d->cells * resolution;
+    options.seed = seed;
+    options.drive = DRIVE;
+    options.drive_distance = 0.25;
+    options.drive_turn = 0.3;
+    options.beams = BEAMS;
+    options.fov = 4.1887902047863905;
+    options.scan_time = 0.1;
+    d->survey = sim_survey_create(d->arena, &options, NULL, 0);
+    assert_non_null(d->survey);
+    d->scans = sim_survey_scans(d->survey, &count);
+    assert_int_equal(count, DRIVE);
+    d->edges = sim_arena_edges(d->arena, &d->edge_count);
+    d->seen = calloc((size_t)d->edge_count * SAMPLES, 1);
+    assert_non_null(d->seen);
+    mark_all(d);
+}
+
+static void end_drive(drive *d)
+{
+    free(d->seen);
+    sim_survey_free(d->survey);
+    sim_arena_free(d->arena);
+}
+
+/* Feeds the drive to a mapper, in portions of `budget`; the poses in the end. */
+static void map_drive(const drive *d, int32_t budget_each, cairn_pose *poses)
+{
+    cairn_mapper_params params = cairn_mapper_default();
+    static cairn_pose key_scan[DRIVE];
+    static int32_t key[DRIVE];
+    cairn_mapper *mapper;
+    cairn_pool pool;
+
+    params.scan.max_beams = BEAMS;
+    params.max_keys = DRIVE;
+    params.max_key_points = DRIVE * 300;
+    params.max_key_segments = DRIVE * 60;
+    pool = test_pool(cairn_mapper_memory(&params));
+    assert_ok(cairn_mapper_create(&mapper, &pool, &params));
+    for (int32_t i = 0; i < DRIVE; i++) {
+        cairn_scan_input input = sim_scan_input(&d->scans[i]);
+        cairn_pose odometry = pose_of(d->scans[i].odometry);
+        cairn_mapper_result result;
+        cairn_status status;
+
+        assert_ok(cairn_mapper_add(mapper, &input, &odometry, NULL));
+        do {
+            cairn_budget budget = {budget_each};
+
+            status = cairn_mapper_step(mapper, &budget);
+        } while (status == CAIRN_MORE);
+        assert_ok(status);
+        result = cairn_mapper_read(mapper);
+        assert_int_equal(result.verdict, i == 0 ? CAIRN_MAPPER_FIRST : CAIRN_MAPPER_MATCHED);
+        key[i] = result.key;
+        key_scan[i] = result.key_scan;
+    }
+    for (int32_t i = 0; i < DRIVE; i++)
+        poses[i] = cairn_pose_compose(cairn_mapper_key_pose(mapper, key[i]), key_scan[i]);
+    test_pool_free(&pool);
+}
+
+/* Enters all scans at their poses into a grid; states: [cells][cells]. */
+static void make_grid(const drive *d, const cairn_pose *poses, uint8_t *states)
+{
+    cairn_occupancy_grid_params params = cairn_occupancy_grid_default();
+    cairn_scan_params scan_params = cairn_scan_default();
+    cairn_raster_u8 view = {states, d->cells, d->cells, d->cells};
+    cairn_occupancy_grid *grid;
+    cairn_scan *scan;
+    cairn_pool pool;
+
+    params.width = d->cells;
+    params.height = d->cells;
+    params.resolution = (cairn_real)resolution;
+    params.origin.x = (cairn_real)(-d->side / 2);
+    params.origin.y = (cairn_real)(-d->side / 2);
+    pool = test_pool(cairn_scan_memory(&scan_params) + cairn_occupancy_grid_memory(&params));
+    assert_ok(cairn_scan_create(&scan, &pool, &scan_params));
+    assert_ok(cairn_occupancy_grid_create(&grid, &pool, &params));
+    for (int32_t i = 0; i < DRIVE; i++) {
+        cairn_scan_input input = sim_scan_input(&d->scans[i]);
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+        cairn_scan_view seen;
+
+        assert_ok(cairn_scan_begin(scan, &input, NULL));
+        assert_ok(cairn_scan_step(scan, &budget));
+        seen = cairn_scan_read(scan);
+        assert_ok(cairn_occupancy_grid_begin_scan(grid, seen.beams, seen.beam_count, poses[i], NULL));
+        assert_ok(cairn_occupancy_grid_step(grid, &budget));
+    }
+    assert_ok(cairn_occupancy_grid_classify(grid, cairn_occupancy_thresholds_default(), 0, view));
+    test_pool_free(&pool);
+}
+
+static int is_occupied(const drive *d, const uint8_t *states, int32_t x, int32_t y)
+{
+    return states[y * d->cells + x] == CAIRN_CELL_OCCUPIED;
+}
+
+static double edge_distance(const sim_edge *e, double x, double y)
+{
+    double dx = e->b.x - e->a.x, dy = e->b.y - e->a.y, square = dx * dx + dy * dy, t = 0;
+
+    if (e->radius > 0)
+        return fabs(hypot(x - e->a.x, y - e->a.y) - e->radius);
+    if (square > 0)
+        t = fmin(fmax(((x - e->a.x) * dx + (y - e->a.y) * dy) / square, 0), 1);
+    return hypot(x - e->a.x - t * dx, y - e->a.y - t * dy);
+}
+
+/* Share of the seen wall pieces that have an occupied cell within one cell. */
+static double walls_found(const drive *d, const uint8_t *states, int32_t *pieces)
+{
+    int32_t found = 0;
+
+    *pieces = 0;
+    for (int32_t e = 0; e < d->edge_count; e++)
+        for (int32_t k = 0; k < SAMPLES; k++) {
+            const sim_edge *edge = &d->edges[e];
+            double t = (k + 0.5) * sample_length / hypot(edge->b.x - edge->a.x, edge->b.y - edge->a.y);
+            int32_t x, y, hit = 0;
+
+            if (!d->seen[e * SAMPLES + k])
+                continue;
+            x = (int32_t)((edge->a.x + t * (edge->b.x - edge->a.x) + d->side / 2) / resolution);
+            y = (int32_t)((edge->a.y + t * (edge->b.y - edge->a.y) + d->side / 2) / resolution);
+            assert_true(x > 0 && y > 0 && x < d->cells - 1 && y < d->cells - 1);
+            for (int32_t j = 0; j < 9; j++)
+                hit |= is_occupied(d, states, x + j % 3 - 1, y + j / 3 - 1);
+            found += hit;
+            ++*pieces;
+        }
+    return (double)found / *pieces;
+}
+
+/* Share of the occupied cells whose middle lies within 1.5 cells of a wall. */
+static double cells_right(const drive *d, const uint8_t *states, int32_t *cells)
+{
+    int32_t right = 0;
+
+    *cells = 0;
+    for (int32_t y = 0; y < d->cells; y++)
+        for (int32_t x = 0; x < d->cells; x++) {
+            double nearest = 1e9;
+
+            if (!is_occupied(d, states, x, y))
+                continue;
+            for (int32_t e = 0; e < d->edge_count; e++)
+                nearest = fmin(nearest, edge_distance(&d->edges[e], (x + 0.5) * resolution - d->side / 2,
+                                                      (y + 0.5) * resolution - d->side / 2));
+            right += nearest <= 1.5 * resolution;
+            ++*cells;
+        }
+    return (double)right / *cells;
+}
+
+/* Share of the cells called free that lie inside of a body, half a cell deep at least. */
+static double free_in_bodies(const drive *d, const uint8_t *states)
+{
+    int32_t open = 0, wrong = 0;
+
+    for (int32_t y = 0; y < d->cells; y++)
+        for (int32_t x = 0; x < d->cells; x++) {
+            sim_point p;
+
+            if (states[y * d->cells + x] != CAIRN_CELL_FREE)
+                continue;
+            p.x = (x + 0.5) * resolution - d->side / 2;
+            p.y = (y + 0.5) * resolution - d->side / 2;
+            wrong += sim_arena_clearance(d->arena, p) < -0.5 * resolution;
+            open++;
+        }
+    assert_true(open > 5000);
+    return (double)wrong / open;
+}
+
+static double mean_distance(const drive *d, const cairn_pose *poses)
+{
+    double sum = 0;
+
+    for (int32_t i = 0; i < DRIVE; i++)
+        sum += hypot((double)poses[i].x - d->scans[i].truth.x, (double)poses[i].y - d->scans[i].truth.y);
+    return sum / DRIVE;
+}
+
+/* Moves all poses together so that their positions lie best on the true ones: the first scan, which gives the map its frame,
+ * may be one in which the robot sets off, and be turned. */
+static void lay_over_truth(const drive *d, cairn_pose *poses)
+{
+    double px = 0, py = 0, tx = 0, ty = 0, sine = 0, cosine = 0;
+    cairn_pose motion;
+
+    for (int32_t i = 0; i < DRIVE; i++) {
+        px += (double)poses[i].x / DRIVE;
+        py += (double)poses[i].y / DRIVE;
+        tx += d->scans[i].truth.x / DRIVE;
+        ty += d->scans[i].truth.y / DRIVE;
+    }
+    for (int32_t i = 0; i < DRIVE; i++) {
+        double ax = (double)poses[i].x - px, ay = (double)poses[i].y - py;
+        double bx = d->scans[i].truth.x - tx, by = d->scans[i].truth.y - ty;
+
+        cosine += ax * bx + ay * by;
+        sine += ax * by - ay * bx;
+    }
+    motion.theta = (cairn_real)atan2(sine, cosine);
+    motion.x = (cairn_real)(tx - (cos((double)motion.theta) * px - sin((double)motion.theta) * py));
+    motion.y = (cairn_real)(ty - (sin((double)motion.theta) * px + cos((double)motion.theta) * py));
+    for (int32_t i = 0; i < DRIVE; i++)
+        poses[i] = cairn_pose_compose(motion, poses[i]);
+}
+
+static void a_drive_becomes_the_arena(void **state)
+{
+    static const sim_scene scenes[] = {SIM_OFFICE, SIM_APARTMENT, SIM_RESCUE};
+    static cairn_pose poses[DRIVE], odometry[DRIVE];
+
+    (void)state;
+    for (int k = 0; k < 3; k++) {
+        int32_t pieces, cells;
+        uint8_t *states;
+        double found, right, wrong;
+        drive d;
+
+        begin_drive(&d, scenes[k], 1);
+        states = malloc((size_t)d.cells * (size_t)d.cells);
+        assert_non_null(states);
+        map_drive(&d, CAIRN_UNBOUNDED, poses);
+        lay_over_truth(&d, poses);
+        make_grid(&d, poses, states);
+        found = walls_found(&d, states, &pieces);
+        right = cells_right(&d, states, &cells);
+        wrong = free_in_bodies(&d, states);
+        assert_true(mean_distance(&d, poses) < 0.03);
+        assert_true(pieces > 2000 && cells > 1500);
+        assert_true(found > 0.98);
+        assert_true(right > 0.99);
+        assert_true(wrong < 0.003);
+
+        /* The measure tells: by odometry alone walls are doubled and blurred. */
+        for (int32_t i = 0; i < DRIVE; i++)
+            odometry[i] = pose_of(d.scans[i].odometry);
+        lay_over_truth(&d, odometry);
+        make_grid(&d, odometry, states);
+        assert_true(mean_distance(&d, odometry) > 3 * mean_distance(&d, poses));
+        assert_true(walls_found(&d, states, &pieces) < found - 0.04);
+        assert_true(cells_right(&d, states, &cells) < right - 0.05);
+        free(states);
+        end_drive(&d);
+    }
+}
+
+static uint64_t drive_hash(const drive *d, int32_t budget)
+{
+    static cairn_pose poses[DRIVE];
+    uint8_t *states = malloc((size_t)d->cells * (size_t)d->cells);
+    uint64_t hash = TEST_HASH_START;
+
+    assert_non_null(states);
+    map_drive(d, budget, poses);
+    make_grid(d, poses, states);
+    hash = test_hash(hash, poses, sizeof poses);
+    hash = test_hash(hash, states, (size_t)d->cells * (size_t)d->cells);
+    free(states);
+    return hash;
+}
+
+/* Neither what the memory held before, nor how the work is cut into steps, nor a second arena changes a bit. */
+static void the_same_drive_gives_the_same_bits(void **state)
+{
+    drive first, second, other;
+    uint64_t hash;
+
+    (void)state;
+    begin_drive(&first, SIM_RESCUE, 3);
+    hash = drive_hash(&first, CAIRN_UNBOUNDED);
+    begin_drive(&second, SIM_RESCUE, 3);
+    begin_drive(&other, SIM_RESCUE, 4);
+    assert_true(drive_hash(&other, CAIRN_UNBOUNDED) != hash);
+    assert_true(drive_hash(&second, 997) == hash);
+    assert_true(drive_hash(&first, CAIRN_UNBOUNDED) == hash);
+    end_drive(&first);
+    end_drive(&second);
+    end_drive(&other);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(motion_correction_brings_sweeps_back),
+        cmocka_unit_test(a_disturbed_room_comes_back),
+        cmocka_unit_test(the_potential_falls),
+        cmocka_unit_test(a_drive_becomes_the_arena),
+        cmocka_unit_test(the_same_drive_gives_the_same_bits),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
