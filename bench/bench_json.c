@@ -66,7 +66,7 @@ static int compare(const void *a, const void *b)
 double bench_median(double *values, size_t count)
 {
     if (count == 0)
-        return NAN;
+        return (double)NAN;
     qsort(values, count, sizeof *values, compare);
     return count % 2 ? values[count / 2] : (values[count / 2 - 1] + values[count / 2]) / 2;
 }

@@ -127,8 +127,8 @@ static void clear_ways(Layout &layout, double angle)
             if (!body.loose())
                 return false;
             for (size_t i = 0; i + 1 < way.size(); i++)
-                for (double t = 0; t <= 1; t += 0.02)
-                    if (distance(body, way[i] + (way[i + 1] - way[i]) * t) < free_clearance + 0.05)
+                for (int part = 0; part < 50; part++)
+                    if (distance(body, way[i] + (way[i + 1] - way[i]) * (part * 0.02)) < free_clearance + 0.05)
                         return true;
             return false;
         };

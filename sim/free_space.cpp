@@ -64,7 +64,8 @@ FreeSpace::FreeSpace(const Layout &layout, double a) : width(layout.width), heig
 
 sim_point FreeSpace::middle(int32_t cell) const
 {
-    double x = (cell % columns + 0.5) * cell_side - width / 2, y = (cell / columns + 0.5) * cell_side - height / 2;
+    int32_t column = cell % columns, row = cell / columns;
+    double x = (column + 0.5) * cell_side - width / 2, y = (row + 0.5) * cell_side - height / 2;
 
     return turned({x, y}, angle);
 }

@@ -65,6 +65,7 @@ static void shorten_tour(const FreeSpace &space, std::vector<sim_point> &places)
                 }
             }
     }
+    ordered.reserve(tour.size());
     for (size_t i : tour)
         ordered.push_back(places[i]);
     places = ordered;

@@ -94,9 +94,11 @@ class Expedition
         }
         until += step({0, wrap(target.theta - state.truth.theta)}) + 0.5;
         state.truth = target;
-        for (double time = state.time; movers.any() && time < until; time += time_step) {
+        double time = state.time;
+        while (movers.any() && time < until) {
             movers.step();
             world.step();
+            time += time_step;
         }
         state.time = until;
     }

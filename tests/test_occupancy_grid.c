@@ -430,10 +430,18 @@ static void test_classify(void **state)
 
 static void test_locate(void **state)
 {
-    static const double places[][4] = {{-1, 0.5, 0, 0},       {-0.76, 0.74, 0, 0},    {-0.75, 0.75, 1, 1},
-                                       {2.24, 2.74, 12, 8},   {2.25, 1, -1, -1},      {-1.01, 1, -1, -1},
-                                       {0, 0.49, -1, -1},     {0, 2.75, -1, -1},      {NAN, 1, -1, -1},
-                                       {0, INFINITY, -1, -1}, {-INFINITY, 1, -1, -1}, {0.1, 1.1, 4, 2}};
+    static const double places[][4] = {{-1, 0.5, 0, 0},
+                                       {-0.76, 0.74, 0, 0},
+                                       {-0.75, 0.75, 1, 1},
+                                       {2.24, 2.74, 12, 8},
+                                       {2.25, 1, -1, -1},
+                                       {-1.01, 1, -1, -1},
+                                       {0, 0.49, -1, -1},
+                                       {0, 2.75, -1, -1},
+                                       {(double)NAN, 1, -1, -1},
+                                       {0, (double)INFINITY, -1, -1},
+                                       {-(double)INFINITY, 1, -1, -1},
+                                       {0.1, 1.1, 4, 2}};
     cairn_pool pool;
     cairn_occupancy_grid *grid = make_grid(&pool, SMALL);
     cairn_occupancy_grid_params params = cairn_occupancy_grid_read(grid);

@@ -17,7 +17,7 @@ typedef struct sweep {
 /* Range from a sensor pose to the nearest wall at `angle`; infinity when there is none. */
 static double cast(const cairn_segment *walls, int count, double x, double y, double angle)
 {
-    double dx = cos(angle), dy = sin(angle), nearest = INFINITY;
+    double dx = cos(angle), dy = sin(angle), nearest = (double)INFINITY;
 
     for (int k = 0; k < count; k++) {
         double ex = (double)(walls[k].b.x - walls[k].a.x), ey = (double)(walls[k].b.y - walls[k].a.y);
