@@ -351,7 +351,7 @@ static void side_by_side(const cairn_mapper_params *params, sim_scene scene, uin
 
 static void as_the_twin_on_a_calm_drive(void **state)
 {
-    static const troubles calm = {0.02f, 0.01f, 0, 0, 0, 0};
+    static const troubles calm = {CAIRN_REAL(0.02), CAIRN_REAL(0.01), 0, 0, 0, 0};
     cairn_mapper_params params = small_params();
     cairn_mapper_state measured;
 
@@ -364,7 +364,7 @@ static void as_the_twin_on_a_calm_drive(void **state)
 /* Few key scans for the local map, of which some are beyond the radius; short windows, or none. */
 static void as_the_twin_with_small_maps(void **state)
 {
-    static const troubles calm = {0.05f, 0.02f, 0, 0, 0, 0};
+    static const troubles calm = {CAIRN_REAL(0.05), CAIRN_REAL(0.02), 0, 0, 0, 0};
     cairn_mapper_params params = small_params();
     cairn_mapper_state measured;
 
@@ -385,8 +385,10 @@ static void as_the_twin_with_small_maps(void **state)
 
 static void as_the_twin_when_odometry_fails(void **state)
 {
-    static const troubles lost = {0.08f, 0.04f, 9, 11, 0, 0}, jumps = {0.3f, 0.3f, 0, 0, 13, 0};
-    static const troubles bare = {0.1f, 0.05f, 7, 0, 0, 1}, dark = {0.1f, 0.05f, 0, 5, 0, 2};
+    static const troubles lost = {CAIRN_REAL(0.08), CAIRN_REAL(0.04), 9, 11, 0, 0},
+                          jumps = {CAIRN_REAL(0.3), CAIRN_REAL(0.3), 0, 0, 13, 0};
+    static const troubles bare = {CAIRN_REAL(0.1), CAIRN_REAL(0.05), 7, 0, 0, 1},
+                          dark = {CAIRN_REAL(0.1), CAIRN_REAL(0.05), 0, 5, 0, 2};
     cairn_mapper_params params = small_params();
     cairn_mapper_state measured;
 
