@@ -463,6 +463,7 @@ static void test_the_defaults_are_the_thesis(void **state)
     assert_int_equal(p.max_segments, 1024);
     assert_int_equal(p.max_points, 8192);
     assert_int_equal(p.max_corners, 1024);
+    assert_near(p.reach, 5.3, 1e-6);
     assert_true(exp(-(double)p.reach * (double)p.reach / 2) < 1e-6);
 }
 

@@ -226,8 +226,10 @@ cairn_real cairn_log(cairn_real x)
     cairn_real m, f, z, half_square, k;
     int exponent;
 
-    if (x != x || x < 0)
-        return x < 0 ? (cairn_real)NAN : x;
+    if (x != x)
+        return x;
+    if (x < 0)
+        return (cairn_real)NAN;
     if (x == 0)
         return -(cairn_real)INFINITY;
     if (x > CAIRN_REAL_MAX)

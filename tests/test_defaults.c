@@ -1,0 +1,204 @@
+/* The defaults of all rooms but the force field, whose own test has them. */
+#include "tests/test.h"
+
+#include "cairn/carmen_log.h"
+#include "cairn/map_file.h"
+#include "cairn/mapper.h"
+#include "cairn/occupancy_grid.h"
+#include "cairn/report.h"
+
+typedef struct value {
+    const char *name;
+    double is, should_be;
+} value;
+
+#define VALUE(field, should_be)                                                                                        \
+    {                                                                                                                  \
+#field, (double)(field), should_be                                                                             \
+    }
+#define assert_values(table) check(table, sizeof(table) / sizeof *(table))
+
+static void check(const value *table, size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        if (!(table[i].is >= table[i].should_be - 1e-7 && table[i].is <= table[i].should_be + 1e-7))
+            fail_msg("%s is %.9g, not %.9g", table[i].name, table[i].is, table[i].should_be);
+}
+
+static const double DEGREE = 3.14159265358979323846 / 180;
+
+static void of_lines_and_scans(void **state)
+{
+    cairn_polyline_params line = cairn_polyline_default();
+    cairn_scan_params scan = cairn_scan_default();
+    const value values[] = {
+        VALUE(line.dim, 2),
+        VALUE(line.max_points, 1024),
+        VALUE(line.max_segments, 256),
+        VALUE(line.min_points, 4),
+        VALUE(line.max_iterations, 20),
+        VALUE(line.min_length, 0.08),
+        VALUE(line.sigma, 0.01),
+        VALUE(line.s_first, 0.04),
+        VALUE(line.s_last, 0.02),
+        VALUE(line.shrink, 0.5),
+        VALUE(line.gap, 0.25),
+        VALUE(line.gap_factor, 3),
+        VALUE(line.gap_max, 1.5),
+        VALUE(line.merge_angle, 0.26),
+        VALUE(line.merge_distance, 0.1),
+        VALUE(line.bend, 20),
+        VALUE(line.tolerance, 0.001),
+        VALUE(scan.max_beams, 1024),
+        VALUE(scan.max_segments, 128),
+        VALUE(scan.max_points, 2048),
+        VALUE(scan.spacing, 0.1),
+        VALUE(scan.support, 0.2),
+    };
+
+    (void)state;
+    assert_values(values);
+    assert_memory_equal(&scan.fit, &line, sizeof line);
+}
+
+static void of_matches_and_corners(void **state)
+{
+    cairn_icp_params icp = cairn_icp_default();
+    cairn_corner_params corner = cairn_corner_default();
+    const value values[] = {
+        VALUE(icp.max_target, 4096),
+        VALUE(icp.max_iterations, 40),
+        VALUE(icp.min_pairs, 10),
+        VALUE(icp.mode, CAIRN_ICP_POINT_TO_LINE),
+        VALUE(icp.cell, 0.2),
+        VALUE(icp.gate_start, 0.5),
+        VALUE(icp.gate_end, 0.1),
+        VALUE(icp.gate_factor, 3),
+        VALUE(icp.direction_gate, 60 * DEGREE),
+        VALUE(icp.sigma, 0.01),
+        VALUE(icp.converged_distance * 1000, 0.1),
+        VALUE(icp.converged_angle * 1000, 0.1),
+        VALUE(icp.weak_ratio, 0.01),
+        VALUE(corner.max_segments, 256),
+        VALUE(corner.max_corners, 128),
+        VALUE(corner.min_opening, 80 * DEGREE),
+        VALUE(corner.max_opening, 100 * DEGREE),
+        VALUE(corner.end_distance, 0.3),
+        VALUE(corner.merge_radius, 0.1),
+        VALUE(corner.merge_angle, 10 * DEGREE),
+    };
+
+    (void)state;
+    assert_values(values);
+}
+
+static void of_the_mapper(void **state)
+{
+    cairn_mapper_params p = cairn_mapper_default();
+    cairn_scan_params scan = cairn_scan_default();
+    cairn_icp_params icp = cairn_icp_default();
+    cairn_force_field_params field = cairn_force_field_default();
+    const value values[] = {
+        VALUE(p.scan.max_points, 1024),
+        VALUE(p.max_keys, 1024),
+        VALUE(p.max_key_segments, 32768),
+        VALUE(p.max_key_points, 131072),
+        VALUE(p.local_keys, 15),
+        VALUE(p.local_recent, 3),
+        VALUE(p.local_radius, 4),
+        VALUE(p.key_distance, 0.5),
+        VALUE(p.key_turn, 0.5),
+        VALUE(p.window, 8),
+        VALUE(p.window_free, 3),
+        VALUE(p.odometry_distance, 0.3),
+        VALUE(p.odometry_turn, 0.3),
+        VALUE(p.odometry_distance_min, 0.03),
+        VALUE(p.odometry_turn_min, 0.02),
+        VALUE(p.min_support, 0.3),
+        VALUE(p.field.sigma_start, 0.04),
+        VALUE(p.field.sigma_end, 0.02),
+        VALUE(p.field.dt_start, 0.01),
+        VALUE(p.field.dt_end, 0.005),
+        VALUE(p.field.roi, 0),
+        VALUE(p.field.max_steps, 10),
+        /* All else is as the rooms have it. */
+        VALUE(p.field.mode, (double)field.mode),
+        VALUE(p.field.max_scans, (double)field.max_scans),
+        VALUE(p.field.max_segments, (double)field.max_segments),
+        VALUE(p.field.max_points, (double)field.max_points),
+        VALUE(p.field.max_corners, (double)field.max_corners),
+        VALUE(p.field.sigma_step, (double)field.sigma_step),
+        VALUE(p.field.dt_factor, (double)field.dt_factor),
+        VALUE(p.field.reach, (double)field.reach),
+        VALUE(p.field.sensor_below, (double)field.sensor_below),
+        VALUE(p.field.roi_radius, (double)field.roi_radius),
+        VALUE(p.field.roi_mass, (double)field.roi_mass),
+        VALUE(p.field.corner_distance, (double)field.corner_distance),
+        VALUE(p.field.corner_min_opening, (double)field.corner_min_opening),
+        VALUE(p.field.corner_max_opening, (double)field.corner_max_opening),
+        VALUE(p.field.potential, (double)field.potential),
+        VALUE(p.field.stop_relocation, (double)field.stop_relocation),
+    };
+
+    (void)state;
+    assert_values(values);
+    scan.max_points = p.scan.max_points;
+    assert_memory_equal(&p.scan, &scan, sizeof scan);
+    assert_memory_equal(&p.icp, &icp, sizeof icp);
+}
+
+static void of_grids(void **state)
+{
+    cairn_occupancy_grid_params grid = cairn_occupancy_grid_default();
+    cairn_occupancy_thresholds thresholds = cairn_occupancy_thresholds_default();
+    const value values[] = {
+        VALUE(grid.width, 400),      VALUE(grid.height, 400),   VALUE(grid.resolution, 0.05),
+        VALUE(grid.origin.x, -10),   VALUE(grid.origin.y, -10), VALUE(thresholds.occupied, 0.25),
+        VALUE(thresholds.free, 0.1),
+    };
+
+    (void)state;
+    assert_values(values);
+}
+
+static void of_files(void **state)
+{
+    cairn_carmen_params log = cairn_carmen_default();
+    cairn_map_file map = cairn_map_file_default();
+    cairn_report_map report = cairn_report_map_default();
+    const value values[] = {
+        VALUE(log.range_max, 0),
+        VALUE(log.range_sigma, 0.01),
+        VALUE(log.on_fault != NULL, 0),
+        VALUE(map.width, 0),
+        VALUE(map.height, 0),
+        VALUE(map.resolution, 0.05),
+        VALUE(map.origin.x, 0),
+        VALUE(map.origin.y, 0),
+        VALUE(map.origin.theta, 0),
+        VALUE(map.negate, 0),
+        VALUE(map.occupied_threshold, 0.65),
+        VALUE(map.free_threshold, 0.196),
+        VALUE(map.mode, CAIRN_MAP_TRINARY),
+        VALUE(map.pixel != NULL, 0),
+        VALUE(map.occupancy != NULL, 0),
+        VALUE(report.connect, 1),
+        VALUE(report.colour_scans, 0),
+        VALUE(report.elements_most, 20000),
+        VALUE(report.width, 1200),
+    };
+
+    (void)state;
+    assert_values(values);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(of_lines_and_scans), cmocka_unit_test(of_matches_and_corners),
+        cmocka_unit_test(of_the_mapper),      cmocka_unit_test(of_grids),
+        cmocka_unit_test(of_files),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,415 @@
+/* The mapper beside a slow twin: the same rooms, called one after another, over key scans that are sorted as a whole. */
+#include "tests/drive.h"
+
+#include <math.h>
+
+enum { KEYS = 200, POINTS = 400, SEGMENTS = 64 };
+
+typedef struct twin_key {
+    cairn_segment segments[SEGMENTS];
+    int32_t first_point[SEGMENTS + 1];
+    cairn_oriented_point points[POINTS];
+    cairn_scan_view view;
+    cairn_pose pose;
+} twin_key;
+
+typedef struct twin {
+    cairn_mapper_params params;
+    cairn_pool pool;
+    cairn_scan *scan;
+    cairn_icp *icp;
+    cairn_force_field *field;
+    twin_key *keys;
+    cairn_mapper_state state;
+    cairn_mapper_result result;
+    int32_t key_points;
+    int32_t had_odometry;
+    cairn_pose odometry, motion; /* of the last scan */
+    int32_t map_made;            /* the local map, and where */
+    cairn_pose map_at;
+} twin;
+
+static twin new_twin(const cairn_mapper_params *params)
+{
+    cairn_icp_params icp = params->icp;
+    cairn_force_field_params field = params->field;
+    twin t;
+
+    memset(&t, 0, sizeof t);
+    t.params = *params;
+    t.keys = calloc(KEYS, sizeof *t.keys);
+    assert_non_null(t.keys);
+    icp.max_target = params->local_keys * params->scan.max_points;
+    field.max_scans = params->window;
+    field.max_segments = params->window * params->scan.max_segments;
+    field.max_points = params->window * params->scan.max_points;
+    t.pool = test_pool(cairn_scan_memory(&params->scan) + cairn_icp_memory(&icp) + cairn_force_field_memory(&field));
+    assert_ok(cairn_scan_create(&t.scan, &t.pool, &params->scan));
+    assert_ok(cairn_icp_create(&t.icp, &t.pool, &icp));
+    if (params->window > 0)
+        assert_ok(cairn_force_field_create(&t.field, &t.pool, &field));
+    return t;
+}
+
+static void free_twin(twin *t)
+{
+    free(t->keys);
+    test_pool_free(&t->pool);
+}
+
+/* ---- The local map ---- */
+
+typedef struct place {
+    int32_t key;
+    cairn_real distance;
+} place;
+
+/* By distance, then the younger one. */
+static int compare_places(const void *a, const void *b)
+{
+    const place *p = a, *q = b;
+
+    if (p->distance < q->distance || p->distance > q->distance)
+        return p->distance < q->distance ? -1 : 1;
+    return q->key - p->key;
+}
+
+static void make_map(twin *t, cairn_pose at)
+{
+    place places[KEYS];
+    int32_t count = 0;
+
+    for (int32_t k = 0; k < t->state.keys; k++) {
+        cairn_real x = t->keys[k].pose.x - at.x, y = t->keys[k].pose.y - at.y;
+        cairn_real distance = cairn_sqrt(x * x + y * y);
+
+        if (k >= t->state.keys - t->params.local_recent)
+            distance = -1;
+        if (distance > t->params.local_radius)
+            continue;
+        places[count].key = k;
+        places[count++].distance = distance;
+    }
+    qsort(places, (size_t)count, sizeof *places, compare_places);
+    if (count > t->params.local_keys)
+        count = t->params.local_keys;
+    cairn_icp_clear_target(t->icp);
+    /* A unit for every key scan that was looked at, for 64 points of room and for two of each key scan. */
+    t->state.units += t->state.keys + 1 + t->params.local_keys * t->params.scan.max_points / 64;
+    for (int32_t i = 0; i < count; i++) {
+        const twin_key *k = &t->keys[places[i].key];
+
+        assert_ok(cairn_icp_add_target(t->icp, k->view.points, k->view.point_count, k->pose, NULL));
+        t->state.units += 1 + k->view.point_count / 2;
+    }
+    t->map_made = 1;
+    t->map_at = at;
+}
+
+/* ---- Matches ---- */
+
+static cairn_icp_result match(twin *t, cairn_pose start, cairn_pose motion)
+{
+    cairn_scan_view view = cairn_scan_read(t->scan);
+    cairn_real way = cairn_sqrt(motion.x * motion.x + motion.y * motion.y);
+    cairn_pose_prior prior;
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    prior.mean = start;
+    prior.sigma_x = prior.sigma_y = t->params.odometry_distance_min + t->params.odometry_distance * way;
+    prior.sigma_theta = t->params.odometry_turn_min + t->params.odometry_turn * (cairn_abs(motion.theta) + way / 10);
+    assert_ok(cairn_icp_begin(t->icp, view.points, view.point_count, start, &prior, NULL));
+    assert_ok(cairn_icp_step(t->icp, &budget));
+    t->state.units += CAIRN_UNBOUNDED - budget.left;
+    return cairn_icp_read(t->icp);
+}
+
+static int counts(const twin *t, const cairn_icp_result *found)
+{
+    return found->verdict != CAIRN_ICP_TOO_FEW_PAIRS && found->overlap >= t->params.min_support;
+}
+
+static cairn_real quality(const cairn_icp_result *found)
+{
+    return found->overlap * cairn_exp(-found->mean_distance / CAIRN_REAL(0.05));
+}
+
+/* ---- Key scans ---- */
+
+/* As kept: without beams, the points of a segment with one direction. */
+static void keep_key(twin *t, const cairn_scan_view *view, cairn_pose pose)
+{
+    twin_key *k = &t->keys[t->state.keys++];
+
+    k->view = *view;
+    k->view.beams = NULL;
+    k->view.beam_count = 0;
+    memcpy(k->segments, view->segments, (size_t)view->segment_count * sizeof *k->segments);
+    memcpy(k->points, view->points, (size_t)view->point_count * sizeof *k->points);
+    if (view->segment_count > 0)
+        memcpy(k->first_point, view->first_point, (size_t)(view->segment_count + 1) * sizeof *k->first_point);
+    for (int32_t p = 0; p < view->point_count; p++)
+        k->points[p].direction = cairn_vec2_unit(k->points[p].direction);
+    k->view.segments = k->segments;
+    k->view.first_point = k->first_point;
+    k->view.points = k->points;
+    k->pose = pose;
+    t->key_points += view->point_count;
+    t->map_made = 0;
+}
+
+/* The force field over the last key scans, of which the last `window_free` may move, but never the first. */
+static void run_field(twin *t)
+{
+    int32_t count = t->state.keys < t->params.window ? t->state.keys : t->params.window;
+    twin_key *window = &t->keys[t->state.keys - count];
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    cairn_force_field_clear(t->field);
+    for (int32_t i = 0; i < count; i++) {
+        assert_ok(cairn_force_field_add_scan(t->field, &window[i].view, NULL, window[i].pose, NULL));
+        if (i == 0 || i < count - t->params.window_free)
+            assert_ok(cairn_force_field_fix(t->field, i, 1));
+        t->state.units += 2 + window[i].view.point_count / 2;
+    }
+    assert_ok(cairn_force_field_step(t->field, &budget));
+    t->state.units += CAIRN_UNBOUNDED - budget.left;
+    for (int32_t i = 0; i < count; i++)
+        window[i].pose = cairn_force_field_pose(t->field, i);
+    t->result.map_scan = window[count - 1].pose;
+    t->state.potential = cairn_force_field_potential(t->field);
+}
+
+/* ---- A scan ---- */
+
+static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *odometry)
+{
+    const cairn_mapper_params *p = &t->params;
+    cairn_pose last = cairn_pose_identity(), motion = t->motion, predicted, repeated, away;
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_icp_result best, other;
+    cairn_scan_view view;
+    int32_t is_first = t->state.scans == 0, matched = 0, has_motion;
+
+    if (!is_first)
+        last = cairn_pose_compose(t->keys[t->result.key].pose, t->result.key_scan);
+    else if (odometry != NULL)
+        last = *odometry;
+    has_motion = odometry != NULL && t->had_odometry;
+    if (has_motion)
+        motion = cairn_pose_between(t->odometry, *odometry);
+    predicted = cairn_pose_compose(last, motion);
+    repeated = cairn_pose_compose(last, t->motion);
+
+    assert_ok(cairn_scan_begin(t->scan, input, NULL));
+    assert_ok(cairn_scan_step(t->scan, &budget));
+    t->state.units += CAIRN_UNBOUNDED - budget.left;
+    view = cairn_scan_read(t->scan);
+
+    memset(&best, 0, sizeof best);
+    if (view.point_count > 0 && t->key_points > 0) {
+        cairn_real x = predicted.x - t->map_at.x, y = predicted.y - t->map_at.y;
+
+        if (!t->map_made || x * x + y * y > p->key_distance * p->key_distance)
+            make_map(t, predicted);
+        if (cairn_icp_target_count(t->icp) > 0) {
+            best = match(t, predicted, motion);
+            matched = counts(t, &best);
+            away = cairn_pose_between(predicted, repeated);
+            /* 5 cm or 0.02 rad apart: odometry and last motion tell two stories. */
+            if (has_motion && (away.x * away.x + away.y * away.y > CAIRN_REAL(0.05) * CAIRN_REAL(0.05) ||
+                               cairn_abs(away.theta) > CAIRN_REAL(0.02))) {
+                other = match(t, repeated, motion);
+                if (counts(t, &other) && (!matched || quality(&other) > CAIRN_REAL(1.05) * quality(&best))) {
+                    best = other;
+                    matched = 1;
+                    t->state.odometry_rejected++;
+                }
+            }
+        }
+    }
+
+    memset(&t->result, 0, sizeof t->result);
+    t->result.map_scan = predicted;
+    if (matched) {
+        t->result.verdict = CAIRN_MAPPER_MATCHED;
+        t->result.map_scan = best.target_query;
+        t->result.support = best.overlap;
+        memcpy(t->result.covariance, best.covariance, sizeof best.covariance);
+    } else if (view.point_count == 0) {
+        t->result.verdict = CAIRN_MAPPER_BLIND;
+    } else {
+        t->result.verdict = is_first ? CAIRN_MAPPER_FIRST : CAIRN_MAPPER_PREDICTED;
+    }
+    t->state.predicted += t->result.verdict == CAIRN_MAPPER_BLIND || t->result.verdict == CAIRN_MAPPER_PREDICTED;
+    t->state.units += 4 + view.point_count / 4;
+    t->state.scans++;
+
+    t->motion = cairn_pose_between(is_first ? predicted : last, t->result.map_scan);
+    t->had_odometry = odometry != NULL;
+    if (odometry != NULL)
+        t->odometry = *odometry;
+    if (!is_first) {
+        away = cairn_pose_between(t->keys[t->state.keys - 1].pose, t->result.map_scan);
+        t->result.is_key =
+            view.point_count > 0 && (away.x * away.x + away.y * away.y > p->key_distance * p->key_distance ||
+                                     cairn_abs(away.theta) > p->key_turn);
+    } else {
+        t->result.is_key = 1;
+    }
+    if (t->result.is_key)
+        keep_key(t, &view, t->result.map_scan);
+    t->result.key = t->state.keys - 1;
+    t->result.key_scan = cairn_pose_between(t->keys[t->result.key].pose, t->result.map_scan);
+    if (t->result.is_key && p->window > 0 && t->state.keys > 1)
+        run_field(t);
+}
+
+/* ---- The comparison ---- */
+
+#define assert_same(a, b) assert_memory_equal(&(a), &(b), sizeof(a))
+
+static void compare(const cairn_mapper *mapper, const twin *t)
+{
+    cairn_mapper_result result = cairn_mapper_read(mapper);
+    cairn_mapper_state state = cairn_mapper_measure(mapper);
+    const cairn_scan_set *keys = cairn_mapper_keys(mapper);
+
+    assert_int_equal(result.verdict, t->result.verdict);
+    assert_int_equal(result.key, t->result.key);
+    assert_same(result.key_scan, t->result.key_scan);
+    assert_same(result.map_scan, t->result.map_scan);
+    assert_same(result.covariance, t->result.covariance);
+    assert_near(result.support, t->result.support, 0);
+    assert_int_equal(result.is_key, t->result.is_key);
+    assert_int_equal(state.scans, t->state.scans);
+    assert_int_equal(state.predicted, t->state.predicted);
+    assert_int_equal(state.odometry_rejected, t->state.odometry_rejected);
+    assert_int_equal(state.keys, t->state.keys);
+    assert_int_equal(state.units, t->state.units);
+    assert_near(state.potential, t->state.potential, 0);
+    assert_int_equal(keys->scan_count, t->state.keys);
+    for (int32_t k = 0; k < t->state.keys; k++) {
+        cairn_pose pose = cairn_mapper_key_pose(mapper, k);
+
+        assert_same(pose, t->keys[k].pose);
+    }
+}
+
+/* What a drive does to odometry and sensor, one after another and mixed. */
+typedef struct troubles {
+    cairn_real step_error, turn_error; /* of every step of odometry, at random up to these */
+    int32_t lost;                      /* every so many scans without odometry, two in a row; 0: never */
+    int32_t blind;                     /* every so many scans without a return; 0: never */
+    int32_t jump;                      /* every so many scans odometry leaps far away; 0: never */
+    int32_t bare_start;                /* the first scans: 1 without odometry, 2 without a return */
+} troubles;
+
+static void side_by_side(const cairn_mapper_params *params, sim_scene scene, uint64_t seed, int32_t scans, double every,
+                         const troubles *trouble, cairn_mapper_state *measured)
+{
+    static float nothing[181];
+    drive d = start_drive(scene, seed, scans, 0, every);
+    cairn_pose believed = {3, -2, 1};
+    cairn_random random;
+    cairn_pool pool;
+    cairn_mapper *mapper = new_mapper(&pool, params);
+    twin t = new_twin(params);
+
+    random = cairn_random_seed(seed, 1);
+    for (int i = 0; i < 181; i++)
+        nothing[i] = NAN;
+    for (int32_t i = 0; i < scans; i++) {
+        cairn_scan_input input = sim_scan_input(&d.scans[i]);
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+        int32_t has_odometry = !(trouble->lost > 0 && i % trouble->lost >= trouble->lost - 2);
+
+        if (i > 0) {
+            cairn_pose step = cairn_pose_between(pose_of(d.scans[i - 1].truth), pose_of(d.scans[i].truth));
+
+            step.x += trouble->step_error * cairn_random_uniform(&random, -1, 1);
+            step.y += trouble->step_error * cairn_random_uniform(&random, -1, 1);
+            step.theta += trouble->turn_error * cairn_random_uniform(&random, -1, 1);
+            if (trouble->jump > 0 && i % trouble->jump == trouble->jump - 1)
+                step.x += 25;
+            believed = cairn_pose_compose(believed, step);
+        }
+        if ((trouble->blind > 0 && i % trouble->blind == trouble->blind - 1) || (trouble->bare_start == 2 && i < 2))
+            input.range = nothing;
+        if (trouble->bare_start == 1 && i < 2)
+            has_odometry = 0;
+        assert_ok(cairn_mapper_add(mapper, &input, has_odometry ? &believed : NULL, NULL));
+        assert_ok(cairn_mapper_step(mapper, &budget));
+        twin_scan(&t, &input, has_odometry ? &believed : NULL);
+        compare(mapper, &t);
+    }
+    *measured = t.state;
+    free_twin(&t);
+    test_pool_free(&pool);
+    end_drive(&d);
+}
+
+static void as_the_twin_on_a_calm_drive(void **state)
+{
+    static const troubles calm = {CAIRN_REAL(0.02), CAIRN_REAL(0.01), 0, 0, 0, 0};
+    cairn_mapper_params params = small_params();
+    cairn_mapper_state measured;
+
+    (void)state;
+    side_by_side(&params, SIM_APARTMENT, 3, 60, 0.4, &calm, &measured);
+    assert_int_equal(measured.predicted, 0);
+    assert_true(measured.keys > 20);
+}
+
+/* Few key scans for the local map, of which some are beyond the radius; short windows, or none. */
+static void as_the_twin_with_small_maps(void **state)
+{
+    static const troubles calm = {CAIRN_REAL(0.05), CAIRN_REAL(0.02), 0, 0, 0, 0};
+    cairn_mapper_params params = small_params();
+    cairn_mapper_state measured;
+
+    (void)state;
+    params.key_distance = CAIRN_REAL(0.3);
+    params.key_turn = CAIRN_REAL(0.35);
+    params.local_keys = 5;
+    params.local_recent = 2;
+    params.local_radius = CAIRN_REAL(0.8);
+    params.window = 4;
+    params.window_free = 3;
+    side_by_side(&params, SIM_APARTMENT, 5, 70, 0.15, &calm, &measured);
+    assert_true(measured.keys > 20);
+    params.window = 0;
+    side_by_side(&params, SIM_APARTMENT, 6, 70, 0.15, &calm, &measured);
+    assert_true(measured.keys > 20);
+}
+
+static void as_the_twin_when_odometry_fails(void **state)
+{
+    static const troubles lost = {CAIRN_REAL(0.08), CAIRN_REAL(0.04), 9, 11, 0, 0},
+                          jumps = {CAIRN_REAL(0.3), CAIRN_REAL(0.3), 0, 0, 13, 0};
+    static const troubles bare = {CAIRN_REAL(0.1), CAIRN_REAL(0.05), 7, 0, 0, 1},
+                          dark = {CAIRN_REAL(0.1), CAIRN_REAL(0.05), 0, 5, 0, 2};
+    cairn_mapper_params params = small_params();
+    cairn_mapper_state measured;
+
+    (void)state;
+    side_by_side(&params, SIM_APARTMENT, 7, 60, 0.2, &lost, &measured);
+    assert_true(measured.predicted >= 5);
+    side_by_side(&params, SIM_APARTMENT, 8, 60, 0.3, &jumps, &measured);
+    assert_true(measured.odometry_rejected > 3);
+    side_by_side(&params, SIM_RESCUE, 9, 40, 0.3, &bare, &measured);
+    assert_true(measured.keys > 10);
+    side_by_side(&params, SIM_RESCUE, 10, 30, 0.3, &dark, &measured);
+    assert_true(measured.predicted >= 6);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(as_the_twin_on_a_calm_drive),
+        cmocka_unit_test(as_the_twin_with_small_maps),
+        cmocka_unit_test(as_the_twin_when_odometry_fails),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
