@@ -128,7 +128,7 @@ inline sim_pose between(sim_pose a_b, sim_pose a_c) // b_c
 }
 
 // From a to b as time goes from 0 to 1, at constant speed and turn rate: along an arc.
-inline sim_pose blend(sim_pose a, sim_pose b, double time)
+inline sim_pose blend(const sim_pose &a, const sim_pose &b, double time)
 {
     sim_pose way = between(a, b);
     double turn = way.theta, half = turn / 2, part = turn * time;

@@ -14,7 +14,7 @@ static Random scan_random(uint64_t seed, int32_t index, int which)
 }
 
 Scanner::Scanner(const sim_arena &where, const sim_survey_options &how)
-    : arena(where), options(how), first(), index(0), next(0)
+    : arena(where), options(how), sweep(), first(), index(0), next(0)
 {
 }
 

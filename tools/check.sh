@@ -14,7 +14,6 @@ library=$(ls src/core/*.c src/contour/*.c src/mapping/*.c 2>/dev/null)
 c_files=$(ls src/*/*.c tools/*.c tests/*.c bench/*.c firmware/*.c 2>/dev/null)
 cpp_files=$(ls sim/*.cpp 2>/dev/null)
 headers=$(ls src/*/*.h include/cairn/*.h sim/*.h tools/*.h tests/*.h bench/*.h firmware/*.h 2>/dev/null)
-c_flags="-std=c11 -D_POSIX_C_SOURCE=200809L -I. -Iinclude"
 
 # said NAME STATUS LOG: the line of a step, with what its tools said when it failed.
 said()
@@ -35,12 +34,12 @@ gcc_build()
         CFLAGS='-fstack-usage -fcallgraph-info=su -fno-stack-protector -U_FORTIFY_SOURCE' "$@"
 }
 
-# Everything compiles without a warning.
+# Everything compiles without a warning. Those of clang do not depend on the optimizer.
 step_warnings()
 {
     {
         gcc_build objects all &&
-            $make -s -j2 BUILD="$out/clang" CC=clang CXX=clang++ WERROR=-Werror ASSERTIONS=1 objects
+            $make -s -j2 BUILD="$out/clang" CC=clang CXX=clang++ WERROR=-Werror ASSERTIONS=1 OPT=-O0 objects
     } >"$out/warnings.log" 2>&1
     said "warnings: gcc and clang, double and float" $? "$out/warnings.log"
 }
@@ -52,27 +51,30 @@ step_format()
     said "format" $? "$out/format.log"
 }
 
-# Tests and benches may call the shell, count in reals and compare bytes; what they read wrongly the sanitizers see.
+# Tests and benches may call the shell, count in reals, compare bytes and take in a tool's source; what they read wrongly
+# the sanitizers see. The dear files, those of sim, come first, so that both processes end together.
 step_tidy()
 {
-    loose='-cert-*,-clang-analyzer-*,-misc-no-recursion,-bugprone-not-null-terminated-result,-bugprone-suspicious-memory-comparison'
-    failed=0
-    {
-        echo "$c_files" | grep -v '^tests/\|^bench/' | xargs -P 2 -n 1 sh -c 'clang-tidy --quiet "$1" -- '"$c_flags"' || exit 1' tidy || failed=1
-        echo "$c_files" | grep '^tests/\|^bench/' | xargs -P 2 -n 1 sh -c 'clang-tidy --quiet --checks='"$loose"' "$1" -- '"$c_flags"' || exit 1' tidy || failed=1
-        echo "$cpp_files" | xargs -r -P 2 -n 1 sh -c 'clang-tidy --quiet "$1" -- -std=c++17 -I. -Iinclude || exit 1' tidy || failed=1
-    } >"$out/tidy.log" 2>&1
-    said "clang-tidy" $failed "$out/tidy.log"
+    export FLAGS='-std=c11 -D_POSIX_C_SOURCE=200809L -I. -Iinclude'
+    export LOOSE='-cert-*,-clang-analyzer-*,-misc-no-recursion,-bugprone-not-null-terminated-result,-bugprone-suspicious-memory-comparison,-bugprone-suspicious-include'
+    echo "$cpp_files" "$c_files" | xargs -P 2 -n 1 sh -c '
+        case $1 in
+        *.cpp) clang-tidy --quiet "$1" -- -std=c++17 -I. -Iinclude ;;
+        tests/* | bench/*) clang-tidy --quiet --checks="$LOOSE" "$1" -- $FLAGS ;;
+        *) clang-tidy --quiet "$1" -- $FLAGS ;;
+        esac || exit 1' tidy >"$out/tidy.log" 2>&1
+    said "clang-tidy" $? "$out/tidy.log"
 }
 
 step_cppcheck()
 {
-    # shellcheck disable=SC2046
-    cppcheck --quiet -j 2 --enable=warning,performance,portability --error-exitcode=1 --std=c11 -I. -Iinclude \
-        $(ls -d src tools bench firmware 2>/dev/null) >"$out/cppcheck.log" 2>&1 &&
-        { [ -z "$cpp_files" ] || cppcheck --quiet --enable=warning,performance,portability --error-exitcode=1 --std=c++17 \
-            -I. -Iinclude sim >"$out/cppcheck.log" 2>&1; }
-    said "cppcheck" $? "$out/cppcheck.log"
+    options="--quiet -j 2 --enable=warning,performance,portability --error-exitcode=1 -I. -Iinclude"
+    failed=0
+    # shellcheck disable=SC2046,SC2086
+    cppcheck $options --std=c11 $(ls -d src tools bench firmware 2>/dev/null) >"$out/cppcheck.log" 2>&1 || failed=1
+    # shellcheck disable=SC2086
+    [ -z "$cpp_files" ] || cppcheck $options --std=c++17 sim >>"$out/cppcheck.log" 2>&1 || failed=1
+    said "cppcheck" $failed "$out/cppcheck.log"
 }
 
 # Of C only, and of the library only: on C++ and on stdio gcc's analyzer is not ready.
@@ -136,17 +138,18 @@ step_amalgamation()
     sh tools/amalgamate-test.sh "$out"
 }
 
+step_readme()
+{
+    gcc_build "$out/gcc/libcairn.a" >"$out/readme.log" 2>&1 && sh tools/check-readme.sh "$out/gcc/libcairn.a" >>"$out/readme.log" 2>&1
+    said "README: the example compiles and runs" $? "$out/readme.log"
+}
+
 step_install()
 {
     sh tools/install-test.sh "$out/gcc"
 }
 
-step_readme()
-{
-    gcc_build "$out/gcc/libcairn.a" >"$out/readme.log" 2>&1 && sh tools/check-readme.sh "$out/gcc/libcairn.a"
-}
-
-[ $# -gt 0 ] || set -- rooms headers format layout warnings freestanding bits amalgamation install readme analyzer cppcheck tidy
+[ $# -gt 0 ] || set -- rooms headers format layout warnings freestanding bits amalgamation readme install analyzer cppcheck tidy
 failures=
 for step in "$@"; do
     "step_$step" || failures="$failures $step"

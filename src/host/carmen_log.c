@@ -385,6 +385,7 @@ static cairn_status collect(cairn_carmen_log *log, cairn_carmen_scans *scans, ca
     cairn_status status = CAIRN_OK;
 
     memset(&record, 0, sizeof record);
+    record.kind = CAIRN_CARMEN_ODOMETRY;
     while (scans->count < (int32_t)scans->info.scans) {
         status = cairn_carmen_log_next(log, &record, error);
         if (status != CAIRN_OK)

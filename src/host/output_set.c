@@ -151,13 +151,11 @@ static int32_t make_stage(cairn_output_set *set)
 
 static char *old_name(const char *part)
 {
-    size_t length = strlen(part);
-    char *old = malloc(length + 5);
+    size_t bytes = strlen(part) + sizeof ".old";
+    char *old = malloc(bytes);
 
-    if (old != NULL) {
-        memcpy(old, part, length);
-        memcpy(old + length, ".old", 5);
-    }
+    if (old != NULL)
+        (void)snprintf(old, bytes, "%s.old", part);
     return old;
 }
 
