@@ -1,5 +1,6 @@
 /* Sizes and offsets of the open structs in bytes, double and float, on a 64-bit ABI. Made by tools/layout.sh. */
 /* clang-format off */
+#include "cairn/block_solver.h"
 #include "cairn/carmen_log.h"
 #include "cairn/corner.h"
 #include "cairn/file_error.h"
@@ -31,6 +32,17 @@
 #include "cairn/version.h"
 
 static const layout OPEN_STRUCTS[] = {
+    {SIZE(cairn_block_solver_params, 12, 12)},
+    {FIELD(cairn_block_solver_params, max_poses, 0, 0)},
+    {FIELD(cairn_block_solver_params, max_links, 4, 4)},
+    {SIZE(cairn_block_solver_result, 32, 32)},
+    {FIELD(cairn_block_solver_result, state, 0, 0)},
+    {FIELD(cairn_block_solver_result, running, 4, 4)},
+    {FIELD(cairn_block_solver_result, poses, 8, 8)},
+    {FIELD(cairn_block_solver_result, links, 12, 12)},
+    {FIELD(cairn_block_solver_result, fill, 16, 16)},
+    {FIELD(cairn_block_solver_result, pose, 20, 20)},
+    {FIELD(cairn_block_solver_result, units, 24, 24)},
     {SIZE(cairn_carmen_params, 32, 32)},
     {FIELD(cairn_carmen_params, range_max, 0, 0)},
     {FIELD(cairn_carmen_params, range_sigma, 8, 8)},

@@ -1,6 +1,7 @@
 /* The defaults of all rooms but the force field, whose own test has them. */
 #include "tests/test.h"
 
+#include "cairn/block_solver.h"
 #include "cairn/carmen_log.h"
 #include "cairn/map_file.h"
 #include "cairn/mapper.h"
@@ -64,9 +65,13 @@ static void of_lines_and_scans(void **state)
 
 static void of_matches_and_corners(void **state)
 {
+    cairn_block_solver_params solver = cairn_block_solver_default();
     cairn_icp_params icp = cairn_icp_default();
     cairn_corner_params corner = cairn_corner_default();
     const value values[] = {
+        VALUE(solver.max_poses, 1000),
+        VALUE(solver.max_links, 3000),
+        VALUE(solver.max_fill, 12000),
         VALUE(icp.max_target, 4096),
         VALUE(icp.max_iterations, 40),
         VALUE(icp.min_pairs, 10),
