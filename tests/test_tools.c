@@ -6,6 +6,7 @@
 
 #include "cairn/carmen_log.h"
 #include "cairn/map_file.h"
+#include "cairn/output.h"
 #include "cairn/pose_table.h"
 #include "tests/programs.h"
 
@@ -559,13 +560,13 @@ static void pages(void **state)
     }
     /* In the folder at hand. */
     {
-        char before[256], programs[256], here[256];
+        char before[256], here[256], *programs;
 
-        (void)snprintf(programs, sizeof programs, "%s", programs_folder);
-        if (programs[0] != '/') {
-            assert_non_null(getcwd(here, sizeof here));
-            (void)snprintf(programs_folder, sizeof programs_folder, "%s/%s", here, programs);
-        }
+        assert_non_null(getcwd(here, sizeof here));
+        programs = cairn_path_join(here, programs_folder);
+        assert_non_null(programs);
+        (void)snprintf(programs_folder, sizeof programs_folder, "%s", programs);
+        free(programs);
         (void)snprintf(before, sizeof before, "cd '%s' && ", files_path("elsewhere"));
         o = programs_run_shell(before, "cairn map ../drive/scans.log -o b --quiet --report here.html", NULL);
         assert_done(o);
