@@ -96,18 +96,9 @@ static void test_strings(void **state)
 /* What a copy keeps when there is less room than needed, and equality. */
 static void test_copies(void **state)
 {
-    const char *text = "\"a\\u00e9\xE2\x82\xAC"
-                       "b\"";
-    static const char *const kept[] = {"",
-                                       "",
-                                       "a",
-                                       "a",
-                                       "a\xC3\xA9",
-                                       "a\xC3\xA9",
-                                       "a\xC3\xA9",
-                                       "a\xC3\xA9\xE2\x82\xAC",
-                                       "a\xC3\xA9\xE2\x82\xAC"
-                                       "b"};
+    const char *text = "\"a\\u00e9\xE2\x82\xACz\"";
+    static const char *const kept[] = {
+        "", "", "a", "a", "a\xC3\xA9", "a\xC3\xA9", "a\xC3\xA9", "a\xC3\xA9\xE2\x82\xAC", "a\xC3\xA9\xE2\x82\xACz"};
     cairn_json json = cairn_json_begin("f", text, strlen(text));
     cairn_json_token token;
 
@@ -123,10 +114,8 @@ static void test_copies(void **state)
     }
     assert_int_equal(cairn_json_is(&token, kept[8]), 1);
     assert_int_equal(cairn_json_is(&token, kept[7]), 0);
-    assert_int_equal(cairn_json_is(&token, "a\xC3\xA9\xE2\x82\xAC"
-                                           "bc"),
-                     0);
-    assert_int_equal(cairn_json_is(&token, "b"), 0);
+    assert_int_equal(cairn_json_is(&token, "a\xC3\xA9\xE2\x82\xACzc"), 0);
+    assert_int_equal(cairn_json_is(&token, "z"), 0);
     assert_int_equal(cairn_json_is(&token, ""), 0);
     json = cairn_json_begin("f", "12", 2);
     assert_ok(cairn_json_next(&json, &token, NULL));
