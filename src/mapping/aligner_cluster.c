@@ -11,9 +11,9 @@
 #include "src/mapping/aligner_work.h"
 
 static const cairn_real COUNT_GATE = CAIRN_REAL(0.07);
-static const cairn_real BOX = CAIRN_REAL(1.25);     /* of the params' spread: nothing lies farther off */
-static const cairn_real EXPECTED_SCANS = 6;         /* what the params' spread weighs against what is learnt */
-static const cairn_real ARM = CAIRN_REAL(1.5);      /* m: makes turns comparable to shifts */
+static const cairn_real BOX = CAIRN_REAL(1.25); /* of the params' spread: nothing lies farther off */
+static const cairn_real EXPECTED_SCANS = 6;     /* what the params' spread weighs against what is learnt */
+static const cairn_real ARM = CAIRN_REAL(1.5);  /* m: makes turns comparable to shifts */
 static const cairn_real IMPOSSIBLE = CAIRN_REAL(-1e6);
 
 void aligner_insert(cairn_aligner *x, int32_t scan, int32_t cluster)
@@ -251,8 +251,7 @@ static void end_look(cairn_aligner *x)
     misfit m = misfit_of(x, look->moving, look->fixed, look->pose);
 
     look->active = 0;
-    look->prior =
-        -(chi_squared(x, &m) - x->clusters[look->moving].misfit - x->clusters[look->fixed].misfit) / 2;
+    look->prior = -(chi_squared(x, &m) - x->clusters[look->moving].misfit - x->clusters[look->fixed].misfit) / 2;
     if (!m.possible)
         look->prior = IMPOSSIBLE;
     x->debt += m.count / 2;

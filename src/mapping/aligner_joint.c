@@ -13,18 +13,18 @@
 
 #include "src/mapping/aligner_work.h"
 
-static const cairn_real LEAST_COSINE = CAIRN_REAL(0.94);  /* of the directions of one wall */
-static const cairn_real GAP = 1;                          /* m between the extents on one wall, ... */
-static const cairn_real GAP_STRICT = CAIRN_REAL(0.6);     /* ... over which the gate is that share of itself */
+static const cairn_real LEAST_COSINE = CAIRN_REAL(0.94); /* of the directions of one wall */
+static const cairn_real GAP = 1;                         /* m between the extents on one wall, ... */
+static const cairn_real GAP_STRICT = CAIRN_REAL(0.6);    /* ... over which the gate is that share of itself */
 static const cairn_real GAP_COST = CAIRN_REAL(0.05);
 static const cairn_real SHORT = CAIRN_REAL(0.3), SHORT_EXTRA = CAIRN_REAL(0.01), SHORTEST = CAIRN_REAL(0.08); /* m */
 static const cairn_real HELD = CAIRN_REAL(1e10);
-static const cairn_real AT_REST = CAIRN_REAL(5e-4);       /* m */
-static const cairn_real LEAST_SUPPORT = 2;                /* nats of a placed scan */
+static const cairn_real AT_REST = CAIRN_REAL(5e-4); /* m */
+static const cairn_real LEAST_SUPPORT = 2;          /* nats of a placed scan */
 
 /* Gates of the association in m, and chi-squared beyond which a segment loses weight. */
-static const cairn_real gates[] = {CAIRN_REAL(0.08), CAIRN_REAL(0.07), CAIRN_REAL(0.06), CAIRN_REAL(0.05),
-                                   CAIRN_REAL(0.04), CAIRN_REAL(0.03)};
+static const cairn_real gates[] = {CAIRN_REAL(0.08), CAIRN_REAL(0.07), CAIRN_REAL(0.06),
+                                   CAIRN_REAL(0.05), CAIRN_REAL(0.04), CAIRN_REAL(0.03)};
 static const cairn_real tolerances[] = {1000, 300, 100, 50, 25, 15, 12};
 
 static cairn_real gate_of(int32_t round)
@@ -391,8 +391,8 @@ static void judge(cairn_aligner *x, int32_t i)
 
     r->observable = (cairn_sqrt(c[0]) < far ? CAIRN_ALIGNER_X : 0) | (cairn_sqrt(c[4]) < far ? CAIRN_ALIGNER_Y : 0) |
                     (cairn_sqrt(c[8]) < turned ? CAIRN_ALIGNER_THETA : 0);
-    r->placed = r->part == 0 && r->support >= LEAST_SUPPORT && cairn_sqrt(c[0] + c[4]) < far &&
-                cairn_sqrt(c[8]) < turned;
+    r->placed =
+        r->part == 0 && r->support >= LEAST_SUPPORT && cairn_sqrt(c[0] + c[4]) < far && cairn_sqrt(c[8]) < turned;
 }
 
 /* Numbers the clusters by size, ties by index; blind scans are no parts. */
@@ -408,8 +408,8 @@ static void number_parts(cairn_aligner *x)
     }
     x->result.parts = 0;
     for (int32_t c = 0; c < x->scan_count; c++)
-        x->result.parts += x->clusters[c].size > 1 ||
-                           (x->clusters[c].size == 1 && aligner_points_of(x, x->clusters[c].head) > 0);
+        x->result.parts +=
+            x->clusters[c].size > 1 || (x->clusters[c].size == 1 && aligner_points_of(x, x->clusters[c].head) > 0);
 }
 
 static void read_covariance(const cairn_aligner *x, int32_t i, cairn_transform gauge, cairn_real covariance[9])
@@ -524,9 +524,8 @@ static int32_t solve(cairn_aligner *x)
     if (x->stage == 0)
         return begin_solution(x, -1);
     if (x->stage == 1) {
-        cairn_status status = state.state == CAIRN_BLOCK_SOLVER_FACTORED
-                                  ? cairn_block_solver_solve(x->solver, x->rhs)
-                                  : CAIRN_UNSUPPORTED;
+        cairn_status status = state.state == CAIRN_BLOCK_SOLVER_FACTORED ? cairn_block_solver_solve(x->solver, x->rhs)
+                                                                         : CAIRN_UNSUPPORTED;
 
         x->stage = 2;
         if (status != CAIRN_OK)

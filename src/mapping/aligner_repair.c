@@ -12,11 +12,11 @@
 
 enum { DIRECTIONS = 15, FREE_CELL = 1 << DIRECTIONS, TRY_ROUNDS = 3 };
 
-static const cairn_real CELL = CAIRN_REAL(0.1);          /* m */
-static const cairn_real CLEARANCE = CAIRN_REAL(0.2);     /* m before a surface that is not drawn free */
-static const cairn_real TURN = CAIRN_REAL(0.0349);       /* rad: 2 degrees */
-static const cairn_real WINDOW = CAIRN_REAL(2.2);        /* standard deviations */
-static const cairn_real WIDEST = CAIRN_REAL(1.875);      /* of the params' spread */
+static const cairn_real CELL = CAIRN_REAL(0.1);      /* m */
+static const cairn_real CLEARANCE = CAIRN_REAL(0.2); /* m before a surface that is not drawn free */
+static const cairn_real TURN = CAIRN_REAL(0.0349);   /* rad: 2 degrees */
+static const cairn_real WINDOW = CAIRN_REAL(2.2);    /* standard deviations */
+static const cairn_real WIDEST = CAIRN_REAL(1.875);  /* of the params' spread */
 static const cairn_real LIES_WELL = 10, BETTER = 2, ATTACHED = -2, TORN_OFF = 4; /* nats */
 
 /* ---- Which scan ---- */
@@ -161,8 +161,8 @@ static int32_t draw_free(cairn_aligner *x, int32_t j)
 
         least = before < least ? before : least;
         least = after < least ? after : least;
-        steps = cairn_real_to_int(
-            (cairn_real)least * (x->params.reach / CAIRN_REAL(65535.0)) / x->cell - CLEARANCE / x->cell);
+        steps = cairn_real_to_int((cairn_real)least * (x->params.reach / CAIRN_REAL(65535.0)) / x->cell -
+                                  CLEARANCE / x->cell);
         for (int32_t k = 0; k < steps; k++) {
             if (px >= 0 && py >= 0 && px < (cairn_real)side && py < (cairn_real)side) {
                 int32_t at = (int32_t)py * side + (int32_t)px;
@@ -329,9 +329,8 @@ static int32_t search_turn(cairn_aligner *x)
 
             if (x->votes[v * width + u] < 3)
                 continue;
-            score -= ((dx * dx + dy * dy) / (x->sigma * x->sigma) +
-                      turned * turned / (x->sigma_angle * x->sigma_angle)) /
-                     2;
+            score -=
+                ((dx * dx + dy * dy) / (x->sigma * x->sigma) + turned * turned / (x->sigma_angle * x->sigma_angle)) / 2;
             keep_find(x, pose, score);
         }
     x->turn++;

@@ -19,11 +19,11 @@ enum { UNSEEN = 0, SAME = 1, OTHER = 2, BEHIND = 3, THROUGH = 4 };
 
 static const cairn_real SAME_NATS = CAIRN_REAL(0.5), OTHER_NATS = CAIRN_REAL(0.15);
 static const cairn_real FULL_POINTS = 6, MORE_POINTS = CAIRN_REAL(0.1);
-static const cairn_real LEAST_COSINE = CAIRN_REAL(0.85);  /* of the directions of one surface */
-static const cairn_real BEYOND_END = CAIRN_REAL(0.1);     /* m */
-static const cairn_real CLEAR = CAIRN_REAL(0.12);         /* m, and ... */
-static const cairn_real CLEAR_SHARE = CAIRN_REAL(0.02);   /* ... share of the range that must lie behind a point */
-static const cairn_real SURFACE = CAIRN_REAL(0.15);       /* m */
+static const cairn_real LEAST_COSINE = CAIRN_REAL(0.85); /* of the directions of one surface */
+static const cairn_real BEYOND_END = CAIRN_REAL(0.1);    /* m */
+static const cairn_real CLEAR = CAIRN_REAL(0.12);        /* m, and ... */
+static const cairn_real CLEAR_SHARE = CAIRN_REAL(0.02);  /* ... share of the range that must lie behind a point */
+static const cairn_real SURFACE = CAIRN_REAL(0.15);      /* m */
 static const cairn_real HIT_GATE_SIGMAS = 3;
 static const cairn_real LABEL_GATE = CAIRN_REAL(0.06); /* m */
 static const cairn_real LEAST_INCIDENCE = CAIRN_REAL(0.05);
@@ -254,8 +254,8 @@ static void measure_view(cairn_aligner *x, int32_t index)
     if (widest < ALIGNER_BINS / 2 || widest >= ALIGNER_BINS)
         return;
     /* Less than half a turn is seen: the axis halves it. */
-    scan->axis = cairn_vec2_unit(cairn_vec2_add(x->bearings[(end + 1) & (ALIGNER_BINS - 1)],
-                                                x->bearings[(end - widest) & (ALIGNER_BINS - 1)]));
+    scan->axis = cairn_vec2_unit(
+        cairn_vec2_add(x->bearings[(end + 1) & (ALIGNER_BINS - 1)], x->bearings[(end - widest) & (ALIGNER_BINS - 1)]));
     scan->view_cosine = cairn_vec2_dot(scan->axis, x->bearings[(end + 1) & (ALIGNER_BINS - 1)]) - CAIRN_REAL(0.02);
     scan->view_sine = cairn_sqrt(cairn_max(0, 1 - scan->view_cosine * scan->view_cosine));
 }
@@ -270,8 +270,7 @@ static void measure_circle(cairn_aligner *x, aligner_scan *scan)
         scan->middle = cairn_vec2_add(scan->middle, cairn_vec2_scale(x->points[i].position, share));
     scan->radius = cairn_vec2_norm(cairn_vec2_sub(scan->sensor, scan->middle));
     for (int32_t i = scan->first_point; i < scan->end_point; i++)
-        scan->radius =
-            cairn_max(scan->radius, cairn_vec2_norm(cairn_vec2_sub(x->points[i].position, scan->middle)));
+        scan->radius = cairn_max(scan->radius, cairn_vec2_norm(cairn_vec2_sub(x->points[i].position, scan->middle)));
 }
 
 static void copy_surfaces(cairn_aligner *x, aligner_scan *scan, const cairn_scan_view *view)

@@ -21,11 +21,11 @@ enum { ALIGNER_POINTS_OF_UNIT = 3 };
 typedef struct aligner_segment {
     cairn_vec2 a, direction;
     cairn_real length;
-    cairn_real weight;      /* sum of 1 / variance across the line; 0: no hits */
-    cairn_vec2 mean;        /* of the hits, weighted */
-    cairn_sym2 spread;      /* weighted squares about the mean */
-    cairn_real least;       /* of them across the hits' own best line */
-    int32_t scan, wall;     /* wall: -1 none */
+    cairn_real weight;  /* sum of 1 / variance across the line; 0: no hits */
+    cairn_vec2 mean;    /* of the hits, weighted */
+    cairn_sym2 spread;  /* weighted squares about the mean */
+    cairn_real least;   /* of them across the hits' own best line */
+    int32_t scan, wall; /* wall: -1 none */
 } aligner_segment;
 
 typedef struct aligner_point {
@@ -43,7 +43,7 @@ typedef struct aligner_scan {
     int32_t first_point, end_point, first_segment, end_segment;
     cairn_vec2 sensor, middle; /* of the circle about sensor and points */
     cairn_real radius;
-    cairn_vec2 axis;      /* middle of the directions that are seen, from the sensor */
+    cairn_vec2 axis;                   /* middle of the directions that are seen, from the sensor */
     cairn_real view_cosine, view_sine; /* of what is seen to either side of it; cosine <= 0: half a turn or more */
     cairn_pose initial;
     int32_t part, next; /* cluster; next member of it, -1 */
@@ -53,7 +53,7 @@ typedef struct aligner_scan {
 /* A cluster: scans whose poses are known to each other. */
 typedef struct aligner_cluster {
     int32_t head, size;
-    int32_t stamp; /* changes with every change of its poses */
+    int32_t stamp;     /* changes with every change of its poses */
     cairn_real misfit; /* chi-squared of its initial poses */
 } aligner_cluster;
 
@@ -61,7 +61,7 @@ typedef struct aligner_cluster {
 typedef struct aligner_hypothesis {
     int32_t first, second;
     cairn_pose second_first;
-    cairn_real score, key; /* nats; by the last look, and with its rivals taken into account */
+    cairn_real score, key;             /* nats; by the last look, and with its rivals taken into account */
     int32_t first_stamp, second_stamp; /* of the clusters at that look; -1: none yet */
     int32_t state;
 } aligner_hypothesis;
@@ -147,18 +147,18 @@ struct cairn_aligner {
     aligner_segment *segments;
     aligner_point *points;
     aligner_hypothesis *hypotheses;
-    aligner_wall *walls;  /* [max_segments] */
-    int32_t *order;       /* [max_segments] */
-    uint16_t *cells;      /* [max_cells] */
-    int32_t *votes;       /* [max_cells / ALIGNER_VOTES] */
-    cairn_real *rhs;      /* [3 * nodes] */
-    cairn_vec2 *bearings; /* [ALIGNER_BINS] unit directions of the bins */
+    aligner_wall *walls;         /* [max_segments] */
+    int32_t *order;              /* [max_segments] */
+    uint16_t *cells;             /* [max_cells] */
+    int32_t *votes;              /* [max_cells / ALIGNER_VOTES] */
+    cairn_real *rhs;             /* [3 * nodes] */
+    cairn_vec2 *bearings;        /* [ALIGNER_BINS] unit directions of the bins */
     cairn_aligner_pose *results; /* [max_scans] */
     cairn_block_solver *solver;
 
     int32_t scan_count, segment_count, point_count, hypothesis_count, wall_count, node_count;
-    cairn_real sigma, sigma_angle;     /* of the initial poses, as learnt */
-    int32_t changes;                   /* gives stamps */
+    cairn_real sigma, sigma_angle; /* of the initial poses, as learnt */
+    int32_t changes;               /* gives stamps */
 
     aligner_phase phase;
     int32_t debt;
