@@ -41,6 +41,7 @@ SIM_SRC     := $(if $(HAVE_SIM),$(wildcard sim/*.cpp))
 TEST_SRC    := $(if $(and $(HAVE_TEST),$(HAVE_SIM),$(HAVE_HOST)),$(wildcard tests/test_*.c))
 BENCH_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(filter-out bench/bench_%,$(wildcard bench/*.c)))
 BENCH_COMMON := $(wildcard bench/bench_*.c) tools/options.c
+TEST_COMMON := tests/support.c bench/bench_bound.c bench/bench_score.c
 CAIRN_SRC   := $(if $(HAVE_HOST),$(filter-out tools/cairn_arena%,$(wildcard tools/cairn*.c)) tools/options.c)
 ARENA_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(wildcard tools/cairn_arena*.c) tools/options.c)
 HOST_LIBS   := -lyaml -lpng -lz
@@ -123,9 +124,9 @@ $(BUILD)/cairn-arena: $(call object,double,$(ARENA_SRC)) $(DOUBLE_LIBS)
 	$(link) $(SYS_LIBS)
 $(BUILD)/bench/%: $(BUILD)/double/bench/%.c.o $(call object,double,$(BENCH_COMMON)) $(DOUBLE_LIBS)
 	$(link) $(SYS_LIBS)
-$(BUILD)/tests/%: $(BUILD)/double/tests/%.c.o $(call object,double,tests/support.c) $(DOUBLE_LIBS)
+$(BUILD)/tests/%: $(BUILD)/double/tests/%.c.o $(call object,double,$(TEST_COMMON)) $(DOUBLE_LIBS)
 	$(link) -lcmocka $(SYS_LIBS)
-$(BUILD)/tests-float/%: $(BUILD)/float/tests/%.c.o $(call object,float,tests/support.c) $(FLOAT_LIBS)
+$(BUILD)/tests-float/%: $(BUILD)/float/tests/%.c.o $(call object,float,$(TEST_COMMON)) $(FLOAT_LIBS)
 	$(link) -lcmocka $(SYS_LIBS)
 
 # make test and make demo bring what they need, then run make again, which now sees it.

@@ -246,7 +246,7 @@ cairn_status cairn_aligner_add_scan(cairn_aligner *aligner, const cairn_scan_vie
     if (view->point_count > aligner->params.max_points - aligner->point_count)
         return refuse(fault, -1, "more than max_points points", CAIRN_FULL);
     map_scan.theta = cairn_wrap_angle(map_scan.theta);
-    aligner_fill_scan(aligner, view, map_scan);
+    cairn_aligner_fill_scan(aligner, view, map_scan);
     aligner->phase = ALIGNER_DONE;
     aligner->look.active = aligner->relax.active = 0;
     memset(&aligner->result, 0, sizeof aligner->result);
@@ -277,7 +277,7 @@ cairn_status cairn_aligner_begin(cairn_aligner *aligner)
     aligner->result.anchor = -1;
     aligner->hypothesis_count = aligner->wall_count = 0;
     aligner->changes = 0;
-    aligner_begin_clusters(aligner);
+    cairn_aligner_begin_clusters(aligner);
     aligner->look.active = aligner->relax.active = 0;
     aligner->phase = ALIGNER_PAIRS;
     aligner->debt = 0;
@@ -290,16 +290,16 @@ cairn_status cairn_aligner_begin(cairn_aligner *aligner)
 static int32_t next_item(cairn_aligner *x)
 {
     if (x->look.active)
-        return aligner_look_item(x);
+        return cairn_aligner_look_item(x);
     if (x->relax.active)
-        return aligner_relax_item(x);
+        return cairn_aligner_relax_item(x);
     if (x->phase <= ALIGNER_TRIALS_OF_PAIR)
-        return aligner_pairs_item(x);
+        return cairn_aligner_pairs_item(x);
     if (x->phase <= ALIGNER_SHIFTED)
-        return aligner_merge_item(x);
+        return cairn_aligner_merge_item(x);
     if (x->phase <= ALIGNER_PLACE)
-        return aligner_repair_item(x);
-    return aligner_joint_item(x);
+        return cairn_aligner_repair_item(x);
+    return cairn_aligner_joint_item(x);
 }
 
 /* The solver goes on with the same budget. */
@@ -313,7 +313,7 @@ static int solver_works(cairn_aligner *x, cairn_budget *budget)
     status = cairn_block_solver_step(x->solver, budget);
     x->result.units += before - budget->left;
     if (status < 0)
-        aligner_give_up(x, status);
+        cairn_aligner_give_up(x, status);
     return status == CAIRN_MORE;
 }
 

@@ -16,7 +16,7 @@ static const cairn_real EXPECTED_SCANS = 6;     /* what the params' spread weigh
 static const cairn_real ARM = CAIRN_REAL(1.5);  /* m: makes turns comparable to shifts */
 static const cairn_real IMPOSSIBLE = CAIRN_REAL(-1e6);
 
-void aligner_insert(cairn_aligner *x, int32_t scan, int32_t cluster)
+void cairn_aligner_insert(cairn_aligner *x, int32_t scan, int32_t cluster)
 {
     aligner_cluster *c = &x->clusters[cluster];
 
@@ -27,7 +27,7 @@ void aligner_insert(cairn_aligner *x, int32_t scan, int32_t cluster)
     c->stamp = ++x->changes;
 }
 
-void aligner_remove(cairn_aligner *x, int32_t scan)
+void cairn_aligner_remove(cairn_aligner *x, int32_t scan)
 {
     aligner_cluster *c = &x->clusters[x->scans[scan].part];
     int32_t *link = &c->head;
@@ -40,7 +40,7 @@ void aligner_remove(cairn_aligner *x, int32_t scan)
     c->stamp = ++x->changes;
 }
 
-int32_t aligner_largest(const cairn_aligner *x)
+int32_t cairn_aligner_largest(const cairn_aligner *x)
 {
     int32_t best = 0;
 
@@ -50,7 +50,7 @@ int32_t aligner_largest(const cairn_aligner *x)
     return best;
 }
 
-void aligner_begin_clusters(cairn_aligner *x)
+void cairn_aligner_begin_clusters(cairn_aligner *x)
 {
     memset(x->clusters, 0, ((size_t)x->scan_count + 1) * sizeof *x->clusters);
     for (int32_t i = 0; i <= x->scan_count; i++)
@@ -58,9 +58,9 @@ void aligner_begin_clusters(cairn_aligner *x)
     for (int32_t i = 0; i < x->scan_count; i++) {
         x->poses[i] = cairn_transform_of(x->scans[i].initial);
         x->scans[i].support = 0;
-        aligner_insert(x, i, i);
+        cairn_aligner_insert(x, i, i);
     }
-    aligner_learn_spread(x);
+    cairn_aligner_learn_spread(x);
 }
 
 /* ---- Initial poses ---- */
@@ -92,13 +92,13 @@ static int32_t walk_on(walk *w, cairn_transform *pose)
     scan = w->scan;
     if (scan < 0)
         return -1;
-    *pose = w->in_first ? aligner_compose(w->move, w->x->poses[scan]) : w->x->poses[scan];
+    *pose = w->in_first ? cairn_aligner_compose(w->move, w->x->poses[scan]) : w->x->poses[scan];
     w->scan = w->x->scans[scan].next;
     return scan;
 }
 
 /* Least squares over positions and headings, weighted by their variances. */
-cairn_transform aligner_gauge(const cairn_aligner *x, int32_t first, int32_t second, cairn_transform second_first)
+cairn_transform cairn_aligner_gauge(const cairn_aligner *x, int32_t first, int32_t second, cairn_transform second_first)
 {
     cairn_real heading = x->sigma * x->sigma / (x->sigma_angle * x->sigma_angle), sine = 0, cosine = 0, count = 0;
     cairn_vec2 p = {0, 0}, q = {0, 0};
@@ -139,7 +139,7 @@ typedef struct misfit {
 
 static misfit misfit_of(const cairn_aligner *x, int32_t first, int32_t second, cairn_transform second_first)
 {
-    cairn_transform gauge = aligner_gauge(x, first, second, second_first), pose;
+    cairn_transform gauge = cairn_aligner_gauge(x, first, second, second_first), pose;
     cairn_real far = BOX * x->params.spread, turned = BOX * x->params.spread_angle;
     walk w = begin_walk(x, first, second, second_first);
     misfit m = {0, 0, 0, 1};
@@ -147,7 +147,7 @@ static misfit misfit_of(const cairn_aligner *x, int32_t first, int32_t second, c
 
     while ((i = walk_on(&w, &pose)) >= 0) {
         const cairn_pose *initial = &x->scans[i].initial;
-        cairn_pose at = aligner_pose(aligner_compose(gauge, pose));
+        cairn_pose at = cairn_aligner_to_pose(cairn_aligner_compose(gauge, pose));
         cairn_real dx = at.x - initial->x, dy = at.y - initial->y, turn = cairn_wrap_angle(at.theta - initial->theta);
 
         m.squares += dx * dx + dy * dy;
@@ -164,7 +164,7 @@ static cairn_real chi_squared(const cairn_aligner *x, const misfit *m)
     return m->squares / (x->sigma * x->sigma) + m->squares_angle / (x->sigma_angle * x->sigma_angle);
 }
 
-void aligner_learn_spread(cairn_aligner *x)
+void cairn_aligner_learn_spread(cairn_aligner *x)
 {
     cairn_transform same = {0, 0, 1, 0};
     cairn_real expected = x->params.spread * x->params.spread / 3;
@@ -196,7 +196,7 @@ void aligner_learn_spread(cairn_aligner *x)
 
 /* ---- Looks ---- */
 
-void aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose, int32_t rounds)
+void cairn_aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose, int32_t rounds)
 {
     aligner_look *look = &x->look;
     int32_t first = x->clusters[moving].head;
@@ -209,7 +209,7 @@ void aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_t
     look->rounds = rounds;
     look->i = first;
     look->j = x->clusters[fixed].head;
-    look->centre = cairn_transform_point(aligner_compose(pose, x->poses[first]), x->scans[first].middle);
+    look->centre = cairn_transform_point(cairn_aligner_compose(pose, x->poses[first]), x->scans[first].middle);
 }
 
 static cairn_real refine_gate(int32_t round)
@@ -237,8 +237,8 @@ static void end_refinement(aligner_look *look)
     cairn_real motion[3];
 
     find_weak(look);
-    if (aligner_solve(&look->sums, motion))
-        look->pose = aligner_moved(look->pose, look->centre, motion);
+    if (cairn_aligner_solve(&look->sums, motion))
+        look->pose = cairn_aligner_moved(look->pose, look->centre, motion);
     else
         look->round = look->rounds - 1;
     memset(&look->sums, 0, sizeof look->sums);
@@ -258,7 +258,7 @@ static void end_look(cairn_aligner *x)
 }
 
 /* One pair of scans. */
-int32_t aligner_look_item(cairn_aligner *x)
+int32_t cairn_aligner_look_item(cairn_aligner *x)
 {
     aligner_look *look = &x->look;
     int32_t i = look->i, j = look->j, points;
@@ -278,23 +278,23 @@ int32_t aligner_look_item(cairn_aligner *x)
         look->i = x->scans[i].next;
         look->j = x->clusters[look->fixed].head;
     }
-    pose_i = aligner_compose(look->pose, x->poses[i]);
-    if (!aligner_may_meet(x, i, j, pose_i, x->poses[j]))
+    pose_i = cairn_aligner_compose(look->pose, x->poses[i]);
+    if (!cairn_aligner_may_meet(x, i, j, pose_i, x->poses[j]))
         return 1;
-    points = aligner_points_of(x, i);
+    points = cairn_aligner_points_of(x, i);
     if (look->round < look->rounds) {
-        aligner_pull(x, i, j, pose_i, x->poses[j], refine_gate(look->round), 1, look->centre, &look->sums);
+        cairn_aligner_pull(x, i, j, pose_i, x->poses[j], refine_gate(look->round), 1, look->centre, &look->sums);
     } else {
         look->near++;
-        look->evidence += aligner_pair_evidence(x, i, j, aligner_between(x->poses[j], pose_i), COUNT_GATE);
-        points += aligner_points_of(x, j);
+        look->evidence += cairn_aligner_pair_evidence(x, i, j, cairn_aligner_between(x->poses[j], pose_i), COUNT_GATE);
+        points += cairn_aligner_points_of(x, j);
     }
     return 1 + points / ALIGNER_POINTS_OF_UNIT;
 }
 
 /* ---- Relaxation ---- */
 
-void aligner_begin_relax(cairn_aligner *x, int32_t cluster, cairn_real gate, int32_t rounds)
+void cairn_aligner_begin_relax(cairn_aligner *x, int32_t cluster, cairn_real gate, int32_t rounds)
 {
     aligner_relax *relax = &x->relax;
 
@@ -313,8 +313,8 @@ static void end_scan(cairn_aligner *x)
     cairn_vec2 centre = cairn_transform_point(*pose, x->scans[relax->i].middle);
     cairn_real motion[3];
 
-    if (aligner_solve(&relax->sums, motion))
-        *pose = aligner_moved(*pose, centre, motion);
+    if (cairn_aligner_solve(&relax->sums, motion))
+        *pose = cairn_aligner_moved(*pose, centre, motion);
     memset(&relax->sums, 0, sizeof relax->sums);
     relax->i = x->scans[relax->i].next;
     if (relax->i < 0) {
@@ -325,13 +325,13 @@ static void end_scan(cairn_aligner *x)
     relax->active = relax->round < relax->rounds;
     if (!relax->active) {
         x->clusters[relax->cluster].stamp = ++x->changes;
-        aligner_learn_spread(x);
+        cairn_aligner_learn_spread(x);
         x->debt += x->scan_count;
     }
 }
 
 /* One pair of scans of the cluster. */
-int32_t aligner_relax_item(cairn_aligner *x)
+int32_t cairn_aligner_relax_item(cairn_aligner *x)
 {
     aligner_relax *relax = &x->relax;
     int32_t i = relax->i, j = relax->j;
@@ -342,30 +342,30 @@ int32_t aligner_relax_item(cairn_aligner *x)
         return 4;
     }
     relax->j = x->scans[j].next;
-    if (i == j || !aligner_may_meet(x, i, j, x->poses[i], x->poses[j]))
+    if (i == j || !cairn_aligner_may_meet(x, i, j, x->poses[i], x->poses[j]))
         return 1;
     centre = cairn_transform_point(x->poses[i], x->scans[i].middle);
-    aligner_pull(x, i, j, x->poses[i], x->poses[j], relax->gate, 1, centre, &relax->sums);
-    aligner_pull(x, j, i, x->poses[j], x->poses[i], relax->gate, -1, centre, &relax->sums);
-    return 1 + (aligner_points_of(x, i) + aligner_points_of(x, j)) / ALIGNER_POINTS_OF_UNIT;
+    cairn_aligner_pull(x, i, j, x->poses[i], x->poses[j], relax->gate, 1, centre, &relax->sums);
+    cairn_aligner_pull(x, j, i, x->poses[j], x->poses[i], relax->gate, -1, centre, &relax->sums);
+    return 1 + (cairn_aligner_points_of(x, i) + cairn_aligner_points_of(x, j)) / ALIGNER_POINTS_OF_UNIT;
 }
 
 /* The smaller cluster enters the frame of the larger one; returns that. pose: fixed_moving. */
-int32_t aligner_join(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose)
+int32_t cairn_aligner_join(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose)
 {
     if (x->clusters[moving].size > x->clusters[fixed].size) {
         int32_t swap = moving;
 
         moving = fixed;
         fixed = swap;
-        pose = aligner_inverse(pose);
+        pose = cairn_aligner_inverse(pose);
     }
     while (x->clusters[moving].head >= 0) {
         int32_t scan = x->clusters[moving].head;
 
-        x->poses[scan] = aligner_compose(pose, x->poses[scan]);
-        aligner_remove(x, scan);
-        aligner_insert(x, scan, fixed);
+        x->poses[scan] = cairn_aligner_compose(pose, x->poses[scan]);
+        cairn_aligner_remove(x, scan);
+        cairn_aligner_insert(x, scan, fixed);
     }
     return fixed;
 }

@@ -274,7 +274,7 @@ static cairn_status add_segment(cairn_aligner *x, const aligner_segment *s, int3
 /* Initial poses, scans and walls that nothing else holds, and the anchor for covariances. */
 static cairn_status add_priors(cairn_aligner *x, int32_t anchor)
 {
-    cairn_transform same = {0, 0, 1, 0}, gauge = aligner_inverse(aligner_gauge(x, x->home, -1, same));
+    cairn_transform same = {0, 0, 1, 0}, gauge = cairn_aligner_inverse(cairn_aligner_gauge(x, x->home, -1, same));
     cairn_status status = CAIRN_OK;
 
     for (int32_t i = 0; i < x->scan_count && status == CAIRN_OK; i++) {
@@ -282,8 +282,8 @@ static cairn_status add_priors(cairn_aligner *x, int32_t anchor)
         cairn_sym3 block = {weight, 0, 0, weight, 0, turn};
 
         if (x->scans[i].part == x->home) {
-            cairn_transform initial = aligner_compose(gauge, cairn_transform_of(x->scans[i].initial));
-            cairn_transform off = aligner_between(initial, x->poses[i]);
+            cairn_transform initial = cairn_aligner_compose(gauge, cairn_transform_of(x->scans[i].initial));
+            cairn_transform off = cairn_aligner_between(initial, x->poses[i]);
 
             x->rhs[3 * i] -= weight * (x->poses[i].x - initial.x);
             x->rhs[3 * i + 1] -= weight * (x->poses[i].y - initial.y);
@@ -331,7 +331,7 @@ static void move_scans(cairn_aligner *x)
         if (x->scans[i].part != x->home || cairn_block_solver_solution(x->solver, i, motion) != CAIRN_OK)
             continue;
         x->moved = cairn_max(x->moved, cairn_max(cairn_abs(motion[0]), cairn_abs(motion[1])));
-        *pose = aligner_moved(*pose, centre, motion);
+        *pose = cairn_aligner_moved(*pose, centre, motion);
     }
 }
 
@@ -408,8 +408,8 @@ static void number_parts(cairn_aligner *x)
     }
     x->result.parts = 0;
     for (int32_t c = 0; c < x->scan_count; c++)
-        x->result.parts +=
-            x->clusters[c].size > 1 || (x->clusters[c].size == 1 && aligner_points_of(x, x->clusters[c].head) > 0);
+        x->result.parts += x->clusters[c].size > 1 ||
+                           (x->clusters[c].size == 1 && cairn_aligner_points_of(x, x->clusters[c].head) > 0);
 }
 
 static void read_covariance(const cairn_aligner *x, int32_t i, cairn_transform gauge, cairn_real covariance[9])
@@ -434,10 +434,10 @@ static int32_t finish(cairn_aligner *x)
     number_parts(x);
     x->result.placed = 0;
     for (int32_t i = 0; i < x->scan_count; i++) {
-        cairn_transform gauge = aligner_gauge(x, x->scans[i].part, -1, same);
+        cairn_transform gauge = cairn_aligner_gauge(x, x->scans[i].part, -1, same);
         cairn_aligner_pose *r = &x->results[i];
 
-        r->map_scan = aligner_pose(aligner_compose(gauge, x->poses[i]));
+        r->map_scan = cairn_aligner_to_pose(cairn_aligner_compose(gauge, x->poses[i]));
         r->support = x->scans[i].support;
         read_covariance(x, i, gauge, r->covariance);
         judge(x, i);
@@ -456,7 +456,7 @@ static int32_t finish(cairn_aligner *x)
 }
 
 /* No joint solution: what is known of the poses are the initial ones. */
-void aligner_give_up(cairn_aligner *x, cairn_status status)
+void cairn_aligner_give_up(cairn_aligner *x, cairn_status status)
 {
     if (status == CAIRN_FULL)
         x->result.verdict = CAIRN_ALIGNER_NO_FILL;
@@ -480,12 +480,12 @@ static int32_t support_item(cairn_aligner *x)
         return 1;
     }
     x->j++;
-    if (x->scans[i].part != x->scans[j].part || !aligner_may_meet(x, i, j, x->poses[i], x->poses[j]))
+    if (x->scans[i].part != x->scans[j].part || !cairn_aligner_may_meet(x, i, j, x->poses[i], x->poses[j]))
         return 1;
-    evidence = aligner_pair_evidence(x, i, j, aligner_between(x->poses[j], x->poses[i]), CAIRN_REAL(0.07));
+    evidence = cairn_aligner_pair_evidence(x, i, j, cairn_aligner_between(x->poses[j], x->poses[i]), CAIRN_REAL(0.07));
     x->scans[i].support += evidence;
     x->scans[j].support += evidence;
-    return 1 + (aligner_points_of(x, i) + aligner_points_of(x, j)) / ALIGNER_POINTS_OF_UNIT;
+    return 1 + (cairn_aligner_points_of(x, i) + cairn_aligner_points_of(x, j)) / ALIGNER_POINTS_OF_UNIT;
 }
 
 /* ---- Phases ---- */
@@ -493,10 +493,10 @@ static int32_t support_item(cairn_aligner *x)
 static int32_t settle(cairn_aligner *x)
 {
     if (x->stage == 0 && x->at == 0) {
-        x->home = aligner_largest(x);
+        x->home = cairn_aligner_largest(x);
         if (x->segment_count == 0 || x->params.max_rounds == 0) {
             x->moved = 0;
-            aligner_give_up(x, CAIRN_OK);
+            cairn_aligner_give_up(x, CAIRN_OK);
             return 1;
         }
     }
@@ -512,7 +512,7 @@ static int32_t begin_solution(cairn_aligner *x, int32_t anchor)
         status = cairn_block_solver_factor(x->solver);
     x->stage = 1;
     if (status != CAIRN_OK)
-        aligner_give_up(x, status);
+        cairn_aligner_give_up(x, status);
     return x->segment_count / 2 + x->node_count;
 }
 
@@ -529,7 +529,7 @@ static int32_t solve(cairn_aligner *x)
 
         x->stage = 2;
         if (status != CAIRN_OK)
-            aligner_give_up(x, status);
+            cairn_aligner_give_up(x, status);
         return 1 + x->node_count / 8;
     }
     move_scans(x);
@@ -557,13 +557,13 @@ static int32_t marginals(cairn_aligner *x)
         x->stage = 2;
         x->i = x->j = 0;
         if (status != CAIRN_OK)
-            aligner_give_up(x, status);
+            cairn_aligner_give_up(x, status);
         return 1;
     }
     return support_item(x);
 }
 
-int32_t aligner_joint_item(cairn_aligner *x)
+int32_t cairn_aligner_joint_item(cairn_aligner *x)
 {
     switch (x->phase) {
     case ALIGNER_SETTLE:
@@ -577,7 +577,7 @@ int32_t aligner_joint_item(cairn_aligner *x)
             cairn_status status = begin_system(x);
 
             if (status != CAIRN_OK)
-                aligner_give_up(x, status);
+                cairn_aligner_give_up(x, status);
         }
         return x->segment_count / 4 + x->node_count / 8;
     case ALIGNER_SOLVE:

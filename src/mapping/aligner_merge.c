@@ -28,7 +28,7 @@ static void keep_trial(cairn_aligner *x, cairn_transform pose, cairn_real score)
     int32_t worst = 0, i;
 
     for (i = 0; i < x->trial_count; i++) {
-        if (aligner_near(pose, cairn_transform_of(x->trial[i].second_first), CAIRN_REAL(0.2), CAIRN_REAL(0.9962)))
+        if (cairn_aligner_near(pose, cairn_transform_of(x->trial[i].second_first), CAIRN_REAL(0.2), CAIRN_REAL(0.9962)))
             break;
         if (x->trial[i].score < x->trial[worst].score)
             worst = i;
@@ -45,7 +45,7 @@ static void keep_trial(cairn_aligner *x, cairn_transform pose, cairn_real score)
     if (score > x->trial[i].score) {
         x->trial[i].first = x->i;
         x->trial[i].second = x->j;
-        x->trial[i].second_first = aligner_pose(pose);
+        x->trial[i].second_first = cairn_aligner_to_pose(pose);
         x->trial[i].score = score;
     }
 }
@@ -60,20 +60,20 @@ static int32_t try_end(cairn_aligner *x, const aligner_segment *k, const aligner
                             cairn_vec2_cross(k->direction, l->direction)};
     cairn_real far = CAIRN_REAL(1.6) * x->params.spread +
                      x->params.spread_angle * cairn_sqrt(expected.x * expected.x + expected.y * expected.y);
-    int32_t first = x->i, second = x->j, points = aligner_points_of(x, first);
+    int32_t first = x->i, second = x->j, points = cairn_aligner_points_of(x, first);
     aligner_count count = {0, 0, 0};
     cairn_real score;
 
     pose.x = to.x - (pose.cosine * from.x - pose.sine * from.y);
     pose.y = to.y - (pose.sine * from.x + pose.cosine * from.y);
-    if (!aligner_near(pose, expected, far, -2))
+    if (!cairn_aligner_near(pose, expected, far, -2))
         return 1;
-    aligner_count_points(x, first, second, pose, TRIAL_GATE, &count);
-    if (aligner_evidence(x, count) > -4) {
-        aligner_count_points(x, second, first, aligner_inverse(pose), TRIAL_GATE, &count);
-        points += aligner_points_of(x, second);
+    cairn_aligner_count_points(x, first, second, pose, TRIAL_GATE, &count);
+    if (cairn_aligner_evidence(x, count) > -4) {
+        cairn_aligner_count_points(x, second, first, cairn_aligner_inverse(pose), TRIAL_GATE, &count);
+        points += cairn_aligner_points_of(x, second);
     }
-    score = aligner_evidence(x, count);
+    score = cairn_aligner_evidence(x, count);
     if (score > LEAST_TRIAL)
         keep_trial(x, pose, score);
     return 1 + points / ALIGNER_POINTS_OF_UNIT;
@@ -145,7 +145,7 @@ static int32_t try_segments(cairn_aligner *x)
 static int32_t refine_trial(cairn_aligner *x, aligner_hypothesis *trial)
 {
     cairn_transform pose = cairn_transform_of(trial->second_first), same = {0, 0, 1, 0};
-    int32_t points = aligner_points_of(x, trial->first) + aligner_points_of(x, trial->second);
+    int32_t points = cairn_aligner_points_of(x, trial->first) + cairn_aligner_points_of(x, trial->second);
 
     for (int32_t round = 0; round < TRIAL_ROUNDS; round++) {
         cairn_real gate = TRIAL_GATE - CAIRN_REAL(0.03) * (cairn_real)round, motion[3];
@@ -154,13 +154,13 @@ static int32_t refine_trial(cairn_aligner *x, aligner_hypothesis *trial)
         memset(&sums, 0, sizeof sums);
         cairn_vec2 centre = cairn_transform_point(pose, x->scans[trial->first].middle);
 
-        aligner_pull(x, trial->first, trial->second, pose, same, gate, 1, centre, &sums);
-        if (!aligner_solve(&sums, motion))
+        cairn_aligner_pull(x, trial->first, trial->second, pose, same, gate, 1, centre, &sums);
+        if (!cairn_aligner_solve(&sums, motion))
             break;
-        pose = aligner_moved(pose, centre, motion);
+        pose = cairn_aligner_moved(pose, centre, motion);
     }
-    trial->second_first = aligner_pose(pose);
-    trial->score = aligner_pair_evidence(x, trial->first, trial->second, pose, COUNT_GATE);
+    trial->second_first = cairn_aligner_to_pose(pose);
+    trial->score = cairn_aligner_pair_evidence(x, trial->first, trial->second, pose, COUNT_GATE);
     return (TRIAL_ROUNDS / 2 + 1) * points / ALIGNER_POINTS_OF_UNIT;
 }
 
@@ -200,12 +200,12 @@ static void enter_best(cairn_aligner *x)
         enter(x, best);
         pose = cairn_transform_of(best->second_first);
         for (int32_t i = 0; i < x->trial_count; i++)
-            if (aligner_near(pose, cairn_transform_of(x->trial[i].second_first), SAME_PLACE, CAIRN_REAL(0.9976)))
+            if (cairn_aligner_near(pose, cairn_transform_of(x->trial[i].second_first), SAME_PLACE, CAIRN_REAL(0.9976)))
                 x->trial[i].score = -1;
     }
 }
 
-int32_t aligner_pairs_item(cairn_aligner *x)
+int32_t cairn_aligner_pairs_item(cairn_aligner *x)
 {
     if (x->phase == ALIGNER_PAIRS) {
         if (x->i == x->scan_count) {
@@ -239,24 +239,24 @@ static int is_fresh(const cairn_aligner *x, const aligner_hypothesis *h)
 /* The pose of the cluster of the first scan as seen from that of the second. */
 static cairn_transform clusters_pose(const cairn_aligner *x, const aligner_hypothesis *h)
 {
-    cairn_transform first = aligner_compose(x->poses[h->second], cairn_transform_of(h->second_first));
+    cairn_transform first = cairn_aligner_compose(x->poses[h->second], cairn_transform_of(h->second_first));
 
-    return aligner_compose(first, aligner_inverse(x->poses[h->first]));
+    return cairn_aligner_compose(first, cairn_aligner_inverse(x->poses[h->first]));
 }
 
 static void look_at(cairn_aligner *x, int32_t index)
 {
     const aligner_hypothesis *h = &x->hypotheses[index];
 
-    aligner_begin_look(x, cluster_of(x, h->first), cluster_of(x, h->second), clusters_pose(x, h),
-                       h->first_stamp < 0 ? 1 : LOOK_ROUNDS);
+    cairn_aligner_begin_look(x, cluster_of(x, h->first), cluster_of(x, h->second), clusters_pose(x, h),
+                             h->first_stamp < 0 ? 1 : LOOK_ROUNDS);
 }
 
 static void take_look(cairn_aligner *x, aligner_hypothesis *h)
 {
-    cairn_transform first = aligner_compose(x->look.pose, x->poses[h->first]);
+    cairn_transform first = cairn_aligner_compose(x->look.pose, x->poses[h->first]);
 
-    h->second_first = aligner_pose(aligner_between(x->poses[h->second], first));
+    h->second_first = cairn_aligner_to_pose(cairn_aligner_between(x->poses[h->second], first));
     h->score = h->key = x->look.evidence + x->look.prior;
     h->first_stamp = x->clusters[cluster_of(x, h->first)].stamp;
     h->second_stamp = x->clusters[cluster_of(x, h->second)].stamp;
@@ -277,14 +277,14 @@ static cairn_transform rival_pose(const cairn_aligner *x, const aligner_hypothes
 {
     cairn_transform pose = clusters_pose(x, g);
 
-    return cluster_of(x, g->first) == cluster_of(x, h->first) ? pose : aligner_inverse(pose);
+    return cluster_of(x, g->first) == cluster_of(x, h->first) ? pose : cairn_aligner_inverse(pose);
 }
 
 /* The odds of the chosen one against its rivals; those that are the same as it are out. */
 static void compare(cairn_aligner *x)
 {
     aligner_hypothesis *h = &x->hypotheses[x->chosen];
-    cairn_transform pose = aligner_compose(clusters_pose(x, h), x->poses[h->first]);
+    cairn_transform pose = cairn_aligner_compose(clusters_pose(x, h), x->poses[h->first]);
     cairn_real others = 1;
 
     for (int32_t i = 0; i < x->hypothesis_count; i++) {
@@ -293,10 +293,10 @@ static void compare(cairn_aligner *x)
 
         if (!is_rival(x, h, g) || !is_fresh(x, g))
             continue;
-        rival = aligner_compose(rival_pose(x, h, g), x->poses[h->first]);
-        if (!aligner_near(pose, rival, SAME_PLACE, SAME_HEADING))
+        rival = cairn_aligner_compose(rival_pose(x, h, g), x->poses[h->first]);
+        if (!cairn_aligner_near(pose, rival, SAME_PLACE, SAME_HEADING))
             others += cairn_exp(cairn_min(g->score, 60));
-        else if (g->score <= h->score && aligner_near(pose, rival, SAME_PLACE / 3, CAIRN_REAL(0.9998)))
+        else if (g->score <= h->score && cairn_aligner_near(pose, rival, SAME_PLACE / 3, CAIRN_REAL(0.9998)))
             g->state = ALIGNER_OUT;
     }
     h->key = h->score - cairn_log(others);
@@ -326,8 +326,8 @@ static void begin_shifted(cairn_aligner *x)
 
     for (int k = 0; k < 3; k++)
         motion[k] = (x->side == 1 ? SHIFT : -SHIFT) * x->shift[k];
-    aligner_begin_look(x, cluster_of(x, h->first), cluster_of(x, h->second),
-                       aligner_moved(clusters_pose(x, h), x->shift_centre, motion), 0);
+    cairn_aligner_begin_look(x, cluster_of(x, h->first), cluster_of(x, h->second),
+                             cairn_aligner_moved(clusters_pose(x, h), x->shift_centre, motion), 0);
 }
 
 /* The look for the weak direction, then those at both shifted poses. */
@@ -354,11 +354,11 @@ static void take_shifted(cairn_aligner *x)
 static void carry_out(cairn_aligner *x)
 {
     aligner_hypothesis *h = &x->hypotheses[x->chosen];
-    int32_t joined = aligner_join(x, cluster_of(x, h->first), cluster_of(x, h->second), clusters_pose(x, h));
+    int32_t joined = cairn_aligner_join(x, cluster_of(x, h->first), cluster_of(x, h->second), clusters_pose(x, h));
 
     h->state = ALIGNER_OUT;
     x->result.merges++;
-    aligner_begin_relax(x, joined, CAIRN_REAL(0.08), x->clusters[joined].size < 6 ? 2 : 1);
+    cairn_aligner_begin_relax(x, joined, CAIRN_REAL(0.08), x->clusters[joined].size < 6 ? 2 : 1);
 }
 
 /* The hypothesis with the greatest key that joins two clusters; -1: none is sure enough. */
@@ -399,14 +399,14 @@ static void pick(cairn_aligner *x)
         x->phase = ALIGNER_RIVALS;
     } else if (h->state == ALIGNER_COMPARED) {
         x->side = 0;
-        aligner_begin_look(x, cluster_of(x, h->first), cluster_of(x, h->second), clusters_pose(x, h), 1);
+        cairn_aligner_begin_look(x, cluster_of(x, h->first), cluster_of(x, h->second), clusters_pose(x, h), 1);
         x->phase = ALIGNER_SHIFTED;
     } else {
         carry_out(x);
     }
 }
 
-int32_t aligner_merge_item(cairn_aligner *x)
+int32_t cairn_aligner_merge_item(cairn_aligner *x)
 {
     int32_t list = 1 + x->hypothesis_count / 16;
 

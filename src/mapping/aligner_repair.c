@@ -32,14 +32,15 @@ static cairn_transform single(void)
 static void expect(cairn_aligner *x, int32_t rest)
 {
     const aligner_scan *scan = &x->scans[x->i];
-    cairn_transform gauge = aligner_gauge(x, rest, -1, single());
+    cairn_transform gauge = cairn_aligner_gauge(x, rest, -1, single());
     cairn_real factor = cairn_sqrt(1 + 1 / (cairn_real)x->clusters[rest].size);
     cairn_real window = cairn_min(WINDOW * x->sigma * factor, WIDEST * x->params.spread);
     cairn_real turned = cairn_min(WINDOW * x->sigma_angle * factor, WIDEST * x->params.spread_angle);
     cairn_real half = scan->radius + cairn_vec2_norm(scan->middle) + window + CAIRN_REAL(0.3);
     int32_t most = cairn_real_to_int(cairn_sqrt((cairn_real)x->params.max_cells));
 
-    x->predicted = aligner_pose(aligner_compose(aligner_inverse(gauge), cairn_transform_of(scan->initial)));
+    x->predicted =
+        cairn_aligner_to_pose(cairn_aligner_compose(cairn_aligner_inverse(gauge), cairn_transform_of(scan->initial)));
     x->cell = cairn_max(CELL, 2 * half / (cairn_real)(most - 1));
     x->side_cells = cairn_real_to_int(cairn_ceil(2 * half / x->cell));
     x->half_window = cairn_real_to_int(cairn_min(cairn_ceil(window / x->cell), (cairn_real)(most / 4 - 1)));
@@ -57,7 +58,7 @@ static void expect(cairn_aligner *x, int32_t rest)
 /* Takes the scan out of its cluster to look for it; 0 when there is nothing to look for. */
 static int take_out(cairn_aligner *x)
 {
-    int32_t rest = aligner_largest(x), home = x->scans[x->i].part, points = aligner_points_of(x, x->i);
+    int32_t rest = cairn_aligner_largest(x), home = x->scans[x->i].part, points = cairn_aligner_points_of(x, x->i);
 
     x->home = home == rest ? -1 : home;
     if (points == 0 || x->clusters[rest].size < 3)
@@ -65,25 +66,25 @@ static int take_out(cairn_aligner *x)
     if (x->home >= 0 && x->clusters[home].size > 1 && x->repairs + 1 < x->params.max_repairs)
         return 0;
     x->before = x->poses[x->i];
-    aligner_remove(x, x->i);
+    cairn_aligner_remove(x, x->i);
     x->poses[x->i] = single();
-    aligner_insert(x, x->i, x->scan_count);
-    aligner_learn_spread(x);
+    cairn_aligner_insert(x, x->i, x->scan_count);
+    cairn_aligner_learn_spread(x);
     x->debt += x->scan_count;
     return 1;
 }
 
 static void put_back(cairn_aligner *x, int32_t cluster, cairn_transform pose)
 {
-    aligner_remove(x, x->i);
+    cairn_aligner_remove(x, x->i);
     x->poses[x->i] = pose;
-    aligner_insert(x, x->i, cluster);
+    cairn_aligner_insert(x, x->i, cluster);
 }
 
 static void end_round(cairn_aligner *x)
 {
     x->repairs++;
-    aligner_begin_relax(x, aligner_largest(x), CAIRN_REAL(0.07), 3);
+    cairn_aligner_begin_relax(x, cairn_aligner_largest(x), CAIRN_REAL(0.07), 3);
     if (x->changed == 0 || x->repairs >= x->params.max_repairs) {
         x->phase = ALIGNER_SETTLE;
         x->round = x->stage = x->at = 0;
@@ -114,7 +115,7 @@ static int32_t choose_scan(cairn_aligner *x)
     }
     x->before_score = -CAIRN_REAL_MAX;
     if (x->home < 0)
-        aligner_begin_look(x, x->scan_count, aligner_largest(x), x->before, 0);
+        cairn_aligner_begin_look(x, x->scan_count, cairn_aligner_largest(x), x->before, 0);
     x->phase = ALIGNER_DRAW;
     x->stage = 0;
     return 1;
@@ -196,14 +197,14 @@ static int32_t draw_points(cairn_aligner *x, int32_t j)
             for (int32_t u = ix > 0 ? ix - 1 : 0; u <= ix + 1 && u < side; u++)
                 x->cells[v * side + u] = (uint16_t)((x->cells[v * side + u] & ~FREE_CELL) | bits);
     }
-    return 1 + aligner_points_of(x, j);
+    return 1 + cairn_aligner_points_of(x, j);
 }
 
 /* One scan of the rest: first the free space of all, then the points of all. */
 static int32_t draw(cairn_aligner *x)
 {
     const aligner_scan *scan = &x->scans[x->i], *other;
-    int32_t rest = aligner_largest(x), j = x->j;
+    int32_t rest = cairn_aligner_largest(x), j = x->j;
     cairn_real far;
     cairn_vec2 middle;
 
@@ -334,7 +335,7 @@ static int32_t search_turn(cairn_aligner *x)
             keep_find(x, pose, score);
         }
     x->turn++;
-    return 1 + (aligner_points_of(x, x->i) + 4) * width * width / 128;
+    return 1 + (cairn_aligner_points_of(x, x->i) + 4) * width * width / 128;
 }
 
 /* Tries the finds one by one. */
@@ -348,16 +349,16 @@ static int32_t try_find(cairn_aligner *x)
         x->phase = ALIGNER_PLACE;
         return 1;
     }
-    aligner_begin_look(x, x->scan_count, aligner_largest(x), cairn_transform_of(x->find[x->find_at++].pose),
-                       TRY_ROUNDS);
+    cairn_aligner_begin_look(x, x->scan_count, cairn_aligner_largest(x), cairn_transform_of(x->find[x->find_at++].pose),
+                             TRY_ROUNDS);
     return 1;
 }
 
 static int32_t place(cairn_aligner *x)
 {
-    int32_t rest = aligner_largest(x), torn = x->home >= 0 && x->clusters[x->home].size > 0;
+    int32_t rest = cairn_aligner_largest(x), torn = x->home >= 0 && x->clusters[x->home].size > 0;
     int moves = x->home < 0 ? x->best_score > x->before_score + BETTER &&
-                                  !aligner_near(x->best, x->before, CAIRN_REAL(0.1), CAIRN_REAL(0.9994))
+                                  !cairn_aligner_near(x->best, x->before, CAIRN_REAL(0.1), CAIRN_REAL(0.9994))
                             : x->best_score > (torn ? TORN_OFF : ATTACHED);
 
     if (moves) {
@@ -372,7 +373,7 @@ static int32_t place(cairn_aligner *x)
     return 1;
 }
 
-int32_t aligner_repair_item(cairn_aligner *x)
+int32_t cairn_aligner_repair_item(cairn_aligner *x)
 {
     switch (x->phase) {
     case ALIGNER_REPAIR:

@@ -30,7 +30,7 @@ static const cairn_real LEAST_INCIDENCE = CAIRN_REAL(0.05);
 
 /* ---- Poses as transforms ---- */
 
-cairn_transform aligner_compose(cairn_transform a_b, cairn_transform b_c)
+cairn_transform cairn_aligner_compose(cairn_transform a_b, cairn_transform b_c)
 {
     cairn_transform a_c;
 
@@ -41,7 +41,7 @@ cairn_transform aligner_compose(cairn_transform a_b, cairn_transform b_c)
     return a_c;
 }
 
-cairn_transform aligner_inverse(cairn_transform a_b)
+cairn_transform cairn_aligner_inverse(cairn_transform a_b)
 {
     cairn_transform b_a;
 
@@ -52,26 +52,26 @@ cairn_transform aligner_inverse(cairn_transform a_b)
     return b_a;
 }
 
-cairn_transform aligner_between(cairn_transform a_b, cairn_transform a_c)
+cairn_transform cairn_aligner_between(cairn_transform a_b, cairn_transform a_c)
 {
-    return aligner_compose(aligner_inverse(a_b), a_c);
+    return cairn_aligner_compose(cairn_aligner_inverse(a_b), a_c);
 }
 
-cairn_pose aligner_pose(cairn_transform t)
+cairn_pose cairn_aligner_to_pose(cairn_transform t)
 {
     cairn_pose pose = {t.x, t.y, cairn_atan2(t.sine, t.cosine)};
 
     return pose;
 }
 
-int32_t aligner_near(cairn_transform a, cairn_transform b, cairn_real metres, cairn_real cosine)
+int32_t cairn_aligner_near(cairn_transform a, cairn_transform b, cairn_real metres, cairn_real cosine)
 {
     cairn_real dx = a.x - b.x, dy = a.y - b.y;
 
     return dx * dx + dy * dy < metres * metres && a.cosine * b.cosine + a.sine * b.sine > cosine;
 }
 
-cairn_transform aligner_moved(cairn_transform pose, cairn_vec2 centre, const cairn_real motion[3])
+cairn_transform cairn_aligner_moved(cairn_transform pose, cairn_vec2 centre, const cairn_real motion[3])
 {
     cairn_transform turn = {0, 0, 1, 0}, moved;
     cairn_real norm;
@@ -79,7 +79,7 @@ cairn_transform aligner_moved(cairn_transform pose, cairn_vec2 centre, const cai
     cairn_sincos(motion[2], &turn.sine, &turn.cosine);
     turn.x = centre.x + motion[0] - (turn.cosine * centre.x - turn.sine * centre.y);
     turn.y = centre.y + motion[1] - (turn.sine * centre.x + turn.cosine * centre.y);
-    moved = aligner_compose(turn, pose);
+    moved = cairn_aligner_compose(turn, pose);
     norm = 1 / cairn_sqrt(moved.cosine * moved.cosine + moved.sine * moved.sine);
     moved.cosine *= norm;
     moved.sine *= norm;
@@ -297,7 +297,7 @@ static void copy_surfaces(cairn_aligner *x, aligner_scan *scan, const cairn_scan
     }
 }
 
-void aligner_fill_scan(cairn_aligner *x, const cairn_scan_view *view, cairn_pose initial)
+void cairn_aligner_fill_scan(cairn_aligner *x, const cairn_scan_view *view, cairn_pose initial)
 {
     aligner_scan *scan = &x->scans[x->scan_count];
     aligner_table *table = &x->tables[x->scan_count];
@@ -319,7 +319,7 @@ void aligner_fill_scan(cairn_aligner *x, const cairn_scan_view *view, cairn_pose
     x->scan_count++;
 }
 
-int32_t aligner_points_of(const cairn_aligner *x, int32_t scan)
+int32_t cairn_aligner_points_of(const cairn_aligner *x, int32_t scan)
 {
     return x->scans[scan].end_point - x->scans[scan].first_point;
 }
@@ -337,7 +337,8 @@ static int may_see(const aligner_scan *a, cairn_transform map_a, cairn_vec2 midd
     return a->view_cosine <= 0 || a->view_cosine * across - a->view_sine * along < radius;
 }
 
-int32_t aligner_may_meet(const cairn_aligner *x, int32_t i, int32_t j, cairn_transform map_i, cairn_transform map_j)
+int32_t cairn_aligner_may_meet(const cairn_aligner *x, int32_t i, int32_t j, cairn_transform map_i,
+                               cairn_transform map_j)
 {
     const aligner_scan *a = &x->scans[i], *b = &x->scans[j];
     cairn_vec2 p = cairn_transform_point(map_i, a->middle), q = cairn_transform_point(map_j, b->middle);
@@ -421,8 +422,8 @@ static cairn_real saturated(int32_t points)
     return n <= FULL_POINTS ? n : FULL_POINTS + MORE_POINTS * (n - FULL_POINTS);
 }
 
-void aligner_count_points(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform to_from, cairn_real gate,
-                          aligner_count *count)
+void cairn_aligner_count_points(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform to_from,
+                                cairn_real gate, aligner_count *count)
 {
     int32_t segment = -1, same = 0;
     cairn_vec2 direction = {0, 0};
@@ -453,25 +454,25 @@ void aligner_count_points(const cairn_aligner *x, int32_t from, int32_t to, cair
     count->same += saturated(same);
 }
 
-cairn_real aligner_evidence(const cairn_aligner *x, aligner_count count)
+cairn_real cairn_aligner_evidence(const cairn_aligner *x, aligner_count count)
 {
     return SAME_NATS * count.same - OTHER_NATS * count.other - x->params.contradiction * count.through;
 }
 
-cairn_real aligner_pair_evidence(const cairn_aligner *x, int32_t first, int32_t second, cairn_transform second_first,
-                                 cairn_real gate)
+cairn_real cairn_aligner_pair_evidence(const cairn_aligner *x, int32_t first, int32_t second,
+                                       cairn_transform second_first, cairn_real gate)
 {
     aligner_count count = {0, 0, 0};
 
-    aligner_count_points(x, first, second, second_first, gate, &count);
-    aligner_count_points(x, second, first, aligner_inverse(second_first), gate, &count);
-    return aligner_evidence(x, count);
+    cairn_aligner_count_points(x, first, second, second_first, gate, &count);
+    cairn_aligner_count_points(x, second, first, cairn_aligner_inverse(second_first), gate, &count);
+    return cairn_aligner_evidence(x, count);
 }
 
-void aligner_pull(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform map_from, cairn_transform map_to,
-                  cairn_real gate, cairn_real sign, cairn_vec2 centre, aligner_sums *sums)
+void cairn_aligner_pull(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform map_from,
+                        cairn_transform map_to, cairn_real gate, cairn_real sign, cairn_vec2 centre, aligner_sums *sums)
 {
-    cairn_transform to_from = aligner_between(map_to, map_from);
+    cairn_transform to_from = cairn_aligner_between(map_to, map_from);
     cairn_real by = 4 / (gate * gate);
 
     for (int32_t i = x->scans[from].first_point; i < x->scans[from].end_point; i++) {
@@ -498,7 +499,7 @@ void aligner_pull(const cairn_aligner *x, int32_t from, int32_t to, cairn_transf
     }
 }
 
-int32_t aligner_solve(const aligner_sums *sums, cairn_real motion[3])
+int32_t cairn_aligner_solve(const aligner_sums *sums, cairn_real motion[3])
 {
     cairn_sym3 m = sums->equations.information;
     cairn_real b[3];

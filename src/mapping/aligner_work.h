@@ -189,58 +189,61 @@ struct cairn_aligner {
 
 /* ---- aligner_scan.c: scans and pairs of scans ---- */
 
-void aligner_fill_scan(cairn_aligner *x, const cairn_scan_view *view, cairn_pose initial);
-cairn_transform aligner_between(cairn_transform a_b, cairn_transform a_c);
-cairn_transform aligner_compose(cairn_transform a_b, cairn_transform b_c);
-cairn_transform aligner_inverse(cairn_transform a_b);
-cairn_pose aligner_pose(cairn_transform t);
+void cairn_aligner_fill_scan(cairn_aligner *x, const cairn_scan_view *view, cairn_pose initial);
+cairn_transform cairn_aligner_between(cairn_transform a_b, cairn_transform a_c);
+cairn_transform cairn_aligner_compose(cairn_transform a_b, cairn_transform b_c);
+cairn_transform cairn_aligner_inverse(cairn_transform a_b);
+cairn_pose cairn_aligner_to_pose(cairn_transform t);
 
 /* Points of `from` (its frame seen from `to` as to_from) in the view of `to`. */
-void aligner_count_points(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform to_from, cairn_real gate,
-                          aligner_count *count);
-cairn_real aligner_evidence(const cairn_aligner *x, aligner_count count);
+void cairn_aligner_count_points(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform to_from,
+                                cairn_real gate, aligner_count *count);
+cairn_real cairn_aligner_evidence(const cairn_aligner *x, aligner_count count);
 
 /* Evidence of both, nats. */
-cairn_real aligner_pair_evidence(const cairn_aligner *x, int32_t first, int32_t second, cairn_transform second_first,
-                                 cairn_real gate);
+cairn_real cairn_aligner_pair_evidence(const cairn_aligner *x, int32_t first, int32_t second,
+                                       cairn_transform second_first, cairn_real gate);
 
 /* Adds the rows of the points of `from`, which move with sign +1, against the surfaces of `to`; with sign -1 `to` moves.
  * Both poses in one frame, in which centre is, too. */
-void aligner_pull(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform map_from, cairn_transform map_to,
-                  cairn_real gate, cairn_real sign, cairn_vec2 centre, aligner_sums *sums);
+void cairn_aligner_pull(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform map_from,
+                        cairn_transform map_to, cairn_real gate, cairn_real sign, cairn_vec2 centre,
+                        aligner_sums *sums);
 
 /* Moves a pose by (x, y, turn) about a centre. */
-cairn_transform aligner_moved(cairn_transform pose, cairn_vec2 centre, const cairn_real motion[3]);
+cairn_transform cairn_aligner_moved(cairn_transform pose, cairn_vec2 centre, const cairn_real motion[3]);
 
 /* Solves for the motion; 0 when there is too little. */
-int32_t aligner_solve(const aligner_sums *sums, cairn_real motion[3]);
+int32_t cairn_aligner_solve(const aligner_sums *sums, cairn_real motion[3]);
 
 /* 1 when the circles of two scans meet and each may see into the other's. */
-int32_t aligner_may_meet(const cairn_aligner *x, int32_t i, int32_t j, cairn_transform map_i, cairn_transform map_j);
-int32_t aligner_points_of(const cairn_aligner *x, int32_t scan);
-int32_t aligner_near(cairn_transform a, cairn_transform b, cairn_real metres, cairn_real cosine);
+int32_t cairn_aligner_may_meet(const cairn_aligner *x, int32_t i, int32_t j, cairn_transform map_i,
+                               cairn_transform map_j);
+int32_t cairn_aligner_points_of(const cairn_aligner *x, int32_t scan);
+int32_t cairn_aligner_near(cairn_transform a, cairn_transform b, cairn_real metres, cairn_real cosine);
 
 /* ---- Items: each does a bounded piece of work and returns its units ---- */
 
-int32_t aligner_pairs_item(cairn_aligner *x);
-int32_t aligner_look_item(cairn_aligner *x);
-int32_t aligner_relax_item(cairn_aligner *x);
-int32_t aligner_merge_item(cairn_aligner *x);
-int32_t aligner_repair_item(cairn_aligner *x);
-int32_t aligner_joint_item(cairn_aligner *x);
+int32_t cairn_aligner_pairs_item(cairn_aligner *x);
+int32_t cairn_aligner_look_item(cairn_aligner *x);
+int32_t cairn_aligner_relax_item(cairn_aligner *x);
+int32_t cairn_aligner_merge_item(cairn_aligner *x);
+int32_t cairn_aligner_repair_item(cairn_aligner *x);
+int32_t cairn_aligner_joint_item(cairn_aligner *x);
 
 /* The joint solution cannot be had: on without it. */
-void aligner_give_up(cairn_aligner *x, cairn_status status);
+void cairn_aligner_give_up(cairn_aligner *x, cairn_status status);
 
 /* aligner_cluster.c */
-void aligner_begin_clusters(cairn_aligner *x);
-void aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose, int32_t rounds);
-void aligner_begin_relax(cairn_aligner *x, int32_t cluster, cairn_real gate, int32_t rounds);
-void aligner_insert(cairn_aligner *x, int32_t scan, int32_t cluster);
-void aligner_remove(cairn_aligner *x, int32_t scan);
-int32_t aligner_largest(const cairn_aligner *x);
-void aligner_learn_spread(cairn_aligner *x);
-cairn_transform aligner_gauge(const cairn_aligner *x, int32_t first, int32_t second, cairn_transform second_first);
-int32_t aligner_join(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose);
+void cairn_aligner_begin_clusters(cairn_aligner *x);
+void cairn_aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose, int32_t rounds);
+void cairn_aligner_begin_relax(cairn_aligner *x, int32_t cluster, cairn_real gate, int32_t rounds);
+void cairn_aligner_insert(cairn_aligner *x, int32_t scan, int32_t cluster);
+void cairn_aligner_remove(cairn_aligner *x, int32_t scan);
+int32_t cairn_aligner_largest(const cairn_aligner *x);
+void cairn_aligner_learn_spread(cairn_aligner *x);
+cairn_transform cairn_aligner_gauge(const cairn_aligner *x, int32_t first, int32_t second,
+                                    cairn_transform second_first);
+int32_t cairn_aligner_join(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose);
 
 #endif
