@@ -279,6 +279,21 @@ static void measure_query(cairn_scan_match *x)
     x->radius = cairn_max(cairn_sqrt(squares / cairn_max(n, 1)), x->params.spacing);
 }
 
+/* The window as a prior: uniform in it, so that what the scans do not tell stays at the start. */
+static void take_window(cairn_scan_match *x, cairn_pose start, const cairn_scan_match_window *window)
+{
+    const cairn_real share = CAIRN_REAL(0.577), least = CAIRN_REAL(0.1) * x->params.spacing;
+
+    x->has_window = window != NULL;
+    if (window == NULL)
+        return;
+    x->window = *window;
+    x->start = start;
+    x->prior.mean = start;
+    x->prior.sigma_x = x->prior.sigma_y = cairn_max(share * cairn_min(window->distance, CAIRN_SCAN_EXTENT), least);
+    x->prior.sigma_theta = cairn_max(share * cairn_min(window->angle, CAIRN_PI), CAIRN_REAL(0.01));
+}
+
 cairn_status cairn_scan_match_begin(cairn_scan_match *x, const cairn_scan_match_part *query, cairn_pose start,
                                     const cairn_scan_match_window *window, cairn_fault *fault)
 {
@@ -308,6 +323,7 @@ cairn_status cairn_scan_match_begin(cairn_scan_match *x, const cairn_scan_match_
         return CAIRN_OK;
     }
     measure_query(x);
+    take_window(x, start, window);
     cairn_match_votes_begin(x, start, window);
     x->phase = x->is_indexed ? MATCH_VOTE : MATCH_RESET;
     return CAIRN_OK;

@@ -100,6 +100,7 @@ static cairn_sym3 scaled(cairn_sym3 m, cairn_real by)
 static void conclude(cairn_scan_match *x, const cairn_motion_basis *basis)
 {
     cairn_scan_match_hypothesis *h = &x->hypotheses[x->other];
+    cairn_normal_equations prior;
     cairn_sym3 information = cairn_sym3_zero();
 
     h->target_query = x->fit.motion.map_body;
@@ -109,13 +110,15 @@ static void conclude(cairn_scan_match *x, const cairn_motion_basis *basis)
     h->observable = 0;
     h->weak_ratio = 0;
     memset(h->weak, 0, sizeof h->weak);
+    if (x->has_window)
+        prior = cairn_rigid_motion_prior(&x->fit.motion, &x->prior);
     if (basis != NULL) {
         information = scaled(x->fit.sums.lines, information_scale(x));
         h->observable = 3 - basis->weak;
         h->weak_ratio = basis->ratio;
         memcpy(h->weak, basis->vectors[0], sizeof h->weak);
     }
-    cairn_rigid_motion_covariance(&x->fit.motion, basis, basis == NULL ? NULL : &information, NULL, h->covariance);
+    cairn_rigid_motion_covariance(&x->fit.motion, basis, basis == NULL ? NULL : &information, x->has_window ? &prior : NULL, h->covariance);
 }
 
 /* One Gauss-Newton step; 1 when the fit is through. */
@@ -123,9 +126,9 @@ static int32_t end_iteration(cairn_scan_match *x)
 {
     const match_stage *stage = &STAGES[x->stage];
     match_fit *fit = &x->fit;
-    cairn_normal_equations equations;
+    cairn_normal_equations equations, prior;
     cairn_motion_basis basis;
-    cairn_real step[3], moved, gate_end = stage->gate_end * x->params.spacing, sigma = fit->sigma;
+    cairn_real step[3], moved, by, gate_end = stage->gate_end * x->params.spacing, sigma = fit->sigma;
 
     cairn_match_charge(x, 12 * MATCH_PART);
     fit->iteration++;
@@ -134,10 +137,14 @@ static int32_t end_iteration(cairn_scan_match *x)
         return 1;
     }
     fit->sigma = cairn_max(x->params.sigma, cairn_sqrt(CAUCHY_VARIANCE * fit->sums.squares / fit->sums.weight));
+    by = 1 / (2 * fit->sigma * fit->sigma);
     basis = cairn_motion_basis_of(fit->sums.lines, x->params.weak_ratio);
-    equations.information = fit->sums.lines;
-    memcpy(equations.gradient, fit->sums.gradient, sizeof equations.gradient);
-    if (!cairn_motion_solve(&basis, &equations, NULL, fit->gate, step)) {
+    equations.information = scaled(fit->sums.lines, by);
+    for (int k = 0; k < 3; k++)
+        equations.gradient[k] = by * fit->sums.gradient[k];
+    if (x->has_window)
+        prior = cairn_rigid_motion_prior(&fit->motion, &x->prior);
+    if (!cairn_motion_solve(&basis, &equations, x->has_window ? &prior : NULL, fit->gate, step)) {
         conclude(x, &basis);
         return 1;
     }

@@ -70,6 +70,16 @@ static int is_same(const cairn_scan_match *x, cairn_pose a, cairn_pose b)
            cairn_abs(cairn_wrap_angle(a.theta - b.theta)) < SAME_ANGLE;
 }
 
+/* 1 when the pose lies in the window, up to what the search blurs. */
+static int is_inside(const cairn_scan_match *x, cairn_pose pose)
+{
+    cairn_real reach = x->window.distance + x->params.spacing;
+
+    return !x->has_window ||
+           (cairn_abs(pose.x - x->start.x) <= reach && cairn_abs(pose.y - x->start.y) <= reach &&
+            cairn_abs(cairn_wrap_angle(pose.theta - x->start.theta)) <= x->window.angle + SAME_ANGLE);
+}
+
 /* Hypotheses by score, the first of those that are the same, `keep` at most; selection by insertion. */
 void cairn_match_thin(cairn_scan_match *x, int32_t keep)
 {
@@ -84,7 +94,7 @@ void cairn_match_thin(cairn_scan_match *x, int32_t keep)
         x->hypotheses[at] = moving;
     }
     for (int32_t i = 0; i < x->hypothesis_count && kept < keep; i++) {
-        int32_t twin = 0;
+        int32_t twin = !is_inside(x, x->hypotheses[i].target_query);
 
         for (int32_t k = 0; k < kept && !twin; k++)
             twin = is_same(x, x->hypotheses[k].target_query, x->hypotheses[i].target_query);

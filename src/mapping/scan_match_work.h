@@ -124,6 +124,10 @@ struct cairn_scan_match {
     cairn_scan_match_part query;
     match_profile query_profile;
     int32_t query_sees; /* its beams are known */
+    cairn_pose start;
+    cairn_scan_match_window window;
+    int32_t has_window;
+    cairn_pose_prior prior; /* of the window: the variance of a uniform distribution */
     cairn_vec2 centroid;
     cairn_real radius;
     cairn_real query_reach; /* of the farthest point from the origin, m */
