@@ -24,7 +24,7 @@ enum { POINTS_MOST = 1 << 20, VIEWS_MOST = 4096, HYPOTHESES_MOST = 64 };
 cairn_scan_match_params cairn_scan_match_default(void)
 {
     cairn_scan_match_params params = {CAIRN_SCAN_MATCH_CORRELATIVE, 2048, 4096, 16, 1024, 8, CAIRN_REAL(0.1),
-                                      CAIRN_REAL(0.01), CAIRN_REAL(0.003)};
+                                      CAIRN_REAL(0.01), CAIRN_REAL(0.0003)};
     return params;
 }
 
