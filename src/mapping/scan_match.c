@@ -56,6 +56,9 @@ static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *
     memset(&made, 0, sizeof made);
     made.params = *p;
     made.target = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.target);
+    made.dense = cairn_pool_take(pool, (size_t)p->max_dense, sizeof *made.dense);
+    made.dense_index.points = cairn_pool_take(pool, (size_t)p->max_dense, sizeof *made.dense_index.points);
+    made.dense_index.start = cairn_pool_take(pool, cairn_match_index_cells(p->max_dense) + 1, sizeof *made.dense_index.start);
     made.views = cairn_pool_take(pool, (size_t)p->max_views, sizeof *made.views);
     made.index.points = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.index.points);
     made.index.start = cairn_pool_take(pool, cairn_match_index_cells(p->max_target) + 1, sizeof *made.index.start);
@@ -150,7 +153,7 @@ static void stop(cairn_scan_match *x)
 void cairn_scan_match_clear_target(cairn_scan_match *x)
 {
     stop(x);
-    x->target_count = x->view_count = 0;
+    x->target_count = x->dense_count = x->view_count = 0;
     x->is_indexed = 0;
     x->target_low.x = x->target_low.y = CAIRN_SCAN_EXTENT;
     x->target_high.x = x->target_high.y = -CAIRN_SCAN_EXTENT;
@@ -242,6 +245,8 @@ cairn_status cairn_scan_match_add_target(cairn_scan_match *x, const cairn_scan_m
         return status;
     if (part->count > x->params.max_target - x->target_count)
         return refuse(fault, -1, "more target points than max_target", CAIRN_FULL);
+    if (x->params.max_dense > 0 && part->dense_count > x->params.max_dense - x->dense_count)
+        return refuse(fault, -1, "more dense target points than max_dense", CAIRN_FULL);
     if (part->beam_count > 0 && x->params.max_views > 0 && x->view_count == x->params.max_views)
         return refuse(fault, -1, "more parts with beams than max_views", CAIRN_FULL);
     transform = cairn_transform_of(target_part);
@@ -255,6 +260,12 @@ cairn_status cairn_scan_match_add_target(cairn_scan_match *x, const cairn_scan_m
         x->target_high.x = cairn_max(x->target_high.x, p->position.x);
         x->target_high.y = cairn_max(x->target_high.y, p->position.y);
         x->target_sum = cairn_vec2_add(x->target_sum, p->position);
+    }
+    for (int32_t i = 0; i < part->dense_count && x->params.max_dense > 0; i++) {
+        cairn_oriented_point *p = &x->dense[x->dense_count++];
+
+        p->position = cairn_transform_point(transform, part->dense[i].position);
+        p->direction = cairn_transform_direction(transform, part->dense[i].direction);
     }
     if (x->params.max_views > 0)
         x->view_count += make_profile(&x->views[x->view_count], part, transform);
@@ -386,6 +397,10 @@ static void place_item(cairn_scan_match *x)
     if (x->at < x->target_count)
         return;
     x->is_indexed = 1;
+    cairn_match_index_reset(&x->dense_index, x->params.max_dense, CAIRN_REAL(2.5) * x->params.spacing);
+    for (int32_t i = 0; i < x->dense_count; i++) cairn_match_index_count(&x->dense_index, x->dense[i].position);
+    for (int32_t i = 0; i < x->dense_index.side * x->dense_index.side + 1; i++) cairn_match_index_sum(&x->dense_index, i);
+    for (int32_t i = x->dense_count - 1; i >= 0; i--) cairn_match_index_place(&x->dense_index, x->dense[i]);
     enter(x, MATCH_VOTE);
 }
 

@@ -37,10 +37,12 @@ void cairn_match_fit_begin(cairn_scan_match *x, cairn_pose pose)
     const match_stage *stage = &STAGES[x->stage];
     match_fit *fit = &x->fit;
     int32_t dense = stage->dense && x->query.dense_count > 0;
+    int32_t both = dense && x->dense_count > 0;
 
     memset(fit, 0, sizeof *fit);
     fit->points = dense ? x->query.dense : x->query.points;
     fit->count = dense ? x->query.dense_count : x->query.count;
+    fit->index = both ? &x->dense_index : &x->index;
     fit->stride = (fit->count + stage->points - 1) / stage->points;
     fit->motion = cairn_rigid_motion_at(pose, x->centroid, x->radius);
     fit->gate = stage->gate_start * x->params.spacing;
@@ -61,7 +63,7 @@ static void add_pair(cairn_scan_match *x, const cairn_oriented_point *q)
     search.p = cairn_transform_point(fit->motion.transform, q->position);
     search.direction = cairn_transform_direction(fit->motion.transform, q->direction);
     search.cosine = LEAST_COSINE;
-    m = cairn_match_index_nearest(&x->index, &search, fit->gate, &parts);
+    m = cairn_match_index_nearest(fit->index, &search, fit->gate, &parts);
     cairn_match_charge(x, parts);
     if (m == NULL)
         return;

@@ -82,6 +82,7 @@ typedef struct match_fit {
     cairn_rigid_motion motion;
     const cairn_oriented_point *points; /* of the query */
     int32_t count, stride;
+    const match_index *index; /* of the target */
     int32_t iteration;
     cairn_real gate, sigma;
     match_sums sums;
@@ -101,6 +102,10 @@ enum {
     MATCH_COUNT,   /* target points by cell and by direction */
     MATCH_SUM,     /* their places */
     MATCH_PLACE,
+    MATCH_RESET_DENSE,
+    MATCH_COUNT_DENSE,
+    MATCH_SUM_DENSE,
+    MATCH_PLACE_DENSE,
     MATCH_VOTE,
     MATCH_PEAKS,
     MATCH_FIT,
@@ -113,10 +118,12 @@ struct cairn_scan_match {
     cairn_scan_match_params params;
     /* The target. */
     cairn_oriented_point *target; /* [max_target] as they came */
+    cairn_oriented_point *dense;  /* [max_dense] */
     match_profile *views;         /* [max_views] */
-    int32_t target_count, view_count;
+    int32_t target_count, dense_count, view_count;
     int32_t is_indexed;
-    match_index index;
+    match_index index;       /* of `target` */
+    match_index dense_index; /* of `dense` */
     cairn_vec2 *by_direction;                      /* [max_target] positions of `target`, sorted by direction */
     int32_t direction_start[MATCH_DIRECTIONS + 1]; /* of by_direction */
     cairn_vec2 target_low, target_high, target_sum;
