@@ -17,6 +17,7 @@
 
 #include <string.h>
 
+#include "cairn/small_matrix.h"
 #include "src/mapping/scan_match_work.h"
 
 enum { POINTS_MOST = 1 << 20, VIEWS_MOST = 4096, HYPOTHESES_MOST = 64 };
@@ -120,21 +121,35 @@ static const cairn_segment *segment_of(const cairn_scan_view *view, cairn_vec2 p
     return best;
 }
 
+
+static int is_hit_near(const cairn_scan_view *view, int32_t i, cairn_vec2 p, cairn_real reach)
+{
+    return i >= 0 && i < view->beam_count && view->beams[i].kind == CAIRN_BEAM_HIT &&
+           cairn_vec2_norm_squared(cairn_vec2_sub(view->beams[i].to, p)) < reach * reach;
+}
 int32_t cairn_scan_match_dense(const cairn_scan_view *view, cairn_oriented_point *dense)
 {
-    const cairn_real reach = CAIRN_REAL(0.1);
     int32_t count = 0;
 
     for (int32_t i = 0; i < view->beam_count; i++) {
-        const cairn_segment *segment;
-
-        if (view->beams[i].kind != CAIRN_BEAM_HIT)
-            continue;
-        segment = segment_of(view, view->beams[i].to, reach);
-        if (segment == NULL || !(cairn_segment_length(*segment) > 0))
-            continue;
-        dense[count].position = view->beams[i].to;
-        dense[count].direction = cairn_vec2_unit(cairn_vec2_sub(segment->b, segment->a));
+        cairn_vec2 p = view->beams[i].to, mean = {0, 0};
+        cairn_real range, reach, values[2];
+        cairn_sym2 spread = {0, 0, 0};
+        cairn_vec2 minor, major;
+        int32_t low = i, high = i, n = 0;
+        if (view->beams[i].kind != CAIRN_BEAM_HIT) continue;
+        range = cairn_vec2_norm(cairn_vec2_sub(p, view->beams[i].from));
+        reach = CAIRN_REAL(0.08) + CAIRN_REAL(0.03) * range;
+        while (i - low < 12 && is_hit_near(view, low - 1, p, reach)) low--;
+        while (high - i < 12 && is_hit_near(view, high + 1, p, reach)) high++;
+        for (int32_t k = low; k <= high; k++) { mean = cairn_vec2_add(mean, cairn_vec2_sub(view->beams[k].to, p)); n++; }
+        if (n < 2) continue;
+        mean = cairn_vec2_scale(mean, 1 / (cairn_real)n);
+        for (int32_t k = low; k <= high; k++) { cairn_vec2 d = cairn_vec2_sub(cairn_vec2_sub(view->beams[k].to, p), mean); spread.xx += d.x*d.x; spread.xy += d.x*d.y; spread.yy += d.y*d.y; }
+        cairn_sym2_eigen(spread, values, &minor, &major);
+        if (cairn_vec2_cross(major, cairn_vec2_sub(view->beams[i].from, p)) < 0) major = cairn_vec2_scale(major, -1);
+        dense[count].position = p;
+        dense[count].direction = major;
         count++;
     }
     return count;
