@@ -557,7 +557,8 @@ static int run_data(const settings *s, const char *name)
     memset(&c, 0, sizeof c);
     c.pairs = malloc(room * sizeof *c.pairs);
     c.strangers = malloc(2 * room * sizeof *c.strangers);
-    collected = c.pairs != NULL && c.strangers != NULL && (s->simulated ? collect_simulated(s, &c) : collect_log(s, &c));
+    collected =
+        c.pairs != NULL && c.strangers != NULL && (s->simulated ? collect_simulated(s, &c) : collect_log(s, &c));
     if (c.pair_count > s->pairs)
         c.pair_count = (int32_t)s->pairs;
     if (c.stranger_count > s->pairs)
@@ -595,7 +596,8 @@ int main(int argc, char **argv)
         OPTION_INTEGER("--partners", &s.partners, 0, 1000, "N",
                        "the second scan is one of the next N with a reference pose (10; fr079 59)"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the arenas, the pairs and their starts"),
-        OPTION_INTEGER("--strangers", &s.strangers, 0, 1, "N", "1: pairs that share nothing at every start, not at none only"),
+        OPTION_INTEGER("--strangers", &s.strangers, 0, 1, "N",
+                       "1: pairs that share nothing at every start, not at none only"),
         OPTION_FLAG("--noise", &s.noise, "overwrite the poses of the log with noise: nothing may change"),
         OPTION_FLAG("--each", &s.each, "a line for every pair"),
     };

@@ -21,7 +21,8 @@ typedef struct cairn_scan_match cairn_scan_match;
 typedef int32_t cairn_scan_match_mode;
 enum {
     CAIRN_SCAN_MATCH_CORRELATIVE = 0,
-    CAIRN_SCAN_MATCH_SHAPE = 1 /* longest common subsequence of directions and angular histograms (Adluru 2008, 6.2-6.4) */
+    CAIRN_SCAN_MATCH_SHAPE =
+        1 /* longest common subsequence of directions and angular histograms (Adluru 2008, 6.2-6.4) */
 };
 
 typedef struct cairn_scan_match_params {
@@ -38,7 +39,7 @@ typedef struct cairn_scan_match_params {
 } cairn_scan_match_params;
 
 /* Correlative; 2048 target points, 4096 dense ones, 16 views, 1024 query points, 8 hypotheses, spacing 0.10 m, sigma
- * 0.01 m, weak below 0.003. */
+ * 0.01 m, weak below 0.001. */
 cairn_scan_match_params cairn_scan_match_default(void);
 
 /* A scan, or a piece of a map, in a frame of its own. The arrays are the caller's and are only read. */
@@ -49,9 +50,10 @@ typedef struct cairn_scan_match_part {
     int32_t count, dense_count, beam_count;
 } cairn_scan_match_part;
 
-/* Half sizes of the search about the start pose. */
+/* Half sizes of the search about the start pose. The truth is taken to lie anywhere in the window alike: what the scans do
+ * not tell stays near the start, and hypotheses outside are not reported. */
 typedef struct cairn_scan_match_window {
-    cairn_real distance; /* m, >= 0, in x and in y of the target's frame */
+    cairn_real distance; /* m, >= 0, in x and in y of the target's frame, of the query's origin */
     cairn_real angle;    /* rad, >= 0; >= pi: the full circle */
 } cairn_scan_match_window;
 
@@ -106,8 +108,8 @@ CAIRN_CHECKED cairn_status cairn_scan_match_create(cairn_scan_match **match, cai
 /* The points and beams of a scan as a part; without dense points. */
 cairn_scan_match_part cairn_scan_match_part_of(const cairn_scan_view *view);
 
-/* Dense points of a scan: the end of every beam that hit near a segment of its line fit, with the direction of that
- * segment. dense: [view->beam_count]. Returns how many. Cost: beams times segments. */
+/* Dense points of a scan: the end of every beam that hit and has another hit beside it, with the direction of the line
+ * through the hits about it. dense: [view->beam_count]. Returns how many. Cost: linear in the beams. */
 int32_t cairn_scan_match_dense(const cairn_scan_view *view, cairn_oriented_point *dense);
 
 /* Forgets the target, the last result and a match that is running. Constant time. */

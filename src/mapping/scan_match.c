@@ -20,12 +20,20 @@
 #include "cairn/small_matrix.h"
 #include "src/mapping/scan_match_work.h"
 
-enum { POINTS_MOST = 1 << 20, VIEWS_MOST = 4096, HYPOTHESES_MOST = 64 };
+enum {
+    SUM_BLOCK = 64,  /* cells of an index that are summed at once */
+    NEIGHBOURS = 12, /* of a beam, to each side */
+    POINTS_MOST = 1 << 20,
+    VIEWS_MOST = 4096,
+    HYPOTHESES_MOST = 64
+};
+
+static const cairn_real CELL = CAIRN_REAL(2.5); /* of an index, spacings */
 
 cairn_scan_match_params cairn_scan_match_default(void)
 {
-    cairn_scan_match_params params = {CAIRN_SCAN_MATCH_CORRELATIVE, 2048, 4096, 16, 1024, 8, CAIRN_REAL(0.1),
-                                      CAIRN_REAL(0.01), CAIRN_REAL(0.0003)};
+    cairn_scan_match_params params = {
+        CAIRN_SCAN_MATCH_CORRELATIVE, 2048, 4096, 16, 1024, 8, CAIRN_REAL(0.1), CAIRN_REAL(0.01), CAIRN_REAL(0.001)};
     return params;
 }
 
@@ -59,8 +67,10 @@ static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *
     made.target = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.target);
     made.dense = cairn_pool_take(pool, (size_t)p->max_dense, sizeof *made.dense);
     made.dense_index.points = cairn_pool_take(pool, (size_t)p->max_dense, sizeof *made.dense_index.points);
-    made.dense_index.start = cairn_pool_take(pool, cairn_match_index_cells(p->max_dense) + 1, sizeof *made.dense_index.start);
+    made.dense_index.start =
+        cairn_pool_take(pool, cairn_match_index_cells(p->max_dense) + 1, sizeof *made.dense_index.start);
     made.views = cairn_pool_take(pool, (size_t)p->max_views, sizeof *made.views);
+    made.query_profile = cairn_pool_take(pool, 1, sizeof *made.query_profile);
     made.index.points = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.index.points);
     made.index.start = cairn_pool_take(pool, cairn_match_index_cells(p->max_target) + 1, sizeof *made.index.start);
     made.by_direction = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.by_direction);
@@ -105,52 +115,50 @@ cairn_scan_match_part cairn_scan_match_part_of(const cairn_scan_view *view)
     return part;
 }
 
-/* The segment nearest to p within reach; NULL: none. */
-static const cairn_segment *segment_of(const cairn_scan_view *view, cairn_vec2 p, cairn_real reach)
+static int is_hit_near(const cairn_beam *beam, cairn_vec2 p, cairn_real reach)
 {
-    const cairn_segment *best = NULL;
+    return beam->kind == CAIRN_BEAM_HIT && cairn_vec2_norm_squared(cairn_vec2_sub(beam->to, p)) < reach * reach;
+}
 
-    for (int32_t k = 0; k < view->segment_count; k++) {
-        cairn_real d = cairn_segment_distance(view->segments[k], p);
+/* The direction of the surface at the end of a beam, the sensor on its left, from the hits beside it; 0: there are none. */
+static int surface_direction(const cairn_scan_view *view, int32_t i, cairn_vec2 *direction)
+{
+    const cairn_beam *beam = &view->beams[i];
+    cairn_vec2 to_sensor = cairn_vec2_sub(beam->from, beam->to), sum = {0, 0}, minor;
+    cairn_real reach = CAIRN_REAL(0.08) + CAIRN_REAL(0.03) * cairn_vec2_norm(to_sensor), n, values[2];
+    cairn_sym2 spread = {0, 0, 0};
+    int32_t low = i, high = i;
 
-        if (d < reach) {
-            reach = d;
-            best = &view->segments[k];
-        }
+    while (low > 0 && i - low < NEIGHBOURS && is_hit_near(&view->beams[low - 1], beam->to, reach))
+        low--;
+    while (high + 1 < view->beam_count && high - i < NEIGHBOURS && is_hit_near(&view->beams[high + 1], beam->to, reach))
+        high++;
+    for (int32_t k = low; k <= high; k++) {
+        cairn_vec2 d = cairn_vec2_sub(view->beams[k].to, beam->to);
+
+        sum = cairn_vec2_add(sum, d);
+        spread.xx += d.x * d.x;
+        spread.xy += d.x * d.y;
+        spread.yy += d.y * d.y;
     }
-    return best;
+    n = (cairn_real)(high - low + 1);
+    spread.xx -= sum.x * sum.x / n;
+    spread.xy -= sum.x * sum.y / n;
+    spread.yy -= sum.y * sum.y / n;
+    cairn_sym2_eigen(spread, values, &minor, direction);
+    if (cairn_vec2_cross(*direction, to_sensor) < 0)
+        *direction = cairn_vec2_scale(*direction, -1);
+    return values[1] > 0;
 }
 
-
-static int is_hit_near(const cairn_scan_view *view, int32_t i, cairn_vec2 p, cairn_real reach)
-{
-    return i >= 0 && i < view->beam_count && view->beams[i].kind == CAIRN_BEAM_HIT &&
-           cairn_vec2_norm_squared(cairn_vec2_sub(view->beams[i].to, p)) < reach * reach;
-}
 int32_t cairn_scan_match_dense(const cairn_scan_view *view, cairn_oriented_point *dense)
 {
     int32_t count = 0;
 
     for (int32_t i = 0; i < view->beam_count; i++) {
-        cairn_vec2 p = view->beams[i].to, mean = {0, 0};
-        cairn_real range, reach, values[2];
-        cairn_sym2 spread = {0, 0, 0};
-        cairn_vec2 minor, major;
-        int32_t low = i, high = i, n = 0;
-        if (view->beams[i].kind != CAIRN_BEAM_HIT) continue;
-        range = cairn_vec2_norm(cairn_vec2_sub(p, view->beams[i].from));
-        reach = CAIRN_REAL(0.08) + CAIRN_REAL(0.03) * range;
-        while (i - low < 12 && is_hit_near(view, low - 1, p, reach)) low--;
-        while (high - i < 12 && is_hit_near(view, high + 1, p, reach)) high++;
-        for (int32_t k = low; k <= high; k++) { mean = cairn_vec2_add(mean, cairn_vec2_sub(view->beams[k].to, p)); n++; }
-        if (n < 2) continue;
-        mean = cairn_vec2_scale(mean, 1 / (cairn_real)n);
-        for (int32_t k = low; k <= high; k++) { cairn_vec2 d = cairn_vec2_sub(cairn_vec2_sub(view->beams[k].to, p), mean); spread.xx += d.x*d.x; spread.xy += d.x*d.y; spread.yy += d.y*d.y; }
-        cairn_sym2_eigen(spread, values, &minor, &major);
-        if (cairn_vec2_cross(major, cairn_vec2_sub(view->beams[i].from, p)) < 0) major = cairn_vec2_scale(major, -1);
-        dense[count].position = p;
-        dense[count].direction = major;
-        count++;
+        if (view->beams[i].kind != CAIRN_BEAM_HIT || !surface_direction(view, i, &dense[count].direction))
+            continue;
+        dense[count++].position = view->beams[i].to;
     }
     return count;
 }
@@ -339,7 +347,7 @@ cairn_status cairn_scan_match_begin(cairn_scan_match *x, const cairn_scan_match_
     stop(x);
     memset(&x->measure, 0, sizeof x->measure);
     x->query = *query;
-    x->query_sees = make_profile(&x->query_profile, query, cairn_transform_of(cairn_pose_identity()));
+    x->query_sees = make_profile(x->query_profile, query, cairn_transform_of(cairn_pose_identity()));
     x->candidate_count = x->hypothesis_count = 0;
     x->at = x->other = x->stage = 0;
     if (query->count == 0 || x->target_count == 0) {
@@ -368,54 +376,75 @@ static int32_t bin_of(const cairn_oriented_point *p)
     return cairn_match_direction_bin(cairn_atan2(p->direction.y, p->direction.x));
 }
 
+/* The points that are sorted now: the even ones, then the dense ones. */
+static match_index *index_at_work(cairn_scan_match *x, const cairn_oriented_point **points)
+{
+    *points = x->other == 0 ? x->target : x->dense;
+    return x->other == 0 ? &x->index : &x->dense_index;
+}
+
 static void reset_item(cairn_scan_match *x)
 {
-    cairn_match_index_reset(&x->index, x->params.max_target, CAIRN_REAL(2.5) * x->params.spacing);
+    cairn_match_index_reset(&x->index, x->params.max_target, x->target_count, CELL * x->params.spacing);
+    cairn_match_index_reset(&x->dense_index, x->params.max_dense, x->dense_count, CELL * x->params.spacing);
     memset(x->direction_start, 0, sizeof x->direction_start);
-    cairn_match_charge(x, (int32_t)(cairn_match_index_cells(x->params.max_target) / 16));
+    cairn_match_charge(x, (x->index.side * x->index.side + x->dense_index.side * x->dense_index.side) / 16);
+    x->other = 0;
     enter(x, MATCH_COUNT);
 }
 
 static void count_item(cairn_scan_match *x)
 {
-    const cairn_oriented_point *p = &x->target[x->at++];
+    const cairn_oriented_point *points;
+    match_index *index = index_at_work(x, &points);
 
-    cairn_match_index_count(&x->index, p->position);
-    x->direction_start[bin_of(p)]++;
+    if (x->at < index->count) {
+        cairn_match_index_count(index, points[x->at].position);
+        if (x->other == 0)
+            x->direction_start[bin_of(&points[x->at])]++;
+        x->at++;
+    }
     cairn_match_charge(x, 12);
-    if (x->at == x->target_count)
+    if (x->at == index->count)
         enter(x, MATCH_SUM);
 }
 
 static void sum_item(cairn_scan_match *x)
 {
-    int32_t cells = x->index.side * x->index.side + 1;
+    const cairn_oriented_point *points;
+    match_index *index = index_at_work(x, &points);
+    int32_t cells = index->side * index->side + 1;
 
-    for (int32_t i = 0; i < MATCH_SUM_BLOCK && x->at < cells; i++)
-        cairn_match_index_sum(&x->index, x->at++);
+    for (int32_t i = 0; i < SUM_BLOCK && x->at < cells; i++)
+        cairn_match_index_sum(index, x->at++);
     cairn_match_charge(x, MATCH_PART);
     if (x->at < cells)
         return;
-    for (int32_t k = 1; k <= MATCH_DIRECTIONS; k++)
+    for (int32_t k = 1; k <= MATCH_DIRECTIONS && x->other == 0; k++)
         x->direction_start[k] += x->direction_start[k - 1];
-    cairn_match_charge(x, MATCH_PART);
     enter(x, MATCH_PLACE);
 }
 
+/* The last point first, so that those of a cell stay in their order. */
 static void place_item(cairn_scan_match *x)
 {
-    const cairn_oriented_point *p = &x->target[x->target_count - 1 - x->at++];
+    const cairn_oriented_point *points;
+    match_index *index = index_at_work(x, &points);
 
-    cairn_match_index_place(&x->index, *p);
-    x->by_direction[--x->direction_start[bin_of(p)]] = p->position;
+    if (x->at < index->count) {
+        const cairn_oriented_point *p = &points[index->count - 1 - x->at++];
+
+        cairn_match_index_place(index, *p);
+        if (x->other == 0)
+            x->by_direction[--x->direction_start[bin_of(p)]] = p->position;
+    }
     cairn_match_charge(x, 12);
-    if (x->at < x->target_count)
+    if (x->at < index->count)
+        return;
+    enter(x, MATCH_COUNT);
+    if (x->other++ == 0)
         return;
     x->is_indexed = 1;
-    cairn_match_index_reset(&x->dense_index, x->params.max_dense, CAIRN_REAL(2.5) * x->params.spacing);
-    for (int32_t i = 0; i < x->dense_count; i++) cairn_match_index_count(&x->dense_index, x->dense[i].position);
-    for (int32_t i = 0; i < x->dense_index.side * x->dense_index.side + 1; i++) cairn_match_index_sum(&x->dense_index, i);
-    for (int32_t i = x->dense_count - 1; i >= 0; i--) cairn_match_index_place(&x->dense_index, x->dense[i]);
     enter(x, MATCH_VOTE);
 }
 
@@ -540,7 +569,7 @@ cairn_scan_match_result cairn_scan_match_read(const cairn_scan_match *x)
 {
     cairn_scan_match_result running = {NULL, 0, CAIRN_SCAN_MATCH_RUNNING};
 
-    return x->phase == MATCH_DONE ? x->result : running;
+    return x->phase == MATCH_DONE && x->owed < MATCH_PART ? x->result : running;
 }
 
 cairn_scan_match_measure cairn_scan_match_measured(const cairn_scan_match *x)

@@ -4,7 +4,9 @@
  * not tell left alone. Poses go through stages of more and more points, the last with one point a beam, so that every
  * range counts as much as it should; whoever does badly stays behind.
  *
- * Covariance: that of an M-estimator (Huber 1981, section 7.6). The lines of the target are themselves fits to as many
+ * Covariance: that of an M-estimator (Huber 1981, section 7.6). Its information is made of the products of the normals of
+ * both points of a pair, as Gauss-Newton's would be of those of one: noise of the normals of a bare wall adds up in squares and
+ * feigns information along the wall, while in products of independent normals it cancels. The lines of the target are themselves fits to as many
  * beams as the query's, more or less, and their errors do not show in the residuals: the variance is doubled. */
 #include "src/core/build.h"
 
@@ -17,7 +19,9 @@ static const cairn_real CAUCHY_VARIANCE = CAIRN_REAL(1.26);
 static const cairn_real LEAST_COSINE = CAIRN_REAL(0.7);  /* of the directions of a pair */
 static const cairn_real TALLY_COSINE = CAIRN_REAL(0.85); /* ... of a point that is explained */
 static const cairn_real TALLY_GATE = CAIRN_REAL(1.5);    /* spacings */
-static const cairn_real MARGIN = 2;                      /* spacings by which a point stands before a surface */
+static const cairn_real FINE = CAIRN_REAL(0.3);
+static const cairn_real LEAST_RATIO = CAIRN_REAL(3e-4); /* of the information of a direction in which a step goes */
+static const cairn_real MARGIN = 2;                     /* spacings by which a point stands before a surface */
 
 enum { LEAST_PAIRS = 4 };
 
@@ -50,6 +54,21 @@ void cairn_match_fit_begin(cairn_scan_match *x, cairn_pose pose)
     x->at = 0;
 }
 
+/* Adds what the pair tells as both normals see it: the symmetric product of their rows. */
+static void add_cross(cairn_scan_match *x, const cairn_real row[3], cairn_vec2 direction, cairn_vec2 position,
+                      cairn_real weight)
+{
+    cairn_real other[3], sum[3], difference[3];
+
+    cairn_rigid_motion_row(&x->fit.motion, cairn_vec2_left(direction), position, other);
+    for (int k = 0; k < 3; k++) {
+        sum[k] = row[k] + other[k];
+        difference[k] = row[k] - other[k];
+    }
+    cairn_sym3_add_outer(&x->fit.sums.cross, sum, weight / 4);
+    cairn_sym3_add_outer(&x->fit.sums.cross, difference, -weight / 4);
+}
+
 static void add_pair(cairn_scan_match *x, const cairn_oriented_point *q)
 {
     match_fit *fit = &x->fit;
@@ -73,6 +92,7 @@ static void add_pair(cairn_scan_match *x, const cairn_oriented_point *q)
     weight = 1 / (1 + squared / (scale * scale));
     cairn_rigid_motion_row(&fit->motion, normal, q->position, row);
     cairn_sym3_add_outer(&sums->lines, row, weight);
+    add_cross(x, row, search.direction, q->position, weight);
     for (int k = 0; k < 3; k++)
         sums->gradient[k] += weight * error * row[k];
     sums->weight += weight;
@@ -102,6 +122,7 @@ static cairn_sym3 scaled(cairn_sym3 m, cairn_real by)
 static void conclude(cairn_scan_match *x, const cairn_motion_basis *basis)
 {
     cairn_scan_match_hypothesis *h = &x->hypotheses[x->other];
+    cairn_motion_basis seen;
     cairn_normal_equations prior;
     cairn_sym3 information = cairn_sym3_zero();
 
@@ -115,12 +136,15 @@ static void conclude(cairn_scan_match *x, const cairn_motion_basis *basis)
     if (x->has_window)
         prior = cairn_rigid_motion_prior(&x->fit.motion, &x->prior);
     if (basis != NULL) {
-        information = scaled(x->fit.sums.lines, information_scale(x));
+        seen = cairn_motion_basis_of(x->fit.sums.cross, x->params.weak_ratio);
+        basis = &seen;
+        information = scaled(x->fit.sums.cross, information_scale(x));
         h->observable = 3 - basis->weak;
         h->weak_ratio = basis->ratio;
         memcpy(h->weak, basis->vectors[0], sizeof h->weak);
     }
-    cairn_rigid_motion_covariance(&x->fit.motion, basis, basis == NULL ? NULL : &information, x->has_window ? &prior : NULL, h->covariance);
+    cairn_rigid_motion_covariance(&x->fit.motion, basis, basis == NULL ? NULL : &information,
+                                  x->has_window ? &prior : NULL, h->covariance);
 }
 
 /* One Gauss-Newton step; 1 when the fit is through. */
@@ -140,7 +164,7 @@ static int32_t end_iteration(cairn_scan_match *x)
     }
     fit->sigma = cairn_max(x->params.sigma, cairn_sqrt(CAUCHY_VARIANCE * fit->sums.squares / fit->sums.weight));
     by = 1 / (2 * fit->sigma * fit->sigma);
-    basis = cairn_motion_basis_of(fit->sums.lines, x->params.weak_ratio);
+    basis = cairn_motion_basis_of(fit->sums.lines, LEAST_RATIO);
     equations.information = scaled(fit->sums.lines, by);
     for (int k = 0; k < 3; k++)
         equations.gradient[k] = by * fit->sums.gradient[k];
@@ -152,9 +176,8 @@ static int32_t end_iteration(cairn_scan_match *x)
     }
     cairn_rigid_motion_move(&fit->motion, step);
     moved = cairn_sqrt(step[0] * step[0] + step[1] * step[1] + step[2] * step[2]);
-    if (fit->iteration == stage->iterations ||
-        (moved < CAIRN_REAL(1e-3) * x->params.spacing && fit->gate <= gate_end &&
-         fit->sigma > CAIRN_REAL(0.95) * sigma)) {
+    if (fit->iteration == stage->iterations || (moved < CAIRN_REAL(1e-3) * x->params.spacing && fit->gate <= gate_end &&
+                                                fit->sigma > CAIRN_REAL(0.95) * sigma)) {
         conclude(x, &basis);
         return 1;
     }
@@ -177,18 +200,17 @@ int32_t cairn_match_fit_item(cairn_scan_match *x)
 
 void cairn_match_tally_begin(cairn_scan_match *x)
 {
-    const match_stage *stage = &STAGES[x->stage];
-
     memset(&x->tally, 0, sizeof x->tally);
     x->tally_transform = cairn_transform_of(x->hypotheses[x->other].target_query);
     x->tally_inverse = cairn_transform_of(cairn_pose_inverse(x->hypotheses[x->other].target_query));
-    x->tally_stride = (x->query.count + stage->points - 1) / stage->points;
+    x->tally_stride = x->fit.stride;
     x->witness_stride = (x->target_count + MATCH_WITNESSES - 1) / MATCH_WITNESSES;
     x->at = 0;
 }
 
 static void ask_query_point(cairn_scan_match *x, const cairn_oriented_point *q)
 {
+    const cairn_oriented_point *m;
     match_search search;
     int32_t parts = 6;
 
@@ -196,7 +218,12 @@ static void ask_query_point(cairn_scan_match *x, const cairn_oriented_point *q)
     search.direction = cairn_transform_direction(x->tally_transform, q->direction);
     search.cosine = TALLY_COSINE;
     x->tally.asked++;
-    if (cairn_match_index_nearest(&x->index, &search, TALLY_GATE * x->params.spacing, &parts) != NULL) {
+    m = cairn_match_index_nearest(x->fit.index, &search, TALLY_GATE * x->params.spacing, &parts);
+    if (m != NULL) {
+        cairn_real e = cairn_vec2_dot(cairn_vec2_left(m->direction), cairn_vec2_sub(search.p, m->position)) /
+                       (FINE * x->params.spacing);
+
+        x->tally.fine += 1 / (1 + e * e);
         x->tally.explained++;
         cairn_match_charge(x, parts);
         return;
@@ -213,7 +240,7 @@ static void ask_query_point(cairn_scan_match *x, const cairn_oriented_point *q)
 
 static void ask_target_point(cairn_scan_match *x, const cairn_oriented_point *p)
 {
-    int32_t says = cairn_match_profile_ask(&x->query_profile, cairn_transform_point(x->tally_inverse, p->position),
+    int32_t says = cairn_match_profile_ask(x->query_profile, cairn_transform_point(x->tally_inverse, p->position),
                                            MARGIN * x->params.spacing);
 
     x->tally.target_explained += says < 0;
@@ -232,15 +259,15 @@ static void score(cairn_scan_match *x)
     h->overlap = t->asked > 0 ? (cairn_real)t->explained / (cairn_real)t->asked : 0;
     h->contradiction = said > 0 ? (cairn_real)against / (cairn_real)said : 0;
     agreement = 1 - h->contradiction;
-    h->score = h->overlap * agreement * agreement;
+    h->score = (t->asked > 0 ? t->fine / (cairn_real)t->asked : 0) * agreement * agreement;
 }
 
 int32_t cairn_match_tally_item(cairn_scan_match *x)
 {
-    int32_t queries = x->query.count, witnesses = x->query_sees ? x->target_count : 0;
+    int32_t queries = x->fit.count, witnesses = x->query_sees ? x->target_count : 0;
 
     if (x->at < queries) {
-        ask_query_point(x, &x->query.points[x->at]);
+        ask_query_point(x, &x->fit.points[x->at]);
         x->at += x->tally_stride;
         if (x->at < queries)
             return 0;

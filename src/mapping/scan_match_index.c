@@ -25,10 +25,10 @@ size_t cairn_match_index_cells(int32_t max_points)
     return (size_t)side_for(max_points) * (size_t)side_for(max_points);
 }
 
-void cairn_match_index_reset(match_index *index, int32_t max_points, cairn_real cell)
+void cairn_match_index_reset(match_index *index, int32_t max_points, int32_t count, cairn_real cell)
 {
     index->side = side_for(max_points);
-    index->count = 0;
+    index->count = count;
     index->per_metre = 1 / cell;
     memset(index->start, 0, (cairn_match_index_cells(max_points) + 1) * sizeof *index->start);
 }
@@ -48,7 +48,6 @@ static int32_t cell_of(const match_index *index, cairn_vec2 p)
 void cairn_match_index_count(match_index *index, cairn_vec2 p)
 {
     index->start[cell_of(index, p)]++;
-    index->count++;
 }
 
 /* Counts become the ends of their cells, cell after cell. */

@@ -15,7 +15,7 @@
 
 enum { DIRECTION_REACH = 3 }; /* bins to both sides that agree */
 
-static const cairn_real CELL = 2;          /* spacings */
+static const cairn_real CELL = 2; /* spacings */
 static const cairn_real LEAST_STEP = CAIRN_REAL(0.04), MOST_STEP = CAIRN_REAL(0.088);
 
 /* The translations of the window: about the start, or all that can bring the query to the target. */

@@ -13,7 +13,6 @@ enum {
     MATCH_CANDIDATES = 192, /* poses that the search hands on, at most */
     MATCH_WITNESSES = 192,  /* target points that are looked for in the query's free space, at most */
     MATCH_STAGES = 3,
-    MATCH_SUM_BLOCK = 64,
     MATCH_PART = 16 /* parts of a unit */
 };
 
@@ -65,16 +64,17 @@ typedef struct match_votes {
 /* Point-to-line sums over the pairs of one iteration. */
 typedef struct match_sums {
     cairn_sym3 lines;
+    cairn_sym3 cross; /* of the normals of both points of each pair */
     cairn_real gradient[3];
     cairn_real weight, squares, psi_squares, slopes;
     int32_t pairs;
 } match_sums;
 
 typedef struct match_stage {
-    int32_t points;     /* of the query, at most */
-    int32_t iterations; /* at most */
-    int32_t keep;       /* poses that go on */
-    int32_t dense;      /* 1: the query's dense points, if there are any */
+    int32_t points;                  /* of the query, at most */
+    int32_t iterations;              /* at most */
+    int32_t keep;                    /* poses that go on */
+    int32_t dense;                   /* 1: the query's dense points, if there are any */
     cairn_real gate_start, gate_end; /* m, in spacings */
 } match_stage;
 
@@ -91,6 +91,7 @@ typedef struct match_fit {
 /* Points of one hypothesis by what they say. */
 typedef struct match_tally {
     int32_t asked; /* query points */
+    cairn_real fine;
     int32_t explained, contradicted;               /* of the query */
     int32_t target_explained, target_contradicted; /* of the target's witnesses */
 } match_tally;
@@ -99,13 +100,9 @@ typedef int32_t match_phase;
 enum {
     MATCH_IDLE = 0,
     MATCH_RESET,
-    MATCH_COUNT,   /* target points by cell and by direction */
-    MATCH_SUM,     /* their places */
+    MATCH_COUNT, /* target points by cell and by direction */
+    MATCH_SUM,   /* their places */
     MATCH_PLACE,
-    MATCH_RESET_DENSE,
-    MATCH_COUNT_DENSE,
-    MATCH_SUM_DENSE,
-    MATCH_PLACE_DENSE,
     MATCH_VOTE,
     MATCH_PEAKS,
     MATCH_FIT,
@@ -122,14 +119,14 @@ struct cairn_scan_match {
     match_profile *views;         /* [max_views] */
     int32_t target_count, dense_count, view_count;
     int32_t is_indexed;
-    match_index index;       /* of `target` */
-    match_index dense_index; /* of `dense` */
+    match_index index;                             /* of `target` */
+    match_index dense_index;                       /* of `dense` */
     cairn_vec2 *by_direction;                      /* [max_target] positions of `target`, sorted by direction */
     int32_t direction_start[MATCH_DIRECTIONS + 1]; /* of by_direction */
     cairn_vec2 target_low, target_high, target_sum;
     /* The query. */
     cairn_scan_match_part query;
-    match_profile query_profile;
+    match_profile *query_profile;
     int32_t query_sees; /* its beams are known */
     cairn_pose start;
     cairn_scan_match_window window;
@@ -166,7 +163,7 @@ static inline void cairn_match_charge(cairn_scan_match *x, int32_t parts)
 
 /* scan_match_index.c */
 size_t cairn_match_index_cells(int32_t max_points);
-void cairn_match_index_reset(match_index *index, int32_t max_points, cairn_real cell);
+void cairn_match_index_reset(match_index *index, int32_t max_points, int32_t count, cairn_real cell);
 void cairn_match_index_count(match_index *index, cairn_vec2 p);
 void cairn_match_index_sum(match_index *index, int32_t cell);
 void cairn_match_index_place(match_index *index, cairn_oriented_point p);
