@@ -1,7 +1,7 @@
 /* pose_consensus: the poses of nodes that the largest consistent part of many rival measurements supports.
  *
  * Nodes are scans, places or whole maps. A hypothesis says how two of them may lie to each other; a pair may have several
- * that exclude each other, and most may be wrong. From several starts a map grows node by node: every hypothesis from a
+ * that exclude each other, and most may be wrong. From several starts, each a hypothesis that no map found so far agrees with, a map grows node by node: every hypothesis from a
  * placed node proposes a pose for the next one, all others vote, and the best supported candidate is placed. Then every node
  * is chosen again given the others until nothing changes, and the start with the best total evidence wins. Nodes that could
  * as well lie elsewhere are reported with their alternatives, parts that do not hang together as parts. */
@@ -25,11 +25,11 @@ typedef struct cairn_pose_hypothesis {
 } cairn_pose_hypothesis;
 
 typedef struct cairn_pose_consensus_params {
-    int32_t max_nodes;        /* 1 ... 2^16 */
-    int32_t max_hypotheses;   /* 1 ... 2^20 */
-    int32_t max_starts;       /* >= 1: growths, from the nodes with the strongest hypotheses */
-    int32_t max_rounds;       /* >= 0: times that every node is chosen again */
-    int32_t max_candidates;   /* 1 ... 32: of a choice, the best voted ones, that the judge sees */
+    int32_t max_nodes;      /* 1 ... 2^16 */
+    int32_t max_hypotheses; /* 1 ... 2^20 */
+    int32_t max_starts;     /* >= 1: growths, each from the strongest hypothesis that no map found so far agrees with */
+    int32_t max_rounds;     /* >= 0: times that every node is chosen again */
+    int32_t max_candidates; /* 1 ... 32: of a choice, the best voted ones, that the judge sees */
     int32_t max_alternatives; /* 0 ... 32: reported of each node */
     cairn_real sigma; /* m, > 0, added in quadrature to the covariances, as nodes do not lie exactly either, ... */
     cairn_real sigma_angle; /* ... and rad, > 0; times the distance of the nodes it adds to their positions too */
@@ -112,7 +112,7 @@ typedef struct cairn_consensus_result {
     int32_t nodes, placed; /* placed: nodes in parts of two or more */
     int32_t parts;         /* 1: it hangs together */
     int32_t ambiguous;     /* nodes */
-    int32_t start;         /* node from which the best map grew */
+    int32_t start;         /* hypothesis from which the best map grew */
     int32_t starts, rounds;
     int32_t agreeing; /* hypotheses */
     int64_t units;
