@@ -1,0 +1,41 @@
+#!/bin/sh
+# Runs the firmware in an emulator and compares it with the desktop, bit by bit: tools/firmware-test.sh BUILD/firmware MISSION...
+#
+# Every program prints poses and hashes; lines that begin with "measure" are of the machine and are left out. Keeps what each
+# printed beside it as NAME.txt, for tools/footprint.sh.
+fw=${1:?usage: tools/firmware-test.sh BUILD/firmware MISSION...}
+shift
+failed=0
+
+# With -icount one instruction is a nanosecond of the clock that the program reads.
+emulate()
+{
+    case $1 in
+    m4) machine=mps2-an386 ;;
+    *) machine=mps2-an500 ;;
+    esac
+    timeout 600 qemu-system-arm -M $machine -nographic -icount shift=0 -semihosting-config enable=on,target=native \
+        -kernel "$fw/$1/$2.elf" </dev/null >"$fw/$1/$2.txt" 2>&1
+}
+
+for name in "$@" golden-float golden-double; do
+    "$fw/host/$name" >"$fw/host/$name.txt" || {
+        echo "FAILED firmware: $name on the desktop"
+        cat "$fw/host/$name.txt"
+        exit 1
+    }
+    grep -v '^measure' "$fw/host/$name.txt" >"$fw/expected"
+    for cpu in m7 m7d m4; do
+        emulate $cpu "$name"
+        status=$?
+        grep -v '^measure' "$fw/$cpu/$name.txt" >"$fw/found"
+        if [ $status -eq 0 ] && [ -s "$fw/found" ] && cmp -s "$fw/expected" "$fw/found"; then
+            echo "ok     firmware: $name on $cpu, same bits"
+        else
+            failed=1
+            echo "FAILED firmware: $name on $cpu (exit $status):"
+            diff "$fw/expected" "$fw/found"
+        fi
+    done
+done
+exit $failed
