@@ -1,5 +1,6 @@
 /* Sizes and offsets of the open structs in bytes, double and float, on a 64-bit ABI. Made by tools/layout.sh. */
 /* clang-format off */
+#include "cairn/block_solver.h"
 #include "cairn/carmen_log.h"
 #include "cairn/corner.h"
 #include "cairn/file_error.h"
@@ -17,6 +18,7 @@
 #include "cairn/output_set.h"
 #include "cairn/polyline.h"
 #include "cairn/pool.h"
+#include "cairn/pose_consensus.h"
 #include "cairn/pose_table.h"
 #include "cairn/random.h"
 #include "cairn/raster.h"
@@ -30,6 +32,17 @@
 #include "cairn/version.h"
 
 static const layout OPEN_STRUCTS[] = {
+    {SIZE(cairn_block_solver_params, 12, 12)},
+    {FIELD(cairn_block_solver_params, max_poses, 0, 0)},
+    {FIELD(cairn_block_solver_params, max_links, 4, 4)},
+    {SIZE(cairn_block_solver_result, 32, 32)},
+    {FIELD(cairn_block_solver_result, state, 0, 0)},
+    {FIELD(cairn_block_solver_result, running, 4, 4)},
+    {FIELD(cairn_block_solver_result, poses, 8, 8)},
+    {FIELD(cairn_block_solver_result, links, 12, 12)},
+    {FIELD(cairn_block_solver_result, fill, 16, 16)},
+    {FIELD(cairn_block_solver_result, pose, 20, 20)},
+    {FIELD(cairn_block_solver_result, units, 24, 24)},
     {SIZE(cairn_carmen_params, 32, 32)},
     {FIELD(cairn_carmen_params, range_max, 0, 0)},
     {FIELD(cairn_carmen_params, range_sigma, 8, 8)},
@@ -338,6 +351,49 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_block_pool_usage, used, 4, 4)},
     {FIELD(cairn_block_pool_usage, peak, 8, 8)},
     {FIELD(cairn_block_pool_usage, refused, 12, 12)},
+    {SIZE(cairn_pose_hypothesis, 112, 60)},
+    {FIELD(cairn_pose_hypothesis, first, 0, 0)},
+    {FIELD(cairn_pose_hypothesis, second, 4, 4)},
+    {FIELD(cairn_pose_hypothesis, first_second, 8, 8)},
+    {FIELD(cairn_pose_hypothesis, covariance, 32, 20)},
+    {SIZE(cairn_pose_consensus_params, 72, 48)},
+    {FIELD(cairn_pose_consensus_params, max_nodes, 0, 0)},
+    {FIELD(cairn_pose_consensus_params, max_hypotheses, 4, 4)},
+    {FIELD(cairn_pose_consensus_params, max_starts, 8, 8)},
+    {FIELD(cairn_pose_consensus_params, max_rounds, 12, 12)},
+    {FIELD(cairn_pose_consensus_params, max_candidates, 16, 16)},
+    {FIELD(cairn_pose_consensus_params, max_alternatives, 20, 20)},
+    {FIELD(cairn_pose_consensus_params, sigma, 24, 24)},
+    {FIELD(cairn_pose_consensus_params, sigma_angle, 32, 28)},
+    {FIELD(cairn_pose_consensus_params, gate, 40, 32)},
+    {FIELD(cairn_pose_consensus_params, min_support, 56, 40)},
+    {FIELD(cairn_pose_consensus_params, ambiguous, 64, 44)},
+    {SIZE(cairn_consensus_node, 128, 72)},
+    {FIELD(cairn_consensus_node, map_node, 0, 0)},
+    {FIELD(cairn_consensus_node, covariance, 24, 12)},
+    {FIELD(cairn_consensus_node, support, 96, 48)},
+    {FIELD(cairn_consensus_node, part, 104, 52)},
+    {FIELD(cairn_consensus_node, agreeing, 108, 56)},
+    {FIELD(cairn_consensus_node, contradicting, 112, 60)},
+    {FIELD(cairn_consensus_node, alternatives, 116, 64)},
+    {FIELD(cairn_consensus_node, ambiguous, 120, 68)},
+    {SIZE(cairn_consensus_alternative, 48, 24)},
+    {FIELD(cairn_consensus_alternative, map_node, 0, 0)},
+    {FIELD(cairn_consensus_alternative, support, 24, 12)},
+    {FIELD(cairn_consensus_alternative, weight, 32, 16)},
+    {FIELD(cairn_consensus_alternative, whole, 40, 20)},
+    {SIZE(cairn_consensus_result, 56, 48)},
+    {FIELD(cairn_consensus_result, total, 0, 0)},
+    {FIELD(cairn_consensus_result, rival, 8, 4)},
+    {FIELD(cairn_consensus_result, nodes, 16, 8)},
+    {FIELD(cairn_consensus_result, placed, 20, 12)},
+    {FIELD(cairn_consensus_result, parts, 24, 16)},
+    {FIELD(cairn_consensus_result, ambiguous, 28, 20)},
+    {FIELD(cairn_consensus_result, start, 32, 24)},
+    {FIELD(cairn_consensus_result, starts, 36, 28)},
+    {FIELD(cairn_consensus_result, rounds, 40, 32)},
+    {FIELD(cairn_consensus_result, agreeing, 44, 36)},
+    {FIELD(cairn_consensus_result, units, 48, 40)},
     {SIZE(cairn_pose_row, 160, 112)},
     {FIELD(cairn_pose_row, index, 0, 0)},
     {FIELD(cairn_pose_row, line, 8, 8)},
