@@ -1,6 +1,7 @@
 # cairn: one Makefile. `make help` lists the targets. Everything is built under $(BUILD).
 #
-#   make BUILD=build/asan SANITIZE=1 test     a variant beside the default one
+#   make BUILD=build/asan SANITIZE=1 test     a variant beside the default one: addresses and undefined behaviour
+#   make BUILD=build/tsan SANITIZE=thread ... threads
 #   make BUILD=build/clang CC=clang CXX=clang++ OPT=-O3
 
 BUILD    ?= build
@@ -19,7 +20,7 @@ SOVERSION := $(call version_part,MAJOR).$(call version_part,MINOR)
 WARN     := -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wdouble-promotion -Wvla -Wundef -Wcast-align
 CWARN    := $(WARN) -Wstrict-prototypes -Wmissing-prototypes
 ,        := ,
-SAN       = $(if $(SANITIZE),-fsanitize=address$(,)undefined -fno-sanitize-recover=all -fno-omit-frame-pointer -g)
+SAN       = $(if $(SANITIZE),-fsanitize=$(SANITIZE:1=address$(,)undefined) -fno-sanitize-recover=all -fno-omit-frame-pointer -g)
 COMMON   := $(OPT) -g -I. -Iinclude -MMD -MP -ffp-contract=off -fPIC $(SAN) $(if $(COVERAGE),--coverage -O0)
 # The library itself is freestanding C11; all that runs on a desktop may use POSIX and is built with assertions on.
 LIB_FLAGS  = -std=c11 $(CWARN) $(WERROR) $(COMMON) -fno-math-errno $(if $(ASSERTIONS),-DCAIRN_ASSERTIONS)
@@ -41,15 +42,16 @@ SIM_SRC     := $(if $(HAVE_SIM),$(wildcard sim/*.cpp))
 TEST_SRC    := $(if $(and $(HAVE_TEST),$(HAVE_SIM),$(HAVE_HOST)),$(wildcard tests/test_*.c))
 BENCH_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(filter-out bench/bench_%,$(wildcard bench/*.c)))
 BENCH_COMMON := $(wildcard bench/bench_*.c) tools/options.c
-CAIRN_SRC   := $(if $(HAVE_HOST),$(filter-out tools/cairn_arena%,$(wildcard tools/cairn*.c)) tools/options.c)
+CAIRN_SRC   := $(if $(HAVE_HOST),$(filter-out tools/cairn_arena%,$(wildcard tools/cairn*.c)) tools/options.c firmware/robot.c)
 ARENA_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(wildcard tools/cairn_arena*.c) tools/options.c)
+TEST_COMMON := tests/support.c firmware/robot.c firmware/recorder.c
 HOST_LIBS   := -lyaml -lpng -lz
 SIM_LIBS    := -lbox2d
 
 object = $(patsubst %,$(BUILD)/$(1)/%.o,$(2))
 LIBS     := $(BUILD)/libcairn.a $(BUILD)/libcairn-float.a $(BUILD)/libcairn.so.$(SOVERSION) \
             $(if $(HOST_SRC),$(BUILD)/libcairn-host.a)
-TOOLS    := $(if $(CAIRN_SRC),$(BUILD)/cairn) $(if $(ARENA_SRC),$(BUILD)/cairn-arena)
+TOOLS    := $(if $(CAIRN_SRC),$(BUILD)/cairn $(BUILD)/cairn-float) $(if $(ARENA_SRC),$(BUILD)/cairn-arena)
 TESTS    := $(TEST_SRC:tests/%.c=%)
 BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
@@ -122,13 +124,15 @@ SYS_LIBS    = $(if $(SIM_SRC),$(SIM_LIBS)) $(HOST_LIBS) -lpthread -lm
 
 $(BUILD)/cairn: $(call object,double,$(CAIRN_SRC)) $(BUILD)/libcairn-host.a $(BUILD)/libcairn.a
 	$(link) $(HOST_LIBS) -lm
+$(BUILD)/cairn-float: $(call object,float,$(CAIRN_SRC)) $(BUILD)/float/libcairn-host.a $(BUILD)/libcairn-float.a
+	$(link) $(HOST_LIBS) -lm
 $(BUILD)/cairn-arena: $(call object,double,$(ARENA_SRC)) $(DOUBLE_LIBS)
 	$(link) $(SYS_LIBS)
 $(BUILD)/bench/%: $(BUILD)/double/bench/%.c.o $(call object,double,$(BENCH_COMMON)) $(DOUBLE_LIBS)
 	$(link) $(SYS_LIBS)
-$(BUILD)/tests/%: $(BUILD)/double/tests/%.c.o $(call object,double,tests/support.c) $(DOUBLE_LIBS)
+$(BUILD)/tests/%: $(BUILD)/double/tests/%.c.o $(call object,double,$(TEST_COMMON)) $(DOUBLE_LIBS)
 	$(link) -lcmocka $(SYS_LIBS)
-$(BUILD)/tests-float/%: $(BUILD)/float/tests/%.c.o $(call object,float,tests/support.c) $(FLOAT_LIBS)
+$(BUILD)/tests-float/%: $(BUILD)/float/tests/%.c.o $(call object,float,$(TEST_COMMON)) $(FLOAT_LIBS)
 	$(link) -lcmocka $(SYS_LIBS)
 
 # make test and make demo bring what they need, then run make again, which now sees it.
@@ -159,7 +163,7 @@ check-freestanding:
 	@sh tools/check.sh $(BUILD) freestanding
 
 # Every object of everything, for the checks of warnings.
-ALL_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(TEST_SRC) $(wildcard tests/support.c tests/golden.c) $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC)
+ALL_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(TEST_SRC) $(wildcard tests/support.c tests/golden.c) $(FW_LOOP) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC)
 objects: $(call object,double,$(ALL_SRC)) $(call object,float,$(ALL_SRC))
 
 # The firmware: the float library in the loop of a robot on bare Cortex-M7 and M4F, and tests/golden.c in float and double.
@@ -174,8 +178,9 @@ FW_FLAGS  := -std=c11 $(CWARN) $(WERROR) -Os -g -mthumb -mfloat-abi=hard -ffunct
 FW_DOUBLE := -Wl,--wrap=__aeabi_dadd,--wrap=__aeabi_dsub,--wrap=__aeabi_drsub
 FW_LINK   := -nostartfiles -T firmware/cortex-m.ld -Wl,--gc-sections
 MISSIONS  := $(patsubst firmware/mission_%.c,%,$(wildcard firmware/mission_*.c))
-FW_LOOP   := firmware/loop.c
-FW_ELFS   := $(foreach cpu,$(FW_CPUS),$(MISSIONS:%=$(FW)/$(cpu)/%.elf) $(FW)/$(cpu)/golden-float.elf $(FW)/$(cpu)/golden-double.elf)
+FW_LOOP   := firmware/loop.c firmware/robot.c firmware/recorder.c
+FW_ELFS   := $(foreach cpu,$(FW_CPUS),$(FW)/$(cpu)/golden-float.elf $(FW)/$(cpu)/golden-double.elf) \
+             $(foreach cpu,m7 m4,$(MISSIONS:%=$(FW)/$(cpu)/%.elf))
 FW_HOST   := $(MISSIONS:%=$(FW)/host/%) $(FW)/host/golden-float $(FW)/host/golden-double
 
 # The scans of a mission are made by cairn-arena and stored in the image as they come from the scanner.
@@ -218,7 +223,7 @@ run-firmware: $(FW_ELFS)
 firmware-test:
 	@sh tools/deps.sh build firmware
 	@$(MAKE) run-firmware-test
-run-firmware-test: $(FW_ELFS) $(FW_HOST)
+run-firmware-test: $(FW_ELFS) $(FW_HOST) $(TOOLS)
 	@sh tools/firmware-test.sh $(FW) $(MISSIONS)
 footprint:
 	@sh tools/deps.sh build firmware

@@ -8,6 +8,9 @@
 /* Prints a text. */
 void board_print(const char *text);
 
+/* Appends to the flight recording; nothing when there is nowhere to. A failure ends the program. */
+void board_record(const void *data, uint32_t bytes);
+
 /* Ends the program; status 0: all well. */
 _Noreturn void board_exit(int status);
 

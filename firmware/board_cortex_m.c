@@ -20,7 +20,8 @@ extern uint32_t board_stack_bottom[], board_stack_top[];
 
 enum { SYSTICK_ON = 5, SYSTICK_LAST = 0xFFFFFF };
 enum { STACK_PAINT = 0x5AFE57AC };
-enum { SEMIHOSTING_WRITE0 = 0x04, SEMIHOSTING_EXIT_EXTENDED = 0x20, APPLICATION_EXIT = 0x20026 };
+enum { SEMIHOSTING_OPEN = 0x01, SEMIHOSTING_WRITE0 = 0x04, SEMIHOSTING_WRITE = 0x05, SEMIHOSTING_EXIT_EXTENDED = 0x20 };
+enum { OPEN_WRITE_BINARY = 5, APPLICATION_EXIT = 0x20026 };
 
 static uint32_t semihosting(uint32_t operation, const void *argument)
 {
@@ -34,6 +35,24 @@ static uint32_t semihosting(uint32_t operation, const void *argument)
 void board_print(const char *text)
 {
     (void)semihosting(SEMIHOSTING_WRITE0, text);
+}
+
+void board_record(const void *data, uint32_t bytes)
+{
+    static const char name[] = "flight.rec";
+    static uint32_t file;
+    const uint32_t open[3] = {(uint32_t)(uintptr_t)name, OPEN_WRITE_BINARY, sizeof name - 1};
+    uint32_t write[3];
+
+    if (file == 0)
+        file = semihosting(SEMIHOSTING_OPEN, open);
+    write[0] = file;
+    write[1] = (uint32_t)(uintptr_t)data;
+    write[2] = bytes;
+    if (file == UINT32_MAX || semihosting(SEMIHOSTING_WRITE, write) != 0) {
+        board_print("flight.rec: cannot be written\n");
+        board_exit(2);
+    }
 }
 
 _Noreturn void board_exit(int status)

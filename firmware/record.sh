@@ -22,7 +22,7 @@ function real(x) { return x ~ /[.e]/ ? x : x ".0" }
 function constant(x) { return "CAIRN_REAL(" real(x) ")" }
 END {
     if (scans == 0) exit 1
-    print "static const recorded_scan recorded[] = {"
+    print "static const robot_sweep recorded[] = {"
     for (i = 0; i < scans; i++) print record[i]
     print "};"
 }' "$1"
