@@ -132,17 +132,17 @@ cairn_transform cairn_aligner_gauge(const cairn_aligner *x, int32_t first, int32
 }
 
 /* Squares of what is left of the initial poses after the best common motion. */
-typedef struct misfit {
+typedef struct leftover {
     cairn_real squares, squares_angle;
     int32_t count, possible;
-} misfit;
+} leftover;
 
-static misfit misfit_of(const cairn_aligner *x, int32_t first, int32_t second, cairn_transform second_first)
+static leftover leftover_of(const cairn_aligner *x, int32_t first, int32_t second, cairn_transform second_first)
 {
     cairn_transform gauge = cairn_aligner_gauge(x, first, second, second_first), pose;
     cairn_real far = BOX * x->params.spread, turned = BOX * x->params.spread_angle;
     walk w = begin_walk(x, first, second, second_first);
-    misfit m = {0, 0, 0, 1};
+    leftover m = {0, 0, 0, 1};
     int32_t i;
 
     while ((i = walk_on(&w, &pose)) >= 0) {
@@ -159,7 +159,7 @@ static misfit misfit_of(const cairn_aligner *x, int32_t first, int32_t second, c
     return m;
 }
 
-static cairn_real chi_squared(const cairn_aligner *x, const misfit *m)
+static cairn_real chi_squared(const cairn_aligner *x, const leftover *m)
 {
     return m->squares / (x->sigma * x->sigma) + m->squares_angle / (x->sigma_angle * x->sigma_angle);
 }
@@ -176,7 +176,7 @@ void cairn_aligner_learn_spread(cairn_aligner *x)
     x->sigma_angle = cairn_sqrt(expected_angle);
     for (int32_t c = 0; c < x->scan_count; c++)
         if (x->clusters[c].size > 1) {
-            misfit m = misfit_of(x, c, -1, same);
+            leftover m = leftover_of(x, c, -1, same);
 
             squares += m.squares;
             squares_angle += m.squares_angle;
@@ -187,7 +187,7 @@ void cairn_aligner_learn_spread(cairn_aligner *x)
     for (int32_t c = 0; c < x->scan_count; c++) {
         x->clusters[c].misfit = 0;
         if (x->clusters[c].size > 1) {
-            misfit m = misfit_of(x, c, -1, same);
+            leftover m = leftover_of(x, c, -1, same);
 
             x->clusters[c].misfit = chi_squared(x, &m);
         }
@@ -248,7 +248,7 @@ static void end_refinement(aligner_look *look)
 static void end_look(cairn_aligner *x)
 {
     aligner_look *look = &x->look;
-    misfit m = misfit_of(x, look->moving, look->fixed, look->pose);
+    leftover m = leftover_of(x, look->moving, look->fixed, look->pose);
 
     look->active = 0;
     look->prior = -(chi_squared(x, &m) - x->clusters[look->moving].misfit - x->clusters[look->fixed].misfit) / 2;
