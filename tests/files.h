@@ -12,14 +12,17 @@
 
 #include "tests/test.h"
 
-static char files_folder[64];
+static char files_folder[128];
 
-/* For cmocka_run_group_tests: makes the folder, ... */
+/* For cmocka_run_group_tests: makes the folder, in $TMPDIR or /tmp, ... */
 static inline int files_setup(void **state)
 {
+    const char *above = getenv("TMPDIR");
+    const int length = snprintf(files_folder, sizeof files_folder, "%s/cairn-test-XXXXXX",
+                                above != NULL && *above != 0 ? above : "/tmp");
+
     (void)state;
-    strcpy(files_folder, "/tmp/cairn-test-XXXXXX");
-    return mkdtemp(files_folder) == NULL;
+    return length >= (int)sizeof files_folder || mkdtemp(files_folder) == NULL;
 }
 
 static inline void files_remove(const char *path)
