@@ -1,5 +1,6 @@
 /* Sizes and offsets of the open structs in bytes, double and float, on a 64-bit ABI. Made by tools/layout.sh. */
 /* clang-format off */
+#include "cairn/block_solver.h"
 #include "cairn/carmen_log.h"
 #include "cairn/corner.h"
 #include "cairn/file_error.h"
@@ -7,6 +8,7 @@
 #include "cairn/force_kernel.h"
 #include "cairn/geometry.h"
 #include "cairn/icp.h"
+#include "cairn/json_text.h"
 #include "cairn/line.h"
 #include "cairn/map_file.h"
 #include "cairn/mapper.h"
@@ -17,6 +19,7 @@
 #include "cairn/output_set.h"
 #include "cairn/polyline.h"
 #include "cairn/pool.h"
+#include "cairn/pose_consensus.h"
 #include "cairn/pose_table.h"
 #include "cairn/random.h"
 #include "cairn/raster.h"
@@ -30,6 +33,17 @@
 #include "cairn/version.h"
 
 static const layout OPEN_STRUCTS[] = {
+    {SIZE(cairn_block_solver_params, 12, 12)},
+    {FIELD(cairn_block_solver_params, max_poses, 0, 0)},
+    {FIELD(cairn_block_solver_params, max_links, 4, 4)},
+    {SIZE(cairn_block_solver_result, 32, 32)},
+    {FIELD(cairn_block_solver_result, state, 0, 0)},
+    {FIELD(cairn_block_solver_result, running, 4, 4)},
+    {FIELD(cairn_block_solver_result, poses, 8, 8)},
+    {FIELD(cairn_block_solver_result, links, 12, 12)},
+    {FIELD(cairn_block_solver_result, fill, 16, 16)},
+    {FIELD(cairn_block_solver_result, pose, 20, 20)},
+    {FIELD(cairn_block_solver_result, units, 24, 24)},
     {SIZE(cairn_carmen_params, 32, 32)},
     {FIELD(cairn_carmen_params, range_max, 0, 0)},
     {FIELD(cairn_carmen_params, range_sigma, 8, 8)},
@@ -189,6 +203,20 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_icp_result, pairs, 172, 88)},
     {FIELD(cairn_icp_result, iterations, 176, 92)},
     {FIELD(cairn_icp_result, verdict, 180, 96)},
+    {SIZE(cairn_json_token, 40, 40)},
+    {FIELD(cairn_json_token, kind, 0, 0)},
+    {FIELD(cairn_json_token, line, 8, 8)},
+    {FIELD(cairn_json_token, text, 16, 16)},
+    {FIELD(cairn_json_token, length, 24, 24)},
+    {FIELD(cairn_json_token, number, 32, 32)},
+    {SIZE(cairn_json, 48, 48)},
+    {FIELD(cairn_json, path, 0, 0)},
+    {FIELD(cairn_json, at, 8, 8)},
+    {FIELD(cairn_json, end, 16, 16)},
+    {FIELD(cairn_json, line, 24, 24)},
+    {FIELD(cairn_json, objects, 32, 32)},
+    {FIELD(cairn_json, depth, 40, 40)},
+    {FIELD(cairn_json, state, 44, 44)},
     {SIZE(cairn_line, 64, 32)},
     {FIELD(cairn_line, mean, 0, 0)},
     {FIELD(cairn_line, direction, 16, 8)},
@@ -338,6 +366,49 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_block_pool_usage, used, 4, 4)},
     {FIELD(cairn_block_pool_usage, peak, 8, 8)},
     {FIELD(cairn_block_pool_usage, refused, 12, 12)},
+    {SIZE(cairn_pose_hypothesis, 112, 60)},
+    {FIELD(cairn_pose_hypothesis, first, 0, 0)},
+    {FIELD(cairn_pose_hypothesis, second, 4, 4)},
+    {FIELD(cairn_pose_hypothesis, first_second, 8, 8)},
+    {FIELD(cairn_pose_hypothesis, covariance, 32, 20)},
+    {SIZE(cairn_pose_consensus_params, 72, 48)},
+    {FIELD(cairn_pose_consensus_params, max_nodes, 0, 0)},
+    {FIELD(cairn_pose_consensus_params, max_hypotheses, 4, 4)},
+    {FIELD(cairn_pose_consensus_params, max_starts, 8, 8)},
+    {FIELD(cairn_pose_consensus_params, max_rounds, 12, 12)},
+    {FIELD(cairn_pose_consensus_params, max_candidates, 16, 16)},
+    {FIELD(cairn_pose_consensus_params, max_alternatives, 20, 20)},
+    {FIELD(cairn_pose_consensus_params, sigma, 24, 24)},
+    {FIELD(cairn_pose_consensus_params, sigma_angle, 32, 28)},
+    {FIELD(cairn_pose_consensus_params, gate, 40, 32)},
+    {FIELD(cairn_pose_consensus_params, min_support, 56, 40)},
+    {FIELD(cairn_pose_consensus_params, ambiguous, 64, 44)},
+    {SIZE(cairn_consensus_node, 128, 72)},
+    {FIELD(cairn_consensus_node, map_node, 0, 0)},
+    {FIELD(cairn_consensus_node, covariance, 24, 12)},
+    {FIELD(cairn_consensus_node, support, 96, 48)},
+    {FIELD(cairn_consensus_node, part, 104, 52)},
+    {FIELD(cairn_consensus_node, agreeing, 108, 56)},
+    {FIELD(cairn_consensus_node, contradicting, 112, 60)},
+    {FIELD(cairn_consensus_node, alternatives, 116, 64)},
+    {FIELD(cairn_consensus_node, ambiguous, 120, 68)},
+    {SIZE(cairn_consensus_alternative, 48, 24)},
+    {FIELD(cairn_consensus_alternative, map_node, 0, 0)},
+    {FIELD(cairn_consensus_alternative, support, 24, 12)},
+    {FIELD(cairn_consensus_alternative, weight, 32, 16)},
+    {FIELD(cairn_consensus_alternative, whole, 40, 20)},
+    {SIZE(cairn_consensus_result, 56, 48)},
+    {FIELD(cairn_consensus_result, total, 0, 0)},
+    {FIELD(cairn_consensus_result, rival, 8, 4)},
+    {FIELD(cairn_consensus_result, nodes, 16, 8)},
+    {FIELD(cairn_consensus_result, placed, 20, 12)},
+    {FIELD(cairn_consensus_result, parts, 24, 16)},
+    {FIELD(cairn_consensus_result, ambiguous, 28, 20)},
+    {FIELD(cairn_consensus_result, start, 32, 24)},
+    {FIELD(cairn_consensus_result, starts, 36, 28)},
+    {FIELD(cairn_consensus_result, rounds, 40, 32)},
+    {FIELD(cairn_consensus_result, agreeing, 44, 36)},
+    {FIELD(cairn_consensus_result, units, 48, 40)},
     {SIZE(cairn_pose_row, 160, 112)},
     {FIELD(cairn_pose_row, index, 0, 0)},
     {FIELD(cairn_pose_row, line, 8, 8)},
@@ -415,6 +486,36 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_report_map, colour_scans, 44, 44)},
     {FIELD(cairn_report_map, elements_most, 48, 48)},
     {FIELD(cairn_report_map, width, 52, 52)},
+    {SIZE(cairn_report_curve, 24, 24)},
+    {FIELD(cairn_report_curve, name, 0, 0)},
+    {FIELD(cairn_report_curve, unit, 8, 8)},
+    {FIELD(cairn_report_curve, note, 16, 16)},
+    {SIZE(cairn_report_player_params, 80, 80)},
+    {FIELD(cairn_report_player_params, title, 0, 0)},
+    {FIELD(cairn_report_player_params, subtitle, 8, 8)},
+    {FIELD(cairn_report_player_params, step_name, 16, 16)},
+    {FIELD(cairn_report_player_params, curve, 24, 24)},
+    {FIELD(cairn_report_player_params, curve_count, 32, 32)},
+    {FIELD(cairn_report_player_params, connect, 36, 36)},
+    {FIELD(cairn_report_player_params, frames_most, 40, 40)},
+    {FIELD(cairn_report_player_params, poses_most, 48, 48)},
+    {FIELD(cairn_report_player_params, points_most, 56, 56)},
+    {FIELD(cairn_report_player_params, forces_most, 64, 64)},
+    {FIELD(cairn_report_player_params, region_radius, 72, 72)},
+    {SIZE(cairn_report_force, 32, 16)},
+    {FIELD(cairn_report_force, at, 0, 0)},
+    {FIELD(cairn_report_force, force, 16, 8)},
+    {SIZE(cairn_report_frame, 72, 72)},
+    {FIELD(cairn_report_frame, step, 0, 0)},
+    {FIELD(cairn_report_frame, label, 8, 8)},
+    {FIELD(cairn_report_frame, pose, 16, 16)},
+    {FIELD(cairn_report_frame, doubtful, 24, 24)},
+    {FIELD(cairn_report_frame, value, 32, 32)},
+    {FIELD(cairn_report_frame, region, 40, 40)},
+    {FIELD(cairn_report_frame, force, 48, 48)},
+    {FIELD(cairn_report_frame, pose_count, 56, 56)},
+    {FIELD(cairn_report_frame, region_count, 60, 60)},
+    {FIELD(cairn_report_frame, force_count, 64, 64)},
     {SIZE(cairn_rigid_motion, 80, 40)},
     {FIELD(cairn_rigid_motion, centre, 0, 0)},
     {FIELD(cairn_rigid_motion, radius, 16, 8)},

@@ -1,10 +1,12 @@
 /* The defaults of all rooms but the force field, whose own test has them. */
 #include "tests/test.h"
 
+#include "cairn/block_solver.h"
 #include "cairn/carmen_log.h"
 #include "cairn/map_file.h"
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
+#include "cairn/pose_consensus.h"
 #include "cairn/report.h"
 
 typedef struct value {
@@ -63,9 +65,13 @@ static void of_lines_and_scans(void **state)
 
 static void of_matches_and_corners(void **state)
 {
+    cairn_block_solver_params solver = cairn_block_solver_default();
     cairn_icp_params icp = cairn_icp_default();
     cairn_corner_params corner = cairn_corner_default();
     const value values[] = {
+        VALUE(solver.max_poses, 1000),
+        VALUE(solver.max_links, 3000),
+        VALUE(solver.max_fill, 12000),
         VALUE(icp.max_target, 4096),
         VALUE(icp.max_iterations, 40),
         VALUE(icp.min_pairs, 10),
@@ -86,6 +92,22 @@ static void of_matches_and_corners(void **state)
         VALUE(corner.end_distance, 0.3),
         VALUE(corner.merge_radius, 0.1),
         VALUE(corner.merge_angle, 10 * DEGREE),
+    };
+
+    (void)state;
+    assert_values(values);
+}
+
+static void of_consensus(void **state)
+{
+    cairn_pose_consensus_params consensus = cairn_pose_consensus_default();
+    const value values[] = {
+        VALUE(consensus.max_nodes, 64),     VALUE(consensus.max_hypotheses, 1024),
+        VALUE(consensus.max_starts, 16),    VALUE(consensus.max_rounds, 10),
+        VALUE(consensus.max_candidates, 8), VALUE(consensus.max_alternatives, 4),
+        VALUE(consensus.sigma, 0.03),       VALUE(consensus.sigma_angle, 0.6 * DEGREE),
+        VALUE(consensus.gate, 16),          VALUE(consensus.contradiction, 0),
+        VALUE(consensus.min_support, 3),    VALUE(consensus.ambiguous, 0.02),
     };
 
     (void)state;
@@ -196,8 +218,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(of_lines_and_scans), cmocka_unit_test(of_matches_and_corners),
-        cmocka_unit_test(of_the_mapper),      cmocka_unit_test(of_grids),
-        cmocka_unit_test(of_files),
+        cmocka_unit_test(of_consensus),       cmocka_unit_test(of_the_mapper),
+        cmocka_unit_test(of_grids),           cmocka_unit_test(of_files),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -6,6 +6,7 @@
 
 #include "cairn/carmen_log.h"
 #include "cairn/map_file.h"
+#include "cairn/output.h"
 #include "cairn/pose_table.h"
 #include "tests/programs.h"
 
@@ -486,7 +487,7 @@ static void help_and_version(void **state)
 {
     static const char *const commands[] = {"align", "map", "info"};
     static const char *const common[] = {"--quiet", "--range-max M", "--help"};
-    static const char *const both[] = {"-o DIR", "--resolution M", "--pool BYTES", "--seed N"};
+    static const char *const both[] = {"-o DIR", "--resolution M", "--pool BYTES", "--seed N", "--report FILE"};
     outcome o = programs_run("cairn --help");
 
     (void)state;
@@ -504,7 +505,7 @@ static void help_and_version(void **state)
         assert_holds(o.out, line);
         for (int i = 0; i < 3; i++)
             assert_holds(help.out, common[i]);
-        for (int i = 0; i < 4 && k < 2; i++)
+        for (int i = 0; i < 5 && k < 2; i++)
             assert_holds(help.out, both[i]);
     }
     o = programs_run("cairn --version");
@@ -516,6 +517,61 @@ static void help_and_version(void **state)
     assert_holds(o.out, "usage: cairn-arena ");
     assert_holds(o.out, "rescue");
     assert_string_equal(o.err, "");
+}
+
+/* The page that --report asks for: beside the other files, in a folder that is made, or in that at hand. */
+static void pages(void **state)
+{
+    static const char *const commands[] = {"map @/drive/scans.log", "align @/places/scans.log --steps 20"};
+    outcome o;
+
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        char *page[2];
+        size_t count[2];
+
+        o = programs_run("cairn %s -o @/paged --report @/paged/map.html", commands[k]);
+        assert_done(o);
+        assert_string_equal(o.err, "");
+        assert_int_equal(count_in("paged"), FILES + 1);
+        assert_done(programs_run("cairn %s -o @/paged --quiet --report @/elsewhere/a/map.html", commands[k]));
+        assert_int_equal(count_in("elsewhere/a"), 1);
+        for (int i = 0; i < 2; i++) {
+            page[i] = files_read(files_path(i == 0 ? "paged/map.html" : "elsewhere/a/map.html"), &count[i]);
+            assert_non_null(page[i]);
+        }
+        assert_int_equal(count[0], count[1]);
+        assert_memory_equal(page[0], page[1], count[0]);
+        assert_holds(page[0], k == 0 ? "{\"title\":\"scans.log, mapped\"" : "{\"title\":\"scans.log, aligned\"");
+        assert_holds(page[0], k == 0 ? "\"step_name\":\"scan\"" : "\"step_name\":\"step\"");
+        assert_holds(page[0], k == 0 ? "\n{\"step\":29,\"label\":\"" : "\n{\"step\":20,\"label\":\"end\"");
+        assert_holds(page[0], "\"grid\":{\"height\":");
+        free(page[0]);
+        free(page[1]);
+    }
+    /* With no window there is no potential. */
+    assert_done(programs_run("cairn map @/drive/scans.log --window 0 -o @/paged --report @/paged/map.html"));
+    {
+        char *page = files_read(files_path("paged/map.html"), NULL);
+
+        assert_holds(page, "{\"name\":\"support\"");
+        assert_null(strstr(page, "\"potential P(g)\""));
+        free(page);
+    }
+    /* In the folder at hand. */
+    {
+        char before[256], here[256], *programs;
+
+        assert_non_null(getcwd(here, sizeof here));
+        programs = cairn_path_join(here, programs_folder);
+        assert_non_null(programs);
+        (void)snprintf(programs_folder, sizeof programs_folder, "%s", programs);
+        free(programs);
+        (void)snprintf(before, sizeof before, "cd '%s' && ", files_path("elsewhere"));
+        o = programs_run_shell(before, "cairn map ../drive/scans.log -o b --quiet --report here.html", NULL);
+        assert_done(o);
+        assert_int_equal(access(files_path("elsewhere/here.html"), F_OK), 0);
+    }
 }
 
 /* ---- Logs that are damaged in part ---- */
@@ -847,6 +903,33 @@ static void folders_that_cannot_be_written(void **state)
     assert_refused(programs_run("cairn map @/drive/scans.log -o @/taken"), "/taken/map.svg: ", "is a folder, expected");
     assert_int_equal(count_in("taken"), 1);
 
+    /* A page that cannot be written is told before the work. */
+    assert_refused(programs_run("cairn map @/drive/scans.log -o @/unpaged --report @/file/map.html"), "/file",
+                   "is a file, expected a folder");
+    assert_refused(programs_run("cairn align @/drive/scans.log -o @/unpaged --report @/taken"),
+                   "/taken: ", "is a folder, expected");
+    assert_refused(programs_run("cairn map @/drive/scans.log -o @/unpaged --report @/taken/"),
+                   "/taken/: ", "is a folder, expected the name of a page");
+    assert_int_equal(count_in("unpaged"), -1);
+    /* No room on the disk for it: the map is there, and what had its name stays. */
+    (void)files_write_text("kept.html", "kept");
+    {
+        char command[1024], *kept;
+
+        (void)snprintf(
+            command, sizeof command,
+            "cairn map '%s/drive/scans.log' --resolution 0.2 --quiet -o '%s/unpaged' --report '%s/kept.html'",
+            files_folder, files_folder, files_folder);
+        o = programs_run_shell("trap '' XFSZ; ulimit -f 80;", command, NULL);
+        assert_int_equal(o.code, 2);
+        assert_int_equal(lines_of(o.err), 1);
+        assert_holds(o.err, "kept.html: cannot write: File too large\n");
+        assert_int_equal(count_in("unpaged"), FILES);
+        kept = files_read(files_path("kept.html"), NULL);
+        assert_string_equal(kept, "kept");
+        free(kept);
+    }
+
     if (geteuid() != 0) {
         assert_int_equal(mkdir(files_path("closed"), 0555), 0);
         o = programs_run("cairn map @/drive/scans.log -o @/closed");
@@ -898,6 +981,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(same_seed_same_bytes),
         cmocka_unit_test(a_pose_for_every_scan),
         cmocka_unit_test(the_map_reads_back),
+        cmocka_unit_test(pages),
         cmocka_unit_test(names_of_logs_stay_text),
         cmocka_unit_test(quiet_and_pipes),
         cmocka_unit_test(help_and_version),

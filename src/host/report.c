@@ -7,6 +7,7 @@
 
 #include "cairn/output.h"
 #include "src/host/report_picture.h"
+#include "src/host/report_text.h"
 
 #define FOOT         44.0
 #define MARKERS_MOST 60
@@ -27,24 +28,10 @@ cairn_report_map cairn_report_map_default(void)
 
 /* ---- drawing ---- */
 
-static void print_escaped(cairn_output *output, const char *text)
-{
-    for (; *text != 0; text++) {
-        if (*text == '<')
-            cairn_output_print(output, "&lt;");
-        else if (*text == '&')
-            cairn_output_print(output, "&amp;");
-        else if (*text == '"')
-            cairn_output_print(output, "&quot;");
-        else if ((unsigned char)*text >= ' ')
-            cairn_output_bytes(output, text, 1);
-    }
-}
-
 static void print_text(cairn_output *output, double x, double y, const char *style, const char *text)
 {
     cairn_output_print(output, "<text x=\"%.1f\" y=\"%.1f\" %s>", x, y, style);
-    print_escaped(output, text);
+    cairn_report_print_escaped(output, text);
     cairn_output_print(output, "</text>\n");
 }
 
@@ -286,7 +273,7 @@ static cairn_status draw(cairn_output *output, const cairn_report_map *map, cons
                        "font-family=\"%s\">\n",
                        (int)map->width, height, (int)map->width, height, FONT);
     cairn_output_print(output, "<title>");
-    print_escaped(output, map->title != NULL ? map->title : "Map");
+    cairn_report_print_escaped(output, map->title != NULL ? map->title : "Map");
     cairn_output_print(output, "</title>\n<rect width=\"100%%\" height=\"100%%\" rx=\"10\" fill=\"#f6f8fa\"/>\n");
     if (map->title != NULL)
         print_text(output, CAIRN_REPORT_MARGIN + 2, y, "font-size=\"20\" font-weight=\"650\" fill=\"#0f172a\"",
