@@ -141,6 +141,9 @@ export TMPDIR="$work"
 [ ! -w /dev/shm ] || TMPDIR=$(mktemp -d /dev/shm/mutate-XXXXXX)
 trap 'rm -rf "$work" "$TMPDIR"' EXIT
 mkdir "$work/locale"
+# The heap as tests/run.sh has it.
+export MALLOC_PERTURB_=165 MALLOC_CHECK_=3 heap=
+[ -n "$(LD_PRELOAD=libc_malloc_debug.so.0 true 2>&1)" ] || heap=:libc_malloc_debug.so.0
 localedef -i de_DE -f UTF-8 "$work/locale/de_DE.UTF-8" >/dev/null 2>&1 && export LOCPATH="$work/locale"
 
 libraries="$build/libcairn-host.a $build/libcairn.a"
@@ -227,7 +230,7 @@ if eval "$command" 2>/dev/null &&
     while read -r t limit; do
         [ -n "$t" ] || continue
         [ "$t" = "$room" ] || grep -qx "$(basename "$file")" "$work/uses/tests/$t" || continue
-        LD_PRELOAD=$work/$number.so CMOCKA_TEST_ABORT=1 TMPDIR=$TMPDIR/$number timeout -k 1 "$limit" "$build/tests/$t" \
+        LD_PRELOAD=$work/$number.so$heap CMOCKA_TEST_ABORT=1 TMPDIR=$TMPDIR/$number timeout -k 1 "$limit" "$build/tests/$t" \
             >/dev/null 2>&1 || {
             verdict="found by $t"
             break

@@ -65,7 +65,7 @@ size_t cairn_occupancy_grid_memory(const cairn_occupancy_grid_params *params)
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
-    return counting.used == SIZE_MAX ? 0 : counting.used;
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_occupancy_grid_create(cairn_occupancy_grid **grid, cairn_pool *pool,
