@@ -11,6 +11,7 @@
  * Limits: hits stop at INT32_MAX; lengths stop growing when a cell holds 1.6e7 times its chord. */
 #include "src/core/build.h"
 
+#include <stdbool.h>
 #include <string.h>
 
 #include "cairn/occupancy_grid.h"
@@ -23,13 +24,12 @@ struct cairn_occupancy_grid {
     cairn_real inverse_resolution;
     int32_t count;   /* cells */
     int32_t cleared; /* cells done; == count: nothing to clear */
-    /* The scan that is being added; next_beam == beam_count: none. */
-    const cairn_beam *beams;
-    int32_t beam_count;
-    int32_t next_beam;
+    /* The scan that is being added. */
+    const cairn_beam *beams; /* [beams_left] */
+    int32_t beams_left;
     cairn_transform map_scan;
-    cairn_occupancy_walk walk; /* of next_beam, when walking */
-    int32_t walking;
+    cairn_occupancy_walk walk; /* of the first of them, when walking */
+    bool walking;
 };
 
 cairn_occupancy_grid_params cairn_occupancy_grid_default(void)
@@ -84,11 +84,7 @@ cairn_status cairn_occupancy_grid_create(cairn_occupancy_grid **grid, cairn_pool
     made->count = params->width * params->height;
     memset(made->cells, 0, (size_t)made->count * sizeof *made->cells);
     made->cleared = made->count;
-    made->beams = NULL;
-    made->beam_count = made->next_beam = 0;
-    made->map_scan = cairn_transform_of(cairn_pose_identity());
-    memset(&made->walk, 0, sizeof made->walk);
-    made->walking = 0;
+    made->beams_left = 0;
     *grid = made;
     return CAIRN_OK;
 }
@@ -106,17 +102,17 @@ static cairn_vec2 in_cells(const cairn_occupancy_grid *grid, cairn_vec2 p)
     return cairn_vec2_scale(cairn_vec2_sub(p, grid->params.origin), grid->inverse_resolution);
 }
 
-/* Length of the beam; 0 and nothing set when it cannot be walked in finite numbers. */
-static int can_walk(const cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 to, cairn_real *length)
+/* Length of the beam; false and nothing set when it cannot be walked in finite numbers. */
+static bool can_walk(const cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 to, cairn_real *length)
 {
     cairn_vec2 a = in_cells(grid, from), b = in_cells(grid, to);
     cairn_real norm = cairn_vec2_norm(cairn_vec2_sub(to, from));
 
     /* A difference of two infinities is a NaN, so the sum shows whether all are finite. */
     if (!cairn_is_finite(norm) || !cairn_is_finite(b.x - a.x) || !cairn_is_finite(b.y - a.y))
-        return 0;
+        return false;
     *length = norm;
-    return 1;
+    return true;
 }
 
 /* Narrows the shares to where 0 <= from + share * delta <= size; 0 when nothing is left. */
@@ -141,16 +137,7 @@ static int clip(cairn_real from, cairn_real delta, int32_t size, cairn_real *sta
 
 static int32_t cell_of(cairn_real coordinate, int32_t size)
 {
-    int32_t cell = cairn_real_to_int(cairn_floor(coordinate));
-
-    if (cell < 0)
-        return 0;
-    return cell < size ? cell : size - 1;
-}
-
-static int32_t sign_of(int32_t difference)
-{
-    return (difference > 0) - (difference < 0);
+    return cairn_real_to_int(cairn_min(cairn_max(coordinate, 0), (cairn_real)(size - 1)));
 }
 
 cairn_status cairn_occupancy_grid_walk(const cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 to,
@@ -179,8 +166,8 @@ cairn_status cairn_occupancy_grid_walk(const cairn_occupancy_grid *grid, cairn_v
     walk->ends_inside = b.x >= 0 && b.x < (cairn_real)width && b.y >= 0 && b.y < (cairn_real)height;
     walk->end_x = cell_of(walk->ends_inside ? b.x : a.x + end * delta.x, width);
     walk->end_y = cell_of(walk->ends_inside ? b.y : a.y + end * delta.y, height);
-    walk->step_x = sign_of(walk->end_x - walk->x);
-    walk->step_y = sign_of(walk->end_y - walk->y);
+    walk->step_x = walk->end_x < walk->x ? -1 : 1;
+    walk->step_y = walk->end_y < walk->y ? -1 : 1;
     walk->done = 0;
     return CAIRN_OK;
 }
@@ -234,7 +221,7 @@ static int add_cells(cairn_occupancy_grid *grid, cairn_occupancy_walk *walk, int
 
 static int is_busy(const cairn_occupancy_grid *grid)
 {
-    return grid->cleared < grid->count || grid->next_beam < grid->beam_count;
+    return grid->cleared < grid->count || grid->beams_left > 0;
 }
 
 cairn_status cairn_occupancy_grid_add_beam(cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 to, int32_t hit)
@@ -268,7 +255,7 @@ cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid *grid, const c
 
     if (grid == NULL || count < 0 || (beams == NULL && count > 0))
         return refuse(fault, -1, "no grid or no beams", CAIRN_BAD_ARGUMENT);
-    if (grid->next_beam < grid->beam_count)
+    if (grid->beams_left > 0)
         return refuse(fault, -1, "the scan before is not finished", CAIRN_BAD_ARGUMENT);
     if (!cairn_pose_is_finite(map_scan))
         return refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
@@ -281,18 +268,16 @@ cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid *grid, const c
             return refuse(fault, i, "a beam that ends nowhere, expected finite coordinates", CAIRN_NOT_FINITE);
     }
     grid->beams = beams;
-    grid->beam_count = count;
-    grid->next_beam = 0;
+    grid->beams_left = count;
     grid->map_scan = transform;
-    grid->walking = 0;
+    grid->walking = false;
     return CAIRN_OK;
 }
 
 void cairn_occupancy_grid_clear(cairn_occupancy_grid *grid)
 {
     grid->cleared = 0;
-    grid->next_beam = grid->beam_count = 0;
-    grid->walking = 0;
+    grid->beams_left = 0;
 }
 
 static void clear_some(cairn_occupancy_grid *grid, cairn_budget *budget)
@@ -312,7 +297,7 @@ static void clear_some(cairn_occupancy_grid *grid, cairn_budget *budget)
 /* One unit of the scan: the start of a beam, or a few cells of it. */
 static void add_some(cairn_occupancy_grid *grid)
 {
-    const cairn_beam *beam = &grid->beams[grid->next_beam];
+    const cairn_beam *beam = grid->beams;
 
     if (grid->walking) {
         if (!add_cells(grid, &grid->walk, beam->kind == CAIRN_BEAM_HIT, CELLS_PER_UNIT))
@@ -320,11 +305,12 @@ static void add_some(cairn_occupancy_grid *grid)
     } else if (beam->kind != CAIRN_BEAM_UNKNOWN &&
                cairn_occupancy_grid_walk(grid, cairn_transform_point(grid->map_scan, beam->from),
                                          cairn_transform_point(grid->map_scan, beam->to), &grid->walk) == CAIRN_OK) {
-        grid->walking = 1;
+        grid->walking = true;
         return;
     }
-    grid->walking = 0;
-    grid->next_beam++;
+    grid->walking = false;
+    grid->beams++;
+    grid->beams_left--;
 }
 
 cairn_status cairn_occupancy_grid_step(cairn_occupancy_grid *grid, cairn_budget *budget)
