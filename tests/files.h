@@ -10,6 +10,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
+
 #include "tests/test.h"
 
 static char files_folder[128];
@@ -100,6 +104,16 @@ static inline char *files_read(const char *path, size_t *count)
     if (count != NULL)
         *count = (size_t)size;
     return bytes;
+}
+
+/* Bytes of the heap in use, where glibc tells; 0 elsewhere and under sanitizers. */
+static inline size_t files_heap(void)
+{
+#if defined __GLIBC__ && (__GLIBC__ > 2 || __GLIBC_MINOR__ >= 33)
+    return mallinfo2().uordblks;
+#else
+    return 0;
+#endif
 }
 
 /* Number of entries in the folder. */

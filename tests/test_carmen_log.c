@@ -1110,6 +1110,32 @@ static void test_long_path(void **state)
     assert_true(strlen(error.text) < sizeof error.text);
 }
 
+/* All memory comes back, whatever the end. */
+static void test_heap(void **state)
+{
+    text t = small_log();
+    const char *path = write_gzip("heap.log.gz", &t);
+    size_t heap = 0;
+
+    (void)state;
+    for (int round = 0; round < 3; round++) {
+        cairn_carmen_scans scans;
+        cairn_carmen_log *log;
+
+        if (round == 1)
+            heap = files_heap();
+        assert_ok(cairn_carmen_load(&scans, path, NULL, NULL));
+        cairn_carmen_scans_free(&scans);
+        assert_ok(cairn_carmen_log_open(&log, path, NULL, NULL));
+        assert_ok(cairn_carmen_log_rewind(log, NULL));
+        cairn_carmen_log_close(log);
+        assert_status(cairn_carmen_load(&scans, files_folder, NULL, NULL), CAIRN_UNSUPPORTED);
+        assert_status(cairn_carmen_load(&scans, files_write_text("heap.log", "ODOM\n"), NULL, NULL), CAIRN_EMPTY);
+    }
+    assert_int_equal(files_heap(), heap);
+    free(t.bytes);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -1133,6 +1159,7 @@ int main(void)
         cmocka_unit_test(test_gzip_members),
         cmocka_unit_test(test_mutations),
         cmocka_unit_test(test_locale),
+        cmocka_unit_test(test_heap),
         cmocka_unit_test(test_long_path),
     };
     return cmocka_run_group_tests(tests, files_setup, files_teardown);

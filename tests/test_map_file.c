@@ -609,6 +609,35 @@ static void test_locale(void **state)
     cairn_map_file_free(&map);
 }
 
+/* All memory comes back, whatever the end. */
+static void test_heap(void **state)
+{
+    size_t heap = 0;
+
+    (void)state;
+    (void)files_write_text("one.pgm", "P5 1 1 255\na");
+    (void)files_write_text("broken.pgm", "P5 2 2 255\na");
+    for (int round = 0; round < 3; round++) {
+        cairn_map_file map;
+
+        if (round == 1)
+            heap = files_heap();
+        for (int k = 0; k < 2; k++) {
+            assert_ok(cairn_map_file_read(&map, files_write_text("heap.yaml", "image: one.pgm\n" NUMBERS), NULL));
+            assert_ok(cairn_map_file_write(&map, files_path("out.yaml"), k, NULL));
+            cairn_map_file_free(&map);
+            assert_ok(cairn_map_file_read(&map, files_path("out.yaml"), NULL));
+            cairn_map_file_free(&map);
+        }
+        assert_status(cairn_map_file_read(&map, files_write_text("heap.yaml", "image: broken.pgm\n" NUMBERS), NULL),
+                      CAIRN_TRUNCATED);
+        assert_status(cairn_map_file_read(&map, files_write_text("heap.yaml", "image: one.pgm\n"), NULL),
+                      CAIRN_BAD_FORMAT);
+        assert_status(cairn_map_file_read(&map, files_write_text("heap.yaml", "image: [a\n"), NULL), CAIRN_BAD_FORMAT);
+    }
+    assert_int_equal(files_heap(), heap);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -626,6 +655,7 @@ int main(void)
         cmocka_unit_test(test_encode_png),
         cmocka_unit_test(test_huge_png),
         cmocka_unit_test(test_odd_names),
+        cmocka_unit_test(test_heap),
         cmocka_unit_test(test_locale),
     };
     return cmocka_run_group_tests(tests, files_setup, files_teardown);
