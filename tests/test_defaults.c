@@ -6,8 +6,10 @@
 #include "cairn/map_file.h"
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
+#include "cairn/pose_graph.h"
 #include "cairn/pose_consensus.h"
 #include "cairn/report.h"
+#include "cairn/scan_match.h"
 
 typedef struct value {
     const char *name;
@@ -66,12 +68,24 @@ static void of_lines_and_scans(void **state)
 static void of_matches_and_corners(void **state)
 {
     cairn_block_solver_params solver = cairn_block_solver_default();
+    cairn_pose_graph_params graph = cairn_pose_graph_default();
     cairn_icp_params icp = cairn_icp_default();
+    cairn_scan_match_params match = cairn_scan_match_default();
     cairn_corner_params corner = cairn_corner_default();
     const value values[] = {
         VALUE(solver.max_poses, 1000),
         VALUE(solver.max_links, 3000),
         VALUE(solver.max_fill, 12000),
+        VALUE(graph.max_poses, 1000),
+        VALUE(graph.max_links, 3000),
+        VALUE(graph.max_fill, 12000),
+        VALUE(graph.start, CAIRN_POSE_GRAPH_BEST),
+        VALUE(graph.kernel, CAIRN_POSE_GRAPH_SQUARE),
+        VALUE(graph.width, 3),
+        VALUE(graph.graduated, 0),
+        VALUE(graph.max_iterations, 100),
+        VALUE(graph.converged * 100000, NUMBER(1e-4, 1)),
+        VALUE(graph.outlier / 1000, 0.01627),
         VALUE(icp.max_target, 4096),
         VALUE(icp.max_iterations, 40),
         VALUE(icp.min_pairs, 10),
@@ -85,6 +99,15 @@ static void of_matches_and_corners(void **state)
         VALUE(icp.converged_distance * 1000, 0.1),
         VALUE(icp.converged_angle * 1000, 0.1),
         VALUE(icp.weak_ratio, 0.01),
+        VALUE(match.mode, CAIRN_SCAN_MATCH_CORRELATIVE),
+        VALUE(match.max_target, 2048),
+        VALUE(match.max_dense, 4096),
+        VALUE(match.max_views, 16),
+        VALUE(match.max_query, 1024),
+        VALUE(match.max_hypotheses, 8),
+        VALUE(match.spacing, 0.1),
+        VALUE(match.sigma, 0.01),
+        VALUE(match.weak_ratio, 0.001),
         VALUE(corner.max_segments, 256),
         VALUE(corner.max_corners, 128),
         VALUE(corner.min_opening, 80 * DEGREE),

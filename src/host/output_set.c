@@ -35,12 +35,14 @@ struct cairn_output_set {
     bool staged; /* the stage is there */
 };
 
-/* Cuts the last name off; 0 when there was only one. */
+/* Cuts the last name and the slashes before it off; 0 when there was only one. */
 static size_t parent_length(const char *path, size_t length)
 {
     while (length > 0 && path[length - 1] == '/')
         length--;
     while (length > 0 && path[length - 1] != '/')
+        length--;
+    while (length > 1 && path[length - 1] == '/')
         length--;
     return length;
 }
@@ -58,7 +60,7 @@ static size_t find_existing(char *path, size_t *first_missing)
         int found;
 
         path[length] = 0;
-        found = stat(path, &about) == 0 || errno != ENOENT;
+        found = stat(path, &about) == 0 || (errno != ENOENT && errno != ENOTDIR);
         path[length] = behind;
         if (found)
             break;
@@ -76,7 +78,7 @@ static cairn_status check_folder(const char *path, cairn_file_error *error)
 
     if (stat(path, &about) != 0 || (S_ISDIR(about.st_mode) && access(path, W_OK | X_OK) != 0))
         code = errno;
-    if (code == ENOTDIR || (code == 0 && !S_ISDIR(about.st_mode)))
+    if (code == 0 && !S_ISDIR(about.st_mode))
         return cairn_file_error_set(error, CAIRN_IO, path, 0, "is a file, expected a folder");
     if (code != 0)
         return cairn_file_error_system(error, path, "write in this folder", code);

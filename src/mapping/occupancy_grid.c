@@ -11,7 +11,6 @@
  * Limits: hits stop at INT32_MAX; lengths stop growing when a cell holds 1.6e7 times its chord. */
 #include "src/core/build.h"
 
-#include <stdbool.h>
 #include <string.h>
 
 #include "cairn/occupancy_grid.h"
@@ -29,7 +28,7 @@ struct cairn_occupancy_grid {
     int32_t beams_left;
     cairn_transform map_scan;
     cairn_occupancy_walk walk; /* of the first of them, when walking */
-    bool walking;
+    int32_t walking;           /* 1: it is under way */
 };
 
 cairn_occupancy_grid_params cairn_occupancy_grid_default(void)
@@ -102,17 +101,17 @@ static cairn_vec2 in_cells(const cairn_occupancy_grid *grid, cairn_vec2 p)
     return cairn_vec2_scale(cairn_vec2_sub(p, grid->params.origin), grid->inverse_resolution);
 }
 
-/* Length of the beam; false and nothing set when it cannot be walked in finite numbers. */
-static bool can_walk(const cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 to, cairn_real *length)
+/* Length of the beam; 0 and nothing set when it cannot be walked in finite numbers. */
+static int can_walk(const cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 to, cairn_real *length)
 {
     cairn_vec2 a = in_cells(grid, from), b = in_cells(grid, to);
     cairn_real norm = cairn_vec2_norm(cairn_vec2_sub(to, from));
 
     /* A difference of two infinities is a NaN, so the sum shows whether all are finite. */
     if (!cairn_is_finite(norm) || !cairn_is_finite(b.x - a.x) || !cairn_is_finite(b.y - a.y))
-        return false;
+        return 0;
     *length = norm;
-    return true;
+    return 1;
 }
 
 /* Narrows the shares to where 0 <= from + share * delta <= size; 0 when nothing is left. */
@@ -270,7 +269,7 @@ cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid *grid, const c
     grid->beams = beams;
     grid->beams_left = count;
     grid->map_scan = transform;
-    grid->walking = false;
+    grid->walking = 0;
     return CAIRN_OK;
 }
 
@@ -305,10 +304,10 @@ static void add_some(cairn_occupancy_grid *grid)
     } else if (beam->kind != CAIRN_BEAM_UNKNOWN &&
                cairn_occupancy_grid_walk(grid, cairn_transform_point(grid->map_scan, beam->from),
                                          cairn_transform_point(grid->map_scan, beam->to), &grid->walk) == CAIRN_OK) {
-        grid->walking = true;
+        grid->walking = 1;
         return;
     }
-    grid->walking = false;
+    grid->walking = 0;
     grid->beams++;
     grid->beams_left--;
 }
