@@ -3,6 +3,7 @@
 #include "cairn/block_solver.h"
 #include "cairn/carmen_log.h"
 #include "cairn/corner.h"
+#include "cairn/csm_scan.h"
 #include "cairn/file_error.h"
 #include "cairn/force_field.h"
 #include "cairn/force_kernel.h"
@@ -96,6 +97,23 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_corner_params, max_opening, 16, 12)},
     {FIELD(cairn_corner_params, end_distance, 24, 16)},
     {FIELD(cairn_corner_params, merge_angle, 40, 24)},
+    {SIZE(cairn_csm_params, 16, 16)},
+    {FIELD(cairn_csm_params, range_max, 0, 0)},
+    {FIELD(cairn_csm_params, range_sigma, 8, 8)},
+    {SIZE(cairn_csm_scan, 192, 136)},
+    {FIELD(cairn_csm_scan, line, 0, 0)},
+    {FIELD(cairn_csm_scan, scan, 8, 8)},
+    {FIELD(cairn_csm_scan, odometry, 104, 80)},
+    {FIELD(cairn_csm_scan, estimate, 128, 92)},
+    {FIELD(cairn_csm_scan, true_pose, 152, 104)},
+    {FIELD(cairn_csm_scan, has_odometry, 176, 116)},
+    {FIELD(cairn_csm_scan, has_estimate, 180, 120)},
+    {FIELD(cairn_csm_scan, has_true_pose, 184, 124)},
+    {FIELD(cairn_csm_scan, has_stamp, 188, 128)},
+    {SIZE(cairn_csm_scans, 16, 16)},
+    {FIELD(cairn_csm_scans, scan, 0, 0)},
+    {FIELD(cairn_csm_scans, count, 8, 8)},
+    {FIELD(cairn_csm_scans, rays_most, 12, 12)},
     {SIZE(cairn_file_error, 1040, 1040)},
     {FIELD(cairn_file_error, status, 0, 0)},
     {FIELD(cairn_file_error, line, 8, 8)},
