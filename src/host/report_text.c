@@ -5,6 +5,8 @@
 
 #include "src/host/report_text.h"
 
+#define FONT "system-ui,-apple-system,'Segoe UI',Roboto,Helvetica,Arial,sans-serif"
+
 #define REPLACEMENT "\xEF\xBF\xBD"
 
 /* Bytes of the UTF-8 character at the start of a text that is not empty; 0: it is none. */
@@ -67,6 +69,44 @@ void cairn_report_print_json(cairn_output *output, const char *text)
             print_character(output, text, length);
     }
     cairn_output_bytes(output, "\"", 1);
+}
+
+void cairn_report_print_text(cairn_output *output, double x, double y, const char *style, const char *text)
+{
+    cairn_output_print(output, "<text x=\"%.1f\" y=\"%.1f\" %s>", x, y, style);
+    cairn_report_print_escaped(output, text);
+    cairn_output_print(output, "</text>\n");
+}
+
+double cairn_report_head_height(const char *title, const char *subtitle)
+{
+    return CAIRN_REPORT_MARGIN + (title != NULL ? 24 : 0) + (subtitle != NULL ? 20 : 0) +
+           (title != NULL || subtitle != NULL ? 12 : 0);
+}
+
+void cairn_report_print_head(cairn_output *output, double width, double height, const char *title, const char *subtitle)
+{
+    double x = CAIRN_REPORT_MARGIN + 2, y = CAIRN_REPORT_MARGIN + 18;
+
+    cairn_output_print(output,
+                       "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%.0f\" height=\"%.0f\" viewBox=\"0 0 %.0f "
+                       "%.0f\" font-family=\"" FONT "\">\n<title>",
+                       width, height, width, height);
+    cairn_report_print_escaped(output, title != NULL ? title : "Map");
+    cairn_output_print(output, "</title>\n<rect width=\"100%%\" height=\"100%%\" rx=\"10\" fill=\"#f6f8fa\"/>\n");
+    if (title != NULL)
+        cairn_report_print_text(output, x, y, "font-size=\"20\" font-weight=\"650\" fill=\"#0f172a\"", title);
+    if (subtitle != NULL)
+        cairn_report_print_text(output, x, title != NULL ? y + 22 : y, "font-size=\"13\" fill=\"#64748b\"", subtitle);
+}
+
+double cairn_report_round_down(double most)
+{
+    double power = 1e-9;
+
+    while (power * 10 <= most)
+        power *= 10;
+    return power * 5 <= most ? power * 5 : power * 2 <= most ? power * 2 : power;
 }
 
 void cairn_report_print_base64(cairn_output *output, const uint8_t *bytes, size_t count)
