@@ -1,73 +1,38 @@
 /* Texts and bytes as pictures and pages hold them. */
 #include "src/core/build.h"
 
-#include <string.h>
-
+#include "cairn/json_text.h"
 #include "src/host/report_text.h"
+#include "src/host/utf8.h"
 
 #define FONT "system-ui,-apple-system,'Segoe UI',Roboto,Helvetica,Arial,sans-serif"
-
-#define REPLACEMENT "\xEF\xBF\xBD"
-
-/* Bytes of the UTF-8 character at the start of a text that is not empty; 0: it is none. */
-static size_t utf8_length(const char *text)
-{
-    const uint8_t *byte = (const uint8_t *)text;
-    size_t length = byte[0] < 0x80   ? 1
-                    : byte[0] < 0xC2 ? 0
-                    : byte[0] < 0xE0 ? 2
-                    : byte[0] < 0xF0 ? 3
-                    : byte[0] < 0xF5 ? 4
-                                     : 0;
-    size_t i;
-
-    for (i = 1; i < length; i++)
-        if ((byte[i] & 0xC0) != 0x80)
-            return 0;
-    /* Too long a form, a surrogate, or beyond U+10FFFF. */
-    if ((byte[0] == 0xE0 && byte[1] < 0xA0) || (byte[0] == 0xED && byte[1] > 0x9F) ||
-        (byte[0] == 0xF0 && byte[1] < 0x90) || (byte[0] == 0xF4 && byte[1] > 0x8F))
-        return 0;
-    return length;
-}
-
-static void print_character(cairn_output *output, const char *text, size_t length)
-{
-    if (length > 0)
-        cairn_output_bytes(output, text, length);
-    else
-        cairn_output_bytes(output, REPLACEMENT, strlen(REPLACEMENT));
-}
 
 void cairn_report_print_escaped(cairn_output *output, const char *text)
 {
     size_t length;
 
     for (; *text != 0; text += length > 0 ? length : 1) {
-        length = utf8_length(text);
+        length = cairn_utf8_length(text);
         if (*text == '<')
             cairn_output_print(output, "&lt;");
         else if (*text == '&')
             cairn_output_print(output, "&amp;");
         else if (*text == '"')
             cairn_output_print(output, "&quot;");
+        else if (length == 0)
+            cairn_output_print(output, CAIRN_UTF8_REPLACEMENT);
         else if ((unsigned char)*text >= ' ')
-            print_character(output, text, length);
+            cairn_output_bytes(output, text, length);
     }
 }
 
 void cairn_report_print_json(cairn_output *output, const char *text)
 {
-    size_t length;
+    char form[CAIRN_JSON_CHARACTER_BYTES];
 
     cairn_output_bytes(output, "\"", 1);
-    for (; *text != 0; text += length > 0 ? length : 1) {
-        length = utf8_length(text);
-        if ((unsigned char)*text < ' ' || strchr("\"\\<>&", *text) != NULL)
-            cairn_output_print(output, "\\u%04x", (unsigned)(unsigned char)*text);
-        else
-            print_character(output, text, length);
-    }
+    while (*text != 0)
+        cairn_output_bytes(output, form, cairn_json_character(&text, form));
     cairn_output_bytes(output, "\"", 1);
 }
 
