@@ -8,6 +8,7 @@
 #include "cairn/occupancy_grid.h"
 #include "cairn/pose_consensus.h"
 #include "cairn/report.h"
+#include "cairn/scan_match.h"
 
 typedef struct value {
     const char *name;
@@ -67,6 +68,7 @@ static void of_matches_and_corners(void **state)
 {
     cairn_block_solver_params solver = cairn_block_solver_default();
     cairn_icp_params icp = cairn_icp_default();
+    cairn_scan_match_params match = cairn_scan_match_default();
     cairn_corner_params corner = cairn_corner_default();
     const value values[] = {
         VALUE(solver.max_poses, 1000),
@@ -85,6 +87,15 @@ static void of_matches_and_corners(void **state)
         VALUE(icp.converged_distance * 1000, 0.1),
         VALUE(icp.converged_angle * 1000, 0.1),
         VALUE(icp.weak_ratio, 0.01),
+        VALUE(match.mode, CAIRN_SCAN_MATCH_CORRELATIVE),
+        VALUE(match.max_target, 2048),
+        VALUE(match.max_dense, 4096),
+        VALUE(match.max_views, 16),
+        VALUE(match.max_query, 1024),
+        VALUE(match.max_hypotheses, 8),
+        VALUE(match.spacing, 0.1),
+        VALUE(match.sigma, 0.01),
+        VALUE(match.weak_ratio, 0.001),
         VALUE(corner.max_segments, 256),
         VALUE(corner.max_corners, 128),
         VALUE(corner.min_opening, 80 * DEGREE),
