@@ -21,6 +21,7 @@ enum {
 int tool_align(int argc, char **argv);
 int tool_info(int argc, char **argv);
 int tool_map(int argc, char **argv);
+int tool_match(int argc, char **argv);
 
 /* Prints the error's text on standard error and returns its exit code. */
 int tool_report(const cairn_file_error *error);

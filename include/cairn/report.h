@@ -91,7 +91,8 @@ typedef struct cairn_report_plot {
     const char *x_label, *y_label;
     const cairn_report_layer *layer; /* [layer_count], drawn in their order */
     int32_t layer_count;
-    cairn_box box; /* what is shown; empty: all */
+    cairn_box box;         /* what is shown; empty: all */
+    double x_step, y_step; /* between the numbers of the axes; 0: as many as have room */
 } cairn_report_plot;
 
 typedef struct cairn_report_figure {
@@ -105,7 +106,7 @@ typedef struct cairn_report_figure {
 cairn_report_figure cairn_report_figure_default(void);
 
 /* Writes the figure (SVG), or nothing. CAIRN_BAD_ARGUMENT: a count, width, opacity or mark outside its range, NULL points,
- * one label without the other; CAIRN_NOT_FINITE: a point or box (beyond 1e9 too); CAIRN_IO, CAIRN_NO_MEMORY. Linear. */
+ * one label without the other, a step below 0; CAIRN_NOT_FINITE: a point or box (beyond 1e9 too); CAIRN_IO, CAIRN_NO_MEMORY. Linear. */
 CAIRN_CHECKED cairn_status cairn_report_figure_write(const char *path, const cairn_report_figure *figure,
                                                      cairn_file_error *error);
 

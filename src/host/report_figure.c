@@ -68,9 +68,9 @@ static cairn_status check_plot(const char *path, const cairn_report_plot *plot, 
     int32_t i;
 
     if (plot->layer_count < 0 || (plot->layer_count > 0 && plot->layer == NULL) ||
-        (plot->x_label == NULL) != (plot->y_label == NULL))
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "plot %d: expected layers, both labels or none",
-                                    index);
+        (plot->x_label == NULL) != (plot->y_label == NULL) || !(plot->x_step >= 0) || !(plot->y_step >= 0))
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
+                                    "plot %d: expected layers, both labels or none, steps not below 0", index);
     if (!box_is_empty(plot->box) && (!is_within(plot->box.min) || !is_within(plot->box.max)))
         return cairn_file_error_set(error, CAIRN_NOT_FINITE, path, 0, "plot %d: its box is not finite", index);
     for (i = 0; i < plot->layer_count && status == CAIRN_OK; i++)
@@ -225,11 +225,17 @@ static void draw_scale_bar(cairn_output *output, const plot_view *view)
                        x - length / 2, y - 6, bar);
 }
 
+/* What was asked for unless the numbers would stand too close, or as many as have room. */
+static double step_of(double asked, double extent, double pixels, double tick_pixels)
+{
+    return asked * pixels / extent > tick_pixels / 4 ? asked : cairn_report_round_down(extent * tick_pixels / pixels);
+}
+
 /* Ruled lines with their numbers, and the labels. */
 static void draw_axes(cairn_output *output, const plot_view *view, const cairn_report_plot *plot)
 {
-    double step_x = cairn_report_round_down((view->max_x - view->min_x) * TICK_PIXELS / view->width * 1.6);
-    double step_y = cairn_report_round_down((view->max_y - view->min_y) * TICK_PIXELS / view->height);
+    double step_x = step_of(plot->x_step, view->max_x - view->min_x, view->width, 1.6 * TICK_PIXELS);
+    double step_y = step_of(plot->y_step, view->max_y - view->min_y, view->height, TICK_PIXELS);
     double top = view->bottom - view->height, tick, at;
 
     for (tick = ceil(view->min_x / step_x - 1e-9); (at = tick * step_x) <= view->max_x + step_x * 1e-9; tick++)
@@ -304,8 +310,8 @@ static double text_width(const char *text)
 static double draw_key_entry(cairn_output *output, const cairn_report_layer *layer, double x, double y)
 {
     if (layer->mark == CAIRN_REPORT_DOTS)
-        cairn_output_print(output, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"3.2\" fill=\"%s\"/>\n", x + 9, y - 4,
-                           layer->colour);
+        cairn_output_print(output, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\" fill=\"%s\"/>\n", x + 9, y - 4,
+                           fmax(2.6, fmin(layer->width / 2, 6)), layer->colour);
     else if (layer->mark == CAIRN_REPORT_LINES)
         cairn_output_print(output,
                            "<path d=\"M%.1f %.1fh18\" stroke=\"%s\" stroke-width=\"2.2\" stroke-linecap=\"round\"/>\n",
