@@ -882,7 +882,7 @@ static void scans_that_are_none(void **state)
 {
     (void)state;
     (void)files_write_text("empty.json", "");
-    refuse_scan("empty.json", "no whole scan in 0 lines");
+    refuse_scan("empty.json", "the file is empty, expected a CARMEN log");
     (void)files_write_text("cut.json", "{\"nrays\": 3,\n\"theta\": [0, 1");
     refuse_scan("cut.json", "cut.json:2: the text ends within an array, expected a comma or ]");
     (void)files_write_text("list.json", "[1]");
