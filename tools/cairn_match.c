@@ -279,17 +279,12 @@ int tool_match(int argc, char **argv)
 {
     settings s = {{NULL, NULL}, NULL, "default", NULL, NULL, {1, 30}, 0.1, 0, {0, 0, 0}, 0, 0, 0, 0};
     match_record record;
+    option_result result = read_settings(&s, argc, argv);
     cairn_file_error error;
     int code;
 
-    switch (read_settings(&s, argc, argv)) {
-    case OPTIONS_HELPED:
-        return TOOL_OK;
-    case OPTIONS_BAD:
-        return TOOL_BAD;
-    default:
-        break;
-    }
+    if (result != OPTIONS_READ)
+        return result;
     if (s.folder != NULL && cairn_output_set_check(s.folder, file_names, file_count(&s), &error) != CAIRN_OK)
         return tool_report(&error);
     memset(&record, 0, sizeof record);
