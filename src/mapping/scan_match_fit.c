@@ -19,9 +19,9 @@ static const cairn_real CAUCHY_VARIANCE = CAIRN_REAL(1.26);
 static const cairn_real LEAST_COSINE = CAIRN_REAL(0.7);  /* of the directions of a pair */
 static const cairn_real TALLY_COSINE = CAIRN_REAL(0.85); /* ... of a point that is explained */
 static const cairn_real TALLY_GATE = CAIRN_REAL(1.5);    /* spacings */
-static const cairn_real FINE = CAIRN_REAL(0.3);
-static const cairn_real LEAST_RATIO = CAIRN_REAL(3e-4); /* of the information of a direction in which a step goes */
-static const cairn_real MARGIN = 2;                     /* spacings by which a point stands before a surface */
+static const cairn_real CLOSE = CAIRN_REAL(0.3);         /* spacings from the surface at which a point counts half */
+static const cairn_real LEAST_RATIO = CAIRN_REAL(3e-4);  /* of the information of a direction in which a step goes */
+static const cairn_real MARGIN = 1;                      /* spacings by which a point stands before a surface */
 
 enum { LEAST_PAIRS = 4 };
 
@@ -221,9 +221,9 @@ static void ask_query_point(cairn_scan_match *x, const cairn_oriented_point *q)
     m = cairn_match_index_nearest(x->fit.index, &search, TALLY_GATE * x->params.spacing, &parts);
     if (m != NULL) {
         cairn_real e = cairn_vec2_dot(cairn_vec2_left(m->direction), cairn_vec2_sub(search.p, m->position)) /
-                       (FINE * x->params.spacing);
+                       (CLOSE * x->params.spacing);
 
-        x->tally.fine += 1 / (1 + e * e);
+        x->tally.closeness += 1 / (1 + e * e);
         x->tally.explained++;
         cairn_match_charge(x, parts);
         return;
@@ -248,18 +248,23 @@ static void ask_target_point(cairn_scan_match *x, const cairn_oriented_point *p)
     cairn_match_charge(x, 8);
 }
 
+static cairn_real share(cairn_real part, int32_t rest)
+{
+    return part > 0 ? part / (part + (cairn_real)rest) : 0;
+}
+
 static void score(cairn_scan_match *x)
 {
     cairn_scan_match_hypothesis *h = &x->hypotheses[x->other];
     const match_tally *t = &x->tally;
-    int32_t against = t->contradicted + t->target_contradicted;
-    int32_t said = against + t->explained + t->target_explained;
-    cairn_real agreement;
+    cairn_real asked = (cairn_real)(t->asked > 0 ? t->asked : 1), agreement;
 
-    h->overlap = t->asked > 0 ? (cairn_real)t->explained / (cairn_real)t->asked : 0;
-    h->contradiction = said > 0 ? (cairn_real)against / (cairn_real)said : 0;
-    agreement = 1 - h->contradiction;
-    h->score = (t->asked > 0 ? t->fine / (cairn_real)t->asked : 0) * agreement * agreement;
+    h->overlap = (cairn_real)t->explained / asked;
+    h->fit = t->closeness / asked;
+    h->contradiction = share((cairn_real)t->contradicted, t->explained);
+    h->target_contradiction = share((cairn_real)t->target_contradicted, t->target_explained);
+    agreement = (1 - h->contradiction) * (1 - h->target_contradiction);
+    h->score = h->fit * agreement * agreement * agreement;
 }
 
 int32_t cairn_match_tally_item(cairn_scan_match *x)

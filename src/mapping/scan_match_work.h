@@ -90,8 +90,8 @@ typedef struct match_fit {
 
 /* Points of one hypothesis by what they say. */
 typedef struct match_tally {
-    int32_t asked; /* query points */
-    cairn_real fine;
+    int32_t asked;                                 /* query points */
+    cairn_real closeness;                          /* sum over those explained */
     int32_t explained, contradicted;               /* of the query */
     int32_t target_explained, target_contradicted; /* of the target's witnesses */
 } match_tally;
