@@ -200,11 +200,15 @@ int32_t cairn_match_fit_item(cairn_scan_match *x)
 
 void cairn_match_tally_begin(cairn_scan_match *x)
 {
+    const match_stage *stage = &STAGES[x->stage];
+    int32_t witnesses;
+
     memset(&x->tally, 0, sizeof x->tally);
     x->tally_transform = cairn_transform_of(x->hypotheses[x->other].target_query);
     x->tally_inverse = cairn_transform_of(cairn_pose_inverse(x->hypotheses[x->other].target_query));
     x->tally_stride = x->fit.stride;
-    x->witness_stride = (x->target_count + MATCH_WITNESSES - 1) / MATCH_WITNESSES;
+    witnesses = stage->points < MATCH_WITNESSES ? stage->points : MATCH_WITNESSES;
+    x->witness_stride = (x->target_count + witnesses - 1) / witnesses;
     x->at = 0;
 }
 
