@@ -453,6 +453,8 @@ static void print_each(const settings *s, const collection *c, const pair *p, co
         bench_json_number("overlap", (double)r->hypotheses[0].overlap);
         bench_json_number("contradiction", (double)r->hypotheses[0].contradiction);
         bench_json_number("score", (double)r->hypotheses[0].score);
+        bench_json_number("sd_m", sqrt((double)(r->hypotheses[0].covariance[0] + r->hypotheses[0].covariance[4])));
+        bench_json_number("sd_deg", sqrt((double)r->hypotheses[0].covariance[8]) / DEGREE);
         bench_json_number("evidence", (double)r->hypotheses[0].evidence);
         bench_json_number("sigma", (double)r->hypotheses[0].sigma);
         bench_json_number("weak_ratio", (double)r->hypotheses[0].weak_ratio);
