@@ -29,7 +29,7 @@ enum {
 };
 
 static const cairn_real BENT = CAIRN_REAL(0.013); /* m from a line, root mean square */
-static const cairn_real CELL = CAIRN_REAL(2.5); /* of an index, spacings */
+static const cairn_real CELL = CAIRN_REAL(2.5);   /* of an index, spacings */
 
 cairn_scan_match_params cairn_scan_match_default(void)
 {
@@ -154,8 +154,7 @@ static int surface_direction(const cairn_scan_view *view, int32_t i, cairn_vec2 
 
     while (low > 0 && i - low < NEIGHBOURS && is_hit_near(&view->beams[low - 1], beam->to, reach))
         low--;
-    while (high + 1 < view->beam_count && high - i < NEIGHBOURS &&
-           is_hit_near(&view->beams[high + 1], beam->to, reach))
+    while (high + 1 < view->beam_count && high - i < NEIGHBOURS && is_hit_near(&view->beams[high + 1], beam->to, reach))
         high++;
     spread = line_through(view, low, high, direction);
     if (spread > BENT * BENT) {

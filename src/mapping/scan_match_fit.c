@@ -6,8 +6,8 @@
  *
  * Covariance: that of an M-estimator (Huber 1981, section 7.6). Its information is made of the products of the normals of
  * both points of a pair, as Gauss-Newton's would be of those of one: noise of the normals of a bare wall adds up in squares and
- * feigns information along the wall, while in products of independent normals it cancels. The lines of the target are themselves fits to as many
- * beams as the query's, more or less, and their errors do not show in the residuals: the variance is doubled. */
+ * feigns information along the wall, while in products of independent normals it cancels. What does not average out (bent surfaces,
+ * the choice of pairs) is a floor: with a thousand beams it is most of the error. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -20,8 +20,9 @@ static const cairn_real LEAST_COSINE = CAIRN_REAL(0.7);  /* of the directions of
 static const cairn_real TALLY_COSINE = CAIRN_REAL(0.85); /* ... of a point that is explained */
 static const cairn_real TALLY_GATE = CAIRN_REAL(1.5);    /* spacings */
 static const cairn_real CLOSE = CAIRN_REAL(0.3);         /* spacings from the surface at which a point counts half */
-static const cairn_real LEAST_RATIO = CAIRN_REAL(3e-4);  /* of the information of a direction in which a step goes */
-static const cairn_real MARGIN = 1;                      /* spacings by which a point stands before a surface */
+static const cairn_real FLOOR = CAIRN_REAL(0.015);
+static const cairn_real LEAST_RATIO = CAIRN_REAL(3e-4); /* of the information of a direction in which a step goes */
+static const cairn_real MARGIN = 1;                     /* spacings by which a point stands before a surface */
 
 enum { LEAST_PAIRS = 4 };
 
@@ -102,20 +103,32 @@ static void add_pair(cairn_scan_match *x, const cairn_oriented_point *q)
     sums->pairs++;
 }
 
-/* 1 / variance of a residual with its share of the target's error. */
+/* 1 / variance of a residual. */
 static cairn_real information_scale(const cairn_scan_match *x)
 {
     const match_sums *sums = &x->fit.sums;
     cairn_real n = (cairn_real)sums->pairs, slope = cairn_max(sums->slopes / n, CAIRN_REAL(0.1));
     cairn_real scale = sums->psi_squares / cairn_max(n - 3, 1) * (sums->weight / n) / (slope * slope);
 
-    return 1 / (2 * cairn_max(scale, x->params.sigma * x->params.sigma));
+    return 1 / cairn_max(scale, x->params.sigma * x->params.sigma);
 }
 
 static cairn_sym3 scaled(cairn_sym3 m, cairn_real by)
 {
     cairn_sym3 out = {m.xx * by, m.xy * by, m.xz * by, m.yy * by, m.yz * by, m.zz * by};
     return out;
+}
+
+/* Adds the errors that do not average out with the number of points: FLOOR spacings of any motion about the centroid. */
+static void add_floor(const cairn_scan_match *x, cairn_real covariance[9])
+{
+    cairn_real by = 1 / (FLOOR * x->params.spacing * (FLOOR * x->params.spacing)), more[9];
+    cairn_sym3 information = {by, 0, 0, by, 0, by};
+    cairn_motion_basis basis = cairn_motion_basis_of(information, 0);
+
+    cairn_rigid_motion_covariance(&x->fit.motion, &basis, &information, NULL, more);
+    for (int k = 0; k < 9; k++)
+        covariance[k] += more[k];
 }
 
 /* Writes down where the fit ended. */
@@ -145,6 +158,7 @@ static void conclude(cairn_scan_match *x, const cairn_motion_basis *basis)
     }
     cairn_rigid_motion_covariance(&x->fit.motion, basis, basis == NULL ? NULL : &information,
                                   x->has_window ? &prior : NULL, h->covariance);
+    add_floor(x, h->covariance);
 }
 
 /* One Gauss-Newton step; 1 when the fit is through. */
