@@ -301,39 +301,30 @@ static void place_scans(cairn_place_map *map, int32_t place)
         map->scans[s].map_scan = cairn_pose_compose(here->map_place, map->scans[s].place_scan);
 }
 
-/* Poses are those of the part's first place, parts are counted, and nothing is left to do. */
+static int32_t first_of_part(const cairn_place_map *map, int32_t place)
+{
+    int32_t first = 0;
+
+    while (map->places[first].part != map->places[place].part)
+        first++;
+    return first;
+}
+
+/* Poses become those seen from the part's first place, the last places first, as they need the first one's as it is. */
 static void finish(cairn_place_map *map)
 {
     cairn_place_map_result *result = &map->result;
 
     result->places = map->place_count;
-    for (int32_t i = 0; i < map->place_count; i++) {
+    for (int32_t i = map->place_count - 1; i >= 0; i--) {
         cairn_place *place = &map->places[i];
-        cairn_pose part_map;
-        int32_t first = 0;
+        cairn_pose part_map = cairn_pose_inverse(map->places[first_of_part(map, i)].map_place);
 
-        result->placed += place->part == 0;
-        result->parts = place->part >= result->parts ? place->part + 1 : result->parts;
-        while (map->places[first].part != place->part)
-            first++;
-        part_map = cairn_pose_inverse(map->places[first].map_place);
-        if (first == i)
-            continue;
-        place->map_place = cairn_pose_compose(part_map, place->map_place);
         for (int32_t s = place->first_scan; s < place->first_scan + place->scan_count; s++)
             map->scans[s].map_scan = cairn_pose_compose(part_map, map->scans[s].map_scan);
-    }
-    for (int32_t i = 0; i < map->place_count; i++) {
-        cairn_pose part_map = cairn_pose_inverse(map->places[i].map_place);
-        int32_t first = 0;
-
-        while (map->places[first].part != map->places[i].part)
-            first++;
-        for (int32_t s = map->places[i].first_scan;
-             first == i && s < map->places[i].first_scan + map->places[i].scan_count; s++)
-            map->scans[s].map_scan = cairn_pose_compose(part_map, map->scans[s].map_scan);
-        if (first == i)
-            map->places[i].map_place = cairn_pose_identity();
+        place->map_place = cairn_pose_compose(part_map, place->map_place);
+        result->placed += place->part == 0;
+        result->parts = place->part >= result->parts ? place->part + 1 : result->parts;
     }
     map->debt += map->place_count;
     enter(map, CAIRN_PLACE_MAP_DONE);
