@@ -33,21 +33,23 @@ typedef struct cairn_place_map_params {
     int32_t max_place_points; /* evenly spaced points of one place, >= 1 */
     int32_t max_place_beams;  /* of one place, >= 1 */
     int32_t recent;           /* >= 1: places that the sequential mode matches with */
-    int32_t rounds;           /* >= 0: times that every place is matched again with the map of the others */
+    int32_t rounds;           /* >= 0: times at most that every place is matched again with the map of the others */
     int32_t sweeps;           /* >= 0: of the refinement */
     int32_t decoupled;        /* 1: at the end each scan of a place is aligned by itself */
     cairn_real sight_reach;   /* m, > 0: how far from a place what it saw is kept */
     cairn_real sight_cell;    /* m, > 0: side of the cells that keep it */
     cairn_real sight_margin;  /* m, > 0: of a surface, within which another surface may lie */
     cairn_real for_point;     /* nats, > 0, for a point on a surface of the other place ... */
-    cairn_real against_point; /* ... and, > 0, against the pose for one in space that the other saw free */
+    cairn_real against_point; /* ... and, > 0, against the pose for one in space that the other saw free; ... */
+    cairn_real floating;      /* ... in [0, 1], times that for surfaces with free space behind them on both sides, as
+                               * movers have, and the floor when the scanner leans */
     cairn_real chance;        /* nats, >= 0, that are taken off hypotheses, as the best of many reach them by chance */
     cairn_scan_match_params match;         /* its max_target ... max_query are not read */
     cairn_pose_consensus_params consensus; /* its max_nodes is not read */
 } cairn_place_map_params;
 
-/* Consensus; 16 places, 64 scans, 1024 points and 2048 beams a place; 3 recent; 1 round, 3 sweeps, not decoupled; sight 8 m,
- * 0.05 m, margin 0.10 m; 0.1 nats for and 0.4 against; chance 2. */
+/* Consensus; 16 places, 64 scans, 1024 points and 2048 beams a place; 3 recent; 4 rounds, 3 sweeps, not decoupled; sight
+ * 8 m, 0.05 m, margin 0.10 m; 0.1 nats for and 0.4 against, floating 0.25; chance 2. */
 cairn_place_map_params cairn_place_map_default(void);
 
 /* 0 for params that create() would refuse. */

@@ -31,13 +31,14 @@ cairn_place_map_params cairn_place_map_default(void)
     params.max_place_points = 1024;
     params.max_place_beams = 2048;
     params.recent = 3;
-    params.rounds = 1;
+    params.rounds = 4;
     params.sweeps = 3;
     params.sight_reach = 8;
     params.sight_cell = CAIRN_REAL(0.05);
     params.sight_margin = CAIRN_REAL(0.1);
     params.for_point = CAIRN_REAL(0.1);
     params.against_point = CAIRN_REAL(0.4);
+    params.floating = CAIRN_REAL(0.25);
     params.chance = 2;
     params.match = cairn_scan_match_default();
     params.consensus = cairn_pose_consensus_default();
@@ -63,8 +64,8 @@ static int params_are_good(const cairn_place_map_params *p)
 {
     return p != NULL && counts_are_good(p) && is_positive(p->sight_reach) && is_positive(p->sight_cell) &&
            is_positive(p->sight_margin) && p->sight_margin <= 20 * p->sight_cell && is_positive(p->for_point) &&
-           is_positive(p->against_point) && p->chance >= 0 && p->chance <= CAIRN_REAL(1e6) &&
-           cairn_place_map_side(p) > 0;
+           is_positive(p->against_point) && p->floating >= 0 && p->floating <= 1 && p->chance >= 0 &&
+           p->chance <= CAIRN_REAL(1e6) && cairn_place_map_side(p) > 0;
 }
 
 /* Params of the objects within: the capacities follow from those of the map. */
@@ -111,6 +112,8 @@ static cairn_place_map *carve(cairn_pool *pool, const cairn_place_map_params *pa
     made.places = cairn_pool_take(pool, places, sizeof *made.places);
     made.scans = cairn_pool_take(pool, (size_t)params->max_scans, sizeof *made.scans);
     made.points = cairn_pool_take(pool, places * points, sizeof *made.points);
+    made.doubt = cairn_pool_take(pool, places * points, sizeof *made.doubt);
+    made.hypotheses = cairn_pool_take(pool, (size_t)params->consensus.max_hypotheses, sizeof *made.hypotheses);
     made.dense = cairn_pool_take(pool, places * beams, sizeof *made.dense);
     made.beams = cairn_pool_take(pool, places * beams, sizeof *made.beams);
     made.sight = cairn_pool_take(pool, places * side, side);
@@ -149,9 +152,11 @@ size_t cairn_place_map_memory(const cairn_place_map_params *params)
     if (!params_are_good(params))
         return 0;
     objects = memory_of_objects(params);
+    if (objects == 0)
+        return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
-    return objects == 0 || counting.used >= SIZE_MAX - objects ? 0 : counting.used + objects;
+    return counting.used >= SIZE_MAX - objects ? 0 : counting.used + objects;
 }
 
 cairn_status cairn_place_map_create(cairn_place_map **map, cairn_pool *pool, const cairn_place_map_params *params)
@@ -245,6 +250,7 @@ cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place, const
     memcpy(map->points + map->point_count, view->points, (size_t)view->point_count * sizeof *map->points);
     memcpy(map->beams + map->beam_count, view->beams, (size_t)view->beam_count * sizeof *map->beams);
     scan->dense_count = cairn_scan_match_dense(view, map->dense + map->beam_count);
+    cairn_place_map_find_floating(map, scan, view);
     map->point_count += view->point_count;
     map->beam_count += view->beam_count;
     map->places[place].scan_count++;
@@ -256,34 +262,23 @@ cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place, const
     return CAIRN_OK;
 }
 
-/* Evidence of two places, for the consensus. */
-static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose first_second, int32_t *units)
-{
-    const cairn_place_map *map = context;
-
-    *units = 1 + (map->places[first].point_count + map->places[second].point_count) / 6;
-    return cairn_place_map_evidence(map, first, second, first_second);
-}
-
 cairn_status cairn_place_map_begin(cairn_place_map *map)
 {
-    cairn_status status;
-
     if (map == NULL)
         return CAIRN_BAD_ARGUMENT;
     if (map->scan_count == 0)
         return CAIRN_EMPTY;
-    status = cairn_pose_consensus_clear(map->consensus, map->place_count);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    cairn_pose_consensus_judge_by(map->consensus, judge, map);
     memset(&map->result, 0, sizeof map->result);
     map->phase = CAIRN_PLACE_MAP_SIGHT;
+    for (int32_t i = 0; i < map->point_count; i++)
+        map->doubt[i] &= CAIRN_POINT_FLOATING;
+    map->hypothesis_count = 0;
     map->next = map->place = map->query = map->round = map->sweep = map->running = map->debt = 0;
     for (int32_t i = 0; i < map->place_count; i++) {
         map->places[i].map_place = cairn_pose_identity();
         map->places[i].part = 0;
     }
-    return status;
+    return CAIRN_OK;
 }
 
 cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budget *budget)

@@ -117,29 +117,25 @@ static cairn_scan_match_part query_part(cairn_place_map *map)
     return part;
 }
 
-/* A full consensus takes no more: what came first came from better matches or earlier rounds. */
-static void add_hypothesis(cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second,
-                           const cairn_real covariance[9], cairn_real score)
+/* When the store is full no more is taken: what came first came from better matches. */
+static void keep_hypothesis(cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second,
+                            const cairn_real covariance[9])
 {
-    cairn_pose_hypothesis hypothesis = {first, second, first_second, {0}, score};
+    cairn_pose_hypothesis *kept = &map->hypotheses[map->hypothesis_count];
 
-    memcpy(hypothesis.covariance, covariance, sizeof hypothesis.covariance);
-    if (cairn_pose_consensus_add(map->consensus, &hypothesis, NULL) == CAIRN_OK)
-        map->result.hypotheses++;
+    if (map->hypothesis_count == map->params.consensus.max_hypotheses)
+        return;
+    kept->first = first;
+    kept->second = second;
+    kept->first_second = first_second;
+    memcpy(kept->covariance, covariance, sizeof kept->covariance);
+    map->hypothesis_count++;
 }
 
 static cairn_real weigh(cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second)
 {
     map->debt += 1 + (map->places[first].point_count + map->places[second].point_count) / 6;
     return cairn_place_map_evidence(map, first, second, first_second);
-}
-
-static void take_pair(cairn_place_map *map, const cairn_scan_match_hypothesis *h)
-{
-    cairn_real score = weigh(map, map->place, map->query, h->target_query) - map->params.chance;
-
-    if (score > 0)
-        add_hypothesis(map, map->place, map->query, h->target_query, h->covariance, score);
 }
 
 /* Covariance of map_query seen from a place that is turned by theta in the map. */
@@ -156,24 +152,17 @@ static void turn_covariance(const cairn_real in[9], cairn_real theta, cairn_real
     out[8] = in[8];
 }
 
-/* Of a match with a map: what each of its places says, when all together speak for it. */
+/* Of a match with a map: what it says about each of its places that has evidence for it. */
 static void take_in_map(cairn_place_map *map, const cairn_scan_match_hypothesis *h)
 {
-    cairn_real sum = -map->params.chance;
-
-    for (int32_t i = 0; i < map->place_count; i++)
-        if (is_target(map, i))
-            sum += weigh(map, i, map->query, cairn_pose_between(map->places[i].map_place, h->target_query));
-    for (int32_t i = 0; i < map->place_count && sum > 0; i++) {
+    for (int32_t i = 0; i < map->place_count; i++) {
         cairn_pose seen = cairn_pose_between(map->places[i].map_place, h->target_query);
-        cairn_real covariance[9], score;
+        cairn_real covariance[9];
 
-        if (!is_target(map, i))
+        if (!is_target(map, i) || !(weigh(map, i, map->query, seen) > 0))
             continue;
-        score = weigh(map, i, map->query, seen);
         turn_covariance(h->covariance, map->places[i].map_place.theta, covariance);
-        if (score > 1)
-            add_hypothesis(map, i, map->query, seen, covariance, score);
+        keep_hypothesis(map, i, map->query, seen, covariance);
     }
 }
 
@@ -189,7 +178,8 @@ static void take_result(cairn_place_map *map)
     }
     for (int32_t k = 0; k < found.count; k++) {
         if (map->round == 0)
-            take_pair(map, &found.hypotheses[k]);
+            keep_hypothesis(map, map->place, map->query, found.hypotheses[k].target_query,
+                            found.hypotheses[k].covariance);
         else
             take_in_map(map, &found.hypotheses[k]);
     }
@@ -210,7 +200,7 @@ static void next_match(cairn_place_map *map)
         return;
     }
     map->place = 0;
-    enter(map, map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL ? CAIRN_PLACE_MAP_REFINE : CAIRN_PLACE_MAP_AGREE);
+    enter(map, map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL ? CAIRN_PLACE_MAP_REFINE : CAIRN_PLACE_MAP_WEIGH);
     if (map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL)
         map->sweep = map->params.sweeps;
 }
@@ -240,6 +230,39 @@ static void match_item(cairn_place_map *map, cairn_budget *budget)
 
 /* ---- Consensus ---- */
 
+/* Evidence of two places, for the consensus. */
+static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose first_second, int32_t *units)
+{
+    const cairn_place_map *map = context;
+
+    *units = 1 + (map->places[first].point_count + map->places[second].point_count) / 6;
+    return cairn_place_map_evidence(map, first, second, first_second);
+}
+
+/* Everything is weighed anew in each round, as fewer points are trusted. */
+static void weigh_item(cairn_place_map *map)
+{
+    cairn_pose_hypothesis *h = &map->hypotheses[map->next];
+
+    if (map->next == 0) {
+        cairn_status status = cairn_pose_consensus_clear(map->consensus, map->place_count);
+
+        CAIRN_ASSERT(status == CAIRN_OK);
+        (void)status;
+        cairn_pose_consensus_judge_by(map->consensus, judge, map);
+        map->result.hypotheses = 0;
+        map->debt += 1 + map->place_count;
+    }
+    if (map->next == map->hypothesis_count) {
+        enter(map, CAIRN_PLACE_MAP_AGREE);
+        return;
+    }
+    map->next++;
+    h->score = weigh(map, h->first, h->second, h->first_second) - map->params.chance;
+    if (h->score > 0 && cairn_pose_consensus_add(map->consensus, h, NULL) == CAIRN_OK)
+        map->result.hypotheses++;
+}
+
 static void take_consensus(cairn_place_map *map)
 {
     cairn_consensus_result found = cairn_pose_consensus_read(map->consensus);
@@ -267,9 +290,34 @@ static void agree_item(cairn_place_map *map, cairn_budget *budget)
     } else if (cairn_pose_consensus_step(map->consensus, budget) == CAIRN_OK) {
         take_consensus(map);
         map->query = map->place = map->sweep = 0;
-        enter(map, map->round < map->params.rounds ? CAIRN_PLACE_MAP_TARGET : CAIRN_PLACE_MAP_REFINE);
-        map->round++;
+        enter(map, CAIRN_PLACE_MAP_DOUBT);
     }
+}
+
+/* Places of part 0. */
+static int32_t count_placed(const cairn_place_map *map)
+{
+    int32_t placed = 0;
+
+    for (int32_t i = 0; i < map->place_count; i++)
+        placed += map->places[i].part == 0;
+    return placed;
+}
+
+/* Rounds go on while the map grows. */
+static void doubt_item(cairn_place_map *map)
+{
+    if (map->next < map->place_count) {
+        cairn_place_map_doubt(map, map->next++);
+        return;
+    }
+    if (map->round < map->params.rounds && (map->round == 0 || count_placed(map) > map->result.placed))
+        enter(map, CAIRN_PLACE_MAP_TARGET);
+    else
+        enter(map, CAIRN_PLACE_MAP_REFINE);
+    map->result.placed = count_placed(map);
+    map->round++;
+    map->debt++;
 }
 
 /* ---- Refinement ---- */
@@ -323,9 +371,9 @@ static void finish(cairn_place_map *map)
         for (int32_t s = place->first_scan; s < place->first_scan + place->scan_count; s++)
             map->scans[s].map_scan = cairn_pose_compose(part_map, map->scans[s].map_scan);
         place->map_place = cairn_pose_compose(part_map, place->map_place);
-        result->placed += place->part == 0;
         result->parts = place->part >= result->parts ? place->part + 1 : result->parts;
     }
+    result->placed = count_placed(map);
     map->debt += map->place_count;
     enter(map, CAIRN_PLACE_MAP_DONE);
 }
@@ -416,8 +464,14 @@ void cairn_place_map_item(cairn_place_map *map, cairn_budget *budget)
     case CAIRN_PLACE_MAP_MATCH:
         match_item(map, budget);
         break;
+    case CAIRN_PLACE_MAP_WEIGH:
+        weigh_item(map);
+        break;
     case CAIRN_PLACE_MAP_AGREE:
         agree_item(map, budget);
+        break;
+    case CAIRN_PLACE_MAP_DOUBT:
+        doubt_item(map);
         break;
     case CAIRN_PLACE_MAP_REFINE:
         refine_item(map, budget);

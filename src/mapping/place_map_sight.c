@@ -6,12 +6,18 @@
  * overlap, as walls cannot stand where another scan saw through. */
 #include "src/core/build.h"
 
+#include <string.h>
+
 #include "src/mapping/place_map_work.h"
 
-enum { MOST_CELLS = 4096, CELLS_TO_UNIT = 16, POINTS_TO_UNIT = 6 };
+enum { MOST_CELLS = 4096, CELLS_TO_UNIT = 16 };
 
 /* Surfaces agree when their directions differ by less than this cosine and half a bin. */
 static const cairn_real LEAST_COSINE = CAIRN_REAL(0.85);
+/* Neighbouring beams that end farther apart in depth than this, m, are on different surfaces. */
+static const cairn_real JUMP = CAIRN_REAL(0.3);
+/* An evenly spaced point belongs to the beams that end so near, m. */
+static const cairn_real NEAR = CAIRN_REAL(0.08);
 
 int32_t cairn_place_map_side(const cairn_place_map_params *params)
 {
@@ -126,6 +132,7 @@ static cairn_real half_evidence(const cairn_place_map *map, int32_t seer, int32_
 
     for (int32_t s = place->first_scan; s < place->first_scan + place->scan_count; s++) {
         const cairn_oriented_point *points = &map->points[map->scans[s].first_point];
+        const uint8_t *doubt = &map->doubt[map->scans[s].first_point];
         cairn_transform transform = cairn_transform_of(cairn_pose_compose(seer_seen, map->scans[s].place_scan));
 
         for (int32_t i = 0; i < map->scans[s].point_count; i++) {
@@ -133,8 +140,10 @@ static cairn_real half_evidence(const cairn_place_map *map, int32_t seer, int32_
             uint8_t code = cell >= 0 ? sight[cell] : CAIRN_SIGHT_UNKNOWN;
             cairn_vec2 direction = cairn_transform_direction(transform, points[i].direction);
 
+            if (doubt[i] >= CAIRN_POINT_SUSPECT)
+                continue;
             if (code == CAIRN_SIGHT_FREE)
-                evidence -= map->params.against_point;
+                evidence -= map->params.against_point * (doubt[i] == CAIRN_POINT_FLOATING ? map->params.floating : 1);
             else if (code >= CAIRN_SIGHT_DIRECTION &&
                      cairn_vec2_dot(map->directions[code - CAIRN_SIGHT_DIRECTION], direction) > LEAST_COSINE)
                 evidence += map->params.for_point;
@@ -147,4 +156,84 @@ cairn_real cairn_place_map_evidence(const cairn_place_map *map, int32_t first, i
 {
     return half_evidence(map, first, second, first_second) +
            half_evidence(map, second, first, cairn_pose_inverse(first_second));
+}
+
+/* ---- Doubt ---- */
+
+/* m; -1: nothing was hit. */
+static cairn_real range_of(const cairn_beam *beam)
+{
+    return beam->kind == CAIRN_BEAM_HIT ? cairn_vec2_norm(cairn_vec2_sub(beam->to, beam->from)) : -1;
+}
+
+/* 1 when the beam beside a run shows free space behind it. */
+static int is_open_beside(const cairn_scan_view *view, int32_t beside, cairn_real range)
+{
+    if (beside < 0 || beside >= view->beam_count)
+        return 0;
+    return view->beams[beside].kind == CAIRN_BEAM_FREE || range_of(&view->beams[beside]) > range + JUMP;
+}
+
+static void doubt_run(cairn_place_map *map, const cairn_place_scan *scan, const cairn_scan_view *view, int32_t from,
+                      int32_t to)
+{
+    for (int32_t i = 0; i < view->point_count; i++)
+        for (int32_t b = from; b < to; b++)
+            if (cairn_vec2_norm_squared(cairn_vec2_sub(view->beams[b].to, view->points[i].position)) < NEAR * NEAR)
+                map->doubt[scan->first_point + i] = CAIRN_POINT_FLOATING;
+}
+
+void cairn_place_map_find_floating(cairn_place_map *map, const cairn_place_scan *scan, const cairn_scan_view *view)
+{
+    memset(map->doubt + scan->first_point, CAIRN_POINT_SOUND, (size_t)view->point_count);
+    for (int32_t from = 0, to; from < view->beam_count; from = to) {
+        cairn_real range = range_of(&view->beams[from]), last = range;
+
+        for (to = from + 1; to < view->beam_count; to++) {
+            cairn_real next = range_of(&view->beams[to]);
+
+            if (last < 0 || next < 0 || cairn_abs(next - last) > JUMP)
+                break;
+            last = next;
+        }
+        if (range >= 0 && is_open_beside(view, from - 1, range) && is_open_beside(view, to, last))
+            doubt_run(map, scan, view, from, to);
+    }
+}
+
+/* How many other places of the part see a point as surface, less those that see free space there. */
+static int32_t balance_of(const cairn_place_map *map, int32_t place, cairn_vec2 map_point)
+{
+    int32_t balance = 0;
+
+    for (int32_t k = 0; k < map->place_count; k++) {
+        int32_t cell;
+
+        if (k == place || map->places[k].part != map->places[place].part)
+            continue;
+        cell = cell_of(
+            map, cairn_transform_point(cairn_transform_of(cairn_pose_inverse(map->places[k].map_place)), map_point));
+        if (cell >= 0 && sight_of(map, k)[cell] != CAIRN_SIGHT_UNKNOWN)
+            balance += sight_of(map, k)[cell] == CAIRN_SIGHT_FREE ? -1 : 1;
+    }
+    return balance;
+}
+
+void cairn_place_map_doubt(cairn_place_map *map, int32_t place)
+{
+    const cairn_place *here = &map->places[place];
+
+    for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++) {
+        const cairn_place_scan *scan = &map->scans[s];
+        cairn_transform transform = cairn_transform_of(cairn_pose_compose(here->map_place, scan->place_scan));
+
+        for (int32_t i = 0; i < scan->point_count; i++) {
+            const cairn_oriented_point *point = &map->points[scan->first_point + i];
+            uint8_t *doubt = &map->doubt[scan->first_point + i];
+            int is_suspect = balance_of(map, place, cairn_transform_point(transform, point->position)) < 0;
+
+            *doubt = (uint8_t)((*doubt & CAIRN_POINT_FLOATING) | (is_suspect ? CAIRN_POINT_SUSPECT : 0));
+        }
+    }
+    map->debt += 1 + here->point_count * map->place_count / 2;
 }

@@ -28,13 +28,22 @@ enum {
     CAIRN_SIGHT_DIRECTIONS = 16
 };
 
+/* What speaks against a point as a surface that stays. */
+enum {
+    CAIRN_POINT_SOUND = 0,
+    CAIRN_POINT_FLOATING = 1, /* nothing is near it in depth on either side of its run of beams */
+    CAIRN_POINT_SUSPECT = 2   /* another place of the map saw through it: 2 or 3 */
+};
+
 typedef int32_t cairn_place_map_phase;
 enum {
     CAIRN_PLACE_MAP_IDLE = 0,
     CAIRN_PLACE_MAP_SIGHT,  /* what each place saw */
     CAIRN_PLACE_MAP_TARGET, /* what the next match matches with */
     CAIRN_PLACE_MAP_MATCH,
-    CAIRN_PLACE_MAP_AGREE,    /* consensus */
+    CAIRN_PLACE_MAP_WEIGH, /* hypotheses, by evidence, into the consensus */
+    CAIRN_PLACE_MAP_AGREE,
+    CAIRN_PLACE_MAP_DOUBT,    /* points that others see through */
     CAIRN_PLACE_MAP_REFINE,   /* each place with all others */
     CAIRN_PLACE_MAP_DECOUPLE, /* each scan with all others */
     CAIRN_PLACE_MAP_DONE
@@ -48,6 +57,8 @@ struct cairn_place_map {
     cairn_place *places;                /* [max_places] */
     cairn_place_scan *scans;            /* [max_scans] */
     cairn_oriented_point *points;       /* [max_places * max_place_points] of scans, in their frames */
+    uint8_t *doubt;                     /* [as points] */
+    cairn_pose_hypothesis *hypotheses;  /* [consensus.max_hypotheses] all that matches gave */
     cairn_oriented_point *dense;        /* [max_places * max_place_beams] */
     cairn_beam *beams;                  /* [max_places * max_place_beams] */
     uint8_t *sight;                     /* [max_places][side][side] */
@@ -56,7 +67,7 @@ struct cairn_place_map {
     cairn_beam *query_beams;            /* [max_place_beams] */
     int32_t side;                       /* cells of a place's sight */
     cairn_vec2 directions[CAIRN_SIGHT_DIRECTIONS];
-    int32_t place_count, scan_count, point_count, beam_count;
+    int32_t place_count, scan_count, point_count, beam_count, hypothesis_count;
 
     cairn_place_map_phase phase;
     int32_t next;  /* beam or point of the place whose sight is made, ... */
@@ -71,6 +82,12 @@ struct cairn_place_map {
 
 /* Cells of a side for a reach; 0 when there would be too many. */
 int32_t cairn_place_map_side(const cairn_place_map_params *params);
+
+/* Marks the points of a scan, added last, that float. */
+void cairn_place_map_find_floating(cairn_place_map *map, const cairn_place_scan *scan, const cairn_scan_view *view);
+
+/* Marks the points of a place that other places of its part see through, and none that they see as surface as often. */
+void cairn_place_map_doubt(cairn_place_map *map, int32_t place);
 
 /* One beam or point of a place into its sight; 0 when there are none left. */
 int32_t cairn_place_map_see(cairn_place_map *map, int32_t place, int32_t item);
