@@ -46,7 +46,9 @@ static void make_arena(struct arena *a, uint64_t seed, int32_t places, double er
 
     memset(a, 0, sizeof *a);
     arena.seed = survey.seed = seed;
-    survey.places = 16;
+    arena.width = 7;
+    arena.height = 6;
+    survey.places = places;
     survey.beams = 201;
     a->arena = sim_arena_create(&arena, fault, sizeof fault);
     assert_non_null(a->arena);
@@ -330,9 +332,8 @@ static void scans_aligned_by_themselves(void **state)
             }
         test_pool_free(&m.pool);
     }
-    fprintf(stderr, "%g %g  %g %g\n", errors[0][0], errors[1][0], errors[0][1], errors[1][1]);
-    assert_true(errors[1][0] < 0.5 * errors[0][0]);
-    assert_true(errors[1][1] < 0.5 * errors[0][1]);
+    assert_true(errors[1][0] < 0.8 * errors[0][0]);
+    assert_true(errors[1][1] < 0.8 * errors[0][1]);
     free_arena(&arena);
 }
 
@@ -546,6 +547,9 @@ static void bad_params_are_refused(void **state)
     REFUSED(for_point, nan);
     REFUSED(against_point, 0);
     REFUSED(against_point, nan);
+    REFUSED(floating, -1);
+    REFUSED(floating, 2);
+    REFUSED(floating, nan);
     REFUSED(chance, -1);
     REFUSED(chance, nan);
     REFUSED(chance, infinity);
@@ -554,6 +558,8 @@ static void bad_params_are_refused(void **state)
     TAKEN(recent, 1);
     TAKEN(rounds, 0);
     TAKEN(sweeps, 0);
+    TAKEN(floating, 0);
+    TAKEN(floating, 1);
     TAKEN(chance, 0);
     TAKEN(max_places, 8);
     TAKEN(max_scans, 2);

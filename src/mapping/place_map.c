@@ -93,8 +93,8 @@ static cairn_icp_params icp_params(const cairn_place_map_params *params)
     cairn_icp_params icp = cairn_icp_default();
 
     icp.max_target = params->max_places * params->max_place_points;
-    icp.max_iterations = 10;
-    icp.gate_start = CAIRN_REAL(0.25);
+    icp.max_iterations = 15;
+    icp.gate_start = CAIRN_REAL(0.4);
     icp.direction_gate = CAIRN_PI / 6;
     return icp;
 }

@@ -5,7 +5,7 @@
 
 #include "src/mapping/place_map_work.h"
 
-enum { POINTS_TO_UNIT = 16, CELLS_TO_UNIT = 1024 };
+enum { POINTS_TO_UNIT = 16, CELLS_TO_UNIT = 1024, DECOUPLED_SWEEPS = 6 };
 
 /* What a scan may be off within its place, when it is aligned by itself. */
 static const cairn_real SUB_SIGMA = CAIRN_REAL(0.03);
@@ -322,15 +322,16 @@ static void doubt_item(cairn_place_map *map)
 
 /* ---- Refinement ---- */
 
-/* Points of all places of the part but one become the target. */
-static void target_all_but(cairn_place_map *map, int32_t place)
+/* Points of all scans of a place's part become the target, but those of the place, or of the one scan. */
+static void target_others(cairn_place_map *map, int32_t place, int32_t only_scan)
 {
     cairn_icp_clear_target(map->icp);
     for (int32_t s = 0; s < map->scan_count; s++) {
         const cairn_place_scan *scan = &map->scans[s];
         cairn_status status;
 
-        if (scan->place == place || map->places[scan->place].part != map->places[place].part)
+        if ((only_scan < 0 ? scan->place == place : s == only_scan) ||
+            map->places[scan->place].part != map->places[place].part)
             continue;
         status =
             cairn_icp_add_target(map->icp, map->points + scan->first_point, scan->point_count, scan->map_scan, NULL);
@@ -399,7 +400,7 @@ static void refine_item(cairn_place_map *map, cairn_budget *budget)
     if (!map->running) {
         cairn_scan_match_part part;
 
-        target_all_but(map, map->place);
+        target_others(map, map->place, -1);
         map->query = map->place;
         part = query_part(map);
         map->running = cairn_icp_begin(map->icp, part.points, part.count, here->map_place, NULL, NULL) == CAIRN_OK;
@@ -423,7 +424,7 @@ static void refine_item(cairn_place_map *map, cairn_budget *budget)
     }
 }
 
-/* Aligns a scan with those of the other places; `place` counts scans. */
+/* Aligns a scan with all others; `place` counts scans. */
 static void decouple_item(cairn_place_map *map, cairn_budget *budget)
 {
     cairn_place_scan *scan = &map->scans[map->place];
@@ -431,7 +432,7 @@ static void decouple_item(cairn_place_map *map, cairn_budget *budget)
     if (!map->running) {
         cairn_pose_prior prior = {scan->map_scan, SUB_SIGMA, SUB_SIGMA, SUB_SIGMA_ANGLE};
 
-        target_all_but(map, scan->place);
+        target_others(map, scan->place, map->place);
         map->running = cairn_icp_begin(map->icp, map->points + scan->first_point, scan->point_count, scan->map_scan,
                                        &prior, NULL) == CAIRN_OK;
         if (map->running)
@@ -441,14 +442,17 @@ static void decouple_item(cairn_place_map *map, cairn_budget *budget)
 
         if (aligned.verdict != CAIRN_ICP_TOO_FEW_PAIRS) {
             scan->map_scan = aligned.target_query;
-            map->result.decoupled++;
+            map->result.decoupled += map->sweep == map->params.sweeps;
         }
     } else {
         return;
     }
     map->running = 0;
     map->place++;
-    if (map->place == map->scan_count)
+    if (map->place < map->scan_count)
+        return;
+    map->place = 0;
+    if (++map->sweep == map->params.sweeps + DECOUPLED_SWEEPS)
         finish(map);
 }
 
