@@ -7,6 +7,8 @@
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/place_map.h"
+#include "cairn/pose_consensus.h"
+#include "cairn/pose_graph.h"
 #include "cairn/report.h"
 #include "cairn/scan_match.h"
 
@@ -67,6 +69,7 @@ static void of_lines_and_scans(void **state)
 static void of_matches_and_corners(void **state)
 {
     cairn_block_solver_params solver = cairn_block_solver_default();
+    cairn_pose_graph_params graph = cairn_pose_graph_default();
     cairn_icp_params icp = cairn_icp_default();
     cairn_scan_match_params match = cairn_scan_match_default();
     cairn_corner_params corner = cairn_corner_default();
@@ -74,6 +77,16 @@ static void of_matches_and_corners(void **state)
         VALUE(solver.max_poses, 1000),
         VALUE(solver.max_links, 3000),
         VALUE(solver.max_fill, 12000),
+        VALUE(graph.max_poses, 1000),
+        VALUE(graph.max_links, 3000),
+        VALUE(graph.max_fill, 12000),
+        VALUE(graph.start, CAIRN_POSE_GRAPH_BEST),
+        VALUE(graph.kernel, CAIRN_POSE_GRAPH_SQUARE),
+        VALUE(graph.width, 3),
+        VALUE(graph.graduated, 0),
+        VALUE(graph.max_iterations, 100),
+        VALUE(graph.converged * 100000, NUMBER(1e-4, 1)),
+        VALUE(graph.outlier / 1000, 0.01627),
         VALUE(icp.max_target, 4096),
         VALUE(icp.max_iterations, 40),
         VALUE(icp.min_pairs, 10),

@@ -123,6 +123,53 @@ static void test_copies(void **state)
     assert_int_equal(token.length, 2);
 }
 
+/* Every byte, and characters at the edges of UTF-8, written and read back. */
+static void test_written_characters(void **state)
+{
+    static const struct {
+        const char *text, *json;
+    } cases[] = {{"a\"\\<>&/'", "a\\u0022\\u005c\\u003c\\u003e\\u0026/'"},
+                 {"\x01\x1f \x7f", "\\u0001\\u001f \x7f"},
+                 {"\xC2\x80\xDF\xBF", "\xC2\x80\xDF\xBF"},
+                 {"\xE0\xA0\x80\xED\x9F\xBF\xEE\x80\x80", "\xE0\xA0\x80\xED\x9F\xBF\xEE\x80\x80"},
+                 {"\xF0\x90\x80\x80\xF4\x8F\xBF\xBF", "\xF0\x90\x80\x80\xF4\x8F\xBF\xBF"},
+                 {"\xC1\xBF", "\xEF\xBF\xBD\xEF\xBF\xBD"},
+                 {"\xE0\x9F\xBF", "\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD"},
+                 {"\xED\xA0\x80", "\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD"},
+                 {"\xF4\x90\x80\x80", "\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD"},
+                 {"\xE2\x82|", "\xEF\xBF\xBD\xEF\xBF\xBD|"},
+                 {"\xF0\x9F\x98", "\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD"}};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const char *at = cases[i].text;
+        char out[64];
+        size_t used = 0;
+
+        while (*at != '\0') {
+            size_t count = cairn_json_character(&at, out + used);
+
+            assert_in_range(count, 1, CAIRN_JSON_CHARACTER_BYTES);
+            used += count;
+        }
+        out[used] = '\0';
+        assert_string_equal(out, cases[i].json);
+    }
+    for (int byte = 1; byte < 128; byte++) {
+        char text[2] = {(char)byte, '\0'}, out[16] = "\"";
+        const char *at = text;
+        size_t count = cairn_json_character(&at, out + 1);
+        cairn_json json;
+        cairn_json_token token;
+
+        assert_true(at == text + 1);
+        out[1 + count] = '"';
+        json = cairn_json_begin("f", out, count + 2);
+        assert_ok(cairn_json_next(&json, &token, NULL));
+        assert_int_equal(cairn_json_is(&token, text), 1);
+    }
+}
+
 static void test_refusals(void **state)
 {
     static const struct {
@@ -277,9 +324,16 @@ static void test_skip(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_tokens),    cmocka_unit_test(test_lines),    cmocka_unit_test(test_strings),
-        cmocka_unit_test(test_copies),    cmocka_unit_test(test_refusals), cmocka_unit_test(test_cut_anywhere),
-        cmocka_unit_test(test_any_bytes), cmocka_unit_test(test_depth),    cmocka_unit_test(test_skip),
+        cmocka_unit_test(test_tokens),
+        cmocka_unit_test(test_lines),
+        cmocka_unit_test(test_strings),
+        cmocka_unit_test(test_copies),
+        cmocka_unit_test(test_written_characters),
+        cmocka_unit_test(test_refusals),
+        cmocka_unit_test(test_cut_anywhere),
+        cmocka_unit_test(test_any_bytes),
+        cmocka_unit_test(test_depth),
+        cmocka_unit_test(test_skip),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

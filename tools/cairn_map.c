@@ -44,18 +44,10 @@ static option_result read_settings(settings *s, int argc, char **argv)
         "Maps a CARMEN log (plain or gzipped), scan by scan: every scan is matched against the key scans\n"
         "near by, and force field simulation runs over a window of the last key scans.",
         table, sizeof table / sizeof *table};
-    const char *words[1];
-    size_t count = 1;
-    option_result result = options_read(&set, argc, argv, words, &count);
+    option_result result = tool_read_options(&set, argc, argv, &s->log, &s->folder);
 
     if (result != OPTIONS_READ)
         return result;
-    s->log = count > 0 ? words[0] : NULL;
-    if (s->log == NULL || s->folder == NULL) {
-        (void)options_refuse(PROGRAM, "%s, expected LOG -o DIR",
-                             s->log == NULL ? "no log" : "no folder to write to (-o)");
-        return OPTIONS_BAD;
-    }
     if (s->window == 1) {
         (void)options_refuse(PROGRAM, "--window is '1', expected 0 or 2 to 64");
         return OPTIONS_BAD;
@@ -307,19 +299,15 @@ int tool_map(int argc, char **argv)
 {
     settings s = {NULL, NULL, NULL, NULL, 4096, 8, 1, 0.05, 30, 0, 0, 0};
     cairn_file_error error;
+    option_result result;
     cairn_carmen_scans log;
     map_scan *scans;
     place *places;
     int code;
 
-    switch (read_settings(&s, argc, argv)) {
-    case OPTIONS_HELPED:
-        return TOOL_OK;
-    case OPTIONS_BAD:
-        return TOOL_BAD;
-    default:
-        break;
-    }
+    result = read_settings(&s, argc, argv);
+    if (result != OPTIONS_READ)
+        return result;
     if (map_output_check(s.folder, s.report, &error) != CAIRN_OK)
         return tool_report(&error);
     code = tool_load(&log, s.log, s.range_max, s.quiet);

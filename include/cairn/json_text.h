@@ -1,4 +1,4 @@
-/* json_text: JSON (RFC 8259) read piece by piece, without memory of its own.
+/* json_text: JSON (RFC 8259) read piece by piece, without memory of its own; strings for writing.
  *
  *     cairn_json json = cairn_json_begin(path, text, length);
  *     while ((status = cairn_json_next(&json, &token, &error)) == CAIRN_OK && token.kind != CAIRN_JSON_END)
@@ -70,6 +70,13 @@ int32_t cairn_json_is(const cairn_json_token *token, const char *text);
 /* Copies a name or string, its escapes undone, as UTF-8 with a closing 0; what has no room is left out, never half a
  * character. Returns the bytes that the whole would need without the 0. size: above 0. */
 size_t cairn_json_copy(const cairn_json_token *token, char *buffer, size_t size);
+
+#define CAIRN_JSON_CHARACTER_BYTES 8
+
+/* The next character of a text that is not empty, as it stands between the quotes of a string; its bytes. *at moves on.
+ * Control characters and " \ < > & become escapes, so that the string may stand in HTML; bytes that are not UTF-8 become
+ * U+FFFD. */
+size_t cairn_json_character(const char **at, char form[CAIRN_JSON_CHARACTER_BYTES]);
 
 #ifdef __cplusplus
 }

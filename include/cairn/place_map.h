@@ -40,10 +40,9 @@ typedef struct cairn_place_map_params {
     cairn_real sight_cell;    /* m, > 0: side of the cells that keep it */
     cairn_real sight_margin;  /* m, > 0: of a surface, within which another surface may lie */
     cairn_real for_point;     /* nats, > 0, for a point on a surface of the other place ... */
-    cairn_real against_point; /* ... and, > 0, against the pose for one in space that the other saw free; ... */
-    cairn_real floating;      /* ... in [0, 1], times that for surfaces with free space behind them on both sides, as
-                               * movers have, and the floor when the scanner leans */
-    cairn_real chance;        /* nats, >= 0, that are taken off hypotheses, as the best of many reach them by chance */
+    cairn_real against_point; /* ... and, > 0, against the pose for one in space that the other saw free */
+    cairn_real floating; /* in [0, 1], times against_point for surfaces with free space behind both of their ends */
+    cairn_real chance;   /* nats, >= 0, that are taken off hypotheses, as the best of many reach them by chance */
     cairn_scan_match_params match;         /* its max_target ... max_query are not read */
     cairn_pose_consensus_params consensus; /* its max_nodes is not read */
 } cairn_place_map_params;

@@ -1,4 +1,4 @@
-/* report: pictures of maps as SVG, and pages that play how a map came to be.
+/* report: pictures of maps and figures as SVG, and pages that play how a map came to be.
  *
  * A picture has one to four panels side by side, all in one scale, such as the poses before and after an alignment. A
  * panel shows the walls that the scans saw, mapped by the panel's poses, or an occupancy grid; over it the robot's
@@ -63,6 +63,53 @@ cairn_report_map cairn_report_map_default(void);
 CAIRN_CHECKED cairn_status cairn_report_map_write(const char *path, const cairn_report_map *map,
                                                   cairn_file_error *error);
 
+/* ---- Figures: plots of points, lines and bars side by side ---- */
+
+#define CAIRN_REPORT_PLOTS_MOST 4
+
+typedef int32_t cairn_report_mark;
+enum {
+    CAIRN_REPORT_DOTS = 0,  /* point: [count] */
+    CAIRN_REPORT_LINES = 1, /* point: [2 count] from, to */
+    CAIRN_REPORT_BARS = 2   /* point: [count] bars at x from 0 to y, as wide as `width` in units of x */
+};
+
+typedef struct cairn_report_layer {
+    const char *name;   /* in the key, which a name enters once; NULL: not there */
+    const char *colour; /* "#1e293b" */
+    cairn_report_mark mark;
+    int32_t count;
+    const cairn_vec2 *point;
+    double width;   /* above 0: of dots and lines in pixels */
+    double opacity; /* above 0, up to 1 */
+} cairn_report_layer;
+
+typedef struct cairn_report_plot {
+    const char *title; /* NULL: none */
+    const char *note;  /* small, to the right of the title; NULL: none */
+    /* With their units. Both NULL: a map in m, equal scales in x and y and a scale bar in place of axes. */
+    const char *x_label, *y_label;
+    const cairn_report_layer *layer; /* [layer_count], drawn in their order */
+    int32_t layer_count;
+    cairn_box box;         /* what is shown; empty: all */
+    double x_step, y_step; /* between the numbers of the axes; 0: as many as have room */
+} cairn_report_plot;
+
+typedef struct cairn_report_figure {
+    const char *title;    /* NULL: none */
+    const char *subtitle; /* NULL: none */
+    const cairn_report_plot *plot;
+    int32_t plot_count; /* 1 .. CAIRN_REPORT_PLOTS_MOST */
+    int32_t width;      /* of the picture in pixels, 200 .. 10000. Default 1200 */
+} cairn_report_figure;
+
+cairn_report_figure cairn_report_figure_default(void);
+
+/* Writes the figure (SVG), or nothing. CAIRN_BAD_ARGUMENT: a count, width, opacity or mark outside its range, NULL points,
+ * one label without the other, a step below 0; CAIRN_NOT_FINITE: a point or box (beyond 1e9 too); CAIRN_IO, CAIRN_NO_MEMORY. Linear. */
+CAIRN_CHECKED cairn_status cairn_report_figure_write(const char *path, const cairn_report_figure *figure,
+                                                     cairn_file_error *error);
+
 /* ---- The player: a page (HTML) that plays how a map came to be ----
  *
  *     open -> add scans, frames and links in their order -> write -> free
@@ -107,10 +154,12 @@ typedef struct cairn_report_force {
 
 /* The poses after a step, and what is known about them. Arrays are copied. */
 typedef struct cairn_report_frame {
-    int64_t step;                    /* as shown; grows from frame to frame */
-    const char *label;               /* a few words, such as "sigma 0.12 m"; NULL: none */
-    const cairn_pose *pose;          /* [pose_count] of the first pose_count scans */
-    const uint8_t *doubtful;         /* [pose_count] 1: drawn in red; NULL: none is */
+    int64_t step;            /* as shown; grows from frame to frame */
+    const char *label;       /* a few words, such as "sigma 0.12 m"; NULL: none */
+    const cairn_pose *pose;  /* [pose_count] of the first pose_count scans */
+    const uint8_t *doubtful; /* [pose_count] 1: drawn in red; NULL: none is */
+    const int32_t
+        *part; /* [pose_count] -1, or a scan whose colour this one takes: the part it belongs to; NULL: all -1 */
     const double *value;             /* [curve_count] NaN: not known. NULL: none is */
     const cairn_vec2 *region;        /* [region_count] centres of regions of interest in the map */
     const cairn_report_force *force; /* [force_count] */
@@ -131,7 +180,7 @@ CAIRN_CHECKED cairn_status cairn_report_player_add_scan(cairn_report_player *pla
                                                         int64_t index);
 
 /* Adds a frame. The last one is always kept. CAIRN_BAD_ARGUMENT: NULL, a count that is negative or above the number of
- * scans, a step not above the last one; CAIRN_NOT_FINITE: a pose, region or force that is not finite or beyond 1e9;
+ * scans, a part that is no scan, a step not above the last one; CAIRN_NOT_FINITE: a pose, region or force that is not finite or beyond 1e9;
  * CAIRN_NO_MEMORY: nothing was added. Linear in the frame. */
 CAIRN_CHECKED cairn_status cairn_report_player_add_frame(cairn_report_player *player, const cairn_report_frame *frame);
 

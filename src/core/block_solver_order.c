@@ -149,7 +149,7 @@ static void compact(struct cairn_block_order *o, int32_t poses)
 /* Marks of elements that are gone stay 0, all others fall below the tag. */
 static int32_t raise_tag(struct cairn_block_order *o, int32_t poses, int32_t by)
 {
-    enum { HIGHEST = 1 << 20 };
+    enum { HIGHEST = 1 << 18 };
 
     o->tag += by;
     if (o->tag < HIGHEST)

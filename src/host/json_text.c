@@ -8,6 +8,7 @@
 
 #include "cairn/json_text.h"
 #include "cairn/number_text.h"
+#include "src/host/utf8.h"
 
 enum {
     VALUE,          /* a value must follow */
@@ -421,4 +422,27 @@ size_t cairn_json_copy(const cairn_json_token *token, char *buffer, size_t size)
     }
     buffer[used] = '\0';
     return need;
+}
+
+size_t cairn_json_character(const char **at, char form[CAIRN_JSON_CHARACTER_BYTES])
+{
+    static const char digits[] = "0123456789abcdef";
+    uint8_t first = (uint8_t) * *at;
+    size_t length = cairn_utf8_length(*at);
+
+    if (first < ' ' || strchr("\"\\<>&", (char)first) != NULL) {
+        memcpy(form, "\\u00", 4);
+        form[4] = digits[first >> 4];
+        form[5] = digits[first & 15];
+        (*at)++;
+        return 6;
+    }
+    if (length == 0) {
+        memcpy(form, CAIRN_UTF8_REPLACEMENT, strlen(CAIRN_UTF8_REPLACEMENT));
+        (*at)++;
+        return strlen(CAIRN_UTF8_REPLACEMENT);
+    }
+    memcpy(form, *at, length);
+    *at += length;
+    return length;
 }

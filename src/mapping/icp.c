@@ -114,15 +114,14 @@ size_t cairn_icp_memory(const cairn_icp_params *params)
 {
     cairn_point_grid_params grid;
     cairn_pool counting;
-    size_t grid_bytes;
 
     if (!params_are_good(params))
         return 0;
     grid = grid_params(params);
-    grid_bytes = cairn_point_grid_memory(&grid);
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
-    return grid_bytes == 0 || counting.used >= SIZE_MAX - grid_bytes ? 0 : counting.used + grid_bytes;
+    cairn_pool_count(&counting, cairn_point_grid_memory(&grid));
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_icp_create(cairn_icp **icp, cairn_pool *pool, const cairn_icp_params *params)

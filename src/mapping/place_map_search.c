@@ -5,7 +5,7 @@
 
 #include "src/mapping/place_map_work.h"
 
-enum { POINTS_TO_UNIT = 16, CELLS_TO_UNIT = 1024, DECOUPLED_SWEEPS = 6 };
+enum { POINTS_TO_UNIT = 16, CELLS_TO_UNIT = 1024, DECOUPLED_SWEEPS = 10 };
 
 /* What a scan may be off within its place, when it is aligned by itself. */
 static const cairn_real SUB_SIGMA = CAIRN_REAL(0.03);

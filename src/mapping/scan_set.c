@@ -38,7 +38,7 @@ size_t cairn_scan_set_memory(const cairn_scan_set_params *params)
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
-    return counting.used == SIZE_MAX ? 0 : counting.used;
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_scan_set_create(cairn_scan_set **set, cairn_pool *pool, const cairn_scan_set_params *params)
