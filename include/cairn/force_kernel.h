@@ -32,7 +32,7 @@ cairn_vec2 cairn_force_kernel_pair(cairn_oriented_point p1, cairn_oriented_point
 typedef struct cairn_force_kernel {
     cairn_real coarse[20];    /* exp(-i) */
     cairn_real fine[64];      /* exp(-i / 64) */
-    cairn_real erfc[69][2];   /* erfc(i / 16), exp(-(i / 16)^2) */
+    cairn_real erfc[69][4];   /* with x = i / 16, e = exp(-x^2): erfc(x), e, 2 x e, (2 x^2 - 1) e */
     cairn_real scale;         /* 1 / (2 sigma^2) */
     cairn_real root_scale;    /* 1 / (sigma sqrt(2)) */
     cairn_real norm;          /* 1 / (sigma sqrt(2 pi)) */
@@ -45,27 +45,30 @@ void cairn_force_kernel_init(cairn_force_kernel *kernel);
 /* Sets sigma (m, > 0) and the distance in sigma (> 0, at most CAIRN_FORCE_KERNEL_REACH) beyond which pairs do not count. */
 void cairn_force_kernel_set(cairn_force_kernel *kernel, cairn_real sigma, cairn_real reach);
 
-/* Points in the map, in arrays. */
-typedef struct cairn_force_points {
-    cairn_vec2 *position;
-    cairn_real *mass;
-    cairn_vec2 *force; /* sums */
-} cairn_force_points;
+/* A few points side by side. */
+enum { CAIRN_FORCE_STRIP = 16 };
 
-/* What many pairs add up to. */
-typedef struct cairn_force_sum {
-    int64_t pairs; /* pairs within reach */
+typedef struct cairn_force_strip {
+    cairn_real x[CAIRN_FORCE_STRIP], y[CAIRN_FORCE_STRIP], mass[CAIRN_FORCE_STRIP];
+    int32_t count;
+} cairn_force_strip;
+
+/* How strips of points pull at one point of mass 1 and parallel direction; both without the factors that all pairs of a
+ * point share: the force is norm * (x, y), the potential -1/2 potential. */
+typedef struct cairn_force_pull {
+    cairn_real x, y;
     cairn_real potential;
-} cairn_force_sum;
+    int64_t pairs; /* within reach */
+} cairn_force_pull;
 
-/* Adds the forces between point i and the points *next ... end-1 to both, and to *sum; potentials only when
- * with_potential. c is |cos| of the angle between the directions. *next moves on. Relative error of a force 3e-13
- * (float: 3e-6), of a potential 1e-13 (3e-7) of its value at distance 0. Returns CAIRN_OK when the row is done,
- * CAIRN_MORE when the budget is used up. Costs a unit for four points and one for each of them within reach; the sums do
- * not depend on how the budget is split. */
-CAIRN_CHECKED cairn_status cairn_force_kernel_row(const cairn_force_kernel *kernel, const cairn_force_points *points,
-                                                  int32_t i, int32_t *next, int32_t end, cairn_real c,
-                                                  int32_t with_potential, cairn_force_sum *sum, cairn_budget *budget);
+/* Adds to *pull what points *next ... count-1 of a strip do to p; potentials only when with_potential. *next is -1 before
+ * the first call for a strip and moves on. Relative error of a force 3e-13 (float: 3e-6), of a potential 1e-13 (3e-7) of
+ * its value at distance 0. Returns CAIRN_OK when the strip is done, CAIRN_MORE when the budget is used up. Costs a unit,
+ * and one for each point within reach; the sums do not depend on how the budget is split. */
+CAIRN_CHECKED cairn_status cairn_force_kernel_pull(const cairn_force_kernel *kernel, cairn_vec2 p,
+                                                   const cairn_force_strip *strip, int32_t *next,
+                                                   int32_t with_potential, cairn_force_pull *pull,
+                                                   cairn_budget *budget);
 
 #ifdef __cplusplus
 }

@@ -157,6 +157,17 @@ cairn_status cairn_point_grid_insert(cairn_point_grid *grid, cairn_vec2 point)
     return CAIRN_OK;
 }
 
+void cairn_point_grid_remove_last(cairn_point_grid *grid)
+{
+    cairn_vec2 point;
+
+    if (grid->count == 0)
+        return;
+    grid->count--;
+    point = grid->points[grid->count];
+    grid->heads[bucket_of(grid, cell_of(grid, point.x), cell_of(grid, point.y))] = grid->next[grid->count];
+}
+
 int32_t cairn_point_grid_count(const cairn_point_grid *grid)
 {
     return grid->count;
@@ -246,6 +257,23 @@ int32_t cairn_point_grid_nearest(const cairn_point_grid *grid, cairn_vec2 p, cai
     return best.index;
 }
 
+int32_t cairn_point_grid_has(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius)
+{
+    struct cell_box box;
+
+    if (!(radius >= 0) || !cairn_is_finite(p.x) || !cairn_is_finite(p.y))
+        return 0;
+    box = cells_within(grid, p, radius);
+    if (touches_too_many(grid, box))
+        return cairn_point_grid_nearest(grid, p, radius, NULL) != NONE;
+    for (int32_t y = box.min_y; y <= box.max_y; y++)
+        for (int32_t x = box.min_x; x <= box.max_x; x++)
+            for (int32_t i = grid->heads[bucket_of(grid, x, y)]; i != NONE; i = grid->next[i])
+                if (cairn_vec2_norm_squared(cairn_vec2_sub(grid->points[i], p)) <= radius * radius)
+                    return 1;
+    return 0;
+}
+
 cairn_point_grid_cursor cairn_point_grid_begin(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius)
 {
     cairn_point_grid_cursor cursor = {p, radius * radius, 0, 0, -1, 0, 0, NONE, 0};
@@ -318,7 +346,8 @@ struct cairn_box_sweep {
     int32_t stride;        /* of the sort; 0: sorted */
     int32_t sorted;        /* next place to insert from */
     int32_t place;         /* where the box being inserted stands */
-    int32_t first, second; /* places in order to test next; first == known: done */
+    int32_t first, second; /* places in order to test next; first == boxes_end: done */
+    int32_t boxes_end;     /* places in order from here on hold no box; starts at known */
     int32_t credit;        /* operations paid for */
 };
 
@@ -366,6 +395,7 @@ cairn_status cairn_box_sweep_create(cairn_box_sweep **sweep, cairn_pool *pool, c
     made->stride = 0;
     made->sorted = made->place = 0;
     made->first = made->second = 0;
+    made->boxes_end = 0;
     made->credit = 0;
     *sweep = made;
     return CAIRN_OK;
@@ -391,6 +421,7 @@ cairn_status cairn_box_sweep_begin(cairn_box_sweep *sweep, const cairn_box *boxe
     sweep->sorted = sweep->place = sweep->stride;
     sweep->first = 0;
     sweep->second = 1;
+    sweep->boxes_end = sweep->known;
     sweep->credit = 0;
     return CAIRN_OK;
 }
@@ -435,43 +466,57 @@ static void sort_once(cairn_box_sweep *sweep)
     }
 }
 
-/* One test; 1 when it finds a pair. */
-static int test_once(cairn_box_sweep *sweep, int32_t *first, int32_t *second)
+/* Tests until a pair is found (1), the credit is used up, or all are done. */
+static int test_some(cairn_box_sweep *sweep, int32_t *first, int32_t *second)
 {
-    int32_t a = sweep->order[sweep->first], b;
+    const int32_t *order = sweep->order;
+    const cairn_box *boxes = sweep->boxes;
+    int32_t end = sweep->boxes_end, a = order[sweep->first], at = sweep->second, credit = sweep->credit;
+    cairn_box box = boxes[a];
 
-    if (!is_box(sweep, a)) {
-        sweep->first = sweep->known;
-        return 0;
+    for (; credit > 0 && at < end; credit--) {
+        int32_t b = order[at];
+        const cairn_box *other = &boxes[b];
+
+        if (!(other->min.x <= box.max.x))
+            break;
+        at++;
+        if (other->min.y <= box.max.y && box.min.y <= other->max.y) {
+            sweep->second = at;
+            sweep->credit = credit - 1;
+            *first = a < b ? a : b;
+            *second = a < b ? b : a;
+            return 1;
+        }
     }
-    b = sweep->second < sweep->known ? sweep->order[sweep->second] : NONE;
-    if (b == NONE || !is_box(sweep, b) || !(sweep->boxes[b].min.x <= sweep->boxes[a].max.x)) {
+    sweep->second = at;
+    sweep->credit = credit;
+    if (credit > 0) { /* box a ends before the next one starts */
+        sweep->credit--;
         sweep->first++;
         sweep->second = sweep->first + 1;
-        return 0;
     }
-    sweep->second++;
-    if (!cairn_box_overlap(sweep->boxes[a], sweep->boxes[b]))
-        return 0;
-    *first = a < b ? a : b;
-    *second = a < b ? b : a;
-    return 1;
+    return 0;
 }
 
 cairn_status cairn_box_sweep_next(cairn_box_sweep *sweep, cairn_budget *budget, int32_t *first, int32_t *second)
 {
-    while (sweep->stride > 0 || sweep->first < sweep->known) {
+    while (sweep->stride > 0 || sweep->first < sweep->boxes_end) {
         if (sweep->credit == 0) {
             if (budget->left <= 0)
                 return CAIRN_MORE;
             budget->left--;
             sweep->credit = OPERATIONS_PER_UNIT;
         }
-        sweep->credit--;
-        if (sweep->stride > 0)
+        if (sweep->stride > 0) {
+            sweep->credit--;
             sort_once(sweep);
-        else if (test_once(sweep, first, second))
+        } else if (!is_box(sweep, sweep->order[sweep->boxes_end - 1])) {
+            sweep->credit--;
+            sweep->boxes_end--;
+        } else if (test_some(sweep, first, second)) {
             return CAIRN_OK;
+        }
     }
     return CAIRN_EMPTY;
 }

@@ -39,10 +39,12 @@ void cairn_force_kernel_init(cairn_force_kernel *kernel)
     for (int32_t i = 0; i < FINE; i++)
         kernel->fine[i] = cairn_exp(-(cairn_real)i / FINE);
     for (int32_t i = 0; i < NODES; i++) {
-        cairn_real x = (cairn_real)i / 16;
+        cairn_real x = (cairn_real)i / 16, e = cairn_exp(-x * x);
 
         kernel->erfc[i][0] = cairn_erfc(x);
-        kernel->erfc[i][1] = cairn_exp(-x * x);
+        kernel->erfc[i][1] = e;
+        kernel->erfc[i][2] = 2 * x * e;
+        kernel->erfc[i][3] = (2 * x * x - 1) * e;
     }
     cairn_force_kernel_set(kernel, 1, CAIRN_FORCE_KERNEL_REACH);
 }
@@ -71,59 +73,62 @@ static inline cairn_real decay(const cairn_force_kernel *kernel, cairn_real s)
     return kernel->coarse[k / FINE] * (kernel->fine[k % FINE] * series);
 }
 
-/* erfc(x), 0 <= x < NODES / 16, with e = exp(-x^2). */
-static inline cairn_real complementary(const cairn_force_kernel *kernel, cairn_real x, cairn_real e)
+/* erfc(x), 0 <= x < NODES / 16, with square = x^2 and e = exp(-x^2). */
+static inline cairn_real complementary(const cairn_force_kernel *kernel, cairn_real x, cairn_real square, cairn_real e)
 {
     int32_t k = cairn_real_to_int(x * 16 + CAIRN_REAL(0.5));
-    cairn_real x0 = (cairn_real)k / 16, d = x - x0, integral;
+    cairn_real d = x - (cairn_real)k * (CAIRN_REAL(1.0) / 16), slopes, curvatures;
     const cairn_real *node;
 
     CAIRN_ASSERT(k >= 0 && k < NODES);
     node = kernel->erfc[k];
-    integral = d * ((node[1] + e) +
-                    d / 5 * (2 * (x * e - x0 * node[1]) + d / 6 * ((2 * x0 * x0 - 1) * node[1] + (2 * x * x - 1) * e)));
-    return node[0] - INVERSE_SQRT_PI * integral;
+    curvatures = node[3] + (2 * square - 1) * e;
+    slopes = 2 * x * e - node[2];
+    return node[0] - INVERSE_SQRT_PI * d * (node[1] + e + d * FIFTH * (slopes + d * SIXTH * curvatures));
 }
 
-cairn_status cairn_force_kernel_row(const cairn_force_kernel *kernel, const cairn_force_points *points, int32_t i,
-                                    int32_t *next, int32_t end, cairn_real c, int32_t with_potential,
-                                    cairn_force_sum *sum, cairn_budget *budget)
+static inline void add_pair(const cairn_force_kernel *kernel, cairn_real x, cairn_real y, cairn_real square,
+                            cairn_real mass, int32_t with_potential, cairn_force_pull *pull)
 {
-    const cairn_vec2 *restrict position = points->position;
-    const cairn_real *restrict mass = points->mass;
-    cairn_vec2 *restrict force = points->force;
-    cairn_vec2 p = position[i], f = force[i];
-    cairn_real limit = kernel->limit_squared, scale = kernel->scale;
-    cairn_real weight = mass[i] * c, strength = weight * kernel->norm, potential = sum->potential;
-    int32_t j = *next, left = budget->left, pairs = 0;
+    cairn_real r = cairn_sqrt(square), scaled = square * kernel->scale, e = decay(kernel, scaled), v;
 
-    while (j < end && left > 0) {
-        int32_t stop = end - j > 4 ? j + 4 : end, before = pairs;
+    if (with_potential)
+        pull->potential += mass * complementary(kernel, r * kernel->root_scale, scaled, e);
+    v = r < CAIRN_FORCE_KERNEL_NEAR ? 0 : mass * e / r;
+    pull->x += v * x;
+    pull->y += v * y;
+}
 
-        for (; j < stop; j++) {
-            cairn_real x = position[j].x - p.x, y = position[j].y - p.y, square = x * x + y * y, r, e, v;
+/* Finds the points within reach first: what comes after has no branch to guess. */
+cairn_status cairn_force_kernel_pull(const cairn_force_kernel *kernel, cairn_vec2 p, const cairn_force_strip *strip,
+                                     int32_t *next, int32_t with_potential, cairn_force_pull *pull,
+                                     cairn_budget *budget)
+{
+    cairn_real x[CAIRN_FORCE_STRIP], y[CAIRN_FORCE_STRIP], square[CAIRN_FORCE_STRIP];
+    int32_t near[CAIRN_FORCE_STRIP], count = 0, done;
+    cairn_force_pull sum = *pull;
 
-            if (square > limit)
-                continue;
-            pairs++;
-            r = cairn_sqrt(square);
-            e = decay(kernel, square * scale);
-            if (with_potential)
-                potential -= weight * mass[j] / 2 * complementary(kernel, r * kernel->root_scale, e);
-            if (r < CAIRN_FORCE_KERNEL_NEAR)
-                continue;
-            v = strength * mass[j] * e / r;
-            f.x += v * x;
-            f.y += v * y;
-            force[j].x -= v * x;
-            force[j].y -= v * y;
-        }
-        left -= 1 + pairs - before;
+    if (*next < 0) {
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        budget->left--;
+        *next = 0;
     }
-    force[i] = f;
-    sum->potential = potential;
-    sum->pairs += pairs;
-    budget->left = left;
-    *next = j;
-    return j < end ? CAIRN_MORE : CAIRN_OK;
+    for (int32_t j = *next; j < strip->count; j++) {
+        x[j] = strip->x[j] - p.x;
+        y[j] = strip->y[j] - p.y;
+        square[j] = x[j] * x[j] + y[j] * y[j];
+        near[count] = j;
+        count += square[j] <= kernel->limit_squared;
+    }
+    for (done = 0; done < count && done < budget->left; done++) {
+        int32_t j = near[done];
+
+        add_pair(kernel, x[j], y[j], square[j], strip->mass[j], with_potential, &sum);
+    }
+    sum.pairs += done;
+    *pull = sum;
+    budget->left -= done;
+    *next = done < count ? near[done] : strip->count;
+    return done < count ? CAIRN_MORE : CAIRN_OK;
 }
