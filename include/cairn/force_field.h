@@ -43,15 +43,14 @@ typedef struct cairn_force_field_params {
     cairn_real dt_start;         /* > 0: step width in the first iteration (0.05; 5) */
     cairn_real dt_end;           /* > 0, <= dt_start: least step width (0.01; 1) */
     cairn_real dt_factor;        /* 0 ... 1: times that in every iteration (0.96) */
-    cairn_real reach;            /* in sigma, > 0, <= 6: pairs farther apart exert no force (5.3, where a force has
-                                      fallen below 1e-6 of its start; the thesis grows the boxes of segments by 2 sigma,
-                                      which sees all pairs up to a reach of 4 and some beyond) */
-    cairn_real sensor_below;     /* the centre of rotation is the centre of mass while sigma >= sensor_below *
+    cairn_real reach;        /* in sigma, > 0, <= 6: pairs farther apart exert no force (4, where a force has fallen to
+                                      3e-4 of its start: the thesis grows the boxes of segments by 2 sigma) */
+    cairn_real sensor_below; /* the centre of rotation is the centre of mass while sigma >= sensor_below *
                                       sigma_start, then the sensor; 0: always the centre of mass (0.5) */
-    int32_t roi;                 /* not 0: regions of interest (1) */
-    cairn_real roi_radius;       /* m, > 0: about each corner (0.05; 5 cm) */
-    cairn_real roi_mass;         /* > 0: what the mass of a point in a region is multiplied by (4) */
-    cairn_real corner_distance;  /* m, > 0: a corner is at most so far from an end of both segments (0.30) */
+    int32_t roi;             /* not 0: regions of interest (1) */
+    cairn_real roi_radius;   /* m, > 0: about each corner (0.05; 5 cm) */
+    cairn_real roi_mass;     /* > 0: what the mass of a point in a region is multiplied by (4) */
+    cairn_real corner_distance;    /* m, > 0: a corner is at most so far from an end of both segments (0.30) */
     cairn_real corner_min_opening; /* rad, > 0 (80 degrees) */
     cairn_real corner_max_opening; /* rad, >= corner_min_opening, < pi (100 degrees) */
     int32_t potential;             /* not 0: P(g) is computed, too (1) */
@@ -102,16 +101,22 @@ typedef struct cairn_force_field cairn_force_field;
  * scans kept ... */
 #define CAIRN_FORCE_FIELD_BYTES(scans, points, segments, corners)                                                      \
     (CAIRN_FORCE_FIELD_OTHER_BYTES(scans, points, segments, corners) + CAIRN_SCAN_SET_BYTES(scans, points, segments) + \
-     CAIRN_PIECE_BYTES(points, sizeof(cairn_vec2)))
+     CAIRN_PIECE_BYTES(points, sizeof(cairn_vec2)) + CAIRN_PIECE_BYTES(points, sizeof(cairn_real)))
 
 /* ... made from the segments ... */
 #define CAIRN_FORCE_FIELD_PLACES_BYTES(scans, points, segments, corners)                                               \
     (CAIRN_FORCE_FIELD_OTHER_BYTES(scans, points, segments, corners) +                                                 \
-     CAIRN_SCAN_SET_PLACES_BYTES(scans, points, segments))
+     CAIRN_SCAN_SET_PLACES_BYTES(scans, points, segments) + CAIRN_PIECE_BYTES((points) / 32 + 1, sizeof(uint32_t)))
+
+/* ... more for points from outside ... */
+#define CAIRN_FORCE_FIELD_EXTRA_BYTES(extra)                                                                           \
+    (2 * (2 * CAIRN_PIECE_BYTES(extra, sizeof(cairn_vec2)) + CAIRN_PIECE_BYTES(extra, sizeof(cairn_real)) +            \
+          CAIRN_PIECE_BYTES((extra) + 1, sizeof(int32_t))) +                                                           \
+     CAIRN_PIECE_BYTES(extra, sizeof(cairn_box)) + CAIRN_PIECE_BYTES(extra, sizeof(int32_t)))
 
 /* ... and what both have in common. */
 #define CAIRN_FORCE_FIELD_OTHER_BYTES(scans, points, segments, corners)                                                \
-    (2560 + 544 * sizeof(cairn_real) + CAIRN_CORNER_BYTES(segments, corners) +                                         \
+    (1280 + 480 * sizeof(cairn_real) + CAIRN_CORNER_BYTES(segments, corners) +                                         \
      2 * CAIRN_PIECE_BYTES(scans, sizeof(cairn_pose) + sizeof(cairn_force_field_motion)) +                             \
      CAIRN_PIECE_BYTES(scans, 40 + (13 * sizeof(cairn_real) + 7) / 8 * 8) +                                            \
      CAIRN_PIECE_BYTES(segments, sizeof(cairn_segment)) + CAIRN_PIECE_BYTES(segments, sizeof(cairn_vec2)) +            \

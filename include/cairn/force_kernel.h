@@ -45,30 +45,42 @@ void cairn_force_kernel_init(cairn_force_kernel *kernel);
 /* Sets sigma (m, > 0) and the distance in sigma (> 0, at most CAIRN_FORCE_KERNEL_REACH) beyond which pairs do not count. */
 void cairn_force_kernel_set(cairn_force_kernel *kernel, cairn_real sigma, cairn_real reach);
 
-/* A few points side by side. */
+/* So many points at a time. */
 enum { CAIRN_FORCE_STRIP = 16 };
 
+/* A few points in the map side by side; the arrays are the caller's. */
 typedef struct cairn_force_strip {
-    cairn_real x[CAIRN_FORCE_STRIP], y[CAIRN_FORCE_STRIP], mass[CAIRN_FORCE_STRIP];
-    int32_t count;
+    const cairn_vec2 *position; /* [count] */
+    const cairn_real *mass;     /* [count] */
+    int32_t count;              /* 0 ... CAIRN_FORCE_STRIP */
+    cairn_box zone;             /* outside of it no point of any strip is within reach */
 } cairn_force_strip;
 
-/* How strips of points pull at one point of mass 1 and parallel direction; both without the factors that all pairs of a
- * point share: the force is norm * (x, y), the potential -1/2 potential. */
-typedef struct cairn_force_pull {
-    cairn_real x, y;
-    cairn_real potential;
-    int64_t pairs; /* within reach */
-} cairn_force_pull;
+/* What points feel from those of other scans, as if all directions were parallel and without the factor `norm`; the others
+ * feel the opposite. */
+typedef struct cairn_force_sum {
+    cairn_vec2 force;
+    cairn_real torque;    /* about `centre`; for both, as a pair pulls along the line through its points */
+    cairn_real potential; /* without the factor -1/2 */
+    cairn_vec2 centre;    /* given */
+    int64_t pairs;        /* within reach */
+} cairn_force_sum;
 
-/* Adds to *pull what points *next ... count-1 of a strip do to p; potentials only when with_potential. *next is -1 before
- * the first call for a strip and moves on. Relative error of a force 3e-13 (float: 3e-6), of a potential 1e-13 (3e-7) of
- * its value at distance 0. Returns CAIRN_OK when the strip is done, CAIRN_MORE when the budget is used up. Costs a unit,
- * and one for each point within reach; the sums do not depend on how the budget is split. */
-CAIRN_CHECKED cairn_status cairn_force_kernel_pull(const cairn_force_kernel *kernel, cairn_vec2 p,
-                                                   const cairn_force_strip *strip, int32_t *next,
-                                                   int32_t with_potential, cairn_force_pull *pull,
-                                                   cairn_budget *budget);
+/* How far a sum has come; all 0 before the first call. */
+typedef struct cairn_force_cursor {
+    int32_t row, next;          /* point of the first strip; of the second */
+    int32_t is_paid;            /* the row has been begun */
+    cairn_real x, y, potential; /* of the row so far */
+} cairn_force_cursor;
+
+/* Adds to *sum what the points of strip a from the cursor on feel from strip b; potentials only when with_potential. Relative
+ * error of a force 3e-13 (float: 3e-6), of a potential 1e-13 (3e-7) of its value at distance 0. Returns CAIRN_OK when all
+ * rows are done, CAIRN_MORE when the budget is used up. Costs a unit for each row, and one for each pair within reach; the
+ * sums do not depend on how the budget is split. */
+CAIRN_CHECKED cairn_status cairn_force_kernel_strips(const cairn_force_kernel *kernel, const cairn_force_strip *a,
+                                                     const cairn_force_strip *b, cairn_force_cursor *cursor,
+                                                     int32_t with_potential, cairn_force_sum *sum,
+                                                     cairn_budget *budget);
 
 #ifdef __cplusplus
 }

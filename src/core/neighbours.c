@@ -466,57 +466,68 @@ static void sort_once(cairn_box_sweep *sweep)
     }
 }
 
-/* Tests until a pair is found (1), the credit is used up, or all are done. */
-static int test_some(cairn_box_sweep *sweep, int32_t *first, int32_t *second)
+/* Tests until a pair is found (1), *operations are used up, or all are done. */
+static int test_some(cairn_box_sweep *sweep, int64_t *operations, int32_t *first, int32_t *second)
 {
     const int32_t *order = sweep->order;
     const cairn_box *boxes = sweep->boxes;
-    int32_t end = sweep->boxes_end, a = order[sweep->first], at = sweep->second, credit = sweep->credit;
-    cairn_box box = boxes[a];
+    int32_t end = sweep->boxes_end;
+    int64_t left = *operations;
 
-    for (; credit > 0 && at < end; credit--) {
-        int32_t b = order[at];
-        const cairn_box *other = &boxes[b];
+    while (left > 0 && sweep->first < end) {
+        int32_t a = order[sweep->first], at = sweep->second;
+        int32_t stop = end - at < left ? end : at + (int32_t)left;
+        cairn_box box = boxes[a];
 
-        if (!(other->min.x <= box.max.x))
-            break;
-        at++;
-        if (other->min.y <= box.max.y && box.min.y <= other->max.y) {
-            sweep->second = at;
-            sweep->credit = credit - 1;
-            *first = a < b ? a : b;
-            *second = a < b ? b : a;
-            return 1;
+        for (; at < stop && boxes[order[at]].min.x <= box.max.x; at++) {
+            const cairn_box *other = &boxes[order[at]];
+
+            /* One branch, as neither half can be guessed. */
+            if ((other->min.y <= box.max.y) & (box.min.y <= other->max.y)) {
+                *first = a < order[at] ? a : order[at];
+                *second = a < order[at] ? order[at] : a;
+                *operations = left - (at + 1 - sweep->second);
+                sweep->second = at + 1;
+                return 1;
+            }
+        }
+        left -= at - sweep->second;
+        sweep->second = at;
+        if (left > 0) { /* all that start before box a ends have been tested */
+            left--;
+            sweep->first++;
+            sweep->second = sweep->first + 1;
         }
     }
-    sweep->second = at;
-    sweep->credit = credit;
-    if (credit > 0) { /* box a ends before the next one starts */
-        sweep->credit--;
-        sweep->first++;
-        sweep->second = sweep->first + 1;
-    }
+    *operations = left;
     return 0;
+}
+
+/* Charges operations, which are paid for four at a time; what is left of a unit serves the next call. */
+static void charge(cairn_box_sweep *sweep, cairn_budget *budget, int64_t operations)
+{
+    int64_t due = operations - sweep->credit,
+            units = due > 0 ? (due + OPERATIONS_PER_UNIT - 1) / OPERATIONS_PER_UNIT : 0;
+
+    budget->left -= (int32_t)units;
+    sweep->credit = (int32_t)(units * OPERATIONS_PER_UNIT - due);
 }
 
 cairn_status cairn_box_sweep_next(cairn_box_sweep *sweep, cairn_budget *budget, int32_t *first, int32_t *second)
 {
-    while (sweep->stride > 0 || sweep->first < sweep->boxes_end) {
-        if (sweep->credit == 0) {
-            if (budget->left <= 0)
-                return CAIRN_MORE;
-            budget->left--;
-            sweep->credit = OPERATIONS_PER_UNIT;
-        }
-        if (sweep->stride > 0) {
-            sweep->credit--;
-            sort_once(sweep);
-        } else if (!is_box(sweep, sweep->order[sweep->boxes_end - 1])) {
-            sweep->credit--;
+    int64_t most = sweep->credit + (int64_t)(budget->left > 0 ? budget->left : 0) * OPERATIONS_PER_UNIT, left = most;
+    int found = 0;
+
+    for (; left > 0 && sweep->stride > 0; left--)
+        sort_once(sweep);
+    if (sweep->stride == 0) {
+        for (; left > 0 && sweep->first < sweep->boxes_end && !is_box(sweep, sweep->order[sweep->boxes_end - 1]);
+             left--)
             sweep->boxes_end--;
-        } else if (test_some(sweep, first, second)) {
-            return CAIRN_OK;
-        }
+        found = test_some(sweep, &left, first, second);
     }
-    return CAIRN_EMPTY;
+    charge(sweep, budget, most - left);
+    if (found)
+        return CAIRN_OK;
+    return sweep->stride > 0 || sweep->first < sweep->boxes_end ? CAIRN_MORE : CAIRN_EMPTY;
 }

@@ -37,7 +37,7 @@ cairn_force_field_params cairn_force_field_default(void)
         .dt_start = CAIRN_REAL(0.05),
         .dt_end = CAIRN_REAL(0.01),
         .dt_factor = CAIRN_REAL(0.96),
-        .reach = CAIRN_REAL(5.3),
+        .reach = 4,
         .sensor_below = CAIRN_REAL(0.5),
         .roi = 1,
         .roi_radius = CAIRN_REAL(0.05),
@@ -173,7 +173,9 @@ static cairn_force_field *carve(cairn_pool *pool, const cairn_force_field_params
     f.boxes = cairn_pool_take(pool, extra + segments, sizeof *f.boxes);
     if (!(params->spacing > 0))
         f.position = cairn_pool_take(pool, points, sizeof *f.position);
-    if (params->roi)
+    if (params->roi && !(params->spacing > 0))
+        f.mass = cairn_pool_take(pool, points, sizeof *f.mass);
+    else if (params->roi)
         f.in_region = cairn_pool_take(pool, points / 32 + 1, sizeof *f.in_region);
     for (int i = 0; i < 2 && params->max_extra > 0; i++)
         carve_extra(pool, extra, &f.extra[i]);
@@ -181,8 +183,11 @@ static cairn_force_field *carve(cairn_pool *pool, const cairn_force_field_params
     f.sweep = carve_sweep(pool, params);
     f.corners = params->roi ? carve_corners(pool, params) : NULL;
     f.grid = params->roi ? carve_grid(pool, params) : NULL;
-    if (field != NULL)
+    if (field != NULL) {
+        if (!params->roi)
+            f.mass = f.set->mass;
         *field = f;
+    }
     return field;
 }
 
@@ -216,6 +221,8 @@ cairn_status cairn_force_field_create(cairn_force_field **field, cairn_pool *poo
     cairn_force_kernel_init(&made->kernel);
     if (made->in_region != NULL)
         memset(made->in_region, 0, ((size_t)params->max_points / 32 + 1) * sizeof *made->in_region);
+    else if (params->roi)
+        memset(made->mass, 0, (size_t)params->max_points * sizeof *made->mass);
     cairn_force_field_clear(made);
     *field = made;
     return CAIRN_OK;

@@ -287,7 +287,26 @@ static cairn_status step_grid(cairn_force_field *field, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* Sets the bits of the next points of the segment at hand; 1 when one has changed. */
+/* Gives a point its mass; 1 when it had another one. */
+static int set_mass(cairn_force_field *field, int32_t point, int is_in_region)
+{
+    uint32_t bit = UINT32_C(1) << point % 32, *word;
+    int had;
+
+    if (field->mass != NULL) {
+        cairn_real mass = field->set->mass[point] * (is_in_region ? field->params.roi_mass : 1);
+
+        had = field->mass[point] == mass;
+        field->mass[point] = mass;
+        return !had;
+    }
+    word = &field->in_region[point / 32];
+    had = (*word & bit) != 0;
+    *word = is_in_region ? *word | bit : *word & ~bit;
+    return had != is_in_region;
+}
+
+/* Looks at the next points of the segment at hand; 1 when the mass of one has changed. */
 static int find_regions(cairn_force_field *field)
 {
     const cairn_scan_set_segment *segment = &field->set->segments[field->segment];
@@ -296,17 +315,9 @@ static int find_regions(cairn_force_field *field)
     int changed = 0;
 
     cairn_force_points(field, field->segment, field->point, count, points);
-
-    for (int32_t i = 0; i < count; i++) {
-        int32_t point = segment->first_point + field->point + i;
-        uint32_t bit = UINT32_C(1) << point % 32, *word = &field->in_region[point / 32], before = *word;
-
-        if (cairn_point_grid_has(field->grid, points[i], field->params.roi_radius))
-            *word |= bit;
-        else
-            *word &= ~bit;
-        changed |= *word != before;
-    }
+    for (int32_t i = 0; i < count; i++)
+        changed |= set_mass(field, segment->first_point + field->point + i,
+                            cairn_point_grid_has(field->grid, points[i], field->params.roi_radius) != 0);
     field->point += count;
     return changed;
 }
@@ -374,12 +385,15 @@ static void move_scan(cairn_force_field *field, int32_t index)
     if (spread > MIN_SPREAD)
         turn = motion->torque / (mass * spread) * half_square;
 
-    centre = cairn_vec2_add(motion->centre, shift);
-    placement->map_scan.theta = cairn_wrap_angle(placement->map_scan.theta + turn);
-    arm = cairn_transform_direction(cairn_transform_of(placement->map_scan),
-                                    field->by_sensor ? scan->sensor : scan->centroid);
-    placement->map_scan.x = centre.x - arm.x;
-    placement->map_scan.y = centre.y - arm.y;
+    /* A scan that nothing pulls keeps its pose to the bit. */
+    if (shift.x != 0 || shift.y != 0 || turn != 0) {
+        centre = cairn_vec2_add(motion->centre, shift);
+        placement->map_scan.theta = cairn_wrap_angle(placement->map_scan.theta + turn);
+        arm = cairn_transform_direction(cairn_transform_of(placement->map_scan),
+                                        field->by_sensor ? scan->sensor : scan->centroid);
+        placement->map_scan.x = centre.x - arm.x;
+        placement->map_scan.y = centre.y - arm.y;
+    }
     motion->relocation = cairn_sqrt(cairn_vec2_norm_squared(shift) + turn * turn * spread);
     field->relocation += motion->relocation;
     field->free_scans++;
@@ -521,7 +535,7 @@ static cairn_status begin_phase(cairn_force_field *field)
     case PHASE_MARK_NEW:
         return begin_sweep(field);
     case PHASE_PAIRS:
-        field->pair.second = -1;
+        field->pair.is_begun = 0;
         field->tiles[0].line = field->tiles[1].line = -1;
         return begin_sweep(field);
     case PHASE_MOVE:

@@ -59,25 +59,33 @@ struct cairn_force_extra {
     int32_t count, runs;
 };
 
-/* Points of one line, and where they are. */
+/* A few points of one line, and room for those that are made on the fly. */
 struct cairn_force_tile {
     cairn_force_strip strip;
-    cairn_box box;
+    cairn_vec2 position[CAIRN_FORCE_STRIP];
+    cairn_real mass[CAIRN_FORCE_STRIP];
+    cairn_box box;       /* of the points when the line has more than one tile */
     int32_t line, first; /* line -1: holds nothing */
+};
+
+/* A line: a segment of a scan, or a run of points from outside. */
+struct cairn_force_line {
+    int32_t index;   /* of its box */
+    int32_t segment; /* below 0: a run */
+    int32_t scan;    /* -1: of a run */
+    int32_t count;   /* points */
+    cairn_vec2 direction;
 };
 
 /* A pair of lines at work. */
 struct cairn_force_pair {
-    int32_t first, second; /* lines; second -1: none */
-    int32_t tile[2];       /* first points of the tiles at hand; tile[1] -1: the pair is not yet begun */
-    int32_t loaded;        /* of these tiles */
-    int32_t row, next;     /* point of the first tile; of the second */
+    struct cairn_force_line line[2];
+    int32_t is_begun;
+    int32_t tile[2]; /* first points of the tiles at hand */
+    int32_t loaded;  /* of these tiles */
+    cairn_force_cursor cursor;
     cairn_real cosine;
-    cairn_vec2 centre; /* that torques of the pair are about */
-    cairn_force_pull pull;
-    cairn_vec2 force;
-    cairn_real torque, potential;
-    int64_t pairs;
+    cairn_force_sum sum;
 };
 
 struct cairn_force_field {
@@ -93,7 +101,8 @@ struct cairn_force_field {
     cairn_vec2 *directions;                      /* [max_segments], in the map */
     cairn_box *boxes;     /* [max_extra + max_segments], of the runs, then of the segments with their points, grown */
     cairn_vec2 *position; /* [max_points], in the map; NULL with spacing */
-    uint32_t *in_region;  /* [max_points / 32 + 1], a bit for each point; NULL without roi */
+    cairn_real *mass;     /* [max_points], in the forces; NULL with spacing, that of the set without roi */
+    uint32_t *in_region;  /* [max_points / 32 + 1], a bit for each point; NULL but with spacing and roi */
     struct cairn_force_extra extra[2]; /* extra[extra_front] is in use */
 
     int32_t front, extra_front;

@@ -3,7 +3,8 @@
  * Method: exp(-s) = exp(-i) exp(-j/64) exp(d) with s = i + j/64 - d, from two tables and a short Taylor series; s is at
  * most reach^2 / 2 = 18, so neither underflow nor scaling can occur. The potential takes erfc(x) = erfc(x0) - 2/sqrt(pi)
  * times the integral of exp(-t^2) from the nearest node x0 of a table to x, by the two-point Hermite rule with two
- * derivatives, whose end values are in the table and at hand: no second exponential.
+ * derivatives, whose end values are in the table and at hand: no second exponential. What a point feels is
+ * summed up row by row; the torque and the opposite force on the other strip come from these sums.
  *
  * Source: Adluru 2008, section 7.3.1. */
 #include "src/core/build.h"
@@ -60,17 +61,17 @@ void cairn_force_kernel_set(cairn_force_kernel *kernel, cairn_real sigma, cairn_
 /* exp(-s), 0 <= s < COARSE - 1. */
 static inline cairn_real decay(const cairn_force_kernel *kernel, cairn_real s)
 {
-    uint32_t k = (uint32_t)cairn_real_to_int(s * FINE + CAIRN_REAL(0.5));
-    cairn_real d = (cairn_real)(int32_t)k * (CAIRN_REAL(1.0) / FINE) - s; /* within 1/128 */
+    int32_t k = cairn_real_to_int(s * FINE + CAIRN_REAL(0.5));
+    cairn_real d = (cairn_real)k * (CAIRN_REAL(1.0) / FINE) - s; /* within 1/128 */
     cairn_real series;
 
-    CAIRN_ASSERT(k < COARSE * FINE);
+    CAIRN_ASSERT(k >= 0 && k < COARSE * FINE);
 #ifdef CAIRN_FLOAT
     series = 1 + (d + d * d * CAIRN_REAL(0.5));
 #else
     series = 1 + (d + d * d * (CAIRN_REAL(1.0) / 2 + d * (CAIRN_REAL(1.0) / 6 + d * (CAIRN_REAL(1.0) / 24))));
 #endif
-    return kernel->coarse[k / FINE] * (kernel->fine[k % FINE] * series);
+    return kernel->coarse[(uint32_t)k / FINE] * kernel->fine[(uint32_t)k % FINE] * series;
 }
 
 /* erfc(x), 0 <= x < NODES / 16, with square = x^2 and e = exp(-x^2). */
@@ -87,48 +88,82 @@ static inline cairn_real complementary(const cairn_force_kernel *kernel, cairn_r
     return node[0] - INVERSE_SQRT_PI * d * (node[1] + e + d * FIFTH * (slopes + d * SIXTH * curvatures));
 }
 
+/* What a point feels, for mass 1 of it. */
+struct pull {
+    cairn_real x, y, potential;
+};
+
 static inline void add_pair(const cairn_force_kernel *kernel, cairn_real x, cairn_real y, cairn_real square,
-                            cairn_real mass, int32_t with_potential, cairn_force_pull *pull)
+                            cairn_real mass, int32_t with_potential, struct pull *pull)
 {
-    cairn_real r = cairn_sqrt(square), scaled = square * kernel->scale, e = decay(kernel, scaled), v;
+    cairn_real r = cairn_sqrt(square), scaled = square * kernel->scale, e = decay(kernel, scaled), strength;
 
     if (with_potential)
         pull->potential += mass * complementary(kernel, r * kernel->root_scale, scaled, e);
-    v = r < CAIRN_FORCE_KERNEL_NEAR ? 0 : mass * e / r;
-    pull->x += v * x;
-    pull->y += v * y;
+    strength = r < CAIRN_FORCE_KERNEL_NEAR ? 0 : mass * e / r;
+    pull->x += strength * x;
+    pull->y += strength * y;
 }
 
-/* Finds the points within reach first: what comes after has no branch to guess. */
-cairn_status cairn_force_kernel_pull(const cairn_force_kernel *kernel, cairn_vec2 p, const cairn_force_strip *strip,
-                                     int32_t *next, int32_t with_potential, cairn_force_pull *pull,
-                                     cairn_budget *budget)
+/* What a point at p feels from the points *next ... of a strip, as far as *left units allow. */
+static inline void add_row(const cairn_force_kernel *kernel, cairn_vec2 p, const cairn_force_strip *strip,
+                           int32_t *next, int32_t *left, int32_t with_potential, struct pull *pull)
 {
-    cairn_real x[CAIRN_FORCE_STRIP], y[CAIRN_FORCE_STRIP], square[CAIRN_FORCE_STRIP];
-    int32_t near[CAIRN_FORCE_STRIP], count = 0, done;
-    cairn_force_pull sum = *pull;
+    cairn_real limit = kernel->limit_squared;
+    int32_t j = *next;
 
-    if (*next < 0) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        *next = 0;
-    }
-    for (int32_t j = *next; j < strip->count; j++) {
-        x[j] = strip->x[j] - p.x;
-        y[j] = strip->y[j] - p.y;
-        square[j] = x[j] * x[j] + y[j] * y[j];
-        near[count] = j;
-        count += square[j] <= kernel->limit_squared;
-    }
-    for (done = 0; done < count && done < budget->left; done++) {
-        int32_t j = near[done];
+    for (; j < strip->count; j++) {
+        cairn_real x = strip->position[j].x - p.x, y = strip->position[j].y - p.y, square = x * x + y * y;
 
-        add_pair(kernel, x[j], y[j], square[j], strip->mass[j], with_potential, &sum);
+        if (square > limit)
+            continue;
+        if (*left <= 0)
+            break;
+        (*left)--;
+        add_pair(kernel, x, y, square, strip->mass[j], with_potential, pull);
     }
-    sum.pairs += done;
-    *pull = sum;
-    budget->left -= done;
-    *next = done < count ? near[done] : strip->count;
-    return done < count ? CAIRN_MORE : CAIRN_OK;
+    *next = j;
+}
+
+static int is_outside(const cairn_box *zone, cairn_vec2 p)
+{
+    return p.x < zone->min.x || p.x > zone->max.x || p.y < zone->min.y || p.y > zone->max.y;
+}
+
+cairn_status cairn_force_kernel_strips(const cairn_force_kernel *kernel, const cairn_force_strip *a,
+                                       const cairn_force_strip *b, cairn_force_cursor *cursor, int32_t with_potential,
+                                       cairn_force_sum *sum, cairn_budget *budget)
+{
+    int32_t left = budget->left, before;
+
+    for (; cursor->row < a->count; cursor->row++) {
+        cairn_vec2 p = a->position[cursor->row];
+        cairn_real mass = a->mass[cursor->row];
+        struct pull pull = {cursor->x, cursor->y, cursor->potential};
+
+        if (!cursor->is_paid) {
+            if (left <= 0)
+                break;
+            left--;
+            cursor->is_paid = 1;
+            cursor->next = is_outside(&b->zone, p) ? b->count : 0;
+        }
+        before = left;
+        add_row(kernel, p, b, &cursor->next, &left, with_potential, &pull);
+        sum->pairs += before - left;
+        if (cursor->next < b->count) {
+            cursor->x = pull.x;
+            cursor->y = pull.y;
+            cursor->potential = pull.potential;
+            break;
+        }
+        sum->force.x += mass * pull.x;
+        sum->force.y += mass * pull.y;
+        sum->torque += mass * ((p.x - sum->centre.x) * pull.y - (p.y - sum->centre.y) * pull.x);
+        sum->potential += mass * pull.potential;
+        cursor->x = cursor->y = cursor->potential = 0;
+        cursor->is_paid = 0;
+    }
+    budget->left = left;
+    return cursor->row < a->count ? CAIRN_MORE : CAIRN_OK;
 }
