@@ -1,6 +1,7 @@
 # cairn: one Makefile. `make help` lists the targets. Everything is built under $(BUILD).
 #
-#   make BUILD=build/asan SANITIZE=1 test     a variant beside the default one
+#   make BUILD=build/asan SANITIZE=1 test     a variant beside the default one: addresses and undefined behaviour
+#   make BUILD=build/tsan SANITIZE=thread ... threads
 #   make BUILD=build/clang CC=clang CXX=clang++ OPT=-O3
 
 BUILD    ?= build
@@ -19,8 +20,10 @@ SOVERSION := $(call version_part,MAJOR).$(call version_part,MINOR)
 WARN     := -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wdouble-promotion -Wvla -Wundef -Wcast-align
 CWARN    := $(WARN) -Wstrict-prototypes -Wmissing-prototypes
 ,        := ,
-SAN       = $(if $(SANITIZE),-fsanitize=address$(,)undefined -fno-sanitize-recover=all -fno-omit-frame-pointer -g)
-COMMON   := $(OPT) -g -I. -Iinclude -MMD -MP -ffp-contract=off -fPIC $(SAN) $(if $(COVERAGE),--coverage -O0)
+SAN       = $(if $(SANITIZE),-fsanitize=$(SANITIZE:1=address$(,)undefined) -fno-sanitize-recover=all -fno-omit-frame-pointer -g)
+# Coverage of src/ only: what drives it stays fast.
+COVER     = $(if $(and $(COVERAGE),$(filter src/%,$<)),--coverage -O0)
+COMMON    = $(OPT) -g -I. -Iinclude -MMD -MP -ffp-contract=off -fPIC $(SAN) $(COVER)
 # The library itself is freestanding C11; all that runs on a desktop may use POSIX and is built with assertions on.
 LIB_FLAGS  = -std=c11 $(CWARN) $(WERROR) $(COMMON) -fno-math-errno $(if $(ASSERTIONS),-DCAIRN_ASSERTIONS)
 HOST_FLAGS = -std=c11 -D_POSIX_C_SOURCE=200809L $(CWARN) $(WERROR) $(COMMON)
@@ -41,20 +44,21 @@ SIM_SRC     := $(if $(HAVE_SIM),$(wildcard sim/*.cpp))
 TEST_SRC    := $(if $(and $(HAVE_TEST),$(HAVE_SIM),$(HAVE_HOST)),$(wildcard tests/test_*.c))
 BENCH_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(filter-out bench/bench_%,$(wildcard bench/*.c)))
 BENCH_COMMON := $(wildcard bench/bench_*.c) tools/options.c
-CAIRN_SRC   := $(if $(HAVE_HOST),$(filter-out tools/cairn_arena%,$(wildcard tools/cairn*.c)) tools/options.c)
+CAIRN_SRC   := $(if $(HAVE_HOST),$(filter-out tools/cairn_arena%,$(wildcard tools/cairn*.c)) tools/options.c firmware/robot.c)
 ARENA_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(wildcard tools/cairn_arena*.c) tools/options.c)
+TEST_COMMON := tests/support.c firmware/robot.c firmware/recorder.c
 HOST_LIBS   := -lyaml -lpng -lz
 SIM_LIBS    := -lbox2d
 
 object = $(patsubst %,$(BUILD)/$(1)/%.o,$(2))
 LIBS     := $(BUILD)/libcairn.a $(BUILD)/libcairn-float.a $(BUILD)/libcairn.so.$(SOVERSION) \
             $(if $(HOST_SRC),$(BUILD)/libcairn-host.a)
-TOOLS    := $(if $(CAIRN_SRC),$(BUILD)/cairn) $(if $(ARENA_SRC),$(BUILD)/cairn-arena)
+TOOLS    := $(if $(CAIRN_SRC),$(BUILD)/cairn $(BUILD)/cairn-float) $(if $(ARENA_SRC),$(BUILD)/cairn-arena)
 TESTS    := $(TEST_SRC:tests/%.c=%)
 BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
 .PHONY: all help objects test run-tests demo run-demo bench run-bench check check-freestanding mutate amalgamation coverage
-.PHONY: install clean format missing
+.PHONY: install clean format missing firmware run-firmware firmware-test run-firmware-test footprint
 .DELETE_ON_ERROR:
 .SECONDARY:
 
@@ -67,6 +71,9 @@ help:
 	@echo "make bench          the measuring programs, build/bench/*"
 	@echo "make check          warnings, formats, analyzers, freestanding proof, room order"
 	@echo "make mutate         plants faults in src/ and counts those that the tests find (N=40 SEED=1)"
+	@echo "make firmware       the library in a robot's loop on Cortex-M7 and M4F"
+	@echo "make firmware-test  runs it in an emulator and compares it with this machine, bit by bit"
+	@echo "make footprint      writes docs/memory-and-time.md: stack, instructions, code and pool bytes"
 	@echo "make amalgamation   cairn.c and cairn.h, two files to drop into a firmware project"
 	@echo "make coverage       tests with line and branch coverage of src/"
 	@echo "make install        PREFIX=$(PREFIX) DESTDIR=$(DESTDIR)"
@@ -119,19 +126,23 @@ SYS_LIBS    = $(if $(SIM_SRC),$(SIM_LIBS)) $(HOST_LIBS) -lpthread -lm
 
 $(BUILD)/cairn: $(call object,double,$(CAIRN_SRC)) $(BUILD)/libcairn-host.a $(BUILD)/libcairn.a
 	$(link) $(HOST_LIBS) -lm
+$(BUILD)/cairn-float: $(call object,float,$(CAIRN_SRC)) $(BUILD)/float/libcairn-host.a $(BUILD)/libcairn-float.a
+	$(link) $(HOST_LIBS) -lm
 $(BUILD)/cairn-arena: $(call object,double,$(ARENA_SRC)) $(DOUBLE_LIBS)
 	$(link) $(SYS_LIBS)
 $(BUILD)/bench/%: $(BUILD)/double/bench/%.c.o $(call object,double,$(BENCH_COMMON)) $(DOUBLE_LIBS)
 	$(link) $(SYS_LIBS)
-$(BUILD)/tests/%: $(BUILD)/double/tests/%.c.o $(call object,double,tests/support.c) $(DOUBLE_LIBS)
+$(BUILD)/tests/%: $(BUILD)/double/tests/%.c.o $(call object,double,$(TEST_COMMON)) $(DOUBLE_LIBS)
 	$(link) -lcmocka $(SYS_LIBS)
-$(BUILD)/tests-float/%: $(BUILD)/float/tests/%.c.o $(call object,float,tests/support.c) $(FLOAT_LIBS)
+$(BUILD)/tests-float/%: $(BUILD)/float/tests/%.c.o $(call object,float,$(TEST_COMMON)) $(FLOAT_LIBS)
 	$(link) -lcmocka $(SYS_LIBS)
 
-# make test and make demo bring what they need, then run make again, which now sees it.
+# make test and make demo bring what they need, then run make again, which now sees it; on all processors unless the
+# caller said on how many.
+PARALLEL = $(if $(filter -j% --jobserver%,$(MAKEFLAGS)),,-j$(shell nproc))
 test:
 	@sh tools/deps.sh build test
-	@$(MAKE) ASSERTIONS=1 BUILD=$(BUILD)/checked run-tests
+	@$(MAKE) $(PARALLEL) ASSERTIONS=1 BUILD=$(BUILD)/checked run-tests
 
 TEST_PROGRAMS = $(TESTS:%=$(BUILD)/tests/%) $(TESTS:%=$(BUILD)/tests-float/%)
 run-tests: all $(TEST_PROGRAMS)
@@ -139,13 +150,13 @@ run-tests: all $(TEST_PROGRAMS)
 
 demo:
 	@sh tools/deps.sh build
-	@$(MAKE) run-demo
+	@$(MAKE) $(PARALLEL) run-demo
 run-demo: all
 	@sh tools/demo.sh $(BUILD)
 
 bench:
 	@sh tools/deps.sh build
-	@$(MAKE) run-bench
+	@$(MAKE) $(PARALLEL) run-bench
 run-bench: all $(BENCHES)
 
 check:
@@ -156,8 +167,72 @@ check-freestanding:
 	@sh tools/check.sh $(BUILD) freestanding
 
 # Every object of everything, for the checks of warnings.
-ALL_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(TEST_SRC) $(wildcard tests/support.c tests/golden.c) $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC)
+ALL_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(TEST_SRC) $(wildcard tests/support.c tests/golden.c) $(FW_LOOP) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC)
 objects: $(call object,double,$(ALL_SRC)) $(call object,float,$(ALL_SRC))
+
+# The firmware: the float library in the loop of a robot on bare Cortex-M7 and M4F, and tests/golden.c in float and double.
+FW        := $(BUILD)/firmware
+FW_CC     := arm-none-eabi-gcc
+FW_CPUS   := m7 m7d m4
+fw_m7     := -mcpu=cortex-m7 -mfpu=fpv5-sp-d16
+fw_m7d    := -mcpu=cortex-m7 -mfpu=fpv5-d16
+fw_m4     := -mcpu=cortex-m4 -mfpu=fpv4-sp-d16
+FW_FLAGS  := -std=c11 $(CWARN) $(WERROR) -Os -g -mthumb -mfloat-abi=hard -ffunction-sections -fdata-sections -fno-math-errno \
+             -ffp-contract=off -I. -Iinclude -I$(FW) -MMD -MP
+FW_DOUBLE := -Wl,--wrap=__aeabi_dadd,--wrap=__aeabi_dsub,--wrap=__aeabi_drsub
+FW_LINK   := -nostartfiles -T firmware/cortex-m.ld -Wl,--gc-sections
+MISSIONS  := $(patsubst firmware/mission_%.c,%,$(wildcard firmware/mission_*.c))
+FW_LOOP   := firmware/loop.c firmware/robot.c firmware/recorder.c
+FW_ELFS   := $(foreach cpu,$(FW_CPUS),$(FW)/$(cpu)/golden-float.elf $(FW)/$(cpu)/golden-double.elf) \
+             $(foreach cpu,m7 m4,$(MISSIONS:%=$(FW)/$(cpu)/%.elf))
+FW_HOST   := $(MISSIONS:%=$(FW)/host/%) $(FW)/host/golden-float $(FW)/host/golden-double
+
+# The scans of a mission are made by cairn-arena and stored in the image as they come from the scanner.
+SCANS_maze  := maze --places 16 --headings 1 --fov 360 --beams 181 --disturb 0.25,20
+SCANS_arena := rescue --places 15 --headings 4 --disturb 0.10,5
+$(FW)/%_scans.h: $(BUILD)/cairn-arena firmware/record.sh
+	@mkdir -p $(@D)
+	@$(BUILD)/cairn-arena $(SCANS_$*) --seed 7 -o $(FW)/$* >/dev/null
+	sh firmware/record.sh $(FW)/$*/scans.log >$@.part && mv $@.part $@
+
+# $(1) folder, $(2) compiler and flags, $(3) double or float
+define fw_objects
+$(FW)/$(1)/$(3)/%.c.o: %.c $(MISSIONS:%=$(FW)/%_scans.h)
+	@mkdir -p $$(@D)
+	$(2) $(if $(filter float,$(3)),-DCAIRN_FLOAT) -c $$< -o $$@
+endef
+$(foreach real,float double,$(foreach cpu,$(FW_CPUS),$(eval $(call fw_objects,$(cpu),$(FW_CC) $(FW_FLAGS) $(fw_$(cpu)) -fstack-usage -fcallgraph-info=su,$(real)))))
+$(foreach real,float double,$(eval $(call fw_objects,host,$(CC) $(LIB_FLAGS) -I$(FW) $(CFLAGS),$(real))))
+fw_object = $(patsubst %,$(FW)/$(1)/$(2)/%.o,$(3))
+define fw_programs
+$(FW)/$(1)/golden-float.elf: $(call fw_object,$(1),float,tests/golden.c firmware/board_cortex_m.c $(LIB_SRC)) firmware/cortex-m.ld
+	$(FW_CC) $(FW_FLAGS) $(fw_$(1)) $(FW_LINK) -Wl,--defsym=ram_bytes=2M $$(filter %.o,$$^) -lm -o $$@
+$(FW)/$(1)/golden-double.elf: $(call fw_object,$(1),double,tests/golden.c firmware/board_cortex_m.c firmware/soft_double.c $(LIB_SRC)) firmware/cortex-m.ld
+	$(FW_CC) $(FW_FLAGS) $(fw_$(1)) $(FW_LINK) $(FW_DOUBLE) -Wl,--defsym=ram_bytes=2M $$(filter %.o,$$^) -lm -o $$@
+$(FW)/$(1)/%.elf: $(FW)/$(1)/float/firmware/mission_%.c.o $(call fw_object,$(1),float,$(FW_LOOP) firmware/board_cortex_m.c $(LIB_SRC)) firmware/cortex-m.ld
+	$(FW_CC) $(FW_FLAGS) $(fw_$(1)) $(FW_LINK) -Wl,-Map=$$@.map $$(filter %.o,$$^) -lm -o $$@
+endef
+$(foreach cpu,$(FW_CPUS),$(eval $(call fw_programs,$(cpu))))
+$(FW)/host/golden-float: $(call fw_object,host,float,tests/golden.c firmware/board_host.c) $(BUILD)/libcairn-float.a
+	$(CC) $(SAN) $^ -lm -o $@
+$(FW)/host/golden-double: $(call fw_object,host,double,tests/golden.c firmware/board_host.c) $(BUILD)/libcairn.a
+	$(CC) $(SAN) $^ -lm -o $@
+$(FW)/host/%: $(FW)/host/float/firmware/mission_%.c.o $(call fw_object,host,float,$(FW_LOOP) firmware/board_host.c) $(BUILD)/libcairn-float.a
+	$(CC) $(SAN) $^ -lm -o $@
+
+firmware:
+	@sh tools/deps.sh build firmware
+	@$(MAKE) run-firmware
+run-firmware: $(FW_ELFS)
+firmware-test:
+	@sh tools/deps.sh build firmware
+	@$(MAKE) run-firmware-test
+run-firmware-test: $(FW_ELFS) $(FW_HOST) $(TOOLS)
+	@sh tools/firmware-test.sh $(FW) $(MISSIONS)
+footprint:
+	@sh tools/deps.sh build firmware
+	@$(MAKE) run-firmware-test
+	@sh tools/footprint.sh $(BUILD) docs/memory-and-time.md
 
 mutate:
 	@sh tools/deps.sh build test
@@ -173,7 +248,7 @@ $(BUILD)/amalgamation/cairn.c: $(LIB_SRC) $(wildcard src/*/*.h include/cairn/*.h
 coverage:
 	@sh tools/deps.sh build test check
 	@rm -rf $(BUILD)/coverage
-	@$(MAKE) BUILD=$(BUILD)/coverage CC=gcc CXX=g++ COVERAGE=1 run-tests
+	@$(MAKE) $(PARALLEL) BUILD=$(BUILD)/coverage CC=gcc CXX=g++ COVERAGE=1 run-tests
 	@sh tools/coverage.sh $(BUILD)/coverage
 
 install: all
@@ -182,4 +257,4 @@ install: all
 clean:
 	rm -rf $(BUILD)
 
--include $(shell find $(BUILD)/double $(BUILD)/float -name '*.d' 2>/dev/null)
+-include $(shell find $(BUILD)/double $(BUILD)/float $(FW) -name '*.d' 2>/dev/null)

@@ -2,6 +2,7 @@
 #include <stdint.h>
 
 #include "bench/bench_json.h"
+#include "cairn/block_solver.h"
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
 
@@ -17,6 +18,7 @@ static void print(const char *object, const char *capacities, size_t bytes)
 int main(void)
 {
     cairn_scan_params scan = cairn_scan_default();
+    cairn_block_solver_params solver = {3500, 5598, 18581};
     cairn_icp_params icp = cairn_icp_default();
     cairn_force_field_params field = cairn_force_field_default();
     cairn_occupancy_grid_params grid = cairn_occupancy_grid_default();
@@ -27,6 +29,7 @@ int main(void)
     print("scan", "181 beams, 128 segments, 256 points", cairn_scan_memory(&scan));
     scan.max_beams = 401;
     print("scan", "401 beams, 128 segments, 256 points", cairn_scan_memory(&scan));
+    print("block_solver", "3500 poses, 5598 links, 18581 blocks", cairn_block_solver_memory(&solver));
     print("icp", "4096 target points", cairn_icp_memory(&icp));
     field.max_scans = 16;
     field.max_points = 2400;

@@ -274,16 +274,12 @@ int main(int argc, char **argv)
                             "Absolute errors of mapped logs over their reference relations.", table,
                             sizeof table / sizeof *table};
     size_t words = 0;
+    option_result result;
     int code = 0;
 
-    switch (options_read(&set, argc, argv, NULL, &words)) {
-    case OPTIONS_HELPED:
-        return 0;
-    case OPTIONS_BAD:
-        return 2;
-    default:
-        break;
-    }
+    result = options_read(&set, argc, argv, NULL, &words);
+    if (result != OPTIONS_READ)
+        return result;
     if ((s.log == NULL) != (s.relations == NULL))
         return options_refuse("bench/slam", "--log or --relations alone, expected both or neither");
     if (s.window == 1)

@@ -8,8 +8,10 @@ namespace sim
 
 constexpr double cell_side = 0.1;
 
-FreeSpace::FreeSpace(const Layout &layout, double a) : width(layout.width), height(layout.height), angle(a)
+FreeSpace::FreeSpace(const Layout &layout, double angle)
+    : width(layout.width), height(layout.height), axis(direction(angle))
 {
+    std::vector<Outline> outlines;
     std::vector<double> reach;
     std::vector<int32_t> stack, part;
 
@@ -17,15 +19,21 @@ FreeSpace::FreeSpace(const Layout &layout, double a) : width(layout.width), heig
     rows = (int32_t)std::ceil(height / cell_side);
     clearance.resize((size_t)(columns * rows));
     inside.assign(clearance.size(), 0);
-    for (const Body &body : layout.bodies)
+    for (const Body &body : layout.bodies) {
+        outlines.emplace_back(body);
         reach.push_back(body.reach());
+    }
     for (int32_t cell = 0; cell < columns * rows; cell++) {
         sim_point p = middle(cell);
         double nearest = 2; // more clearance than that is all the same
 
-        for (size_t i = 0; i < layout.bodies.size(); i++)
-            if (length(layout.bodies[i].centre - p) - reach[i] < nearest)
-                nearest = std::min(nearest, distance(layout.bodies[i], p));
+        for (size_t i = 0; i < outlines.size(); i++) {
+            sim_point apart = layout.bodies[i].centre - p;
+            double far = nearest + reach[i];
+
+            if (dot(apart, apart) < far * far)
+                nearest = std::min(nearest, outlines[i].distance(p));
+        }
         clearance[(size_t)cell] = (float)nearest;
     }
 
@@ -67,12 +75,12 @@ sim_point FreeSpace::middle(int32_t cell) const
     int32_t column = cell % columns, row = cell / columns;
     double x = (column + 0.5) * cell_side - width / 2, y = (row + 0.5) * cell_side - height / 2;
 
-    return turned({x, y}, angle);
+    return turned({x, y}, axis);
 }
 
 int32_t FreeSpace::cell_of(sim_point p) const
 {
-    sim_point q = turned(p, -angle);
+    sim_point q = turned(p, {axis.x, -axis.y});
     double column = std::floor((q.x + width / 2) / cell_side), row = std::floor((q.y + height / 2) / cell_side);
 
     if (!(column >= 0 && row >= 0 && column < columns && row < rows))

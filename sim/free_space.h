@@ -38,7 +38,8 @@ class FreeSpace
     bool straight(sim_point a, sim_point b) const;
     void search(int32_t from, int32_t to, std::vector<double> &cost, std::vector<int32_t> &parent) const;
 
-    double width, height, angle;
+    double width, height;
+    sim_point axis; // of the scene's x in the world
     int32_t columns, rows;
     std::vector<float> clearance;
     std::vector<char> inside; // 1: of the largest connected part

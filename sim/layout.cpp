@@ -17,9 +17,11 @@ double Body::reach() const
 std::vector<sim_point> Body::outline() const
 {
     std::vector<sim_point> outline;
+    sim_point axis = direction(angle);
 
+    outline.reserve(vertices.size());
     for (sim_point v : vertices)
-        outline.push_back(centre + turned(v, angle));
+        outline.push_back(centre + turned(v, axis));
     return outline;
 }
 
@@ -35,29 +37,33 @@ Body make_disc(sim_kind kind, sim_point centre, double radius)
     return {kind, centre, 0, radius, {}, true};
 }
 
-static double segment_distance(sim_point a, sim_point b, sim_point p)
+Outline::Outline(const Body &body) : radius(body.radius), vertices(body.outline())
 {
-    sim_point along = b - a;
-    double t = std::clamp(dot(p - a, along) / dot(along, along), 0.0, 1.0);
+    if (radius > 0)
+        vertices.push_back(body.centre);
+}
 
-    return length(p - (a + along * t));
+double Outline::distance(sim_point point) const
+{
+    double nearest = 1e18; // squared
+    bool outside = false;
+
+    if (radius > 0)
+        return length(point - vertices[0]) - radius;
+    for (size_t i = 0; i < vertices.size(); i++) {
+        sim_point a = vertices[i], side = vertices[i + 1 < vertices.size() ? i + 1 : 0] - a, from_a = point - a;
+        double t = std::clamp(dot(from_a, side) / dot(side, side), 0.0, 1.0);
+        sim_point apart = from_a - side * t;
+
+        outside = outside || cross(from_a, side) > 0;
+        nearest = std::min(nearest, dot(apart, apart));
+    }
+    return outside ? std::sqrt(nearest) : -std::sqrt(nearest);
 }
 
 double distance(const Body &body, sim_point point)
 {
-    std::vector<sim_point> outline;
-    double nearest = 1e9, deepest = -1e9;
-
-    if (body.radius > 0)
-        return length(point - body.centre) - body.radius;
-    outline = body.outline();
-    for (size_t i = 0; i < outline.size(); i++) {
-        sim_point a = outline[i], b = outline[(i + 1) % outline.size()];
-
-        nearest = std::min(nearest, segment_distance(a, b, point));
-        deepest = std::max(deepest, cross(point - a, b - a) / length(b - a));
-    }
-    return deepest > 0 ? nearest : deepest;
+    return Outline(body).distance(point);
 }
 
 // The largest gap over the side normals of `a`.

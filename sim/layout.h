@@ -34,8 +34,19 @@ struct Body {
 Body make_box(sim_kind kind, sim_point centre, double along, double across, double angle);
 Body make_disc(sim_kind kind, sim_point centre, double radius);
 
-// Distance from the point to the body, negative inside.
-double distance(const Body &body, sim_point point);
+// A body where it lies, for many questions of distance.
+class Outline
+{
+  public:
+    explicit Outline(const Body &body);
+    double distance(sim_point point) const; // from the point to the body, negative inside
+
+  private:
+    double radius;
+    std::vector<sim_point> vertices; // the centre of a disc
+};
+
+double distance(const Body &body, sim_point point); // the same, asked once
 
 // Gap between two bodies in m: exact when they overlap (then minus the depth by the separating axes), a lower bound of
 // the distance when they do not.

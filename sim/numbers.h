@@ -99,11 +99,14 @@ inline sim_point direction(double angle)
     return {std::cos(angle), std::sin(angle)};
 }
 
+inline sim_point turned(sim_point p, sim_point d) // by the angle of the direction
+{
+    return {d.x * p.x - d.y * p.y, d.y * p.x + d.x * p.y};
+}
+
 inline sim_point turned(sim_point p, double angle)
 {
-    sim_point d = direction(angle);
-
-    return {d.x * p.x - d.y * p.y, d.y * p.x + d.x * p.y};
+    return turned(p, direction(angle));
 }
 
 inline double wrap(double angle) // (-pi, pi]

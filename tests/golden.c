@@ -1,14 +1,16 @@
-/* One line per scene, "name hash": what tools/check-bits.sh compares between compilers and options. A scene computes with
- * seeded inputs and hashes all bits of its results; a NaN is never hashed. */
+/* One line per scene, "name hash": what tools/check-bits.sh compares between compilers and options, and
+ * tools/firmware-test.sh between machines. A scene computes with seeded inputs and hashes all bits of its results; a NaN is
+ * never hashed. Prints through the board, so that it runs on a bare microcontroller, too. */
 #include "src/core/build.h"
 
-#include <stdio.h>
+#include <string.h>
 
 #include "cairn/force_field.h"
 #include "cairn/geometry.h"
 #include "cairn/pool.h"
 #include "cairn/random.h"
 #include "cairn/small_matrix.h"
+#include "firmware/board.h"
 
 typedef uint64_t (*scene)(void);
 
@@ -249,16 +251,30 @@ static const struct {
     {"force_field", force_field},
 };
 
+static void print_line(const char *name, uint64_t hash)
+{
+    char line[64];
+    size_t length = strlen(name);
+
+    memcpy(line, name, length);
+    line[length++] = ' ';
+    for (int shift = 60; shift >= 0; shift -= 4)
+        line[length++] = "0123456789abcdef"[hash >> shift & 15];
+    line[length++] = '\n';
+    line[length] = '\0';
+    board_print(line);
+}
+
 int main(void)
 {
     static _Alignas(CAIRN_ALIGN) unsigned char memory[CAIRN_ALIGN];
     cairn_pool pool;
 
     if (cairn_pool_init(&pool, memory, sizeof memory) != CAIRN_OK) {
-        (void)puts("this build does not compute faithfully");
+        board_print("this build does not compute faithfully\n");
         return 1;
     }
     for (size_t i = 0; i < sizeof SCENES / sizeof *SCENES; i++)
-        (void)printf("%s %016llx\n", SCENES[i].name, (unsigned long long)SCENES[i].run());
+        print_line(SCENES[i].name, SCENES[i].run());
     return 0;
 }

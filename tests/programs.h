@@ -40,7 +40,7 @@ static inline void programs_read(const char *name, char *text, size_t size)
  * or into the outcome when that is NULL. */
 static inline outcome programs_run_shell(const char *before, const char *command, const char *output)
 {
-    char line[4096];
+    char line[4096 + 1200];
     outcome o = {0, "", ""};
     int status;
 

@@ -1,11 +1,15 @@
 /* The defaults of all rooms but the force field, whose own test has them. */
 #include "tests/test.h"
 
+#include "cairn/block_solver.h"
 #include "cairn/carmen_log.h"
 #include "cairn/map_file.h"
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
+#include "cairn/pose_graph.h"
+#include "cairn/pose_consensus.h"
 #include "cairn/report.h"
+#include "cairn/scan_match.h"
 
 typedef struct value {
     const char *name;
@@ -63,9 +67,25 @@ static void of_lines_and_scans(void **state)
 
 static void of_matches_and_corners(void **state)
 {
+    cairn_block_solver_params solver = cairn_block_solver_default();
+    cairn_pose_graph_params graph = cairn_pose_graph_default();
     cairn_icp_params icp = cairn_icp_default();
+    cairn_scan_match_params match = cairn_scan_match_default();
     cairn_corner_params corner = cairn_corner_default();
     const value values[] = {
+        VALUE(solver.max_poses, 1000),
+        VALUE(solver.max_links, 3000),
+        VALUE(solver.max_fill, 12000),
+        VALUE(graph.max_poses, 1000),
+        VALUE(graph.max_links, 3000),
+        VALUE(graph.max_fill, 12000),
+        VALUE(graph.start, CAIRN_POSE_GRAPH_BEST),
+        VALUE(graph.kernel, CAIRN_POSE_GRAPH_SQUARE),
+        VALUE(graph.width, 3),
+        VALUE(graph.graduated, 0),
+        VALUE(graph.max_iterations, 100),
+        VALUE(graph.converged * 100000, NUMBER(1e-4, 1)),
+        VALUE(graph.outlier / 1000, 0.01627),
         VALUE(icp.max_target, 4096),
         VALUE(icp.max_iterations, 40),
         VALUE(icp.min_pairs, 10),
@@ -79,6 +99,15 @@ static void of_matches_and_corners(void **state)
         VALUE(icp.converged_distance * 1000, 0.1),
         VALUE(icp.converged_angle * 1000, 0.1),
         VALUE(icp.weak_ratio, 0.01),
+        VALUE(match.mode, CAIRN_SCAN_MATCH_CORRELATIVE),
+        VALUE(match.max_target, 2048),
+        VALUE(match.max_dense, 4096),
+        VALUE(match.max_views, 16),
+        VALUE(match.max_query, 1024),
+        VALUE(match.max_hypotheses, 8),
+        VALUE(match.spacing, 0.1),
+        VALUE(match.sigma, 0.01),
+        VALUE(match.weak_ratio, 0.001),
         VALUE(corner.max_segments, 256),
         VALUE(corner.max_corners, 128),
         VALUE(corner.min_opening, 80 * DEGREE),
@@ -86,6 +115,22 @@ static void of_matches_and_corners(void **state)
         VALUE(corner.end_distance, 0.3),
         VALUE(corner.merge_radius, 0.1),
         VALUE(corner.merge_angle, 10 * DEGREE),
+    };
+
+    (void)state;
+    assert_values(values);
+}
+
+static void of_consensus(void **state)
+{
+    cairn_pose_consensus_params consensus = cairn_pose_consensus_default();
+    const value values[] = {
+        VALUE(consensus.max_nodes, 64),     VALUE(consensus.max_hypotheses, 1024),
+        VALUE(consensus.max_starts, 16),    VALUE(consensus.max_rounds, 10),
+        VALUE(consensus.max_candidates, 8), VALUE(consensus.max_alternatives, 4),
+        VALUE(consensus.sigma, 0.03),       VALUE(consensus.sigma_angle, 0.6 * DEGREE),
+        VALUE(consensus.gate, 16),          VALUE(consensus.contradiction, 0),
+        VALUE(consensus.min_support, 3),    VALUE(consensus.ambiguous, 0.02),
     };
 
     (void)state;
@@ -196,8 +241,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(of_lines_and_scans), cmocka_unit_test(of_matches_and_corners),
-        cmocka_unit_test(of_the_mapper),      cmocka_unit_test(of_grids),
-        cmocka_unit_test(of_files),
+        cmocka_unit_test(of_consensus),       cmocka_unit_test(of_the_mapper),
+        cmocka_unit_test(of_grids),           cmocka_unit_test(of_files),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -5,7 +5,9 @@
 #include <zlib.h>
 
 #include "cairn/carmen_log.h"
+#include "cairn/json_text.h"
 #include "cairn/map_file.h"
+#include "cairn/output.h"
 #include "cairn/pose_table.h"
 #include "tests/programs.h"
 
@@ -484,27 +486,27 @@ static void quiet_and_pipes(void **state)
 
 static void help_and_version(void **state)
 {
-    static const char *const commands[] = {"align", "map", "info"};
+    static const char *const commands[] = {"align", "map", "info", "match"};
     static const char *const common[] = {"--quiet", "--range-max M", "--help"};
-    static const char *const both[] = {"-o DIR", "--resolution M", "--pool BYTES", "--seed N"};
+    static const char *const both[] = {"-o DIR", "--resolution M", "--pool BYTES", "--seed N", "--report FILE"};
     outcome o = programs_run("cairn --help");
 
     (void)state;
     assert_done(o);
-    for (int k = 0; k < 3; k++) {
+    for (int k = 0; k < 4; k++) {
         char line[64];
         outcome help = programs_run("cairn %s --help", commands[k]), brief = programs_run("cairn %s -h", commands[k]);
 
         assert_done(help);
         assert_string_equal(help.err, "");
         assert_string_equal(help.out, brief.out);
-        (void)snprintf(line, sizeof line, "usage: cairn %s LOG", commands[k]);
+        (void)snprintf(line, sizeof line, "usage: cairn %s %s", commands[k], k < 3 ? "LOG" : "A B [options]");
         assert_memory_equal(help.out, line, strlen(line));
         (void)snprintf(line, sizeof line, "\n  %s ", commands[k]);
         assert_holds(o.out, line);
         for (int i = 0; i < 3; i++)
             assert_holds(help.out, common[i]);
-        for (int i = 0; i < 4 && k < 2; i++)
+        for (int i = 0; i < 5 && k < 2; i++)
             assert_holds(help.out, both[i]);
     }
     o = programs_run("cairn --version");
@@ -516,6 +518,187 @@ static void help_and_version(void **state)
     assert_holds(o.out, "usage: cairn-arena ");
     assert_holds(o.out, "rescue");
     assert_string_equal(o.err, "");
+}
+
+/* The page that --report asks for: beside the other files, in a folder that is made, or in that at hand. */
+static void pages(void **state)
+{
+    static const char *const commands[] = {"map @/drive/scans.log", "align @/places/scans.log --steps 20"};
+    outcome o;
+
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        char *page[2];
+        size_t count[2];
+
+        o = programs_run("cairn %s -o @/paged --report @/paged/map.html", commands[k]);
+        assert_done(o);
+        assert_string_equal(o.err, "");
+        assert_int_equal(count_in("paged"), FILES + 1);
+        assert_done(programs_run("cairn %s -o @/paged --quiet --report @/elsewhere/a/map.html", commands[k]));
+        assert_int_equal(count_in("elsewhere/a"), 1);
+        for (int i = 0; i < 2; i++) {
+            page[i] = files_read(files_path(i == 0 ? "paged/map.html" : "elsewhere/a/map.html"), &count[i]);
+            assert_non_null(page[i]);
+        }
+        assert_int_equal(count[0], count[1]);
+        assert_memory_equal(page[0], page[1], count[0]);
+        assert_holds(page[0], k == 0 ? "{\"title\":\"scans.log, mapped\"" : "{\"title\":\"scans.log, aligned\"");
+        assert_holds(page[0], k == 0 ? "\"step_name\":\"scan\"" : "\"step_name\":\"step\"");
+        assert_holds(page[0], k == 0 ? "\n{\"step\":29,\"label\":\"" : "\n{\"step\":20,\"label\":\"end\"");
+        assert_holds(page[0], "\"grid\":{\"height\":");
+        free(page[0]);
+        free(page[1]);
+    }
+    /* With no window there is no potential. */
+    assert_done(programs_run("cairn map @/drive/scans.log --window 0 -o @/paged --report @/paged/map.html"));
+    {
+        char *page = files_read(files_path("paged/map.html"), NULL);
+
+        assert_holds(page, "{\"name\":\"support\"");
+        assert_null(strstr(page, "\"potential P(g)\""));
+        free(page);
+    }
+    /* In the folder at hand. */
+    {
+        char before[256], here[256], *programs;
+
+        assert_non_null(getcwd(here, sizeof here));
+        programs = cairn_path_join(here, programs_folder);
+        assert_non_null(programs);
+        (void)snprintf(programs_folder, sizeof programs_folder, "%s", programs);
+        free(programs);
+        (void)snprintf(before, sizeof before, "cd '%s' && ", files_path("elsewhere"));
+        o = programs_run_shell(before, "cairn map ../drive/scans.log -o b --quiet --report here.html", NULL);
+        assert_done(o);
+        assert_int_equal(access(files_path("elsewhere/here.html"), F_OK), 0);
+    }
+}
+
+/* ---- Matches ---- */
+
+typedef struct match_result {
+    char verdict[16];
+    double x, y, theta; /* of the first hypothesis */
+    int32_t hypotheses;
+} match_result;
+
+/* What the JSON of a match says; that it is JSON. */
+static match_result read_match(const char *bytes)
+{
+    cairn_json json = cairn_json_begin("match", bytes, strlen(bytes));
+    match_result result = {"", 0, 0, 0, 0};
+    cairn_file_error error;
+    cairn_json_token token, name;
+
+    memset(&name, 0, sizeof name);
+    for (;;) {
+        if (cairn_json_next(&json, &token, &error) != CAIRN_OK)
+            fail_msg("%s", error.text);
+        if (token.kind == CAIRN_JSON_END)
+            return result;
+        if (token.kind == CAIRN_JSON_NAME)
+            name = token;
+        else if (token.kind == CAIRN_JSON_STRING && cairn_json_is(&name, "verdict"))
+            (void)cairn_json_copy(&token, result.verdict, sizeof result.verdict);
+        else if (token.kind == CAIRN_JSON_NUMBER && cairn_json_is(&name, "x") && result.hypotheses++ == 0)
+            result.x = token.number;
+        else if (token.kind == CAIRN_JSON_NUMBER && cairn_json_is(&name, "y") && result.hypotheses == 1)
+            result.y = token.number;
+        else if (token.kind == CAIRN_JSON_NUMBER && cairn_json_is(&name, "theta") && result.hypotheses == 1)
+            result.theta = token.number;
+    }
+}
+
+static void matches(void **state)
+{
+    cairn_pose_row *truth;
+    cairn_pose expected;
+    match_result result;
+    int32_t count;
+    char *json;
+    outcome o;
+
+    (void)state;
+    assert_ok(cairn_pose_table_read(&truth, &count, files_path("drive/truth.csv"), NULL));
+    expected = cairn_pose_between(truth[14].pose, truth[16].pose);
+    cairn_pose_table_free(truth);
+    o = programs_run("cairn match @/drive/scans.log:14 @/drive/scans.log:16 --json -o @/match/new --pictures");
+    assert_done(o);
+    assert_string_equal(o.err, "");
+    assert_int_equal(count_in("match/new"), 3);
+    assert_picture("match/new", "match.svg");
+    assert_picture("match/new", "tangents.svg");
+    json = files_read(files_path("match/new/match.json"), NULL);
+    assert_string_equal(o.out, json);
+    free(json);
+    assert_holds(o.out, "/drive/scans.log\", \"index\": 14, \"line\": ");
+    result = read_match(o.out);
+    assert_string_equal(result.verdict, "found");
+    assert_near(result.x, expected.x, 0.03);
+    assert_near(result.y, expected.y, 0.03);
+    assert_near(result.theta, expected.theta, 0.02);
+
+    /* In words, with a start that is not far; the same bytes again; without a word. */
+    o = programs_run("cairn match @/drive/scans.log:14 @/drive/scans.log:16 --start %.2f,%.2f,%.1f --window 0.5,20",
+                     (double)expected.x + 0.1, (double)expected.y - 0.1, (double)expected.theta * 57.3 + 5);
+    assert_done(o);
+    assert_holds(o.out, "verdict    found\n");
+    assert_holds(o.out, "\n   1  ");
+    assert_done(
+        programs_run("cairn match @/drive/scans.log:14 @/drive/scans.log:16 -o @/match/again --pictures --quiet"));
+    for (int k = 0; k < 2; k++) {
+        static const char *const names[] = {"match.json", "match.svg"};
+        char *one = files_read(in_folder("match/new", names[k]), NULL);
+        char *two = files_read(in_folder("match/again", names[k]), NULL);
+
+        assert_string_equal(one, two);
+        free(one);
+        free(two);
+    }
+    o = programs_run("cairn match @/drive/scans.log @/drive/scans.log:0 --quiet -o @/match/plain");
+    assert_done(o);
+    assert_string_equal(o.out, "");
+    assert_int_equal(count_in("match/plain"), 1);
+    json = files_read(files_path("match/plain/match.json"), NULL);
+    result = read_match(json);
+    free(json);
+    assert_near(hypot(result.x, result.y) + fabs(result.theta), 0, 1e-3);
+}
+
+/* Scans that show next to nothing, or the same all around: a verdict. */
+static void matches_of_poor_scans(void **state)
+{
+    static const struct {
+        const char *a, *b, *verdict;
+    } sample[] = {{"poor.json:0", "poor.json:0", "none"},      {"poor.json:1", "poor.json:0", "none"},
+                  {"poor.json:2", "poor.json:2", "ambiguous"}, {"poor.json:2", "poor.json:1", "none"},
+                  {"drive/scans.log", "poor.json", "none"},    {"poor:7.json", "poor:7.json:0", "none"}};
+    text t = {NULL, 0, 0};
+
+    (void)state;
+    add(&t, "{\"nrays\":1,\"theta\":[0],\"readings\":[1]}\n{\"nrays\":3,\"theta\":[0,1,2],\"readings\":[null,null,null]"
+            "}\n");
+    add(&t, "{\"nrays\":360,\"min_theta\":-3.14,\"max_theta\":3.14,\"readings\":[2");
+    for (int i = 1; i < 360; i++)
+        add(&t, ",2");
+    add(&t, "]}\n");
+    write_text("poor.json", &t);
+    (void)files_write_text("poor:7.json", "{\"nrays\":1,\"theta\":[0],\"readings\":[1]}");
+    for (size_t i = 0; i < sizeof sample / sizeof *sample; i++) {
+        outcome o = programs_run("cairn match @/%s @/%s --json -o @/poor --pictures", sample[i].a, sample[i].b);
+
+        assert_done(o);
+        assert_string_equal(read_match(o.out).verdict, sample[i].verdict);
+        assert_picture("poor", "match.svg");
+        assert_picture("poor", "tangents.svg");
+        o = programs_run("cairn match @/%s @/%s", sample[i].a, sample[i].b);
+        assert_done(o);
+        assert_holds(o.out, sample[i].verdict);
+        if (i == 2)
+            assert_holds(o.out, "not told   turn about the middle of B: information ");
+    }
+    free(t.bytes);
 }
 
 /* ---- Logs that are damaged in part ---- */
@@ -684,6 +867,44 @@ static void poses_far_away(void **state)
 
 /* ---- Bad input ---- */
 
+/* One line about the file for either side of a match. */
+static void refuse_scan(const char *name, const char *piece)
+{
+    char start[64];
+
+    (void)snprintf(start, sizeof start, "/%s:", name);
+    assert_refused(programs_run("cairn match @/%s @/drive/scans.log -o @/refused", name), start, piece);
+    assert_refused(programs_run("cairn match @/drive/scans.log @/%s -o @/refused", name), start, piece);
+    assert_int_equal(count_in("refused"), -1);
+}
+
+static void scans_that_are_none(void **state)
+{
+    (void)state;
+    (void)files_write_text("empty.json", "");
+    refuse_scan("empty.json", "the file is empty, expected a CARMEN log");
+    (void)files_write_text("cut.json", "{\"nrays\": 3,\n\"theta\": [0, 1");
+    refuse_scan("cut.json", "cut.json:2: the text ends within an array, expected a comma or ]");
+    (void)files_write_text("list.json", "[1]");
+    refuse_scan("list.json", "list.json:1: not an object, expected { and the fields of a scan");
+    (void)files_write_text("short.json", "{\"nrays\":3,\"theta\":[0,1],\"readings\":[1,2,3]}");
+    refuse_scan("short.json", "short.json:1: theta holds 2 numbers, expected 3");
+    (void)files_write_text("nan.json", "{\"nrays\":1,\"theta\":[0],\"readings\":[nan]}");
+    refuse_scan("nan.json", "nan.json:1: 'n' within an array, expected a value");
+    assert_int_equal(mkdir(files_path("folder.json"), 0777), 0);
+    refuse_scan("folder.json", "is a folder, expected a regular file");
+    {
+        outcome o = programs_run("cairn match @/missing.json @/drive/scans.log -o @/refused");
+
+        assert_int_equal(o.code, 2);
+        assert_int_equal(lines_of(o.err), 1);
+        assert_holds(o.err, "/missing.json: cannot open: No such file or directory\n");
+    }
+    /* The folder is looked at before the scans. */
+    (void)files_write_text("plain", "kept");
+    assert_refused(programs_run("cairn match @/missing.json b -o @/plain"), "/plain: ", "is a file, expected a folder");
+}
+
 /* Two lines for a log that has both a damaged line and no scan: the second one is checked by `piece`. */
 static void refuse_log(const char *name, int warnings, const char *first, const char *piece)
 {
@@ -785,6 +1006,25 @@ static void command_lines(void **state)
          "cairn align: ", "holds 30 scans, expected at most 29: raise --max-scans, or use cairn map"},
         {"cairn map @/drive/scans.log -o @/refused --resolution 0.001",
          "map: ", "cells are too many, expected up to 67108864: choose a coarser --resolution"},
+        {"cairn match", "cairn match: ", "no scans, expected A and B"},
+        {"cairn match @/drive/scans.log", "cairn match: ", "only one scan, expected A and B"},
+        {"cairn match a b c", "cairn match: ", "one word too many, 'c'"},
+        {"cairn match a b --method magic", "cairn match: ", "unknown method 'magic', expected default"},
+        {"cairn match a b --start 1,2", "cairn match: ", "--start is '1,2', expected three numbers X,Y,DEG"},
+        {"cairn match a b --start 1,2,3,4", "cairn match: ", "--start is '1,2,3,4'"},
+        {"cairn match a b --start 1,nan,3", "cairn match: ", "--start is '1,nan,3'"},
+        {"cairn match a b --start 2e5,0,0", "cairn match: ", "--start is '2e5,0,0'"},
+        {"cairn match a b --window 1,1", "cairn match: ", "--window without --start, expected both or none"},
+        {"cairn match a b --start 0,0,0 --window 1", "cairn match: ", "--window is '1'"},
+        {"cairn match a b --start 0,0,0 --window 1,-1", "cairn match: ", "--window is '1,-1'"},
+        {"cairn match a b --pictures", "cairn match: ", "--pictures without a folder to write to, expected -o DIR"},
+        {"cairn match a b --spacing 0", "cairn match: ", "--spacing is '0'"},
+        {"cairn match @/drive/scans.log:30 @/drive/scans.log",
+         "cairn match: ", "holds 30 scans, expected an index from 0 to 29, not 30"},
+        {"cairn match @/drive/scans.log @/poor.json:3",
+         "cairn match: ", "holds 3 scans, expected an index from 0 to 2, not 3"},
+        {"cairn match @/drive/scans.log @/drive/scans.log --pool 1K",
+         "cairn match: ", "--pool is '1K', expected at least"},
         {"cairn info", "cairn info: ", "no log"},
         {"cairn info --range-max 0 @/drive/scans.log", "cairn info: ", "--range-max is '0'"},
         {"cairn-arena", "cairn-arena: ", "scene"},
@@ -847,6 +1087,33 @@ static void folders_that_cannot_be_written(void **state)
     assert_refused(programs_run("cairn map @/drive/scans.log -o @/taken"), "/taken/map.svg: ", "is a folder, expected");
     assert_int_equal(count_in("taken"), 1);
 
+    /* A page that cannot be written is told before the work. */
+    assert_refused(programs_run("cairn map @/drive/scans.log -o @/unpaged --report @/file/map.html"), "/file",
+                   "is a file, expected a folder");
+    assert_refused(programs_run("cairn align @/drive/scans.log -o @/unpaged --report @/taken"),
+                   "/taken: ", "is a folder, expected");
+    assert_refused(programs_run("cairn map @/drive/scans.log -o @/unpaged --report @/taken/"),
+                   "/taken/: ", "is a folder, expected the name of a page");
+    assert_int_equal(count_in("unpaged"), -1);
+    /* No room on the disk for it: the map is there, and what had its name stays. */
+    (void)files_write_text("kept.html", "kept");
+    {
+        char command[1024], *kept;
+
+        (void)snprintf(
+            command, sizeof command,
+            "cairn map '%s/drive/scans.log' --resolution 0.2 --quiet -o '%s/unpaged' --report '%s/kept.html'",
+            files_folder, files_folder, files_folder);
+        o = programs_run_shell("trap '' XFSZ; ulimit -f 80;", command, NULL);
+        assert_int_equal(o.code, 2);
+        assert_int_equal(lines_of(o.err), 1);
+        assert_holds(o.err, "kept.html: cannot write: File too large\n");
+        assert_int_equal(count_in("unpaged"), FILES);
+        kept = files_read(files_path("kept.html"), NULL);
+        assert_string_equal(kept, "kept");
+        free(kept);
+    }
+
     if (geteuid() != 0) {
         assert_int_equal(mkdir(files_path("closed"), 0555), 0);
         o = programs_run("cairn map @/drive/scans.log -o @/closed");
@@ -898,6 +1165,9 @@ int main(int argc, char **argv)
         cmocka_unit_test(same_seed_same_bytes),
         cmocka_unit_test(a_pose_for_every_scan),
         cmocka_unit_test(the_map_reads_back),
+        cmocka_unit_test(pages),
+        cmocka_unit_test(matches),
+        cmocka_unit_test(matches_of_poor_scans),
         cmocka_unit_test(names_of_logs_stay_text),
         cmocka_unit_test(quiet_and_pipes),
         cmocka_unit_test(help_and_version),
@@ -907,6 +1177,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(large_rooms_get_more_room),
         cmocka_unit_test(poses_far_away),
         cmocka_unit_test(logs_that_are_none),
+        cmocka_unit_test(scans_that_are_none),
         cmocka_unit_test(command_lines),
         cmocka_unit_test(folders_that_cannot_be_written),
         cmocka_unit_test(a_refused_run_leaves_the_folder),

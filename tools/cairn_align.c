@@ -7,6 +7,7 @@
 #include "cairn/force_field.h"
 #include "cairn/output.h"
 #include "tools/cairn_map_output.h"
+#include "tools/cairn_player.h"
 #include "tools/cairn_tool.h"
 
 #define PROGRAM "cairn align"
@@ -15,7 +16,7 @@
 #define FIELD_POINTS_MOST (1 << 24)
 
 typedef struct settings {
-    const char *log, *folder, *method, *pool;
+    const char *log, *folder, *method, *pool, *report;
     int64_t max_scans, steps, seed;
     double resolution, range, range_max, spacing;
     int32_t quiet;
@@ -34,6 +35,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from here on are no return, m (by the log)"),
         OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "for methods that draw at random; gradient does not"),
+        OPTION_TEXT("--report", &s->report, "FILE", PLAYER_HELP),
         OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the alignment (just what it needs)"),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
     };
@@ -42,18 +44,10 @@ static option_result read_settings(settings *s, int argc, char **argv)
         "Aligns all scans of a CARMEN log (plain or gzipped) at once. Their order does not matter; the\n"
         "poses in the log are the start.",
         table, sizeof table / sizeof *table};
-    const char *words[1];
-    size_t count = 1;
-    option_result result = options_read(&set, argc, argv, words, &count);
+    option_result result = tool_read_options(&set, argc, argv, &s->log, &s->folder);
 
     if (result != OPTIONS_READ)
         return result;
-    s->log = count > 0 ? words[0] : NULL;
-    if (s->log == NULL || s->folder == NULL) {
-        (void)options_refuse(PROGRAM, "%s, expected LOG -o DIR",
-                             s->log == NULL ? "no log" : "no folder to write to (-o)");
-        return OPTIONS_BAD;
-    }
     if (strcmp(s->method, "gradient") != 0) {
         (void)options_refuse(PROGRAM, "unknown method '%s', expected gradient", s->method);
         return OPTIONS_BAD;
@@ -116,12 +110,10 @@ static int survey(const settings *s, const cairn_carmen_scans *log, cairn_scan *
     return TOOL_OK;
 }
 
-/* Fits the scans again, adds them to the field, lets it run. */
-static int align(const settings *s, const cairn_carmen_scans *log, cairn_scan *scan, cairn_force_field *field,
-                 map_scan *scans, cairn_real *first_potential)
+/* Fits the scans again and adds them to the field. */
+static int add_scans(const settings *s, const cairn_carmen_scans *log, cairn_scan *scan, cairn_force_field *field,
+                     const map_scan *scans)
 {
-    tool_progress progress = tool_progress_begin("align", s->steps, s->quiet);
-    cairn_force_field_state state;
     cairn_status status;
 
     for (int32_t i = 0; i < log->count; i++) {
@@ -135,16 +127,53 @@ static int align(const settings *s, const cairn_carmen_scans *log, cairn_scan *s
         if (status != CAIRN_OK)
             return tool_report_scan(s->log, record->line, status, &fault);
     }
+    return TOOL_OK;
+}
+
+/* Lets the field run; the record, when not NULL, sees every iteration. */
+static cairn_status iterate(const settings *s, cairn_force_field *field, player_field *record,
+                            cairn_real *first_potential)
+{
+    tool_progress progress = tool_progress_begin("align", s->steps, s->quiet);
+    cairn_force_field_state state;
+    cairn_status status;
+
     do {
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
+        if (record != NULL)
+            player_field_before(record);
         status = cairn_force_field_iterate(field, &budget);
         state = cairn_force_field_read(field);
+        if (status >= 0 && record != NULL)
+            status = player_field_after(record);
         if (state.iterations == 1)
             *first_potential = state.potential;
         tool_progress_at(&progress, state.iterations);
     } while (status >= 0 && state.verdict == CAIRN_FORCE_FIELD_RUNNING);
     tool_progress_end(&progress);
+    return status >= 0 && record != NULL ? player_field_end(record) : status;
+}
+
+static int align(const settings *s, const cairn_carmen_scans *log, cairn_scan *scan, cairn_force_field *field,
+                 map_scan *scans, cairn_report_player *player, cairn_real *first_potential)
+{
+    player_field record;
+    cairn_status status;
+    int code = add_scans(s, log, scan, field, scans);
+
+    if (code != TOOL_OK)
+        return code;
+    if (player != NULL) {
+        status = player_field_begin(&record, player, field);
+        for (int32_t i = 0; i < log->count && status == CAIRN_OK; i++)
+            status = player_add_scan(player, &scans[i], i);
+        if (status == CAIRN_OK)
+            status = iterate(s, field, &record, first_potential);
+        player_field_free(&record);
+    } else {
+        status = iterate(s, field, NULL, first_potential);
+    }
     if (status < 0) {
         (void)options_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
         return tool_exit_code(status);
@@ -154,8 +183,25 @@ static int align(const settings *s, const cairn_carmen_scans *log, cairn_scan *s
     return TOOL_OK;
 }
 
+/* The player for --report; NULL without it. */
+static cairn_status open_player(const settings *s, const cairn_carmen_scans *log, const cairn_force_field_params *field,
+                                cairn_report_player **player)
+{
+    cairn_report_player_params params = player_field_params(field);
+    char title[256], subtitle[256];
+
+    *player = NULL;
+    if (s->report == NULL)
+        return CAIRN_OK;
+    snprintf(title, sizeof title, "%s, aligned", cairn_path_name(s->log));
+    snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans, force field simulation", log->count);
+    params.title = title;
+    params.subtitle = subtitle;
+    return cairn_report_player_open(player, &params);
+}
+
 static int write_all(const settings *s, const cairn_carmen_scans *log, map_scan *scans,
-                     const cairn_force_field_state *state)
+                     const cairn_force_field_state *state, cairn_report_player *player)
 {
     cairn_file_error error;
     map_output output;
@@ -171,6 +217,8 @@ static int write_all(const settings *s, const cairn_carmen_scans *log, map_scan 
     output.count = log->count;
     output.resolution = s->resolution;
     output.range = s->range;
+    output.player = player;
+    output.report = s->report;
     if (map_output_write(&output, s->folder, &error) != CAIRN_OK)
         return tool_report(&error);
     return TOOL_OK;
@@ -217,6 +265,7 @@ static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans
     cairn_force_field_params field_params = cairn_force_field_default();
     cairn_force_field *field = NULL;
     cairn_scan *scan = NULL;
+    cairn_report_player *player = NULL;
     cairn_force_field_state state;
     cairn_real first_potential = 0;
     cairn_status status;
@@ -237,39 +286,38 @@ static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans
     status = cairn_scan_create(&scan, &pool, &scan_params);
     if (status == CAIRN_OK)
         status = cairn_force_field_create(&field, &pool, &field_params);
+    if (status == CAIRN_OK)
+        status = open_player(s, log, &field_params, &player);
     if (status == CAIRN_OK) {
-        code = align(s, log, scan, field, scans, &first_potential);
+        code = align(s, log, scan, field, scans, player, &first_potential);
     } else {
         (void)options_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
         code = tool_exit_code(status);
     }
     if (code == TOOL_OK) {
         state = cairn_force_field_read(field);
-        code = write_all(s, log, scans, &state);
+        code = write_all(s, log, scans, &state, player);
         if (code == TOOL_OK && !s->quiet)
             print_summary(log, &state, pool.peak, tool_seconds() - start, first_potential, field_params.sigma_start);
     }
+    cairn_report_player_free(player);
     tool_pool_close(&pool);
     return code;
 }
 
 int tool_align(int argc, char **argv)
 {
-    settings s = {NULL, NULL, "gradient", NULL, 500, 50, 1, 0.05, 30, 0, 0.1, 0};
+    settings s = {NULL, NULL, "gradient", NULL, NULL, 500, 50, 1, 0.05, 30, 0, 0.1, 0};
     cairn_file_error error;
+    option_result result;
     cairn_carmen_scans log;
     map_scan *scans;
     int code;
 
-    switch (read_settings(&s, argc, argv)) {
-    case OPTIONS_HELPED:
-        return TOOL_OK;
-    case OPTIONS_BAD:
-        return TOOL_BAD;
-    default:
-        break;
-    }
-    if (map_output_check(s.folder, &error) != CAIRN_OK)
+    result = read_settings(&s, argc, argv);
+    if (result != OPTIONS_READ)
+        return result;
+    if (map_output_check(s.folder, s.report, &error) != CAIRN_OK)
         return tool_report(&error);
     code = tool_load(&log, s.log, s.range_max, s.quiet);
     if (code != TOOL_OK)

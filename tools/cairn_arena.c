@@ -218,6 +218,7 @@ int main(int argc, char **argv)
     option_set set = {PROGRAM, "SCENE -o DIR [options]", text, table, TABLE};
     const char *scene;
     size_t given = 1;
+    option_result result;
 
     c.fov = c.survey.fov / degree;
     c.jitter[0] = c.survey.jitter_position;
@@ -226,14 +227,9 @@ int main(int argc, char **argv)
     c.sweep[1] = c.survey.sweep_turn;
     make_table(&c, table);
     about(text, sizeof text);
-    switch (options_read(&set, argc, argv, &scene, &given)) {
-    case OPTIONS_HELPED:
-        return 0;
-    case OPTIONS_BAD:
-        return 2;
-    default:
-        break;
-    }
+    result = options_read(&set, argc, argv, &scene, &given);
+    if (result != OPTIONS_READ)
+        return result;
     if (given == 0)
         return options_refuse(PROGRAM, "no scene, expected one of those that --help lists");
     return run(&c, scene, argc, argv);

@@ -127,16 +127,12 @@ int tool_info(int argc, char **argv)
     cairn_carmen_log *log;
     cairn_carmen_info info;
     cairn_file_error error;
+    option_result result;
     int code;
 
-    switch (options_read(&set, argc, argv, words, &word_count)) {
-    case OPTIONS_HELPED:
-        return TOOL_OK;
-    case OPTIONS_BAD:
-        return TOOL_BAD;
-    default:
-        break;
-    }
+    result = options_read(&set, argc, argv, words, &word_count);
+    if (result != OPTIONS_READ)
+        return result;
     if (word_count < 1)
         return options_refuse("cairn info", "no log, expected %s", set.synopsis);
     faults.quiet = quiet;

@@ -1,5 +1,6 @@
 /* cairn map: a log, scan by scan. */
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -7,6 +8,7 @@
 #include "cairn/mapper.h"
 #include "cairn/output.h"
 #include "tools/cairn_map_output.h"
+#include "tools/cairn_player.h"
 #include "tools/cairn_tool.h"
 
 #define PROGRAM "cairn map"
@@ -15,7 +17,7 @@
 #define KEY_CAPACITY_MOST (1 << 24)
 
 typedef struct settings {
-    const char *log, *folder, *pool;
+    const char *log, *folder, *pool, *report;
     int64_t max_keys, window, seed;
     double resolution, range, range_max;
     int32_t no_odometry, quiet;
@@ -33,6 +35,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from here on are no return, m (by the log)"),
         OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "for methods that draw at random; this one does not"),
+        OPTION_TEXT("--report", &s->report, "FILE", PLAYER_HELP),
         OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the mapper (just what it needs)"),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
     };
@@ -41,18 +44,10 @@ static option_result read_settings(settings *s, int argc, char **argv)
         "Maps a CARMEN log (plain or gzipped), scan by scan: every scan is matched against the key scans\n"
         "near by, and force field simulation runs over a window of the last key scans.",
         table, sizeof table / sizeof *table};
-    const char *words[1];
-    size_t count = 1;
-    option_result result = options_read(&set, argc, argv, words, &count);
+    option_result result = tool_read_options(&set, argc, argv, &s->log, &s->folder);
 
     if (result != OPTIONS_READ)
         return result;
-    s->log = count > 0 ? words[0] : NULL;
-    if (s->log == NULL || s->folder == NULL) {
-        (void)options_refuse(PROGRAM, "%s, expected LOG -o DIR",
-                             s->log == NULL ? "no log" : "no folder to write to (-o)");
-        return OPTIONS_BAD;
-    }
     if (s->window == 1) {
         (void)options_refuse(PROGRAM, "--window is '1', expected 0 or 2 to 64");
         return OPTIONS_BAD;
@@ -73,10 +68,47 @@ static const char *verdict_text(cairn_mapper_verdict verdict)
     return texts[verdict];
 }
 
+/* A frame of the player: the key scans after scan `index` of the log. */
+static cairn_status add_frame(cairn_report_player *player, const cairn_mapper *mapper, int32_t index)
+{
+    cairn_mapper_state state = cairn_mapper_measure(mapper);
+    cairn_mapper_result result = cairn_mapper_read(mapper);
+    double value[2] = {result.verdict == CAIRN_MAPPER_FIRST ? (double)NAN : (double)result.support,
+                       (double)state.potential};
+    cairn_report_frame frame;
+    cairn_pose *pose = malloc(((size_t)state.keys + 1) * sizeof *pose);
+    cairn_status status;
+    char label[64];
+
+    if (pose == NULL)
+        return CAIRN_NO_MEMORY;
+    for (int32_t i = 0; i < state.keys; i++)
+        pose[i] = cairn_mapper_key_pose(mapper, i);
+    memset(&frame, 0, sizeof frame);
+    snprintf(label, sizeof label, "%" PRId32 " key scans", state.keys);
+    frame.step = index;
+    frame.label = label;
+    frame.pose = pose;
+    frame.pose_count = state.keys;
+    frame.value = value;
+    status = cairn_report_player_add_frame(player, &frame);
+    free(pose);
+    return status;
+}
+
+/* Records a key scan, and the map after it. */
+static cairn_status record_key(cairn_report_player *player, const cairn_mapper *mapper, const map_scan *scan,
+                               int32_t index)
+{
+    cairn_status status = player_add_scan(player, scan, index);
+
+    return status == CAIRN_OK ? add_frame(player, mapper, index) : status;
+}
+
 /* Feeds all scans to the mapper; keeps what is drawn. TOOL_OK, or another exit code after a line on standard error; *full
  * is set, and no line printed, when the mapper had no room for a key scan. */
 static int feed(const settings *s, const cairn_carmen_scans *log, cairn_mapper *mapper, map_scan *scans, place *places,
-                int32_t *full)
+                cairn_report_player *player, int32_t *full)
 {
     tool_progress progress = tool_progress_begin("map", log->count, s->quiet);
     cairn_status status = CAIRN_OK;
@@ -104,9 +136,13 @@ static int feed(const settings *s, const cairn_carmen_scans *log, cairn_mapper *
         }
         result = cairn_mapper_read(mapper);
         view = cairn_mapper_view(mapper);
-        if (!map_scan_keep(&scans[i], &view)) {
+        if (!map_scan_keep(&scans[i], &view))
+            status = CAIRN_NO_MEMORY;
+        if (status == CAIRN_OK && player != NULL && (result.is_key || i == log->count - 1))
+            status = result.is_key ? record_key(player, mapper, &scans[i], i) : add_frame(player, mapper, i);
+        if (status != CAIRN_OK) {
             tool_progress_end(&progress);
-            return tool_report_scan(s->log, record->line, CAIRN_NO_MEMORY, NULL);
+            return tool_report_scan(s->log, record->line, status, NULL);
         }
         places[i].key = result.key;
         places[i].key_scan = result.key_scan;
@@ -122,8 +158,32 @@ static int feed(const settings *s, const cairn_carmen_scans *log, cairn_mapper *
     return TOOL_OK;
 }
 
+/* The player for --report; NULL without it. */
+static cairn_status open_player(const settings *s, const cairn_carmen_scans *log, cairn_report_player **player)
+{
+    static const cairn_report_curve curves[] = {
+        {"support", "", "share of the scan's points that found partners"},
+        {"potential P(g)", "", "of the key scans in the window"},
+    };
+    cairn_report_player_params params = cairn_report_player_default();
+    char title[256], subtitle[256];
+
+    *player = NULL;
+    if (s->report == NULL)
+        return CAIRN_OK;
+    snprintf(title, sizeof title, "%s, mapped", cairn_path_name(s->log));
+    snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans%s", log->count, s->no_odometry ? ", without odometry" : "");
+    params.title = title;
+    params.subtitle = subtitle;
+    params.step_name = "scan";
+    params.connect = 1;
+    params.curve = curves;
+    params.curve_count = sizeof curves / sizeof *curves - (s->window == 0);
+    return cairn_report_player_open(player, &params);
+}
+
 static int write_all(const settings *s, const cairn_carmen_scans *log, const cairn_mapper *mapper, map_scan *scans,
-                     const place *places)
+                     const place *places, cairn_report_player *player)
 {
     cairn_file_error error;
     map_output output;
@@ -143,6 +203,8 @@ static int write_all(const settings *s, const cairn_carmen_scans *log, const cai
     output.grid_panel = 1;
     output.resolution = s->resolution;
     output.range = s->range;
+    output.player = player;
+    output.report = s->report;
     if (map_output_write(&output, s->folder, &error) != CAIRN_OK)
         return tool_report(&error);
     return TOOL_OK;
@@ -174,6 +236,7 @@ static int map_with_room(const settings *s, const cairn_carmen_scans *log, map_s
 {
     cairn_mapper_params params = cairn_mapper_default();
     double start = tool_seconds(), fed;
+    cairn_report_player *player = NULL;
     cairn_mapper *mapper = NULL;
     cairn_status status;
     cairn_pool pool;
@@ -193,12 +256,14 @@ static int map_with_room(const settings *s, const cairn_carmen_scans *log, map_s
     if (code != TOOL_OK)
         return code;
     status = cairn_mapper_create(&mapper, &pool, &params);
+    if (status == CAIRN_OK)
+        status = open_player(s, log, &player);
     if (status != CAIRN_OK) {
         tool_pool_close(&pool);
         (void)options_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
         return tool_exit_code(status);
     }
-    code = feed(s, log, mapper, scans, places, full);
+    code = feed(s, log, mapper, scans, places, player, full);
     fed = tool_seconds();
     if (*full && cairn_mapper_measure(mapper).keys == params.max_keys) {
         *full = 0;
@@ -207,9 +272,10 @@ static int map_with_room(const settings *s, const cairn_carmen_scans *log, map_s
                               s->log, params.max_keys);
     }
     if (code == TOOL_OK)
-        code = write_all(s, log, mapper, scans, places);
+        code = write_all(s, log, mapper, scans, places, player);
     if (code == TOOL_OK && !s->quiet)
         print_summary(log, mapper, pool.peak, tool_seconds() - start, fed - start);
+    cairn_report_player_free(player);
     tool_pool_close(&pool);
     return code;
 }
@@ -231,22 +297,18 @@ static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans
 
 int tool_map(int argc, char **argv)
 {
-    settings s = {NULL, NULL, NULL, 4096, 8, 1, 0.05, 30, 0, 0, 0};
+    settings s = {NULL, NULL, NULL, NULL, 4096, 8, 1, 0.05, 30, 0, 0, 0};
     cairn_file_error error;
+    option_result result;
     cairn_carmen_scans log;
     map_scan *scans;
     place *places;
     int code;
 
-    switch (read_settings(&s, argc, argv)) {
-    case OPTIONS_HELPED:
-        return TOOL_OK;
-    case OPTIONS_BAD:
-        return TOOL_BAD;
-    default:
-        break;
-    }
-    if (map_output_check(s.folder, &error) != CAIRN_OK)
+    result = read_settings(&s, argc, argv);
+    if (result != OPTIONS_READ)
+        return result;
+    if (map_output_check(s.folder, s.report, &error) != CAIRN_OK)
         return tool_report(&error);
     code = tool_load(&log, s.log, s.range_max, s.quiet);
     if (code != TOOL_OK)

@@ -9,7 +9,7 @@
 #include "cairn/occupancy_grid.h"
 #include "cairn/output_set.h"
 #include "cairn/pose_table.h"
-#include "cairn/report.h"
+#include "tools/cairn_player.h"
 
 /* Cells of a map that a tool makes: 512 MB of grid. */
 #define CELLS_MOST (1 << 26)
@@ -258,12 +258,24 @@ static cairn_status write_poses(const map_output *output, const char *path, cair
     return status;
 }
 
+static cairn_report_grid grid_of(const cairn_map_file *map)
+{
+    cairn_report_grid grid;
+
+    grid.pixel = map->pixel;
+    grid.width = map->width;
+    grid.height = map->height;
+    grid.resolution = map->resolution;
+    grid.origin = map->origin;
+    return grid;
+}
+
 static cairn_status write_picture(const map_output *output, const cairn_map_file *map, const char *path,
                                   cairn_file_error *error)
 {
     cairn_report_map picture = cairn_report_map_default();
     cairn_report_panel panel[2];
-    cairn_report_grid grid;
+    cairn_report_grid grid = grid_of(map);
     size_t n = (size_t)output->count;
     cairn_report_scan *scan = calloc(n, sizeof *scan);
     cairn_pose *before = malloc(n * sizeof *before), *after = malloc(n * sizeof *after);
@@ -283,11 +295,6 @@ static cairn_status write_picture(const map_output *output, const cairn_map_file
             after[i] = s->after;
             doubtful[i] = s->doubtful;
         }
-        grid.pixel = map->pixel;
-        grid.width = map->width;
-        grid.height = map->height;
-        grid.resolution = map->resolution;
-        grid.origin = map->origin;
         panel[0].title = "before";
         panel[0].note = "poses of the log";
         panel[0].pose = before;
@@ -318,9 +325,21 @@ static cairn_status write_picture(const map_output *output, const cairn_map_file
 enum { POSES, IMAGE, YAML, PICTURE, FILES };
 static const char *const file_names[FILES] = {"poses.csv", "map.pgm", "map.yaml", "map.svg"};
 
-cairn_status map_output_check(const char *folder, cairn_file_error *error)
+cairn_status map_output_check(const char *folder, const char *report, cairn_file_error *error)
 {
-    return cairn_output_set_check(folder, file_names, FILES, error);
+    cairn_status status = cairn_output_set_check(folder, file_names, FILES, error);
+
+    return status == CAIRN_OK && report != NULL ? player_check(report, error) : status;
+}
+
+static cairn_status write_page(const map_output *output, const cairn_map_file *map, cairn_file_error *error)
+{
+    cairn_report_grid grid = grid_of(map);
+    cairn_status status = cairn_report_player_set_grid(output->player, &grid);
+
+    if (status != CAIRN_OK)
+        return cairn_file_error_set(error, status, output->report, 0, "no memory for the page");
+    return player_write(output->player, output->report, error);
 }
 
 cairn_status map_output_write(const map_output *output, const char *folder, cairn_file_error *error)
@@ -342,6 +361,8 @@ cairn_status map_output_write(const map_output *output, const char *folder, cair
         status = cairn_output_set_commit(files, error);
     else
         cairn_output_set_discard(files);
+    if (status == CAIRN_OK && output->player != NULL)
+        status = write_page(output, &map, error);
     cairn_map_file_free(&map);
     return status;
 }

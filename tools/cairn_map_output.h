@@ -1,9 +1,11 @@
-/* cairn_map_output: what cairn align and cairn map write: poses.csv, map.pgm with map.yaml, map.svg. */
+/* cairn_map_output: what cairn align and cairn map write: poses.csv, map.pgm with map.yaml, map.svg, and the page of
+ * --report. */
 #ifndef CAIRN_TOOLS_CAIRN_MAP_OUTPUT_H
 #define CAIRN_TOOLS_CAIRN_MAP_OUTPUT_H
 
 #include "cairn/carmen_log.h"
 #include "cairn/file_error.h"
+#include "cairn/report.h"
 #include "cairn/scan.h"
 
 /* A scan of the log and what was made of it. */
@@ -28,10 +30,12 @@ typedef struct map_output {
     const char *title, *subtitle;
     map_scan *scan; /* [count] */
     int32_t count;
-    int32_t in_order;   /* 1: the poses are a path */
-    int32_t grid_panel; /* 1: the picture after shows the grid, otherwise the walls of the scans */
-    double resolution;  /* m */
-    double range;       /* m, the grid takes beams up to here */
+    int32_t in_order;            /* 1: the poses are a path */
+    int32_t grid_panel;          /* 1: the picture after shows the grid, otherwise the walls of the scans */
+    double resolution;           /* m */
+    double range;                /* m, the grid takes beams up to here */
+    cairn_report_player *player; /* gets the grid; NULL: no page */
+    const char *report;          /* the page; may lie in the folder or elsewhere */
 } map_output;
 
 /* Arrays for `count` scans, all unknown; NULL when there is no memory. */
@@ -41,10 +45,11 @@ void map_scans_free(map_scan *scan, int32_t count);
 /* Copies what a scan saw, in place of what was kept before. 0 when there is no memory. */
 int32_t map_scan_keep(map_scan *scan, const cairn_scan_view *view);
 
-/* Whether map_output_write could write there: to be asked before the work. Makes nothing. */
-CAIRN_CHECKED cairn_status map_output_check(const char *folder, cairn_file_error *error);
+/* Whether map_output_write could write there: to be asked before the work. Makes nothing. report: NULL for none. */
+CAIRN_CHECKED cairn_status map_output_check(const char *folder, const char *report, cairn_file_error *error);
 
-/* Writes all files into the folder, which is made when it is missing. On failure the folder is as it was. */
+/* Writes all files into the folder, which is made when it is missing; on failure it is as it was. Then writes the page; on
+ * failure the files of the folder are new and the page is as it was. */
 CAIRN_CHECKED cairn_status map_output_write(const map_output *output, const char *folder, cairn_file_error *error);
 
 #endif

@@ -20,6 +20,18 @@ int tool_exit_code(cairn_status status)
     return status == CAIRN_NO_MEMORY || status == CAIRN_BAD_BUILD ? TOOL_FAILED : TOOL_BAD;
 }
 
+option_result tool_read_options(const option_set *set, int argc, char **argv, const char **log,
+                                const char *const *folder)
+{
+    size_t count = 1;
+    option_result result = options_read(set, argc, argv, log, &count);
+
+    if (result != OPTIONS_READ || (count > 0 && *folder != NULL))
+        return result;
+    (void)options_refuse(set->program, "%s, expected LOG -o DIR", count == 0 ? "no log" : "no folder to write to (-o)");
+    return OPTIONS_BAD;
+}
+
 int tool_report(const cairn_file_error *error)
 {
     fprintf(stderr, "%s\n", error->text);

@@ -21,6 +21,12 @@ enum {
 int tool_align(int argc, char **argv);
 int tool_info(int argc, char **argv);
 int tool_map(int argc, char **argv);
+int tool_match(int argc, char **argv);
+int tool_replay(int argc, char **argv);
+
+/* Reads the command line "LOG -o DIR [options]"; `folder` is where the table's -o goes to. OPTIONS_READ: both were given. */
+option_result tool_read_options(const option_set *set, int argc, char **argv, const char **log,
+                                const char *const *folder);
 
 /* Prints the error's text on standard error and returns its exit code. */
 int tool_report(const cairn_file_error *error);

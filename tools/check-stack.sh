@@ -1,14 +1,20 @@
 #!/bin/sh
-# Bounds the stack from gcc's call graphs: tools/check-stack.sh DIRECTORY
+# Bounds the stack from gcc's call graphs: tools/check-stack.sh [--all] DIRECTORY
 #
+# With --all prints a row of a table for every public function, and what is refused on standard error.
 # DIRECTORY holds the *.ci files of objects compiled by gcc with -fstack-usage -fcallgraph-info=su. Refused are recursion
 # and stack whose size is only known at run time. The functions of libc count as 0 and calls through pointers are listed:
 # what the caller's function needs comes on top. Prints the public functions that need most.
+all=
+[ "$1" != --all ] || {
+    all=1
+    shift
+}
 [ $# -eq 1 ] || {
-    echo "usage: tools/check-stack.sh DIRECTORY" >&2
+    echo "usage: tools/check-stack.sh [--all] DIRECTORY" >&2
     exit 2
 }
-find "$1" -name '*.ci' | LC_ALL=C sort | xargs cat /dev/null | awk -v directory="$1" '
+find "$1" -name '*.ci' | LC_ALL=C sort | xargs cat /dev/null | awk -v directory="$1" -v all="$all" '
 function quoted(text, key) # the string after key: "..."
 {
     if (!match(text, key ": \"[^\"]*\"")) return ""
@@ -75,6 +81,11 @@ END {
     }
     for (i = 1; i <= nodes; i++)
         if (node[i] ~ /^cairn_/) public[++publics] = node[i]
+    if (all) {
+        for (k = 1; k <= publics; k++) print "| " public[k] " | " depth[public[k]] (calls_back[public[k]] ? " and its callback" : "") " |" | "sort"
+        close("sort")
+        exit bad
+    }
     # The ten that need most, by selection.
     for (k = 1; k <= 10 && k <= publics; k++) {
         for (i = k + 1; i <= publics; i++)

@@ -28,6 +28,9 @@ check    clang-format            clang-format
 check    cppcheck                cppcheck
 check    lcov                    lcov
 check    valgrind                valgrind
+check    gcc-aarch64-linux-gnu   aarch64-linux-gnu-gcc
+check    libc6-dev-arm64-cross   /usr/aarch64-linux-gnu/include/stdio.h
+check    qemu-user               qemu-aarch64
 '
 
 # True when one of the proofs, separated by |, is there.

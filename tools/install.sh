@@ -16,7 +16,7 @@ done
 install -m 644 "$build/libcairn.a" "$build/libcairn-float.a" "$to/lib/"
 install -m 755 "$build/libcairn.so.$soversion" "$to/lib/"
 ln -sf "libcairn.so.$soversion" "$to/lib/libcairn.so"
-for tool in cairn cairn-arena; do
+for tool in cairn cairn-float cairn-arena; do
     [ ! -f "$build/$tool" ] || install -m 755 "$build/$tool" "$to/bin/"
 done
 

@@ -75,10 +75,11 @@ typedef struct option_set {
     size_t count;
 } option_set;
 
+/* Other than OPTIONS_READ: the exit code. */
 typedef enum option_result {
-    OPTIONS_READ,   /* go on */
-    OPTIONS_HELPED, /* --help was given and printed on standard output: exit with 0 */
-    OPTIONS_BAD     /* one line was printed on standard error: exit with 2 */
+    OPTIONS_READ = -1,  /* go on */
+    OPTIONS_HELPED = 0, /* --help was given and printed on standard output */
+    OPTIONS_BAD = 2     /* one line was printed on standard error */
 } option_result;
 
 /* Prints the options, a line each, on standard output. */

@@ -46,8 +46,8 @@ static const cairn_real PI_HIGH = 3.14159274f, PI_LOW = -8.742278e-08f;
 
 static const cairn_real REDUCE_LIMIT = 6000;   /* sin, cos: multiples of pi/2 stay exact up to here */
 static const cairn_real EXP_MAX = 88.7228394f; /* exp overflows above */
-static const cairn_real EXP_MIN = -104;        /* exp is 0 below */
-static const cairn_real ERFC_MAX = 10.1f;      /* erfc is 0 above */
+static const cairn_real EXP_MIN = -88;         /* exp is 0 below */
+static const cairn_real ERFC_MAX = 9.3f;       /* erfc is 0 above */
 static const cairn_real ERFC_SPLIT = 16;       /* x rounded to 1/16 has an exact square */
 #else
 static const cairn_real SINE[] = {-0.16666666666666666,    0.0083333333333333332,  -0.00019841269841269841,
@@ -100,8 +100,8 @@ static const cairn_real PI_HIGH = 3.1415926535897931, PI_LOW = 1.224646799147353
 
 static const cairn_real REDUCE_LIMIT = 1000000;       /* sin, cos: multiples of pi/2 stay exact up to here */
 static const cairn_real EXP_MAX = 709.78271289338397; /* exp overflows above */
-static const cairn_real EXP_MIN = -746;               /* exp is 0 below */
-static const cairn_real ERFC_MAX = 27.3;              /* erfc is 0 above */
+static const cairn_real EXP_MIN = -709;               /* exp is 0 below */
+static const cairn_real ERFC_MAX = 26.6;              /* erfc is 0 above */
 static const cairn_real ERFC_SPLIT = 1048576;         /* x rounded to 2^-20 has an exact square */
 #endif
 
@@ -114,6 +114,12 @@ static inline cairn_real horner(const cairn_real *coefficients, int count, cairn
     for (int i = count - 2; i >= 0; i--)
         sum = sum * x + coefficients[i];
     return sum;
+}
+
+/* 0 for what is below the least normal number: there math libraries and arithmetic in software differ. */
+static cairn_real normal_or_zero(cairn_real x)
+{
+    return cairn_abs(x) < CAIRN_REAL_MIN ? 0 : x;
 }
 
 /* x = r + quarter * pi/2 with |r| <= pi/4 (a little more by rounding); returns quarter modulo 4. */
@@ -188,14 +194,14 @@ cairn_real cairn_atan2(cairn_real y, cairn_real x)
         ax = ax > CAIRN_REAL_MAX ? 1 : 0;
         ay = ay > CAIRN_REAL_MAX ? 1 : 0;
     }
-    /* Scaled so that no intermediate result overflows, and none that matters is subnormal. */
+    /* Scaled to about 2^60, so that no intermediate result overflows, and none that matters is subnormal. */
     (void)FREXP(cairn_max(ax, ay), &exponent);
-    ax = LDEXP(ax, -exponent);
-    ay = LDEXP(ay, -exponent);
+    ax = normal_or_zero(LDEXP(ax, 60 - exponent));
+    ay = normal_or_zero(LDEXP(ay, 60 - exponent));
     if (ax == 0 && ay == 0)
         angle = 0;
     else if (ay <= ax)
-        angle = atan_octant(ay, ax);
+        angle = normal_or_zero(atan_octant(ay, ax));
     else
         angle = PI_HIGH / 2 - (atan_octant(ax, ay) - PI_LOW / 2);
     if (x < 0 || (x == 0 && COPYSIGN(1, x) < 0))
@@ -218,7 +224,7 @@ cairn_real cairn_exp(cairn_real x)
     low = k * LN2_PARTS[1];
     r -= low;
     sum = 1 + (r + r * r * HORNER(EXPONENTIAL, r));
-    return LDEXP(sum, cairn_real_to_int(k));
+    return normal_or_zero(LDEXP(sum, cairn_real_to_int(k)));
 }
 
 cairn_real cairn_log(cairn_real x)
@@ -267,6 +273,7 @@ cairn_real cairn_erfc(cairn_real x)
         cairn_real t = (a - 3) / (a + 3);
 
         tail = cairn_exp(-h * h) * (cairn_exp((h - a) * (h + a)) * (HORNER(ERFCX, t) / (a + CAIRN_REAL(0.5))));
+        tail = normal_or_zero(tail);
     }
     return x < 0 ? 2 - tail : tail;
 }

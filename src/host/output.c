@@ -22,17 +22,6 @@ struct cairn_output {
     int32_t code;    /* errno of the first failure */
 };
 
-static char *copy_text(const char *text, size_t length)
-{
-    char *copy = malloc(length + 1);
-
-    if (copy != NULL) {
-        memcpy(copy, text, length);
-        copy[length] = 0;
-    }
-    return copy;
-}
-
 const char *cairn_path_name(const char *path)
 {
     const char *slash = strrchr(path, '/');
@@ -46,7 +35,7 @@ char *cairn_path_folder(const char *path)
 
     while (length > 1 && path[length - 1] == '/')
         length--;
-    return copy_text(path, length);
+    return strndup(path, length);
 }
 
 char *cairn_path_join(const char *folder, const char *name)
@@ -56,7 +45,7 @@ char *cairn_path_join(const char *folder, const char *name)
     char *joined;
 
     if (first == 0 || name[0] == '/')
-        return copy_text(name, second);
+        return strndup(name, second);
     joined = malloc(first + second + 2);
     if (joined == NULL)
         return NULL;
@@ -104,8 +93,8 @@ cairn_status cairn_output_open(cairn_output **output, const char *path, cairn_fi
     *output = NULL;
     if (o == NULL)
         return cairn_file_error_system(error, path, "write", ENOMEM);
-    o->path = copy_text(path, strlen(path));
-    o->target = there ? realpath(path, NULL) : copy_text(path, strlen(path));
+    o->path = strdup(path);
+    o->target = there ? realpath(path, NULL) : strdup(path);
     if (o->path == NULL || o->target == NULL)
         errno = ENOMEM;
     else if (there && S_ISDIR(about.st_mode))
@@ -188,7 +177,7 @@ void cairn_output_discard(cairn_output *output)
 
 cairn_status cairn_output_folder(const char *path, cairn_file_error *error)
 {
-    char *part = copy_text(path, strlen(path));
+    char *part = strdup(path);
     struct stat about;
     size_t i;
     int32_t code = 0;

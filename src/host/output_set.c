@@ -33,17 +33,6 @@ struct cairn_output_set {
     int32_t staged; /* 1: the stage is there */
 };
 
-static char *copy_text(const char *text, size_t length)
-{
-    char *copy = malloc(length + 1);
-
-    if (copy != NULL) {
-        memcpy(copy, text, length);
-        copy[length] = 0;
-    }
-    return copy;
-}
-
 /* Cuts the last name and the slashes before it off; 0 when there was only one name. */
 static size_t parent_length(const char *path, size_t length)
 {
@@ -69,7 +58,7 @@ static size_t find_existing(char *path, size_t *first_missing)
         int found;
 
         path[length] = 0;
-        found = stat(path, &about) == 0 || errno != ENOENT;
+        found = stat(path, &about) == 0 || (errno != ENOENT && errno != ENOTDIR);
         path[length] = behind;
         if (found)
             break;
@@ -88,7 +77,7 @@ static cairn_status check_folder(const char *path, cairn_file_error *error)
 
     if (stat(path, &about) != 0 || (S_ISDIR(about.st_mode) && access(path, W_OK | X_OK) != 0))
         code = errno;
-    if (code == ENOTDIR || (code == 0 && !S_ISDIR(about.st_mode)))
+    if (code == 0 && !S_ISDIR(about.st_mode))
         return cairn_file_error_set(error, CAIRN_IO, path, 0, "is a file, expected a folder");
     if (code != 0)
         return cairn_file_error_system(error, path, "write in this folder", code);
@@ -107,7 +96,7 @@ static cairn_status check_target(const char *path, cairn_file_error *error)
 cairn_status cairn_output_set_check(const char *folder, const char *const *names, int32_t count,
                                     cairn_file_error *error)
 {
-    char *path = copy_text(folder, strlen(folder));
+    char *path = strdup(folder);
     size_t missing, there;
     cairn_status status;
     int32_t i;
@@ -194,7 +183,7 @@ cairn_status cairn_output_set_open(cairn_output_set **set, const char *folder, c
     if (s == NULL)
         return cairn_file_error_system(error, folder, "write", ENOMEM);
     s->count = count;
-    s->folder = copy_text(folder, strlen(folder));
+    s->folder = strdup(folder);
     s->stage = malloc(strlen(folder) + STAGE_BYTES);
     if (s->folder == NULL || s->stage == NULL) {
         cairn_output_set_discard(s);

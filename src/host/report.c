@@ -7,12 +7,11 @@
 
 #include "cairn/output.h"
 #include "src/host/report_picture.h"
+#include "src/host/report_text.h"
 
 #define FOOT         44.0
 #define MARKERS_MOST 60
 #define PATH_PIECES  48
-
-#define FONT "system-ui,-apple-system,'Segoe UI',Roboto,Helvetica,Arial,sans-serif"
 
 cairn_report_map cairn_report_map_default(void)
 {
@@ -26,27 +25,6 @@ cairn_report_map cairn_report_map_default(void)
 }
 
 /* ---- drawing ---- */
-
-static void print_escaped(cairn_output *output, const char *text)
-{
-    for (; *text != 0; text++) {
-        if (*text == '<')
-            cairn_output_print(output, "&lt;");
-        else if (*text == '&')
-            cairn_output_print(output, "&amp;");
-        else if (*text == '"')
-            cairn_output_print(output, "&quot;");
-        else if ((unsigned char)*text >= ' ')
-            cairn_output_bytes(output, text, 1);
-    }
-}
-
-static void print_text(cairn_output *output, double x, double y, const char *style, const char *text)
-{
-    cairn_output_print(output, "<text x=\"%.1f\" y=\"%.1f\" %s>", x, y, style);
-    print_escaped(output, text);
-    cairn_output_print(output, "</text>\n");
-}
 
 /* The colour of a place in the path, 0 (start) to 1 (end): blue, violet, rose, amber. */
 static void colour_at(double place, int rgb[3])
@@ -197,11 +175,11 @@ static cairn_status draw_panel(cairn_output *output, const cairn_report_map *map
     cairn_status status = CAIRN_OK;
 
     if (panel->title != NULL)
-        print_text(output, view.frame_left + 2, l->top - 9, "font-size=\"14\" font-weight=\"600\" fill=\"#334155\"",
-                   panel->title);
+        cairn_report_print_text(output, view.frame_left + 2, l->top - 9,
+                                "font-size=\"14\" font-weight=\"600\" fill=\"#334155\"", panel->title);
     if (panel->note != NULL)
-        print_text(output, view.frame_left + view.width - 2, l->top - 9,
-                   "font-size=\"12\" fill=\"#64748b\" text-anchor=\"end\"", panel->note);
+        cairn_report_print_text(output, view.frame_left + view.width - 2, l->top - 9,
+                                "font-size=\"12\" fill=\"#64748b\" text-anchor=\"end\"", panel->note);
     cairn_output_print(
         output,
         "<rect id=\"frame%d\" x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" rx=\"8\" "
@@ -221,20 +199,10 @@ static cairn_status draw_panel(cairn_output *output, const cairn_report_map *map
     return status;
 }
 
-/* The longest of 1, 2, 5 times a power of ten metres that is at most 150 pixels. */
-static double bar_length(double scale)
-{
-    double most = 150 / scale, power = 1e-3;
-
-    while (power * 10 <= most)
-        power *= 10;
-    return power * 5 <= most ? power * 5 : power * 2 <= most ? power * 2 : power;
-}
-
 static void draw_foot(cairn_output *output, const cairn_report_map *map, const cairn_report_layout *l, double right)
 {
     const char *style = "font-size=\"12\" fill=\"#475569\"";
-    double y = l->top + l->height + 28, x = CAIRN_REPORT_MARGIN + 2, bar = bar_length(l->scale);
+    double y = l->top + l->height + 28, x = CAIRN_REPORT_MARGIN + 2, bar = cairn_report_round_down(150 / l->scale);
     int32_t i, k, doubtful = 0, grids = 0;
     int rgb[3];
 
@@ -248,11 +216,11 @@ static void draw_foot(cairn_output *output, const cairn_report_map *map, const c
                            "<path d=\"M%.1f %.1fh18\" stroke=\"#1e293b\" stroke-width=\"2.4\" "
                            "stroke-linecap=\"round\" stroke-opacity=\".75\"/>\n",
                            x, y - 4);
-        print_text(output, x + 25, y, style, "walls");
+        cairn_report_print_text(output, x + 25, y, style, "walls");
         x += 78;
     }
     draw_robot(output, x + 6, y - 4, 0, "#2563eb");
-    print_text(output, x + 20, y, style, "robot");
+    cairn_report_print_text(output, x + 20, y, style, "robot");
     x += 72;
     x += map->connect ? 66 : 32;
     cairn_output_print(output, "<text x=\"%.1f\" y=\"%.1f\" %s text-anchor=\"end\">%s</text>\n", x - 6, y, style,
@@ -262,11 +230,11 @@ static void draw_foot(cairn_output *output, const cairn_report_map *map, const c
         cairn_output_print(output, "<rect x=\"%.1f\" y=\"%.1f\" width=\"3.5\" height=\"5\" fill=\"#%02x%02x%02x\"/>\n",
                            x + 3 * i, y - 6.5, (unsigned)rgb[0], (unsigned)rgb[1], (unsigned)rgb[2]);
     }
-    print_text(output, x + 79, y, style, "end");
+    cairn_report_print_text(output, x + 79, y, style, "end");
     x += 122;
     if (doubtful) {
         draw_robot(output, x + 6, y - 4, 0, "#dc2626");
-        print_text(output, x + 20, y, style, "doubtful");
+        cairn_report_print_text(output, x + 20, y, style, "doubtful");
     }
     cairn_output_print(output,
                        "<path d=\"M%.1f %.1fv7h%.1fv-7\" fill=\"none\" stroke=\"#334155\" stroke-width=\"1.4\"/>\n",
@@ -277,23 +245,11 @@ static void draw_foot(cairn_output *output, const cairn_report_map *map, const c
 
 static cairn_status draw(cairn_output *output, const cairn_report_map *map, const cairn_report_layout *l)
 {
-    double height = l->top + l->height + FOOT, y = CAIRN_REPORT_MARGIN + 18;
+    double height = l->top + l->height + FOOT;
     cairn_status status = CAIRN_OK;
     int32_t i;
 
-    cairn_output_print(output,
-                       "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%d\" height=\"%.0f\" viewBox=\"0 0 %d %.0f\" "
-                       "font-family=\"%s\">\n",
-                       (int)map->width, height, (int)map->width, height, FONT);
-    cairn_output_print(output, "<title>");
-    print_escaped(output, map->title != NULL ? map->title : "Map");
-    cairn_output_print(output, "</title>\n<rect width=\"100%%\" height=\"100%%\" rx=\"10\" fill=\"#f6f8fa\"/>\n");
-    if (map->title != NULL)
-        print_text(output, CAIRN_REPORT_MARGIN + 2, y, "font-size=\"20\" font-weight=\"650\" fill=\"#0f172a\"",
-                   map->title);
-    if (map->subtitle != NULL)
-        print_text(output, CAIRN_REPORT_MARGIN + 2, map->title != NULL ? y + 22 : y,
-                   "font-size=\"13\" fill=\"#64748b\"", map->subtitle);
+    cairn_report_print_head(output, map->width, height, map->title, map->subtitle);
     for (i = 0; i < map->panel_count && status == CAIRN_OK; i++)
         status = draw_panel(output, map, l, i);
     draw_foot(output, map, l, map->width - CAIRN_REPORT_MARGIN);

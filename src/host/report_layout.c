@@ -191,8 +191,7 @@ cairn_status cairn_report_lay_out(const cairn_report_map *map, cairn_report_layo
         high = fmax(high, (double)(l->box[i].max.y - l->box[i].min.y));
         titles |= map->panel[i].title != NULL || map->panel[i].note != NULL;
     }
-    l->head = CAIRN_REPORT_MARGIN + (map->title != NULL ? 24 : 0) + (map->subtitle != NULL ? 20 : 0);
-    l->head += map->title != NULL || map->subtitle != NULL ? 12 : 0;
+    l->head = cairn_report_head_height(map->title, map->subtitle);
     l->top = l->head + (titles ? 26 : 0);
     l->width = (map->width - 2 * CAIRN_REPORT_MARGIN - GAP * (map->panel_count - 1)) / map->panel_count;
     least = 0.3 * l->width;

@@ -3,8 +3,7 @@
 #define CAIRN_HOST_REPORT_LAYOUT_H
 
 #include "cairn/report.h"
-
-#define CAIRN_REPORT_MARGIN 24.0
+#include "src/host/report_text.h"
 
 typedef struct cairn_report_layout {
     double head;  /* where the panels' titles stand */

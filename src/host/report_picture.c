@@ -5,29 +5,12 @@
 
 #include "src/host/map_file_image.h"
 #include "src/host/report_picture.h"
+#include "src/host/report_text.h"
 
 #define SAMPLES_PER_PIXEL 2
 #define GRID_SIDE_MOST    2048
 #define PAPER             255.0
 #define INK               30.0
-
-static void print_base64(cairn_output *output, const uint8_t *bytes, size_t count)
-{
-    static const char digit[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    char text[4];
-    size_t i, k;
-
-    for (i = 0; i < count; i += 3) {
-        size_t left = count - i < 3 ? count - i : 3;
-        uint32_t group = 0;
-
-        for (k = 0; k < 3; k++)
-            group = group << 8 | (k < left ? bytes[i + k] : 0u);
-        for (k = 0; k < 4; k++)
-            text[k] = (char)(k <= left ? digit[group >> (18 - 6 * k) & 63u] : '=');
-        cairn_output_bytes(output, text, 4);
-    }
-}
 
 /* An image under the transform (x, y) -> (m0 x + m2 y + m4, m1 x + m3 y + m5). `crisp`: samples keep their edges when
  * they are enlarged. */
@@ -43,7 +26,7 @@ static cairn_status print_image(cairn_output *output, const uint8_t *pixel, int3
     cairn_output_print(output, "<image width=\"%d\" height=\"%d\" transform=\"matrix(%.6g %.6g %.6g %.6g %.2f %.2f)\"",
                        (int)width, (int)height, m[0], m[1], m[2], m[3], m[4], m[5]);
     cairn_output_print(output, "%s href=\"data:image/png;base64,", crisp ? " style=\"image-rendering:pixelated\"" : "");
-    print_base64(output, bytes, count);
+    cairn_report_print_base64(output, bytes, count);
     cairn_output_print(output, "\"/>\n");
     free(bytes);
     return CAIRN_OK;
@@ -131,19 +114,18 @@ cairn_status cairn_report_draw_density(cairn_output *output, const cairn_report_
     return status;
 }
 
-cairn_status cairn_report_draw_grid(cairn_output *output, const cairn_report_view *view, const cairn_report_grid *grid)
+cairn_status cairn_report_coarsen_grid(const cairn_report_grid *grid, cairn_report_grid *coarse, uint8_t **pixel)
 {
     int32_t side = grid->width > grid->height ? grid->width : grid->height;
     int32_t step = (side + GRID_SIDE_MOST - 1) / GRID_SIDE_MOST;
     int32_t width = (grid->width + step - 1) / step, height = (grid->height + step - 1) / step, x, y;
-    uint8_t *pixel = malloc((size_t)width * (size_t)height);
-    cairn_transform t = cairn_transform_of(grid->origin);
-    double k = view->scale * (double)grid->resolution * step;
-    cairn_vec2 corner = {0, grid->resolution * (cairn_real)(height * step)};
-    double m[6];
-    cairn_status status;
 
-    if (pixel == NULL)
+    *coarse = *grid;
+    coarse->width = width;
+    coarse->height = height;
+    coarse->resolution = grid->resolution * (cairn_real)step;
+    coarse->pixel = *pixel = malloc((size_t)width * (size_t)height);
+    if (*pixel == NULL)
         return CAIRN_NO_MEMORY;
     for (y = 0; y < height; y++) {
         for (x = 0; x < width; x++) {
@@ -154,9 +136,25 @@ cairn_status cairn_report_draw_grid(cairn_output *output, const cairn_report_vie
                 for (i = x * step; i < (x + 1) * step && i < grid->width; i++)
                     if (grid->pixel[(size_t)j * (size_t)grid->width + (size_t)i] < darkest)
                         darkest = grid->pixel[(size_t)j * (size_t)grid->width + (size_t)i];
-            pixel[(size_t)(height - 1 - y) * (size_t)width + (size_t)x] = darkest;
+            (*pixel)[(size_t)(height - 1 - y) * (size_t)width + (size_t)x] = darkest;
         }
     }
+    return CAIRN_OK;
+}
+
+cairn_status cairn_report_draw_grid(cairn_output *output, const cairn_report_view *view, const cairn_report_grid *grid)
+{
+    cairn_transform t = cairn_transform_of(grid->origin);
+    cairn_report_grid coarse;
+    uint8_t *pixel;
+    double m[6], k;
+    cairn_vec2 corner = {0, 0};
+    cairn_status status = cairn_report_coarsen_grid(grid, &coarse, &pixel);
+
+    if (status != CAIRN_OK)
+        return status;
+    k = view->scale * (double)coarse.resolution;
+    corner.y = coarse.resolution * (cairn_real)coarse.height;
     corner = cairn_transform_point(t, corner);
     m[0] = k * (double)t.cosine;
     m[1] = 0 - k * (double)t.sine;
@@ -164,7 +162,7 @@ cairn_status cairn_report_draw_grid(cairn_output *output, const cairn_report_vie
     m[3] = k * (double)t.cosine;
     m[4] = cairn_report_view_x(view, (double)corner.x);
     m[5] = cairn_report_view_y(view, (double)corner.y);
-    status = print_image(output, pixel, width, height, m, k > 1);
+    status = print_image(output, pixel, coarse.width, coarse.height, m, k > 1);
     free(pixel);
     return status;
 }

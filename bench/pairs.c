@@ -1,0 +1,641 @@
+/* bench/pairs: two scans, from a guess or from none.
+ *
+ * Pairs are drawn from drives through simulated arenas, whose truth is exact, or from a real log with reference poses. A
+ * match is right within 0.10 m in x and in y and 0.03 rad. The start is the truth disturbed uniformly: E 0.1 m 10 degrees, T
+ * 0.3 m 20, X 0.5 m 45; `none` starts at the identity and searches everything. The ceiling is the share of pairs that
+ * point-to-line ICP at full resolution, started at the truth, leaves there. Strangers are pairs of scans that share
+ * nothing: of two arenas, or of places far apart in a log. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "bench/bench_bound.h"
+#include "bench/bench_json.h"
+#include "bench/bench_views.h"
+#include "cairn/carmen_log.h"
+#include "cairn/icp.h"
+#include "cairn/output.h"
+#include "cairn/random.h"
+#include "sim/arena.h"
+#include "tools/options.h"
+
+#define DEGREE 0.017453292519943295
+
+enum { DRIVE_SCANS = 60, PAIRS_PER_ARENA = 20 };
+
+typedef struct settings {
+    const char *log, *truth, *data, *start, *method, *scene;
+    int64_t pairs, seed, partners, strangers;
+    int32_t simulated, noise, each;
+} settings;
+
+typedef struct start_kind {
+    const char *name;
+    double metres, radians; /* negative: none */
+} start_kind;
+
+static const start_kind STARTS[] = {
+    {"E", 0.1, 10 * DEGREE}, {"T", 0.3, 20 * DEGREE}, {"X", 0.5, 45 * DEGREE}, {"none", -1, -1}};
+
+typedef struct pair {
+    int32_t target, query; /* of the views */
+    double bound[9];       /* covariance of the relative pose; 0: not known */
+} pair;
+
+/* Views and pairs of them. */
+typedef struct collection {
+    bench_views views;
+    pair *pairs;
+    int32_t pair_count;
+    pair *strangers;
+    int32_t stranger_count;
+} collection;
+
+/* What one match gave. */
+typedef struct outcome {
+    int32_t right, verdict, count, rank; /* rank: of the right hypothesis from 1, 0: none is */
+    double metres, radians, ratio, inside, ms;
+    int64_t units;
+} outcome;
+
+/* ---- Pairs ---- */
+
+static int is_pair(cairn_pose a, cairn_pose b)
+{
+    cairn_pose t = cairn_pose_between(a, b);
+    double d = hypot((double)t.x, (double)t.y), angle = fabs((double)t.theta);
+
+    return d < 1.5 && angle < 0.7 && (d >= 0.1 || angle >= 5 * DEGREE);
+}
+
+/* Draws pairs among views[first ... end-1]. */
+static void draw_pairs(collection *c, int32_t first, int32_t end, int64_t partners, int32_t most, cairn_random *random)
+{
+    int32_t goal = c->pair_count + most;
+
+    for (int64_t attempt = 0; attempt < 1000 * (int64_t)most && c->pair_count < goal && end - first > 1; attempt++) {
+        int32_t a = first + cairn_random_below(random, end - first);
+        int32_t b = a + 1 + cairn_random_below(random, (int32_t)partners);
+
+        if (b >= end || !is_pair(c->views.at[a].truth, c->views.at[b].truth))
+            continue;
+        memset(&c->pairs[c->pair_count], 0, sizeof *c->pairs);
+        c->pairs[c->pair_count].target = a;
+        c->pairs[c->pair_count++].query = b;
+    }
+}
+
+static void add_stranger(collection *c, int32_t target, int32_t query)
+{
+    pair p = {target, query, {0}};
+
+    c->strangers[c->stranger_count++] = p;
+}
+
+/* ---- Simulated ---- */
+
+static cairn_pose pose_of(sim_pose p)
+{
+    cairn_pose pose = {(cairn_real)p.x, (cairn_real)p.y, (cairn_real)p.theta};
+
+    return pose;
+}
+
+/* The bound of the pose of the second scan in the frame of the first, from the bound in the world with one of them fixed. */
+static void bound_pairs(collection *c, const sim_arena *arena, const sim_scan *scans, int32_t first_pair)
+{
+    for (int32_t i = first_pair; i < c->pair_count; i++) {
+        pair *p = &c->pairs[i];
+        sim_scan both[2] = {scans[c->views.at[p->target].scan], scans[c->views.at[p->query].scan]};
+        bench_bound bounds[2];
+        int32_t fixed = bench_bound_compute(arena, both, 2, 1, 1, bounds);
+        double j[3][3] = {{0}}, co, si, dx, dy;
+        const double *world;
+
+        if (fixed < 0)
+            continue;
+        /* query in target: R^T (q - t). */
+        co = cos(both[0].truth.theta);
+        si = sin(both[0].truth.theta);
+        dx = both[1].truth.x - both[0].truth.x;
+        dy = both[1].truth.y - both[0].truth.y;
+        j[0][0] = j[1][1] = fixed == 0 ? co : -co;
+        j[0][1] = fixed == 0 ? si : -si;
+        j[1][0] = -j[0][1];
+        j[2][2] = fixed == 0 ? 1 : -1;
+        if (fixed != 0) {
+            j[0][2] = -si * dx + co * dy;
+            j[1][2] = -co * dx - si * dy;
+        }
+        world = bounds[1 - fixed].covariance;
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++)
+                for (int k = 0; k < 9; k++)
+                    p->bound[3 * a + b] += j[a][k / 3] * world[k] * j[b][k % 3];
+    }
+}
+
+static int add_arena(const settings *s, collection *c, uint64_t seed, int32_t number)
+{
+    static const sim_scene scenes[] = {SIM_RESCUE, SIM_APARTMENT, SIM_OFFICE, SIM_RESCUE};
+    sim_arena_options arena_options = sim_arena_default();
+    sim_survey_options survey_options = sim_survey_default();
+    cairn_random random = cairn_random_seed(seed, 5);
+    int32_t first = c->views.count, count = 0, done = 0, first_pair = c->pair_count;
+    sim_survey *survey = NULL;
+    sim_arena *arena;
+    char fault[256] = "";
+
+    arena_options.seed = survey_options.seed = seed;
+    arena_options.scene = s->scene != NULL ? sim_scene_find(s->scene) : scenes[number % 4];
+    survey_options.drive = DRIVE_SCANS;
+    survey_options.beams = 181;
+    survey_options.fov = 180 * DEGREE;
+    arena = sim_arena_create(&arena_options, fault, sizeof fault);
+    if (arena != NULL)
+        survey = sim_survey_create(arena, &survey_options, fault, sizeof fault);
+    if (survey != NULL) {
+        const sim_scan *scans = sim_survey_scans(survey, &count);
+
+        done = 1;
+        for (int32_t i = 0; i < count && done; i++) {
+            cairn_scan_input input = sim_scan_input(&scans[i]);
+
+            done = bench_views_add(&c->views, &input, pose_of(scans[i].truth), i);
+        }
+        draw_pairs(c, first, c->views.count, s->partners, PAIRS_PER_ARENA, &random);
+        bound_pairs(c, arena, scans, first_pair);
+        for (int32_t i = 0; i < PAIRS_PER_ARENA && first > 0; i++)
+            add_stranger(c, first + cairn_random_below(&random, count), first - 1 - cairn_random_below(&random, count));
+    } else {
+        fprintf(stderr, "bench/pairs: %s\n", fault);
+    }
+    sim_survey_free(survey);
+    sim_arena_free(arena);
+    return done;
+}
+
+static int collect_simulated(const settings *s, collection *c)
+{
+    int32_t arenas = (int32_t)((s->pairs + PAIRS_PER_ARENA - 1) / PAIRS_PER_ARENA) + 1;
+    int done = bench_views_start(&c->views, arenas * DRIVE_SCANS, 181);
+
+    for (int32_t i = 0; i < arenas && done; i++)
+        done = add_arena(s, c, (uint64_t)(s->seed + i), i);
+    return done;
+}
+
+/* ---- From a log ---- */
+
+/* Puts noise where the log has poses. */
+static void overwrite_poses(cairn_carmen_scans *log, uint64_t seed)
+{
+    cairn_random random = cairn_random_seed(seed, 1);
+
+    for (int32_t i = 0; i < log->count; i++) {
+        log->record[i].robot.x = cairn_random_uniform(&random, -10, 10);
+        log->record[i].robot.y = cairn_random_uniform(&random, -10, 10);
+        log->record[i].robot.theta = cairn_random_uniform(&random, -3, 3);
+        log->record[i].laser = log->record[i].robot;
+        log->record[i].scan.base_sensor = cairn_pose_identity();
+    }
+}
+
+/* Lines "scan x y theta". */
+static int read_truth(const char *path, const cairn_carmen_scans *log, collection *c)
+{
+    FILE *file = fopen(path, "r");
+    char line[1024];
+    int32_t number = 0;
+
+    if (file == NULL) {
+        fprintf(stderr, "%s: cannot be read\n", path);
+        return 0;
+    }
+    while (fgets(line, sizeof line, file) != NULL) {
+        double v[4];
+        cairn_pose pose;
+        cairn_scan_input input;
+
+        number++;
+        if (line[0] == '#')
+            continue;
+        if (sscanf(line, "%lf %lf %lf %lf", &v[0], &v[1], &v[2], &v[3]) != 4 || !(v[0] >= 0 && v[0] < log->count)) {
+            fprintf(stderr, "%s:%d: no such pose, expected the number of a scan, x, y and theta\n", path, (int)number);
+            continue;
+        }
+        pose.x = (cairn_real)v[1];
+        pose.y = (cairn_real)v[2];
+        pose.theta = (cairn_real)v[3];
+        input = log->record[(int32_t)v[0]].scan;
+        input.base_sensor = cairn_pose_identity(); /* the reference poses are the laser's */
+        if (!bench_views_add(&c->views, &input, pose, (int32_t)v[0]))
+            break;
+    }
+    fclose(file);
+    return c->views.count > 0;
+}
+
+static int collect_log(const settings *s, collection *c)
+{
+    cairn_carmen_scans log;
+    cairn_file_error error;
+    cairn_random random = cairn_random_seed((uint64_t)s->seed, 5);
+    int done;
+
+    if (cairn_carmen_load(&log, s->log, NULL, &error) != CAIRN_OK) {
+        fprintf(stderr, "%s\n", error.text);
+        return 0;
+    }
+    if (s->noise)
+        overwrite_poses(&log, (uint64_t)s->seed);
+    done = bench_views_start(&c->views, log.count, log.info.beams_most) && read_truth(s->truth, &log, c);
+    if (done) {
+        draw_pairs(c, 0, c->views.count, s->partners, (int32_t)s->pairs, &random);
+        for (int64_t attempt = 0; attempt < 1000 * s->pairs && c->stranger_count < s->pairs; attempt++) {
+            int32_t a = cairn_random_below(&random, c->views.count), b = cairn_random_below(&random, c->views.count);
+            cairn_pose t = cairn_pose_between(c->views.at[a].truth, c->views.at[b].truth);
+
+            if (hypot((double)t.x, (double)t.y) > 15)
+                add_stranger(c, a, b);
+        }
+    }
+    cairn_carmen_scans_free(&log);
+    return done;
+}
+
+/* ---- Matching ---- */
+
+typedef struct matcher {
+    cairn_scan_match *match;
+    cairn_icp *icp;
+    void *memory;
+    size_t pool_bytes;
+} matcher;
+
+static int start_matcher(const settings *s, const bench_views *views, matcher *m)
+{
+    cairn_scan_match_params params = cairn_scan_match_default();
+    cairn_icp_params icp = cairn_icp_default();
+    cairn_pool pool;
+    int32_t points, dense;
+    size_t bytes;
+
+    bench_views_most(views, &points, &dense);
+    params.mode = strcmp(s->method, "shape") == 0 ? CAIRN_SCAN_MATCH_SHAPE : CAIRN_SCAN_MATCH_CORRELATIVE;
+    params.max_target = params.max_query = points;
+    params.max_dense = dense;
+    params.max_views = 1;
+    icp.max_target = dense;
+    icp.gate_start = CAIRN_REAL(0.2);
+    bytes = cairn_scan_match_memory(&params) + cairn_icp_memory(&icp) + CAIRN_ALIGN;
+    m->pool_bytes = cairn_scan_match_memory(&params);
+    m->memory = malloc(bytes);
+    return m->memory != NULL && cairn_pool_init(&pool, m->memory, bytes) == CAIRN_OK &&
+           cairn_scan_match_create(&m->match, &pool, &params) == CAIRN_OK &&
+           cairn_icp_create(&m->icp, &pool, &icp) == CAIRN_OK;
+}
+
+static int is_right(cairn_pose truth, cairn_pose estimate)
+{
+    return fabs((double)(estimate.x - truth.x)) < 0.10 && fabs((double)(estimate.y - truth.y)) < 0.10 &&
+           fabs((double)cairn_wrap_angle(estimate.theta - truth.theta)) < 0.03;
+}
+
+/* Point-to-line ICP at full resolution from the truth: 1 when it stays. */
+static int stays(matcher *m, const bench_view *target, const bench_view *query, cairn_pose truth)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    cairn_icp_clear_target(m->icp);
+    if (cairn_icp_add_target(m->icp, target->part.dense, target->part.dense_count, cairn_pose_identity(), NULL) !=
+            CAIRN_OK ||
+        cairn_icp_begin(m->icp, query->part.dense, query->part.dense_count, truth, NULL, NULL) != CAIRN_OK ||
+        cairn_icp_step(m->icp, &budget) != CAIRN_OK)
+        return 0;
+    return is_right(truth, cairn_icp_read(m->icp).target_query);
+}
+
+/* e^T c^-1 e; -1 when c has no inverse. */
+static double normalised(const double c[9], const double e[3])
+{
+    double m00 = c[4] * c[8] - c[5] * c[7], m01 = c[2] * c[7] - c[1] * c[8], m02 = c[1] * c[5] - c[2] * c[4];
+    double m11 = c[0] * c[8] - c[2] * c[6], m12 = c[2] * c[3] - c[0] * c[5], m22 = c[0] * c[4] - c[1] * c[3];
+    double determinant = c[0] * m00 + c[1] * (c[5] * c[6] - c[3] * c[8]) + c[2] * (c[3] * c[7] - c[4] * c[6]);
+
+    if (!(determinant > 0))
+        return -1;
+    return (m00 * e[0] * e[0] + m11 * e[1] * e[1] + m22 * e[2] * e[2] +
+            2 * (m01 * e[0] * e[1] + m02 * e[0] * e[2] + m12 * e[1] * e[2])) /
+           determinant;
+}
+
+static void compare(const pair *p, cairn_pose truth, const cairn_scan_match_result *result, outcome *out)
+{
+    const cairn_scan_match_hypothesis *h = result->hypotheses;
+    double e[3], c[9];
+
+    for (int32_t k = result->count - 1; k >= 0; k--)
+        if (is_right(truth, h[k].target_query))
+            out->rank = k + 1;
+    if (result->count == 0)
+        return;
+    out->right = out->rank == 1;
+    e[0] = (double)(h->target_query.x - truth.x);
+    e[1] = (double)(h->target_query.y - truth.y);
+    e[2] = (double)cairn_wrap_angle(h->target_query.theta - truth.theta);
+    for (int k = 0; k < 9; k++)
+        c[k] = (double)h->covariance[k];
+    out->metres = hypot(e[0], e[1]);
+    out->radians = fabs(e[2]);
+    out->inside = normalised(c, e) <= 7.815; /* 95 % of chi squared of 3 degrees of freedom */
+    out->ratio = p->bound[0] > 0 ? out->metres / sqrt(p->bound[0] + p->bound[4]) : (double)NAN;
+}
+
+/* Matches a pair; 0 on failure. */
+static int run_pair(matcher *m, const collection *c, const pair *p, const start_kind *kind, cairn_random *random,
+                    outcome *out)
+{
+    const bench_view *target = &c->views.at[p->target], *query = &c->views.at[p->query];
+    cairn_pose truth = cairn_pose_between(target->truth, query->truth), start = cairn_pose_identity();
+    cairn_scan_match_window window = {(cairn_real)kind->metres, (cairn_real)kind->radians};
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_scan_match_result result;
+    double begun;
+
+    memset(out, 0, sizeof *out);
+    if (kind->metres >= 0) {
+        start.x = truth.x + cairn_random_uniform(random, -window.distance, window.distance);
+        start.y = truth.y + cairn_random_uniform(random, -window.distance, window.distance);
+        start.theta = cairn_wrap_angle(truth.theta + cairn_random_uniform(random, -window.angle, window.angle));
+    }
+    begun = bench_seconds();
+    cairn_scan_match_clear_target(m->match);
+    if (cairn_scan_match_add_target(m->match, &target->part, cairn_pose_identity(), NULL) != CAIRN_OK ||
+        cairn_scan_match_begin(m->match, &query->part, start, kind->metres >= 0 ? &window : NULL, NULL) != CAIRN_OK ||
+        cairn_scan_match_step(m->match, &budget) != CAIRN_OK)
+        return 0;
+    out->ms = 1e3 * (bench_seconds() - begun);
+    result = cairn_scan_match_read(m->match);
+    out->units = cairn_scan_match_measured(m->match).units;
+    out->verdict = result.verdict;
+    out->count = result.count;
+    compare(p, truth, &result, out);
+    return 1;
+}
+
+static void print_each(const settings *s, const collection *c, const pair *p, const outcome *o,
+                       const cairn_scan_match_result *r, int ceiling, int stranger)
+{
+    bench_json_begin("pairs");
+    bench_json_text("start", s->start);
+    bench_json_integer("stranger", stranger);
+    bench_json_integer("target", c->views.at[p->target].scan);
+    bench_json_integer("query", c->views.at[p->query].scan);
+    bench_json_integer("right", o->right);
+    bench_json_integer("rank", o->rank);
+    bench_json_integer("ceiling", ceiling);
+    bench_json_integer("verdict", o->verdict);
+    bench_json_number("trans_m", o->metres);
+    bench_json_number("rot_deg", o->radians / DEGREE);
+    bench_json_number("inside", o->inside);
+    bench_json_number("ratio", o->ratio);
+    bench_json_integer("units", o->units);
+    bench_json_number("ms", o->ms);
+    if (r->count > 0) {
+        bench_json_number("overlap", (double)r->hypotheses[0].overlap);
+        bench_json_number("contradiction", (double)r->hypotheses[0].contradiction);
+        bench_json_number("score", (double)r->hypotheses[0].score);
+        bench_json_number("sigma", (double)r->hypotheses[0].sigma);
+        bench_json_number("weak_ratio", (double)r->hypotheses[0].weak_ratio);
+        bench_json_integer("paired", r->hypotheses[0].pairs);
+        bench_json_number("second", r->count > 1 ? (double)r->hypotheses[1].score : 0);
+    }
+    bench_json_end();
+}
+
+/* ---- Output ---- */
+
+typedef struct row {
+    int32_t pairs, right, ceiling, both, inside, judged, found, found_right, ambiguous, none, listed;
+    int32_t strangers, strangers_none;
+    double *metres, *degrees, *ratios, *ms, *units; /* [pairs] */
+    int32_t ratio_count;
+} row;
+
+static void count_pair(row *r, const outcome *o)
+{
+    r->metres[r->pairs] = o->metres;
+    r->degrees[r->pairs] = o->radians / DEGREE;
+    r->ms[r->pairs] = o->ms;
+    r->units[r->pairs] = (double)o->units;
+    if (o->right && isfinite(o->ratio))
+        r->ratios[r->ratio_count++] = o->ratio;
+    r->pairs++;
+    r->right += o->right;
+    r->listed += o->rank > 0;
+    r->found += o->verdict == CAIRN_SCAN_MATCH_FOUND;
+    r->found_right += o->verdict == CAIRN_SCAN_MATCH_FOUND && o->right;
+    r->ambiguous += o->verdict == CAIRN_SCAN_MATCH_AMBIGUOUS;
+    r->none += o->verdict == CAIRN_SCAN_MATCH_NONE;
+    if (o->verdict != CAIRN_SCAN_MATCH_NONE && o->count > 0) {
+        r->judged++;
+        r->inside += o->inside > 0;
+    }
+}
+
+static double share(int32_t part, int32_t whole)
+{
+    return whole > 0 ? (double)part / whole : (double)NAN;
+}
+
+static void print_row(const settings *s, const char *name, const start_kind *kind, row *r, size_t pool_bytes)
+{
+    size_t n = (size_t)r->pairs;
+    double median_units = bench_median(r->units, n);
+
+    bench_json_begin("pairs");
+    bench_json_text("data", name);
+    bench_json_text("method", s->method);
+    bench_json_text("start", kind->name);
+    bench_json_integer("pairs", r->pairs);
+    bench_json_number("success", share(r->right, r->pairs));
+    bench_json_number("ceiling", share(r->ceiling, r->pairs));
+    bench_json_number("listed", share(r->listed, r->pairs));
+    bench_json_number("median_trans_m", bench_median(r->metres, n));
+    bench_json_number("median_rot_deg", bench_median(r->degrees, n));
+    bench_json_number("ratio_to_bound", bench_median(r->ratios, (size_t)r->ratio_count));
+    bench_json_number("ms_median", bench_median(r->ms, n));
+    bench_json_number("ms_p99", n > 0 ? r->ms[(n - 1) * 99 / 100] : (double)NAN);
+    bench_json_number("ops_median", median_units);
+    bench_json_number("ops_worst_over_median", n > 0 ? r->units[n - 1] / median_units : (double)NAN);
+    bench_json_number("inside95", share(r->inside, r->judged));
+    bench_json_number("found", share(r->found, r->pairs));
+    bench_json_number("found_right", share(r->found_right, r->found));
+    bench_json_number("ambiguous", share(r->ambiguous, r->pairs));
+    bench_json_number("none", share(r->none, r->pairs));
+    bench_json_number("strangers_none", share(r->strangers_none, r->strangers));
+    bench_json_integer("pool_bytes", (int64_t)pool_bytes);
+    bench_json_true("summary");
+    bench_json_end();
+}
+
+/* All pairs from one kind of start, and the strangers from none. */
+static int run_start(const settings *s, const char *name, const collection *c, const start_kind *kind)
+{
+    size_t n = (size_t)c->pair_count + 1;
+    cairn_random random = cairn_random_seed((uint64_t)s->seed, 6);
+    settings labelled = *s;
+    row r;
+    matcher m = {NULL, NULL, NULL, 0};
+    double *values = malloc(5 * n * sizeof *values);
+    int done = values != NULL && start_matcher(s, &c->views, &m);
+
+    memset(&r, 0, sizeof r);
+    labelled.start = kind->name;
+    if (done) {
+        r.metres = values;
+        r.degrees = values + n;
+        r.ratios = values + 2 * n;
+        r.ms = values + 3 * n;
+        r.units = values + 4 * n;
+    }
+    for (int32_t i = 0; i < c->pair_count && done; i++) {
+        const pair *p = &c->pairs[i];
+        const bench_view *target = &c->views.at[p->target], *query = &c->views.at[p->query];
+        int ceiling = stays(&m, target, query, cairn_pose_between(target->truth, query->truth));
+        cairn_scan_match_result result;
+        outcome o;
+
+        done = run_pair(&m, c, p, kind, &random, &o);
+        if (!done)
+            break;
+        count_pair(&r, &o);
+        r.ceiling += ceiling;
+        result = cairn_scan_match_read(m.match);
+        if (s->each)
+            print_each(&labelled, c, p, &o, &result, ceiling, 0);
+    }
+    for (int32_t i = 0; i < c->stranger_count && done && (kind->metres < 0 || s->strangers); i++) {
+        cairn_scan_match_result result;
+        outcome o;
+
+        done = run_pair(&m, c, &c->strangers[i], kind, &random, &o);
+        r.strangers++;
+        r.strangers_none += o.verdict == CAIRN_SCAN_MATCH_NONE;
+        result = cairn_scan_match_read(m.match);
+        if (s->each && done)
+            print_each(&labelled, c, &c->strangers[i], &o, &result, 0, 1);
+    }
+    if (done)
+        print_row(s, name, kind, &r, m.pool_bytes);
+    else
+        fprintf(stderr, "bench/pairs: no memory, or a match was refused\n");
+    free(values);
+    free(m.memory);
+    return done;
+}
+
+static int run_collection(const settings *s, const char *name, collection *c)
+{
+    int done = 1;
+
+    for (size_t k = 0; k < sizeof STARTS / sizeof *STARTS && done; k++)
+        if (s->start == NULL || strcmp(s->start, STARTS[k].name) == 0)
+            done = run_start(s, name, c, &STARTS[k]);
+    return done;
+}
+
+static int run_data(const settings *s, const char *name)
+{
+    collection c;
+    size_t room = (size_t)s->pairs + PAIRS_PER_ARENA;
+    int collected, done = 0;
+
+    memset(&c, 0, sizeof c);
+    c.pairs = malloc(room * sizeof *c.pairs);
+    c.strangers = malloc(2 * room * sizeof *c.strangers);
+    collected =
+        c.pairs != NULL && c.strangers != NULL && (s->simulated ? collect_simulated(s, &c) : collect_log(s, &c));
+    if (c.pair_count > s->pairs)
+        c.pair_count = (int32_t)s->pairs;
+    if (c.stranger_count > s->pairs)
+        c.stranger_count = (int32_t)s->pairs;
+    if (collected)
+        done = run_collection(s, name, &c);
+    bench_views_free(&c.views);
+    free(c.pairs);
+    free(c.strangers);
+    return collected ? !done : 3;
+}
+
+static int is_start(const char *name)
+{
+    for (size_t k = 0; k < sizeof STARTS / sizeof *STARTS; k++)
+        if (strcmp(name, STARTS[k].name) == 0)
+            return 1;
+    return 0;
+}
+
+int main(int argc, char **argv)
+{
+    static const char *const names[] = {"intel", "fr079", "aces"};
+    static const int64_t partners[] = {10, 59, 10};
+    settings s = {NULL, NULL, "../shared/data", NULL, "correlative", NULL, 500, 1, 0, 0, 0, 0, 0};
+    const option table[] = {
+        OPTION_FLAG("--simulated", &s.simulated, "pairs of simulated arenas"),
+        OPTION_TEXT("--scene", &s.scene, "NAME", "scene of the arenas (rescue, apartment and office in turn)"),
+        OPTION_TEXT("--log", &s.log, "FILE", "one CARMEN log (all of DIR/slam)"),
+        OPTION_TEXT("--truth", &s.truth, "FILE", "its reference poses, \"scan x y theta\" a line"),
+        OPTION_TEXT("--data", &s.data, "DIR", "folder of the data sets (../shared/data)"),
+        OPTION_TEXT("--start", &s.start, "NAME", "E, T, X or none (all)"),
+        OPTION_TEXT("--method", &s.method, "NAME", "correlative or shape (correlative)"),
+        OPTION_INTEGER("--pairs", &s.pairs, 1, 100000, "N", "pairs"),
+        OPTION_INTEGER("--partners", &s.partners, 0, 1000, "N",
+                       "the second scan is one of the next N with a reference pose (10; fr079 59)"),
+        OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the arenas, the pairs and their starts"),
+        OPTION_INTEGER("--strangers", &s.strangers, 0, 1, "N",
+                       "1: pairs that share nothing at every start, not at none only"),
+        OPTION_FLAG("--noise", &s.noise, "overwrite the poses of the log with noise: nothing may change"),
+        OPTION_FLAG("--each", &s.each, "a line for every pair"),
+    };
+    const option_set set = {"bench/pairs", "--simulated | [--log FILE --truth FILE] [options]",
+                            "Matches of two scans, from a guess or from none.", table, sizeof table / sizeof *table};
+    size_t words = 0;
+    int code = 0;
+
+    switch (options_read(&set, argc, argv, NULL, &words)) {
+    case OPTIONS_HELPED:
+        return 0;
+    case OPTIONS_BAD:
+        return 2;
+    default:
+        break;
+    }
+    if ((s.log == NULL) != (s.truth == NULL))
+        return options_refuse("bench/pairs", "--log or --truth alone, expected both or neither");
+    if (s.start != NULL && !is_start(s.start))
+        return options_refuse("bench/pairs", "--start is '%s', expected E, T, X or none", s.start);
+    if (strcmp(s.method, "correlative") != 0 && strcmp(s.method, "shape") != 0)
+        return options_refuse("bench/pairs", "--method is '%s', expected correlative or shape", s.method);
+    if (s.scene != NULL && sim_scene_find(s.scene) < 0)
+        return options_refuse("bench/pairs", "--scene is '%s', expected one of cairn-arena's", s.scene);
+    if (s.simulated || s.log != NULL) {
+        s.partners = s.partners > 0 ? s.partners : 10;
+        return run_data(&s, s.simulated ? "simulated" : cairn_path_name(s.log));
+    }
+    for (size_t i = 0; i < sizeof names / sizeof *names && code == 0; i++) {
+        char log[4096], truth[4096];
+        settings one = s;
+
+        snprintf(log, sizeof log, "%s/slam/%s.clf.gz", s.data, names[i]);
+        snprintf(truth, sizeof truth, "%s/slam/%s.corrected.txt", s.data, names[i]);
+        one.log = log;
+        one.truth = truth;
+        one.partners = s.partners > 0 ? s.partners : partners[i];
+        code = run_data(&one, names[i]);
+    }
+    return code;
+}

@@ -1,0 +1,145 @@
+/* scan_match: where was this scan taken, as seen from another scan or a local map? With a guess, or with none at all.
+ *
+ * The target is a union of scans (or any oriented points) that the caller adds part by part; the query is one scan. The
+ * answer is a ranked list of hypotheses with covariances, and a verdict: found, ambiguous, or none.
+ *
+ *     clear_target() -> add_target() ... -> begin(query) -> step(budget) until CAIRN_OK -> read()
+ *
+ * Mode `correlative` searches the whole window (position and heading; the full circle and all positions if asked) and
+ * refines what it finds by point-to-line distances at full resolution. Mode `shape` is the method of Adluru 2008, chapter 6. */
+#ifndef CAIRN_SCAN_MATCH_H
+#define CAIRN_SCAN_MATCH_H
+
+#include "cairn/scan.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct cairn_scan_match cairn_scan_match;
+
+typedef int32_t cairn_scan_match_mode;
+enum {
+    CAIRN_SCAN_MATCH_CORRELATIVE = 0,
+    CAIRN_SCAN_MATCH_SHAPE =
+        1 /* longest common subsequence of directions and angular histograms (Adluru 2008, 6.2-6.4) */
+};
+
+typedef struct cairn_scan_match_params {
+    cairn_scan_match_mode mode;
+    int32_t max_target;     /* evenly spaced points of all parts, 1 ... 2^20 */
+    int32_t max_dense;      /* dense points of all parts, 0 ... 2^20; 0: none are kept */
+    int32_t max_views;      /* parts whose beams are kept, 0 ... 4096; 0: no part's free space is known */
+    int32_t max_query;      /* evenly spaced points of the query, 1 ... 2^20 */
+    int32_t max_hypotheses; /* 1 ... 64 */
+    cairn_real spacing;     /* m, > 0: of the evenly spaced points; lengths of the search are multiples of it */
+    cairn_real sigma;       /* least standard deviation of a point across its line that is believed, m, > 0 */
+    cairn_real weak_ratio;  /* a direction is not observable when its information is less than this share of the best
+                             * one's, in [0, 1) */
+} cairn_scan_match_params;
+
+/* Correlative; 2048 target points, 4096 dense ones, 16 views, 1024 query points, 8 hypotheses, spacing 0.10 m, sigma
+ * 0.01 m, weak below 0.001. */
+cairn_scan_match_params cairn_scan_match_default(void);
+
+/* A scan, or a piece of a map, in a frame of its own. The arrays are the caller's and are only read. */
+typedef struct cairn_scan_match_part {
+    const cairn_oriented_point *points; /* [count] every `spacing` along the surfaces, in the order of the scan */
+    const cairn_oriented_point *dense;  /* [dense_count] at full resolution: cairn_scan_match_dense(); NULL: none */
+    const cairn_beam *beams;            /* [beam_count] what the sensor saw free; NULL: not known */
+    int32_t count, dense_count, beam_count;
+} cairn_scan_match_part;
+
+/* Half sizes of the search about the start pose. The truth is taken to lie anywhere in the window alike: what the scans do
+ * not tell stays near the start, and hypotheses outside are not reported. */
+typedef struct cairn_scan_match_window {
+    cairn_real distance; /* m, >= 0, in x and in y of the target's frame, of the query's origin */
+    cairn_real angle;    /* rad, >= 0; >= pi: the full circle */
+} cairn_scan_match_window;
+
+typedef struct cairn_scan_match_hypothesis {
+    cairn_pose target_query; /* the query's frame in the target's */
+    /* Row-major over (x, y, theta) of target_query, in the target's frame. What nothing is known of has a standard
+     * deviation of 100 m. */
+    cairn_real covariance[9];
+    cairn_real overlap;       /* share of the query's points that lie on a target's surface of their direction */
+    cairn_real contradiction; /* of the points that lie on the other's surface or in space that the other saw free, both
+                               * ways: share of the latter; 0 where nothing is known of free space */
+    cairn_real score;         /* what ranks: 0 ... 1, grows with overlap, falls with contradiction */
+    cairn_real sigma;         /* robust standard deviation of the points across the lines, m, >= params.sigma */
+    /* The least observable motion about the query's centroid: unit vector over (x, y, theta times `radius`) in the
+     * target's frame, sign free, and its information as a share of the best observable motion's. */
+    cairn_real weak[3];
+    cairn_real weak_ratio;
+    cairn_real radius;  /* of the query's points about their centroid, root mean square, m */
+    int32_t observable; /* how many of three independent motions the match tells: 3 is good */
+    int32_t pairs;      /* points paired at the end */
+} cairn_scan_match_hypothesis;
+
+typedef int32_t cairn_scan_match_verdict;
+enum {
+    CAIRN_SCAN_MATCH_RUNNING = 0,   /* or nothing begun */
+    CAIRN_SCAN_MATCH_FOUND = 1,     /* the first hypothesis is it */
+    CAIRN_SCAN_MATCH_AMBIGUOUS = 2, /* others are as good, or a direction of motion is not observable: see them all */
+    CAIRN_SCAN_MATCH_NONE = 3       /* nothing fits well enough; hypotheses, if any, are the best of the bad */
+};
+
+typedef struct cairn_scan_match_result {
+    const cairn_scan_match_hypothesis *hypotheses; /* [count], best first; valid until the next begin() */
+    int32_t count;
+    cairn_scan_match_verdict verdict;
+} cairn_scan_match_result;
+
+/* What the last match cost. */
+typedef struct cairn_scan_match_measure {
+    int64_t units;
+    int32_t worst_step; /* units of the dearest item */
+    int32_t candidates; /* poses that the search handed on */
+    int32_t fits;       /* poses that were refined */
+} cairn_scan_match_measure;
+
+/* 0 for params that create() would refuse. */
+size_t cairn_scan_match_memory(const cairn_scan_match_params *params);
+
+/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status cairn_scan_match_create(cairn_scan_match **match, cairn_pool *pool,
+                                                   const cairn_scan_match_params *params);
+
+/* The points and beams of a scan as a part; without dense points. */
+cairn_scan_match_part cairn_scan_match_part_of(const cairn_scan_view *view);
+
+/* Dense points of a scan: the end of every beam that hit and has another hit beside it, with the direction of the line
+ * through the hits about it. dense: [view->beam_count]. Returns how many. Cost: linear in the beams. */
+int32_t cairn_scan_match_dense(const cairn_scan_view *view, cairn_oriented_point *dense);
+
+/* Forgets the target, the last result and a match that is running. Constant time. */
+void cairn_scan_match_clear_target(cairn_scan_match *match);
+
+/* Adds a part, mapped by target_part, to the target; it is copied. CAIRN_BAD_ARGUMENT: NULL, a negative count, NULL with a
+ * count > 0, a direction whose length is not 1 within 1 %, a match is running. CAIRN_NOT_FINITE; coordinates are
+ * finite and within CAIRN_SCAN_EXTENT. CAIRN_FULL: max_target, max_dense or max_views is used up (with max_dense or max_views
+ * 0 the dense points or beams are left out instead). *fault, when not NULL, tells the point. Cost: linear. */
+CAIRN_CHECKED cairn_status cairn_scan_match_add_target(cairn_scan_match *match, const cairn_scan_match_part *part,
+                                                       cairn_pose target_part, cairn_fault *fault);
+
+/* Starts to match a query, whose arrays must stay until step() returns CAIRN_OK; a match that is running is dropped.
+ * window NULL: every position at which query and target can touch, and every heading (start is not used). A query or target without
+ * points gives the verdict NONE. CAIRN_BAD_ARGUMENT: NULL, counts and directions as in add_target(), a window that is
+ * negative. CAIRN_NOT_FINITE. CAIRN_FULL: more than max_query points. Cost: linear in the query. */
+CAIRN_CHECKED cairn_status cairn_scan_match_begin(cairn_scan_match *match, const cairn_scan_match_part *query,
+                                                  cairn_pose start, const cairn_scan_match_window *window,
+                                                  cairn_fault *fault);
+
+/* CAIRN_OK: nothing left to do, the verdict stands. CAIRN_MORE: go on. CAIRN_BAD_ARGUMENT: NULL. */
+CAIRN_CHECKED cairn_status cairn_scan_match_step(cairn_scan_match *match, cairn_budget *budget);
+
+/* The result; no hypotheses and RUNNING until step() returns CAIRN_OK. */
+cairn_scan_match_result cairn_scan_match_read(const cairn_scan_match *match);
+
+cairn_scan_match_measure cairn_scan_match_measured(const cairn_scan_match *match);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

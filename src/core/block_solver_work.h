@@ -1,0 +1,109 @@
+/* What the parts of block_solver share: block_solver.c (structure, values, steps), block_solver_order.c (minimum degree),
+ * block_solver_factor.c (pattern of the factor, LDL^T, solutions), block_solver_inverse.c (selected inverse). */
+#ifndef CAIRN_CORE_BLOCK_SOLVER_WORK_H
+#define CAIRN_CORE_BLOCK_SOLVER_WORK_H
+
+#include "cairn/block_solver.h"
+
+/* Entries of lists that are walked for one unit. */
+enum { BLOCK_SOLVER_ENTRIES = 16 };
+/* Blocks that are multiplied between two looks at the budget. */
+enum { BLOCK_SOLVER_CHUNK = 16 };
+
+/* What the next item of work is. */
+enum {
+    BLOCK_SOLVER_IDLE,
+    BLOCK_SOLVER_PIVOT, /* ordering: see block_solver_order.c */
+    BLOCK_SOLVER_SCAN,
+    BLOCK_SOLVER_UPDATE,
+    BLOCK_SOLVER_MERGE,
+    BLOCK_SOLVER_FINISH,
+    BLOCK_SOLVER_COUNT, /* pattern, a row an item */
+    BLOCK_SOLVER_FILL,
+    BLOCK_SOLVER_SLOT,   /* ... a link an item */
+    BLOCK_SOLVER_COLUMN, /* factor: the next column */
+    BLOCK_SOLVER_SUBTRACT,
+    BLOCK_SOLVER_FORWARD, /* solve, a column an item */
+    BLOCK_SOLVER_BACKWARD,
+    BLOCK_SOLVER_SELECT, /* selected inverse: the next column */
+    BLOCK_SOLVER_MULTIPLY
+};
+
+/* Quotient graph of the ordering: variables (poses not yet eliminated) and elements (cliques of eliminated ones). */
+struct cairn_block_order {
+    int32_t *graph;    /* [2 max_links + max_poses] lists: of a variable first its elements, then its variables; of an
+                        * element its variables */
+    int32_t *start;    /* [max_poses + 1] of the list in graph */
+    int32_t *length;   /* [max_poses] of the list; 0 for nodes that are gone */
+    int32_t *elements; /* [max_poses] how many of the list are elements */
+    int32_t *degree;   /* [max_poses] poses of an element's list, or bound of a variable's neighbours */
+    int32_t *size;     /* [max_poses] poses of a variable; < 0: in the pivot's list; 0: merged or eliminated */
+    int32_t *mark;     /* [max_poses] 0: element that is gone; else compared with tag */
+    int32_t *member;   /* [max_poses] next pose of the same variable, -1: last */
+    int32_t *tail;     /* [max_poses] last pose of the variable */
+    int32_t *head;     /* [max_poses] first variable of a degree */
+    int32_t *next;     /* [max_poses] variable of the same degree, or of the same hash */
+    int32_t *previous; /* [max_poses] variable of the same degree, or the hash */
+    int32_t *hashes;   /* [max_poses] first variable of a hash */
+    int32_t end;       /* of the used part of graph */
+    int32_t tag, largest; /* largest: poses of an element, so far */
+    int32_t lowest;       /* no variable has a lower degree */
+    int32_t pivot, cursor, write;
+    int32_t left;   /* poses not yet eliminated */
+    int32_t filled; /* entries of `order` */
+};
+
+struct cairn_block_solver {
+    cairn_block_solver_params params;
+    cairn_block_solver_result result;
+    int32_t phase;
+    int32_t debt;         /* units of items done that are not yet paid for */
+    int32_t closed;       /* 1: the structure takes no more links */
+    int32_t solved;       /* 1: x holds a solution */
+    cairn_status outcome; /* for the step that ends the part */
+
+    int32_t *first, *second; /* [max_links] */
+    int32_t *slot;           /* [max_links] block of the factor where the link's block goes */
+    int32_t *order;          /* [max_poses] pose at a place of the order of elimination */
+    int32_t *place;          /* [max_poses] place of a pose; below, all poses are places */
+
+    int32_t *column;            /* [max_poses + 1] first block of a column */
+    int32_t *rows;              /* [max_fill] ascending in each column */
+    cairn_real (*blocks)[9];    /* [max_fill] H, then L D, then H^-1, below the diagonal */
+    cairn_sym3 *diagonal;       /* [max_poses] H, then D^-1, then H^-1 */
+    cairn_real (*x)[3];         /* [max_poses] */
+    cairn_real (*sums)[9];      /* [max_poses] of the column that is inverted */
+    struct cairn_block_order o; /* its arrays serve the other parts as well, under the names that fit */
+
+    int32_t at;           /* row, link or column of the part that runs */
+    int32_t source;       /* column that is subtracted or multiplied */
+    int32_t block;        /* next block of it */
+    cairn_real scale[3];  /* of the diagonal before elimination */
+    cairn_real factor[9]; /* by which its blocks are multiplied */
+};
+
+/* Ordering; the items of the phases PIVOT to FINISH do one item and return its units. */
+void cairn_block_order_begin(cairn_block_solver *s);
+int32_t cairn_block_order_item(cairn_block_solver *s);
+
+/* Pattern, factor and solution. */
+void cairn_block_pattern_begin(cairn_block_solver *s);
+int32_t cairn_block_pattern_item(cairn_block_solver *s);
+int32_t cairn_block_find(const cairn_block_solver *s, int32_t row, int32_t column);
+void cairn_block_factor_begin(cairn_block_solver *s);
+int32_t cairn_block_factor_item(cairn_block_solver *s);
+int32_t cairn_block_solve_item(cairn_block_solver *s);
+
+/* Selected inverse. */
+void cairn_block_inverse_begin(cairn_block_solver *s);
+int32_t cairn_block_inverse_item(cairn_block_solver *s);
+
+/* Ends the part that runs. */
+static inline void cairn_block_solver_end(cairn_block_solver *s, cairn_block_solver_state state, cairn_status outcome)
+{
+    s->phase = BLOCK_SOLVER_IDLE;
+    s->result.state = state;
+    s->outcome = outcome;
+}
+
+#endif

@@ -1,0 +1,331 @@
+/* The player's record of scans, frames and links.
+ *
+ * Frames are kept at a stride that doubles whenever there are too many of them, or of their poses: the kept ones lie
+ * evenly over all that were added, whose number need not be known. The last one is kept besides. */
+#include "src/core/build.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "src/host/map_file_image.h"
+#include "src/host/report_picture.h"
+#include "src/host/report_player.h"
+
+/* So that a coordinate in the units of the page is exact in a double. */
+#define COORDINATE_MOST CAIRN_REAL(1e9)
+
+cairn_report_player_params cairn_report_player_default(void)
+{
+    cairn_report_player_params params;
+
+    memset(&params, 0, sizeof params);
+    params.step_name = "step";
+    params.frames_most = 600;
+    params.poses_most = 2000000;
+    params.points_most = 200000;
+    params.forces_most = 150000;
+    return params;
+}
+
+/* ---- memory ---- */
+
+/* A copy of count items, or *failed. One byte more than needed, so that nothing to copy is not mistaken for no memory. */
+static void *copy_of(const void *items, int32_t count, size_t size, int *failed)
+{
+    void *copy = malloc((size_t)count * size + 1);
+
+    if (copy == NULL)
+        *failed = 1;
+    else if (count > 0)
+        memcpy(copy, items, (size_t)count * size);
+    return copy;
+}
+
+static char *copy_of_text(const char *text, int *failed)
+{
+    return copy_of(text != NULL ? text : "", text != NULL ? (int32_t)strlen(text) + 1 : 1, 1, failed);
+}
+
+/* Makes room for one more of count items. 0: no memory. */
+static int grow(void **items, int32_t count, int32_t *room, size_t size)
+{
+    int32_t more = *room < 16 ? 16 : 2 * *room;
+    void *grown;
+
+    if (count < *room)
+        return 1;
+    if (*room > INT32_MAX / 2)
+        return 0;
+    grown = realloc(*items, (size_t)more * size);
+    if (grown == NULL)
+        return 0;
+    *items = grown;
+    *room = more;
+    return 1;
+}
+
+static void free_scan(cairn_player_scan *scan)
+{
+    free(scan->point);
+    free(scan->segment);
+}
+
+static void free_frame(cairn_player_frame *frame)
+{
+    free(frame->label);
+    free(frame->pose);
+    free(frame->doubtful);
+    free(frame->region);
+    free(frame->force);
+}
+
+static int copy_params(cairn_report_player *player, const cairn_report_player_params *params)
+{
+    int32_t i;
+    int failed = 0;
+
+    player->params = *params;
+    player->params.title = copy_of_text(params->title, &failed);
+    player->params.subtitle = copy_of_text(params->subtitle, &failed);
+    player->params.step_name = copy_of_text(params->step_name, &failed);
+    player->params.curve = player->curve;
+    for (i = 0; i < params->curve_count; i++) {
+        player->curve[i].name = copy_of_text(params->curve[i].name, &failed);
+        player->curve[i].unit = copy_of_text(params->curve[i].unit, &failed);
+        player->curve[i].note = copy_of_text(params->curve[i].note, &failed);
+    }
+    return !failed;
+}
+
+cairn_status cairn_report_player_open(cairn_report_player **player, const cairn_report_player_params *params)
+{
+    cairn_report_player *fresh;
+
+    if (player == NULL || params == NULL || params->curve_count < 0 || params->curve_count > CAIRN_REPORT_CURVES_MOST ||
+        (params->curve_count > 0 && params->curve == NULL) || params->frames_most < 2 || params->poses_most < 2 ||
+        params->points_most < 1 || params->forces_most < 1 || !(params->region_radius >= 0) ||
+        !(params->region_radius <= COORDINATE_MOST))
+        return CAIRN_BAD_ARGUMENT;
+    fresh = calloc(1, sizeof *fresh);
+    if (fresh == NULL)
+        return CAIRN_NO_MEMORY;
+    fresh->stride = 1;
+    if (!copy_params(fresh, params)) {
+        cairn_report_player_free(fresh);
+        return CAIRN_NO_MEMORY;
+    }
+    *player = fresh;
+    return CAIRN_OK;
+}
+
+void cairn_report_player_free(cairn_report_player *player)
+{
+    int32_t i;
+
+    if (player == NULL)
+        return;
+    for (i = 0; i < player->scan_count; i++)
+        free_scan(&player->scan[i]);
+    for (i = 0; i < player->frame_count; i++)
+        free_frame(&player->frame[i]);
+    for (i = 0; i < CAIRN_REPORT_CURVES_MOST; i++) {
+        free((char *)player->curve[i].name);
+        free((char *)player->curve[i].unit);
+        free((char *)player->curve[i].note);
+    }
+    free((char *)player->params.title);
+    free((char *)player->params.subtitle);
+    free((char *)player->params.step_name);
+    free(player->scan);
+    free(player->frame);
+    free(player->link);
+    free(player->grid_png);
+    free(player);
+}
+
+/* ---- scans ---- */
+
+static int is_within(cairn_vec2 p)
+{
+    return cairn_abs(p.x) <= COORDINATE_MOST && cairn_abs(p.y) <= COORDINATE_MOST;
+}
+
+static int scan_is_within(const cairn_report_scan *scan)
+{
+    int32_t k;
+
+    for (k = 0; k < scan->point_count; k++)
+        if (!is_within(scan->point[k]))
+            return 0;
+    for (k = 0; k < scan->segment_count; k++)
+        if (!is_within(scan->segment[k].a) || !is_within(scan->segment[k].b))
+            return 0;
+    return 1;
+}
+
+cairn_status cairn_report_player_add_scan(cairn_report_player *player, const cairn_report_scan *scan, int64_t index)
+{
+    cairn_player_scan fresh;
+    int failed = 0;
+
+    if (player == NULL || scan == NULL || scan->point_count < 0 || scan->segment_count < 0 ||
+        (scan->point_count > 0 && scan->point == NULL) || (scan->segment_count > 0 && scan->segment == NULL))
+        return CAIRN_BAD_ARGUMENT;
+    if (!scan_is_within(scan))
+        return CAIRN_NOT_FINITE;
+    fresh.point = copy_of(scan->point, scan->point_count, sizeof *scan->point, &failed);
+    fresh.segment = copy_of(scan->segment, scan->segment_count, sizeof *scan->segment, &failed);
+    fresh.point_count = scan->point_count;
+    fresh.segment_count = scan->segment_count;
+    fresh.index = index;
+    if (failed || !grow((void **)&player->scan, player->scan_count, &player->scan_room, sizeof fresh)) {
+        free_scan(&fresh);
+        return CAIRN_NO_MEMORY;
+    }
+    player->scan[player->scan_count++] = fresh;
+    return CAIRN_OK;
+}
+
+/* ---- frames ---- */
+
+static cairn_status check_frame(const cairn_report_player *player, const cairn_report_frame *frame)
+{
+    int32_t i;
+
+    if (frame->pose_count < 0 || frame->pose_count > player->scan_count || frame->region_count < 0 ||
+        frame->force_count < 0 || (frame->pose_count > 0 && frame->pose == NULL) ||
+        (frame->region_count > 0 && frame->region == NULL) || (frame->force_count > 0 && frame->force == NULL) ||
+        (player->frame_count > 0 && frame->step <= player->frame[player->frame_count - 1].step))
+        return CAIRN_BAD_ARGUMENT;
+    for (i = 0; i < frame->pose_count; i++) {
+        cairn_vec2 place = {frame->pose[i].x, frame->pose[i].y};
+
+        if (!is_within(place) || !(cairn_abs(frame->pose[i].theta) <= COORDINATE_MOST))
+            return CAIRN_NOT_FINITE;
+    }
+    for (i = 0; i < frame->region_count; i++)
+        if (!is_within(frame->region[i]))
+            return CAIRN_NOT_FINITE;
+    for (i = 0; i < frame->force_count; i++)
+        if (!is_within(frame->force[i].at) || !is_within(frame->force[i].force))
+            return CAIRN_NOT_FINITE;
+    return CAIRN_OK;
+}
+
+static int copy_frame(cairn_player_frame *fresh, const cairn_report_player *player, const cairn_report_frame *frame)
+{
+    int32_t i;
+    int failed = 0;
+
+    fresh->ordinal = player->ordinals;
+    fresh->step = frame->step;
+    fresh->label = copy_of_text(frame->label, &failed);
+    fresh->pose = copy_of(frame->pose, frame->pose_count, sizeof *frame->pose, &failed);
+    fresh->region = copy_of(frame->region, frame->region_count, sizeof *frame->region, &failed);
+    fresh->force = copy_of(frame->force, frame->force_count, sizeof *frame->force, &failed);
+    fresh->pose_count = frame->pose_count;
+    fresh->region_count = frame->region_count;
+    fresh->force_count = frame->force_count;
+    fresh->doubtful_count = 0;
+    for (i = 0; i < frame->pose_count && frame->doubtful != NULL; i++)
+        fresh->doubtful_count += frame->doubtful[i] != 0;
+    fresh->doubtful = malloc((size_t)fresh->doubtful_count * sizeof *fresh->doubtful + 1);
+    failed |= fresh->doubtful == NULL;
+    fresh->doubtful_count = 0;
+    for (i = 0; i < frame->pose_count && frame->doubtful != NULL && !failed; i++)
+        if (frame->doubtful[i] != 0)
+            fresh->doubtful[fresh->doubtful_count++] = i;
+    for (i = 0; i < player->params.curve_count; i++)
+        fresh->value[i] = frame->value != NULL ? frame->value[i] : (double)NAN;
+    return !failed;
+}
+
+static void drop_frame(cairn_report_player *player, int32_t index)
+{
+    player->pose_count -= player->frame[index].pose_count;
+    free_frame(&player->frame[index]);
+}
+
+/* Drops every second frame until few enough are left; the first and the last one stay. */
+static void thin_out(cairn_report_player *player)
+{
+    while (player->frame_count > 2 &&
+           (player->frame_count > player->params.frames_most || player->pose_count > player->params.poses_most)) {
+        int32_t kept = 0, i;
+
+        player->stride *= 2;
+        for (i = 0; i < player->frame_count; i++) {
+            if (player->frame[i].ordinal % player->stride == 0 || i == player->frame_count - 1)
+                player->frame[kept++] = player->frame[i];
+            else
+                drop_frame(player, i);
+        }
+        player->frame_count = kept;
+    }
+}
+
+cairn_status cairn_report_player_add_frame(cairn_report_player *player, const cairn_report_frame *frame)
+{
+    cairn_player_frame fresh;
+    cairn_status status = player != NULL && frame != NULL ? check_frame(player, frame) : CAIRN_BAD_ARGUMENT;
+
+    if (status != CAIRN_OK)
+        return status;
+    if (!copy_frame(&fresh, player, frame) ||
+        !grow((void **)&player->frame, player->frame_count, &player->frame_room, sizeof fresh)) {
+        free_frame(&fresh);
+        return CAIRN_NO_MEMORY;
+    }
+    /* The last frame was kept for being the last. */
+    if (player->frame_count > 0 && player->frame[player->frame_count - 1].ordinal % player->stride != 0)
+        drop_frame(player, --player->frame_count);
+    player->frame[player->frame_count++] = fresh;
+    player->pose_count += fresh.pose_count;
+    player->ordinals++;
+    thin_out(player);
+    return CAIRN_OK;
+}
+
+/* ---- links and grid ---- */
+
+cairn_status cairn_report_player_add_link(cairn_report_player *player, int32_t a, int32_t b, int32_t accepted)
+{
+    cairn_player_link *link;
+
+    if (player == NULL || a < 0 || b < 0 || a >= player->scan_count || b >= player->scan_count)
+        return CAIRN_BAD_ARGUMENT;
+    if (!grow((void **)&player->link, player->link_count, &player->link_room, sizeof *player->link))
+        return CAIRN_NO_MEMORY;
+    link = &player->link[player->link_count++];
+    link->ordinal = player->ordinals;
+    link->a = a;
+    link->b = b;
+    link->accepted = accepted != 0;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_report_player_set_grid(cairn_report_player *player, const cairn_report_grid *grid)
+{
+    cairn_report_grid coarse;
+    uint8_t *pixel = NULL, *bytes = NULL;
+    size_t count = 0;
+    cairn_status status;
+
+    if (player == NULL || grid == NULL || grid->pixel == NULL || grid->width < 1 || grid->height < 1 ||
+        !(grid->resolution > 0) || !(grid->resolution <= COORDINATE_MOST))
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pose_is_finite(grid->origin))
+        return CAIRN_NOT_FINITE;
+    status = cairn_report_coarsen_grid(grid, &coarse, &pixel);
+    if (status == CAIRN_OK)
+        status = cairn_image_encode_png(&bytes, &count, pixel, coarse.width, coarse.height, 1);
+    free(pixel);
+    if (status != CAIRN_OK)
+        return status;
+    free(player->grid_png);
+    player->grid_png = bytes;
+    player->grid_bytes = count;
+    player->grid = coarse;
+    player->grid.pixel = NULL;
+    return CAIRN_OK;
+}

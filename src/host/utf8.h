@@ -1,0 +1,33 @@
+/* utf8: where characters end. Internal to the host library. */
+#ifndef CAIRN_HOST_UTF8_H
+#define CAIRN_HOST_UTF8_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+/* U+FFFD, which stands for bytes that are no character. */
+#define CAIRN_UTF8_REPLACEMENT "\xEF\xBF\xBD"
+
+/* Bytes of the character at the start of a text that is not empty; 0: it is none. */
+static inline size_t cairn_utf8_length(const char *text)
+{
+    const uint8_t *byte = (const uint8_t *)text;
+    size_t length = byte[0] < 0x80   ? 1
+                    : byte[0] < 0xC2 ? 0
+                    : byte[0] < 0xE0 ? 2
+                    : byte[0] < 0xF0 ? 3
+                    : byte[0] < 0xF5 ? 4
+                                     : 0;
+    size_t i;
+
+    for (i = 1; i < length; i++)
+        if ((byte[i] & 0xC0) != 0x80)
+            return 0;
+    /* Too long a form, a surrogate, or beyond U+10FFFF. */
+    if ((byte[0] == 0xE0 && byte[1] < 0xA0) || (byte[0] == 0xED && byte[1] > 0x9F) ||
+        (byte[0] == 0xF0 && byte[1] < 0x90) || (byte[0] == 0xF4 && byte[1] > 0x8F))
+        return 0;
+    return length;
+}
+
+#endif

@@ -1,0 +1,362 @@
+/* Consensus over rival relative poses.
+ *
+ * A hypothesis earns its score times 1 - chi^2 / gate when two poses agree with it, and a pair earns the best of its
+ * hypotheses. That of a node is the sum over the pairs with the placed nodes of its part; that of a map the sum over all
+ * pairs. The growth from one start is greedy in this sum, to which the choice of the next node adds what the ways round by
+ * third nodes say for the hypothesis that proposes it: with few nodes placed, that is what tells a true hypothesis from a
+ * strong one. After each placement the poses are relaxed, node by node, so that errors do not add up along chains. Parts
+ * that single nodes could not join are then laid together as wholes, and every node is chosen again given all others (iterated
+ * conditional modes, Besag 1986) until nothing changes. A growth starts from the strongest hypothesis that
+ * no map found so far agrees with, so that the starts differ where it matters, and the sum of the map decides between them.
+ *
+ * Layout: hypotheses in the order of their coming; links sorted by node, other node and hypothesis, so that a node's evidence
+ * is one run and that of a pair a run within it. Three maps: the one that grows, the best, and the best other one.
+ *
+ * Limits: the sum has many local maxima and the search is greedy; a map is found when from one of the starts every step of
+ * the growth finds more evidence for the true candidate than for false ones. Whether evidence of several pairs is
+ * independent is for the caller to know: weights are as good as the scores.
+ *
+ * Source: after the set-maximal consistent measurements of Mangelsdorf et al. 2018 and the growth by voting of map merging
+ * (Adluru 2008, chapter 9), with rival hypotheses of one pair. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/pose_consensus_work.h"
+
+enum { MAX_NODES = 1 << 16, MAX_HYPOTHESES = 1 << 20, MAX_LISTED = 32 };
+
+/* Coordinates, variances and scores beyond this are refused, so that no square overflows in float. */
+static const cairn_real LIMIT = CAIRN_REAL(1e6);
+
+cairn_pose_consensus_params cairn_pose_consensus_default(void)
+{
+    cairn_pose_consensus_params params = {
+        64, 1024, 16, 10, 8, 4, CAIRN_REAL(0.03), CAIRN_PI / 300, 16, 0, 3, CAIRN_REAL(0.02)};
+    return params;
+}
+
+static int is_positive(cairn_real x)
+{
+    return x > 0 && x <= LIMIT;
+}
+
+static int params_are_good(const cairn_pose_consensus_params *params)
+{
+    return params != NULL && params->max_nodes >= 1 && params->max_nodes <= MAX_NODES && params->max_hypotheses >= 1 &&
+           params->max_hypotheses <= MAX_HYPOTHESES && params->max_starts >= 1 && params->max_rounds >= 0 &&
+           params->max_candidates >= 1 && params->max_candidates <= MAX_LISTED && params->max_alternatives >= 0 &&
+           params->max_alternatives <= MAX_LISTED && is_positive(params->sigma) && is_positive(params->sigma_angle) &&
+           is_positive(params->gate) && params->contradiction >= 0 && params->contradiction <= LIMIT &&
+           is_positive(params->min_support) && params->ambiguous > 0 && params->ambiguous < 1;
+}
+
+static cairn_pose_consensus *carve(cairn_pool *pool, const cairn_pose_consensus_params *params)
+{
+    size_t nodes = (size_t)params->max_nodes, hypotheses = (size_t)params->max_hypotheses;
+    cairn_pose_consensus *c = cairn_pool_take(pool, 1, sizeof *c);
+    cairn_pose_consensus made;
+
+    memset(&made, 0, sizeof made);
+    made.params = *params;
+    made.hypotheses = cairn_pool_take(pool, hypotheses, sizeof *made.hypotheses);
+    made.links = cairn_pool_take(pool, 2 * hypotheses, sizeof *made.links);
+    made.first_link = cairn_pool_take(pool, nodes + 1, sizeof *made.first_link);
+    made.fill = cairn_pool_take(pool, nodes, sizeof *made.fill);
+    made.bounds = cairn_pool_take(pool, nodes, sizeof *made.bounds);
+    made.chart = cairn_pool_take(pool, nodes, sizeof *made.chart);
+    made.best = cairn_pool_take(pool, nodes, sizeof *made.best);
+    made.rival = cairn_pool_take(pool, nodes, sizeof *made.rival);
+    made.nodes = cairn_pool_take(pool, nodes, sizeof *made.nodes);
+    made.alternatives = cairn_pool_take(pool, nodes * (size_t)params->max_alternatives, sizeof *made.alternatives);
+    made.candidates = cairn_pool_take(pool, (size_t)params->max_candidates, sizeof *made.candidates);
+    if (c != NULL)
+        *c = made;
+    return c;
+}
+
+size_t cairn_pose_consensus_memory(const cairn_pose_consensus_params *params)
+{
+    cairn_pool counting;
+
+    if (!params_are_good(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return counting.used == SIZE_MAX ? 0 : counting.used;
+}
+
+cairn_status cairn_pose_consensus_create(cairn_pose_consensus **consensus, cairn_pool *pool,
+                                         const cairn_pose_consensus_params *params)
+{
+    size_t need = cairn_pose_consensus_memory(params);
+
+    if (consensus == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    *consensus = carve(pool, params);
+    return CAIRN_OK;
+}
+
+/* Forgets result and search. */
+static void reset(cairn_pose_consensus *c)
+{
+    c->phase = CAIRN_CONSENSUS_IDLE;
+    c->debt = 0;
+    memset(&c->result, 0, sizeof c->result);
+}
+
+cairn_status cairn_pose_consensus_clear(cairn_pose_consensus *consensus, int32_t nodes)
+{
+    if (consensus == NULL || nodes < 1)
+        return CAIRN_BAD_ARGUMENT;
+    if (nodes > consensus->params.max_nodes)
+        return CAIRN_FULL;
+    reset(consensus);
+    consensus->node_count = nodes;
+    consensus->hypothesis_count = consensus->bound_count = 0;
+    consensus->judge = NULL;
+    memset(consensus->bounds, 0, (size_t)nodes * sizeof *consensus->bounds);
+    return CAIRN_OK;
+}
+
+static cairn_status refuse(cairn_fault *fault, const char *what, cairn_status status)
+{
+    if (fault != NULL) {
+        fault->index = -1;
+        fault->what = what;
+    }
+    return status;
+}
+
+static int is_beyond_limit(cairn_pose pose)
+{
+    return !(cairn_abs(pose.x) <= LIMIT && cairn_abs(pose.y) <= LIMIT);
+}
+
+static cairn_status check_hypothesis(const cairn_pose_consensus *consensus, const cairn_pose_hypothesis *h,
+                                     cairn_fault *fault)
+{
+    if (h->first < 0 || h->second < 0 || h->first >= consensus->node_count || h->second >= consensus->node_count ||
+        h->first == h->second)
+        return refuse(fault, "the hypothesis is not about two of the nodes", CAIRN_BAD_ARGUMENT);
+    if (!cairn_pose_is_finite(h->first_second))
+        return refuse(fault, "the relative pose is not finite", CAIRN_NOT_FINITE);
+    for (int k = 0; k < 9; k++)
+        if (!cairn_is_finite(h->covariance[k]))
+            return refuse(fault, "the covariance is not finite", CAIRN_NOT_FINITE);
+    if (!is_positive(h->score) || is_beyond_limit(h->first_second))
+        return refuse(fault, "the score must be positive, and score and pose at most 1e6", CAIRN_BAD_ARGUMENT);
+    return CAIRN_OK;
+}
+
+/* The inverse of the covariance with the nodes' own sigmas; 0 when it has none. */
+static int32_t information_of(const cairn_pose_consensus_params *params, const cairn_pose_hypothesis *h,
+                              cairn_sym3 *information)
+{
+    const cairn_real *c = h->covariance;
+    cairn_real x = h->first_second.x, y = h->first_second.y, turn = params->sigma_angle * params->sigma_angle;
+    cairn_real shift = params->sigma * params->sigma + turn * (x * x + y * y);
+    cairn_sym3 sum = {c[0] + shift, (c[1] + c[3]) / 2, (c[2] + c[6]) / 2, c[4] + shift, (c[5] + c[7]) / 2, c[8] + turn};
+
+    return c[0] <= LIMIT && c[4] <= LIMIT && c[8] <= LIMIT && cairn_sym3_inverse(sum, information);
+}
+
+cairn_status cairn_pose_consensus_add(cairn_pose_consensus *consensus, const cairn_pose_hypothesis *hypothesis,
+                                      cairn_fault *fault)
+{
+    cairn_kept_hypothesis kept;
+    cairn_status status;
+
+    if (consensus == NULL || hypothesis == NULL)
+        return refuse(fault, "no object or no hypothesis", CAIRN_BAD_ARGUMENT);
+    status = check_hypothesis(consensus, hypothesis, fault);
+    if (status != CAIRN_OK)
+        return status;
+    if (!information_of(&consensus->params, hypothesis, &kept.information))
+        return refuse(fault, "the covariance is not positive, or above 1e6", CAIRN_BAD_ARGUMENT);
+    if (consensus->hypothesis_count == consensus->params.max_hypotheses)
+        return refuse(fault, "more hypotheses than max_hypotheses", CAIRN_FULL);
+    kept.first = hypothesis->first;
+    kept.second = hypothesis->second;
+    kept.first_second = cairn_turned_of(hypothesis->first_second);
+    kept.second_first = cairn_turned_inverse(kept.first_second);
+    kept.score = hypothesis->score;
+    kept.cycles = 0;
+    kept.is_explained = 0;
+    consensus->hypotheses[consensus->hypothesis_count++] = kept;
+    reset(consensus);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_pose_consensus_bound(cairn_pose_consensus *consensus, int32_t node, cairn_pose map_node,
+                                        cairn_real metres, cairn_real radians)
+{
+    cairn_node_bound bound = {map_node, metres, radians};
+
+    if (consensus == NULL || node < 0 || node >= consensus->node_count)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pose_is_finite(map_node) || !cairn_is_finite(metres) || !cairn_is_finite(radians))
+        return CAIRN_NOT_FINITE;
+    if (!is_positive(metres) || !is_positive(radians) || is_beyond_limit(map_node))
+        return CAIRN_BAD_ARGUMENT;
+    consensus->bound_count += !(consensus->bounds[node].metres > 0);
+    consensus->bounds[node] = bound;
+    reset(consensus);
+    return CAIRN_OK;
+}
+
+void cairn_pose_consensus_judge_by(cairn_pose_consensus *consensus, cairn_pose_judge judge, void *context)
+{
+    consensus->judge = judge;
+    consensus->judge_context = context;
+    reset(consensus);
+}
+
+/* ---- Links ---- */
+
+/* Where the links of each node begin. */
+static void count_links(cairn_pose_consensus *c)
+{
+    memset(c->first_link, 0, ((size_t)c->node_count + 1) * sizeof *c->first_link);
+    for (int32_t i = 0; i < c->hypothesis_count; i++) {
+        c->first_link[c->hypotheses[i].first + 1]++;
+        c->first_link[c->hypotheses[i].second + 1]++;
+    }
+    for (int32_t i = 0; i < c->node_count; i++)
+        c->first_link[i + 1] += c->first_link[i];
+}
+
+static int comes_before(const cairn_consensus_link *a, const cairn_consensus_link *b)
+{
+    return a->other != b->other ? a->other < b->other : a->hypothesis < b->hypothesis;
+}
+
+/* Heap sort: fixed memory, and never worse than n log n. */
+static void sort_links(cairn_consensus_link *links, int32_t count)
+{
+    for (int32_t begin = count / 2, end = count; end > 1;) {
+        cairn_consensus_link link;
+        int32_t hole;
+
+        if (begin > 0) {
+            link = links[--begin];
+        } else {
+            link = links[--end];
+            links[end] = links[0];
+        }
+        hole = begin;
+        for (int32_t child = 2 * hole + 1; child < end; child = 2 * hole + 1) {
+            child += child + 1 < end && comes_before(&links[child], &links[child + 1]);
+            if (!comes_before(&link, &links[child]))
+                break;
+            links[hole] = links[child];
+            hole = child;
+        }
+        links[hole] = link;
+    }
+}
+
+static void build_links(cairn_pose_consensus *c)
+{
+    count_links(c);
+    for (int32_t i = 0; i < c->node_count; i++)
+        c->fill[i] = c->first_link[i];
+    for (int32_t i = 0; i < c->hypothesis_count; i++) {
+        const cairn_kept_hypothesis *h = &c->hypotheses[i];
+        cairn_consensus_link from_first = {h->second, i}, from_second = {h->first, i};
+
+        c->links[c->fill[h->first]++] = from_first;
+        c->links[c->fill[h->second]++] = from_second;
+    }
+    for (int32_t i = 0; i < c->node_count; i++)
+        sort_links(&c->links[c->first_link[i]], c->first_link[i + 1] - c->first_link[i]);
+}
+
+cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)
+{
+    const cairn_chart_node unplaced = {{{0, 0, 1, 0}, 0}, -1, -1};
+
+    if (consensus == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    if (consensus->node_count == 0)
+        return CAIRN_EMPTY;
+    reset(consensus);
+    build_links(consensus);
+    memset(consensus->nodes, 0, (size_t)consensus->node_count * sizeof *consensus->nodes);
+    for (int32_t i = 0; i < consensus->node_count; i++)
+        consensus->chart[i] = consensus->best[i] = consensus->rival[i] = unplaced;
+    for (int32_t i = 0; i < consensus->hypothesis_count; i++)
+        consensus->hypotheses[i].is_explained = 0;
+    consensus->phase = CAIRN_CONSENSUS_CYCLES;
+    consensus->next = 0;
+    consensus->end = consensus->hypothesis_count;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_pose_consensus_step(cairn_pose_consensus *consensus, cairn_budget *budget)
+{
+    if (consensus == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (consensus->phase != CAIRN_CONSENSUS_IDLE || consensus->debt > 0) {
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        if (consensus->debt > 0) {
+            int32_t paid = consensus->debt < budget->left ? consensus->debt : budget->left;
+
+            consensus->debt -= paid;
+            budget->left -= paid;
+            consensus->result.units += paid;
+        } else {
+            cairn_consensus_item(consensus);
+        }
+    }
+    return CAIRN_OK;
+}
+
+/* ---- Readers ---- */
+
+static int has_result(const cairn_pose_consensus *consensus)
+{
+    return consensus->phase == CAIRN_CONSENSUS_IDLE && consensus->debt == 0 && consensus->result.nodes > 0;
+}
+
+cairn_consensus_result cairn_pose_consensus_read(const cairn_pose_consensus *consensus)
+{
+    cairn_consensus_result none;
+
+    memset(&none, 0, sizeof none);
+    return has_result(consensus) ? consensus->result : none;
+}
+
+cairn_consensus_node cairn_pose_consensus_node(const cairn_pose_consensus *consensus, int32_t node)
+{
+    cairn_consensus_node none;
+
+    memset(&none, 0, sizeof none);
+    return has_result(consensus) && node >= 0 && node < consensus->node_count ? consensus->nodes[node] : none;
+}
+
+cairn_consensus_alternative cairn_pose_consensus_alternative(const cairn_pose_consensus *consensus, int32_t node,
+                                                             int32_t index)
+{
+    cairn_consensus_alternative none;
+
+    memset(&none, 0, sizeof none);
+    if (index < 0 || index >= cairn_pose_consensus_node(consensus, node).alternatives)
+        return none;
+    return consensus->alternatives[node * consensus->params.max_alternatives + index];
+}
+
+int32_t cairn_pose_consensus_agrees(const cairn_pose_consensus *consensus, int32_t hypothesis)
+{
+    const cairn_kept_hypothesis *h;
+
+    if (!has_result(consensus) || hypothesis < 0 || hypothesis >= consensus->hypothesis_count)
+        return 0;
+    h = &consensus->hypotheses[hypothesis];
+    return consensus->nodes[h->first].part == consensus->nodes[h->second].part &&
+           cairn_consensus_chi(h, cairn_turned_of(consensus->nodes[h->first].map_node),
+                               cairn_turned_of(consensus->nodes[h->second].map_node), NULL) < consensus->params.gate;
+}

@@ -1,0 +1,326 @@
+/* pose_consensus: what hypotheses, bounds and the judge say about poses. */
+#include "src/core/build.h"
+
+#include "src/mapping/pose_consensus_work.h"
+
+/* Nodes lie within this many times their bounds after the best common motion, which least squares find, not the least of
+ * the largest error. */
+static const cairn_real BOUND_SLACK = CAIRN_REAL(1.5);
+static const cairn_real SAME = 5;
+
+cairn_turned_pose cairn_turned_of(cairn_pose pose)
+{
+    cairn_turned_pose turned;
+
+    turned.transform = cairn_transform_of(pose);
+    turned.theta = pose.theta;
+    return turned;
+}
+
+cairn_pose cairn_turned_pose_of(cairn_turned_pose turned)
+{
+    cairn_pose pose = {turned.transform.x, turned.transform.y, cairn_wrap_angle(turned.theta)};
+
+    return pose;
+}
+
+/* Angles are taken from the sums of theta, so that sines and cosines that are multiplied many times cannot drift: they are
+ * made anew. */
+cairn_turned_pose cairn_turned_compose(cairn_turned_pose a_b, cairn_turned_pose b_c)
+{
+    cairn_vec2 origin = {b_c.transform.x, b_c.transform.y}, moved = cairn_transform_point(a_b.transform, origin);
+    cairn_pose a_c = {moved.x, moved.y, cairn_wrap_angle(a_b.theta + b_c.theta)};
+
+    return cairn_turned_of(a_c);
+}
+
+cairn_turned_pose cairn_turned_inverse(cairn_turned_pose a_b)
+{
+    return cairn_turned_of(cairn_pose_inverse(cairn_turned_pose_of(a_b)));
+}
+
+int32_t cairn_consensus_same(const cairn_pose_consensus *consensus, cairn_turned_pose a, cairn_turned_pose b)
+{
+    cairn_real x = a.transform.x - b.transform.x, y = a.transform.y - b.transform.y;
+    cairn_real reach = SAME * consensus->params.sigma;
+
+    return x * x + y * y <= reach * reach &&
+           cairn_abs(cairn_wrap_angle(a.theta - b.theta)) <= SAME * consensus->params.sigma_angle;
+}
+
+cairn_real cairn_consensus_chi(const cairn_kept_hypothesis *hypothesis, cairn_turned_pose map_first,
+                               cairn_turned_pose map_second, cairn_real residual[3])
+{
+    cairn_transform a = map_first.transform, z = hypothesis->first_second.transform;
+    cairn_real x = map_second.transform.x - a.x, y = map_second.transform.y - a.y;
+    cairn_real error[3] = {a.cosine * x + a.sine * y - z.x, a.cosine * y - a.sine * x - z.y,
+                           cairn_wrap_angle(map_second.theta - map_first.theta - hypothesis->first_second.theta)};
+
+    for (int k = 0; k < 3 && residual != NULL; k++)
+        residual[k] = error[k];
+    return cairn_sym3_form(hypothesis->information, error);
+}
+
+/* What part of its score a hypothesis earns: all at its mode, nothing from the gate on. */
+static cairn_real share_of(const cairn_pose_consensus *consensus, cairn_real chi)
+{
+    return cairn_max(1 - chi / consensus->params.gate, 0);
+}
+
+int32_t cairn_consensus_pair(const cairn_pose_consensus *consensus, int32_t node, cairn_turned_pose map_node,
+                             int32_t from, cairn_turned_pose map_other, int32_t *to, cairn_real *earned,
+                             cairn_real *strongest)
+{
+    const cairn_consensus_link *links = consensus->links;
+    int32_t other = links[from].other, best = -1, l = from;
+
+    *earned = *strongest = 0;
+    for (; l < consensus->first_link[node + 1] && links[l].other == other; l++) {
+        const cairn_kept_hypothesis *h = &consensus->hypotheses[links[l].hypothesis];
+        cairn_real chi = h->first == node ? cairn_consensus_chi(h, map_node, map_other, NULL)
+                                          : cairn_consensus_chi(h, map_other, map_node, NULL);
+        cairn_real share = share_of(consensus, chi);
+
+        *strongest = cairn_max(*strongest, h->score);
+        if (share * h->score > *earned) {
+            *earned = share * h->score;
+            best = links[l].hypothesis;
+        }
+    }
+    *to = l;
+    return best;
+}
+
+/* Evidence of the judge for a pair that no hypothesis agrees with. */
+static cairn_real judge_pair(const cairn_pose_consensus *consensus, int32_t node, cairn_turned_pose map_node,
+                             int32_t other, int32_t *units)
+{
+    int32_t first = node < other ? node : other, second = node < other ? other : node, cost = 1;
+    cairn_pose here = cairn_turned_pose_of(map_node);
+    cairn_pose there = cairn_turned_pose_of(consensus->chart[other].pose);
+    cairn_pose first_second = node < other ? cairn_pose_between(here, there) : cairn_pose_between(there, here);
+    cairn_real evidence = consensus->judge(consensus->judge_context, first, second, first_second, &cost);
+
+    *units += cost > 1 ? cost : 1;
+    return cairn_is_finite(evidence) ? evidence : 0;
+}
+
+static void add_support(cairn_consensus_support *support, cairn_real evidence)
+{
+    support->sum += evidence;
+    support->agreeing += evidence > 0;
+    support->contradicting += evidence < 0;
+}
+
+/* The pairs for which there are hypotheses. */
+static void support_by_links(const cairn_pose_consensus *consensus, int32_t node, cairn_turned_pose map_node,
+                             int32_t part, int32_t judged, cairn_consensus_support *support)
+{
+    for (int32_t l = consensus->first_link[node], to; l < consensus->first_link[node + 1]; l = to) {
+        const cairn_chart_node *other = &consensus->chart[consensus->links[l].other];
+        cairn_real earned, strongest;
+
+        (void)cairn_consensus_pair(consensus, node, map_node, l, other->pose, &to, &earned, &strongest);
+        if (other->part != part)
+            continue;
+        if (earned > 0)
+            add_support(support, earned);
+        else if (!judged)
+            add_support(support, -consensus->params.contradiction * strongest);
+    }
+}
+
+/* The pairs that no hypothesis agrees with. */
+static void support_by_judge(const cairn_pose_consensus *consensus, int32_t node, cairn_turned_pose map_node,
+                             int32_t part, cairn_consensus_support *support)
+{
+    int32_t l = consensus->first_link[node];
+
+    for (int32_t other = 0; other < consensus->node_count; other++) {
+        cairn_real earned = 0, strongest;
+
+        if (l < consensus->first_link[node + 1] && consensus->links[l].other == other)
+            (void)cairn_consensus_pair(consensus, node, map_node, l, consensus->chart[other].pose, &l, &earned,
+                                       &strongest);
+        if (other != node && consensus->chart[other].part == part && !(earned > 0))
+            add_support(support, judge_pair(consensus, node, map_node, other, &support->units));
+    }
+}
+
+cairn_consensus_support cairn_consensus_support_of(const cairn_pose_consensus *consensus, int32_t node,
+                                                   cairn_turned_pose map_node, int32_t part, int32_t judged)
+{
+    cairn_consensus_support support = {0, 0, 0, 1};
+    int32_t asks = judged && consensus->judge != NULL;
+
+    support.units += (consensus->first_link[node + 1] - consensus->first_link[node]) / 4;
+    support_by_links(consensus, node, map_node, part, asks, &support);
+    if (asks)
+        support_by_judge(consensus, node, map_node, part, &support);
+    return support;
+}
+
+/* ---- Bounds ---- */
+
+/* Sums over nodes with bounds: least squares of a common motion. */
+struct fit {
+    cairn_vec2 from, to; /* weighted means */
+    cairn_real weight, dot, cross;
+};
+
+static void add_centre(struct fit *fit, const cairn_node_bound *bound, cairn_turned_pose pose)
+{
+    cairn_real weight = 1 / (bound->metres * bound->metres);
+
+    fit->weight += weight;
+    fit->from.x += weight * pose.transform.x;
+    fit->from.y += weight * pose.transform.y;
+    fit->to.x += weight * bound->centre.x;
+    fit->to.y += weight * bound->centre.y;
+}
+
+static void add_turn(struct fit *fit, const cairn_node_bound *bound, cairn_turned_pose pose)
+{
+    cairn_real weight = 1 / (bound->metres * bound->metres), turns = 1 / (bound->radians * bound->radians);
+    cairn_vec2 from = {pose.transform.x - fit->from.x, pose.transform.y - fit->from.y};
+    cairn_vec2 to = {bound->centre.x - fit->to.x, bound->centre.y - fit->to.y};
+    cairn_real by = bound->centre.theta - pose.theta;
+
+    fit->dot += weight * cairn_vec2_dot(from, to) + turns * cairn_cos(by);
+    fit->cross += weight * cairn_vec2_cross(from, to) + turns * cairn_sin(by);
+}
+
+static int is_within(const cairn_node_bound *bound, cairn_pose map_part, cairn_turned_pose pose)
+{
+    cairn_pose placed = cairn_pose_compose(map_part, cairn_turned_pose_of(pose));
+    cairn_real x = placed.x - bound->centre.x, y = placed.y - bound->centre.y, reach = BOUND_SLACK * bound->metres;
+
+    return x * x + y * y <= reach * reach &&
+           cairn_abs(cairn_wrap_angle(placed.theta - bound->centre.theta)) <= BOUND_SLACK * bound->radians;
+}
+
+/* The bounded pose of a node of the part, or that of the candidate; 0 when it is neither, or has no bound. */
+static int bounded_pose(const cairn_pose_consensus *consensus, int32_t i, int32_t part, int32_t node,
+                        cairn_turned_pose candidate, cairn_turned_pose *pose)
+{
+    *pose = i == node ? candidate : consensus->chart[i].pose;
+    return consensus->bounds[i].metres > 0 && (i == node || consensus->chart[i].part == part);
+}
+
+int32_t cairn_consensus_within_bounds(const cairn_pose_consensus *consensus, int32_t part, int32_t node,
+                                      cairn_turned_pose candidate, cairn_pose *map_part)
+{
+    struct fit fit = {{0, 0}, {0, 0}, 0, 0, 0};
+    cairn_pose motion = {0, 0, 0};
+    cairn_turned_pose pose;
+    cairn_vec2 turned;
+    int32_t within = 1;
+
+    if (map_part != NULL)
+        *map_part = motion;
+    for (int32_t i = 0; i < consensus->node_count && consensus->bound_count > 0; i++)
+        if (bounded_pose(consensus, i, part, node, candidate, &pose))
+            add_centre(&fit, &consensus->bounds[i], pose);
+    if (!(fit.weight > 0))
+        return 1;
+    fit.from = cairn_vec2_scale(fit.from, 1 / fit.weight);
+    fit.to = cairn_vec2_scale(fit.to, 1 / fit.weight);
+    for (int32_t i = 0; i < consensus->node_count; i++)
+        if (bounded_pose(consensus, i, part, node, candidate, &pose))
+            add_turn(&fit, &consensus->bounds[i], pose);
+    motion.theta = cairn_atan2(fit.cross, fit.dot);
+    turned = cairn_pose_point(motion, fit.from);
+    motion.x = fit.to.x - turned.x;
+    motion.y = fit.to.y - turned.y;
+    for (int32_t i = 0; i < consensus->node_count && within; i++)
+        if (bounded_pose(consensus, i, part, node, candidate, &pose))
+            within = is_within(&consensus->bounds[i], motion, pose);
+    if (map_part != NULL)
+        *map_part = motion;
+    return within;
+}
+
+/* ---- Relaxation ---- */
+
+/* Columns of the derivative of a hypothesis' residual by (x, y, theta) of one of its nodes in the map. */
+static void residual_columns(cairn_turned_pose map_first, cairn_turned_pose map_second, int32_t of_first,
+                             cairn_real columns[3][3])
+{
+    cairn_transform a = map_first.transform;
+    cairn_real x = map_second.transform.x - a.x, y = map_second.transform.y - a.y, sign = of_first ? -1 : 1;
+    cairn_real seen_x = a.cosine * x + a.sine * y, seen_y = a.cosine * y - a.sine * x;
+
+    columns[0][0] = sign * a.cosine;
+    columns[0][1] = -sign * a.sine;
+    columns[0][2] = 0;
+    columns[1][0] = sign * a.sine;
+    columns[1][1] = sign * a.cosine;
+    columns[1][2] = 0;
+    columns[2][0] = of_first ? seen_y : 0;
+    columns[2][1] = of_first ? -seen_x : 0;
+    columns[2][2] = sign;
+}
+
+static void sym3_times(cairn_sym3 m, const cairn_real v[3], cairn_real out[3])
+{
+    out[0] = m.xx * v[0] + m.xy * v[1] + m.xz * v[2];
+    out[1] = m.xy * v[0] + m.yy * v[1] + m.yz * v[2];
+    out[2] = m.xz * v[0] + m.yz * v[1] + m.zz * v[2];
+}
+
+static cairn_real dot3(const cairn_real a[3], const cairn_real b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* Adds the normal equations of one hypothesis for one of its nodes. */
+static void add_terms(const cairn_pose_consensus *consensus, const cairn_kept_hypothesis *h, int32_t node,
+                      cairn_sym3 *information, cairn_real gradient[3])
+{
+    cairn_turned_pose first = consensus->chart[h->first].pose, second = consensus->chart[h->second].pose;
+    cairn_real columns[3][3], weighted[3][3], residual[3];
+    cairn_real weight = share_of(consensus, cairn_consensus_chi(h, first, second, residual));
+
+    residual_columns(first, second, h->first == node, columns);
+    for (int k = 0; k < 3; k++) {
+        sym3_times(h->information, columns[k], weighted[k]);
+        gradient[k] += weight * dot3(weighted[k], residual);
+    }
+    information->xx += weight * dot3(weighted[0], columns[0]);
+    information->xy += weight * dot3(weighted[0], columns[1]);
+    information->xz += weight * dot3(weighted[0], columns[2]);
+    information->yy += weight * dot3(weighted[1], columns[1]);
+    information->yz += weight * dot3(weighted[1], columns[2]);
+    information->zz += weight * dot3(weighted[2], columns[2]);
+}
+
+cairn_sym3 cairn_consensus_information(const cairn_pose_consensus *consensus, int32_t node, cairn_real gradient[3])
+{
+    const cairn_chart_node *here = &consensus->chart[node];
+    cairn_sym3 information = cairn_sym3_zero();
+
+    gradient[0] = gradient[1] = gradient[2] = 0;
+    for (int32_t l = consensus->first_link[node], to; l < consensus->first_link[node + 1]; l = to) {
+        const cairn_chart_node *other = &consensus->chart[consensus->links[l].other];
+        cairn_real earned, strongest;
+        int32_t h = cairn_consensus_pair(consensus, node, here->pose, l, other->pose, &to, &earned, &strongest);
+
+        if (h >= 0 && other->part == here->part)
+            add_terms(consensus, &consensus->hypotheses[h], node, &information, gradient);
+    }
+    return information;
+}
+
+void cairn_consensus_relax(cairn_pose_consensus *consensus, int32_t node)
+{
+    cairn_chart_node *here = &consensus->chart[node];
+    cairn_real gradient[3], step[3];
+    cairn_sym3 information = cairn_consensus_information(consensus, node, gradient);
+
+    if (here->part >= 0 && cairn_sym3_solve(information, gradient, step)) {
+        cairn_pose moved = {here->pose.transform.x - step[0], here->pose.transform.y - step[1],
+                            cairn_wrap_angle(here->pose.theta - step[2])};
+
+        here->pose = cairn_turned_of(moved);
+    }
+}

@@ -1,0 +1,631 @@
+/* pose_consensus: growth, merging of parts, choosing again, and the comparison of maps, item by item. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/pose_consensus_work.h"
+
+enum { SWEEPS_GROWTH = 1, SWEEPS_ROUND = 2, SWEEPS_END = 10 };
+
+/* Ways round by a third node carry the errors of two hypotheses more. */
+static const cairn_real CYCLE_GATE = 3;
+/* A node moves only for more support than rounding makes. */
+static const cairn_real MOVE = CAIRN_REAL(1e-4);
+
+static void enter(cairn_pose_consensus *c, cairn_consensus_phase phase, int32_t end)
+{
+    c->phase = phase;
+    c->next = 0;
+    c->end = end;
+}
+
+/* ---- Ways round ---- */
+
+static cairn_turned_pose seen_from(const cairn_kept_hypothesis *h, int32_t node)
+{
+    return h->first == node ? h->first_second : h->second_first;
+}
+
+/* Links of a node to one other: [from, returned). */
+static int32_t end_of_pair(const cairn_pose_consensus *c, int32_t node, int32_t from)
+{
+    int32_t to = from + 1;
+
+    while (to < c->first_link[node + 1] && c->links[to].other == c->links[from].other)
+        to++;
+    return to;
+}
+
+/* The best way from the first to the second node of h over links [from_a, to_a) of the first and [from_b, to_b) of the
+ * second to one third node. */
+static cairn_real best_way(cairn_pose_consensus *c, const cairn_kept_hypothesis *h, const int32_t a[2],
+                           const int32_t b[2])
+{
+    const cairn_turned_pose here = {{0, 0, 1, 0}, 0};
+    cairn_real best = 0;
+
+    for (int32_t i = a[0]; i < a[1]; i++)
+        for (int32_t j = b[0]; j < b[1]; j++) {
+            const cairn_kept_hypothesis *to = &c->hypotheses[c->links[i].hypothesis];
+            const cairn_kept_hypothesis *on = &c->hypotheses[c->links[j].hypothesis];
+            cairn_turned_pose way = seen_from(to, h->first), rest = seen_from(on, c->links[j].other);
+            cairn_vec2 position = {rest.transform.x, rest.transform.y};
+            cairn_real share;
+
+            position = cairn_transform_point(way.transform, position);
+            way.transform.x = position.x;
+            way.transform.y = position.y;
+            way.theta += rest.theta;
+            share = 1 - cairn_consensus_chi(h, here, way, NULL) / (CYCLE_GATE * c->params.gate);
+            best = cairn_max(best, share * cairn_min(h->score, cairn_min(to->score, on->score)));
+        }
+    c->debt += 1 + (a[1] - a[0]) * (b[1] - b[0]) / 2;
+    return best;
+}
+
+static void add_cycles(cairn_pose_consensus *c)
+{
+    cairn_kept_hypothesis *h = &c->hypotheses[c->next++];
+    int32_t a[2] = {c->first_link[h->first], 0}, b[2] = {c->first_link[h->second], 0};
+
+    h->cycles = 0;
+    while (a[0] < c->first_link[h->first + 1] && b[0] < c->first_link[h->second + 1]) {
+        int32_t third = c->links[a[0]].other, other = c->links[b[0]].other;
+
+        a[1] = end_of_pair(c, h->first, a[0]);
+        b[1] = end_of_pair(c, h->second, b[0]);
+        if (third == other)
+            h->cycles += best_way(c, h, a, b);
+        if (third <= other)
+            a[0] = a[1];
+        if (other <= third)
+            b[0] = b[1];
+    }
+    c->debt++;
+}
+
+/* ---- Starts ---- */
+
+/* The strongest hypothesis between unplaced nodes, counting the ways round that agree; for a new map only those that no map
+ * explains. -1: none that could place a node. */
+static int32_t strongest_hypothesis(cairn_pose_consensus *c, int32_t for_new_map)
+{
+    cairn_real best = 0;
+    int32_t index = -1;
+
+    for (int32_t i = 0; i < c->hypothesis_count; i++) {
+        const cairn_kept_hypothesis *h = &c->hypotheses[i];
+
+        if (c->chart[h->first].part < 0 && c->chart[h->second].part < 0 && !(for_new_map && h->is_explained) &&
+            h->score >= c->params.min_support && h->score + h->cycles > best) {
+            best = h->score + h->cycles;
+            index = i;
+        }
+    }
+    c->debt += 1 + c->hypothesis_count / 8;
+    return index;
+}
+
+static void place(cairn_pose_consensus *c, int32_t node, cairn_turned_pose pose, int32_t part)
+{
+    c->chart[node].pose = pose;
+    c->chart[node].part = part;
+}
+
+static void search(cairn_pose_consensus *c, cairn_consensus_choice choice, int32_t subject)
+{
+    int32_t all = choice == CAIRN_CHOOSE_NEXT;
+
+    enter(c, CAIRN_CONSENSUS_SEARCH, all ? c->first_link[c->node_count] : c->first_link[subject + 1]);
+    c->next = all ? 0 : c->first_link[subject];
+    c->subject = subject;
+    c->choice = choice;
+    c->candidate_count = 0;
+}
+
+/* Places the two nodes of a hypothesis as a new part; only the first when bounds forbid the second. */
+static void begin_part(cairn_pose_consensus *c, int32_t hypothesis)
+{
+    const cairn_kept_hypothesis *h = &c->hypotheses[hypothesis];
+    cairn_turned_pose first = cairn_turned_of(c->bounds[h->first].centre);
+    cairn_turned_pose second = cairn_turned_compose(first, h->first_second);
+
+    c->part = c->parts++;
+    place(c, h->first, first, c->part);
+    if (cairn_consensus_within_bounds(c, c->part, h->second, second, NULL))
+        place(c, h->second, second, c->part);
+    search(c, CAIRN_CHOOSE_NEXT, 0);
+}
+
+static void relax(cairn_pose_consensus *c, int32_t sweeps, cairn_consensus_phase after)
+{
+    enter(c, CAIRN_CONSENSUS_RELAX, c->node_count);
+    c->sweeps = sweeps;
+    c->after = after;
+}
+
+/* Poses of the best map are settled, and every node is reported. */
+static void begin_report(cairn_pose_consensus *c)
+{
+    memcpy(c->chart, c->best, (size_t)c->node_count * sizeof *c->chart);
+    relax(c, SWEEPS_END, CAIRN_CONSENSUS_REPORT);
+}
+
+static void start(cairn_pose_consensus *c)
+{
+    int32_t hypothesis = -1;
+
+    for (int32_t i = 0; i < c->node_count; i++)
+        c->chart[i].part = -1;
+    if (c->result.starts < c->params.max_starts)
+        hypothesis = strongest_hypothesis(c, 1);
+    c->debt++;
+    if (hypothesis < 0) {
+        begin_report(c);
+        return;
+    }
+    c->hypotheses[hypothesis].is_explained = 1;
+    c->start = hypothesis;
+    c->result.starts++;
+    c->parts = c->rounds = 0;
+    begin_part(c, hypothesis);
+}
+
+/* ---- A choice ---- */
+
+static cairn_real rank_of(const cairn_candidate *candidate)
+{
+    return candidate->support + candidate->cycles;
+}
+
+/* Into the list of the best; of two for one pose of a node the better stays, or the one where it lies already. */
+static void keep_candidate(cairn_pose_consensus *c, const cairn_candidate *candidate)
+{
+    cairn_candidate *list = c->candidates;
+    int32_t at = 0, same = -1;
+
+    for (int32_t i = 0; i < c->candidate_count && same < 0; i++)
+        if (list[i].node == candidate->node && list[i].part == candidate->part &&
+            cairn_consensus_same(c, list[i].pose, candidate->pose))
+            same = i;
+    if (same >= 0 && (list[same].current || rank_of(&list[same]) >= rank_of(candidate)))
+        return;
+    if (same >= 0) {
+        memmove(&list[same], &list[same + 1], (size_t)(c->candidate_count - same - 1) * sizeof *list);
+        c->candidate_count--;
+    }
+    while (at < c->candidate_count && rank_of(&list[at]) >= rank_of(candidate))
+        at++;
+    if (at == c->params.max_candidates)
+        return;
+    if (c->candidate_count == c->params.max_candidates)
+        c->candidate_count--;
+    memmove(&list[at + 1], &list[at], (size_t)(c->candidate_count - at) * sizeof *list);
+    list[at] = *candidate;
+    c->candidate_count++;
+}
+
+static void vote(cairn_pose_consensus *c, cairn_candidate *candidate)
+{
+    cairn_consensus_support support =
+        cairn_consensus_support_of(c, candidate->node, candidate->pose, candidate->part, 0);
+
+    candidate->support = support.sum;
+    c->debt += support.units;
+    if (cairn_consensus_within_bounds(c, candidate->part, candidate->node, candidate->pose, NULL))
+        keep_candidate(c, candidate);
+    if (c->bound_count > 0)
+        c->debt += c->node_count;
+}
+
+static void propose(cairn_pose_consensus *c, int32_t link)
+{
+    const cairn_kept_hypothesis *h = &c->hypotheses[c->links[link].hypothesis];
+    const cairn_chart_node *other = &c->chart[c->links[link].other];
+    cairn_candidate candidate;
+
+    memset(&candidate, 0, sizeof candidate);
+    candidate.node = c->subject;
+    candidate.part = other->part;
+    candidate.pose = cairn_turned_compose(other->pose, seen_from(h, c->links[link].other));
+    candidate.cycles = c->choice == CAIRN_CHOOSE_NEXT ? h->cycles : 0;
+    vote(c, &candidate);
+}
+
+static int is_open(const cairn_pose_consensus *c, int32_t link)
+{
+    int32_t here = c->chart[c->subject].part, there = c->chart[c->links[link].other].part;
+
+    if (c->choice == CAIRN_CHOOSE_NEXT)
+        return here < 0 && there == c->part;
+    return c->choice == CAIRN_CHOOSE_AGAIN ? there >= 0 : there >= 0 && there == here;
+}
+
+static void search_item(cairn_pose_consensus *c)
+{
+    c->debt++;
+    if (c->choice != CAIRN_CHOOSE_NEXT && c->next == c->first_link[c->subject] && c->candidate_count == 0 &&
+        c->chart[c->subject].part >= 0) {
+        cairn_candidate current;
+
+        memset(&current, 0, sizeof current);
+        current.node = c->subject;
+        current.part = c->chart[c->subject].part;
+        current.pose = c->chart[c->subject].pose;
+        current.current = 1;
+        vote(c, &current);
+    }
+    if (c->next < c->end) {
+        while (c->first_link[c->subject + 1] <= c->next)
+            c->subject++;
+        if (is_open(c, c->next))
+            propose(c, c->next);
+        c->next++;
+        return;
+    }
+    enter(c, CAIRN_CONSENSUS_JUDGE, c->candidate_count);
+}
+
+/* The candidate with the best rank; -1: none. */
+static int32_t best_candidate(const cairn_pose_consensus *c)
+{
+    int32_t best = -1;
+
+    for (int32_t i = 0; i < c->candidate_count; i++)
+        if (c->candidates[i].support >= c->params.min_support &&
+            (best < 0 || rank_of(&c->candidates[i]) > rank_of(&c->candidates[best])))
+            best = i;
+    return best;
+}
+
+static void begin_rounds(cairn_pose_consensus *c)
+{
+    c->merge.support = 0;
+    enter(c, CAIRN_CONSENSUS_MERGE, c->hypothesis_count);
+}
+
+static void choose_next(cairn_pose_consensus *c)
+{
+    int32_t best = best_candidate(c), hypothesis;
+
+    if (best >= 0) {
+        place(c, c->candidates[best].node, c->candidates[best].pose, c->part);
+        relax(c, SWEEPS_GROWTH, CAIRN_CONSENSUS_SEARCH);
+        return;
+    }
+    hypothesis = strongest_hypothesis(c, 0);
+    if (hypothesis >= 0)
+        begin_part(c, hypothesis);
+    else
+        begin_rounds(c);
+}
+
+static void choose_again(cairn_pose_consensus *c)
+{
+    int32_t best = best_candidate(c), current = -1;
+    cairn_chart_node *node = &c->chart[c->subject];
+
+    for (int32_t i = 0; i < c->candidate_count; i++)
+        if (c->candidates[i].current)
+            current = i;
+    if (best < 0) {
+        c->changed += node->part >= 0;
+        node->part = -1;
+    } else if (current < 0 || c->candidates[best].support > c->candidates[current].support + MOVE) {
+        place(c, c->subject, c->candidates[best].pose, c->candidates[best].part);
+        c->changed++;
+    }
+    enter(c, CAIRN_CONSENSUS_AGAIN, c->node_count);
+    c->next = c->subject + 1;
+}
+
+static void report_item(cairn_pose_consensus *c);
+
+static void judge_item(cairn_pose_consensus *c)
+{
+    c->debt++;
+    if (c->next < c->end) {
+        cairn_candidate *candidate = &c->candidates[c->next++];
+        cairn_consensus_support support =
+            cairn_consensus_support_of(c, candidate->node, candidate->pose, candidate->part, 1);
+
+        candidate->support = support.sum;
+        c->debt += support.units;
+    } else if (c->choice == CAIRN_CHOOSE_NEXT) {
+        choose_next(c);
+    } else if (c->choice == CAIRN_CHOOSE_AGAIN) {
+        choose_again(c);
+    } else {
+        report_item(c);
+    }
+}
+
+/* ---- Rounds ---- */
+
+/* Support for laying part `merge->node` into `merge->part` by `merge->pose`. */
+static cairn_real merged_support(cairn_pose_consensus *c, const cairn_candidate *merge, int32_t judged)
+{
+    cairn_real sum = 0;
+
+    for (int32_t i = 0; i < c->node_count; i++)
+        if (c->chart[i].part == merge->node) {
+            cairn_consensus_support support = cairn_consensus_support_of(
+                c, i, cairn_turned_compose(merge->pose, c->chart[i].pose), merge->part, judged);
+
+            sum += support.sum;
+            c->debt += support.units;
+        }
+    return sum;
+}
+
+static void propose_merge(cairn_pose_consensus *c, const cairn_kept_hypothesis *h)
+{
+    const cairn_chart_node *first = &c->chart[h->first], *second = &c->chart[h->second];
+    cairn_candidate merge;
+
+    memset(&merge, 0, sizeof merge);
+    merge.node = second->part;
+    merge.part = first->part;
+    merge.pose =
+        cairn_turned_compose(cairn_turned_compose(first->pose, h->first_second), cairn_turned_inverse(second->pose));
+    merge.support = merged_support(c, &merge, 0);
+    if (merge.support > c->merge.support)
+        c->merge = merge;
+}
+
+/* Lays one part into the other; 0 and nothing changed when bounds forbid it. */
+static int merge_parts(cairn_pose_consensus *c)
+{
+    cairn_turned_pose back = cairn_turned_inverse(c->merge.pose);
+
+    for (int32_t i = 0; i < c->node_count; i++) {
+        c->chart[i].part_before = c->chart[i].part;
+        if (c->chart[i].part == c->merge.node)
+            place(c, i, cairn_turned_compose(c->merge.pose, c->chart[i].pose), c->merge.part);
+    }
+    if (cairn_consensus_within_bounds(c, c->merge.part, -1, back, NULL))
+        return 1;
+    for (int32_t i = 0; i < c->node_count; i++)
+        if (c->chart[i].part_before == c->merge.node)
+            place(c, i, cairn_turned_compose(back, c->chart[i].pose), c->merge.node);
+    return 0;
+}
+
+static void merge_item(cairn_pose_consensus *c)
+{
+    const cairn_kept_hypothesis *h = &c->hypotheses[c->next];
+
+    c->debt++;
+    if (c->next < c->end) {
+        int32_t first = c->chart[h->first].part, second = c->chart[h->second].part;
+
+        c->next++;
+        if (first >= 0 && second >= 0 && first != second)
+            propose_merge(c, h);
+    } else if (c->merge.support > 0 && merged_support(c, &c->merge, 1) >= c->params.min_support && merge_parts(c)) {
+        begin_rounds(c);
+    } else {
+        c->changed = 0;
+        enter(c, CAIRN_CONSENSUS_AGAIN, c->rounds < c->params.max_rounds ? c->node_count : 0);
+        c->rounds++;
+    }
+}
+
+static void again_item(cairn_pose_consensus *c)
+{
+    c->debt++;
+    if (c->next < c->end) {
+        search(c, CAIRN_CHOOSE_AGAIN, c->next);
+    } else if (c->changed > 0) {
+        c->result.rounds++;
+        relax(c, SWEEPS_ROUND, CAIRN_CONSENSUS_MERGE);
+    } else {
+        c->total = 0;
+        enter(c, CAIRN_CONSENSUS_TALLY, c->node_count);
+    }
+}
+
+static void relax_item(cairn_pose_consensus *c)
+{
+    if (c->next < c->end) {
+        c->debt += 2 + (c->first_link[c->next + 1] - c->first_link[c->next]) / 4;
+        cairn_consensus_relax(c, c->next);
+        c->next++;
+    } else if (--c->sweeps > 0) {
+        c->next = 0;
+    } else if (c->after == CAIRN_CONSENSUS_SEARCH) {
+        search(c, CAIRN_CHOOSE_NEXT, 0);
+    } else if (c->after == CAIRN_CONSENSUS_MERGE) {
+        begin_rounds(c);
+    } else {
+        enter(c, c->after, c->node_count);
+    }
+}
+
+/* ---- Comparison ---- */
+
+/* 1 when two maps have the same parts, and nodes lie alike in them. */
+static int same_map(const cairn_pose_consensus *c, const cairn_chart_node *a, const cairn_chart_node *b)
+{
+    for (int32_t i = 0; i < c->node_count; i++) {
+        int32_t anchor = 0;
+
+        if (a[i].part < 0 || b[i].part < 0) {
+            if (a[i].part != b[i].part)
+                return 0;
+            continue;
+        }
+        while (a[anchor].part != a[i].part)
+            anchor++;
+        if (b[anchor].part != b[i].part ||
+            !cairn_consensus_same(c, cairn_turned_compose(cairn_turned_inverse(a[anchor].pose), a[i].pose),
+                                  cairn_turned_compose(cairn_turned_inverse(b[anchor].pose), b[i].pose)))
+            return 0;
+    }
+    return 1;
+}
+
+static void copy_map(const cairn_pose_consensus *c, cairn_chart_node *to, const cairn_chart_node *from)
+{
+    memcpy(to, from, (size_t)c->node_count * sizeof *to);
+}
+
+/* Keeps the best map, and the best one that is another. */
+static void compare(cairn_pose_consensus *c)
+{
+    cairn_consensus_result *result = &c->result;
+    int is_first = result->starts == 1, is_other = !is_first && !same_map(c, c->chart, c->best);
+    int is_better = is_first || c->total > result->total;
+
+    if (is_better && is_other) {
+        copy_map(c, c->rival, c->best);
+        result->rival = result->total;
+    } else if (is_other && c->total > result->rival) {
+        copy_map(c, c->rival, c->chart);
+        result->rival = c->total;
+    }
+    if (is_better) {
+        copy_map(c, c->best, c->chart);
+        result->total = c->total;
+        result->start = c->start;
+    }
+    c->debt += c->node_count / 2;
+}
+
+static void mark_explained(cairn_pose_consensus *c)
+{
+    for (int32_t i = 0; i < c->hypothesis_count; i++) {
+        cairn_kept_hypothesis *h = &c->hypotheses[i];
+        const cairn_chart_node *first = &c->chart[h->first], *second = &c->chart[h->second];
+
+        if (first->part >= 0 && first->part == second->part &&
+            cairn_consensus_chi(h, first->pose, second->pose, NULL) < c->params.gate)
+            h->is_explained = 1;
+    }
+    c->debt += c->hypothesis_count / 2;
+}
+
+static void tally_item(cairn_pose_consensus *c)
+{
+    c->debt++;
+    if (c->next < c->end) {
+        const cairn_chart_node *node = &c->chart[c->next];
+
+        if (node->part >= 0) {
+            cairn_consensus_support support = cairn_consensus_support_of(c, c->next, node->pose, node->part, 1);
+
+            c->total += support.sum / 2;
+            c->debt += support.units;
+        }
+        c->next++;
+    } else {
+        compare(c);
+        mark_explained(c);
+        enter(c, CAIRN_CONSENSUS_START, 0);
+    }
+}
+
+/* ---- Report ---- */
+
+/* In the frame of the chart. */
+static void write_covariance(cairn_pose_consensus *c, int32_t node)
+{
+    cairn_real gradient[3], *covariance = c->nodes[node].covariance;
+    cairn_sym3 inverse = cairn_sym3_zero();
+
+    (void)cairn_sym3_inverse(cairn_consensus_information(c, node, gradient), &inverse);
+    covariance[0] = inverse.xx;
+    covariance[1] = covariance[3] = inverse.xy;
+    covariance[2] = covariance[6] = inverse.xz;
+    covariance[4] = inverse.yy;
+    covariance[5] = covariance[7] = inverse.yz;
+    covariance[8] = inverse.zz;
+}
+
+/* Writes down the node whose alternatives have been searched. */
+static void report_node(cairn_pose_consensus *c)
+{
+    cairn_consensus_node *node = &c->nodes[c->subject];
+    const cairn_chart_node *chart = &c->chart[c->subject];
+    cairn_consensus_alternative *list = &c->alternatives[c->subject * c->params.max_alternatives];
+    cairn_consensus_support support = cairn_consensus_support_of(c, c->subject, chart->pose, chart->part, 1);
+
+    c->debt += 2 * support.units;
+    write_covariance(c, c->subject);
+    node->support = support.sum;
+    node->agreeing = support.agreeing;
+    node->contradicting = support.contradicting;
+    for (int32_t i = 0; i < c->candidate_count; i++) {
+        cairn_consensus_alternative alternative = {cairn_turned_pose_of(c->candidates[i].pose),
+                                                   c->candidates[i].support, 0, 0};
+        int32_t at = node->alternatives;
+
+        if (c->candidates[i].current || !(alternative.support > 0))
+            continue;
+        while (at > 0 && list[at - 1].support < alternative.support)
+            at--;
+        if (at == c->params.max_alternatives)
+            continue;
+        if (node->alternatives == c->params.max_alternatives)
+            node->alternatives--;
+        memmove(&list[at + 1], &list[at], (size_t)(node->alternatives - at) * sizeof *list);
+        list[at] = alternative;
+        node->alternatives++;
+    }
+}
+
+/* Comes twice to a node: to search its alternatives, and after that from the judge. */
+static void report_item(cairn_pose_consensus *c)
+{
+    c->debt++;
+    if (c->phase == CAIRN_CONSENSUS_JUDGE) {
+        report_node(c);
+        enter(c, CAIRN_CONSENSUS_REPORT, c->node_count);
+        c->next = c->subject + 1;
+        return;
+    }
+    while (c->next < c->end && c->chart[c->next].part < 0)
+        c->next++;
+    if (c->next < c->end) {
+        search(c, CAIRN_CHOOSE_ALTERNATIVES, c->next);
+    } else {
+        cairn_consensus_finish(c);
+        c->phase = CAIRN_CONSENSUS_IDLE;
+    }
+}
+
+void cairn_consensus_item(cairn_pose_consensus *c)
+{
+    switch (c->phase) {
+    case CAIRN_CONSENSUS_CYCLES:
+        if (c->next < c->end)
+            add_cycles(c);
+        else
+            enter(c, CAIRN_CONSENSUS_START, 0);
+        break;
+    case CAIRN_CONSENSUS_START:
+        start(c);
+        break;
+    case CAIRN_CONSENSUS_SEARCH:
+        search_item(c);
+        break;
+    case CAIRN_CONSENSUS_JUDGE:
+        judge_item(c);
+        break;
+    case CAIRN_CONSENSUS_RELAX:
+        relax_item(c);
+        break;
+    case CAIRN_CONSENSUS_MERGE:
+        merge_item(c);
+        break;
+    case CAIRN_CONSENSUS_AGAIN:
+        again_item(c);
+        break;
+    case CAIRN_CONSENSUS_TALLY:
+        tally_item(c);
+        break;
+    default:
+        report_item(c);
+        break;
+    }
+}

@@ -1,0 +1,149 @@
+/* What the parts of pose_consensus share: hypotheses as they are kept, maps in the making, and evidence. */
+#ifndef CAIRN_MAPPING_POSE_CONSENSUS_WORK_H
+#define CAIRN_MAPPING_POSE_CONSENSUS_WORK_H
+
+#include "cairn/pose_consensus.h"
+#include "cairn/small_matrix.h"
+
+/* A pose with the sine and cosine of its angle. */
+typedef struct cairn_turned_pose {
+    cairn_transform transform;
+    cairn_real theta;
+} cairn_turned_pose;
+
+typedef struct cairn_kept_hypothesis {
+    int32_t first, second;
+    cairn_turned_pose first_second, second_first;
+    cairn_sym3 information; /* of first_second with the nodes' own sigmas, in the frame of the first */
+    cairn_real score;
+    cairn_real cycles;    /* score of the ways round by a third node that agree with it */
+    int32_t is_explained; /* 1: a map that was found agrees, or a growth began with it */
+} cairn_kept_hypothesis;
+
+/* A hypothesis as one of its nodes sees it; those of a node stand together, sorted by the other node. */
+typedef struct cairn_consensus_link {
+    int32_t other, hypothesis;
+} cairn_consensus_link;
+
+/* A node in a map: its part, or -1 when it is not placed. */
+typedef struct cairn_chart_node {
+    cairn_turned_pose pose;
+    int32_t part;
+    int32_t part_before; /* while a merge is tried */
+} cairn_chart_node;
+
+typedef struct cairn_node_bound {
+    cairn_pose centre;
+    cairn_real metres, radians; /* metres 0: none */
+} cairn_node_bound;
+
+typedef struct cairn_candidate {
+    cairn_turned_pose pose;
+    cairn_real support;
+    cairn_real cycles; /* in growth what ways round say for the hypothesis: it counts with the support in the choice */
+    int32_t node, part;
+    int32_t current; /* 1: where the node lies already */
+} cairn_candidate;
+
+/* What all pairs of a node say for a pose of it. */
+typedef struct cairn_consensus_support {
+    cairn_real sum;
+    int32_t agreeing, contradicting;
+    int32_t units;
+} cairn_consensus_support;
+
+typedef int32_t cairn_consensus_phase;
+enum {
+    CAIRN_CONSENSUS_IDLE = 0,
+    CAIRN_CONSENSUS_CYCLES,
+    CAIRN_CONSENSUS_START,
+    CAIRN_CONSENSUS_SEARCH, /* vote for the candidates of a choice ... */
+    CAIRN_CONSENSUS_JUDGE,  /* ... and judge the best voted */
+    CAIRN_CONSENSUS_RELAX,
+    CAIRN_CONSENSUS_MERGE,
+    CAIRN_CONSENSUS_AGAIN, /* every node is chosen again */
+    CAIRN_CONSENSUS_TALLY,
+    CAIRN_CONSENSUS_REPORT
+};
+
+/* What is chosen by a search. */
+typedef int32_t cairn_consensus_choice;
+enum {
+    CAIRN_CHOOSE_NEXT = 0,        /* the node that grows the part */
+    CAIRN_CHOOSE_AGAIN = 1,       /* the pose of a node given the others */
+    CAIRN_CHOOSE_ALTERNATIVES = 2 /* of a node */
+};
+
+struct cairn_pose_consensus {
+    cairn_pose_consensus_params params;
+    cairn_kept_hypothesis *hypotheses;         /* [max_hypotheses] */
+    cairn_consensus_link *links;               /* [2 * max_hypotheses] */
+    int32_t *first_link;                       /* [max_nodes + 1] */
+    int32_t *fill;                             /* [max_nodes] for the links while they are built */
+    cairn_node_bound *bounds;                  /* [max_nodes] */
+    cairn_chart_node *chart, *best, *rival;    /* [max_nodes] */
+    cairn_consensus_node *nodes;               /* [max_nodes] */
+    cairn_consensus_alternative *alternatives; /* [max_nodes * max_alternatives] */
+    cairn_candidate *candidates;               /* [max_candidates] of the search, the best first */
+    cairn_pose_judge judge;
+    void *judge_context;
+    int32_t node_count, hypothesis_count, bound_count;
+
+    cairn_consensus_phase phase, after; /* after: that follows relaxation */
+    cairn_consensus_choice choice;
+    int32_t next, end; /* hypothesis, link, candidate or node that the phase comes to, and where it ends */
+    int32_t subject;   /* node of the link, or the one that is chosen again or reported */
+    int32_t part;      /* that grows */
+    int32_t parts;     /* begun so far */
+    int32_t sweeps;    /* of relaxation that are left */
+    int32_t rounds;    /* of this growth */
+    int32_t changed;   /* nodes in this round */
+    int32_t debt;      /* units of items done that are not yet paid for */
+    int32_t candidate_count;
+    cairn_candidate merge; /* best so far: its pose maps part `node` into `part` */
+    cairn_real total;
+    int32_t start; /* hypothesis from which this map grew */
+    cairn_consensus_result result;
+};
+
+cairn_turned_pose cairn_turned_of(cairn_pose pose);
+cairn_pose cairn_turned_pose_of(cairn_turned_pose pose);
+cairn_turned_pose cairn_turned_compose(cairn_turned_pose a_b, cairn_turned_pose b_c);
+cairn_turned_pose cairn_turned_inverse(cairn_turned_pose a_b);
+
+/* 1 when two poses are the same for all purposes: within five of the nodes' own sigmas. */
+int32_t cairn_consensus_same(const cairn_pose_consensus *consensus, cairn_turned_pose a, cairn_turned_pose b);
+
+/* Chi-squared of a hypothesis given two poses; of the second only its position and angle are read. residual, when not NULL,
+ * is its error in the frame of the first node. */
+cairn_real cairn_consensus_chi(const cairn_kept_hypothesis *hypothesis, cairn_turned_pose map_first,
+                               cairn_turned_pose map_second, cairn_real residual[3]);
+
+/* The hypothesis of the pair (node, other) that the poses agree with best, and what it earns; -1: none. `from` is the first
+ * link of the pair, *to is set behind its last. *strongest: best score of the pair, agreeing or not. */
+int32_t cairn_consensus_pair(const cairn_pose_consensus *consensus, int32_t node, cairn_turned_pose map_node,
+                             int32_t from, cairn_turned_pose map_other, int32_t *to, cairn_real *earned,
+                             cairn_real *strongest);
+
+/* Support of a pose of a node by the placed nodes of a part; the judge is asked when judged is 1. */
+cairn_consensus_support cairn_consensus_support_of(const cairn_pose_consensus *consensus, int32_t node,
+                                                   cairn_turned_pose map_node, int32_t part, int32_t judged);
+
+/* 1 when some common motion of the part brings its nodes and the candidate within their bounds; *map_part, when not NULL,
+ * is that motion (identity without bounds). node -1: no candidate. */
+int32_t cairn_consensus_within_bounds(const cairn_pose_consensus *consensus, int32_t part, int32_t node,
+                                      cairn_turned_pose pose, cairn_pose *map_part);
+
+/* Information about a node given the others, by the hypotheses that agree, and the gradient of half their chi-squared. */
+cairn_sym3 cairn_consensus_information(const cairn_pose_consensus *consensus, int32_t node, cairn_real gradient[3]);
+
+/* One Gauss-Newton step of a node given the others. */
+void cairn_consensus_relax(cairn_pose_consensus *consensus, int32_t node);
+
+/* Does one item of the search and adds its cost to the debt. */
+void cairn_consensus_item(cairn_pose_consensus *consensus);
+
+/* Makes the best map the result: frames, parts by size, alternatives from other maps. */
+void cairn_consensus_finish(cairn_pose_consensus *consensus);
+
+#endif

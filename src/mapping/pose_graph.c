@@ -1,0 +1,357 @@
+/* Pose graphs: what the user gives and reads. The iterations are in pose_graph_solve.c.
+ *
+ * Layout: links keep their information matrix turned into the frame of their first pose, where the residual is
+ * R_i^T (t_j - t_i) - t_z. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/pose_graph_work.h"
+
+enum { MAX_POSES = 1 << 22, MAX_LINKS = 1 << 24 };
+
+cairn_pose_graph_params cairn_pose_graph_default(void)
+{
+    cairn_pose_graph_params params = {1000,
+                                      3000,
+                                      12000,
+                                      CAIRN_POSE_GRAPH_BEST,
+                                      CAIRN_POSE_GRAPH_SQUARE,
+                                      3,
+                                      0,
+                                      100,
+                                      CAIRN_REAL_EPSILON < CAIRN_REAL(1e-10) ? CAIRN_REAL(1e-9) : CAIRN_REAL(1e-5),
+                                      CAIRN_REAL(16.27)};
+    return params;
+}
+
+/* ---- The built-in solver ---- */
+
+static cairn_status builtin_begin(void *context, int32_t poses)
+{
+    return cairn_block_solver_begin(context, poses);
+}
+
+static cairn_status builtin_add_link(void *context, int32_t first, int32_t second)
+{
+    return cairn_block_solver_add_link(context, first, second);
+}
+
+static cairn_status builtin_analyze(void *context)
+{
+    return cairn_block_solver_analyze(context);
+}
+
+static cairn_status builtin_clear(void *context)
+{
+    return cairn_block_solver_clear(context);
+}
+
+static cairn_status builtin_add_pose_block(void *context, int32_t pose, cairn_sym3 block)
+{
+    return cairn_block_solver_add_pose_block(context, pose, block);
+}
+
+static cairn_status builtin_add_link_block(void *context, int32_t link, const cairn_real block[9])
+{
+    return cairn_block_solver_add_link_block(context, link, block);
+}
+
+static cairn_status builtin_factor(void *context)
+{
+    return cairn_block_solver_factor(context);
+}
+
+static cairn_status builtin_solve(void *context, const cairn_real *b)
+{
+    return cairn_block_solver_solve(context, b);
+}
+
+static cairn_status builtin_solution(const void *context, int32_t pose, cairn_real x[3])
+{
+    return cairn_block_solver_solution(context, pose, x);
+}
+
+static cairn_status builtin_invert(void *context)
+{
+    return cairn_block_solver_invert(context);
+}
+
+static cairn_status builtin_covariance(const void *context, int32_t first, int32_t second, cairn_real block[9])
+{
+    return cairn_block_solver_covariance(context, first, second, block);
+}
+
+static cairn_status builtin_step(void *context, cairn_budget *budget)
+{
+    return cairn_block_solver_step(context, budget);
+}
+
+static cairn_block_solver_result builtin_read(const void *context)
+{
+    return cairn_block_solver_read(context);
+}
+
+cairn_pose_solver cairn_pose_solver_of(cairn_block_solver *solver)
+{
+    cairn_pose_solver face = {solver,
+                              builtin_begin,
+                              builtin_add_link,
+                              builtin_analyze,
+                              builtin_clear,
+                              builtin_add_pose_block,
+                              builtin_add_link_block,
+                              builtin_factor,
+                              builtin_solve,
+                              builtin_solution,
+                              builtin_invert,
+                              builtin_covariance,
+                              builtin_step,
+                              builtin_read};
+    return face;
+}
+
+/* ---- Creation ---- */
+
+static int params_are_good(const cairn_pose_graph_params *params)
+{
+    return params != NULL && params->max_poses >= 1 && params->max_poses <= MAX_POSES && params->max_links >= 1 &&
+           params->max_links <= MAX_LINKS && params->start >= CAIRN_POSE_GRAPH_GIVEN &&
+           params->start <= CAIRN_POSE_GRAPH_BEST && params->kernel >= CAIRN_POSE_GRAPH_SQUARE &&
+           params->kernel <= CAIRN_POSE_GRAPH_DCS && params->width > 0 && params->width <= CAIRN_REAL(1e6) &&
+           params->max_iterations >= 1 && params->converged > 0 && params->converged < 1 && params->outlier > 0;
+}
+
+static cairn_block_solver_params solver_params(const cairn_pose_graph_params *params)
+{
+    cairn_block_solver_params solver = {params->max_poses, params->max_links, params->max_fill};
+    return solver;
+}
+
+/* Sets the pointers of *g, which is then to be copied to the first piece that was taken. */
+static cairn_pose_graph *carve(cairn_pose_graph *g, cairn_pool *pool, const cairn_pose_graph_params *params)
+{
+    size_t poses = (size_t)params->max_poses, links = (size_t)params->max_links;
+    cairn_pose_graph *made = cairn_pool_take(pool, 1, sizeof *made);
+
+    g->poses = cairn_pool_take(pool, poses, sizeof *g->poses);
+    g->trial = cairn_pool_take(pool, poses, sizeof *g->trial);
+    g->fixed = cairn_pool_take(pool, poses, sizeof *g->fixed);
+    g->root = cairn_pool_take(pool, poses, sizeof *g->root);
+    g->diagonal = cairn_pool_take(pool, poses, sizeof *g->diagonal);
+    g->right = cairn_pool_take(pool, poses, sizeof *g->right);
+    g->links = cairn_pool_take(pool, links, sizeof *g->links);
+    return made;
+}
+
+size_t cairn_pose_graph_memory(const cairn_pose_graph_params *params, const cairn_pose_solver *solver)
+{
+    cairn_block_solver_params inner;
+    size_t inner_bytes = 0;
+    cairn_pose_graph layout;
+    cairn_pool counting;
+
+    if (!params_are_good(params))
+        return 0;
+    if (solver == NULL) {
+        inner = solver_params(params);
+        inner_bytes = cairn_block_solver_memory(&inner);
+        if (inner_bytes == 0)
+            return 0;
+    }
+    cairn_pool_init_counting(&counting);
+    (void)carve(&layout, &counting, params);
+    return counting.used >= SIZE_MAX - inner_bytes ? 0 : counting.used + inner_bytes;
+}
+
+cairn_status cairn_pose_graph_create(cairn_pose_graph **graph, cairn_pool *pool, const cairn_pose_graph_params *params,
+                                     const cairn_pose_solver *solver)
+{
+    size_t need = cairn_pose_graph_memory(params, solver);
+    cairn_block_solver_params inner;
+    cairn_block_solver *own;
+    cairn_pose_graph layout, *made;
+    cairn_status status;
+
+    if (graph == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    memset(&layout, 0, sizeof layout);
+    made = carve(&layout, pool, params);
+    layout.params = *params;
+    layout.state.pose = -1;
+    if (solver == NULL) {
+        inner = solver_params(params);
+        status = cairn_block_solver_create(&own, pool, &inner);
+        CAIRN_ASSERT(status == CAIRN_OK);
+        (void)status;
+        layout.solver = cairn_pose_solver_of(own);
+    } else {
+        layout.solver = *solver;
+    }
+    *made = layout;
+    *graph = made;
+    return CAIRN_OK;
+}
+
+/* ---- The graph ---- */
+
+static int may_change(const cairn_pose_graph *g)
+{
+    return g != NULL && cairn_pose_graph_is_idle(g);
+}
+
+void cairn_pose_graph_clear(cairn_pose_graph *graph)
+{
+    memset(&graph->state, 0, sizeof graph->state);
+    graph->state.pose = -1;
+    graph->stage = POSE_GRAPH_IDLE;
+    graph->debt = 0;
+    graph->fixed_count = 0;
+    graph->analyzed = 0;
+    graph->settled = 0;
+    graph->has_marginals = 0;
+    graph->outcome = CAIRN_OK;
+}
+
+static void changed(cairn_pose_graph *g)
+{
+    g->settled = 0;
+    g->has_marginals = 0;
+}
+
+cairn_status cairn_pose_graph_add_pose(cairn_pose_graph *graph, cairn_pose map_pose)
+{
+    int32_t index;
+
+    if (!may_change(graph))
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pose_is_finite(map_pose))
+        return CAIRN_NOT_FINITE;
+    index = graph->state.poses;
+    if (index == graph->params.max_poses)
+        return CAIRN_FULL;
+    map_pose.theta = cairn_wrap_angle(map_pose.theta);
+    graph->poses[index] = map_pose;
+    graph->fixed[index] = 0;
+    graph->state.poses++;
+    graph->analyzed = 0;
+    changed(graph);
+    return CAIRN_OK;
+}
+
+static int has_pose(const cairn_pose_graph *g, int32_t pose)
+{
+    return pose >= 0 && pose < g->state.poses;
+}
+
+cairn_status cairn_pose_graph_set_pose(cairn_pose_graph *graph, int32_t pose, cairn_pose map_pose)
+{
+    if (!may_change(graph) || !has_pose(graph, pose))
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pose_is_finite(map_pose))
+        return CAIRN_NOT_FINITE;
+    map_pose.theta = cairn_wrap_angle(map_pose.theta);
+    graph->poses[pose] = map_pose;
+    changed(graph);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_pose_graph_fix(cairn_pose_graph *graph, int32_t pose, int32_t yes)
+{
+    if (!may_change(graph) || !has_pose(graph, pose))
+        return CAIRN_BAD_ARGUMENT;
+    graph->fixed_count += (yes != 0) - graph->fixed[pose];
+    graph->fixed[pose] = yes != 0;
+    changed(graph);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_pose_graph_add_link(cairn_pose_graph *graph, int32_t first, int32_t second, cairn_pose first_second,
+                                       cairn_sym3 information)
+{
+    cairn_sym3 inverse;
+    struct pose_graph_link *link;
+
+    if (!may_change(graph) || !has_pose(graph, first) || !has_pose(graph, second) || first == second)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pose_is_finite(first_second) || !cairn_is_finite(information.xx) || !cairn_is_finite(information.xy) ||
+        !cairn_is_finite(information.xz) || !cairn_is_finite(information.yy) || !cairn_is_finite(information.yz) ||
+        !cairn_is_finite(information.zz))
+        return CAIRN_NOT_FINITE;
+    if (!cairn_sym3_inverse(information, &inverse))
+        return CAIRN_BAD_ARGUMENT;
+    if (graph->state.links == graph->params.max_links)
+        return CAIRN_FULL;
+    link = &graph->links[graph->state.links++];
+    link->first = first;
+    link->second = second;
+    link->measured = first_second;
+    link->information = cairn_pose_graph_turned(information, first_second.theta);
+    link->chi2 = 0;
+    link->weight = 1;
+    link->dropped = 0;
+    graph->analyzed = 0;
+    changed(graph);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_pose_graph_drop_link(cairn_pose_graph *graph, int32_t link, int32_t yes)
+{
+    if (!may_change(graph) || link < 0 || link >= graph->state.links)
+        return CAIRN_BAD_ARGUMENT;
+    graph->links[link].dropped = yes != 0;
+    changed(graph);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_pose_graph_set_kernel(cairn_pose_graph *graph, cairn_pose_graph_kernel kernel, cairn_real width)
+{
+    cairn_pose_graph_params params;
+
+    if (!may_change(graph))
+        return CAIRN_BAD_ARGUMENT;
+    params = graph->params;
+    params.kernel = kernel;
+    params.width = width;
+    if (!params_are_good(&params))
+        return CAIRN_BAD_ARGUMENT;
+    graph->params = params;
+    changed(graph);
+    return CAIRN_OK;
+}
+
+/* ---- What comes out ---- */
+
+cairn_pose_graph_state cairn_pose_graph_read(const cairn_pose_graph *graph)
+{
+    return graph->state;
+}
+
+cairn_pose cairn_pose_graph_pose(const cairn_pose_graph *graph, int32_t pose)
+{
+    return graph->poses[pose];
+}
+
+cairn_pose_graph_link cairn_pose_graph_link_of(const cairn_pose_graph *graph, int32_t link)
+{
+    const struct pose_graph_link *l = &graph->links[link];
+    cairn_pose_graph_link out = {l->first, l->second, l->chi2, l->weight, l->chi2 > graph->params.outlier, l->dropped};
+
+    return out;
+}
+
+cairn_status cairn_pose_graph_covariance(const cairn_pose_graph *graph, int32_t first, int32_t second,
+                                         cairn_real block[9])
+{
+    if (graph == NULL || block == NULL || !has_pose(graph, first) || !has_pose(graph, second))
+        return CAIRN_BAD_ARGUMENT;
+    if (!graph->has_marginals)
+        return CAIRN_EMPTY;
+    if (cairn_pose_graph_stays(graph, first) || cairn_pose_graph_stays(graph, second)) {
+        memset(block, 0, 9 * sizeof *block);
+        return CAIRN_OK;
+    }
+    return graph->solver.covariance(graph->solver.context, first, second, block);
+}

@@ -1,0 +1,621 @@
+/* Iterations of a pose graph.
+ *
+ * Method: Levenberg and Marquardt with the kernel's weights (iteratively reweighted). In the map's frame a link has the
+ * residual g = (t_j - t_i - R_i t_z, theta_j - theta_i - theta_z) and the information W = R_i Omega R_i^T; its derivative by
+ * the second pose is the identity and by the first -A, A = [1 0 -v_y; 0 1 v_x; 0 0 1] with v = t_j - t_i. So a link adds W,
+ * A^T W A and -A^T W. A fixed pose has the identity for its block and no links.
+ *
+ * The chordal start has the same form. Headings: g = r_j - R_z r_i for the unit vectors r, of the information of the
+ * angle alone, which is linear; then positions with the headings that came out, linear again.
+ *
+ * Graduated: c^2 is multiplied by 2 max(e^T Omega e) / c^2 at first and by 1 / 1.4 from iteration to iteration (Yang,
+ * Antonante, Tzoumas and Carlone 2020).
+ *
+ * Limits: local; the chordal start is least squares and suffers from outliers, BEST then stays with the given one.
+ *
+ * Source: Grisetti et al., A tutorial on graph-based SLAM, 2010; Carlone, Tron, Daniilidis and Dellaert, Initialization
+ * techniques for 3D SLAM, 2015; Agarwal et al., Robust map optimization using dynamic covariance scaling, 2013. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/pose_graph_work.h"
+
+enum { UNITS_LINK = 4, UNITS_POSE = 1, POSES_A_UNIT = 8 };
+
+static const cairn_real FIRST_DAMPING = CAIRN_REAL(1e-6);
+static const cairn_real RAISED_DAMPING = CAIRN_REAL(1e-4); /* after a refused step, at least */
+static const cairn_real LEAST_DAMPING = CAIRN_REAL(1e-12);
+static const cairn_real MOST_DAMPING = CAIRN_REAL(1e6);
+static const cairn_real NARROWING = CAIRN_REAL(1.4);
+
+cairn_sym3 cairn_pose_graph_turned(cairn_sym3 information, cairn_real theta)
+{
+    cairn_real s, c;
+    cairn_sym3 m = information;
+
+    cairn_sincos(theta, &s, &c);
+    m.xx = c * c * information.xx - 2 * c * s * information.xy + s * s * information.yy;
+    m.yy = s * s * information.xx + 2 * c * s * information.xy + c * c * information.yy;
+    m.xy = c * s * (information.xx - information.yy) + (c * c - s * s) * information.xy;
+    m.xz = c * information.xz - s * information.yz;
+    m.yz = s * information.xz + c * information.yz;
+    return m;
+}
+
+/* ---- Links ---- */
+
+/* rho(s) and its derivative, the weight, with c^2 widened. */
+static cairn_real rho(const cairn_pose_graph *g, cairn_real s, cairn_real *weight)
+{
+    cairn_real c2 = g->params.width * g->params.width, share;
+
+    *weight = 1;
+    switch (g->params.kernel) {
+    case CAIRN_POSE_GRAPH_HUBER:
+        if (s <= c2)
+            return s;
+        *weight = g->params.width / cairn_sqrt(s);
+        return 2 * g->params.width * cairn_sqrt(s) - c2;
+    case CAIRN_POSE_GRAPH_CAUCHY:
+        *weight = 1 / (1 + s / c2);
+        return c2 * cairn_log(1 + s / c2);
+    case CAIRN_POSE_GRAPH_GEMAN_MCCLURE:
+        c2 *= g->widening;
+        share = c2 / (c2 + s);
+        *weight = share * share;
+        return s * share;
+    case CAIRN_POSE_GRAPH_DCS:
+        if (s <= c2)
+            return s;
+        share = 2 * c2 / (c2 + s);
+        *weight = share * share;
+        return 3 * c2 - 2 * c2 * share;
+    default:
+        return s;
+    }
+}
+
+/* Residual and information of a link in the map's frame. */
+static void residual(const struct pose_graph_link *link, const cairn_pose *poses, cairn_real e[3], cairn_sym3 *w)
+{
+    cairn_pose a = poses[link->first], b = poses[link->second];
+    cairn_real s, c;
+
+    cairn_sincos(a.theta, &s, &c);
+    e[0] = b.x - a.x - (c * link->measured.x - s * link->measured.y);
+    e[1] = b.y - a.y - (s * link->measured.x + c * link->measured.y);
+    e[2] = cairn_wrap_angle(b.theta - a.theta - link->measured.theta);
+    *w = cairn_pose_graph_turned(link->information, a.theta);
+}
+
+/* The same of the unit vectors of headings; *turn is R_z. */
+static void heading_residual(const struct pose_graph_link *link, const cairn_pose *poses, cairn_real e[3],
+                             cairn_sym3 *w, cairn_real turn[9])
+{
+    cairn_transform a = cairn_transform_of(poses[link->first]), b = cairn_transform_of(poses[link->second]);
+    cairn_real s, c;
+
+    cairn_sincos(link->measured.theta, &s, &c);
+    e[0] = b.cosine - (c * a.cosine - s * a.sine);
+    e[1] = b.sine - (s * a.cosine + c * a.sine);
+    e[2] = 0;
+    *w = cairn_sym3_zero();
+    w->xx = w->yy = link->information.zz;
+    turn[0] = turn[4] = c;
+    turn[1] = -s;
+    turn[3] = s;
+}
+
+static cairn_sym3 times(cairn_sym3 m, cairn_real by)
+{
+    cairn_sym3 product = {by * m.xx, by * m.xy, by * m.xz, by * m.yy, by * m.yz, by * m.zz};
+    return product;
+}
+
+static void add(cairn_sym3 *to, cairn_sym3 m)
+{
+    to->xx += m.xx;
+    to->xy += m.xy;
+    to->xz += m.xz;
+    to->yy += m.yy;
+    to->yz += m.yz;
+    to->zz += m.zz;
+}
+
+/* product = m a^T, for row-major 3 x 3 m and a */
+static void multiply_transposed(const cairn_real m[9], const cairn_real a[9], cairn_real product[9])
+{
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++)
+            product[3 * r + c] = m[3 * r] * a[3 * c] + m[3 * r + 1] * a[3 * c + 1] + m[3 * r + 2] * a[3 * c + 2];
+}
+
+/* Adds W, A^T W A and -A^T W of a link, and the right side, to the normal equations. */
+static void add_link(cairn_pose_graph *g, int32_t index, const cairn_real e[3], cairn_sym3 w, const cairn_real a[9])
+{
+    const struct pose_graph_link *link = &g->links[index];
+    const cairn_real full[9] = {w.xx, w.xy, w.xz, w.xy, w.yy, w.yz, w.xz, w.yz, w.zz};
+    const cairn_real turned[9] = {a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8]}; /* A^T */
+    cairn_real aw[9], awa[9], we[3];
+    int moves_first = !cairn_pose_graph_stays(g, link->first), moves_second = !cairn_pose_graph_stays(g, link->second);
+
+    multiply_transposed(turned, full, aw);
+    multiply_transposed(aw, turned, awa);
+    for (int k = 0; k < 3; k++)
+        we[k] = full[3 * k] * e[0] + full[3 * k + 1] * e[1] + full[3 * k + 2] * e[2];
+    if (moves_second) {
+        add(&g->diagonal[link->second], w);
+        for (int k = 0; k < 3; k++)
+            g->right[link->second][k] -= we[k];
+    }
+    if (moves_first) {
+        cairn_sym3 block = {awa[0], awa[1], awa[2], awa[4], awa[5], awa[8]};
+
+        add(&g->diagonal[link->first], block);
+        for (int k = 0; k < 3; k++)
+            g->right[link->first][k] += a[k] * we[0] + a[3 + k] * we[1] + a[6 + k] * we[2];
+    }
+    if (moves_first && moves_second) {
+        cairn_real block[9];
+
+        for (int k = 0; k < 9; k++)
+            block[k] = -aw[k];
+        if (g->solver.add_link_block(g->solver.context, index, block) != CAIRN_OK)
+            g->outcome = CAIRN_NOT_FINITE;
+    }
+}
+
+/* The poses at which the links are taken: those of the trial where they are being made. */
+static const cairn_pose *base(const cairn_pose_graph *g)
+{
+    return g->mode == POSE_GRAPH_POSITIONS ? g->trial : g->poses;
+}
+
+static void assemble_link(cairn_pose_graph *g, int32_t index)
+{
+    struct pose_graph_link *link = &g->links[index];
+    const cairn_pose *poses = base(g);
+    cairn_real a[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, e[3], weight, chi2;
+    cairn_sym3 w;
+
+    if (link->dropped)
+        return;
+    if (g->mode == POSE_GRAPH_HEADINGS) {
+        heading_residual(link, poses, e, &w, a);
+        add_link(g, index, e, w, a);
+        return;
+    }
+    residual(link, poses, e, &w);
+    if (g->mode == POSE_GRAPH_POSITIONS) {
+        e[2] = w.xz = w.yz = w.zz = 0;
+        add_link(g, index, e, w, a);
+        return;
+    }
+    chi2 = cairn_sym3_form(w, e);
+    g->cost += rho(g, chi2, &weight);
+    a[2] = poses[link->first].y - poses[link->second].y;
+    a[5] = poses[link->second].x - poses[link->first].x;
+    add_link(g, index, e, times(w, weight), a);
+}
+
+/* chi2 and cost of a link at the trial poses. */
+static void cost_of_link(cairn_pose_graph *g, struct pose_graph_link *link, const cairn_pose *poses)
+{
+    cairn_real e[3];
+    cairn_sym3 w;
+
+    residual(link, poses, e, &w);
+    link->chi2 = cairn_sym3_form(w, e);
+    if (link->dropped) {
+        link->weight = 0;
+        return;
+    }
+    g->chi2 += link->chi2;
+    g->cost += rho(g, link->chi2, &link->weight);
+    g->largest = cairn_max(g->largest, link->chi2);
+}
+
+/* ---- Stages ---- */
+
+static void enter(cairn_pose_graph *g, int32_t mode, int32_t stage)
+{
+    g->mode = mode;
+    g->stage = stage;
+    g->at = 0;
+    if (stage == POSE_GRAPH_CLEAR || stage == POSE_GRAPH_COST || stage == POSE_GRAPH_REPORT)
+        g->chi2 = g->cost = g->largest = 0;
+}
+
+static void end(cairn_pose_graph *g, cairn_status outcome)
+{
+    g->stage = POSE_GRAPH_IDLE;
+    g->outcome = outcome;
+}
+
+static void finish(cairn_pose_graph *g, cairn_pose_graph_verdict verdict)
+{
+    g->state.verdict = verdict;
+    enter(g, POSE_GRAPH_NEWTON, POSE_GRAPH_REPORT);
+}
+
+static void accept(cairn_pose_graph *g)
+{
+    memcpy(g->poses, g->trial, (size_t)g->state.poses * sizeof *g->poses);
+    g->state.chi2 = g->chi2;
+    g->state.cost = g->cost;
+}
+
+/* From here on Newton steps. */
+static void begin_newton(cairn_pose_graph *g)
+{
+    cairn_real c2 = g->params.width * g->params.width;
+
+    g->damping = FIRST_DAMPING;
+    g->widening = 1;
+    if (g->params.graduated && g->params.kernel == CAIRN_POSE_GRAPH_GEMAN_MCCLURE)
+        g->widening = cairn_max(1, 2 * g->largest / c2);
+    enter(g, POSE_GRAPH_NEWTON, POSE_GRAPH_CLEAR);
+}
+
+static int raise_damping(cairn_pose_graph *g)
+{
+    g->damping = cairn_max(RAISED_DAMPING, 10 * g->damping);
+    return g->damping <= MOST_DAMPING;
+}
+
+/* A step has been tried: its cost is g->cost, that of the base g->base_cost, both with the same kernel. */
+static void judge_step(cairn_pose_graph *g)
+{
+    cairn_real better = g->base_cost - g->cost;
+    cairn_real little = g->params.converged * (g->base_cost + (cairn_real)g->state.links);
+    int at_rest = cairn_abs(better) <= little && g->widening <= 1;
+
+    g->state.iterations++;
+    if (better >= 0) {
+        accept(g);
+        g->damping = cairn_max(LEAST_DAMPING, g->damping / 10);
+    } else if (!raise_damping(g)) {
+        at_rest = 1;
+    }
+    if (at_rest) {
+        finish(g, CAIRN_POSE_GRAPH_CONVERGED);
+    } else if (g->state.iterations >= g->params.max_iterations) {
+        finish(g, CAIRN_POSE_GRAPH_OUT_OF_ITERATIONS);
+    } else {
+        g->widening = cairn_max(1, g->widening / NARROWING);
+        enter(g, POSE_GRAPH_NEWTON, POSE_GRAPH_CLEAR);
+    }
+}
+
+static void end_cost(cairn_pose_graph *g)
+{
+    int finite = cairn_is_finite(g->cost) && cairn_is_finite(g->chi2);
+
+    if (g->mode == POSE_GRAPH_AS_GIVEN) {
+        if (!finite) {
+            end(g, CAIRN_NOT_FINITE);
+            return;
+        }
+        accept(g);
+        g->state.chi2_initial = g->chi2;
+        g->state.cost_initial = g->cost;
+        if (g->params.start == CAIRN_POSE_GRAPH_GIVEN)
+            begin_newton(g);
+        else
+            enter(g, POSE_GRAPH_HEADINGS, POSE_GRAPH_CLEAR);
+    } else if (g->mode == POSE_GRAPH_POSITIONS) {
+        if (finite && (g->params.start == CAIRN_POSE_GRAPH_CHORDAL || g->cost < g->state.cost)) {
+            accept(g);
+            g->state.chordal = 1;
+        }
+        begin_newton(g);
+    } else {
+        if (!finite)
+            g->cost = CAIRN_REAL_MAX;
+        judge_step(g);
+    }
+}
+
+/* The factor does not exist: `pose` is free to move. */
+static void not_positive(cairn_pose_graph *g, int32_t pose)
+{
+    if (g->mode == POSE_GRAPH_COVARIANCE) {
+        g->state.pose = pose;
+        g->state.verdict = CAIRN_POSE_GRAPH_SINGULAR;
+        g->settled = 0;
+        end(g, CAIRN_OK);
+    } else if (g->mode != POSE_GRAPH_NEWTON) {
+        begin_newton(g);
+    } else if (++g->state.iterations >= g->params.max_iterations || !raise_damping(g)) {
+        g->state.pose = pose;
+        finish(g, CAIRN_POSE_GRAPH_SINGULAR);
+    } else {
+        enter(g, POSE_GRAPH_NEWTON, POSE_GRAPH_CLEAR);
+    }
+}
+
+/* The diagonal block of a pose. */
+static void assemble_pose(cairn_pose_graph *g, int32_t pose)
+{
+    cairn_sym3 block = g->diagonal[pose];
+
+    if (cairn_pose_graph_stays(g, pose)) {
+        block.xx = block.yy = block.zz = 1;
+    } else if (g->mode == POSE_GRAPH_NEWTON) {
+        block.xx += g->damping * block.xx;
+        block.yy += g->damping * block.yy;
+        block.zz += g->damping * block.zz;
+    } else if (g->mode != POSE_GRAPH_COVARIANCE) {
+        block.zz = 1;
+    }
+    if (g->solver.add_pose_block(g->solver.context, pose, block) != CAIRN_OK)
+        g->outcome = CAIRN_NOT_FINITE;
+}
+
+static void move_pose(cairn_pose_graph *g, int32_t index)
+{
+    cairn_pose pose = base(g)[index];
+    cairn_status status;
+    cairn_real x[3];
+
+    g->trial[index] = pose;
+    if (cairn_pose_graph_stays(g, index))
+        return;
+    status = g->solver.solution(g->solver.context, index, x);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    if (g->mode == POSE_GRAPH_HEADINGS) {
+        cairn_transform t = cairn_transform_of(pose);
+
+        pose.theta = cairn_atan2(t.sine + x[1], t.cosine + x[0]);
+    } else {
+        pose.x += x[0];
+        pose.y += x[1];
+        pose.theta = cairn_wrap_angle(pose.theta + x[2]);
+    }
+    g->trial[index] = pose;
+}
+
+static void clear_equations(cairn_pose_graph *g)
+{
+    cairn_status status = g->solver.clear(g->solver.context);
+
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    memset(g->diagonal, 0, (size_t)g->state.poses * sizeof *g->diagonal);
+    memset(g->right, 0, (size_t)g->state.poses * sizeof *g->right);
+}
+
+static void end_report(cairn_pose_graph *g)
+{
+    g->settled = g->state.verdict != CAIRN_POSE_GRAPH_SINGULAR;
+    g->state.chi2 = g->chi2;
+    g->state.cost = g->cost;
+    end(g, CAIRN_OK);
+}
+
+/* The solver has ended a part. */
+static void end_part(cairn_pose_graph *g, cairn_status status)
+{
+    cairn_block_solver_result result = g->solver.read(g->solver.context);
+
+    if (g->stage == POSE_GRAPH_ANALYZE) {
+        g->state.fill = result.fill;
+        g->analyzed = status == CAIRN_OK;
+        if (status == CAIRN_OK)
+            enter(g, g->mode, g->mode == POSE_GRAPH_AS_GIVEN ? POSE_GRAPH_COST : POSE_GRAPH_CLEAR);
+        else
+            end(g, status);
+    } else if (result.state == CAIRN_BLOCK_SOLVER_NOT_POSITIVE || status != CAIRN_OK) {
+        not_positive(g, result.pose);
+    } else if (g->stage == POSE_GRAPH_FACTOR && g->mode == POSE_GRAPH_COVARIANCE) {
+        status = g->solver.invert(g->solver.context);
+        CAIRN_ASSERT(status == CAIRN_OK);
+        g->stage = POSE_GRAPH_INVERT;
+    } else if (g->stage == POSE_GRAPH_FACTOR) {
+        g->stage = POSE_GRAPH_SOLVE;
+        if (g->solver.solve(g->solver.context, g->right[0]) != CAIRN_OK)
+            not_positive(g, -1);
+    } else if (g->stage == POSE_GRAPH_SOLVE) {
+        enter(g, g->mode, POSE_GRAPH_MOVE);
+    } else {
+        g->has_marginals = 1;
+        end(g, CAIRN_OK);
+    }
+}
+
+/* All equations are there. */
+static void begin_factor(cairn_pose_graph *g)
+{
+    if (g->outcome != CAIRN_OK) {
+        g->outcome = CAIRN_OK;
+        not_positive(g, -1);
+        return;
+    }
+    g->base_cost = g->cost;
+    g->stage = POSE_GRAPH_FACTOR;
+    if (g->solver.factor(g->solver.context) != CAIRN_OK)
+        not_positive(g, -1);
+}
+
+/* One item of the stages that are not the solver's; returns its units. */
+static int32_t do_item(cairn_pose_graph *g)
+{
+    int32_t poses = g->state.poses, links = g->state.links;
+
+    switch (g->stage) {
+    case POSE_GRAPH_CLEAR:
+        clear_equations(g);
+        enter(g, g->mode, POSE_GRAPH_LINKS);
+        return 1 + (poses + g->state.fill) / POSES_A_UNIT;
+    case POSE_GRAPH_LINKS:
+        if (g->at < links) {
+            assemble_link(g, g->at++);
+            return UNITS_LINK;
+        }
+        enter(g, g->mode, POSE_GRAPH_POSES);
+        return UNITS_POSE;
+    case POSE_GRAPH_POSES:
+        if (g->at < poses)
+            assemble_pose(g, g->at++);
+        else
+            begin_factor(g);
+        return UNITS_POSE;
+    case POSE_GRAPH_MOVE:
+        if (g->at < poses)
+            move_pose(g, g->at++);
+        else if (g->mode == POSE_GRAPH_HEADINGS)
+            enter(g, POSE_GRAPH_POSITIONS, POSE_GRAPH_CLEAR);
+        else
+            enter(g, g->mode, POSE_GRAPH_COST);
+        return UNITS_POSE;
+    case POSE_GRAPH_COST:
+        if (g->at < links) {
+            cost_of_link(g, &g->links[g->at++], g->trial);
+            return UNITS_LINK;
+        }
+        end_cost(g);
+        return 1 + poses / POSES_A_UNIT;
+    default:
+        if (g->at < links) {
+            struct pose_graph_link *link = &g->links[g->at++];
+
+            cost_of_link(g, link, g->poses);
+            g->state.outliers += link->chi2 > g->params.outlier;
+            return UNITS_LINK;
+        }
+        end_report(g);
+        return UNITS_POSE;
+    }
+}
+
+static int is_solvers(int32_t stage)
+{
+    return stage == POSE_GRAPH_ANALYZE || stage == POSE_GRAPH_FACTOR || stage == POSE_GRAPH_SOLVE ||
+           stage == POSE_GRAPH_INVERT;
+}
+
+cairn_status cairn_pose_graph_step(cairn_pose_graph *graph, cairn_budget *budget)
+{
+    cairn_status outcome;
+
+    while (graph->stage != POSE_GRAPH_IDLE || graph->debt > 0) {
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        if (graph->debt > 0) {
+            int32_t paid = graph->debt < budget->left ? graph->debt : budget->left;
+
+            graph->debt -= paid;
+            budget->left -= paid;
+        } else if (is_solvers(graph->stage)) {
+            cairn_status status = graph->solver.step(graph->solver.context, budget);
+
+            if (status == CAIRN_MORE)
+                return CAIRN_MORE;
+            end_part(graph, status);
+        } else {
+            graph->debt = do_item(graph);
+        }
+    }
+    outcome = graph->outcome;
+    graph->outcome = CAIRN_OK;
+    return outcome;
+}
+
+/* ---- Begin ---- */
+
+static int32_t find_root(int32_t *root, int32_t pose)
+{
+    while (root[pose] != pose) {
+        root[pose] = root[root[pose]];
+        pose = root[pose];
+    }
+    return pose;
+}
+
+/* The lower pose is the root. */
+static void join(int32_t *root, int32_t a, int32_t b)
+{
+    a = find_root(root, a);
+    b = find_root(root, b);
+    if (a < b)
+        root[b] = a;
+    else
+        root[a] = b;
+}
+
+/* The first pose that is not joined to one that stays, -1: none. */
+static int32_t find_split(cairn_pose_graph *g)
+{
+    int32_t stays = -1;
+
+    for (int32_t i = 0; i < g->state.poses; i++)
+        g->root[i] = i;
+    for (int32_t i = 0; i < g->state.poses; i++)
+        if (cairn_pose_graph_stays(g, i)) {
+            if (stays >= 0)
+                join(g->root, stays, i);
+            stays = i;
+        }
+    for (int32_t l = 0; l < g->state.links; l++)
+        if (!g->links[l].dropped)
+            join(g->root, g->links[l].first, g->links[l].second);
+    for (int32_t i = 0; i < g->state.poses; i++)
+        if (find_root(g->root, i) != find_root(g->root, stays))
+            return i;
+    return -1;
+}
+
+/* Gives the solver the structure if it does not know it. */
+static cairn_status begin_structure(cairn_pose_graph *g)
+{
+    cairn_status status = g->solver.begin(g->solver.context, g->state.poses);
+
+    for (int32_t l = 0; l < g->state.links && status == CAIRN_OK; l++)
+        status = g->solver.add_link(g->solver.context, g->links[l].first, g->links[l].second);
+    return status == CAIRN_OK ? g->solver.analyze(g->solver.context) : status;
+}
+
+cairn_status cairn_pose_graph_solve(cairn_pose_graph *graph)
+{
+    cairn_pose_graph_state fresh;
+
+    if (graph == NULL || !cairn_pose_graph_is_idle(graph))
+        return CAIRN_BAD_ARGUMENT;
+    if (graph->state.poses == 0)
+        return CAIRN_EMPTY;
+    memset(&fresh, 0, sizeof fresh);
+    fresh.poses = graph->state.poses;
+    fresh.links = graph->state.links;
+    fresh.fill = graph->analyzed ? graph->state.fill : 0;
+    fresh.pose = find_split(graph);
+    graph->settled = 0;
+    graph->has_marginals = 0;
+    if (fresh.pose >= 0) {
+        fresh.verdict = CAIRN_POSE_GRAPH_SPLIT;
+        graph->state = fresh;
+        return CAIRN_OK;
+    }
+    if (!graph->analyzed) {
+        cairn_status status = begin_structure(graph);
+
+        if (status != CAIRN_OK)
+            return status;
+    }
+    graph->state = fresh;
+    graph->widening = 1;
+    memcpy(graph->trial, graph->poses, (size_t)fresh.poses * sizeof *graph->trial);
+    enter(graph, POSE_GRAPH_AS_GIVEN, graph->analyzed ? POSE_GRAPH_COST : POSE_GRAPH_ANALYZE);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_pose_graph_marginals(cairn_pose_graph *graph)
+{
+    if (graph == NULL || !cairn_pose_graph_is_idle(graph) || !graph->settled)
+        return CAIRN_BAD_ARGUMENT;
+    graph->has_marginals = 0;
+    graph->widening = 1;
+    enter(graph, POSE_GRAPH_COVARIANCE, POSE_GRAPH_CLEAR);
+    return CAIRN_OK;
+}

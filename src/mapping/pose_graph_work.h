@@ -1,0 +1,77 @@
+/* What the parts of pose_graph share: pose_graph.c (the graph) and pose_graph_solve.c (iterations). */
+#ifndef CAIRN_MAPPING_POSE_GRAPH_WORK_H
+#define CAIRN_MAPPING_POSE_GRAPH_WORK_H
+
+#include "cairn/pose_graph.h"
+
+/* What is solved for. */
+enum {
+    POSE_GRAPH_AS_GIVEN,  /* nothing: the cost of the poses as given */
+    POSE_GRAPH_HEADINGS,  /* cosines and sines */
+    POSE_GRAPH_POSITIONS, /* with headings that stand */
+    POSE_GRAPH_NEWTON,    /* a step of all */
+    POSE_GRAPH_COVARIANCE /* nothing: the inverse */
+};
+
+/* What the next item of work is. */
+enum {
+    POSE_GRAPH_IDLE,
+    POSE_GRAPH_ANALYZE,
+    POSE_GRAPH_CLEAR,
+    POSE_GRAPH_LINKS, /* their blocks, at the base */
+    POSE_GRAPH_POSES, /* their blocks, with the damping */
+    POSE_GRAPH_FACTOR,
+    POSE_GRAPH_SOLVE,
+    POSE_GRAPH_MOVE, /* the trial poses */
+    POSE_GRAPH_COST, /* of the trial poses, a link an item */
+    POSE_GRAPH_INVERT,
+    POSE_GRAPH_REPORT /* every link at the end */
+};
+
+struct pose_graph_link {
+    int32_t first, second;
+    cairn_pose measured;
+    cairn_sym3 information; /* in the frame of the first pose */
+    cairn_real chi2, weight;
+    int32_t dropped;
+};
+
+struct cairn_pose_graph {
+    cairn_pose_graph_params params;
+    cairn_pose_graph_state state;
+    cairn_pose_solver solver;
+    cairn_pose *poses; /* [max_poses] accepted */
+    cairn_pose *trial;
+    int32_t *fixed;
+    int32_t *root; /* of the piece that a pose is in */
+    cairn_sym3 *diagonal;
+    cairn_real (*right)[3];
+    struct pose_graph_link *links; /* [max_links] */
+    int32_t fixed_count;
+    int32_t analyzed;      /* 1: the solver knows the structure */
+    int32_t settled;       /* 1: the poses are a solution */
+    int32_t has_marginals; /* 1: the solver holds the inverse */
+    cairn_status outcome;  /* for the step that ends */
+    int32_t mode, stage, at, debt;
+    cairn_real widening;            /* of the kernel's c^2, >= 1 */
+    cairn_real damping;             /* share of the diagonal that is added */
+    cairn_real base_cost;           /* of the base, with the kernel as it is */
+    cairn_real chi2, cost, largest; /* of a pass over the links */
+};
+
+/* The information turned from the frame of a pose to that in which it has the heading theta. */
+cairn_sym3 cairn_pose_graph_turned(cairn_sym3 information, cairn_real theta);
+
+/* 1 when no solution runs. */
+static inline int cairn_pose_graph_is_idle(const cairn_pose_graph *g)
+{
+    return g->stage == POSE_GRAPH_IDLE && g->debt == 0 && g->outcome == CAIRN_OK;
+}
+
+/* 1 for poses that do not move. */
+static inline int cairn_pose_graph_stays(const cairn_pose_graph *g, int32_t pose)
+{
+    return g->fixed_count > 0 ? g->fixed[pose] : pose == 0;
+}
+
+#endif

@@ -1,0 +1,578 @@
+/* Scan matching.
+ *
+ * Method. Search: all pairs of points of like direction vote for a position, heading by heading (scan_match_vote.c). The
+ * peaks are refined in stages (scan_match_fit.c): few points and wide gates first, at the end every beam. After each stage
+ * the poses are scored by what they explain and what speaks against them, poses that have met are joined, and the worse
+ * ones are left behind (scan_match_rank.c). The verdict is a measured rule over the scores of the last ones.
+ *
+ * Layout: the target's points in the order in which they came; sorted by cell (scan_match_index.c); their positions
+ * sorted by direction. Both are made at the first match after the target changed. Of beams, the least range by bearing is
+ * kept (scan_match_free.c).
+ *
+ * The number of operations is bounded: by the points of query and target that vote, by the number of headings, and by fixed
+ * numbers of candidates, iterations and points of each stage.
+ *
+ * Limits: positions farther than 256 cells of two spacings apart are not searched. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "cairn/small_matrix.h"
+#include "src/mapping/scan_match_work.h"
+
+enum {
+    SUM_BLOCK = 64,  /* cells of an index that are summed at once */
+    NEIGHBOURS = 12, /* of a beam, to each side */
+    POINTS_MOST = 1 << 20,
+    VIEWS_MOST = 4096,
+    HYPOTHESES_MOST = 64
+};
+
+static const cairn_real CELL = CAIRN_REAL(2.5); /* of an index, spacings */
+
+cairn_scan_match_params cairn_scan_match_default(void)
+{
+    cairn_scan_match_params params = {
+        CAIRN_SCAN_MATCH_CORRELATIVE, 2048, 4096, 16, 1024, 8, CAIRN_REAL(0.1), CAIRN_REAL(0.01), CAIRN_REAL(0.001)};
+    return params;
+}
+
+static int is_positive(cairn_real v)
+{
+    return v > 0 && v <= CAIRN_SCAN_EXTENT;
+}
+
+static int is_within(int32_t n, int32_t least, int32_t most)
+{
+    return n >= least && n <= most;
+}
+
+static int params_are_good(const cairn_scan_match_params *p)
+{
+    return p != NULL && (p->mode == CAIRN_SCAN_MATCH_CORRELATIVE || p->mode == CAIRN_SCAN_MATCH_SHAPE) &&
+           is_within(p->max_target, 1, POINTS_MOST) && is_within(p->max_dense, 0, POINTS_MOST) &&
+           is_within(p->max_views, 0, VIEWS_MOST) && is_within(p->max_query, 1, POINTS_MOST) &&
+           is_within(p->max_hypotheses, 1, HYPOTHESES_MOST) && is_positive(p->spacing) && is_positive(p->sigma) &&
+           p->weak_ratio >= 0 && p->weak_ratio < 1;
+}
+
+/* The object with its arrays; NULL from a counting pool. */
+static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *p)
+{
+    cairn_scan_match *x = cairn_pool_take(pool, 1, sizeof *x);
+    cairn_scan_match made;
+
+    memset(&made, 0, sizeof made);
+    made.params = *p;
+    made.target = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.target);
+    made.dense = cairn_pool_take(pool, (size_t)p->max_dense, sizeof *made.dense);
+    made.dense_index.points = cairn_pool_take(pool, (size_t)p->max_dense, sizeof *made.dense_index.points);
+    made.dense_index.start =
+        cairn_pool_take(pool, cairn_match_index_cells(p->max_dense) + 1, sizeof *made.dense_index.start);
+    made.views = cairn_pool_take(pool, (size_t)p->max_views, sizeof *made.views);
+    made.query_profile = cairn_pool_take(pool, 1, sizeof *made.query_profile);
+    made.index.points = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.index.points);
+    made.index.start = cairn_pool_take(pool, cairn_match_index_cells(p->max_target) + 1, sizeof *made.index.start);
+    made.by_direction = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.by_direction);
+    made.votes.cell = cairn_pool_take(pool, MATCH_CELLS_MOST, sizeof *made.votes.cell);
+    made.votes.touched = cairn_pool_take(pool, MATCH_CELLS_MOST, sizeof *made.votes.touched);
+    made.candidates = cairn_pool_take(pool, MATCH_CANDIDATES, sizeof *made.candidates);
+    made.hypotheses = cairn_pool_take(pool, MATCH_CANDIDATES, sizeof *made.hypotheses);
+    if (x != NULL)
+        *x = made;
+    return x;
+}
+
+size_t cairn_scan_match_memory(const cairn_scan_match_params *params)
+{
+    cairn_pool counting;
+
+    if (!params_are_good(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return counting.used == SIZE_MAX ? 0 : counting.used;
+}
+
+cairn_status cairn_scan_match_create(cairn_scan_match **match, cairn_pool *pool, const cairn_scan_match_params *params)
+{
+    size_t need = cairn_scan_match_memory(params);
+
+    if (match == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    *match = carve(pool, params);
+    memset((*match)->votes.cell, 0, MATCH_CELLS_MOST * sizeof *(*match)->votes.cell);
+    cairn_scan_match_clear_target(*match);
+    return CAIRN_OK;
+}
+
+cairn_scan_match_part cairn_scan_match_part_of(const cairn_scan_view *view)
+{
+    cairn_scan_match_part part = {view->points, NULL, view->beams, view->point_count, 0, view->beam_count};
+
+    return part;
+}
+
+static int is_hit_near(const cairn_beam *beam, cairn_vec2 p, cairn_real reach)
+{
+    return beam->kind == CAIRN_BEAM_HIT && cairn_vec2_norm_squared(cairn_vec2_sub(beam->to, p)) < reach * reach;
+}
+
+/* The direction of the surface at the end of a beam, the sensor on its left, from the hits beside it; 0: there are none. */
+static int surface_direction(const cairn_scan_view *view, int32_t i, cairn_vec2 *direction)
+{
+    const cairn_beam *beam = &view->beams[i];
+    cairn_vec2 to_sensor = cairn_vec2_sub(beam->from, beam->to), sum = {0, 0}, minor;
+    cairn_real reach = CAIRN_REAL(0.08) + CAIRN_REAL(0.03) * cairn_vec2_norm(to_sensor), n, values[2];
+    cairn_sym2 spread = {0, 0, 0};
+    int32_t low = i, high = i;
+
+    while (low > 0 && i - low < NEIGHBOURS && is_hit_near(&view->beams[low - 1], beam->to, reach))
+        low--;
+    while (high + 1 < view->beam_count && high - i < NEIGHBOURS && is_hit_near(&view->beams[high + 1], beam->to, reach))
+        high++;
+    for (int32_t k = low; k <= high; k++) {
+        cairn_vec2 d = cairn_vec2_sub(view->beams[k].to, beam->to);
+
+        sum = cairn_vec2_add(sum, d);
+        spread.xx += d.x * d.x;
+        spread.xy += d.x * d.y;
+        spread.yy += d.y * d.y;
+    }
+    n = (cairn_real)(high - low + 1);
+    spread.xx -= sum.x * sum.x / n;
+    spread.xy -= sum.x * sum.y / n;
+    spread.yy -= sum.y * sum.y / n;
+    cairn_sym2_eigen(spread, values, &minor, direction);
+    if (cairn_vec2_cross(*direction, to_sensor) < 0)
+        *direction = cairn_vec2_scale(*direction, -1);
+    return values[1] > 0;
+}
+
+int32_t cairn_scan_match_dense(const cairn_scan_view *view, cairn_oriented_point *dense)
+{
+    int32_t count = 0;
+
+    for (int32_t i = 0; i < view->beam_count; i++) {
+        if (view->beams[i].kind != CAIRN_BEAM_HIT || !surface_direction(view, i, &dense[count].direction))
+            continue;
+        dense[count++].position = view->beams[i].to;
+    }
+    return count;
+}
+
+static void stop(cairn_scan_match *x)
+{
+    for (int32_t i = 0; i < x->votes.touched_count; i++)
+        x->votes.cell[x->votes.touched[i]] = 0;
+    x->votes.touched_count = 0;
+    x->phase = MATCH_IDLE;
+    x->owed = 0;
+    memset(&x->result, 0, sizeof x->result);
+}
+
+void cairn_scan_match_clear_target(cairn_scan_match *x)
+{
+    stop(x);
+    x->target_count = x->dense_count = x->view_count = 0;
+    x->is_indexed = 0;
+    x->target_low.x = x->target_low.y = CAIRN_SCAN_EXTENT;
+    x->target_high.x = x->target_high.y = -CAIRN_SCAN_EXTENT;
+    x->target_sum.x = x->target_sum.y = 0;
+}
+
+/* ---- What comes in ---- */
+
+static cairn_status refuse(cairn_fault *fault, int32_t index, const char *what, cairn_status status)
+{
+    if (fault != NULL) {
+        fault->index = index;
+        fault->what = what;
+    }
+    return status;
+}
+
+static int is_near(cairn_vec2 p)
+{
+    return cairn_abs(p.x) <= CAIRN_SCAN_EXTENT && cairn_abs(p.y) <= CAIRN_SCAN_EXTENT;
+}
+
+static cairn_status check_points(const cairn_oriented_point *points, int32_t count, cairn_fault *fault)
+{
+    for (int32_t i = 0; i < count; i++) {
+        cairn_real norm = cairn_vec2_norm_squared(points[i].direction);
+
+        if (!is_near(points[i].position) || norm != norm)
+            return refuse(fault, i, "a point is not finite or too far away", CAIRN_NOT_FINITE);
+        if (!(norm > CAIRN_REAL(0.98) && norm < CAIRN_REAL(1.02)))
+            return refuse(fault, i, "a direction is not of length 1", CAIRN_BAD_ARGUMENT);
+    }
+    return CAIRN_OK;
+}
+
+static int is_array(const void *array, int32_t count)
+{
+    return count >= 0 && (array != NULL || count == 0);
+}
+
+static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pose, cairn_fault *fault)
+{
+    cairn_status status;
+
+    if (!is_array(part->points, part->count) || !is_array(part->dense, part->dense_count) ||
+        !is_array(part->beams, part->beam_count))
+        return refuse(fault, -1, "a negative count, or no array", CAIRN_BAD_ARGUMENT);
+    if (!cairn_pose_is_finite(pose) || cairn_abs(pose.x) > CAIRN_SCAN_EXTENT || cairn_abs(pose.y) > CAIRN_SCAN_EXTENT)
+        return refuse(fault, -1, "the pose is not finite or too far away", CAIRN_NOT_FINITE);
+    status = check_points(part->points, part->count, fault);
+    if (status == CAIRN_OK)
+        status = check_points(part->dense, part->dense_count, fault);
+    for (int32_t i = 0; i < part->beam_count && status == CAIRN_OK; i++)
+        if (!is_near(part->beams[i].from) || !is_near(part->beams[i].to))
+            status = refuse(fault, i, "a beam is not finite or too long", CAIRN_NOT_FINITE);
+    return status;
+}
+
+/* The free space of a part; 0 when none of its beams says anything. */
+static int32_t make_profile(match_profile *profile, const cairn_scan_match_part *part, cairn_transform transform)
+{
+    int32_t known = 0;
+
+    for (int32_t i = 0; i < part->beam_count; i++) {
+        const cairn_beam *beam = &part->beams[i];
+
+        if (beam->kind == CAIRN_BEAM_UNKNOWN)
+            continue;
+        if (!known)
+            cairn_match_profile_clear(profile, cairn_transform_point(transform, beam->from));
+        known = 1;
+        cairn_match_profile_add(profile, cairn_transform_point(transform, beam->to));
+    }
+    return known;
+}
+
+cairn_status cairn_scan_match_add_target(cairn_scan_match *x, const cairn_scan_match_part *part, cairn_pose target_part,
+                                         cairn_fault *fault)
+{
+    cairn_transform transform;
+    cairn_status status;
+
+    if (x == NULL || part == NULL)
+        return refuse(fault, -1, "no object or no part", CAIRN_BAD_ARGUMENT);
+    if (x->phase != MATCH_IDLE && x->phase != MATCH_DONE)
+        return refuse(fault, -1, "a match is running", CAIRN_BAD_ARGUMENT);
+    status = check_part(part, target_part, fault);
+    if (status != CAIRN_OK)
+        return status;
+    if (part->count > x->params.max_target - x->target_count)
+        return refuse(fault, -1, "more target points than max_target", CAIRN_FULL);
+    if (x->params.max_dense > 0 && part->dense_count > x->params.max_dense - x->dense_count)
+        return refuse(fault, -1, "more dense target points than max_dense", CAIRN_FULL);
+    if (part->beam_count > 0 && x->params.max_views > 0 && x->view_count == x->params.max_views)
+        return refuse(fault, -1, "more parts with beams than max_views", CAIRN_FULL);
+    transform = cairn_transform_of(target_part);
+    for (int32_t i = 0; i < part->count; i++) {
+        cairn_oriented_point *p = &x->target[x->target_count++];
+
+        p->position = cairn_transform_point(transform, part->points[i].position);
+        p->direction = cairn_transform_direction(transform, part->points[i].direction);
+        x->target_low.x = cairn_min(x->target_low.x, p->position.x);
+        x->target_low.y = cairn_min(x->target_low.y, p->position.y);
+        x->target_high.x = cairn_max(x->target_high.x, p->position.x);
+        x->target_high.y = cairn_max(x->target_high.y, p->position.y);
+        x->target_sum = cairn_vec2_add(x->target_sum, p->position);
+    }
+    for (int32_t i = 0; i < part->dense_count && x->params.max_dense > 0; i++) {
+        cairn_oriented_point *p = &x->dense[x->dense_count++];
+
+        p->position = cairn_transform_point(transform, part->dense[i].position);
+        p->direction = cairn_transform_direction(transform, part->dense[i].direction);
+    }
+    if (x->params.max_views > 0)
+        x->view_count += make_profile(&x->views[x->view_count], part, transform);
+    x->is_indexed = 0;
+    return CAIRN_OK;
+}
+
+/* Centroid, size and reach of the query. */
+static void measure_query(cairn_scan_match *x)
+{
+    const cairn_scan_match_part *q = &x->query;
+    cairn_real n = (cairn_real)q->count, squares = 0;
+
+    x->centroid.x = x->centroid.y = 0;
+    x->query_reach = 0;
+    for (int32_t i = 0; i < q->count; i++) {
+        x->centroid = cairn_vec2_add(x->centroid, cairn_vec2_scale(q->points[i].position, 1 / n));
+        x->query_reach = cairn_max(x->query_reach, cairn_vec2_norm(q->points[i].position));
+    }
+    for (int32_t i = 0; i < q->count; i++)
+        squares += cairn_vec2_norm_squared(cairn_vec2_sub(q->points[i].position, x->centroid));
+    x->radius = cairn_max(cairn_sqrt(squares / cairn_max(n, 1)), x->params.spacing);
+}
+
+/* The window as a prior: uniform in it, so that what the scans do not tell stays at the start. */
+static void take_window(cairn_scan_match *x, cairn_pose start, const cairn_scan_match_window *window)
+{
+    const cairn_real share = CAIRN_REAL(0.577), least = CAIRN_REAL(0.1) * x->params.spacing;
+
+    x->has_window = window != NULL;
+    if (window == NULL)
+        return;
+    x->window = *window;
+    x->start = start;
+    x->prior.mean = start;
+    x->prior.sigma_x = x->prior.sigma_y = cairn_max(share * cairn_min(window->distance, CAIRN_SCAN_EXTENT), least);
+    x->prior.sigma_theta = cairn_max(share * cairn_min(window->angle, CAIRN_PI), CAIRN_REAL(0.01));
+}
+
+cairn_status cairn_scan_match_begin(cairn_scan_match *x, const cairn_scan_match_part *query, cairn_pose start,
+                                    const cairn_scan_match_window *window, cairn_fault *fault)
+{
+    cairn_status status;
+
+    if (x == NULL || query == NULL)
+        return refuse(fault, -1, "no object or no query", CAIRN_BAD_ARGUMENT);
+    if (window != NULL && !(window->distance >= 0 && window->angle >= 0))
+        return refuse(fault, -1, "a window is negative or not a number", CAIRN_BAD_ARGUMENT);
+    if (window == NULL)
+        start = cairn_pose_identity();
+    status = check_part(query, start, fault);
+    if (status != CAIRN_OK)
+        return status;
+    if (query->count > x->params.max_query)
+        return refuse(fault, -1, "more query points than max_query", CAIRN_FULL);
+    stop(x);
+    memset(&x->measure, 0, sizeof x->measure);
+    x->query = *query;
+    x->query_sees = make_profile(x->query_profile, query, cairn_transform_of(cairn_pose_identity()));
+    x->candidate_count = x->hypothesis_count = 0;
+    x->at = x->other = x->stage = 0;
+    if (query->count == 0 || x->target_count == 0) {
+        x->result.hypotheses = x->hypotheses;
+        x->result.verdict = CAIRN_SCAN_MATCH_NONE;
+        x->phase = MATCH_DONE;
+        return CAIRN_OK;
+    }
+    measure_query(x);
+    take_window(x, start, window);
+    cairn_match_votes_begin(x, start, window);
+    x->phase = x->is_indexed ? MATCH_VOTE : MATCH_RESET;
+    return CAIRN_OK;
+}
+
+/* ---- Steps ---- */
+
+static void enter(cairn_scan_match *x, match_phase phase)
+{
+    x->phase = phase;
+    x->at = 0;
+}
+
+static int32_t bin_of(const cairn_oriented_point *p)
+{
+    return cairn_match_direction_bin(cairn_atan2(p->direction.y, p->direction.x));
+}
+
+/* The points that are sorted now: the even ones, then the dense ones. */
+static match_index *index_at_work(cairn_scan_match *x, const cairn_oriented_point **points)
+{
+    *points = x->other == 0 ? x->target : x->dense;
+    return x->other == 0 ? &x->index : &x->dense_index;
+}
+
+static void reset_item(cairn_scan_match *x)
+{
+    cairn_match_index_reset(&x->index, x->params.max_target, x->target_count, CELL * x->params.spacing);
+    cairn_match_index_reset(&x->dense_index, x->params.max_dense, x->dense_count, CELL * x->params.spacing);
+    memset(x->direction_start, 0, sizeof x->direction_start);
+    cairn_match_charge(x, (x->index.side * x->index.side + x->dense_index.side * x->dense_index.side) / 16);
+    x->other = 0;
+    enter(x, MATCH_COUNT);
+}
+
+static void count_item(cairn_scan_match *x)
+{
+    const cairn_oriented_point *points;
+    match_index *index = index_at_work(x, &points);
+
+    if (x->at < index->count) {
+        cairn_match_index_count(index, points[x->at].position);
+        if (x->other == 0)
+            x->direction_start[bin_of(&points[x->at])]++;
+        x->at++;
+    }
+    cairn_match_charge(x, 12);
+    if (x->at == index->count)
+        enter(x, MATCH_SUM);
+}
+
+static void sum_item(cairn_scan_match *x)
+{
+    const cairn_oriented_point *points;
+    match_index *index = index_at_work(x, &points);
+    int32_t cells = index->side * index->side + 1;
+
+    for (int32_t i = 0; i < SUM_BLOCK && x->at < cells; i++)
+        cairn_match_index_sum(index, x->at++);
+    cairn_match_charge(x, MATCH_PART);
+    if (x->at < cells)
+        return;
+    for (int32_t k = 1; k <= MATCH_DIRECTIONS && x->other == 0; k++)
+        x->direction_start[k] += x->direction_start[k - 1];
+    enter(x, MATCH_PLACE);
+}
+
+/* The last point first, so that those of a cell stay in their order. */
+static void place_item(cairn_scan_match *x)
+{
+    const cairn_oriented_point *points;
+    match_index *index = index_at_work(x, &points);
+
+    if (x->at < index->count) {
+        const cairn_oriented_point *p = &points[index->count - 1 - x->at++];
+
+        cairn_match_index_place(index, *p);
+        if (x->other == 0)
+            x->by_direction[--x->direction_start[bin_of(p)]] = p->position;
+    }
+    cairn_match_charge(x, 12);
+    if (x->at < index->count)
+        return;
+    enter(x, MATCH_COUNT);
+    if (x->other++ == 0)
+        return;
+    x->is_indexed = 1;
+    enter(x, MATCH_VOTE);
+}
+
+/* The candidates become the hypotheses that are refined. */
+static void start_stages(cairn_scan_match *x)
+{
+    cairn_match_sort(x);
+    cairn_match_charge(x, x->candidate_count * 8);
+    for (int32_t i = 0; i < x->candidate_count; i++)
+        x->hypotheses[i].target_query = x->candidates[i].pose;
+    x->hypothesis_count = x->candidate_count;
+    x->stage = x->other = 0;
+    x->phase = MATCH_RANK;
+    if (x->hypothesis_count == 0)
+        return;
+    x->phase = MATCH_FIT;
+    cairn_match_fit_begin(x, x->hypotheses[0].target_query);
+}
+
+static void peaks_item(cairn_scan_match *x)
+{
+    if (!cairn_match_peaks(x))
+        return;
+    enter(x, MATCH_VOTE);
+    if (x->votes.rotation == x->votes.rotations)
+        start_stages(x);
+}
+
+static void tally_item(cairn_scan_match *x)
+{
+    if (!cairn_match_tally_item(x))
+        return;
+    x->other++;
+    x->measure.fits++;
+    x->phase = MATCH_RANK;
+    if (x->other == x->hypothesis_count)
+        return;
+    x->phase = MATCH_FIT;
+    cairn_match_fit_begin(x, x->hypotheses[x->other].target_query);
+}
+
+/* The best go on to the next stage. */
+static void rank_item(cairn_scan_match *x)
+{
+    int32_t keep = cairn_match_stage_of(x)->keep;
+
+    cairn_match_charge(x, 8 * x->hypothesis_count);
+    cairn_match_thin(x, keep > 0 ? keep : x->params.max_hypotheses);
+    x->other = 0;
+    x->stage++;
+    if (x->hypothesis_count == 0 || x->stage == MATCH_STAGES) {
+        cairn_match_judge(x);
+        x->phase = MATCH_DONE;
+        return;
+    }
+    x->phase = MATCH_FIT;
+    cairn_match_fit_begin(x, x->hypotheses[0].target_query);
+}
+
+static void run_item(cairn_scan_match *x)
+{
+    switch (x->phase) {
+    case MATCH_RESET:
+        reset_item(x);
+        break;
+    case MATCH_COUNT:
+        count_item(x);
+        break;
+    case MATCH_SUM:
+        sum_item(x);
+        break;
+    case MATCH_PLACE:
+        place_item(x);
+        break;
+    case MATCH_VOTE:
+        if (cairn_match_vote(x))
+            enter(x, MATCH_PEAKS);
+        break;
+    case MATCH_PEAKS:
+        peaks_item(x);
+        break;
+    case MATCH_FIT:
+        if (cairn_match_fit_item(x)) {
+            x->phase = MATCH_TALLY;
+            cairn_match_tally_begin(x);
+        }
+        break;
+    case MATCH_TALLY:
+        tally_item(x);
+        break;
+    default:
+        rank_item(x);
+        break;
+    }
+}
+
+cairn_status cairn_scan_match_step(cairn_scan_match *x, cairn_budget *budget)
+{
+    if (x == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while ((x->phase != MATCH_IDLE && x->phase != MATCH_DONE) || x->owed >= MATCH_PART) {
+        int32_t before = x->owed, due = x->owed / MATCH_PART;
+
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        if (due > 0) {
+            due = due < budget->left ? due : budget->left;
+            budget->left -= due;
+            x->owed -= due * MATCH_PART;
+            x->measure.units += due;
+            continue;
+        }
+        run_item(x);
+        due = (x->owed - before) / MATCH_PART;
+        if (due > x->measure.worst_step)
+            x->measure.worst_step = due;
+    }
+    return CAIRN_OK;
+}
+
+cairn_scan_match_result cairn_scan_match_read(const cairn_scan_match *x)
+{
+    cairn_scan_match_result running = {NULL, 0, CAIRN_SCAN_MATCH_RUNNING};
+
+    return x->phase == MATCH_DONE && x->owed < MATCH_PART ? x->result : running;
+}
+
+cairn_scan_match_measure cairn_scan_match_measured(const cairn_scan_match *x)
+{
+    return x->measure;
+}

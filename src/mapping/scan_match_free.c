@@ -1,0 +1,56 @@
+/* What a sensor saw free, by bearing.
+ *
+ * Bearings are those of the pseudo angle y / (|x| + |y|), which grows with the angle and needs no arc tangent. A bin holds the
+ * least range of the beams that fall into it; a point is asked in its bin and both neighbours, so that a grazing beam that
+ * passes beyond a wall's end does not make the wall stand in free space. */
+#include "src/core/build.h"
+
+#include "src/mapping/scan_match_work.h"
+
+static int32_t bearing_of(cairn_vec2 d)
+{
+    cairn_real sum = cairn_abs(d.x) + cairn_abs(d.y), turn; /* 0 ... 4 */
+
+    if (!(sum > 0))
+        return 0;
+    turn = d.x >= 0 ? (d.y >= 0 ? d.y / sum : 4 + d.y / sum) : 2 - d.y / sum;
+    return cairn_real_to_int(turn * (MATCH_BEARINGS / 4)) & (MATCH_BEARINGS - 1);
+}
+
+void cairn_match_profile_clear(match_profile *profile, cairn_vec2 sensor)
+{
+    profile->sensor = sensor;
+    for (int32_t i = 0; i < MATCH_BEARINGS; i++)
+        profile->range[i] = -1;
+}
+
+void cairn_match_profile_add(match_profile *profile, cairn_vec2 to)
+{
+    cairn_vec2 d = cairn_vec2_sub(to, profile->sensor);
+    float *range = &profile->range[bearing_of(d)], seen = (float)cairn_vec2_norm(d);
+
+    if (*range < 0 || seen < *range)
+        *range = seen;
+}
+
+int32_t cairn_match_profile_ask(const match_profile *profile, cairn_vec2 p, cairn_real margin)
+{
+    cairn_vec2 d = cairn_vec2_sub(p, profile->sensor);
+    int32_t bin = bearing_of(d), ends = 0;
+    cairn_real distance = cairn_vec2_norm(d), least = CAIRN_REAL_MAX;
+
+    if (profile->range[bin] < 0)
+        return 0;
+    margin += CAIRN_REAL(0.02) * distance;
+    for (int32_t k = -1; k <= 1; k++) {
+        cairn_real range = (cairn_real)profile->range[(bin + k) & (MATCH_BEARINGS - 1)];
+
+        if (range < 0)
+            continue;
+        least = cairn_min(least, range);
+        ends |= cairn_abs(range - distance) <= margin;
+    }
+    if (distance < least - margin)
+        return 1;
+    return ends ? -1 : 0;
+}

@@ -1,0 +1,118 @@
+/* Which poses go on, which are the same, and what to make of them. */
+#include "src/core/build.h"
+
+#include "src/mapping/scan_match_work.h"
+
+/* Poses nearer than this are one. */
+static const cairn_real SAME_DISTANCE = 2; /* spacings */
+static const cairn_real SAME_ANGLE = CAIRN_REAL(0.06);
+
+int32_t cairn_match_before(const match_candidate *a, const match_candidate *b)
+{
+    return a->score > b->score || (!(b->score > a->score) && a->order < b->order);
+}
+
+/* Lets the candidate at the root of heap[0 ... count-1], with the worst on top, sink to its place. */
+static void sink(match_candidate *heap, int32_t count, int32_t root)
+{
+    match_candidate moving = heap[root];
+
+    for (;;) {
+        int32_t child = 2 * root + 1;
+
+        if (child >= count)
+            break;
+        if (child + 1 < count && cairn_match_before(&heap[child], &heap[child + 1]))
+            child++;
+        if (!cairn_match_before(&moving, &heap[child]))
+            break;
+        heap[root] = heap[child];
+        root = child;
+    }
+    heap[root] = moving;
+}
+
+void cairn_match_keep(cairn_scan_match *x, const match_candidate *candidate, int32_t most)
+{
+    match_candidate *heap = x->candidates;
+
+    if (x->candidate_count == most) {
+        heap[0] = *candidate;
+        sink(heap, most, 0);
+        return;
+    }
+    {
+        int32_t at = x->candidate_count++;
+
+        for (; at > 0 && cairn_match_before(&heap[(at - 1) / 2], candidate); at = (at - 1) / 2)
+            heap[at] = heap[(at - 1) / 2];
+        heap[at] = *candidate;
+    }
+}
+
+void cairn_match_sort(cairn_scan_match *x)
+{
+    for (int32_t count = x->candidate_count - 1; count > 0; count--) {
+        match_candidate worst = x->candidates[0];
+
+        x->candidates[0] = x->candidates[count];
+        x->candidates[count] = worst;
+        sink(x->candidates, count, 0);
+    }
+}
+
+static int is_same(const cairn_scan_match *x, cairn_pose a, cairn_pose b)
+{
+    cairn_vec2 pa = cairn_pose_point(a, x->centroid), pb = cairn_pose_point(b, x->centroid);
+    cairn_real reach = SAME_DISTANCE * x->params.spacing;
+
+    return cairn_vec2_norm_squared(cairn_vec2_sub(pa, pb)) < reach * reach &&
+           cairn_abs(cairn_wrap_angle(a.theta - b.theta)) < SAME_ANGLE;
+}
+
+/* 1 when the pose lies in the window, up to what the search blurs. */
+static int is_inside(const cairn_scan_match *x, cairn_pose pose)
+{
+    cairn_real reach = x->window.distance + x->params.spacing;
+
+    return !x->has_window || (cairn_abs(pose.x - x->start.x) <= reach && cairn_abs(pose.y - x->start.y) <= reach &&
+                              cairn_abs(cairn_wrap_angle(pose.theta - x->start.theta)) <= x->window.angle + SAME_ANGLE);
+}
+
+/* Hypotheses by score, the first of those that are the same, `keep` at most; selection by insertion. */
+void cairn_match_thin(cairn_scan_match *x, int32_t keep)
+{
+    int32_t kept = 0;
+
+    for (int32_t i = 1; i < x->hypothesis_count; i++) {
+        cairn_scan_match_hypothesis moving = x->hypotheses[i];
+        int32_t at = i;
+
+        for (; at > 0 && x->hypotheses[at - 1].score < moving.score; at--)
+            x->hypotheses[at] = x->hypotheses[at - 1];
+        x->hypotheses[at] = moving;
+    }
+    for (int32_t i = 0; i < x->hypothesis_count && kept < keep; i++) {
+        int32_t twin = !is_inside(x, x->hypotheses[i].target_query);
+
+        for (int32_t k = 0; k < kept && !twin; k++)
+            twin = is_same(x, x->hypotheses[k].target_query, x->hypotheses[i].target_query);
+        if (!twin)
+            x->hypotheses[kept++] = x->hypotheses[i];
+    }
+    x->hypothesis_count = kept;
+}
+
+void cairn_match_judge(cairn_scan_match *x)
+{
+    const cairn_scan_match_hypothesis *h = x->hypotheses;
+
+    x->result.hypotheses = h;
+    x->result.count = x->hypothesis_count;
+    if (x->hypothesis_count == 0 || h[0].score < CAIRN_REAL(0.3))
+        x->result.verdict = CAIRN_SCAN_MATCH_NONE;
+    else if (h[0].observable < 3 || (x->hypothesis_count > 1 && h[1].score > CAIRN_REAL(0.95) * h[0].score))
+        x->result.verdict = CAIRN_SCAN_MATCH_AMBIGUOUS;
+    else
+        x->result.verdict = CAIRN_SCAN_MATCH_FOUND;
+}

@@ -1,0 +1,197 @@
+/* Where could the query's origin be? Every pair of a query point and a target point of like direction votes.
+ *
+ * The correlation of two sparse sets of oriented points, for all positions at once: for each heading of the window, a query
+ * point turned by it and a target point whose direction agrees name the position that would bring them together. The
+ * votes of a cell are the correlation there, summed over the pairs that exist instead of over all cells of the plane, and
+ * nothing is pruned. Peaks (local maxima of two by two cells) compete over all headings for a fixed number of places.
+ *
+ * A pair's vote weighs as much as its direction is rare in the query: of a corridor's walls there are many points, and all
+ * say the same. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/scan_match_work.h"
+
+enum { DIRECTION_REACH = 3 }; /* bins to both sides that agree */
+
+static const cairn_real CELL = 2; /* spacings */
+static const cairn_real LEAST_STEP = CAIRN_REAL(0.04), MOST_STEP = CAIRN_REAL(0.088);
+
+/* The translations of the window: about the start, or all that can bring the query to the target. */
+static void place_grid(cairn_scan_match *x, cairn_pose start, const cairn_scan_match_window *window)
+{
+    match_votes *v = &x->votes;
+    cairn_real most = 256 * CELL * x->params.spacing; /* width * height <= MATCH_CELLS_MOST */
+    cairn_vec2 low, high;
+
+    if (window == NULL) {
+        cairn_real reach = x->query_reach, n = (cairn_real)x->target_count;
+        cairn_vec2 centre = {x->target_sum.x / n, x->target_sum.y / n};
+
+        low.x = cairn_max(x->target_low.x - reach, centre.x - most / 2);
+        low.y = cairn_max(x->target_low.y - reach, centre.y - most / 2);
+        high.x = cairn_min(x->target_high.x + reach, centre.x + most / 2);
+        high.y = cairn_min(x->target_high.y + reach, centre.y + most / 2);
+    } else {
+        cairn_real half = cairn_min(window->distance, most / 2);
+
+        low.x = start.x - half;
+        low.y = start.y - half;
+        high.x = start.x + half;
+        high.y = start.y + half;
+    }
+    v->side = CELL * x->params.spacing;
+    v->origin.x = low.x - 2 * v->side;
+    v->origin.y = low.y - 2 * v->side;
+    v->width = cairn_real_to_int((high.x - low.x) / v->side) + 5;
+    v->height = cairn_real_to_int((high.y - low.y) / v->side) + 5;
+    v->width = v->width < 256 ? v->width : 256;
+    v->height = v->height < 256 ? v->height : 256;
+}
+
+static void place_headings(cairn_scan_match *x, cairn_pose start, const cairn_scan_match_window *window)
+{
+    match_votes *v = &x->votes;
+    cairn_real step = cairn_min(cairn_max(2 * v->side / x->radius, LEAST_STEP), MOST_STEP);
+    cairn_real half = window == NULL ? CAIRN_PI : cairn_min(window->angle, CAIRN_PI);
+
+    if (half >= CAIRN_PI) {
+        v->rotations = cairn_real_to_int(cairn_ceil(2 * CAIRN_PI / step));
+        v->angle_step = 2 * CAIRN_PI / (cairn_real)v->rotations;
+        v->first_angle = 0;
+    } else {
+        v->rotations = 2 * cairn_real_to_int(cairn_ceil(half / step)) + 1;
+        v->angle_step = v->rotations > 1 ? 2 * half / (cairn_real)(v->rotations - 1) : 0;
+        v->first_angle = start.theta - half;
+    }
+}
+
+void cairn_match_votes_begin(cairn_scan_match *x, cairn_pose start, const cairn_scan_match_window *window)
+{
+    match_votes *v = &x->votes;
+    int32_t cells;
+
+    place_grid(x, start, window);
+    place_headings(x, start, window);
+    v->rotation = 0;
+    v->touched_count = 0;
+    cells = v->width * v->height;
+    v->most = cells / 8 + v->rotations;
+    v->most = v->most < MATCH_CANDIDATES ? v->most : MATCH_CANDIDATES;
+    v->stride = (x->query.count + MATCH_VOTERS - 1) / MATCH_VOTERS;
+}
+
+/* Votes of a query point, at `p` and `angle` as turned, with the target points by_direction[first ... end-1]. */
+static void vote(cairn_scan_match *x, cairn_vec2 p, int32_t weight, int32_t first, int32_t end)
+{
+    match_votes *v = &x->votes;
+    cairn_real per_metre = 1 / v->side;
+    cairn_real ox = (p.x + v->origin.x) * per_metre, oy = (p.y + v->origin.y) * per_metre;
+
+    for (int32_t i = first; i < end; i++) {
+        cairn_real cx = x->by_direction[i].x * per_metre - ox, cy = x->by_direction[i].y * per_metre - oy;
+        int32_t cell;
+
+        if (!(cx >= 0 && cy >= 0 && cx < (cairn_real)v->width && cy < (cairn_real)v->height))
+            continue;
+        cell = cairn_real_to_int(cy) * v->width + cairn_real_to_int(cx);
+        if (v->cell[cell] == 0)
+            v->touched[v->touched_count++] = (uint16_t)cell;
+        if (v->cell[cell] < UINT16_MAX - weight)
+            v->cell[cell] = (uint16_t)(v->cell[cell] + weight);
+    }
+    cairn_match_charge(x, (end - first) / 2 + 4);
+}
+
+int32_t cairn_match_vote(cairn_scan_match *x)
+{
+    match_votes *v = &x->votes;
+    const cairn_oriented_point *q = &x->query.points[x->at];
+    cairn_vec2 p, direction;
+    int32_t bin, first, last;
+
+    if (x->at == 0) {
+        cairn_pose turn = {0, 0, v->first_angle + (cairn_real)v->rotation * v->angle_step};
+
+        v->turn = cairn_transform_of(turn);
+    }
+    p = cairn_transform_point(v->turn, q->position);
+    direction = cairn_transform_direction(v->turn, q->direction);
+    bin = cairn_match_direction_bin(cairn_atan2(direction.y, direction.x));
+    first = bin - DIRECTION_REACH;
+    last = bin + DIRECTION_REACH;
+    if (first < 0) {
+        vote(x, p, 1, x->direction_start[first + MATCH_DIRECTIONS], x->target_count);
+        first = 0;
+    }
+    if (last >= MATCH_DIRECTIONS) {
+        vote(x, p, 1, 0, x->direction_start[last - MATCH_DIRECTIONS + 1]);
+        last = MATCH_DIRECTIONS - 1;
+    }
+    vote(x, p, 1, x->direction_start[first], x->direction_start[last + 1]);
+    x->at += v->stride;
+    return x->at >= x->query.count;
+}
+
+static int32_t votes_at(const match_votes *v, int32_t column, int32_t row)
+{
+    return column < v->width && row < v->height ? v->cell[row * v->width + column] : 0;
+}
+
+/* Votes of two by two cells, of which (column, row) is the lower left one. */
+static int32_t votes_of_four(const match_votes *v, int32_t column, int32_t row)
+{
+    return votes_at(v, column, row) + votes_at(v, column + 1, row) + votes_at(v, column, row + 1) +
+           votes_at(v, column + 1, row + 1);
+}
+
+static int32_t is_peak(const match_votes *v, int32_t column, int32_t row, int32_t own)
+{
+    for (int32_t dy = -1; dy <= 1; dy++)
+        for (int32_t dx = -1; dx <= 1; dx++) {
+            int32_t c = column + dx, r = row + dy, other;
+
+            if ((dx == 0 && dy == 0) || c < 0 || r < 0 || c >= v->width || r >= v->height)
+                continue;
+            other = votes_of_four(v, c, r);
+            if (other > own || (other == own && (dy < 0 || (dy == 0 && dx < 0))))
+                return 0;
+        }
+    return 1;
+}
+
+/* One touched cell; when all are through, they are cleared. */
+int32_t cairn_match_peaks(cairn_scan_match *x)
+{
+    match_votes *v = &x->votes;
+    match_candidate candidate;
+    int32_t cell, row, column, own;
+
+    if (x->at == v->touched_count) {
+        for (int32_t i = 0; i < v->touched_count; i++)
+            v->cell[v->touched[i]] = 0;
+        cairn_match_charge(x, v->touched_count / 8);
+        v->touched_count = 0;
+        v->rotation++;
+        return 1;
+    }
+    cell = v->touched[x->at++];
+    row = cell / v->width;
+    column = cell % v->width;
+    own = votes_of_four(v, column, row);
+    cairn_match_charge(x, 3);
+    candidate.score = (cairn_real)own;
+    candidate.order = x->measure.candidates;
+    if (x->candidate_count == v->most && !cairn_match_before(&candidate, &x->candidates[0]))
+        return 0;
+    cairn_match_charge(x, 12);
+    if (!is_peak(v, column, row, own))
+        return 0;
+    x->measure.candidates++;
+    candidate.pose.x = v->origin.x + v->side * (cairn_real)(column + 1);
+    candidate.pose.y = v->origin.y + v->side * (cairn_real)(row + 1);
+    candidate.pose.theta = cairn_wrap_angle(v->first_angle + (cairn_real)v->rotation * v->angle_step);
+    cairn_match_keep(x, &candidate, v->most);
+    return 0;
+}

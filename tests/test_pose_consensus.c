@@ -1,0 +1,912 @@
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "cairn/pose_consensus.h"
+
+enum { MAX_NODES = 40, MAX_HYPOTHESES = 1000 };
+
+static const cairn_real DEGREE = CAIRN_PI / 180;
+
+static cairn_pose_consensus *new_consensus(cairn_pool *pool, const cairn_pose_consensus_params *params)
+{
+    cairn_pose_consensus *consensus;
+
+    *pool = test_pool(cairn_pose_consensus_memory(params));
+    assert_ok(cairn_pose_consensus_create(&consensus, pool, params));
+    return consensus;
+}
+
+/* first_second, known to `sigma` m and `sigma_angle` rad. */
+static cairn_pose_hypothesis hypothesis_of(int32_t first, int32_t second, cairn_pose first_second, cairn_real sigma,
+                                           cairn_real sigma_angle, cairn_real score)
+{
+    cairn_pose_hypothesis h = {first,
+                               second,
+                               first_second,
+                               {sigma * sigma, 0, 0, 0, sigma * sigma, 0, 0, 0, sigma_angle * sigma_angle},
+                               score};
+    return h;
+}
+
+static void add(cairn_pose_consensus *consensus, int32_t first, int32_t second, cairn_pose first_second,
+                cairn_real score)
+{
+    cairn_pose_hypothesis h =
+        hypothesis_of(first, second, first_second, CAIRN_REAL(0.01), CAIRN_REAL(0.3) * DEGREE, score);
+
+    assert_ok(cairn_pose_consensus_add(consensus, &h, NULL));
+}
+
+static cairn_consensus_result solve(cairn_pose_consensus *consensus)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    assert_ok(cairn_pose_consensus_begin(consensus));
+    assert_int_equal(cairn_pose_consensus_read(consensus).nodes, 0);
+    assert_ok(cairn_pose_consensus_step(consensus, &budget));
+    return cairn_pose_consensus_read(consensus);
+}
+
+static cairn_pose random_pose(cairn_random *random, cairn_real distance, cairn_real angle)
+{
+    cairn_pose pose;
+
+    pose.x = cairn_random_uniform(random, -distance, distance);
+    pose.y = cairn_random_uniform(random, -distance, distance);
+    pose.theta = cairn_random_uniform(random, -angle, angle);
+    return pose;
+}
+
+static void assert_pose_near(cairn_pose pose, cairn_pose expected, double distance, double angle)
+{
+    assert_near(pose.x, expected.x, distance);
+    assert_near(pose.y, expected.y, distance);
+    assert_near(cairn_wrap_angle(pose.theta - expected.theta), 0, angle);
+}
+
+/* A world of nodes with true hypotheses, each with noise of 1 cm and 0.3 degrees, and false ones. */
+struct world {
+    cairn_pose truth[MAX_NODES];
+    int32_t nodes;
+    cairn_pose_hypothesis hypotheses[MAX_HYPOTHESES];
+    int32_t is_true[MAX_HYPOTHESES];
+    int32_t count;
+};
+
+static void add_to_world(struct world *world, int32_t first, int32_t second, cairn_pose first_second, cairn_real score,
+                         int32_t is_true)
+{
+    assert_true(world->count < MAX_HYPOTHESES);
+    world->hypotheses[world->count] =
+        hypothesis_of(first, second, first_second, CAIRN_REAL(0.01), CAIRN_REAL(0.3) * DEGREE, score);
+    world->is_true[world->count++] = is_true;
+}
+
+static cairn_pose noisy(cairn_pose pose, cairn_random *random)
+{
+    pose.x += CAIRN_REAL(0.01) * cairn_random_normal(random);
+    pose.y += CAIRN_REAL(0.01) * cairn_random_normal(random);
+    pose.theta += CAIRN_REAL(0.3) * DEGREE * cairn_random_normal(random);
+    return pose;
+}
+
+/* Of each pair nearer than `reach` a share `known` has its true hypothesis, of score 10 ... 20; `lies` false ones of score
+ * 10 ... 25 follow, at random pairs. */
+static void make_world(struct world *world, uint64_t seed, int32_t nodes, cairn_real reach, cairn_real known,
+                       int32_t lies)
+{
+    cairn_random random = cairn_random_seed(seed, 1);
+
+    world->nodes = nodes;
+    world->count = 0;
+    for (int32_t i = 0; i < nodes; i++)
+        world->truth[i] = random_pose(&random, 5, CAIRN_PI);
+    for (int32_t i = 0; i < nodes; i++)
+        for (int32_t j = i + 1; j < nodes; j++) {
+            cairn_pose between = cairn_pose_between(world->truth[i], world->truth[j]);
+            cairn_real score = cairn_random_uniform(&random, 10, 20);
+
+            between = noisy(between, &random);
+            if (between.x * between.x + between.y * between.y <= reach * reach && cairn_random_unit(&random) < known) {
+                if (cairn_random_below(&random, 2) == 0)
+                    add_to_world(world, i, j, between, score, 1);
+                else
+                    add_to_world(world, j, i, cairn_pose_inverse(between), score, 1);
+            }
+        }
+    for (int32_t k = 0; k < lies; k++) {
+        int32_t i = cairn_random_below(&random, nodes), j = cairn_random_below(&random, nodes - 1);
+        cairn_pose pose = random_pose(&random, 5, CAIRN_PI);
+        cairn_real score = cairn_random_uniform(&random, 10, 25);
+
+        add_to_world(world, i, j < i ? j : j + 1, pose, score, 0);
+    }
+}
+
+static void load(cairn_pose_consensus *consensus, const struct world *world)
+{
+    assert_ok(cairn_pose_consensus_clear(consensus, world->nodes));
+    for (int32_t k = 0; k < world->count; k++)
+        assert_ok(cairn_pose_consensus_add(consensus, &world->hypotheses[k], NULL));
+}
+
+/* Nodes of part 0 that lie, seen from its first node, where they do in truth. */
+static int32_t count_right(const cairn_pose_consensus *consensus, const struct world *world, double metres,
+                           double radians)
+{
+    int32_t right = 0, first = -1;
+
+    for (int32_t i = 0; i < world->nodes; i++) {
+        cairn_consensus_node node = cairn_pose_consensus_node(consensus, i);
+        cairn_pose seen;
+
+        if (node.part != 0)
+            continue;
+        if (first < 0)
+            first = i;
+        seen = cairn_pose_between(world->truth[first], world->truth[i]);
+        right += hypot((double)(node.map_node.x - seen.x), (double)(node.map_node.y - seen.y)) < metres &&
+                 fabs((double)cairn_wrap_angle(node.map_node.theta - seen.theta)) < radians;
+    }
+    return right;
+}
+
+/* ---- What it finds ---- */
+
+static void two_nodes(void **state)
+{
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    cairn_pose_hypothesis h = {1, 0, {1, 2, CAIRN_REAL(0.5)}, {0}, 12};
+    cairn_pool pool;
+    cairn_pose_consensus *consensus = new_consensus(&pool, &params);
+    cairn_consensus_result result;
+    cairn_consensus_node node;
+    double shift, turn = (double)(params.sigma_angle * params.sigma_angle), x, y;
+
+    (void)state;
+    h.covariance[0] = CAIRN_REAL(0.04);
+    h.covariance[1] = h.covariance[3] = CAIRN_REAL(0.01);
+    h.covariance[4] = CAIRN_REAL(0.02);
+    h.covariance[8] = CAIRN_REAL(0.001);
+    h.covariance[2] = h.covariance[6] = CAIRN_REAL(0.002);
+    assert_ok(cairn_pose_consensus_clear(consensus, 2));
+    assert_ok(cairn_pose_consensus_add(consensus, &h, NULL));
+    result = solve(consensus);
+    assert_int_equal(result.nodes, 2);
+    assert_int_equal(result.placed, 2);
+    assert_int_equal(result.parts, 1);
+    assert_int_equal(result.ambiguous, 0);
+    assert_int_equal(result.agreeing, 1);
+    assert_int_equal(result.starts, 1);
+    assert_near(result.total, 12, 1e-5);
+    assert_near(result.rival, 0, 0);
+    assert_true(result.units > 0);
+    assert_int_equal(cairn_pose_consensus_agrees(consensus, 0), 1);
+    assert_int_equal(cairn_pose_consensus_agrees(consensus, 1), 0);
+    assert_int_equal(cairn_pose_consensus_agrees(consensus, -1), 0);
+    node = cairn_pose_consensus_node(consensus, 0);
+    assert_pose_near(node.map_node, cairn_pose_identity(), 1e-6, 1e-6);
+    node = cairn_pose_consensus_node(consensus, 1);
+    assert_pose_near(node.map_node, cairn_pose_inverse(h.first_second), 1e-5, 1e-6);
+    assert_near(node.support, 12, 1e-4);
+    assert_int_equal(node.agreeing, 1);
+    assert_int_equal(node.contradicting, 0);
+    assert_int_equal(node.alternatives, 0);
+
+    /* Of node 0 given 1, in the frame of 1 it would be the covariance with the sigmas added; the frame is that of 0. */
+    node = cairn_pose_consensus_node(consensus, 0);
+    shift = (double)(params.sigma * params.sigma) + 5 * turn;
+    x = cos(-0.5);
+    y = sin(-0.5);
+    assert_near(node.covariance[0], x * x * (0.04 + shift) - 2 * x * y * 0.01 + y * y * (0.02 + shift), 1e-6);
+    assert_near(node.covariance[4], y * y * (0.04 + shift) + 2 * x * y * 0.01 + x * x * (0.02 + shift), 1e-6);
+    assert_near(node.covariance[1], x * y * (0.04 - 0.02) + (x * x - y * y) * 0.01, 1e-6);
+    assert_near(node.covariance[2], x * 0.002, 1e-6);
+    assert_near(node.covariance[5], y * 0.002, 1e-6);
+    assert_near(node.covariance[8], 0.001 + turn, 1e-6);
+    for (int k = 0; k < 9; k++)
+        assert_near(node.covariance[k], node.covariance[k % 3 * 3 + k / 3], 1e-9);
+    test_pool_free(&pool);
+}
+
+static void most_hypotheses_are_wrong(void **state)
+{
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    static struct world world;
+    cairn_pool pool;
+    cairn_pose_consensus *consensus = new_consensus(&pool, &params);
+
+    (void)state;
+    for (uint64_t seed = 1; seed <= 8; seed++) {
+        cairn_consensus_result result;
+
+        make_world(&world, seed, 16, 7, CAIRN_REAL(0.8), 600);
+        load(consensus, &world);
+        result = solve(consensus);
+        assert_int_equal(result.placed, 16);
+        assert_int_equal(result.parts, 1);
+        assert_int_equal(count_right(consensus, &world, 0.08, 0.015), 16);
+        for (int32_t k = 0; k < world.count; k++)
+            if (world.is_true[k])
+                assert_int_equal(cairn_pose_consensus_agrees(consensus, k), 1);
+    }
+    test_pool_free(&pool);
+}
+
+/* The errors of nodes are those of a least-squares solution: below those of single hypotheses. */
+static void relaxation_averages(void **state)
+{
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    static struct world world;
+    cairn_pool pool;
+    cairn_pose_consensus *consensus = new_consensus(&pool, &params);
+    double squares = 0;
+    int32_t count = 0;
+
+    (void)state;
+    for (uint64_t seed = 20; seed < 28; seed++) {
+        make_world(&world, seed, 16, 20, 1, 0);
+        load(consensus, &world);
+        assert_int_equal(solve(consensus).placed, 16);
+        for (int32_t i = 1; i < 16; i++) {
+            cairn_pose pose = cairn_pose_consensus_node(consensus, i).map_node;
+            cairn_pose seen = cairn_pose_between(world.truth[0], world.truth[i]);
+
+            squares += pow(remainder((double)(pose.theta - seen.theta), 6.283185307179586), 2);
+            count++;
+        }
+    }
+    /* Of the difference of two of 16 nodes with all 120 pairs: sigma * sqrt(2 / 16). */
+    assert_true(sqrt(squares / count) < 0.3 * (double)DEGREE * sqrt(2.0 / 16) * 1.3);
+    test_pool_free(&pool);
+}
+
+/* One false hypothesis outweighs every true one, but three true ones outweigh it. */
+static void many_weak_ones_beat_a_strong_one(void **state)
+{
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    const cairn_pose truth[4] = {{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}};
+    cairn_pose wrong = {1, -2, CAIRN_REAL(0.5)};
+    cairn_pool pool;
+    cairn_pose_consensus *consensus = new_consensus(&pool, &params);
+    cairn_consensus_node node;
+    cairn_consensus_alternative other;
+
+    (void)state;
+    assert_ok(cairn_pose_consensus_clear(consensus, 4));
+    for (int32_t i = 0; i < 4; i++)
+        for (int32_t j = i + 1; j < 4; j++)
+            add(consensus, i, j, cairn_pose_between(truth[i], truth[j]), 5);
+    add(consensus, 0, 3, wrong, 13);
+    assert_int_equal(solve(consensus).placed, 4);
+    for (int32_t i = 0; i < 4; i++)
+        assert_pose_near(cairn_pose_consensus_node(consensus, i).map_node, truth[i], 1e-3, 1e-3);
+    assert_int_equal(cairn_pose_consensus_agrees(consensus, 2), 1);
+    assert_int_equal(cairn_pose_consensus_agrees(consensus, 6), 0);
+
+    /* What else node 3 could be: given the others, exp(13 - 15) as likely. */
+    node = cairn_pose_consensus_node(consensus, 3);
+    assert_near(node.support, 15, 1e-3);
+    assert_true(node.alternatives >= 1);
+    other = cairn_pose_consensus_alternative(consensus, 3, 0);
+    assert_near(other.support, 13, 0.01);
+    assert_int_equal(other.whole, 0);
+    assert_near(other.weight, exp(-2) / (1 + exp(-2)), 0.01);
+    assert_pose_near(other.map_node, wrong, 1e-3, 1e-3);
+    assert_int_equal(node.ambiguous, 1);
+    assert_near(cairn_pose_consensus_alternative(consensus, 3, node.alternatives).weight, 0, 0);
+    assert_near(cairn_pose_consensus_alternative(consensus, 3, -1).weight, 0, 0);
+    assert_near(cairn_pose_consensus_alternative(consensus, 4, 0).weight, 0, 0);
+    test_pool_free(&pool);
+}
+
+/* ---- A plain twin: every way to hang five nodes together ---- */
+
+struct twin {
+    const struct world *world;
+    const cairn_pose_consensus_params *params;
+    cairn_pose pose[MAX_NODES];
+    int32_t placed[MAX_NODES];
+    double best;
+};
+
+static double plain_chi(const struct twin *twin, const cairn_pose_hypothesis *h, cairn_pose first, cairn_pose second)
+{
+    cairn_pose seen = cairn_pose_between(first, second);
+    double x = (double)(seen.x - h->first_second.x), y = (double)(seen.y - h->first_second.y);
+    double theta = remainder((double)(seen.theta - h->first_second.theta), 6.283185307179586);
+    double turn = (double)(twin->params->sigma_angle * twin->params->sigma_angle);
+    double shift = (double)(twin->params->sigma * twin->params->sigma) +
+                   turn * (pow((double)h->first_second.x, 2) + pow((double)h->first_second.y, 2));
+
+    return (x * x + y * y) / ((double)h->covariance[0] + shift) + theta * theta / ((double)h->covariance[8] + turn);
+}
+
+static double plain_total(const struct twin *twin)
+{
+    double best[MAX_NODES][MAX_NODES] = {{0}}, total = 0;
+
+    for (int32_t k = 0; k < twin->world->count; k++) {
+        const cairn_pose_hypothesis *h = &twin->world->hypotheses[k];
+        double share = 1 - plain_chi(twin, h, twin->pose[h->first], twin->pose[h->second]) / (double)twin->params->gate;
+        int32_t i = h->first < h->second ? h->first : h->second, j = h->first + h->second - i;
+
+        best[i][j] = fmax(best[i][j], share * (double)h->score);
+    }
+    for (int32_t i = 0; i < twin->world->nodes; i++)
+        for (int32_t j = 0; j < twin->world->nodes; j++)
+            total += best[i][j];
+    return total;
+}
+
+static void hang_rest(struct twin *twin)
+{
+    int32_t rest = 0;
+
+    for (int32_t n = 0; n < twin->world->nodes; n++)
+        rest += !twin->placed[n];
+    if (rest == 0) {
+        twin->best = fmax(twin->best, plain_total(twin));
+        return;
+    }
+    for (int32_t k = 0; k < twin->world->count; k++) {
+        const cairn_pose_hypothesis *h = &twin->world->hypotheses[k];
+        int32_t node = twin->placed[h->first] ? h->second : h->first;
+
+        if (twin->placed[h->first] == twin->placed[h->second])
+            continue;
+        twin->pose[node] = node == h->second
+                               ? cairn_pose_compose(twin->pose[h->first], h->first_second)
+                               : cairn_pose_compose(twin->pose[h->second], cairn_pose_inverse(h->first_second));
+        twin->placed[node] = 1;
+        hang_rest(twin);
+        twin->placed[node] = 0;
+    }
+}
+
+static void nothing_better_is_found_by_trying_all(void **state)
+{
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    static struct world world;
+    static struct twin twin;
+    cairn_pool pool;
+    cairn_pose_consensus *consensus = new_consensus(&pool, &params);
+
+    (void)state;
+    for (uint64_t seed = 40; seed < 60; seed++) {
+        cairn_consensus_result result;
+
+        make_world(&world, seed, 5, 20, CAIRN_REAL(0.8), 6);
+        load(consensus, &world);
+        result = solve(consensus);
+        memset(&twin, 0, sizeof twin);
+        twin.world = &world;
+        twin.params = &params;
+        twin.placed[0] = 1;
+        hang_rest(&twin);
+        assert_true(twin.best > 0);
+        fprintf(stderr, "%g %g\n", (double)result.total, twin.best);
+        assert_true((double)result.total > 0.98 * twin.best);
+        if (result.placed == 5 && result.parts == 1) {
+            for (int32_t i = 0; i < 5; i++)
+                twin.pose[i] = cairn_pose_consensus_node(consensus, i).map_node;
+            assert_near(plain_total(&twin), result.total, 2e-3 * (double)result.total);
+        }
+    }
+    test_pool_free(&pool);
+}
+
+/* ---- Parts ---- */
+
+/* Two triangles without a hypothesis between them, and a node alone. */
+static void load_triangles(cairn_pose_consensus *consensus, const cairn_pose truth[7])
+{
+    assert_ok(cairn_pose_consensus_clear(consensus, 8));
+    for (int32_t i = 0; i < 7; i++)
+        for (int32_t j = i + 1; j < 7; j++)
+            if ((i < 3) == (j < 3))
+                add(consensus, i, j, cairn_pose_between(truth[i], truth[j]), 5);
+}
+
+static const cairn_pose TRIANGLES[7] = {{0, 0, 0}, {2, 0, 1}, {1, 2, 2}, {6, 0, 3}, {8, 0, -2}, {7, 2, -1}, {7, 1, 0}};
+
+static void what_does_not_hang_together_is_parts(void **state)
+{
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    cairn_pool pool;
+    cairn_pose_consensus *consensus = new_consensus(&pool, &params);
+    cairn_consensus_result result;
+
+    (void)state;
+    load_triangles(consensus, TRIANGLES);
+    result = solve(consensus);
+    assert_int_equal(result.parts, 3);
+    assert_int_equal(result.placed, 7);
+    assert_int_equal(result.nodes, 8);
+    for (int32_t i = 0; i < 7; i++) {
+        cairn_consensus_node node = cairn_pose_consensus_node(consensus, i);
+        int32_t first = i < 3 ? 0 : 3;
+
+        /* the larger part is part 0 */
+        assert_int_equal(node.part, i < 3 ? 1 : 0);
+        assert_int_equal(node.agreeing, i < 3 ? 2 : 3);
+        assert_pose_near(node.map_node, cairn_pose_between(TRIANGLES[first], TRIANGLES[i]), 1e-3, 1e-3);
+    }
+    assert_int_equal(cairn_pose_consensus_node(consensus, 7).part, 2);
+    assert_pose_near(cairn_pose_consensus_node(consensus, 7).map_node, cairn_pose_identity(), 0, 0);
+    assert_near(cairn_pose_consensus_node(consensus, 7).support, 0, 0);
+    test_pool_free(&pool);
+}
+
+/* Each link between the triangles is too weak to place a node, but two that agree join them. */
+static void parts_are_joined_as_wholes(void **state)
+{
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    cairn_pool pool;
+    cairn_pose_consensus *consensus = new_consensus(&pool, &params);
+    cairn_pose wrong = {-3, 1, 1};
+
+    (void)state;
+    load_triangles(consensus, TRIANGLES);
+    add(consensus, 0, 3, cairn_pose_between(TRIANGLES[0], TRIANGLES[3]), 2);
+    add(consensus, 1, 4, wrong, CAIRN_REAL(2.5));
+    assert_int_equal(solve(consensus).parts, 3);
+    add(consensus, 4, 1, cairn_pose_between(TRIANGLES[4], TRIANGLES[1]), 2);
+    assert_int_equal(solve(consensus).parts, 2);
+    for (int32_t i = 0; i < 7; i++)
+        assert_pose_near(cairn_pose_consensus_node(consensus, i).map_node, TRIANGLES[i], 2e-3, 1e-3);
+    assert_int_equal(cairn_pose_consensus_node(consensus, 7).part, 1);
+    test_pool_free(&pool);
+}
+
+static void nothing_is_placed_on_weak_evidence(void **state)
+{
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    cairn_pool pool;
+    cairn_pose_consensus *consensus = new_consensus(&pool, &params);
+    cairn_consensus_result result;
+    cairn_pose pose = {1, 0, 0};
+
+    (void)state;
+    assert_ok(cairn_pose_consensus_clear(consensus, 3));
+    result = solve(consensus);
+    assert_int_equal(result.parts, 3);
+    assert_int_equal(result.placed, 0);
+    add(consensus, 0, 1, pose, CAIRN_REAL(2.9));
+    result = solve(consensus);
+    assert_int_equal(result.parts, 3);
+    assert_int_equal(result.starts, 0);
+    add(consensus, 0, 1, pose, CAIRN_REAL(3.1));
+    assert_int_equal(solve(consensus).parts, 2);
+    test_pool_free(&pool);
+}
+
+/* ---- Ambiguity ---- */
+
+/* A pair of nodes that hangs by one ambiguous link: node by node nothing may move, but both could lie elsewhere. */
+static void another_map_is_an_alternative(void **state)
+{
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    const cairn_pose truth[5] = {{0, 0, 0}, {2, 0, 1}, {1, 2, 2}, {6, 0, 3}, {8, 0, -2}};
+    const cairn_pose elsewhere = {-4, 0, 1};
+    cairn_pool pool;
+    cairn_pose_consensus *consensus = new_consensus(&pool, &params);
+    cairn_consensus_result result;
+    int32_t whole = 0;
+
+    (void)state;
+    assert_ok(cairn_pose_consensus_clear(consensus, 5));
+    for (int32_t i = 0; i < 3; i++)
+        for (int32_t j = i + 1; j < 3; j++)
+            add(consensus, i, j, cairn_pose_between(truth[i], truth[j]), 10);
+    add(consensus, 3, 4, cairn_pose_between(truth[3], truth[4]), 30);
+    add(consensus, 0, 3, cairn_pose_between(truth[0], truth[3]), 8);
+    add(consensus, 0, 4, elsewhere, CAIRN_REAL(7.5));
+    result = solve(consensus);
+    assert_int_equal(result.parts, 1);
+    assert_near(result.total, 68, 0.1);
+    assert_near(result.rival, 67.5, 0.1);
+    for (int32_t i = 0; i < 5; i++) {
+        cairn_consensus_node node = cairn_pose_consensus_node(consensus, i);
+
+        assert_pose_near(node.map_node, truth[i], 1e-3, 1e-3);
+        for (int32_t k = 0; k < node.alternatives; k++) {
+            cairn_consensus_alternative other = cairn_pose_consensus_alternative(consensus, i, k);
+
+            if (!other.whole)
+                continue;
+            whole++;
+            assert_true(i >= 3);
+            assert_near(other.support, 67.5, 0.1);
+            assert_near(other.weight, exp(-0.5) / (1 + exp(-0.5)), 0.02);
+            if (i == 4)
+                assert_pose_near(other.map_node, elsewhere, 1e-3, 1e-3);
+        }
+        assert_int_equal(node.ambiguous, i >= 3);
+    }
+    assert_int_equal(whole, 2);
+    assert_int_equal(result.ambiguous, 2);
+    test_pool_free(&pool);
+}
+
+/* ---- Bounds ---- */
+
+/* Four nodes; the strongest hypotheses of node 3 are wrong in truth. */
+static void load_liar(cairn_pose_consensus *consensus, const cairn_pose truth[4])
+{
+    cairn_pose wrong = truth[3];
+
+    wrong.x += 1;
+    assert_ok(cairn_pose_consensus_clear(consensus, 4));
+    for (int32_t i = 0; i < 4; i++)
+        for (int32_t j = i + 1; j < 4; j++) {
+            add(consensus, i, j, cairn_pose_between(truth[i], truth[j]), 5);
+            if (j == 3)
+                add(consensus, i, j, cairn_pose_between(truth[i], wrong), 6);
+        }
+}
+
+static void bounds_forbid(void **state)
+{
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    const cairn_pose truth[4] = {{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}};
+    const cairn_pose frame = {20, -10, CAIRN_REAL(2.5)};
+    cairn_random random = cairn_random_seed(3, 1);
+    cairn_pool pool;
+    cairn_pose_consensus *consensus = new_consensus(&pool, &params);
+    cairn_pose first;
+
+    (void)state;
+    load_liar(consensus, truth);
+    assert_int_equal(solve(consensus).parts, 1);
+    assert_near(cairn_pose_consensus_node(consensus, 3).map_node.x, 1, 0.01);
+    for (int32_t i = 0; i < 4; i++) {
+        cairn_pose off = random_pose(&random, CAIRN_REAL(0.15), 6 * DEGREE);
+        cairn_pose centre = cairn_pose_compose(frame, truth[i]);
+
+        centre.x += off.x;
+        centre.y += off.y;
+        centre.theta += off.theta;
+        assert_ok(cairn_pose_consensus_bound(consensus, i, centre, CAIRN_REAL(0.3), 10 * DEGREE));
+    }
+    assert_int_equal(solve(consensus).parts, 1);
+    first = cairn_pose_consensus_node(consensus, 0).map_node;
+    for (int32_t i = 0; i < 4; i++) {
+        cairn_pose pose = cairn_pose_consensus_node(consensus, i).map_node;
+
+        assert_pose_near(cairn_pose_between(first, pose), cairn_pose_between(truth[0], truth[i]), 1e-3, 1e-3);
+        assert_pose_near(pose, cairn_pose_compose(frame, truth[i]), 0.25, 0.1);
+    }
+
+    /* Of a node whose hypotheses all are beyond its bound nothing is left. */
+    assert_ok(cairn_pose_consensus_bound(consensus, 2, frame, CAIRN_REAL(0.1), 10 * DEGREE));
+    assert_int_equal(solve(consensus).parts, 2);
+    assert_int_equal(cairn_pose_consensus_node(consensus, 2).part, 1);
+    assert_pose_near(cairn_pose_consensus_node(consensus, 2).map_node, frame, 0, 0);
+    test_pool_free(&pool);
+}
+
+/* ---- The judge ---- */
+
+struct court {
+    cairn_pose truth[4];
+    int32_t calls;
+    cairn_real wrong; /* evidence for a pose that is not the truth */
+};
+
+static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose first_second, int32_t *units)
+{
+    struct court *court = context;
+    cairn_pose seen = cairn_pose_between(court->truth[first], court->truth[second]);
+
+    assert_true(first < second);
+    court->calls++;
+    *units = 7;
+    return hypot((double)(seen.x - first_second.x), (double)(seen.y - first_second.y)) < 0.1 ? 1 : court->wrong;
+}
+
+static void a_judge_decides(void **state)
+{
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    struct court court = {{{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}}, 0, -2};
+    cairn_pool pool;
+    cairn_pose_consensus *consensus = new_consensus(&pool, &params);
+    cairn_consensus_node node;
+    cairn_pose wrong = {1, 3, 3};
+    int64_t units;
+
+    (void)state;
+    assert_ok(cairn_pose_consensus_clear(consensus, 4));
+    for (int32_t i = 0; i < 3; i++)
+        for (int32_t j = i + 1; j < 3; j++)
+            add(consensus, i, j, cairn_pose_between(court.truth[i], court.truth[j]), 10);
+    add(consensus, 0, 3, cairn_pose_between(court.truth[0], court.truth[3]), 5);
+    add(consensus, 0, 3, cairn_pose_between(court.truth[0], wrong), 6);
+    units = solve(consensus).units;
+    node = cairn_pose_consensus_node(consensus, 3);
+    assert_near(node.map_node.x, 1, 0.01);
+    assert_near(node.support, 6, 0.01);
+    cairn_pose_consensus_judge_by(consensus, judge, &court);
+    assert_true(solve(consensus).units > units);
+    node = cairn_pose_consensus_node(consensus, 3);
+    assert_pose_near(node.map_node, court.truth[3], 0.01, 0.01);
+    assert_near(node.support, 7, 0.02); /* two pairs more, for which there is no hypothesis */
+    assert_int_equal(node.agreeing, 3);
+    assert_true(court.calls > 0);
+    assert_near(cairn_pose_consensus_alternative(consensus, 3, 0).support, 2, 0.02);
+
+    /* A verdict that is not a number counts nothing. */
+    court.wrong = (cairn_real)NAN;
+    assert_int_equal(solve(consensus).parts, 1);
+    assert_near(cairn_pose_consensus_alternative(consensus, 3, 0).support, 6, 0.02);
+    cairn_pose_consensus_judge_by(consensus, NULL, NULL);
+    (void)solve(consensus);
+    assert_near(cairn_pose_consensus_node(consensus, 3).map_node.x, 1, 0.01);
+    test_pool_free(&pool);
+}
+
+static void contradictions_cost(void **state)
+{
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    const cairn_pose truth[3] = {{0, 0, 0}, {3, 0, 1}, {3, 3, 2}};
+    cairn_pose wrong = {1, 3, 3};
+    cairn_pool pool;
+    cairn_pose_consensus *consensus;
+    cairn_consensus_node node;
+
+    (void)state;
+    params.contradiction = CAIRN_REAL(0.5);
+    consensus = new_consensus(&pool, &params);
+    assert_ok(cairn_pose_consensus_clear(consensus, 3));
+    for (int32_t i = 0; i < 2; i++)
+        add(consensus, i, i + 1, cairn_pose_between(truth[i], truth[i + 1]), 10);
+    add(consensus, 0, 2, wrong, 6);
+    (void)solve(consensus);
+    node = cairn_pose_consensus_node(consensus, 2);
+    assert_near(node.support, 10 - 3, 0.01);
+    assert_int_equal(node.agreeing, 1);
+    assert_int_equal(node.contradicting, 1);
+    test_pool_free(&pool);
+}
+
+/* ---- Contracts ---- */
+
+static void the_result_does_not_depend_on_budgets(void **state)
+{
+    const int32_t budgets[] = {CAIRN_UNBOUNDED, 1, 7, 1000};
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    static struct world world;
+    uint64_t hashes[4];
+
+    (void)state;
+    make_world(&world, 5, 10, 6, CAIRN_REAL(0.7), 60);
+    for (int32_t b = 0; b < 4; b++) {
+        cairn_pool pool;
+        cairn_pose_consensus *consensus = new_consensus(&pool, &params);
+        cairn_budget budget = {0};
+        cairn_status status;
+        int64_t units = 0;
+
+        load(consensus, &world);
+        assert_ok(cairn_pose_consensus_begin(consensus));
+        assert_status(cairn_pose_consensus_step(consensus, &budget), CAIRN_MORE);
+        do {
+            budget.left = budgets[b];
+            status = cairn_pose_consensus_step(consensus, &budget);
+            assert_true(budget.left >= 0);
+            units += budgets[b] - budget.left;
+            if (status == CAIRN_MORE) {
+                assert_int_equal(cairn_pose_consensus_read(consensus).nodes, 0);
+                assert_int_equal(cairn_pose_consensus_agrees(consensus, 0), 0);
+            }
+        } while (status == CAIRN_MORE);
+        assert_ok(status);
+        assert_int_equal(cairn_pose_consensus_read(consensus).units, units);
+        hashes[b] = TEST_HASH_START;
+        for (int32_t i = 0; i < 10; i++) {
+            cairn_consensus_node node = cairn_pose_consensus_node(consensus, i);
+
+            hashes[b] = test_hash(hashes[b], &node, sizeof node);
+        }
+        assert_true(hashes[b] == hashes[0]);
+        test_pool_free(&pool);
+    }
+}
+
+static cairn_status create(void *context, cairn_pool *pool)
+{
+    cairn_pose_consensus *consensus;
+
+    return cairn_pose_consensus_create(&consensus, pool, context);
+}
+
+static void memory_is_exact(void **state)
+{
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    size_t need;
+
+    (void)state;
+    params.max_nodes = 5;
+    params.max_hypotheses = 7;
+    need = cairn_pose_consensus_memory(&params);
+    test_every_pool_size(create, &params, need);
+    params.max_alternatives = 0;
+    assert_true(cairn_pose_consensus_memory(&params) < need);
+    test_every_pool_size(create, &params, cairn_pose_consensus_memory(&params));
+}
+
+#define REFUSED(field, value)                                                                                          \
+    do {                                                                                                               \
+        cairn_pose_consensus_params bad = cairn_pose_consensus_default();                                              \
+        cairn_pose_consensus *none = NULL;                                                                             \
+        bad.field = value;                                                                                             \
+        assert_int_equal(cairn_pose_consensus_memory(&bad), 0);                                                        \
+        assert_status(cairn_pose_consensus_create(&none, &pool, &bad), CAIRN_BAD_ARGUMENT);                            \
+        assert_null(none);                                                                                             \
+    } while (0)
+
+#define TAKEN(field, value)                                                                                            \
+    do {                                                                                                               \
+        cairn_pose_consensus_params good = cairn_pose_consensus_default();                                             \
+        good.field = value;                                                                                            \
+        assert_true(cairn_pose_consensus_memory(&good) > 0);                                                           \
+    } while (0)
+
+static void bad_params_are_refused(void **state)
+{
+    const cairn_real nan = (cairn_real)NAN;
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    cairn_pool pool = test_pool(cairn_pose_consensus_memory(&params));
+    cairn_pose_consensus *consensus;
+
+    (void)state;
+    REFUSED(max_nodes, 0);
+    REFUSED(max_nodes, (1 << 16) + 1);
+    REFUSED(max_hypotheses, 0);
+    REFUSED(max_hypotheses, (1 << 20) + 1);
+    REFUSED(max_starts, 0);
+    REFUSED(max_rounds, -1);
+    REFUSED(max_candidates, 0);
+    REFUSED(max_candidates, 33);
+    REFUSED(max_alternatives, -1);
+    REFUSED(max_alternatives, 33);
+    REFUSED(sigma, 0);
+    REFUSED(sigma, nan);
+    REFUSED(sigma_angle, 0);
+    REFUSED(sigma_angle, nan);
+    REFUSED(gate, 0);
+    REFUSED(gate, nan);
+    REFUSED(contradiction, -1);
+    REFUSED(contradiction, nan);
+    REFUSED(min_support, 0);
+    REFUSED(min_support, nan);
+    REFUSED(ambiguous, 0);
+    REFUSED(ambiguous, 1);
+    REFUSED(ambiguous, nan);
+    TAKEN(max_nodes, 1);
+    TAKEN(max_nodes, 1 << 16);
+    TAKEN(max_hypotheses, 1);
+    TAKEN(max_hypotheses, 1 << 20);
+    TAKEN(max_starts, 1);
+    TAKEN(max_rounds, 0);
+    TAKEN(max_candidates, 1);
+    TAKEN(max_candidates, 32);
+    TAKEN(max_alternatives, 32);
+    TAKEN(contradiction, 0);
+    assert_int_equal(cairn_pose_consensus_memory(NULL), 0);
+    assert_status(cairn_pose_consensus_create(NULL, &pool, &params), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_pose_consensus_create(&consensus, NULL, &params), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(pool.used, 0);
+    test_pool_free(&pool);
+}
+
+static void bad_hypotheses_are_refused(void **state)
+{
+    const cairn_real nan = (cairn_real)NAN, infinity = (cairn_real)INFINITY;
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    cairn_pose pose = {1, 2, 3};
+    cairn_pose_hypothesis good = hypothesis_of(0, 1, pose, CAIRN_REAL(0.1), CAIRN_REAL(0.1), 5), bad;
+    cairn_pool pool;
+    cairn_pose_consensus *consensus;
+    cairn_fault fault;
+
+    (void)state;
+    params.max_nodes = 3;
+    params.max_hypotheses = 2;
+    consensus = new_consensus(&pool, &params);
+    assert_status(cairn_pose_consensus_begin(consensus), CAIRN_EMPTY);
+    assert_status(cairn_pose_consensus_begin(NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_pose_consensus_step(NULL, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_pose_consensus_step(consensus, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_pose_consensus_clear(NULL, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_pose_consensus_clear(consensus, 0), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_pose_consensus_clear(consensus, 4), CAIRN_FULL);
+    assert_status(cairn_pose_consensus_add(consensus, &good, &fault), CAIRN_BAD_ARGUMENT); /* no nodes yet */
+    assert_ok(cairn_pose_consensus_clear(consensus, 3));
+    assert_status(cairn_pose_consensus_add(NULL, &good, &fault), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_pose_consensus_add(consensus, NULL, &fault), CAIRN_BAD_ARGUMENT);
+#define REFUSED_AS(field, value, status)                                                                               \
+    do {                                                                                                               \
+        bad = good;                                                                                                    \
+        bad.field = value;                                                                                             \
+        fault.what = NULL;                                                                                             \
+        fault.index = 7;                                                                                               \
+        assert_status(cairn_pose_consensus_add(consensus, &bad, &fault), status);                                      \
+        assert_non_null(fault.what);                                                                                   \
+        assert_int_equal(fault.index, -1);                                                                             \
+        assert_status(cairn_pose_consensus_add(consensus, &bad, NULL), status);                                        \
+    } while (0)
+    REFUSED_AS(first, -1, CAIRN_BAD_ARGUMENT);
+    REFUSED_AS(first, 3, CAIRN_BAD_ARGUMENT);
+    REFUSED_AS(second, -1, CAIRN_BAD_ARGUMENT);
+    REFUSED_AS(second, 3, CAIRN_BAD_ARGUMENT);
+    REFUSED_AS(second, 0, CAIRN_BAD_ARGUMENT);
+    REFUSED_AS(first_second.x, nan, CAIRN_NOT_FINITE);
+    REFUSED_AS(first_second.theta, infinity, CAIRN_NOT_FINITE);
+    REFUSED_AS(first_second.x, CAIRN_REAL(2e6), CAIRN_BAD_ARGUMENT);
+    REFUSED_AS(first_second.y, CAIRN_REAL(-2e6), CAIRN_BAD_ARGUMENT);
+    REFUSED_AS(covariance[0], -1, CAIRN_BAD_ARGUMENT);
+    REFUSED_AS(covariance[4], CAIRN_REAL(2e6), CAIRN_BAD_ARGUMENT);
+    REFUSED_AS(covariance[0], CAIRN_REAL(2e6), CAIRN_BAD_ARGUMENT);
+    REFUSED_AS(covariance[8], CAIRN_REAL(2e6), CAIRN_BAD_ARGUMENT);
+    REFUSED_AS(covariance[5], nan, CAIRN_NOT_FINITE);
+    REFUSED_AS(covariance[8], infinity, CAIRN_NOT_FINITE);
+    REFUSED_AS(score, 0, CAIRN_BAD_ARGUMENT);
+    REFUSED_AS(score, nan, CAIRN_BAD_ARGUMENT);
+    REFUSED_AS(score, CAIRN_REAL(2e6), CAIRN_BAD_ARGUMENT);
+    assert_ok(cairn_pose_consensus_add(consensus, &good, &fault));
+    good.first = 2;
+    assert_ok(cairn_pose_consensus_add(consensus, &good, &fault));
+    assert_status(cairn_pose_consensus_add(consensus, &good, &fault), CAIRN_FULL);
+    assert_int_equal(solve(consensus).placed, 3);
+
+    assert_status(cairn_pose_consensus_bound(NULL, 0, pose, 1, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_pose_consensus_bound(consensus, -1, pose, 1, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_pose_consensus_bound(consensus, 3, pose, 1, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_pose_consensus_bound(consensus, 0, pose, 0, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_pose_consensus_bound(consensus, 0, pose, 1, 0), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_pose_consensus_bound(consensus, 0, pose, nan, 1), CAIRN_NOT_FINITE);
+    assert_status(cairn_pose_consensus_bound(consensus, 0, pose, 1, infinity), CAIRN_NOT_FINITE);
+    pose.x = CAIRN_REAL(2e6);
+    assert_status(cairn_pose_consensus_bound(consensus, 0, pose, 1, 1), CAIRN_BAD_ARGUMENT);
+    pose.x = nan;
+    assert_status(cairn_pose_consensus_bound(consensus, 0, pose, 1, 1), CAIRN_NOT_FINITE);
+    assert_int_equal(cairn_pose_consensus_read(consensus).placed, 3);
+    assert_int_equal(cairn_pose_consensus_node(consensus, 3).agreeing, 0);
+    assert_int_equal(cairn_pose_consensus_node(consensus, -1).agreeing, 0);
+
+    /* A change ends what was found. */
+    pose.x = 0;
+    assert_ok(cairn_pose_consensus_bound(consensus, 0, pose, 1, 1));
+    assert_int_equal(cairn_pose_consensus_read(consensus).placed, 0);
+    assert_int_equal(solve(consensus).placed, 3);
+    assert_ok(cairn_pose_consensus_clear(consensus, 3));
+    assert_int_equal(cairn_pose_consensus_read(consensus).placed, 0);
+    assert_int_equal(solve(consensus).placed, 0);
+    test_pool_free(&pool);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(two_nodes),
+        cmocka_unit_test(most_hypotheses_are_wrong),
+        cmocka_unit_test(relaxation_averages),
+        cmocka_unit_test(many_weak_ones_beat_a_strong_one),
+        cmocka_unit_test(nothing_better_is_found_by_trying_all),
+        cmocka_unit_test(what_does_not_hang_together_is_parts),
+        cmocka_unit_test(parts_are_joined_as_wholes),
+        cmocka_unit_test(nothing_is_placed_on_weak_evidence),
+        cmocka_unit_test(another_map_is_an_alternative),
+        cmocka_unit_test(bounds_forbid),
+        cmocka_unit_test(a_judge_decides),
+        cmocka_unit_test(contradictions_cost),
+        cmocka_unit_test(the_result_does_not_depend_on_budgets),
+        cmocka_unit_test(memory_is_exact),
+        cmocka_unit_test(bad_params_are_refused),
+        cmocka_unit_test(bad_hypotheses_are_refused),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

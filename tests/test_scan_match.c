@@ -1,0 +1,394 @@
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "cairn/scan_match.h"
+
+enum { MAX_POINTS = 1500, MAX_BEAMS = 720 };
+
+/* An L-shaped room, counter-clockwise, so that the inside is on the left. */
+static const cairn_vec2 L_ROOM[] = {{-3, -2}, {4, -2}, {4, 1}, {1, 1}, {1, 4}, {-3, 4}};
+static const cairn_vec2 SQUARE[] = {{-2, -2}, {2, -2}, {2, 2}, {-2, 2}};
+static const cairn_vec2 OBLONG[] = {{-3, -2}, {3, -2}, {3, 2}, {-3, 2}};
+static const cairn_vec2 CORRIDOR[] = {{-30, -1}, {30, -1}, {30, 1}, {-30, 1}};
+static const cairn_vec2 TRIANGLE[] = {{-2.5, -1.5}, {3, -1}, {0.5, 3}};
+
+/* A room and what a turning scanner sees of it from one pose. */
+struct seen {
+    cairn_oriented_point points[MAX_POINTS];
+    cairn_oriented_point dense[MAX_POINTS];
+    cairn_beam beams[MAX_BEAMS];
+    cairn_scan_match_part part;
+};
+
+/* Distance along the ray to the wall, or `most`. */
+static cairn_real cast(const cairn_vec2 *corners, int32_t count, cairn_vec2 from, cairn_vec2 direction, cairn_real most)
+{
+    for (int32_t i = 0; i < count; i++) {
+        cairn_vec2 a = corners[i], along = cairn_vec2_sub(corners[(i + 1) % count], a);
+        cairn_real across = cairn_vec2_cross(direction, along), t, s;
+
+        if (cairn_abs(across) < CAIRN_REAL(1e-9))
+            continue;
+        t = cairn_vec2_cross(cairn_vec2_sub(a, from), along) / across;
+        s = cairn_vec2_cross(cairn_vec2_sub(a, from), direction) / across;
+        if (t > 0 && t < most && s >= 0 && s <= 1)
+            most = t;
+    }
+    return most;
+}
+
+/* All walls' points every 0.1 m that are in sight within 12 m, beams around the circle, dense points of those. */
+static void look(struct seen *seen, const cairn_vec2 *corners, int32_t count, cairn_pose pose, cairn_real noise,
+                 cairn_random *random)
+{
+    cairn_transform to_sensor = cairn_transform_of(cairn_pose_inverse(pose));
+    cairn_vec2 from = {pose.x, pose.y};
+    cairn_scan_view view;
+
+    memset(&seen->part, 0, sizeof seen->part);
+    for (int32_t i = 0; i < count; i++) {
+        cairn_vec2 a = corners[i], along = cairn_vec2_sub(corners[(i + 1) % count], a), unit = cairn_vec2_unit(along);
+
+        for (cairn_real s = CAIRN_REAL(0.05); s < cairn_vec2_norm(along); s += CAIRN_REAL(0.1)) {
+            cairn_vec2 p = cairn_vec2_add(a, cairn_vec2_scale(unit, s)), ray = cairn_vec2_sub(p, from);
+            cairn_real range = cairn_vec2_norm(ray);
+
+            if (range > 12 || cast(corners, count, from, cairn_vec2_unit(ray), 20) < range - CAIRN_REAL(0.01))
+                continue;
+            assert_true(seen->part.count < MAX_POINTS);
+            seen->points[seen->part.count].position = cairn_transform_point(to_sensor, p);
+            seen->points[seen->part.count++].direction = cairn_transform_direction(to_sensor, unit);
+        }
+    }
+    for (int32_t i = 0; i < MAX_BEAMS; i++) {
+        cairn_real angle = (cairn_real)i * 2 * CAIRN_PI / MAX_BEAMS, range;
+        cairn_vec2 body = {cairn_cos(angle), cairn_sin(angle)}, origin = {0, 0};
+        cairn_vec2 world = cairn_transform_direction(cairn_transform_of(pose), body);
+
+        range = cast(corners, count, from, world, 12);
+        seen->beams[i].from = origin;
+        seen->beams[i].kind = range < 12 ? CAIRN_BEAM_HIT : CAIRN_BEAM_FREE;
+        if (noise > 0 && range < 12)
+            range += noise * cairn_random_normal(random);
+        seen->beams[i].to = cairn_vec2_scale(body, range);
+    }
+    memset(&view, 0, sizeof view);
+    view.beams = seen->part.beams = seen->beams;
+    view.beam_count = seen->part.beam_count = MAX_BEAMS;
+    seen->part.points = seen->points;
+    seen->part.dense = seen->dense;
+    seen->part.dense_count = cairn_scan_match_dense(&view, seen->dense);
+}
+
+static cairn_scan_match *make_match(cairn_pool *pool, cairn_scan_match_params params)
+{
+    cairn_scan_match *match;
+
+    *pool = test_pool(cairn_scan_match_memory(&params));
+    assert_ok(cairn_scan_match_create(&match, pool, &params));
+    return match;
+}
+
+static cairn_scan_match_result run(cairn_scan_match *match, const cairn_scan_match_part *query, cairn_pose start,
+                                   const cairn_scan_match_window *window)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_scan_match_result result;
+
+    assert_ok(cairn_scan_match_begin(match, query, start, window, NULL));
+    assert_ok(cairn_scan_match_step(match, &budget));
+    result = cairn_scan_match_read(match);
+    assert_true(result.verdict != CAIRN_SCAN_MATCH_RUNNING);
+    assert_int_equal(cairn_scan_match_measured(match).units, CAIRN_UNBOUNDED - budget.left);
+    for (int32_t i = 0; i < result.count; i++) {
+        const cairn_scan_match_hypothesis *h = &result.hypotheses[i];
+
+        assert_true(cairn_pose_is_finite(h->target_query));
+        assert_true(h->score >= 0 && h->score <= 1 && h->overlap >= 0 && h->overlap <= 1);
+        assert_true(h->contradiction >= 0 && h->contradiction <= 1);
+        assert_true(i == 0 || h->score <= h[-1].score);
+        for (int k = 0; k < 9; k++) {
+            assert_true(cairn_is_finite(h->covariance[k]));
+            assert_near(h->covariance[k], h->covariance[k % 3 * 3 + k / 3],
+                        1e-9 + 1e-5 * fabs((double)h->covariance[k]));
+        }
+    }
+    return result;
+}
+
+static void assert_pose_near(cairn_pose pose, cairn_pose expected, double distance, double angle)
+{
+    assert_near(pose.x, expected.x, distance);
+    assert_near(pose.y, expected.y, distance);
+    assert_near(cairn_wrap_angle(pose.theta - expected.theta), 0, angle);
+}
+
+static struct seen first, second;
+
+static cairn_pose draw(cairn_random *random, cairn_real distance, cairn_real angle)
+{
+    cairn_pose pose;
+
+    pose.x = cairn_random_uniform(random, -distance, distance);
+    pose.y = cairn_random_uniform(random, -distance, distance);
+    pose.theta = cairn_random_uniform(random, -angle, angle);
+    return pose;
+}
+
+/* Matches what is seen of a room from two places. */
+static cairn_scan_match_result match_room(cairn_scan_match *match, const cairn_vec2 *corners, int32_t count,
+                                          cairn_pose a, cairn_pose b, const cairn_pose *start,
+                                          const cairn_scan_match_window *window, cairn_random *random)
+{
+    look(&first, corners, count, a, CAIRN_REAL(0.01), random);
+    look(&second, corners, count, b, CAIRN_REAL(0.01), random);
+    cairn_scan_match_clear_target(match);
+    assert_ok(cairn_scan_match_add_target(match, &first.part, cairn_pose_identity(), NULL));
+    return run(match, &second.part, start != NULL ? *start : cairn_pose_identity(), window);
+}
+
+static void finds_from_a_guess_and_from_none(void **state)
+{
+    cairn_random random = cairn_random_seed(1, 1);
+    cairn_pool pool;
+    cairn_scan_match *match = make_match(&pool, cairn_scan_match_default());
+
+    (void)state;
+    for (int trial = 0; trial < 12; trial++) {
+        cairn_pose a = draw(&random, CAIRN_REAL(0.8), CAIRN_PI), b = draw(&random, CAIRN_REAL(0.8), CAIRN_PI);
+        cairn_pose truth = cairn_pose_between(a, b), off = draw(&random, CAIRN_REAL(0.3), CAIRN_REAL(0.35)), start;
+        cairn_scan_match_window window = {CAIRN_REAL(0.3), CAIRN_REAL(0.35)};
+        cairn_scan_match_result result;
+
+        start.x = truth.x + off.x;
+        start.y = truth.y + off.y;
+        start.theta = cairn_wrap_angle(truth.theta + off.theta);
+        result = match_room(match, L_ROOM, 6, a, b, trial % 2 ? &start : NULL, trial % 2 ? &window : NULL, &random);
+        assert_int_equal(result.verdict, CAIRN_SCAN_MATCH_FOUND);
+        assert_pose_near(result.hypotheses[0].target_query, truth, 0.01, 0.004);
+        assert_true(result.hypotheses[0].overlap > CAIRN_REAL(0.9));
+        assert_true(result.hypotheses[0].contradiction < CAIRN_REAL(0.02));
+        assert_int_equal(result.hypotheses[0].observable, 3);
+    }
+    test_pool_free(&pool);
+}
+
+/* 1 when one of the hypotheses is the pose. */
+static int is_listed(const cairn_scan_match_result *result, cairn_pose pose)
+{
+    for (int32_t i = 0; i < result->count; i++) {
+        cairn_pose h = result->hypotheses[i].target_query;
+
+        if (cairn_abs(h.x - pose.x) < CAIRN_REAL(0.05) && cairn_abs(h.y - pose.y) < CAIRN_REAL(0.05) &&
+            cairn_abs(cairn_wrap_angle(h.theta - pose.theta)) < CAIRN_REAL(0.02))
+            return 1;
+    }
+    return 0;
+}
+
+static void lists_all_that_look_alike(void **state)
+{
+    cairn_random random = cairn_random_seed(2, 1);
+    cairn_pool pool;
+    cairn_scan_match *match = make_match(&pool, cairn_scan_match_default());
+    cairn_pose a = {CAIRN_REAL(0.3), CAIRN_REAL(-0.2), 1}, b = {CAIRN_REAL(-0.4), CAIRN_REAL(0.5), 2};
+
+    (void)state;
+    for (int turns = 2; turns <= 4; turns += 2) {
+        cairn_scan_match_result result = match_room(match, turns == 2 ? OBLONG : SQUARE, 4, a, b, NULL, NULL, &random);
+
+        assert_int_equal(result.verdict, CAIRN_SCAN_MATCH_AMBIGUOUS);
+        assert_true(result.count >= turns);
+        for (int k = 0; k < turns; k++) {
+            cairn_pose turn = {0, 0, 2 * CAIRN_PI / (cairn_real)turns * (cairn_real)k};
+
+            assert_true(is_listed(&result, cairn_pose_between(a, cairn_pose_compose(turn, b))));
+        }
+    }
+    test_pool_free(&pool);
+}
+
+static void names_what_is_not_observable(void **state)
+{
+    cairn_random random = cairn_random_seed(3, 1);
+    cairn_pool pool;
+    cairn_scan_match *match = make_match(&pool, cairn_scan_match_default());
+    cairn_pose a = {0, 0, CAIRN_REAL(0.5)}, b = {CAIRN_REAL(0.7), CAIRN_REAL(0.2), CAIRN_REAL(0.3)};
+    cairn_pose truth = cairn_pose_between(a, b);
+    cairn_scan_match_window window = {CAIRN_REAL(0.3), CAIRN_REAL(0.3)};
+    cairn_scan_match_result result = match_room(match, CORRIDOR, 4, a, b, &truth, &window, &random);
+    const cairn_scan_match_hypothesis *h = result.hypotheses;
+
+    (void)state;
+    assert_int_equal(result.verdict, CAIRN_SCAN_MATCH_AMBIGUOUS);
+    assert_int_equal(h->observable, 2);
+    /* Along the corridor, as the target sees it. */
+    assert_near(cairn_abs(h->weak[0] * cairn_cos(CAIRN_REAL(0.5)) - h->weak[1] * cairn_sin(CAIRN_REAL(0.5))), 1, 0.02);
+    assert_pose_near(h->target_query, truth, 0.25, 0.01);
+    test_pool_free(&pool);
+}
+
+static void says_no(void **state)
+{
+    cairn_random random = cairn_random_seed(4, 1);
+    cairn_pool pool;
+    cairn_scan_match *match = make_match(&pool, cairn_scan_match_default());
+    cairn_scan_match_part empty, one;
+    cairn_oriented_point alone = {{1, 0}, {0, 1}};
+    cairn_scan_match_result result;
+
+    (void)state;
+    memset(&empty, 0, sizeof empty);
+    one = empty;
+    one.points = one.dense = &alone;
+    one.count = one.dense_count = 1;
+    look(&first, L_ROOM, 6, cairn_pose_identity(), 0, &random);
+    assert_int_equal(cairn_scan_match_read(match).verdict, CAIRN_SCAN_MATCH_RUNNING);
+    assert_int_equal(run(match, &first.part, cairn_pose_identity(), NULL).verdict, CAIRN_SCAN_MATCH_NONE);
+    assert_ok(cairn_scan_match_add_target(match, &first.part, cairn_pose_identity(), NULL));
+    assert_int_equal(run(match, &empty, cairn_pose_identity(), NULL).verdict, CAIRN_SCAN_MATCH_NONE);
+    result = run(match, &one, cairn_pose_identity(), NULL);
+    assert_true(result.verdict != CAIRN_SCAN_MATCH_FOUND);
+    look(&second, TRIANGLE, 3, cairn_pose_identity(), 0, &random);
+    assert_int_equal(run(match, &second.part, cairn_pose_identity(), NULL).verdict, CAIRN_SCAN_MATCH_NONE);
+    test_pool_free(&pool);
+}
+
+static void joins_parts(void **state)
+{
+    cairn_random random = cairn_random_seed(5, 1);
+    cairn_scan_match_params params = cairn_scan_match_default();
+    cairn_pool pool;
+    cairn_scan_match *match;
+    cairn_pose places[] = {{CAIRN_REAL(3.4), CAIRN_REAL(-1.5), 1}, {-2, 3, 2}, {CAIRN_REAL(0.4), 0, 3}};
+    cairn_scan_match_result result;
+
+    (void)state;
+    params.max_target = 3000;
+    match = make_match(&pool, params);
+    for (int i = 0; i < 2; i++) {
+        look(&first, L_ROOM, 6, places[i], CAIRN_REAL(0.01), &random);
+        assert_ok(cairn_scan_match_add_target(match, &first.part, places[i], NULL));
+    }
+    look(&second, L_ROOM, 6, places[2], CAIRN_REAL(0.01), &random);
+    result = run(match, &second.part, cairn_pose_identity(), NULL);
+    assert_int_equal(result.verdict, CAIRN_SCAN_MATCH_FOUND);
+    assert_pose_near(result.hypotheses[0].target_query, places[2], 0.01, 0.004);
+    test_pool_free(&pool);
+}
+
+static void budgets_do_not_matter(void **state)
+{
+    static const int32_t budgets[] = {1, 7, 1000};
+    cairn_random random = cairn_random_seed(6, 1);
+    cairn_pose a = draw(&random, CAIRN_REAL(0.5), 3), b = draw(&random, CAIRN_REAL(0.5), 3);
+    cairn_scan_match_hypothesis whole[8];
+    cairn_pool pool;
+    cairn_scan_match *match = make_match(&pool, cairn_scan_match_default());
+    cairn_scan_match_result result = match_room(match, L_ROOM, 6, a, b, NULL, NULL, &random);
+    cairn_scan_match_measure measure = cairn_scan_match_measured(match);
+    int32_t count = result.count;
+
+    (void)state;
+    memcpy(whole, result.hypotheses, (size_t)count * sizeof *whole);
+    for (int k = 0; k < 3; k++) {
+        int64_t used = 0;
+        cairn_status status = CAIRN_MORE;
+
+        cairn_scan_match_clear_target(match);
+        assert_ok(cairn_scan_match_add_target(match, &first.part, cairn_pose_identity(), NULL));
+        assert_ok(cairn_scan_match_begin(match, &second.part, cairn_pose_identity(), NULL, NULL));
+        while (status == CAIRN_MORE) {
+            cairn_budget budget = {budgets[k]};
+
+            assert_int_equal(cairn_scan_match_read(match).verdict, CAIRN_SCAN_MATCH_RUNNING);
+            status = cairn_scan_match_step(match, &budget);
+            assert_true(budget.left >= 0);
+            used += budgets[k] - budget.left;
+        }
+        assert_ok(status);
+        assert_int_equal(used, measure.units);
+        result = cairn_scan_match_read(match);
+        assert_int_equal(result.count, count);
+        assert_memory_equal(result.hypotheses, whole, (size_t)count * sizeof *whole);
+    }
+    test_pool_free(&pool);
+}
+
+static void refuses_params(void **state)
+{
+    const cairn_real nan = (cairn_real)NAN;
+    cairn_scan_match_params good = cairn_scan_match_default(), bad[32];
+    int count = 0;
+    cairn_pool pool = test_pool(cairn_scan_match_memory(&good));
+    cairn_scan_match *match = NULL;
+
+    (void)state;
+    for (int i = 0; i < 32; i++)
+        bad[i] = good;
+    bad[count++].mode = 2;
+    bad[count++].mode = -1;
+    bad[count++].max_target = 0;
+    bad[count++].max_target = (1 << 20) + 1;
+    bad[count++].max_dense = -1;
+    bad[count++].max_dense = (1 << 20) + 1;
+    bad[count++].max_views = -1;
+    bad[count++].max_views = 4097;
+    bad[count++].max_query = 0;
+    bad[count++].max_query = (1 << 20) + 1;
+    bad[count++].max_hypotheses = 0;
+    bad[count++].max_hypotheses = 65;
+    bad[count++].spacing = 0;
+    bad[count++].spacing = nan;
+    bad[count++].sigma = 0;
+    bad[count++].sigma = nan;
+    bad[count++].sigma = (cairn_real)INFINITY;
+    bad[count++].weak_ratio = -1;
+    bad[count++].weak_ratio = 1;
+    bad[count++].weak_ratio = nan;
+    for (int i = 0; i < count; i++) {
+        assert_int_equal(cairn_scan_match_memory(&bad[i]), 0);
+        assert_status(cairn_scan_match_create(&match, &pool, &bad[i]), CAIRN_BAD_ARGUMENT);
+    }
+    assert_int_equal(cairn_scan_match_memory(NULL), 0);
+    assert_status(cairn_scan_match_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_scan_match_create(&match, NULL, &good), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_scan_match_create(&match, &pool, NULL), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(pool.used, 0);
+    test_pool_free(&pool);
+}
+
+static cairn_status create(void *context, cairn_pool *pool)
+{
+    cairn_scan_match *match;
+
+    return cairn_scan_match_create(&match, pool, context);
+}
+
+static void takes_exactly_what_it_says(void **state)
+{
+    cairn_scan_match_params params = cairn_scan_match_default();
+
+    (void)state;
+    params.max_target = 5;
+    params.max_dense = 7;
+    params.max_views = 1;
+    test_every_pool_size(create, &params, cairn_scan_match_memory(&params));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(finds_from_a_guess_and_from_none),
+        cmocka_unit_test(lists_all_that_look_alike),
+        cmocka_unit_test(names_what_is_not_observable),
+        cmocka_unit_test(says_no),
+        cmocka_unit_test(joins_parts),
+        cmocka_unit_test(budgets_do_not_matter),
+        cmocka_unit_test(refuses_params),
+        cmocka_unit_test(takes_exactly_what_it_says),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,306 @@
+/* cairn match: where one scan was taken, as seen from another. */
+#include "tools/cairn_match.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cairn/number_text.h"
+#include "cairn/output.h"
+#include "cairn/output_set.h"
+#include "tools/cairn_match_picture.h"
+
+#define PROGRAM "cairn match"
+#define RADIANS (3.14159265358979323846 / 180)
+
+/* Metres and degrees of a start may be so large. */
+#define START_MOST 1e5
+
+enum { JSON, OVERLAY, TANGENTS, FILES };
+static const char *const file_names[FILES] = {"match.json", "match.svg", "tangents.svg"};
+
+typedef struct settings {
+    const char *word[2], *folder, *method, *start_text, *pool;
+    double window[2]; /* m, degrees */
+    double spacing, range_max;
+    double start[3]; /* m, m, degrees */
+    int32_t window_given, pictures, json, quiet;
+} settings;
+
+static int32_t file_count(const settings *s)
+{
+    return s->pictures ? FILES : JSON + 1;
+}
+
+/* Reads "X,Y,DEG". */
+static int read_start(const char *text, double start[3])
+{
+    for (int i = 0; i < 3; i++) {
+        const char *end = i < 2 ? strchr(text, ',') : text + strlen(text);
+
+        if (end == NULL || !cairn_number_read(text, (size_t)(end - text), &start[i]) || !(fabs(start[i]) <= START_MOST))
+            return 0;
+        text = end + 1;
+    }
+    return 1;
+}
+
+static option_result check_settings(settings *s, size_t count)
+{
+    if (count < 2) {
+        (void)options_refuse(PROGRAM, "%s, expected A and B", count == 0 ? "no scans" : "only one scan");
+        return OPTIONS_BAD;
+    }
+    if (strcmp(s->method, "default") != 0) {
+        (void)options_refuse(PROGRAM, "unknown method '%s', expected default", s->method);
+        return OPTIONS_BAD;
+    }
+    if (s->start_text != NULL && !read_start(s->start_text, s->start)) {
+        (void)options_refuse(PROGRAM, "--start is '%s', expected three numbers X,Y,DEG within 1e5", s->start_text);
+        return OPTIONS_BAD;
+    }
+    if (s->window_given && s->start_text == NULL) {
+        (void)options_refuse(PROGRAM, "--window without --start, expected both or none");
+        return OPTIONS_BAD;
+    }
+    if (s->pictures && s->folder == NULL) {
+        (void)options_refuse(PROGRAM, "--pictures without a folder to write to, expected -o DIR");
+        return OPTIONS_BAD;
+    }
+    return OPTIONS_READ;
+}
+
+static option_result read_settings(settings *s, int argc, char **argv)
+{
+    option table[] = {
+        OPTION_TEXT("-o", &s->folder, "DIR", "folder for match.json, with --pictures also match.svg, tangents.svg"),
+        OPTION_FLAG("--pictures", &s->pictures, "draw A and B before and after, and the directions of B"),
+        OPTION_TEXT("--method", &s->method, "NAME", "default: votes of all pairs of points, then point-to-line"),
+        OPTION_TEXT("--start", &s->start_text, "X,Y,DEG", "where B may be as seen from A, m, m, degrees (anywhere)"),
+        OPTION_PAIR("--window", s->window, 0, 1000, "M,DEG",
+                    "B is at most so far from --start in x, y, m, and heading, degrees"),
+        OPTION_NUMBER("--spacing", &s->spacing, 0.01, 1, "M", "distance of the points along walls, m"),
+        OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
+                      "ranges from here on are no return, m (by the log; CSM: 80)"),
+        OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the match (just what it needs)"),
+        OPTION_FLAG("--json", &s->json, "print JSON in place of words"),
+        OPTION_FLAG("--quiet", &s->quiet, "print nothing but faults"),
+    };
+    const option_set set = {
+        PROGRAM, "A B [options]",
+        "Finds where scan B was taken, as seen from scan A: hypotheses, best first, with their standard\n"
+        "deviations, and a verdict: found, ambiguous (others fit as well, or a motion is not told) or none.\n"
+        "A and B: FILE or FILE:INDEX, a CARMEN log or scans of CSM (JSON), plain or gzipped; INDEX counts\n"
+        "the scans of the file from 0, which is also the default.",
+        table, sizeof table / sizeof *table};
+    size_t count = 2;
+    option_result result;
+
+    for (size_t i = 0; i < sizeof table / sizeof *table; i++)
+        if (strcmp(table[i].name, "--window") == 0)
+            table[i].given = &s->window_given;
+    result = options_read(&set, argc, argv, s->word, &count);
+    return result == OPTIONS_READ ? check_settings(s, count) : result;
+}
+
+/* ---- the match ---- */
+
+/* Fits one side's scan, and makes its dense points. */
+static int prepare(match_side *side, cairn_scan *scan)
+{
+    cairn_fault fault = {-1, NULL};
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_status status = cairn_scan_begin(scan, &side->input.scan, &fault);
+
+    while (status == CAIRN_OK && (status = cairn_scan_step(scan, &budget)) == CAIRN_MORE) {
+        budget.left = CAIRN_UNBOUNDED;
+        status = CAIRN_OK;
+    }
+    if (status != CAIRN_OK)
+        return tool_report_scan(side->input.path, side->input.line, status, &fault);
+    side->view = cairn_scan_read(scan);
+    side->dense = malloc(((size_t)side->view.beam_count + 1) * sizeof *side->dense);
+    if (side->dense == NULL)
+        return tool_report_scan(side->input.path, side->input.line, CAIRN_NO_MEMORY, NULL);
+    side->dense_count = cairn_scan_match_dense(&side->view, side->dense);
+    return TOOL_OK;
+}
+
+static cairn_scan_match_part part_of(const match_side *side)
+{
+    cairn_scan_match_part part = cairn_scan_match_part_of(&side->view);
+
+    part.dense = side->dense;
+    part.dense_count = side->dense_count;
+    return part;
+}
+
+static int32_t at_least_1(int32_t count)
+{
+    return count > 0 ? count : 1;
+}
+
+static cairn_scan_match_params params_of(const settings *s, const match_record *record)
+{
+    cairn_scan_match_params params = cairn_scan_match_default();
+
+    params.max_target = at_least_1(record->target.view.point_count);
+    params.max_dense = at_least_1(record->target.dense_count);
+    params.max_views = 1;
+    params.max_query = at_least_1(record->query.view.point_count);
+    params.spacing = (cairn_real)s->spacing;
+    return params;
+}
+
+static cairn_status run_match(const settings *s, match_record *record, cairn_scan_match *match)
+{
+    cairn_scan_match_part target = part_of(&record->target), query = part_of(&record->query);
+    cairn_scan_match_window window = {(cairn_real)s->window[0], (cairn_real)(s->window[1] * RADIANS)};
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_status status = cairn_scan_match_add_target(match, &target, cairn_pose_identity(), NULL);
+
+    if (status == CAIRN_OK)
+        status = cairn_scan_match_begin(match, &query, record->start, record->has_start ? &window : NULL, NULL);
+    while (status == CAIRN_OK && (status = cairn_scan_match_step(match, &budget)) == CAIRN_MORE) {
+        budget.left = CAIRN_UNBOUNDED;
+        status = CAIRN_OK;
+    }
+    record->result = cairn_scan_match_read(match);
+    record->measure = cairn_scan_match_measured(match);
+    return status;
+}
+
+/* ---- output ---- */
+
+static cairn_status write_json(const char *path, const char *json, cairn_file_error *error)
+{
+    cairn_output *output;
+    cairn_status status = cairn_output_open(&output, path, error);
+
+    if (status != CAIRN_OK)
+        return status;
+    cairn_output_bytes(output, json, strlen(json));
+    return cairn_output_commit(output, error);
+}
+
+static cairn_status write_files(const settings *s, const match_record *record, const char *json,
+                                cairn_file_error *error)
+{
+    cairn_output_set *files = NULL;
+    cairn_status status = cairn_output_set_open(&files, s->folder, file_names, file_count(s), error);
+
+    if (status == CAIRN_OK)
+        status = write_json(cairn_output_set_path(files, JSON), json, error);
+    if (status == CAIRN_OK && s->pictures)
+        status = match_draw_overlay(record, cairn_output_set_path(files, OVERLAY), error);
+    if (status == CAIRN_OK && s->pictures)
+        status = match_draw_tangents(record, cairn_output_set_path(files, TANGENTS), error);
+    if (status == CAIRN_OK)
+        return cairn_output_set_commit(files, error);
+    cairn_output_set_discard(files);
+    return status;
+}
+
+static int give_out(const settings *s, const match_record *record)
+{
+    char *words = match_text(record), *json = match_json(record);
+    cairn_file_error error;
+    int code = TOOL_OK;
+
+    if (words == NULL || json == NULL) {
+        (void)options_refuse(PROGRAM, "no memory for the result");
+        code = TOOL_FAILED;
+    } else if (s->folder != NULL && write_files(s, record, json, &error) != CAIRN_OK) {
+        code = tool_report(&error);
+    } else if (!s->quiet) {
+        fputs(s->json ? json : words, stdout);
+    }
+    free(words);
+    free(json);
+    return code;
+}
+
+/* With both scans fitted: the match, in a pool of its own. */
+static int match_and_give_out(const settings *s, match_record *record)
+{
+    cairn_scan_match_params params = params_of(s, record);
+    cairn_scan_match *match;
+    cairn_pool pool;
+    cairn_status status;
+    int code = tool_pool_open(&pool, PROGRAM, s->pool, cairn_scan_match_memory(&params));
+
+    if (code != TOOL_OK)
+        return code;
+    status = cairn_scan_match_create(&match, &pool, &params);
+    if (status == CAIRN_OK)
+        status = run_match(s, record, match);
+    if (status == CAIRN_OK) {
+        code = give_out(s, record);
+    } else {
+        (void)options_refuse(PROGRAM, "%s and %s: %s", s->word[0], s->word[1], cairn_status_text(status));
+        code = tool_exit_code(status);
+    }
+    tool_pool_close(&pool);
+    return code;
+}
+
+static int run(const settings *s, match_record *record)
+{
+    cairn_scan_params params[2] = {cairn_scan_default(), cairn_scan_default()};
+    match_side *side[2] = {&record->target, &record->query};
+    cairn_scan *scan;
+    cairn_pool pool;
+    size_t need = 0;
+    int code;
+
+    for (int i = 0; i < 2; i++) {
+        params[i].max_beams = at_least_1(side[i]->input.scan.count);
+        params[i].spacing = (cairn_real)s->spacing;
+        need += cairn_scan_memory(&params[i]);
+    }
+    code = tool_pool_open(&pool, PROGRAM, NULL, need);
+    if (code != TOOL_OK)
+        return code;
+    for (int i = 0; i < 2 && code == TOOL_OK; i++) {
+        cairn_status status = cairn_scan_create(&scan, &pool, &params[i]);
+
+        code = status == CAIRN_OK ? prepare(side[i], scan)
+                                  : tool_report_scan(side[i]->input.path, side[i]->input.line, status, NULL);
+    }
+    if (code == TOOL_OK)
+        code = match_and_give_out(s, record);
+    tool_pool_close(&pool);
+    return code;
+}
+
+int tool_match(int argc, char **argv)
+{
+    settings s = {{NULL, NULL}, NULL, "default", NULL, NULL, {1, 30}, 0.1, 0, {0, 0, 0}, 0, 0, 0, 0};
+    match_record record;
+    option_result result = read_settings(&s, argc, argv);
+    cairn_file_error error;
+    int code;
+
+    if (result != OPTIONS_READ)
+        return result;
+    if (s.folder != NULL && cairn_output_set_check(s.folder, file_names, file_count(&s), &error) != CAIRN_OK)
+        return tool_report(&error);
+    memset(&record, 0, sizeof record);
+    record.method = s.method;
+    record.has_start = s.start_text != NULL;
+    record.start.x = (cairn_real)s.start[0];
+    record.start.y = (cairn_real)s.start[1];
+    record.start.theta = (cairn_real)remainder(s.start[2] * RADIANS, 2 * 3.14159265358979323846);
+    code = match_input_load(&record.target.input, PROGRAM, s.word[0], s.range_max, s.quiet);
+    if (code == TOOL_OK)
+        code = match_input_load(&record.query.input, PROGRAM, s.word[1], s.range_max, s.quiet);
+    if (code == TOOL_OK)
+        code = run(&s, &record);
+    match_input_free(&record.target.input);
+    match_input_free(&record.query.input);
+    free(record.target.dense);
+    free(record.query.dense);
+    return code;
+}

@@ -1,0 +1,168 @@
+/* A match in words and in JSON. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "cairn/json_text.h"
+#include "tools/cairn_match.h"
+
+#define DEGREES (180 / 3.14159265358979323846)
+
+const char *match_verdict_text(cairn_scan_match_verdict verdict)
+{
+    return verdict == CAIRN_SCAN_MATCH_FOUND ? "found" : verdict == CAIRN_SCAN_MATCH_AMBIGUOUS ? "ambiguous" : "none";
+}
+
+/* ---- words ---- */
+
+static void print_side(FILE *out, const char *name, const match_side *side)
+{
+    fprintf(out, "%s%s:%" PRId64 ", %" PRId32 " beams, %" PRId32 " points on %" PRId32 " walls\n", name,
+            side->input.path, side->input.line, side->input.scan.count, side->view.point_count,
+            side->view.segment_count);
+}
+
+static double deviation(const cairn_scan_match_hypothesis *h, int which)
+{
+    return sqrt((double)h->covariance[4 * which]);
+}
+
+static void print_hypothesis(FILE *out, const cairn_scan_match_hypothesis *h, int32_t rank)
+{
+    fprintf(out, "%4" PRId32 "  %9.4f %9.4f %9.3f  %9.4f %8.4f %8.3f  %7.3f %7.3f %6.3f  %3" PRId32 "\n", rank,
+            (double)h->target_query.x, (double)h->target_query.y, (double)h->target_query.theta * DEGREES,
+            deviation(h, 0), deviation(h, 1), deviation(h, 2) * DEGREES, (double)h->overlap, (double)h->contradiction,
+            (double)h->score, h->observable);
+}
+
+/* The motion that the best hypothesis tells the least about, when that is too little. */
+static void print_weak(FILE *out, const cairn_scan_match_hypothesis *h)
+{
+    double x = (double)h->weak[0], y = (double)h->weak[1], turn = (double)h->weak[2], shift = hypot(x, y);
+
+    if (h->observable >= 3)
+        return;
+    if (shift >= fabs(turn))
+        fprintf(out, "not told   motion along (%.2f, %.2f)%s: information %.2g of the best motion's\n", x / shift,
+                y / shift, fabs(turn) > 0.2 ? " with a turn" : "", (double)h->weak_ratio);
+    else
+        fprintf(out, "not told   turn about the middle of B: information %.2g of the best motion's\n",
+                (double)h->weak_ratio);
+}
+
+static void print_words(FILE *out, const match_record *record)
+{
+    const cairn_scan_match_result *result = &record->result;
+
+    print_side(out, "A          ", &record->target);
+    print_side(out, "B          ", &record->query);
+    fprintf(out, "verdict    %s\n", match_verdict_text(result->verdict));
+    if (result->count > 0) {
+        print_weak(out, &result->hypotheses[0]);
+        fprintf(out,
+                "rank        x (m)     y (m) theta (deg)    sd x     sd y  sd (deg)  overlap contra-  score  told\n"
+                "                                            (m)      (m)                     diction\n");
+    }
+    for (int32_t i = 0; i < result->count; i++)
+        print_hypothesis(out, &result->hypotheses[i], i + 1);
+}
+
+/* ---- JSON ---- */
+
+static void print_string(FILE *out, const char *text)
+{
+    char form[CAIRN_JSON_CHARACTER_BYTES];
+
+    fputc('"', out);
+    while (*text != '\0') {
+        size_t count = cairn_json_character(&text, form);
+
+        fwrite(form, 1, count, out);
+    }
+    fputc('"', out);
+}
+
+static void print_numbers(FILE *out, const char *name, const cairn_real *value, int count)
+{
+    fprintf(out, ", \"%s\": [", name);
+    for (int i = 0; i < count; i++)
+        fprintf(out, "%s%.9g", i > 0 ? ", " : "", (double)value[i]);
+    fputc(']', out);
+}
+
+static void print_json_side(FILE *out, const char *name, const match_side *side)
+{
+    fprintf(out, "  \"%s\": {\"file\": ", name);
+    print_string(out, side->input.path);
+    fprintf(out,
+            ", \"index\": %" PRId64 ", \"line\": %" PRId64 ", \"beams\": %" PRId32 ", \"points\": %" PRId32
+            ", \"walls\": %" PRId32 "},\n",
+            side->input.index, side->input.line, side->input.scan.count, side->view.point_count,
+            side->view.segment_count);
+}
+
+static void print_json_hypothesis(FILE *out, const cairn_scan_match_hypothesis *h)
+{
+    fprintf(out, "    {\"x\": %.9g, \"y\": %.9g, \"theta\": %.9g", (double)h->target_query.x, (double)h->target_query.y,
+            (double)h->target_query.theta);
+    print_numbers(out, "covariance", h->covariance, 9);
+    fprintf(out,
+            ", \"overlap\": %.9g, \"contradiction\": %.9g, \"score\": %.9g, \"sigma\": %.9g, \"pairs\": %" PRId32
+            ", \"observable\": %" PRId32,
+            (double)h->overlap, (double)h->contradiction, (double)h->score, (double)h->sigma, h->pairs, h->observable);
+    print_numbers(out, "weak", h->weak, 3);
+    fprintf(out, ", \"weak_ratio\": %.9g, \"radius\": %.9g}", (double)h->weak_ratio, (double)h->radius);
+}
+
+static void print_json(FILE *out, const match_record *record)
+{
+    const cairn_scan_match_result *result = &record->result;
+
+    fputs("{\n", out);
+    print_json_side(out, "a", &record->target);
+    print_json_side(out, "b", &record->query);
+    fprintf(out, "  \"method\": \"%s\",\n", record->method);
+    if (record->has_start)
+        fprintf(out, "  \"start\": [%.9g, %.9g, %.9g],\n", (double)record->start.x, (double)record->start.y,
+                (double)record->start.theta);
+    fprintf(out, "  \"verdict\": \"%s\",\n  \"hypotheses\": [", match_verdict_text(result->verdict));
+    for (int32_t i = 0; i < result->count; i++) {
+        fputs(i > 0 ? ",\n" : "\n", out);
+        print_json_hypothesis(out, &result->hypotheses[i]);
+    }
+    fprintf(out,
+            "],\n  \"units\": %" PRId64 ", \"worst_step\": %" PRId32 ", \"candidates\": %" PRId32 ", \"fits\": %" PRId32
+            "\n}\n",
+            record->measure.units, record->measure.worst_step, record->measure.candidates, record->measure.fits);
+}
+
+/* ---- to the heap ---- */
+
+static char *printed(const match_record *record, void (*print)(FILE *out, const match_record *record))
+{
+    char *text = NULL;
+    size_t count = 0;
+    FILE *out = open_memstream(&text, &count);
+    int failed;
+
+    if (out == NULL)
+        return NULL;
+    print(out, record);
+    failed = ferror(out);
+    if (fclose(out) != 0 || failed) {
+        free(text);
+        return NULL;
+    }
+    return text;
+}
+
+char *match_text(const match_record *record)
+{
+    return printed(record, print_words);
+}
+
+char *match_json(const match_record *record)
+{
+    return printed(record, print_json);
+}

@@ -1,0 +1,200 @@
+/* What --report records. */
+#include "tools/cairn_player.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cairn/output.h"
+#include "cairn/output_set.h"
+
+/* Forces of a frame that are recorded, of points that lie evenly over all scans. */
+#define FORCES_OF_FRAME 500
+
+/* The page's folder, "." when the path names none; to be freed. */
+static char *folder_of(const char *path)
+{
+    char *folder = cairn_path_folder(path);
+
+    if (folder != NULL && folder[0] == '\0') {
+        free(folder);
+        folder = malloc(2);
+        if (folder != NULL)
+            strcpy(folder, ".");
+    }
+    return folder;
+}
+
+cairn_status player_check(const char *path, cairn_file_error *error)
+{
+    const char *name = cairn_path_name(path);
+    char *folder = folder_of(path);
+    cairn_status status;
+
+    if (folder == NULL)
+        return cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0, "no memory");
+    if (name[0] == '\0')
+        status = cairn_file_error_set(error, CAIRN_IO, path, 0, "is a folder, expected the name of a page (HTML)");
+    else
+        status = cairn_output_set_check(folder, &name, 1, error);
+    free(folder);
+    return status;
+}
+
+cairn_status player_write(const cairn_report_player *player, const char *path, cairn_file_error *error)
+{
+    const char *name = cairn_path_name(path);
+    char *folder = folder_of(path);
+    cairn_output_set *files = NULL;
+    cairn_status status;
+
+    if (folder == NULL)
+        return cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0, "no memory");
+    status = cairn_output_set_open(&files, folder, &name, 1, error);
+    if (status == CAIRN_OK)
+        status = cairn_report_player_write(player, cairn_output_set_path(files, 0), error);
+    if (status == CAIRN_OK)
+        status = cairn_output_set_commit(files, error);
+    else
+        cairn_output_set_discard(files);
+    free(folder);
+    return status;
+}
+
+cairn_status player_add_scan(cairn_report_player *player, const map_scan *scan, int32_t index)
+{
+    cairn_report_scan seen;
+
+    seen.point = scan->point;
+    seen.point_count = scan->point_count;
+    seen.segment = scan->segment;
+    seen.segment_count = scan->segment_count;
+    return cairn_report_player_add_scan(player, &seen, index);
+}
+
+/* ---- force field ---- */
+
+cairn_report_player_params player_field_params(const cairn_force_field_params *field)
+{
+    static const cairn_report_curve curves[] = {
+        {"potential P(g)", "", "of equal \xCF\x83 only do its values compare"},
+        {"\xCF\x83", "m", NULL},
+        {"mean relocation", "mm", "by the step that ends here"},
+    };
+    cairn_report_player_params params = cairn_report_player_default();
+
+    params.curve = curves;
+    params.curve_count = sizeof curves / sizeof *curves;
+    params.region_radius = field->roi_radius;
+    return params;
+}
+
+cairn_status player_field_begin(player_field *record, cairn_report_player *player, const cairn_force_field *field)
+{
+    int32_t scans = cairn_force_field_pose_count(field);
+
+    memset(record, 0, sizeof *record);
+    record->player = player;
+    record->field = field;
+    record->relocation = (double)NAN;
+    record->pose = malloc(((size_t)scans + 1) * sizeof *record->pose);
+    record->force = malloc((FORCES_OF_FRAME + 1) * sizeof *record->force);
+    return record->pose != NULL && record->force != NULL ? CAIRN_OK : CAIRN_NO_MEMORY;
+}
+
+void player_field_free(player_field *record)
+{
+    free(record->pose);
+    free(record->force);
+    free(record->region);
+}
+
+void player_field_before(player_field *record)
+{
+    int32_t scans = cairn_force_field_pose_count(record->field);
+
+    for (int32_t i = 0; i < scans; i++)
+        record->pose[i] = cairn_force_field_pose(record->field, i);
+}
+
+/* Forces on every `every`th point, where the points were before they moved. */
+static int32_t forces_of(const player_field *record)
+{
+    const cairn_scan_set *set = cairn_force_field_scans(record->field);
+    int32_t every = (set->point_count + FORCES_OF_FRAME - 1) / FORCES_OF_FRAME, count = 0;
+
+    for (int32_t s = 0; s < set->scan_count; s++) {
+        const cairn_scan_set_scan *scan = &set->scans[s];
+
+        for (int32_t p = scan->first_point; p < scan->end_point; p++) {
+            cairn_report_force *force = &record->force[count];
+            cairn_real mass;
+
+            if (p % every == 0 && cairn_force_field_point_force(record->field, s, p - scan->first_point, &force->force,
+                                                                &mass) == CAIRN_OK) {
+                force->at = cairn_pose_point(record->pose[s], set->points[p]);
+                count++;
+            }
+        }
+    }
+    return count;
+}
+
+static cairn_status regions_of(player_field *record, int32_t *count)
+{
+    const cairn_corner *corner = cairn_force_field_corners(record->field, count);
+
+    if (*count > record->region_room) {
+        cairn_vec2 *grown = realloc(record->region, (size_t)*count * sizeof *grown);
+
+        if (grown == NULL)
+            return CAIRN_NO_MEMORY;
+        record->region = grown;
+        record->region_room = *count;
+    }
+    for (int32_t i = 0; i < *count; i++)
+        record->region[i] = corner[i].position;
+    return CAIRN_OK;
+}
+
+cairn_status player_field_after(player_field *record)
+{
+    cairn_force_field_state state = cairn_force_field_read(record->field);
+    double value[3] = {(double)state.potential, (double)state.sigma, record->relocation};
+    cairn_report_frame frame;
+    cairn_status status;
+    char label[96];
+
+    memset(&frame, 0, sizeof frame);
+    snprintf(label, sizeof label, "\xCF\x83 %.4g m, \xCE\x94t %.3g, %" PRId64 " pairs of points", (double)state.sigma,
+             (double)state.dt, state.pairs);
+    frame.step = state.iterations - 1;
+    frame.label = label;
+    frame.pose = record->pose;
+    frame.pose_count = cairn_force_field_pose_count(record->field);
+    frame.value = value;
+    frame.force = record->force;
+    frame.force_count = forces_of(record);
+    status = regions_of(record, &frame.region_count);
+    frame.region = record->region;
+    record->relocation = 1000 * (double)state.mean_relocation;
+    return status == CAIRN_OK ? cairn_report_player_add_frame(record->player, &frame) : status;
+}
+
+cairn_status player_field_end(player_field *record)
+{
+    cairn_force_field_state state = cairn_force_field_read(record->field);
+    double value[3] = {(double)NAN, (double)NAN, record->relocation};
+    cairn_report_frame frame;
+
+    player_field_before(record);
+    memset(&frame, 0, sizeof frame);
+    frame.step = state.iterations;
+    frame.label = state.verdict == CAIRN_FORCE_FIELD_CONVERGED ? "converged" : "end";
+    frame.pose = record->pose;
+    frame.pose_count = cairn_force_field_pose_count(record->field);
+    frame.value = value;
+    return cairn_report_player_add_frame(record->player, &frame);
+}

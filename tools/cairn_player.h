@@ -1,0 +1,44 @@
+/* cairn_player: what --report FILE.html records, for all subcommands that have it. */
+#ifndef CAIRN_TOOLS_CAIRN_PLAYER_H
+#define CAIRN_TOOLS_CAIRN_PLAYER_H
+
+#include "cairn/force_field.h"
+#include "cairn/report.h"
+#include "tools/cairn_map_output.h"
+
+/* The help of --report. */
+#define PLAYER_HELP "a page that plays every step: map, forces, curves (HTML, one file)"
+
+/* Whether player_write could write there: to be asked before the work. Makes nothing. */
+CAIRN_CHECKED cairn_status player_check(const char *path, cairn_file_error *error);
+
+/* Writes the page; folders that are missing are made. On failure all is as it was. */
+CAIRN_CHECKED cairn_status player_write(const cairn_report_player *player, const char *path, cairn_file_error *error);
+
+/* Adds what scan `index` of a log saw. CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status player_add_scan(cairn_report_player *player, const map_scan *scan, int32_t index);
+
+/* Records a force field: before() every iteration, after() it with the forces and regions that moved the scans from
+ * there, end() with the last poses. Statuses of cairn_report_player_add_frame. */
+typedef struct player_field {
+    cairn_report_player *player;
+    const cairn_force_field *field;
+    cairn_pose *pose;
+    cairn_report_force *force;
+    cairn_vec2 *region;
+    int32_t region_room;
+    double relocation; /* mm, by the last iteration; NaN before the first */
+} player_field;
+
+/* The player's params for a force field; the title and subtitle are the caller's. */
+cairn_report_player_params player_field_params(const cairn_force_field_params *field);
+
+/* The field holds all its scans. CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status player_field_begin(player_field *record, cairn_report_player *player,
+                                              const cairn_force_field *field);
+void player_field_before(player_field *record);
+CAIRN_CHECKED cairn_status player_field_after(player_field *record);
+CAIRN_CHECKED cairn_status player_field_end(player_field *record);
+void player_field_free(player_field *record);
+
+#endif

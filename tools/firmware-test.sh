@@ -1,0 +1,73 @@
+#!/bin/sh
+# Runs the firmware in an emulator and compares it with the desktop, bit by bit: tools/firmware-test.sh BUILD/firmware MISSION...
+#
+# Every program prints poses and hashes; lines that begin with "measure" are of the machine and are left out. Keeps what each
+# printed beside it as NAME.txt, for tools/footprint.sh.
+fw=${1:?usage: tools/firmware-test.sh BUILD/firmware MISSION...}
+shift
+cairn=$fw/../cairn
+failed=0
+
+# With -icount one instruction is a nanosecond of the clock that the program reads.
+emulate()
+{
+    case $1 in
+    m4) machine=mps2-an386 ;;
+    *) machine=mps2-an500 ;;
+    esac
+    mkdir -p "$fw/$1/$2.run"
+    (
+        cd "$fw/$1/$2.run" &&
+            timeout 600 qemu-system-arm -M $machine -nographic -icount shift=0 \
+                -semihosting-config enable=on,target=native -kernel "../$2.elf" </dev/null
+    ) >"$fw/$1/$2.txt" 2>&1
+}
+
+# What a recording of the robot's flight says, the desktop does again.
+replay()
+{
+    "$cairn" replay --quiet "$1" >"$fw/replayed" 2>&1 || {
+        failed=1
+        echo "FAILED firmware: replay of $1:"
+        cat "$fw/replayed"
+    }
+}
+
+for mission in "$@"; do
+    if arm-none-eabi-nm "$fw/m7/$mission.elf" | grep -E '__aeabi_(c?d|[a-z]+2d)'; then
+        failed=1
+        echo "FAILED firmware: $mission computes in double"
+    fi
+done
+for cpu in m7 m4; do
+    sh tools/check-stack.sh "$fw/$cpu/float" >"$fw/$cpu/stack.txt" || {
+        failed=1
+        grep -v bytes "$fw/$cpu/stack.txt"
+        echo "FAILED firmware: stack on $cpu"
+    }
+done
+
+for name in "$@" golden-float golden-double; do
+    "$fw/host/$name" >"$fw/host/$name.txt" || {
+        echo "FAILED firmware: $name on the desktop"
+        cat "$fw/host/$name.txt"
+        exit 1
+    }
+    grep -v '^measure' "$fw/host/$name.txt" >"$fw/expected"
+    # The missions need no double FPU, so that it makes no difference to them.
+    case $name in golden-*) cpus='m7 m7d m4' ;; *) cpus='m7 m4' ;; esac
+    for cpu in $cpus; do
+        emulate $cpu "$name"
+        status=$?
+        grep -v '^measure' "$fw/$cpu/$name.txt" >"$fw/found"
+        if [ $status -eq 0 ] && [ -s "$fw/found" ] && cmp -s "$fw/expected" "$fw/found"; then
+            echo "ok     firmware: $name on $cpu, same bits"
+            [ ! -f "$fw/$cpu/$name.run/flight.rec" ] || replay "$fw/$cpu/$name.run/flight.rec"
+        else
+            failed=1
+            echo "FAILED firmware: $name on $cpu (exit $status):"
+            diff "$fw/expected" "$fw/found"
+        fi
+    done
+done
+exit $failed

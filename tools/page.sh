@@ -1,0 +1,17 @@
+#!/bin/sh
+# Prints the page of the player, src/host/report_player.html, as the C strings that the library holds:
+#
+#   sh tools/page.sh > src/host/report_player_page.c       after a change of the page
+#   sh tools/page.sh | diff src/host/report_player_page.c -
+export LC_ALL=C
+cat <<'END'
+/* The page of the player, line by line. Made by tools/page.sh from report_player.html. */
+#include "src/core/build.h"
+
+#include "src/host/report_player.h"
+
+/* clang-format off */
+const char *const cairn_report_player_page[] = {
+END
+sed 's/[\\"]/\\&/g; s/.*/    "&\\n",/' src/host/report_player.html
+printf '    NULL\n};\n'
