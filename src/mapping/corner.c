@@ -16,7 +16,6 @@
 #include <string.h>
 
 #include "cairn/corner.h"
-#include "src/core/budget_pay.h"
 
 enum { MAX_COUNT = 1 << 28 };
 

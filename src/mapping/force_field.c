@@ -150,43 +150,57 @@ static cairn_point_grid *carve_grid(cairn_pool *pool, const cairn_force_field_pa
     return grid;
 }
 
-static void carve_extra(cairn_pool *pool, size_t count, struct cairn_force_extra *extra)
+static struct cairn_force_extra carve_extra(cairn_pool *pool, size_t count)
 {
-    extra->position = cairn_pool_take(pool, count, sizeof *extra->position);
-    extra->weight = cairn_pool_take(pool, count, sizeof *extra->weight);
-    extra->direction = cairn_pool_take(pool, count, sizeof *extra->direction);
-    extra->first = cairn_pool_take(pool, count + 1, sizeof *extra->first);
+    struct cairn_force_extra extra = {NULL, NULL, NULL, NULL, 0, 0};
+
+    if (count > 0) {
+        extra.position = cairn_pool_take(pool, count, sizeof *extra.position);
+        extra.weight = cairn_pool_take(pool, count, sizeof *extra.weight);
+        extra.direction = cairn_pool_take(pool, count, sizeof *extra.direction);
+        extra.first = cairn_pool_take(pool, count + 1, sizeof *extra.first);
+    }
+    return extra;
 }
 
 static cairn_force_field *carve(cairn_pool *pool, const cairn_force_field_params *params)
 {
     size_t scans = (size_t)params->max_scans, points = (size_t)params->max_points;
-    size_t extra = (size_t)params->max_extra, segments = (size_t)params->max_segments;
-    cairn_force_field *field = cairn_pool_take(pool, 1, sizeof *field), f;
+    size_t extra_count = (size_t)params->max_extra, segment_count = (size_t)params->max_segments;
+    int32_t is_kept = !(params->spacing > 0), has_masses = is_kept && params->roi, has_bits = !is_kept && params->roi;
+    cairn_force_field *field = cairn_pool_take(pool, 1, sizeof *field);
+    struct cairn_force_placement *front = cairn_pool_take(pool, scans, sizeof *front);
+    struct cairn_force_placement *back = cairn_pool_take(pool, scans, sizeof *back);
+    struct cairn_force_body *bodies = cairn_pool_take(pool, scans, sizeof *bodies);
+    cairn_segment *segments = cairn_pool_take(pool, segment_count, sizeof *segments);
+    cairn_vec2 *directions = cairn_pool_take(pool, segment_count, sizeof *directions);
+    cairn_box *boxes = cairn_pool_take(pool, extra_count + segment_count, sizeof *boxes);
+    cairn_vec2 *position = is_kept ? cairn_pool_take(pool, points, sizeof *position) : NULL;
+    cairn_real *mass = has_masses ? cairn_pool_take(pool, points, sizeof *mass) : NULL;
+    uint32_t *in_region = has_bits ? cairn_pool_take(pool, points / 32 + 1, sizeof *in_region) : NULL;
+    struct cairn_force_extra extra[2] = {carve_extra(pool, extra_count), carve_extra(pool, extra_count)};
+    cairn_scan_set *set = carve_set(pool, params);
+    cairn_box_sweep *sweep = carve_sweep(pool, params);
+    cairn_corner_set *corners = params->roi ? carve_corners(pool, params) : NULL;
+    cairn_point_grid *grid = params->roi ? carve_grid(pool, params) : NULL;
 
-    memset(&f, 0, sizeof f);
-    for (int i = 0; i < 2; i++)
-        f.placements[i] = cairn_pool_take(pool, scans, sizeof *f.placements[i]);
-    f.bodies = cairn_pool_take(pool, scans, sizeof *f.bodies);
-    f.segments = cairn_pool_take(pool, segments, sizeof *f.segments);
-    f.directions = cairn_pool_take(pool, segments, sizeof *f.directions);
-    f.boxes = cairn_pool_take(pool, extra + segments, sizeof *f.boxes);
-    if (!(params->spacing > 0))
-        f.position = cairn_pool_take(pool, points, sizeof *f.position);
-    if (params->roi && !(params->spacing > 0))
-        f.mass = cairn_pool_take(pool, points, sizeof *f.mass);
-    else if (params->roi)
-        f.in_region = cairn_pool_take(pool, points / 32 + 1, sizeof *f.in_region);
-    for (int i = 0; i < 2 && params->max_extra > 0; i++)
-        carve_extra(pool, extra, &f.extra[i]);
-    f.set = carve_set(pool, params);
-    f.sweep = carve_sweep(pool, params);
-    f.corners = params->roi ? carve_corners(pool, params) : NULL;
-    f.grid = params->roi ? carve_grid(pool, params) : NULL;
     if (field != NULL) {
-        if (!params->roi)
-            f.mass = f.set->mass;
-        *field = f;
+        memset(field, 0, sizeof *field);
+        field->placements[0] = front;
+        field->placements[1] = back;
+        field->bodies = bodies;
+        field->segments = segments;
+        field->directions = directions;
+        field->boxes = boxes;
+        field->position = position;
+        field->mass = has_masses ? mass : set->mass;
+        field->in_region = in_region;
+        field->extra[0] = extra[0];
+        field->extra[1] = extra[1];
+        field->set = set;
+        field->sweep = sweep;
+        field->corners = corners;
+        field->grid = grid;
     }
     return field;
 }

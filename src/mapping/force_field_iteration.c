@@ -19,7 +19,6 @@
 
 #include <string.h>
 
-#include "src/core/budget_pay.h"
 #include "src/mapping/force_field_iteration.h"
 
 enum { GROUP = 8, FEW = 4 };

@@ -13,7 +13,6 @@
 
 #include <string.h>
 
-#include "src/core/budget_pay.h"
 #include "src/mapping/force_field_iteration.h"
 
 enum { NOBODY = -1 };

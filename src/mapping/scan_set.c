@@ -10,7 +10,6 @@
 #include <string.h>
 
 #include "cairn/scan_set.h"
-#include "src/core/budget_pay.h"
 #include "src/mapping/scan_place.h"
 
 enum { MAX_SCANS = 1 << 20, MAX_ITEMS = 1 << 24, NONE = -1 };
