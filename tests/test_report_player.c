@@ -31,7 +31,7 @@ typedef struct page {
     double value[1024][4];
     int32_t values[1024];
     int32_t frames;
-    bytes points, walls, poses, marks, links, png;
+    bytes points, walls, poses, marks, parts, links, png;
     double grid[5]; /* height, resolution, x, y, theta */
     int32_t grids;
 } page;
@@ -211,8 +211,8 @@ static void read_data(page *p)
     const struct {
         const char *name;
         bytes *stream;
-    } streams[] = {
-        {"points", &p->points}, {"walls", &p->walls}, {"poses", &p->poses}, {"marks", &p->marks}, {"links", &p->links}};
+    } streams[] = {{"points", &p->points}, {"walls", &p->walls}, {"poses", &p->poses},
+                   {"marks", &p->marks},   {"parts", &p->parts}, {"links", &p->links}};
     cairn_json json = cairn_json_begin("data", p->data, strlen(p->data));
     cairn_json_token token;
     int fields = 0;
@@ -221,8 +221,8 @@ static void read_data(page *p)
     while ((token = next(&json, CAIRN_JSON_END)).kind == CAIRN_JSON_NAME) {
         int known = read_list(&json, &token, p);
 
-        for (size_t i = 0; i < 5 && !known; i++) {
-            if ((known = cairn_json_is(&token, numbers[i].name)) != 0)
+        for (size_t i = 0; i < 6 && !known; i++) {
+            if (i < 5 && (known = cairn_json_is(&token, numbers[i].name)) != 0)
                 *numbers[i].number = next_number(&json);
             else if ((known = cairn_json_is(&token, streams[i].name)) != 0)
                 *streams[i].stream = next_bytes(&json);
@@ -243,7 +243,7 @@ static void read_data(page *p)
         else
             fail_msg("a field that nothing reads: %.*s", (int)token.length, token.text);
     }
-    assert_int_equal(fields, 20);
+    assert_int_equal(fields, 21);
     assert_int_equal(next(&json, CAIRN_JSON_END).kind, CAIRN_JSON_END);
 }
 
@@ -325,6 +325,7 @@ static void free_page(page *p)
     free(p->walls.data);
     free(p->poses.data);
     free(p->marks.data);
+    free(p->parts.data);
     free(p->links.data);
     free(p->png.data);
     free(p);
@@ -635,6 +636,49 @@ static void test_marks(void **state)
     for (int i = 0; i < 3; i++)
         assert_int_equal(whole(&p->marks), 0);
     assert_int_equal(p->marks.at, p->marks.count);
+    free_page(p);
+    cairn_report_player_free(player);
+}
+
+/* Parts are told where they change, from frame to frame that is kept. */
+static void test_parts(void **state)
+{
+    static const int32_t part[4][4] = {{-1, 1, 1, -1}, {3, 3, 3, 3}, {-1, 1, 1, 3}, {0, 0, 0, 0}};
+    static const int32_t count[4] = {4, 4, 3, 4};
+    /* Kept are frames 0, 2, 3 and, as 2 shows three scans, the fourth is in no part there. */
+    static const uint64_t expected[] = {2, 1, 2, 1, 2, 0, 4, 0, 1, 1, 1, 1, 1, 1, 1};
+    static const uint64_t last[] = {2, 1, 2, 1, 2, 0, 2, 1, 0, 1, 0};
+    cairn_report_player_params params = cairn_report_player_default();
+    cairn_report_player *player;
+    cairn_pose pose[4];
+    cairn_report_frame frame;
+    page *p;
+
+    (void)state;
+    params.frames_most = 3;
+    player = open_player(&params);
+    add_scans(player, 4);
+    memset(pose, 0, sizeof pose);
+    memset(&frame, 0, sizeof frame);
+    frame.pose = pose;
+    for (int f = 0; f < 4; f++) {
+        frame.step = f;
+        frame.part = part[f];
+        frame.pose_count = count[f];
+        assert_ok(cairn_report_player_add_frame(player, &frame));
+    }
+    p = write_page(player);
+    assert_int_equal(p->frames, 3);
+    for (size_t i = 0; i < sizeof expected / sizeof *expected; i++)
+        assert_int_equal(whole(&p->parts), expected[i]);
+    assert_int_equal(p->parts.at, p->parts.count);
+    free_page(p);
+    /* No parts any more, and frame 3 has gone. */
+    assert_ok(add_poses(player, 4, pose, 4));
+    p = write_page(player);
+    for (size_t i = 0; i < sizeof last / sizeof *last; i++)
+        assert_int_equal(whole(&p->parts), last[i]);
+    assert_int_equal(p->parts.at, p->parts.count);
     free_page(p);
     cairn_report_player_free(player);
 }
@@ -1044,6 +1088,7 @@ static void test_frame_refusals(void **state)
     cairn_pose pose[2] = {{0, 0, 0}, {1, 1, 1}};
     cairn_vec2 region[1] = {{0, 0}};
     cairn_report_force force[1] = {{{0, 0}, {1, 1}}};
+    static const int32_t low[2] = {-1, -2}, high[2] = {0, 2};
     cairn_report_frame good, bad;
     cairn_report_player_params params = cairn_report_player_default();
     cairn_report_player *player = open_player(&params);
@@ -1077,6 +1122,8 @@ static void test_frame_refusals(void **state)
     REFUSED(pose = NULL);
     REFUSED(region = NULL);
     REFUSED(force = NULL);
+    REFUSED(part = low);
+    REFUSED(part = high);
 #undef REFUSED
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
         cairn_real kept = *numbers[i];
@@ -1099,12 +1146,12 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_texts),          cmocka_unit_test(test_scans),
         cmocka_unit_test(test_poses),          cmocka_unit_test(test_far_poses),
-        cmocka_unit_test(test_marks),          cmocka_unit_test(test_links),
-        cmocka_unit_test(test_grid),           cmocka_unit_test(test_thinned_frames),
-        cmocka_unit_test(test_thinned_points), cmocka_unit_test(test_whole_log),
-        cmocka_unit_test(test_same_bytes),     cmocka_unit_test(test_write_failures),
-        cmocka_unit_test(test_open_refusals),  cmocka_unit_test(test_scan_refusals),
-        cmocka_unit_test(test_frame_refusals),
+        cmocka_unit_test(test_marks),          cmocka_unit_test(test_parts),
+        cmocka_unit_test(test_links),          cmocka_unit_test(test_grid),
+        cmocka_unit_test(test_thinned_frames), cmocka_unit_test(test_thinned_points),
+        cmocka_unit_test(test_whole_log),      cmocka_unit_test(test_same_bytes),
+        cmocka_unit_test(test_write_failures), cmocka_unit_test(test_open_refusals),
+        cmocka_unit_test(test_scan_refusals),  cmocka_unit_test(test_frame_refusals),
     };
     return cmocka_run_group_tests(tests, files_setup, files_teardown);
 }

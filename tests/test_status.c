@@ -59,11 +59,23 @@ static void dear_items_are_paid_over_several_calls(void **state)
     assert_true(cairn_budget_pay(&budget, &paid, 0));
 }
 
+static void a_refusal_fills_in_the_fault(void **state)
+{
+    cairn_fault fault = {5, NULL};
+
+    (void)state;
+    assert_status(cairn_refuse(&fault, INT64_MAX, "what", CAIRN_FULL), CAIRN_FULL);
+    assert_true(fault.index == INT64_MAX);
+    assert_string_equal(fault.what, "what");
+    assert_status(cairn_refuse(NULL, 0, "what", CAIRN_EMPTY), CAIRN_EMPTY);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_status_has_its_text),
         cmocka_unit_test(dear_items_are_paid_over_several_calls),
+        cmocka_unit_test(a_refusal_fills_in_the_fault),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

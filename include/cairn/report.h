@@ -154,10 +154,12 @@ typedef struct cairn_report_force {
 
 /* The poses after a step, and what is known about them. Arrays are copied. */
 typedef struct cairn_report_frame {
-    int64_t step;                    /* as shown; grows from frame to frame */
-    const char *label;               /* a few words, such as "sigma 0.12 m"; NULL: none */
-    const cairn_pose *pose;          /* [pose_count] of the first pose_count scans */
-    const uint8_t *doubtful;         /* [pose_count] 1: drawn in red; NULL: none is */
+    int64_t step;            /* as shown; grows from frame to frame */
+    const char *label;       /* a few words, such as "sigma 0.12 m"; NULL: none */
+    const cairn_pose *pose;  /* [pose_count] of the first pose_count scans */
+    const uint8_t *doubtful; /* [pose_count] 1: drawn in red; NULL: none is */
+    const int32_t
+        *part; /* [pose_count] -1, or a scan whose colour this one takes: the part it belongs to; NULL: all -1 */
     const double *value;             /* [curve_count] NaN: not known. NULL: none is */
     const cairn_vec2 *region;        /* [region_count] centres of regions of interest in the map */
     const cairn_report_force *force; /* [force_count] */
@@ -178,7 +180,7 @@ CAIRN_CHECKED cairn_status cairn_report_player_add_scan(cairn_report_player *pla
                                                         int64_t index);
 
 /* Adds a frame. The last one is always kept. CAIRN_BAD_ARGUMENT: NULL, a count that is negative or above the number of
- * scans, a step not above the last one; CAIRN_NOT_FINITE: a pose, region or force that is not finite or beyond 1e9;
+ * scans, a part that is no scan, a step not above the last one; CAIRN_NOT_FINITE: a pose, region or force that is not finite or beyond 1e9;
  * CAIRN_NO_MEMORY: nothing was added. Linear in the frame. */
 CAIRN_CHECKED cairn_status cairn_report_player_add_frame(cairn_report_player *player, const cairn_report_frame *frame);
 

@@ -75,6 +75,7 @@ static void free_frame(cairn_player_frame *frame)
     free(frame->label);
     free(frame->pose);
     free(frame->doubtful);
+    free(frame->part);
     free(frame->region);
     free(frame->force);
 }
@@ -202,6 +203,8 @@ static cairn_status check_frame(const cairn_report_player *player, const cairn_r
 
         if (!is_within(place) || !(cairn_abs(frame->pose[i].theta) <= COORDINATE_MOST))
             return CAIRN_NOT_FINITE;
+        if (frame->part != NULL && (frame->part[i] < -1 || frame->part[i] >= player->scan_count))
+            return CAIRN_BAD_ARGUMENT;
     }
     for (i = 0; i < frame->region_count; i++)
         if (!is_within(frame->region[i]))
@@ -223,6 +226,7 @@ static int copy_frame(cairn_player_frame *fresh, const cairn_report_player *play
     fresh->pose = copy_of(frame->pose, frame->pose_count, sizeof *frame->pose, &failed);
     fresh->region = copy_of(frame->region, frame->region_count, sizeof *frame->region, &failed);
     fresh->force = copy_of(frame->force, frame->force_count, sizeof *frame->force, &failed);
+    fresh->part = frame->part != NULL ? copy_of(frame->part, frame->pose_count, sizeof *frame->part, &failed) : NULL;
     fresh->pose_count = frame->pose_count;
     fresh->region_count = frame->region_count;
     fresh->force_count = frame->force_count;

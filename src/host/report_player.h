@@ -17,6 +17,7 @@ typedef struct cairn_player_frame {
     char *label;
     cairn_pose *pose;
     int32_t *doubtful; /* scans, rising */
+    int32_t *part;     /* [pose_count], or NULL */
     cairn_vec2 *region;
     cairn_report_force *force;
     int32_t pose_count, doubtful_count, region_count, force_count;

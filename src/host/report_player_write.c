@@ -10,6 +10,8 @@
  *   marks           per frame: count of doubtful scans, differences of their indices; count of regions, differences of
  *                   x, y; count of forces, differences of x, y, then the angle in 1/128 turns and the size in 1/127 of
  *                   the largest of the frame
+ *   parts           per frame: count of scans whose part is another one than before (none at first); each: difference of its
+ *                   index, part + 1
  *   links           count; each: frame, a, b, accepted */
 #include "src/core/build.h"
 
@@ -257,6 +259,38 @@ static stream marks_of(const cairn_report_player *player, int64_t every_region, 
     return s;
 }
 
+static int32_t part_of(const cairn_player_frame *frame, int32_t scan)
+{
+    return frame->part != NULL && scan < frame->pose_count ? frame->part[scan] : -1;
+}
+
+static stream parts_of(const cairn_report_player *player)
+{
+    cairn_player_frame none;
+    const cairn_player_frame *before = &none;
+    stream s = {NULL, 0, 0, 0};
+    int32_t f, i;
+
+    memset(&none, 0, sizeof none);
+    for (f = 0; f < player->frame_count; f++) {
+        const cairn_player_frame *frame = &player->frame[f];
+        int32_t changes = 0, last = 0;
+
+        for (i = 0; i < player->scan_count; i++)
+            changes += part_of(frame, i) != part_of(before, i);
+        put(&s, (uint64_t)changes);
+        for (i = 0; i < player->scan_count && changes > 0; i++) {
+            if (part_of(frame, i) == part_of(before, i))
+                continue;
+            put(&s, (uint64_t)(i - last));
+            put(&s, (uint64_t)(part_of(frame, i) + 1));
+            last = i;
+        }
+        before = frame;
+    }
+    return s;
+}
+
 /* The first kept frame that is not before an ordinal. */
 static int32_t kept_from(const cairn_report_player *player, int64_t ordinal)
 {
@@ -443,6 +477,7 @@ static int print_data(cairn_output *output, const cairn_report_player *player)
     whole &= print_stream(output, "walls", walls_of(player, t.every_wall));
     whole &= print_stream(output, "poses", poses_of(player));
     whole &= print_stream(output, "marks", marks_of(player, t.every_region, t.every_force));
+    whole &= print_stream(output, "parts", parts_of(player));
     whole &= print_stream(output, "links", links_of(player));
     print_grid(output, player);
     cairn_output_print(output, "}\n");
