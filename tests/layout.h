@@ -1,5 +1,6 @@
 /* Sizes and offsets of the open structs in bytes, double and float, on a 64-bit ABI. Made by tools/layout.sh. */
 /* clang-format off */
+#include "cairn/aligner.h"
 #include "cairn/block_solver.h"
 #include "cairn/carmen_log.h"
 #include "cairn/corner.h"
@@ -36,6 +37,47 @@
 #include "cairn/version.h"
 
 static const layout OPEN_STRUCTS[] = {
+    {SIZE(cairn_aligner_params, 104, 68)},
+    {FIELD(cairn_aligner_params, max_scans, 0, 0)},
+    {FIELD(cairn_aligner_params, max_segments, 4, 4)},
+    {FIELD(cairn_aligner_params, max_points, 8, 8)},
+    {FIELD(cairn_aligner_params, max_hypotheses, 12, 12)},
+    {FIELD(cairn_aligner_params, max_fill, 16, 16)},
+    {FIELD(cairn_aligner_params, max_cells, 20, 20)},
+    {FIELD(cairn_aligner_params, spread, 24, 24)},
+    {FIELD(cairn_aligner_params, spread_angle, 32, 28)},
+    {FIELD(cairn_aligner_params, reach, 40, 32)},
+    {FIELD(cairn_aligner_params, sigma, 48, 36)},
+    {FIELD(cairn_aligner_params, contradiction, 56, 40)},
+    {FIELD(cairn_aligner_params, oriented, 64, 44)},
+    {FIELD(cairn_aligner_params, max_repairs, 68, 48)},
+    {FIELD(cairn_aligner_params, max_rounds, 72, 52)},
+    {FIELD(cairn_aligner_params, least_evidence, 80, 56)},
+    {FIELD(cairn_aligner_params, observable, 88, 60)},
+    {FIELD(cairn_aligner_params, observable_angle, 96, 64)},
+    {SIZE(cairn_aligner_pose, 120, 64)},
+    {FIELD(cairn_aligner_pose, map_scan, 0, 0)},
+    {FIELD(cairn_aligner_pose, support, 96, 48)},
+    {FIELD(cairn_aligner_pose, observable, 104, 52)},
+    {FIELD(cairn_aligner_pose, placed, 108, 56)},
+    {FIELD(cairn_aligner_pose, part, 112, 60)},
+    {SIZE(cairn_aligner_result, 80, 72)},
+    {FIELD(cairn_aligner_result, verdict, 0, 0)},
+    {FIELD(cairn_aligner_result, parts, 4, 4)},
+    {FIELD(cairn_aligner_result, largest, 8, 8)},
+    {FIELD(cairn_aligner_result, placed, 12, 12)},
+    {FIELD(cairn_aligner_result, anchor, 16, 16)},
+    {FIELD(cairn_aligner_result, hypotheses, 20, 20)},
+    {FIELD(cairn_aligner_result, dropped, 24, 24)},
+    {FIELD(cairn_aligner_result, merges, 28, 28)},
+    {FIELD(cairn_aligner_result, moved, 32, 32)},
+    {FIELD(cairn_aligner_result, rounds, 36, 36)},
+    {FIELD(cairn_aligner_result, walls, 40, 40)},
+    {FIELD(cairn_aligner_result, fill, 44, 44)},
+    {FIELD(cairn_aligner_result, spread, 48, 48)},
+    {FIELD(cairn_aligner_result, spread_angle, 56, 52)},
+    {FIELD(cairn_aligner_result, units, 64, 56)},
+    {FIELD(cairn_aligner_result, worst_step, 72, 64)},
     {SIZE(cairn_block_solver_params, 12, 12)},
     {FIELD(cairn_block_solver_params, max_poses, 0, 0)},
     {FIELD(cairn_block_solver_params, max_links, 4, 4)},
