@@ -22,7 +22,7 @@ static char *folder_of(const char *path)
         free(folder);
         folder = malloc(2);
         if (folder != NULL)
-            strcpy(folder, ".");
+            memcpy(folder, ".", 2);
     }
     return folder;
 }
