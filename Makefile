@@ -24,9 +24,13 @@ SAN       = $(if $(SANITIZE),-fsanitize=$(SANITIZE:1=address$(,)undefined) -fno-
 # Coverage of src/ only: what drives it stays fast.
 COVER     = $(if $(and $(COVERAGE),$(filter src/%,$<)),--coverage -O0)
 COMMON    = $(OPT) -g -I. -Iinclude -MMD -MP -ffp-contract=off -fPIC $(SAN) $(COVER)
+# With assertions on, undefined behaviour (an index out of bounds, an overflow) ends the program, too, where the compiler
+# can do that without a library of its own.
+TRAPS     := $(if $(ASSERTIONS),$(if $(SANITIZE)$(COVERAGE),,$(shell t='-fsanitize=undefined -fsanitize-undefined-trap-on-error'; \
+             $(CC) -Werror $$t -x c -c /dev/null -o /dev/null 2>/dev/null && echo "$$t")))
 # The library itself is freestanding C11; all that runs on a desktop may use POSIX and is built with assertions on.
-LIB_FLAGS  = -std=c11 $(CWARN) $(WERROR) $(COMMON) -fno-math-errno $(if $(ASSERTIONS),-DCAIRN_ASSERTIONS)
-HOST_FLAGS = -std=c11 -D_POSIX_C_SOURCE=200809L $(CWARN) $(WERROR) $(COMMON)
+LIB_FLAGS  = -std=c11 $(CWARN) $(WERROR) $(COMMON) -fno-math-errno $(if $(ASSERTIONS),-DCAIRN_ASSERTIONS) $(TRAPS)
+HOST_FLAGS = -std=c11 -D_POSIX_C_SOURCE=200809L $(CWARN) $(WERROR) $(COMMON) $(TRAPS)
 CXX_FLAGS  = -std=c++17 $(WARN) $(WERROR) $(COMMON)
 
 # Rooms. Box2D, libyaml, zlib, libpng and cmocka are looked for where Debian puts them; what is missing switches off what
@@ -146,7 +150,7 @@ test:
 
 TEST_PROGRAMS = $(TESTS:%=$(BUILD)/tests/%) $(TESTS:%=$(BUILD)/tests-float/%)
 run-tests: all $(TEST_PROGRAMS)
-	@sh tests/run.sh $(BUILD) $(TEST_PROGRAMS)
+	@SANITIZE=$(SANITIZE) sh tests/run.sh $(BUILD) $(TEST_PROGRAMS)
 
 demo:
 	@sh tools/deps.sh build

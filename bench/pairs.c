@@ -23,12 +23,13 @@
 
 #define DEGREE 0.017453292519943295
 
-enum { DRIVE_SCANS = 60, PAIRS_PER_ARENA = 20 };
+enum { DRIVE_SCANS = 60, DRIVE_BEAMS = 181, PAIRS_PER_ARENA = 20, PLACES = 16, PLACE_BEAMS = 1604 };
 
 typedef struct settings {
     const char *log, *truth, *data, *start, *method, *scene;
     int64_t pairs, seed, partners, strangers;
-    int32_t simulated, noise, each;
+    double overlap;
+    int32_t simulated, places, noise, each;
 } settings;
 
 typedef struct start_kind {
@@ -137,6 +138,45 @@ static void bound_pairs(collection *c, const sim_arena *arena, const sim_scan *s
     }
 }
 
+/* Share of the query's points that lie within 0.15 m of a target's point of like direction, at the truth. */
+static double true_overlap(const bench_view *target, const bench_view *query)
+{
+    cairn_transform target_query = cairn_transform_of(cairn_pose_between(target->truth, query->truth));
+    int32_t near = 0;
+
+    for (int32_t i = 0; i < query->part.count; i++) {
+        cairn_vec2 p = cairn_transform_point(target_query, query->part.points[i].position);
+        cairn_vec2 d = cairn_transform_direction(target_query, query->part.points[i].direction);
+        int32_t found = 0;
+
+        for (int32_t k = 0; k < target->part.count && !found; k++)
+            found = cairn_vec2_norm(cairn_vec2_sub(target->part.points[k].position, p)) < CAIRN_REAL(0.15) &&
+                    cairn_vec2_dot(target->part.points[k].direction, d) > CAIRN_REAL(0.87);
+        near += found;
+    }
+    return query->part.count > 0 ? (double)near / query->part.count : 0;
+}
+
+/* All pairs of views[first ... end-1] with enough overlap, either way; those with none are strangers. */
+static void pair_places(const settings *s, collection *c, int32_t first, int32_t end, size_t room)
+{
+    for (int32_t a = first; a < end; a++)
+        for (int32_t b = first; b < end; b++) {
+            double overlap;
+
+            if (a == b)
+                continue;
+            overlap = true_overlap(&c->views.at[a], &c->views.at[b]);
+            if (overlap >= s->overlap && (size_t)c->pair_count < room) {
+                memset(&c->pairs[c->pair_count], 0, sizeof *c->pairs);
+                c->pairs[c->pair_count].target = a;
+                c->pairs[c->pair_count++].query = b;
+            } else if (overlap < 0.02 && (size_t)c->stranger_count < room) {
+                add_stranger(c, a, b);
+            }
+        }
+}
+
 static int add_arena(const settings *s, collection *c, uint64_t seed, int32_t number)
 {
     static const sim_scene scenes[] = {SIM_RESCUE, SIM_APARTMENT, SIM_OFFICE, SIM_RESCUE};
@@ -150,9 +190,11 @@ static int add_arena(const settings *s, collection *c, uint64_t seed, int32_t nu
 
     arena_options.seed = survey_options.seed = seed;
     arena_options.scene = s->scene != NULL ? sim_scene_find(s->scene) : scenes[number % 4];
-    survey_options.drive = DRIVE_SCANS;
-    survey_options.beams = 181;
-    survey_options.fov = 180 * DEGREE;
+    survey_options.drive = s->places ? 0 : DRIVE_SCANS;
+    survey_options.places = s->places ? PLACES : 0;
+    survey_options.headings = 1;
+    survey_options.beams = s->places ? PLACE_BEAMS : DRIVE_BEAMS;
+    survey_options.fov = (s->places ? 360 : 180) * DEGREE;
     arena = sim_arena_create(&arena_options, fault, sizeof fault);
     if (arena != NULL)
         survey = sim_survey_create(arena, &survey_options, fault, sizeof fault);
@@ -165,9 +207,12 @@ static int add_arena(const settings *s, collection *c, uint64_t seed, int32_t nu
 
             done = bench_views_add(&c->views, &input, pose_of(scans[i].truth), i);
         }
-        draw_pairs(c, first, c->views.count, s->partners, PAIRS_PER_ARENA, &random);
+        if (s->places)
+            pair_places(s, c, first, c->views.count, (size_t)s->pairs + PAIRS_PER_ARENA);
+        else
+            draw_pairs(c, first, c->views.count, s->partners, PAIRS_PER_ARENA, &random);
         bound_pairs(c, arena, scans, first_pair);
-        for (int32_t i = 0; i < PAIRS_PER_ARENA && first > 0; i++)
+        for (int32_t i = 0; i < PAIRS_PER_ARENA && first > 0 && !s->places; i++)
             add_stranger(c, first + cairn_random_below(&random, count), first - 1 - cairn_random_below(&random, count));
     } else {
         fprintf(stderr, "bench/pairs: %s\n", fault);
@@ -180,9 +225,9 @@ static int add_arena(const settings *s, collection *c, uint64_t seed, int32_t nu
 static int collect_simulated(const settings *s, collection *c)
 {
     int32_t arenas = (int32_t)((s->pairs + PAIRS_PER_ARENA - 1) / PAIRS_PER_ARENA) + 1;
-    int done = bench_views_start(&c->views, arenas * DRIVE_SCANS, 181);
+    int done = bench_views_start(&c->views, arenas * DRIVE_SCANS, s->places ? PLACE_BEAMS : DRIVE_BEAMS);
 
-    for (int32_t i = 0; i < arenas && done; i++)
+    for (int32_t i = 0; i < arenas && done && c->pair_count < s->pairs; i++)
         done = add_arena(s, c, (uint64_t)(s->seed + i), i);
     return done;
 }
@@ -408,6 +453,9 @@ static void print_each(const settings *s, const collection *c, const pair *p, co
         bench_json_number("overlap", (double)r->hypotheses[0].overlap);
         bench_json_number("contradiction", (double)r->hypotheses[0].contradiction);
         bench_json_number("score", (double)r->hypotheses[0].score);
+        bench_json_number("sd_m", sqrt((double)(r->hypotheses[0].covariance[0] + r->hypotheses[0].covariance[4])));
+        bench_json_number("sd_deg", sqrt((double)r->hypotheses[0].covariance[8]) / DEGREE);
+        bench_json_number("evidence", (double)r->hypotheses[0].evidence);
         bench_json_number("sigma", (double)r->hypotheses[0].sigma);
         bench_json_number("weak_ratio", (double)r->hypotheses[0].weak_ratio);
         bench_json_integer("paired", r->hypotheses[0].pairs);
@@ -557,8 +605,8 @@ static int run_data(const settings *s, const char *name)
     memset(&c, 0, sizeof c);
     c.pairs = malloc(room * sizeof *c.pairs);
     c.strangers = malloc(2 * room * sizeof *c.strangers);
-    collected =
-        c.pairs != NULL && c.strangers != NULL && (s->simulated ? collect_simulated(s, &c) : collect_log(s, &c));
+    collected = c.pairs != NULL && c.strangers != NULL &&
+                (s->simulated || s->places ? collect_simulated(s, &c) : collect_log(s, &c));
     if (c.pair_count > s->pairs)
         c.pair_count = (int32_t)s->pairs;
     if (c.stranger_count > s->pairs)
@@ -583,9 +631,12 @@ int main(int argc, char **argv)
 {
     static const char *const names[] = {"intel", "fr079", "aces"};
     static const int64_t partners[] = {10, 59, 10};
-    settings s = {NULL, NULL, "../shared/data", NULL, "correlative", NULL, 500, 1, 0, 0, 0, 0, 0};
+    settings s = {NULL, NULL, "../shared/data", NULL, "correlative", NULL, 500, 1, 0, 0, 0.3, 0, 0, 0, 0};
     const option table[] = {
         OPTION_FLAG("--simulated", &s.simulated, "pairs of simulated arenas"),
+        OPTION_FLAG("--places", &s.places, "simulated: full circles at 16 places an arena, pairs that overlap enough"),
+        OPTION_NUMBER("--overlap", &s.overlap, 0, 1, "SHARE",
+                      "... share of the points of the second that the first sees"),
         OPTION_TEXT("--scene", &s.scene, "NAME", "scene of the arenas (rescue, apartment and office in turn)"),
         OPTION_TEXT("--log", &s.log, "FILE", "one CARMEN log (all of DIR/slam)"),
         OPTION_TEXT("--truth", &s.truth, "FILE", "its reference poses, \"scan x y theta\" a line"),
@@ -622,9 +673,9 @@ int main(int argc, char **argv)
         return options_refuse("bench/pairs", "--method is '%s', expected correlative or shape", s.method);
     if (s.scene != NULL && sim_scene_find(s.scene) < 0)
         return options_refuse("bench/pairs", "--scene is '%s', expected one of cairn-arena's", s.scene);
-    if (s.simulated || s.log != NULL) {
+    if (s.simulated || s.places || s.log != NULL) {
         s.partners = s.partners > 0 ? s.partners : 10;
-        return run_data(&s, s.simulated ? "simulated" : cairn_path_name(s.log));
+        return run_data(&s, s.places ? "places" : s.simulated ? "simulated" : cairn_path_name(s.log));
     }
     for (size_t i = 0; i < sizeof names / sizeof *names && code == 0; i++) {
         char log[4096], truth[4096];

@@ -7,8 +7,13 @@
 
 #include "cairn/force_field.h"
 #include "cairn/geometry.h"
+#include "cairn/icp.h"
+#include "cairn/occupancy_grid.h"
 #include "cairn/pool.h"
+#include "cairn/pose_consensus.h"
+#include "cairn/pose_graph.h"
 #include "cairn/random.h"
+#include "cairn/scan_match.h"
 #include "cairn/small_matrix.h"
 #include "firmware/board.h"
 
@@ -240,6 +245,300 @@ static uint64_t force_field(void)
     return add_real(hash, state.potential);
 }
 
+/* ---- Sweeps of a room with a niche, seen by a scanner that turns while it sweeps ---- */
+
+enum { BEAMS = 181 };
+
+/* Distance along a direction to the walls of a room of 6 x 4 m, or of the box at (3.5, 0) of 1 x 1.2 m that stands in it. */
+static cairn_real room_range(cairn_real x, cairn_real y, cairn_real c, cairn_real s)
+{
+    static const cairn_segment wall[] = {
+        {{0, 0}, {6, 0}},
+        {{6, 0}, {6, 4}},
+        {{6, 4}, {0, 4}},
+        {{0, 4}, {0, 0}},
+        {{CAIRN_REAL(3.5), 0}, {CAIRN_REAL(3.5), CAIRN_REAL(1.2)}},
+        {{CAIRN_REAL(3.5), CAIRN_REAL(1.2)}, {CAIRN_REAL(4.5), CAIRN_REAL(1.2)}},
+        {{CAIRN_REAL(4.5), CAIRN_REAL(1.2)}, {CAIRN_REAL(4.5), 0}},
+    };
+    cairn_segment beam;
+    cairn_real nearest = 100;
+
+    beam.a.x = x;
+    beam.a.y = y;
+    beam.b.x = x + 20 * c;
+    beam.b.y = y + 20 * s;
+    for (size_t i = 0; i < sizeof wall / sizeof *wall; i++) {
+        cairn_vec2 hit;
+
+        if (cairn_segments_cross(beam, wall[i]) && cairn_line_intersection(beam, wall[i], &hit)) {
+            cairn_real range = cairn_sqrt((hit.x - x) * (hit.x - x) + (hit.y - y) * (hit.y - y));
+
+            nearest = cairn_min(nearest, range);
+        }
+    }
+    return nearest;
+}
+
+typedef struct sweep {
+    float range[BEAMS];
+    cairn_scan_input input;
+} sweep;
+
+static void make_sweep(sweep *out, cairn_random *random, cairn_pose pose)
+{
+    memset(&out->input, 0, sizeof out->input);
+    for (int i = 0; i < BEAMS; i++) {
+        cairn_real s, c, range;
+
+        cairn_sincos(pose.theta + (cairn_real)(i - 90) * CAIRN_REAL(0.03125), &s, &c);
+        range = room_range(pose.x, pose.y, c, s) + cairn_random_uniform(random, -CAIRN_REAL(0.01), CAIRN_REAL(0.01));
+        out->range[i] = i % 50 == 49 ? 0 : (float)range;
+    }
+    out->input.range = out->range;
+    out->input.count = BEAMS;
+    out->input.angle_min = -90 * 0.03125f;
+    out->input.angle_step = 0.03125f;
+    out->input.range_max = 8;
+    out->input.range_sigma = 0.01f;
+    out->input.motion.theta = CAIRN_REAL(0.002);
+}
+
+static _Alignas(CAIRN_ALIGN) unsigned char scene_memory[900 * 1024];
+
+/* A fitted sweep; its view stays until the next one of the same object. */
+static int fit_sweep(cairn_scan *scan, const sweep *s)
+{
+    cairn_status status = cairn_scan_begin(scan, &s->input, NULL);
+
+    while (status == CAIRN_OK) {
+        cairn_budget budget = {777};
+
+        status = cairn_scan_step(scan, &budget);
+        if (status == CAIRN_OK)
+            return 1;
+        status = status == CAIRN_MORE ? CAIRN_OK : status;
+    }
+    return 0;
+}
+
+static cairn_scan *new_scan(cairn_pool *pool)
+{
+    cairn_scan_params params = cairn_scan_default();
+    cairn_scan *scan = NULL;
+
+    params.max_beams = BEAMS;
+    params.max_segments = 64;
+    params.max_points = 256;
+    return cairn_scan_create(&scan, pool, &params) == CAIRN_OK ? scan : NULL;
+}
+
+static uint64_t scans_and_grid(void)
+{
+    cairn_occupancy_grid_params params = cairn_occupancy_grid_default();
+    cairn_random random = cairn_random_seed(6, 1);
+    cairn_occupancy_grid *grid;
+    cairn_scan *scan;
+    cairn_pool pool;
+    uint64_t hash = START;
+
+    params.width = params.height = 64;
+    params.resolution = CAIRN_REAL(0.125);
+    params.origin.x = params.origin.y = -1;
+    if (cairn_pool_init(&pool, scene_memory, sizeof scene_memory) != CAIRN_OK || (scan = new_scan(&pool)) == NULL ||
+        cairn_occupancy_grid_create(&grid, &pool, &params) != CAIRN_OK)
+        return 0;
+    for (int i = 0; i < 4; i++) {
+        static sweep s;
+        cairn_pose pose = {1 + (cairn_real)i / 2, 2, (cairn_real)i};
+        cairn_scan_view view;
+        cairn_status status;
+
+        make_sweep(&s, &random, pose);
+        if (!fit_sweep(scan, &s))
+            return 0;
+        view = cairn_scan_read(scan);
+        for (int32_t k = 0; k < view.point_count; k++)
+            hash = add_point(add_point(hash, view.points[k].position), view.points[k].direction);
+        status = cairn_occupancy_grid_begin_scan(grid, view.beams, view.beam_count, pose, NULL);
+        while (status == CAIRN_OK || status == CAIRN_MORE) {
+            cairn_budget budget = {100};
+
+            status = cairn_occupancy_grid_step(grid, &budget);
+            if (status == CAIRN_OK)
+                break;
+        }
+        if (status != CAIRN_OK)
+            return 0;
+    }
+    for (int32_t y = 0; y < params.height; y++)
+        for (int32_t x = 0; x < params.width; x++) {
+            cairn_occupancy_cell cell = cairn_occupancy_grid_cell(grid, x, y);
+
+            hash = add_bytes(hash, &cell, sizeof cell);
+        }
+    return hash;
+}
+
+static uint64_t add_covariance(uint64_t hash, const cairn_real *covariance)
+{
+    for (int k = 0; k < 9; k++)
+        hash = add_real(hash, covariance[k]);
+    return hash;
+}
+
+/* One sweep matched against another: with a guess by icp, with none by scan_match. */
+static uint64_t matches(void)
+{
+    cairn_random random = cairn_random_seed(7, 1);
+    cairn_pose first = {2, 2, 0}, second = {CAIRN_REAL(2.3), CAIRN_REAL(1.8), CAIRN_REAL(0.4)}, guess = {0, 0, 0};
+    cairn_scan_match_params match_params = cairn_scan_match_default();
+    cairn_icp_params icp_params = cairn_icp_default();
+    cairn_scan_match_result found;
+    cairn_scan_match_part part;
+    cairn_scan_view view[2];
+    cairn_icp_result result;
+    cairn_scan_match *match;
+    cairn_scan *scan[2];
+    cairn_budget budget = {INT32_MAX};
+    cairn_icp *icp;
+    cairn_pool pool;
+    uint64_t hash = START;
+    static sweep s;
+
+    icp_params.max_target = 512;
+    match_params.max_target = match_params.max_query = 256;
+    match_params.max_dense = 256;
+    match_params.max_views = 1;
+    match_params.max_hypotheses = 4;
+    if (cairn_pool_init(&pool, scene_memory, sizeof scene_memory) != CAIRN_OK || (scan[0] = new_scan(&pool)) == NULL ||
+        (scan[1] = new_scan(&pool)) == NULL || cairn_icp_create(&icp, &pool, &icp_params) != CAIRN_OK ||
+        cairn_scan_match_create(&match, &pool, &match_params) != CAIRN_OK)
+        return 0;
+    for (int i = 0; i < 2; i++) {
+        make_sweep(&s, &random, i == 0 ? first : second);
+        if (!fit_sweep(scan[i], &s))
+            return 0;
+        view[i] = cairn_scan_read(scan[i]);
+    }
+    if (cairn_icp_add_target(icp, view[0].points, view[0].point_count, guess, NULL) != CAIRN_OK)
+        return 0;
+    guess.x = CAIRN_REAL(0.2);
+    guess.theta = CAIRN_REAL(0.3);
+    if (cairn_icp_begin(icp, view[1].points, view[1].point_count, guess, NULL, NULL) != CAIRN_OK ||
+        cairn_icp_step(icp, &budget) != CAIRN_OK)
+        return 0;
+    result = cairn_icp_read(icp);
+    hash = add_covariance(add_pose(hash, result.target_query), result.covariance);
+    part = cairn_scan_match_part_of(&view[0]);
+    if (cairn_scan_match_add_target(match, &part, cairn_pose_identity(), NULL) != CAIRN_OK)
+        return 0;
+    part = cairn_scan_match_part_of(&view[1]);
+    budget.left = INT32_MAX;
+    if (cairn_scan_match_begin(match, &part, guess, NULL, NULL) != CAIRN_OK ||
+        cairn_scan_match_step(match, &budget) != CAIRN_OK)
+        return 0;
+    found = cairn_scan_match_read(match);
+    hash = add_bytes(hash, &found.verdict, sizeof found.verdict);
+    for (int32_t i = 0; i < found.count; i++) {
+        hash = add_covariance(add_pose(hash, found.hypotheses[i].target_query), found.hypotheses[i].covariance);
+        hash = add_real(hash, found.hypotheses[i].score);
+    }
+    return hash;
+}
+
+/* A drive round a block, twice, with measurements between neighbours in place, some of them wrong. */
+enum { NODES = 24 };
+
+static cairn_pose drive_pose(int32_t i)
+{
+    cairn_pose pose = cairn_pose_identity(), step = {1, 0, 0};
+
+    for (int32_t k = 0; k < i; k++) {
+        step.theta = k % 3 == 2 ? CAIRN_PI / 2 : 0;
+        pose = cairn_pose_compose(pose, step);
+    }
+    return pose;
+}
+
+static cairn_pose measured(cairn_random *random, int32_t i, int32_t j)
+{
+    cairn_pose seen = cairn_pose_between(drive_pose(i), drive_pose(j));
+
+    seen.x += cairn_random_uniform(random, -CAIRN_REAL(0.02), CAIRN_REAL(0.02));
+    seen.y += cairn_random_uniform(random, -CAIRN_REAL(0.02), CAIRN_REAL(0.02));
+    seen.theta += cairn_random_uniform(random, -CAIRN_REAL(0.01), CAIRN_REAL(0.01));
+    return seen;
+}
+
+static uint64_t pose_graphs(void)
+{
+    cairn_pose_graph_params params = cairn_pose_graph_default();
+    cairn_random random = cairn_random_seed(8, 1);
+    cairn_sym3 information = {2500, 0, 0, 2500, 0, 10000};
+    cairn_budget budget = {INT32_MAX};
+    cairn_pose_graph *graph;
+    cairn_pool pool;
+    uint64_t hash = START;
+
+    params.max_poses = NODES;
+    params.max_links = 3 * NODES;
+    params.max_fill = 12 * NODES;
+    params.kernel = CAIRN_POSE_GRAPH_CAUCHY;
+    if (cairn_pool_init(&pool, scene_memory, sizeof scene_memory) != CAIRN_OK ||
+        cairn_pose_graph_create(&graph, &pool, &params, NULL) != CAIRN_OK)
+        return 0;
+    for (int32_t i = 0; i < NODES; i++)
+        if (cairn_pose_graph_add_pose(graph, cairn_pose_identity()) != CAIRN_OK)
+            return 0;
+    for (int32_t i = 0; i < NODES; i++)
+        for (int32_t j = i + 1; j < NODES; j++)
+            if ((j - i == 1 || j - i == 12) &&
+                cairn_pose_graph_add_link(graph, i, j, measured(&random, i, i == 5 && j == 17 ? 9 : j), information) !=
+                    CAIRN_OK)
+                return 0;
+    if (cairn_pose_graph_solve(graph) != CAIRN_OK || cairn_pose_graph_step(graph, &budget) != CAIRN_OK)
+        return 0;
+    for (int32_t i = 0; i < NODES; i++)
+        hash = add_pose(hash, cairn_pose_graph_pose(graph, i));
+    return add_real(hash, cairn_pose_graph_read(graph).chi2);
+}
+
+static uint64_t consensus(void)
+{
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    cairn_random random = cairn_random_seed(9, 1);
+    cairn_budget budget = {INT32_MAX};
+    cairn_pose_consensus *c;
+    cairn_pool pool;
+    uint64_t hash = START;
+
+    params.max_nodes = NODES;
+    params.max_hypotheses = 8 * NODES;
+    if (cairn_pool_init(&pool, scene_memory, sizeof scene_memory) != CAIRN_OK ||
+        cairn_pose_consensus_create(&c, &pool, &params) != CAIRN_OK || cairn_pose_consensus_clear(c, NODES) != CAIRN_OK)
+        return 0;
+    for (int32_t i = 0; i < NODES; i++)
+        for (int32_t k = 1; k <= 4; k++) {
+            int32_t j = (i + k) % NODES;
+            cairn_pose_hypothesis h = {.first = i, .second = j, .score = 5 + (cairn_real)((i * 7 + k) % 5)};
+
+            h.first_second = measured(&random, i, (i + k) % 5 == 0 ? (j + 4) % NODES : j);
+            h.covariance[0] = h.covariance[4] = CAIRN_REAL(0.0004);
+            h.covariance[8] = CAIRN_REAL(0.0001);
+            if (cairn_pose_consensus_add(c, &h, NULL) != CAIRN_OK)
+                return 0;
+        }
+    if (cairn_pose_consensus_begin(c) != CAIRN_OK || cairn_pose_consensus_step(c, &budget) != CAIRN_OK)
+        return 0;
+    for (int32_t i = 0; i < NODES; i++) {
+        cairn_consensus_node node = cairn_pose_consensus_node(c, i);
+
+        hash = add_real(add_covariance(add_pose(hash, node.map_node), node.covariance), node.support);
+    }
+    return hash;
+}
+
 static const struct {
     const char *name;
     scene run;
@@ -249,6 +548,10 @@ static const struct {
     {"poses_and_segments", poses_and_segments},
     {"small_matrices", small_matrices},
     {"force_field", force_field},
+    {"scans_and_grid", scans_and_grid},
+    {"matches", matches},
+    {"pose_graphs", pose_graphs},
+    {"consensus", consensus},
 };
 
 static void print_line(const char *name, uint64_t hash)

@@ -23,6 +23,7 @@
 #include "cairn/pool.h"
 #include "cairn/pose_consensus.h"
 #include "cairn/pose_graph.h"
+#include "cairn/pose_graph_file.h"
 #include "cairn/pose_table.h"
 #include "cairn/random.h"
 #include "cairn/raster.h"
@@ -33,6 +34,7 @@
 #include "cairn/scan_match.h"
 #include "cairn/scan_set.h"
 #include "cairn/small_matrix.h"
+#include "cairn/sparse_solver.h"
 #include "cairn/status.h"
 #include "cairn/version.h"
 
@@ -515,6 +517,34 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_pose_graph_link, weight, 16, 12)},
     {FIELD(cairn_pose_graph_link, outlier, 24, 16)},
     {FIELD(cairn_pose_graph_link, dropped, 28, 20)},
+    {SIZE(cairn_pose_graph_vertex, 48, 32)},
+    {FIELD(cairn_pose_graph_vertex, id, 0, 0)},
+    {FIELD(cairn_pose_graph_vertex, line, 8, 8)},
+    {FIELD(cairn_pose_graph_vertex, pose, 16, 16)},
+    {FIELD(cairn_pose_graph_vertex, fixed, 40, 28)},
+    {SIZE(cairn_pose_graph_edge, 88, 56)},
+    {FIELD(cairn_pose_graph_edge, first, 0, 0)},
+    {FIELD(cairn_pose_graph_edge, second, 4, 4)},
+    {FIELD(cairn_pose_graph_edge, line, 8, 8)},
+    {FIELD(cairn_pose_graph_edge, first_second, 16, 16)},
+    {FIELD(cairn_pose_graph_edge, information, 40, 28)},
+    {SIZE(cairn_pose_graph_file, 32, 32)},
+    {FIELD(cairn_pose_graph_file, vertex, 0, 0)},
+    {FIELD(cairn_pose_graph_file, edge, 8, 8)},
+    {FIELD(cairn_pose_graph_file, vertex_count, 16, 16)},
+    {FIELD(cairn_pose_graph_file, edge_count, 20, 20)},
+    {FIELD(cairn_pose_graph_file, chained, 24, 24)},
+    {SIZE(cairn_pose_graph_solution, 120, 104)},
+    {FIELD(cairn_pose_graph_solution, solver, 0, 0)},
+    {FIELD(cairn_pose_graph_solution, keep_all, 4, 4)},
+    {FIELD(cairn_pose_graph_solution, pose, 8, 8)},
+    {FIELD(cairn_pose_graph_solution, outlier, 16, 16)},
+    {FIELD(cairn_pose_graph_solution, outliers, 24, 24)},
+    {FIELD(cairn_pose_graph_solution, robust, 28, 28)},
+    {FIELD(cairn_pose_graph_solution, state, 32, 32)},
+    {FIELD(cairn_pose_graph_solution, chi2_initial, 96, 80)},
+    {FIELD(cairn_pose_graph_solution, chi2_all, 104, 88)},
+    {FIELD(cairn_pose_graph_solution, pool_bytes, 112, 96)},
     {SIZE(cairn_pose_row, 160, 112)},
     {FIELD(cairn_pose_row, index, 0, 0)},
     {FIELD(cairn_pose_row, line, 8, 8)},
@@ -725,17 +755,19 @@ static const layout OPEN_STRUCTS[] = {
     {SIZE(cairn_scan_match_window, 16, 8)},
     {FIELD(cairn_scan_match_window, distance, 0, 0)},
     {FIELD(cairn_scan_match_window, angle, 8, 4)},
-    {SIZE(cairn_scan_match_hypothesis, 176, 92)},
+    {SIZE(cairn_scan_match_hypothesis, 200, 104)},
     {FIELD(cairn_scan_match_hypothesis, target_query, 0, 0)},
     {FIELD(cairn_scan_match_hypothesis, covariance, 24, 12)},
     {FIELD(cairn_scan_match_hypothesis, overlap, 96, 48)},
-    {FIELD(cairn_scan_match_hypothesis, score, 112, 56)},
-    {FIELD(cairn_scan_match_hypothesis, sigma, 120, 60)},
-    {FIELD(cairn_scan_match_hypothesis, weak, 128, 64)},
-    {FIELD(cairn_scan_match_hypothesis, weak_ratio, 152, 76)},
-    {FIELD(cairn_scan_match_hypothesis, radius, 160, 80)},
-    {FIELD(cairn_scan_match_hypothesis, observable, 168, 84)},
-    {FIELD(cairn_scan_match_hypothesis, pairs, 172, 88)},
+    {FIELD(cairn_scan_match_hypothesis, fit, 104, 52)},
+    {FIELD(cairn_scan_match_hypothesis, target_contradiction, 120, 60)},
+    {FIELD(cairn_scan_match_hypothesis, score, 128, 64)},
+    {FIELD(cairn_scan_match_hypothesis, sigma, 144, 72)},
+    {FIELD(cairn_scan_match_hypothesis, weak, 152, 76)},
+    {FIELD(cairn_scan_match_hypothesis, weak_ratio, 176, 88)},
+    {FIELD(cairn_scan_match_hypothesis, radius, 184, 92)},
+    {FIELD(cairn_scan_match_hypothesis, observable, 192, 96)},
+    {FIELD(cairn_scan_match_hypothesis, pairs, 196, 100)},
     {SIZE(cairn_scan_match_result, 16, 16)},
     {FIELD(cairn_scan_match_result, hypotheses, 0, 0)},
     {FIELD(cairn_scan_match_result, count, 8, 8)},

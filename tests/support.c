@@ -23,6 +23,7 @@ cairn_pool test_pool(size_t bytes)
     void *memory = aligned_alloc(CAIRN_ALIGN, (bytes + CAIRN_ALIGN + CAIRN_ALIGN - 1) / CAIRN_ALIGN * CAIRN_ALIGN);
 
     assert_non_null(memory);
+    memset(memory, 0xA5, bytes); /* nothing may rest on what fresh memory holds */
     assert_ok(cairn_pool_init(&pool, memory, bytes < CAIRN_ALIGN ? CAIRN_ALIGN : bytes));
     return pool;
 }

@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <png.h>
+#include <zlib.h>
 
 #include "cairn/map_file.h"
 #include "src/host/map_file_image.h"
@@ -25,6 +26,7 @@ static void test_round_trips(void **state)
         cairn_map_file map = cairn_map_file_default(), back;
         size_t count = 37 * 23;
         const char *path = files_path("map.v1.yaml");
+        char *image;
 
         assert_ok(cairn_map_file_allocate(&map, 37, 23));
         map.resolution = CAIRN_REAL(0.025);
@@ -45,8 +47,12 @@ static void test_round_trips(void **state)
         }
         assert_ok(cairn_map_file_draw(&map));
         assert_ok(cairn_map_file_write(&map, path, round < 4 ? CAIRN_MAP_PGM : CAIRN_MAP_PNG, &error));
-        assert_int_equal(access(files_path(round < 4 ? "map.v1.pgm" : "map.v1.png"), F_OK), 0);
+        image = files_read(files_path(round < 4 ? "map.v1.pgm" : "map.v1.png"), NULL);
+        assert_memory_equal(image, round < 4 ? "P5\n" : "\x89PN", 3);
+        free(image);
+        error.status = 77; /* is not touched when all goes well */
         assert_ok(cairn_map_file_read(&back, path, &error));
+        assert_int_equal(error.status, 77);
         assert_int_equal(back.width, 37);
         assert_int_equal(back.height, 23);
         assert_memory_equal(&back.resolution, &map.resolution, sizeof map.resolution);
@@ -60,18 +66,20 @@ static void test_round_trips(void **state)
         cairn_map_file_free(&map);
         cairn_map_file_free(&back);
         assert_null(back.pixel);
+        assert_null(back.occupancy);
         assert_int_equal(back.width, 0);
+        assert_int_equal(back.height, 0);
     }
 }
 
 /* The image's first row is the map's last. */
 static void test_rows_are_turned(void **state)
 {
-    const char *path = files_write_text("turned.yaml", "image: turned.pgm\n" NUMBERS);
+    const char *path = files_write_text("turned.yaml", "image: t\n" NUMBERS);
     cairn_map_file map;
 
     (void)state;
-    (void)files_write("turned.pgm", "P5\n2 3\n255\n\x00\x01\x02\x03\x04\x05", 17);
+    (void)files_write("t", "P5\n2 3\n255\n\x00\x01\x02\x03\x04\x05", 17);
     assert_ok(cairn_map_file_read(&map, path, NULL));
     assert_int_equal(map.width, 2);
     assert_int_equal(map.height, 3);
@@ -143,6 +151,9 @@ static void test_draw(void **state)
     cairn_map_file map = cairn_map_file_default();
 
     (void)state;
+    assert_near(map.resolution, 0.05, 1e-8);
+    assert_near(map.occupied_threshold, 0.65, 1e-7);
+    assert_near(map.free_threshold, 0.196, 1e-8);
     assert_ok(cairn_map_file_allocate(&map, 6, 1));
     for (int i = 0; i < 6; i++) {
         assert_int_equal(map.occupancy[i], -1);
@@ -160,6 +171,29 @@ static void test_draw(void **state)
     map.occupancy[2] = 101;
     assert_ok(cairn_map_file_draw(&map));
     assert_memory_equal(map.pixel, "\x00\xff\xff\x41\x42\x64", 6);
+
+    /* On a threshold, which is neither free nor occupied; 205 on the one and the other. */
+    map.mode = CAIRN_MAP_TRINARY;
+    map.negate = 0;
+    map.free_threshold = map.occupied_threshold = CAIRN_REAL(0.5);
+    memcpy(map.occupancy, "\x00\x31\x32\x32\x33\xff", 6); /* 0 49 50 50 51 -1 */
+    assert_ok(cairn_map_file_draw(&map));
+    assert_memory_equal(map.pixel, "\xfe\xfe\x7f\x7f\x00\x7f", 6);
+    map.free_threshold = CAIRN_REAL(50.0) / 255;
+    assert_ok(cairn_map_file_draw(&map));
+    assert_int_equal(map.pixel[5], 205);
+    map.occupied_threshold = map.free_threshold;
+    map.free_threshold = CAIRN_REAL(0.125);
+    assert_ok(cairn_map_file_draw(&map));
+    assert_int_equal(map.pixel[5], 205);
+    /* Halfway: 153.45 of 255. */
+    map.free_threshold = CAIRN_REAL(0.5);
+    map.occupied_threshold = CAIRN_REAL(0.70353);
+    assert_ok(cairn_map_file_draw(&map));
+    assert_int_equal(map.pixel[5], 102);
+    map.negate = 1;
+    assert_ok(cairn_map_file_draw(&map));
+    assert_int_equal(map.pixel[5], 153);
     cairn_map_file_free(&map);
 
     assert_status(cairn_map_file_allocate(&map, 0, 1), CAIRN_BAD_ARGUMENT);
@@ -359,7 +393,7 @@ static void test_bad_descriptions(void **state)
         {"# nothing\n", CAIRN_EMPTY, 0, "the file is empty"},
         {"just words\n", CAIRN_BAD_FORMAT, 1, "no \"key: value\" lines"},
         {"- a\n- b\n", CAIRN_BAD_FORMAT, 1, "no \"key: value\" lines"},
-        {"image: [a\n", CAIRN_BAD_FORMAT, 2, "expected YAML"},
+        {"image: [a\n", CAIRN_BAD_FORMAT, 2, "did not find expected ',' or ']', expected YAML"},
         {"a: b: c\n", CAIRN_BAD_FORMAT, 1, "expected YAML"},
         {NUMBERS, CAIRN_BAD_FORMAT, 1, "no key \"image\""},
         {"image: one.pgm\n", CAIRN_BAD_FORMAT, 1, "no key \"resolution\""},
@@ -444,7 +478,8 @@ static void test_maps_that_cannot_be_written(void **state)
 
     (void)state;
     assert_status(cairn_map_file_write(&good, path, CAIRN_MAP_PGM, &error), CAIRN_BAD_ARGUMENT);
-    assert_holds(error.text, "no cells");
+    assert_holds(error.text, "refused.yaml: not written: no cells");
+    assert_int_equal(error.line, 0);
     assert_ok(cairn_map_file_allocate(&good, 2, 2));
     map = good;
     map.height = 0;
@@ -472,10 +507,68 @@ static void test_maps_that_cannot_be_written(void **state)
     map = good;
     map.origin.theta = (cairn_real)NAN;
     assert_status(cairn_map_file_write(&map, path, CAIRN_MAP_PGM, &error), CAIRN_NOT_FINITE);
+    assert_holds(error.text, "refused.yaml: not written: an origin");
+    assert_int_equal(error.line, 0);
     assert_status(cairn_map_file_write(&good, files_path("no/folder.yaml"), CAIRN_MAP_PGM, &error), CAIRN_IO);
     assert_status(cairn_map_file_write(&good, files_path("no/folder.yaml"), CAIRN_MAP_PNG, &error), CAIRN_IO);
     assert_int_equal(access(path, F_OK), -1);
     cairn_map_file_free(&good);
+}
+
+/* Grey, RGB and RGBA, as their headers say and as they are read back; sides of 0 are no image. */
+static void test_encode_png(void **state)
+{
+    static const uint8_t pixel[2 * 3 * 4] = {10, 20, 33, 40, 50, 60, 70, 80, 90, 100, 110, 120,
+                                             7,  8,  9,  0,  1,  2,  3,  4,  5,  6,   255, 254};
+    static const int colour_type[] = {0, 0, 0, 2, 6};
+    static const uint8_t grey[5][6] = {
+        {0}, {10, 20, 33, 40, 50, 60}, {0}, {21, 50, 80, 110, 8, 1}, {21, 60, 100, 8, 2, 89}};
+    uint8_t *bytes = NULL;
+    cairn_image image;
+    size_t count = 0;
+
+    (void)state;
+    for (int32_t channels = 1; channels <= 4; channels++) {
+        if (channels == 2)
+            continue;
+        assert_ok(cairn_image_encode_png(&bytes, &count, pixel, 3, 2, channels));
+        assert_int_equal(bytes[25], colour_type[channels]);
+        assert_ok(cairn_image_read(&image, files_write("encoded.png", bytes, count), NULL));
+        assert_int_equal(image.width, 3);
+        assert_int_equal(image.height, 2);
+        assert_memory_equal(image.pixel, grey[channels], 6);
+        assert_int_equal(image.alpha != NULL, channels == 4);
+        if (channels == 4)
+            assert_memory_equal(image.alpha, "\x28\x50\x78\x00\x04\xfe", 6);
+        cairn_image_free(&image);
+        free(bytes);
+    }
+    assert_status(cairn_image_encode_png(&bytes, &count, pixel, 0, 2, 1), CAIRN_NO_MEMORY);
+    assert_null(bytes);
+    assert_int_equal(count, 0);
+}
+
+/* A header that promises the most pixels is believed, one row more is refused. */
+static void test_huge_png(void **state)
+{
+    unsigned char bytes[] = "\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\1\0\0\0\0\x10\0\x08\0\0\0\0....\0\0\0\0IDAT....";
+    cairn_file_error error;
+    cairn_image image;
+
+    (void)state;
+    for (int over = 0; over < 2; over++) {
+        uint32_t sum;
+
+        bytes[23] = (unsigned char)over; /* 2^16 columns and 2^12 rows or one more */
+        sum = (uint32_t)crc32(0, bytes + 12, 17);
+        for (int i = 0; i < 4; i++)
+            bytes[29 + i] = (unsigned char)(sum >> (24 - 8 * i));
+        assert_status(cairn_image_read(&image, files_write("huge.png", bytes, sizeof bytes - 1), &error),
+                      over ? CAIRN_FULL : CAIRN_BAD_FORMAT);
+        assert_null(image.pixel);
+    }
+    assert_int_equal(error.line, 0);
+    assert_holds(error.text, "huge.png: the image has 65536 x 4097 pixels, expected at most 268435456");
 }
 
 /* Names that YAML could misread, and a name without an ending. */
@@ -516,6 +609,35 @@ static void test_locale(void **state)
     cairn_map_file_free(&map);
 }
 
+/* All memory comes back, whatever the end. */
+static void test_heap(void **state)
+{
+    size_t heap = 0;
+
+    (void)state;
+    (void)files_write_text("one.pgm", "P5 1 1 255\na");
+    (void)files_write_text("broken.pgm", "P5 2 2 255\na");
+    for (int round = 0; round <= FILES_HEAP_ROUNDS; round++) {
+        cairn_map_file map;
+
+        if (round == 1)
+            heap = files_heap();
+        for (int k = 0; k < 2; k++) {
+            assert_ok(cairn_map_file_read(&map, files_write_text("heap.yaml", "image: one.pgm\n" NUMBERS), NULL));
+            assert_ok(cairn_map_file_write(&map, files_path("out.yaml"), k, NULL));
+            cairn_map_file_free(&map);
+            assert_ok(cairn_map_file_read(&map, files_path("out.yaml"), NULL));
+            cairn_map_file_free(&map);
+        }
+        assert_status(cairn_map_file_read(&map, files_write_text("heap.yaml", "image: broken.pgm\n" NUMBERS), NULL),
+                      CAIRN_TRUNCATED);
+        assert_status(cairn_map_file_read(&map, files_write_text("heap.yaml", "image: one.pgm\n"), NULL),
+                      CAIRN_BAD_FORMAT);
+        assert_status(cairn_map_file_read(&map, files_write_text("heap.yaml", "image: [a\n"), NULL), CAIRN_BAD_FORMAT);
+    }
+    assert_true(files_heap() < heap + FILES_HEAP_NOISE);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -530,7 +652,10 @@ int main(void)
         cmocka_unit_test(test_cut_png),
         cmocka_unit_test(test_bad_descriptions),
         cmocka_unit_test(test_maps_that_cannot_be_written),
+        cmocka_unit_test(test_encode_png),
+        cmocka_unit_test(test_huge_png),
         cmocka_unit_test(test_odd_names),
+        cmocka_unit_test(test_heap),
         cmocka_unit_test(test_locale),
     };
     return cmocka_run_group_tests(tests, files_setup, files_teardown);

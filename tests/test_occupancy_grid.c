@@ -62,7 +62,8 @@ static void check_beam(cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 t
     assert_true(status == CAIRN_OK || (status == CAIRN_EMPTY && whole < tolerance && !inside));
     if (status == CAIRN_OK) {
         assert_int_equal(walk.ends_inside, inside);
-        while (cairn_occupancy_walk_next(&walk, &chord)) {
+        while (!walk.done) {
+            assert_int_equal(cairn_occupancy_walk_next(&walk, &chord), 1);
             assert_in_range(chord.x, 0, WIDTH - 1);
             assert_in_range(chord.y, 0, HEIGHT - 1);
             assert_true(generic ? chord.length > 0 : chord.length >= 0);
@@ -74,6 +75,7 @@ static void check_beam(cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 t
             sum += (double)chord.length;
         }
         assert_true(!inside || (last_x == end_x && last_y == end_y));
+        assert_int_equal(walk.done, 1);
         assert_int_equal(cairn_occupancy_walk_next(&walk, &chord), 0);
         assert_true(cells <= WIDTH + HEIGHT - 1);
     }
@@ -236,6 +238,22 @@ static void random_scan(cairn_random *random, cairn_beam *beams)
         if (i % 8 == 0)
             beams[i].to.x = (cairn_real)NAN;
     }
+    beams[0] = beams[1];
+}
+
+/* A unit for the start of a beam, one for six of its cells. */
+static int32_t units_of(const cairn_occupancy_grid *grid, const cairn_beam *beam, cairn_transform transform)
+{
+    cairn_occupancy_walk walk;
+    cairn_occupancy_chord chord;
+    int32_t cells = 0;
+
+    if (beam->kind != CAIRN_BEAM_UNKNOWN &&
+        cairn_occupancy_grid_walk(grid, cairn_transform_point(transform, beam->from),
+                                  cairn_transform_point(transform, beam->to), &walk) == CAIRN_OK)
+        while (cairn_occupancy_walk_next(&walk, &chord))
+            cells++;
+    return 1 + (cells + 5) / 6;
 }
 
 /* A scan equals its beams one by one, whatever the budgets; a clearing comes before it. */
@@ -248,10 +266,12 @@ static void test_scan_matches_beams(void **state)
     cairn_beam beams[BEAMS];
     cairn_pool pool, other;
     cairn_occupancy_grid *grid = make_grid(&pool, SMALL), *twin = make_grid(&other, SMALL);
-    int32_t units[4];
+    int32_t units[4], expected = (WIDTH * HEIGHT + 63) / 64;
 
     (void)state;
     random_scan(&random, beams);
+    for (int32_t i = 0; i < BEAMS; i++)
+        expected += units_of(twin, &beams[i], transform);
     for (int32_t i = 0; i < BEAMS; i++)
         if (beams[i].kind != CAIRN_BEAM_UNKNOWN)
             assert_ok(cairn_occupancy_grid_add_beam(twin, cairn_transform_point(transform, beams[i].from),
@@ -259,6 +279,7 @@ static void test_scan_matches_beams(void **state)
                                                     beams[i].kind == CAIRN_BEAM_HIT));
     for (int k = 0; k < 4; k++) {
         cairn_budget budget = {3};
+        cairn_fault fault = {7, NULL};
         cairn_status status;
 
         /* A scan half added is dropped by clear(). */
@@ -266,7 +287,8 @@ static void test_scan_matches_beams(void **state)
         assert_status(cairn_occupancy_grid_step(grid, &budget), CAIRN_MORE);
         assert_int_equal(budget.left, 0);
         assert_status(cairn_occupancy_grid_step(grid, &budget), CAIRN_MORE);
-        assert_status(cairn_occupancy_grid_begin_scan(grid, beams, BEAMS, map_scan, NULL), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_occupancy_grid_begin_scan(grid, beams, BEAMS, map_scan, &fault), CAIRN_BAD_ARGUMENT);
+        assert_int_equal(fault.index, -1);
         assert_status(cairn_occupancy_grid_add_beam(grid, beams[1].from, beams[1].to, 1), CAIRN_BAD_ARGUMENT);
         cairn_occupancy_grid_clear(grid);
         assert_status(cairn_occupancy_grid_add_beam(grid, beams[1].from, beams[1].to, 1), CAIRN_BAD_ARGUMENT);
@@ -286,9 +308,8 @@ static void test_scan_matches_beams(void **state)
                 assert_int_equal(a.hits, b.hits);
                 assert_true(a.length == b.length);
             }
-        assert_int_equal(units[k], units[0]);
+        assert_int_equal(units[k], expected);
     }
-    assert_true(units[0] > BEAMS + (WIDTH * HEIGHT + 63) / 64 && units[0] < 5 * BEAMS);
     test_pool_free(&pool);
     test_pool_free(&other);
 }
@@ -296,8 +317,8 @@ static void test_scan_matches_beams(void **state)
 /* Clearing takes exactly a unit for 64 cells and leaves nothing. */
 static void test_clear(void **state)
 {
-    cairn_occupancy_grid_params params = {20, 10, 1, {0, 0}};
-    cairn_vec2 from = {0, 0}, to = {CAIRN_REAL(19.9), CAIRN_REAL(9.9)};
+    cairn_occupancy_grid_params params = {43, 3, 1, {0, 0}};
+    cairn_vec2 from = {0, 0}, to = {CAIRN_REAL(42.9), CAIRN_REAL(2.9)};
     cairn_pool pool;
     cairn_occupancy_grid *grid = make_grid(&pool, params);
     cairn_budget budget = {1};
@@ -307,13 +328,15 @@ static void test_clear(void **state)
     cairn_occupancy_grid_clear(grid);
     assert_status(cairn_occupancy_grid_step(grid, &budget), CAIRN_MORE);
     assert_near(cairn_occupancy_grid_probability(grid, 0, 0), -1, 0);
-    assert_true(cairn_occupancy_grid_cell(grid, 19, 9).hits == 1);
+    assert_true(cairn_occupancy_grid_cell(grid, 20, 1).length == 0);
+    assert_true(cairn_occupancy_grid_cell(grid, 21, 1).length > 0);
+    assert_true(cairn_occupancy_grid_cell(grid, 42, 2).hits == 1);
     budget.left = 100;
     assert_ok(cairn_occupancy_grid_step(grid, &budget));
-    assert_int_equal(budget.left, 97);
-    for (int32_t i = 0; i < 200; i++) {
-        assert_int_equal(cairn_occupancy_grid_cell(grid, i % 20, i / 20).hits, 0);
-        assert_true(cairn_occupancy_grid_cell(grid, i % 20, i / 20).length == 0);
+    assert_int_equal(budget.left, 98);
+    for (int32_t i = 0; i < 129; i++) {
+        assert_int_equal(cairn_occupancy_grid_cell(grid, i % 43, i / 43).hits, 0);
+        assert_true(cairn_occupancy_grid_cell(grid, i % 43, i / 43).length == 0);
     }
     test_pool_free(&pool);
 }
@@ -378,7 +401,7 @@ static void test_classify(void **state)
 
             from.x = CAIRN_REAL(0.5) * (cairn_real)x;
             from.y = to.y = CAIRN_REAL(0.5) * (cairn_real)y + CAIRN_REAL(0.25);
-            to.x = from.x + CAIRN_REAL(0.375);
+            to.x = from.x + CAIRN_REAL(0.0625) * (cairn_real)(x + 4);
             for (int32_t i = 0; i < 8; i++)
                 assert_ok(cairn_occupancy_grid_add_beam(grid, from, to, i < x + 2 * y));
         }
@@ -394,7 +417,7 @@ static void test_classify(void **state)
 
             assert_int_equal(picture[2 - y][x], expected);
             seen[expected == 0 ? 0 : expected == 205 ? 1 : 2]++;
-            assert_true(p < 0 || fabs((double)p - (1 - exp(-0.5 * (x + 2 * y) / 3))) < 1e-6);
+            assert_true(p < 0 || fabs((double)p - (1 - exp(-1.0 * (x + 2 * y) / (x + 4)))) < 1e-6);
         }
     assert_true(seen[0] > 1 && seen[1] > 4 && seen[2] >= 1);
     assert_int_equal(picture[0][4], 1);
@@ -405,7 +428,7 @@ static void test_classify(void **state)
     out.height = 1;
     assert_ok(cairn_occupancy_grid_classify(grid, thresholds, 1, out));
     for (int32_t x = 0; x < 4; x++)
-        assert_int_equal(picture[0][x], x < 2 ? CAIRN_CELL_FREE : CAIRN_CELL_OCCUPIED);
+        assert_int_equal(picture[0][x], x < 1 ? CAIRN_CELL_FREE : CAIRN_CELL_OCCUPIED);
     assert_ok(cairn_occupancy_grid_classify(grid, thresholds, 2, out));
     assert_int_equal(picture[0][0], CAIRN_CELL_UNKNOWN);
     assert_status(cairn_occupancy_grid_classify(grid, thresholds, 3, out), CAIRN_BAD_ARGUMENT);
@@ -499,6 +522,12 @@ static void test_grid_refusals(void **state)
         assert_int_equal(cairn_occupancy_grid_memory(&bad), 0);
         assert_status(cairn_occupancy_grid_create(&grid, &pool, &bad), CAIRN_BAD_ARGUMENT);
     }
+    /* The reciprocal overflows, or just does not. */
+    bad = params;
+    bad.resolution = CAIRN_REAL(1.5) / CAIRN_REAL_MAX;
+    assert_true(cairn_occupancy_grid_memory(&bad) > 0);
+    bad.resolution /= 3;
+    assert_int_equal(cairn_occupancy_grid_memory(&bad), 0);
     bad = params;
     bad.height = 1;
     bad.resolution = CAIRN_REAL_MAX / 100;

@@ -22,13 +22,17 @@ static void test_commit_and_discard(void **state)
     cairn_file_error error;
     cairn_output *output;
     struct stat about;
+    char part[600];
 
     (void)state;
     assert_ok(cairn_output_open(&output, path, &error));
     cairn_output_print(output, "%s %d ", "new", 7);
     cairn_output_bytes(output, "abc", 2);
     cairn_output_bytes(output, "abc", 0);
+    cairn_output_print(output, "%s", "");
     assert_file(path, "old");
+    (void)snprintf(part, sizeof part, "%s.%ld-0.part", path, (long)getpid());
+    assert_int_equal(access(part, F_OK), 0);
     assert_int_equal(files_count(), entries + 1);
     assert_ok(cairn_output_commit(output, &error));
     assert_file(path, "new 7 ab");
@@ -208,6 +212,8 @@ static void test_error_texts(void **state)
     assert_string_equal(error.text, "f: cannot open: Cannot allocate memory");
     assert_status(cairn_file_error_system(&error, "f", "open", EACCES), CAIRN_IO);
     assert_string_equal(error.text, "f: cannot open: Permission denied");
+    (void)cairn_file_error_set(&error, CAIRN_IO, "f", 1, "end");
+    assert_string_equal(error.text, "f:1: end");
     memset(piece, 'x', sizeof piece);
     piece[sizeof piece - 1] = 0;
     (void)cairn_file_error_set(&error, CAIRN_IO, "f", 0, "%s", piece);
@@ -215,6 +221,30 @@ static void test_error_texts(void **state)
     (void)cairn_file_error_set(&error, CAIRN_IO, piece, 7, "end");
     assert_non_null(strstr(error.text, "xxx:7: end"));
     assert_memory_equal(error.text, "...xxx", 6);
+    piece[CAIRN_FILE_ERROR_BYTES - 512] = 0; /* the longest that is not cut */
+    (void)cairn_file_error_set(&error, CAIRN_IO, piece, 7, "end");
+    assert_memory_equal(error.text, "xxxxxx", 6);
+}
+
+/* All memory comes back, whatever the end. */
+static void test_heap(void **state)
+{
+    size_t heap = 0;
+
+    (void)state;
+    for (int round = 0; round <= FILES_HEAP_ROUNDS; round++) {
+        cairn_output *output;
+
+        if (round == 1)
+            heap = files_heap();
+        assert_ok(cairn_output_open(&output, files_path("heap.txt"), NULL));
+        assert_ok(cairn_output_commit(output, NULL));
+        assert_ok(cairn_output_open(&output, files_path("heap.txt"), NULL));
+        cairn_output_discard(output);
+        assert_status(cairn_output_open(&output, files_path("none/heap.txt"), NULL), CAIRN_IO);
+        assert_ok(cairn_output_folder(files_path("heap"), NULL));
+    }
+    assert_true(files_heap() < heap + FILES_HEAP_NOISE);
 }
 
 int main(void)
@@ -229,6 +259,7 @@ int main(void)
         cmocka_unit_test(test_paths),
         cmocka_unit_test(test_locale),
         cmocka_unit_test(test_error_texts),
+        cmocka_unit_test(test_heap),
     };
     return cmocka_run_group_tests(tests, files_setup, files_teardown);
 }

@@ -191,7 +191,7 @@ static void test_bad_places(void **state)
     (void)state;
     assert_refused(file, "/file: is a file, expected a folder");
     assert_refused(files_path("file/inner/most"), "/file: is a file, expected a folder");
-    assert_refused("", "is no name, expected that of a folder");
+    assert_refused("", "\"\": is no name, expected that of a folder");
     assert_file(".", "file", "kept");
     assert_int_equal(mkdir(files_path("taken"), 0777), 0);
     assert_int_equal(mkdir(files_path("taken/c.txt"), 0777), 0);
@@ -222,9 +222,14 @@ static void test_names_without_a_folder_above(void **state)
     write_all(set, "here");
     assert_ok(cairn_output_set_commit(set, NULL));
     assert_file("plain", "c.txt", "here");
-    assert_ok(cairn_output_set_open(&set, "gone", names, FILES, NULL));
-    cairn_output_set_discard(set);
-    assert_int_equal(count_in("gone"), -1);
+    for (int k = 0; k < 3; k++) {
+        static const char *const gone[] = {"gone", "g", "g//h/"};
+
+        assert_ok(cairn_output_set_open(&set, gone[k], names, FILES, NULL));
+        assert_int_equal(count_in(gone[k]), 1);
+        cairn_output_set_discard(set);
+        assert_int_equal(count_in(k == 0 ? "gone" : "g"), -1);
+    }
     /* Two at once: a stage of its own each, the later commit stays. */
     {
         cairn_output_set *other;
@@ -241,12 +246,35 @@ static void test_names_without_a_folder_above(void **state)
     assert_int_equal(chdir(here), 0);
 }
 
+/* All memory comes back, whatever the end. */
+static void test_heap(void **state)
+{
+    size_t heap = 0;
+
+    (void)state;
+    for (int round = 0; round <= FILES_HEAP_ROUNDS; round++) {
+        cairn_output_set *set;
+
+        if (round == 1)
+            heap = files_heap();
+        assert_ok(cairn_output_set_open(&set, files_path("heap"), names, FILES, NULL));
+        write_all(set, "x");
+        assert_ok(cairn_output_set_commit(set, NULL));
+        assert_ok(cairn_output_set_open(&set, files_path("heap"), names, FILES, NULL));
+        assert_status(cairn_output_set_commit(set, NULL), CAIRN_IO);
+        assert_ok(cairn_output_set_open(&set, files_path("heap/more"), names, FILES, NULL));
+        cairn_output_set_discard(set);
+        assert_status(cairn_output_set_open(&set, files_path("heap/a.txt"), names, FILES, NULL), CAIRN_IO);
+    }
+    assert_true(files_heap() < heap + FILES_HEAP_NOISE);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_all_come_at_the_commit),          cmocka_unit_test(test_discard_leaves_nothing),
         cmocka_unit_test(test_a_failing_commit_takes_all_back), cmocka_unit_test(test_bad_places),
-        cmocka_unit_test(test_names_without_a_folder_above),
+        cmocka_unit_test(test_names_without_a_folder_above),    cmocka_unit_test(test_heap),
     };
 
     return cmocka_run_group_tests(tests, files_setup, files_teardown);

@@ -174,6 +174,21 @@ static void counting_saturates(void **state)
     assert_null(cairn_pool_take(&counting, 0, 0));
     assert_int_equal(counting.used, SIZE_MAX);
 
+    /* Objects within the object. */
+    assert_int_equal(cairn_pool_counted(&counting), 0);
+    cairn_pool_init_counting(&counting);
+    cairn_pool_count(&counting, 48);
+    cairn_pool_count(&counting, SIZE_MAX - 49);
+    assert_int_equal(cairn_pool_counted(&counting), SIZE_MAX - 1);
+    cairn_pool_init_counting(&counting);
+    cairn_pool_count(&counting, 48);
+    cairn_pool_count(&counting, SIZE_MAX - 48);
+    assert_int_equal(cairn_pool_counted(&counting), 0);
+    cairn_pool_init_counting(&counting);
+    cairn_pool_count(&counting, 48);
+    cairn_pool_count(&counting, 0);
+    assert_int_equal(cairn_pool_counted(&counting), 0);
+
     cairn_pool_init_counting(&counting);
     assert_null(cairn_pool_take(&counting, SIZE_MAX / 32, 16));
     assert_int_equal(counting.used, SIZE_MAX / 32 * 16 + GAP);

@@ -21,6 +21,7 @@ static void test_text(void **state)
 
     (void)state;
     row[0] = cairn_pose_row_of(0, pose);
+    row[0].line = 1;
     row[1] = cairn_pose_row_of(7, pose);
     row[1].line = 12;
     row[1].stamp_ns = INT64_C(976052857337530000);
@@ -30,7 +31,7 @@ static void test_text(void **state)
     strcpy(row[1].verdict, "placed");
     assert_ok(cairn_pose_table_write(path, row, 2, NULL));
     bytes = files_read(path, NULL);
-    assert_string_equal(bytes, HEADER "0,,,1.5,-0.25,0.1,,,,,,,,\n"
+    assert_string_equal(bytes, HEADER "0,1,,1.5,-0.25,0.1,,,,,,,,\n"
                                       "7,12,976052857.33753,1.5,-0.25,0.1,1,5,9,2,3,6,42,placed\n");
     free(bytes);
 }
@@ -164,6 +165,15 @@ static void test_bad_tables(void **state)
     strcat(line, ",");
     assert_status(cairn_pose_table_read(&row, &count, files_write_text("wide.csv", line), &error), CAIRN_BAD_FORMAT);
     assert_non_null(strstr(error.text, "more than 64 columns"));
+    /* So are fields. */
+    for (int more = 0; more < 2; more++) {
+        strcpy(line, "index,x,y,theta\n1,2,3,4");
+        for (int i = 0; i < 60 + more; i++)
+            strcat(line, ",");
+        assert_status(cairn_pose_table_read(&row, &count, files_write_text("wide.csv", line), &error),
+                      CAIRN_BAD_FORMAT);
+        assert_non_null(strstr(error.text, more ? ":2: more than 64 fields, expected 4" : ":2: 64 fields, expected 4"));
+    }
 }
 
 static void test_endless_line(void **state)
@@ -197,9 +207,13 @@ static void test_rows_that_cannot_be_written(void **state)
     row[1].support = -(cairn_real)INFINITY;
     assert_status(cairn_pose_table_write(path, row, 2, &error), CAIRN_NOT_FINITE);
     row[1] = good;
-    row[1].covariance[5] = (cairn_real)INFINITY;
-    assert_status(cairn_pose_table_write(path, row, 2, &error), CAIRN_NOT_FINITE);
-    row[1] = good;
+    for (int i = 0; i < 9; i++)
+        if (i != 3 && i != 6 && i != 7) { /* those that are written */
+            row[0].covariance[i] = (cairn_real)INFINITY;
+            assert_status(cairn_pose_table_write(path, row, 2, &error), CAIRN_NOT_FINITE);
+            assert_int_equal(error.line, 1);
+            row[0] = good;
+        }
     strcpy(row[1].verdict, "a,b");
     assert_status(cairn_pose_table_write(path, row, 2, &error), CAIRN_BAD_ARGUMENT);
     strcpy(row[1].verdict, "a\"b");
@@ -211,6 +225,30 @@ static void test_rows_that_cannot_be_written(void **state)
     assert_null(files_read(path, NULL));
     assert_status(cairn_pose_table_write(files_path("no/folder.csv"), &good, 1, &error), CAIRN_IO);
     assert_ok(cairn_pose_table_write(path, row, 0, &error));
+    row[0].covariance[0] = row[0].support = CAIRN_REAL_MAX;
+    assert_ok(cairn_pose_table_write(path, row, 1, &error));
+}
+
+/* All memory comes back, whatever the end. */
+static void test_heap(void **state)
+{
+    size_t heap = 0;
+
+    (void)state;
+    for (int round = 0; round <= FILES_HEAP_ROUNDS; round++) {
+        cairn_pose_row *row;
+        int32_t count;
+
+        if (round == 1)
+            heap = files_heap();
+        assert_ok(
+            cairn_pose_table_read(&row, &count, files_write_text("heap.csv", "index,x,y,theta\n1,2,3,4\n"), NULL));
+        cairn_pose_table_free(row);
+        assert_status(
+            cairn_pose_table_read(&row, &count, files_write_text("heap.csv", "index,x,y,theta\n1,2,3,4\n1\n"), NULL),
+            CAIRN_TRUNCATED);
+    }
+    assert_true(files_heap() < heap + FILES_HEAP_NOISE);
 }
 
 int main(void)
@@ -219,6 +257,7 @@ int main(void)
         cmocka_unit_test(test_text),          cmocka_unit_test(test_round_trip),
         cmocka_unit_test(test_reads_by_name), cmocka_unit_test(test_bad_tables),
         cmocka_unit_test(test_endless_line),  cmocka_unit_test(test_rows_that_cannot_be_written),
+        cmocka_unit_test(test_heap),
     };
     return cmocka_run_group_tests(tests, files_setup, files_teardown);
 }

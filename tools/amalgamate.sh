@@ -173,19 +173,26 @@ names $sources $(ls src/core/*.h src/contour/*.h src/mapping/*.h 2>/dev/null) | 
         finish_file()
         room = FILENAME
         gsub(/^.*\/|\.c$/, "", room)
-        while ((getline line < FILENAME) > 0)
+        whole = ""
+        while ((getline line < FILENAME) > 0) {
+            whole = whole line "\n"
             if (line ~ /^#include "src\//) {
                 other = line
                 gsub(/^#include "|".*$/, "", other)
                 emit_header(other)
             }
+        }
         close(FILENAME)
         print "\n/* ---- " FILENAME " ---- */\n"
         split("", defined)
         for (i = 1; i <= entries; i++) {
             split(list[i], word, " ")
             if (word[1] == FILENAME && users[word[2]] > 1) {
-                print "#define " word[2] " " room "_" word[2]
+                # A function that is called like a member of a struct: only its calls are renamed.
+                if (whole ~ ("(\\.|->)" word[2] "[^A-Za-z0-9_]"))
+                    print "#define " word[2] "(...) " room "_" word[2] "(__VA_ARGS__)"
+                else
+                    print "#define " word[2] " " room "_" word[2]
                 macro[++macros] = word[2]
             }
         }

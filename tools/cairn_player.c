@@ -20,9 +20,7 @@ static char *folder_of(const char *path)
 
     if (folder != NULL && folder[0] == '\0') {
         free(folder);
-        folder = malloc(2);
-        if (folder != NULL)
-            memcpy(folder, ".", 2);
+        folder = strdup(".");
     }
     return folder;
 }

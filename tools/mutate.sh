@@ -2,11 +2,13 @@
 # Plants one-line faults in src/ and counts how many the tests find: tools/mutate.sh [N] [SEED] [FILE]...
 #
 # N faults (40) are drawn by SEED (1) over the lines of the FILEs (all of src/): signs, comparisons, indices, constants,
-# x and y, and, or, not, min and max. Each is planted in a scratch copy; the double tests run, that of the same room
-# first, until one fails, dies or takes ten times its usual time. Tests that fail without a fault (those of installed
-# commands, say) are left out. Faults that do not compile or leave the object code as
-# it was are drawn again. Equal arguments give equal faults. Exits with 1 when fewer than nine in ten are found: some
-# faults change nothing that can be seen.
+# x and y, and, or, not, min and max. The double tests run against each until one fails, dies or takes ten times its
+# usual time: first that of the same room, then all others that link it, the quick ones first. Tests that fail without a
+# fault are left out. Faults that do not compile or leave the object code as it was are drawn again. Equal arguments give
+# equal faults. Exits with 1 when fewer than nine in ten are found: some faults change nothing that can be seen.
+#
+# The tests and tools stand on one shared library, $BUILD/mutants/libfaulty.so; a fault is one object that the loader
+# puts before it. The tree is not touched.
 count=${1:-40}
 seed=${2:-1}
 [ $# -lt 1 ] || shift
@@ -14,6 +16,8 @@ seed=${2:-1}
 export LC_ALL=C
 unset MAKEFLAGS MFLAGS MAKELEVEL
 [ $# -gt 0 ] || set -- $(ls src/core/*.c src/contour/*.c src/mapping/*.c src/host/*.c 2>/dev/null)
+build=${BUILD:-build}/mutants
+mkdir -p "$build/tests"
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 trap 'exit 130' INT TERM
@@ -132,119 +136,130 @@ END {
     }
 }' "$@" >"$work/candidates"
 
-# Two workers, each in a copy of its own. The tests stand on one shared library, so that a fault costs one object and one
-# link.
-sources=$(ls src/core/*.c src/contour/*.c src/mapping/*.c src/host/*.c sim/*.cpp 2>/dev/null)
-tests=$(ls tests/test_*.c | sed 's|.*/||; s|\.c$||')
-[ -f /usr/include/box2d/box2d.h ] || [ -f /usr/local/include/box2d/box2d.h ] || sources=$(echo "$sources" | grep -v '^sim/')
-system_libs="-lcmocka -lyaml -lpng -lz -lpthread -lm"
-case $sources in *sim/*) system_libs="-lbox2d $system_libs" ;; esac
+# A fast folder for the tests' files, and the locale that they would make, each for itself.
+export TMPDIR="$work"
+[ ! -w /dev/shm ] || TMPDIR=$(mktemp -d /dev/shm/mutate-XXXXXX)
+trap 'rm -rf "$work" "$TMPDIR"' EXIT
+mkdir "$work/locale"
+# The heap as tests/run.sh has it.
+export MALLOC_PERTURB_=165 MALLOC_CHECK_=3 heap=
+[ -n "$(LD_PRELOAD=libc_malloc_debug.so.0 true 2>&1)" ] || heap=:libc_malloc_debug.so.0
+localedef -i de_DE -f UTF-8 "$work/locale/de_DE.UTF-8" >/dev/null 2>&1 && export LOCPATH="$work/locale"
 
-objects() # of the files given, in BUILD=m
-{
-    for source in "$@"; do
-        echo "m/double/$source.o"
-    done
-}
-# shellcheck disable=SC2086
-library() # in a worker's tree
-{
-    c++ -shared -o m/libfaulty.so $(objects $sources) $system_libs
+libraries="$build/libcairn-host.a $build/libcairn.a"
+system_libs="-lcmocka -lyaml -lpng -lz -lpthread -lm"
+[ ! -f /usr/include/box2d/box2d.h ] && [ ! -f /usr/local/include/box2d/box2d.h ] || {
+    libraries="$build/libcairn-sim.a $libraries"
+    system_libs="-lbox2d $system_libs"
 }
 mutate_make()
 {
-    make -s BUILD=m OPT=-O1 CFLAGS='-g0 -w' ASSERTIONS=1 "$@"
+    make -s BUILD="$build" OPT=-O1 CFLAGS='-g0 -w' ASSERTIONS=1 "$@"
+}
+objects() # of the files given
+{
+    for source in "$@"; do
+        echo "$build/double/$source.o"
+    done
+}
+# program NAME FILE...: links $build/NAME; $work/uses/NAME says which of the library's objects it needs.
+program()
+{
+    name=$1
+    shift
+    # shellcheck disable=SC2046,SC2086
+    c++ -o "$build/$name" $(objects "$@") -L"$build" -lfaulty -Wl,-rpath,"$PWD/$build" $system_libs &&
+        c++ -o "$work/program" $(objects "$@") -Wl,--trace,--start-group $libraries -Wl,--end-group $system_libs |
+        sed -n 's/.*[(\/]\([a-z0-9_]*\.c\)\.o)*$/\1/p' >"$work/uses/$name"
 }
 
-mkdir "$work/1"
-for entry in *; do
-    [ "$entry" = build ] || cp -r "$entry" "$work/1/"
-done
+tests=$(ls tests/test_*.c | sed 's|.*/||; s|\.c$||')
+cairn=$(ls tools/cairn*.c tools/options.c | grep -v cairn_arena)
+arena=$(ls tools/cairn_arena*.c tools/options.c)
+mkdir -p "$work/uses/tests"
 (
-    cd "$work/1" || exit 2
     # shellcheck disable=SC2046,SC2086
-    mutate_make -j2 $(objects $sources tests/support.c) $(for t in $tests; do objects "tests/$t.c"; done) && library || exit 2
-    mkdir m/tests
+    mutate_make -j2 $libraries $(objects tests/support.c $(for t in $tests; do echo "tests/$t.c"; done) $cairn $arena) || exit 2
+    # shellcheck disable=SC2086
+    c++ -shared -o "$build/libfaulty.so" -Wl,--whole-archive $libraries -Wl,--no-whole-archive $system_libs || exit 2
+    # shellcheck disable=SC2086
+    program cairn $cairn && program cairn-arena $arena || exit 2
     for t in $tests; do
-        # shellcheck disable=SC2086
-        c++ -o "m/tests/$t" "m/double/tests/$t.c.o" m/double/tests/support.c.o -Lm -lfaulty $system_libs || exit 2
+        program "tests/$t" "tests/$t.c" tests/support.c || exit 2
+    done
+    cat "$work/uses/cairn" "$work/uses/cairn-arena" >>"$work/uses/tests/test_tools"
+    cat "$work/uses/cairn-arena" >>"$work/uses/tests/test_cairn_arena"
+    cat "$work/uses/cairn" >>"$work/uses/tests/test_cairn_tool"
+    for t in $tests; do
         start=$(date +%s%N)
-        LD_LIBRARY_PATH=m "m/tests/$t" >m/log 2>&1 || {
+        "$build/tests/$t" >"$work/log" 2>&1 || {
             echo "left out: $t, which fails without a fault" >&2
             continue
         }
-        echo "$t $((($(date +%s%N) - start) / 100000000 + 5))" # ten times its time, and five seconds
-    done >m/times
-    cat m/times >"$work/times"
+        echo "$t $((($(date +%s%N) - start) / 100000000 + 3))" # ten times its time, and three seconds
+    done | sort -n -k 2 >"$work/times"
 ) || {
     echo "tools/mutate.sh: the tests must build and pass first" >&2
     exit 2
 }
-cp -r "$work/1" "$work/2"
 
-# try WORKER CANDIDATE: writes "skip", "found <by>" or "missed" and the changed line to the worker's file `result`.
-try()
+# try NUMBER: writes "skip", "found by <test>" or "missed" and the changed line to $work/NUMBER.result.
+cat >"$work/try" <<'END'
+work=$1 build=$2 number=$3
+tab=$(printf '\t')
+sed -n "${number}p" "$work/candidates" >"$work/$number.fault"
+IFS=$tab read -r file line column length text <"$work/$number.fault"
+awk -v line="$line" -v column="$column" -v length_="$length" -v text="$text" '
+    NR == line { $0 = substr($0, 1, column - 1) text substr($0, column + length_) } { print }' "$file" >"$work/$number.c"
+source=$work/$number/$(basename "$file")
+mkdir "$work/$number"
+{ echo "#line 1 \"$file\"" && cat "$work/$number.c"; } >"$source"
+object=$build/double/$file.o
+command=$(make -n -W "$file" BUILD="$build" OPT=-O1 CFLAGS='-g0 -w' ASSERTIONS=1 "$object" |
+    sed -n "s| -c $file -o $object| -c $source -o $work/$number.o|p")
+verdict=skip
+if eval "$command" 2>/dev/null &&
+    ! cmp -s "$object" "$work/$number.o" && cc -shared -o "$work/$number.so" "$work/$number.o" 2>/dev/null; then
+    verdict=missed
+    room=test_$(basename "$file" .c)
+    until [ -f "tests/$room.c" ] || [ "${room%_*}" = test ]; do # of a part: its room
+        room=${room%_*}
+    done
+    ulimit -c 0
+    mkdir "$TMPDIR/$number"
+    while read -r t limit; do
+        [ -n "$t" ] || continue
+        [ "$t" = "$room" ] || grep -qx "$(basename "$file")" "$work/uses/tests/$t" || continue
+        LD_PRELOAD=$work/$number.so$heap CMOCKA_TEST_ABORT=1 TMPDIR=$TMPDIR/$number timeout -k 1 "$limit" "$build/tests/$t" \
+            >/dev/null 2>&1 || {
+            verdict="found by $t"
+            break
+        }
+    done <<TIMES
+$(awk -v room="$room" '$1 == room' "$work/times")
+$(awk -v room="$room" '$1 != room' "$work/times")
+TIMES
+    rm -rf "${TMPDIR:?}/$number"
+fi
 {
-    cd "$work/$1" || exit 2
-    tab=$(printf '\t')
-    IFS=$tab read -r file line column length text <<END
-$2
+    echo "$verdict"
+    echo "$file:$line: $verdict"
+    sed -n "${line}s/^ */    - /p" "$file"
+    sed -n "${line}s/^ */    + /p" "$work/$number.c"
+} >"$work/$number.result"
+[ "$verdict" = skip ] || sed 1d "$work/$number.result"
+rm -rf "$work/$number" "$work/$number".[cos]*
 END
-    cp "$file" m/original.c
-    cp "m/double/$file.o" m/original.o
-    awk -v line="$line" -v column="$column" -v length_="$length" -v text="$text" '
-        NR == line { $0 = substr($0, 1, column - 1) text substr($0, column + length_) } { print }' m/original.c >"$file"
-    verdict=skip
-    if mutate_make "m/double/$file.o" >/dev/null 2>&1 && ! cmp -s "m/double/$file.o" m/original.o &&
-        library 2>/dev/null; then
-        verdict=missed
-        room=test_$(basename "$file" .c)
-        until [ -f "tests/$room.c" ] || [ "${room%_*}" = test ]; do # of a part: its room
-            room=${room%_*}
-        done
-        # shellcheck disable=SC2013
-        for t in $(awk -v room="$room" '$1 == room' m/times | cut -d ' ' -f 1) $(awk -v room="$room" '$1 != room { print $1 }' m/times); do
-            limit=$(awk -v t="$t" '$1 == t { print $2 }' m/times)
-            LD_LIBRARY_PATH=m timeout -k 1 "$limit" "m/tests/$t" >m/log 2>&1 || {
-                verdict="found by $t"
-                break
-            }
-        done
-    fi
-    {
-        echo "$verdict"
-        echo "$file:$line"
-        sed -n "${line}s/^ */    - /p" m/original.c
-        sed -n "${line}s/^ */    + /p" "$file"
-    } >result
-    cp m/original.c "$file"
-    cp m/original.o "m/double/$file.o"
-}
 
-found=0 skipped=0 total=0
-exec 3<"$work/candidates"
-more=1
-while [ $total -lt "$count" ] && [ $more -eq 1 ]; do
-    for worker in 1 2; do
-        rm -f "$work/$worker/result"
-        if IFS= read -r fault <&3; then
-            (try $worker "$fault") 3<&- &
-        else
-            more=0
-        fi
-    done
-    wait
-    for worker in 1 2; do
-        [ -f "$work/$worker/result" ] && [ $total -lt "$count" ] || continue
-        verdict=$(head -1 "$work/$worker/result")
-        if [ "$verdict" = skip ]; then
-            skipped=$((skipped + 1))
-            continue
-        fi
-        total=$((total + 1))
-        [ "$verdict" = missed ] || found=$((found + 1))
-        awk 'NR == 1 { verdict = $0 } NR == 2 { print $0 ": " verdict } NR > 2' "$work/$worker/result"
-    done
+# Two at a time, as many as are still wanted.
+tried=0 total=0 candidates=$(wc -l <"$work/candidates")
+while [ $total -lt "$count" ] && [ $tried -lt "$candidates" ]; do
+    last=$((tried + count - total))
+    [ $last -le "$candidates" ] || last=$candidates
+    seq $((tried + 1)) $last | xargs -P 2 -n 1 sh "$work/try" "$work" "$build"
+    tried=$last
+    total=$(cat "$work"/*.result | grep -c '^found\|^missed$')
 done
-echo "found $found of $total (seed $seed; $skipped more did not compile or changed nothing)"
+found=$(cat "$work"/*.result | grep -c '^found')
+echo "found $found of $total (seed $seed; $((tried - total)) more did not compile or changed nothing)"
 [ $((found * 10)) -ge $((total * 9)) ]

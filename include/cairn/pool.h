@@ -59,6 +59,12 @@ CAIRN_CHECKED cairn_status cairn_pool_init(cairn_pool *pool, void *memory, size_
 /* A pool that only counts: takes succeed on paper, `used` saturates at SIZE_MAX on overflow. */
 void cairn_pool_init_counting(cairn_pool *pool);
 
+/* Counts an object within the object by its _memory(); 0, which says that it would be refused, counts as an overflow. */
+void cairn_pool_count(cairn_pool *counting, size_t need);
+
+/* What a _memory() says: the bytes counted, 0 after an overflow. */
+size_t cairn_pool_counted(const cairn_pool *counting);
+
 /* `count` elements of `size` bytes, not cleared; NULL when there is no room (or when the pool counts), with `refused`
  * grown and nothing taken. A count or size of 0 gives a valid pointer that must not be read. */
 void *cairn_pool_take(cairn_pool *pool, size_t count, size_t size);

@@ -62,11 +62,17 @@ typedef struct cairn_scan_match_hypothesis {
     /* Row-major over (x, y, theta) of target_query, in the target's frame. What nothing is known of has a standard
      * deviation of 100 m. */
     cairn_real covariance[9];
-    cairn_real overlap;       /* share of the query's points that lie on a target's surface of their direction */
-    cairn_real contradiction; /* of the points that lie on the other's surface or in space that the other saw free, both
-                               * ways: share of the latter; 0 where nothing is known of free space */
-    cairn_real score;         /* what ranks: 0 ... 1, grows with overlap, falls with contradiction */
-    cairn_real sigma;         /* robust standard deviation of the points across the lines, m, >= params.sigma */
+    cairn_real overlap; /* share of the query's points that lie on a target's surface of their direction */
+    cairn_real
+        fit; /* the same with each point weighed by its distance from the surface: 1 on it, half at 0.3 spacings */
+    cairn_real contradiction; /* of the query's points that lie on a surface or in space that the target saw free: share
+                                      * of the latter; 0 where nothing is known of free space */
+    cairn_real target_contradiction; /* the same of the target's points in what the query saw */
+    cairn_real score;                /* what ranks: 0 ... 1, grows with the fit, falls with the contradictions */
+    cairn_real
+        evidence;     /* log odds that this is the pose and no chance likeness of places that share nothing; a measured
+                          * rule over the above, the number of points and the best rival's score */
+    cairn_real sigma; /* robust standard deviation of the points across the lines, m, >= params.sigma */
     /* The least observable motion about the query's centroid: unit vector over (x, y, theta times `radius`) in the
      * target's frame, sign free, and its information as a share of the best observable motion's. */
     cairn_real weak[3];

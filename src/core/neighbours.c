@@ -20,6 +20,16 @@
 
 enum { MAX_COUNT = 1 << 28, MAX_CELL = 1 << 30, NONE = -1 };
 
+static int32_t smaller(int32_t a, int32_t b)
+{
+    return a < b ? a : b;
+}
+
+static int32_t larger(int32_t a, int32_t b)
+{
+    return a > b ? a : b;
+}
+
 /* ---- Hash grid ---- */
 
 struct cairn_point_grid {
@@ -75,7 +85,7 @@ size_t cairn_point_grid_memory(const cairn_point_grid_params *params)
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve_point_grid(&counting, params);
-    return counting.used == SIZE_MAX ? 0 : counting.used;
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_point_grid_create(cairn_point_grid **grid, cairn_pool *pool, const cairn_point_grid_params *params)
@@ -107,12 +117,8 @@ void cairn_point_grid_clear(cairn_point_grid *grid)
 static int32_t cell_of(const cairn_point_grid *grid, cairn_real coordinate)
 {
     cairn_real scaled = coordinate * grid->inverse_cell;
-    int32_t cell = cairn_real_to_int(scaled);
+    int32_t cell = larger(-MAX_CELL, smaller(cairn_real_to_int(scaled), MAX_CELL));
 
-    if (cell <= -MAX_CELL)
-        return -MAX_CELL;
-    if (cell >= MAX_CELL)
-        return MAX_CELL;
     return cell - ((cairn_real)cell > scaled);
 }
 
@@ -195,8 +201,8 @@ static void try_cell(const cairn_point_grid *grid, int32_t x, int32_t y, struct 
 static void try_ring(const cairn_point_grid *grid, int32_t cx, int32_t cy, int32_t k, struct cell_box box,
                      struct nearest *best)
 {
-    int32_t low_x = cx - k > box.min_x ? cx - k : box.min_x, high_x = cx + k < box.max_x ? cx + k : box.max_x;
-    int32_t low_y = cy - k > box.min_y ? cy - k : box.min_y, high_y = cy + k < box.max_y ? cy + k : box.max_y;
+    int32_t low_x = larger(cx - k, box.min_x), high_x = smaller(cx + k, box.max_x);
+    int32_t low_y = larger(cy - k, box.min_y), high_y = smaller(cy + k, box.max_y);
 
     for (int32_t y = low_y; y <= high_y; y++) {
         if (y == cy - k || y == cy + k) {
@@ -211,9 +217,10 @@ static void try_ring(const cairn_point_grid *grid, int32_t cx, int32_t cy, int32
     }
 }
 
-static int32_t larger(int32_t a, int32_t b)
+/* Rings around (cx, cy) that reach into the box. */
+static int32_t rings_within(struct cell_box box, int32_t cx, int32_t cy)
 {
-    return a > b ? a : b;
+    return larger(larger(cx - box.min_x, box.max_x - cx), larger(cy - box.min_y, box.max_y - cy));
 }
 
 int32_t cairn_point_grid_nearest(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius,
@@ -229,16 +236,11 @@ int32_t cairn_point_grid_nearest(const cairn_point_grid *grid, cairn_vec2 p, cai
         for (int32_t i = 0; i < grid->count; i++)
             try_point(grid, i, &best);
     } else {
-        int32_t cx = cell_of(grid, p.x), cy = cell_of(grid, p.y), last = NONE;
-        int32_t rings = larger(larger(cx - box.min_x, box.max_x - cx), larger(cy - box.min_y, box.max_y - cy));
+        int32_t cx = cell_of(grid, p.x), cy = cell_of(grid, p.y);
 
-        for (int32_t k = 0; k <= rings; k++) {
+        for (int32_t k = 0; k <= rings_within(box, cx, cy); k++) {
             try_ring(grid, cx, cy, k, box, &best);
-            if (best.index != last) {
-                last = best.index;
-                box = cells_within(grid, p, cairn_sqrt(best.distance_squared));
-                rings = larger(larger(cx - box.min_x, box.max_x - cx), larger(cy - box.min_y, box.max_y - cy));
-            }
+            box = cells_within(grid, p, cairn_sqrt(best.distance_squared));
         }
     }
     if (best.index != NONE && distance_squared != NULL)
@@ -248,7 +250,7 @@ int32_t cairn_point_grid_nearest(const cairn_point_grid *grid, cairn_vec2 p, cai
 
 cairn_point_grid_cursor cairn_point_grid_begin(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius)
 {
-    cairn_point_grid_cursor cursor = {p, radius * radius, 0, 0, -1, 0, 0, NONE, 0};
+    cairn_point_grid_cursor cursor = {.centre = p, .radius_squared = radius * radius, .max_y = -1, .next = NONE};
     struct cell_box box;
 
     if (grid->count == 0 || !(radius >= 0) || !cairn_is_finite(p.x) || !cairn_is_finite(p.y))
@@ -293,11 +295,11 @@ int32_t cairn_point_grid_next(const cairn_point_grid *grid, cairn_point_grid_cur
                 cell_of(grid, grid->points[i].y) == cursor->y)
                 return i;
         }
-        if (cursor->x < cursor->max_x) {
-            cursor->x++;
-        } else {
+        if (cursor->x == cursor->max_x) {
             cursor->x = cursor->min_x;
             cursor->y++;
+        } else {
+            cursor->x++;
         }
         if (cursor->y <= cursor->max_y)
             cursor->next = grid->heads[bucket_of(grid, cursor->x, cursor->y)];
@@ -345,7 +347,7 @@ size_t cairn_box_sweep_memory(const cairn_box_sweep_params *params)
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve_box_sweep(&counting, params);
-    return counting.used == SIZE_MAX ? 0 : counting.used;
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_box_sweep_create(cairn_box_sweep **sweep, cairn_pool *pool, const cairn_box_sweep_params *params)
@@ -360,13 +362,8 @@ cairn_status cairn_box_sweep_create(cairn_box_sweep **sweep, cairn_pool *pool, c
     made = carve_box_sweep(pool, params);
     for (int32_t i = 0; i < params->max_boxes; i++)
         made->order[i] = i;
-    made->boxes = NULL;
     made->capacity = params->max_boxes;
-    made->known = made->count = 0;
-    made->stride = 0;
-    made->sorted = made->place = 0;
-    made->first = made->second = 0;
-    made->credit = 0;
+    made->known = made->count = made->stride = made->first = 0;
     *sweep = made;
     return CAIRN_OK;
 }
@@ -380,8 +377,7 @@ cairn_status cairn_box_sweep_begin(cairn_box_sweep *sweep, const cairn_box *boxe
     if (count > sweep->capacity)
         return CAIRN_FULL;
     added = count - sweep->count;
-    if (count > sweep->known)
-        sweep->known = count;
+    sweep->known = larger(count, sweep->known);
     sweep->boxes = boxes;
     sweep->count = count;
     sweep->stride = 1;

@@ -112,7 +112,7 @@ size_t cairn_polyline_memory(const cairn_polyline_params *params)
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
-    return counting.used == SIZE_MAX ? 0 : counting.used;
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_polyline_create(cairn_polyline **polyline, cairn_pool *pool, const cairn_polyline_params *params)

@@ -71,6 +71,16 @@ void cairn_pool_init_counting(cairn_pool *pool)
     pool->size = SIZE_MAX;
 }
 
+void cairn_pool_count(cairn_pool *counting, size_t need)
+{
+    counting->used = need != 0 && need < SIZE_MAX - counting->used ? counting->used + need : SIZE_MAX;
+}
+
+size_t cairn_pool_counted(const cairn_pool *counting)
+{
+    return counting->used == SIZE_MAX ? 0 : counting->used;
+}
+
 void *cairn_pool_take(cairn_pool *pool, size_t count, size_t size)
 {
     size_t bytes = 0;
@@ -183,7 +193,7 @@ size_t cairn_block_pool_memory(size_t block_bytes, size_t count)
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve_blocks(&counting, block_stride(block_bytes), count);
-    return counting.used == SIZE_MAX ? 0 : counting.used;
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_block_pool_create(cairn_block_pool **blocks, cairn_pool *pool, size_t block_bytes, size_t count)

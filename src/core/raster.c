@@ -11,8 +11,6 @@
  * CAIRN_DISTANCE_FAR enters no sum. */
 #include "src/core/build.h"
 
-#include <string.h>
-
 #include "cairn/raster.h"
 
 /* ---- Views ---- */
@@ -26,7 +24,7 @@ static cairn_status check_view(const void *data, int32_t width, int32_t height, 
         return CAIRN_BAD_ARGUMENT;
     if (height == 1)
         return CAIRN_OK;
-    if (stride < -PTRDIFF_MAX)
+    if (stride == PTRDIFF_MIN)
         return CAIRN_BAD_ARGUMENT;
     step = stride < 0 ? -stride : stride;
     return step >= width && step <= (limit - width) / (height - 1) ? CAIRN_OK : CAIRN_BAD_ARGUMENT;
@@ -62,7 +60,7 @@ struct cairn_distance_map {
     int32_t max_width;
     int32_t pass;
     int32_t x, y;   /* next pixel of the pass */
-    int32_t top;    /* of the stack; -1: empty */
+    int32_t held;   /* columns on the stack */
     int32_t credit; /* operations paid for */
 };
 
@@ -94,7 +92,7 @@ size_t cairn_distance_map_memory(const cairn_distance_map_params *params)
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
-    return counting.used;
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_distance_map_create(cairn_distance_map **map, cairn_pool *pool,
@@ -108,12 +106,8 @@ cairn_status cairn_distance_map_create(cairn_distance_map **map, cairn_pool *poo
     if (!cairn_pool_has_room(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
-    memset(&made->input, 0, sizeof made->input);
     made->max_width = params->max_width;
     made->pass = DONE;
-    made->x = made->y = 0;
-    made->top = -1;
-    made->credit = 0;
     *map = made;
     return CAIRN_OK;
 }
@@ -130,7 +124,7 @@ cairn_status cairn_distance_map_begin(cairn_distance_map *map, const cairn_dista
     map->input = *input;
     map->pass = DOWN;
     map->x = map->y = 0;
-    map->top = -1;
+    map->held = 0;
     map->credit = 0;
     return CAIRN_OK;
 }
@@ -202,31 +196,31 @@ static int64_t build_envelope(cairn_distance_map *map, int64_t operations)
     int32_t width = map->input.pixels.width;
 
     for (; map->x < width && operations > 0; operations--) {
-        int32_t x = map->x, top = map->top, i;
+        int32_t x = map->x, top = map->held - 1, i;
 
         map->column[x] = d[x];
         if (d[x] == FAR) {
             map->x++;
             continue;
         }
-        if (top < 0) {
+        if (map->held == 0) {
             map->stack[0] = x;
             map->start[0] = 0;
-            map->top = 0;
+            map->held++;
             map->x++;
             continue;
         }
         i = map->stack[top];
         if (parabola(map, map->start[top], i) > parabola(map, map->start[top], x)) {
-            map->top--;
+            map->held--;
             continue;
         }
         /* x is at or above i at start[top]: the last place where it still is lies there or to the right, not below 0. */
         i = (x * x - i * i + d[x] * d[x] - map->column[i] * map->column[i]) / (2 * (x - i)) + 1;
         if (i < width) {
-            map->top++;
-            map->stack[map->top] = x;
-            map->start[map->top] = i;
+            map->stack[map->held] = x;
+            map->start[map->held] = i;
+            map->held++;
         }
         map->x++;
     }
@@ -240,13 +234,13 @@ static void read_envelope(cairn_distance_map *map, int32_t end)
     int32_t *d = distance_row(map, map->y);
 
     for (int32_t x = map->x; x < end; x++) {
-        if (map->top < 0) {
+        if (map->held == 0) {
             d[last - x] = FAR;
             continue;
         }
-        d[last - x] = parabola(map, last - x, map->stack[map->top]);
-        if (last - x == map->start[map->top])
-            map->top--;
+        d[last - x] = parabola(map, last - x, map->stack[map->held - 1]);
+        if (last - x == map->start[map->held - 1])
+            map->held--;
     }
 }
 
@@ -275,7 +269,6 @@ static void next_row(cairn_distance_map *map)
     default:
         map->y++;
         map->pass = map->y == height ? DONE : first;
-        map->top = -1;
         break;
     }
     if (map->pass == UP && map->y < 0) {
@@ -286,9 +279,8 @@ static void next_row(cairn_distance_map *map)
 
 cairn_status cairn_distance_map_step(cairn_distance_map *map, cairn_budget *budget)
 {
-    int32_t width = map->input.pixels.width;
-
     while (map->pass != DONE) {
+        int32_t width = map->input.pixels.width;
         int64_t affordable = budget->left > 0 ? map->credit + (int64_t)budget->left * OPERATIONS_PER_UNIT : 0;
         int64_t used, units;
         int32_t end;

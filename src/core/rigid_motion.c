@@ -51,9 +51,8 @@ cairn_normal_equations cairn_rigid_motion_prior(const cairn_rigid_motion *motion
     cairn_vec2 off = {motion->map_body.x - mean.x, motion->map_body.y - mean.y};
     cairn_vec2 axes[2] = {{mean.cosine, mean.sine}, {-mean.sine, mean.cosine}};
     cairn_real sigmas[3] = {prior->sigma_x, prior->sigma_y, prior->sigma_theta};
-    cairn_normal_equations equations;
+    cairn_normal_equations equations = {cairn_sym3_zero(), {0, 0, 0}};
 
-    memset(&equations, 0, sizeof equations);
     for (int k = 0; k < 3; k++) {
         cairn_real weight = 1 / (sigmas[k] * sigmas[k]), error, row[3] = {0, 0, 0};
 

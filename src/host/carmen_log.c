@@ -12,6 +12,7 @@
 #include "src/core/build.h"
 
 #include <errno.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -21,9 +22,9 @@
 
 #define BINS           100000
 #define BINS_PER_METRE 100
-#define BINNED_METRES  1000.0
-#define WINDOW_BINS    20  /* 0.2 m: ranges that mean "no return" lie that close together */
-#define BELOW_BINS     200 /* 2 m */
+#define BINNED_METRES  1000.0 /* farther ranges are in bin BINS */
+#define WINDOW_BINS    20     /* 0.2 m: ranges that mean "no return" lie that close together */
+#define BELOW_BINS     200    /* 2 m */
 #define PILE_FROM_BIN  (40 * BINS_PER_METRE)
 #define PILE_LEAST     10
 #define FLASER_LIMIT   80.0
@@ -31,11 +32,11 @@
 
 /* What the first pass gathers beyond the info. */
 typedef struct survey {
-    uint64_t *bin;       /* [BINS + 1] ranges per bin, later ranges from this bin on */
+    uint64_t *bin;       /* [BINS + 1 + WINDOW_BINS] ranges per bin, later ranges from this bin on; then zeros */
     double param_max;    /* 0: no PARAM tells it */
     cairn_pose place;    /* of the sensor on the robot, in the first scan */
     double place_sum[3]; /* of the differences to it */
-    int32_t place_varies;
+    bool place_varies;
     cairn_pose last; /* the robot in the last scan */
 } survey;
 
@@ -70,13 +71,18 @@ static double distance(cairn_pose a, cairn_pose b)
     return sqrt((double)((b.x - a.x) * (b.x - a.x) + (b.y - a.y) * (b.y - a.y)));
 }
 
+static size_t bin_of(double range)
+{
+    return (size_t)(fmin(range, BINNED_METRES) * BINS_PER_METRE);
+}
+
 static void survey_ranges(survey *s, const cairn_carmen_message *m)
 {
     int32_t i;
 
     for (i = 0; i < m->count; i++)
         if (m->range[i] > 0 && m->range[i] <= DBL_MAX)
-            s->bin[m->range[i] < BINNED_METRES ? (size_t)(m->range[i] * BINS_PER_METRE) : BINS - 1]++;
+            s->bin[bin_of(m->range[i])]++;
 }
 
 static void survey_poses(survey *s, cairn_carmen_info *info, const cairn_carmen_message *m)
@@ -94,9 +100,9 @@ static void survey_poses(survey *s, cairn_carmen_info *info, const cairn_carmen_
     off.y = place.y - s->place.y;
     off.theta = cairn_wrap_angle(place.theta - s->place.theta);
     if (!(cairn_abs(place.x) <= CAIRN_SCAN_EXTENT && cairn_abs(place.y) <= CAIRN_SCAN_EXTENT))
-        s->place_varies = 1;
+        s->place_varies = true;
     if (!(cairn_abs(off.x) <= SAME_PLACE && cairn_abs(off.y) <= SAME_PLACE && cairn_abs(off.theta) <= SAME_PLACE))
-        s->place_varies = 1;
+        s->place_varies = true;
     s->place_sum[0] += (double)off.x;
     s->place_sum[1] += (double)off.y;
     s->place_sum[2] += (double)off.theta;
@@ -129,17 +135,14 @@ static void survey_scan(survey *s, cairn_carmen_info *info, const cairn_carmen_m
  * the numbers of ranges from each bin on. */
 static size_t fullest_window(const uint64_t *bin, size_t from, uint64_t *count)
 {
-    size_t best = from, b;
+    size_t best = BINS, b = BINS;
 
-    *count = 0;
-    for (b = from; b < BINS; b++) {
-        uint64_t held = bin[b] - bin[b + WINDOW_BINS < BINS ? b + WINDOW_BINS : BINS];
-
-        if (held >= *count) {
-            *count = held;
+    *count = bin[BINS];
+    while (b-- > from)
+        if (bin[b] - bin[b + WINDOW_BINS] > *count) {
+            *count = bin[b] - bin[b + WINDOW_BINS];
             best = b;
         }
-    }
     return best;
 }
 
@@ -152,7 +155,7 @@ static double find_limit(survey *s)
     for (b = BINS; b-- > 0;)
         s->bin[b] += s->bin[b + 1];
     if (s->param_max > 0) {
-        from = s->param_max < BINNED_METRES ? (size_t)(s->param_max * BINS_PER_METRE) : BINS - 1;
+        from = bin_of(s->param_max);
         (void)fullest_window(s->bin, from, &held);
         if (held * 10 >= s->bin[from] * 9)
             return s->param_max;
@@ -167,9 +170,8 @@ static void finish_survey(cairn_carmen_log *log, survey *s)
 {
     cairn_carmen_info *info = &log->info;
 
-    info->lines = cairn_line_reader_number(log->reader);
     info->range_max = log->params.range_max > 0 ? log->params.range_max : find_limit(s);
-    info->fixed_mounting = info->scans > 0 && !s->place_varies;
+    info->fixed_mounting = !s->place_varies;
     info->base_sensor = cairn_pose_identity();
     if (info->fixed_mounting) {
         info->base_sensor.x = s->place.x + (cairn_real)(s->place_sum[0] / (double)info->scans);
@@ -217,6 +219,7 @@ static cairn_status next_message(cairn_carmen_log *log, int32_t first_pass, cair
 
 static cairn_status run_survey(cairn_carmen_log *log, survey *s, cairn_file_error *error)
 {
+    const char *path = cairn_line_reader_path(log->reader);
     cairn_carmen_info *info = &log->info;
     cairn_status status;
 
@@ -241,8 +244,16 @@ static cairn_status run_survey(cairn_carmen_log *log, survey *s, cairn_file_erro
     }
     if (status != CAIRN_EMPTY)
         return status;
+    info->lines = cairn_line_reader_number(log->reader);
+    if (info->lines == 0)
+        return cairn_file_error_set(error, CAIRN_EMPTY, path, 0, "the file is empty, expected a CARMEN log");
+    if (info->scans == 0)
+        return cairn_file_error_set(error, CAIRN_EMPTY, path, 0,
+                                    "no whole scan in %lld lines (%lld damaged), expected FLASER or ROBOTLASER1 lines "
+                                    "of a CARMEN log",
+                                    (long long)info->lines, (long long)info->faults);
     finish_survey(log, s);
-    return CAIRN_OK;
+    return cairn_line_reader_rewind(log->reader, error);
 }
 
 cairn_status cairn_carmen_log_open(cairn_carmen_log **log, const char *path, const cairn_carmen_params *params,
@@ -263,7 +274,7 @@ cairn_status cairn_carmen_log_open(cairn_carmen_log **log, const char *path, con
                                     "the deviation of ranges is %g, expected a number from 0", p.range_sigma);
     memset(&s, 0, sizeof s);
     l = calloc(1, sizeof *l);
-    s.bin = calloc(BINS + 1, sizeof *s.bin);
+    s.bin = calloc(BINS + 1 + WINDOW_BINS, sizeof *s.bin);
     if (l == NULL || s.bin == NULL) {
         free(l);
         free(s.bin);
@@ -273,17 +284,6 @@ cairn_status cairn_carmen_log_open(cairn_carmen_log **log, const char *path, con
     status = cairn_line_reader_open(&l->reader, path, error);
     if (status == CAIRN_OK)
         status = run_survey(l, &s, error);
-    if (status == CAIRN_OK && l->info.scans == 0) {
-        if (l->info.lines == 0)
-            status = cairn_file_error_set(error, CAIRN_EMPTY, path, 0, "the file is empty, expected a CARMEN log");
-        else
-            status = cairn_file_error_set(error, CAIRN_EMPTY, path, 0,
-                                          "no whole scan in %lld lines (%lld damaged), expected FLASER or ROBOTLASER1 "
-                                          "lines of a CARMEN log",
-                                          (long long)l->info.lines, (long long)l->info.faults);
-    }
-    if (status == CAIRN_OK)
-        status = cairn_line_reader_rewind(l->reader, error);
     free(s.bin);
     if (status != CAIRN_OK) {
         cairn_carmen_log_close(l);
@@ -384,8 +384,6 @@ static cairn_status collect(cairn_carmen_log *log, cairn_carmen_scans *scans, ca
     cairn_carmen_record record;
     cairn_status status = CAIRN_OK;
 
-    memset(&record, 0, sizeof record);
-    record.kind = CAIRN_CARMEN_ODOMETRY;
     while (scans->count < (int32_t)scans->info.scans) {
         status = cairn_carmen_log_next(log, &record, error);
         if (status != CAIRN_OK)

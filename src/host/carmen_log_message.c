@@ -1,7 +1,9 @@
-/* One line of a CARMEN log, token by token. The first thing that is wrong ends the reading and is the fault. */
+/* One line of a CARMEN log, token by token. The first thing that is wrong is the fault; what is taken after it is
+ * nothing. */
 #include "src/core/build.h"
 
 #include <errno.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -20,202 +22,186 @@ typedef struct cursor {
     const char *name; /* of the message */
     cairn_file_error *fault;
     cairn_status status;
+    const char *wanted; /* what the token at hand should be, ... */
+    int32_t index;      /* "reading 17"; 0: there is but one */
+    char words[64];     /* ... in words */
 } cursor;
 
-/* What a token should have been; count > 0: "reading 17". */
-typedef struct expected {
-    const char *what;
-    int32_t count;
-} expected;
-
-static const char *words(char text[64], expected e)
+static const char *words(cursor *c)
 {
-    if (e.count > 0)
-        (void)snprintf(text, 64, "%s %d", e.what, (int)e.count);
+    if (c->index > 0)
+        (void)snprintf(c->words, sizeof c->words, "%s %d", c->wanted, (int)c->index);
     else
-        (void)snprintf(text, 64, "%s", e.what);
-    return text;
+        (void)snprintf(c->words, sizeof c->words, "%s", c->wanted);
+    return c->words;
 }
 
-/* The next token; 0 and the fault when the line has ended. */
-static size_t take(cursor *c, expected e, const char **token)
-{
-    char text[64];
-    size_t length = cairn_token_next(&c->at, c->end, token);
-
-    if (length == 0)
-        c->status = cairn_file_error_set(c->fault, CAIRN_TRUNCATED, c->path, c->number,
-                                         "the %s line ends early, expected %s", c->name, words(text, e));
-    return length;
-}
-
-static int32_t refuse(cursor *c, expected e, const char *token, size_t length, const char *wanted)
-{
-    char text[64], shown[CAIRN_TOKEN_TEXT_BYTES];
-
-    c->status = cairn_file_error_set(c->fault, CAIRN_BAD_FORMAT, c->path, c->number, "%s is %s, expected %s",
-                                     words(text, e), cairn_token_text(shown, token, length), wanted);
-    return 0;
-}
-
-static int32_t take_number(cursor *c, expected e, double *value)
+/* The next token; NULL when the line is faulty, or ends here, which then is the fault. */
+static const char *take(cursor *c, const char *wanted, int32_t index, size_t *length)
 {
     const char *token;
-    size_t length = take(c, e, &token);
 
-    if (length == 0)
-        return 0;
-    return cairn_number_read(token, length, value) ? 1 : refuse(c, e, token, length, "a number");
+    if (c->status != CAIRN_OK)
+        return NULL;
+    c->wanted = wanted;
+    c->index = index;
+    *length = cairn_token_next(&c->at, c->end, &token);
+    if (*length > 0)
+        return token;
+    c->status = cairn_file_error_set(c->fault, CAIRN_TRUNCATED, c->path, c->number,
+                                     "the %s line ends early, expected %s", c->name, words(c));
+    return NULL;
+}
+
+static void refuse(cursor *c, const char *token, size_t length, const char *expected)
+{
+    char shown[CAIRN_TOKEN_TEXT_BYTES];
+
+    c->status = cairn_file_error_set(c->fault, CAIRN_BAD_FORMAT, c->path, c->number, "%s is %s, expected %s", words(c),
+                                     cairn_token_text(shown, token, length), expected);
+}
+
+static void take_number(cursor *c, const char *wanted, int32_t index, double *value)
+{
+    size_t length;
+    const char *token = take(c, wanted, index, &length);
+
+    if (token != NULL && !cairn_number_read(token, length, value))
+        refuse(c, token, length, "a number");
 }
 
 /* Numbers that are finite, and small enough to be so in float and after some arithmetic, too. */
-static int32_t take_finite(cursor *c, const char *what, double *value, int32_t count)
+static void take_finite(cursor *c, const char *wanted, double *value, int32_t count)
 {
-    expected e = {what, 0};
     int32_t i;
 
     for (i = 0; i < count; i++) {
-        if (!take_number(c, e, &value[i]))
-            return 0;
-        if (!(fabs(value[i]) <= DBL_MAX)) {
+        take_number(c, wanted, 0, &value[i]);
+        if (c->status != CAIRN_OK)
+            return;
+        if (!(fabs(value[i]) <= DBL_MAX))
             c->status = cairn_file_error_set(c->fault, CAIRN_NOT_FINITE, c->path, c->number,
-                                             "%s is %g, expected a finite number", what, value[i]);
-            return 0;
-        }
-        if (fabs(value[i]) > LARGEST) {
+                                             "%s is %g, expected a finite number", wanted, value[i]);
+        else if (fabs(value[i]) > LARGEST)
             c->status = cairn_file_error_set(c->fault, CAIRN_BAD_FORMAT, c->path, c->number,
-                                             "%s is %g, expected a number up to %g", what, value[i], LARGEST);
-            return 0;
-        }
+                                             "%s is %g, expected a number up to %g", wanted, value[i], LARGEST);
     }
-    return 1;
 }
 
-static int32_t take_count(cursor *c, const char *what, int32_t least, int32_t *count)
+static void take_count(cursor *c, const char *wanted, int32_t least, int32_t *count)
 {
-    expected e = {what, 0};
-    const char *token;
-    size_t length = take(c, e, &token);
-    char wanted[64];
+    size_t length;
+    const char *token = take(c, wanted, 0, &length);
+    char expected[64];
     int64_t value;
 
-    if (length == 0)
-        return 0;
+    if (token == NULL)
+        return;
     if (cairn_number_read_integer(token, length, &value) && value >= least && value <= CAIRN_CARMEN_BEAMS_MOST) {
         *count = (int32_t)value;
-        return 1;
+        return;
     }
-    (void)snprintf(wanted, sizeof wanted, "a whole number from %d to %d", (int)least, CAIRN_CARMEN_BEAMS_MOST);
-    return refuse(c, e, token, length, wanted);
+    (void)snprintf(expected, sizeof expected, "a whole number from %d to %d", (int)least, CAIRN_CARMEN_BEAMS_MOST);
+    refuse(c, token, length, expected);
 }
 
 /* "stamp host logger_stamp" and the end of the line. */
-static int32_t take_tail(cursor *c, int64_t *stamp_ns)
+static void take_tail(cursor *c, int64_t *stamp_ns)
 {
-    expected stamp = {"the stamp", 0}, host = {"the host", 0}, logger = {"the logger's stamp", 0};
     char shown[CAIRN_TOKEN_TEXT_BYTES];
     const char *token;
-    size_t length = take(c, stamp, &token);
     double logger_stamp;
+    size_t length;
 
-    if (length == 0)
-        return 0;
-    if (!cairn_number_read_stamp(token, length, stamp_ns))
-        return refuse(c, stamp, token, length, "seconds, at most 9223372036");
-    if (take(c, host, &token) == 0 || !take_number(c, logger, &logger_stamp))
-        return 0;
+    token = take(c, "the stamp", 0, &length);
+    if (token != NULL && !cairn_number_read_stamp(token, length, stamp_ns))
+        refuse(c, token, length, "seconds, at most 9223372036");
+    (void)take(c, "the host", 0, &length);
+    take_number(c, "the logger's stamp", 0, &logger_stamp);
     length = cairn_token_next(&c->at, c->end, &token);
-    if (length == 0)
-        return 1;
-    c->status = cairn_file_error_set(c->fault, CAIRN_BAD_FORMAT, c->path, c->number,
-                                     "%s follows the last field of the %s message, expected its end: is the number of "
-                                     "readings right?",
-                                     cairn_token_text(shown, token, length), c->name);
-    return 0;
+    if (c->status == CAIRN_OK && length > 0)
+        c->status = cairn_file_error_set(c->fault, CAIRN_BAD_FORMAT, c->path, c->number,
+                                         "%s follows the last field of the %s message, expected its end: is the "
+                                         "number of readings right?",
+                                         cairn_token_text(shown, token, length), c->name);
 }
 
-static int32_t take_ranges(cursor *c, cairn_carmen_message *m)
+static void take_ranges(cursor *c, cairn_carmen_message *m)
 {
-    expected reading = {"reading", 0};
     double *grown;
+    int32_t i;
 
-    if (!take_count(c, "the number of readings", 1, &m->count))
-        return 0;
+    take_count(c, "the number of readings", 1, &m->count);
     if (m->count > m->capacity) {
         grown = realloc(m->range, (size_t)m->count * sizeof *grown);
         if (grown == NULL) {
             c->status = cairn_file_error_system(c->fault, c->path, "read", ENOMEM);
-            return 0;
+            return;
         }
         m->range = grown;
         m->capacity = m->count;
     }
-    for (reading.count = 1; reading.count <= m->count; reading.count++)
-        if (!take_number(c, reading, &m->range[reading.count - 1]))
-            return 0;
-    return 1;
+    for (i = 0; i < m->count; i++)
+        take_number(c, "reading", i + 1, &m->range[i]);
 }
 
-static int32_t take_poses(cursor *c, cairn_carmen_message *m)
+static void take_poses(cursor *c, cairn_carmen_message *m)
 {
-    return take_finite(c, "the laser's pose", m->laser, 3) && take_finite(c, "the robot's pose", m->robot, 3);
+    take_finite(c, "the laser's pose", m->laser, 3);
+    take_finite(c, "the robot's pose", m->robot, 3);
 }
 
-static int32_t read_flaser(cursor *c, cairn_carmen_message *m)
+static void read_flaser(cursor *c, cairn_carmen_message *m)
 {
     int32_t steps;
 
-    if (!take_ranges(c, m) || !take_poses(c, m) || !take_tail(c, &m->stamp_ns))
-        return 0;
+    take_ranges(c, m);
+    take_poses(c, m);
+    take_tail(c, &m->stamp_ns);
     steps = m->count % 2 == 0 ? m->count : m->count - 1;
     m->angle_min = steps == 0 ? 0 : -(double)CAIRN_PI / 2;
     m->angle_step = steps == 0 ? 0 : (double)CAIRN_PI / steps;
     m->range_max = 0;
-    return 1;
 }
 
-static int32_t read_robotlaser(cursor *c, cairn_carmen_message *m)
+static void read_robotlaser(cursor *c, cairn_carmen_message *m)
 {
-    expected remission = {"remission", 0};
-    double scanner[7], motion[5], value;
-    int32_t remissions;
-
     /* laser_type start_angle field_of_view angular_resolution maximum_range accuracy remission_mode */
-    if (!take_finite(c, "the scanner's description", scanner, 7) || !take_ranges(c, m) ||
-        !take_count(c, "the number of remissions", 0, &remissions))
-        return 0;
-    for (remission.count = 1; remission.count <= remissions; remission.count++)
-        if (!take_number(c, remission, &value))
-            return 0;
-    if (!take_poses(c, m) || !take_finite(c, "the robot's motion", motion, 5) || !take_tail(c, &m->stamp_ns))
-        return 0;
-    if (scanner[4] > (double)CAIRN_SCAN_EXTENT) {
+    double scanner[7], motion[5], value;
+    int32_t remissions = 0, i;
+
+    take_finite(c, "the scanner's description", scanner, 7);
+    take_ranges(c, m);
+    take_count(c, "the number of remissions", 0, &remissions);
+    for (i = 0; i < remissions; i++)
+        take_number(c, "remission", i + 1, &value);
+    take_poses(c, m);
+    take_finite(c, "the robot's motion", motion, 5);
+    take_tail(c, &m->stamp_ns);
+    if (c->status != CAIRN_OK)
+        return;
+    if (scanner[4] > (double)CAIRN_SCAN_EXTENT)
         c->status = cairn_file_error_set(c->fault, CAIRN_BAD_FORMAT, c->path, c->number,
                                          "the maximum range is %g, expected at most %g m", scanner[4],
                                          (double)CAIRN_SCAN_EXTENT);
-        return 0;
-    }
     m->angle_min = scanner[1];
     m->angle_step = scanner[3];
     if (!(fabs(m->angle_step) > 0) && m->count > 1)
         m->angle_step = scanner[2] / (m->count - 1);
-    m->range_max = scanner[4] > 0 ? scanner[4] : 0;
-    return 1;
+    m->range_max = fmax(scanner[4], 0);
 }
 
-static int32_t read_odometry(cursor *c, cairn_carmen_message *m)
+static void read_odometry(cursor *c, cairn_carmen_message *m)
 {
     double motion[3];
 
-    m->count = 0;
-    if (!take_finite(c, "the robot's pose", m->robot, 3) || !take_finite(c, "the robot's motion", motion, 3) ||
-        !take_tail(c, &m->stamp_ns))
-        return 0;
+    take_finite(c, "the robot's pose", m->robot, 3);
+    take_finite(c, "the robot's motion", motion, 3);
+    take_tail(c, &m->stamp_ns);
     memcpy(m->laser, m->robot, sizeof m->laser);
-    return 1;
 }
 
-static int is_name(const char *token, size_t length, const char *name)
+static bool is_name(const char *token, size_t length, const char *name)
 {
     return length == strlen(name) && memcmp(token, name, length) == 0;
 }
@@ -225,7 +211,7 @@ static void read_param(cursor *c, cairn_carmen_message *m)
 {
     const char *token;
     size_t length = cairn_token_next(&c->at, c->end, &token);
-    int known = is_name(token, length, "robot_frontlaser_max") || is_name(token, length, "robot_front_laser_max");
+    bool known = is_name(token, length, "robot_frontlaser_max") || is_name(token, length, "robot_front_laser_max");
 
     length = cairn_token_next(&c->at, c->end, &token);
     m->kind = CAIRN_MESSAGE_OTHER;
@@ -234,31 +220,31 @@ static void read_param(cursor *c, cairn_carmen_message *m)
         m->kind = CAIRN_MESSAGE_PARAM;
 }
 
+typedef struct message_reader {
+    const char *name;
+    cairn_carmen_message_kind kind;
+    void (*read)(cursor *c, cairn_carmen_message *m);
+} message_reader;
+
+static const message_reader readers[] = {{"FLASER", CAIRN_MESSAGE_SCAN, read_flaser},
+                                         {"ROBOTLASER1", CAIRN_MESSAGE_SCAN, read_robotlaser},
+                                         {"ODOM", CAIRN_MESSAGE_ODOMETRY, read_odometry},
+                                         {"PARAM", CAIRN_MESSAGE_OTHER, read_param}};
+
 cairn_status cairn_carmen_message_read(cairn_carmen_message *message, const char *line, size_t length, const char *path,
                                        int64_t number, cairn_file_error *fault)
 {
-    cursor c = {line, line + length, path, number, "", fault, CAIRN_OK};
-    cairn_carmen_message *m = message;
+    cursor c = {.at = line, .end = line + length, .path = path, .number = number, .fault = fault, .status = CAIRN_OK};
     const char *token;
-    size_t name = cairn_token_next(&c.at, c.end, &token);
+    size_t name = cairn_token_next(&c.at, c.end, &token), i;
 
-    m->kind = CAIRN_MESSAGE_OTHER;
-    if (name == 0 || token[0] == '#') {
-        m->kind = CAIRN_MESSAGE_BLANK;
-    } else if (is_name(token, name, "FLASER")) {
-        c.name = "FLASER";
-        if (read_flaser(&c, m))
-            m->kind = CAIRN_MESSAGE_SCAN;
-    } else if (is_name(token, name, "ROBOTLASER1")) {
-        c.name = "ROBOTLASER1";
-        if (read_robotlaser(&c, m))
-            m->kind = CAIRN_MESSAGE_SCAN;
-    } else if (is_name(token, name, "ODOM")) {
-        c.name = "ODOM";
-        if (read_odometry(&c, m))
-            m->kind = CAIRN_MESSAGE_ODOMETRY;
-    } else if (is_name(token, name, "PARAM")) {
-        read_param(&c, m);
-    }
+    message->count = 0;
+    message->kind = name == 0 || token[0] == '#' ? CAIRN_MESSAGE_BLANK : CAIRN_MESSAGE_OTHER;
+    for (i = 0; i < sizeof readers / sizeof *readers; i++)
+        if (is_name(token, name, readers[i].name)) {
+            c.name = readers[i].name;
+            message->kind = readers[i].kind;
+            readers[i].read(&c, message);
+        }
     return c.status;
 }

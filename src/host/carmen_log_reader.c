@@ -7,6 +7,8 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <stdbool.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -24,16 +26,16 @@
 struct cairn_line_reader {
     int file;
     char *path;
-    char *buffer; /* [capacity + 1]: one more for the closing 0 */
+    char *buffer; /* [capacity] */
     size_t capacity, begin, end;
     int64_t number;
-    int32_t at_end;     /* nothing more can be read, because of ... */
+    bool at_end;        /* nothing more can be read, because of ... */
     cairn_status cause; /* CAIRN_OK, CAIRN_TRUNCATED, CAIRN_BAD_FORMAT, CAIRN_IO; told once */
     int32_t code;       /* errno of CAIRN_IO */
     /* Gzip. */
-    int32_t begun;   /* the first bytes have told what the file is */
-    int32_t zipped;  /* inflating; `stream` is initialised */
-    int32_t between; /* behind the end of a member */
+    bool begun;   /* the first bytes have told what the file is */
+    bool zipped;  /* inflating; `stream` is initialised */
+    bool between; /* behind the end of a member */
     z_stream stream;
     unsigned char *input; /* [INPUT_BYTES] */
 };
@@ -45,7 +47,7 @@ cairn_status cairn_line_reader_open(cairn_line_reader **reader, const char *path
     int file = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
 
     *reader = NULL;
-    if (file < 0)
+    if (file == -1)
         return cairn_file_error_system(error, path, "open", errno);
     if (fstat(file, &about) != 0 || !S_ISREG(about.st_mode)) {
         (void)close(file);
@@ -59,7 +61,7 @@ cairn_status cairn_line_reader_open(cairn_line_reader **reader, const char *path
     }
     r->file = file;
     r->path = malloc(strlen(path) + 1);
-    r->buffer = malloc(FIRST_CAPACITY + 1);
+    r->buffer = malloc(FIRST_CAPACITY);
     r->input = malloc(INPUT_BYTES);
     r->capacity = FIRST_CAPACITY;
     if (r->path == NULL || r->buffer == NULL || r->input == NULL) {
@@ -75,7 +77,7 @@ static void stop_inflating(cairn_line_reader *r)
 {
     if (r->zipped)
         (void)inflateEnd(&r->stream);
-    r->zipped = 0;
+    r->zipped = false;
 }
 
 void cairn_line_reader_close(cairn_line_reader *reader)
@@ -110,9 +112,9 @@ cairn_status cairn_line_reader_rewind(cairn_line_reader *reader, cairn_file_erro
     r->begin = 0;
     r->end = 0;
     r->number = 0;
-    r->at_end = 0;
+    r->at_end = false;
     r->cause = CAIRN_OK;
-    r->begun = 0;
+    r->begun = false;
     return CAIRN_OK;
 }
 
@@ -121,14 +123,12 @@ static cairn_status make_room(cairn_line_reader *r, cairn_file_error *error)
 {
     char *grown;
 
-    if (r->begin > 0) {
-        memmove(r->buffer, r->buffer + r->begin, r->end - r->begin);
-        r->end -= r->begin;
-        r->begin = 0;
-    }
+    memmove(r->buffer, r->buffer + r->begin, r->end - r->begin);
+    r->end -= r->begin;
+    r->begin = 0;
     if (r->end < r->capacity)
         return CAIRN_OK;
-    grown = realloc(r->buffer, 2 * r->capacity + 1);
+    grown = realloc(r->buffer, 2 * r->capacity);
     if (grown == NULL)
         return cairn_file_error_system(error, r->path, "read", ENOMEM);
     r->buffer = grown;
@@ -138,18 +138,15 @@ static cairn_status make_room(cairn_line_reader *r, cairn_file_error *error)
 
 static void end_by(cairn_line_reader *r, cairn_status cause)
 {
-    r->at_end = 1;
+    r->at_end = true;
     r->cause = cause;
 }
 
 /* Up to `most` bytes of the file; 0 at its end, which is then marked. */
 static size_t read_bytes(cairn_line_reader *r, void *bytes, size_t most)
 {
-    ssize_t count;
+    ssize_t count = read(r->file, bytes, most);
 
-    do
-        count = read(r->file, bytes, most);
-    while (count < 0 && errno == EINTR);
     if (count > 0)
         return (size_t)count;
     r->code = errno;
@@ -158,15 +155,15 @@ static size_t read_bytes(cairn_line_reader *r, void *bytes, size_t most)
 }
 
 /* More gzipped input when there is none. 0 at the end of the file: cut, unless a member has just ended. */
-static int32_t have_input(cairn_line_reader *r)
+static bool have_input(cairn_line_reader *r)
 {
     if (r->stream.avail_in > 0)
-        return 1;
+        return true;
     r->stream.next_in = r->input;
     r->stream.avail_in = (uInt)read_bytes(r, r->input, INPUT_BYTES);
-    if (r->stream.avail_in == 0 && r->cause == CAIRN_OK && !r->between)
+    if (r->at_end && r->cause == CAIRN_OK && !r->between)
         r->cause = CAIRN_TRUNCATED;
-    return r->stream.avail_in > 0;
+    return !r->at_end;
 }
 
 /* Inflates into the room behind `end`. Members may follow one another; what else follows one is not looked at. */
@@ -182,11 +179,9 @@ static void inflate_more(cairn_line_reader *r)
             end_by(r, CAIRN_OK);
             break;
         }
-        r->between = 0;
         code = inflate(&r->stream, Z_NO_FLUSH);
-        if (code == Z_STREAM_END) {
-            r->between = 1;
-        } else if (code != Z_OK && code != Z_BUF_ERROR) {
+        r->between = code == Z_STREAM_END;
+        if (code != Z_STREAM_END && code != Z_OK && code != Z_BUF_ERROR) {
             r->code = ENOMEM;
             end_by(r, code == Z_MEM_ERROR ? CAIRN_NO_MEMORY : CAIRN_BAD_FORMAT);
             break;
@@ -200,7 +195,7 @@ static void begin_reading(cairn_line_reader *r)
 {
     size_t count = read_bytes(r, r->input, INPUT_BYTES);
 
-    r->begun = 1;
+    r->begun = true;
     if (count < 2 || r->input[0] != 0x1f || r->input[1] != 0x8b) {
         memcpy(r->buffer, r->input, count);
         r->end = count;
@@ -209,9 +204,8 @@ static void begin_reading(cairn_line_reader *r)
     memset(&r->stream, 0, sizeof r->stream);
     r->stream.next_in = r->input;
     r->stream.avail_in = (uInt)count;
-    r->between = 0;
     if (inflateInit2(&r->stream, GZIP_WINDOW) == Z_OK) {
-        r->zipped = 1;
+        r->zipped = true;
         return;
     }
     r->code = ENOMEM;
@@ -257,20 +251,17 @@ static cairn_status hand_out(cairn_line_reader *r, size_t length, size_t step, c
         length--;
     *line = r->buffer + r->begin;
     *found = length;
-    r->buffer[r->begin + length] = 0;
     r->begin += step;
     r->number++;
     return status;
 }
 
-/* Drops what is left of a line that is too long. */
-static cairn_status skip_line(cairn_line_reader *r, const char **line, size_t *length)
+/* Drops what is left of a line that is too long, of which `dropped` bytes are in the buffer. */
+static cairn_status skip_line(cairn_line_reader *r, size_t dropped, const char **line, size_t *length)
 {
-    size_t dropped = r->end - r->begin;
     const char *newline = NULL;
 
     while (newline == NULL && !r->at_end) {
-        r->begin = 0;
         r->end = 0;
         fill(r);
         newline = memchr(r->buffer, '\n', r->end);
@@ -301,7 +292,7 @@ cairn_status cairn_line_reader_next(cairn_line_reader *reader, const char **line
         if (r->at_end)
             break;
         if (pending > CAIRN_LINE_LONGEST)
-            return skip_line(r, line, length);
+            return skip_line(r, pending, line, length);
         searched = pending;
         status = make_room(r, error);
         if (status != CAIRN_OK)
@@ -328,11 +319,11 @@ size_t cairn_token_next(const char **at, const char *end, const char **token)
 
 const char *cairn_token_text(char text[CAIRN_TOKEN_TEXT_BYTES], const char *token, size_t length)
 {
-    size_t shown = length > 24 ? 24 : length, i;
+    char shown[24];
+    size_t count = length < sizeof shown ? length : sizeof shown, i;
 
-    text[0] = '"';
-    for (i = 0; i < shown; i++)
-        text[1 + i] = (char)(token[i] >= ' ' && token[i] <= '~' ? token[i] : '?');
-    memcpy(text + 1 + shown, length > shown ? "...\"" : "\"", length > shown ? 5 : 2);
+    for (i = 0; i < count; i++)
+        shown[i] = (char)(token[i] >= ' ' && token[i] <= '~' ? token[i] : '?');
+    (void)snprintf(text, CAIRN_TOKEN_TEXT_BYTES, "\"%.*s%s\"", (int)count, shown, count < length ? "..." : "");
     return text;
 }

@@ -14,7 +14,7 @@ typedef struct cairn_line_reader cairn_line_reader;
 CAIRN_CHECKED cairn_status cairn_line_reader_open(cairn_line_reader **reader, const char *path,
                                                   cairn_file_error *error);
 
-/* The next line without its end ("\n" or "\r\n"), followed by a 0 that is not counted; valid until the next call.
+/* The next line without its end ("\n" or "\r\n"); valid until the next call.
  * CAIRN_EMPTY: no line left. CAIRN_FULL: the line was longer than CAIRN_LINE_LONGEST and was skipped, *length is what
  * was there. CAIRN_TRUNCATED: the gzip data end too early; CAIRN_BAD_FORMAT: they are damaged; CAIRN_IO: reading
  * failed; after these, which come behind the last line that could be had, CAIRN_EMPTY. CAIRN_NO_MEMORY. */

@@ -204,7 +204,7 @@ static cairn_status take_origin(yaml_view *view, cairn_pose *origin)
     const char *wanted = "a list of three finite numbers: x, y, yaw";
     yaml_node_t *node = view->value[KEY_ORIGIN];
     yaml_node_item_t *item;
-    cairn_real part[3] = {0, 0, 0};
+    cairn_real part[3];
     cairn_status status;
     int i;
 

@@ -4,6 +4,7 @@
 #include <errno.h>
 #include <png.h>
 #include <setjmp.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -95,7 +96,7 @@ static cairn_status read_plain_pixels(pgm_reader *r, cairn_image *image)
 
 static cairn_status read_pgm(cairn_image *image, pgm_reader *r, int plain)
 {
-    int64_t width = 0, height = 0, levels = 0;
+    int64_t width, height, levels;
     size_t count, got;
     cairn_status status;
 
@@ -130,8 +131,7 @@ typedef struct png_work {
     png_bytepp row;
     /* Encoding. */
     uint8_t *bytes;
-    size_t count, capacity;
-    int32_t no_memory;
+    size_t count;
     char problem[160];
 } png_work;
 
@@ -270,18 +270,11 @@ cairn_status cairn_image_write_pgm(const char *path, const uint8_t *pixel, int32
 static void on_png_bytes(png_structp png, png_bytep bytes, size_t count)
 {
     png_work *work = png_get_io_ptr(png);
-    size_t capacity = work->capacity;
-    uint8_t *grown;
+    uint8_t *grown = realloc(work->bytes, work->count + count);
 
-    while (capacity - work->count < count)
-        capacity = capacity < 4096 ? 4096 : 2 * capacity;
-    if (capacity > work->capacity) {
-        grown = realloc(work->bytes, capacity);
-        if (grown == NULL)
-            png_error(png, "no memory");
-        work->bytes = grown;
-        work->capacity = capacity;
-    }
+    if (grown == NULL)
+        png_error(png, "no memory");
+    work->bytes = grown;
     memcpy(work->bytes + work->count, bytes, count);
     work->count += count;
 }
@@ -291,12 +284,12 @@ static void on_png_flush(png_structp png)
     (void)png;
 }
 
-static int encode(png_work *work, const uint8_t *pixel, int32_t width, int32_t height, int32_t channels)
+static bool encode(png_work *work, const uint8_t *pixel, int32_t width, int32_t height, int32_t channels)
 {
     int32_t y;
 
     if (setjmp(png_jmpbuf(work->png)) != 0)
-        return 0;
+        return false;
     png_set_write_fn(work->png, work, on_png_bytes, on_png_flush);
     png_set_user_limits(work->png, INT32_MAX, INT32_MAX);
     png_set_IHDR(work->png, work->info, (png_uint_32)width, (png_uint_32)height, 8,
@@ -308,21 +301,20 @@ static int encode(png_work *work, const uint8_t *pixel, int32_t width, int32_t h
     for (y = 0; y < height; y++)
         png_write_row(work->png, pixel + (size_t)y * (size_t)width * (size_t)channels);
     png_write_end(work->png, NULL);
-    return 1;
+    return true;
 }
 
 cairn_status cairn_image_encode_png(uint8_t **bytes, size_t *count, const uint8_t *pixel, int32_t width, int32_t height,
                                     int32_t channels)
 {
     png_work work;
-    int whole = 0;
+    bool whole;
 
     memset(&work, 0, sizeof work);
     work.png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &work, on_png_error, on_png_warning);
     if (work.png != NULL)
         work.info = png_create_info_struct(work.png);
-    if (work.info != NULL)
-        whole = encode(&work, pixel, width, height, channels);
+    whole = work.info != NULL && encode(&work, pixel, width, height, channels);
     png_destroy_write_struct(&work.png, &work.info);
     if (!whole) {
         free(work.bytes);

@@ -40,19 +40,14 @@ char *cairn_path_folder(const char *path)
 
 char *cairn_path_join(const char *folder, const char *name)
 {
-    size_t first = strlen(folder), second = strlen(name);
-    int slash = first > 0 && folder[first - 1] != '/';
+    size_t first = strlen(folder), bytes = first + strlen(name) + sizeof "/";
     char *joined;
 
     if (first == 0 || name[0] == '/')
-        return strndup(name, second);
-    joined = malloc(first + second + 2);
-    if (joined == NULL)
-        return NULL;
-    memcpy(joined, folder, first);
-    if (slash)
-        joined[first] = '/';
-    memcpy(joined + first + slash, name, second + 1);
+        return strdup(name);
+    joined = malloc(bytes);
+    if (joined != NULL)
+        (void)snprintf(joined, bytes, "%s%s%s", folder, folder[first - 1] == '/' ? "" : "/", name);
     return joined;
 }
 
@@ -75,10 +70,10 @@ static int open_temporary(cairn_output *o)
         errno = ENOMEM;
         return -1;
     }
-    for (i = 0; i < 100 && file < 0; i++) {
+    for (i = 0; i < 100 && file == -1; i++) {
         (void)snprintf(o->temporary, length + 40, "%s.%ld-%d.part", o->target, (long)getpid(), i);
         file = open(o->temporary, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-        if (file < 0 && errno != EEXIST)
+        if (file == -1 && errno != EEXIST)
             break;
     }
     return file;
@@ -103,14 +98,14 @@ cairn_status cairn_output_open(cairn_output **output, const char *path, cairn_fi
         file = open(o->target, O_WRONLY | O_CLOEXEC);
     else
         file = open_temporary(o);
-    if (file >= 0)
+    if (file != -1)
         o->stream = fdopen(file, "wb");
     if (o->stream == NULL) {
         int32_t code = errno;
 
-        if (file >= 0)
+        if (file != -1)
             (void)close(file);
-        if (file >= 0 && o->temporary != NULL)
+        if (file != -1 && o->temporary != NULL)
             (void)unlink(o->temporary);
         free_output(o);
         return cairn_file_error_system(error, path, "write", code);
@@ -127,8 +122,7 @@ static void keep_failure(cairn_output *output, int failed)
 
 void cairn_output_bytes(cairn_output *output, const void *bytes, size_t count)
 {
-    if (output->code == 0 && count > 0)
-        keep_failure(output, fwrite(bytes, 1, count, output->stream) != count);
+    keep_failure(output, fwrite(bytes, 1, count, output->stream) != count);
 }
 
 void cairn_output_print(cairn_output *output, const char *format, ...)
@@ -136,8 +130,6 @@ void cairn_output_print(cairn_output *output, const char *format, ...)
     cairn_c_locale scope;
     va_list values;
 
-    if (output->code != 0)
-        return;
     scope = cairn_c_locale_enter();
     va_start(values, format);
     keep_failure(output, vfprintf(output->stream, format, values) < 0);

@@ -8,6 +8,7 @@
 #include "src/core/build.h"
 
 #include <errno.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -22,7 +23,8 @@
 /* One file: where it shall be, where it is written, and where the one is kept that it replaces. */
 typedef struct staged_file {
     char *target, *part, *old;
-    int32_t kept, moved;
+    int32_t kept; /* 1: yes; 0: nothing was there; -1: on a file system without links */
+    bool moved;
 } staged_file;
 
 struct cairn_output_set {
@@ -30,13 +32,13 @@ struct cairn_output_set {
     size_t made; /* length of the shortest part of `folder` that was not there; 0: all of it was */
     staged_file file[CAIRN_OUTPUT_SET_MOST];
     int32_t count;
-    int32_t staged; /* 1: the stage is there */
+    bool staged; /* the stage is there */
 };
 
-/* Cuts the last name and the slashes before it off; 0 when there was only one name. */
+/* Cuts the last name and the slashes before it off; 0 when there was only one. */
 static size_t parent_length(const char *path, size_t length)
 {
-    while (length > 1 && path[length - 1] == '/')
+    while (length > 0 && path[length - 1] == '/')
         length--;
     while (length > 0 && path[length - 1] != '/')
         length--;
@@ -49,7 +51,7 @@ static size_t parent_length(const char *path, size_t length)
  * name longer, 0 when nothing is missing. */
 static size_t find_existing(char *path, size_t *first_missing)
 {
-    size_t length = strlen(path), shorter;
+    size_t length = strlen(path);
     struct stat about;
 
     *first_missing = 0;
@@ -63,8 +65,7 @@ static size_t find_existing(char *path, size_t *first_missing)
         if (found)
             break;
         *first_missing = length;
-        shorter = parent_length(path, length);
-        length = shorter < length ? shorter : 0;
+        length = parent_length(path, length);
     }
     return length;
 }
@@ -129,7 +130,7 @@ static int32_t make_stage(cairn_output_set *set)
         (void)snprintf(set->stage, strlen(set->folder) + STAGE_BYTES, "%s/.cairn-%ld-%d.part", set->folder,
                        (long)getpid(), (int)i);
         if (mkdir(set->stage, 0777) == 0) {
-            set->staged = 1;
+            set->staged = true;
             return 0;
         }
         if (errno != EEXIST)
@@ -242,14 +243,12 @@ static void free_set(cairn_output_set *set)
 
 static void remove_made_folders(cairn_output_set *set)
 {
-    size_t length = strlen(set->folder), shorter;
+    size_t length = strlen(set->folder);
 
     while (set->made > 0 && length >= set->made) {
         set->folder[length] = 0;
-        if (rmdir(set->folder) != 0 && errno != ENOENT)
-            break;
-        shorter = parent_length(set->folder, length);
-        length = shorter < length ? shorter : 0;
+        (void)rmdir(set->folder); /* stays, as those above it do, when somebody else has put something there */
+        length = parent_length(set->folder, length);
     }
 }
 
@@ -286,7 +285,6 @@ cairn_status cairn_output_set_commit(cairn_output_set *set, cairn_file_error *er
         staged_file *file = &set->file[i];
         struct stat about;
 
-        /* 1: kept; 0: nothing was there; -1: a file system without links. */
         file->kept = link(file->target, file->old) == 0 ? 1 : lstat(file->target, &about) == 0 ? -1 : 0;
         if (rename(file->part, file->target) != 0) {
             cairn_status status = cairn_file_error_system(error, file->target, "write", errno);
@@ -295,7 +293,7 @@ cairn_status cairn_output_set_commit(cairn_output_set *set, cairn_file_error *er
             cairn_output_set_discard(set);
             return status;
         }
-        file->moved = 1;
+        file->moved = true;
     }
     remove_stage(set);
     free_set(set);

@@ -73,7 +73,7 @@ static cairn_box_sweep *carve_sweep(cairn_pool *pool, int32_t max_boxes)
     cairn_status status;
 
     if (pool->base == NULL) {
-        pool->used = need == 0 || need >= SIZE_MAX - pool->used ? SIZE_MAX : pool->used + need;
+        cairn_pool_count(pool, need);
         return NULL;
     }
     status = cairn_box_sweep_create(&sweep, pool, &params);
@@ -109,7 +109,7 @@ size_t cairn_corner_memory(const cairn_corner_params *params)
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
-    return counting.used == SIZE_MAX ? 0 : counting.used;
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_corner_create(cairn_corner_set **set, cairn_pool *pool, const cairn_corner_params *params)

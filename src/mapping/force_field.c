@@ -95,7 +95,7 @@ static int only_counted(cairn_pool *pool, size_t need)
 {
     if (pool->base != NULL)
         return 0;
-    pool->used = need == 0 || need >= SIZE_MAX - pool->used ? SIZE_MAX : pool->used + need;
+    cairn_pool_count(pool, need);
     return 1;
 }
 
@@ -195,7 +195,7 @@ size_t cairn_force_field_memory(const cairn_force_field_params *params)
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
-    return counting.used == SIZE_MAX ? 0 : counting.used;
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_force_field_create(cairn_force_field **field, cairn_pool *pool,

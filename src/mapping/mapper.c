@@ -94,25 +94,18 @@ static int is_valid(const cairn_mapper_params *p)
            p->min_support <= 1;
 }
 
-/* Bytes of the objects that the mapper creates; 0 when one of them refuses its params. */
-static size_t parts_memory(const cairn_mapper_params *params)
+/* Counts the objects that the mapper creates. */
+static void count_parts(cairn_pool *counting, const cairn_mapper_params *params)
 {
     cairn_icp_params icp = icp_params(params);
     cairn_force_field_params field = field_params(params);
     cairn_scan_set_params keys = key_params(params);
-    size_t sizes[4];
-    size_t sum = 0;
 
-    sizes[0] = cairn_scan_memory(&params->scan);
-    sizes[1] = cairn_icp_memory(&icp);
-    sizes[2] = cairn_scan_set_memory(&keys);
-    sizes[3] = params->window ? cairn_force_field_memory(&field) : CAIRN_ALIGN;
-    for (int i = 0; i < 4; i++) {
-        if (sizes[i] == 0 || sizes[i] > SIZE_MAX - sum)
-            return 0;
-        sum += sizes[i];
-    }
-    return params->window ? sum : sum - CAIRN_ALIGN;
+    cairn_pool_count(counting, cairn_scan_memory(&params->scan));
+    cairn_pool_count(counting, cairn_icp_memory(&icp));
+    cairn_pool_count(counting, cairn_scan_set_memory(&keys));
+    if (params->window)
+        cairn_pool_count(counting, cairn_force_field_memory(&field));
 }
 
 static cairn_mapper *carve(cairn_pool *pool, const cairn_mapper_params *params)
@@ -136,16 +129,13 @@ static cairn_mapper *carve(cairn_pool *pool, const cairn_mapper_params *params)
 size_t cairn_mapper_memory(const cairn_mapper_params *params)
 {
     cairn_pool counting;
-    size_t parts;
 
     if (!is_valid(params))
         return 0;
-    parts = parts_memory(params);
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
-    if (parts == 0 || counting.used >= SIZE_MAX - parts)
-        return 0;
-    return counting.used + parts;
+    count_parts(&counting, params);
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool *pool, const cairn_mapper_params *params)

@@ -23,13 +23,12 @@ struct cairn_occupancy_grid {
     cairn_real inverse_resolution;
     int32_t count;   /* cells */
     int32_t cleared; /* cells done; == count: nothing to clear */
-    /* The scan that is being added; next_beam == beam_count: none. */
-    const cairn_beam *beams;
-    int32_t beam_count;
-    int32_t next_beam;
+    /* The scan that is being added. */
+    const cairn_beam *beams; /* [beams_left] */
+    int32_t beams_left;
     cairn_transform map_scan;
-    cairn_occupancy_walk walk; /* of next_beam, when walking */
-    int32_t walking;
+    cairn_occupancy_walk walk; /* of the first of them, when walking */
+    int32_t walking;           /* 1: it is under way */
 };
 
 cairn_occupancy_grid_params cairn_occupancy_grid_default(void)
@@ -65,7 +64,7 @@ size_t cairn_occupancy_grid_memory(const cairn_occupancy_grid_params *params)
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
-    return counting.used == SIZE_MAX ? 0 : counting.used;
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_occupancy_grid_create(cairn_occupancy_grid **grid, cairn_pool *pool,
@@ -84,11 +83,7 @@ cairn_status cairn_occupancy_grid_create(cairn_occupancy_grid **grid, cairn_pool
     made->count = params->width * params->height;
     memset(made->cells, 0, (size_t)made->count * sizeof *made->cells);
     made->cleared = made->count;
-    made->beams = NULL;
-    made->beam_count = made->next_beam = 0;
-    made->map_scan = cairn_transform_of(cairn_pose_identity());
-    memset(&made->walk, 0, sizeof made->walk);
-    made->walking = 0;
+    made->beams_left = 0;
     *grid = made;
     return CAIRN_OK;
 }
@@ -141,16 +136,7 @@ static int clip(cairn_real from, cairn_real delta, int32_t size, cairn_real *sta
 
 static int32_t cell_of(cairn_real coordinate, int32_t size)
 {
-    int32_t cell = cairn_real_to_int(cairn_floor(coordinate));
-
-    if (cell < 0)
-        return 0;
-    return cell < size ? cell : size - 1;
-}
-
-static int32_t sign_of(int32_t difference)
-{
-    return (difference > 0) - (difference < 0);
+    return cairn_real_to_int(cairn_min(cairn_max(coordinate, 0), (cairn_real)(size - 1)));
 }
 
 cairn_status cairn_occupancy_grid_walk(const cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 to,
@@ -179,8 +165,8 @@ cairn_status cairn_occupancy_grid_walk(const cairn_occupancy_grid *grid, cairn_v
     walk->ends_inside = b.x >= 0 && b.x < (cairn_real)width && b.y >= 0 && b.y < (cairn_real)height;
     walk->end_x = cell_of(walk->ends_inside ? b.x : a.x + end * delta.x, width);
     walk->end_y = cell_of(walk->ends_inside ? b.y : a.y + end * delta.y, height);
-    walk->step_x = sign_of(walk->end_x - walk->x);
-    walk->step_y = sign_of(walk->end_y - walk->y);
+    walk->step_x = walk->end_x < walk->x ? -1 : 1;
+    walk->step_y = walk->end_y < walk->y ? -1 : 1;
     walk->done = 0;
     return CAIRN_OK;
 }
@@ -234,7 +220,7 @@ static int add_cells(cairn_occupancy_grid *grid, cairn_occupancy_walk *walk, int
 
 static int is_busy(const cairn_occupancy_grid *grid)
 {
-    return grid->cleared < grid->count || grid->next_beam < grid->beam_count;
+    return grid->cleared < grid->count || grid->beams_left > 0;
 }
 
 cairn_status cairn_occupancy_grid_add_beam(cairn_occupancy_grid *grid, cairn_vec2 from, cairn_vec2 to, int32_t hit)
@@ -251,15 +237,6 @@ cairn_status cairn_occupancy_grid_add_beam(cairn_occupancy_grid *grid, cairn_vec
     return CAIRN_OK;
 }
 
-static cairn_status refuse(cairn_fault *fault, int32_t index, const char *what, cairn_status status)
-{
-    if (fault != NULL) {
-        fault->index = index;
-        fault->what = what;
-    }
-    return status;
-}
-
 cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid *grid, const cairn_beam *beams, int32_t count,
                                              cairn_pose map_scan, cairn_fault *fault)
 {
@@ -267,22 +244,21 @@ cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid *grid, const c
     cairn_real length;
 
     if (grid == NULL || count < 0 || (beams == NULL && count > 0))
-        return refuse(fault, -1, "no grid or no beams", CAIRN_BAD_ARGUMENT);
-    if (grid->next_beam < grid->beam_count)
-        return refuse(fault, -1, "the scan before is not finished", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "no grid or no beams", CAIRN_BAD_ARGUMENT);
+    if (grid->beams_left > 0)
+        return cairn_refuse(fault, -1, "the scan before is not finished", CAIRN_BAD_ARGUMENT);
     if (!cairn_pose_is_finite(map_scan))
-        return refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
+        return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
     transform = cairn_transform_of(map_scan);
     for (int32_t i = 0; i < count; i++) {
         if (beams[i].kind != CAIRN_BEAM_HIT && beams[i].kind != CAIRN_BEAM_FREE && beams[i].kind != CAIRN_BEAM_UNKNOWN)
-            return refuse(fault, i, "unknown kind of beam, expected hit, free or unknown", CAIRN_BAD_ARGUMENT);
+            return cairn_refuse(fault, i, "unknown kind of beam, expected hit, free or unknown", CAIRN_BAD_ARGUMENT);
         if (beams[i].kind != CAIRN_BEAM_UNKNOWN && !can_walk(grid, cairn_transform_point(transform, beams[i].from),
                                                              cairn_transform_point(transform, beams[i].to), &length))
-            return refuse(fault, i, "a beam that ends nowhere, expected finite coordinates", CAIRN_NOT_FINITE);
+            return cairn_refuse(fault, i, "a beam that ends nowhere, expected finite coordinates", CAIRN_NOT_FINITE);
     }
     grid->beams = beams;
-    grid->beam_count = count;
-    grid->next_beam = 0;
+    grid->beams_left = count;
     grid->map_scan = transform;
     grid->walking = 0;
     return CAIRN_OK;
@@ -291,8 +267,7 @@ cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid *grid, const c
 void cairn_occupancy_grid_clear(cairn_occupancy_grid *grid)
 {
     grid->cleared = 0;
-    grid->next_beam = grid->beam_count = 0;
-    grid->walking = 0;
+    grid->beams_left = 0;
 }
 
 static void clear_some(cairn_occupancy_grid *grid, cairn_budget *budget)
@@ -312,7 +287,7 @@ static void clear_some(cairn_occupancy_grid *grid, cairn_budget *budget)
 /* One unit of the scan: the start of a beam, or a few cells of it. */
 static void add_some(cairn_occupancy_grid *grid)
 {
-    const cairn_beam *beam = &grid->beams[grid->next_beam];
+    const cairn_beam *beam = grid->beams;
 
     if (grid->walking) {
         if (!add_cells(grid, &grid->walk, beam->kind == CAIRN_BEAM_HIT, CELLS_PER_UNIT))
@@ -324,7 +299,8 @@ static void add_some(cairn_occupancy_grid *grid)
         return;
     }
     grid->walking = 0;
-    grid->next_beam++;
+    grid->beams++;
+    grid->beams_left--;
 }
 
 cairn_status cairn_occupancy_grid_step(cairn_occupancy_grid *grid, cairn_budget *budget)

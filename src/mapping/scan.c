@@ -94,15 +94,14 @@ size_t cairn_scan_memory(const cairn_scan_params *params)
 {
     cairn_polyline_params fit;
     cairn_pool counting;
-    size_t behind;
 
     if (!acceptable(params))
         return 0;
     fit = fit_params(params);
-    behind = cairn_polyline_memory(&fit);
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
-    return counting.used < SIZE_MAX - behind ? counting.used + behind : 0;
+    cairn_pool_count(&counting, cairn_polyline_memory(&fit));
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_scan_create(cairn_scan **scan, cairn_pool *pool, const cairn_scan_params *params)

@@ -28,7 +28,8 @@ enum {
     HYPOTHESES_MOST = 64
 };
 
-static const cairn_real CELL = CAIRN_REAL(2.5); /* of an index, spacings */
+static const cairn_real BENT = CAIRN_REAL(0.013); /* m from a line, root mean square */
+static const cairn_real CELL = CAIRN_REAL(2.5);   /* of an index, spacings */
 
 cairn_scan_match_params cairn_scan_match_default(void)
 {
@@ -120,35 +121,56 @@ static int is_hit_near(const cairn_beam *beam, cairn_vec2 p, cairn_real reach)
     return beam->kind == CAIRN_BEAM_HIT && cairn_vec2_norm_squared(cairn_vec2_sub(beam->to, p)) < reach * reach;
 }
 
-/* The direction of the surface at the end of a beam, the sensor on its left, from the hits beside it; 0: there are none. */
-static int surface_direction(const cairn_scan_view *view, int32_t i, cairn_vec2 *direction)
+/* The line through the ends of beams[low ... high]: its direction and the mean squared distance from it; -1: they are one point. */
+static cairn_real line_through(const cairn_scan_view *view, int32_t low, int32_t high, cairn_vec2 *direction)
 {
-    const cairn_beam *beam = &view->beams[i];
-    cairn_vec2 to_sensor = cairn_vec2_sub(beam->from, beam->to), sum = {0, 0}, minor;
-    cairn_real reach = CAIRN_REAL(0.08) + CAIRN_REAL(0.03) * cairn_vec2_norm(to_sensor), n, values[2];
+    cairn_vec2 origin = view->beams[low].to, sum = {0, 0}, minor;
     cairn_sym2 spread = {0, 0, 0};
-    int32_t low = i, high = i;
+    cairn_real n = (cairn_real)(high - low + 1), values[2];
 
-    while (low > 0 && i - low < NEIGHBOURS && is_hit_near(&view->beams[low - 1], beam->to, reach))
-        low--;
-    while (high + 1 < view->beam_count && high - i < NEIGHBOURS && is_hit_near(&view->beams[high + 1], beam->to, reach))
-        high++;
     for (int32_t k = low; k <= high; k++) {
-        cairn_vec2 d = cairn_vec2_sub(view->beams[k].to, beam->to);
+        cairn_vec2 d = cairn_vec2_sub(view->beams[k].to, origin);
 
         sum = cairn_vec2_add(sum, d);
         spread.xx += d.x * d.x;
         spread.xy += d.x * d.y;
         spread.yy += d.y * d.y;
     }
-    n = (cairn_real)(high - low + 1);
     spread.xx -= sum.x * sum.x / n;
     spread.xy -= sum.x * sum.y / n;
     spread.yy -= sum.y * sum.y / n;
     cairn_sym2_eigen(spread, values, &minor, direction);
+    return values[1] > 0 ? cairn_max(values[0], 0) / n : -1;
+}
+
+/* The direction of the surface at the end of a beam, the sensor on its left, from the hits beside it; 0: there are none.
+ * Where the hits of both sides do not make a line, near a corner, those of the straighter side decide. */
+static int surface_direction(const cairn_scan_view *view, int32_t i, cairn_vec2 *direction)
+{
+    const cairn_beam *beam = &view->beams[i];
+    cairn_vec2 to_sensor = cairn_vec2_sub(beam->from, beam->to), side;
+    cairn_real reach = CAIRN_REAL(0.08) + CAIRN_REAL(0.03) * cairn_vec2_norm(to_sensor), spread;
+    int32_t low = i, high = i;
+
+    while (low > 0 && i - low < NEIGHBOURS && is_hit_near(&view->beams[low - 1], beam->to, reach))
+        low--;
+    while (high + 1 < view->beam_count && high - i < NEIGHBOURS && is_hit_near(&view->beams[high + 1], beam->to, reach))
+        high++;
+    spread = line_through(view, low, high, direction);
+    if (spread > BENT * BENT) {
+        cairn_real before = i - low >= 2 ? line_through(view, low, i, &side) : -1;
+
+        if (before >= 0 && before < spread / 2) {
+            spread = 2 * before;
+            *direction = side;
+        }
+        before = high - i >= 2 ? line_through(view, i, high, &side) : -1;
+        if (before >= 0 && before < spread / 2)
+            *direction = side;
+    }
     if (cairn_vec2_cross(*direction, to_sensor) < 0)
         *direction = cairn_vec2_scale(*direction, -1);
-    return values[1] > 0;
+    return spread >= 0;
 }
 
 int32_t cairn_scan_match_dense(const cairn_scan_view *view, cairn_oriented_point *dense)
@@ -185,15 +207,6 @@ void cairn_scan_match_clear_target(cairn_scan_match *x)
 
 /* ---- What comes in ---- */
 
-static cairn_status refuse(cairn_fault *fault, int32_t index, const char *what, cairn_status status)
-{
-    if (fault != NULL) {
-        fault->index = index;
-        fault->what = what;
-    }
-    return status;
-}
-
 static int is_near(cairn_vec2 p)
 {
     return cairn_abs(p.x) <= CAIRN_SCAN_EXTENT && cairn_abs(p.y) <= CAIRN_SCAN_EXTENT;
@@ -205,9 +218,9 @@ static cairn_status check_points(const cairn_oriented_point *points, int32_t cou
         cairn_real norm = cairn_vec2_norm_squared(points[i].direction);
 
         if (!is_near(points[i].position) || norm != norm)
-            return refuse(fault, i, "a point is not finite or too far away", CAIRN_NOT_FINITE);
+            return cairn_refuse(fault, i, "a point is not finite or too far away", CAIRN_NOT_FINITE);
         if (!(norm > CAIRN_REAL(0.98) && norm < CAIRN_REAL(1.02)))
-            return refuse(fault, i, "a direction is not of length 1", CAIRN_BAD_ARGUMENT);
+            return cairn_refuse(fault, i, "a direction is not of length 1", CAIRN_BAD_ARGUMENT);
     }
     return CAIRN_OK;
 }
@@ -223,15 +236,15 @@ static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pos
 
     if (!is_array(part->points, part->count) || !is_array(part->dense, part->dense_count) ||
         !is_array(part->beams, part->beam_count))
-        return refuse(fault, -1, "a negative count, or no array", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "a negative count, or no array", CAIRN_BAD_ARGUMENT);
     if (!cairn_pose_is_finite(pose) || cairn_abs(pose.x) > CAIRN_SCAN_EXTENT || cairn_abs(pose.y) > CAIRN_SCAN_EXTENT)
-        return refuse(fault, -1, "the pose is not finite or too far away", CAIRN_NOT_FINITE);
+        return cairn_refuse(fault, -1, "the pose is not finite or too far away", CAIRN_NOT_FINITE);
     status = check_points(part->points, part->count, fault);
     if (status == CAIRN_OK)
         status = check_points(part->dense, part->dense_count, fault);
     for (int32_t i = 0; i < part->beam_count && status == CAIRN_OK; i++)
         if (!is_near(part->beams[i].from) || !is_near(part->beams[i].to))
-            status = refuse(fault, i, "a beam is not finite or too long", CAIRN_NOT_FINITE);
+            status = cairn_refuse(fault, i, "a beam is not finite or too long", CAIRN_NOT_FINITE);
     return status;
 }
 
@@ -260,18 +273,18 @@ cairn_status cairn_scan_match_add_target(cairn_scan_match *x, const cairn_scan_m
     cairn_status status;
 
     if (x == NULL || part == NULL)
-        return refuse(fault, -1, "no object or no part", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "no object or no part", CAIRN_BAD_ARGUMENT);
     if (x->phase != MATCH_IDLE && x->phase != MATCH_DONE)
-        return refuse(fault, -1, "a match is running", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "a match is running", CAIRN_BAD_ARGUMENT);
     status = check_part(part, target_part, fault);
     if (status != CAIRN_OK)
         return status;
     if (part->count > x->params.max_target - x->target_count)
-        return refuse(fault, -1, "more target points than max_target", CAIRN_FULL);
+        return cairn_refuse(fault, -1, "more target points than max_target", CAIRN_FULL);
     if (x->params.max_dense > 0 && part->dense_count > x->params.max_dense - x->dense_count)
-        return refuse(fault, -1, "more dense target points than max_dense", CAIRN_FULL);
+        return cairn_refuse(fault, -1, "more dense target points than max_dense", CAIRN_FULL);
     if (part->beam_count > 0 && x->params.max_views > 0 && x->view_count == x->params.max_views)
-        return refuse(fault, -1, "more parts with beams than max_views", CAIRN_FULL);
+        return cairn_refuse(fault, -1, "more parts with beams than max_views", CAIRN_FULL);
     transform = cairn_transform_of(target_part);
     for (int32_t i = 0; i < part->count; i++) {
         cairn_oriented_point *p = &x->target[x->target_count++];
@@ -334,16 +347,16 @@ cairn_status cairn_scan_match_begin(cairn_scan_match *x, const cairn_scan_match_
     cairn_status status;
 
     if (x == NULL || query == NULL)
-        return refuse(fault, -1, "no object or no query", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "no object or no query", CAIRN_BAD_ARGUMENT);
     if (window != NULL && !(window->distance >= 0 && window->angle >= 0))
-        return refuse(fault, -1, "a window is negative or not a number", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "a window is negative or not a number", CAIRN_BAD_ARGUMENT);
     if (window == NULL)
         start = cairn_pose_identity();
     status = check_part(query, start, fault);
     if (status != CAIRN_OK)
         return status;
     if (query->count > x->params.max_query)
-        return refuse(fault, -1, "more query points than max_query", CAIRN_FULL);
+        return cairn_refuse(fault, -1, "more query points than max_query", CAIRN_FULL);
     stop(x);
     memset(&x->measure, 0, sizeof x->measure);
     x->query = *query;

@@ -6,8 +6,8 @@
  *
  * Covariance: that of an M-estimator (Huber 1981, section 7.6). Its information is made of the products of the normals of
  * both points of a pair, as Gauss-Newton's would be of those of one: noise of the normals of a bare wall adds up in squares and
- * feigns information along the wall, while in products of independent normals it cancels. The lines of the target are themselves fits to as many
- * beams as the query's, more or less, and their errors do not show in the residuals: the variance is doubled. */
+ * feigns information along the wall, while in products of independent normals it cancels. What does not average out (bent surfaces,
+ * the choice of pairs) is a floor: with a thousand beams it is most of the error. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -19,9 +19,10 @@ static const cairn_real CAUCHY_VARIANCE = CAIRN_REAL(1.26);
 static const cairn_real LEAST_COSINE = CAIRN_REAL(0.7);  /* of the directions of a pair */
 static const cairn_real TALLY_COSINE = CAIRN_REAL(0.85); /* ... of a point that is explained */
 static const cairn_real TALLY_GATE = CAIRN_REAL(1.5);    /* spacings */
-static const cairn_real FINE = CAIRN_REAL(0.3);
+static const cairn_real CLOSE = CAIRN_REAL(0.3);         /* spacings from the surface at which a point counts half */
+static const cairn_real FLOOR = CAIRN_REAL(0.015);
 static const cairn_real LEAST_RATIO = CAIRN_REAL(3e-4); /* of the information of a direction in which a step goes */
-static const cairn_real MARGIN = 2;                     /* spacings by which a point stands before a surface */
+static const cairn_real MARGIN = 1;                     /* spacings by which a point stands before a surface */
 
 enum { LEAST_PAIRS = 4 };
 
@@ -102,20 +103,32 @@ static void add_pair(cairn_scan_match *x, const cairn_oriented_point *q)
     sums->pairs++;
 }
 
-/* 1 / variance of a residual with its share of the target's error. */
+/* 1 / variance of a residual. */
 static cairn_real information_scale(const cairn_scan_match *x)
 {
     const match_sums *sums = &x->fit.sums;
     cairn_real n = (cairn_real)sums->pairs, slope = cairn_max(sums->slopes / n, CAIRN_REAL(0.1));
     cairn_real scale = sums->psi_squares / cairn_max(n - 3, 1) * (sums->weight / n) / (slope * slope);
 
-    return 1 / (2 * cairn_max(scale, x->params.sigma * x->params.sigma));
+    return 1 / cairn_max(scale, x->params.sigma * x->params.sigma);
 }
 
 static cairn_sym3 scaled(cairn_sym3 m, cairn_real by)
 {
     cairn_sym3 out = {m.xx * by, m.xy * by, m.xz * by, m.yy * by, m.yz * by, m.zz * by};
     return out;
+}
+
+/* Adds the errors that do not average out with the number of points: FLOOR spacings of any motion about the centroid. */
+static void add_floor(const cairn_scan_match *x, cairn_real covariance[9])
+{
+    cairn_real by = 1 / (FLOOR * x->params.spacing * (FLOOR * x->params.spacing)), more[9];
+    cairn_sym3 information = {by, 0, 0, by, 0, by};
+    cairn_motion_basis basis = cairn_motion_basis_of(information, 0);
+
+    cairn_rigid_motion_covariance(&x->fit.motion, &basis, &information, NULL, more);
+    for (int k = 0; k < 9; k++)
+        covariance[k] += more[k];
 }
 
 /* Writes down where the fit ended. */
@@ -145,6 +158,7 @@ static void conclude(cairn_scan_match *x, const cairn_motion_basis *basis)
     }
     cairn_rigid_motion_covariance(&x->fit.motion, basis, basis == NULL ? NULL : &information,
                                   x->has_window ? &prior : NULL, h->covariance);
+    add_floor(x, h->covariance);
 }
 
 /* One Gauss-Newton step; 1 when the fit is through. */
@@ -200,11 +214,15 @@ int32_t cairn_match_fit_item(cairn_scan_match *x)
 
 void cairn_match_tally_begin(cairn_scan_match *x)
 {
+    const match_stage *stage = &STAGES[x->stage];
+    int32_t witnesses;
+
     memset(&x->tally, 0, sizeof x->tally);
     x->tally_transform = cairn_transform_of(x->hypotheses[x->other].target_query);
     x->tally_inverse = cairn_transform_of(cairn_pose_inverse(x->hypotheses[x->other].target_query));
     x->tally_stride = x->fit.stride;
-    x->witness_stride = (x->target_count + MATCH_WITNESSES - 1) / MATCH_WITNESSES;
+    witnesses = stage->points < MATCH_WITNESSES ? stage->points : MATCH_WITNESSES;
+    x->witness_stride = (x->target_count + witnesses - 1) / witnesses;
     x->at = 0;
 }
 
@@ -221,9 +239,9 @@ static void ask_query_point(cairn_scan_match *x, const cairn_oriented_point *q)
     m = cairn_match_index_nearest(x->fit.index, &search, TALLY_GATE * x->params.spacing, &parts);
     if (m != NULL) {
         cairn_real e = cairn_vec2_dot(cairn_vec2_left(m->direction), cairn_vec2_sub(search.p, m->position)) /
-                       (FINE * x->params.spacing);
+                       (CLOSE * x->params.spacing);
 
-        x->tally.fine += 1 / (1 + e * e);
+        x->tally.closeness += 1 / (1 + e * e);
         x->tally.explained++;
         cairn_match_charge(x, parts);
         return;
@@ -248,18 +266,23 @@ static void ask_target_point(cairn_scan_match *x, const cairn_oriented_point *p)
     cairn_match_charge(x, 8);
 }
 
+static cairn_real share(cairn_real part, int32_t rest)
+{
+    return part > 0 ? part / (part + (cairn_real)rest) : 0;
+}
+
 static void score(cairn_scan_match *x)
 {
     cairn_scan_match_hypothesis *h = &x->hypotheses[x->other];
     const match_tally *t = &x->tally;
-    int32_t against = t->contradicted + t->target_contradicted;
-    int32_t said = against + t->explained + t->target_explained;
-    cairn_real agreement;
+    cairn_real asked = (cairn_real)(t->asked > 0 ? t->asked : 1), agreement;
 
-    h->overlap = t->asked > 0 ? (cairn_real)t->explained / (cairn_real)t->asked : 0;
-    h->contradiction = said > 0 ? (cairn_real)against / (cairn_real)said : 0;
-    agreement = 1 - h->contradiction;
-    h->score = (t->asked > 0 ? t->fine / (cairn_real)t->asked : 0) * agreement * agreement;
+    h->overlap = (cairn_real)t->explained / asked;
+    h->fit = t->closeness / asked;
+    h->contradiction = share((cairn_real)t->contradicted, t->explained);
+    h->target_contradiction = share((cairn_real)t->target_contradicted, t->target_explained);
+    agreement = (1 - h->contradiction) * (1 - h->target_contradiction);
+    h->score = h->fit * agreement * agreement * agreement;
 }
 
 int32_t cairn_match_tally_item(cairn_scan_match *x)

@@ -41,7 +41,7 @@ int32_t cairn_match_profile_ask(const match_profile *profile, cairn_vec2 p, cair
 
     if (profile->range[bin] < 0)
         return 0;
-    margin += CAIRN_REAL(0.02) * distance;
+    margin += CAIRN_REAL(0.01) * distance;
     for (int32_t k = -1; k <= 1; k++) {
         cairn_real range = (cairn_real)profile->range[(bin + k) & (MATCH_BEARINGS - 1)];
 

@@ -10,7 +10,7 @@ enum {
     MATCH_BEARINGS = 256,  /* bins of a profile */
     MATCH_CELLS_MOST = 65536,
     MATCH_VOTERS = 256,     /* query points that vote, at most */
-    MATCH_CANDIDATES = 192, /* poses that the search hands on, at most */
+    MATCH_CANDIDATES = 128, /* poses that the search hands on, at most */
     MATCH_WITNESSES = 192,  /* target points that are looked for in the query's free space, at most */
     MATCH_STAGES = 3,
     MATCH_PART = 16 /* parts of a unit */
@@ -90,8 +90,8 @@ typedef struct match_fit {
 
 /* Points of one hypothesis by what they say. */
 typedef struct match_tally {
-    int32_t asked; /* query points */
-    cairn_real fine;
+    int32_t asked;                                 /* query points */
+    cairn_real closeness;                          /* sum over those explained */
     int32_t explained, contradicted;               /* of the query */
     int32_t target_explained, target_contradicted; /* of the target's witnesses */
 } match_tally;
