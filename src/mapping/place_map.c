@@ -96,6 +96,7 @@ static cairn_icp_params icp_params(const cairn_place_map_params *params)
     icp.max_iterations = 15;
     icp.gate_start = CAIRN_REAL(0.4);
     icp.direction_gate = CAIRN_PI / 6;
+    icp.roll_back = 1;
     return icp;
 }
 
