@@ -31,6 +31,7 @@
 #include "cairn/scan.h"
 #include "cairn/scan_match.h"
 #include "cairn/scan_set.h"
+#include "cairn/sequence.h"
 #include "cairn/small_matrix.h"
 #include "cairn/status.h"
 #include "cairn/version.h"
@@ -734,6 +735,18 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_scan_set, segment_count, 36, 36)},
     {FIELD(cairn_scan_set, point_count, 40, 40)},
     {FIELD(cairn_scan_set, params, 44, 44)},
+    {SIZE(cairn_sequence_params, 24, 16)},
+    {FIELD(cairn_sequence_params, kind, 0, 0)},
+    {FIELD(cairn_sequence_params, max_first, 4, 4)},
+    {FIELD(cairn_sequence_params, max_second, 8, 8)},
+    {FIELD(cairn_sequence_params, gap, 16, 12)},
+    {SIZE(cairn_sequence_pair, 8, 8)},
+    {FIELD(cairn_sequence_pair, first, 0, 0)},
+    {FIELD(cairn_sequence_pair, second, 4, 4)},
+    {SIZE(cairn_sequence_result, 24, 16)},
+    {FIELD(cairn_sequence_result, pairs, 0, 0)},
+    {FIELD(cairn_sequence_result, count, 8, 8)},
+    {FIELD(cairn_sequence_result, score, 16, 12)},
     {SIZE(cairn_sym2, 24, 12)},
     {FIELD(cairn_sym2, xx, 0, 0)},
     {FIELD(cairn_sym2, xy, 8, 4)},
