@@ -23,19 +23,22 @@
 
 #define DEGREE 0.017453292519943295
 
-enum { DRIVE_SCANS = 60, DRIVE_BEAMS = 181, PAIRS_PER_ARENA = 20, PLACES = 16, PLACE_BEAMS = 1604 };
+enum { DRIVE_SCANS = 60, DRIVE_BEAMS = 181, PAIRS_PER_ARENA = 20, PLACES = 16, PLACE_BEAMS = 1604, LAST_STAGE = 3 };
 
 typedef struct settings {
     const char *log, *truth, *data, *start, *method, *scene;
     int64_t pairs, seed, partners, strangers;
     double overlap;
-    int32_t simulated, places, noise, each;
+    int32_t simulated, places, noise, each, ablate;
+    int32_t stages; /* of the method shape */
 } settings;
 
 typedef struct start_kind {
     const char *name;
     double metres, radians; /* negative: none */
 } start_kind;
+
+static const char *const STAGE_NAMES[] = {"lcs", "colinear", "segments", "icp"};
 
 static const start_kind STARTS[] = {
     {"E", 0.1, 10 * DEGREE}, {"T", 0.3, 20 * DEGREE}, {"X", 0.5, 45 * DEGREE}, {"none", -1, -1}};
@@ -330,6 +333,7 @@ static int start_matcher(const settings *s, const bench_views *views, matcher *m
 
     bench_views_most(views, &points, &dense);
     params.mode = strcmp(s->method, "shape") == 0 ? CAIRN_SCAN_MATCH_SHAPE : CAIRN_SCAN_MATCH_CORRELATIVE;
+    params.shape_stages = s->stages;
     params.max_target = params.max_query = points;
     params.max_dense = dense;
     params.max_views = 1;
@@ -411,6 +415,7 @@ static int run_pair(matcher *m, const collection *c, const pair *p, const start_
     double begun;
 
     memset(out, 0, sizeof *out);
+    out->metres = out->radians = (double)INFINITY; /* without a hypothesis */
     if (kind->metres >= 0) {
         start.x = truth.x + cairn_random_uniform(random, -window.distance, window.distance);
         start.y = truth.y + cairn_random_uniform(random, -window.distance, window.distance);
@@ -507,6 +512,8 @@ static void print_row(const settings *s, const char *name, const start_kind *kin
     bench_json_begin("pairs");
     bench_json_text("data", name);
     bench_json_text("method", s->method);
+    if (strcmp(s->method, "shape") == 0)
+        bench_json_text("stages", STAGE_NAMES[s->stages]);
     bench_json_text("start", kind->name);
     bench_json_integer("pairs", r->pairs);
     bench_json_number("success", share(r->right, r->pairs));
@@ -590,9 +597,16 @@ static int run_collection(const settings *s, const char *name, collection *c)
 {
     int done = 1;
 
-    for (size_t k = 0; k < sizeof STARTS / sizeof *STARTS && done; k++)
-        if (s->start == NULL || strcmp(s->start, STARTS[k].name) == 0)
-            done = run_start(s, name, c, &STARTS[k]);
+    for (size_t k = 0; k < sizeof STARTS / sizeof *STARTS; k++) {
+        if (s->start != NULL && strcmp(s->start, STARTS[k].name) != 0)
+            continue;
+        for (int32_t stages = s->ablate ? 0 : LAST_STAGE; stages <= LAST_STAGE && done; stages++) {
+            settings one = *s;
+
+            one.stages = stages;
+            done = run_start(&one, name, c, &STARTS[k]);
+        }
+    }
     return done;
 }
 
@@ -631,7 +645,8 @@ int main(int argc, char **argv)
 {
     static const char *const names[] = {"intel", "fr079", "aces"};
     static const int64_t partners[] = {10, 59, 10};
-    settings s = {NULL, NULL, "../shared/data", NULL, "correlative", NULL, 500, 1, 0, 0, 0.3, 0, 0, 0, 0};
+    settings s = {NULL, NULL, "../shared/data", NULL, "correlative", NULL, 500, 1, 0, 0, 0.3, 0, 0, 0,
+                  0,    0,    LAST_STAGE};
     const option table[] = {
         OPTION_FLAG("--simulated", &s.simulated, "pairs of simulated arenas"),
         OPTION_FLAG("--places", &s.places, "simulated: full circles at 16 places an arena, pairs that overlap enough"),
@@ -650,6 +665,7 @@ int main(int argc, char **argv)
         OPTION_INTEGER("--strangers", &s.strangers, 0, 1, "N",
                        "1: pairs that share nothing at every start, not at none only"),
         OPTION_FLAG("--noise", &s.noise, "overwrite the poses of the log with noise: nothing may change"),
+        OPTION_FLAG("--ablate", &s.ablate, "the method shape after each of its stages"),
         OPTION_FLAG("--each", &s.each, "a line for every pair"),
     };
     const option_set set = {"bench/pairs", "--simulated | [--log FILE --truth FILE] [options]",
@@ -665,6 +681,8 @@ int main(int argc, char **argv)
     default:
         break;
     }
+    if (s.ablate)
+        s.method = "shape";
     if ((s.log == NULL) != (s.truth == NULL))
         return options_refuse("bench/pairs", "--log or --truth alone, expected both or neither");
     if (s.start != NULL && !is_start(s.start))
