@@ -18,10 +18,12 @@
 #include "cairn/occupancy_grid.h"
 #include "cairn/output.h"
 #include "cairn/output_set.h"
+#include "cairn/place_map.h"
 #include "cairn/polyline.h"
 #include "cairn/pool.h"
 #include "cairn/pose_consensus.h"
 #include "cairn/pose_graph.h"
+#include "cairn/pose_graph_file.h"
 #include "cairn/pose_table.h"
 #include "cairn/random.h"
 #include "cairn/raster.h"
@@ -33,6 +35,7 @@
 #include "cairn/scan_set.h"
 #include "cairn/sequence.h"
 #include "cairn/small_matrix.h"
+#include "cairn/sparse_solver.h"
 #include "cairn/status.h"
 #include "cairn/version.h"
 
@@ -336,6 +339,42 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_occupancy_chord, x, 0, 0)},
     {FIELD(cairn_occupancy_chord, y, 4, 4)},
     {FIELD(cairn_occupancy_chord, length, 8, 8)},
+    {SIZE(cairn_place_map_params, 216, 148)},
+    {FIELD(cairn_place_map_params, mode, 0, 0)},
+    {FIELD(cairn_place_map_params, max_places, 4, 4)},
+    {FIELD(cairn_place_map_params, max_scans, 8, 8)},
+    {FIELD(cairn_place_map_params, max_place_points, 12, 12)},
+    {FIELD(cairn_place_map_params, max_place_beams, 16, 16)},
+    {FIELD(cairn_place_map_params, recent, 20, 20)},
+    {FIELD(cairn_place_map_params, rounds, 24, 24)},
+    {FIELD(cairn_place_map_params, sweeps, 28, 28)},
+    {FIELD(cairn_place_map_params, decoupled, 32, 32)},
+    {FIELD(cairn_place_map_params, sight_reach, 40, 36)},
+    {FIELD(cairn_place_map_params, sight_cell, 48, 40)},
+    {FIELD(cairn_place_map_params, sight_margin, 56, 44)},
+    {FIELD(cairn_place_map_params, for_point, 64, 48)},
+    {FIELD(cairn_place_map_params, against_point, 72, 52)},
+    {FIELD(cairn_place_map_params, floating, 80, 56)},
+    {FIELD(cairn_place_map_params, chance, 88, 60)},
+    {FIELD(cairn_place_map_params, match, 96, 64)},
+    {FIELD(cairn_place_map_params, consensus, 144, 100)},
+    {SIZE(cairn_place_map_result, 56, 48)},
+    {FIELD(cairn_place_map_result, places, 0, 0)},
+    {FIELD(cairn_place_map_result, placed, 4, 4)},
+    {FIELD(cairn_place_map_result, parts, 8, 8)},
+    {FIELD(cairn_place_map_result, ambiguous, 12, 12)},
+    {FIELD(cairn_place_map_result, matches, 16, 16)},
+    {FIELD(cairn_place_map_result, hypotheses, 20, 20)},
+    {FIELD(cairn_place_map_result, decoupled, 24, 24)},
+    {FIELD(cairn_place_map_result, total, 32, 28)},
+    {FIELD(cairn_place_map_result, rival, 40, 32)},
+    {FIELD(cairn_place_map_result, units, 48, 40)},
+    {SIZE(cairn_place_map_place, 48, 28)},
+    {FIELD(cairn_place_map_place, map_place, 0, 0)},
+    {FIELD(cairn_place_map_place, support, 24, 12)},
+    {FIELD(cairn_place_map_place, part, 32, 16)},
+    {FIELD(cairn_place_map_place, ambiguous, 36, 20)},
+    {FIELD(cairn_place_map_place, alternatives, 40, 24)},
     {SIZE(cairn_polyline_params, 120, 68)},
     {FIELD(cairn_polyline_params, dim, 0, 0)},
     {FIELD(cairn_polyline_params, max_points, 4, 4)},
@@ -474,6 +513,34 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_pose_graph_link, weight, 16, 12)},
     {FIELD(cairn_pose_graph_link, outlier, 24, 16)},
     {FIELD(cairn_pose_graph_link, dropped, 28, 20)},
+    {SIZE(cairn_pose_graph_vertex, 48, 32)},
+    {FIELD(cairn_pose_graph_vertex, id, 0, 0)},
+    {FIELD(cairn_pose_graph_vertex, line, 8, 8)},
+    {FIELD(cairn_pose_graph_vertex, pose, 16, 16)},
+    {FIELD(cairn_pose_graph_vertex, fixed, 40, 28)},
+    {SIZE(cairn_pose_graph_edge, 88, 56)},
+    {FIELD(cairn_pose_graph_edge, first, 0, 0)},
+    {FIELD(cairn_pose_graph_edge, second, 4, 4)},
+    {FIELD(cairn_pose_graph_edge, line, 8, 8)},
+    {FIELD(cairn_pose_graph_edge, first_second, 16, 16)},
+    {FIELD(cairn_pose_graph_edge, information, 40, 28)},
+    {SIZE(cairn_pose_graph_file, 32, 32)},
+    {FIELD(cairn_pose_graph_file, vertex, 0, 0)},
+    {FIELD(cairn_pose_graph_file, edge, 8, 8)},
+    {FIELD(cairn_pose_graph_file, vertex_count, 16, 16)},
+    {FIELD(cairn_pose_graph_file, edge_count, 20, 20)},
+    {FIELD(cairn_pose_graph_file, chained, 24, 24)},
+    {SIZE(cairn_pose_graph_solution, 120, 104)},
+    {FIELD(cairn_pose_graph_solution, solver, 0, 0)},
+    {FIELD(cairn_pose_graph_solution, keep_all, 4, 4)},
+    {FIELD(cairn_pose_graph_solution, pose, 8, 8)},
+    {FIELD(cairn_pose_graph_solution, outlier, 16, 16)},
+    {FIELD(cairn_pose_graph_solution, outliers, 24, 24)},
+    {FIELD(cairn_pose_graph_solution, robust, 28, 28)},
+    {FIELD(cairn_pose_graph_solution, state, 32, 32)},
+    {FIELD(cairn_pose_graph_solution, chi2_initial, 96, 80)},
+    {FIELD(cairn_pose_graph_solution, chi2_all, 104, 88)},
+    {FIELD(cairn_pose_graph_solution, pool_bytes, 112, 96)},
     {SIZE(cairn_pose_row, 160, 112)},
     {FIELD(cairn_pose_row, index, 0, 0)},
     {FIELD(cairn_pose_row, line, 8, 8)},

