@@ -30,7 +30,7 @@ typedef struct settings {
     int64_t pairs, seed, partners, strangers;
     double overlap;
     int32_t simulated, places, noise, each, ablate;
-    int32_t stages; /* of the method shape */
+    cairn_scan_match_mode mode;
 } settings;
 
 typedef struct start_kind {
@@ -38,7 +38,9 @@ typedef struct start_kind {
     double metres, radians; /* negative: none */
 } start_kind;
 
-static const char *const STAGE_NAMES[] = {"lcs", "colinear", "segments", "icp"};
+static const char *const STAGE_NAMES[] = {"icp", "lcs", "colinear", "segments"};
+static const cairn_scan_match_mode STAGES[] = {CAIRN_SCAN_MATCH_SHAPE_COMMON, CAIRN_SCAN_MATCH_SHAPE_COLINEAR,
+                                               CAIRN_SCAN_MATCH_SHAPE_SEGMENTS, CAIRN_SCAN_MATCH_SHAPE};
 
 static const start_kind STARTS[] = {
     {"E", 0.1, 10 * DEGREE}, {"T", 0.3, 20 * DEGREE}, {"X", 0.5, 45 * DEGREE}, {"none", -1, -1}};
@@ -332,8 +334,7 @@ static int start_matcher(const settings *s, const bench_views *views, matcher *m
     size_t bytes;
 
     bench_views_most(views, &points, &dense);
-    params.mode = strcmp(s->method, "shape") == 0 ? CAIRN_SCAN_MATCH_SHAPE : CAIRN_SCAN_MATCH_CORRELATIVE;
-    params.shape_stages = s->stages;
+    params.mode = s->mode;
     params.max_target = params.max_query = points;
     params.max_dense = dense;
     params.max_views = 1;
@@ -512,8 +513,8 @@ static void print_row(const settings *s, const char *name, const start_kind *kin
     bench_json_begin("pairs");
     bench_json_text("data", name);
     bench_json_text("method", s->method);
-    if (strcmp(s->method, "shape") == 0)
-        bench_json_text("stages", STAGE_NAMES[s->stages]);
+    if (s->mode != CAIRN_SCAN_MATCH_CORRELATIVE)
+        bench_json_text("stages", STAGE_NAMES[s->mode - 1]);
     bench_json_text("start", kind->name);
     bench_json_integer("pairs", r->pairs);
     bench_json_number("success", share(r->right, r->pairs));
@@ -597,14 +598,15 @@ static int run_collection(const settings *s, const char *name, collection *c)
 {
     int done = 1;
 
-    for (size_t k = 0; k < sizeof STARTS / sizeof *STARTS; k++) {
-        if (s->start != NULL && strcmp(s->start, STARTS[k].name) != 0)
+    for (size_t i = 0; i < sizeof STARTS / sizeof *STARTS; i++) {
+        if (s->start != NULL && strcmp(s->start, STARTS[i].name) != 0)
             continue;
-        for (int32_t stages = s->ablate ? 0 : LAST_STAGE; stages <= LAST_STAGE && done; stages++) {
+        for (int32_t k = s->ablate ? 0 : LAST_STAGE; k <= LAST_STAGE && done; k++) {
             settings one = *s;
 
-            one.stages = stages;
-            done = run_start(&one, name, c, &STARTS[k]);
+            if (s->mode != CAIRN_SCAN_MATCH_CORRELATIVE)
+                one.mode = STAGES[k];
+            done = run_start(&one, name, c, &STARTS[i]);
         }
     }
     return done;
@@ -683,6 +685,8 @@ int main(int argc, char **argv)
     }
     if (s.ablate)
         s.method = "shape";
+    if (strcmp(s.method, "shape") == 0)
+        s.mode = CAIRN_SCAN_MATCH_SHAPE;
     if ((s.log == NULL) != (s.truth == NULL))
         return options_refuse("bench/pairs", "--log or --truth alone, expected both or neither");
     if (s.start != NULL && !is_start(s.start))

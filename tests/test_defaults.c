@@ -111,7 +111,6 @@ static void of_matches_and_corners(void **state)
         VALUE(match.spacing, 0.1),
         VALUE(match.sigma, 0.01),
         VALUE(match.weak_ratio, 0.001),
-        VALUE(match.shape_stages, 3),
         VALUE(sequence.kind, CAIRN_SEQUENCE_COMMON),
         VALUE(sequence.max_first, 1024),
         VALUE(sequence.max_second, 1024),

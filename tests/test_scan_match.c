@@ -327,7 +327,7 @@ static void refuses_params(void **state)
     (void)state;
     for (int i = 0; i < 32; i++)
         bad[i] = good;
-    bad[count++].mode = 2;
+    bad[count++].mode = 5;
     bad[count++].mode = -1;
     bad[count++].max_target = 0;
     bad[count++].max_target = (1 << 20) + 1;
@@ -347,8 +347,6 @@ static void refuses_params(void **state)
     bad[count++].weak_ratio = -1;
     bad[count++].weak_ratio = 1;
     bad[count++].weak_ratio = nan;
-    bad[count++].shape_stages = -1;
-    bad[count++].shape_stages = 4;
     for (int i = 0; i < count; i++) {
         assert_int_equal(cairn_scan_match_memory(&bad[i]), 0);
         assert_status(cairn_scan_match_create(&match, &pool, &bad[i]), CAIRN_BAD_ARGUMENT);

@@ -41,8 +41,7 @@ typedef struct cairn_scan_match_params {
 } cairn_scan_match_params;
 
 /* Correlative; 2048 target points, 4096 dense ones, 16 views, 1024 query points, 8 hypotheses, spacing 0.10 m, sigma
- * 0.01 m, weak below 0.001, all
- * stages. */
+ * 0.01 m, weak below 0.001. */
 cairn_scan_match_params cairn_scan_match_default(void);
 
 /* A scan, or a piece of a map, in a frame of its own. The arrays are the caller's and are only read. */

@@ -24,7 +24,7 @@ enum { POINTS_MOST = 1 << 20, VIEWS_MOST = 4096, HYPOTHESES_MOST = 64 };
 cairn_scan_match_params cairn_scan_match_default(void)
 {
     cairn_scan_match_params params = {
-        CAIRN_SCAN_MATCH_CORRELATIVE, 2048, 4096, 16, 1024, 8, CAIRN_REAL(0.1), CAIRN_REAL(0.01), CAIRN_REAL(0.001), 3};
+        CAIRN_SCAN_MATCH_CORRELATIVE, 2048, 4096, 16, 1024, 8, CAIRN_REAL(0.1), CAIRN_REAL(0.01), CAIRN_REAL(0.001)};
     return params;
 }
 
@@ -40,11 +40,11 @@ static int is_within(int32_t n, int32_t least, int32_t most)
 
 static int params_are_good(const cairn_scan_match_params *p)
 {
-    return p != NULL && (p->mode == CAIRN_SCAN_MATCH_CORRELATIVE || p->mode == CAIRN_SCAN_MATCH_SHAPE) &&
+    return p != NULL && is_within(p->mode, CAIRN_SCAN_MATCH_CORRELATIVE, CAIRN_SCAN_MATCH_SHAPE_SEGMENTS) &&
            is_within(p->max_target, 1, POINTS_MOST) && is_within(p->max_dense, 0, POINTS_MOST) &&
            is_within(p->max_views, 0, VIEWS_MOST) && is_within(p->max_query, 1, POINTS_MOST) &&
            is_within(p->max_hypotheses, 1, HYPOTHESES_MOST) && is_positive(p->spacing) && is_positive(p->sigma) &&
-           p->weak_ratio >= 0 && p->weak_ratio < 1 && is_within(p->shape_stages, 0, 3);
+           p->weak_ratio >= 0 && p->weak_ratio < 1;
 }
 
 static cairn_sequence_params sequence_params(const cairn_scan_match_params *p)
@@ -95,7 +95,7 @@ static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *
     made.votes.touched = cairn_pool_take(pool, cells, sizeof *made.votes.touched);
     made.candidates = cairn_pool_take(pool, MATCH_CANDIDATES, sizeof *made.candidates);
     made.hypotheses = cairn_pool_take(pool, MATCH_CANDIDATES, sizeof *made.hypotheses);
-    if (p->mode == CAIRN_SCAN_MATCH_SHAPE)
+    if (p->mode != CAIRN_SCAN_MATCH_CORRELATIVE)
         made.shape = carve_shape(pool, p);
     if (x != NULL)
         *x = made;
@@ -111,7 +111,7 @@ size_t cairn_scan_match_memory(const cairn_scan_match_params *params)
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
-    if (params->mode == CAIRN_SCAN_MATCH_SHAPE) {
+    if (params->mode != CAIRN_SCAN_MATCH_CORRELATIVE) {
         cairn_sequence_params sequence = sequence_params(params);
 
         more = cairn_sequence_memory(&sequence);

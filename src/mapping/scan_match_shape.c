@@ -184,7 +184,7 @@ int32_t cairn_match_shape_filter(cairn_scan_match *x)
     if (x->at < common.count) {
         cairn_sequence_pair pair = common.pairs[x->at++], last;
 
-        if (x->params.shape_stages < 1 || !is_colinear(x, pair)) {
+        if (x->params.mode == CAIRN_SCAN_MATCH_SHAPE_COMMON || !is_colinear(x, pair)) {
             last = s->pairs[s->pair_count > 0 ? s->pair_count - 1 : 0];
             if (s->pair_count == 0 ||
                 gap_between(s->turned[pair.first].position, s->turned[last.first].position) >= JUMP ||
@@ -266,7 +266,7 @@ int32_t cairn_match_shape_translate(cairn_scan_match *x)
     cairn_match_charge(x, 8 + 2 * s->pair_count);
     if (x->at == 0)
         s->most_pairs = 0;
-    if (x->params.shape_stages < 2) {
+    if (x->params.mode == CAIRN_SCAN_MATCH_SHAPE_COMMON || x->params.mode == CAIRN_SCAN_MATCH_SHAPE_COLINEAR) {
         shift_by_all(x);
         return 1;
     }

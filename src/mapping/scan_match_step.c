@@ -215,7 +215,7 @@ static void end_rotation(cairn_scan_match *x)
     enter(x, MATCH_SHAPE_TURN);
     if (!cairn_match_shape_is_turned(x))
         return;
-    if (x->params.shape_stages < 3 || x->shape->best_overlap <= 0) {
+    if (x->params.mode != CAIRN_SCAN_MATCH_SHAPE || x->shape->best_overlap <= 0) {
         start_last_stage(x);
         return;
     }
