@@ -1,6 +1,7 @@
 /* The defaults of all rooms but the force field, whose own test has them. */
 #include "tests/test.h"
 
+#include "cairn/aligner.h"
 #include "cairn/block_solver.h"
 #include "cairn/carmen_log.h"
 #include "cairn/map_file.h"
@@ -32,6 +33,33 @@ static void check(const value *table, size_t count)
 }
 
 static const double DEGREE = 3.14159265358979323846 / 180;
+
+static void of_aligning(void **state)
+{
+    cairn_aligner_params p = cairn_aligner_default();
+    const value values[] = {
+        VALUE(p.max_scans, 64),
+        VALUE(p.max_segments, 1024),
+        VALUE(p.max_points, 4096),
+        VALUE(p.max_hypotheses, 1536),
+        VALUE(p.max_fill, 2048),
+        VALUE(p.max_cells, 25600),
+        VALUE(p.spread, 0.6),
+        VALUE(p.spread_angle, 35 * DEGREE),
+        VALUE(p.reach, 30),
+        VALUE(p.sigma, 0.01),
+        VALUE(p.contradiction, 1.5),
+        VALUE(p.oriented, 1),
+        VALUE(p.max_repairs, 2),
+        VALUE(p.max_rounds, 10),
+        VALUE(p.least_evidence, 1),
+        VALUE(p.observable, 0.05),
+        VALUE(p.observable_angle, DEGREE),
+    };
+
+    (void)state;
+    assert_values(values);
+}
 
 static void of_lines_and_scans(void **state)
 {
@@ -279,9 +307,9 @@ static void of_files(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(of_lines_and_scans), cmocka_unit_test(of_matches_and_corners), cmocka_unit_test(of_consensus),
-        cmocka_unit_test(of_places),          cmocka_unit_test(of_the_mapper),          cmocka_unit_test(of_grids),
-        cmocka_unit_test(of_files),
+        cmocka_unit_test(of_aligning),  cmocka_unit_test(of_lines_and_scans), cmocka_unit_test(of_matches_and_corners),
+        cmocka_unit_test(of_consensus), cmocka_unit_test(of_places),          cmocka_unit_test(of_the_mapper),
+        cmocka_unit_test(of_grids),     cmocka_unit_test(of_files),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
