@@ -149,7 +149,7 @@ static cairn_force_field *carve(cairn_pool *pool, const cairn_force_field_params
 {
     size_t scans = (size_t)params->max_scans, segment_count = (size_t)params->max_segments;
     size_t points = (size_t)params->max_points;
-    cairn_force_field *field = cairn_pool_take(pool, 1, sizeof *field);
+    cairn_force_field *field = cairn_pool_take_one(pool, sizeof *field);
     struct cairn_force_placement *front = cairn_pool_take(pool, scans, sizeof *front);
     struct cairn_force_placement *back = cairn_pool_take(pool, scans, sizeof *back);
     struct cairn_force_fixing *fixings = cairn_pool_take(pool, scans, sizeof *fixings);
