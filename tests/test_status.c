@@ -38,10 +38,22 @@ static void every_status_has_its_text(void **state)
     assert_string_equal(cairn_status_text(INT32_MIN), "unknown status");
 }
 
+static void a_refusal_fills_in_the_fault(void **state)
+{
+    cairn_fault fault = {5, NULL};
+
+    (void)state;
+    assert_status(cairn_refuse(&fault, INT64_MAX, "what", CAIRN_FULL), CAIRN_FULL);
+    assert_true(fault.index == INT64_MAX);
+    assert_string_equal(fault.what, "what");
+    assert_status(cairn_refuse(NULL, 0, "what", CAIRN_EMPTY), CAIRN_EMPTY);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_status_has_its_text),
+        cmocka_unit_test(a_refusal_fills_in_the_fault),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

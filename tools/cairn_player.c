@@ -20,9 +20,7 @@ static char *folder_of(const char *path)
 
     if (folder != NULL && folder[0] == '\0') {
         free(folder);
-        folder = malloc(2);
-        if (folder != NULL)
-            strcpy(folder, ".");
+        folder = strdup(".");
     }
     return folder;
 }

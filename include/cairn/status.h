@@ -45,6 +45,9 @@ typedef struct cairn_fault {
     const char *what;
 } cairn_fault;
 
+/* Fills in the fault, unless it is NULL, and returns the status: how a call that can say where refuses. */
+cairn_status cairn_refuse(cairn_fault *fault, int64_t index, const char *what, cairn_status status);
+
 /* Work that a step may still do, counted down. One unit is at most about 200 instructions of a Cortex-M7; dearer items
  * charge several. Objects may share one budget. 0 is legal: the step does nothing and returns CAIRN_MORE or CAIRN_OK. */
 typedef struct cairn_budget {

@@ -57,15 +57,6 @@ cairn_status cairn_scan_set_create(cairn_scan_set **set, cairn_pool *pool, const
     return CAIRN_OK;
 }
 
-static cairn_status refuse(cairn_fault *fault, int64_t index, const char *what, cairn_status status)
-{
-    if (fault != NULL) {
-        fault->index = index;
-        fault->what = what;
-    }
-    return status;
-}
-
 static int is_finite(cairn_vec2 v)
 {
     return cairn_is_finite(v.x) && cairn_is_finite(v.y);
@@ -79,17 +70,17 @@ static int is_near(cairn_vec2 v)
 static cairn_status check_view(const cairn_scan_view *view, cairn_fault *fault)
 {
     if (view->segment_count < 0 || view->point_count < 0)
-        return refuse(fault, -1, "a count is below 0", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "a count is below 0", CAIRN_BAD_ARGUMENT);
     if (view->segment_count > 0 && (view->segments == NULL || view->first_point == NULL))
-        return refuse(fault, -1, "segments without an array", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "segments without an array", CAIRN_BAD_ARGUMENT);
     if (view->point_count > 0 && view->points == NULL)
-        return refuse(fault, -1, "points without an array", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "points without an array", CAIRN_BAD_ARGUMENT);
     if (view->point_count > 0 && view->segment_count == 0)
-        return refuse(fault, 0, "a point without a segment", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, 0, "a point without a segment", CAIRN_BAD_ARGUMENT);
     if (!is_finite(view->sensor))
-        return refuse(fault, -1, "the sensor's position is not finite", CAIRN_NOT_FINITE);
+        return cairn_refuse(fault, -1, "the sensor's position is not finite", CAIRN_NOT_FINITE);
     if (!is_near(view->sensor))
-        return refuse(fault, -1, "the sensor is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "the sensor is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
 
@@ -99,14 +90,14 @@ static cairn_status check_segments(const cairn_scan_view *view, cairn_fault *fau
         cairn_segment s = view->segments[i];
 
         if (view->first_point[i] > view->first_point[i + 1] || (i == 0 && view->first_point[0] != 0))
-            return refuse(fault, i, "first_point does not rise from 0", CAIRN_BAD_ARGUMENT);
+            return cairn_refuse(fault, i, "first_point does not rise from 0", CAIRN_BAD_ARGUMENT);
         if (!is_finite(s.a) || !is_finite(s.b))
-            return refuse(fault, i, "a segment is not finite", CAIRN_NOT_FINITE);
+            return cairn_refuse(fault, i, "a segment is not finite", CAIRN_NOT_FINITE);
         if (!is_near(s.a) || !is_near(s.b))
-            return refuse(fault, i, "a segment ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
+            return cairn_refuse(fault, i, "a segment ends farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     }
     if (view->segment_count > 0 && view->first_point[view->segment_count] != view->point_count)
-        return refuse(fault, view->segment_count, "first_point does not end at point_count", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, view->segment_count, "first_point does not end at point_count", CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
 
@@ -116,13 +107,13 @@ static cairn_status check_points(const cairn_scan_view *view, const cairn_real *
         cairn_oriented_point point = view->points[i];
 
         if (!is_finite(point.position) || !is_finite(point.direction))
-            return refuse(fault, i, "a point is not finite", CAIRN_NOT_FINITE);
+            return cairn_refuse(fault, i, "a point is not finite", CAIRN_NOT_FINITE);
         if (!is_near(point.position) || !is_near(point.direction))
-            return refuse(fault, i, "a point is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
+            return cairn_refuse(fault, i, "a point is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
         if (mass != NULL && !cairn_is_finite(mass[i]))
-            return refuse(fault, i, "a mass is not finite", CAIRN_NOT_FINITE);
+            return cairn_refuse(fault, i, "a mass is not finite", CAIRN_NOT_FINITE);
         if (mass != NULL && !(mass[i] > 0 && mass[i] <= CAIRN_SCAN_SET_LIMIT))
-            return refuse(fault, i, "a mass is not above 0, at most 1e6", CAIRN_BAD_ARGUMENT);
+            return cairn_refuse(fault, i, "a mass is not above 0, at most 1e6", CAIRN_BAD_ARGUMENT);
     }
     return CAIRN_OK;
 }
@@ -130,11 +121,11 @@ static cairn_status check_points(const cairn_scan_view *view, const cairn_real *
 static cairn_status check_room(const cairn_scan_set *set, const cairn_scan_view *view, cairn_fault *fault)
 {
     if (set->scan_count == set->params.max_scans)
-        return refuse(fault, -1, "more than max_scans scans", CAIRN_FULL);
+        return cairn_refuse(fault, -1, "more than max_scans scans", CAIRN_FULL);
     if (view->segment_count > set->params.max_segments - set->segment_count)
-        return refuse(fault, -1, "more than max_segments segments", CAIRN_FULL);
+        return cairn_refuse(fault, -1, "more than max_segments segments", CAIRN_FULL);
     if (view->point_count > set->params.max_points - set->point_count)
-        return refuse(fault, -1, "more than max_points points", CAIRN_FULL);
+        return cairn_refuse(fault, -1, "more than max_points points", CAIRN_FULL);
     return CAIRN_OK;
 }
 
@@ -197,7 +188,7 @@ cairn_status cairn_scan_set_add(cairn_scan_set *set, const cairn_scan_view *view
     cairn_status status;
 
     if (set == NULL || view == NULL)
-        return refuse(fault, -1, "no set or no scan", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "no set or no scan", CAIRN_BAD_ARGUMENT);
     status = check_view(view, fault);
     if (status == CAIRN_OK)
         status = check_segments(view, fault);
@@ -226,7 +217,7 @@ cairn_status cairn_scan_set_add(cairn_scan_set *set, const cairn_scan_view *view
     set->scan_count++;
     set->segment_count += view->segment_count;
     set->point_count += view->point_count;
-    return refuse(fault, -1, NULL, CAIRN_OK);
+    return cairn_refuse(fault, -1, NULL, CAIRN_OK);
 }
 
 void cairn_scan_set_clear(cairn_scan_set *set)
