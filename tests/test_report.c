@@ -421,6 +421,15 @@ static void test_many_points_become_an_image(void **state)
         assert_int_equal(image.pixel[36 * 1904 + 1868], 174);
         cairn_image_free(&image);
         free(svg);
+        /* One point in nine of ten samples is full ink, and two are no more. */
+        for (int i = 0; i < 10; i++)
+            several[i + 2].x = (cairn_real)i / 4;
+        svg = draw(&s.map);
+        take_image(svg, &image);
+        assert_int_equal(image.pixel[952 * 1904 + 36], 30);
+        assert_int_equal(image.pixel[36 * 1904 + 1868], 30);
+        cairn_image_free(&image);
+        free(svg);
     }
 
     /* Segments: each sample along them, without end too. */
