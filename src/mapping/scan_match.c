@@ -60,7 +60,7 @@ static int params_are_good(const cairn_scan_match_params *p)
 /* The object with its arrays; NULL from a counting pool. */
 static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *p)
 {
-    cairn_scan_match *x = cairn_pool_take(pool, 1, sizeof *x);
+    cairn_scan_match *x = cairn_pool_take_one(pool, sizeof *x);
     cairn_scan_match made;
 
     memset(&made, 0, sizeof made);
@@ -71,7 +71,7 @@ static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *
     made.dense_index.start =
         cairn_pool_take(pool, cairn_match_index_cells(p->max_dense) + 1, sizeof *made.dense_index.start);
     made.views = cairn_pool_take(pool, (size_t)p->max_views, sizeof *made.views);
-    made.query_profile = cairn_pool_take(pool, 1, sizeof *made.query_profile);
+    made.query_profile = cairn_pool_take_one(pool, sizeof *made.query_profile);
     made.index.points = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.index.points);
     made.index.start = cairn_pool_take(pool, cairn_match_index_cells(p->max_target) + 1, sizeof *made.index.start);
     made.by_direction = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.by_direction);
@@ -92,7 +92,7 @@ size_t cairn_scan_match_memory(const cairn_scan_match_params *params)
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
-    return counting.used == SIZE_MAX ? 0 : counting.used;
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_scan_match_create(cairn_scan_match **match, cairn_pool *pool, const cairn_scan_match_params *params)
