@@ -50,7 +50,7 @@ BENCH_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(filter-out bench/bench_%,$
 BENCH_COMMON := $(wildcard bench/bench_*.c) tools/options.c
 CAIRN_SRC   := $(if $(HAVE_HOST),$(filter-out tools/cairn_arena%,$(wildcard tools/cairn*.c)) tools/options.c firmware/robot.c)
 ARENA_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(wildcard tools/cairn_arena*.c) tools/options.c)
-TEST_COMMON := tests/support.c firmware/robot.c firmware/recorder.c
+TEST_COMMON := tests/support.c bench/bench_bound.c bench/bench_score.c firmware/robot.c firmware/recorder.c
 HOST_LIBS   := -lyaml -lpng -lz
 SIM_LIBS    := -lbox2d
 
