@@ -34,6 +34,7 @@
 #include "cairn/scan.h"
 #include "cairn/scan_match.h"
 #include "cairn/scan_set.h"
+#include "cairn/sequence.h"
 #include "cairn/small_matrix.h"
 #include "cairn/sparse_solver.h"
 #include "cairn/status.h"
@@ -866,6 +867,18 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_scan_set, to_word, 76, 76)},
     {FIELD(cairn_scan_set, paid, 80, 80)},
     {FIELD(cairn_scan_set, params, 88, 84)},
+    {SIZE(cairn_sequence_params, 24, 16)},
+    {FIELD(cairn_sequence_params, kind, 0, 0)},
+    {FIELD(cairn_sequence_params, max_first, 4, 4)},
+    {FIELD(cairn_sequence_params, max_second, 8, 8)},
+    {FIELD(cairn_sequence_params, gap, 16, 12)},
+    {SIZE(cairn_sequence_pair, 8, 8)},
+    {FIELD(cairn_sequence_pair, first, 0, 0)},
+    {FIELD(cairn_sequence_pair, second, 4, 4)},
+    {SIZE(cairn_sequence_result, 24, 16)},
+    {FIELD(cairn_sequence_result, pairs, 0, 0)},
+    {FIELD(cairn_sequence_result, count, 8, 8)},
+    {FIELD(cairn_sequence_result, score, 16, 12)},
     {SIZE(cairn_sym2, 24, 12)},
     {FIELD(cairn_sym2, xx, 0, 0)},
     {FIELD(cairn_sym2, xy, 8, 4)},
