@@ -34,6 +34,7 @@
 #include "cairn/scan.h"
 #include "cairn/scan_match.h"
 #include "cairn/scan_set.h"
+#include "cairn/sequence.h"
 #include "cairn/small_matrix.h"
 #include "cairn/sparse_solver.h"
 #include "cairn/status.h"
@@ -392,7 +393,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_occupancy_chord, x, 0, 0)},
     {FIELD(cairn_occupancy_chord, y, 4, 4)},
     {FIELD(cairn_occupancy_chord, length, 8, 8)},
-    {SIZE(cairn_place_map_params, 216, 148)},
+    {SIZE(cairn_place_map_params, 224, 152)},
     {FIELD(cairn_place_map_params, mode, 0, 0)},
     {FIELD(cairn_place_map_params, max_places, 4, 4)},
     {FIELD(cairn_place_map_params, max_scans, 8, 8)},
@@ -410,7 +411,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_place_map_params, floating, 80, 56)},
     {FIELD(cairn_place_map_params, chance, 88, 60)},
     {FIELD(cairn_place_map_params, match, 96, 64)},
-    {FIELD(cairn_place_map_params, consensus, 144, 100)},
+    {FIELD(cairn_place_map_params, consensus, 152, 104)},
     {SIZE(cairn_place_map_result, 56, 48)},
     {FIELD(cairn_place_map_result, places, 0, 0)},
     {FIELD(cairn_place_map_result, placed, 4, 4)},
@@ -785,7 +786,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_scan_measure, iterations, 24, 24)},
     {FIELD(cairn_scan_measure, converged, 28, 28)},
     {FIELD(cairn_scan_measure, left_out, 32, 32)},
-    {SIZE(cairn_scan_match_params, 48, 36)},
+    {SIZE(cairn_scan_match_params, 56, 40)},
     {FIELD(cairn_scan_match_params, mode, 0, 0)},
     {FIELD(cairn_scan_match_params, max_target, 4, 4)},
     {FIELD(cairn_scan_match_params, max_dense, 8, 8)},
@@ -794,6 +795,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_scan_match_params, max_hypotheses, 20, 20)},
     {FIELD(cairn_scan_match_params, spacing, 24, 24)},
     {FIELD(cairn_scan_match_params, sigma, 32, 28)},
+    {FIELD(cairn_scan_match_params, shape_stages, 48, 36)},
     {SIZE(cairn_scan_match_part, 40, 40)},
     {FIELD(cairn_scan_match_part, points, 0, 0)},
     {FIELD(cairn_scan_match_part, dense, 8, 8)},
@@ -866,6 +868,18 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_scan_set, to_word, 76, 76)},
     {FIELD(cairn_scan_set, paid, 80, 80)},
     {FIELD(cairn_scan_set, params, 88, 84)},
+    {SIZE(cairn_sequence_params, 24, 16)},
+    {FIELD(cairn_sequence_params, kind, 0, 0)},
+    {FIELD(cairn_sequence_params, max_first, 4, 4)},
+    {FIELD(cairn_sequence_params, max_second, 8, 8)},
+    {FIELD(cairn_sequence_params, gap, 16, 12)},
+    {SIZE(cairn_sequence_pair, 8, 8)},
+    {FIELD(cairn_sequence_pair, first, 0, 0)},
+    {FIELD(cairn_sequence_pair, second, 4, 4)},
+    {SIZE(cairn_sequence_result, 24, 16)},
+    {FIELD(cairn_sequence_result, pairs, 0, 0)},
+    {FIELD(cairn_sequence_result, count, 8, 8)},
+    {FIELD(cairn_sequence_result, score, 16, 12)},
     {SIZE(cairn_sym2, 24, 12)},
     {FIELD(cairn_sym2, xx, 0, 0)},
     {FIELD(cairn_sym2, xy, 8, 4)},

@@ -36,6 +36,8 @@ typedef struct cairn_scan_match_params {
     cairn_real sigma;       /* least standard deviation of a point across its line that is believed, m, > 0 */
     cairn_real weak_ratio;  /* a direction is not observable when its information is less than this share of the best
                              * one's, in [0, 1) */
+    int32_t
+        shape_stages; /* shape: 0: the common subsequence alone, 1: and the colinear filter, 2: and segments, 3: and ICP */
 } cairn_scan_match_params;
 
 /* Correlative; 2048 target points, 4096 dense ones, 16 views, 1024 query points, 8 hypotheses, spacing 0.10 m, sigma
