@@ -647,8 +647,7 @@ int main(int argc, char **argv)
 {
     static const char *const names[] = {"intel", "fr079", "aces"};
     static const int64_t partners[] = {10, 59, 10};
-    settings s = {NULL, NULL, "../shared/data", NULL, "correlative", NULL, 500, 1, 0, 0, 0.3, 0, 0, 0,
-                  0,    0,    LAST_STAGE};
+    settings s = {.data = "../shared/data", .method = "correlative", .pairs = 500, .seed = 1, .overlap = 0.3};
     const option table[] = {
         OPTION_FLAG("--simulated", &s.simulated, "pairs of simulated arenas"),
         OPTION_FLAG("--places", &s.places, "simulated: full circles at 16 places an arena, pairs that overlap enough"),
