@@ -130,6 +130,7 @@ static void of_matches_and_corners(void **state)
         VALUE(icp.converged_distance * 1000, 0.1),
         VALUE(icp.converged_angle * 1000, 0.1),
         VALUE(icp.weak_ratio, 0.01),
+        VALUE(icp.roll_back, 0),
         VALUE(match.mode, CAIRN_SCAN_MATCH_CORRELATIVE),
         VALUE(match.max_target, 2048),
         VALUE(match.max_dense, 4096),
