@@ -11,6 +11,7 @@
 
 #include "bench/bench_bound.h"
 #include "bench/bench_json.h"
+#include "bench/bench_lum.h"
 #include "bench/bench_score.h"
 #include "cairn/force_field.h"
 #include "cairn/random.h"
@@ -20,7 +21,7 @@
 
 typedef struct settings {
     const char *method, *scene;
-    int64_t arenas, seed, places, headings, beams, steps;
+    int64_t arenas, seed, places, headings, beams, steps, rebuild;
     double metres, degrees, fov;
     double jitter[2]; /* m, degrees; NaN: the survey's own */
 } settings;
@@ -155,6 +156,17 @@ static int run_gradient(const settings *s, const sim_scan *scans, int32_t count,
         fprintf(stderr, "bench/align: %s\n", cairn_status_text(status));
     free(memory);
     return status == CAIRN_OK;
+}
+
+/* Lu and Milios as in the thesis. */
+static int run_lum(const settings *s, const sim_scan *scans, int32_t count, sim_pose *poses, outcome *out)
+{
+    double start = bench_seconds();
+    int done = bench_lum_align(scans, count, (int32_t)s->steps, (int32_t)s->rebuild, poses, &out->steps, &out->pool_bytes);
+
+    out->seconds = bench_seconds() - start;
+    out->step_ms = 1e3 * out->seconds / (out->steps > 0 ? out->steps : 1);
+    return done;
 }
 
 /* ---- One arena ---- */
@@ -301,7 +313,7 @@ static int run_arena(const settings *s, uint64_t seed, outcome *out)
             }
             out->scans = count;
             done = bench_bound_compute(arena, scans, count, s->metres, s->degrees * DEGREE, bounds) >= 0 &&
-                   run_gradient(s, scans, count, poses, out);
+                   (strcmp(s->method, "lum") == 0 ? run_lum : run_gradient)(s, scans, count, poses, out);
             if (done)
                 score(arena, scans, truth, start, poses, bounds, count, out);
         } else {
@@ -386,8 +398,8 @@ static int check(const settings *s)
         fprintf(stderr, "bench/align: unknown scene '%s', expected one of cairn-arena's\n", s->scene);
         return 0;
     }
-    if (strcmp(s->method, "gradient") != 0) {
-        fprintf(stderr, "bench/align: unknown method '%s', expected gradient\n", s->method);
+    if (strcmp(s->method, "gradient") != 0 && strcmp(s->method, "lum") != 0) {
+        fprintf(stderr, "bench/align: unknown method '%s', expected gradient or lum\n", s->method);
         return 0;
     }
     return 1;
@@ -395,13 +407,13 @@ static int check(const settings *s)
 
 int main(int argc, char **argv)
 {
-    settings s = {"gradient", "rescue", 20, 1, 15, 4, 401, 50, 0.30, 20, 100, {(double)NAN, (double)NAN}};
+    settings s = {"gradient", "rescue", 20, 1, 15, 4, 401, 50, 0, 0.30, 20, 100, {(double)NAN, (double)NAN}};
     const option table[] = {
         OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
         OPTION_NUMBER("--trans", &s.metres, 0.001, 10, "M", "disturbance of x and y, uniform +-, m"),
         OPTION_NUMBER("--rot", &s.degrees, 0.01, 180, "DEG", "disturbance of the heading, uniform +-, degrees"),
-        OPTION_TEXT("--method", &s.method, "NAME", "gradient: as in the thesis"),
+        OPTION_TEXT("--method", &s.method, "NAME", "gradient or lum: as in the thesis"),
         OPTION_TEXT("--scene", &s.scene, "NAME", "scene of the arenas (rescue)"),
         OPTION_INTEGER("--places", &s.places, 1, 1000, "N", "places with scans"),
         OPTION_INTEGER("--headings", &s.headings, 1, 64, "N", "scans at each place"),
@@ -409,6 +421,7 @@ int main(int argc, char **argv)
         OPTION_INTEGER("--beams", &s.beams, 2, 100000, "N", "beams of a scan"),
         OPTION_PAIR("--jitter", s.jitter, 0, 360, "M,DEG", "spread of the sensors of one place, m and degrees"),
         OPTION_INTEGER("--steps", &s.steps, 1, 100000, "N", "iterations at most"),
+        OPTION_INTEGER("--rebuild", &s.rebuild, 0, 100000, "N", "of lum: links are looked for anew every N iterations"),
     };
     const option_set set = {"bench/align", "[options]", "Alignment of all scans of simulated arenas at once.", table,
                             sizeof table / sizeof *table};
