@@ -162,7 +162,8 @@ static int run_gradient(const settings *s, const sim_scan *scans, int32_t count,
 static int run_lum(const settings *s, const sim_scan *scans, int32_t count, sim_pose *poses, outcome *out)
 {
     double start = bench_seconds();
-    int done = bench_lum_align(scans, count, (int32_t)s->steps, (int32_t)s->rebuild, poses, &out->steps, &out->pool_bytes);
+    int done =
+        bench_lum_align(scans, count, (int32_t)s->steps, (int32_t)s->rebuild, poses, &out->steps, &out->pool_bytes);
 
     out->seconds = bench_seconds() - start;
     out->step_ms = 1e3 * out->seconds / (out->steps > 0 ? out->steps : 1);

@@ -57,7 +57,8 @@ int bench_lum_begin(bench_lum_run *run, const sim_scan *scans, int32_t count, co
 
     memset(run, 0, sizeof *run);
     scan_params.max_beams = scans[0].count;
-    if(getenv("SP")){scan_params.spacing=atof(getenv("SP"));scan_params.max_points=4096;}
+    scan_params.spacing = CAIRN_REAL(0.03); /* about what the beams have: evenly spaced points lock into each other */
+    scan_params.max_points = 2048;
     params.max_scans = count;
     params.max_points = count * scan_params.max_points;
     params.max_links = params.max_fill = count * (count - 1) / 2 + 1;

@@ -25,10 +25,16 @@ typedef struct cairn_lum_params {
     int32_t min_pairs;      /* >= 2; links have more pairs than these (5) */
     int32_t max_iterations; /* >= 1 (500) */
     int32_t rebuild;        /* links are looked for anew after so many iterations; 0: never (0, as in the thesis) */
-    cairn_real distance;    /* m, > 0: of a pair at most (0.20) */
-    cairn_real sigma;       /* m, > 0: least standard deviation of a pair that is believed (0.001) */
-    cairn_real
-        converged; /* m, > 0: done when no scan moves farther, its points taken at 1 m from its sensor (0.0001) */
+    /* m, > 0: of a pair at most (0.20) */
+    cairn_real distance;
+    /* rad, (0, pi]: largest angle between the oriented directions of a pair; pi: any, as in the thesis, which pulls the two
+     * faces of a wall together (60 degrees) */
+    cairn_real direction_gate;
+    /* m, > 0: least standard deviation of a pair that is believed (0.02: with less the links of a few pairs that happen to
+     * agree outweigh all others) */
+    cairn_real sigma;
+    /* m, > 0: done when no scan moves farther, its turn counted at 1 m (0.0001) */
+    cairn_real converged;
 } cairn_lum_params;
 
 cairn_lum_params cairn_lum_default(void);

@@ -45,11 +45,13 @@ struct cairn_lum {
     cairn_lum_params params;
     cairn_lum_state state;
     cairn_block_solver *solver;
+    cairn_real least_cosine; /* of the direction gate */
     struct scan *scans;
-    int32_t *root;      /* [max_scans] first scan of its piece */
-    cairn_vec2 *points; /* [max_points] */
-    int32_t *heads;     /* [2 max_points] */
-    int32_t *next;      /* [max_points] */
+    int32_t *root;          /* [max_scans] first scan of its piece */
+    cairn_vec2 *points;     /* [max_points] */
+    cairn_vec2 *directions; /* [max_points] */
+    int32_t *heads;         /* [2 max_points] */
+    int32_t *next;          /* [max_points] */
     struct link {
         int32_t first, second;
     } * links; /* [max_links] */
@@ -69,7 +71,8 @@ struct cairn_lum {
 
 cairn_lum_params cairn_lum_default(void)
 {
-    cairn_lum_params params = {64, 8192, 2016, 2016, 5, 500, 0, CAIRN_REAL(0.2), CAIRN_REAL(0.001), CAIRN_REAL(0.0001)};
+    cairn_lum_params params = {
+        64, 8192, 2016, 2016, 5, 500, 0, CAIRN_REAL(0.2), CAIRN_PI / 3, CAIRN_REAL(0.02), CAIRN_REAL(0.0001)};
     return params;
 }
 
@@ -84,8 +87,8 @@ static int params_are_good(const cairn_lum_params *p)
 {
     return p != NULL && p->max_scans >= 1 && p->max_scans <= MAX_SCANS && p->max_points >= 1 &&
            p->max_points <= MAX_POINTS && p->max_links >= 1 && p->max_links <= MAX_LINKS && p->min_pairs >= 2 &&
-           p->max_iterations >= 1 && p->rebuild >= 0 && is_length(p->distance) && is_length(p->sigma) &&
-           is_length(p->converged);
+           p->max_iterations >= 1 && p->rebuild >= 0 && is_length(p->distance) && p->direction_gate > 0 &&
+           p->direction_gate <= CAIRN_PI && is_length(p->sigma) && is_length(p->converged);
 }
 
 static cairn_block_solver_params solver_params(const cairn_lum_params *params)
@@ -103,6 +106,7 @@ static cairn_lum *carve(cairn_lum *l, cairn_pool *pool, const cairn_lum_params *
     l->scans = cairn_pool_take(pool, scans, sizeof *l->scans);
     l->root = cairn_pool_take(pool, scans, sizeof *l->root);
     l->points = cairn_pool_take(pool, points, sizeof *l->points);
+    l->directions = cairn_pool_take(pool, points, sizeof *l->directions);
     l->heads = cairn_pool_take(pool, 2 * points, sizeof *l->heads);
     l->next = cairn_pool_take(pool, points, sizeof *l->next);
     l->links = cairn_pool_take(pool, (size_t)params->max_links, sizeof *l->links);
@@ -140,6 +144,7 @@ cairn_status cairn_lum_create(cairn_lum **lum, cairn_pool *pool, const cairn_lum
     memset(&layout, 0, sizeof layout);
     made = carve(&layout, pool, params);
     layout.params = *params;
+    layout.least_cosine = cairn_cos(params->direction_gate);
     inner = solver_params(params);
     status = cairn_block_solver_create(&layout.solver, pool, &inner);
     CAIRN_ASSERT(status == CAIRN_OK);
@@ -237,6 +242,7 @@ cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *poin
     scan->pose = map_scan;
     scan->reach = 0;
     for (int32_t k = 0; k < count; k++) {
+        lum->directions[lum->point_count] = points[k].direction;
         lum->points[lum->point_count++] = points[k].position;
         scan->reach = cairn_max(scan->reach, cairn_vec2_norm(points[k].position));
     }
@@ -247,8 +253,9 @@ cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *poin
     return CAIRN_OK;
 }
 
-/* The point of the scan nearest to p (in its frame) within the distance, the lowest index among equals; -1: none. */
-static int32_t nearest(const cairn_lum *l, const struct scan *scan, cairn_vec2 p)
+/* The point of the scan nearest to p (in its frame) within the distance whose direction agrees, the lowest index among
+ * equals; -1: none. */
+static int32_t nearest(const cairn_lum *l, const struct scan *scan, cairn_vec2 p, cairn_vec2 direction)
 {
     cairn_real best = l->params.distance * l->params.distance;
     int32_t cx = cell_of(l, p.x), cy = cell_of(l, p.y), found = -1;
@@ -257,7 +264,8 @@ static int32_t nearest(const cairn_lum *l, const struct scan *scan, cairn_vec2 p
         for (int32_t k = l->heads[bucket_of(scan, cx - 1 + c % 3, cy - 1 + c / 3)]; k >= 0; k = l->next[k]) {
             cairn_real away = cairn_vec2_norm_squared(cairn_vec2_sub(l->points[k], p));
 
-            if (away < best || (away == best && (found < 0 || k < found))) {
+            if ((away < best || (away == best && (found < 0 || k < found))) &&
+                cairn_vec2_dot(l->directions[k], direction) >= l->least_cosine) {
                 best = away;
                 found = k;
             }
@@ -280,8 +288,8 @@ static void begin_pairs(cairn_lum *l, int32_t first, int32_t second)
 static void add_pair(cairn_lum *l)
 {
     const struct scan *first = &l->scans[l->first];
-    cairn_vec2 own = cairn_transform_point(l->second_first, l->points[l->point++]), a, b;
-    int32_t found = nearest(l, first, own);
+    cairn_vec2 own = cairn_transform_point(l->second_first, l->points[l->point]), a, b;
+    int32_t found = nearest(l, first, own, cairn_transform_direction(l->second_first, l->directions[l->point++]));
     struct sums *s = &l->sums;
     cairn_real x, y, zx, zy;
 
