@@ -208,11 +208,10 @@ static double twin_iterate(const cairn_lum_params *params, cairn_pose *poses)
         }
     eliminate(&m[0][0], ROWS);
     for (int32_t i = 1; i < SCANS; i++) {
-        double c = cos(m[3 * i + 2][ROWS]), s = sin(m[3 * i + 2][ROWS]);
         double x = (double)poses[i].x, y = (double)poses[i].y;
 
-        poses[i].x = (cairn_real)(c * x - s * y + m[3 * i][ROWS]);
-        poses[i].y = (cairn_real)(s * x + c * y + m[3 * i + 1][ROWS]);
+        poses[i].x = (cairn_real)(x + m[3 * i][ROWS] - m[3 * i + 2][ROWS] * y);
+        poses[i].y = (cairn_real)(y + m[3 * i + 1][ROWS] + m[3 * i + 2][ROWS] * x);
         poses[i].theta += (cairn_real)m[3 * i + 2][ROWS];
     }
     return error;

@@ -12,8 +12,9 @@
  * Layout: the points of each scan lie in buckets by the hash of their search cells, in the scan's own frame, so that they
  * never move: heads[2 first ... ] of a scan whose points begin at `first`, two buckets a point.
  *
- * Limits: nearest points need not be the same places; flat walls may slide along each other until others hold them. Slow
- * where many links contradict: steps are short then.
+ * Limits: nearest points need not be the same places, and a link whose wrong pairs agree by chance is believed: from errors
+ * of more than a few degrees the scans often come to rest in a wrong place. Points that are spaced evenly lock into each
+ * other at half their spacing.
  *
  * Source: Lu and Milios, Globally consistent range scan alignment for environment mapping, 1997; Adluru 2008, chapter 10. */
 #include "src/core/build.h"
@@ -475,20 +476,19 @@ static void begin_move(cairn_lum *l)
 static void move_scan(cairn_lum *l, int32_t index)
 {
     cairn_pose *pose = &l->scans[index].pose;
-    cairn_real x[3], dx = pose->x - l->centre.x, dy = pose->y - l->centre.y, c, s, nx, ny;
+    cairn_vec2 step;
+    cairn_real x[3];
     cairn_status status = cairn_block_solver_solution(l->solver, index, x);
 
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
     if (l->root[index] == index)
         return;
-    cairn_sincos(x[2], &s, &c);
-    nx = l->centre.x + c * dx - s * dy + x[0];
-    ny = l->centre.y + s * dx + c * dy + x[1];
-    l->motion = cairn_max(l->motion, cairn_sqrt((nx - pose->x) * (nx - pose->x) + (ny - pose->y) * (ny - pose->y)) +
-                                         cairn_abs(x[2]));
-    pose->x = nx;
-    pose->y = ny;
+    step.x = x[0] - x[2] * (pose->y - l->centre.y);
+    step.y = x[1] + x[2] * (pose->x - l->centre.x);
+    l->motion = cairn_max(l->motion, cairn_vec2_norm(step) + cairn_abs(x[2]));
+    pose->x += step.x;
+    pose->y += step.y;
     pose->theta = cairn_wrap_angle(pose->theta + x[2]);
 }
 
