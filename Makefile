@@ -50,7 +50,7 @@ BENCH_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(filter-out bench/bench_%,$
 BENCH_COMMON := $(wildcard bench/bench_*.c) tools/options.c
 CAIRN_SRC   := $(if $(HAVE_HOST),$(filter-out tools/cairn_arena%,$(wildcard tools/cairn*.c)) tools/options.c firmware/robot.c)
 ARENA_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(wildcard tools/cairn_arena*.c) tools/options.c)
-TEST_COMMON := tests/support.c firmware/robot.c firmware/recorder.c
+TEST_COMMON := tests/support.c bench/bench_bound.c bench/bench_score.c firmware/robot.c firmware/recorder.c
 HOST_LIBS   := -lyaml -lpng -lz
 SIM_LIBS    := -lbox2d
 
@@ -70,7 +70,7 @@ all: missing $(LIBS) $(TOOLS)
 
 help:
 	@echo "make                library, float library, host library, tools"
-	@echo "make demo           an arena, its scans, a map (installs what it needs)"
+	@echo "make demo           arenas, their scans, maps (installs what it needs)"
 	@echo "make test           all tests, double and float (installs what it needs)"
 	@echo "make bench          the measuring programs, build/bench/*"
 	@echo "make check          warnings, formats, analyzers, freestanding proof, room order"

@@ -2,13 +2,16 @@
  *
  * The scans of each arena are shuffled, and every arena lies in the world at an angle of its own. A scan is aligned when
  * it lies within 0.05 m and 1 degree of the truth after the best common motion; the share is that of the scans that the
- * Cramer-Rao bound calls observable (bench_bound). */
+ * Cramer-Rao bound calls observable (bench_bound). A method that says which poses are not to be relied on is held to it:
+ * false_flags are observable scans that it flagged, missed_flags unobservable ones that it did not, and of all scans that
+ * it did not flag, inside95 have their truth inside the 95 % ellipse of their position. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "bench/bench_align.h"
 #include "bench/bench_bound.h"
 #include "bench/bench_json.h"
 #include "bench/bench_lum.h"
@@ -21,15 +24,20 @@
 
 typedef struct settings {
     const char *method, *scene;
-    int64_t arenas, seed, places, headings, beams, steps, rebuild;
+    int64_t arenas, seed, places, headings, beams, steps;
     double metres, degrees, fov;
     double jitter[2]; /* m, degrees; NaN: the survey's own */
+    int32_t again;    /* --return */
+    int32_t ablate;
+    bench_ingredient without;
 } settings;
 
 /* What one arena gave. */
 typedef struct outcome {
     int32_t scans, observable, aligned, pairs, pairs_ok, steps, steps_rising;
-    double median_m, median_deg, median_ratio, start_m, start_deg;
+    int32_t false_flags, unobservable, missed_flags, unflagged, inside, returned;
+    int32_t flags; /* 1: the method flags poses */
+    double median_m, median_deg, median_ratio, area_ratio, start_m, start_deg;
     double seconds, step_ms;
     size_t pool_bytes;
 } outcome;
@@ -50,18 +58,6 @@ static sim_pose sim_of(cairn_pose p)
     return pose;
 }
 
-static cairn_status fit(cairn_scan *scan, const sim_scan *from, cairn_scan_view *view)
-{
-    cairn_scan_input input = sim_scan_input(from);
-    cairn_budget budget = {CAIRN_UNBOUNDED};
-    cairn_status status = cairn_scan_begin(scan, &input, NULL);
-
-    if (status == CAIRN_OK)
-        status = cairn_scan_step(scan, &budget);
-    *view = cairn_scan_read(scan);
-    return status;
-}
-
 /* How much room the scans need in a field. */
 static cairn_status count_room(const cairn_scan_params *scan_params, const sim_scan *scans, int32_t count,
                                cairn_force_field_params *params)
@@ -80,7 +76,7 @@ static cairn_status count_room(const cairn_scan_params *scan_params, const sim_s
     for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {
         cairn_scan_view view;
 
-        status = fit(scan, &scans[i], &view);
+        status = bench_fit_scan(scan, &scans[i], &view);
         params->max_segments += view.segment_count;
         params->max_points += view.point_count;
     }
@@ -91,7 +87,7 @@ static cairn_status count_room(const cairn_scan_params *scan_params, const sim_s
 
 /* Adds all scans and lets the field run; the poses when it stands. */
 static cairn_status simulate(const sim_scan *scans, int32_t count, cairn_scan *scan, cairn_force_field *field,
-                             sim_pose *poses, outcome *out)
+                             bench_pose *poses, outcome *out)
 {
     double start = bench_seconds(), stepped;
     cairn_force_field_state state;
@@ -101,9 +97,9 @@ static cairn_status simulate(const sim_scan *scans, int32_t count, cairn_scan *s
     for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {
         cairn_scan_view view;
 
-        status = fit(scan, &scans[i], &view);
+        status = bench_fit_scan(scan, &scans[i], &view);
         if (status == CAIRN_OK)
-            status = cairn_force_field_add_scan(field, &view, NULL, pose_of(poses[i]), NULL);
+            status = cairn_force_field_add_scan(field, &view, NULL, pose_of(poses[i].pose), NULL);
     }
     if (status != CAIRN_OK)
         return status;
@@ -120,12 +116,12 @@ static cairn_status simulate(const sim_scan *scans, int32_t count, cairn_scan *s
     out->seconds = bench_seconds() - start;
     out->step_ms = 1e3 * (bench_seconds() - stepped) / (state.iterations > 0 ? state.iterations : 1);
     for (int32_t i = 0; i < count && status >= 0; i++)
-        poses[i] = sim_of(cairn_force_field_pose(field, i));
+        poses[i].pose = sim_of(cairn_force_field_pose(field, i));
     return status < 0 ? status : CAIRN_OK;
 }
 
 /* Force field simulation as in the thesis. Ranges in, poses out; 0 on failure. */
-static int run_gradient(const settings *s, const sim_scan *scans, int32_t count, sim_pose *poses, outcome *out)
+static int run_gradient(const settings *s, const sim_scan *scans, int32_t count, bench_pose *poses, outcome *out)
 {
     cairn_scan_params scan_params = cairn_scan_default();
     cairn_force_field_params params = cairn_force_field_default();
@@ -158,15 +154,23 @@ static int run_gradient(const settings *s, const sim_scan *scans, int32_t count,
     return status == CAIRN_OK;
 }
 
-/* Lu and Milios as in the thesis. */
-static int run_lum(const settings *s, const sim_scan *scans, int32_t count, sim_pose *poses, outcome *out)
+static int run_method(const settings *s, const sim_scan *scans, int32_t count, bench_pose *poses, outcome *out)
 {
-    double start = bench_seconds();
-    int done =
-        bench_lum_align(scans, count, (int32_t)s->steps, (int32_t)s->rebuild, poses, &out->steps, &out->pool_bytes);
+    bench_run run = {0, 0, 0, 0, 0};
+    int done;
 
-    out->seconds = bench_seconds() - start;
-    out->step_ms = 1e3 * out->seconds / (out->steps > 0 ? out->steps : 1);
+    if (strcmp(s->method, "gradient") == 0)
+        return run_gradient(s, scans, count, poses, out);
+    if (strcmp(s->method, "icp") == 0)
+        done = bench_run_icp(scans, count, 20, poses, &run);
+    else if (strcmp(s->method, "lum") == 0)
+        done = bench_run_lum(scans, count, (int32_t)s->steps, 5, poses, &run);
+    else
+        done = bench_run_default(scans, count, s->without, poses, &run);
+    out->steps = run.steps;
+    out->seconds = run.seconds;
+    out->step_ms = run.step_ms;
+    out->pool_bytes = run.pool_bytes;
     return done;
 }
 
@@ -221,18 +225,57 @@ static double angle_error(double a, double b)
     return fabs(remainder(a - b, 6.283185307179586)) / DEGREE;
 }
 
+/* Area of the ellipse of a position's covariance, over pi and the common factor; 0 for one that is fixed. */
+static double area(const double c[9])
+{
+    double determinant = c[0] * c[4] - c[1] * c[3];
+
+    return determinant > 0 ? sqrt(determinant) : 0;
+}
+
+/* 1 when (x, y) lies within the 95 % ellipse. */
+static int is_inside(const double c[9], double x, double y)
+{
+    double determinant = c[0] * c[4] - c[1] * c[3];
+
+    return (c[4] * x * x - 2 * c[1] * x * y + c[0] * y * y) / determinant < 5.991464547107979;
+}
+
+/* What the method says of its own poses; moved: after the best common motion. areas: [count]. */
+static void score_flags(const sim_pose *truth, const sim_pose *moved, const bench_pose *poses,
+                        const bench_bound *bounds, int32_t count, double *areas, outcome *out)
+{
+    size_t compared = 0;
+
+    for (int32_t i = 0; i < count; i++) {
+        out->flags |= poses[i].known;
+        out->unobservable += !bounds[i].observable;
+        out->false_flags += bounds[i].observable && poses[i].flagged;
+        out->missed_flags += !bounds[i].observable && !poses[i].flagged;
+        if (!poses[i].known || poses[i].flagged || poses[i].anchor || area(poses[i].covariance) <= 0)
+            continue;
+        out->unflagged++;
+        out->inside += is_inside(poses[i].covariance, moved[i].x - truth[i].x, moved[i].y - truth[i].y);
+        if (area(bounds[i].covariance) > 0)
+            areas[compared++] = area(poses[i].covariance) / area(bounds[i].covariance);
+    }
+    out->area_ratio = bench_median(areas, compared);
+}
+
 static void score(const sim_arena *arena, const sim_scan *scans, const sim_pose *truth, const sim_pose *start,
-                  const sim_pose *poses, const bench_bound *bounds, int32_t count, outcome *out)
+                  const bench_pose *results, const bench_bound *bounds, int32_t count, outcome *out)
 {
     size_t n = (size_t)count, observable = 0, aligned = 0;
     int32_t *use = malloc(n * sizeof *use);
-    sim_pose *moved = malloc(n * sizeof *moved);
+    sim_pose *moved = malloc(n * sizeof *moved), *poses = malloc(n * sizeof *poses);
     double *metres = malloc(n * sizeof *metres), *degrees = malloc(n * sizeof *degrees);
     double *ratios = malloc(n * sizeof *ratios);
 
-    if (use != NULL && moved != NULL && metres != NULL && degrees != NULL && ratios != NULL) {
-        for (size_t i = 0; i < n; i++)
+    if (use != NULL && moved != NULL && poses != NULL && metres != NULL && degrees != NULL && ratios != NULL) {
+        for (size_t i = 0; i < n; i++) {
             use[i] = bounds[i].observable;
+            poses[i] = results[i].pose;
+        }
         (void)bench_fit_common(truth, poses, use, count, 0.05, DEGREE, moved);
         for (size_t i = 0; i < n; i++) {
             double bound = sqrt(bounds[i].covariance[0] + bounds[i].covariance[4]);
@@ -254,29 +297,82 @@ static void score(const sim_arena *arena, const sim_scan *scans, const sim_pose 
         out->median_m = bench_median(metres, observable);
         out->median_deg = bench_median(degrees, observable);
         out->median_ratio = bench_median(ratios, aligned);
+        score_flags(truth, moved, results, bounds, count, metres, out);
         score_pairs(arena, scans, truth, poses, count, out);
     }
     free(use);
     free(moved);
+    free(poses);
     free(metres);
     free(degrees);
     free(ratios);
 }
 
-static int run_arena(const settings *s, uint64_t seed, outcome *out)
+/* The solution is disturbed as the truth was and aligned again; how many observable scans come back to it within 0.009 m and
+ * 0.7 degrees (Adluru 2008, chapter 7). */
+static int run_return(const settings *s, const sim_scan *scans, const bench_bound *bounds, int32_t count, uint64_t seed,
+                      const bench_pose *solution, outcome *out)
+{
+    size_t n = (size_t)count;
+    bench_pose *poses = malloc(n * sizeof *poses);
+    sim_pose *first = malloc(n * sizeof *first), *second = malloc(n * sizeof *second);
+    int32_t *use = malloc(n * sizeof *use);
+    cairn_random random = cairn_random_seed(seed, 79);
+    outcome unused;
+    int done = poses != NULL && first != NULL && second != NULL && use != NULL;
+
+    memset(&unused, 0, sizeof unused);
+    for (size_t i = 0; i < n && done; i++) {
+        poses[i] = solution[i];
+        first[i] = solution[i].pose;
+        use[i] = bounds[i].observable;
+        poses[i].pose.x += (double)cairn_random_uniform(&random, -1, 1) * s->metres;
+        poses[i].pose.y += (double)cairn_random_uniform(&random, -1, 1) * s->metres;
+        poses[i].pose.theta += (double)cairn_random_uniform(&random, -1, 1) * s->degrees * DEGREE;
+    }
+    done = done && run_method(s, scans, count, poses, &unused);
+    if (done) {
+        for (size_t i = 0; i < n; i++)
+            second[i] = poses[i].pose;
+        (void)bench_fit_common(first, second, use, count, 0.009, 0.7 * DEGREE, second);
+        for (size_t i = 0; i < n; i++)
+            out->returned += use[i] && bench_pose_near(first[i], second[i], 0.009, 0.7 * DEGREE);
+    }
+    free(poses);
+    free(first);
+    free(second);
+    free(use);
+    return done;
+}
+
+/* What an arena is aligned from. */
+typedef struct problem {
+    sim_arena *arena;
+    sim_survey *survey;
+    sim_scan *scans;
+    sim_pose *truth, *start;
+    bench_pose *poses;
+    bench_bound *bounds;
+    int32_t count;
+} problem;
+
+static void close_problem(problem *p)
+{
+    free(p->scans);
+    free(p->truth);
+    free(p->start);
+    free(p->poses);
+    free(p->bounds);
+    sim_survey_free(p->survey);
+    sim_arena_free(p->arena);
+}
+
+static int visit(const settings *s, uint64_t seed, problem *p)
 {
     sim_arena_options arena_options = sim_arena_default();
     sim_survey_options survey_options = sim_survey_default();
     char fault[256];
-    sim_arena *arena;
-    sim_survey *survey = NULL;
-    sim_scan *scans = NULL;
-    sim_pose *truth = NULL, *start = NULL, *poses = NULL;
-    bench_bound *bounds = NULL;
-    int32_t count = 0;
-    int done = 0;
 
-    memset(out, 0, sizeof *out);
     arena_options.seed = seed;
     arena_options.scene = sim_scene_find(s->scene);
     survey_options.seed = seed;
@@ -288,75 +384,104 @@ static int run_arena(const settings *s, uint64_t seed, outcome *out)
         survey_options.jitter_position = s->jitter[0];
         survey_options.jitter_heading = s->jitter[1] * DEGREE;
     }
-    arena = sim_arena_create(&arena_options, fault, sizeof fault);
-    if (arena != NULL)
-        survey = sim_survey_create(arena, &survey_options, fault, sizeof fault);
-    if (survey != NULL) {
-        const sim_scan *all = sim_survey_scans(survey, &count);
-
-        scans = malloc((size_t)count * sizeof *scans);
-        truth = malloc((size_t)count * sizeof *truth);
-        start = malloc((size_t)count * sizeof *start);
-        poses = malloc((size_t)count * sizeof *poses);
-        bounds = malloc((size_t)count * sizeof *bounds);
-        if (scans != NULL && truth != NULL && start != NULL && poses != NULL && bounds != NULL) {
-            cairn_random random = cairn_random_seed(seed, 78);
-
-            memcpy(scans, all, (size_t)count * sizeof *scans);
-            shuffle(scans, count, seed);
-            for (int32_t i = 0; i < count; i++) {
-                truth[i] = scans[i].truth;
-                start[i] = truth[i];
-                start[i].x += (double)cairn_random_uniform(&random, -1, 1) * s->metres;
-                start[i].y += (double)cairn_random_uniform(&random, -1, 1) * s->metres;
-                start[i].theta += (double)cairn_random_uniform(&random, -1, 1) * s->degrees * DEGREE;
-                poses[i] = start[i];
-            }
-            out->scans = count;
-            done = bench_bound_compute(arena, scans, count, s->metres, s->degrees * DEGREE, bounds) >= 0 &&
-                   (strcmp(s->method, "lum") == 0 ? run_lum : run_gradient)(s, scans, count, poses, out);
-            if (done)
-                score(arena, scans, truth, start, poses, bounds, count, out);
-        } else {
-            fprintf(stderr, "bench/align: no memory for %" PRId32 " scans\n", count);
-        }
-    } else {
+    p->arena = sim_arena_create(&arena_options, fault, sizeof fault);
+    if (p->arena != NULL)
+        p->survey = sim_survey_create(p->arena, &survey_options, fault, sizeof fault);
+    if (p->survey == NULL)
         fprintf(stderr, "bench/align: %s\n", fault);
+    return p->survey != NULL;
+}
+
+static int open_problem(const settings *s, uint64_t seed, problem *p)
+{
+    cairn_random random = cairn_random_seed(seed, 78);
+    const sim_scan *all;
+    size_t n;
+
+    if (!visit(s, seed, p))
+        return 0;
+    all = sim_survey_scans(p->survey, &p->count);
+    n = (size_t)p->count;
+    p->scans = malloc(n * sizeof *p->scans);
+    p->truth = malloc(n * sizeof *p->truth);
+    p->start = malloc(n * sizeof *p->start);
+    p->poses = calloc(n, sizeof *p->poses);
+    p->bounds = malloc(n * sizeof *p->bounds);
+    if (p->scans == NULL || p->truth == NULL || p->start == NULL || p->poses == NULL || p->bounds == NULL) {
+        fprintf(stderr, "bench/align: no memory for %" PRId32 " scans\n", p->count);
+        return 0;
     }
-    free(scans);
-    free(truth);
-    free(start);
-    free(poses);
-    free(bounds);
-    sim_survey_free(survey);
-    sim_arena_free(arena);
+    memcpy(p->scans, all, n * sizeof *p->scans);
+    shuffle(p->scans, p->count, seed);
+    for (size_t i = 0; i < n; i++) {
+        p->truth[i] = p->scans[i].truth;
+        p->start[i] = p->truth[i];
+        p->start[i].x += (double)cairn_random_uniform(&random, -1, 1) * s->metres;
+        p->start[i].y += (double)cairn_random_uniform(&random, -1, 1) * s->metres;
+        p->start[i].theta += (double)cairn_random_uniform(&random, -1, 1) * s->degrees * DEGREE;
+        p->poses[i].pose = p->start[i];
+    }
+    return bench_bound_compute(p->arena, p->scans, p->count, s->metres, s->degrees * DEGREE, p->bounds) >= 0;
+}
+
+static int run_arena(const settings *s, uint64_t seed, outcome *out)
+{
+    problem p;
+    int done;
+
+    memset(out, 0, sizeof *out);
+    memset(&p, 0, sizeof p);
+    done = open_problem(s, seed, &p);
+    out->scans = p.count;
+    done = done && run_method(s, p.scans, p.count, p.poses, out);
+    if (done)
+        score(p.arena, p.scans, p.truth, p.start, p.poses, p.bounds, p.count, out);
+    if (done && s->again)
+        done = run_return(s, p.scans, p.bounds, p.count, seed, p.poses, out);
+    close_problem(&p);
     return done;
 }
 
 /* ---- Output ---- */
 
+static double share_of(int32_t part, int32_t whole)
+{
+    return whole > 0 ? (double)part / whole : (double)NAN;
+}
+
 static void print_common(const settings *s, const outcome *o)
 {
     bench_json_text("method", s->method);
+    if (s->ablate)
+        bench_json_text("without", bench_ingredient_name(s->without));
     bench_json_text("scene", s->scene);
     bench_json_number("trans", s->metres);
     bench_json_number("rot", s->degrees);
     bench_json_integer("scans", o->scans);
     bench_json_integer("observable", o->observable);
     bench_json_integer("aligned", o->aligned);
-    bench_json_number("share", o->observable > 0 ? (double)o->aligned / o->observable : (double)NAN);
-    bench_json_number("pairs_ok", o->pairs > 0 ? (double)o->pairs_ok / o->pairs : (double)NAN);
+    bench_json_number("share", share_of(o->aligned, o->observable));
+    bench_json_number("pairs_ok", share_of(o->pairs_ok, o->pairs));
     bench_json_number("median_trans_m", o->median_m);
     bench_json_number("median_rot_deg", o->median_deg);
     bench_json_number("median_ratio", o->median_ratio);
-    bench_json_integer("rising_steps", o->steps_rising);
+    if (strcmp(s->method, "gradient") == 0)
+        bench_json_integer("rising_steps", o->steps_rising);
+    if (o->flags) {
+        bench_json_number("false_flags", share_of(o->false_flags, o->observable));
+        bench_json_number("missed_flags", share_of(o->missed_flags, o->unobservable));
+        bench_json_number("inside95", share_of(o->inside, o->unflagged));
+        bench_json_number("area_ratio", o->area_ratio);
+    }
+    if (s->again)
+        bench_json_number("returned", share_of(o->returned, o->observable));
 }
 
 /* Sums of all arenas, medians over arenas of their medians. */
 static void print_summary(const settings *s, const outcome *all, size_t count)
 {
     outcome sum;
-    double *values = malloc((6 * count + 1) * sizeof *values);
+    double *values = malloc((7 * count + 1) * sizeof *values);
     double shares = 0;
 
     if (values == NULL)
@@ -369,6 +494,13 @@ static void print_summary(const settings *s, const outcome *all, size_t count)
         sum.pairs += all[i].pairs;
         sum.pairs_ok += all[i].pairs_ok;
         sum.steps_rising += all[i].steps_rising;
+        sum.false_flags += all[i].false_flags;
+        sum.unobservable += all[i].unobservable;
+        sum.missed_flags += all[i].missed_flags;
+        sum.unflagged += all[i].unflagged;
+        sum.inside += all[i].inside;
+        sum.returned += all[i].returned;
+        sum.flags |= all[i].flags;
         sum.pool_bytes = all[i].pool_bytes > sum.pool_bytes ? all[i].pool_bytes : sum.pool_bytes;
         shares += all[i].start_m / (double)count;
         values[i] = all[i].median_m;
@@ -376,10 +508,12 @@ static void print_summary(const settings *s, const outcome *all, size_t count)
         values[2 * count + i] = all[i].median_ratio;
         values[3 * count + i] = all[i].seconds;
         values[4 * count + i] = all[i].step_ms;
+        values[5 * count + i] = all[i].area_ratio;
     }
     sum.median_m = bench_median(values, count);
     sum.median_deg = bench_median(values + count, count);
     sum.median_ratio = bench_median(values + 2 * count, count);
+    sum.area_ratio = bench_median(values + 5 * count, count);
     bench_json_begin("align");
     print_common(s, &sum);
     bench_json_integer("arenas", (int64_t)count);
@@ -399,30 +533,55 @@ static int check(const settings *s)
         fprintf(stderr, "bench/align: unknown scene '%s', expected one of cairn-arena's\n", s->scene);
         return 0;
     }
-    if (strcmp(s->method, "gradient") != 0 && strcmp(s->method, "lum") != 0) {
-        fprintf(stderr, "bench/align: unknown method '%s', expected gradient or lum\n", s->method);
+    if (strcmp(s->method, "default") != 0 && strcmp(s->method, "gradient") != 0 && strcmp(s->method, "icp") != 0 &&
+        strcmp(s->method, "lum") != 0) {
+        fprintf(stderr, "bench/align: unknown method '%s', expected default, gradient, icp or lum\n", s->method);
+        return 0;
+    }
+    if (s->ablate && strcmp(s->method, "default") != 0) {
+        fprintf(stderr, "bench/align: --ablate is for method default\n");
         return 0;
     }
     return 1;
 }
 
+/* All arenas by one method; prints as it goes. */
+static int run_all(const settings *s, outcome *all)
+{
+    for (int64_t i = 0; i < s->arenas; i++) {
+        if (!run_arena(s, (uint64_t)(s->seed + i), &all[i]))
+            return 0;
+        bench_json_begin("align");
+        bench_json_integer("arena", s->seed + i);
+        print_common(s, &all[i]);
+        bench_json_number("seconds", all[i].seconds);
+        bench_json_number("step_ms", all[i].step_ms);
+        bench_json_integer("steps", all[i].steps);
+        bench_json_end();
+    }
+    print_summary(s, all, (size_t)s->arenas);
+    return 1;
+}
+
 int main(int argc, char **argv)
 {
-    settings s = {"gradient", "rescue", 20, 1, 15, 4, 401, 50, 0, 0.30, 20, 100, {(double)NAN, (double)NAN}};
+    settings s = {"default", "rescue", 20,       1, 15, 4, 401, 50, 0.30, 20, 100, {(double)NAN, (double)NAN},
+                  0,         0,        BENCH_ALL};
     const option table[] = {
         OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
         OPTION_NUMBER("--trans", &s.metres, 0.001, 10, "M", "disturbance of x and y, uniform +-, m"),
         OPTION_NUMBER("--rot", &s.degrees, 0.01, 180, "DEG", "disturbance of the heading, uniform +-, degrees"),
-        OPTION_TEXT("--method", &s.method, "NAME", "gradient or lum: as in the thesis"),
+        OPTION_TEXT("--method", &s.method, "NAME", "default, gradient (as in the thesis), icp, lum (default)"),
         OPTION_TEXT("--scene", &s.scene, "NAME", "scene of the arenas (rescue)"),
         OPTION_INTEGER("--places", &s.places, 1, 1000, "N", "places with scans"),
         OPTION_INTEGER("--headings", &s.headings, 1, 64, "N", "scans at each place"),
         OPTION_NUMBER("--fov", &s.fov, 1, 360, "DEG", "field of view, degrees"),
         OPTION_INTEGER("--beams", &s.beams, 2, 100000, "N", "beams of a scan"),
         OPTION_PAIR("--jitter", s.jitter, 0, 360, "M,DEG", "spread of the sensors of one place, m and degrees"),
-        OPTION_INTEGER("--steps", &s.steps, 1, 100000, "N", "iterations at most"),
-        OPTION_INTEGER("--rebuild", &s.rebuild, 0, 100000, "N", "of lum: links are looked for anew every N iterations"),
+        OPTION_INTEGER("--steps", &s.steps, 1, 100000, "N", "iterations of gradient at most"),
+        OPTION_FLAG("--return", &s.again, "disturbs the solution, too, and aligns it again"),
+        OPTION_FLAG("--ablate", &s.ablate, "all arenas again without each ingredient of default"),
     };
     const option_set set = {"bench/align", "[options]", "Alignment of all scans of simulated arenas at once.", table,
                             sizeof table / sizeof *table};
@@ -444,20 +603,13 @@ int main(int argc, char **argv)
         fprintf(stderr, "bench/align: no memory for %" PRId64 " arenas\n", s.arenas);
         return 1;
     }
-    for (int64_t i = 0; i < s.arenas; i++) {
-        if (!run_arena(&s, (uint64_t)(s.seed + i), &all[i])) {
+    do {
+        if (!run_all(&s, all)) {
             free(all);
             return 1;
         }
-        bench_json_begin("align");
-        bench_json_integer("arena", s.seed + i);
-        print_common(&s, &all[i]);
-        bench_json_number("seconds", all[i].seconds);
-        bench_json_number("step_ms", all[i].step_ms);
-        bench_json_integer("steps", all[i].steps);
-        bench_json_end();
-    }
-    print_summary(&s, all, (size_t)s.arenas);
+        s.without++;
+    } while (s.ablate && s.without < BENCH_INGREDIENTS);
     free(all);
     return 0;
 }

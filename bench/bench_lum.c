@@ -4,56 +4,53 @@
 #include <stdlib.h>
 #include <string.h>
 
-static cairn_pose pose_of(sim_pose p)
+#include "bench/bench_json.h"
+#include "cairn/lum.h"
+
+static cairn_status align(const sim_scan *scans, int32_t count, cairn_scan *scan, cairn_lum *lum, bench_pose *poses)
 {
-    cairn_pose pose = {(cairn_real)p.x, (cairn_real)p.y, (cairn_real)p.theta};
+    cairn_status status = CAIRN_OK;
 
-    return pose;
-}
+    for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {
+        sim_pose p = poses[i].pose;
+        cairn_pose pose = {(cairn_real)p.x, (cairn_real)p.y, (cairn_real)p.theta};
+        cairn_scan_view view;
 
-static cairn_status fit(cairn_scan *scan, const sim_scan *from, cairn_scan_view *view)
-{
-    cairn_scan_input input = sim_scan_input(from);
-    cairn_budget budget = {CAIRN_UNBOUNDED};
-    cairn_status status = cairn_scan_begin(scan, &input, NULL);
-
+        status = bench_fit_scan(scan, &scans[i], &view);
+        if (status == CAIRN_OK)
+            status = cairn_lum_add_scan(lum, view.points, view.point_count, pose, NULL);
+    }
     if (status == CAIRN_OK)
-        status = cairn_scan_step(scan, &budget);
-    *view = cairn_scan_read(scan);
+        status = cairn_lum_begin(lum);
+    while (status == CAIRN_OK && cairn_lum_read(lum).verdict == CAIRN_LUM_RUNNING) {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        status = cairn_lum_step(lum, &budget);
+        status = status == CAIRN_MORE ? CAIRN_OK : status;
+    }
+    for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {
+        cairn_pose pose = cairn_lum_pose(lum, i);
+
+        poses[i].pose.x = (double)pose.x;
+        poses[i].pose.y = (double)pose.y;
+        poses[i].pose.theta = (double)pose.theta;
+        poses[i].flagged = !cairn_lum_is_joined(lum, i);
+    }
     return status;
 }
 
-static cairn_status make(bench_lum_run *run, const sim_scan *scans, int32_t count, const sim_pose *poses,
-                         const cairn_scan_params *scan_params, const cairn_lum_params *params)
+int bench_run_lum(const sim_scan *scans, int32_t count, int32_t iterations, int32_t rebuild, bench_pose *poses,
+                  bench_run *run)
 {
-    size_t bytes = cairn_lum_memory(params) + cairn_scan_memory(scan_params) + CAIRN_ALIGN;
-    cairn_scan *scan = NULL;
-    cairn_status status;
-    cairn_pool pool;
-
-    run->memory = malloc(bytes);
-    status = run->memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, run->memory, bytes);
-    if (status == CAIRN_OK)
-        status = cairn_scan_create(&scan, &pool, scan_params);
-    if (status == CAIRN_OK)
-        status = cairn_lum_create(&run->lum, &pool, params);
-    for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {
-        cairn_scan_view view;
-
-        status = fit(scan, &scans[i], &view);
-        if (status == CAIRN_OK)
-            status = cairn_lum_add_scan(run->lum, view.points, view.point_count, pose_of(poses[i]), NULL);
-    }
-    run->pool_bytes = pool.peak;
-    return status == CAIRN_OK ? cairn_lum_begin(run->lum) : status;
-}
-
-int bench_lum_begin(bench_lum_run *run, const sim_scan *scans, int32_t count, const sim_pose *poses, int32_t iterations,
-                    int32_t rebuild)
-{
+    double start = bench_seconds();
     cairn_scan_params scan_params = cairn_scan_default();
     cairn_lum_params params = cairn_lum_default();
+    cairn_scan *scan = NULL;
+    cairn_lum *lum = NULL;
     cairn_status status;
+    cairn_pool pool;
+    void *memory;
+    size_t bytes;
 
     memset(run, 0, sizeof *run);
     scan_params.max_beams = scans[0].count;
@@ -64,36 +61,23 @@ int bench_lum_begin(bench_lum_run *run, const sim_scan *scans, int32_t count, co
     params.max_links = params.max_fill = count * (count - 1) / 2 + 1;
     params.max_iterations = iterations;
     params.rebuild = rebuild;
-    status = make(run, scans, count, poses, &scan_params, &params);
-    if (status != CAIRN_OK)
+    bytes = cairn_lum_memory(&params) + cairn_scan_memory(&scan_params) + CAIRN_ALIGN;
+    memory = malloc(bytes);
+    status = memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);
+    if (status == CAIRN_OK)
+        status = cairn_scan_create(&scan, &pool, &scan_params);
+    if (status == CAIRN_OK)
+        status = cairn_lum_create(&lum, &pool, &params);
+    if (status == CAIRN_OK)
+        status = align(scans, count, scan, lum, poses);
+    if (status == CAIRN_OK) {
+        run->steps = cairn_lum_read(lum).iterations;
+        run->seconds = bench_seconds() - start;
+        run->step_ms = 1e3 * run->seconds / (run->steps > 0 ? run->steps : 1);
+        run->pool_bytes = pool.peak;
+    } else {
         fprintf(stderr, "bench: %s\n", cairn_status_text(status));
-    return status == CAIRN_OK;
-}
-
-void bench_lum_end(bench_lum_run *run)
-{
-    free(run->memory);
-    run->memory = NULL;
-}
-
-int bench_lum_align(const sim_scan *scans, int32_t count, int32_t iterations, int32_t rebuild, sim_pose *poses,
-                    int32_t *steps, size_t *pool_bytes)
-{
-    cairn_budget budget = {CAIRN_UNBOUNDED};
-    bench_lum_run run;
-    int done = bench_lum_begin(&run, scans, count, poses, iterations, rebuild);
-
-    while (done && cairn_lum_step(run.lum, &budget) == CAIRN_MORE)
-        budget.left = CAIRN_UNBOUNDED;
-    for (int32_t i = 0; i < count && done; i++) {
-        cairn_pose pose = cairn_lum_pose(run.lum, i);
-
-        poses[i].x = (double)pose.x;
-        poses[i].y = (double)pose.y;
-        poses[i].theta = (double)pose.theta;
     }
-    *steps = done ? cairn_lum_read(run.lum).iterations : 0;
-    *pool_bytes = run.pool_bytes;
-    bench_lum_end(&run);
-    return done;
+    free(memory);
+    return status == CAIRN_OK;
 }

@@ -2,6 +2,7 @@
 #include <stdint.h>
 
 #include "bench/bench_json.h"
+#include "cairn/aligner.h"
 #include "cairn/block_solver.h"
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
@@ -23,6 +24,7 @@ int main(void)
     cairn_force_field_params field = cairn_force_field_default();
     cairn_occupancy_grid_params grid = cairn_occupancy_grid_default();
     cairn_mapper_params mapper = cairn_mapper_default();
+    cairn_aligner_params aligner = cairn_aligner_default();
 
     scan.max_beams = 181;
     scan.max_points = 256;
@@ -39,6 +41,13 @@ int main(void)
     field.max_points = 6000;
     field.max_segments = field.max_corners = 900;
     print("force_field", "60 scans, 6000 points, 900 segments, 900 corners", cairn_force_field_memory(&field));
+    aligner.max_scans = 60;
+    aligner.max_segments = 600;
+    aligner.max_points = 3000;
+    aligner.max_hypotheses = 24 * 60;
+    aligner.max_fill = 32 * 60;
+    print("aligner", "60 scans, 600 segments, 3000 points, 1440 hypotheses, 1920 blocks",
+          cairn_aligner_memory(&aligner));
     print("occupancy_grid", "400 x 400 cells", cairn_occupancy_grid_memory(&grid));
     mapper.scan.max_beams = 181;
     mapper.scan.max_points = 256;

@@ -1,14 +1,16 @@
 /* The defaults of all rooms but the force field, whose own test has them. */
 #include "tests/test.h"
 
+#include "cairn/aligner.h"
 #include "cairn/block_solver.h"
 #include "cairn/carmen_log.h"
 #include "cairn/lum.h"
 #include "cairn/map_file.h"
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
-#include "cairn/pose_graph.h"
+#include "cairn/place_map.h"
 #include "cairn/pose_consensus.h"
+#include "cairn/pose_graph.h"
 #include "cairn/report.h"
 #include "cairn/scan_match.h"
 
@@ -31,6 +33,33 @@ static void check(const value *table, size_t count)
 }
 
 static const double DEGREE = 3.14159265358979323846 / 180;
+
+static void of_aligning(void **state)
+{
+    cairn_aligner_params p = cairn_aligner_default();
+    const value values[] = {
+        VALUE(p.max_scans, 64),
+        VALUE(p.max_segments, 1024),
+        VALUE(p.max_points, 4096),
+        VALUE(p.max_hypotheses, 1536),
+        VALUE(p.max_fill, 2048),
+        VALUE(p.max_cells, 25600),
+        VALUE(p.spread, 0.6),
+        VALUE(p.spread_angle, 35 * DEGREE),
+        VALUE(p.reach, 30),
+        VALUE(p.sigma, 0.01),
+        VALUE(p.contradiction, 1.5),
+        VALUE(p.oriented, 1),
+        VALUE(p.max_repairs, 2),
+        VALUE(p.max_rounds, 10),
+        VALUE(p.least_evidence, 1),
+        VALUE(p.observable, 0.05),
+        VALUE(p.observable_angle, DEGREE),
+    };
+
+    (void)state;
+    assert_values(values);
+}
 
 static void of_lines_and_scans(void **state)
 {
@@ -150,6 +179,38 @@ static void of_consensus(void **state)
     assert_values(values);
 }
 
+static void of_places(void **state)
+{
+    cairn_place_map_params map = cairn_place_map_default();
+    cairn_scan_match_params match = cairn_scan_match_default();
+    cairn_pose_consensus_params consensus = cairn_pose_consensus_default();
+    const value values[] = {
+        VALUE(map.mode, CAIRN_PLACE_MAP_CONSENSUS),
+        VALUE(map.max_places, 16),
+        VALUE(map.max_scans, 64),
+        VALUE(map.max_place_points, 1024),
+        VALUE(map.max_place_beams, 2048),
+        VALUE(map.recent, 3),
+        VALUE(map.rounds, 4),
+        VALUE(map.sweeps, 3),
+        VALUE(map.decoupled, 0),
+        VALUE(map.sight_reach, 8),
+        VALUE(map.sight_cell, 0.05),
+        VALUE(map.sight_margin, 0.1),
+        VALUE(map.for_point, 0.1),
+        VALUE(map.against_point, 0.4),
+        VALUE(map.floating, 0.25),
+        VALUE(map.chance, 2),
+        VALUE(map.consensus.max_hypotheses, 4096),
+    };
+
+    (void)state;
+    assert_values(values);
+    assert_memory_equal(&map.match, &match, sizeof match);
+    consensus.max_hypotheses = 4096;
+    assert_memory_equal(&map.consensus, &consensus, sizeof consensus);
+}
+
 static void of_the_mapper(void **state)
 {
     cairn_mapper_params p = cairn_mapper_default();
@@ -253,9 +314,9 @@ static void of_files(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(of_lines_and_scans), cmocka_unit_test(of_matches_and_corners),
-        cmocka_unit_test(of_consensus),       cmocka_unit_test(of_the_mapper),
-        cmocka_unit_test(of_grids),           cmocka_unit_test(of_files),
+        cmocka_unit_test(of_aligning),  cmocka_unit_test(of_lines_and_scans), cmocka_unit_test(of_matches_and_corners),
+        cmocka_unit_test(of_consensus), cmocka_unit_test(of_places),          cmocka_unit_test(of_the_mapper),
+        cmocka_unit_test(of_grids),     cmocka_unit_test(of_files),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -254,8 +254,8 @@ static void test_any_bytes(void **state)
 
         assert_non_null(text);
         for (size_t i = 0; i < length; i++)
-            text[i] = run % 4 == 0 ? (char)cairn_random_below(&random, 256)
-                                   : alphabet[cairn_random_below(&random, (int32_t)sizeof alphabet - 1)];
+            text[i] = (char)(run % 4 == 0 ? cairn_random_below(&random, 256)
+                                          : alphabet[cairn_random_below(&random, (int32_t)sizeof alphabet - 1)]);
         text = realloc(text, length > 0 ? length : 1);
         assert_non_null(text);
         (void)read_all(text, length, out, sizeof out);

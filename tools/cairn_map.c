@@ -178,7 +178,7 @@ static cairn_status open_player(const settings *s, const cairn_carmen_scans *log
     params.step_name = "scan";
     params.connect = 1;
     params.curve = curves;
-    params.curve_count = sizeof curves / sizeof *curves - (s->window == 0);
+    params.curve_count = (int32_t)(sizeof curves / sizeof *curves) - (s->window == 0);
     return cairn_report_player_open(player, &params);
 }
 

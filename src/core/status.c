@@ -33,3 +33,12 @@ const char *cairn_status_text(cairn_status status)
         return "unknown status";
     }
 }
+
+cairn_status cairn_refuse(cairn_fault *fault, int64_t index, const char *what, cairn_status status)
+{
+    if (fault != NULL) {
+        fault->index = index;
+        fault->what = what;
+    }
+    return status;
+}

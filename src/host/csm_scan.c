@@ -33,7 +33,7 @@ typedef struct text {
 
 static int append(text *t, const char *line, size_t length)
 {
-    if (t->room - t->count < length + 1) {
+    if (t->room - t->count <= length) {
         size_t room = 2 * (t->count + length + 1);
         char *grown = realloc(t->bytes, room);
 

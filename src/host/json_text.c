@@ -98,10 +98,11 @@ static int is_low(int32_t code)
 /* Moves behind an escape that begins at `at` with its backslash. */
 static cairn_status pass_escape(cairn_json *json, cairn_file_error *error)
 {
+    static const char letters[] = {'"', '\\', '/', 'b', 'f', 'n', 'r', 't', 'u'};
     int32_t code;
 
     json->at++;
-    if (json->at == json->end || (*json->at != 'u' && memchr("\"\\/bfnrt", *json->at, 8) == NULL))
+    if (json->at == json->end || memchr(letters, *json->at, sizeof letters) == NULL)
         return refuse(json, error, "one of \" \\ / b f n r t u after a backslash");
     if (*json->at++ != 'u')
         return CAIRN_OK;
@@ -254,7 +255,7 @@ static cairn_status read_name(cairn_json *json, cairn_json_token *token, cairn_f
 
 static cairn_status read_value(cairn_json *json, cairn_json_token *token, cairn_file_error *error)
 {
-    char first = json->at < json->end ? *json->at : '\0';
+    int first = json->at < json->end ? *json->at : '\0';
     cairn_status status;
 
     if (first == '{' || first == '[')
@@ -372,7 +373,7 @@ static size_t next_character(const char **at, const char *end, char utf8[4])
         return plain_character(at, end, utf8);
     letter = strchr(letters, (*at)[1]);
     if ((*at)[1] != 'u') {
-        utf8[0] = letter != NULL ? bytes[letter - letters] : (*at)[1];
+        utf8[0] = *(letter != NULL ? &bytes[letter - letters] : &(*at)[1]);
         *at += 2;
         return 1;
     }
@@ -426,23 +427,23 @@ size_t cairn_json_copy(const cairn_json_token *token, char *buffer, size_t size)
 
 size_t cairn_json_character(const char **at, char form[CAIRN_JSON_CHARACTER_BYTES])
 {
-    static const char digits[] = "0123456789abcdef";
+    static const char digits[] = "0123456789abcdef", escape[] = {'\\', 'u', '0', '0'};
+    const char *character = *at;
     uint8_t first = (uint8_t) * *at;
     size_t length = cairn_utf8_length(*at);
 
     if (first < ' ' || strchr("\"\\<>&", (char)first) != NULL) {
-        memcpy(form, "\\u00", 4);
+        memcpy(form, escape, sizeof escape);
         form[4] = digits[first >> 4];
         form[5] = digits[first & 15];
         (*at)++;
         return 6;
     }
+    *at += length > 0 ? length : 1;
     if (length == 0) {
-        memcpy(form, CAIRN_UTF8_REPLACEMENT, strlen(CAIRN_UTF8_REPLACEMENT));
-        (*at)++;
-        return strlen(CAIRN_UTF8_REPLACEMENT);
+        character = CAIRN_UTF8_REPLACEMENT;
+        length = strlen(character);
     }
-    memcpy(form, *at, length);
-    *at += length;
+    memcpy(form, character, length);
     return length;
 }

@@ -236,14 +236,15 @@ static void draw_axes(cairn_output *output, const plot_view *view, const cairn_r
 {
     double step_x = step_of(plot->x_step, view->max_x - view->min_x, view->width, 1.6 * TICK_PIXELS);
     double step_y = step_of(plot->y_step, view->max_y - view->min_y, view->height, TICK_PIXELS);
-    double top = view->bottom - view->height, tick, at;
+    double top = view->bottom - view->height, at;
+    double first_x = ceil(view->min_x / step_x - 1e-9), first_y = ceil(view->min_y / step_y - 1e-9);
 
-    for (tick = ceil(view->min_x / step_x - 1e-9); (at = tick * step_x) <= view->max_x + step_x * 1e-9; tick++)
+    for (int32_t i = 0; (at = (first_x + i) * step_x) <= view->max_x + step_x * 1e-9; i++)
         cairn_output_print(output,
                            "<path d=\"M%.1f %.1fV%.1f\" stroke=\"#e8edf3\"/>\n"
                            "<text x=\"%.1f\" y=\"%.1f\" " TEXT_SMALL " text-anchor=\"middle\">%g</text>\n",
                            to_x(view, at), view->bottom, top, to_x(view, at), view->bottom + 17, at + 0);
-    for (tick = ceil(view->min_y / step_y - 1e-9); (at = tick * step_y) <= view->max_y + step_y * 1e-9; tick++)
+    for (int32_t i = 0; (at = (first_y + i) * step_y) <= view->max_y + step_y * 1e-9; i++)
         cairn_output_print(output,
                            "<path d=\"M%.1f %.1fH%.1f\" stroke=\"#e8edf3\"/>\n"
                            "<text x=\"%.1f\" y=\"%.1f\" " TEXT_SMALL " text-anchor=\"end\">%g</text>\n",

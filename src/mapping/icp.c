@@ -152,24 +152,15 @@ void cairn_icp_clear_target(cairn_icp *icp)
     icp->running = 0;
 }
 
-static cairn_status refuse(cairn_fault *fault, int32_t index, const char *what, cairn_status status)
-{
-    if (fault != NULL) {
-        fault->index = index;
-        fault->what = what;
-    }
-    return status;
-}
-
 static cairn_status check_points(const cairn_oriented_point *points, int32_t count, cairn_fault *fault)
 {
     for (int32_t i = 0; i < count; i++) {
         cairn_real norm = cairn_vec2_norm_squared(points[i].direction);
 
         if (!cairn_is_finite(points[i].position.x) || !cairn_is_finite(points[i].position.y) || norm != norm)
-            return refuse(fault, i, "a coordinate is not finite", CAIRN_NOT_FINITE);
+            return cairn_refuse(fault, i, "a coordinate is not finite", CAIRN_NOT_FINITE);
         if (!(norm > CAIRN_REAL(0.98) && norm < CAIRN_REAL(1.02)))
-            return refuse(fault, i, "a direction is not of length 1", CAIRN_BAD_ARGUMENT);
+            return cairn_refuse(fault, i, "a direction is not of length 1", CAIRN_BAD_ARGUMENT);
     }
     return CAIRN_OK;
 }
@@ -181,13 +172,13 @@ cairn_status cairn_icp_add_target(cairn_icp *icp, const cairn_oriented_point *po
     cairn_status status;
 
     if (icp == NULL || count < 0 || (points == NULL && count > 0))
-        return refuse(fault, -1, "no object or no points", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "no object or no points", CAIRN_BAD_ARGUMENT);
     if (icp->running)
-        return refuse(fault, -1, "an alignment is running", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "an alignment is running", CAIRN_BAD_ARGUMENT);
     if (!cairn_pose_is_finite(target_points))
-        return refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
+        return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
     if (count > icp->params.max_target - cairn_point_grid_count(icp->grid))
-        return refuse(fault, -1, "more target points than max_target", CAIRN_FULL);
+        return cairn_refuse(fault, -1, "more target points than max_target", CAIRN_FULL);
     status = check_points(points, count, fault);
     if (status != CAIRN_OK)
         return status;
@@ -196,7 +187,7 @@ cairn_status cairn_icp_add_target(cairn_icp *icp, const cairn_oriented_point *po
         cairn_vec2 p = cairn_transform_point(transform, points[i].position);
 
         if (!cairn_is_finite(p.x) || !cairn_is_finite(p.y))
-            return refuse(fault, i, "a coordinate overflows", CAIRN_NOT_FINITE);
+            return cairn_refuse(fault, i, "a coordinate overflows", CAIRN_NOT_FINITE);
     }
     for (int32_t i = 0; i < count; i++) {
         int32_t index = cairn_point_grid_count(icp->grid);
@@ -218,9 +209,9 @@ static cairn_status check_prior(const cairn_pose_prior *prior, cairn_fault *faul
     if (prior == NULL)
         return CAIRN_OK;
     if (!cairn_pose_is_finite(prior->mean))
-        return refuse(fault, -1, "the prior's pose is not finite", CAIRN_NOT_FINITE);
+        return cairn_refuse(fault, -1, "the prior's pose is not finite", CAIRN_NOT_FINITE);
     if (!is_positive(prior->sigma_x) || !is_positive(prior->sigma_y) || !is_positive(prior->sigma_theta))
-        return refuse(fault, -1, "the prior's sigmas must be positive", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "the prior's sigmas must be positive", CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
 
@@ -243,11 +234,11 @@ cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, 
     cairn_status status;
 
     if (icp == NULL || count < 0 || (query == NULL && count > 0))
-        return refuse(fault, -1, "no object or no query", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "no object or no query", CAIRN_BAD_ARGUMENT);
     if (count == 0 || cairn_point_grid_count(icp->grid) == 0)
-        return refuse(fault, -1, "no query points or no target points", CAIRN_EMPTY);
+        return cairn_refuse(fault, -1, "no query points or no target points", CAIRN_EMPTY);
     if (!cairn_pose_is_finite(start))
-        return refuse(fault, -1, "the start pose is not finite", CAIRN_NOT_FINITE);
+        return cairn_refuse(fault, -1, "the start pose is not finite", CAIRN_NOT_FINITE);
     status = check_prior(prior, fault);
     if (status == CAIRN_OK)
         status = check_points(query, count, fault);

@@ -15,7 +15,7 @@
 
 #include "cairn/occupancy_grid.h"
 
-enum { CELLS_PER_UNIT = 6, CLEARED_PER_UNIT = 64 };
+enum { CELLS_PER_UNIT = 2, CLEARED_PER_UNIT = 64 };
 
 struct cairn_occupancy_grid {
     cairn_occupancy_cell *cells; /* [height][width] */
@@ -237,15 +237,6 @@ cairn_status cairn_occupancy_grid_add_beam(cairn_occupancy_grid *grid, cairn_vec
     return CAIRN_OK;
 }
 
-static cairn_status refuse(cairn_fault *fault, int32_t index, const char *what, cairn_status status)
-{
-    if (fault != NULL) {
-        fault->index = index;
-        fault->what = what;
-    }
-    return status;
-}
-
 cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid *grid, const cairn_beam *beams, int32_t count,
                                              cairn_pose map_scan, cairn_fault *fault)
 {
@@ -253,18 +244,18 @@ cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid *grid, const c
     cairn_real length;
 
     if (grid == NULL || count < 0 || (beams == NULL && count > 0))
-        return refuse(fault, -1, "no grid or no beams", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "no grid or no beams", CAIRN_BAD_ARGUMENT);
     if (grid->beams_left > 0)
-        return refuse(fault, -1, "the scan before is not finished", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "the scan before is not finished", CAIRN_BAD_ARGUMENT);
     if (!cairn_pose_is_finite(map_scan))
-        return refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
+        return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
     transform = cairn_transform_of(map_scan);
     for (int32_t i = 0; i < count; i++) {
         if (beams[i].kind != CAIRN_BEAM_HIT && beams[i].kind != CAIRN_BEAM_FREE && beams[i].kind != CAIRN_BEAM_UNKNOWN)
-            return refuse(fault, i, "unknown kind of beam, expected hit, free or unknown", CAIRN_BAD_ARGUMENT);
+            return cairn_refuse(fault, i, "unknown kind of beam, expected hit, free or unknown", CAIRN_BAD_ARGUMENT);
         if (beams[i].kind != CAIRN_BEAM_UNKNOWN && !can_walk(grid, cairn_transform_point(transform, beams[i].from),
                                                              cairn_transform_point(transform, beams[i].to), &length))
-            return refuse(fault, i, "a beam that ends nowhere, expected finite coordinates", CAIRN_NOT_FINITE);
+            return cairn_refuse(fault, i, "a beam that ends nowhere, expected finite coordinates", CAIRN_NOT_FINITE);
     }
     grid->beams = beams;
     grid->beams_left = count;

@@ -121,15 +121,6 @@ cairn_status cairn_pose_consensus_clear(cairn_pose_consensus *consensus, int32_t
     return CAIRN_OK;
 }
 
-static cairn_status refuse(cairn_fault *fault, const char *what, cairn_status status)
-{
-    if (fault != NULL) {
-        fault->index = -1;
-        fault->what = what;
-    }
-    return status;
-}
-
 static int is_beyond_limit(cairn_pose pose)
 {
     return !(cairn_abs(pose.x) <= LIMIT && cairn_abs(pose.y) <= LIMIT);
@@ -140,14 +131,15 @@ static cairn_status check_hypothesis(const cairn_pose_consensus *consensus, cons
 {
     if (h->first < 0 || h->second < 0 || h->first >= consensus->node_count || h->second >= consensus->node_count ||
         h->first == h->second)
-        return refuse(fault, "the hypothesis is not about two of the nodes", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "the hypothesis is not about two of the nodes", CAIRN_BAD_ARGUMENT);
     if (!cairn_pose_is_finite(h->first_second))
-        return refuse(fault, "the relative pose is not finite", CAIRN_NOT_FINITE);
+        return cairn_refuse(fault, -1, "the relative pose is not finite", CAIRN_NOT_FINITE);
     for (int k = 0; k < 9; k++)
         if (!cairn_is_finite(h->covariance[k]))
-            return refuse(fault, "the covariance is not finite", CAIRN_NOT_FINITE);
+            return cairn_refuse(fault, -1, "the covariance is not finite", CAIRN_NOT_FINITE);
     if (!is_positive(h->score) || is_beyond_limit(h->first_second))
-        return refuse(fault, "the score must be positive, and score and pose at most 1e6", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "the score must be positive, and score and pose at most 1e6",
+                            CAIRN_BAD_ARGUMENT);
     return CAIRN_OK;
 }
 
@@ -170,14 +162,14 @@ cairn_status cairn_pose_consensus_add(cairn_pose_consensus *consensus, const cai
     cairn_status status;
 
     if (consensus == NULL || hypothesis == NULL)
-        return refuse(fault, "no object or no hypothesis", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "no object or no hypothesis", CAIRN_BAD_ARGUMENT);
     status = check_hypothesis(consensus, hypothesis, fault);
     if (status != CAIRN_OK)
         return status;
     if (!information_of(&consensus->params, hypothesis, &kept.information))
-        return refuse(fault, "the covariance is not positive, or above 1e6", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "the covariance is not positive, or above 1e6", CAIRN_BAD_ARGUMENT);
     if (consensus->hypothesis_count == consensus->params.max_hypotheses)
-        return refuse(fault, "more hypotheses than max_hypotheses", CAIRN_FULL);
+        return cairn_refuse(fault, -1, "more hypotheses than max_hypotheses", CAIRN_FULL);
     kept.first = hypothesis->first;
     kept.second = hypothesis->second;
     kept.first_second = cairn_turned_of(hypothesis->first_second);

@@ -207,15 +207,6 @@ void cairn_scan_match_clear_target(cairn_scan_match *x)
 
 /* ---- What comes in ---- */
 
-static cairn_status refuse(cairn_fault *fault, int32_t index, const char *what, cairn_status status)
-{
-    if (fault != NULL) {
-        fault->index = index;
-        fault->what = what;
-    }
-    return status;
-}
-
 static int is_near(cairn_vec2 p)
 {
     return cairn_abs(p.x) <= CAIRN_SCAN_EXTENT && cairn_abs(p.y) <= CAIRN_SCAN_EXTENT;
@@ -227,9 +218,9 @@ static cairn_status check_points(const cairn_oriented_point *points, int32_t cou
         cairn_real norm = cairn_vec2_norm_squared(points[i].direction);
 
         if (!is_near(points[i].position) || norm != norm)
-            return refuse(fault, i, "a point is not finite or too far away", CAIRN_NOT_FINITE);
+            return cairn_refuse(fault, i, "a point is not finite or too far away", CAIRN_NOT_FINITE);
         if (!(norm > CAIRN_REAL(0.98) && norm < CAIRN_REAL(1.02)))
-            return refuse(fault, i, "a direction is not of length 1", CAIRN_BAD_ARGUMENT);
+            return cairn_refuse(fault, i, "a direction is not of length 1", CAIRN_BAD_ARGUMENT);
     }
     return CAIRN_OK;
 }
@@ -245,15 +236,15 @@ static cairn_status check_part(const cairn_scan_match_part *part, cairn_pose pos
 
     if (!is_array(part->points, part->count) || !is_array(part->dense, part->dense_count) ||
         !is_array(part->beams, part->beam_count))
-        return refuse(fault, -1, "a negative count, or no array", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "a negative count, or no array", CAIRN_BAD_ARGUMENT);
     if (!cairn_pose_is_finite(pose) || cairn_abs(pose.x) > CAIRN_SCAN_EXTENT || cairn_abs(pose.y) > CAIRN_SCAN_EXTENT)
-        return refuse(fault, -1, "the pose is not finite or too far away", CAIRN_NOT_FINITE);
+        return cairn_refuse(fault, -1, "the pose is not finite or too far away", CAIRN_NOT_FINITE);
     status = check_points(part->points, part->count, fault);
     if (status == CAIRN_OK)
         status = check_points(part->dense, part->dense_count, fault);
     for (int32_t i = 0; i < part->beam_count && status == CAIRN_OK; i++)
         if (!is_near(part->beams[i].from) || !is_near(part->beams[i].to))
-            status = refuse(fault, i, "a beam is not finite or too long", CAIRN_NOT_FINITE);
+            status = cairn_refuse(fault, i, "a beam is not finite or too long", CAIRN_NOT_FINITE);
     return status;
 }
 
@@ -282,18 +273,18 @@ cairn_status cairn_scan_match_add_target(cairn_scan_match *x, const cairn_scan_m
     cairn_status status;
 
     if (x == NULL || part == NULL)
-        return refuse(fault, -1, "no object or no part", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "no object or no part", CAIRN_BAD_ARGUMENT);
     if (x->phase != MATCH_IDLE && x->phase != MATCH_DONE)
-        return refuse(fault, -1, "a match is running", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "a match is running", CAIRN_BAD_ARGUMENT);
     status = check_part(part, target_part, fault);
     if (status != CAIRN_OK)
         return status;
     if (part->count > x->params.max_target - x->target_count)
-        return refuse(fault, -1, "more target points than max_target", CAIRN_FULL);
+        return cairn_refuse(fault, -1, "more target points than max_target", CAIRN_FULL);
     if (x->params.max_dense > 0 && part->dense_count > x->params.max_dense - x->dense_count)
-        return refuse(fault, -1, "more dense target points than max_dense", CAIRN_FULL);
+        return cairn_refuse(fault, -1, "more dense target points than max_dense", CAIRN_FULL);
     if (part->beam_count > 0 && x->params.max_views > 0 && x->view_count == x->params.max_views)
-        return refuse(fault, -1, "more parts with beams than max_views", CAIRN_FULL);
+        return cairn_refuse(fault, -1, "more parts with beams than max_views", CAIRN_FULL);
     transform = cairn_transform_of(target_part);
     for (int32_t i = 0; i < part->count; i++) {
         cairn_oriented_point *p = &x->target[x->target_count++];
@@ -356,16 +347,16 @@ cairn_status cairn_scan_match_begin(cairn_scan_match *x, const cairn_scan_match_
     cairn_status status;
 
     if (x == NULL || query == NULL)
-        return refuse(fault, -1, "no object or no query", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "no object or no query", CAIRN_BAD_ARGUMENT);
     if (window != NULL && !(window->distance >= 0 && window->angle >= 0))
-        return refuse(fault, -1, "a window is negative or not a number", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "a window is negative or not a number", CAIRN_BAD_ARGUMENT);
     if (window == NULL)
         start = cairn_pose_identity();
     status = check_part(query, start, fault);
     if (status != CAIRN_OK)
         return status;
     if (query->count > x->params.max_query)
-        return refuse(fault, -1, "more query points than max_query", CAIRN_FULL);
+        return cairn_refuse(fault, -1, "more query points than max_query", CAIRN_FULL);
     stop(x);
     memset(&x->measure, 0, sizeof x->measure);
     x->query = *query;

@@ -1,0 +1,44 @@
+/* Methods of simultaneous alignment, side by side: scans and initial poses in, poses and what is known of them out. */
+#ifndef CAIRN_BENCH_ALIGN_H
+#define CAIRN_BENCH_ALIGN_H
+
+#include "cairn/scan.h"
+#include "sim/arena.h"
+
+/* A part of a method that can be left out. */
+typedef enum bench_ingredient {
+    BENCH_ALL,
+    BENCH_NO_DIRECTIONS, /* surfaces without a free side */
+    BENCH_NO_FREE_SPACE, /* a point in free space says nothing */
+    BENCH_NO_RESTARTS,   /* scans that lie badly are not looked for */
+    BENCH_NO_JOINT,      /* no walls, no covariances */
+    BENCH_INGREDIENTS
+} bench_ingredient;
+
+const char *bench_ingredient_name(bench_ingredient without); /* "nothing", "directions" ... */
+
+typedef struct bench_pose {
+    sim_pose pose;
+    double covariance[9];
+    int32_t known;   /* 1: covariance and flagged mean something */
+    int32_t flagged; /* the method says that the pose is not to be relied on */
+    int32_t anchor;  /* covariances are relative to this one */
+} bench_pose;
+
+typedef struct bench_run {
+    int32_t steps, rising; /* rising: of a potential that should fall */
+    double seconds, step_ms;
+    size_t pool_bytes;
+} bench_run;
+
+/* Fits a scan's lines. */
+cairn_status bench_fit_scan(cairn_scan *scan, const sim_scan *from, cairn_scan_view *view);
+
+/* The default mode; poses: the start, then the result. [count]. 0 on failure, with a line on standard error. */
+int bench_run_default(const sim_scan *scans, int32_t count, bench_ingredient without, bench_pose *poses,
+                      bench_run *run);
+
+/* Simultaneous nearest neighbour: every scan by ICP against all others, in turn, `sweeps` times. */
+int bench_run_icp(const sim_scan *scans, int32_t count, int32_t sweeps, bench_pose *poses, bench_run *run);
+
+#endif

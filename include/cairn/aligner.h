@@ -1,0 +1,142 @@
+/* aligner: many scans with little overlap at once, from poor initial poses and without landmarks.
+ *
+ *     add_scan ... -> begin -> step until CAIRN_OK -> read, pose_of
+ *
+ * Pairs of scans propose how they may lie to each other; parts that agree grow together, the surest first; scans that lie
+ * badly are looked for anew in all the rest; last, all poses and all walls that they share are solved for together, which
+ * also tells how well each pose is known. Evidence for a relative pose is what one scan shows where the other one shows the
+ * same, oriented, surface; evidence against it, and by far the sharper, is what one shows where the other looked through.
+ *
+ * The order of the scans tells nothing and does not matter, beyond ties. The result does not depend on the budgets. */
+#ifndef CAIRN_ALIGNER_H
+#define CAIRN_ALIGNER_H
+
+#include "cairn/block_solver.h"
+#include "cairn/scan.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* In brackets the defaults. */
+typedef struct cairn_aligner_params {
+    int32_t max_scans;      /* 1 ... 2^16 (64) */
+    int32_t max_segments;   /* of all scans, 1 ... 2^24 (1024) */
+    int32_t max_points;     /* of all scans, 1 ... 2^24 (4096) */
+    int32_t max_hypotheses; /* 1 ... 2^24: of more relative poses of pairs than these the best are kept (1536) */
+    int32_t max_fill;       /* blocks of the joint solution, as in cairn_block_solver_params (2048) */
+    int32_t max_cells; /* 64 ... 2^24, of the raster in which a scan is looked for; fewer make it coarser (25600) */
+    cairn_real spread; /* m, > 0: x and y of an initial pose are off by at most about that (0.6), ... */
+    cairn_real spread_angle;   /* rad, > 0, <= pi: ... and its heading by that (35 degrees) */
+    cairn_real reach;          /* m, > 0: what is seen beyond is not used (30) */
+    cairn_real sigma;          /* m, > 0: standard deviation of a range (0.01) */
+    cairn_real contradiction;  /* >= 0, nats: what a point costs that another scan looked through; 0: nothing (1.5) */
+    int32_t oriented;          /* not 0: surfaces have a free side; 0: as lines, modulo half a turn (1) */
+    int32_t max_repairs;       /* >= 0: times that scans which lie badly are looked for anew (2) */
+    int32_t max_rounds;        /* >= 0: iterations of the joint solution; 0: no walls, no covariances (10) */
+    cairn_real least_evidence; /* > 0, nats: parts grow together only above it, rivals taken into account (1) */
+    cairn_real observable; /* m, > 0: a pose is observable when its standard deviation (x and y together) ... (0.05) */
+    cairn_real observable_angle; /* rad, > 0: ... and that of its heading are below these (1 degree) */
+} cairn_aligner_params;
+
+/* Whether and why the aligner stands. */
+typedef int32_t cairn_aligner_verdict;
+enum {
+    CAIRN_ALIGNER_RUNNING = 0,
+    CAIRN_ALIGNER_CONVERGED = 1,    /* one part, the joint solution came to rest */
+    CAIRN_ALIGNER_OUT_OF_STEPS = 2, /* it did not within max_rounds */
+    CAIRN_ALIGNER_SPLIT = 3,        /* parts that do not see each other, or nothing to join: see `parts` */
+    CAIRN_ALIGNER_NO_FILL = 4       /* the joint solution needs more than max_fill blocks: poses without covariances */
+};
+
+/* Directions that are observable. */
+enum { CAIRN_ALIGNER_X = 1, CAIRN_ALIGNER_Y = 2, CAIRN_ALIGNER_THETA = 4 };
+
+/* What is known of a scan. Parts lie where their initial poses say, in the mean. */
+typedef struct cairn_aligner_pose {
+    cairn_pose map_scan;
+    cairn_real
+        covariance[9]; /* row-major over (x, y, theta), in the map, with the anchor of its part given. For scans outside
+                               * part 0 that of the initial pose */
+    cairn_real support; /* nats that all other scans give for the pose, less what speaks against it */
+    int32_t observable; /* CAIRN_ALIGNER_X | ...; each by its own standard deviation */
+    int32_t placed;     /* 1: in part 0 with all of its pose observable */
+    int32_t part;       /* 0: the largest */
+} cairn_aligner_pose;
+
+typedef struct cairn_aligner_result {
+    cairn_aligner_verdict verdict;
+    int32_t parts;           /* of scans that show anything */
+    int32_t largest;         /* scans of part 0 */
+    int32_t placed;          /* scans of part 0 that are observable */
+    int32_t anchor;          /* scan that covariances are relative to; -1: none */
+    int32_t hypotheses;      /* relative poses that were kept */
+    int32_t dropped;         /* that found no room */
+    int32_t merges;          /* that joined parts */
+    int32_t moved;           /* scans that were found elsewhere, or late */
+    int32_t rounds;          /* of the joint solution */
+    int32_t walls;           /* shared by two scans or more */
+    int32_t fill;            /* blocks of the joint solution */
+    cairn_real spread;       /* m, standard deviation of x and of y of the initial poses, as learnt */
+    cairn_real spread_angle; /* rad, of their headings */
+    int64_t units;           /* of budget, by all steps */
+    int32_t worst_step;      /* units of the dearest item */
+} cairn_aligner_result;
+
+typedef struct cairn_aligner cairn_aligner;
+
+/* The defaults above. */
+cairn_aligner_params cairn_aligner_default(void);
+
+/* 0 for params that create() would refuse. */
+size_t cairn_aligner_memory(const cairn_aligner_params *params);
+
+/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status cairn_aligner_create(cairn_aligner **aligner, cairn_pool *pool,
+                                                const cairn_aligner_params *params);
+
+/* Copies what is needed of a scan, with the initial pose map_scan; its index is the number of scans before it. A scan that
+ * shows nothing stays where it is. Ends an alignment that is running.
+ *
+ * CAIRN_BAD_ARGUMENT: NULL, negative counts, first_point that does not rise from 0 to point_count, coordinates beyond 1e6 m.
+ * CAIRN_NOT_FINITE. CAIRN_FULL: more scans, segments or points than params allow. *fault, when not NULL, says what and
+ * where. Cost: beams times segments of the scan. */
+CAIRN_CHECKED cairn_status cairn_aligner_add_scan(cairn_aligner *aligner, const cairn_scan_view *view,
+                                                  cairn_pose map_scan, cairn_fault *fault);
+
+/* Forgets all scans. Constant time. */
+void cairn_aligner_clear(cairn_aligner *aligner);
+
+/* Starts an alignment from the initial poses. CAIRN_BAD_ARGUMENT: NULL. CAIRN_EMPTY: no scans. Linear in the scans. */
+CAIRN_CHECKED cairn_status cairn_aligner_begin(cairn_aligner *aligner);
+
+/* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: nothing left to do. An item is a pair of segments, a pair of
+ * scans, or a line of the raster. Cost of the whole: near linear in scans of the same density but for looking at each pair
+ * of them once. */
+CAIRN_CHECKED cairn_status cairn_aligner_step(cairn_aligner *aligner, cairn_budget *budget);
+
+/* As step(), but also returns CAIRN_OK at the next commit point, so that the alignment can be watched: parts have been
+ * joined or relaxed, a scan was found elsewhere or stays, an iteration of the joint solution is done. */
+CAIRN_CHECKED cairn_status cairn_aligner_iterate(cairn_aligner *aligner, cairn_budget *budget);
+
+/* Whether step() has anything left to do. */
+int32_t cairn_aligner_running(const cairn_aligner *aligner);
+
+/* A scan as it stands at the last commit point; identity and -1 for a scan that is not there. Between commit points nothing
+ * that is useful. *part, when not NULL: a number that the scans of a part share, 0 ... scan_count - 1, which another part
+ * may have had before. Linear in the part. */
+cairn_pose cairn_aligner_pose_now(const cairn_aligner *aligner, int32_t scan, int32_t *part);
+
+/* ---- The result: the initial poses until step() returns CAIRN_OK ---- */
+
+int32_t cairn_aligner_scan_count(const cairn_aligner *aligner);
+cairn_aligner_result cairn_aligner_read(const cairn_aligner *aligner);
+
+/* All zero for a scan that is not there. */
+cairn_aligner_pose cairn_aligner_pose_of(const cairn_aligner *aligner, int32_t scan);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

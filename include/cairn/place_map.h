@@ -1,0 +1,114 @@
+/* place_map: a map of scans from several places, with no odometry and no guess.
+ *
+ * At each place one or several scans were taken whose poses within the place are known (a turning robot, a head with several
+ * scanners); how the places lie to each other is not. All pairs of places are matched with unknown position and heading, each
+ * hypothesis is weighed by what the two saw of each other (surface on surface against surface in free space), the poses
+ * that agree best are found by consensus, every place is matched again with the map of all others, and the poses are
+ * refined (Adluru 2008, chapter 6, with all pairs in place of the last three scans).
+ *
+ *     clear() -> add_scan() ... -> begin() -> step(budget) until CAIRN_OK -> read(), place(), scan() */
+#ifndef CAIRN_PLACE_MAP_H
+#define CAIRN_PLACE_MAP_H
+
+#include "cairn/icp.h"
+#include "cairn/pose_consensus.h"
+#include "cairn/scan_match.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct cairn_place_map cairn_place_map;
+
+typedef int32_t cairn_place_map_mode;
+enum {
+    CAIRN_PLACE_MAP_CONSENSUS = 0,
+    CAIRN_PLACE_MAP_SEQUENTIAL = 1 /* each place to the union of the last `recent` ones, in order, as in the thesis */
+};
+
+typedef struct cairn_place_map_params {
+    cairn_place_map_mode mode;
+    int32_t max_places;       /* 2 ... 256 */
+    int32_t max_scans;        /* >= max_places: of all places */
+    int32_t max_place_points; /* evenly spaced points of one place, >= 1 */
+    int32_t max_place_beams;  /* of one place, >= 1 */
+    int32_t recent;           /* >= 1: places that the sequential mode matches with */
+    int32_t rounds;           /* >= 0: times at most that every place is matched again with the map of the others */
+    int32_t sweeps;           /* >= 0: of the refinement */
+    int32_t decoupled;        /* 1: at the end each scan of a place is aligned by itself */
+    cairn_real sight_reach;   /* m, > 0: how far from a place what it saw is kept */
+    cairn_real sight_cell;    /* m, > 0: side of the cells that keep it */
+    cairn_real sight_margin;  /* m, > 0: of a surface, within which another surface may lie */
+    cairn_real for_point;     /* nats, > 0, for a point on a surface of the other place ... */
+    cairn_real against_point; /* ... and, > 0, against the pose for one in space that the other saw free */
+    cairn_real floating; /* in [0, 1], times against_point for surfaces with free space behind both of their ends */
+    cairn_real chance;   /* nats, >= 0, that are taken off hypotheses, as the best of many reach them by chance */
+    cairn_scan_match_params match;         /* its max_target ... max_query are not read */
+    cairn_pose_consensus_params consensus; /* its max_nodes is not read */
+} cairn_place_map_params;
+
+/* Consensus; 16 places, 64 scans, 1024 points and 2048 beams a place; 3 recent; 4 rounds, 3 sweeps, not decoupled; sight
+ * 8 m, 0.05 m, margin 0.10 m; 0.1 nats for and 0.4 against, floating 0.25; chance 2. */
+cairn_place_map_params cairn_place_map_default(void);
+
+/* 0 for params that create() would refuse. */
+size_t cairn_place_map_memory(const cairn_place_map_params *params);
+
+/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status cairn_place_map_create(cairn_place_map **map, cairn_pool *pool,
+                                                  const cairn_place_map_params *params);
+
+/* Forgets all scans. Constant time. */
+void cairn_place_map_clear(cairn_place_map *map);
+
+/* Adds a scan of a place; what is needed of it is copied. The scans of a place come together: `place` is that of the last scan
+ * or the next one. place_scan: the frame of the scan in that of the place. CAIRN_BAD_ARGUMENT: NULL, another place.
+ * CAIRN_NOT_FINITE. CAIRN_FULL: max_places, max_scans, max_place_points or max_place_beams is used up. *fault, when not
+ * NULL, tells what. Cost: linear in the scan. */
+CAIRN_CHECKED cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place, const cairn_scan_view *view,
+                                                    cairn_pose place_scan, cairn_fault *fault);
+
+/* Starts to map. CAIRN_EMPTY: no scans. CAIRN_BAD_ARGUMENT: NULL. Constant time. */
+CAIRN_CHECKED cairn_status cairn_place_map_begin(cairn_place_map *map);
+
+/* CAIRN_OK: nothing left to do. CAIRN_MORE. CAIRN_BAD_ARGUMENT: NULL. */
+CAIRN_CHECKED cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budget *budget);
+
+/* ---- The result: empty until step() returns CAIRN_OK ---- */
+
+typedef struct cairn_place_map_result {
+    int32_t places, placed;  /* placed: in the largest part */
+    int32_t parts;           /* 1: the map hangs together */
+    int32_t ambiguous;       /* places that could as well lie elsewhere */
+    int32_t matches;         /* of scan_match */
+    int32_t hypotheses;      /* that were weighed into the consensus */
+    int32_t decoupled;       /* scans that were aligned by themselves */
+    cairn_real total, rival; /* nats of the map, and of the best other map that was found; 0: none */
+    int64_t units;
+} cairn_place_map_result;
+
+cairn_place_map_result cairn_place_map_read(const cairn_place_map *map);
+
+typedef struct cairn_place_map_place {
+    cairn_pose map_place; /* in the frame of its part: that of its first place */
+    cairn_real support;   /* nats that the others of the part give for it; 0 in sequential mode */
+    int32_t part;         /* 0: the largest */
+    int32_t ambiguous;    /* 1: see cairn_place_map_alternative() */
+    int32_t alternatives;
+} cairn_place_map_place;
+
+/* All zero for a place that is not there. */
+cairn_place_map_place cairn_place_map_place_of(const cairn_place_map *map, int32_t place);
+
+/* Where a place could lie as well, the heaviest first; see cairn_pose_consensus_alternative(). */
+cairn_consensus_alternative cairn_place_map_alternative(const cairn_place_map *map, int32_t place, int32_t index);
+
+/* Pose of a scan in its part's frame, scans counted in the order in which they came; map_place with place_scan unless it was
+ * aligned by itself. The identity for a scan that is not there. */
+cairn_pose cairn_place_map_scan_pose(const cairn_place_map *map, int32_t scan);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

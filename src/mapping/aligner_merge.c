@@ -1,0 +1,438 @@
+/* How clusters of the aligner are found: hypotheses of pairs of scans, and merging by the surest of them.
+ *
+ * A hypothesis lays an end of a segment of one scan on the same end of a segment of the other. What a pair of scans says
+ * for it is one look-up of all their points; the best few of a pair are refined and kept. Every hypothesis then stands for
+ * a relative pose of the clusters that its scans belong to. The best is taken off the list time and again: looked at anew
+ * when its clusters have changed, compared with its rivals, shifted along the direction that it knows least of, and, when
+ * it is still the best after all that, carried out. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/aligner_work.h"
+
+static const cairn_real TRIAL_GATE = CAIRN_REAL(0.15), COUNT_GATE = CAIRN_REAL(0.07);
+static const cairn_real LEAST_LENGTH = CAIRN_REAL(0.15);               /* m, of a segment that gives a direction */
+static const cairn_real LEAST_TRIAL = CAIRN_REAL(0.5), LEAST_KEPT = 1; /* nats */
+static const cairn_real HOPELESS = -15;                                /* nats */
+static const cairn_real SAME_PLACE = CAIRN_REAL(0.15);                 /* m */
+static const cairn_real SAME_HEADING = CAIRN_REAL(0.9986);             /* cosine of 3 degrees */
+static const cairn_real SHIFT = CAIRN_REAL(0.25);                      /* m */
+static const cairn_real RIVAL = 8;                                     /* nats below which a rival does not matter */
+enum { TRIAL_ROUNDS = 4, LOOK_ROUNDS = 3 };
+
+/* ---- Pairs ---- */
+
+static void keep_trial(cairn_aligner *x, cairn_transform pose, cairn_real score)
+{
+    int32_t worst = 0, i;
+
+    for (i = 0; i < x->trial_count; i++) {
+        if (cairn_aligner_near(pose, cairn_transform_of(x->trial[i].second_first), CAIRN_REAL(0.2), CAIRN_REAL(0.9962)))
+            break;
+        if (x->trial[i].score < x->trial[worst].score)
+            worst = i;
+    }
+    if (i == x->trial_count) {
+        if (x->trial_count < ALIGNER_TRIALS)
+            x->trial_count++;
+        else
+            i = worst;
+        if (i == worst && i < x->trial_count - 1 && x->trial[i].score >= score)
+            return;
+        x->trial[i].score = -1;
+    }
+    if (score > x->trial[i].score) {
+        x->trial[i].first = x->i;
+        x->trial[i].second = x->j;
+        x->trial[i].second_first = cairn_aligner_to_pose(pose);
+        x->trial[i].score = score;
+    }
+}
+
+/* Lays end `end` of segment k on that of l; returns units. */
+static int32_t try_end(cairn_aligner *x, const aligner_segment *k, const aligner_segment *l, int32_t end,
+                       cairn_transform expected)
+{
+    cairn_vec2 from = cairn_vec2_add(k->a, cairn_vec2_scale(k->direction, end ? k->length : 0));
+    cairn_vec2 to = cairn_vec2_add(l->a, cairn_vec2_scale(l->direction, end ? l->length : 0));
+    cairn_transform pose = {0, 0, cairn_vec2_dot(k->direction, l->direction),
+                            cairn_vec2_cross(k->direction, l->direction)};
+    cairn_real far = CAIRN_REAL(1.6) * x->params.spread +
+                     x->params.spread_angle * cairn_sqrt(expected.x * expected.x + expected.y * expected.y);
+    int32_t first = x->i, second = x->j, points = cairn_aligner_points_of(x, first);
+    aligner_count count = {0, 0, 0};
+    cairn_real score;
+
+    pose.x = to.x - (pose.cosine * from.x - pose.sine * from.y);
+    pose.y = to.y - (pose.sine * from.x + pose.cosine * from.y);
+    if (!cairn_aligner_near(pose, expected, far, -2))
+        return 1;
+    cairn_aligner_count_points(x, first, second, pose, TRIAL_GATE, &count);
+    if (cairn_aligner_evidence(x, count) > -4) {
+        cairn_aligner_count_points(x, second, first, cairn_aligner_inverse(pose), TRIAL_GATE, &count);
+        points += cairn_aligner_points_of(x, second);
+    }
+    score = cairn_aligner_evidence(x, count);
+    if (score > LEAST_TRIAL)
+        keep_trial(x, pose, score);
+    return 1 + points / ALIGNER_POINTS_OF_UNIT;
+}
+
+static int may_ever_meet(const cairn_aligner *x, int32_t i, int32_t j)
+{
+    const aligner_scan *a = &x->scans[i], *b = &x->scans[j];
+    cairn_real dx = a->initial.x - b->initial.x, dy = a->initial.y - b->initial.y;
+    cairn_real reach = a->radius + cairn_vec2_norm(a->middle) + b->radius + cairn_vec2_norm(b->middle);
+
+    reach += 2 * x->params.spread;
+    return dx * dx + dy * dy <= reach * reach;
+}
+
+static void next_pair(cairn_aligner *x)
+{
+    x->j++;
+    if (x->j >= x->i) {
+        x->i++;
+        x->j = 0;
+    }
+    x->k = 0;
+    x->l = 0;
+    x->trial_count = 0;
+}
+
+/* One pair of segments of a pair of scans. */
+static int32_t try_segments(cairn_aligner *x)
+{
+    const aligner_scan *first = &x->scans[x->i], *second = &x->scans[x->j];
+    const aligner_segment *k, *l;
+    cairn_transform expected;
+    cairn_real turned, cosine, sine;
+    int32_t units = 1;
+
+    if ((x->k == 0 && x->l == 0 && !may_ever_meet(x, x->i, x->j)) || first->end_segment == first->first_segment ||
+        second->end_segment == second->first_segment) {
+        next_pair(x);
+        return 1;
+    }
+    if (first->first_segment + x->k == first->end_segment) {
+        x->phase = ALIGNER_TRIALS_OF_PAIR;
+        x->trial_at = 0;
+        return 1;
+    }
+    k = &x->segments[first->first_segment + x->k];
+    l = &x->segments[second->first_segment + x->l];
+    if (++x->l == second->end_segment - second->first_segment) {
+        x->l = 0;
+        x->k++;
+    }
+    if (k->length < LEAST_LENGTH || l->length < LEAST_LENGTH)
+        return 1;
+    expected = cairn_transform_of(cairn_pose_between(second->initial, first->initial));
+    turned = cairn_min(CAIRN_REAL(1.6) * x->params.spread_angle, CAIRN_PI);
+    cosine = cairn_vec2_dot(k->direction, l->direction) * expected.cosine +
+             cairn_vec2_cross(k->direction, l->direction) * expected.sine;
+    sine = cairn_vec2_cross(k->direction, l->direction) * expected.cosine -
+           cairn_vec2_dot(k->direction, l->direction) * expected.sine;
+    if (cairn_abs(cairn_atan2(sine, cosine)) > turned)
+        return 1;
+    for (int32_t end = 0; end < 2; end++)
+        units += try_end(x, k, l, end, expected);
+    return units;
+}
+
+/* Refines a trial of the pair at hand. */
+static int32_t refine_trial(cairn_aligner *x, aligner_hypothesis *trial)
+{
+    cairn_transform pose = cairn_transform_of(trial->second_first), same = {0, 0, 1, 0};
+    int32_t points = cairn_aligner_points_of(x, trial->first) + cairn_aligner_points_of(x, trial->second);
+
+    for (int32_t round = 0; round < TRIAL_ROUNDS; round++) {
+        cairn_real gate = TRIAL_GATE - CAIRN_REAL(0.03) * (cairn_real)round, motion[3];
+        aligner_sums sums;
+
+        memset(&sums, 0, sizeof sums);
+        cairn_vec2 centre = cairn_transform_point(pose, x->scans[trial->first].middle);
+
+        cairn_aligner_pull(x, trial->first, trial->second, pose, same, gate, 1, centre, &sums);
+        if (!cairn_aligner_solve(&sums, motion))
+            break;
+        pose = cairn_aligner_moved(pose, centre, motion);
+    }
+    trial->second_first = cairn_aligner_to_pose(pose);
+    trial->score = cairn_aligner_pair_evidence(x, trial->first, trial->second, pose, COUNT_GATE);
+    return (TRIAL_ROUNDS / 2 + 1) * points / ALIGNER_POINTS_OF_UNIT;
+}
+
+/* Enters a hypothesis; when there is no room it takes the place of the worst that is worse. */
+static void enter(cairn_aligner *x, const aligner_hypothesis *trial)
+{
+    aligner_hypothesis *h = x->hypotheses;
+
+    if (x->hypothesis_count < x->params.max_hypotheses) {
+        h += x->hypothesis_count++;
+    } else {
+        x->result.dropped++;
+        for (int32_t i = 1; i < x->hypothesis_count; i++)
+            if (x->hypotheses[i].score < h->score)
+                h = &x->hypotheses[i];
+        x->debt += x->hypothesis_count / 32;
+        if (h->score >= trial->score)
+            return;
+    }
+    *h = *trial;
+    h->key = h->score;
+    h->first_stamp = h->second_stamp = -1;
+    h->state = ALIGNER_LOOKED;
+}
+
+static void enter_best(cairn_aligner *x)
+{
+    for (int32_t kept = 0; kept < ALIGNER_KEPT; kept++) {
+        aligner_hypothesis *best = NULL;
+        cairn_transform pose;
+
+        for (int32_t i = 0; i < x->trial_count; i++)
+            if (x->trial[i].score > LEAST_KEPT && (best == NULL || x->trial[i].score > best->score))
+                best = &x->trial[i];
+        if (best == NULL)
+            return;
+        enter(x, best);
+        pose = cairn_transform_of(best->second_first);
+        for (int32_t i = 0; i < x->trial_count; i++)
+            if (cairn_aligner_near(pose, cairn_transform_of(x->trial[i].second_first), SAME_PLACE, CAIRN_REAL(0.9976)))
+                x->trial[i].score = -1;
+    }
+}
+
+int32_t cairn_aligner_pairs_item(cairn_aligner *x)
+{
+    if (x->phase == ALIGNER_PAIRS) {
+        if (x->i == x->scan_count) {
+            x->result.hypotheses = x->hypothesis_count;
+            x->phase = ALIGNER_PICK;
+            return 1;
+        }
+        return try_segments(x);
+    }
+    if (x->trial_at < x->trial_count)
+        return refine_trial(x, &x->trial[x->trial_at++]);
+    enter_best(x);
+    next_pair(x);
+    x->phase = ALIGNER_PAIRS;
+    return ALIGNER_TRIALS;
+}
+
+/* ---- Merging ---- */
+
+static int32_t cluster_of(const cairn_aligner *x, int32_t scan)
+{
+    return x->scans[scan].part;
+}
+
+static int is_fresh(const cairn_aligner *x, const aligner_hypothesis *h)
+{
+    return h->first_stamp == x->clusters[cluster_of(x, h->first)].stamp &&
+           h->second_stamp == x->clusters[cluster_of(x, h->second)].stamp;
+}
+
+/* The pose of the cluster of the first scan as seen from that of the second. */
+static cairn_transform clusters_pose(const cairn_aligner *x, const aligner_hypothesis *h)
+{
+    cairn_transform first = cairn_aligner_compose(x->poses[h->second], cairn_transform_of(h->second_first));
+
+    return cairn_aligner_compose(first, cairn_aligner_inverse(x->poses[h->first]));
+}
+
+static void look_at(cairn_aligner *x, int32_t index)
+{
+    const aligner_hypothesis *h = &x->hypotheses[index];
+
+    cairn_aligner_begin_look(x, cluster_of(x, h->first), cluster_of(x, h->second), clusters_pose(x, h),
+                             h->first_stamp < 0 ? 1 : LOOK_ROUNDS);
+}
+
+static void take_look(cairn_aligner *x, aligner_hypothesis *h)
+{
+    cairn_transform first = cairn_aligner_compose(x->look.pose, x->poses[h->first]);
+
+    h->second_first = cairn_aligner_to_pose(cairn_aligner_between(x->poses[h->second], first));
+    h->score = h->key = x->look.evidence + x->look.prior;
+    h->first_stamp = x->clusters[cluster_of(x, h->first)].stamp;
+    h->second_stamp = x->clusters[cluster_of(x, h->second)].stamp;
+    h->state = h->score < HOPELESS ? ALIGNER_OUT : ALIGNER_LOOKED;
+}
+
+/* 1 when two hypotheses join the same clusters. */
+static int is_rival(const cairn_aligner *x, const aligner_hypothesis *h, const aligner_hypothesis *g)
+{
+    int32_t a = cluster_of(x, h->first), b = cluster_of(x, h->second);
+    int32_t c = cluster_of(x, g->first), d = cluster_of(x, g->second);
+
+    return h != g && g->state != ALIGNER_OUT && ((a == c && b == d) || (a == d && b == c));
+}
+
+/* The pose of h's clusters by g. */
+static cairn_transform rival_pose(const cairn_aligner *x, const aligner_hypothesis *h, const aligner_hypothesis *g)
+{
+    cairn_transform pose = clusters_pose(x, g);
+
+    return cluster_of(x, g->first) == cluster_of(x, h->first) ? pose : cairn_aligner_inverse(pose);
+}
+
+/* The odds of the chosen one against its rivals; those that are the same as it are out. */
+static void compare(cairn_aligner *x)
+{
+    aligner_hypothesis *h = &x->hypotheses[x->chosen];
+    cairn_transform pose = cairn_aligner_compose(clusters_pose(x, h), x->poses[h->first]);
+    cairn_real others = 1;
+
+    for (int32_t i = 0; i < x->hypothesis_count; i++) {
+        aligner_hypothesis *g = &x->hypotheses[i];
+        cairn_transform rival;
+
+        if (!is_rival(x, h, g) || !is_fresh(x, g))
+            continue;
+        rival = cairn_aligner_compose(rival_pose(x, h, g), x->poses[h->first]);
+        if (!cairn_aligner_near(pose, rival, SAME_PLACE, SAME_HEADING))
+            others += cairn_exp(cairn_min(g->score, 60));
+        else if (g->score <= h->score && cairn_aligner_near(pose, rival, SAME_PLACE / 3, CAIRN_REAL(0.9998)))
+            g->state = ALIGNER_OUT;
+    }
+    h->key = h->score - cairn_log(others);
+    h->state = ALIGNER_COMPARED;
+}
+
+/* Looks at the next rival that has to be; 0 when there is none. */
+static int32_t look_at_rival(cairn_aligner *x)
+{
+    const aligner_hypothesis *h = &x->hypotheses[x->chosen];
+
+    for (; x->rival < x->hypothesis_count; x->rival++) {
+        const aligner_hypothesis *g = &x->hypotheses[x->rival];
+
+        if (is_rival(x, h, g) && !is_fresh(x, g) && g->score >= h->score - RIVAL) {
+            look_at(x, x->rival);
+            return 1;
+        }
+    }
+    return 0;
+}
+
+static void begin_shifted(cairn_aligner *x)
+{
+    const aligner_hypothesis *h = &x->hypotheses[x->chosen];
+    cairn_real motion[3];
+
+    for (int k = 0; k < 3; k++)
+        motion[k] = (x->side == 1 ? SHIFT : -SHIFT) * x->shift[k];
+    cairn_aligner_begin_look(x, cluster_of(x, h->first), cluster_of(x, h->second),
+                             cairn_aligner_moved(clusters_pose(x, h), x->shift_centre, motion), 0);
+}
+
+/* The look for the weak direction, then those at both shifted poses. */
+static void take_shifted(cairn_aligner *x)
+{
+    aligner_hypothesis *h = &x->hypotheses[x->chosen];
+
+    if (x->side == 0) {
+        memcpy(x->shift, x->look.weak, sizeof x->shift);
+        x->shift_centre = x->look.centre;
+        x->rest = 0;
+    } else {
+        x->rest = cairn_max(x->rest, x->look.evidence + x->look.prior);
+    }
+    if (++x->side <= 2) {
+        begin_shifted(x);
+        return;
+    }
+    h->key = cairn_min(h->key, h->score - x->rest);
+    h->state = ALIGNER_SURE;
+    x->phase = ALIGNER_PICK;
+}
+
+static void carry_out(cairn_aligner *x)
+{
+    aligner_hypothesis *h = &x->hypotheses[x->chosen];
+    int32_t joined = cairn_aligner_join(x, cluster_of(x, h->first), cluster_of(x, h->second), clusters_pose(x, h));
+
+    h->state = ALIGNER_OUT;
+    x->result.merges++;
+    cairn_aligner_begin_relax(x, joined, CAIRN_REAL(0.08), x->clusters[joined].size < 6 ? 2 : 1);
+}
+
+/* The hypothesis with the greatest key that joins two clusters; -1: none is sure enough. */
+static int32_t surest(cairn_aligner *x)
+{
+    int32_t best = -1;
+
+    for (int32_t i = 0; i < x->hypothesis_count; i++) {
+        aligner_hypothesis *h = &x->hypotheses[i];
+
+        if (h->state == ALIGNER_OUT)
+            continue;
+        if (cluster_of(x, h->first) == cluster_of(x, h->second))
+            h->state = ALIGNER_OUT;
+        else if (h->key > x->params.least_evidence && (best < 0 || h->key > x->hypotheses[best].key))
+            best = i;
+    }
+    return best;
+}
+
+static void pick(cairn_aligner *x)
+{
+    const aligner_hypothesis *h;
+
+    x->chosen = surest(x);
+    if (x->chosen < 0) {
+        x->phase = ALIGNER_REPAIR;
+        x->i = 0;
+        x->changed = 0;
+        return;
+    }
+    h = &x->hypotheses[x->chosen];
+    if (!is_fresh(x, h)) {
+        look_at(x, x->chosen);
+        x->phase = ALIGNER_LOOKED_AT;
+    } else if (h->state == ALIGNER_LOOKED) {
+        x->rival = 0;
+        x->phase = ALIGNER_RIVALS;
+    } else if (h->state == ALIGNER_COMPARED) {
+        x->side = 0;
+        cairn_aligner_begin_look(x, cluster_of(x, h->first), cluster_of(x, h->second), clusters_pose(x, h), 1);
+        x->phase = ALIGNER_SHIFTED;
+    } else {
+        carry_out(x);
+    }
+}
+
+int32_t cairn_aligner_merge_item(cairn_aligner *x)
+{
+    int32_t list = 1 + x->hypothesis_count / 16;
+
+    switch (x->phase) {
+    case ALIGNER_PICK:
+        pick(x);
+        return list;
+    case ALIGNER_LOOKED_AT:
+        take_look(x, &x->hypotheses[x->chosen]);
+        x->phase = ALIGNER_PICK;
+        return 2;
+    case ALIGNER_RIVALS:
+        if (x->rival > 0 && x->rival <= x->hypothesis_count && x->look.near >= 0 && x->side == -1)
+            take_look(x, &x->hypotheses[x->rival - 1]);
+        x->side = 0;
+        if (look_at_rival(x)) {
+            x->rival++;
+            x->side = -1;
+            return list;
+        }
+        if (surest(x) == x->chosen)
+            compare(x);
+        x->phase = ALIGNER_PICK;
+        return 2 * list;
+    default:
+        take_shifted(x);
+        return 2;
+    }
+}

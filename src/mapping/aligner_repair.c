@@ -1,0 +1,390 @@
+/* Scans that lie badly, or nowhere, are looked for in all the rest.
+ *
+ * The rest is drawn into a raster about the place where the scan is expected: a bit for each direction of a surface, one
+ * for free space. For every turn, all shifts within the window are voted for at once, a point giving its vote to the shifts
+ * that bring it onto a surface of its direction, and two votes against those that bring it into free space. The best few
+ * are refined and compared by their evidence, also with where the scan was. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/aligner_work.h"
+
+enum { DIRECTIONS = 15, FREE_CELL = 1 << DIRECTIONS, TRY_ROUNDS = 3 };
+
+static const cairn_real CELL = CAIRN_REAL(0.1);      /* m */
+static const cairn_real CLEARANCE = CAIRN_REAL(0.2); /* m before a surface that is not drawn free */
+static const cairn_real TURN = CAIRN_REAL(0.0349);   /* rad: 2 degrees */
+static const cairn_real WINDOW = CAIRN_REAL(2.2);    /* standard deviations */
+static const cairn_real WIDEST = CAIRN_REAL(1.875);  /* of the params' spread */
+static const cairn_real LIES_WELL = 10, BETTER = 2, ATTACHED = -2, TORN_OFF = 4; /* nats */
+
+/* ---- Which scan ---- */
+
+static cairn_transform single(void)
+{
+    cairn_transform same = {0, 0, 1, 0};
+
+    return same;
+}
+
+/* Where the rest's motion brings the scan's initial pose, and the raster about it. */
+static void expect(cairn_aligner *x, int32_t rest)
+{
+    const aligner_scan *scan = &x->scans[x->i];
+    cairn_transform gauge = cairn_aligner_gauge(x, rest, -1, single());
+    cairn_real factor = cairn_sqrt(1 + 1 / (cairn_real)x->clusters[rest].size);
+    cairn_real window = cairn_min(WINDOW * x->sigma * factor, WIDEST * x->params.spread);
+    cairn_real turned = cairn_min(WINDOW * x->sigma_angle * factor, WIDEST * x->params.spread_angle);
+    cairn_real half = scan->radius + cairn_vec2_norm(scan->middle) + window + CAIRN_REAL(0.3);
+    int32_t most = cairn_real_to_int(cairn_sqrt((cairn_real)x->params.max_cells));
+
+    x->predicted =
+        cairn_aligner_to_pose(cairn_aligner_compose(cairn_aligner_inverse(gauge), cairn_transform_of(scan->initial)));
+    x->cell = cairn_max(CELL, 2 * half / (cairn_real)(most - 1));
+    x->side_cells = cairn_real_to_int(cairn_ceil(2 * half / x->cell));
+    x->half_window = cairn_real_to_int(cairn_min(cairn_ceil(window / x->cell), (cairn_real)(most / 4 - 1)));
+    x->turns = cairn_real_to_int(cairn_ceil(cairn_min(turned, CAIRN_PI) / TURN));
+    x->corner.x = x->predicted.x - (cairn_real)x->side_cells * x->cell / 2;
+    x->corner.y = x->predicted.y - (cairn_real)x->side_cells * x->cell / 2;
+    memset(x->cells, 0, (size_t)x->side_cells * (size_t)x->side_cells * sizeof *x->cells);
+    x->j = x->clusters[rest].head;
+    x->k = 0;
+    x->turn = -x->turns;
+    x->find_count = x->find_at = 0;
+    x->best_score = -CAIRN_REAL_MAX;
+}
+
+/* Takes the scan out of its cluster to look for it; 0 when there is nothing to look for. */
+static int take_out(cairn_aligner *x)
+{
+    int32_t rest = cairn_aligner_largest(x), home = x->scans[x->i].part, points = cairn_aligner_points_of(x, x->i);
+
+    x->home = home == rest ? -1 : home;
+    if (points == 0 || x->clusters[rest].size < 3)
+        return 0;
+    if (x->home >= 0 && x->clusters[home].size > 1 && x->repairs + 1 < x->params.max_repairs)
+        return 0;
+    x->before = x->poses[x->i];
+    cairn_aligner_remove(x, x->i);
+    x->poses[x->i] = single();
+    cairn_aligner_insert(x, x->i, x->scan_count);
+    cairn_aligner_learn_spread(x);
+    x->debt += x->scan_count;
+    return 1;
+}
+
+static void put_back(cairn_aligner *x, int32_t cluster, cairn_transform pose)
+{
+    cairn_aligner_remove(x, x->i);
+    x->poses[x->i] = pose;
+    cairn_aligner_insert(x, x->i, cluster);
+}
+
+static void end_round(cairn_aligner *x)
+{
+    x->repairs++;
+    cairn_aligner_begin_relax(x, cairn_aligner_largest(x), CAIRN_REAL(0.07), 3);
+    if (x->changed == 0 || x->repairs >= x->params.max_repairs) {
+        x->phase = ALIGNER_SETTLE;
+        x->round = x->stage = x->at = 0;
+        return;
+    }
+    /* What has moved may let clusters join that could not before. */
+    for (int32_t i = 0; i < x->hypothesis_count; i++) {
+        aligner_hypothesis *h = &x->hypotheses[i];
+
+        if (x->scans[h->first].part == x->scans[h->second].part)
+            continue;
+        h->state = ALIGNER_LOOKED;
+        h->key = cairn_max(h->score, x->params.least_evidence * 2);
+        h->first_stamp = -1;
+    }
+    x->phase = ALIGNER_PICK;
+}
+
+static int32_t choose_scan(cairn_aligner *x)
+{
+    if (x->i == x->scan_count || x->params.max_repairs == 0) {
+        end_round(x);
+        return 1 + x->hypothesis_count / 16;
+    }
+    if (!take_out(x)) {
+        x->i++;
+        return 1 + x->scan_count / 16;
+    }
+    x->before_score = -CAIRN_REAL_MAX;
+    if (x->home < 0)
+        cairn_aligner_begin_look(x, x->scan_count, cairn_aligner_largest(x), x->before, 0);
+    x->phase = ALIGNER_DRAW;
+    x->stage = 0;
+    return 1;
+}
+
+/* ---- The raster ---- */
+
+static int32_t direction_bin(cairn_vec2 direction, cairn_real *rest)
+{
+    cairn_real place = cairn_atan2(direction.y, direction.x) * (DIRECTIONS / (2 * CAIRN_PI)) + DIRECTIONS;
+    cairn_real whole = cairn_floor(place);
+
+    *rest = place - whole;
+    return cairn_real_to_int(whole) % DIRECTIONS;
+}
+
+/* Bits of the directions within about 20 degrees. */
+static int32_t direction_bits(cairn_vec2 direction)
+{
+    cairn_real rest;
+    int32_t bin = direction_bin(direction, &rest), bits = 1 << bin | 1 << (bin + 1) % DIRECTIONS;
+
+    if (rest < CAIRN_REAL(0.3))
+        bits |= 1 << (bin + DIRECTIONS - 1) % DIRECTIONS;
+    if (rest > CAIRN_REAL(0.7))
+        bits |= 1 << (bin + 2) % DIRECTIONS;
+    return bits;
+}
+
+/* Free space of scan j along every bearing; returns units. */
+static int32_t draw_free(cairn_aligner *x, int32_t j)
+{
+    const aligner_scan *scan = &x->scans[j];
+    const aligner_table *table = &x->tables[j];
+    cairn_vec2 sensor = cairn_transform_point(x->poses[j], scan->sensor);
+    int32_t side = x->side_cells, units = 0;
+
+    for (int32_t bin = 0; bin < ALIGNER_BINS; bin++) {
+        uint16_t before = table->range[(bin - 1) & (ALIGNER_BINS - 1)];
+        uint16_t least = table->range[bin], after = table->range[(bin + 1) & (ALIGNER_BINS - 1)];
+        cairn_vec2 step = cairn_transform_direction(x->poses[j], x->bearings[bin]);
+        cairn_real px = (sensor.x - x->corner.x) / x->cell, py = (sensor.y - x->corner.y) / x->cell;
+        int32_t steps;
+
+        least = before < least ? before : least;
+        least = after < least ? after : least;
+        steps = cairn_real_to_int((cairn_real)least * (x->params.reach / CAIRN_REAL(65535.0)) / x->cell -
+                                  CLEARANCE / x->cell);
+        for (int32_t k = 0; k < steps; k++) {
+            if (px >= 0 && py >= 0 && px < (cairn_real)side && py < (cairn_real)side) {
+                int32_t at = (int32_t)py * side + (int32_t)px;
+
+                x->cells[at] = (uint16_t)(x->cells[at] | FREE_CELL);
+            }
+            px += step.x;
+            py += step.y;
+        }
+        units += steps > 0 ? steps : 0;
+    }
+    return 8 + units / 16;
+}
+
+/* The points of scan j, each with its neighbouring cells; no surface is free. */
+static int32_t draw_points(cairn_aligner *x, int32_t j)
+{
+    int32_t side = x->side_cells;
+
+    for (int32_t i = x->scans[j].first_point; i < x->scans[j].end_point; i++) {
+        const aligner_point *point = &x->points[i];
+        cairn_vec2 p = cairn_transform_point(x->poses[j], point->position);
+        cairn_vec2 direction = cairn_transform_direction(x->poses[j], x->segments[point->segment].direction);
+        int32_t bits = direction_bits(direction);
+        int32_t ix = cairn_real_to_int(cairn_floor((p.x - x->corner.x) / x->cell));
+        int32_t iy = cairn_real_to_int(cairn_floor((p.y - x->corner.y) / x->cell));
+
+        if (!x->params.oriented)
+            bits |= direction_bits(cairn_vec2_scale(direction, -1));
+        for (int32_t v = iy > 0 ? iy - 1 : 0; v <= iy + 1 && v < side; v++)
+            for (int32_t u = ix > 0 ? ix - 1 : 0; u <= ix + 1 && u < side; u++)
+                x->cells[v * side + u] = (uint16_t)((x->cells[v * side + u] & ~FREE_CELL) | bits);
+    }
+    return 1 + cairn_aligner_points_of(x, j);
+}
+
+/* One scan of the rest: first the free space of all, then the points of all. */
+static int32_t draw(cairn_aligner *x)
+{
+    const aligner_scan *scan = &x->scans[x->i], *other;
+    int32_t rest = cairn_aligner_largest(x), j = x->j;
+    cairn_real far;
+    cairn_vec2 middle;
+
+    if (x->stage == 0) {
+        if (x->home < 0) {
+            x->before_score = x->look.evidence + x->look.prior;
+            if (x->look.evidence > LIES_WELL) {
+                put_back(x, rest, x->before);
+                x->i++;
+                x->phase = ALIGNER_REPAIR;
+                return 1;
+            }
+        }
+        expect(x, rest);
+        x->stage = 1;
+        return 4 + x->side_cells * x->side_cells / 256 + x->clusters[rest].size / 4;
+    }
+    if (j < 0) {
+        if (x->k == 1) {
+            x->phase = ALIGNER_SEARCH;
+            return 1;
+        }
+        x->k = 1;
+        x->j = x->clusters[rest].head;
+        return 1;
+    }
+    other = &x->scans[j];
+    x->j = other->next;
+    middle = cairn_transform_point(x->poses[j], other->middle);
+    far = scan->radius + cairn_vec2_norm(scan->middle) + other->radius + (cairn_real)x->half_window * x->cell;
+    if (cairn_abs(middle.x - x->predicted.x) > far || cairn_abs(middle.y - x->predicted.y) > far)
+        return 1;
+    if (x->k == 0)
+        return x->params.contradiction > 0 ? draw_free(x, j) : 1;
+    return draw_points(x, j);
+}
+
+/* ---- The search ---- */
+
+static int finds_near(cairn_pose a, cairn_pose b)
+{
+    cairn_real dx = cairn_abs(a.x - b.x), dy = cairn_abs(a.y - b.y);
+    cairn_real turn = cairn_abs(cairn_wrap_angle(a.theta - b.theta));
+
+    return cairn_max(dx, dy) / CAIRN_REAL(0.25) + turn / CAIRN_REAL(0.12) < 1;
+}
+
+/* Keeps the best, no two of which are near each other. */
+static void keep_find(cairn_aligner *x, cairn_pose pose, cairn_real score)
+{
+    int32_t to = -1, end = 0;
+
+    for (int32_t i = 0; i < x->find_count; i++)
+        if (finds_near(x->find[i].pose, pose)) {
+            if (x->find[i].score >= score)
+                return;
+            to = to < 0 ? i : to;
+        }
+    if (to < 0) {
+        if (x->find_count < ALIGNER_FINDS) {
+            to = x->find_count++;
+        } else {
+            to = 0;
+            for (int32_t i = 1; i < x->find_count; i++)
+                if (x->find[i].score < x->find[to].score)
+                    to = i;
+            if (x->find[to].score >= score)
+                return;
+        }
+    }
+    x->find[to].pose = pose;
+    x->find[to].score = score;
+    for (int32_t i = 0; i < x->find_count; i++)
+        if (i == to || !finds_near(x->find[i].pose, pose))
+            x->find[end++] = x->find[i];
+    x->find_count = end;
+}
+
+static void vote(cairn_aligner *x, cairn_transform pose, int32_t width)
+{
+    int32_t side = x->side_cells;
+
+    memset(x->votes, 0, (size_t)width * (size_t)width * sizeof *x->votes);
+    for (int32_t i = x->scans[x->i].first_point; i < x->scans[x->i].end_point; i++) {
+        const aligner_point *point = &x->points[i];
+        cairn_vec2 p = cairn_transform_point(pose, point->position);
+        cairn_vec2 direction = cairn_transform_direction(pose, x->segments[point->segment].direction);
+        int32_t ix = cairn_real_to_int(cairn_floor((p.x - x->corner.x) / x->cell)) - x->half_window;
+        int32_t iy = cairn_real_to_int(cairn_floor((p.y - x->corner.y) / x->cell)) - x->half_window;
+        cairn_real rest;
+        int32_t bin = direction_bin(direction, &rest), mask = 1 << (bin + (rest >= CAIRN_REAL(0.5))) % DIRECTIONS;
+
+        if (ix < 0 || iy < 0 || ix + width > side || iy + width > side)
+            continue;
+        for (int32_t v = 0; v < width; v++) {
+            const uint16_t *cell = &x->cells[(iy + v) * side + ix];
+            int32_t *to = &x->votes[v * width];
+
+            for (int32_t u = 0; u < width; u++)
+                to[u] += (cell[u] & mask) != 0 ? 1 : -((cell[u] >> DIRECTIONS) << 1);
+        }
+    }
+}
+
+/* All shifts at one turn. */
+static int32_t search_turn(cairn_aligner *x)
+{
+    int32_t width = 2 * x->half_window + 1;
+    cairn_real turned = (cairn_real)x->turn * TURN;
+    cairn_pose at = x->predicted;
+
+    if (x->turn > x->turns) {
+        x->phase = ALIGNER_TRY;
+        return 1;
+    }
+    at.theta = cairn_wrap_angle(at.theta + turned);
+    vote(x, cairn_transform_of(at), width);
+    for (int32_t v = 0; v < width; v++)
+        for (int32_t u = 0; u < width; u++) {
+            cairn_real dx = (cairn_real)(u - x->half_window) * x->cell, dy = (cairn_real)(v - x->half_window) * x->cell;
+            cairn_real score = (cairn_real)x->votes[v * width + u] / 2;
+            cairn_pose pose = {x->predicted.x + dx, x->predicted.y + dy, at.theta};
+
+            if (x->votes[v * width + u] < 3)
+                continue;
+            score -=
+                ((dx * dx + dy * dy) / (x->sigma * x->sigma) + turned * turned / (x->sigma_angle * x->sigma_angle)) / 2;
+            keep_find(x, pose, score);
+        }
+    x->turn++;
+    return 1 + (cairn_aligner_points_of(x, x->i) + 4) * width * width / 128;
+}
+
+/* Tries the finds one by one. */
+static int32_t try_find(cairn_aligner *x)
+{
+    if (x->find_at > 0 && x->look.evidence + x->look.prior > x->best_score) {
+        x->best_score = x->look.evidence + x->look.prior;
+        x->best = x->look.pose;
+    }
+    if (x->find_at == x->find_count) {
+        x->phase = ALIGNER_PLACE;
+        return 1;
+    }
+    cairn_aligner_begin_look(x, x->scan_count, cairn_aligner_largest(x), cairn_transform_of(x->find[x->find_at++].pose),
+                             TRY_ROUNDS);
+    return 1;
+}
+
+static int32_t place(cairn_aligner *x)
+{
+    int32_t rest = cairn_aligner_largest(x), torn = x->home >= 0 && x->clusters[x->home].size > 0;
+    int moves = x->home < 0 ? x->best_score > x->before_score + BETTER &&
+                                  !cairn_aligner_near(x->best, x->before, CAIRN_REAL(0.1), CAIRN_REAL(0.9994))
+                            : x->best_score > (torn ? TORN_OFF : ATTACHED);
+
+    if (moves) {
+        put_back(x, rest, x->best);
+        x->changed++;
+        x->result.moved++;
+    } else {
+        put_back(x, x->home < 0 ? rest : x->home, x->before);
+    }
+    x->i++;
+    x->phase = ALIGNER_REPAIR;
+    return 1;
+}
+
+int32_t cairn_aligner_repair_item(cairn_aligner *x)
+{
+    switch (x->phase) {
+    case ALIGNER_REPAIR:
+        return choose_scan(x);
+    case ALIGNER_DRAW:
+        return draw(x);
+    case ALIGNER_SEARCH:
+        return search_turn(x);
+    case ALIGNER_TRY:
+        return try_find(x);
+    default:
+        return place(x);
+    }
+}

@@ -1,0 +1,516 @@
+/* Scans of the aligner, and what two of them say of their relative pose.
+ *
+ * Every scan has a table of bearings: how far it saw, and which segment there. A point of another scan is looked up by its
+ * bearing as the scan's sensor would see it, in constant time: on the same surface when its distance from the segment's
+ * line is within a gate and the directions agree; in free space when the scan saw well beyond it; else behind something, or
+ * unseen. Bearings are places on the diamond |x| + |y| = 1, which takes a division and no arc tangent.
+ *
+ * Points of one surface are not independent: a long wall that lies on a long wall says little more than a short one. So
+ * what the points of a segment say saturates. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/aligner_work.h"
+
+/* What a look-up finds. */
+typedef int32_t finding;
+enum { UNSEEN = 0, SAME = 1, OTHER = 2, BEHIND = 3, THROUGH = 4 };
+
+static const cairn_real SAME_NATS = CAIRN_REAL(0.5), OTHER_NATS = CAIRN_REAL(0.15);
+static const cairn_real FULL_POINTS = 6, MORE_POINTS = CAIRN_REAL(0.1);
+static const cairn_real LEAST_COSINE = CAIRN_REAL(0.85); /* of the directions of one surface */
+static const cairn_real BEYOND_END = CAIRN_REAL(0.1);    /* m */
+static const cairn_real CLEAR = CAIRN_REAL(0.12);        /* m, and ... */
+static const cairn_real CLEAR_SHARE = CAIRN_REAL(0.02);  /* ... share of the range that must lie behind a point */
+static const cairn_real SURFACE = CAIRN_REAL(0.15);      /* m */
+static const cairn_real HIT_GATE_SIGMAS = 3;
+static const cairn_real LABEL_GATE = CAIRN_REAL(0.06); /* m */
+static const cairn_real LEAST_INCIDENCE = CAIRN_REAL(0.05);
+
+/* ---- Poses as transforms ---- */
+
+cairn_transform cairn_aligner_compose(cairn_transform a_b, cairn_transform b_c)
+{
+    cairn_transform a_c;
+
+    a_c.cosine = a_b.cosine * b_c.cosine - a_b.sine * b_c.sine;
+    a_c.sine = a_b.sine * b_c.cosine + a_b.cosine * b_c.sine;
+    a_c.x = a_b.cosine * b_c.x - a_b.sine * b_c.y + a_b.x;
+    a_c.y = a_b.sine * b_c.x + a_b.cosine * b_c.y + a_b.y;
+    return a_c;
+}
+
+cairn_transform cairn_aligner_inverse(cairn_transform a_b)
+{
+    cairn_transform b_a;
+
+    b_a.cosine = a_b.cosine;
+    b_a.sine = -a_b.sine;
+    b_a.x = -(a_b.cosine * a_b.x + a_b.sine * a_b.y);
+    b_a.y = a_b.sine * a_b.x - a_b.cosine * a_b.y;
+    return b_a;
+}
+
+cairn_transform cairn_aligner_between(cairn_transform a_b, cairn_transform a_c)
+{
+    return cairn_aligner_compose(cairn_aligner_inverse(a_b), a_c);
+}
+
+cairn_pose cairn_aligner_to_pose(cairn_transform t)
+{
+    cairn_pose pose = {t.x, t.y, cairn_atan2(t.sine, t.cosine)};
+
+    return pose;
+}
+
+int32_t cairn_aligner_near(cairn_transform a, cairn_transform b, cairn_real metres, cairn_real cosine)
+{
+    cairn_real dx = a.x - b.x, dy = a.y - b.y;
+
+    return dx * dx + dy * dy < metres * metres && a.cosine * b.cosine + a.sine * b.sine > cosine;
+}
+
+cairn_transform cairn_aligner_moved(cairn_transform pose, cairn_vec2 centre, const cairn_real motion[3])
+{
+    cairn_transform turn = {0, 0, 1, 0}, moved;
+    cairn_real norm;
+
+    cairn_sincos(motion[2], &turn.sine, &turn.cosine);
+    turn.x = centre.x + motion[0] - (turn.cosine * centre.x - turn.sine * centre.y);
+    turn.y = centre.y + motion[1] - (turn.sine * centre.x + turn.cosine * centre.y);
+    moved = cairn_aligner_compose(turn, pose);
+    norm = 1 / cairn_sqrt(moved.cosine * moved.cosine + moved.sine * moved.sine);
+    moved.cosine *= norm;
+    moved.sine *= norm;
+    return moved;
+}
+
+/* ---- Tables ---- */
+
+static int32_t bin_of(cairn_real x, cairn_real y)
+{
+    cairn_real ax = cairn_abs(x), ay = cairn_abs(y), sum = ax + ay, place;
+
+    if (!(sum > 0))
+        return 0;
+    place = ay / sum;
+    if (x < 0)
+        place = 2 - place;
+    if (y < 0)
+        place = 4 - place;
+    return (int32_t)(place * (cairn_real)(ALIGNER_BINS / 4)) & (ALIGNER_BINS - 1);
+}
+
+static cairn_real range_of(const cairn_aligner *x, uint16_t range)
+{
+    return (cairn_real)range * (x->params.reach / CAIRN_REAL(65535.0));
+}
+
+static void mark_bins(aligner_table *table, int32_t first, int32_t last, uint16_t range, uint8_t segment)
+{
+    for (int32_t bin = first;; bin = (bin + 1) & (ALIGNER_BINS - 1)) {
+        if (table->range[bin] == 0 || range < table->range[bin]) {
+            table->range[bin] = range;
+            table->segment[bin] = segment;
+        }
+        if (bin == last)
+            return;
+    }
+}
+
+/* The segment on which a hit lies, counted from the scan's first, and its distance. */
+static int32_t segment_of(const cairn_aligner *x, const aligner_scan *scan, cairn_vec2 hit, cairn_real *distance)
+{
+    int32_t best = ALIGNER_NO_SEGMENT;
+
+    *distance = LABEL_GATE;
+    for (int32_t k = scan->first_segment; k < scan->end_segment && k - scan->first_segment < ALIGNER_NO_SEGMENT; k++) {
+        const aligner_segment *s = &x->segments[k];
+        cairn_vec2 from = cairn_vec2_sub(hit, s->a);
+        cairn_real along = cairn_vec2_dot(s->direction, from);
+        cairn_real beyond = cairn_max(cairn_max(-along, along - s->length), 0);
+        cairn_real across = cairn_vec2_cross(s->direction, from), d;
+
+        if (cairn_abs(across) >= *distance || beyond >= *distance)
+            continue;
+        d = cairn_sqrt(across * across + beyond * beyond);
+        if (d < *distance) {
+            *distance = d;
+            best = k - scan->first_segment;
+        }
+    }
+    return best;
+}
+
+/* A hit on a segment: its weight is that of the error of its range across the line. Called twice, first for the mean. */
+static void add_hit(cairn_aligner *x, aligner_segment *s, const cairn_beam *beam, int32_t about_mean)
+{
+    cairn_vec2 ray = cairn_vec2_sub(beam->to, beam->from), d;
+    cairn_real incidence = cairn_abs(cairn_vec2_cross(s->direction, ray)) / cairn_vec2_norm(ray), deviation, weight;
+
+    deviation = x->params.sigma * cairn_max(incidence, LEAST_INCIDENCE);
+    weight = 1 / (deviation * deviation);
+    d = cairn_vec2_sub(beam->to, about_mean ? s->mean : s->a);
+    if (!about_mean) {
+        s->weight += weight;
+        s->spread.xx += weight * d.x;
+        s->spread.yy += weight * d.y;
+        return;
+    }
+    s->spread.xx += weight * d.x * d.x;
+    s->spread.xy += weight * d.x * d.y;
+    s->spread.yy += weight * d.y * d.y;
+}
+
+static void finish_means(cairn_aligner *x, const aligner_scan *scan)
+{
+    for (int32_t k = scan->first_segment; k < scan->end_segment; k++) {
+        aligner_segment *s = &x->segments[k];
+        cairn_sym2 none = {0, 0, 0};
+
+        if (s->weight > 0) {
+            s->mean.x = s->a.x + s->spread.xx / s->weight;
+            s->mean.y = s->a.y + s->spread.yy / s->weight;
+        }
+        s->spread = none;
+    }
+}
+
+static void finish_moments(cairn_aligner *x, const aligner_scan *scan)
+{
+    for (int32_t k = scan->first_segment; k < scan->end_segment; k++) {
+        cairn_real values[2];
+        cairn_vec2 minor, major;
+
+        cairn_sym2_eigen(x->segments[k].spread, values, &minor, &major);
+        x->segments[k].least = cairn_max(values[0], 0);
+    }
+}
+
+/* Tables and moments. Bins between neighbouring beams belong to the later one, over gaps of up to a hundredth of a turn. */
+static void read_beams(cairn_aligner *x, int32_t index, const cairn_scan_view *view)
+{
+    aligner_scan *scan = &x->scans[index];
+    aligner_table *table = &x->tables[index];
+    cairn_real gate = HIT_GATE_SIGMAS * x->params.sigma, distance;
+
+    for (int32_t pass = 0; pass < 2; pass++) {
+        int32_t last = -1;
+
+        for (int32_t i = 0; i < view->beam_count; i++) {
+            const cairn_beam *beam = &view->beams[i];
+            cairn_vec2 ray = cairn_vec2_sub(beam->to, beam->from);
+            cairn_real range = cairn_vec2_norm(ray);
+            int32_t bin = bin_of(ray.x, ray.y), segment = ALIGNER_NO_SEGMENT, first = bin, gap;
+
+            if (beam->kind == CAIRN_BEAM_UNKNOWN || !(range > 0)) {
+                last = -1;
+                continue;
+            }
+            if (beam->kind == CAIRN_BEAM_HIT && range <= x->params.reach)
+                segment = segment_of(x, scan, beam->to, &distance);
+            if (segment != ALIGNER_NO_SEGMENT && distance < gate)
+                add_hit(x, &x->segments[scan->first_segment + segment], beam, pass);
+            if (pass == 0) {
+                uint16_t scaled = (uint16_t)cairn_real_to_int(
+                    cairn_max(1, cairn_min(range / x->params.reach, 1) * CAIRN_REAL(65535.0)));
+
+                gap = (bin - last) & (ALIGNER_BINS - 1);
+                if (last >= 0 && gap > 0 && gap <= 6)
+                    first = (last + 1) & (ALIGNER_BINS - 1);
+                gap = (last - bin) & (ALIGNER_BINS - 1);
+                if (last >= 0 && gap > 0 && gap <= 6)
+                    mark_bins(table, bin, (last - 1) & (ALIGNER_BINS - 1), scaled, (uint8_t)segment);
+                else
+                    mark_bins(table, first, bin, scaled, (uint8_t)segment);
+                last = bin;
+            }
+        }
+        if (pass == 0)
+            finish_means(x, scan);
+    }
+    finish_moments(x, scan);
+}
+
+/* The directions that a scan sees: between the ends of its widest blind gap. */
+static void measure_view(cairn_aligner *x, int32_t index)
+{
+    aligner_scan *scan = &x->scans[index];
+    const aligner_table *table = &x->tables[index];
+    int32_t widest = 0, end = 0, blind = 0;
+
+    for (int32_t k = 0; k < 2 * ALIGNER_BINS; k++) {
+        blind = table->range[k & (ALIGNER_BINS - 1)] == 0 ? blind + 1 : 0;
+        if (blind > widest) {
+            widest = blind;
+            end = k & (ALIGNER_BINS - 1);
+        }
+    }
+    scan->view_cosine = -1;
+    scan->view_sine = 0;
+    scan->axis.x = 1;
+    scan->axis.y = 0;
+    if (widest < ALIGNER_BINS / 2 || widest >= ALIGNER_BINS)
+        return;
+    /* Less than half a turn is seen: the axis halves it. */
+    scan->axis = cairn_vec2_unit(
+        cairn_vec2_add(x->bearings[(end + 1) & (ALIGNER_BINS - 1)], x->bearings[(end - widest) & (ALIGNER_BINS - 1)]));
+    scan->view_cosine = cairn_vec2_dot(scan->axis, x->bearings[(end + 1) & (ALIGNER_BINS - 1)]) - CAIRN_REAL(0.02);
+    scan->view_sine = cairn_sqrt(cairn_max(0, 1 - scan->view_cosine * scan->view_cosine));
+}
+
+static void measure_circle(cairn_aligner *x, aligner_scan *scan)
+{
+    int32_t count = scan->end_point - scan->first_point;
+    cairn_real share = 1 / ((cairn_real)count + 1);
+
+    scan->middle = cairn_vec2_scale(scan->sensor, share);
+    for (int32_t i = scan->first_point; i < scan->end_point; i++)
+        scan->middle = cairn_vec2_add(scan->middle, cairn_vec2_scale(x->points[i].position, share));
+    scan->radius = cairn_vec2_norm(cairn_vec2_sub(scan->sensor, scan->middle));
+    for (int32_t i = scan->first_point; i < scan->end_point; i++)
+        scan->radius = cairn_max(scan->radius, cairn_vec2_norm(cairn_vec2_sub(x->points[i].position, scan->middle)));
+}
+
+static void copy_surfaces(cairn_aligner *x, aligner_scan *scan, const cairn_scan_view *view)
+{
+    for (int32_t k = 0; k < view->segment_count; k++) {
+        aligner_segment *s = &x->segments[x->segment_count];
+        cairn_vec2 along = cairn_vec2_sub(view->segments[k].b, view->segments[k].a);
+
+        memset(s, 0, sizeof *s);
+        s->a = view->segments[k].a;
+        s->direction = cairn_vec2_unit(along);
+        s->length = cairn_vec2_norm(along);
+        s->scan = x->scan_count;
+        s->wall = -1;
+        for (int32_t i = view->first_point[k]; i < view->first_point[k + 1]; i++) {
+            aligner_point *point = &x->points[x->point_count];
+
+            point->position = view->points[i].position;
+            point->segment = x->segment_count;
+            if (cairn_vec2_norm(cairn_vec2_sub(point->position, scan->sensor)) <= x->params.reach)
+                x->point_count++;
+        }
+        x->segment_count++;
+    }
+}
+
+void cairn_aligner_fill_scan(cairn_aligner *x, const cairn_scan_view *view, cairn_pose initial)
+{
+    aligner_scan *scan = &x->scans[x->scan_count];
+    aligner_table *table = &x->tables[x->scan_count];
+
+    memset(scan, 0, sizeof *scan);
+    scan->sensor = view->sensor;
+    scan->initial = initial;
+    scan->first_segment = x->segment_count;
+    scan->first_point = x->point_count;
+    copy_surfaces(x, scan, view);
+    scan->end_segment = x->segment_count;
+    scan->end_point = x->point_count;
+    memset(table->range, 0, sizeof table->range);
+    memset(table->segment, ALIGNER_NO_SEGMENT, sizeof table->segment);
+    read_beams(x, x->scan_count, view);
+    measure_view(x, x->scan_count);
+    measure_circle(x, scan);
+    x->poses[x->scan_count] = cairn_transform_of(initial);
+    x->scan_count++;
+}
+
+int32_t cairn_aligner_points_of(const cairn_aligner *x, int32_t scan)
+{
+    return x->scans[scan].end_point - x->scans[scan].first_point;
+}
+
+/* ---- Pairs ---- */
+
+/* 0 when the circle of b (in the map) lies wholly outside what a sees. */
+static int may_see(const aligner_scan *a, cairn_transform map_a, cairn_vec2 middle, cairn_real radius)
+{
+    cairn_vec2 sensor = cairn_transform_point(map_a, a->sensor), axis = cairn_transform_direction(map_a, a->axis);
+    cairn_vec2 to = cairn_vec2_sub(middle, sensor);
+    cairn_real along = cairn_vec2_dot(axis, to), across = cairn_abs(cairn_vec2_cross(axis, to));
+
+    /* Distance from the side of the cone that is nearer to the middle. */
+    return a->view_cosine <= 0 || a->view_cosine * across - a->view_sine * along < radius;
+}
+
+int32_t cairn_aligner_may_meet(const cairn_aligner *x, int32_t i, int32_t j, cairn_transform map_i,
+                               cairn_transform map_j)
+{
+    const aligner_scan *a = &x->scans[i], *b = &x->scans[j];
+    cairn_vec2 p = cairn_transform_point(map_i, a->middle), q = cairn_transform_point(map_j, b->middle);
+    cairn_real sum = a->radius + b->radius + CAIRN_REAL(0.2);
+
+    if (cairn_vec2_norm_squared(cairn_vec2_sub(p, q)) >= sum * sum)
+        return 0;
+    return may_see(a, map_i, q, b->radius) || may_see(b, map_j, p, a->radius);
+}
+
+static int same_way(const cairn_aligner *x, cairn_vec2 a, cairn_vec2 b)
+{
+    cairn_real cosine = cairn_vec2_dot(a, b);
+
+    return (x->params.oriented ? cosine : cairn_abs(cosine)) >= LEAST_COSINE;
+}
+
+/* The surface near bin whose line is nearest to p and within the gate; ALIGNER_NO_SEGMENT. */
+static int32_t surface_at(const cairn_aligner *x, int32_t scan, int32_t bin, cairn_vec2 p, cairn_vec2 direction,
+                          cairn_real gate, cairn_real *error)
+{
+    const aligner_table *table = &x->tables[scan];
+    int32_t best = -1, before = ALIGNER_NO_SEGMENT;
+    cairn_real margin = BEYOND_END + gate / 2;
+
+    *error = gate;
+    for (int32_t k = -1; k <= 1; k++) {
+        int32_t id = table->segment[(bin + k) & (ALIGNER_BINS - 1)];
+        const aligner_segment *s;
+        cairn_vec2 from;
+        cairn_real across, along;
+
+        if (id == ALIGNER_NO_SEGMENT || id == before)
+            continue;
+        before = id;
+        s = &x->segments[x->scans[scan].first_segment + id];
+        if (!same_way(x, s->direction, direction))
+            continue;
+        from = cairn_vec2_sub(p, s->a);
+        across = cairn_vec2_cross(s->direction, from);
+        along = cairn_vec2_dot(s->direction, from);
+        if (cairn_abs(across) < cairn_abs(*error) && along > -margin && along < s->length + margin) {
+            *error = across;
+            best = x->scans[scan].first_segment + id;
+        }
+    }
+    return best;
+}
+
+/* What scan says of a point with a direction, both in its frame. */
+static finding look_up(const cairn_aligner *x, int32_t scan, cairn_vec2 p, cairn_vec2 direction, cairn_real gate)
+{
+    const aligner_table *table = &x->tables[scan];
+    cairn_vec2 ray = cairn_vec2_sub(p, x->scans[scan].sensor);
+    int32_t bin = bin_of(ray.x, ray.y);
+    uint16_t before = table->range[(bin - 1) & (ALIGNER_BINS - 1)];
+    uint16_t here = table->range[bin], after = table->range[(bin + 1) & (ALIGNER_BINS - 1)];
+    cairn_real error, range, clear, squared;
+
+    if (here == 0)
+        return UNSEEN;
+    if (surface_at(x, scan, bin, p, direction, gate, &error) >= 0)
+        return SAME;
+    squared = cairn_vec2_norm_squared(ray);
+    range = range_of(x, here);
+    if (before > 0 && after > 0) {
+        uint16_t least = before < after ? before : after;
+
+        clear = range_of(x, least < here ? least : here) - CLEAR - CLEAR_SHARE * range - gate;
+        if (clear > 0 && squared < clear * clear)
+            return THROUGH;
+    }
+    range += SURFACE;
+    return squared < range * range ? OTHER : BEHIND;
+}
+
+static cairn_real saturated(int32_t points)
+{
+    cairn_real n = (cairn_real)points;
+
+    return n <= FULL_POINTS ? n : FULL_POINTS + MORE_POINTS * (n - FULL_POINTS);
+}
+
+void cairn_aligner_count_points(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform to_from,
+                                cairn_real gate, aligner_count *count)
+{
+    int32_t segment = -1, same = 0;
+    cairn_vec2 direction = {0, 0};
+
+    for (int32_t i = x->scans[from].first_point; i < x->scans[from].end_point; i++) {
+        const aligner_point *point = &x->points[i];
+
+        if (point->segment != segment) {
+            count->same += saturated(same);
+            same = 0;
+            segment = point->segment;
+            direction = cairn_transform_direction(to_from, x->segments[segment].direction);
+        }
+        switch (look_up(x, to, cairn_transform_point(to_from, point->position), direction, gate)) {
+        case SAME:
+            same++;
+            break;
+        case OTHER:
+            count->other += 1;
+            break;
+        case THROUGH:
+            count->through += 1;
+            break;
+        default:
+            break;
+        }
+    }
+    count->same += saturated(same);
+}
+
+cairn_real cairn_aligner_evidence(const cairn_aligner *x, aligner_count count)
+{
+    return SAME_NATS * count.same - OTHER_NATS * count.other - x->params.contradiction * count.through;
+}
+
+cairn_real cairn_aligner_pair_evidence(const cairn_aligner *x, int32_t first, int32_t second,
+                                       cairn_transform second_first, cairn_real gate)
+{
+    aligner_count count = {0, 0, 0};
+
+    cairn_aligner_count_points(x, first, second, second_first, gate, &count);
+    cairn_aligner_count_points(x, second, first, cairn_aligner_inverse(second_first), gate, &count);
+    return cairn_aligner_evidence(x, count);
+}
+
+void cairn_aligner_pull(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform map_from,
+                        cairn_transform map_to, cairn_real gate, cairn_real sign, cairn_vec2 centre, aligner_sums *sums)
+{
+    cairn_transform to_from = cairn_aligner_between(map_to, map_from);
+    cairn_real by = 4 / (gate * gate);
+
+    for (int32_t i = x->scans[from].first_point; i < x->scans[from].end_point; i++) {
+        const aligner_point *point = &x->points[i];
+        cairn_vec2 p = cairn_transform_point(to_from, point->position), ray, normal, arm;
+        cairn_vec2 direction = cairn_transform_direction(to_from, x->segments[point->segment].direction);
+        cairn_real error, weight, row[3];
+        int32_t surface;
+
+        ray = cairn_vec2_sub(p, x->scans[to].sensor);
+        surface = surface_at(x, to, bin_of(ray.x, ray.y), p, direction, gate, &error);
+        if (surface < 0)
+            continue;
+        normal = cairn_transform_direction(map_to, cairn_vec2_left(x->segments[surface].direction));
+        arm = cairn_vec2_sub(cairn_transform_point(map_to, p), centre);
+        weight = 1 / (1 + by * error * error);
+        row[0] = normal.x;
+        row[1] = normal.y;
+        row[2] = cairn_vec2_cross(arm, normal);
+        cairn_sym3_add_outer(&sums->equations.information, row, weight);
+        for (int k = 0; k < 3; k++)
+            sums->equations.gradient[k] += sign * weight * error * row[k];
+        sums->pairs++;
+    }
+}
+
+int32_t cairn_aligner_solve(const aligner_sums *sums, cairn_real motion[3])
+{
+    cairn_sym3 m = sums->equations.information;
+    cairn_real b[3];
+    const cairn_real damping = CAIRN_REAL(0.5);
+
+    if (sums->pairs < 3)
+        return 0;
+    m.xx += damping;
+    m.yy += damping;
+    m.zz += damping;
+    for (int k = 0; k < 3; k++)
+        b[k] = -sums->equations.gradient[k];
+    return cairn_sym3_solve(m, b, motion);
+}

@@ -1,0 +1,250 @@
+/* What the files of the aligner room share. */
+#ifndef CAIRN_MAPPING_ALIGNER_WORK_H
+#define CAIRN_MAPPING_ALIGNER_WORK_H
+
+#include "cairn/aligner.h"
+#include "cairn/rigid_motion.h"
+
+enum {
+    ALIGNER_BINS = 512,       /* bearings of a table, evenly over the diamond |x| + |y| = 1 */
+    ALIGNER_NO_SEGMENT = 255, /* also the most segments of a scan that a table can name */
+    ALIGNER_TRIALS = 12,      /* relative poses of one pair that are compared */
+    ALIGNER_KEPT = 4,         /* of these enter the list at most */
+    ALIGNER_VOTES = 4,        /* times as many cells as shifts */
+    ALIGNER_FINDS = 4         /* places of a scan in the raster that are tried */
+};
+
+/* Units of budget: a unit is about three points looked up. */
+enum { ALIGNER_POINTS_OF_UNIT = 3 };
+
+/* A surface of a scan, in its frame, with the moments of the hits on it. */
+typedef struct aligner_segment {
+    cairn_vec2 a, direction;
+    cairn_real length;
+    cairn_real weight;  /* sum of 1 / variance across the line; 0: no hits */
+    cairn_vec2 mean;    /* of the hits, weighted */
+    cairn_sym2 spread;  /* weighted squares about the mean */
+    cairn_real least;   /* of them across the hits' own best line */
+    int32_t scan, wall; /* wall: -1 none */
+} aligner_segment;
+
+typedef struct aligner_point {
+    cairn_vec2 position;
+    int32_t segment;
+} aligner_point;
+
+/* What is seen in each direction. */
+typedef struct aligner_table {
+    uint16_t range[ALIGNER_BINS];  /* in reach / 65535; 0: unknown */
+    uint8_t segment[ALIGNER_BINS]; /* counted from the scan's first; ALIGNER_NO_SEGMENT */
+} aligner_table;
+
+typedef struct aligner_scan {
+    int32_t first_point, end_point, first_segment, end_segment;
+    cairn_vec2 sensor, middle; /* of the circle about sensor and points */
+    cairn_real radius;
+    cairn_vec2 axis;                   /* middle of the directions that are seen, from the sensor */
+    cairn_real view_cosine, view_sine; /* of what is seen to either side of it; cosine <= 0: half a turn or more */
+    cairn_pose initial;
+    int32_t part, next; /* cluster; next member of it, -1 */
+    cairn_real support;
+} aligner_scan;
+
+/* A cluster: scans whose poses are known to each other. */
+typedef struct aligner_cluster {
+    int32_t head, size;
+    int32_t stamp;     /* changes with every change of its poses */
+    cairn_real misfit; /* chi-squared of its initial poses */
+} aligner_cluster;
+
+/* A relative pose of two scans: `first` as seen from `second`. */
+typedef struct aligner_hypothesis {
+    int32_t first, second;
+    cairn_pose second_first;
+    cairn_real score, key;             /* nats; by the last look, and with its rivals taken into account */
+    int32_t first_stamp, second_stamp; /* of the clusters at that look; -1: none yet */
+    int32_t state;
+} aligner_hypothesis;
+
+/* States of a hypothesis whose look is fresh, and of one that is out. */
+enum { ALIGNER_LOOKED = 1, ALIGNER_COMPARED = 2, ALIGNER_SURE = 3, ALIGNER_OUT = 4 };
+
+typedef struct aligner_count {
+    cairn_real same, other, through; /* points on the same surface, at another one, in free space */
+} aligner_count;
+
+/* Sums of a Gauss-Newton step of a rigid body about a centre. */
+typedef struct aligner_sums {
+    cairn_normal_equations equations;
+    int32_t pairs;
+} aligner_sums;
+
+/* A look at cluster (or single scan) `moving` against cluster `fixed`, through the pose fixed_moving. */
+typedef struct aligner_look {
+    int32_t active;
+    int32_t moving, fixed; /* clusters */
+    cairn_transform pose;  /* fixed_moving */
+    int32_t round, rounds; /* of refinement, then one of counting */
+    int32_t i, j;          /* members at hand */
+    cairn_vec2 centre;
+    aligner_sums sums;
+    cairn_real evidence; /* nats of the scans */
+    cairn_real prior;    /* nats of the initial poses */
+    cairn_real weak[3];  /* unit motion about the centre that the points tell least of: m, m, rad */
+    int32_t near;        /* pairs of scans looked at */
+} aligner_look;
+
+/* Relaxation of the scans of a cluster, one by one. */
+typedef struct aligner_relax {
+    int32_t active;
+    int32_t cluster, round, rounds;
+    cairn_real gate;
+    int32_t i, j;
+    aligner_sums sums;
+} aligner_relax;
+
+typedef enum aligner_phase {
+    ALIGNER_PAIRS,
+    ALIGNER_TRIALS_OF_PAIR,
+    ALIGNER_PICK,
+    ALIGNER_LOOKED_AT,
+    ALIGNER_RIVALS,
+    ALIGNER_SHIFTED,
+    ALIGNER_REPAIR,
+    ALIGNER_DRAW,
+    ALIGNER_SEARCH,
+    ALIGNER_TRY,
+    ALIGNER_PLACE,
+    ALIGNER_SETTLE,
+    ALIGNER_ASSOCIATE,
+    ALIGNER_BUILD,
+    ALIGNER_SOLVE,
+    ALIGNER_MARGINALS,
+    ALIGNER_DONE
+} aligner_phase;
+
+typedef struct aligner_find {
+    cairn_pose pose;
+    cairn_real score;
+} aligner_find;
+
+/* A straight surface that scans share, in the map. */
+typedef struct aligner_wall {
+    cairn_vec2 normal, middle;
+    cairn_real offset, low, high; /* n p = offset; extent along the direction */
+    cairn_real weight;
+    cairn_sym2 spread;
+    int32_t scans; /* that see it; 2: two or more */
+    int32_t first_scan, node;
+} aligner_wall;
+
+struct cairn_aligner {
+    cairn_aligner_params params;
+    aligner_scan *scans;
+    cairn_transform *poses; /* [max_scans + 1] in the frame of the cluster; the last for a scan that is tried */
+    aligner_table *tables;
+    aligner_cluster *clusters; /* [max_scans + 1] */
+    aligner_segment *segments;
+    aligner_point *points;
+    aligner_hypothesis *hypotheses;
+    aligner_wall *walls;         /* [max_segments] */
+    int32_t *order;              /* [max_segments] */
+    uint16_t *cells;             /* [max_cells] */
+    int32_t *votes;              /* [max_cells / ALIGNER_VOTES] */
+    cairn_real *rhs;             /* [3 * nodes] */
+    cairn_vec2 *bearings;        /* [ALIGNER_BINS] unit directions of the bins */
+    cairn_aligner_pose *results; /* [max_scans] */
+    cairn_block_solver *solver;
+
+    int32_t scan_count, segment_count, point_count, hypothesis_count, wall_count, node_count;
+    cairn_real sigma, sigma_angle; /* of the initial poses, as learnt */
+    int32_t changes;               /* gives stamps */
+    int32_t shown;                 /* the commit point that iterate() returned at last */
+
+    aligner_phase phase;
+    int32_t debt;
+    aligner_look look;
+    aligner_relax relax;
+    /* Pairs, hypotheses, repairs: what is at hand. */
+    int32_t i, j, k, l;
+    aligner_hypothesis trial[ALIGNER_TRIALS];
+    int32_t trial_count, trial_at;
+    int32_t chosen, rival, side;
+    cairn_real rest; /* evidence of the better of the shifted poses */
+    cairn_real shift[3];
+    cairn_vec2 shift_centre;
+    /* Search. */
+    int32_t side_cells, half_window, turns, turn, repairs, changed;
+    cairn_vec2 corner; /* of the raster */
+    cairn_real cell;
+    cairn_pose predicted;
+    aligner_find find[ALIGNER_FINDS];
+    int32_t find_count, find_at;
+    cairn_transform before, best; /* of the scan looked for */
+    cairn_real before_score, best_score;
+    int32_t home; /* its cluster, -1: part of the rest */
+    int32_t round, stage, at;
+    cairn_real moved; /* m, largest step of the joint solution */
+    cairn_aligner_result result;
+};
+
+/* ---- aligner_scan.c: scans and pairs of scans ---- */
+
+void cairn_aligner_fill_scan(cairn_aligner *x, const cairn_scan_view *view, cairn_pose initial);
+cairn_transform cairn_aligner_between(cairn_transform a_b, cairn_transform a_c);
+cairn_transform cairn_aligner_compose(cairn_transform a_b, cairn_transform b_c);
+cairn_transform cairn_aligner_inverse(cairn_transform a_b);
+cairn_pose cairn_aligner_to_pose(cairn_transform t);
+
+/* Points of `from` (its frame seen from `to` as to_from) in the view of `to`. */
+void cairn_aligner_count_points(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform to_from,
+                                cairn_real gate, aligner_count *count);
+cairn_real cairn_aligner_evidence(const cairn_aligner *x, aligner_count count);
+
+/* Evidence of both, nats. */
+cairn_real cairn_aligner_pair_evidence(const cairn_aligner *x, int32_t first, int32_t second,
+                                       cairn_transform second_first, cairn_real gate);
+
+/* Adds the rows of the points of `from`, which move with sign +1, against the surfaces of `to`; with sign -1 `to` moves.
+ * Both poses in one frame, in which centre is, too. */
+void cairn_aligner_pull(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform map_from,
+                        cairn_transform map_to, cairn_real gate, cairn_real sign, cairn_vec2 centre,
+                        aligner_sums *sums);
+
+/* Moves a pose by (x, y, turn) about a centre. */
+cairn_transform cairn_aligner_moved(cairn_transform pose, cairn_vec2 centre, const cairn_real motion[3]);
+
+/* Solves for the motion; 0 when there is too little. */
+int32_t cairn_aligner_solve(const aligner_sums *sums, cairn_real motion[3]);
+
+/* 1 when the circles of two scans meet and each may see into the other's. */
+int32_t cairn_aligner_may_meet(const cairn_aligner *x, int32_t i, int32_t j, cairn_transform map_i,
+                               cairn_transform map_j);
+int32_t cairn_aligner_points_of(const cairn_aligner *x, int32_t scan);
+int32_t cairn_aligner_near(cairn_transform a, cairn_transform b, cairn_real metres, cairn_real cosine);
+
+/* ---- Items: each does a bounded piece of work and returns its units ---- */
+
+int32_t cairn_aligner_pairs_item(cairn_aligner *x);
+int32_t cairn_aligner_look_item(cairn_aligner *x);
+int32_t cairn_aligner_relax_item(cairn_aligner *x);
+int32_t cairn_aligner_merge_item(cairn_aligner *x);
+int32_t cairn_aligner_repair_item(cairn_aligner *x);
+int32_t cairn_aligner_joint_item(cairn_aligner *x);
+
+/* The joint solution cannot be had: on without it. */
+void cairn_aligner_give_up(cairn_aligner *x, cairn_status status);
+
+/* aligner_cluster.c */
+void cairn_aligner_begin_clusters(cairn_aligner *x);
+void cairn_aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose, int32_t rounds);
+void cairn_aligner_begin_relax(cairn_aligner *x, int32_t cluster, cairn_real gate, int32_t rounds);
+void cairn_aligner_insert(cairn_aligner *x, int32_t scan, int32_t cluster);
+void cairn_aligner_remove(cairn_aligner *x, int32_t scan);
+int32_t cairn_aligner_largest(const cairn_aligner *x);
+void cairn_aligner_learn_spread(cairn_aligner *x);
+cairn_transform cairn_aligner_gauge(const cairn_aligner *x, int32_t first, int32_t second,
+                                    cairn_transform second_first);
+int32_t cairn_aligner_join(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose);
+
+#endif

@@ -1,0 +1,353 @@
+/* Mapping of places without odometry.
+ *
+ * Round 0 matches all pairs of places, the full circle and all positions. Every hypothesis is weighed by what the two places
+ * saw (place_map_sight.c) and goes into the consensus as so many nats; the same evidence judges pairs for which no
+ * hypothesis agrees with the poses that a map gives them, so that a place cannot come to lie where it contradicts others
+ * that it was never matched with. In each further round every place is matched with the map of all others of its part, which
+ * shows more of what the place saw than any one of them; what is found becomes hypotheses of the pairs that support it, and
+ * the consensus is asked again. At the end the places are aligned by ICP, each with all others, in turn.
+ *
+ * Layout: points, dense points and beams of all scans side by side, in the frames of the scans. Scratch for one query.
+ *
+ * Limits: the pairs grow with the square of the places. Evidence counts every point by itself, though points of one wall
+ * hang together: nats are worth comparing, not to be taken as odds.
+ *
+ * Source: Adluru 2008, chapter 6; the sequential mode is its order of matching. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/place_map_work.h"
+
+enum { MAX_PLACES = 256, MAX_COUNT = 1 << 16, MAX_MATCHED_POINTS = 1 << 20 };
+
+cairn_place_map_params cairn_place_map_default(void)
+{
+    cairn_place_map_params params;
+
+    memset(&params, 0, sizeof params);
+    params.max_places = 16;
+    params.max_scans = 64;
+    params.max_place_points = 1024;
+    params.max_place_beams = 2048;
+    params.recent = 3;
+    params.rounds = 4;
+    params.sweeps = 3;
+    params.sight_reach = 8;
+    params.sight_cell = CAIRN_REAL(0.05);
+    params.sight_margin = CAIRN_REAL(0.1);
+    params.for_point = CAIRN_REAL(0.1);
+    params.against_point = CAIRN_REAL(0.4);
+    params.floating = CAIRN_REAL(0.25);
+    params.chance = 2;
+    params.match = cairn_scan_match_default();
+    params.consensus = cairn_pose_consensus_default();
+    params.consensus.max_hypotheses = 4096;
+    return params;
+}
+
+static int is_positive(cairn_real x)
+{
+    return x > 0 && x <= CAIRN_REAL(1e6);
+}
+
+static int counts_are_good(const cairn_place_map_params *p)
+{
+    return (p->mode == CAIRN_PLACE_MAP_CONSENSUS || p->mode == CAIRN_PLACE_MAP_SEQUENTIAL) && p->max_places >= 2 &&
+           p->max_places <= MAX_PLACES && p->max_scans >= p->max_places && p->max_scans <= MAX_COUNT &&
+           p->max_place_points >= 1 && p->max_place_points <= MAX_MATCHED_POINTS / p->max_places &&
+           p->max_place_beams >= 1 && p->max_place_beams <= MAX_MATCHED_POINTS / p->max_places && p->recent >= 1 &&
+           p->rounds >= 0 && p->sweeps >= 0 && (p->decoupled == 0 || p->decoupled == 1);
+}
+
+static int params_are_good(const cairn_place_map_params *p)
+{
+    return p != NULL && counts_are_good(p) && is_positive(p->sight_reach) && is_positive(p->sight_cell) &&
+           is_positive(p->sight_margin) && p->sight_margin <= 20 * p->sight_cell && is_positive(p->for_point) &&
+           is_positive(p->against_point) && p->floating >= 0 && p->floating <= 1 && p->chance >= 0 &&
+           p->chance <= CAIRN_REAL(1e6) && cairn_place_map_side(p) > 0;
+}
+
+/* Params of the objects within: the capacities follow from those of the map. */
+static cairn_scan_match_params match_params(const cairn_place_map_params *params)
+{
+    cairn_scan_match_params match = params->match;
+
+    match.max_target = params->max_places * params->max_place_points;
+    match.max_dense = params->max_places * params->max_place_beams;
+    match.max_query = params->max_place_points;
+    match.max_views = params->max_scans < 4096 ? params->max_scans : 4096;
+    return match;
+}
+
+static cairn_pose_consensus_params consensus_params(const cairn_place_map_params *params)
+{
+    cairn_pose_consensus_params consensus = params->consensus;
+
+    consensus.max_nodes = params->max_places;
+    return consensus;
+}
+
+static cairn_icp_params icp_params(const cairn_place_map_params *params)
+{
+    cairn_icp_params icp = cairn_icp_default();
+
+    icp.max_target = params->max_places * params->max_place_points;
+    icp.max_iterations = 15;
+    icp.gate_start = CAIRN_REAL(0.4);
+    icp.direction_gate = CAIRN_PI / 6;
+    return icp;
+}
+
+static cairn_place_map *carve(cairn_pool *pool, const cairn_place_map_params *params)
+{
+    size_t places = (size_t)params->max_places, side = (size_t)cairn_place_map_side(params);
+    size_t points = (size_t)params->max_place_points, beams = (size_t)params->max_place_beams;
+    cairn_place_map *map = cairn_pool_take(pool, 1, sizeof *map);
+    cairn_place_map made;
+
+    memset(&made, 0, sizeof made);
+    made.params = *params;
+    made.side = (int32_t)side;
+    made.places = cairn_pool_take(pool, places, sizeof *made.places);
+    made.scans = cairn_pool_take(pool, (size_t)params->max_scans, sizeof *made.scans);
+    made.points = cairn_pool_take(pool, places * points, sizeof *made.points);
+    made.doubt = cairn_pool_take(pool, places * points, sizeof *made.doubt);
+    made.hypotheses = cairn_pool_take(pool, (size_t)params->consensus.max_hypotheses, sizeof *made.hypotheses);
+    made.dense = cairn_pool_take(pool, places * beams, sizeof *made.dense);
+    made.beams = cairn_pool_take(pool, places * beams, sizeof *made.beams);
+    made.sight = cairn_pool_take(pool, places * side, side);
+    made.query_points = cairn_pool_take(pool, points, sizeof *made.query_points);
+    made.query_dense = cairn_pool_take(pool, beams, sizeof *made.query_dense);
+    made.query_beams = cairn_pool_take(pool, beams, sizeof *made.query_beams);
+    if (map != NULL)
+        *map = made;
+    return map;
+}
+
+/* 0 when one of the objects refuses, or the sum overflows. */
+static size_t memory_of_objects(const cairn_place_map_params *params)
+{
+    cairn_scan_match_params match = match_params(params);
+    cairn_pose_consensus_params consensus = consensus_params(params);
+    cairn_icp_params icp = icp_params(params);
+    size_t bytes[3], sum = 0;
+
+    bytes[0] = cairn_scan_match_memory(&match);
+    bytes[1] = cairn_pose_consensus_memory(&consensus);
+    bytes[2] = cairn_icp_memory(&icp);
+    for (int k = 0; k < 3; k++) {
+        if (bytes[k] == 0 || bytes[k] > SIZE_MAX - sum)
+            return 0;
+        sum += bytes[k];
+    }
+    return sum;
+}
+
+size_t cairn_place_map_memory(const cairn_place_map_params *params)
+{
+    cairn_pool counting;
+    size_t objects;
+
+    if (!params_are_good(params))
+        return 0;
+    objects = memory_of_objects(params);
+    if (objects == 0)
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return counting.used >= SIZE_MAX - objects ? 0 : counting.used + objects;
+}
+
+cairn_status cairn_place_map_create(cairn_place_map **map, cairn_pool *pool, const cairn_place_map_params *params)
+{
+    size_t need = cairn_place_map_memory(params);
+    cairn_scan_match_params match;
+    cairn_pose_consensus_params consensus;
+    cairn_icp_params icp;
+    cairn_place_map *made;
+    cairn_status status;
+
+    if (map == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    match = match_params(params);
+    consensus = consensus_params(params);
+    icp = icp_params(params);
+    made = carve(pool, params);
+    for (int32_t k = 0; k < CAIRN_SIGHT_DIRECTIONS; k++)
+        cairn_sincos((cairn_real)k * 2 * CAIRN_PI / CAIRN_SIGHT_DIRECTIONS, &made->directions[k].y,
+                     &made->directions[k].x);
+    status = cairn_scan_match_create(&made->match, pool, &match);
+    if (status == CAIRN_OK)
+        status = cairn_pose_consensus_create(&made->consensus, pool, &consensus);
+    if (status == CAIRN_OK)
+        status = cairn_icp_create(&made->icp, pool, &icp);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    *map = made;
+    return status;
+}
+
+void cairn_place_map_clear(cairn_place_map *map)
+{
+    map->place_count = map->scan_count = map->point_count = map->beam_count = 0;
+    map->phase = CAIRN_PLACE_MAP_IDLE;
+    map->debt = 0;
+}
+
+static cairn_status refuse(cairn_fault *fault, const char *what, cairn_status status)
+{
+    if (fault != NULL) {
+        fault->index = -1;
+        fault->what = what;
+    }
+    return status;
+}
+
+static cairn_status check_scan(const cairn_place_map *map, int32_t place, const cairn_scan_view *view,
+                               cairn_pose place_scan, cairn_fault *fault)
+{
+    const cairn_place_map_params *params = &map->params;
+    int is_new = place == map->place_count;
+    int32_t points = is_new ? 0 : map->places[place].point_count, beams = is_new ? 0 : map->places[place].beam_count;
+
+    if (!cairn_pose_is_finite(place_scan))
+        return refuse(fault, "the pose is not finite", CAIRN_NOT_FINITE);
+    if (!(cairn_abs(place_scan.x) <= CAIRN_SCAN_EXTENT && cairn_abs(place_scan.y) <= CAIRN_SCAN_EXTENT))
+        return refuse(fault, "the pose is too far off", CAIRN_BAD_ARGUMENT);
+    if (place == params->max_places || map->scan_count == params->max_scans)
+        return refuse(fault, "more places or scans than max_places and max_scans", CAIRN_FULL);
+    if (view->point_count > params->max_place_points - points || view->beam_count > params->max_place_beams - beams)
+        return refuse(fault, "more points or beams than max_place_points and max_place_beams", CAIRN_FULL);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place, const cairn_scan_view *view,
+                                      cairn_pose place_scan, cairn_fault *fault)
+{
+    cairn_place_scan *scan;
+    cairn_status status;
+
+    if (map == NULL || view == NULL || place < 0 || place < map->place_count - 1 || place > map->place_count)
+        return refuse(fault, "no object, no scan, or not the last place or the next", CAIRN_BAD_ARGUMENT);
+    status = check_scan(map, place, view, place_scan, fault);
+    if (status != CAIRN_OK)
+        return status;
+    if (place == map->place_count) {
+        memset(&map->places[place], 0, sizeof map->places[place]);
+        map->places[place].first_scan = map->scan_count;
+        map->place_count++;
+    }
+    scan = &map->scans[map->scan_count];
+    memset(scan, 0, sizeof *scan);
+    scan->place = place;
+    scan->place_scan = place_scan;
+    scan->first_point = map->point_count;
+    scan->first_beam = map->beam_count;
+    scan->point_count = view->point_count;
+    scan->beam_count = view->beam_count;
+    memcpy(map->points + map->point_count, view->points, (size_t)view->point_count * sizeof *map->points);
+    memcpy(map->beams + map->beam_count, view->beams, (size_t)view->beam_count * sizeof *map->beams);
+    scan->dense_count = cairn_scan_match_dense(view, map->dense + map->beam_count);
+    cairn_place_map_find_floating(map, scan, view);
+    map->point_count += view->point_count;
+    map->beam_count += view->beam_count;
+    map->places[place].scan_count++;
+    map->places[place].point_count += view->point_count;
+    map->places[place].beam_count += view->beam_count;
+    map->scan_count++;
+    map->phase = CAIRN_PLACE_MAP_IDLE;
+    map->debt = 0;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_place_map_begin(cairn_place_map *map)
+{
+    if (map == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    if (map->scan_count == 0)
+        return CAIRN_EMPTY;
+    memset(&map->result, 0, sizeof map->result);
+    map->phase = CAIRN_PLACE_MAP_SIGHT;
+    for (int32_t i = 0; i < map->point_count; i++)
+        map->doubt[i] &= CAIRN_POINT_FLOATING;
+    map->hypothesis_count = 0;
+    map->next = map->place = map->query = map->round = map->sweep = map->running = map->debt = 0;
+    for (int32_t i = 0; i < map->place_count; i++) {
+        map->places[i].map_place = cairn_pose_identity();
+        map->places[i].part = 0;
+    }
+    return CAIRN_OK;
+}
+
+cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budget *budget)
+{
+    if (map == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while ((map->phase != CAIRN_PLACE_MAP_IDLE && map->phase != CAIRN_PLACE_MAP_DONE) || map->debt > 0) {
+        int32_t before = budget->left;
+
+        if (before <= 0)
+            return CAIRN_MORE;
+        if (map->debt > 0) {
+            int32_t paid = map->debt < before ? map->debt : before;
+
+            map->debt -= paid;
+            budget->left -= paid;
+        } else {
+            cairn_place_map_item(map, budget);
+        }
+        map->result.units += before - budget->left;
+    }
+    return CAIRN_OK;
+}
+
+/* ---- Readers ---- */
+
+static int has_result(const cairn_place_map *map)
+{
+    return map->phase == CAIRN_PLACE_MAP_DONE && map->debt == 0;
+}
+
+cairn_place_map_result cairn_place_map_read(const cairn_place_map *map)
+{
+    cairn_place_map_result none;
+
+    memset(&none, 0, sizeof none);
+    return has_result(map) ? map->result : none;
+}
+
+cairn_place_map_place cairn_place_map_place_of(const cairn_place_map *map, int32_t place)
+{
+    cairn_place_map_place out;
+
+    memset(&out, 0, sizeof out);
+    if (!has_result(map) || place < 0 || place >= map->place_count)
+        return out;
+    out.map_place = map->places[place].map_place;
+    out.part = map->places[place].part;
+    if (map->params.mode == CAIRN_PLACE_MAP_CONSENSUS) {
+        cairn_consensus_node node = cairn_pose_consensus_node(map->consensus, place);
+
+        out.support = node.support;
+        out.ambiguous = node.ambiguous;
+        out.alternatives = node.alternatives;
+    }
+    return out;
+}
+
+cairn_consensus_alternative cairn_place_map_alternative(const cairn_place_map *map, int32_t place, int32_t index)
+{
+    cairn_consensus_alternative none;
+
+    memset(&none, 0, sizeof none);
+    return index < cairn_place_map_place_of(map, place).alternatives
+               ? cairn_pose_consensus_alternative(map->consensus, place, index)
+               : none;
+}
+
+cairn_pose cairn_place_map_scan_pose(const cairn_place_map *map, int32_t scan)
+{
+    return has_result(map) && scan >= 0 && scan < map->scan_count ? map->scans[scan].map_scan : cairn_pose_identity();
+}

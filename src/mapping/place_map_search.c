@@ -1,0 +1,487 @@
+/* place_map: matching, weighing, agreeing and refining, item by item. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/place_map_work.h"
+
+enum { POINTS_TO_UNIT = 16, CELLS_TO_UNIT = 1024, DECOUPLED_SWEEPS = 10 };
+
+/* What a scan may be off within its place, when it is aligned by itself. */
+static const cairn_real SUB_SIGMA = CAIRN_REAL(0.03);
+static const cairn_real SUB_SIGMA_ANGLE = CAIRN_REAL(0.02);
+
+static void enter(cairn_place_map *map, cairn_place_map_phase phase)
+{
+    map->phase = phase;
+    map->next = map->running = 0;
+}
+
+/* ---- Sight ---- */
+
+static void see_item(cairn_place_map *map)
+{
+    size_t cells = (size_t)map->side * (size_t)map->side;
+
+    if (map->next == 0) {
+        memset(map->sight + (size_t)map->place * cells, CAIRN_SIGHT_UNKNOWN, cells);
+        map->debt += 1 + (int32_t)(cells / CELLS_TO_UNIT);
+    }
+    if (cairn_place_map_see(map, map->place, map->next)) {
+        map->next++;
+        return;
+    }
+    map->place++;
+    map->next = 0;
+    if (map->place == map->place_count) {
+        map->place = 0;
+        map->query = 1;
+        enter(map, CAIRN_PLACE_MAP_TARGET);
+    }
+}
+
+/* ---- Matching ---- */
+
+static void add_to_target(cairn_place_map *map, int32_t place, cairn_pose target_place)
+{
+    const cairn_place *here = &map->places[place];
+
+    for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++) {
+        const cairn_place_scan *scan = &map->scans[s];
+        cairn_scan_match_part part = {map->points + scan->first_point,
+                                      map->dense + scan->first_beam,
+                                      map->beams + scan->first_beam,
+                                      scan->point_count,
+                                      scan->dense_count,
+                                      scan->beam_count};
+        cairn_status status =
+            cairn_scan_match_add_target(map->match, &part, cairn_pose_compose(target_place, scan->place_scan), NULL);
+
+        CAIRN_ASSERT(status == CAIRN_OK);
+        (void)status;
+        map->debt += (scan->point_count + scan->beam_count) / POINTS_TO_UNIT;
+    }
+}
+
+/* Whether a place belongs to the map that the query is matched with. */
+static int is_target(const cairn_place_map *map, int32_t place)
+{
+    if (map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL)
+        return place < map->query && place >= map->query - map->params.recent;
+    return map->round == 0 ? place == map->place : place != map->query && map->places[place].part == 0;
+}
+
+static void make_target(cairn_place_map *map)
+{
+    int is_pair = map->params.mode == CAIRN_PLACE_MAP_CONSENSUS && map->round == 0;
+
+    cairn_scan_match_clear_target(map->match);
+    for (int32_t i = 0; i < map->place_count; i++)
+        if (is_target(map, i))
+            add_to_target(map, i, is_pair ? cairn_pose_identity() : map->places[i].map_place);
+    map->debt++;
+    enter(map, CAIRN_PLACE_MAP_MATCH);
+}
+
+/* The query's arrays in the frame of its place. */
+static cairn_scan_match_part query_part(cairn_place_map *map)
+{
+    const cairn_place *here = &map->places[map->query];
+    cairn_scan_match_part part = {map->query_points, map->query_dense, map->query_beams, 0, 0, 0};
+
+    for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++) {
+        const cairn_place_scan *scan = &map->scans[s];
+        cairn_transform t = cairn_transform_of(scan->place_scan);
+
+        for (int32_t i = 0; i < scan->point_count; i++) {
+            const cairn_oriented_point *point = &map->points[scan->first_point + i];
+
+            map->query_points[part.count].position = cairn_transform_point(t, point->position);
+            map->query_points[part.count++].direction = cairn_transform_direction(t, point->direction);
+        }
+        for (int32_t i = 0; i < scan->dense_count; i++) {
+            const cairn_oriented_point *point = &map->dense[scan->first_beam + i];
+
+            map->query_dense[part.dense_count].position = cairn_transform_point(t, point->position);
+            map->query_dense[part.dense_count++].direction = cairn_transform_direction(t, point->direction);
+        }
+        for (int32_t i = 0; i < scan->beam_count; i++) {
+            cairn_beam beam = map->beams[scan->first_beam + i];
+
+            beam.from = cairn_transform_point(t, beam.from);
+            beam.to = cairn_transform_point(t, beam.to);
+            map->query_beams[part.beam_count++] = beam;
+        }
+    }
+    map->debt += (part.count + part.dense_count + part.beam_count) / POINTS_TO_UNIT;
+    return part;
+}
+
+/* When the store is full no more is taken: what came first came from better matches. */
+static void keep_hypothesis(cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second,
+                            const cairn_real covariance[9])
+{
+    cairn_pose_hypothesis *kept = &map->hypotheses[map->hypothesis_count];
+
+    if (map->hypothesis_count == map->params.consensus.max_hypotheses)
+        return;
+    kept->first = first;
+    kept->second = second;
+    kept->first_second = first_second;
+    memcpy(kept->covariance, covariance, sizeof kept->covariance);
+    map->hypothesis_count++;
+}
+
+static cairn_real weigh(cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second)
+{
+    map->debt += 1 + (map->places[first].point_count + map->places[second].point_count) / 6;
+    return cairn_place_map_evidence(map, first, second, first_second);
+}
+
+/* Covariance of map_query seen from a place that is turned by theta in the map. */
+static void turn_covariance(const cairn_real in[9], cairn_real theta, cairn_real out[9])
+{
+    cairn_real c, s;
+
+    cairn_sincos(-theta, &s, &c);
+    out[0] = c * c * in[0] - 2 * c * s * in[1] + s * s * in[4];
+    out[4] = s * s * in[0] + 2 * c * s * in[1] + c * c * in[4];
+    out[1] = out[3] = c * s * (in[0] - in[4]) + (c * c - s * s) * in[1];
+    out[2] = out[6] = c * in[2] - s * in[5];
+    out[5] = out[7] = s * in[2] + c * in[5];
+    out[8] = in[8];
+}
+
+/* Of a match with a map: what it says about each of its places that has evidence for it. */
+static void take_in_map(cairn_place_map *map, const cairn_scan_match_hypothesis *h)
+{
+    for (int32_t i = 0; i < map->place_count; i++) {
+        cairn_pose seen = cairn_pose_between(map->places[i].map_place, h->target_query);
+        cairn_real covariance[9];
+
+        if (!is_target(map, i) || !(weigh(map, i, map->query, seen) > 0))
+            continue;
+        turn_covariance(h->covariance, map->places[i].map_place.theta, covariance);
+        keep_hypothesis(map, i, map->query, seen, covariance);
+    }
+}
+
+static void take_result(cairn_place_map *map)
+{
+    cairn_scan_match_result found = cairn_scan_match_read(map->match);
+
+    map->result.matches++;
+    if (map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL) {
+        if (found.count > 0)
+            map->places[map->query].map_place = found.hypotheses[0].target_query;
+        return;
+    }
+    for (int32_t k = 0; k < found.count; k++) {
+        if (map->round == 0)
+            keep_hypothesis(map, map->place, map->query, found.hypotheses[k].target_query,
+                            found.hypotheses[k].covariance);
+        else
+            take_in_map(map, &found.hypotheses[k]);
+    }
+}
+
+/* The next query, and its target when that is another one. */
+static void next_match(cairn_place_map *map)
+{
+    int is_pair = map->params.mode == CAIRN_PLACE_MAP_CONSENSUS && map->round == 0;
+
+    map->query++;
+    if (is_pair && map->query >= map->place_count) {
+        map->place++;
+        map->query = map->place + 1;
+    }
+    if (map->query < map->place_count) {
+        enter(map, is_pair && map->query > map->place + 1 ? CAIRN_PLACE_MAP_MATCH : CAIRN_PLACE_MAP_TARGET);
+        return;
+    }
+    map->place = 0;
+    enter(map, map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL ? CAIRN_PLACE_MAP_REFINE : CAIRN_PLACE_MAP_WEIGH);
+    if (map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL)
+        map->sweep = map->params.sweeps;
+}
+
+static void match_item(cairn_place_map *map, cairn_budget *budget)
+{
+    cairn_scan_match_part part;
+    cairn_status status;
+
+    if (!map->running) {
+        if (map->query < map->place_count) {
+            part = query_part(map);
+            status = cairn_scan_match_begin(map->match, &part, cairn_pose_identity(), NULL, NULL);
+            CAIRN_ASSERT(status == CAIRN_OK);
+            map->running = status == CAIRN_OK;
+        }
+        map->debt++;
+        if (!map->running)
+            next_match(map);
+        return;
+    }
+    if (cairn_scan_match_step(map->match, budget) == CAIRN_OK) {
+        take_result(map);
+        next_match(map);
+    }
+}
+
+/* ---- Consensus ---- */
+
+/* Evidence of two places, for the consensus. */
+static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose first_second, int32_t *units)
+{
+    const cairn_place_map *map = context;
+
+    *units = 1 + (map->places[first].point_count + map->places[second].point_count) / 6;
+    return cairn_place_map_evidence(map, first, second, first_second);
+}
+
+/* Everything is weighed anew in each round, as fewer points are trusted. */
+static void weigh_item(cairn_place_map *map)
+{
+    cairn_pose_hypothesis *h = &map->hypotheses[map->next];
+
+    if (map->next == 0) {
+        cairn_status status = cairn_pose_consensus_clear(map->consensus, map->place_count);
+
+        CAIRN_ASSERT(status == CAIRN_OK);
+        (void)status;
+        cairn_pose_consensus_judge_by(map->consensus, judge, map);
+        map->result.hypotheses = 0;
+        map->debt += 1 + map->place_count;
+    }
+    if (map->next == map->hypothesis_count) {
+        enter(map, CAIRN_PLACE_MAP_AGREE);
+        return;
+    }
+    map->next++;
+    h->score = weigh(map, h->first, h->second, h->first_second) - map->params.chance;
+    if (h->score > 0 && cairn_pose_consensus_add(map->consensus, h, NULL) == CAIRN_OK)
+        map->result.hypotheses++;
+}
+
+static void take_consensus(cairn_place_map *map)
+{
+    cairn_consensus_result found = cairn_pose_consensus_read(map->consensus);
+
+    map->result.total = found.total;
+    map->result.rival = found.rival;
+    map->result.ambiguous = found.ambiguous;
+    for (int32_t i = 0; i < map->place_count; i++) {
+        cairn_consensus_node node = cairn_pose_consensus_node(map->consensus, i);
+
+        map->places[i].map_place = node.map_node;
+        map->places[i].part = node.part;
+    }
+}
+
+static void agree_item(cairn_place_map *map, cairn_budget *budget)
+{
+    if (!map->running) {
+        cairn_status status = cairn_pose_consensus_begin(map->consensus);
+
+        CAIRN_ASSERT(status == CAIRN_OK);
+        (void)status;
+        map->debt += 1 + map->place_count;
+        map->running = 1;
+    } else if (cairn_pose_consensus_step(map->consensus, budget) == CAIRN_OK) {
+        take_consensus(map);
+        map->query = map->place = map->sweep = 0;
+        enter(map, CAIRN_PLACE_MAP_DOUBT);
+    }
+}
+
+/* Places of part 0. */
+static int32_t count_placed(const cairn_place_map *map)
+{
+    int32_t placed = 0;
+
+    for (int32_t i = 0; i < map->place_count; i++)
+        placed += map->places[i].part == 0;
+    return placed;
+}
+
+/* Rounds go on while the map grows. */
+static void doubt_item(cairn_place_map *map)
+{
+    if (map->next < map->place_count) {
+        cairn_place_map_doubt(map, map->next++);
+        return;
+    }
+    if (map->round < map->params.rounds && (map->round == 0 || count_placed(map) > map->result.placed))
+        enter(map, CAIRN_PLACE_MAP_TARGET);
+    else
+        enter(map, CAIRN_PLACE_MAP_REFINE);
+    map->result.placed = count_placed(map);
+    map->round++;
+    map->debt++;
+}
+
+/* ---- Refinement ---- */
+
+/* Points of all scans of a place's part become the target, but those of the place, or of the one scan. */
+static void target_others(cairn_place_map *map, int32_t place, int32_t only_scan)
+{
+    cairn_icp_clear_target(map->icp);
+    for (int32_t s = 0; s < map->scan_count; s++) {
+        const cairn_place_scan *scan = &map->scans[s];
+        cairn_status status;
+
+        if ((only_scan < 0 ? scan->place == place : s == only_scan) ||
+            map->places[scan->place].part != map->places[place].part)
+            continue;
+        status =
+            cairn_icp_add_target(map->icp, map->points + scan->first_point, scan->point_count, scan->map_scan, NULL);
+        CAIRN_ASSERT(status == CAIRN_OK);
+        (void)status;
+        map->debt += scan->point_count / POINTS_TO_UNIT;
+    }
+    map->debt++;
+}
+
+static void place_scans(cairn_place_map *map, int32_t place)
+{
+    const cairn_place *here = &map->places[place];
+
+    for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++)
+        map->scans[s].map_scan = cairn_pose_compose(here->map_place, map->scans[s].place_scan);
+}
+
+static int32_t first_of_part(const cairn_place_map *map, int32_t place)
+{
+    int32_t first = 0;
+
+    while (map->places[first].part != map->places[place].part)
+        first++;
+    return first;
+}
+
+/* Poses become those seen from the part's first place, the last places first, as they need the first one's as it is. */
+static void finish(cairn_place_map *map)
+{
+    cairn_place_map_result *result = &map->result;
+
+    result->places = map->place_count;
+    for (int32_t i = map->place_count - 1; i >= 0; i--) {
+        cairn_place *place = &map->places[i];
+        cairn_pose part_map = cairn_pose_inverse(map->places[first_of_part(map, i)].map_place);
+
+        for (int32_t s = place->first_scan; s < place->first_scan + place->scan_count; s++)
+            map->scans[s].map_scan = cairn_pose_compose(part_map, map->scans[s].map_scan);
+        place->map_place = cairn_pose_compose(part_map, place->map_place);
+        result->parts = place->part >= result->parts ? place->part + 1 : result->parts;
+    }
+    result->placed = count_placed(map);
+    map->debt += map->place_count;
+    enter(map, CAIRN_PLACE_MAP_DONE);
+}
+
+/* Aligns a place with all others of its part, in turn. */
+static void refine_item(cairn_place_map *map, cairn_budget *budget)
+{
+    cairn_place *here = &map->places[map->place];
+
+    if (map->sweep == 0 && map->place == 0 && !map->running)
+        for (int32_t i = 0; i < map->place_count; i++)
+            place_scans(map, i);
+    if (map->sweep >= map->params.sweeps) {
+        for (int32_t i = 0; i < map->place_count; i++)
+            place_scans(map, i);
+        map->place = 0;
+        if (map->params.decoupled)
+            enter(map, CAIRN_PLACE_MAP_DECOUPLE);
+        else
+            finish(map);
+        return;
+    }
+    if (!map->running) {
+        cairn_scan_match_part part;
+
+        target_others(map, map->place, -1);
+        map->query = map->place;
+        part = query_part(map);
+        map->running = cairn_icp_begin(map->icp, part.points, part.count, here->map_place, NULL, NULL) == CAIRN_OK;
+        if (map->running)
+            return;
+    } else if (cairn_icp_step(map->icp, budget) == CAIRN_OK) {
+        cairn_icp_result aligned = cairn_icp_read(map->icp);
+
+        if (aligned.verdict != CAIRN_ICP_TOO_FEW_PAIRS) {
+            here->map_place = aligned.target_query;
+            place_scans(map, map->place);
+        }
+    } else {
+        return;
+    }
+    map->running = 0;
+    map->place++;
+    if (map->place == map->place_count) {
+        map->place = 0;
+        map->sweep++;
+    }
+}
+
+/* Aligns a scan with all others; `place` counts scans. */
+static void decouple_item(cairn_place_map *map, cairn_budget *budget)
+{
+    cairn_place_scan *scan = &map->scans[map->place];
+
+    if (!map->running) {
+        cairn_pose_prior prior = {scan->map_scan, SUB_SIGMA, SUB_SIGMA, SUB_SIGMA_ANGLE};
+
+        target_others(map, scan->place, map->place);
+        map->running = cairn_icp_begin(map->icp, map->points + scan->first_point, scan->point_count, scan->map_scan,
+                                       &prior, NULL) == CAIRN_OK;
+        if (map->running)
+            return;
+    } else if (cairn_icp_step(map->icp, budget) == CAIRN_OK) {
+        cairn_icp_result aligned = cairn_icp_read(map->icp);
+
+        if (aligned.verdict != CAIRN_ICP_TOO_FEW_PAIRS) {
+            scan->map_scan = aligned.target_query;
+            map->result.decoupled += map->sweep == map->params.sweeps;
+        }
+    } else {
+        return;
+    }
+    map->running = 0;
+    map->place++;
+    if (map->place < map->scan_count)
+        return;
+    map->place = 0;
+    if (++map->sweep == map->params.sweeps + DECOUPLED_SWEEPS)
+        finish(map);
+}
+
+void cairn_place_map_item(cairn_place_map *map, cairn_budget *budget)
+{
+    switch (map->phase) {
+    case CAIRN_PLACE_MAP_SIGHT:
+        see_item(map);
+        break;
+    case CAIRN_PLACE_MAP_TARGET:
+        make_target(map);
+        break;
+    case CAIRN_PLACE_MAP_MATCH:
+        match_item(map, budget);
+        break;
+    case CAIRN_PLACE_MAP_WEIGH:
+        weigh_item(map);
+        break;
+    case CAIRN_PLACE_MAP_AGREE:
+        agree_item(map, budget);
+        break;
+    case CAIRN_PLACE_MAP_DOUBT:
+        doubt_item(map);
+        break;
+    case CAIRN_PLACE_MAP_REFINE:
+        refine_item(map, budget);
+        break;
+    default:
+        decouple_item(map, budget);
+        break;
+    }
+}

@@ -1,0 +1,101 @@
+/* What the parts of place_map share. */
+#ifndef CAIRN_MAPPING_PLACE_MAP_WORK_H
+#define CAIRN_MAPPING_PLACE_MAP_WORK_H
+
+#include "cairn/place_map.h"
+
+typedef struct cairn_place_scan {
+    int32_t place;
+    int32_t first_point, point_count; /* in the frame of the scan */
+    int32_t first_beam, dense_count, beam_count;
+    cairn_pose place_scan;
+    cairn_pose map_scan; /* of the result */
+} cairn_place_scan;
+
+typedef struct cairn_place {
+    int32_t first_scan, scan_count;
+    int32_t point_count, beam_count;
+    cairn_pose map_place;
+    int32_t part;
+} cairn_place;
+
+/* What a place saw, by cells about its origin. */
+enum {
+    CAIRN_SIGHT_UNKNOWN = 0,
+    CAIRN_SIGHT_FREE = 1,
+    CAIRN_SIGHT_SURFACE = 2,   /* of no known direction */
+    CAIRN_SIGHT_DIRECTION = 3, /* a surface: this and its direction in sixteenths of a turn */
+    CAIRN_SIGHT_DIRECTIONS = 16
+};
+
+/* What speaks against a point as a surface that stays. */
+enum {
+    CAIRN_POINT_SOUND = 0,
+    CAIRN_POINT_FLOATING = 1, /* nothing is near it in depth on either side of its run of beams */
+    CAIRN_POINT_SUSPECT = 2   /* another place of the map saw through it: 2 or 3 */
+};
+
+typedef int32_t cairn_place_map_phase;
+enum {
+    CAIRN_PLACE_MAP_IDLE = 0,
+    CAIRN_PLACE_MAP_SIGHT,  /* what each place saw */
+    CAIRN_PLACE_MAP_TARGET, /* what the next match matches with */
+    CAIRN_PLACE_MAP_MATCH,
+    CAIRN_PLACE_MAP_WEIGH, /* hypotheses, by evidence, into the consensus */
+    CAIRN_PLACE_MAP_AGREE,
+    CAIRN_PLACE_MAP_DOUBT,    /* points that others see through */
+    CAIRN_PLACE_MAP_REFINE,   /* each place with all others */
+    CAIRN_PLACE_MAP_DECOUPLE, /* each scan with all others */
+    CAIRN_PLACE_MAP_DONE
+};
+
+struct cairn_place_map {
+    cairn_place_map_params params;
+    cairn_scan_match *match;
+    cairn_pose_consensus *consensus;
+    cairn_icp *icp;
+    cairn_place *places;                /* [max_places] */
+    cairn_place_scan *scans;            /* [max_scans] */
+    cairn_oriented_point *points;       /* [max_places * max_place_points] of scans, in their frames */
+    uint8_t *doubt;                     /* [as points] */
+    cairn_pose_hypothesis *hypotheses;  /* [consensus.max_hypotheses] all that matches gave */
+    cairn_oriented_point *dense;        /* [max_places * max_place_beams] */
+    cairn_beam *beams;                  /* [max_places * max_place_beams] */
+    uint8_t *sight;                     /* [max_places][side][side] */
+    cairn_oriented_point *query_points; /* [max_place_points] of one place, in its frame */
+    cairn_oriented_point *query_dense;  /* [max_place_beams] */
+    cairn_beam *query_beams;            /* [max_place_beams] */
+    int32_t side;                       /* cells of a place's sight */
+    cairn_vec2 directions[CAIRN_SIGHT_DIRECTIONS];
+    int32_t place_count, scan_count, point_count, beam_count, hypothesis_count;
+
+    cairn_place_map_phase phase;
+    int32_t next;  /* beam or point of the place whose sight is made, ... */
+    int32_t place; /* ... the target of a match in the first round, or the one aligned */
+    int32_t query; /* place that is matched */
+    int32_t round; /* 0: pairs; then with the map of all others */
+    int32_t sweep;
+    int32_t running; /* icp or consensus has begun */
+    int32_t debt;    /* units of items done that are not yet paid for */
+    cairn_place_map_result result;
+};
+
+/* Cells of a side for a reach; 0 when there would be too many. */
+int32_t cairn_place_map_side(const cairn_place_map_params *params);
+
+/* Marks the points of a scan, added last, that float. */
+void cairn_place_map_find_floating(cairn_place_map *map, const cairn_place_scan *scan, const cairn_scan_view *view);
+
+/* Marks the points of a place that other places of its part see through, and none that they see as surface as often. */
+void cairn_place_map_doubt(cairn_place_map *map, int32_t place);
+
+/* One beam or point of a place into its sight; 0 when there are none left. */
+int32_t cairn_place_map_see(cairn_place_map *map, int32_t place, int32_t item);
+
+/* Nats for two places to lie so: of the points of each on surfaces of the other, less those in the other's free space. */
+cairn_real cairn_place_map_evidence(const cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second);
+
+/* Does one item and adds its cost to the debt; items of the match, the consensus and icp take from the budget instead. */
+void cairn_place_map_item(cairn_place_map *map, cairn_budget *budget);
+
+#endif

@@ -1,0 +1,891 @@
+/* The aligner on simulated arenas, on rooms drawn by hand, and on scans that say nothing; refusals and budgets. */
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "bench/bench_bound.h"
+#include "bench/bench_score.h"
+#include "cairn/aligner.h"
+#include "sim/arena.h"
+
+#define DEGREE 0.017453292519943295
+
+enum { MAX_SCANS = 64 };
+
+/* An aligner with all that it needs. */
+struct bed {
+    cairn_pool pool;
+    cairn_aligner_params params;
+    cairn_aligner *aligner;
+};
+
+static cairn_aligner_params room_for(int32_t scans)
+{
+    cairn_aligner_params params = cairn_aligner_default();
+
+    params.max_scans = scans;
+    params.max_segments = 32 * scans;
+    params.max_points = 400 * scans;
+    params.max_hypotheses = 24 * scans;
+    params.max_fill = 32 * scans;
+    return params;
+}
+
+static struct bed make_bed(const cairn_aligner_params *params)
+{
+    struct bed bed = {test_pool(cairn_aligner_memory(params)), *params, NULL};
+
+    assert_ok(cairn_aligner_create(&bed.aligner, &bed.pool, params));
+    return bed;
+}
+
+static void end_bed(struct bed *bed)
+{
+    test_pool_free(&bed->pool);
+}
+
+/* ---- Scans ---- */
+
+static cairn_pool scan_pool;
+static cairn_scan *scan_object;
+
+static int open_scan(void **state)
+{
+    cairn_scan_params params = cairn_scan_default();
+
+    (void)state;
+    scan_pool = test_pool(cairn_scan_memory(&params));
+    assert_ok(cairn_scan_create(&scan_object, &scan_pool, &params));
+    return 0;
+}
+
+static int close_scan(void **state)
+{
+    (void)state;
+    test_pool_free(&scan_pool);
+    return 0;
+}
+
+static cairn_scan_view fit(const cairn_scan_input *input)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    assert_ok(cairn_scan_begin(scan_object, input, NULL));
+    assert_ok(cairn_scan_step(scan_object, &budget));
+    return cairn_scan_read(scan_object);
+}
+
+static void add(struct bed *bed, const cairn_scan_input *input, cairn_pose start)
+{
+    cairn_scan_view view = fit(input);
+    cairn_fault fault;
+
+    assert_ok(cairn_aligner_add_scan(bed->aligner, &view, start, &fault));
+    assert_null(fault.what);
+}
+
+static void run(struct bed *bed, int32_t budget)
+{
+    cairn_budget left = {budget};
+    cairn_status status;
+
+    assert_ok(cairn_aligner_begin(bed->aligner));
+    while ((status = cairn_aligner_step(bed->aligner, &left)) == CAIRN_MORE)
+        left.left = budget;
+    assert_ok(status);
+}
+
+static int all_finite(const cairn_aligner_pose *p)
+{
+    int finite = isfinite((double)p->map_scan.x) && isfinite((double)p->map_scan.y) &&
+                 isfinite((double)p->map_scan.theta) && isfinite((double)p->support);
+
+    for (int k = 0; k < 9; k++)
+        finite = finite && isfinite((double)p->covariance[k]);
+    return finite;
+}
+
+/* ---- Arenas ---- */
+
+struct survey {
+    sim_arena *arena;
+    sim_survey *survey;
+    const sim_scan *scans;
+    int32_t count;
+    cairn_pose start[MAX_SCANS];
+    bench_bound bounds[MAX_SCANS];
+};
+
+static struct survey visit(uint64_t seed, int32_t places, int32_t headings, double fov, double metres, double degrees)
+{
+    sim_arena_options arena = sim_arena_default();
+    sim_survey_options options = sim_survey_default();
+    cairn_random random = cairn_random_seed(seed, 3);
+    struct survey s;
+
+    memset(&s, 0, sizeof s);
+    arena.seed = seed;
+    options.seed = seed;
+    options.places = places;
+    options.headings = headings;
+    options.fov = fov * DEGREE;
+    s.arena = sim_arena_create(&arena, NULL, 0);
+    assert_non_null(s.arena);
+    s.survey = sim_survey_create(s.arena, &options, NULL, 0);
+    assert_non_null(s.survey);
+    s.scans = sim_survey_scans(s.survey, &s.count);
+    assert_true(s.count <= MAX_SCANS);
+    for (int32_t i = 0; i < s.count; i++) {
+        sim_pose truth = s.scans[i].truth;
+
+        s.start[i].x = (cairn_real)truth.x + cairn_random_uniform(&random, -1, 1) * (cairn_real)metres;
+        s.start[i].y = (cairn_real)truth.y + cairn_random_uniform(&random, -1, 1) * (cairn_real)metres;
+        s.start[i].theta = cairn_wrap_angle((cairn_real)truth.theta +
+                                            cairn_random_uniform(&random, -1, 1) * (cairn_real)(degrees * DEGREE));
+    }
+    assert_true(bench_bound_compute(s.arena, s.scans, s.count, metres, degrees * DEGREE, s.bounds) >= 0);
+    return s;
+}
+
+static void leave(struct survey *s)
+{
+    sim_survey_free(s->survey);
+    sim_arena_free(s->arena);
+}
+
+/* All scans, beginning with the `from`-th. */
+static void add_all(struct bed *bed, const struct survey *s, int32_t from)
+{
+    for (int32_t k = 0; k < s->count; k++) {
+        int32_t i = (k + from) % s->count;
+        cairn_scan_input input = sim_scan_input(&s->scans[i]);
+
+        add(bed, &input, s->start[i]);
+    }
+}
+
+struct outcome {
+    int32_t observable, aligned, flagged, missed, unflagged, inside;
+};
+
+/* How the poses, of scans shifted by `from`, lie to the truth. */
+static struct outcome compare(const struct bed *bed, const struct survey *s, int32_t from)
+{
+    sim_pose truth[MAX_SCANS], poses[MAX_SCANS];
+    int32_t use[MAX_SCANS], anchor = cairn_aligner_read(bed->aligner).anchor;
+    cairn_aligner_pose results[MAX_SCANS];
+    struct outcome out;
+
+    memset(&out, 0, sizeof out);
+    for (int32_t k = 0; k < s->count; k++) {
+        int32_t i = (k + from) % s->count;
+
+        results[i] = cairn_aligner_pose_of(bed->aligner, k);
+        assert_true(all_finite(&results[i]));
+        truth[i] = s->scans[i].truth;
+        poses[i].x = (double)results[i].map_scan.x;
+        poses[i].y = (double)results[i].map_scan.y;
+        poses[i].theta = (double)results[i].map_scan.theta;
+        use[i] = s->bounds[i].observable;
+    }
+    (void)bench_fit_common(truth, poses, use, s->count, 0.05, DEGREE, poses);
+    for (int32_t i = 0; i < s->count; i++) {
+        const cairn_real *c = results[i].covariance;
+        double x = poses[i].x - truth[i].x, y = poses[i].y - truth[i].y;
+        double det = (double)(c[0] * c[4] - c[1] * c[1]);
+
+        out.observable += use[i];
+        out.aligned += use[i] && bench_pose_near(truth[i], poses[i], 0.05, DEGREE);
+        out.flagged += use[i] && !results[i].placed;
+        out.missed += !use[i] && results[i].placed;
+        if (!results[i].placed || i == (anchor + from) % s->count)
+            continue;
+        assert_true(c[0] > 0 && c[4] > 0 && c[8] > 0 && det > 0);
+        out.unflagged++;
+        out.inside += ((double)c[4] * x * x - 2 * (double)c[1] * x * y + (double)c[0] * y * y) / det < 9.21;
+    }
+    return out;
+}
+
+static void aligns_an_arena(void **state)
+{
+    struct survey s = visit(2001, 15, 4, 100, 0.3, 20);
+    cairn_aligner_params params = room_for(s.count);
+    struct bed bed = make_bed(&params);
+    cairn_aligner_result result;
+    struct outcome out;
+
+    (void)state;
+    add_all(&bed, &s, 0);
+    run(&bed, CAIRN_UNBOUNDED);
+    out = compare(&bed, &s, 0);
+    result = cairn_aligner_read(bed.aligner);
+    assert_true(out.aligned >= 0.9 * out.observable);
+    assert_true(out.flagged <= 0.1 * out.observable);
+    assert_true(out.missed <= 1);
+    assert_true(out.inside >= 0.6 * out.unflagged);
+    assert_true(result.verdict != CAIRN_ALIGNER_RUNNING);
+    assert_true(result.largest >= 54 && result.largest <= 60);
+    assert_true(result.placed <= result.largest && result.placed >= 50);
+    assert_true(result.parts >= 1 && result.parts <= 60 - result.largest + 1);
+    assert_true(result.walls > 60 && result.fill >= result.walls && result.merges > 30);
+    assert_true(result.hypotheses > 500 && result.hypotheses <= params.max_hypotheses);
+    assert_true(result.rounds >= 7 && result.rounds <= params.max_rounds);
+    assert_true(result.anchor >= 0 && result.anchor < 60);
+    assert_near(result.spread, 0.3 / sqrt(3.0), 0.06);
+    assert_near((double)result.spread_angle / DEGREE, 20 / sqrt(3.0), 4);
+    assert_true(result.worst_step < 2000 && result.units > 100000);
+    end_bed(&bed);
+    leave(&s);
+}
+
+static void aligns_full_scans(void **state)
+{
+    struct survey s = visit(2002, 16, 1, 360, 0.5, 30);
+    cairn_aligner_params params = room_for(s.count);
+    struct bed bed = make_bed(&params);
+    struct outcome out;
+
+    (void)state;
+    add_all(&bed, &s, 0);
+    run(&bed, CAIRN_UNBOUNDED);
+    out = compare(&bed, &s, 0);
+    assert_true(out.aligned >= 0.85 * out.observable);
+    end_bed(&bed);
+    leave(&s);
+}
+
+/* Another order of the scans gives the same map, but for ties and rounding. */
+static void order_does_not_matter(void **state)
+{
+    struct survey s = visit(2003, 6, 4, 100, 0.2, 10);
+    cairn_aligner_params params = room_for(s.count);
+    struct bed a = make_bed(&params), b = make_bed(&params);
+    struct outcome first, second;
+
+    (void)state;
+    add_all(&a, &s, 0);
+    add_all(&b, &s, 7);
+    run(&a, CAIRN_UNBOUNDED);
+    run(&b, CAIRN_UNBOUNDED);
+    first = compare(&a, &s, 0);
+    second = compare(&b, &s, 7);
+    assert_true(abs(first.aligned - second.aligned) <= 2);
+    end_bed(&a);
+    end_bed(&b);
+    leave(&s);
+}
+
+static uint64_t hash_of(const struct bed *bed)
+{
+    cairn_aligner_result result = cairn_aligner_read(bed->aligner);
+    uint64_t hash = TEST_HASH_START;
+
+    result.units = 0;
+    for (int32_t i = 0; i < cairn_aligner_scan_count(bed->aligner); i++) {
+        cairn_aligner_pose p = cairn_aligner_pose_of(bed->aligner, i);
+
+        hash = test_hash(hash, &p.map_scan, sizeof p.map_scan);
+        hash = test_hash(hash, p.covariance, sizeof p.covariance);
+        hash = test_hash(hash, &p.support, sizeof p.support);
+        hash = test_hash(hash, &p.part, sizeof p.part);
+        hash = test_hash(hash, &p.placed, sizeof p.placed);
+    }
+    hash = test_hash(hash, &result.verdict, sizeof result.verdict);
+    return test_hash(hash, &result.walls, sizeof result.walls);
+}
+
+static void budgets_do_not_matter(void **state)
+{
+    static const int32_t budgets[] = {1, 7, 1000};
+    struct survey s = visit(2004, 4, 4, 100, 0.3, 20);
+    cairn_aligner_params params = room_for(s.count);
+    struct bed bed = make_bed(&params);
+    cairn_budget none = {0};
+    uint64_t expected;
+    int64_t units;
+
+    (void)state;
+    add_all(&bed, &s, 0);
+    run(&bed, CAIRN_UNBOUNDED);
+    expected = hash_of(&bed);
+    units = cairn_aligner_read(bed.aligner).units;
+    for (size_t k = 0; k < sizeof budgets / sizeof *budgets; k++) {
+        run(&bed, budgets[k]);
+        assert_true(hash_of(&bed) == expected);
+        assert_true(llabs(cairn_aligner_read(bed.aligner).units - units) < units / 10);
+    }
+    assert_ok(cairn_aligner_begin(bed.aligner));
+    assert_status(cairn_aligner_step(bed.aligner, &none), CAIRN_MORE);
+    assert_int_equal(cairn_aligner_read(bed.aligner).verdict, CAIRN_ALIGNER_RUNNING);
+    end_bed(&bed);
+    leave(&s);
+}
+
+/* Hash of what stands at every commit point; *commits of them. */
+static uint64_t watch(struct bed *bed, const struct survey *s, int32_t budget, int32_t *commits)
+{
+    int32_t count = cairn_aligner_scan_count(bed->aligner), parts = count, most = 0;
+    uint64_t hash = TEST_HASH_START;
+
+    *commits = 0;
+    assert_ok(cairn_aligner_begin(bed->aligner));
+    assert_int_equal(cairn_aligner_running(bed->aligner), 1);
+    while (cairn_aligner_running(bed->aligner)) {
+        cairn_budget left = {budget};
+        int32_t size[MAX_SCANS] = {0};
+        cairn_status status = cairn_aligner_iterate(bed->aligner, &left);
+
+        assert_true(status == CAIRN_OK || (status == CAIRN_MORE && left.left == 0));
+        if (status == CAIRN_MORE)
+            continue;
+        for (int32_t i = 0; i < count; i++) {
+            int32_t part;
+            cairn_pose pose = cairn_aligner_pose_now(bed->aligner, i, &part);
+
+            assert_true(cairn_pose_is_finite(pose));
+            assert_in_range(part, 0, count - 1);
+            size[part]++;
+            hash = test_hash(hash, &pose, sizeof pose);
+            hash = test_hash(hash, &part, sizeof part);
+            if (*commits == 0) {
+                assert_int_equal(part, i);
+                assert_near(pose.x, s->start[i].x, NUMBER(1e-9, 1e-5));
+                assert_near(pose.theta, s->start[i].theta, NUMBER(1e-9, 1e-5));
+            }
+        }
+        parts = 0;
+        for (int32_t i = 0; i < count; i++) {
+            parts += size[i] > 0;
+            most = size[i] > most ? size[i] : most;
+        }
+        ++*commits;
+    }
+    assert_int_equal(parts, cairn_aligner_read(bed->aligner).parts);
+    assert_int_equal(most, cairn_aligner_read(bed->aligner).largest);
+    return hash;
+}
+
+static void an_alignment_can_be_watched(void **state)
+{
+    struct survey s = visit(2004, 4, 4, 100, 0.3, 20);
+    cairn_aligner_params params = room_for(s.count);
+    struct bed bed = make_bed(&params);
+    int32_t commits, again, part;
+    uint64_t expected, hash;
+
+    (void)state;
+    add_all(&bed, &s, 0);
+    assert_int_equal(cairn_aligner_running(bed.aligner), 0);
+    (void)cairn_aligner_pose_now(bed.aligner, 3, &part);
+    assert_int_equal(part, 3);
+    run(&bed, CAIRN_UNBOUNDED);
+    expected = hash_of(&bed);
+    hash = watch(&bed, &s, CAIRN_UNBOUNDED, &commits);
+    /* The same result, and more than one commit point for each scan that was joined. */
+    assert_true(hash_of(&bed) == expected);
+    assert_true(commits > s.count);
+    assert_true(watch(&bed, &s, 7, &again) == hash);
+    assert_int_equal(again, commits);
+    for (int32_t i = 0; i < s.count; i++) {
+        cairn_pose now = cairn_aligner_pose_now(bed.aligner, i, NULL);
+        cairn_pose end = cairn_aligner_pose_of(bed.aligner, i).map_scan;
+
+        assert_memory_equal(&now, &end, sizeof now);
+    }
+    assert_near(cairn_aligner_pose_now(bed.aligner, s.count, &part).x, 0, 0);
+    assert_int_equal(part, -1);
+    assert_near(cairn_aligner_pose_now(bed.aligner, -1, &part).theta, 0, 0);
+    assert_int_equal(part, -1);
+    assert_status(cairn_aligner_iterate(NULL, NULL), CAIRN_BAD_ARGUMENT);
+    end_bed(&bed);
+    leave(&s);
+}
+
+/* Without an ingredient the aligner still ends, and does worse or tells less. */
+static void ingredients_matter(void **state)
+{
+    struct survey s = visit(2005, 10, 4, 100, 0.3, 20);
+    cairn_aligner_params params = room_for(s.count);
+    struct outcome all, blind, lines;
+    struct bed bed = make_bed(&params);
+
+    (void)state;
+    add_all(&bed, &s, 0);
+    run(&bed, CAIRN_UNBOUNDED);
+    all = compare(&bed, &s, 0);
+    end_bed(&bed);
+
+    params.contradiction = 0;
+    bed = make_bed(&params);
+    add_all(&bed, &s, 0);
+    run(&bed, CAIRN_UNBOUNDED);
+    blind = compare(&bed, &s, 0);
+    assert_true(blind.aligned < all.aligned);
+    end_bed(&bed);
+
+    params = room_for(s.count);
+    params.oriented = 0;
+    bed = make_bed(&params);
+    add_all(&bed, &s, 0);
+    run(&bed, CAIRN_UNBOUNDED);
+    lines = compare(&bed, &s, 0);
+    assert_true(lines.aligned > 0 && lines.aligned < lines.observable);
+    end_bed(&bed);
+
+    params = room_for(s.count);
+    params.max_rounds = params.max_repairs = 0;
+    bed = make_bed(&params);
+    add_all(&bed, &s, 0);
+    run(&bed, CAIRN_UNBOUNDED);
+    assert_int_equal(cairn_aligner_read(bed.aligner).anchor, -1);
+    assert_int_equal(cairn_aligner_read(bed.aligner).rounds, 0);
+    assert_int_equal(cairn_aligner_read(bed.aligner).moved, 0);
+    assert_int_equal(cairn_aligner_read(bed.aligner).placed, 0);
+    end_bed(&bed);
+    leave(&s);
+}
+
+static void too_little_fill_is_a_verdict(void **state)
+{
+    struct survey s = visit(2004, 4, 4, 100, 0.1, 5);
+    cairn_aligner_params params = room_for(s.count);
+    struct bed bed;
+
+    (void)state;
+    params.max_fill = 3;
+    bed = make_bed(&params);
+    add_all(&bed, &s, 0);
+    run(&bed, CAIRN_UNBOUNDED);
+    assert_int_equal(cairn_aligner_read(bed.aligner).verdict, CAIRN_ALIGNER_NO_FILL);
+    assert_int_equal(cairn_aligner_read(bed.aligner).anchor, -1);
+    for (int32_t i = 0; i < s.count; i++) {
+        cairn_aligner_pose p = cairn_aligner_pose_of(bed.aligner, i);
+
+        assert_true(all_finite(&p));
+        assert_int_equal(p.placed, 0);
+    }
+    end_bed(&bed);
+    leave(&s);
+}
+
+/* ---- Rooms drawn by hand ---- */
+
+enum { BEAMS = 360 };
+
+/* Ranges of a sensor in a box with corners at (0, 0) and (width, height). */
+static cairn_scan_input box_scan(float *ranges, double width, double height, sim_pose at)
+{
+    cairn_scan_input input;
+
+    for (int i = 0; i < BEAMS; i++) {
+        double a = at.theta + i * DEGREE - 180 * DEGREE, c = cos(a), s = sin(a);
+        double x = c > 0 ? (width - at.x) / c : c < 0 ? -at.x / c : 1e9;
+        double y = s > 0 ? (height - at.y) / s : s < 0 ? -at.y / s : 1e9;
+
+        ranges[i] = (float)fmin(x, y);
+    }
+    memset(&input, 0, sizeof input);
+    input.range = ranges;
+    input.count = BEAMS;
+    input.angle_min = (float)(-180 * DEGREE);
+    input.angle_step = (float)DEGREE;
+    input.range_min = 0.05F;
+    input.range_max = 20;
+    input.range_sigma = 0.01F;
+    return input;
+}
+
+static cairn_pose start_at(double x, double y, double degrees)
+{
+    cairn_pose p = {(cairn_real)x, (cairn_real)y, (cairn_real)(degrees * DEGREE)};
+
+    return p;
+}
+
+/* Two scans of one box come to lie on each other, exactly. */
+static void two_scans_of_a_box(void **state)
+{
+    cairn_aligner_params params = room_for(2);
+    struct bed bed = make_bed(&params);
+    sim_pose first = {2, 1.5, 0}, second = {3, 2, 0.3};
+    cairn_aligner_pose a, b;
+    cairn_pose between;
+    float ranges[BEAMS];
+    cairn_scan_input input = box_scan(ranges, 6, 4, first);
+
+    (void)state;
+    add(&bed, &input, start_at(2.2, 1.4, 8));
+    input = box_scan(ranges, 6, 4, second);
+    add(&bed, &input, start_at(2.8, 2.2, 10));
+    run(&bed, CAIRN_UNBOUNDED);
+    a = cairn_aligner_pose_of(bed.aligner, 0);
+    b = cairn_aligner_pose_of(bed.aligner, 1);
+    between = cairn_pose_between(a.map_scan, b.map_scan);
+    assert_near(between.x, 1, 2e-3);
+    assert_near(between.y, 0.5, 2e-3);
+    assert_near(between.theta, 0.3, 1e-3);
+    assert_int_equal(a.part, 0);
+    assert_int_equal(b.part, 0);
+    assert_int_equal(a.placed && b.placed, 1);
+    assert_int_equal(b.observable, CAIRN_ALIGNER_X | CAIRN_ALIGNER_Y | CAIRN_ALIGNER_THETA);
+    assert_true(a.support > 5);
+    assert_near(a.support, b.support, 1e-3);
+    assert_int_equal(cairn_aligner_read(bed.aligner).verdict, CAIRN_ALIGNER_CONVERGED);
+    assert_int_equal(cairn_aligner_read(bed.aligner).walls, 4);
+    end_bed(&bed);
+}
+
+/* The common motion is that of the initial poses. */
+static void initial_poses_place_the_map(void **state)
+{
+    cairn_aligner_params params = room_for(2);
+    struct bed bed = make_bed(&params);
+    sim_pose first = {2, 1.5, 0}, second = {3, 2, 0};
+    float ranges[BEAMS];
+    cairn_scan_input input = box_scan(ranges, 6, 4, first);
+    cairn_aligner_pose a, b;
+
+    (void)state;
+    add(&bed, &input, start_at(102, 51.5, 0));
+    input = box_scan(ranges, 6, 4, second);
+    add(&bed, &input, start_at(103, 52.2, 0));
+    run(&bed, CAIRN_UNBOUNDED);
+    a = cairn_aligner_pose_of(bed.aligner, 0);
+    b = cairn_aligner_pose_of(bed.aligner, 1);
+    assert_near((a.map_scan.x + b.map_scan.x) / 2, 102.5, 1e-3);
+    assert_near((a.map_scan.y + b.map_scan.y) / 2, 51.85, 1e-3);
+    end_bed(&bed);
+}
+
+/* One flat wall: the scan can slide along it, and is told apart by direction. */
+static void a_flat_wall_is_not_observable(void **state)
+{
+    cairn_aligner_params params = room_for(2);
+    struct bed bed = make_bed(&params);
+    float ranges[BEAMS];
+    sim_pose at = {10, 2, 0};
+    cairn_scan_input input = box_scan(ranges, 20, 30, at);
+    cairn_aligner_pose p;
+
+    (void)state;
+    for (int i = 0; i < BEAMS; i++)
+        if (ranges[i] > 3.5F)
+            ranges[i] = NAN;
+    add(&bed, &input, start_at(10, 2, 0));
+    add(&bed, &input, start_at(10.1, 2.1, 5));
+    run(&bed, CAIRN_UNBOUNDED);
+    for (int32_t i = 0; i < 2; i++) {
+        p = cairn_aligner_pose_of(bed.aligner, i);
+        assert_true(all_finite(&p));
+        if (i != cairn_aligner_read(bed.aligner).anchor) {
+            assert_int_equal(p.placed, 0);
+            assert_int_equal(p.observable & CAIRN_ALIGNER_X, 0);
+        }
+    }
+    end_bed(&bed);
+}
+
+static void parts_that_do_not_meet(void **state)
+{
+    cairn_aligner_params params = room_for(4);
+    struct bed bed = make_bed(&params);
+    sim_pose first = {2, 1.5, 0}, second = {3, 2, 0.2};
+    float ranges[BEAMS];
+    cairn_scan_input input;
+    cairn_aligner_result result;
+
+    (void)state;
+    input = box_scan(ranges, 6, 4, first);
+    add(&bed, &input, start_at(2, 1.5, 0));
+    input = box_scan(ranges, 6, 4, second);
+    add(&bed, &input, start_at(3, 2, 10));
+    input = box_scan(ranges, 5, 7, first);
+    add(&bed, &input, start_at(52, 1.5, 0));
+    input = box_scan(ranges, 5, 7, second);
+    add(&bed, &input, start_at(53, 2, 10));
+    run(&bed, CAIRN_UNBOUNDED);
+    result = cairn_aligner_read(bed.aligner);
+    assert_int_equal(result.verdict, CAIRN_ALIGNER_SPLIT);
+    assert_int_equal(result.parts, 2);
+    assert_int_equal(result.largest, 2);
+    assert_int_equal(cairn_aligner_pose_of(bed.aligner, 0).part, cairn_aligner_pose_of(bed.aligner, 1).part);
+    assert_int_equal(cairn_aligner_pose_of(bed.aligner, 2).part, cairn_aligner_pose_of(bed.aligner, 3).part);
+    assert_int_equal(cairn_aligner_pose_of(bed.aligner, 0).part + cairn_aligner_pose_of(bed.aligner, 2).part, 1);
+    end_bed(&bed);
+}
+
+/* ---- Scans that say little or nothing ---- */
+
+static void check_ends(struct bed *bed)
+{
+    run(bed, CAIRN_UNBOUNDED);
+    assert_true(cairn_aligner_read(bed->aligner).verdict != CAIRN_ALIGNER_RUNNING);
+    for (int32_t i = 0; i < cairn_aligner_scan_count(bed->aligner); i++) {
+        cairn_aligner_pose p = cairn_aligner_pose_of(bed->aligner, i);
+
+        assert_true(all_finite(&p));
+    }
+}
+
+static void degenerate_scans(void **state)
+{
+    cairn_aligner_params params = room_for(12);
+    struct bed bed = make_bed(&params);
+    sim_pose at = {2, 1.5, 0};
+    float ranges[BEAMS];
+    cairn_scan_input input = box_scan(ranges, 6, 4, at);
+
+    (void)state;
+    /* One scan. */
+    add(&bed, &input, start_at(1, 2, 0));
+    check_ends(&bed);
+    assert_int_equal(cairn_aligner_read(bed.aligner).verdict, CAIRN_ALIGNER_SPLIT);
+    assert_near(cairn_aligner_pose_of(bed.aligner, 0).map_scan.x, 1, 1e-5);
+    /* All equal, far from each other and at the same place. */
+    for (int i = 0; i < 6; i++)
+        add(&bed, &input, start_at(i < 3 ? 1 : 2, 2, 5 * i));
+    check_ends(&bed);
+    /* Nothing at all. */
+    cairn_aligner_clear(bed.aligner);
+    for (int i = 0; i < BEAMS; i++)
+        ranges[i] = INFINITY;
+    add(&bed, &input, start_at(0, 0, 0));
+    add(&bed, &input, start_at(0, 0, 0));
+    check_ends(&bed);
+    assert_int_equal(cairn_aligner_read(bed.aligner).parts, 0);
+    /* One point each. */
+    ranges[180] = 2;
+    add(&bed, &input, start_at(0, 0, 0));
+    add(&bed, &input, start_at(0, 0, 0));
+    check_ends(&bed);
+    /* Circles. */
+    for (int i = 0; i < BEAMS; i++)
+        ranges[i] = 3;
+    add(&bed, &input, start_at(0, 0, 0));
+    add(&bed, &input, start_at(0.1, 0, 20));
+    check_ends(&bed);
+    end_bed(&bed);
+}
+
+/* ---- Refusals ---- */
+
+static cairn_status create(void *context, cairn_pool *pool)
+{
+    cairn_aligner *aligner;
+
+    return cairn_aligner_create(&aligner, pool, context);
+}
+
+static void memory_is_exact(void **state)
+{
+    cairn_aligner_params params = cairn_aligner_default();
+
+    (void)state;
+    params.max_scans = 3;
+    params.max_segments = 7;
+    params.max_points = 11;
+    params.max_hypotheses = 5;
+    params.max_fill = 3;
+    params.max_cells = 64;
+    test_every_pool_size(create, &params, cairn_aligner_memory(&params));
+}
+
+static void refused(const cairn_aligner_params *params)
+{
+    cairn_pool pool = test_pool(1 << 20);
+    cairn_aligner *aligner = NULL;
+
+    assert_true(cairn_aligner_memory(params) == 0);
+    assert_status(cairn_aligner_create(&aligner, &pool, params), CAIRN_BAD_ARGUMENT);
+    assert_null(aligner);
+    assert_true(pool.used == 0);
+    test_pool_free(&pool);
+}
+
+static void params_are_refused(void **state)
+{
+    static const cairn_real bad[] = {0, -1, NAN, INFINITY};
+    const cairn_aligner_params good = cairn_aligner_default();
+    cairn_aligner_params p;
+
+    (void)state;
+    refused(NULL);
+#define REFUSE(field, value) (p = good, p.field = (value), refused(&p))
+    REFUSE(max_scans, 0);
+    REFUSE(max_scans, (1 << 16) + 1);
+    REFUSE(max_segments, 0);
+    REFUSE(max_segments, (1 << 24) + 1);
+    REFUSE(max_points, 0);
+    REFUSE(max_points, (1 << 24) + 1);
+    REFUSE(max_hypotheses, 0);
+    REFUSE(max_hypotheses, (1 << 24) + 1);
+    REFUSE(max_fill, 0);
+    REFUSE(max_fill, (1 << 24) + 1);
+    REFUSE(max_cells, 63);
+    REFUSE(max_cells, (1 << 24) + 1);
+    REFUSE(max_repairs, -1);
+    REFUSE(max_rounds, -1);
+    REFUSE(contradiction, -1);
+    REFUSE(contradiction, NAN);
+    REFUSE(contradiction, INFINITY);
+    REFUSE(spread_angle, CAIRN_REAL(3.2));
+    REFUSE(reach, CAIRN_REAL(1.1e6));
+    for (size_t k = 0; k < sizeof bad / sizeof *bad; k++) {
+        REFUSE(spread, bad[k]);
+        REFUSE(spread_angle, bad[k]);
+        REFUSE(reach, bad[k]);
+        REFUSE(sigma, bad[k]);
+        REFUSE(least_evidence, bad[k]);
+        REFUSE(observable, bad[k]);
+        REFUSE(observable_angle, bad[k]);
+    }
+    p = good;
+    assert_true(cairn_aligner_memory(&p) > 0);
+    p.max_repairs = p.max_rounds = 0;
+    p.contradiction = 0;
+    assert_true(cairn_aligner_memory(&p) > 0);
+}
+
+static void scans_are_refused(void **state)
+{
+    cairn_aligner_params params = room_for(2);
+    cairn_segment segments[2] = {{{1, 0}, {1, 1}}, {{1, 1}, {0, 1}}};
+    cairn_oriented_point points[3] = {{{1, 0}, {0, 1}}, {{1, 1}, {0, 1}}, {{0, 1}, {-1, 0}}};
+    cairn_beam beams[1] = {{{0, 0}, {1, CAIRN_REAL(0.5)}, CAIRN_BEAM_HIT}};
+    int32_t first[3] = {0, 2, 3};
+    const cairn_scan_view good = {beams, segments, first, points, 1, 2, 3, {0, 0}, 0};
+    cairn_scan_view view = good;
+    cairn_pose at = {0, 0, 0};
+    cairn_fault fault;
+    struct bed bed;
+
+    (void)state;
+    params.max_segments = 4;
+    params.max_points = 6;
+    bed = make_bed(&params);
+    assert_status(cairn_aligner_begin(NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_aligner_begin(bed.aligner), CAIRN_EMPTY);
+    assert_status(cairn_aligner_step(NULL, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_aligner_step(bed.aligner, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_aligner_add_scan(NULL, &view, at, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_aligner_add_scan(bed.aligner, NULL, at, &fault), CAIRN_BAD_ARGUMENT);
+    assert_non_null(fault.what);
+#define REFUSE_VIEW(change, status, where)                                                                             \
+    do {                                                                                                               \
+        view = good;                                                                                                   \
+        change;                                                                                                        \
+        assert_status(cairn_aligner_add_scan(bed.aligner, &view, at, &fault), status);                                 \
+        assert_int_equal(fault.index, where);                                                                          \
+        assert_non_null(fault.what);                                                                                   \
+        assert_int_equal(cairn_aligner_scan_count(bed.aligner), 0);                                                    \
+    } while (0)
+    REFUSE_VIEW(view.beam_count = -1, CAIRN_BAD_ARGUMENT, -1);
+    REFUSE_VIEW(view.segment_count = -1, CAIRN_BAD_ARGUMENT, -1);
+    REFUSE_VIEW(view.point_count = -1, CAIRN_BAD_ARGUMENT, -1);
+    REFUSE_VIEW(view.beams = NULL, CAIRN_BAD_ARGUMENT, -1);
+    REFUSE_VIEW(view.points = NULL, CAIRN_BAD_ARGUMENT, -1);
+    REFUSE_VIEW(view.segments = NULL, CAIRN_BAD_ARGUMENT, -1);
+    REFUSE_VIEW(view.first_point = NULL, CAIRN_BAD_ARGUMENT, -1);
+    REFUSE_VIEW(view.segment_count = 0, CAIRN_BAD_ARGUMENT, 0);
+    REFUSE_VIEW(view.point_count = 2, CAIRN_BAD_ARGUMENT, 2);
+    REFUSE_VIEW(view.sensor.x = NAN, CAIRN_NOT_FINITE, -1);
+    REFUSE_VIEW(view.sensor.y = CAIRN_REAL(2e6), CAIRN_BAD_ARGUMENT, -1);
+    REFUSE_VIEW(at.x = INFINITY, CAIRN_NOT_FINITE, -1);
+    REFUSE_VIEW(at.x = CAIRN_REAL(-2e6), CAIRN_BAD_ARGUMENT, -1);
+    at.x = 0;
+#define REFUSE_ELEMENT(element, value, status, where)                                                                  \
+    do {                                                                                                               \
+        cairn_real kept = element;                                                                                     \
+        element = value;                                                                                               \
+        REFUSE_VIEW((void)0, status, where);                                                                           \
+        element = kept;                                                                                                \
+    } while (0)
+    REFUSE_ELEMENT(segments[1].a.x, NAN, CAIRN_NOT_FINITE, 1);
+    REFUSE_ELEMENT(segments[1].b.y, INFINITY, CAIRN_NOT_FINITE, 1);
+    REFUSE_ELEMENT(segments[0].a.x, CAIRN_REAL(2e6), CAIRN_BAD_ARGUMENT, 0);
+    REFUSE_ELEMENT(segments[0].b.y, CAIRN_REAL(-2e6), CAIRN_BAD_ARGUMENT, 0);
+    REFUSE_ELEMENT(points[2].position.x, NAN, CAIRN_NOT_FINITE, 2);
+    REFUSE_ELEMENT(points[2].position.y, CAIRN_REAL(2e6), CAIRN_BAD_ARGUMENT, 2);
+    REFUSE_ELEMENT(beams[0].from.x, NAN, CAIRN_NOT_FINITE, 0);
+    REFUSE_ELEMENT(beams[0].to.y, INFINITY, CAIRN_NOT_FINITE, 0);
+    REFUSE_ELEMENT(beams[0].to.x, CAIRN_REAL(2e6), CAIRN_BAD_ARGUMENT, 0);
+    REFUSE_ELEMENT(beams[0].from.y, CAIRN_REAL(2e6), CAIRN_BAD_ARGUMENT, 0);
+    first[0] = 1;
+    REFUSE_VIEW((void)0, CAIRN_BAD_ARGUMENT, 0);
+    first[0] = 0;
+    first[1] = 4;
+    REFUSE_VIEW((void)0, CAIRN_BAD_ARGUMENT, 1);
+    first[1] = 2;
+
+    view = good;
+    assert_ok(cairn_aligner_add_scan(bed.aligner, &view, at, &fault));
+    assert_ok(cairn_aligner_add_scan(bed.aligner, &view, at, NULL));
+    assert_status(cairn_aligner_add_scan(bed.aligner, &view, at, &fault), CAIRN_FULL);
+    assert_int_equal(cairn_aligner_scan_count(bed.aligner), 2);
+    check_ends(&bed);
+    assert_int_equal(cairn_aligner_pose_of(bed.aligner, 2).placed, 0);
+    assert_int_equal(cairn_aligner_pose_of(bed.aligner, -1).part, 0);
+    end_bed(&bed);
+
+    params.max_scans = 9;
+    params.max_points = 5;
+    bed = make_bed(&params);
+    assert_ok(cairn_aligner_add_scan(bed.aligner, &view, at, NULL));
+    assert_status(cairn_aligner_add_scan(bed.aligner, &view, at, NULL), CAIRN_FULL);
+    end_bed(&bed);
+    params.max_points = 50;
+    params.max_segments = 3;
+    bed = make_bed(&params);
+    assert_ok(cairn_aligner_add_scan(bed.aligner, &view, at, NULL));
+    assert_status(cairn_aligner_add_scan(bed.aligner, &view, at, NULL), CAIRN_FULL);
+    end_bed(&bed);
+}
+
+/* Before an alignment and after clear() the poses are the initial ones. */
+static void initial_poses_are_shown(void **state)
+{
+    cairn_aligner_params params = room_for(2);
+    struct bed bed = make_bed(&params);
+    sim_pose at = {2, 1.5, 0};
+    float ranges[BEAMS];
+    cairn_scan_input input = box_scan(ranges, 6, 4, at);
+    cairn_aligner_pose p;
+
+    (void)state;
+    add(&bed, &input, start_at(1, 2, 30));
+    p = cairn_aligner_pose_of(bed.aligner, 0);
+    assert_near(p.map_scan.x, 1, 1e-6);
+    assert_near(p.map_scan.theta, 30 * DEGREE, 1e-6);
+    assert_near(p.covariance[0], 0.24, 1e-6);
+    assert_int_equal(p.placed, 0);
+    assert_int_equal(cairn_aligner_read(bed.aligner).anchor, -1);
+    cairn_aligner_clear(bed.aligner);
+    assert_int_equal(cairn_aligner_scan_count(bed.aligner), 0);
+    assert_status(cairn_aligner_begin(bed.aligner), CAIRN_EMPTY);
+    end_bed(&bed);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(aligns_an_arena),
+        cmocka_unit_test(aligns_full_scans),
+        cmocka_unit_test(order_does_not_matter),
+        cmocka_unit_test(budgets_do_not_matter),
+        cmocka_unit_test(an_alignment_can_be_watched),
+        cmocka_unit_test(ingredients_matter),
+        cmocka_unit_test(too_little_fill_is_a_verdict),
+        cmocka_unit_test(two_scans_of_a_box),
+        cmocka_unit_test(initial_poses_place_the_map),
+        cmocka_unit_test(a_flat_wall_is_not_observable),
+        cmocka_unit_test(parts_that_do_not_meet),
+        cmocka_unit_test(degenerate_scans),
+        cmocka_unit_test(memory_is_exact),
+        cmocka_unit_test(params_are_refused),
+        cmocka_unit_test(scans_are_refused),
+        cmocka_unit_test(initial_poses_are_shown),
+    };
+
+    return cmocka_run_group_tests(tests, open_scan, close_scan);
+}

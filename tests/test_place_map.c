@@ -1,0 +1,649 @@
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "cairn/place_map.h"
+#include "sim/arena.h"
+
+enum { MAX_SCANS = 64, BEAMS = 360 };
+
+static const double DEGREE = 0.017453292519943295;
+
+/* ---- Scans ---- */
+
+/* A set of scans with their place and their pose in the place; views stay with `reader` only until the next one. */
+struct scans {
+    cairn_scan_input input[MAX_SCANS];
+    int32_t place[MAX_SCANS];
+    cairn_pose place_scan[MAX_SCANS];
+    cairn_pose truth[MAX_SCANS];
+    int32_t count;
+};
+
+/* The first `places` places of an arena. */
+struct arena {
+    sim_arena *arena;
+    sim_survey *survey;
+    struct scans scans;
+};
+
+static cairn_pose pose_of(sim_pose p)
+{
+    cairn_pose pose = {(cairn_real)p.x, (cairn_real)p.y, (cairn_real)p.theta};
+
+    return pose;
+}
+
+/* error: of the scans in their places, uniform +-m and +-degrees. */
+static void make_arena(struct arena *a, uint64_t seed, int32_t places, double error_m, double error_deg)
+{
+    sim_arena_options arena = sim_arena_default();
+    sim_survey_options survey = sim_survey_default();
+    cairn_random random = cairn_random_seed(seed, 3);
+    const sim_scan *scans;
+    char fault[256] = "";
+    int32_t count, first = 0;
+
+    memset(a, 0, sizeof *a);
+    arena.seed = survey.seed = seed;
+    arena.width = 7;
+    arena.height = 6;
+    survey.places = places;
+    survey.beams = 201;
+    a->arena = sim_arena_create(&arena, fault, sizeof fault);
+    assert_non_null(a->arena);
+    a->survey = sim_survey_create(a->arena, &survey, fault, sizeof fault);
+    assert_non_null(a->survey);
+    scans = sim_survey_scans(a->survey, &count);
+    for (int32_t k = 0; k < count && scans[k].place < places; k++) {
+        struct scans *s = &a->scans;
+        int32_t i = s->count++;
+
+        s->input[i] = sim_scan_input(&scans[k]);
+        s->place[i] = scans[k].place;
+        s->truth[i] = pose_of(scans[k].truth);
+        if (i == 0 || s->place[i] != s->place[i - 1])
+            first = i;
+        s->place_scan[i] = cairn_pose_between(s->truth[first], s->truth[i]);
+        if (i != first) {
+            s->place_scan[i].x += (cairn_real)(error_m * (double)cairn_random_uniform(&random, -1, 1));
+            s->place_scan[i].y += (cairn_real)(error_m * (double)cairn_random_uniform(&random, -1, 1));
+            s->place_scan[i].theta += (cairn_real)(error_deg * DEGREE * (double)cairn_random_uniform(&random, -1, 1));
+        }
+    }
+}
+
+static void free_arena(struct arena *a)
+{
+    sim_survey_free(a->survey);
+    sim_arena_free(a->arena);
+}
+
+/* Full circles seen from poses within rooms of straight walls, a -> b with the free side on the left, with noise. */
+struct room {
+    cairn_segment walls[16];
+    int32_t count;
+};
+
+static float ranges[MAX_SCANS][BEAMS];
+
+static float cast(const struct room *room, cairn_pose from, double angle)
+{
+    double best = 7.9, c = cos((double)from.theta + angle), s = sin((double)from.theta + angle);
+
+    for (int32_t i = 0; i < room->count; i++) {
+        double ax = (double)(room->walls[i].a.x - from.x), ay = (double)(room->walls[i].a.y - from.y);
+        double dx = (double)(room->walls[i].b.x - room->walls[i].a.x),
+               dy = (double)(room->walls[i].b.y - room->walls[i].a.y);
+        double cross = c * dy - s * dx, t = (ax * dy - ay * dx) / cross, u = (ax * s - ay * c) / cross;
+
+        if (cross != 0 && t > 0 && t < best && u >= 0 && u <= 1)
+            best = t;
+    }
+    return (float)best;
+}
+
+static void add_room_scan(struct scans *s, const struct room *room, int32_t place, cairn_pose pose)
+{
+    cairn_random random = cairn_random_seed((uint64_t)s->count + 1, 5);
+    cairn_scan_input *input = &s->input[s->count];
+
+    memset(input, 0, sizeof *input);
+    for (int32_t i = 0; i < BEAMS; i++)
+        ranges[s->count][i] = cast(room, pose, -3.14159 + i * DEGREE) + 0.005F * (float)cairn_random_normal(&random);
+    input->range = ranges[s->count];
+    input->count = BEAMS;
+    input->angle_min = -3.14159F;
+    input->angle_step = (float)DEGREE;
+    input->range_min = 0.05F;
+    input->range_max = 8;
+    input->range_sigma = 0.005F;
+    s->place[s->count] = place;
+    s->place_scan[s->count] = cairn_pose_identity();
+    s->truth[s->count++] = pose;
+}
+
+static void add_wall(struct room *room, double ax, double ay, double bx, double by)
+{
+    cairn_segment wall = {{(cairn_real)ax, (cairn_real)ay}, {(cairn_real)bx, (cairn_real)by}};
+
+    room->walls[room->count++] = wall;
+}
+
+static void add_box(struct room *room, double x0, double y0, double x1, double y1)
+{
+    add_wall(room, x0, y0, x1, y0);
+    add_wall(room, x1, y0, x1, y1);
+    add_wall(room, x1, y1, x0, y1);
+    add_wall(room, x0, y1, x0, y0);
+}
+
+/* ---- Maps ---- */
+
+struct mapper {
+    cairn_pool pool;
+    cairn_scan *scan;
+    cairn_place_map *map;
+};
+
+static cairn_place_map_params small_params(int32_t places)
+{
+    cairn_place_map_params params = cairn_place_map_default();
+
+    params.max_places = places;
+    params.max_scans = 4 * places;
+    params.max_place_beams = 1024;
+    params.consensus.max_hypotheses = 512;
+    return params;
+}
+
+static void make_mapper(struct mapper *m, const cairn_place_map_params *params)
+{
+    cairn_scan_params scan = cairn_scan_default();
+
+    m->pool = test_pool(cairn_scan_memory(&scan) + cairn_place_map_memory(params));
+    assert_ok(cairn_scan_create(&m->scan, &m->pool, &scan));
+    assert_ok(cairn_place_map_create(&m->map, &m->pool, params));
+}
+
+static cairn_scan_view view_of(struct mapper *m, const cairn_scan_input *input)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    assert_ok(cairn_scan_begin(m->scan, input, NULL));
+    assert_ok(cairn_scan_step(m->scan, &budget));
+    return cairn_scan_read(m->scan);
+}
+
+static void load(struct mapper *m, const struct scans *scans)
+{
+    cairn_place_map_clear(m->map);
+    for (int32_t k = 0; k < scans->count; k++) {
+        cairn_scan_view view = view_of(m, &scans->input[k]);
+
+        assert_ok(cairn_place_map_add_scan(m->map, scans->place[k], &view, scans->place_scan[k], NULL));
+    }
+}
+
+static cairn_place_map_result solve(struct mapper *m)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_status status;
+
+    assert_ok(cairn_place_map_begin(m->map));
+    assert_int_equal(cairn_place_map_read(m->map).places, 0);
+    assert_int_equal(cairn_place_map_place_of(m->map, 0).part, 0);
+    while ((status = cairn_place_map_step(m->map, &budget)) == CAIRN_MORE)
+        budget.left = CAIRN_UNBOUNDED;
+    assert_ok(status);
+    return cairn_place_map_read(m->map);
+}
+
+/* Places that lie within metres and radians of the truth, seen from the first. */
+static int32_t count_right(const struct mapper *m, const struct scans *scans, double metres, double radians)
+{
+    int32_t right = 0;
+
+    for (int32_t k = 0; k < scans->count; k++) {
+        cairn_pose pose = cairn_place_map_place_of(m->map, scans->place[k]).map_place;
+        cairn_pose seen = cairn_pose_between(scans->truth[0], scans->truth[k]);
+
+        right += (k == 0 || scans->place[k] != scans->place[k - 1]) &&
+                 hypot((double)(pose.x - seen.x), (double)(pose.y - seen.y)) < metres &&
+                 fabs((double)cairn_wrap_angle(pose.theta - seen.theta)) < radians;
+    }
+    return right;
+}
+
+static uint64_t hash_of(const struct mapper *m, int32_t scans)
+{
+    uint64_t hash = TEST_HASH_START;
+
+    for (int32_t k = 0; k < scans; k++) {
+        cairn_pose pose = cairn_place_map_scan_pose(m->map, k);
+
+        hash = test_hash(hash, &pose, sizeof pose);
+    }
+    return hash;
+}
+
+/* ---- What it finds ---- */
+
+static void places_of_an_arena(void **state)
+{
+    cairn_place_map_params params = small_params(6);
+    static struct arena arena;
+    struct mapper m;
+    cairn_place_map_result result;
+
+    (void)state;
+    make_arena(&arena, 1003, 6, 0, 0);
+    make_mapper(&m, &params);
+    load(&m, &arena.scans);
+    result = solve(&m);
+    assert_int_equal(result.places, 6);
+    assert_int_equal(result.placed, 6);
+    assert_int_equal(result.parts, 1);
+    assert_int_equal(result.matches, 15 + 6);
+    assert_true(result.hypotheses >= 5);
+    assert_true(result.total > 10);
+    assert_int_equal(result.decoupled, 0);
+    assert_int_equal(count_right(&m, &arena.scans, 0.03, 0.5 * DEGREE), 6);
+    for (int32_t k = 0; k < arena.scans.count; k++) {
+        cairn_place_map_place place = cairn_place_map_place_of(m.map, arena.scans.place[k]);
+        cairn_pose pose = cairn_place_map_scan_pose(m.map, k);
+        cairn_pose expected = cairn_pose_compose(place.map_place, arena.scans.place_scan[k]);
+
+        assert_near(pose.x, expected.x, NUMBER(1e-9, 1e-4));
+        assert_near(pose.y, expected.y, NUMBER(1e-9, 1e-4));
+        assert_near(cairn_wrap_angle(pose.theta - expected.theta), 0, NUMBER(1e-9, 1e-4));
+        assert_int_equal(place.part, 0);
+        assert_true(place.support > 1);
+    }
+    assert_near(cairn_place_map_scan_pose(m.map, arena.scans.count).x, 0, 0);
+    assert_near(cairn_place_map_scan_pose(m.map, -1).x, 0, 0);
+    assert_int_equal(cairn_place_map_place_of(m.map, 6).alternatives, 0);
+    assert_near(cairn_place_map_place_of(m.map, -1).support, 0, 0);
+    test_pool_free(&m.pool);
+    free_arena(&arena);
+}
+
+/* The poses that a log brings along must not be looked at. */
+static void the_order_of_budgets_and_stamps_do_not_matter(void **state)
+{
+    const int32_t budgets[] = {CAIRN_UNBOUNDED, 1, 7, 1000};
+    cairn_place_map_params params = small_params(3);
+    static struct arena arena;
+    struct mapper m;
+    uint64_t first = 0;
+
+    (void)state;
+    make_arena(&arena, 1003, 3, 0, 0);
+    make_mapper(&m, &params);
+    for (int32_t b = 0; b < 4; b++) {
+        cairn_budget budget = {0};
+        cairn_status status;
+        int64_t units = 0;
+
+        for (int32_t k = 0; k < arena.scans.count; k++)
+            arena.scans.input[k].stamp_ns = 1000 * b + k;
+        load(&m, &arena.scans);
+        assert_ok(cairn_place_map_begin(m.map));
+        assert_status(cairn_place_map_step(m.map, &budget), CAIRN_MORE);
+        do {
+            budget.left = budgets[b];
+            status = cairn_place_map_step(m.map, &budget);
+            assert_true(budget.left >= 0);
+            units += budgets[b] - budget.left;
+        } while (status == CAIRN_MORE);
+        assert_ok(status);
+        assert_int_equal(cairn_place_map_read(m.map).units, units);
+        if (b == 0)
+            first = hash_of(&m, arena.scans.count);
+        assert_true(hash_of(&m, arena.scans.count) == first);
+    }
+    test_pool_free(&m.pool);
+    free_arena(&arena);
+}
+
+static void scans_aligned_by_themselves(void **state)
+{
+    cairn_place_map_params params = small_params(6);
+    static struct arena arena;
+    double errors[2][2] = {{0, 0}, {0, 0}};
+
+    (void)state;
+    make_arena(&arena, 1003, 6, 0.05, 2);
+    for (int32_t decoupled = 0; decoupled < 2; decoupled++) {
+        struct mapper m;
+
+        params.decoupled = decoupled;
+        make_mapper(&m, &params);
+        load(&m, &arena.scans);
+        assert_int_equal(solve(&m).decoupled > 0, decoupled);
+        for (int32_t k = 0; k < arena.scans.count; k++)
+            for (int32_t l = k + 1; l < arena.scans.count; l++) {
+                cairn_pose seen = cairn_pose_between(arena.scans.truth[k], arena.scans.truth[l]);
+                cairn_pose found =
+                    cairn_pose_between(cairn_place_map_scan_pose(m.map, k), cairn_place_map_scan_pose(m.map, l));
+
+                errors[decoupled][0] += hypot((double)(found.x - seen.x), (double)(found.y - seen.y));
+                errors[decoupled][1] += fabs((double)cairn_wrap_angle(found.theta - seen.theta));
+            }
+        test_pool_free(&m.pool);
+    }
+    assert_true(errors[1][0] < 0.9 * errors[0][0]);
+    assert_true(errors[1][1] < 0.9 * errors[0][1]);
+    free_arena(&arena);
+}
+
+/* A rectangle looks the same after half a turn. */
+static void half_a_turn_of_a_rectangle_is_ambiguous(void **state)
+{
+    const cairn_pose poses[2] = {{1, CAIRN_REAL(0.5), 0}, {CAIRN_REAL(-1.2), CAIRN_REAL(-0.4), 2}};
+    cairn_place_map_params params = small_params(2);
+    struct room room = {.count = 0};
+    static struct scans scans;
+    struct mapper m;
+    cairn_place_map_result result;
+    cairn_place_map_place place;
+    cairn_consensus_alternative other;
+
+    (void)state;
+    add_box(&room, -3, -2, 3, 2);
+    scans.count = 0;
+    for (int32_t i = 0; i < 2; i++)
+        add_room_scan(&scans, &room, i, poses[i]);
+    make_mapper(&m, &params);
+    load(&m, &scans);
+    result = solve(&m);
+    assert_int_equal(result.parts, 1);
+    assert_true(result.ambiguous > 0);
+    place = cairn_place_map_place_of(m.map, 1);
+    assert_int_equal(place.ambiguous, 1);
+    assert_true(place.alternatives > 0);
+    other = cairn_place_map_alternative(m.map, 1, 0);
+    assert_near(fabs((double)cairn_wrap_angle(other.map_node.theta - place.map_place.theta)), 3.14159, 0.02);
+    assert_near(cairn_place_map_alternative(m.map, 1, place.alternatives).weight, 0, 0);
+
+    /* A box in a corner tells. */
+    add_box(&room, 2, 1, 3, 2);
+    scans.count = 0;
+    for (int32_t i = 0; i < 2; i++)
+        add_room_scan(&scans, &room, i, poses[i]);
+    load(&m, &scans);
+    result = solve(&m);
+    assert_int_equal(result.ambiguous, 0);
+    assert_int_equal(count_right(&m, &scans, 0.03, 0.01), 2);
+    test_pool_free(&m.pool);
+}
+
+static void rooms_that_differ_are_parts(void **state)
+{
+    cairn_place_map_params params = small_params(4);
+    struct room small = {.count = 0}, large = {.count = 0};
+    static struct scans scans;
+    struct mapper m;
+    cairn_place_map_result result;
+
+    (void)state;
+    add_box(&small, -1, -1.5, 1, 1.5);
+    add_box(&small, 0.5, 0.7, 1, 1.5);
+    add_box(&large, -4, -3, 4, 3);
+    add_box(&large, 1.5, 1, 4, 3);
+    scans.count = 0;
+    for (int32_t i = 0; i < 4; i++) {
+        cairn_pose pose = {CAIRN_REAL(0.3) * (cairn_real)i - CAIRN_REAL(0.3), CAIRN_REAL(-0.2), (cairn_real)i};
+
+        add_room_scan(&scans, i % 2 == 0 ? &large : &small, i, pose);
+    }
+    make_mapper(&m, &params);
+    load(&m, &scans);
+    result = solve(&m);
+    assert_int_equal(result.parts, 2);
+    assert_int_equal(result.placed, 2);
+    for (int32_t i = 0; i < 4; i++) {
+        cairn_place_map_place place = cairn_place_map_place_of(m.map, i);
+        cairn_pose seen = cairn_pose_between(scans.truth[i % 2], scans.truth[i]);
+
+        assert_int_equal(place.part, i % 2);
+        assert_near(place.map_place.x, seen.x, 0.02);
+        assert_near(place.map_place.y, seen.y, 0.02);
+        assert_near(cairn_wrap_angle(place.map_place.theta - seen.theta), 0, 0.01);
+    }
+    test_pool_free(&m.pool);
+}
+
+static void one_after_the_other(void **state)
+{
+    cairn_place_map_params params = small_params(4);
+    struct room room = {.count = 0};
+    static struct scans scans;
+    struct mapper m;
+    cairn_place_map_result result;
+
+    (void)state;
+    add_box(&room, -3, -2, 3, 2);
+    add_box(&room, 1.8, 1, 3, 2);
+    add_box(&room, -0.5, -2, 0.2, -1.2);
+    scans.count = 0;
+    for (int32_t i = 0; i < 4; i++) {
+        cairn_pose pose = {CAIRN_REAL(0.5) * (cairn_real)i - 1, CAIRN_REAL(0.3), (cairn_real)i};
+
+        add_room_scan(&scans, &room, i, pose);
+    }
+    params.mode = CAIRN_PLACE_MAP_SEQUENTIAL;
+    params.recent = 2;
+    make_mapper(&m, &params);
+    load(&m, &scans);
+    result = solve(&m);
+    assert_int_equal(result.matches, 3);
+    assert_int_equal(result.hypotheses, 0);
+    assert_int_equal(result.parts, 1);
+    assert_int_equal(count_right(&m, &scans, 0.03, 0.01), 4);
+    assert_int_equal(cairn_place_map_place_of(m.map, 1).ambiguous, 0);
+    test_pool_free(&m.pool);
+}
+
+static void one_place(void **state)
+{
+    cairn_place_map_params params = small_params(2);
+    struct room room = {.count = 0};
+    static struct scans scans;
+    struct mapper m;
+    cairn_place_map_result result;
+
+    (void)state;
+    add_box(&room, -3, -2, 3, 2);
+    scans.count = 0;
+    add_room_scan(&scans, &room, 0, cairn_pose_identity());
+    for (params.mode = 0; params.mode < 2; params.mode++) {
+        make_mapper(&m, &params);
+        assert_status(cairn_place_map_begin(m.map), CAIRN_EMPTY);
+        load(&m, &scans);
+        result = solve(&m);
+        assert_int_equal(result.places, 1);
+        assert_int_equal(result.parts, 1);
+        assert_int_equal(result.matches, params.mode == CAIRN_PLACE_MAP_SEQUENTIAL ? 0 : 1);
+        assert_near(cairn_place_map_place_of(m.map, 0).map_place.x, 0, 0);
+        test_pool_free(&m.pool);
+    }
+}
+
+/* ---- Contracts ---- */
+
+static cairn_status create(void *context, cairn_pool *pool)
+{
+    cairn_place_map *map;
+
+    return cairn_place_map_create(&map, pool, context);
+}
+
+static void memory_is_exact(void **state)
+{
+    cairn_place_map_params params = cairn_place_map_default();
+
+    (void)state;
+    params.max_places = 2;
+    params.max_scans = 2;
+    params.max_place_points = 4;
+    params.max_place_beams = 4;
+    params.sight_reach = CAIRN_REAL(0.5);
+    params.match.max_hypotheses = 1;
+    params.consensus.max_hypotheses = 2;
+    test_every_pool_size(create, &params, cairn_place_map_memory(&params));
+}
+
+#define REFUSED(field, value)                                                                                          \
+    do {                                                                                                               \
+        cairn_place_map_params bad = small_params(2);                                                                  \
+        cairn_place_map *none = NULL;                                                                                  \
+        bad.field = value;                                                                                             \
+        assert_int_equal(cairn_place_map_memory(&bad), 0);                                                             \
+        assert_status(cairn_place_map_create(&none, &pool, &bad), CAIRN_BAD_ARGUMENT);                                 \
+        assert_null(none);                                                                                             \
+    } while (0)
+
+#define TAKEN(field, value)                                                                                            \
+    do {                                                                                                               \
+        cairn_place_map_params good = small_params(2);                                                                 \
+        good.field = value;                                                                                            \
+        assert_true(cairn_place_map_memory(&good) > 0);                                                                \
+    } while (0)
+
+static void bad_params_are_refused(void **state)
+{
+    const cairn_real nan = (cairn_real)NAN, infinity = (cairn_real)INFINITY;
+    cairn_place_map_params params = small_params(2);
+    cairn_pool pool = test_pool(cairn_place_map_memory(&params));
+    cairn_place_map *map;
+
+    (void)state;
+    REFUSED(mode, -1);
+    REFUSED(mode, 2);
+    REFUSED(max_places, 1);
+    REFUSED(max_places, 257);
+    REFUSED(max_scans, 1);
+    REFUSED(max_scans, (1 << 16) + 1);
+    REFUSED(max_place_points, 0);
+    REFUSED(max_place_points, (1 << 19) + 1);
+    REFUSED(max_place_beams, 0);
+    REFUSED(max_place_beams, (1 << 19) + 1);
+    REFUSED(recent, 0);
+    REFUSED(rounds, -1);
+    REFUSED(sweeps, -1);
+    REFUSED(decoupled, 2);
+    REFUSED(decoupled, -1);
+    REFUSED(sight_reach, 0);
+    REFUSED(sight_reach, nan);
+    REFUSED(sight_reach, infinity);
+    REFUSED(sight_cell, 0);
+    REFUSED(sight_cell, nan);
+    REFUSED(sight_cell, CAIRN_REAL(0.001));
+    REFUSED(sight_margin, 0);
+    REFUSED(sight_margin, nan);
+    REFUSED(sight_margin, 2);
+    REFUSED(for_point, 0);
+    REFUSED(for_point, nan);
+    REFUSED(against_point, 0);
+    REFUSED(against_point, nan);
+    REFUSED(floating, -1);
+    REFUSED(floating, 2);
+    REFUSED(floating, nan);
+    REFUSED(chance, -1);
+    REFUSED(chance, nan);
+    REFUSED(chance, infinity);
+    REFUSED(match.max_hypotheses, 0);
+    REFUSED(consensus.max_hypotheses, 0);
+    TAKEN(recent, 1);
+    TAKEN(rounds, 0);
+    TAKEN(sweeps, 0);
+    TAKEN(floating, 0);
+    TAKEN(floating, 1);
+    TAKEN(chance, 0);
+    TAKEN(max_places, 8);
+    TAKEN(max_scans, 2);
+    TAKEN(max_place_points, 1);
+    TAKEN(max_place_beams, 1);
+    assert_int_equal(cairn_place_map_memory(NULL), 0);
+    assert_status(cairn_place_map_create(NULL, &pool, &params), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_place_map_create(&map, NULL, &params), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(pool.used, 0);
+    test_pool_free(&pool);
+}
+
+static void bad_scans_are_refused(void **state)
+{
+    const cairn_real nan = (cairn_real)NAN;
+    cairn_place_map_params params = small_params(2);
+    struct room room = {.count = 0};
+    static struct scans scans;
+    struct mapper m;
+    cairn_scan_view view, large;
+    cairn_pose pose = {0, 0, 0}, bad = pose;
+    cairn_fault fault = {7, NULL};
+
+    (void)state;
+    params.max_scans = 3;
+    params.max_place_beams = 2 * BEAMS;
+    make_mapper(&m, &params);
+    add_box(&room, -3, -2, 3, 2);
+    scans.count = 0;
+    add_room_scan(&scans, &room, 0, pose);
+    view = view_of(&m, &scans.input[0]);
+    assert_status(cairn_place_map_begin(NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_place_map_step(NULL, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_place_map_step(m.map, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_place_map_add_scan(NULL, 0, &view, pose, &fault), CAIRN_BAD_ARGUMENT);
+    assert_non_null(fault.what);
+    assert_int_equal(fault.index, -1);
+    assert_status(cairn_place_map_add_scan(m.map, 0, NULL, pose, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_place_map_add_scan(m.map, 1, &view, pose, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_place_map_add_scan(m.map, -1, &view, pose, NULL), CAIRN_BAD_ARGUMENT);
+    bad.theta = nan;
+    assert_status(cairn_place_map_add_scan(m.map, 0, &view, bad, NULL), CAIRN_NOT_FINITE);
+    bad.theta = 0;
+    bad.x = 2 * CAIRN_SCAN_EXTENT;
+    assert_status(cairn_place_map_add_scan(m.map, 0, &view, bad, NULL), CAIRN_BAD_ARGUMENT);
+    bad.x = 0;
+    bad.y = -2 * CAIRN_SCAN_EXTENT;
+    assert_status(cairn_place_map_add_scan(m.map, 0, &view, bad, NULL), CAIRN_BAD_ARGUMENT);
+    large = view;
+    large.point_count = params.max_place_points + 1;
+    assert_status(cairn_place_map_add_scan(m.map, 0, &large, pose, NULL), CAIRN_FULL);
+    large = view;
+    large.beam_count = params.max_place_beams + 1;
+    assert_status(cairn_place_map_add_scan(m.map, 0, &large, pose, NULL), CAIRN_FULL);
+    assert_status(cairn_place_map_begin(m.map), CAIRN_EMPTY); /* nothing of these was kept */
+    assert_ok(cairn_place_map_add_scan(m.map, 0, &view, pose, NULL));
+    assert_ok(cairn_place_map_add_scan(m.map, 0, &view, pose, NULL));
+    assert_status(cairn_place_map_add_scan(m.map, 0, &view, pose, NULL), CAIRN_FULL); /* of one place */
+    assert_ok(cairn_place_map_add_scan(m.map, 1, &view, pose, NULL));
+    assert_status(cairn_place_map_add_scan(m.map, 0, &view, pose, NULL), CAIRN_BAD_ARGUMENT); /* came too late */
+    assert_status(cairn_place_map_add_scan(m.map, 1, &view, pose, NULL), CAIRN_FULL);         /* scans */
+    assert_status(cairn_place_map_add_scan(m.map, 2, &view, pose, NULL), CAIRN_FULL);         /* places */
+    (void)solve(&m);
+    assert_int_equal(cairn_place_map_read(m.map).places, 2);
+    cairn_place_map_clear(m.map);
+    assert_int_equal(cairn_place_map_read(m.map).places, 0);
+    assert_ok(cairn_place_map_add_scan(m.map, 0, &view, pose, NULL));
+    test_pool_free(&m.pool);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(places_of_an_arena),
+        cmocka_unit_test(the_order_of_budgets_and_stamps_do_not_matter),
+        cmocka_unit_test(scans_aligned_by_themselves),
+        cmocka_unit_test(half_a_turn_of_a_rectangle_is_ambiguous),
+        cmocka_unit_test(rooms_that_differ_are_parts),
+        cmocka_unit_test(one_after_the_other),
+        cmocka_unit_test(one_place),
+        cmocka_unit_test(memory_is_exact),
+        cmocka_unit_test(bad_params_are_refused),
+        cmocka_unit_test(bad_scans_are_refused),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
