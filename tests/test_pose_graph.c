@@ -254,7 +254,7 @@ static void assert_state(const struct made *made, const struct problem *p, const
 
 static void every_kernel_finds_its_minimum(void **state)
 {
-    struct problem p = a_problem(1, 0.05);
+    struct problem p = a_problem(1, 0.08);
 
     (void)state;
     for (int32_t kernel = CAIRN_POSE_GRAPH_SQUARE; kernel <= CAIRN_POSE_GRAPH_DCS; kernel++)
