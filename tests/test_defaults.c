@@ -13,6 +13,7 @@
 #include "cairn/pose_graph.h"
 #include "cairn/report.h"
 #include "cairn/scan_match.h"
+#include "cairn/sequence.h"
 
 typedef struct value {
     const char *name;
@@ -102,6 +103,7 @@ static void of_matches_and_corners(void **state)
     cairn_lum_params lum = cairn_lum_default();
     cairn_icp_params icp = cairn_icp_default();
     cairn_scan_match_params match = cairn_scan_match_default();
+    cairn_sequence_params sequence = cairn_sequence_default();
     cairn_corner_params corner = cairn_corner_default();
     const value values[] = {
         VALUE(solver.max_poses, 1000),
@@ -141,6 +143,7 @@ static void of_matches_and_corners(void **state)
         VALUE(icp.converged_distance * 1000, 0.1),
         VALUE(icp.converged_angle * 1000, 0.1),
         VALUE(icp.weak_ratio, 0.01),
+        VALUE(icp.roll_back, 0),
         VALUE(match.mode, CAIRN_SCAN_MATCH_CORRELATIVE),
         VALUE(match.max_target, 2048),
         VALUE(match.max_dense, 4096),
@@ -150,6 +153,10 @@ static void of_matches_and_corners(void **state)
         VALUE(match.spacing, 0.1),
         VALUE(match.sigma, 0.01),
         VALUE(match.weak_ratio, 0.001),
+        VALUE(sequence.kind, CAIRN_SEQUENCE_COMMON),
+        VALUE(sequence.max_first, 1024),
+        VALUE(sequence.max_second, 1024),
+        VALUE(sequence.gap, 1),
         VALUE(corner.max_segments, 256),
         VALUE(corner.max_corners, 128),
         VALUE(corner.min_opening, 80 * DEGREE),
