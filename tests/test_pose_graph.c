@@ -266,6 +266,7 @@ static void every_kernel_finds_its_minimum(void **state)
             params.kernel = kernel;
             params.start = start;
             params.width = 2;
+            params.max_iterations = 1000;
             params.converged = NUMBER(1e-12, 1e-5f);
             made = make_graph(&p, &params, NULL);
             s = solve(made.graph);
@@ -273,7 +274,8 @@ static void every_kernel_finds_its_minimum(void **state)
             assert_int_equal(s.pose, -1);
             assert_true(s.cost < CAIRN_REAL(0.9) * s.cost_initial);
             assert_true(s.chi2_initial >= s.cost_initial);
-            assert_int_equal(s.chordal, start != CAIRN_POSE_GRAPH_GIVEN);
+            if (start != CAIRN_POSE_GRAPH_BEST)
+                assert_int_equal(s.chordal, start == CAIRN_POSE_GRAPH_CHORDAL);
             assert_minimum(&made, &p, &params, FIRST_FIXED);
             assert_state(&made, &p, &params);
             test_pool_free(&made.pool);
