@@ -12,6 +12,7 @@
 #include "cairn/icp.h"
 #include "cairn/json_text.h"
 #include "cairn/line.h"
+#include "cairn/lum.h"
 #include "cairn/map_file.h"
 #include "cairn/mapper.h"
 #include "cairn/neighbours.h"
@@ -302,6 +303,27 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_line, high, 40, 20)},
     {FIELD(cairn_line, mass, 48, 24)},
     {FIELD(cairn_line, rms, 56, 28)},
+    {SIZE(cairn_lum_params, 64, 44)},
+    {FIELD(cairn_lum_params, max_scans, 0, 0)},
+    {FIELD(cairn_lum_params, max_points, 4, 4)},
+    {FIELD(cairn_lum_params, max_links, 8, 8)},
+    {FIELD(cairn_lum_params, max_fill, 12, 12)},
+    {FIELD(cairn_lum_params, min_pairs, 16, 16)},
+    {FIELD(cairn_lum_params, max_iterations, 20, 20)},
+    {FIELD(cairn_lum_params, rebuild, 24, 24)},
+    {FIELD(cairn_lum_params, distance, 32, 28)},
+    {FIELD(cairn_lum_params, direction_gate, 40, 32)},
+    {FIELD(cairn_lum_params, sigma, 48, 36)},
+    {FIELD(cairn_lum_params, converged, 56, 40)},
+    {SIZE(cairn_lum_state, 48, 40)},
+    {FIELD(cairn_lum_state, verdict, 0, 0)},
+    {FIELD(cairn_lum_state, scans, 4, 4)},
+    {FIELD(cairn_lum_state, iterations, 8, 8)},
+    {FIELD(cairn_lum_state, links, 12, 12)},
+    {FIELD(cairn_lum_state, pieces, 16, 16)},
+    {FIELD(cairn_lum_state, pairs, 24, 24)},
+    {FIELD(cairn_lum_state, error, 32, 32)},
+    {FIELD(cairn_lum_state, motion, 40, 36)},
     {SIZE(cairn_map_file, 88, 56)},
     {FIELD(cairn_map_file, width, 0, 0)},
     {FIELD(cairn_map_file, height, 4, 4)},
@@ -827,6 +849,10 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_scan_match_measure, worst_step, 8, 8)},
     {FIELD(cairn_scan_match_measure, candidates, 12, 12)},
     {FIELD(cairn_scan_match_measure, fits, 16, 16)},
+    {SIZE(cairn_scan_match_pair, 12, 12)},
+    {FIELD(cairn_scan_match_pair, query, 0, 0)},
+    {FIELD(cairn_scan_match_pair, target, 4, 4)},
+    {FIELD(cairn_scan_match_pair, stage, 8, 8)},
     {SIZE(cairn_scan_set_params, 24, 16)},
     {FIELD(cairn_scan_set_params, max_scans, 0, 0)},
     {FIELD(cairn_scan_set_params, max_segments, 4, 4)},
