@@ -107,7 +107,7 @@ static int params_are_good(const cairn_icp_params *params)
 
 static cairn_icp *carve(cairn_pool *pool, const cairn_icp_params *params)
 {
-    cairn_icp *icp = cairn_pool_take(pool, 1, sizeof *icp);
+    cairn_icp *icp = cairn_pool_take_one(pool, sizeof *icp);
     cairn_vec2 *directions = cairn_pool_take(pool, (size_t)params->max_target, sizeof *directions);
 
     if (icp != NULL)

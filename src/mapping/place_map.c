@@ -104,7 +104,7 @@ static cairn_place_map *carve(cairn_pool *pool, const cairn_place_map_params *pa
 {
     size_t places = (size_t)params->max_places, side = (size_t)cairn_place_map_side(params);
     size_t points = (size_t)params->max_place_points, beams = (size_t)params->max_place_beams;
-    cairn_place_map *map = cairn_pool_take(pool, 1, sizeof *map);
+    cairn_place_map *map = cairn_pool_take_one(pool, sizeof *map);
     cairn_place_map made;
 
     memset(&made, 0, sizeof made);
@@ -126,38 +126,27 @@ static cairn_place_map *carve(cairn_pool *pool, const cairn_place_map_params *pa
     return map;
 }
 
-/* 0 when one of the objects refuses, or the sum overflows. */
-static size_t memory_of_objects(const cairn_place_map_params *params)
+static void count_objects(cairn_pool *counting, const cairn_place_map_params *params)
 {
     cairn_scan_match_params match = match_params(params);
     cairn_pose_consensus_params consensus = consensus_params(params);
     cairn_icp_params icp = icp_params(params);
-    size_t bytes[3], sum = 0;
 
-    bytes[0] = cairn_scan_match_memory(&match);
-    bytes[1] = cairn_pose_consensus_memory(&consensus);
-    bytes[2] = cairn_icp_memory(&icp);
-    for (int k = 0; k < 3; k++) {
-        if (bytes[k] == 0 || bytes[k] > SIZE_MAX - sum)
-            return 0;
-        sum += bytes[k];
-    }
-    return sum;
+    cairn_pool_count(counting, cairn_scan_match_memory(&match));
+    cairn_pool_count(counting, cairn_pose_consensus_memory(&consensus));
+    cairn_pool_count(counting, cairn_icp_memory(&icp));
 }
 
 size_t cairn_place_map_memory(const cairn_place_map_params *params)
 {
     cairn_pool counting;
-    size_t objects;
 
     if (!params_are_good(params))
         return 0;
-    objects = memory_of_objects(params);
-    if (objects == 0)
-        return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
-    return counting.used >= SIZE_MAX - objects ? 0 : counting.used + objects;
+    count_objects(&counting, params);
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_place_map_create(cairn_place_map **map, cairn_pool *pool, const cairn_place_map_params *params)
