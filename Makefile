@@ -70,7 +70,7 @@ all: missing $(LIBS) $(TOOLS)
 
 help:
 	@echo "make                library, float library, host library, tools"
-	@echo "make demo           an arena, its scans, a map (installs what it needs)"
+	@echo "make demo           arenas, their scans, maps (installs what it needs)"
 	@echo "make test           all tests, double and float (installs what it needs)"
 	@echo "make bench          the measuring programs, build/bench/*"
 	@echo "make check          warnings, formats, analyzers, freestanding proof, room order"

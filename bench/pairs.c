@@ -23,19 +23,24 @@
 
 #define DEGREE 0.017453292519943295
 
-enum { DRIVE_SCANS = 60, DRIVE_BEAMS = 181, PAIRS_PER_ARENA = 20, PLACES = 16, PLACE_BEAMS = 1604 };
+enum { DRIVE_SCANS = 60, DRIVE_BEAMS = 181, PAIRS_PER_ARENA = 20, PLACES = 16, PLACE_BEAMS = 1604, LAST_STAGE = 3 };
 
 typedef struct settings {
     const char *log, *truth, *data, *start, *method, *scene;
     int64_t pairs, seed, partners, strangers;
     double overlap;
-    int32_t simulated, places, noise, each;
+    int32_t simulated, places, noise, each, ablate;
+    cairn_scan_match_mode mode;
 } settings;
 
 typedef struct start_kind {
     const char *name;
     double metres, radians; /* negative: none */
 } start_kind;
+
+static const char *const STAGE_NAMES[] = {"icp", "lcs", "colinear", "segments"};
+static const cairn_scan_match_mode STAGES[] = {CAIRN_SCAN_MATCH_SHAPE_COMMON, CAIRN_SCAN_MATCH_SHAPE_COLINEAR,
+                                               CAIRN_SCAN_MATCH_SHAPE_SEGMENTS, CAIRN_SCAN_MATCH_SHAPE};
 
 static const start_kind STARTS[] = {
     {"E", 0.1, 10 * DEGREE}, {"T", 0.3, 20 * DEGREE}, {"X", 0.5, 45 * DEGREE}, {"none", -1, -1}};
@@ -329,7 +334,7 @@ static int start_matcher(const settings *s, const bench_views *views, matcher *m
     size_t bytes;
 
     bench_views_most(views, &points, &dense);
-    params.mode = strcmp(s->method, "shape") == 0 ? CAIRN_SCAN_MATCH_SHAPE : CAIRN_SCAN_MATCH_CORRELATIVE;
+    params.mode = s->mode;
     params.max_target = params.max_query = points;
     params.max_dense = dense;
     params.max_views = 1;
@@ -411,6 +416,7 @@ static int run_pair(matcher *m, const collection *c, const pair *p, const start_
     double begun;
 
     memset(out, 0, sizeof *out);
+    out->metres = out->radians = (double)INFINITY; /* without a hypothesis */
     if (kind->metres >= 0) {
         start.x = truth.x + cairn_random_uniform(random, -window.distance, window.distance);
         start.y = truth.y + cairn_random_uniform(random, -window.distance, window.distance);
@@ -507,6 +513,8 @@ static void print_row(const settings *s, const char *name, const start_kind *kin
     bench_json_begin("pairs");
     bench_json_text("data", name);
     bench_json_text("method", s->method);
+    if (s->mode != CAIRN_SCAN_MATCH_CORRELATIVE)
+        bench_json_text("stages", STAGE_NAMES[s->mode - 1]);
     bench_json_text("start", kind->name);
     bench_json_integer("pairs", r->pairs);
     bench_json_number("success", share(r->right, r->pairs));
@@ -590,9 +598,17 @@ static int run_collection(const settings *s, const char *name, collection *c)
 {
     int done = 1;
 
-    for (size_t k = 0; k < sizeof STARTS / sizeof *STARTS && done; k++)
-        if (s->start == NULL || strcmp(s->start, STARTS[k].name) == 0)
-            done = run_start(s, name, c, &STARTS[k]);
+    for (size_t i = 0; i < sizeof STARTS / sizeof *STARTS; i++) {
+        if (s->start != NULL && strcmp(s->start, STARTS[i].name) != 0)
+            continue;
+        for (int32_t k = s->ablate ? 0 : LAST_STAGE; k <= LAST_STAGE && done; k++) {
+            settings one = *s;
+
+            if (s->mode != CAIRN_SCAN_MATCH_CORRELATIVE)
+                one.mode = STAGES[k];
+            done = run_start(&one, name, c, &STARTS[i]);
+        }
+    }
     return done;
 }
 
@@ -631,7 +647,7 @@ int main(int argc, char **argv)
 {
     static const char *const names[] = {"intel", "fr079", "aces"};
     static const int64_t partners[] = {10, 59, 10};
-    settings s = {NULL, NULL, "../shared/data", NULL, "correlative", NULL, 500, 1, 0, 0, 0.3, 0, 0, 0, 0};
+    settings s = {.data = "../shared/data", .method = "correlative", .pairs = 500, .seed = 1, .overlap = 0.3};
     const option table[] = {
         OPTION_FLAG("--simulated", &s.simulated, "pairs of simulated arenas"),
         OPTION_FLAG("--places", &s.places, "simulated: full circles at 16 places an arena, pairs that overlap enough"),
@@ -650,21 +666,22 @@ int main(int argc, char **argv)
         OPTION_INTEGER("--strangers", &s.strangers, 0, 1, "N",
                        "1: pairs that share nothing at every start, not at none only"),
         OPTION_FLAG("--noise", &s.noise, "overwrite the poses of the log with noise: nothing may change"),
+        OPTION_FLAG("--ablate", &s.ablate, "the method shape after each of its stages"),
         OPTION_FLAG("--each", &s.each, "a line for every pair"),
     };
     const option_set set = {"bench/pairs", "--simulated | [--log FILE --truth FILE] [options]",
                             "Matches of two scans, from a guess or from none.", table, sizeof table / sizeof *table};
     size_t words = 0;
+    option_result result;
     int code = 0;
 
-    switch (options_read(&set, argc, argv, NULL, &words)) {
-    case OPTIONS_HELPED:
-        return 0;
-    case OPTIONS_BAD:
-        return 2;
-    default:
-        break;
-    }
+    result = options_read(&set, argc, argv, NULL, &words);
+    if (result != OPTIONS_READ)
+        return result;
+    if (s.ablate)
+        s.method = "shape";
+    if (strcmp(s.method, "shape") == 0)
+        s.mode = CAIRN_SCAN_MATCH_SHAPE;
     if ((s.log == NULL) != (s.truth == NULL))
         return options_refuse("bench/pairs", "--log or --truth alone, expected both or neither");
     if (s.start != NULL && !is_start(s.start))

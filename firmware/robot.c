@@ -6,8 +6,8 @@
 
 #include "firmware/robot.h"
 
-/* The grid gets every so many ticks one, and a beam costs it so many units. */
-enum { GRID_EVERY = 8, BEAM_UNITS = 12 };
+/* The grid gets every so many ticks one. */
+enum { GRID_EVERY = 8 };
 
 cairn_status robot_create(robot *r, void *memory, size_t bytes, const robot_params *params)
 {
@@ -89,16 +89,18 @@ static cairn_status pair(robot *r, cairn_budget *budget)
     return status;
 }
 
-/* A beam without a return is free up to the greatest range. */
-static cairn_status draw_beam(robot *r, const robot_sweep *sweep, cairn_pose pose, int32_t beam)
+/* A beam without a return is free up to the greatest range. Costs a unit for each side of a cell along it, and two. */
+static cairn_status draw_beam(robot *r, const robot_sweep *sweep, cairn_pose pose, int32_t beam, cairn_budget *budget)
 {
     cairn_real range = (cairn_real)sweep->range[beam], most = (cairn_real)r->params.range_max;
     cairn_real angle = pose.theta + (cairn_real)sweep->angle_min + (cairn_real)beam * (cairn_real)sweep->angle_step;
     cairn_real length = cairn_min(range, most), sine, cosine;
     cairn_vec2 from = {pose.x, pose.y}, to;
 
+    budget->left -= 2;
     if (!(range > 0))
         return CAIRN_OK;
+    budget->left -= cairn_real_to_int(length / r->params.grid.resolution);
     cairn_sincos(angle, &sine, &cosine);
     to.x = from.x + length * cosine;
     to.y = from.y + length * sine;
@@ -113,8 +115,7 @@ static cairn_status draw(robot *r, cairn_budget *budget)
     while (status == CAIRN_OK && budget->left > 0 && r->drawn < count) {
         const robot_sweep *sweep = &r->sweep[r->drawn];
 
-        status = draw_beam(r, sweep, cairn_force_field_pose(r->field, r->drawn), r->beam);
-        budget->left -= BEAM_UNITS;
+        status = draw_beam(r, sweep, cairn_force_field_pose(r->field, r->drawn), r->beam, budget);
         if (++r->beam == sweep->count) {
             r->beam = 0;
             r->drawn++;

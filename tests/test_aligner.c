@@ -322,6 +322,86 @@ static void budgets_do_not_matter(void **state)
     leave(&s);
 }
 
+/* Hash of what stands at every commit point; *commits of them. */
+static uint64_t watch(struct bed *bed, const struct survey *s, int32_t budget, int32_t *commits)
+{
+    int32_t count = cairn_aligner_scan_count(bed->aligner), parts = count, most = 0;
+    uint64_t hash = TEST_HASH_START;
+
+    *commits = 0;
+    assert_ok(cairn_aligner_begin(bed->aligner));
+    assert_int_equal(cairn_aligner_running(bed->aligner), 1);
+    while (cairn_aligner_running(bed->aligner)) {
+        cairn_budget left = {budget};
+        int32_t size[MAX_SCANS] = {0};
+        cairn_status status = cairn_aligner_iterate(bed->aligner, &left);
+
+        assert_true(status == CAIRN_OK || (status == CAIRN_MORE && left.left == 0));
+        if (status == CAIRN_MORE)
+            continue;
+        for (int32_t i = 0; i < count; i++) {
+            int32_t part;
+            cairn_pose pose = cairn_aligner_pose_now(bed->aligner, i, &part);
+
+            assert_true(cairn_pose_is_finite(pose));
+            assert_in_range(part, 0, count - 1);
+            size[part]++;
+            hash = test_hash(hash, &pose, sizeof pose);
+            hash = test_hash(hash, &part, sizeof part);
+            if (*commits == 0) {
+                assert_int_equal(part, i);
+                assert_near(pose.x, s->start[i].x, NUMBER(1e-9, 1e-5));
+                assert_near(pose.theta, s->start[i].theta, NUMBER(1e-9, 1e-5));
+            }
+        }
+        parts = 0;
+        for (int32_t i = 0; i < count; i++) {
+            parts += size[i] > 0;
+            most = size[i] > most ? size[i] : most;
+        }
+        ++*commits;
+    }
+    assert_int_equal(parts, cairn_aligner_read(bed->aligner).parts);
+    assert_int_equal(most, cairn_aligner_read(bed->aligner).largest);
+    return hash;
+}
+
+static void an_alignment_can_be_watched(void **state)
+{
+    struct survey s = visit(2004, 4, 4, 100, 0.3, 20);
+    cairn_aligner_params params = room_for(s.count);
+    struct bed bed = make_bed(&params);
+    int32_t commits, again, part;
+    uint64_t expected, hash;
+
+    (void)state;
+    add_all(&bed, &s, 0);
+    assert_int_equal(cairn_aligner_running(bed.aligner), 0);
+    (void)cairn_aligner_pose_now(bed.aligner, 3, &part);
+    assert_int_equal(part, 3);
+    run(&bed, CAIRN_UNBOUNDED);
+    expected = hash_of(&bed);
+    hash = watch(&bed, &s, CAIRN_UNBOUNDED, &commits);
+    /* The same result, and more than one commit point for each scan that was joined. */
+    assert_true(hash_of(&bed) == expected);
+    assert_true(commits > s.count);
+    assert_true(watch(&bed, &s, 7, &again) == hash);
+    assert_int_equal(again, commits);
+    for (int32_t i = 0; i < s.count; i++) {
+        cairn_pose now = cairn_aligner_pose_now(bed.aligner, i, NULL);
+        cairn_pose end = cairn_aligner_pose_of(bed.aligner, i).map_scan;
+
+        assert_memory_equal(&now, &end, sizeof now);
+    }
+    assert_near(cairn_aligner_pose_now(bed.aligner, s.count, &part).x, 0, 0);
+    assert_int_equal(part, -1);
+    assert_near(cairn_aligner_pose_now(bed.aligner, -1, &part).theta, 0, 0);
+    assert_int_equal(part, -1);
+    assert_status(cairn_aligner_iterate(NULL, NULL), CAIRN_BAD_ARGUMENT);
+    end_bed(&bed);
+    leave(&s);
+}
+
 /* Without an ingredient the aligner still ends, and does worse or tells less. */
 static void ingredients_matter(void **state)
 {
@@ -793,6 +873,7 @@ int main(void)
         cmocka_unit_test(aligns_full_scans),
         cmocka_unit_test(order_does_not_matter),
         cmocka_unit_test(budgets_do_not_matter),
+        cmocka_unit_test(an_alignment_can_be_watched),
         cmocka_unit_test(ingredients_matter),
         cmocka_unit_test(too_little_fill_is_a_verdict),
         cmocka_unit_test(two_scans_of_a_box),

@@ -12,6 +12,7 @@
 #include "cairn/pose_graph.h"
 #include "cairn/report.h"
 #include "cairn/scan_match.h"
+#include "cairn/sequence.h"
 
 typedef struct value {
     const char *name;
@@ -100,6 +101,7 @@ static void of_matches_and_corners(void **state)
     cairn_pose_graph_params graph = cairn_pose_graph_default();
     cairn_icp_params icp = cairn_icp_default();
     cairn_scan_match_params match = cairn_scan_match_default();
+    cairn_sequence_params sequence = cairn_sequence_default();
     cairn_corner_params corner = cairn_corner_default();
     const value values[] = {
         VALUE(solver.max_poses, 1000),
@@ -137,6 +139,10 @@ static void of_matches_and_corners(void **state)
         VALUE(match.spacing, 0.1),
         VALUE(match.sigma, 0.01),
         VALUE(match.weak_ratio, 0.001),
+        VALUE(sequence.kind, CAIRN_SEQUENCE_COMMON),
+        VALUE(sequence.max_first, 1024),
+        VALUE(sequence.max_second, 1024),
+        VALUE(sequence.gap, 1),
         VALUE(corner.max_segments, 256),
         VALUE(corner.max_corners, 128),
         VALUE(corner.min_opening, 80 * DEGREE),

@@ -463,8 +463,7 @@ static void test_the_defaults_are_the_thesis(void **state)
     assert_int_equal(p.max_segments, 1024);
     assert_int_equal(p.max_points, 8192);
     assert_int_equal(p.max_corners, 1024);
-    assert_near(p.reach, 5.3, 1e-6);
-    assert_true(exp(-(double)p.reach * (double)p.reach / 2) < 1e-6);
+    assert_near(p.reach, 4, 0);
 }
 
 static cairn_status create_with(void *params, cairn_pool *pool)
@@ -860,8 +859,7 @@ static void test_budgets_are_equal(void **state)
             budget.left = budgets[b];
             status = b == 3 ? cairn_force_field_iterate(f.field, &budget) : cairn_force_field_step(f.field, &budget);
             calls++;
-            /* A group of four points costs five units at most; a grid is cleared at once. */
-            assert_true(budget.left >= -5);
+            assert_true(budget.left >= 0);
             s = cairn_force_field_read(f.field);
             assert_int_equal(s.units - before.units, budgets[b] - budget.left);
             assert_true(s.worst_step >= budgets[b] - budget.left);
@@ -879,13 +877,13 @@ static void test_budgets_are_equal(void **state)
         if (b == 3)
             last = s;
         /* As counted once: what a change of the charges or of the work done would change. */
-        assert_int_equal(s.units, 304098);
+        assert_int_equal(s.units, NUMBER(193565, 193564));
         assert_int_equal(s.units, last.units);
-        assert_true(calls >= s.units / (budgets[b] + (int64_t)5));
+        assert_true(calls >= s.units / budgets[b]);
         assert_int_equal(s.pairs, last.pairs);
         assert_int_equal(s.segment_pairs, last.segment_pairs);
         assert_true(s.potential == last.potential && s.mean_relocation == last.mean_relocation);
-        assert_true(b == 3 || (s.worst_step >= budgets[b] && s.worst_step <= budgets[b] + 5));
+        assert_true(b == 3 || s.worst_step == budgets[b]);
         test_pool_free(&f.pool);
     }
 }
@@ -1262,6 +1260,634 @@ static void test_bad_scans_are_refused(void **state)
     test_pool_free(&f.pool);
 }
 
+/* ---- Points made on the fly ---- */
+
+/* A wall with points where the scan room puts them, some left out. */
+static void scan_places(struct scan *scan, double ax, double ay, double bx, double by, double spacing)
+{
+    cairn_scan_view *view = &scan->view;
+    cairn_segment *wall = &scan->segments[view->segment_count];
+    cairn_vec2 along, direction;
+    cairn_real length, margin;
+    int32_t places;
+
+    wall->a.x = (cairn_real)ax;
+    wall->a.y = (cairn_real)ay;
+    wall->b.x = (cairn_real)bx;
+    wall->b.y = (cairn_real)by;
+    along = cairn_vec2_sub(wall->b, wall->a);
+    direction = cairn_vec2_unit(along);
+    length = cairn_vec2_norm(along);
+    places = (int32_t)(length / (cairn_real)spacing) + 1;
+    margin = (length - (cairn_real)(places - 1) * (cairn_real)spacing) / 2;
+    for (int32_t i = 0; i < places; i++)
+        if (i % 7 != 4) {
+            cairn_oriented_point *p = &scan->points[view->point_count++];
+            cairn_real at = margin + (cairn_real)i * (cairn_real)spacing;
+
+            p->position = cairn_vec2_add(wall->a, cairn_vec2_scale(direction, at));
+            p->direction = direction;
+        }
+    scan->first_point[++view->segment_count] = view->point_count;
+}
+
+/* Scan i of a room with long walls, of more than a tile each, as a sensor near (0, 0) sees it. */
+static void make_room(struct scan *scan, int i)
+{
+    double far = 2 + 0.1 * (i % 5);
+
+    scan_begin(scan);
+    scan_places(scan, 2, -far, 2, 1.5, 0.05);
+    scan_places(scan, 2, 1.5, 0.5 - far / 2, 1.5 + 0.01 * (i % 3), 0.05);
+    if (i % 2)
+        scan_places(scan, 0.6, 1.0, 0.6, 0.55, 0.05);
+    scan->view.sensor.y = CAIRN_REAL(0.1);
+}
+
+static cairn_pose room_pose(int i)
+{
+    return pose(0.05 * sin(3.0 * i), 0.04 * cos(5.0 * i), 3 * sin(7.0 * i));
+}
+
+static cairn_force_field_params room_params(void)
+{
+    cairn_force_field_params params = small_params();
+
+    params.max_points = 2048;
+    params.stop_relocation = 0;
+    return params;
+}
+
+/* All that readers see of two fields, to the bit. */
+static void assert_same_fields(const cairn_force_field *a, const cairn_force_field *b)
+{
+    cairn_force_field_state s = cairn_force_field_read(a), t = cairn_force_field_read(b);
+
+    assert_int_equal(cairn_force_field_pose_count(a), cairn_force_field_pose_count(b));
+    for (int32_t i = 0; i < cairn_force_field_pose_count(a); i++) {
+        cairn_force_field_motion m = cairn_force_field_motion_of(a, i), n = cairn_force_field_motion_of(b, i);
+
+        assert_same_pose(cairn_force_field_pose(a, i), cairn_force_field_pose(b, i));
+        assert_true(m.force.x == n.force.x && m.force.y == n.force.y && m.torque == n.torque);
+        assert_true(m.centre.x == n.centre.x && m.centre.y == n.centre.y && m.relocation == n.relocation);
+    }
+    assert_true(s.potential == t.potential && s.mean_relocation == t.mean_relocation);
+    assert_int_equal(s.pairs, t.pairs);
+    assert_int_equal(s.segment_pairs, t.segment_pairs);
+    assert_int_equal(s.corners, t.corners);
+}
+
+static void test_points_on_the_fly(void **state)
+{
+    cairn_force_field_params p = room_params();
+    static _Alignas(CAIRN_ALIGN) unsigned char memory[CAIRN_FORCE_FIELD_PLACES_BYTES(16, 2048, 128, 256)];
+
+    (void)state;
+    for (int roi = 0; roi < 2; roi++) {
+        struct fixture kept, made;
+        struct scan scan;
+        cairn_pool pool;
+        cairn_force_field *again;
+
+        p.roi = roi;
+        p.spacing = 0;
+        kept = field_with(&p);
+        p.spacing = CAIRN_REAL(0.05);
+        made = field_with(&p);
+        assert_true(made.pool.used + (roi ? 48 : 40) * sizeof(cairn_real) / 8 * 2048 < kept.pool.used + 2048);
+        assert_ok(cairn_pool_init(&pool, memory, sizeof memory));
+        assert_ok(cairn_force_field_create(&again, &pool, &p));
+        for (int i = 0; i < 7; i++) {
+            make_room(&scan, i);
+            add(kept.field, &scan, room_pose(i));
+            add(made.field, &scan, room_pose(i));
+        }
+        assert_ok(cairn_force_field_fix(kept.field, 3, 1));
+        assert_ok(cairn_force_field_fix(made.field, 3, 1));
+        for (int k = 0; k < 12; k++) {
+            iterate(kept.field);
+            iterate(made.field);
+            assert_same_fields(kept.field, made.field);
+        }
+        for (int32_t i = 0; i < scan.view.point_count; i++) {
+            cairn_vec2 force, other;
+            cairn_real mass, other_mass;
+
+            assert_ok(cairn_force_field_point_force(kept.field, 6, i, &force, &mass));
+            assert_ok(cairn_force_field_point_force(made.field, 6, i, &other, &other_mass));
+            assert_true(force.x == other.x && force.y == other.y && mass == other_mass);
+        }
+        assert_true(cairn_force_field_read(kept.field).pairs > 10000);
+        test_pool_free(&kept.pool);
+        test_pool_free(&made.pool);
+    }
+    p.spacing = -1;
+    assert_int_equal(cairn_force_field_memory(&p), 0);
+}
+
+/* Tiles of long lines against all pairs. */
+static void test_long_lines(void **state)
+{
+    cairn_force_field_params p = room_params();
+    struct fixture f = field_with(&p);
+    static struct slow_field slow;
+    static struct scan scans[5];
+    cairn_pose poses[5];
+    cairn_vec2 sum = {0, 0};
+
+    (void)state;
+    for (int i = 0; i < 5; i++) {
+        make_room(&scans[i], i);
+        poses[i] = room_pose(i);
+        add(f.field, &scans[i], poses[i]);
+    }
+    slow_start(&slow, &p, scans, poses, 5);
+    iterate(f.field);
+    slow_iterate(&slow, (double)p.sigma_start, (double)p.dt_start, 0);
+#ifndef CAIRN_FLOAT
+    assert_int_equal(cairn_force_field_read(f.field).pairs, slow.pairs);
+#endif
+    assert_near(cairn_force_field_potential(f.field), slow.potential, NUMBER(1e-8, 0.2));
+    for (int i = 0; i < 5; i++) {
+        cairn_force_field_motion m = cairn_force_field_motion_of(f.field, i);
+
+        assert_near(m.force.x, slow.force[i][0], NUMBER(1e-8, 0.5));
+        assert_near(m.force.y, slow.force[i][1], NUMBER(1e-8, 0.5));
+        assert_near(m.torque, slow.torque[i], NUMBER(1e-8, 0.5));
+        assert_near(cairn_force_field_pose(f.field, i).theta, slow.pose[i][2], NUMBER(1e-11, 1e-5));
+    }
+    for (int32_t i = 0; i < scans[4].view.point_count; i++) {
+        cairn_vec2 force;
+        cairn_real mass;
+
+        assert_ok(cairn_force_field_point_force(f.field, 4, i, &force, &mass));
+        sum = cairn_vec2_add(sum, force);
+    }
+    assert_near(sum.x, slow.force[4][0], NUMBER(1e-8, 0.5));
+    assert_near(sum.y, slow.force[4][1], NUMBER(1e-8, 0.5));
+    test_pool_free(&f.pool);
+}
+
+/* ---- What stands still ---- */
+
+/* Scans here and there, so that some are neighbours and some are not. */
+static void make_islands(cairn_random *random, struct scan *scan, cairn_pose *at)
+{
+    scan_begin(scan);
+    scan_wall(scan, 0, 0, 0.5 + (double)cairn_random_uniform(random, 0, 1), 0, 0.1);
+    scan_wall(scan, 0, 0, 0, 0.4, 0.1);
+    *at = pose((double)cairn_random_uniform(random, 0, 9), (double)cairn_random_uniform(random, 0, 9),
+               (double)cairn_random_uniform(random, -10, 10));
+}
+
+/* A field that computes only what has changed, beside one that computes all in every iteration, as one does that is given
+ * points from outside. */
+static void test_what_stands_still_is_kept(void **state)
+{
+    cairn_force_field_params p = small_params();
+    int64_t least = INT64_MAX, most = 0;
+
+    (void)state;
+    p.sigma_step = 0;
+    p.sigma_start = CAIRN_REAL(0.08);
+    p.stop_relocation = 0;
+    p.max_steps = 1000;
+    for (uint64_t seed = 0; seed < 6; seed++) {
+        cairn_random random = cairn_random_seed(seed, 5);
+        struct fixture f, all;
+
+        p.roi = seed % 2 == 0;
+        f = field_with(&p);
+        all = field_with(&p);
+        for (int k = 0; k < 60; k++) {
+            int64_t units = cairn_force_field_read(f.field).units;
+
+            if (k % 4 == 0 && k < 60) {
+                struct scan scan;
+                cairn_pose at;
+
+                make_islands(&random, &scan, &at);
+                add(f.field, &scan, at);
+                add(all.field, &scan, at);
+            }
+            if (k % 3 == 1) {
+                int32_t scan = cairn_random_below(&random, cairn_force_field_pose_count(f.field));
+                int32_t yes = cairn_random_below(&random, 4) > 0;
+
+                assert_ok(cairn_force_field_fix(f.field, scan, yes));
+                assert_ok(cairn_force_field_fix(all.field, scan, yes));
+            }
+            if (k % 17 == 16) {
+                cairn_force_field_restart(f.field);
+                cairn_force_field_restart(all.field);
+            }
+            assert_ok(cairn_force_field_set_extra(all.field, NULL, NULL, 0));
+            iterate(f.field);
+            iterate(all.field);
+            assert_same_fields(f.field, all.field);
+            units = cairn_force_field_read(f.field).units - units;
+            if (k > 40) {
+                least = units < least ? units : least;
+                most = units > most ? units : most;
+            }
+        }
+        test_pool_free(&f.pool);
+        test_pool_free(&all.pool);
+    }
+    assert_true(2 * least < most);
+}
+
+/* When nothing has moved an iteration costs next to nothing. */
+static void test_nothing_moves(void **state)
+{
+    cairn_force_field_params p = small_params();
+    struct fixture f;
+    cairn_force_field_state first, s;
+    int64_t units;
+
+    (void)state;
+    p.sigma_step = 0;
+    p.stop_relocation = 0;
+    f = field_with(&p);
+    add_scene(f.field);
+    for (int i = 1; i < SCENE; i++)
+        assert_ok(cairn_force_field_fix(f.field, i, 1));
+    iterate(f.field);
+    assert_ok(cairn_force_field_fix(f.field, 0, 1));
+    iterate(f.field);
+    iterate(f.field);
+    first = cairn_force_field_read(f.field);
+    iterate(f.field);
+    s = cairn_force_field_read(f.field);
+    units = s.units - first.units;
+    assert_true(units <= 3 * SCENE);
+    assert_int_equal(s.corners, first.corners);
+    assert_true(s.potential == first.potential);
+    test_pool_free(&f.pool);
+}
+
+/* ---- Scans that come and go ---- */
+
+static void release(cairn_force_field *field, int32_t scan)
+{
+    assert_ok(cairn_force_field_release(field, scan));
+    assert_status(cairn_force_field_release(field, scan), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_force_field_fix(field, scan, 1), CAIRN_BAD_ARGUMENT);
+}
+
+/* A field of the scans `at` ... as they stand in another one has the same forces and moves them alike. */
+static void assert_like_new(const cairn_force_field *field, const cairn_force_field_params *params, const int *made,
+                            const int32_t *index, const cairn_pose *before, const int *fixed, int count)
+{
+    struct fixture f = field_with(params);
+
+    for (int i = 0; i < count; i++) {
+        struct scan scan;
+
+        make_room(&scan, made[i]);
+        add(f.field, &scan, before[i]);
+        assert_ok(cairn_force_field_fix(f.field, i, fixed[i]));
+    }
+    iterate(f.field);
+    for (int i = 0; i < count; i++) {
+        cairn_force_field_motion m = cairn_force_field_motion_of(f.field, i);
+        cairn_force_field_motion n = cairn_force_field_motion_of(field, index[i]);
+
+        assert_same_pose(cairn_force_field_pose(f.field, i), cairn_force_field_pose(field, index[i]));
+        assert_true(m.force.x == n.force.x && m.force.y == n.force.y && m.torque == n.torque);
+    }
+    assert_near(cairn_force_field_potential(field), cairn_force_field_potential(f.field),
+                NUMBER(1e-11, 1e-4) * fabs((double)cairn_force_field_potential(f.field)));
+    assert_int_equal(cairn_force_field_read(f.field).pairs, cairn_force_field_read(field).pairs);
+    assert_int_equal(cairn_force_field_read(f.field).corners, cairn_force_field_read(field).corners);
+    test_pool_free(&f.pool);
+}
+
+/* An endless run in fixed memory: scans arrive, become old and fixed, and leave. */
+static void endless(const cairn_force_field_params *params, int scans, int32_t cut)
+{
+    enum { WINDOW = 5 };
+    struct fixture f = field_with(params);
+    int made[WINDOW + 1], fixed[WINDOW + 1], count = 0;
+    int32_t index[WINDOW + 1];
+
+    for (int i = 0; i < scans; i++) {
+        cairn_budget budget = {cut};
+        cairn_pose before[WINDOW];
+        struct scan scan;
+
+        if (count == WINDOW) {
+            int leaves = i % 4 == 3 ? 2 : 0; /* not always the oldest */
+
+            release(f.field, index[leaves]);
+            assert_false(cairn_force_field_has(f.field, index[leaves]) && cut == 0);
+            /* The room is free when the steps have gone as far as the next iteration. */
+            (void)!cairn_force_field_step(f.field, &budget);
+            for (count = WINDOW - 1; leaves < count; leaves++) {
+                made[leaves] = made[leaves + 1];
+                index[leaves] = index[leaves + 1];
+                fixed[leaves] = fixed[leaves + 1];
+            }
+            iterate(f.field);
+        }
+        make_room(&scan, i);
+        index[count] = cairn_force_field_next(f.field);
+        assert_in_range(index[count], 0, WINDOW);
+        made[count] = i;
+        fixed[count] = 0;
+        add(f.field, &scan, room_pose(i));
+        count++;
+        if (count > 2 && !fixed[count - 3]) {
+            assert_ok(cairn_force_field_fix(f.field, index[count - 3], 1));
+            fixed[count - 3] = 1;
+        }
+        assert_ok(cairn_force_field_fix(f.field, index[0], 1));
+        fixed[0] = 1;
+        cairn_force_field_restart(f.field);
+        if (cut > 0) /* to a commit point */
+            iterate(f.field);
+        cairn_force_field_restart(f.field);
+        for (int k = 0; k < count; k++) {
+            assert_true(cairn_force_field_has(f.field, index[k]));
+            before[k] = cairn_force_field_pose(f.field, index[k]);
+        }
+        iterate(f.field);
+        if (i % 50 < 7)
+            assert_like_new(f.field, params, made, index, before, fixed, count);
+    }
+    assert_in_range(cairn_force_field_pose_count(f.field), WINDOW, WINDOW + 1);
+    test_pool_free(&f.pool);
+}
+
+static void test_an_endless_run(void **state)
+{
+    cairn_force_field_params p = room_params();
+
+    (void)state;
+    p.max_scans = 6;
+    p.max_segments = 18;
+    p.max_points = 6 * MAX_SCAN_POINTS;
+    p.max_corners = 64;
+    endless(&p, 1000, 0);
+    endless(&p, 300, 333);
+    p.spacing = CAIRN_REAL(0.05);
+    endless(&p, 1000, 0);
+    p.roi = 0;
+    endless(&p, 2000, 0);
+}
+
+static void test_release(void **state)
+{
+    cairn_force_field_params p = room_params();
+    cairn_budget none = {0}, all = {CAIRN_UNBOUNDED};
+    struct fixture f;
+    struct scan scan;
+    cairn_vec2 force;
+    cairn_real mass;
+    uint32_t revision;
+
+    (void)state;
+    p.max_scans = 3;
+    p.max_steps = 2;
+    f = field_with(&p);
+    assert_int_equal(cairn_force_field_next(f.field), 0);
+    for (int i = 0; i < 3; i++) {
+        make_room(&scan, i);
+        add(f.field, &scan, room_pose(i));
+    }
+    assert_int_equal(cairn_force_field_next(f.field), -1);
+    assert_status(cairn_force_field_release(f.field, 3), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_force_field_release(f.field, -1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_force_field_release(NULL, 0), CAIRN_BAD_ARGUMENT);
+
+    /* In the middle of an iteration: it takes part to the end. */
+    step_into(f.field, 0, 300);
+    revision = cairn_force_field_revision(f.field);
+    release(f.field, 1);
+    assert_true(cairn_force_field_has(f.field, 1));
+    assert_int_equal(cairn_force_field_revision(f.field), revision);
+    iterate(f.field);
+    assert_false(cairn_force_field_has(f.field, 1));
+    assert_false(cairn_force_field_has(f.field, 3));
+    assert_false(cairn_force_field_has(f.field, -1));
+    assert_true(cairn_force_field_motion_of(f.field, 1).force.x != 0);
+    assert_int_equal(cairn_force_field_pose_count(f.field), 3);
+    assert_status(cairn_force_field_point_force(f.field, 1, 0, &force, &mass), CAIRN_BAD_ARGUMENT);
+    assert_ok(cairn_force_field_point_force(f.field, 0, 0, &force, &mass));
+    assert_int_equal(cairn_force_field_next(f.field), -1);
+    assert_status(cairn_force_field_step(f.field, &none), CAIRN_MORE);
+    assert_status(cairn_force_field_point_force(f.field, 0, 0, &force, &mass), CAIRN_EMPTY);
+    assert_ok(cairn_force_field_step(f.field, &all));
+    assert_int_equal(cairn_force_field_read(f.field).iterations, 2);
+    assert_int_equal(cairn_force_field_next(f.field), 1);
+
+    /* When the field stands, too, steps make room. */
+    release(f.field, 0);
+    assert_int_equal(cairn_force_field_revision(f.field), revision + 3);
+    all.left = CAIRN_UNBOUNDED;
+    assert_ok(cairn_force_field_step(f.field, &all));
+    assert_int_equal(cairn_force_field_read(f.field).iterations, 2);
+    assert_int_equal(cairn_force_field_next(f.field), 0);
+    assert_int_equal(cairn_force_field_scans(f.field)->segment_count, scan.view.segment_count);
+
+    /* The last one. */
+    release(f.field, 2);
+    assert_status(cairn_force_field_step(f.field, &all), CAIRN_EMPTY);
+    assert_int_equal(cairn_force_field_scans(f.field)->segment_count, 0);
+    add(f.field, &scan, room_pose(1));
+    assert_true(cairn_force_field_has(f.field, 2));
+    cairn_force_field_restart(f.field);
+    run(f.field);
+    assert_int_equal(cairn_force_field_read(f.field).iterations, 4);
+    assert_int_equal(cairn_force_field_read(f.field).segment_pairs, 0);
+    test_pool_free(&f.pool);
+}
+
+/* ---- Points from outside ---- */
+
+/* They pull as a fixed scan of the same points does. */
+static void test_extra_points(void **state)
+{
+    cairn_force_field_params p = room_params();
+    struct scan scans[4];
+    cairn_oriented_point extra[MAX_SCAN_POINTS];
+    cairn_real weights[MAX_SCAN_POINTS];
+    struct fixture f, twin;
+    int32_t count;
+    size_t without;
+
+    (void)state;
+    p.roi = 0;
+    twin = field_with(&p);
+    without = cairn_force_field_memory(&p);
+    p.max_extra = MAX_SCAN_POINTS;
+    assert_true(cairn_force_field_memory(&p) > without);
+    assert_true(cairn_force_field_memory(&p) <= without + CAIRN_FORCE_FIELD_EXTRA_BYTES(MAX_SCAN_POINTS));
+    f = field_with(&p);
+    for (int i = 0; i < 4; i++) {
+        make_room(&scans[i], i);
+        if (i < 3)
+            add(f.field, &scans[i], room_pose(i));
+    }
+    count = scans[3].view.point_count;
+    for (int32_t i = 0; i < count; i++) {
+        weights[i] = CAIRN_REAL(0.5) + (cairn_real)(i % 3);
+        extra[i].position = cairn_pose_point(room_pose(3), scans[3].points[i].position);
+        extra[i].direction = cairn_transform_direction(cairn_transform_of(room_pose(3)), scans[3].points[i].direction);
+        extra[i].direction.x *= 2; /* any length */
+        extra[i].direction.y *= 2;
+    }
+    for (int i = 0; i < 4; i++)
+        assert_ok(cairn_force_field_add_scan(twin.field, &scans[i].view, i == 3 ? weights : NULL, room_pose(i), NULL));
+    assert_ok(cairn_force_field_fix(twin.field, 3, 1));
+    assert_ok(cairn_force_field_set_extra(f.field, extra, weights, count));
+    memset(extra, 0, sizeof extra); /* they have been copied */
+    for (int k = 0; k < 5; k++) {
+        cairn_force_field_state s, t;
+
+        iterate(f.field);
+        iterate(twin.field);
+        s = cairn_force_field_read(f.field);
+        t = cairn_force_field_read(twin.field);
+        assert_near(s.potential, t.potential, NUMBER(1e-10, 1e-4) * fabs((double)t.potential));
+        if (k == 0) {
+            assert_int_equal(s.pairs, t.pairs);
+            assert_int_equal(s.segment_pairs, t.segment_pairs);
+        }
+        for (int i = 0; i < 3; i++) {
+            cairn_force_field_motion m = cairn_force_field_motion_of(f.field, i);
+            cairn_force_field_motion n = cairn_force_field_motion_of(twin.field, i);
+            cairn_vec2 force, other;
+            cairn_real mass;
+
+            assert_near(m.force.x, n.force.x, NUMBER(1e-7, 1));
+            assert_near(m.force.y, n.force.y, NUMBER(1e-7, 1));
+            assert_near(m.torque, n.torque, NUMBER(1e-7, 1));
+            assert_ok(cairn_force_field_point_force(f.field, i, 9, &force, &mass));
+            assert_ok(cairn_force_field_point_force(twin.field, i, 9, &other, &mass));
+            assert_near(force.x, other.x, NUMBER(1e-8, 0.1));
+            assert_near(force.y, other.y, NUMBER(1e-8, 0.1));
+        }
+    }
+    /* Others in their place, in the middle of an iteration: from the next one on. */
+    {
+        cairn_force_field_motion with, without_them;
+
+        step_into(f.field, 5, 500);
+        assert_ok(cairn_force_field_set_extra(f.field, NULL, NULL, 0));
+        iterate(f.field);
+        iterate(twin.field);
+        with = cairn_force_field_motion_of(f.field, 0);
+        assert_near(with.force.x, cairn_force_field_motion_of(twin.field, 0).force.x, NUMBER(1e-7, 1));
+        release(twin.field, 3);
+        iterate(f.field);
+        iterate(twin.field);
+        without_them = cairn_force_field_motion_of(f.field, 0);
+        assert_near(without_them.force.x, cairn_force_field_motion_of(twin.field, 0).force.x, NUMBER(1e-7, 1));
+        assert_true(fabs((double)(without_them.force.x - with.force.x)) > 0.1);
+    }
+    test_pool_free(&f.pool);
+    test_pool_free(&twin.pool);
+}
+
+static void test_extra_refusals(void **state)
+{
+    const cairn_real nan = (cairn_real)NAN;
+    cairn_force_field_params p = small_params();
+    cairn_oriented_point point = {{1, 2}, {0, 1}}, bad;
+    cairn_real weight = 1, bad_weight;
+    struct fixture f;
+
+    (void)state;
+    p.max_extra = -1;
+    assert_int_equal(cairn_force_field_memory(&p), 0);
+    p.max_extra = (1 << 24) + 1;
+    assert_int_equal(cairn_force_field_memory(&p), 0);
+    p.max_scans = p.max_segments = p.max_points = p.max_corners = 2;
+    p.max_extra = 3;
+    test_every_pool_size(create_with, &p, cairn_force_field_memory(&p));
+    p.max_extra = 1;
+    f = field_with(&p);
+#define REFUSED(change, status)                                                                                        \
+    bad = point;                                                                                                       \
+    bad_weight = weight;                                                                                               \
+    change;                                                                                                            \
+    assert_status(cairn_force_field_set_extra(f.field, &bad, &bad_weight, 1), status)
+    REFUSED(bad.position.x = nan, CAIRN_NOT_FINITE);
+    REFUSED(bad.position.y = (cairn_real)INFINITY, CAIRN_NOT_FINITE);
+    REFUSED(bad.direction.x = nan, CAIRN_NOT_FINITE);
+    REFUSED(bad.direction.y = nan, CAIRN_NOT_FINITE);
+    REFUSED(bad_weight = nan, CAIRN_NOT_FINITE);
+    REFUSED(bad_weight = CAIRN_REAL(-0.1), CAIRN_BAD_ARGUMENT);
+    REFUSED(bad_weight = CAIRN_REAL(1.1e6), CAIRN_BAD_ARGUMENT);
+    REFUSED(bad.position.x = CAIRN_REAL(1.1e6), CAIRN_BAD_ARGUMENT);
+    REFUSED(bad.position.y = CAIRN_REAL(-1.1e6), CAIRN_BAD_ARGUMENT);
+    REFUSED(bad.direction.x = CAIRN_REAL(1.1e6), CAIRN_BAD_ARGUMENT);
+    REFUSED(bad.direction.y = CAIRN_REAL(1.1e6), CAIRN_BAD_ARGUMENT);
+    REFUSED((void)0, CAIRN_OK);
+#undef REFUSED
+    assert_status(cairn_force_field_set_extra(f.field, &point, &weight, 2), CAIRN_FULL);
+    assert_status(cairn_force_field_set_extra(f.field, &point, &weight, -1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_force_field_set_extra(f.field, NULL, &weight, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_force_field_set_extra(f.field, &point, NULL, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_force_field_set_extra(NULL, &point, &weight, 1), CAIRN_BAD_ARGUMENT);
+    assert_ok(cairn_force_field_set_extra(f.field, NULL, NULL, 0));
+    test_pool_free(&f.pool);
+}
+
+/* Everything at once, with scans that leave and points from outside: the same bits, and no step beyond its budget. */
+static void test_budgets_with_all_inputs(void **state)
+{
+    static const int32_t budgets[] = {CAIRN_UNBOUNDED, 1, 7, 50, 1000};
+    cairn_force_field_params p = room_params();
+    uint64_t expected[4] = {0};
+    int64_t units = 0;
+
+    (void)state;
+    p.max_extra = 4;
+    p.max_steps = 3;
+    for (int b = 0; b < 5; b++) {
+        struct fixture f;
+
+        p.spacing = b % 2 ? CAIRN_REAL(0.05) : 0;
+        f = field_with(&p);
+        for (int round = 0; round < 4; round++) {
+            static const cairn_oriented_point extra[4] = {
+                {{2, 1}, {0, 1}}, {{2, CAIRN_REAL(1.2)}, {0, 1}}, {{1, 1}, {1, 1}}, {{0, CAIRN_REAL(1.4)}, {1, 0}}};
+            static const cairn_real weights[4] = {1, 2, 3, 4};
+            cairn_status status = CAIRN_MORE;
+
+            for (int i = 0; i < 3; i++) {
+                struct scan scan;
+
+                make_room(&scan, 3 * round + i);
+                add(f.field, &scan, room_pose(3 * round + i));
+            }
+            if (round > 0)
+                release(f.field, 2 * round - 1);
+            assert_ok(cairn_force_field_set_extra(f.field, extra, weights, round));
+            cairn_force_field_restart(f.field);
+            while (status == CAIRN_MORE) {
+                cairn_budget budget = {budgets[b]};
+
+                status = cairn_force_field_step(f.field, &budget);
+                assert_true(budget.left >= 0);
+                assert_true(status != CAIRN_MORE || budget.left == 0);
+            }
+            assert_ok(status);
+            if (b == 0)
+                expected[round] = hash_of(f.field);
+            assert_true(hash_of(f.field) == expected[round]);
+        }
+        assert_true(b == 0 || cairn_force_field_read(f.field).worst_step == budgets[b]);
+        if (b == 0)
+            units = cairn_force_field_read(f.field).units;
+        if (!(p.spacing > 0))
+            assert_int_equal(cairn_force_field_read(f.field).units, units);
+        test_pool_free(&f.pool);
+    }
+}
+
 /* The bits of the poses after 20 iterations: the same from every compiler, at every level of optimisation. */
 static void test_golden_poses(void **state)
 {
@@ -1274,9 +1900,9 @@ static void test_golden_poses(void **state)
     for (int k = 0; k < 20; k++)
         iterate(f.field);
     hash = hash_of(f.field);
-    if (hash != NUMBER(UINT64_C(0xdeddbc602ee12dbb), UINT64_C(0x3c7eef4e402da85f)))
+    if (hash != NUMBER(UINT64_C(0x394269b660d8af9c), UINT64_C(0x4d272e61a58c6d0a)))
         print_error("hash is 0x%016llx\n", (unsigned long long)hash);
-    assert_true(hash == NUMBER(UINT64_C(0xdeddbc602ee12dbb), UINT64_C(0x3c7eef4e402da85f)));
+    assert_true(hash == NUMBER(UINT64_C(0x394269b660d8af9c), UINT64_C(0x4d272e61a58c6d0a)));
     test_pool_free(&f.pool);
 }
 
@@ -1300,6 +1926,15 @@ int main(void)
         cmocka_unit_test(test_masses),
         cmocka_unit_test(test_degenerate_scans),
         cmocka_unit_test(test_bad_scans_are_refused),
+        cmocka_unit_test(test_points_on_the_fly),
+        cmocka_unit_test(test_long_lines),
+        cmocka_unit_test(test_what_stands_still_is_kept),
+        cmocka_unit_test(test_nothing_moves),
+        cmocka_unit_test(test_an_endless_run),
+        cmocka_unit_test(test_release),
+        cmocka_unit_test(test_extra_points),
+        cmocka_unit_test(test_extra_refusals),
+        cmocka_unit_test(test_budgets_with_all_inputs),
         cmocka_unit_test(test_golden_poses),
     };
 

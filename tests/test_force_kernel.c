@@ -6,8 +6,6 @@
 
 #define PI 3.14159265358979323846
 
-enum { MANY = 60 };
-
 static cairn_oriented_point oriented(double x, double y, double angle)
 {
     cairn_oriented_point p = {{(cairn_real)x, (cairn_real)y}, {(cairn_real)cos(angle), (cairn_real)sin(angle)}};
@@ -88,80 +86,116 @@ static void test_zero_distance(void **state)
     assert_near(cairn_force_kernel_pair(p, near, 1, 1, 1, NULL).x, 0.3989422804014327, 1e-6);
 }
 
-/* ---- Rows ---- */
+/* ---- Strips ---- */
 
 struct points {
-    cairn_vec2 position[MANY], force[MANY];
-    cairn_real mass[MANY];
-    cairn_force_points view;
+    cairn_vec2 position[2][CAIRN_FORCE_STRIP];
+    cairn_real mass[2][CAIRN_FORCE_STRIP];
+    cairn_force_strip strip[2];
 };
+
+static const cairn_box everywhere = {{-9, -9}, {9, 9}};
 
 static void make_points(struct points *p, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 0);
 
-    for (int i = 0; i < MANY; i++) {
-        p->position[i].x = cairn_random_uniform(&random, 0, 1);
-        p->position[i].y = cairn_random_uniform(&random, 0, 1);
-        p->mass[i] = cairn_random_uniform(&random, CAIRN_REAL(0.5), 4);
-        p->force[i].x = cairn_random_uniform(&random, -1, 1);
-        p->force[i].y = cairn_random_uniform(&random, -1, 1);
+    for (int k = 0; k < 2; k++) {
+        for (int i = 0; i < CAIRN_FORCE_STRIP; i++) {
+            p->position[k][i].x = cairn_random_uniform(&random, 0, 1);
+            p->position[k][i].y = cairn_random_uniform(&random, 0, 1);
+            p->mass[k][i] = cairn_random_uniform(&random, CAIRN_REAL(0.5), 4);
+        }
+        p->strip[k].position = p->position[k];
+        p->strip[k].mass = p->mass[k];
+        p->strip[k].count = CAIRN_FORCE_STRIP - 5 * k;
+        p->strip[k].zone = everywhere;
     }
-    p->view.position = p->position;
-    p->view.mass = p->mass;
-    p->view.force = p->force;
 }
 
-static void test_row_against_the_formulas(void **state)
+/* The sums of all pairs one by one; those of a count from the row `first` on. */
+static void test_strips_against_the_formulas(void **state)
 {
     const double sigma = 0.12, reach = 4.5;
-    cairn_oriented_point a = oriented(0, 0, 0), b = oriented(0, 0, 1);
-    cairn_real c = cairn_abs(cairn_vec2_dot(a.direction, b.direction));
+    cairn_oriented_point a = oriented(0, 0, 0), b = oriented(0, 0, 0);
     cairn_force_kernel kernel;
 
     (void)state;
     cairn_force_kernel_init(&kernel);
     cairn_force_kernel_set(&kernel, (cairn_real)sigma, (cairn_real)reach);
-    for (uint64_t seed = 0; seed < 20; seed++)
-        for (int with = 0; with < 2; with++) {
-            struct points p, before;
-            cairn_force_sum sum = {5, CAIRN_REAL(0.25)};
-            cairn_budget budget = {CAIRN_UNBOUNDED};
-            double potential = 0.25, force_x, force_y;
-            int32_t next = 11, pairs = 0;
+    for (uint64_t seed = 0; seed < 40; seed++) {
+        int32_t with = seed % 2, first = (int32_t)(seed % 3), pairs = 0, rows = 0;
+        double potential = 0.25, force_x = 3, force_y = 2, torque = 1, levers = 0;
+        struct points p;
+        cairn_force_sum sum = {{3, 2}, 1, CAIRN_REAL(0.25), {CAIRN_REAL(0.3), CAIRN_REAL(-0.2)}, 5};
+        cairn_force_cursor cursor;
+        cairn_budget budget = {CAIRN_UNBOUNDED};
 
-            make_points(&p, seed);
-            before = p;
-            force_x = (double)p.force[3].x;
-            force_y = (double)p.force[3].y;
-            assert_ok(cairn_force_kernel_row(&kernel, &p.view, 3, &next, 50, c, with, &sum, &budget));
-            assert_int_equal(next, 50);
-            for (int j = 0; j < MANY; j++) {
-                cairn_vec2 f = {0, 0};
+        make_points(&p, seed);
+        if (seed % 4 == 1)
+            p.strip[1].zone.max.x = CAIRN_REAL(0.5);
+        if (seed % 4 == 2)
+            p.strip[1].zone.min.y = CAIRN_REAL(0.3);
+        memset(&cursor, 0, sizeof cursor);
+        cursor.row = first;
+        assert_ok(cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, with, &sum, &budget));
+        assert_int_equal(cursor.row, CAIRN_FORCE_STRIP);
+        for (int i = first; i < p.strip[0].count; i++) {
+            a.position = p.position[0][i];
+            rows++;
+            if (a.position.x > p.strip[1].zone.max.x || a.position.y < p.strip[1].zone.min.y)
+                continue;
+            for (int j = 0; j < p.strip[1].count; j++) {
+                cairn_vec2 f;
                 cairn_real u;
 
-                a.position = before.position[3];
-                b.position = before.position[j];
-                if (j >= 11 && j < 50 &&
-                    (double)cairn_vec2_norm(cairn_vec2_sub(b.position, a.position)) <= reach * sigma) {
-                    f = cairn_force_kernel_pair(a, b, before.mass[3], before.mass[j], (cairn_real)sigma, &u);
-                    potential += with ? (double)u : 0;
-                    pairs++;
-                }
-                force_x += (double)f.x;
-                force_y += (double)f.y;
-                if (j != 3) {
-                    assert_near(p.force[j].x, before.force[j].x - f.x, NUMBER(2e-11, 1e-4));
-                    assert_near(p.force[j].y, before.force[j].y - f.y, NUMBER(2e-11, 1e-4));
-                }
+                b.position = p.position[1][j];
+                if ((double)cairn_vec2_norm(cairn_vec2_sub(b.position, a.position)) > reach * sigma)
+                    continue;
+                f = cairn_force_kernel_pair(a, b, p.mass[0][i], p.mass[1][j], (cairn_real)sigma, &u);
+                pairs++;
+                potential -= with ? 2 * (double)u : 0;
+                force_x += (double)f.x / (double)kernel.norm;
+                force_y += (double)f.y / (double)kernel.norm;
+                torque += (double)((a.position.x - sum.centre.x) * f.y - (a.position.y - sum.centre.y) * f.x) /
+                          (double)kernel.norm;
+                levers += fabs((double)f.x) + fabs((double)f.y);
             }
-            assert_true(pairs > 5 && pairs < 39);
-            assert_int_equal(sum.pairs, 5 + pairs);
-            assert_near(p.force[3].x, force_x, NUMBER(1e-10, 1e-3));
-            assert_near(p.force[3].y, force_y, NUMBER(1e-10, 1e-3));
-            assert_near(sum.potential, potential, NUMBER(1e-10, 1e-4));
-            assert_int_equal(CAIRN_UNBOUNDED - budget.left, 10 + pairs);
         }
+        assert_true(pairs > 5 && pairs < rows * p.strip[1].count);
+        assert_int_equal(sum.pairs, 5 + pairs);
+        assert_near(sum.force.x, force_x, NUMBER(1e-12, 1e-5) * levers);
+        assert_near(sum.force.y, force_y, NUMBER(1e-12, 1e-5) * levers);
+        assert_near(sum.torque, torque, NUMBER(1e-12, 1e-5) * levers);
+        assert_near(sum.potential, potential, NUMBER(1e-10, 1e-3));
+        assert_int_equal(CAIRN_UNBOUNDED - budget.left, rows + pairs);
+    }
+}
+
+/* The torque of a pair about any centre is the same for both points, with the opposite sign. */
+static void test_strips_act_on_both(void **state)
+{
+    cairn_force_kernel kernel;
+    struct points p;
+    cairn_force_sum there, back;
+    cairn_force_cursor cursor;
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    (void)state;
+    cairn_force_kernel_init(&kernel);
+    make_points(&p, 5);
+    memset(&there, 0, sizeof there);
+    memset(&cursor, 0, sizeof cursor);
+    there.centre.x = CAIRN_REAL(0.7);
+    back = there;
+    assert_ok(cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 1, &there, &budget));
+    memset(&cursor, 0, sizeof cursor);
+    assert_ok(cairn_force_kernel_strips(&kernel, &p.strip[1], &p.strip[0], &cursor, 1, &back, &budget));
+    assert_near(back.force.x, -there.force.x, NUMBER(1e-9, 1e-2));
+    assert_near(back.force.y, -there.force.y, NUMBER(1e-9, 1e-2));
+    assert_near(back.torque, -there.torque, NUMBER(1e-9, 1e-2));
+    assert_near(back.potential, there.potential, NUMBER(1e-9, 1e-2));
+    assert_true(fabs((double)there.force.x) > 1 && fabs((double)there.torque) > 1);
 }
 
 /* Exponential and erfc at all distances up to the greatest reach. */
@@ -175,109 +209,114 @@ static void test_tables(void **state)
     cairn_force_kernel_set(&kernel, 1, 6);
     for (int i = 1; i <= 60010; i++) {
         double x = i * 1e-4, force, potential;
-        cairn_vec2 position[2] = {{0, 0}, {(cairn_real)x, 0}}, f[2] = {{0, 0}, {0, 0}};
+        cairn_vec2 position[2] = {{0, 0}, {(cairn_real)x, 0}};
         cairn_real mass[2] = {1, 2};
-        cairn_force_points points = {position, mass, f};
-        cairn_force_sum sum = {0, 0};
+        cairn_force_strip a = {position, mass, 1, everywhere}, b = {position + 1, mass + 1, 1, everywhere};
+        cairn_force_cursor cursor;
+        cairn_force_sum sum;
         cairn_budget budget = {CAIRN_UNBOUNDED};
-        int32_t next = 1;
 
-        assert_ok(cairn_force_kernel_row(&kernel, &points, 0, &next, 2, CAIRN_REAL(0.5), 1, &sum, &budget));
+        memset(&sum, 0, sizeof sum);
+        memset(&cursor, 0, sizeof cursor);
+        assert_ok(cairn_force_kernel_strips(&kernel, &a, &b, &cursor, 1, &sum, &budget));
         x = (double)position[1].x;
         if (i > 60000) {
             assert_int_equal(sum.pairs, 0);
-            assert_near(f[0].x, 0, 0);
+            assert_near(sum.force.x, 0, 0);
             continue;
         }
         if (i < 60000)
             assert_int_equal(sum.pairs, 1);
         if (sum.pairs == 0)
             continue;
-        force = strength(x, 0.5, 1, 2, 1);
-        potential = -0.5 * erfc(x / sqrt(2));
-        assert_near(f[0].y, 0, 0);
-        assert_near(f[1].x, -f[0].x, 0);
-        worst_force = fmax(worst_force, fabs((double)f[0].x - force) / force);
-        worst_potential = fmax(worst_potential, fabs((double)sum.potential - potential));
+        force = 2 * exp(-x * x / 2);
+        potential = 2 * erfc(x / sqrt(2));
+        assert_near(sum.force.y, 0, 0);
+        worst_force = fmax(worst_force, fabs((double)sum.force.x - force) / force);
+        worst_potential = fmax(worst_potential, fabs((double)sum.potential - potential) / 2);
     }
     /* In float exp(-18) is off by 18 times the rounding of its argument. */
     assert_near(worst_force, 0, NUMBER(3e-13, 3e-6));
-    assert_near(worst_potential, 0, NUMBER(5e-14, 3e-7));
+    assert_near(worst_potential, 0, NUMBER(1e-13, 3e-7));
+    assert_near(kernel.norm, 1 / sqrt(2 * PI), NUMBER(1e-15, 1e-7));
 }
 
-static void test_row_at_no_distance(void **state)
+static void test_strips_at_no_distance(void **state)
 {
-    cairn_vec2 position[4] = {{1, 1}, {1, 1}, {1, 1}, {1, 2}}, force[4] = {{0, 0}, {0, 0}, {0, 0}, {0, 0}};
+    cairn_vec2 position[4] = {{1, 1}, {1, 1}, {1, 1}, {1, 2}};
     cairn_real mass[4] = {2, 1, 1, 1};
-    cairn_force_points points = {position, mass, force};
+    cairn_force_strip a = {position, mass, 1, everywhere}, b = {position + 1, mass + 1, 3, everywhere};
     cairn_force_kernel kernel;
-    cairn_force_sum sum = {0, 0};
+    cairn_force_cursor cursor;
+    cairn_force_sum sum;
     cairn_budget budget = {CAIRN_UNBOUNDED};
-    int32_t next = 1;
 
     (void)state;
     position[2].x += CAIRN_REAL_EPSILON; /* 1e-16 or 1e-7 m: nearer than 1e-9 in double only */
+    memset(&sum, 0, sizeof sum);
+    memset(&cursor, 0, sizeof cursor);
     cairn_force_kernel_init(&kernel);
-    assert_ok(cairn_force_kernel_row(&kernel, &points, 0, &next, 4, 1, 1, &sum, &budget));
+    assert_ok(cairn_force_kernel_strips(&kernel, &a, &b, &cursor, 1, &sum, &budget));
     assert_int_equal(sum.pairs, 3);
-    /* sigma is 1 after init: erfc(1 / sqrt(2)) = 0.3173..., exp(-1/2) / sqrt(2 pi) = 0.2419... */
-    assert_near(sum.potential, -2 - 0.31731050786291415, 1e-6);
-    assert_near(force[3].y, -2 * 0.24197072451914337, 1e-6);
-    assert_near(force[1].x, 0, 0);
-    assert_near(force[1].y, 0, 0);
-    assert_near(force[2].x, NUMBER(0, -0.7978845608), 1e-6);
-    assert_near(force[0].x, NUMBER(0, 0.7978845608), 1e-6);
+    /* sigma is 1 after init: erfc(1 / sqrt(2)) = 0.3173..., exp(-1/2) = 0.6065... */
+    assert_near(sum.potential, 2 * (2 + 0.31731050786291415), 1e-6);
+    assert_near(sum.force.y, 2 * 0.60653065971263342, 1e-6);
+    assert_near(sum.force.x, NUMBER(0, 2), 1e-6);
+    /* Strips of nothing. */
+    a.count = 0;
+    cursor.row = 0;
+    budget.left = 0;
+    assert_ok(cairn_force_kernel_strips(&kernel, &a, &b, &cursor, 1, &sum, &budget));
+    assert_int_equal(sum.pairs, 3);
 }
 
-static void test_row_budgets(void **state)
+static void test_strips_budgets(void **state)
 {
     static const int32_t budgets[] = {1, 2, 7, 1000};
     cairn_force_kernel kernel;
-    struct points whole;
-    cairn_force_sum whole_sum = {0, 0};
-    cairn_budget unbounded = {CAIRN_UNBOUNDED};
-    int32_t next = 1;
+    struct points p;
+    cairn_force_sum whole;
+    cairn_force_cursor cursor;
+    cairn_budget unbounded = {CAIRN_UNBOUNDED}, none = {0};
 
     (void)state;
     cairn_force_kernel_init(&kernel);
     cairn_force_kernel_set(&kernel, CAIRN_REAL(0.1), CAIRN_REAL(5.3));
-    make_points(&whole, 77);
-    assert_ok(cairn_force_kernel_row(&kernel, &whole.view, 0, &next, MANY, 1, 1, &whole_sum, &unbounded));
+    make_points(&p, 77);
+    memset(&whole, 0, sizeof whole);
+    memset(&cursor, 0, sizeof cursor);
+    assert_status(cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 1, &whole, &none), CAIRN_MORE);
+    assert_int_equal(cursor.row, 0);
+    assert_ok(cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 1, &whole, &unbounded));
     for (int i = 0; i < 4; i++) {
-        struct points p;
-        cairn_force_sum sum = {0, 0};
         cairn_status status = CAIRN_MORE;
+        cairn_force_sum sum;
         int32_t used = 0;
 
-        make_points(&p, 77);
-        for (next = 1; status == CAIRN_MORE;) {
+        memset(&sum, 0, sizeof sum);
+        memset(&cursor, 0, sizeof cursor);
+        while (status == CAIRN_MORE) {
             cairn_budget budget = {budgets[i]};
 
-            status = cairn_force_kernel_row(&kernel, &p.view, 0, &next, MANY, 1, 1, &sum, &budget);
-            assert_true(budget.left >= -4);
+            status = cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 1, &sum, &budget);
+            assert_true(budget.left >= 0);
+            assert_true(status == CAIRN_OK || budget.left == 0);
             used += budgets[i] - budget.left;
         }
         assert_ok(status);
         assert_int_equal(used, CAIRN_UNBOUNDED - unbounded.left);
-        assert_memory_equal(p.force, whole.force, sizeof p.force);
-        assert_true(sum.potential == whole_sum.potential && sum.pairs == whole_sum.pairs);
+        assert_true(sum.force.x == whole.force.x && sum.force.y == whole.force.y && sum.torque == whole.torque);
+        assert_true(sum.potential == whole.potential && sum.pairs == whole.pairs);
     }
-    unbounded.left = 0;
-    next = 1;
-    assert_status(cairn_force_kernel_row(&kernel, &whole.view, 0, &next, MANY, 1, 1, &whole_sum, &unbounded),
-                  CAIRN_MORE);
-    assert_int_equal(next, 1);
-    next = MANY;
-    assert_ok(cairn_force_kernel_row(&kernel, &whole.view, 0, &next, MANY, 1, 1, &whole_sum, &unbounded));
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_the_formulas),  cmocka_unit_test(test_force_is_minus_the_gradient),
-        cmocka_unit_test(test_zero_distance), cmocka_unit_test(test_row_against_the_formulas),
-        cmocka_unit_test(test_tables),        cmocka_unit_test(test_row_at_no_distance),
-        cmocka_unit_test(test_row_budgets),
+        cmocka_unit_test(test_the_formulas),          cmocka_unit_test(test_force_is_minus_the_gradient),
+        cmocka_unit_test(test_zero_distance),         cmocka_unit_test(test_strips_against_the_formulas),
+        cmocka_unit_test(test_strips_act_on_both),    cmocka_unit_test(test_tables),
+        cmocka_unit_test(test_strips_at_no_distance), cmocka_unit_test(test_strips_budgets),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -57,6 +57,7 @@ static void check_query(const cairn_point_grid *grid, const cairn_vec2 *points, 
     assert_int_equal(cairn_point_grid_nearest(grid, p, radius, &squared), expected);
     assert_int_equal(cairn_point_grid_nearest(grid, p, radius, NULL), expected);
     assert_true(squared == (expected < 0 ? -1 : distance_squared(points[expected], p)));
+    assert_int_equal(cairn_point_grid_has(grid, p, radius), expected >= 0);
     check_cursor(grid, points, count, p, radius);
 }
 
@@ -93,7 +94,16 @@ static void check_random_points(uint64_t seed, cairn_real cell, cairn_real scale
                 }
             }
         }
-        cairn_point_grid_clear(grid);
+        /* Taking points out again leaves the others as they were. */
+        for (int32_t i = POINTS - 1; round == 0 && i >= 0; i--) {
+            cairn_point_grid_remove_last(grid);
+            assert_int_equal(cairn_point_grid_count(grid), i);
+            if (i % 40 == 3)
+                check_query(grid, points, i, points[i + 1], cell);
+        }
+        cairn_point_grid_remove_last(grid);
+        if (round == 1)
+            cairn_point_grid_clear(grid);
         assert_int_equal(cairn_point_grid_count(grid), 0);
         check_query(grid, points, 0, points[0], 100 * cell);
     }
@@ -261,12 +271,14 @@ static void test_grid_buckets(void **state)
 
     (void)state;
     for (int32_t i = 0; i < 256; i++) {
-        cairn_vec2 p = {(cairn_real)(i % 16 - 8) / 2, (cairn_real)(i / 16 - 4) / 2};
+        int32_t row = i / 16, column = i - 16 * row;
+        cairn_vec2 p = {(cairn_real)(column - 8) / 2, (cairn_real)(row - 4) / 2};
 
         assert_ok(cairn_point_grid_insert(grid, p));
     }
     for (int32_t i = 0; i < 256; i++) {
-        cairn_vec2 p = {(cairn_real)(i % 16) / 2 - CAIRN_REAL(3.75), (cairn_real)(i / 16) / 2 - CAIRN_REAL(1.75)};
+        int32_t row = i / 16, column = i - 16 * row;
+        cairn_vec2 p = {(cairn_real)column / 2 - CAIRN_REAL(3.75), (cairn_real)row / 2 - CAIRN_REAL(1.75)};
         cairn_point_grid_cursor cursor = cairn_point_grid_begin(grid, p, 0);
 
         hash = test_hash(hash, &cursor.next, sizeof cursor.next);
@@ -350,6 +362,7 @@ static void test_grid_refusals(void **state)
     assert_int_equal(cairn_point_grid_nearest(grid, p, -1, NULL), -1);
     assert_int_equal(cairn_point_grid_nearest(grid, p, (cairn_real)NAN, NULL), -1);
     assert_int_equal(cairn_point_grid_nearest(grid, nan_x, 9, NULL), -1);
+    assert_int_equal(cairn_point_grid_has(grid, nan_x, 9), 0);
     assert_int_equal(cairn_point_grid_nearest(grid, nan_y, 9, NULL), -1);
     cursor = cairn_point_grid_begin(grid, p, -1);
     assert_int_equal(cairn_point_grid_next(grid, &cursor), -1);

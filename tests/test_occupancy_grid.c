@@ -241,7 +241,7 @@ static void random_scan(cairn_random *random, cairn_beam *beams)
     beams[0] = beams[1];
 }
 
-/* A unit for the start of a beam, one for six of its cells. */
+/* A unit for the start of a beam, one for two of its cells. */
 static int32_t units_of(const cairn_occupancy_grid *grid, const cairn_beam *beam, cairn_transform transform)
 {
     cairn_occupancy_walk walk;
@@ -253,7 +253,7 @@ static int32_t units_of(const cairn_occupancy_grid *grid, const cairn_beam *beam
                                   cairn_transform_point(transform, beam->to), &walk) == CAIRN_OK)
         while (cairn_occupancy_walk_next(&walk, &chord))
             cells++;
-    return 1 + (cells + 5) / 6;
+    return 1 + (cells + 1) / 2;
 }
 
 /* A scan equals its beams one by one, whatever the budgets; a clearing comes before it. */

@@ -327,7 +327,7 @@ static void refuses_params(void **state)
     (void)state;
     for (int i = 0; i < 32; i++)
         bad[i] = good;
-    bad[count++].mode = 2;
+    bad[count++].mode = 5;
     bad[count++].mode = -1;
     bad[count++].max_target = 0;
     bad[count++].max_target = (1 << 20) + 1;

@@ -55,7 +55,7 @@ static cairn_status create_with(void *params, cairn_pool *pool)
 
 static void test_params_and_memory(void **state)
 {
-    cairn_scan_set_params good = {2, 3, 5}, p;
+    cairn_scan_set_params good = {2, 3, 5, 0}, p;
     cairn_pool pool = test_pool(cairn_scan_set_memory(&good));
     cairn_scan_set *set;
 
@@ -71,6 +71,9 @@ static void test_params_and_memory(void **state)
     REFUSED(max_segments, (1 << 24) + 1);
     REFUSED(max_points, -1);
     REFUSED(max_points, (1 << 24) + 1);
+    REFUSED(spacing, -1);
+    REFUSED(spacing, (cairn_real)NAN);
+    REFUSED(spacing, CAIRN_REAL(1.1e6));
 #undef REFUSED
     p = good;
     p.max_scans = 1 << 20;
@@ -87,16 +90,23 @@ static void test_params_and_memory(void **state)
     assert_int_equal(pool.used, 0);
     test_pool_free(&pool);
     test_every_pool_size(create_with, &good, cairn_scan_set_memory(&good));
+    good.spacing = CAIRN_REAL(0.1);
+    test_every_pool_size(create_with, &good, cairn_scan_set_memory(&good));
     for (p.max_scans = 1; p.max_scans < 60; p.max_scans += 7)
         for (p.max_segments = 1; p.max_segments < 500; p.max_segments += 31)
-            for (p.max_points = 1; p.max_points < 5000; p.max_points += 333)
+            for (p.max_points = 1; p.max_points < 5000; p.max_points += 333) {
+                p.spacing = 0;
                 assert_int_equal(cairn_scan_set_memory(&p),
                                  CAIRN_SCAN_SET_BYTES(p.max_scans, p.max_points, p.max_segments));
+                p.spacing = 1;
+                assert_int_equal(cairn_scan_set_memory(&p),
+                                 CAIRN_SCAN_SET_PLACES_BYTES(p.max_scans, p.max_points, p.max_segments));
+            }
 }
 
 static void test_scans_are_copied(void **state)
 {
-    cairn_scan_set_params params = {3, 7, 9};
+    cairn_scan_set_params params = {3, 7, 9, 0};
     cairn_pool pool = test_pool(cairn_scan_set_memory(&params));
     cairn_scan_set *set;
     cairn_scan_view nothing;
@@ -141,7 +151,6 @@ static void test_scans_are_copied(void **state)
             assert_memory_equal(&t->segment, &e.segments[i], sizeof t->segment);
             assert_near(t->direction.x, i == 0 ? 1 : i == 1 ? 0 : 0.6, 1e-6);
             assert_near(t->direction.y, i == 2 ? 0.8 : 0, 1e-6);
-            assert_near(t->spacing, i == 0 ? 1 : 0, 1e-6);
         }
         for (int32_t i = 0; i < 4; i++) {
             assert_near(set->points[point + i].x, e.points[i].position.x, 0);
@@ -163,49 +172,9 @@ static void test_scans_are_copied(void **state)
     test_pool_free(&pool);
 }
 
-/* Even points to a thousandth of their distance, along the direction and not against it. */
-static void test_spacing(void **state)
-{
-    static const struct {
-        double x, y, direction, spacing;
-    } cases[] = {{2, 0, 1, 1},      {2.0009, 0, 1, 1}, {2.002, 0, 1, 0},  {1.998, 0, 1, 0},
-                 {2, 0.0009, 1, 1}, {2, 0.002, 1, 0},  {2, -0.002, 1, 0}, {2, 0, -1, 0}};
-    cairn_scan_set_params params = {1, 3, 4};
-    cairn_pool pool = test_pool(cairn_scan_set_memory(&params));
-    cairn_scan_set *set;
-    struct example e;
-
-    (void)state;
-    assert_ok(cairn_scan_set_create(&set, &pool, &params));
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        make_example(&e);
-        set_point(&e.points[1], cases[i].x, cases[i].y, 1, 0);
-        e.points[0].direction.x = (cairn_real)cases[i].direction;
-        cairn_scan_set_clear(set);
-        assert_ok(cairn_scan_set_add(set, &e.view, NULL, NULL));
-        assert_near(set->segments[0].spacing, cases[i].spacing, 1e-6);
-    }
-    /* Two are even if they lie as their direction says. */
-    e.first_point[1] = e.first_point[2] = 2;
-    e.first_point[3] = e.view.point_count = 3;
-    set_point(&e.points[0], 1, 0, 1, 0);
-    set_point(&e.points[1], 1.5, 0, 1, 0);
-    cairn_scan_set_clear(set);
-    assert_ok(cairn_scan_set_add(set, &e.view, NULL, NULL));
-    assert_near(set->segments[0].spacing, 0.5, 1e-6);
-    /* Points on each other. */
-    make_example(&e);
-    for (int k = 0; k < 3; k++)
-        set_point(&e.points[k], 1, 0, 1, 0);
-    cairn_scan_set_clear(set);
-    assert_ok(cairn_scan_set_add(set, &e.view, NULL, NULL));
-    assert_near(set->segments[0].spacing, 0, 0);
-    test_pool_free(&pool);
-}
-
 static void test_full(void **state)
 {
-    static const cairn_scan_set_params small[3] = {{1, 9, 9}, {9, 5, 9}, {9, 9, 7}};
+    static const cairn_scan_set_params small[3] = {{1, 9, 9, 0}, {9, 5, 9, 0}, {9, 9, 7, 0}};
     static const char *const what[3] = {"scans", "segments", "points"};
     struct example e;
 
@@ -226,7 +195,7 @@ static void test_full(void **state)
     }
     /* Full to the last one. */
     {
-        cairn_scan_set_params exact = {2, 6, 8};
+        cairn_scan_set_params exact = {2, 6, 8, 0};
         cairn_pool pool = test_pool(cairn_scan_set_memory(&exact));
         cairn_scan_set *set;
 
@@ -240,7 +209,7 @@ static void test_full(void **state)
 static void test_bad_scans_are_refused(void **state)
 {
     const cairn_real nan = (cairn_real)NAN, infinity = (cairn_real)INFINITY, far = CAIRN_REAL(1.1e6);
-    cairn_scan_set_params params = {3, 9, 12};
+    cairn_scan_set_params params = {3, 9, 12, 0};
     cairn_pool pool = test_pool(cairn_scan_set_memory(&params));
     cairn_scan_set *set;
     struct example e;
@@ -292,14 +261,327 @@ static void test_bad_scans_are_refused(void **state)
     test_pool_free(&pool);
 }
 
+/* ---- Points made from the ends of segments ---- */
+
+enum { WALLS = 6, MOST = 400 };
+
+/* What the scan room makes of walls: points every `spacing`, centred, those of which a bit of `support` is set. */
+struct walls {
+    cairn_segment segments[WALLS];
+    int32_t first_point[WALLS + 1];
+    cairn_oriented_point points[MOST];
+    cairn_scan_view view;
+};
+
+static void make_walls(struct walls *w, uint64_t seed, double spacing)
+{
+    cairn_random random = cairn_random_seed(seed, 3);
+
+    memset(w, 0, sizeof *w);
+    w->view.segments = w->segments;
+    w->view.first_point = w->first_point;
+    w->view.points = w->points;
+    w->view.segment_count = WALLS;
+    for (int i = 0; i < WALLS; i++) {
+        cairn_real gaps = i % 2 ? CAIRN_REAL(0.3) : 0;
+        cairn_vec2 along, direction;
+        cairn_real length;
+        int32_t places;
+
+        w->segments[i].a.x = cairn_random_uniform(&random, -5, 5);
+        w->segments[i].a.y = cairn_random_uniform(&random, -5, 5);
+        w->segments[i].b.x = w->segments[i].a.x + cairn_random_uniform(&random, -1, 1) * (cairn_real)(i + 1);
+        w->segments[i].b.y = w->segments[i].a.y + cairn_random_uniform(&random, -1, 1) * (cairn_real)(i + 1);
+        along = cairn_vec2_sub(w->segments[i].b, w->segments[i].a);
+        length = cairn_vec2_norm(along);
+        direction = cairn_vec2_unit(along);
+        places = (int32_t)floor((double)(length / (cairn_real)spacing)) + 1;
+        for (int32_t k = 0; k < places; k++) {
+            cairn_real at =
+                (length - (cairn_real)(places - 1) * (cairn_real)spacing) / 2 + (cairn_real)k * (cairn_real)spacing;
+            cairn_oriented_point *p = &w->points[w->view.point_count];
+
+            if (cairn_random_uniform(&random, 0, 1) < gaps)
+                continue;
+            p->position = cairn_vec2_add(w->segments[i].a, cairn_vec2_scale(direction, at));
+            p->direction = direction;
+            w->view.point_count++;
+        }
+        w->first_point[i + 1] = w->view.point_count;
+    }
+}
+
+/* Both ways of keeping give the same bits, whatever the points are asked for. */
+static void assert_same_sets(const cairn_scan_set *kept, const cairn_scan_set *made)
+{
+    assert_int_equal(kept->scan_count, made->scan_count);
+    assert_int_equal(kept->segment_count, made->segment_count);
+    assert_int_equal(kept->point_count, made->point_count);
+    for (int32_t i = 0; i < kept->scan_count; i++) {
+        const cairn_scan_set_scan *a = &kept->scans[i], *b = &made->scans[i];
+
+        assert_int_equal(a->in_use, b->in_use);
+        if (!a->in_use)
+            continue;
+        assert_int_equal(a->first_segment, b->first_segment);
+        assert_int_equal(a->end_point, b->end_point);
+        assert_true(a->centroid.x == b->centroid.x && a->centroid_spread == b->centroid_spread);
+        assert_true(a->sensor_spread == b->sensor_spread);
+    }
+    for (int32_t i = 0; i < kept->segment_count; i++) {
+        const cairn_scan_set_segment *a = &kept->segments[i], *b = &made->segments[i];
+        int32_t count = a->end_point - a->first_point;
+        cairn_vec2 points[MOST];
+
+        assert_int_equal(a->first_point, b->first_point);
+        assert_int_equal(a->end_point, b->end_point);
+        assert_int_equal(a->scan, b->scan);
+        assert_true(a->direction.x == b->direction.x && a->direction.y == b->direction.y);
+        if (a->scan < 0)
+            continue;
+        for (int32_t first = 0; first <= count; first += 1 + first / 3) {
+            int32_t some = (count - first) / (1 + first % 2);
+
+            cairn_scan_set_read(made, i, first, some, points);
+            assert_memory_equal(points, kept->points + a->first_point + first, (size_t)some * sizeof *points);
+            cairn_scan_set_read(kept, i, first, some, points);
+            assert_memory_equal(points, kept->points + a->first_point + first, (size_t)some * sizeof *points);
+        }
+    }
+}
+
+static void test_points_are_made(void **state)
+{
+    cairn_scan_set_params params = {5, 5 * WALLS, 5 * MOST, 0};
+    size_t kept_bytes = cairn_scan_set_memory(&params);
+    cairn_pool pool = test_pool(2 * kept_bytes);
+    cairn_scan_set *kept, *made;
+    struct walls w;
+    cairn_fault fault;
+    cairn_real mass[MOST];
+
+    (void)state;
+    assert_ok(cairn_scan_set_create(&kept, &pool, &params));
+    params.spacing = CAIRN_REAL(0.07);
+    assert_true(cairn_scan_set_memory(&params) < kept_bytes / 5);
+    assert_ok(cairn_scan_set_create(&made, &pool, &params));
+    for (uint64_t seed = 0; seed < 5; seed++) {
+        make_walls(&w, seed, 0.07);
+        assert_true(w.view.point_count > 100);
+        assert_ok(cairn_scan_set_add(kept, &w.view, NULL, NULL));
+        assert_ok(cairn_scan_set_add(made, &w.view, NULL, &fault));
+    }
+    assert_same_sets(kept, made);
+
+    /* What is not so is refused. */
+    cairn_scan_set_clear(made);
+    make_walls(&w, 1, 0.07);
+    for (int i = 0; i < MOST; i++)
+        mass[i] = 1;
+    assert_status(cairn_scan_set_add(made, &w.view, mass, &fault), CAIRN_BAD_ARGUMENT);
+    assert_non_null(strstr(fault.what, "mass"));
+    w.points[7].position.x += CAIRN_REAL(1e-3);
+    assert_status(cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(fault.index, 7);
+    make_walls(&w, 1, 0.07);
+    w.points[w.first_point[5] + 3].position.y += CAIRN_REAL(1e-3);
+    assert_status(cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(fault.index, w.first_point[5] + 3);
+    make_walls(&w, 1, 0.07);
+    { /* out of order */
+        cairn_oriented_point swap = w.points[w.first_point[4]];
+
+        w.points[w.first_point[4]] = w.points[w.first_point[4] + 1];
+        w.points[w.first_point[4] + 1] = swap;
+        assert_status(cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT);
+        assert_int_equal(fault.index, w.first_point[4] + 1);
+    }
+    make_walls(&w, 1, 0.08);
+    assert_status(cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(made->scan_count + made->segment_count + made->point_count + made->word_count, 0);
+    /* A wall with a place for every point but not for every place. */
+    make_walls(&w, 1, 0.07);
+    w.segments[0].b.x = w.segments[0].a.x + 9000;
+    w.first_point[1] = 1;
+    for (int i = 2; i <= WALLS; i++)
+        w.first_point[i] = 1;
+    w.view.point_count = 1;
+    assert_status(cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_FULL);
+    assert_non_null(strstr(fault.what, "places"));
+    test_pool_free(&pool);
+}
+
+/* ---- Removal ---- */
+
+/* The scans in the order in which they came, as a list of seeds, beside sets of both kinds. */
+struct ledger {
+    uint64_t seed[8];
+    int32_t slot[8];
+    int32_t count;
+};
+
+static void assert_is_ledger(const cairn_scan_set *set, const struct ledger *ledger)
+{
+    int32_t segment = 0, point = 0, used = 0;
+
+    for (int32_t i = 0; i < set->scan_count; i++)
+        used += set->scans[i].in_use;
+    assert_int_equal(used, ledger->count);
+    for (int32_t i = 0; i < ledger->count; i++) {
+        const cairn_scan_set_scan *scan = &set->scans[ledger->slot[i]];
+        cairn_vec2 points[MOST];
+        struct walls w;
+
+        make_walls(&w, ledger->seed[i], 0.07);
+        assert_int_equal(scan->first_segment, segment);
+        assert_int_equal(scan->first_point, point);
+        for (int32_t k = 0; k < WALLS; k++) {
+            const cairn_scan_set_segment *s = &set->segments[segment + k];
+            int32_t count = w.first_point[k + 1] - w.first_point[k];
+
+            assert_int_equal(s->scan, ledger->slot[i]);
+            assert_int_equal(s->end_point - s->first_point, count);
+            cairn_scan_set_read(set, segment + k, 0, count, points);
+            for (int32_t j = 0; j < count; j++)
+                assert_true(points[j].x == w.points[w.first_point[k] + j].position.x &&
+                            points[j].y == w.points[w.first_point[k] + j].position.y);
+        }
+        segment += WALLS;
+        point += w.view.point_count;
+        assert_int_equal(scan->end_segment, segment);
+        assert_int_equal(scan->end_point, point);
+    }
+}
+
+/* Thousands of scans through few slots: at random one more, one less, or a little tidying up. */
+static void test_scans_come_and_go(void **state)
+{
+    cairn_scan_set_params params = {8, 8 * WALLS, 8 * MOST, 0};
+    cairn_random random = cairn_random_seed(9, 9);
+
+    (void)state;
+    for (int way = 0; way < 2; way++) {
+        struct ledger ledger = {{0}, {0}, 0};
+        cairn_scan_set *set;
+        cairn_pool pool;
+        uint64_t seed = 0;
+
+        params.spacing = way == 0 ? 0 : CAIRN_REAL(0.07);
+        pool = test_pool(cairn_scan_set_memory(&params));
+        assert_ok(cairn_scan_set_create(&set, &pool, &params));
+        for (int step = 0; step < 3000; step++) {
+            int32_t what = cairn_random_below(&random, 3);
+            cairn_budget budget = {cairn_random_below(&random, 60)}, rest = {CAIRN_UNBOUNDED};
+            int32_t given = budget.left;
+
+            if (what == 0) {
+                int32_t next = cairn_scan_set_next(set);
+                struct walls w;
+                cairn_status status;
+
+                make_walls(&w, ++seed, 0.07);
+                status = cairn_scan_set_add(set, &w.view, NULL, NULL);
+                if (ledger.count == 8)
+                    assert_int_equal(next, -1);
+                if (status == CAIRN_FULL && ledger.count < 8) {
+                    /* Only because of what has not been tidied up. */
+                    assert_true(set->gaps);
+                    assert_ok(cairn_scan_set_pack(set, &rest));
+                    status = cairn_scan_set_add(set, &w.view, NULL, NULL);
+                }
+                assert_int_equal(status, ledger.count == 8 ? CAIRN_FULL : CAIRN_OK);
+                if (status == CAIRN_OK) {
+                    ledger.seed[ledger.count] = seed;
+                    ledger.slot[ledger.count++] = next;
+                    assert_true(set->scans[next].in_use);
+                }
+            } else if (what == 1 && ledger.count > 0) {
+                int32_t k = cairn_random_below(&random, ledger.count);
+
+                assert_ok(cairn_scan_set_remove(set, ledger.slot[k]));
+                assert_status(cairn_scan_set_remove(set, ledger.slot[k]), CAIRN_BAD_ARGUMENT);
+                assert_int_equal(cairn_scan_set_next(set), ledger.slot[k]);
+                ledger.count--;
+                for (int32_t i = k; i < ledger.count; i++) {
+                    ledger.seed[i] = ledger.seed[i + 1];
+                    ledger.slot[i] = ledger.slot[i + 1];
+                }
+            } else {
+                cairn_status status = cairn_scan_set_pack(set, &budget);
+
+                assert_true(budget.left >= 0 && budget.left <= given);
+                assert_true(status == CAIRN_OK || (status == CAIRN_MORE && budget.left == 0));
+                if (status == CAIRN_OK) {
+                    assert_false(set->gaps);
+                    assert_is_ledger(set, &ledger);
+                }
+            }
+            for (int32_t i = 0; i < ledger.count; i++) /* readers see whole scans at all times */
+                assert_int_equal(set->segments[set->scans[ledger.slot[i]].first_segment].scan, ledger.slot[i]);
+        }
+        assert_true(seed > 500);
+        assert_status(cairn_scan_set_remove(NULL, 0), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_scan_set_remove(set, -1), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_scan_set_remove(set, set->scan_count), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_scan_set_pack(NULL, NULL), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_scan_set_pack(set, NULL), CAIRN_BAD_ARGUMENT);
+        cairn_scan_set_clear(set);
+        assert_int_equal(cairn_scan_set_next(set), 0);
+        test_pool_free(&pool);
+    }
+}
+
+/* What is paid does not depend on how the budget is cut. */
+static void test_pack_budgets(void **state)
+{
+    static const int32_t budgets[] = {1, 7, 1000, CAIRN_UNBOUNDED};
+    cairn_scan_set_params params = {4, 4 * WALLS, 4 * MOST, 0};
+    int32_t expected = 0;
+
+    (void)state;
+    for (int b = 3; b >= 0; b--) {
+        cairn_pool pool = test_pool(cairn_scan_set_memory(&params));
+        cairn_status status = CAIRN_MORE;
+        struct ledger ledger = {{2, 4}, {1, 3}, 2};
+        cairn_scan_set *set;
+        int32_t used = 0;
+
+        assert_ok(cairn_scan_set_create(&set, &pool, &params));
+        for (uint64_t seed = 1; seed <= 4; seed++) {
+            struct walls w;
+
+            make_walls(&w, seed, 0.07);
+            assert_ok(cairn_scan_set_add(set, &w.view, NULL, NULL));
+        }
+        assert_ok(cairn_scan_set_remove(set, 2));
+        assert_ok(cairn_scan_set_remove(set, 0));
+        while (status == CAIRN_MORE) {
+            cairn_budget budget = {budgets[b]};
+
+            status = cairn_scan_set_pack(set, &budget);
+            assert_true(budget.left >= 0);
+            used += budgets[b] - budget.left;
+        }
+        assert_ok(status);
+        assert_is_ledger(set, &ledger);
+        if (b == 3)
+            expected = used;
+        assert_true(used > 20);
+        assert_int_equal(used, expected);
+        test_pool_free(&pool);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_params_and_memory),
         cmocka_unit_test(test_scans_are_copied),
-        cmocka_unit_test(test_spacing),
         cmocka_unit_test(test_full),
         cmocka_unit_test(test_bad_scans_are_refused),
+        cmocka_unit_test(test_points_are_made),
+        cmocka_unit_test(test_scans_come_and_go),
+        cmocka_unit_test(test_pack_budgets),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

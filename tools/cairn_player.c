@@ -196,3 +196,113 @@ cairn_status player_field_end(player_field *record)
     frame.value = value;
     return cairn_report_player_add_frame(record->player, &frame);
 }
+
+/* ---- aligner ---- */
+
+/* Less than this of a way, in m or rad, is not seen. */
+#define LEAST_WAY 1e-4
+
+cairn_report_player_params player_aligner_params(void)
+{
+    static const cairn_report_curve curves[] = {
+        {"parts", "", "scans whose poses are known to each other have one colour"},
+        {"scans in the largest part", "", NULL},
+        {"mean relocation", "mm", "by the step that ends here"},
+    };
+    cairn_report_player_params params = cairn_report_player_default();
+
+    params.curve = curves;
+    params.curve_count = sizeof curves / sizeof *curves;
+    return params;
+}
+
+cairn_status player_aligner_begin(player_aligner *record, cairn_report_player *player, const cairn_aligner *aligner)
+{
+    size_t scans = (size_t)cairn_aligner_scan_count(aligner) + 1;
+
+    memset(record, 0, sizeof *record);
+    record->player = player;
+    record->aligner = aligner;
+    record->pose = malloc(scans * sizeof *record->pose);
+    record->part = malloc(scans * sizeof *record->part);
+    record->doubtful = calloc(scans, 1);
+    return record->pose != NULL && record->part != NULL && record->doubtful != NULL ? CAIRN_OK : CAIRN_NO_MEMORY;
+}
+
+void player_aligner_free(player_aligner *record)
+{
+    free(record->pose);
+    free(record->part);
+    free(record->doubtful);
+}
+
+/* Takes the poses and parts as they are; 1 when that can be seen. *way: m, the mean over the scans. */
+static int take_commit(player_aligner *record, double *way)
+{
+    int32_t scans = cairn_aligner_scan_count(record->aligner);
+    int seen = record->step == 0 || !cairn_aligner_running(record->aligner);
+
+    *way = 0;
+    for (int32_t i = 0; i < scans; i++) {
+        int32_t part;
+        cairn_pose pose = cairn_aligner_pose_now(record->aligner, i, &part), last = record->pose[i];
+        double moved = record->step > 0 ? hypot((double)(pose.x - last.x), (double)(pose.y - last.y)) : 0;
+
+        seen |= record->step > 0 && (part != record->part[i] || moved > LEAST_WAY ||
+                                     fabs((double)cairn_wrap_angle(pose.theta - last.theta)) > LEAST_WAY);
+        *way += moved / scans;
+    }
+    for (int32_t i = 0; i < scans && seen; i++)
+        record->pose[i] = cairn_aligner_pose_now(record->aligner, i, &record->part[i]);
+    return seen;
+}
+
+/* Scans of the largest part; *parts: of scans that show anything, or of all while it runs. */
+static int32_t count_parts(const player_aligner *record, int32_t *parts)
+{
+    int32_t scans = cairn_aligner_scan_count(record->aligner), largest = 0;
+
+    *parts = 0;
+    for (int32_t i = 0; i < scans; i++) {
+        int32_t size = 0;
+
+        for (int32_t k = 0; k < scans; k++)
+            size += record->part[k] == i;
+        *parts += size > 0;
+        largest = size > largest ? size : largest;
+    }
+    return largest;
+}
+
+cairn_status player_aligner_commit(player_aligner *record)
+{
+    cairn_aligner_result result = cairn_aligner_read(record->aligner);
+    cairn_report_frame frame;
+    char label[96];
+    double value[3];
+    int32_t parts;
+
+    if (!take_commit(record, &value[2]))
+        return CAIRN_OK;
+    value[1] = count_parts(record, &parts);
+    value[0] = parts;
+    value[2] = record->step > 0 ? 1000 * value[2] : (double)NAN;
+    memset(&frame, 0, sizeof frame);
+    if (!cairn_aligner_running(record->aligner)) {
+        snprintf(label, sizeof label, "end: %" PRId32 " scans placed, the others in red", result.placed);
+        for (int32_t i = 0; i < cairn_aligner_scan_count(record->aligner); i++)
+            record->doubtful[i] = !cairn_aligner_pose_of(record->aligner, i).placed;
+    } else if (result.rounds > 0) {
+        snprintf(label, sizeof label, "all poses and walls at once, iteration %" PRId32, result.rounds);
+    } else {
+        snprintf(label, sizeof label, "%" PRId32 " parts, the largest of %.0f scans", parts, value[1]);
+    }
+    frame.step = record->step++;
+    frame.label = label;
+    frame.pose = record->pose;
+    frame.part = record->part;
+    frame.doubtful = record->doubtful;
+    frame.pose_count = cairn_aligner_scan_count(record->aligner);
+    frame.value = value;
+    return cairn_report_player_add_frame(record->player, &frame);
+}

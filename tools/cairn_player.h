@@ -2,6 +2,7 @@
 #ifndef CAIRN_TOOLS_CAIRN_PLAYER_H
 #define CAIRN_TOOLS_CAIRN_PLAYER_H
 
+#include "cairn/aligner.h"
 #include "cairn/force_field.h"
 #include "cairn/report.h"
 #include "tools/cairn_map_output.h"
@@ -29,6 +30,23 @@ typedef struct player_field {
     int32_t region_room;
     double relocation; /* mm, by the last iteration; NaN before the first */
 } player_field;
+
+/* Records an aligner: commit() after every commit point; what changes nothing that can be seen is passed over. Statuses of
+ * cairn_report_player_add_frame. */
+typedef struct player_aligner {
+    cairn_report_player *player;
+    const cairn_aligner *aligner;
+    cairn_pose *pose;
+    int32_t *part;
+    uint8_t *doubtful;
+    int64_t step;
+} player_aligner;
+
+cairn_report_player_params player_aligner_params(void);
+CAIRN_CHECKED cairn_status player_aligner_begin(player_aligner *record, cairn_report_player *player,
+                                                const cairn_aligner *aligner);
+CAIRN_CHECKED cairn_status player_aligner_commit(player_aligner *record);
+void player_aligner_free(player_aligner *record);
 
 /* The player's params for a force field; the title and subtitle are the caller's. */
 cairn_report_player_params player_field_params(const cairn_force_field_params *field);

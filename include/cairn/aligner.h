@@ -1,6 +1,6 @@
 /* aligner: many scans with little overlap at once, from poor initial poses and without landmarks.
  *
- *     add_scan ... -> begin -> step until CAIRN_OK -> read, pose
+ *     add_scan ... -> begin -> step until CAIRN_OK -> read, pose_of
  *
  * Pairs of scans propose how they may lie to each other; parts that agree grow together, the surest first; scans that lie
  * badly are looked for anew in all the rest; last, all poses and all walls that they share are solved for together, which
@@ -114,6 +114,18 @@ CAIRN_CHECKED cairn_status cairn_aligner_begin(cairn_aligner *aligner);
  * scans, or a line of the raster. Cost of the whole: near linear in scans of the same density but for looking at each pair
  * of them once. */
 CAIRN_CHECKED cairn_status cairn_aligner_step(cairn_aligner *aligner, cairn_budget *budget);
+
+/* As step(), but also returns CAIRN_OK at the next commit point, so that the alignment can be watched: parts have been
+ * joined or relaxed, a scan was found elsewhere or stays, an iteration of the joint solution is done. */
+CAIRN_CHECKED cairn_status cairn_aligner_iterate(cairn_aligner *aligner, cairn_budget *budget);
+
+/* Whether step() has anything left to do. */
+int32_t cairn_aligner_running(const cairn_aligner *aligner);
+
+/* A scan as it stands at the last commit point; identity and -1 for a scan that is not there. Between commit points nothing
+ * that is useful. *part, when not NULL: a number that the scans of a part share, 0 ... scan_count - 1, which another part
+ * may have had before. Linear in the part. */
+cairn_pose cairn_aligner_pose_now(const cairn_aligner *aligner, int32_t scan, int32_t *part);
 
 /* ---- The result: the initial poses until step() returns CAIRN_OK ---- */
 

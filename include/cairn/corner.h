@@ -47,7 +47,7 @@ typedef struct cairn_corner_set cairn_corner_set;
 
 /* Upper bound of cairn_corner_memory as a constant expression. */
 #define CAIRN_CORNER_BYTES(segments, corners)                                                                          \
-    (384 + CAIRN_PIECE_BYTES(segments, sizeof(int32_t)) + CAIRN_PIECE_BYTES(segments, sizeof(cairn_box)) +             \
+    (544 + CAIRN_PIECE_BYTES(segments, sizeof(int32_t)) + CAIRN_PIECE_BYTES(segments, sizeof(cairn_box)) +             \
      2 * CAIRN_PIECE_BYTES(corners, sizeof(cairn_corner)))
 
 /* 256 segments, 128 corners, and the values in brackets above. */

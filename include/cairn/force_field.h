@@ -43,20 +43,22 @@ typedef struct cairn_force_field_params {
     cairn_real dt_start;         /* > 0: step width in the first iteration (0.05; 5) */
     cairn_real dt_end;           /* > 0, <= dt_start: least step width (0.01; 1) */
     cairn_real dt_factor;        /* 0 ... 1: times that in every iteration (0.96) */
-    cairn_real reach;            /* in sigma, > 0, <= 6: pairs farther apart exert no force (5.3, where a force has
-                                      fallen below 1e-6 of its start; the thesis grows the boxes of segments by 2 sigma,
-                                      which sees all pairs up to a reach of 4 and some beyond) */
-    cairn_real sensor_below;     /* the centre of rotation is the centre of mass while sigma >= sensor_below *
+    cairn_real reach;        /* in sigma, > 0, <= 6: pairs farther apart exert no force (4, where a force has fallen to
+                                      3e-4 of its start: the thesis grows the boxes of segments by 2 sigma) */
+    cairn_real sensor_below; /* the centre of rotation is the centre of mass while sigma >= sensor_below *
                                       sigma_start, then the sensor; 0: always the centre of mass (0.5) */
-    int32_t roi;                 /* not 0: regions of interest (1) */
-    cairn_real roi_radius;       /* m, > 0: about each corner (0.05; 5 cm) */
-    cairn_real roi_mass;         /* > 0: what the mass of a point in a region is multiplied by (4) */
-    cairn_real corner_distance;  /* m, > 0: a corner is at most so far from an end of both segments (0.30) */
+    int32_t roi;             /* not 0: regions of interest (1) */
+    cairn_real roi_radius;   /* m, > 0: about each corner (0.05; 5 cm) */
+    cairn_real roi_mass;     /* > 0: what the mass of a point in a region is multiplied by (4) */
+    cairn_real corner_distance;    /* m, > 0: a corner is at most so far from an end of both segments (0.30) */
     cairn_real corner_min_opening; /* rad, > 0 (80 degrees) */
     cairn_real corner_max_opening; /* rad, >= corner_min_opening, < pi (100 degrees) */
     int32_t potential;             /* not 0: P(g) is computed, too (1) */
     int32_t max_steps;             /* >= 1: iterations from a start to the stop (50) */
     cairn_real stop_relocation;    /* m, >= 0: stops when the scans moved less than this in the mean (0.0001) */
+    cairn_real spacing;            /* 0: the points of the scans are kept. > 0, m: they are made from the ends of their
+                                      segments when they are needed, with the same results; see cairn_scan_set_params (0) */
+    int32_t max_extra;             /* points from outside, 0 ... 2^24 (0) */
 } cairn_force_field_params;
 
 /* Whether and why the simulation stands. */
@@ -95,14 +97,30 @@ typedef struct cairn_force_field_motion {
 
 typedef struct cairn_force_field cairn_force_field;
 
-/* Upper bound of cairn_force_field_memory as a constant expression. */
+/* Upper bounds of cairn_force_field_memory as constant expressions, without points from outside: with the points of the
+ * scans kept ... */
 #define CAIRN_FORCE_FIELD_BYTES(scans, points, segments, corners)                                                      \
-    (2560 + 160 * sizeof(cairn_real) + CAIRN_SCAN_SET_BYTES(scans, points, segments) +                                 \
-     CAIRN_CORNER_BYTES(segments, corners) +                                                                           \
+    (CAIRN_FORCE_FIELD_OTHER_BYTES(scans, points, segments, corners) + CAIRN_SCAN_SET_BYTES(scans, points, segments) + \
+     CAIRN_PIECE_BYTES(points, sizeof(cairn_vec2)) + CAIRN_PIECE_BYTES(points, sizeof(cairn_real)))
+
+/* ... made from the segments ... */
+#define CAIRN_FORCE_FIELD_PLACES_BYTES(scans, points, segments, corners)                                               \
+    (CAIRN_FORCE_FIELD_OTHER_BYTES(scans, points, segments, corners) +                                                 \
+     CAIRN_SCAN_SET_PLACES_BYTES(scans, points, segments) + CAIRN_PIECE_BYTES((points) / 32 + 1, sizeof(uint32_t)))
+
+/* ... more for points from outside ... */
+#define CAIRN_FORCE_FIELD_EXTRA_BYTES(extra)                                                                           \
+    (2 * (2 * CAIRN_PIECE_BYTES(extra, sizeof(cairn_vec2)) + CAIRN_PIECE_BYTES(extra, sizeof(cairn_real)) +            \
+          CAIRN_PIECE_BYTES((extra) + 1, sizeof(int32_t))) +                                                           \
+     CAIRN_PIECE_BYTES(extra, sizeof(cairn_box)) + CAIRN_PIECE_BYTES(extra, sizeof(int32_t)))
+
+/* ... and what both have in common. */
+#define CAIRN_FORCE_FIELD_OTHER_BYTES(scans, points, segments, corners)                                                \
+    (1280 + 480 * sizeof(cairn_real) + CAIRN_CORNER_BYTES(segments, corners) +                                         \
      2 * CAIRN_PIECE_BYTES(scans, sizeof(cairn_pose) + sizeof(cairn_force_field_motion)) +                             \
-     CAIRN_PIECE_BYTES(scans, 8) + CAIRN_PIECE_BYTES(segments, sizeof(cairn_segment)) +                                \
-     CAIRN_PIECE_BYTES(segments, sizeof(cairn_vec2)) + CAIRN_PIECE_BYTES(segments, sizeof(cairn_box)) +                \
-     2 * CAIRN_PIECE_BYTES(points, sizeof(cairn_vec2)) + CAIRN_PIECE_BYTES(points, sizeof(cairn_real)) +               \
+     CAIRN_PIECE_BYTES(scans, 40 + (13 * sizeof(cairn_real) + 7) / 8 * 8) +                                            \
+     CAIRN_PIECE_BYTES(segments, sizeof(cairn_segment)) + CAIRN_PIECE_BYTES(segments, sizeof(cairn_vec2)) +            \
+     CAIRN_PIECE_BYTES(segments, sizeof(cairn_box)) + CAIRN_PIECE_BYTES((points) / 32 + 1, sizeof(uint32_t)) +         \
      CAIRN_PIECE_BYTES(segments, sizeof(int32_t)) + CAIRN_PIECE_BYTES(corners, sizeof(cairn_vec2)) +                   \
      3 * CAIRN_PIECE_BYTES(corners, sizeof(int32_t)))
 
@@ -116,10 +134,13 @@ size_t cairn_force_field_memory(const cairn_force_field_params *params);
 CAIRN_CHECKED cairn_status cairn_force_field_create(cairn_force_field **field, cairn_pool *pool,
                                                     const cairn_force_field_params *params);
 
-/* Adds a scan at the pose map_scan; its index is the number of scans before it. View, mass, fault and statuses are as in
- * cairn_scan_set_add; mass: of the points in the forces outside of regions of interest. A pose beyond 1e6 m is
- * CAIRN_BAD_ARGUMENT. A scan without points takes no part. The scan does not change the cooling and does not set a field
- * going that has stopped: restart() does. Linear in the scan. */
+/* The index that the next scan added will have: that of a scan that was released and whose slot is free again, else the
+ * number of indices given so far; -1: there are max_scans scans. A scan keeps its index. */
+int32_t cairn_force_field_next(const cairn_force_field *field);
+
+/* Adds a scan at the pose map_scan. View, mass, fault and statuses are as in cairn_scan_set_add; mass: of the points in the
+ * forces outside of regions of interest. A pose beyond 1e6 m is CAIRN_BAD_ARGUMENT. A scan without points takes no part. The
+ * scan does not change the cooling and does not set a field going that has stopped: restart() does. Linear in the scan. */
 CAIRN_CHECKED cairn_status cairn_force_field_add_scan(cairn_force_field *field, const cairn_scan_view *view,
                                                       const cairn_real *mass, cairn_pose map_scan, cairn_fault *fault);
 
@@ -127,16 +148,31 @@ CAIRN_CHECKED cairn_status cairn_force_field_add_scan(cairn_force_field *field, 
  * CAIRN_BAD_ARGUMENT: no such scan. Constant time. */
 CAIRN_CHECKED cairn_status cairn_force_field_fix(cairn_force_field *field, int32_t scan, int32_t yes);
 
+/* Takes a scan out of the field. Its index is used again and its room is free when a later step has gone as far as the next
+ * iteration or has returned CAIRN_OK. CAIRN_BAD_ARGUMENT: no such scan. Constant time; the steps pay for closing the gap. */
+CAIRN_CHECKED cairn_status cairn_force_field_release(cairn_force_field *field, int32_t scan);
+
+/* Points in the map that exert forces on the scans and belong to none, such as those of hypotheses about the world
+ * (chapter 8), in place of those set before. Pairs with them count in P(g). weights: [count], >= 0, as masses. Regions of
+ * interest do not change them. They take effect at the next commit point. The fewer different directions lie side by side,
+ * the faster. CAIRN_FULL: count > max_extra. CAIRN_NOT_FINITE; CAIRN_BAD_ARGUMENT: NULL, a coordinate beyond 1e6 m, a
+ * weight below 0 or beyond 1e6. Linear in count. */
+CAIRN_CHECKED cairn_status cairn_force_field_set_extra(cairn_force_field *field, const cairn_oriented_point *points,
+                                                       const cairn_real *weights, int32_t count);
+
 /* Starts the cooling anew: sigma, dt and the count against max_steps. Constant time. */
 void cairn_force_field_restart(cairn_force_field *field);
 
-/* Forgets all scans, at once; the field is as after its creation. Constant time. */
+/* Forgets all scans and points from outside, at once; the field is as after its creation. Constant time. */
 void cairn_force_field_clear(cairn_force_field *field);
 
 /* Goes on with the simulation. CAIRN_MORE: the budget is used up. CAIRN_OK: the simulation has stopped, see the verdict.
- * CAIRN_EMPTY: there are no scans. Costs per iteration a unit for four points and one for each segment, the search for
- * corners and a unit for each point with regions of interest, the sweep over the segments, two units for each pair of
- * near segments, a unit for four pairs of their points and one for each pair within reach, two for each scan. */
+ * CAIRN_EMPTY: there are no scans. Never uses more than the budget: what costs several units is paid first, over several
+ * calls if need be. Costs per iteration about: three units for each scan, one for each segment and for each eight points;
+ * with regions of interest the search for corners and a unit for two points; the sweep over the segments; for each pair of
+ * near segments two units, one for eight of their points, one for each point of the one that is within reach of some of
+ * the other, and one for each pair of points within reach. Scans that stood still among scans that stood still cost a
+ * unit for each segment. */
 CAIRN_CHECKED cairn_status cairn_force_field_step(cairn_force_field *field, cairn_budget *budget);
 
 /* As step(), but also returns CAIRN_OK at the next commit point, so that every iteration can be looked at. */
@@ -145,10 +181,13 @@ CAIRN_CHECKED cairn_status cairn_force_field_iterate(cairn_force_field *field, c
 /* Grows by 1 with every commit point that changed something: an iteration, or a scan that took effect. */
 uint32_t cairn_force_field_revision(const cairn_force_field *field);
 
-/* Scans that have taken effect. */
+/* Indices of scans that have taken effect are below. */
 int32_t cairn_force_field_pose_count(const cairn_force_field *field);
 
-/* map_scan of a scan, 0 <= scan < pose_count. */
+/* 1 when the scan has taken effect and was not released. */
+int32_t cairn_force_field_has(const cairn_force_field *field, int32_t scan);
+
+/* map_scan of a scan, 0 <= scan < pose_count; of one that was released the last, as long as its index is not used again. */
 cairn_pose cairn_force_field_pose(const cairn_force_field *field, int32_t scan);
 
 /* What the last iteration did to a scan, 0 <= scan < pose_count; zeros before the scan's first. */
@@ -163,7 +202,8 @@ cairn_real cairn_force_field_potential(const cairn_force_field *field);
 const cairn_scan_set *cairn_force_field_scans(const cairn_force_field *field);
 
 /* The force on point `index` of a scan and the mass of the point in the last iteration, in the map before the motion.
- * CAIRN_BAD_ARGUMENT: no such point. CAIRN_EMPTY: an iteration is under way, or none has seen the scan. */
+ * CAIRN_BAD_ARGUMENT: no such point. CAIRN_EMPTY: an iteration is under way, none has seen the scan, or scans have been
+ * released since. For pictures: sums the force up again, linear in the segments and the points within reach. */
 CAIRN_CHECKED cairn_status cairn_force_field_point_force(const cairn_force_field *field, int32_t scan, int32_t index,
                                                          cairn_vec2 *force, cairn_real *mass);
 

@@ -32,7 +32,7 @@ cairn_vec2 cairn_force_kernel_pair(cairn_oriented_point p1, cairn_oriented_point
 typedef struct cairn_force_kernel {
     cairn_real coarse[20];    /* exp(-i) */
     cairn_real fine[64];      /* exp(-i / 64) */
-    cairn_real erfc[69][2];   /* erfc(i / 16), exp(-(i / 16)^2) */
+    cairn_real erfc[69][4];   /* with x = i / 16, e = exp(-x^2): erfc(x), e, 2 x e, (2 x^2 - 1) e */
     cairn_real scale;         /* 1 / (2 sigma^2) */
     cairn_real root_scale;    /* 1 / (sigma sqrt(2)) */
     cairn_real norm;          /* 1 / (sigma sqrt(2 pi)) */
@@ -45,27 +45,42 @@ void cairn_force_kernel_init(cairn_force_kernel *kernel);
 /* Sets sigma (m, > 0) and the distance in sigma (> 0, at most CAIRN_FORCE_KERNEL_REACH) beyond which pairs do not count. */
 void cairn_force_kernel_set(cairn_force_kernel *kernel, cairn_real sigma, cairn_real reach);
 
-/* Points in the map, in arrays. */
-typedef struct cairn_force_points {
-    cairn_vec2 *position;
-    cairn_real *mass;
-    cairn_vec2 *force; /* sums */
-} cairn_force_points;
+/* So many points at a time. */
+enum { CAIRN_FORCE_STRIP = 16 };
 
-/* What many pairs add up to. */
+/* A few points in the map side by side; the arrays are the caller's. */
+typedef struct cairn_force_strip {
+    const cairn_vec2 *position; /* [count] */
+    const cairn_real *mass;     /* [count] */
+    int32_t count;              /* 0 ... CAIRN_FORCE_STRIP */
+    cairn_box zone;             /* outside of it no point of any strip is within reach */
+} cairn_force_strip;
+
+/* What points feel from those of other scans, as if all directions were parallel and without the factor `norm`; the others
+ * feel the opposite. */
 typedef struct cairn_force_sum {
-    int64_t pairs; /* pairs within reach */
-    cairn_real potential;
+    cairn_vec2 force;
+    cairn_real torque;    /* about `centre`; for both, as a pair pulls along the line through its points */
+    cairn_real potential; /* without the factor -1/2 */
+    cairn_vec2 centre;    /* given */
+    int64_t pairs;        /* within reach */
 } cairn_force_sum;
 
-/* Adds the forces between point i and the points *next ... end-1 to both, and to *sum; potentials only when
- * with_potential. c is |cos| of the angle between the directions. *next moves on. Relative error of a force 3e-13
- * (float: 3e-6), of a potential 1e-13 (3e-7) of its value at distance 0. Returns CAIRN_OK when the row is done,
- * CAIRN_MORE when the budget is used up. Costs a unit for four points and one for each of them within reach; the sums do
- * not depend on how the budget is split. */
-CAIRN_CHECKED cairn_status cairn_force_kernel_row(const cairn_force_kernel *kernel, const cairn_force_points *points,
-                                                  int32_t i, int32_t *next, int32_t end, cairn_real c,
-                                                  int32_t with_potential, cairn_force_sum *sum, cairn_budget *budget);
+/* How far a sum has come; all 0 before the first call. */
+typedef struct cairn_force_cursor {
+    int32_t row, next;          /* point of the first strip; of the second */
+    int32_t is_paid;            /* the row has been begun */
+    cairn_real x, y, potential; /* of the row so far */
+} cairn_force_cursor;
+
+/* Adds to *sum what the points of strip a from the cursor on feel from strip b; potentials only when with_potential. Relative
+ * error of a force 3e-13 (float: 3e-6), of a potential 1e-13 (3e-7) of its value at distance 0. Returns CAIRN_OK when all
+ * rows are done, CAIRN_MORE when the budget is used up. Costs a unit for each row, and one for each pair within reach; the
+ * sums do not depend on how the budget is split. */
+CAIRN_CHECKED cairn_status cairn_force_kernel_strips(const cairn_force_kernel *kernel, const cairn_force_strip *a,
+                                                     const cairn_force_strip *b, cairn_force_cursor *cursor,
+                                                     int32_t with_potential, cairn_force_sum *sum,
+                                                     cairn_budget *budget);
 
 #ifdef __cplusplus
 }

@@ -31,6 +31,9 @@ void cairn_point_grid_clear(cairn_point_grid *grid);
 /* Adds a point; its index is the number of points before it. CAIRN_NOT_FINITE, CAIRN_FULL. Constant time. */
 CAIRN_CHECKED cairn_status cairn_point_grid_insert(cairn_point_grid *grid, cairn_vec2 point);
 
+/* Takes the point that was added last out again, if there is one. Constant time: a grid can so be emptied in steps. */
+void cairn_point_grid_remove_last(cairn_point_grid *grid);
+
 int32_t cairn_point_grid_count(const cairn_point_grid *grid);
 
 /* The point of an index below count(). */
@@ -41,6 +44,9 @@ cairn_vec2 cairn_point_grid_point(const cairn_point_grid *grid, int32_t index);
  * and those cells, at most twice the points in all. */
 int32_t cairn_point_grid_nearest(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius,
                                  cairn_real *distance_squared);
+
+/* 1 when a point lies within `radius` (inclusive) of p. Cost: as nearest() at most. */
+int32_t cairn_point_grid_has(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius);
 
 /* All points within `radius` (inclusive) of p one by one, so that a caller can stop and go on: begin, then next until -1.
  * The order depends only on the points and the order of their insertion. Valid until the grid changes. The cursor is open

@@ -59,7 +59,7 @@ CAIRN_CHECKED cairn_status cairn_occupancy_grid_begin_scan(cairn_occupancy_grid 
 /* Starts to clear all cells; a scan that is being added is dropped. A scan may be begun right after it. Constant time. */
 void cairn_occupancy_grid_clear(cairn_occupancy_grid *grid);
 
-/* Clears, then adds the scan. CAIRN_OK: nothing left to do. CAIRN_MORE: go on. Costs a unit a beam, a unit for six cells on
+/* Clears, then adds the scan. CAIRN_OK: nothing left to do. CAIRN_MORE: go on. Costs a unit a beam, a unit for two cells on
  * it, and a unit for 64 cells to clear. Readers see the cells that are done: a grid is too large to be kept twice. */
 CAIRN_CHECKED cairn_status cairn_occupancy_grid_step(cairn_occupancy_grid *grid, cairn_budget *budget);
 

@@ -21,8 +21,11 @@ typedef struct cairn_scan_match cairn_scan_match;
 typedef int32_t cairn_scan_match_mode;
 enum {
     CAIRN_SCAN_MATCH_CORRELATIVE = 0,
-    CAIRN_SCAN_MATCH_SHAPE =
-        1 /* longest common subsequence of directions and angular histograms (Adluru 2008, 6.2-6.4) */
+    CAIRN_SCAN_MATCH_SHAPE = 1, /* common subsequence of directions and angular histograms (Adluru 2008, 6.2-6.4) */
+    /* The same up to an inner stage, to see what each adds: */
+    CAIRN_SCAN_MATCH_SHAPE_COMMON = 2,   /* the common subsequence alone */
+    CAIRN_SCAN_MATCH_SHAPE_COLINEAR = 3, /* and the colinear filter */
+    CAIRN_SCAN_MATCH_SHAPE_SEGMENTS = 4  /* and the segment filter and its translation: all but ICP */
 };
 
 typedef struct cairn_scan_match_params {

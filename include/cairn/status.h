@@ -54,6 +54,22 @@ typedef struct cairn_budget {
     int32_t left;
 } cairn_budget;
 
+/* Pays for an item of `cost` units, over several calls if need be, so that no step uses more than its budget; *paid holds
+ * what was paid so far, 0 before the first. 1 when the item is paid and may be done, 0 when the budget is used up before. */
+static inline int cairn_budget_pay(cairn_budget *budget, int32_t *paid, int32_t cost)
+{
+    int32_t due = cost - *paid, now = due < budget->left ? due : budget->left;
+
+    if (now > 0) {
+        *paid += now;
+        budget->left -= now;
+    }
+    if (*paid < cost)
+        return 0;
+    *paid = 0;
+    return 1;
+}
+
 /* A budget that is never used up by one call. */
 #define CAIRN_UNBOUNDED INT32_MAX
 

@@ -163,6 +163,17 @@ cairn_status cairn_point_grid_insert(cairn_point_grid *grid, cairn_vec2 point)
     return CAIRN_OK;
 }
 
+void cairn_point_grid_remove_last(cairn_point_grid *grid)
+{
+    cairn_vec2 point;
+
+    if (grid->count == 0)
+        return;
+    grid->count--;
+    point = grid->points[grid->count];
+    grid->heads[bucket_of(grid, cell_of(grid, point.x), cell_of(grid, point.y))] = grid->next[grid->count];
+}
+
 int32_t cairn_point_grid_count(const cairn_point_grid *grid)
 {
     return grid->count;
@@ -248,6 +259,23 @@ int32_t cairn_point_grid_nearest(const cairn_point_grid *grid, cairn_vec2 p, cai
     return best.index;
 }
 
+int32_t cairn_point_grid_has(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius)
+{
+    struct cell_box box;
+
+    if (!(radius >= 0) || !cairn_is_finite(p.x) || !cairn_is_finite(p.y))
+        return 0;
+    box = cells_within(grid, p, radius);
+    if (touches_too_many(grid, box))
+        return cairn_point_grid_nearest(grid, p, radius, NULL) != NONE;
+    for (int32_t y = box.min_y; y <= box.max_y; y++)
+        for (int32_t x = box.min_x; x <= box.max_x; x++)
+            for (int32_t i = grid->heads[bucket_of(grid, x, y)]; i != NONE; i = grid->next[i])
+                if (cairn_vec2_norm_squared(cairn_vec2_sub(grid->points[i], p)) <= radius * radius)
+                    return 1;
+    return 0;
+}
+
 cairn_point_grid_cursor cairn_point_grid_begin(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius)
 {
     cairn_point_grid_cursor cursor = {.centre = p, .radius_squared = radius * radius, .max_y = -1, .next = NONE};
@@ -320,7 +348,8 @@ struct cairn_box_sweep {
     int32_t stride;        /* of the sort; 0: sorted */
     int32_t sorted;        /* next place to insert from */
     int32_t place;         /* where the box being inserted stands */
-    int32_t first, second; /* places in order to test next; first == known: done */
+    int32_t first, second; /* places in order to test next; first == boxes_end: done */
+    int32_t boxes_end;     /* places in order from here on hold no box; starts at known */
     int32_t credit;        /* operations paid for */
 };
 
@@ -363,7 +392,7 @@ cairn_status cairn_box_sweep_create(cairn_box_sweep **sweep, cairn_pool *pool, c
     for (int32_t i = 0; i < params->max_boxes; i++)
         made->order[i] = i;
     made->capacity = params->max_boxes;
-    made->known = made->count = made->stride = made->first = 0;
+    made->known = made->count = made->stride = made->first = made->boxes_end = made->credit = 0;
     *sweep = made;
     return CAIRN_OK;
 }
@@ -387,6 +416,7 @@ cairn_status cairn_box_sweep_begin(cairn_box_sweep *sweep, const cairn_box *boxe
     sweep->sorted = sweep->place = sweep->stride;
     sweep->first = 0;
     sweep->second = 1;
+    sweep->boxes_end = sweep->known;
     sweep->credit = 0;
     return CAIRN_OK;
 }
@@ -431,43 +461,68 @@ static void sort_once(cairn_box_sweep *sweep)
     }
 }
 
-/* One test; 1 when it finds a pair. */
-static int test_once(cairn_box_sweep *sweep, int32_t *first, int32_t *second)
+/* Tests until a pair is found (1), *operations are used up, or all are done. */
+static int test_some(cairn_box_sweep *sweep, int64_t *operations, int32_t *first, int32_t *second)
 {
-    int32_t a = sweep->order[sweep->first], b;
+    const int32_t *order = sweep->order;
+    const cairn_box *boxes = sweep->boxes;
+    int32_t end = sweep->boxes_end;
+    int64_t left = *operations;
 
-    if (!is_box(sweep, a)) {
-        sweep->first = sweep->known;
-        return 0;
+    while (left > 0 && sweep->first < end) {
+        int32_t a = order[sweep->first], at = sweep->second;
+        int32_t stop = end - at < left ? end : at + (int32_t)left;
+        cairn_box box = boxes[a];
+
+        for (; at < stop && boxes[order[at]].min.x <= box.max.x; at++) {
+            const cairn_box *other = &boxes[order[at]];
+
+            /* One branch, as neither half can be guessed. */
+            if ((other->min.y <= box.max.y) & (box.min.y <= other->max.y)) {
+                *first = a < order[at] ? a : order[at];
+                *second = a < order[at] ? order[at] : a;
+                *operations = left - (at + 1 - sweep->second);
+                sweep->second = at + 1;
+                return 1;
+            }
+        }
+        left -= at - sweep->second;
+        sweep->second = at;
+        if (left > 0) { /* all that start before box a ends have been tested */
+            left--;
+            sweep->first++;
+            sweep->second = sweep->first + 1;
+        }
     }
-    b = sweep->second < sweep->known ? sweep->order[sweep->second] : NONE;
-    if (b == NONE || !is_box(sweep, b) || !(sweep->boxes[b].min.x <= sweep->boxes[a].max.x)) {
-        sweep->first++;
-        sweep->second = sweep->first + 1;
-        return 0;
-    }
-    sweep->second++;
-    if (!cairn_box_overlap(sweep->boxes[a], sweep->boxes[b]))
-        return 0;
-    *first = a < b ? a : b;
-    *second = a < b ? b : a;
-    return 1;
+    *operations = left;
+    return 0;
+}
+
+/* Charges operations, which are paid for four at a time; what is left of a unit serves the next call. */
+static void charge(cairn_box_sweep *sweep, cairn_budget *budget, int64_t operations)
+{
+    int64_t due = operations - sweep->credit,
+            units = due > 0 ? (due + OPERATIONS_PER_UNIT - 1) / OPERATIONS_PER_UNIT : 0;
+
+    budget->left -= (int32_t)units;
+    sweep->credit = (int32_t)(units * OPERATIONS_PER_UNIT - due);
 }
 
 cairn_status cairn_box_sweep_next(cairn_box_sweep *sweep, cairn_budget *budget, int32_t *first, int32_t *second)
 {
-    while (sweep->stride > 0 || sweep->first < sweep->known) {
-        if (sweep->credit == 0) {
-            if (budget->left <= 0)
-                return CAIRN_MORE;
-            budget->left--;
-            sweep->credit = OPERATIONS_PER_UNIT;
-        }
-        sweep->credit--;
-        if (sweep->stride > 0)
-            sort_once(sweep);
-        else if (test_once(sweep, first, second))
-            return CAIRN_OK;
+    int64_t most = sweep->credit + (int64_t)(budget->left > 0 ? budget->left : 0) * OPERATIONS_PER_UNIT, left = most;
+    int found = 0;
+
+    for (; left > 0 && sweep->stride > 0; left--)
+        sort_once(sweep);
+    if (sweep->stride == 0) {
+        for (; left > 0 && sweep->first < sweep->boxes_end && !is_box(sweep, sweep->order[sweep->boxes_end - 1]);
+             left--)
+            sweep->boxes_end--;
+        found = test_some(sweep, &left, first, second);
     }
-    return CAIRN_EMPTY;
+    charge(sweep, budget, most - left);
+    if (found)
+        return CAIRN_OK;
+    return sweep->stride > 0 || sweep->first < sweep->boxes_end ? CAIRN_MORE : CAIRN_EMPTY;
 }

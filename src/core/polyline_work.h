@@ -96,7 +96,7 @@ struct cairn_polyline {
     /* Where the phase at hand stands. Its cursors start at 0; what they count is said where they are used. */
     polyline_phase phase;
     int32_t stage, at, other, inner, first, last, level;
-    int32_t part; /* sixteenths of a unit that are used but not yet charged */
+    int32_t part; /* eighths of a unit that are used but not yet charged */
     int32_t candidates, best, adopter, adopting;
     cairn_real total, least, adopter_least;
     polyline_sums sum, left, best_left;
@@ -108,26 +108,26 @@ struct cairn_polyline {
     } sort;
 };
 
-/* Charges `sixteenths` of a unit; 0 when the budget is used up and the item at hand must wait. */
-static inline int polyline_pay(cairn_polyline *x, cairn_budget *budget, int32_t sixteenths)
+/* Charges `eighths` of a unit; 0 when the budget is used up and the item at hand must wait. */
+static inline int polyline_pay(cairn_polyline *x, cairn_budget *budget, int32_t eighths)
 {
     if (budget->left <= 0)
         return 0;
-    x->part += sixteenths;
-    if (x->part >= 16) {
-        int32_t units = x->part / 16;
+    x->part += eighths;
+    if (x->part >= 8) {
+        int32_t units = x->part / 8;
 
         budget->left -= units;
         x->measure.units += units;
-        x->part -= 16 * units;
+        x->part -= 8 * units;
     }
     return 1;
 }
 
 /* The same for every fourth of items that cost so little that asking for each would show; `i` counts them. */
-static inline int polyline_pay_four(cairn_polyline *x, cairn_budget *budget, int32_t i, int32_t sixteenths)
+static inline int polyline_pay_four(cairn_polyline *x, cairn_budget *budget, int32_t i, int32_t eighths)
 {
-    return i % 4 != 0 || polyline_pay(x, budget, 4 * sixteenths);
+    return i % 4 != 0 || polyline_pay(x, budget, 4 * eighths);
 }
 
 /* Coordinates of a point in the frame of a piece. */

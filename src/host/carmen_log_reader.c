@@ -319,11 +319,13 @@ size_t cairn_token_next(const char **at, const char *end, const char **token)
 
 const char *cairn_token_text(char text[CAIRN_TOKEN_TEXT_BYTES], const char *token, size_t length)
 {
-    char shown[24];
-    size_t count = length < sizeof shown ? length : sizeof shown, i;
+    enum { SHOWN = 24 };
+    size_t count = length < SHOWN ? length : SHOWN, i;
+    char *at = text;
 
+    *at++ = '"';
     for (i = 0; i < count; i++)
-        shown[i] = (char)(token[i] >= ' ' && token[i] <= '~' ? token[i] : '?');
-    (void)snprintf(text, CAIRN_TOKEN_TEXT_BYTES, "\"%.*s%s\"", (int)count, shown, count < length ? "..." : "");
+        *at++ = (char)(token[i] >= ' ' && token[i] <= '~' ? token[i] : '?');
+    (void)snprintf(at, CAIRN_TOKEN_TEXT_BYTES - 1 - count, "%s\"", count < length ? "..." : "");
     return text;
 }

@@ -276,7 +276,7 @@ cairn_status cairn_aligner_begin(cairn_aligner *aligner)
     memset(&aligner->result, 0, sizeof aligner->result);
     aligner->result.anchor = -1;
     aligner->hypothesis_count = aligner->wall_count = 0;
-    aligner->changes = 0;
+    aligner->changes = aligner->shown = 0;
     cairn_aligner_begin_clusters(aligner);
     aligner->look.active = aligner->relax.active = 0;
     aligner->phase = ALIGNER_PAIRS;
@@ -317,7 +317,19 @@ static int solver_works(cairn_aligner *x, cairn_budget *budget)
     return status == CAIRN_MORE;
 }
 
-cairn_status cairn_aligner_step(cairn_aligner *aligner, cairn_budget *budget)
+/* Changes with every commit point. */
+static int32_t commits_of(const cairn_aligner *x)
+{
+    return x->changes + x->result.rounds;
+}
+
+/* Poses are whole: none is being refined, no scan is on trial elsewhere. */
+static int is_whole(const cairn_aligner *x)
+{
+    return !x->look.active && !x->relax.active && x->clusters[x->scan_count].size == 0;
+}
+
+static cairn_status go_on(cairn_aligner *aligner, cairn_budget *budget, int to_commit)
 {
     if (aligner == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
@@ -330,6 +342,9 @@ cairn_status cairn_aligner_step(cairn_aligner *aligner, cairn_budget *budget)
             aligner->debt -= paid;
             aligner->result.units += paid;
             budget->left -= paid;
+        } else if (to_commit && commits_of(aligner) != aligner->shown && is_whole(aligner)) {
+            aligner->shown = commits_of(aligner);
+            return CAIRN_OK;
         } else if (!solver_works(aligner, budget) && aligner->phase != ALIGNER_DONE) {
             aligner->debt += next_item(aligner);
             if (aligner->debt > aligner->result.worst_step)
@@ -337,6 +352,21 @@ cairn_status cairn_aligner_step(cairn_aligner *aligner, cairn_budget *budget)
         }
     }
     return CAIRN_OK;
+}
+
+cairn_status cairn_aligner_step(cairn_aligner *aligner, cairn_budget *budget)
+{
+    return go_on(aligner, budget, 0);
+}
+
+cairn_status cairn_aligner_iterate(cairn_aligner *aligner, cairn_budget *budget)
+{
+    return go_on(aligner, budget, 1);
+}
+
+int32_t cairn_aligner_running(const cairn_aligner *aligner)
+{
+    return aligner->phase != ALIGNER_DONE || aligner->debt > 0;
 }
 
 /* ---- Results ---- */
@@ -357,4 +387,24 @@ cairn_aligner_pose cairn_aligner_pose_of(const cairn_aligner *aligner, int32_t s
 
     memset(&none, 0, sizeof none);
     return scan >= 0 && scan < aligner->scan_count ? aligner->results[scan] : none;
+}
+
+cairn_pose cairn_aligner_pose_now(const cairn_aligner *aligner, int32_t scan, int32_t *part)
+{
+    cairn_transform same = {0, 0, 1, 0}, gauge;
+    int32_t known = scan >= 0 && scan < aligner->scan_count, own;
+
+    if (part != NULL)
+        *part = known ? scan : -1;
+    if (!known)
+        return cairn_pose_identity();
+    own = aligner->scans[scan].part;
+    if (!cairn_aligner_running(aligner) && aligner->result.verdict == CAIRN_ALIGNER_RUNNING) /* not begun */
+        return aligner->results[scan].map_scan;
+    if (part != NULL && own < aligner->scan_count)
+        *part = own;
+    if (!cairn_aligner_running(aligner))
+        return aligner->results[scan].map_scan;
+    gauge = cairn_aligner_gauge(aligner, own, -1, same);
+    return cairn_aligner_to_pose(cairn_aligner_compose(gauge, aligner->poses[scan]));
 }

@@ -159,6 +159,7 @@ struct cairn_aligner {
     int32_t scan_count, segment_count, point_count, hypothesis_count, wall_count, node_count;
     cairn_real sigma, sigma_angle; /* of the initial poses, as learnt */
     int32_t changes;               /* gives stamps */
+    int32_t shown;                 /* the commit point that iterate() returned at last */
 
     aligner_phase phase;
     int32_t debt;

@@ -37,9 +37,14 @@ struct cairn_corner_set {
     int32_t work_dropped, done_dropped;
     const cairn_segment *segments;
     int32_t segment_count;
+    int32_t sorted; /* segments of the last search */
     search_phase phase;
     int32_t cursor;        /* BOXES: segment, SORT: end of the heap, MERGE: corner to be judged */
     int32_t kept, against; /* MERGE: corners that stay, the next of them to be compared */
+    int32_t first, second; /* PAIRS: near segments to be tested next; first -1: none */
+    int32_t is_found;      /* PAIRS: `found` waits to be kept */
+    cairn_corner found;
+    int32_t paid; /* units towards the item at hand */
 };
 
 cairn_corner_params cairn_corner_default(void)
@@ -142,6 +147,17 @@ cairn_status cairn_corner_begin(cairn_corner_set *set, const cairn_segment *segm
     set->work_count = 0;
     set->work_dropped = 0;
     set->cursor = 0;
+    set->first = -1;
+    set->is_found = 0;
+    set->paid = 0;
+    /* Boxes may have other numbers than in the last search: no order is the start of this one. */
+    if (count < set->sorted) {
+        cairn_status status = cairn_box_sweep_begin(set->sweep, NULL, 0);
+
+        CAIRN_ASSERT(status == CAIRN_OK);
+        (void)status;
+    }
+    set->sorted = count;
     set->phase = BOXES;
     return CAIRN_OK;
 }
@@ -269,26 +285,40 @@ static cairn_status step_boxes(cairn_corner_set *set, cairn_budget *budget)
     return cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count);
 }
 
+/* Tests the pair at hand, keeps the corner that it makes. */
+static int finish_pair(cairn_corner_set *set, cairn_budget *budget)
+{
+    if (set->first >= 0) {
+        if (!cairn_budget_pay(budget, &set->paid, 1))
+            return 0;
+        set->is_found = find_corner(set, set->first, set->second, &set->found);
+        set->first = -1;
+    }
+    if (set->is_found) {
+        if (!cairn_budget_pay(budget, &set->paid, 1))
+            return 0;
+        keep(set, &set->found);
+        set->is_found = 0;
+    }
+    return 1;
+}
+
 static cairn_status step_pairs(cairn_corner_set *set, cairn_budget *budget)
 {
-    cairn_status status;
-    int32_t first, second;
-    cairn_corner found;
-
     for (;;) {
-        if (budget->left <= 0)
+        int32_t first, second;
+        cairn_status status;
+
+        if (!finish_pair(set, budget))
             return CAIRN_MORE;
         status = cairn_box_sweep_next(set->sweep, budget, &first, &second);
+        if (status == CAIRN_MORE)
+            return status;
         if (status != CAIRN_OK)
             break;
-        budget->left--;
-        if (find_corner(set, first, second, &found)) {
-            budget->left--;
-            keep(set, &found);
-        }
+        set->first = first;
+        set->second = second;
     }
-    if (status != CAIRN_EMPTY)
-        return status;
     set->cursor = set->work_count;
     return CAIRN_OK;
 }
@@ -299,9 +329,8 @@ static cairn_status step_sort(cairn_corner_set *set, cairn_budget *budget)
     while (set->cursor > 1) {
         cairn_corner last = set->work[set->cursor - 1];
 
-        if (budget->left <= 0)
+        if (!cairn_budget_pay(budget, &set->paid, 2))
             return CAIRN_MORE;
-        budget->left -= 2;
         set->cursor--;
         set->work[set->cursor] = set->work[0];
         sift_down(set->work, set->cursor, 0, &last);

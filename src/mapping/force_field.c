@@ -1,11 +1,13 @@
-/* Force field simulation: parameters, inputs, readers. What an iteration does is in force_iteration.c.
+/* Force field simulation: parameters, inputs, readers. What an iteration does is in force_field_iteration.c and
+ * force_field_pairs.c.
  *
- * Layout: the scans as they came in a scan set; beside it arrays of segments and points in the map. Poses and motions are
- * held twice: readers see one, the iteration under way fills the other. Scans that arrive during an iteration lie behind
- * those that it works on.
+ * Layout: the scans as they came in a scan set; beside it arrays of segments and, unless they are made on the fly, points in
+ * the map. Poses and motions are held twice: readers see one, the iteration under way fills the other. Scans that arrive
+ * during an iteration lie behind those that it works on; released ones are removed, and the gaps closed, between iterations.
+ * Points from outside are held twice as well.
  *
  * Limits: in float the map should not be larger than about 100 m. The time of an iteration grows with the pairs of points
- * within reach.
+ * within reach. The force on a single point is not kept: cairn_force_field_point_force sums it up again.
  *
  * Source: Adluru 2008, chapter 7. */
 #include "src/core/build.h"
@@ -14,7 +16,7 @@
 
 #include "src/mapping/force_field_iteration.h"
 
-enum { MAX_CORNERS = 1 << 24 };
+enum { MAX_CORNERS = 1 << 24, MAX_EXTRA = 1 << 24 };
 
 /* Parameters and poses beyond this are refused. */
 #define MAX_VALUE CAIRN_REAL(1e6)
@@ -35,7 +37,7 @@ cairn_force_field_params cairn_force_field_default(void)
         .dt_start = CAIRN_REAL(0.05),
         .dt_end = CAIRN_REAL(0.01),
         .dt_factor = CAIRN_REAL(0.96),
-        .reach = CAIRN_REAL(5.3),
+        .reach = 4,
         .sensor_below = CAIRN_REAL(0.5),
         .roi = 1,
         .roi_radius = CAIRN_REAL(0.05),
@@ -46,6 +48,8 @@ cairn_force_field_params cairn_force_field_default(void)
         .potential = 1,
         .max_steps = 50,
         .stop_relocation = CAIRN_REAL(0.0001),
+        .spacing = 0,
+        .max_extra = 0,
     };
     return params;
 }
@@ -62,7 +66,7 @@ static int is_not_negative(cairn_real x)
 
 static cairn_scan_set_params set_params(const cairn_force_field_params *p)
 {
-    cairn_scan_set_params params = {p->max_scans, p->max_segments, p->max_points};
+    cairn_scan_set_params params = {p->max_scans, p->max_segments, p->max_points, p->spacing};
     return params;
 }
 
@@ -87,7 +91,8 @@ static int params_are_valid(const cairn_force_field_params *p)
            is_not_negative(p->dt_factor) && p->dt_factor <= 1 && p->reach > 0 && p->reach <= CAIRN_FORCE_KERNEL_REACH &&
            is_not_negative(p->sensor_below) &&
            (!p->roi || (p->max_corners <= MAX_CORNERS && is_positive(p->roi_radius) && is_positive(p->roi_mass))) &&
-           p->max_steps >= 1 && is_not_negative(p->stop_relocation);
+           p->max_steps >= 1 && is_not_negative(p->stop_relocation) && is_not_negative(p->spacing) &&
+           p->max_extra >= 0 && p->max_extra <= MAX_EXTRA;
 }
 
 /* Objects within the object: counted on a counting pool, created on a real one, which has been asked for room. */
@@ -117,7 +122,7 @@ static cairn_scan_set *carve_set(cairn_pool *pool, const cairn_force_field_param
 
 static cairn_box_sweep *carve_sweep(cairn_pool *pool, const cairn_force_field_params *params)
 {
-    cairn_box_sweep_params p = {params->max_segments};
+    cairn_box_sweep_params p = {params->max_extra + params->max_segments};
     cairn_box_sweep *sweep = NULL;
 
     if (!only_counted(pool, cairn_box_sweep_memory(&p)))
@@ -145,20 +150,35 @@ static cairn_point_grid *carve_grid(cairn_pool *pool, const cairn_force_field_pa
     return grid;
 }
 
+static struct cairn_force_extra carve_extra(cairn_pool *pool, size_t count)
+{
+    struct cairn_force_extra extra = {NULL, NULL, NULL, NULL, 0, 0};
+
+    if (count > 0) {
+        extra.position = cairn_pool_take(pool, count, sizeof *extra.position);
+        extra.weight = cairn_pool_take(pool, count, sizeof *extra.weight);
+        extra.direction = cairn_pool_take(pool, count, sizeof *extra.direction);
+        extra.first = cairn_pool_take(pool, count + 1, sizeof *extra.first);
+    }
+    return extra;
+}
+
 static cairn_force_field *carve(cairn_pool *pool, const cairn_force_field_params *params)
 {
-    size_t scans = (size_t)params->max_scans, segment_count = (size_t)params->max_segments;
-    size_t points = (size_t)params->max_points;
+    size_t scans = (size_t)params->max_scans, points = (size_t)params->max_points;
+    size_t extra_count = (size_t)params->max_extra, segment_count = (size_t)params->max_segments;
+    int32_t is_kept = !(params->spacing > 0), has_masses = is_kept && params->roi, has_bits = !is_kept && params->roi;
     cairn_force_field *field = cairn_pool_take(pool, 1, sizeof *field);
     struct cairn_force_placement *front = cairn_pool_take(pool, scans, sizeof *front);
     struct cairn_force_placement *back = cairn_pool_take(pool, scans, sizeof *back);
-    struct cairn_force_fixing *fixings = cairn_pool_take(pool, scans, sizeof *fixings);
+    struct cairn_force_body *bodies = cairn_pool_take(pool, scans, sizeof *bodies);
     cairn_segment *segments = cairn_pool_take(pool, segment_count, sizeof *segments);
     cairn_vec2 *directions = cairn_pool_take(pool, segment_count, sizeof *directions);
-    cairn_box *boxes = cairn_pool_take(pool, segment_count, sizeof *boxes);
-    cairn_vec2 *position = cairn_pool_take(pool, points, sizeof *position);
-    cairn_real *mass = cairn_pool_take(pool, points, sizeof *mass);
-    cairn_vec2 *force = cairn_pool_take(pool, points, sizeof *force);
+    cairn_box *boxes = cairn_pool_take(pool, extra_count + segment_count, sizeof *boxes);
+    cairn_vec2 *position = is_kept ? cairn_pool_take(pool, points, sizeof *position) : NULL;
+    cairn_real *mass = has_masses ? cairn_pool_take(pool, points, sizeof *mass) : NULL;
+    uint32_t *in_region = has_bits ? cairn_pool_take(pool, points / 32 + 1, sizeof *in_region) : NULL;
+    struct cairn_force_extra extra[2] = {carve_extra(pool, extra_count), carve_extra(pool, extra_count)};
     cairn_scan_set *set = carve_set(pool, params);
     cairn_box_sweep *sweep = carve_sweep(pool, params);
     cairn_corner_set *corners = params->roi ? carve_corners(pool, params) : NULL;
@@ -168,13 +188,15 @@ static cairn_force_field *carve(cairn_pool *pool, const cairn_force_field_params
         memset(field, 0, sizeof *field);
         field->placements[0] = front;
         field->placements[1] = back;
-        field->fixings = fixings;
+        field->bodies = bodies;
         field->segments = segments;
         field->directions = directions;
         field->boxes = boxes;
-        field->points.position = position;
-        field->points.mass = mass;
-        field->points.force = force;
+        field->position = position;
+        field->mass = has_masses ? mass : set->mass;
+        field->in_region = in_region;
+        field->extra[0] = extra[0];
+        field->extra[1] = extra[1];
         field->set = set;
         field->sweep = sweep;
         field->corners = corners;
@@ -211,6 +233,10 @@ cairn_status cairn_force_field_create(cairn_force_field **field, cairn_pool *poo
     made = carve(pool, params);
     made->params = *params;
     cairn_force_kernel_init(&made->kernel);
+    if (made->in_region != NULL)
+        memset(made->in_region, 0, ((size_t)params->max_points / 32 + 1) * sizeof *made->in_region);
+    else if (params->roi)
+        memset(made->mass, 0, (size_t)params->max_points * sizeof *made->mass);
     cairn_force_field_clear(made);
     *field = made;
     return CAIRN_OK;
@@ -218,12 +244,19 @@ cairn_status cairn_force_field_create(cairn_force_field **field, cairn_pool *poo
 
 /* ---- Inputs ---- */
 
+/* The commit point at which an input takes effect. */
+static uint32_t next_commit(const cairn_force_field *field)
+{
+    return cairn_force_iteration_is_between(field) ? field->commits : field->commits + 1;
+}
+
 cairn_status cairn_force_field_add_scan(cairn_force_field *field, const cairn_scan_view *view, const cairn_real *mass,
                                         cairn_pose map_scan, cairn_fault *fault)
 {
     cairn_fault pose_fault = {-1, NULL};
     cairn_status status = CAIRN_OK;
-    int32_t index;
+    struct cairn_force_body *body;
+    int32_t slot;
 
     if (field == NULL) {
         pose_fault.what = "no field";
@@ -240,40 +273,124 @@ cairn_status cairn_force_field_add_scan(cairn_force_field *field, const cairn_sc
             *fault = pose_fault;
         return status;
     }
-    index = field->set->scan_count;
+    slot = cairn_scan_set_next(field->set);
     status = cairn_scan_set_add(field->set, view, mass, fault);
     if (status != CAIRN_OK)
         return status;
 
     map_scan.theta = cairn_wrap_angle(map_scan.theta);
     for (int i = 0; i < 2; i++) {
-        struct cairn_force_placement *placement = &field->placements[i][index];
+        struct cairn_force_placement *placement = &field->placements[i][slot];
 
         memset(placement, 0, sizeof *placement);
         placement->map_scan = map_scan;
     }
-    memset(&field->fixings[index], 0, sizeof field->fixings[index]);
-    if (field->phase == PHASE_AT_COMMIT)
+    body = &field->bodies[slot];
+    memset(body, 0, sizeof *body);
+    body->is_new = 1;
+    body->since = next_commit(field);
+    field->present++;
+    if (cairn_force_iteration_is_between(field))
         cairn_force_iteration_take_in(field);
     return CAIRN_OK;
 }
 
+int32_t cairn_force_field_next(const cairn_force_field *field)
+{
+    return cairn_scan_set_next(field->set);
+}
+
+static int is_there(const cairn_force_field *field, int32_t scan)
+{
+    return field != NULL && scan >= 0 && scan < field->set->scan_count && field->set->scans[scan].in_use &&
+           !field->bodies[scan].leaves;
+}
+
 cairn_status cairn_force_field_fix(cairn_force_field *field, int32_t scan, int32_t yes)
 {
-    struct cairn_force_fixing *fixing;
+    struct cairn_force_body *body;
 
-    if (field == NULL || scan < 0 || scan >= field->set->scan_count)
+    if (!is_there(field, scan))
         return CAIRN_BAD_ARGUMENT;
-    fixing = &field->fixings[scan];
-    fixing->before = cairn_force_iteration_is_fixed(field, scan) != 0;
-    fixing->after = yes != 0;
-    fixing->from = field->clock + 1;
+    body = &field->bodies[scan];
+    body->fixed_before = cairn_force_iteration_is_fixed(field, scan) != 0;
+    body->fixed_after = yes != 0;
+    body->fixed_from = field->clock + 1;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_force_field_release(cairn_force_field *field, int32_t scan)
+{
+    struct cairn_force_body *body;
+
+    if (!is_there(field, scan))
+        return CAIRN_BAD_ARGUMENT;
+    body = &field->bodies[scan];
+    body->leaves = 1;
+    body->until = next_commit(field);
+    body->next_leaving = field->leaving;
+    field->leaving = scan;
+    field->present--;
+    if (cairn_force_iteration_is_between(field))
+        field->revision++;
+    return CAIRN_OK;
+}
+
+static cairn_status check_extra(const cairn_force_field *field, const cairn_oriented_point *points,
+                                const cairn_real *weights, int32_t count)
+{
+    if (field == NULL || count < 0 || (count > 0 && (points == NULL || weights == NULL)))
+        return CAIRN_BAD_ARGUMENT;
+    if (count > field->params.max_extra)
+        return CAIRN_FULL;
+    for (int32_t i = 0; i < count; i++) {
+        cairn_vec2 p = points[i].position, d = points[i].direction;
+
+        if (!cairn_is_finite(p.x) || !cairn_is_finite(p.y) || !cairn_is_finite(d.x) || !cairn_is_finite(d.y) ||
+            !cairn_is_finite(weights[i]))
+            return CAIRN_NOT_FINITE;
+        if (cairn_abs(p.x) > MAX_VALUE || cairn_abs(p.y) > MAX_VALUE || cairn_abs(d.x) > MAX_VALUE ||
+            cairn_abs(d.y) > MAX_VALUE || !is_not_negative(weights[i]))
+            return CAIRN_BAD_ARGUMENT;
+    }
+    return CAIRN_OK;
+}
+
+/* Cuts the points into runs of one direction, so that they can be treated as the points of a segment. */
+static void copy_extra(struct cairn_force_extra *extra, const cairn_oriented_point *points, const cairn_real *weights,
+                       int32_t count)
+{
+    extra->runs = 0;
+    extra->count = count;
+    for (int32_t i = 0; i < count; i++) {
+        cairn_vec2 d = points[i].direction;
+
+        extra->position[i] = points[i].position;
+        extra->weight[i] = weights[i];
+        if (i > 0 && d.x == points[i - 1].direction.x && d.y == points[i - 1].direction.y)
+            continue;
+        extra->direction[extra->runs] = cairn_vec2_unit(d);
+        extra->first[extra->runs++] = i;
+    }
+    if (count > 0)
+        extra->first[extra->runs] = count;
+}
+
+cairn_status cairn_force_field_set_extra(cairn_force_field *field, const cairn_oriented_point *points,
+                                         const cairn_real *weights, int32_t count)
+{
+    cairn_status status = check_extra(field, points, weights, count);
+
+    if (status != CAIRN_OK)
+        return status;
+    copy_extra(&field->extra[1 - field->extra_front], points, weights, count);
+    field->extra_waits = 1;
     return CAIRN_OK;
 }
 
 void cairn_force_field_restart(cairn_force_field *field)
 {
-    if (field->phase == PHASE_AT_COMMIT)
+    if (cairn_force_iteration_is_between(field))
         cairn_force_iteration_start_cooling(field);
     else
         field->restart = 1;
@@ -282,9 +399,17 @@ void cairn_force_field_restart(cairn_force_field *field)
 void cairn_force_field_clear(cairn_force_field *field)
 {
     cairn_scan_set_clear(field->set);
+    for (int i = 0; i < 2; i++)
+        field->extra[i].count = field->extra[i].runs = 0;
+    field->extra_waits = 0;
+    field->leaving = -1;
+    field->present = 0;
     field->reported = 0;
     field->phase = PHASE_AT_COMMIT;
-    field->clock = 0;
+    field->paid = 0;
+    field->clock = field->commits = 0;
+    field->placed_sigma = 0;
+    field->placed_segments = 0;
     memset(&field->state, 0, sizeof field->state);
     cairn_force_iteration_take_in(field);
     cairn_force_iteration_start_cooling(field);
@@ -292,12 +417,28 @@ void cairn_force_field_clear(cairn_force_field *field)
 
 /* ---- Steps ---- */
 
+static int is_untidy(const cairn_force_field *field)
+{
+    return field->leaving >= 0 || field->set->gaps;
+}
+
 static cairn_status run(cairn_force_field *field, cairn_budget *budget, int one)
 {
-    cairn_status status = CAIRN_OK;
-
     do {
+        cairn_status status;
+
+        if (field->phase == PHASE_AT_COMMIT && is_untidy(field)) {
+            field->phase = PHASE_PACK;
+            field->reported = 0;
+        }
+        if (field->phase == PHASE_PACK) {
+            status = cairn_force_iteration_step(field, budget);
+            if (status != CAIRN_OK)
+                return status;
+        }
         if (field->phase == PHASE_AT_COMMIT) {
+            if (field->present == 0)
+                return CAIRN_EMPTY;
             if (field->state.verdict != CAIRN_FORCE_FIELD_RUNNING)
                 return CAIRN_OK;
             if (budget->left <= 0)
@@ -320,11 +461,8 @@ static cairn_status run_counted(cairn_force_field *field, cairn_budget *budget, 
 
     if (field == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    if (field->phase == PHASE_AT_COMMIT && field->committed == 0)
-        return CAIRN_EMPTY;
     before = budget->left;
     status = run(field, budget, one);
-    CAIRN_ASSERT(status >= 0);
     used = before - budget->left;
     field->state.units += used;
     if (used > field->state.worst_step)
@@ -351,18 +489,18 @@ uint32_t cairn_force_field_revision(const cairn_force_field *field)
 
 int32_t cairn_force_field_pose_count(const cairn_force_field *field)
 {
-    return field->committed;
+    return field->slots;
 }
 
 cairn_pose cairn_force_field_pose(const cairn_force_field *field, int32_t scan)
 {
-    CAIRN_ASSERT(scan >= 0 && scan < field->committed);
+    CAIRN_ASSERT(scan >= 0 && scan < field->slots);
     return field->placements[field->front][scan].map_scan;
 }
 
 cairn_force_field_motion cairn_force_field_motion_of(const cairn_force_field *field, int32_t scan)
 {
-    CAIRN_ASSERT(scan >= 0 && scan < field->committed);
+    CAIRN_ASSERT(scan >= 0 && scan < field->slots);
     return field->placements[field->front][scan].motion;
 }
 
@@ -381,19 +519,42 @@ const cairn_scan_set *cairn_force_field_scans(const cairn_force_field *field)
     return field->set;
 }
 
+int32_t cairn_force_field_has(const cairn_force_field *field, int32_t scan)
+{
+    return scan >= 0 && scan < field->slots && cairn_force_iteration_has(field, scan);
+}
+
+/* The segment of a scan that holds a point; they are in the order of their points. */
+static int32_t segment_of(const cairn_scan_set *set, const cairn_scan_set_scan *scan, int32_t point)
+{
+    int32_t low = scan->first_segment, high = scan->end_segment;
+
+    while (high - low > 1) {
+        int32_t middle = low + (high - low) / 2;
+
+        if (set->segments[middle].first_point <= point)
+            low = middle;
+        else
+            high = middle;
+    }
+    return low;
+}
+
 cairn_status cairn_force_field_point_force(const cairn_force_field *field, int32_t scan, int32_t index,
                                            cairn_vec2 *force, cairn_real *mass)
 {
-    int32_t point;
+    const cairn_scan_set_scan *from;
+    int32_t point, segment;
 
-    if (field == NULL || force == NULL || mass == NULL || scan < 0 || scan >= field->committed || index < 0 ||
+    if (field == NULL || force == NULL || mass == NULL || !cairn_force_field_has(field, scan) || index < 0 ||
         index >= field->set->scans[scan].end_point - field->set->scans[scan].first_point)
         return CAIRN_BAD_ARGUMENT;
-    if (field->phase != PHASE_AT_COMMIT || scan >= field->reported)
+    if (field->phase != PHASE_AT_COMMIT || !field->reported || !field->bodies[scan].reported)
         return CAIRN_EMPTY;
-    point = field->set->scans[scan].first_point + index;
-    *force = field->points.force[point];
-    *mass = field->points.mass[point];
+    from = &field->set->scans[scan];
+    point = from->first_point + index;
+    segment = segment_of(field->set, from, point);
+    *force = cairn_force_at(field, segment, point - field->set->segments[segment].first_point, mass);
     return CAIRN_OK;
 }
 

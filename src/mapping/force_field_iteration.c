@@ -1,14 +1,18 @@
 /* One iteration of force field simulation.
  *
  * Method (Adluru 2008, algorithm 1), one phase after the other, each in bounded steps:
- *   PLACE    segments and points into the map, boxes around the points of each segment, forces 0
- *   CORNERS  search for corners over all segments; GRID: the corners into a hash grid
- *   MASSES   points near a corner get the mass of a region of interest
- *   PAIRS    sweep over the boxes, grown by half the reach each; rows of point pairs of colliding segments of different
- *            scans, each pair once, its force applied with both signs
- *   MOVE     forces and torques summed over each scan (eqs. 7.6, 7.7), the scan moved from rest (eqs. 7.8, 7.9)
- *   commit   buffers swapped, cooling (section 7.3.2), verdict
- * Without regions of interest CORNERS, GRID and MASSES are left out.
+ *   COMPARE      which scans have moved since the last iteration
+ *   PLACE        their segments and points into the map, boxes around the points of each segment
+ *   CORNERS      search for corners over all segments; UNGRID, GRID: the corners into a hash grid
+ *   MASSES       points near a corner are in a region of interest
+ *   PAIRS        forces between the points of near segments (force_field_pairs)
+ *   MOVE         each scan moved from rest (eqs. 7.6 to 7.9)
+ *   commit       buffers swapped, cooling (section 7.3.2), verdict
+ * Without regions of interest CORNERS to MASSES are left out.
+ *
+ * A scan whose neighbours stood still keeps its forces. Neighbours are the scans with segments in near boxes: MARK_OLD walks
+ * over those as they were, MARK_NEW as they are, and every scan near one that has moved is dirty; only dirty scans are
+ * summed up anew. When sigma has changed, as it does while the field cools, all are.
  *
  * Source: Adluru 2008, chapter 7. */
 #include "src/core/build.h"
@@ -17,7 +21,7 @@
 
 #include "src/mapping/force_field_iteration.h"
 
-enum { GROUP = 4 };
+enum { GROUP = 8, FEW = 4 };
 
 /* A scan whose mean squared distance from the centre is less, in m^2, does not turn. */
 #define MIN_SPREAD CAIRN_REAL(1e-6)
@@ -25,11 +29,30 @@ enum { GROUP = 4 };
 /* Relative growth of boxes beyond what exact arithmetic needs. */
 #define SLACK CAIRN_REAL(1.001)
 
+int32_t cairn_force_iteration_is_between(const cairn_force_field *field)
+{
+    return field->phase == PHASE_AT_COMMIT || field->phase == PHASE_PACK;
+}
+
+int32_t cairn_force_iteration_has(const cairn_force_field *field, int32_t scan)
+{
+    const struct cairn_force_body *body = &field->bodies[scan];
+
+    return field->set->scans[scan].in_use && field->commits >= body->since &&
+           !(body->leaves && field->commits >= body->until);
+}
+
+int32_t cairn_force_iteration_is_fixed(const cairn_force_field *field, int32_t scan)
+{
+    const struct cairn_force_body *body = &field->bodies[scan];
+
+    return field->clock >= body->fixed_from ? body->fixed_after : body->fixed_before;
+}
+
 void cairn_force_iteration_take_in(cairn_force_field *field)
 {
-    field->committed = field->set->scan_count;
+    field->slots = field->set->scan_count;
     field->segment_count = field->set->segment_count;
-    field->point_count = field->set->point_count;
     field->revision++;
 }
 
@@ -42,129 +65,209 @@ void cairn_force_iteration_start_cooling(cairn_force_field *field)
     field->state.verdict = CAIRN_FORCE_FIELD_RUNNING;
 }
 
-int32_t cairn_force_iteration_is_fixed(const cairn_force_field *field, int32_t scan)
-{
-    const struct cairn_force_fixing *fixing = &field->fixings[scan];
-
-    return field->clock >= fixing->from ? fixing->after : fixing->before;
-}
-
 void cairn_force_iteration_begin(cairn_force_field *field)
 {
     const cairn_force_field_params *p = &field->params;
 
     field->clock++;
+    field->segment_count = field->set->segment_count;
+    if (field->extra_waits) {
+        field->extra_front = 1 - field->extra_front;
+        field->extra_waits = 0;
+        field->placed_sigma = 0;
+    }
+    field->fresh = field->sigma != field->placed_sigma;
+    field->placed_sigma = field->sigma;
     /* A little below, so that rounding does not decide where the two meet. */
     field->by_sensor = field->sigma < p->sensor_below * p->sigma_start * CAIRN_REAL(0.9999);
     field->margin = p->reach * field->sigma / 2 * SLACK;
     cairn_force_kernel_set(&field->kernel, field->sigma, p->reach);
-    field->scan = field->segment = field->point = 0;
-    field->stage = STAGE_SCAN;
-    field->other = -1;
-    field->pairs = 0;
-    field->segment_pairs = 0;
-    field->potential = 0;
-    field->relocation = 0;
-    field->free_scans = 0;
-    field->phase = PHASE_PLACE;
+    field->scan = 0;
+    field->moved = field->still = 0;
+    field->paid = 0;
+    field->phase = PHASE_COMPARE;
 }
 
 /* ---- The phases; each returns CAIRN_OK when it is done ---- */
 
-static void place_scan(cairn_force_field *field)
+static void must_be_ok(cairn_status status)
 {
-    const cairn_scan_set_scan *scan = &field->set->scans[field->scan];
-    struct cairn_force_placement *placement = &field->placements[1 - field->front][field->scan];
-
-    memset(placement, 0, sizeof *placement);
-    placement->map_scan = field->placements[field->front][field->scan].map_scan;
-    field->transform = cairn_transform_of(placement->map_scan);
-    placement->motion.centre =
-        cairn_transform_point(field->transform, field->by_sensor ? scan->sensor : scan->centroid);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
 }
 
-static void place_segment(cairn_force_field *field)
+static int is_same_pose(cairn_pose a, cairn_pose b)
 {
-    const cairn_scan_set_segment *from = &field->set->segments[field->segment];
-    cairn_vec2 a = cairn_transform_point(field->transform, from->segment.a);
-    cairn_vec2 b = cairn_transform_point(field->transform, from->segment.b);
-    cairn_box box = {a, a};
-
-    field->segments[field->segment].a = a;
-    field->segments[field->segment].b = b;
-    field->directions[field->segment] = cairn_transform_direction(field->transform, from->direction);
-    field->boxes[field->segment] = cairn_box_grow(cairn_box_extend(box, b), field->margin);
+    return a.x == b.x && a.y == b.y && a.theta == b.theta;
 }
 
-/* The next few points of the segment at hand. */
-static void place_points(cairn_force_field *field, int32_t end)
+static cairn_status step_pack(cairn_force_field *field, cairn_budget *budget)
 {
-    cairn_box box = field->boxes[field->segment];
+    while (field->leaving >= 0) {
+        struct cairn_force_body *body = &field->bodies[field->leaving];
+        const cairn_scan_set_scan *scan = &field->set->scans[field->leaving];
 
-    for (; field->point < end; field->point++) {
-        cairn_vec2 p = cairn_transform_point(field->transform, field->set->points[field->point]);
-        cairn_vec2 none = {0, 0};
-        cairn_box around = {p, p};
-
-        around = cairn_box_grow(around, field->margin);
-        box = cairn_box_extend(cairn_box_extend(box, around.min), around.max);
-        field->points.position[field->point] = p;
-        field->points.mass[field->point] = field->set->mass[field->point];
-        field->points.force[field->point] = none;
-    }
-    field->boxes[field->segment] = box;
-}
-
-static int32_t group_end(int32_t first, int32_t end)
-{
-    return end - first > GROUP ? first + GROUP : end;
-}
-
-static cairn_status step_place(cairn_force_field *field, cairn_budget *budget)
-{
-    while (field->scan < field->committed) {
-        int32_t end = field->set->scans[field->scan].end_segment;
-
-        if (budget->left <= 0)
+        if (!cairn_budget_pay(budget, &field->paid, 1 + (scan->end_segment - scan->first_segment) / 16))
             return CAIRN_MORE;
-        budget->left--;
-        if (field->stage == STAGE_SCAN) {
-            budget->left--;
-            place_scan(field);
-            field->stage = STAGE_SEGMENT;
-        } else if (field->stage == STAGE_POINTS) {
-            int32_t end_point = field->set->segments[field->segment].end_point;
+        must_be_ok(cairn_scan_set_remove(field->set, field->leaving));
+        field->leaving = body->next_leaving;
+    }
+    return cairn_scan_set_pack(field->set, budget);
+}
 
-            place_points(field, group_end(field->point, end_point));
-            if (field->point == end_point) {
-                field->segment++;
-                field->stage = STAGE_SEGMENT;
-            }
-        } else if (field->segment < end) {
-            place_segment(field);
-            field->stage = STAGE_POINTS;
-        } else {
-            field->scan++;
-            field->stage = STAGE_SCAN;
+static cairn_status step_compare(cairn_force_field *field, cairn_budget *budget)
+{
+    while (field->scan < field->slots) {
+        if (!cairn_budget_pay(budget, &field->paid, 1))
+            return CAIRN_MORE;
+        for (int32_t i = 0; i < FEW && field->scan < field->slots; i++, field->scan++) {
+            struct cairn_force_body *body = &field->bodies[field->scan];
+            uint8_t is_fixed = cairn_force_iteration_is_fixed(field, field->scan) != 0;
+
+            if (!cairn_force_iteration_has(field, field->scan))
+                continue;
+            body->moved = field->fresh || body->is_new || is_fixed != body->is_fixed ||
+                          !is_same_pose(body->placed, field->placements[field->front][field->scan].map_scan);
+            body->is_fixed = is_fixed;
+            body->dirty = body->moved;
+            field->moved += body->moved;
+            field->still += !body->moved;
         }
     }
-    field->segment = field->point = 0;
-    if (field->params.roi)
-        return cairn_corner_begin(field->corners, field->segments, field->segment_count);
+    field->mixed = field->moved > 0 && field->still > 0;
+    field->scan = 0;
     return CAIRN_OK;
 }
 
-static cairn_status step_corners(cairn_force_field *field, cairn_budget *budget)
+static void place_scan(cairn_force_field *field, int32_t index)
 {
-    cairn_status status = cairn_corner_step(field->corners, budget);
+    const cairn_scan_set_scan *scan = &field->set->scans[index];
+    struct cairn_force_body *body = &field->bodies[index];
 
-    if (status != CAIRN_OK)
-        return status;
-    if (budget->left <= 0)
-        return CAIRN_MORE;
-    cairn_point_grid_clear(field->grid);
-    budget->left -= 1 + field->params.max_corners / 64;
-    field->next = 0;
+    body->placed = field->placements[field->front][index].map_scan;
+    body->is_new = 0;
+    body->transform = cairn_transform_of(body->placed);
+    body->centre = cairn_transform_point(body->transform, field->by_sensor ? scan->sensor : scan->centroid);
+}
+
+static void extend(cairn_box *box, cairn_vec2 p)
+{
+    box->min.x = cairn_min(box->min.x, p.x);
+    box->min.y = cairn_min(box->min.y, p.y);
+    box->max.x = cairn_max(box->max.x, p.x);
+    box->max.y = cairn_max(box->max.y, p.y);
+}
+
+static void grow(cairn_box *box, cairn_real by)
+{
+    box->min.x -= by;
+    box->min.y -= by;
+    box->max.x += by;
+    box->max.y += by;
+}
+
+/* A segment without its points. */
+static void place_segment(cairn_force_field *field)
+{
+    const cairn_scan_set_segment *from = &field->set->segments[field->segment];
+    cairn_transform transform = field->bodies[from->scan].transform;
+    cairn_vec2 a = cairn_transform_point(transform, from->segment.a);
+    cairn_vec2 b = cairn_transform_point(transform, from->segment.b);
+    cairn_box box = {a, a};
+
+    extend(&box, b);
+    field->segments[field->segment].a = a;
+    field->segments[field->segment].b = b;
+    field->directions[field->segment] = cairn_transform_direction(transform, from->direction);
+    field->boxes[field->extra[field->extra_front].runs + field->segment] = box;
+}
+
+/* The next points of the segment at hand. */
+static void place_points(cairn_force_field *field)
+{
+    const cairn_scan_set_segment *from = &field->set->segments[field->segment];
+    cairn_transform transform = field->bodies[from->scan].transform;
+    cairn_box *box = &field->boxes[field->extra[field->extra_front].runs + field->segment];
+    cairn_vec2 points[CAIRN_FORCE_STRIP];
+    int32_t left = from->end_point - from->first_point - field->point;
+    int32_t count = left < CAIRN_FORCE_STRIP ? left : CAIRN_FORCE_STRIP;
+
+    cairn_scan_set_read(field->set, field->segment, field->point, count, points);
+    for (int32_t i = 0; i < count; i++) {
+        cairn_vec2 p = cairn_transform_point(transform, points[i]);
+
+        extend(box, p);
+        if (field->position != NULL)
+            field->position[from->first_point + field->point + i] = p;
+    }
+    field->point += count;
+    if (field->point == from->end_point - from->first_point)
+        grow(box, field->margin);
+}
+
+static cairn_status step_place_extra(cairn_force_field *field, cairn_budget *budget)
+{
+    const struct cairn_force_extra *extra = &field->extra[field->extra_front];
+
+    for (; field->fresh && field->segment < extra->runs; field->segment++) {
+        cairn_box *box = &field->boxes[field->segment];
+
+        if (field->point == extra->first[field->segment])
+            *box = cairn_box_empty();
+        while (field->point < extra->first[field->segment + 1]) {
+            int32_t end = field->point + GROUP;
+
+            if (!cairn_budget_pay(budget, &field->paid, 1))
+                return CAIRN_MORE;
+            for (; field->point < end && field->point < extra->first[field->segment + 1]; field->point++)
+                extend(box, extra->position[field->point]);
+        }
+        grow(box, field->margin);
+    }
+    field->segment = 0;
+    field->point = -1;
+    return CAIRN_OK;
+}
+
+/* Segment by segment in the order in which they lie; `point` is -1 before the segment's ends are placed. */
+static cairn_status step_place(cairn_force_field *field, cairn_budget *budget)
+{
+    for (; field->segment < field->segment_count; field->segment++, field->point = -1) {
+        const cairn_scan_set_segment *from = &field->set->segments[field->segment];
+        int32_t count = from->end_point - from->first_point, slot = from->scan;
+
+        if (field->point < 0) {
+            int32_t is_first = field->set->scans[slot].first_segment == field->segment;
+
+            if (!cairn_budget_pay(budget, &field->paid, is_first ? 3 : 1))
+                return CAIRN_MORE;
+            if (!field->bodies[slot].moved)
+                continue;
+            if (is_first)
+                place_scan(field, slot);
+            place_segment(field);
+            field->point = 0;
+            if (count == 0)
+                grow(&field->boxes[field->extra[field->extra_front].runs + field->segment], field->margin);
+        }
+        while (field->point < count) {
+            if (!cairn_budget_pay(budget, &field->paid, cairn_force_tile_cost(field, count - field->point)))
+                return CAIRN_MORE;
+            place_points(field);
+        }
+    }
+    field->placed_segments = field->segment_count;
+    return CAIRN_OK;
+}
+
+static cairn_status step_ungrid(cairn_force_field *field, cairn_budget *budget)
+{
+    while (cairn_point_grid_count(field->grid) > 0) {
+        if (!cairn_budget_pay(budget, &field->paid, 1))
+            return CAIRN_MORE;
+        for (int32_t i = 0; i < FEW; i++)
+            cairn_point_grid_remove_last(field->grid);
+    }
     return CAIRN_OK;
 }
 
@@ -172,152 +275,124 @@ static cairn_status step_grid(cairn_force_field *field, cairn_budget *budget)
 {
     int32_t count;
     const cairn_corner *corners = cairn_corner_list(field->corners, &count);
-    cairn_status status;
 
-    for (; field->next < count; field->next++) {
-        if (budget->left <= 0)
+    while (cairn_point_grid_count(field->grid) < count) {
+        if (!cairn_budget_pay(budget, &field->paid, 1))
             return CAIRN_MORE;
-        budget->left--;
-        status = cairn_point_grid_insert(field->grid, corners[field->next].position);
-        CAIRN_ASSERT(status == CAIRN_OK); /* as many places as corners */
-        (void)status;
+        /* As many places as corners. */
+        must_be_ok(cairn_point_grid_insert(field->grid, corners[cairn_point_grid_count(field->grid)].position));
     }
+    field->segment = field->point = 0;
     return CAIRN_OK;
+}
+
+/* Gives a point its mass; 1 when it had another one. */
+static int set_mass(cairn_force_field *field, int32_t point, int is_in_region)
+{
+    uint32_t bit = UINT32_C(1) << point % 32, *word;
+    int had;
+
+    if (field->mass != NULL) {
+        cairn_real mass = field->set->mass[point] * (is_in_region ? field->params.roi_mass : 1);
+
+        had = field->mass[point] == mass;
+        field->mass[point] = mass;
+        return !had;
+    }
+    word = &field->in_region[point / 32];
+    had = (*word & bit) != 0;
+    *word = is_in_region ? *word | bit : *word & ~bit;
+    return had != is_in_region;
+}
+
+/* Looks at the next points of the segment at hand; 1 when the mass of one has changed. */
+static int find_regions(cairn_force_field *field)
+{
+    const cairn_scan_set_segment *segment = &field->set->segments[field->segment];
+    cairn_vec2 points[FEW];
+    int32_t left = segment->end_point - segment->first_point - field->point, count = left < FEW ? left : FEW;
+    int changed = 0;
+
+    cairn_force_points(field, field->segment, field->point, count, points);
+    for (int32_t i = 0; i < count; i++)
+        changed |= set_mass(field, segment->first_point + field->point + i,
+                            cairn_point_grid_has(field->grid, points[i], field->params.roi_radius) != 0);
+    field->point += count;
+    return changed;
 }
 
 static cairn_status step_masses(cairn_force_field *field, cairn_budget *budget)
 {
-    for (; cairn_point_grid_count(field->grid) > 0 && field->point < field->point_count; field->point++) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        if (cairn_point_grid_nearest(field->grid, field->points.position[field->point], field->params.roi_radius,
-                                     NULL) >= 0)
-            field->points.mass[field->point] *= field->params.roi_mass;
-    }
-    return CAIRN_OK;
-}
+    for (; field->segment < field->segment_count; field->segment++, field->point = 0) {
+        const cairn_scan_set_segment *segment = &field->set->segments[field->segment];
+        int32_t count = segment->end_point - segment->first_point;
 
-/* 1 when the two segments attract each other; sets the cursor to their first row. */
-static int begin_pair(cairn_force_field *field, int32_t first, int32_t second)
-{
-    const cairn_scan_set_segment *a = &field->set->segments[first], *b = &field->set->segments[second];
-
-    if (a->scan == b->scan || b->first_point == b->end_point ||
-        (cairn_force_iteration_is_fixed(field, a->scan) && cairn_force_iteration_is_fixed(field, b->scan)))
-        return 0;
-    field->segment_pairs++;
-    field->segment = first;
-    field->other = second;
-    field->point = a->first_point;
-    field->row = -1;
-    field->cosine = cairn_abs(cairn_vec2_dot(field->directions[first], field->directions[second]));
-    field->sum.pairs = 0;
-    field->sum.potential = 0;
-    return 1;
-}
-
-/* Points of b that can be within reach of the point of the row: all, or of evenly spaced ones those about the foot of the
- * perpendicular. More than needed by rounding and by what `spacing` leaves open. */
-static void begin_row(cairn_force_field *field, const cairn_scan_set_segment *b)
-{
-    cairn_vec2 direction = field->directions[field->other], to;
-    cairn_real radius, along, across, half;
-    int32_t first, last;
-
-    field->row = field->point;
-    field->next = b->first_point;
-    field->row_end = b->end_point;
-    if (!(b->spacing > 0))
-        return;
-    radius = 2 * field->margin + b->spacing / 100;
-    to = cairn_vec2_sub(field->points.position[field->point], field->points.position[b->first_point]);
-    along = cairn_vec2_dot(to, direction);
-    across = cairn_vec2_cross(to, direction);
-    if (across * across > radius * radius) {
-        field->next = field->row_end;
-        return;
-    }
-    half = cairn_sqrt(radius * radius - across * across);
-    first = cairn_real_to_int((along - half) / b->spacing);
-    last = cairn_real_to_int((along + half) / b->spacing + 1);
-    if (first > 0)
-        field->next = first < b->end_point - b->first_point ? b->first_point + first : b->end_point;
-    if (last < b->end_point - b->first_point)
-        field->row_end = last > 0 ? b->first_point + last : b->first_point;
-}
-
-static cairn_status step_rows(cairn_force_field *field, cairn_budget *budget)
-{
-    const cairn_scan_set_segment *a = &field->set->segments[field->segment], *b = &field->set->segments[field->other];
-
-    for (; field->point < a->end_point; field->point++) {
-        cairn_status status;
-
-        if (field->row != field->point) {
-            if (budget->left <= 0)
+        while (field->point < count) {
+            if (!cairn_budget_pay(budget, &field->paid, 2))
                 return CAIRN_MORE;
-            budget->left--;
-            begin_row(field, b);
+            if (find_regions(field)) {
+                field->bodies[segment->scan].moved = 1;
+                field->bodies[segment->scan].dirty = 1;
+            }
         }
-        status = cairn_force_kernel_row(&field->kernel, &field->points, field->point, &field->next, field->row_end,
-                                        field->cosine, field->params.potential, &field->sum, budget);
-        if (status != CAIRN_OK)
-            return status;
     }
-    field->pairs += field->sum.pairs;
-    field->potential += field->sum.potential;
-    field->other = -1;
     return CAIRN_OK;
 }
 
-static cairn_status step_pairs(cairn_force_field *field, cairn_budget *budget)
+static cairn_status step_reset(cairn_force_field *field, cairn_budget *budget)
 {
-    for (;;) {
-        int32_t first, second;
-        cairn_status status;
+    const cairn_vec2 none = {0, 0};
 
-        if (field->other >= 0) {
-            status = step_rows(field, budget);
-            if (status != CAIRN_OK)
-                return status;
-        }
-        if (budget->left <= 0)
+    while (field->scan < field->slots) {
+        if (!cairn_budget_pay(budget, &field->paid, 1))
             return CAIRN_MORE;
-        status = cairn_box_sweep_next(field->sweep, budget, &first, &second);
-        if (status == CAIRN_EMPTY)
-            break;
-        if (status != CAIRN_OK)
-            return status;
-        if (begin_pair(field, first, second))
-            budget->left--;
+        for (int32_t i = 0; i < GROUP && field->scan < field->slots; i++, field->scan++) {
+            struct cairn_force_body *body = &field->bodies[field->scan];
+
+            if (!body->dirty)
+                continue;
+            body->force = none;
+            body->torque = 0;
+            body->potential = 0;
+            body->pairs = 0;
+            body->segment_pairs = 0;
+        }
     }
-    field->scan = field->point = 0;
     return CAIRN_OK;
 }
 
 /* From rest through the time dt with constant acceleration (eqs. 7.6 to 7.9). All points have mass 1. */
-static void move_scan(cairn_force_field *field, struct cairn_force_placement *placement)
+static void move_scan(cairn_force_field *field, int32_t index)
 {
-    const cairn_scan_set_scan *scan = &field->set->scans[field->scan];
+    const cairn_scan_set_scan *scan = &field->set->scans[index];
+    const struct cairn_force_body *body = &field->bodies[index];
+    struct cairn_force_placement *placement = &field->placements[1 - field->front][index];
     cairn_force_field_motion *motion = &placement->motion;
     cairn_real mass = (cairn_real)(scan->end_point - scan->first_point);
     cairn_real spread = field->by_sensor ? scan->sensor_spread : scan->centroid_spread;
     cairn_real half_square = field->dt * field->dt / 2, turn = 0;
     cairn_vec2 shift, centre, arm;
 
-    if (cairn_force_iteration_is_fixed(field, field->scan) || !(mass > 0))
+    placement->map_scan = body->placed;
+    motion->centre = body->centre;
+    motion->force = body->force;
+    motion->torque = body->torque;
+    motion->relocation = 0;
+    if (body->is_fixed || !(mass > 0))
         return;
     shift = cairn_vec2_scale(motion->force, half_square / mass);
     if (spread > MIN_SPREAD)
         turn = motion->torque / (mass * spread) * half_square;
 
-    centre = cairn_vec2_add(motion->centre, shift);
-    placement->map_scan.theta = cairn_wrap_angle(placement->map_scan.theta + turn);
-    arm = cairn_transform_direction(cairn_transform_of(placement->map_scan),
-                                    field->by_sensor ? scan->sensor : scan->centroid);
-    placement->map_scan.x = centre.x - arm.x;
-    placement->map_scan.y = centre.y - arm.y;
+    /* A scan that nothing pulls keeps its pose to the bit. */
+    if (shift.x != 0 || shift.y != 0 || turn != 0) {
+        centre = cairn_vec2_add(motion->centre, shift);
+        placement->map_scan.theta = cairn_wrap_angle(placement->map_scan.theta + turn);
+        arm = cairn_transform_direction(cairn_transform_of(placement->map_scan),
+                                        field->by_sensor ? scan->sensor : scan->centroid);
+        placement->map_scan.x = centre.x - arm.x;
+        placement->map_scan.y = centre.y - arm.y;
+    }
     motion->relocation = cairn_sqrt(cairn_vec2_norm_squared(shift) + turn * turn * spread);
     field->relocation += motion->relocation;
     field->free_scans++;
@@ -325,26 +400,21 @@ static void move_scan(cairn_force_field *field, struct cairn_force_placement *pl
 
 static cairn_status step_move(cairn_force_field *field, cairn_budget *budget)
 {
-    while (field->scan < field->committed) {
-        struct cairn_force_placement *placement = &field->placements[1 - field->front][field->scan];
-        cairn_force_field_motion *motion = &placement->motion;
-        int32_t end = group_end(field->point, field->set->scans[field->scan].end_point);
+    for (; field->scan < field->slots; field->scan++) {
+        struct cairn_force_body *body = &field->bodies[field->scan];
 
-        if (budget->left <= 0)
+        if (!cairn_budget_pay(budget, &field->paid, 2))
             return CAIRN_MORE;
-        budget->left--;
-        for (; field->point < end; field->point++) {
-            cairn_vec2 arm = cairn_vec2_sub(field->points.position[field->point], motion->centre);
-            cairn_vec2 force = field->points.force[field->point];
-
-            motion->force = cairn_vec2_add(motion->force, force);
-            motion->torque += cairn_vec2_cross(arm, force);
-        }
-        if (end == field->set->scans[field->scan].end_point) {
-            budget->left -= 2;
-            move_scan(field, placement);
-            field->scan++;
-        }
+        body->reported = cairn_force_iteration_has(field, field->scan) != 0;
+        if (!body->reported)
+            continue;
+        /* A scan without segments was not placed. */
+        if (body->moved && field->set->scans[field->scan].first_segment == field->set->scans[field->scan].end_segment)
+            place_scan(field, field->scan);
+        move_scan(field, field->scan);
+        field->pairs += body->pairs;
+        field->segment_pairs += body->segment_pairs;
+        field->potential += body->potential;
     }
     return CAIRN_OK;
 }
@@ -356,15 +426,16 @@ static void commit(cairn_force_field *field)
 
     state->iterations++;
     state->start_iterations++;
-    state->pairs = field->pairs;
-    state->segment_pairs = field->segment_pairs;
+    /* Both scans of a pair have counted it. */
+    state->pairs = field->pairs / 2;
+    state->segment_pairs = (int32_t)(field->segment_pairs / 2);
+    state->potential = field->potential / 2;
     if (p->roi) {
         (void)cairn_corner_list(field->corners, &state->corners);
         state->corners_dropped = cairn_corner_dropped(field->corners);
     }
     state->sigma = field->sigma;
     state->dt = field->dt;
-    state->potential = field->potential;
     state->mean_relocation = field->free_scans > 0 ? field->relocation / (cairn_real)field->free_scans : 0;
     if (state->mean_relocation < p->stop_relocation)
         state->verdict = CAIRN_FORCE_FIELD_CONVERGED;
@@ -374,45 +445,126 @@ static void commit(cairn_force_field *field)
     field->sigma = cairn_max(p->sigma_end, p->sigma_start - (cairn_real)state->start_iterations * p->sigma_step);
     field->dt = cairn_max(p->dt_end, field->dt * p->dt_factor);
     field->front = 1 - field->front;
-    field->reported = field->committed;
+    field->commits++;
+    field->reported = 1;
     field->phase = PHASE_AT_COMMIT;
     cairn_force_iteration_take_in(field);
     if (field->restart)
         cairn_force_iteration_start_cooling(field);
 }
 
+/* What lies where has changed: no order and no number of a segment is what it was. */
+static void end_pack(cairn_force_field *field)
+{
+    field->segment_count = field->set->segment_count;
+    field->placed_segments = 0;
+    field->placed_sigma = 0;
+    field->phase = PHASE_AT_COMMIT;
+    must_be_ok(cairn_box_sweep_begin(field->sweep, NULL, 0));
+    if (field->corners != NULL)
+        must_be_ok(cairn_corner_begin(field->corners, NULL, 0));
+}
+
+static cairn_status run_phase(cairn_force_field *field, cairn_budget *budget)
+{
+    switch (field->phase) {
+    case PHASE_PACK:
+        return step_pack(field, budget);
+    case PHASE_COMPARE:
+        return step_compare(field, budget);
+    case PHASE_PLACE_EXTRA:
+        return step_place_extra(field, budget);
+    case PHASE_PLACE:
+        return step_place(field, budget);
+    case PHASE_CORNERS:
+        return cairn_corner_step(field->corners, budget);
+    case PHASE_UNGRID:
+        return step_ungrid(field, budget);
+    case PHASE_GRID:
+        return step_grid(field, budget);
+    case PHASE_MASSES:
+        return step_masses(field, budget);
+    case PHASE_RESET:
+        return step_reset(field, budget);
+    case PHASE_PAIRS:
+        return cairn_force_pairs(field, budget);
+    case PHASE_MOVE:
+        return step_move(field, budget);
+    default:
+        return cairn_force_mark(field, budget);
+    }
+}
+
+static cairn_force_phase phase_after(const cairn_force_field *field)
+{
+    switch (field->phase) {
+    case PHASE_PACK:
+        return PHASE_AT_COMMIT;
+    case PHASE_COMPARE:
+        if (field->moved == 0)
+            return PHASE_MOVE;
+        return field->mixed ? PHASE_MARK_OLD : PHASE_PLACE_EXTRA;
+    case PHASE_PLACE:
+        if (field->params.roi)
+            return PHASE_CORNERS;
+        return field->mixed ? PHASE_MARK_NEW : PHASE_RESET;
+    case PHASE_MASSES:
+        return field->mixed ? PHASE_MARK_NEW : PHASE_RESET;
+    default:
+        return field->phase + 1;
+    }
+}
+
+/* Over the boxes of the runs and of the segments that are placed. */
+static cairn_status begin_sweep(cairn_force_field *field)
+{
+    return cairn_box_sweep_begin(field->sweep, field->boxes,
+                                 field->extra[field->extra_front].runs + field->placed_segments);
+}
+
+static cairn_status begin_phase(cairn_force_field *field)
+{
+    switch (field->phase) {
+    case PHASE_PLACE_EXTRA:
+        field->segment = field->point = 0;
+        return CAIRN_OK;
+    case PHASE_CORNERS:
+        return cairn_corner_begin(field->corners, field->segments, field->segment_count);
+    case PHASE_MARK_OLD:
+    case PHASE_MARK_NEW:
+        return begin_sweep(field);
+    case PHASE_PAIRS:
+        field->pair.is_begun = 0;
+        field->tiles[0].line = field->tiles[1].line = -1;
+        return begin_sweep(field);
+    case PHASE_MOVE:
+        field->scan = 0;
+        field->pairs = 0;
+        field->segment_pairs = 0;
+        field->potential = 0;
+        field->relocation = 0;
+        field->free_scans = 0;
+        return CAIRN_OK;
+    default:
+        field->scan = 0;
+        return CAIRN_OK;
+    }
+}
+
 cairn_status cairn_force_iteration_step(cairn_force_field *field, cairn_budget *budget)
 {
-    cairn_status status;
+    cairn_status status = run_phase(field, budget);
 
-    switch (field->phase) {
-    case PHASE_PLACE:
-        status = step_place(field, budget);
-        break;
-    case PHASE_CORNERS:
-        status = step_corners(field, budget);
-        break;
-    case PHASE_GRID:
-        status = step_grid(field, budget);
-        break;
-    case PHASE_MASSES:
-        status = step_masses(field, budget);
-        break;
-    case PHASE_PAIRS:
-        status = step_pairs(field, budget);
-        break;
-    default:
-        status = step_move(field, budget);
-        break;
-    }
     if (status != CAIRN_OK)
         return status;
     if (field->phase == PHASE_MOVE) {
         commit(field);
         return CAIRN_OK;
     }
-    field->phase = field->phase == PHASE_PLACE && !field->params.roi ? PHASE_PAIRS : field->phase + 1;
-    if (field->phase == PHASE_PAIRS)
-        status = cairn_box_sweep_begin(field->sweep, field->boxes, field->segment_count);
-    return status;
+    field->phase = phase_after(field);
+    if (field->phase == PHASE_AT_COMMIT) {
+        end_pack(field);
+        return CAIRN_OK;
+    }
+    return begin_phase(field);
 }

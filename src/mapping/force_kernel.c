@@ -3,7 +3,8 @@
  * Method: exp(-s) = exp(-i) exp(-j/64) exp(d) with s = i + j/64 - d, from two tables and a short Taylor series; s is at
  * most reach^2 / 2 = 18, so neither underflow nor scaling can occur. The potential takes erfc(x) = erfc(x0) - 2/sqrt(pi)
  * times the integral of exp(-t^2) from the nearest node x0 of a table to x, by the two-point Hermite rule with two
- * derivatives, whose end values are in the table and at hand: no second exponential.
+ * derivatives, whose end values are in the table and at hand: no second exponential. What a point feels is
+ * summed up row by row; the torque and the opposite force on the other strip come from these sums.
  *
  * Source: Adluru 2008, section 7.3.1. */
 #include "src/core/build.h"
@@ -39,10 +40,12 @@ void cairn_force_kernel_init(cairn_force_kernel *kernel)
     for (int32_t i = 0; i < FINE; i++)
         kernel->fine[i] = cairn_exp(-(cairn_real)i / FINE);
     for (int32_t i = 0; i < NODES; i++) {
-        cairn_real x = (cairn_real)i / 16;
+        cairn_real x = (cairn_real)i / 16, e = cairn_exp(-x * x);
 
         kernel->erfc[i][0] = cairn_erfc(x);
-        kernel->erfc[i][1] = cairn_exp(-x * x);
+        kernel->erfc[i][1] = e;
+        kernel->erfc[i][2] = 2 * x * e;
+        kernel->erfc[i][3] = (2 * x * x - 1) * e;
     }
     cairn_force_kernel_set(kernel, 1, CAIRN_FORCE_KERNEL_REACH);
 }
@@ -58,72 +61,109 @@ void cairn_force_kernel_set(cairn_force_kernel *kernel, cairn_real sigma, cairn_
 /* exp(-s), 0 <= s < COARSE - 1. */
 static inline cairn_real decay(const cairn_force_kernel *kernel, cairn_real s)
 {
-    uint32_t k = (uint32_t)cairn_real_to_int(s * FINE + CAIRN_REAL(0.5));
-    cairn_real d = (cairn_real)(int32_t)k * (CAIRN_REAL(1.0) / FINE) - s; /* within 1/128 */
+    int32_t k = cairn_real_to_int(s * FINE + CAIRN_REAL(0.5));
+    cairn_real d = (cairn_real)k * (CAIRN_REAL(1.0) / FINE) - s; /* within 1/128 */
     cairn_real series;
 
-    CAIRN_ASSERT(k < COARSE * FINE);
+    CAIRN_ASSERT(k >= 0 && k < COARSE * FINE);
 #ifdef CAIRN_FLOAT
     series = 1 + (d + d * d * CAIRN_REAL(0.5));
 #else
     series = 1 + (d + d * d * (CAIRN_REAL(1.0) / 2 + d * (CAIRN_REAL(1.0) / 6 + d * (CAIRN_REAL(1.0) / 24))));
 #endif
-    return kernel->coarse[k / FINE] * (kernel->fine[k % FINE] * series);
+    return kernel->coarse[(uint32_t)k / FINE] * kernel->fine[(uint32_t)k % FINE] * series;
 }
 
-/* erfc(x), 0 <= x < NODES / 16, with e = exp(-x^2). */
-static inline cairn_real complementary(const cairn_force_kernel *kernel, cairn_real x, cairn_real e)
+/* erfc(x), 0 <= x < NODES / 16, with square = x^2 and e = exp(-x^2). */
+static inline cairn_real complementary(const cairn_force_kernel *kernel, cairn_real x, cairn_real square, cairn_real e)
 {
     int32_t k = cairn_real_to_int(x * 16 + CAIRN_REAL(0.5));
-    cairn_real x0 = (cairn_real)k / 16, d = x - x0, integral;
+    cairn_real d = x - (cairn_real)k * (CAIRN_REAL(1.0) / 16), slopes, curvatures;
     const cairn_real *node;
 
     CAIRN_ASSERT(k >= 0 && k < NODES);
     node = kernel->erfc[k];
-    integral = d * ((node[1] + e) +
-                    d / 5 * (2 * (x * e - x0 * node[1]) + d / 6 * ((2 * x0 * x0 - 1) * node[1] + (2 * x * x - 1) * e)));
-    return node[0] - INVERSE_SQRT_PI * integral;
+    curvatures = node[3] + (2 * square - 1) * e;
+    slopes = 2 * x * e - node[2];
+    return node[0] - INVERSE_SQRT_PI * d * (node[1] + e + d * FIFTH * (slopes + d * SIXTH * curvatures));
 }
 
-cairn_status cairn_force_kernel_row(const cairn_force_kernel *kernel, const cairn_force_points *points, int32_t i,
-                                    int32_t *next, int32_t end, cairn_real c, int32_t with_potential,
-                                    cairn_force_sum *sum, cairn_budget *budget)
+/* What a point feels, for mass 1 of it. */
+struct pull {
+    cairn_real x, y, potential;
+};
+
+static inline void add_pair(const cairn_force_kernel *kernel, cairn_real x, cairn_real y, cairn_real square,
+                            cairn_real mass, int32_t with_potential, struct pull *pull)
 {
-    const cairn_vec2 *restrict position = points->position;
-    const cairn_real *restrict mass = points->mass;
-    cairn_vec2 *restrict force = points->force;
-    cairn_vec2 p = position[i], f = force[i];
-    cairn_real limit = kernel->limit_squared, scale = kernel->scale;
-    cairn_real weight = mass[i] * c, strength = weight * kernel->norm, potential = sum->potential;
-    int32_t j = *next, left = budget->left, pairs = 0;
+    cairn_real r = cairn_sqrt(square), scaled = square * kernel->scale, e = decay(kernel, scaled), strength;
 
-    while (j < end && left > 0) {
-        int32_t stop = end - j > 4 ? j + 4 : end, before = pairs;
+    if (with_potential)
+        pull->potential += mass * complementary(kernel, r * kernel->root_scale, scaled, e);
+    strength = r < CAIRN_FORCE_KERNEL_NEAR ? 0 : mass * e / r;
+    pull->x += strength * x;
+    pull->y += strength * y;
+}
 
-        for (; j < stop; j++) {
-            cairn_real x = position[j].x - p.x, y = position[j].y - p.y, square = x * x + y * y, r, e, v;
+/* What a point at p feels from the points *next ... of a strip, as far as *left units allow. */
+static inline void add_row(const cairn_force_kernel *kernel, cairn_vec2 p, const cairn_force_strip *strip,
+                           int32_t *next, int32_t *left, int32_t with_potential, struct pull *pull)
+{
+    cairn_real limit = kernel->limit_squared;
+    int32_t j = *next;
 
-            if (square > limit)
-                continue;
-            pairs++;
-            r = cairn_sqrt(square);
-            e = decay(kernel, square * scale);
-            if (with_potential)
-                potential -= weight * mass[j] / 2 * complementary(kernel, r * kernel->root_scale, e);
-            if (r < CAIRN_FORCE_KERNEL_NEAR)
-                continue;
-            v = strength * mass[j] * e / r;
-            f.x += v * x;
-            f.y += v * y;
-            force[j].x -= v * x;
-            force[j].y -= v * y;
-        }
-        left -= 1 + pairs - before;
+    for (; j < strip->count; j++) {
+        cairn_real x = strip->position[j].x - p.x, y = strip->position[j].y - p.y, square = x * x + y * y;
+
+        if (square > limit)
+            continue;
+        if (*left <= 0)
+            break;
+        (*left)--;
+        add_pair(kernel, x, y, square, strip->mass[j], with_potential, pull);
     }
-    force[i] = f;
-    sum->potential = potential;
-    sum->pairs += pairs;
-    budget->left = left;
     *next = j;
-    return j < end ? CAIRN_MORE : CAIRN_OK;
+}
+
+static int is_outside(const cairn_box *zone, cairn_vec2 p)
+{
+    return p.x < zone->min.x || p.x > zone->max.x || p.y < zone->min.y || p.y > zone->max.y;
+}
+
+cairn_status cairn_force_kernel_strips(const cairn_force_kernel *kernel, const cairn_force_strip *a,
+                                       const cairn_force_strip *b, cairn_force_cursor *cursor, int32_t with_potential,
+                                       cairn_force_sum *sum, cairn_budget *budget)
+{
+    int32_t left = budget->left, before;
+
+    for (; cursor->row < a->count; cursor->row++) {
+        cairn_vec2 p = a->position[cursor->row];
+        cairn_real mass = a->mass[cursor->row];
+        struct pull pull = {cursor->x, cursor->y, cursor->potential};
+
+        if (!cursor->is_paid) {
+            if (left <= 0)
+                break;
+            left--;
+            cursor->is_paid = 1;
+            cursor->next = is_outside(&b->zone, p) ? b->count : 0;
+        }
+        before = left;
+        add_row(kernel, p, b, &cursor->next, &left, with_potential, &pull);
+        sum->pairs += before - left;
+        if (cursor->next < b->count) {
+            cursor->x = pull.x;
+            cursor->y = pull.y;
+            cursor->potential = pull.potential;
+            break;
+        }
+        sum->force.x += mass * pull.x;
+        sum->force.y += mass * pull.y;
+        sum->torque += mass * ((p.x - sum->centre.x) * pull.y - (p.y - sum->centre.y) * pull.x);
+        sum->potential += mass * pull.potential;
+        cursor->x = cursor->y = cursor->potential = 0;
+        cursor->is_paid = 0;
+    }
+    budget->left = left;
+    return cursor->row < a->count ? CAIRN_MORE : CAIRN_OK;
 }

@@ -72,7 +72,7 @@ static cairn_force_field_params field_params(const cairn_mapper_params *params)
 
 static cairn_scan_set_params key_params(const cairn_mapper_params *params)
 {
-    cairn_scan_set_params keys = {params->max_keys, params->max_key_segments, params->max_key_points};
+    cairn_scan_set_params keys = {params->max_keys, params->max_key_segments, params->max_key_points, 0};
 
     return keys;
 }

@@ -15,7 +15,7 @@
 
 #include "cairn/occupancy_grid.h"
 
-enum { CELLS_PER_UNIT = 6, CLEARED_PER_UNIT = 64 };
+enum { CELLS_PER_UNIT = 2, CLEARED_PER_UNIT = 64 };
 
 struct cairn_occupancy_grid {
     cairn_occupancy_cell *cells; /* [height][width] */

@@ -17,19 +17,9 @@
 
 #include <string.h>
 
-#include "cairn/small_matrix.h"
-#include "src/mapping/scan_match_work.h"
+#include "src/mapping/scan_match_shape.h"
 
-enum {
-    SUM_BLOCK = 64,  /* cells of an index that are summed at once */
-    NEIGHBOURS = 12, /* of a beam, to each side */
-    POINTS_MOST = 1 << 20,
-    VIEWS_MOST = 4096,
-    HYPOTHESES_MOST = 64
-};
-
-static const cairn_real BENT = CAIRN_REAL(0.013); /* m from a line, root mean square */
-static const cairn_real CELL = CAIRN_REAL(2.5);   /* of an index, spacings */
+enum { POINTS_MOST = 1 << 20, VIEWS_MOST = 4096, HYPOTHESES_MOST = 64 };
 
 cairn_scan_match_params cairn_scan_match_default(void)
 {
@@ -50,16 +40,42 @@ static int is_within(int32_t n, int32_t least, int32_t most)
 
 static int params_are_good(const cairn_scan_match_params *p)
 {
-    return p != NULL && (p->mode == CAIRN_SCAN_MATCH_CORRELATIVE || p->mode == CAIRN_SCAN_MATCH_SHAPE) &&
+    return p != NULL && is_within(p->mode, CAIRN_SCAN_MATCH_CORRELATIVE, CAIRN_SCAN_MATCH_SHAPE_SEGMENTS) &&
            is_within(p->max_target, 1, POINTS_MOST) && is_within(p->max_dense, 0, POINTS_MOST) &&
            is_within(p->max_views, 0, VIEWS_MOST) && is_within(p->max_query, 1, POINTS_MOST) &&
            is_within(p->max_hypotheses, 1, HYPOTHESES_MOST) && is_positive(p->spacing) && is_positive(p->sigma) &&
            p->weak_ratio >= 0 && p->weak_ratio < 1;
 }
 
+static cairn_sequence_params sequence_params(const cairn_scan_match_params *p)
+{
+    cairn_sequence_params params = {CAIRN_SEQUENCE_COMMON, p->max_query, p->max_target, 0};
+
+    return params;
+}
+
+/* What only matching by shape needs, but for its sequence; NULL from a counting pool. */
+static match_shape *carve_shape(cairn_pool *pool, const cairn_scan_match_params *p)
+{
+    match_shape *shape = cairn_pool_take(pool, 1, sizeof *shape);
+    match_shape made;
+
+    memset(&made, 0, sizeof made);
+    made.target = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.target);
+    made.query = cairn_pool_take(pool, (size_t)p->max_query, sizeof *made.query);
+    made.part_of = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.part_of);
+    made.turned = cairn_pool_take(pool, (size_t)p->max_query, sizeof *made.turned);
+    made.pairs = cairn_pool_take(pool, (size_t)p->max_query, sizeof *made.pairs);
+    made.segments = cairn_pool_take(pool, (size_t)p->max_query + 1, sizeof *made.segments);
+    if (shape != NULL)
+        *shape = made;
+    return shape;
+}
+
 /* The object with its arrays; NULL from a counting pool. */
 static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *p)
 {
+    size_t cells = p->mode == CAIRN_SCAN_MATCH_CORRELATIVE ? MATCH_CELLS_MOST : 0;
     cairn_scan_match *x = cairn_pool_take(pool, 1, sizeof *x);
     cairn_scan_match made;
 
@@ -75,10 +91,12 @@ static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *
     made.index.points = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.index.points);
     made.index.start = cairn_pool_take(pool, cairn_match_index_cells(p->max_target) + 1, sizeof *made.index.start);
     made.by_direction = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.by_direction);
-    made.votes.cell = cairn_pool_take(pool, MATCH_CELLS_MOST, sizeof *made.votes.cell);
-    made.votes.touched = cairn_pool_take(pool, MATCH_CELLS_MOST, sizeof *made.votes.touched);
+    made.votes.cell = cairn_pool_take(pool, cells, sizeof *made.votes.cell);
+    made.votes.touched = cairn_pool_take(pool, cells, sizeof *made.votes.touched);
     made.candidates = cairn_pool_take(pool, MATCH_CANDIDATES, sizeof *made.candidates);
     made.hypotheses = cairn_pool_take(pool, MATCH_CANDIDATES, sizeof *made.hypotheses);
+    if (p->mode != CAIRN_SCAN_MATCH_CORRELATIVE)
+        made.shape = carve_shape(pool, p);
     if (x != NULL)
         *x = made;
     return x;
@@ -87,26 +105,39 @@ static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *
 size_t cairn_scan_match_memory(const cairn_scan_match_params *params)
 {
     cairn_pool counting;
+    size_t more = 0;
 
     if (!params_are_good(params))
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
-    return counting.used == SIZE_MAX ? 0 : counting.used;
+    if (params->mode != CAIRN_SCAN_MATCH_CORRELATIVE) {
+        cairn_sequence_params sequence = sequence_params(params);
+
+        more = cairn_sequence_memory(&sequence);
+    }
+    return counting.used >= SIZE_MAX - more ? 0 : counting.used + more;
 }
 
 cairn_status cairn_scan_match_create(cairn_scan_match **match, cairn_pool *pool, const cairn_scan_match_params *params)
 {
     size_t need = cairn_scan_match_memory(params);
+    cairn_sequence_params sequence;
+    cairn_scan_match *made;
 
     if (match == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pool_has_room(pool, need))
         return CAIRN_NO_MEMORY;
-    *match = carve(pool, params);
-    memset((*match)->votes.cell, 0, MATCH_CELLS_MOST * sizeof *(*match)->votes.cell);
-    cairn_scan_match_clear_target(*match);
-    return CAIRN_OK;
+    made = carve(pool, params);
+    if (made->shape == NULL)
+        memset(made->votes.cell, 0, MATCH_CELLS_MOST * sizeof *made->votes.cell);
+    cairn_scan_match_clear_target(made);
+    *match = made;
+    if (made->shape == NULL)
+        return CAIRN_OK;
+    sequence = sequence_params(params);
+    return cairn_sequence_create(&made->shape->sequence, pool, &sequence);
 }
 
 cairn_scan_match_part cairn_scan_match_part_of(const cairn_scan_view *view)
@@ -114,75 +145,6 @@ cairn_scan_match_part cairn_scan_match_part_of(const cairn_scan_view *view)
     cairn_scan_match_part part = {view->points, NULL, view->beams, view->point_count, 0, view->beam_count};
 
     return part;
-}
-
-static int is_hit_near(const cairn_beam *beam, cairn_vec2 p, cairn_real reach)
-{
-    return beam->kind == CAIRN_BEAM_HIT && cairn_vec2_norm_squared(cairn_vec2_sub(beam->to, p)) < reach * reach;
-}
-
-/* The line through the ends of beams[low ... high]: its direction and the mean squared distance from it; -1: they are one point. */
-static cairn_real line_through(const cairn_scan_view *view, int32_t low, int32_t high, cairn_vec2 *direction)
-{
-    cairn_vec2 origin = view->beams[low].to, sum = {0, 0}, minor;
-    cairn_sym2 spread = {0, 0, 0};
-    cairn_real n = (cairn_real)(high - low + 1), values[2];
-
-    for (int32_t k = low; k <= high; k++) {
-        cairn_vec2 d = cairn_vec2_sub(view->beams[k].to, origin);
-
-        sum = cairn_vec2_add(sum, d);
-        spread.xx += d.x * d.x;
-        spread.xy += d.x * d.y;
-        spread.yy += d.y * d.y;
-    }
-    spread.xx -= sum.x * sum.x / n;
-    spread.xy -= sum.x * sum.y / n;
-    spread.yy -= sum.y * sum.y / n;
-    cairn_sym2_eigen(spread, values, &minor, direction);
-    return values[1] > 0 ? cairn_max(values[0], 0) / n : -1;
-}
-
-/* The direction of the surface at the end of a beam, the sensor on its left, from the hits beside it; 0: there are none.
- * Where the hits of both sides do not make a line, near a corner, those of the straighter side decide. */
-static int surface_direction(const cairn_scan_view *view, int32_t i, cairn_vec2 *direction)
-{
-    const cairn_beam *beam = &view->beams[i];
-    cairn_vec2 to_sensor = cairn_vec2_sub(beam->from, beam->to), side;
-    cairn_real reach = CAIRN_REAL(0.08) + CAIRN_REAL(0.03) * cairn_vec2_norm(to_sensor), spread;
-    int32_t low = i, high = i;
-
-    while (low > 0 && i - low < NEIGHBOURS && is_hit_near(&view->beams[low - 1], beam->to, reach))
-        low--;
-    while (high + 1 < view->beam_count && high - i < NEIGHBOURS && is_hit_near(&view->beams[high + 1], beam->to, reach))
-        high++;
-    spread = line_through(view, low, high, direction);
-    if (spread > BENT * BENT) {
-        cairn_real before = i - low >= 2 ? line_through(view, low, i, &side) : -1;
-
-        if (before >= 0 && before < spread / 2) {
-            spread = 2 * before;
-            *direction = side;
-        }
-        before = high - i >= 2 ? line_through(view, i, high, &side) : -1;
-        if (before >= 0 && before < spread / 2)
-            *direction = side;
-    }
-    if (cairn_vec2_cross(*direction, to_sensor) < 0)
-        *direction = cairn_vec2_scale(*direction, -1);
-    return spread >= 0;
-}
-
-int32_t cairn_scan_match_dense(const cairn_scan_view *view, cairn_oriented_point *dense)
-{
-    int32_t count = 0;
-
-    for (int32_t i = 0; i < view->beam_count; i++) {
-        if (view->beams[i].kind != CAIRN_BEAM_HIT || !surface_direction(view, i, &dense[count].direction))
-            continue;
-        dense[count++].position = view->beams[i].to;
-    }
-    return count;
 }
 
 static void stop(cairn_scan_match *x)
@@ -198,7 +160,7 @@ static void stop(cairn_scan_match *x)
 void cairn_scan_match_clear_target(cairn_scan_match *x)
 {
     stop(x);
-    x->target_count = x->dense_count = x->view_count = 0;
+    x->target_count = x->dense_count = x->view_count = x->part_count = 0;
     x->is_indexed = 0;
     x->target_low.x = x->target_low.y = CAIRN_SCAN_EXTENT;
     x->target_high.x = x->target_high.y = -CAIRN_SCAN_EXTENT;
@@ -287,8 +249,11 @@ cairn_status cairn_scan_match_add_target(cairn_scan_match *x, const cairn_scan_m
         return cairn_refuse(fault, -1, "more parts with beams than max_views", CAIRN_FULL);
     transform = cairn_transform_of(target_part);
     for (int32_t i = 0; i < part->count; i++) {
-        cairn_oriented_point *p = &x->target[x->target_count++];
+        cairn_oriented_point *p = &x->target[x->target_count];
 
+        if (x->shape != NULL)
+            x->shape->part_of[x->target_count] = x->part_count;
+        x->target_count++;
         p->position = cairn_transform_point(transform, part->points[i].position);
         p->direction = cairn_transform_direction(transform, part->points[i].direction);
         x->target_low.x = cairn_min(x->target_low.x, p->position.x);
@@ -305,6 +270,7 @@ cairn_status cairn_scan_match_add_target(cairn_scan_match *x, const cairn_scan_m
     }
     if (x->params.max_views > 0)
         x->view_count += make_profile(&x->views[x->view_count], part, transform);
+    x->part_count++;
     x->is_indexed = 0;
     return CAIRN_OK;
 }
@@ -371,210 +337,7 @@ cairn_status cairn_scan_match_begin(cairn_scan_match *x, const cairn_scan_match_
     }
     measure_query(x);
     take_window(x, start, window);
-    cairn_match_votes_begin(x, start, window);
-    x->phase = x->is_indexed ? MATCH_VOTE : MATCH_RESET;
-    return CAIRN_OK;
-}
-
-/* ---- Steps ---- */
-
-static void enter(cairn_scan_match *x, match_phase phase)
-{
-    x->phase = phase;
-    x->at = 0;
-}
-
-static int32_t bin_of(const cairn_oriented_point *p)
-{
-    return cairn_match_direction_bin(cairn_atan2(p->direction.y, p->direction.x));
-}
-
-/* The points that are sorted now: the even ones, then the dense ones. */
-static match_index *index_at_work(cairn_scan_match *x, const cairn_oriented_point **points)
-{
-    *points = x->other == 0 ? x->target : x->dense;
-    return x->other == 0 ? &x->index : &x->dense_index;
-}
-
-static void reset_item(cairn_scan_match *x)
-{
-    cairn_match_index_reset(&x->index, x->params.max_target, x->target_count, CELL * x->params.spacing);
-    cairn_match_index_reset(&x->dense_index, x->params.max_dense, x->dense_count, CELL * x->params.spacing);
-    memset(x->direction_start, 0, sizeof x->direction_start);
-    cairn_match_charge(x, (x->index.side * x->index.side + x->dense_index.side * x->dense_index.side) / 16);
-    x->other = 0;
-    enter(x, MATCH_COUNT);
-}
-
-static void count_item(cairn_scan_match *x)
-{
-    const cairn_oriented_point *points;
-    match_index *index = index_at_work(x, &points);
-
-    if (x->at < index->count) {
-        cairn_match_index_count(index, points[x->at].position);
-        if (x->other == 0)
-            x->direction_start[bin_of(&points[x->at])]++;
-        x->at++;
-    }
-    cairn_match_charge(x, 12);
-    if (x->at == index->count)
-        enter(x, MATCH_SUM);
-}
-
-static void sum_item(cairn_scan_match *x)
-{
-    const cairn_oriented_point *points;
-    match_index *index = index_at_work(x, &points);
-    int32_t cells = index->side * index->side + 1;
-
-    for (int32_t i = 0; i < SUM_BLOCK && x->at < cells; i++)
-        cairn_match_index_sum(index, x->at++);
-    cairn_match_charge(x, MATCH_PART);
-    if (x->at < cells)
-        return;
-    for (int32_t k = 1; k <= MATCH_DIRECTIONS && x->other == 0; k++)
-        x->direction_start[k] += x->direction_start[k - 1];
-    enter(x, MATCH_PLACE);
-}
-
-/* The last point first, so that those of a cell stay in their order. */
-static void place_item(cairn_scan_match *x)
-{
-    const cairn_oriented_point *points;
-    match_index *index = index_at_work(x, &points);
-
-    if (x->at < index->count) {
-        const cairn_oriented_point *p = &points[index->count - 1 - x->at++];
-
-        cairn_match_index_place(index, *p);
-        if (x->other == 0)
-            x->by_direction[--x->direction_start[bin_of(p)]] = p->position;
-    }
-    cairn_match_charge(x, 12);
-    if (x->at < index->count)
-        return;
-    enter(x, MATCH_COUNT);
-    if (x->other++ == 0)
-        return;
-    x->is_indexed = 1;
-    enter(x, MATCH_VOTE);
-}
-
-/* The candidates become the hypotheses that are refined. */
-static void start_stages(cairn_scan_match *x)
-{
-    cairn_match_sort(x);
-    cairn_match_charge(x, x->candidate_count * 8);
-    for (int32_t i = 0; i < x->candidate_count; i++)
-        x->hypotheses[i].target_query = x->candidates[i].pose;
-    x->hypothesis_count = x->candidate_count;
-    x->stage = x->other = 0;
-    x->phase = MATCH_RANK;
-    if (x->hypothesis_count == 0)
-        return;
-    x->phase = MATCH_FIT;
-    cairn_match_fit_begin(x, x->hypotheses[0].target_query);
-}
-
-static void peaks_item(cairn_scan_match *x)
-{
-    if (!cairn_match_peaks(x))
-        return;
-    enter(x, MATCH_VOTE);
-    if (x->votes.rotation == x->votes.rotations)
-        start_stages(x);
-}
-
-static void tally_item(cairn_scan_match *x)
-{
-    if (!cairn_match_tally_item(x))
-        return;
-    x->other++;
-    x->measure.fits++;
-    x->phase = MATCH_RANK;
-    if (x->other == x->hypothesis_count)
-        return;
-    x->phase = MATCH_FIT;
-    cairn_match_fit_begin(x, x->hypotheses[x->other].target_query);
-}
-
-/* The best go on to the next stage. */
-static void rank_item(cairn_scan_match *x)
-{
-    int32_t keep = cairn_match_stage_of(x)->keep;
-
-    cairn_match_charge(x, 8 * x->hypothesis_count);
-    cairn_match_thin(x, keep > 0 ? keep : x->params.max_hypotheses);
-    x->other = 0;
-    x->stage++;
-    if (x->hypothesis_count == 0 || x->stage == MATCH_STAGES) {
-        cairn_match_judge(x);
-        x->phase = MATCH_DONE;
-        return;
-    }
-    x->phase = MATCH_FIT;
-    cairn_match_fit_begin(x, x->hypotheses[0].target_query);
-}
-
-static void run_item(cairn_scan_match *x)
-{
-    switch (x->phase) {
-    case MATCH_RESET:
-        reset_item(x);
-        break;
-    case MATCH_COUNT:
-        count_item(x);
-        break;
-    case MATCH_SUM:
-        sum_item(x);
-        break;
-    case MATCH_PLACE:
-        place_item(x);
-        break;
-    case MATCH_VOTE:
-        if (cairn_match_vote(x))
-            enter(x, MATCH_PEAKS);
-        break;
-    case MATCH_PEAKS:
-        peaks_item(x);
-        break;
-    case MATCH_FIT:
-        if (cairn_match_fit_item(x)) {
-            x->phase = MATCH_TALLY;
-            cairn_match_tally_begin(x);
-        }
-        break;
-    case MATCH_TALLY:
-        tally_item(x);
-        break;
-    default:
-        rank_item(x);
-        break;
-    }
-}
-
-cairn_status cairn_scan_match_step(cairn_scan_match *x, cairn_budget *budget)
-{
-    if (x == NULL || budget == NULL)
-        return CAIRN_BAD_ARGUMENT;
-    while ((x->phase != MATCH_IDLE && x->phase != MATCH_DONE) || x->owed >= MATCH_PART) {
-        int32_t before = x->owed, due = x->owed / MATCH_PART;
-
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        if (due > 0) {
-            due = due < budget->left ? due : budget->left;
-            budget->left -= due;
-            x->owed -= due * MATCH_PART;
-            x->measure.units += due;
-            continue;
-        }
-        run_item(x);
-        due = (x->owed - before) / MATCH_PART;
-        if (due > x->measure.worst_step)
-            x->measure.worst_step = due;
-    }
+    cairn_match_start(x);
     return CAIRN_OK;
 }
 

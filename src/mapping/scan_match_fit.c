@@ -26,10 +26,11 @@ static const cairn_real MARGIN = 1;                     /* spacings by which a p
 
 enum { LEAST_PAIRS = 4 };
 
-static const match_stage STAGES[MATCH_STAGES] = {
+static const match_stage STAGES[MATCH_STAGES + 1] = {
     {48, 4, 24, 0, 5, 3},
     {200, 6, 0, 0, 3, CAIRN_REAL(1.5)},
     {1 << 20, 8, 0, 1, 2, 1},
+    {1 << 20, 0, 0, 1, 2, 2}, /* looks only */
 };
 
 const match_stage *cairn_match_stage_of(const cairn_scan_match *x)
@@ -179,6 +180,10 @@ static int32_t end_iteration(cairn_scan_match *x)
     fit->sigma = cairn_max(x->params.sigma, cairn_sqrt(CAUCHY_VARIANCE * fit->sums.squares / fit->sums.weight));
     by = 1 / (2 * fit->sigma * fit->sigma);
     basis = cairn_motion_basis_of(fit->sums.lines, LEAST_RATIO);
+    if (stage->iterations == 0) {
+        conclude(x, &basis);
+        return 1;
+    }
     equations.information = scaled(fit->sums.lines, by);
     for (int k = 0; k < 3; k++)
         equations.gradient[k] = by * fit->sums.gradient[k];

@@ -82,13 +82,14 @@ static int is_near(const cairn_scan_match *x, cairn_pose a, cairn_pose b, cairn_
            cairn_abs(cairn_wrap_angle(a.theta - b.theta)) < angle;
 }
 
-/* 1 when the pose lies in the window, up to what the search blurs. */
+/* 1 when the pose lies in the window, up to what the search blurs; matching by shape has no window of positions. */
 static int is_inside(const cairn_scan_match *x, cairn_pose pose)
 {
     cairn_real reach = x->window.distance + x->params.spacing;
 
-    return !x->has_window || (cairn_abs(pose.x - x->start.x) <= reach && cairn_abs(pose.y - x->start.y) <= reach &&
-                              cairn_abs(cairn_wrap_angle(pose.theta - x->start.theta)) <= x->window.angle + SAME_ANGLE);
+    return !x->has_window || x->shape != NULL ||
+           (cairn_abs(pose.x - x->start.x) <= reach && cairn_abs(pose.y - x->start.y) <= reach &&
+            cairn_abs(cairn_wrap_angle(pose.theta - x->start.theta)) <= x->window.angle + SAME_ANGLE);
 }
 
 /* Hypotheses by score, the first of those that are the same, `keep` at most; selection by insertion. */

@@ -19,13 +19,13 @@ static const cairn_real CELL = 2; /* spacings */
 static const cairn_real LEAST_STEP = CAIRN_REAL(0.04), MOST_STEP = CAIRN_REAL(0.088);
 
 /* The translations of the window: about the start, or all that can bring the query to the target. */
-static void place_grid(cairn_scan_match *x, cairn_pose start, const cairn_scan_match_window *window)
+static void place_grid(cairn_scan_match *x)
 {
     match_votes *v = &x->votes;
     cairn_real most = 256 * CELL * x->params.spacing; /* width * height <= MATCH_CELLS_MOST */
     cairn_vec2 low, high;
 
-    if (window == NULL) {
+    if (!x->has_window) {
         cairn_real reach = x->query_reach, n = (cairn_real)x->target_count;
         cairn_vec2 centre = {x->target_sum.x / n, x->target_sum.y / n};
 
@@ -34,12 +34,12 @@ static void place_grid(cairn_scan_match *x, cairn_pose start, const cairn_scan_m
         high.x = cairn_min(x->target_high.x + reach, centre.x + most / 2);
         high.y = cairn_min(x->target_high.y + reach, centre.y + most / 2);
     } else {
-        cairn_real half = cairn_min(window->distance, most / 2);
+        cairn_real half = cairn_min(x->window.distance, most / 2);
 
-        low.x = start.x - half;
-        low.y = start.y - half;
-        high.x = start.x + half;
-        high.y = start.y + half;
+        low.x = x->start.x - half;
+        low.y = x->start.y - half;
+        high.x = x->start.x + half;
+        high.y = x->start.y + half;
     }
     v->side = CELL * x->params.spacing;
     v->origin.x = low.x - 2 * v->side;
@@ -50,11 +50,11 @@ static void place_grid(cairn_scan_match *x, cairn_pose start, const cairn_scan_m
     v->height = v->height < 256 ? v->height : 256;
 }
 
-static void place_headings(cairn_scan_match *x, cairn_pose start, const cairn_scan_match_window *window)
+static void place_headings(cairn_scan_match *x)
 {
     match_votes *v = &x->votes;
     cairn_real step = cairn_min(cairn_max(2 * v->side / x->radius, LEAST_STEP), MOST_STEP);
-    cairn_real half = window == NULL ? CAIRN_PI : cairn_min(window->angle, CAIRN_PI);
+    cairn_real half = !x->has_window ? CAIRN_PI : cairn_min(x->window.angle, CAIRN_PI);
 
     if (half >= CAIRN_PI) {
         v->rotations = cairn_real_to_int(cairn_ceil(2 * CAIRN_PI / step));
@@ -63,17 +63,17 @@ static void place_headings(cairn_scan_match *x, cairn_pose start, const cairn_sc
     } else {
         v->rotations = 2 * cairn_real_to_int(cairn_ceil(half / step)) + 1;
         v->angle_step = v->rotations > 1 ? 2 * half / (cairn_real)(v->rotations - 1) : 0;
-        v->first_angle = start.theta - half;
+        v->first_angle = x->start.theta - half;
     }
 }
 
-void cairn_match_votes_begin(cairn_scan_match *x, cairn_pose start, const cairn_scan_match_window *window)
+void cairn_match_votes_begin(cairn_scan_match *x)
 {
     match_votes *v = &x->votes;
     int32_t cells;
 
-    place_grid(x, start, window);
-    place_headings(x, start, window);
+    place_grid(x);
+    place_headings(x);
     v->rotation = 0;
     v->touched_count = 0;
     cells = v->width * v->height;

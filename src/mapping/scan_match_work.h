@@ -96,6 +96,9 @@ typedef struct match_tally {
     int32_t target_explained, target_contradicted; /* of the target's witnesses */
 } match_tally;
 
+/* Matching by shape: scan_match_shape.h. */
+typedef struct match_shape match_shape;
+
 typedef int32_t match_phase;
 enum {
     MATCH_IDLE = 0,
@@ -108,6 +111,14 @@ enum {
     MATCH_FIT,
     MATCH_TALLY,
     MATCH_RANK,
+    MATCH_SHAPE_TARGET,
+    MATCH_SHAPE_TURN,
+    MATCH_SHAPE_ALIGN,
+    MATCH_SHAPE_FILTER,
+    MATCH_SHAPE_SEGMENT,
+    MATCH_SHAPE_TRANSLATE,
+    MATCH_SHAPE_OVERLAP,
+    MATCH_SHAPE_ICP,
     MATCH_DONE
 };
 
@@ -117,7 +128,7 @@ struct cairn_scan_match {
     cairn_oriented_point *target; /* [max_target] as they came */
     cairn_oriented_point *dense;  /* [max_dense] */
     match_profile *views;         /* [max_views] */
-    int32_t target_count, dense_count, view_count;
+    int32_t target_count, dense_count, view_count, part_count;
     int32_t is_indexed;
     match_index index;                             /* of `target` */
     match_index dense_index;                       /* of `dense` */
@@ -139,6 +150,7 @@ struct cairn_scan_match {
     match_votes votes;
     match_candidate *candidates; /* [MATCH_CANDIDATES] a heap with the worst on top, then sorted */
     int32_t candidate_count;
+    match_shape *shape; /* NULL in the other mode */
     /* The refinement. */
     cairn_scan_match_hypothesis *hypotheses; /* [MATCH_CANDIDATES] */
     int32_t hypothesis_count;
@@ -179,9 +191,12 @@ void cairn_match_profile_add(match_profile *profile, cairn_vec2 to);
 int32_t cairn_match_profile_ask(const match_profile *profile, cairn_vec2 p, cairn_real margin);
 
 /* scan_match_vote.c: one item each; 1 when the phase is through. */
-void cairn_match_votes_begin(cairn_scan_match *x, cairn_pose start, const cairn_scan_match_window *window);
+void cairn_match_votes_begin(cairn_scan_match *x);
 int32_t cairn_match_vote(cairn_scan_match *x);
 int32_t cairn_match_peaks(cairn_scan_match *x);
+
+/* scan_match_step.c: the first phase of a match. */
+void cairn_match_start(cairn_scan_match *x);
 
 /* scan_match_fit.c */
 void cairn_match_fit_begin(cairn_scan_match *x, cairn_pose pose);

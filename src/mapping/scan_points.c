@@ -7,6 +7,7 @@
 
 #include <string.h>
 
+#include "src/mapping/scan_place.h"
 #include "src/mapping/scan_work.h"
 
 /* Stage 0 takes the segments over; stage 1 asks each hit for its side and angle. */
@@ -67,8 +68,6 @@ cairn_status cairn_scan_turn(cairn_scan *x, cairn_budget *budget)
         scan_wall *w = &x->walls[x->at];
 
         if (x->stage == 0) {
-            cairn_real places = cairn_floor(w->length / x->params.spacing) + 1;
-
             if (!scan_pay(x, budget, 8))
                 return CAIRN_MORE;
             if (w->side < 0) {
@@ -77,7 +76,7 @@ cairn_status cairn_scan_turn(cairn_scan *x, cairn_budget *budget)
                 w->segment.a = w->segment.b;
                 w->segment.b = swap;
             }
-            w->places = cairn_real_to_int(places);
+            w->places = cairn_scan_places(w->length, x->params.spacing);
             x->other = x->at;
             x->stage = 1;
         }
@@ -133,7 +132,7 @@ cairn_status cairn_scan_choose(cairn_scan *x, cairn_budget *budget)
 /* Where the first place of a wall is along it. */
 static cairn_real margin(const cairn_scan *x, const scan_wall *w)
 {
-    return (w->length - (cairn_real)(w->places - 1) * x->params.spacing) / 2;
+    return cairn_scan_margin(w->length, w->places, x->params.spacing);
 }
 
 /* Stage 0 clears the differences, stage 1 enters what each hit supports. */
@@ -186,14 +185,13 @@ cairn_status cairn_scan_emit(cairn_scan *x, cairn_budget *budget)
         direction = cairn_vec2_unit(cairn_vec2_sub(w->segment.b, w->segment.a));
         for (; x->other < w->places; x->other++) {
             cairn_oriented_point *point = &x->points[x->point_count];
-            cairn_real along = margin(x, w) + (cairn_real)x->other * x->params.spacing;
 
             if (!scan_pay(x, budget, 4))
                 return CAIRN_MORE;
             x->running += x->support[w->first_place + x->other];
             if (x->running <= 0)
                 continue;
-            point->position = cairn_vec2_add(w->segment.a, cairn_vec2_scale(direction, along));
+            point->position = cairn_scan_place(w->segment.a, direction, margin(x, w), x->other, x->params.spacing);
             point->direction = direction;
             x->point_count++;
         }

@@ -1,15 +1,27 @@
-/* Scans for an aligner. All of a scan is checked before any of it is copied. */
+/* Scans for an aligner. All of a scan is checked before any of it is copied.
+ *
+ * Layout: segments, points, masses and places in the order in which the scans came; a removed scan leaves a gap in each,
+ * its segments marked by scan -1. Closing the gaps walks over the segments. Free slots are a list through first_segment.
+ * With spacing a segment has a bit for each of its places, set where it has a point, in words of its own.
+ *
+ * Source: Adluru 2008, section 7.3.5. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "cairn/scan_set.h"
+#include "src/mapping/scan_place.h"
 
-enum { MAX_SCANS = 1 << 20, MAX_ITEMS = 1 << 24 };
+enum { MAX_SCANS = 1 << 20, MAX_ITEMS = 1 << 24, NONE = -1 };
 
 static int is_count(int32_t count, int32_t limit)
 {
     return count >= 1 && count <= limit;
+}
+
+static int32_t word_room(const cairn_scan_set_params *params)
+{
+    return params->max_points / 32 + params->max_segments;
 }
 
 static cairn_scan_set *carve(cairn_pool *pool, const cairn_scan_set_params *params)
@@ -17,14 +29,22 @@ static cairn_scan_set *carve(cairn_pool *pool, const cairn_scan_set_params *para
     cairn_scan_set *set = cairn_pool_take(pool, 1, sizeof *set);
     cairn_scan_set_scan *scans = cairn_pool_take(pool, (size_t)params->max_scans, sizeof *scans);
     cairn_scan_set_segment *segments = cairn_pool_take(pool, (size_t)params->max_segments, sizeof *segments);
-    cairn_vec2 *points = cairn_pool_take(pool, (size_t)params->max_points, sizeof *points);
-    cairn_real *mass = cairn_pool_take(pool, (size_t)params->max_points, sizeof *mass);
+    cairn_vec2 *points = NULL;
+    cairn_real *mass = NULL;
+    uint32_t *places = NULL;
 
+    if (params->spacing > 0) {
+        places = cairn_pool_take(pool, (size_t)word_room(params), sizeof *places);
+    } else {
+        points = cairn_pool_take(pool, (size_t)params->max_points, sizeof *points);
+        mass = cairn_pool_take(pool, (size_t)params->max_points, sizeof *mass);
+    }
     if (set != NULL) {
         set->scans = scans;
         set->segments = segments;
         set->points = points;
         set->mass = mass;
+        set->places = places;
     }
     return set;
 }
@@ -34,7 +54,7 @@ size_t cairn_scan_set_memory(const cairn_scan_set_params *params)
     cairn_pool counting;
 
     if (params == NULL || !is_count(params->max_scans, MAX_SCANS) || !is_count(params->max_segments, MAX_ITEMS) ||
-        !is_count(params->max_points, MAX_ITEMS))
+        !is_count(params->max_points, MAX_ITEMS) || !(params->spacing >= 0 && params->spacing <= CAIRN_SCAN_SET_LIMIT))
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
@@ -118,9 +138,91 @@ static cairn_status check_points(const cairn_scan_view *view, const cairn_real *
     return CAIRN_OK;
 }
 
+/* How the places of a segment lie. */
+struct lattice {
+    cairn_vec2 direction;
+    cairn_real margin;
+    int32_t count;
+};
+
+static struct lattice lattice_of(const cairn_scan_set *set, cairn_segment segment)
+{
+    cairn_vec2 along = cairn_vec2_sub(segment.b, segment.a);
+    cairn_real length = cairn_vec2_norm(along);
+    struct lattice lattice;
+
+    lattice.direction = cairn_vec2_unit(along);
+    lattice.count = cairn_scan_places(length, set->params.spacing);
+    lattice.margin = cairn_scan_margin(length, lattice.count, set->params.spacing);
+    return lattice;
+}
+
+static cairn_vec2 place_of(const cairn_scan_set *set, cairn_segment segment, const struct lattice *lattice, int32_t k)
+{
+    return cairn_scan_place(segment.a, lattice->direction, lattice->margin, k, set->params.spacing);
+}
+
+/* Walks along the places and the points of a segment; sets the bits of bits[] when there are any to set. 0 when a point
+ * lies at no place, which *point then is. */
+static int match_places(const cairn_scan_set *set, const cairn_scan_view *view, int32_t segment, uint32_t *bits,
+                        int32_t *point)
+{
+    struct lattice lattice = lattice_of(set, view->segments[segment]);
+
+    *point = view->first_point[segment];
+    for (int32_t k = 0; k < lattice.count && *point < view->first_point[segment + 1]; k++) {
+        cairn_vec2 place = place_of(set, view->segments[segment], &lattice, k);
+        cairn_vec2 p = view->points[*point].position;
+
+        if (place.x != p.x || place.y != p.y)
+            continue;
+        if (bits != NULL)
+            bits[k / 32] |= UINT32_C(1) << k % 32;
+        (*point)++;
+    }
+    return *point == view->first_point[segment + 1];
+}
+
+/* Words that the places of a segment of a view take. */
+static int32_t words_of(const cairn_scan_set *set, const cairn_scan_view *view, int32_t segment)
+{
+    int32_t places;
+
+    if (view->first_point[segment] == view->first_point[segment + 1])
+        return 0;
+    places = lattice_of(set, view->segments[segment]).count;
+    return places / 32 + (places % 32 != 0);
+}
+
+static int places_fit(const cairn_scan_set *set, const cairn_scan_view *view)
+{
+    int32_t left = word_room(&set->params) - set->word_count;
+
+    for (int32_t i = 0; i < view->segment_count && left >= 0; i++)
+        left -= words_of(set, view, i);
+    return left >= 0;
+}
+
+static cairn_status check_places(const cairn_scan_set *set, const cairn_scan_view *view, const cairn_real *mass,
+                                 cairn_fault *fault)
+{
+    int32_t point;
+
+    if (!(set->params.spacing > 0))
+        return CAIRN_OK;
+    if (mass != NULL)
+        return cairn_refuse(fault, -1, "masses, but the set keeps none", CAIRN_BAD_ARGUMENT);
+    if (!places_fit(set, view))
+        return cairn_refuse(fault, -1, "more than max_points places", CAIRN_FULL);
+    for (int32_t i = 0; i < view->segment_count; i++)
+        if (!match_places(set, view, i, NULL, &point))
+            return cairn_refuse(fault, point, "a point is at no place of its segment", CAIRN_BAD_ARGUMENT);
+    return CAIRN_OK;
+}
+
 static cairn_status check_room(const cairn_scan_set *set, const cairn_scan_view *view, cairn_fault *fault)
 {
-    if (set->scan_count == set->params.max_scans)
+    if (cairn_scan_set_next(set) < 0)
         return cairn_refuse(fault, -1, "more than max_scans scans", CAIRN_FULL);
     if (view->segment_count > set->params.max_segments - set->segment_count)
         return cairn_refuse(fault, -1, "more than max_segments segments", CAIRN_FULL);
@@ -129,24 +231,16 @@ static cairn_status check_room(const cairn_scan_set *set, const cairn_scan_view 
     return CAIRN_OK;
 }
 
-/* The distance between points that lie evenly along the direction, 0 when they do not. */
-static cairn_real spacing_of(const cairn_oriented_point *points, int32_t count, cairn_vec2 direction)
+static void copy_places(cairn_scan_set *set, const cairn_scan_view *view, int32_t segment, uint32_t *bits)
 {
-    cairn_real spacing;
+    int32_t words = words_of(set, view, segment), point;
 
-    if (count < 2)
-        return 0;
-    spacing = cairn_vec2_norm(cairn_vec2_sub(points[count - 1].position, points[0].position)) / (cairn_real)(count - 1);
-    for (int32_t i = 1; i < count; i++) {
-        cairn_vec2 even = cairn_vec2_add(points[0].position, cairn_vec2_scale(direction, (cairn_real)i * spacing));
-
-        if (!(cairn_vec2_norm(cairn_vec2_sub(points[i].position, even)) < spacing / 1000))
-            return 0;
-    }
-    return spacing;
+    memset(bits, 0, (size_t)words * sizeof *bits);
+    (void)match_places(set, view, segment, bits, &point);
+    set->word_count += words;
 }
 
-static void copy_segments(cairn_scan_set *set, const cairn_scan_view *view)
+static void copy_segments(cairn_scan_set *set, const cairn_scan_view *view, int32_t slot)
 {
     for (int32_t i = 0; i < view->segment_count; i++) {
         cairn_scan_set_segment *to = &set->segments[set->segment_count + i];
@@ -155,37 +249,57 @@ static void copy_segments(cairn_scan_set *set, const cairn_scan_view *view)
 
         to->segment = view->segments[i];
         to->direction = first < end ? cairn_vec2_unit(view->points[first].direction) : none;
-        to->spacing = spacing_of(view->points + first, end - first, to->direction);
         to->first_point = set->point_count + first;
         to->end_point = set->point_count + end;
-        to->scan = set->scan_count;
+        to->first_word = set->word_count;
+        to->scan = slot;
+        if (set->params.spacing > 0)
+            copy_places(set, view, i, set->places + set->word_count);
     }
 }
 
-static cairn_vec2 centroid_of(const cairn_vec2 *points, int32_t count)
+static cairn_vec2 centroid_of(const cairn_oriented_point *points, int32_t count)
 {
     cairn_vec2 sum = {0, 0};
 
     for (int32_t i = 0; i < count; i++)
-        sum = cairn_vec2_add(sum, points[i]);
+        sum = cairn_vec2_add(sum, points[i].position);
     return count > 0 ? cairn_vec2_scale(sum, 1 / (cairn_real)count) : sum;
 }
 
-static cairn_real spread_about(cairn_vec2 centre, const cairn_vec2 *points, int32_t count)
+static cairn_real spread_about(cairn_vec2 centre, const cairn_oriented_point *points, int32_t count)
 {
     cairn_real sum = 0;
 
     for (int32_t i = 0; i < count; i++)
-        sum += cairn_vec2_norm_squared(cairn_vec2_sub(points[i], centre));
+        sum += cairn_vec2_norm_squared(cairn_vec2_sub(points[i].position, centre));
     return count > 0 ? sum / (cairn_real)count : 0;
+}
+
+int32_t cairn_scan_set_next(const cairn_scan_set *set)
+{
+    if (set->free_slot != NONE)
+        return set->free_slot;
+    return set->scan_count < set->params.max_scans ? set->scan_count : NONE;
+}
+
+static int32_t take_slot(cairn_scan_set *set)
+{
+    int32_t slot = cairn_scan_set_next(set);
+
+    if (slot == set->scan_count)
+        set->scan_count++;
+    else
+        set->free_slot = set->scans[slot].first_segment;
+    return slot;
 }
 
 cairn_status cairn_scan_set_add(cairn_scan_set *set, const cairn_scan_view *view, const cairn_real *mass,
                                 cairn_fault *fault)
 {
     cairn_scan_set_scan *scan;
-    cairn_vec2 *points;
     cairn_status status;
+    int32_t slot;
 
     if (set == NULL || view == NULL)
         return cairn_refuse(fault, -1, "no set or no scan", CAIRN_BAD_ARGUMENT);
@@ -196,31 +310,164 @@ cairn_status cairn_scan_set_add(cairn_scan_set *set, const cairn_scan_view *view
         status = check_points(view, mass, fault);
     if (status == CAIRN_OK)
         status = check_room(set, view, fault);
+    if (status == CAIRN_OK)
+        status = check_places(set, view, mass, fault);
     if (status != CAIRN_OK)
         return status;
 
-    copy_segments(set, view);
-    points = set->points + set->point_count;
-    for (int32_t i = 0; i < view->point_count; i++) {
-        points[i] = view->points[i].position;
+    slot = take_slot(set);
+    scan = &set->scans[slot];
+    scan->words = -set->word_count;
+    copy_segments(set, view, slot);
+    scan->words += set->word_count;
+    for (int32_t i = 0; i < view->point_count && !(set->params.spacing > 0); i++) {
+        set->points[set->point_count + i] = view->points[i].position;
         set->mass[set->point_count + i] = mass != NULL ? mass[i] : 1;
     }
-    scan = &set->scans[set->scan_count];
+    scan->in_use = 1;
     scan->first_segment = set->segment_count;
     scan->end_segment = set->segment_count + view->segment_count;
     scan->first_point = set->point_count;
     scan->end_point = set->point_count + view->point_count;
-    scan->centroid = centroid_of(points, view->point_count);
+    scan->centroid = centroid_of(view->points, view->point_count);
     scan->sensor = view->sensor;
-    scan->centroid_spread = spread_about(scan->centroid, points, view->point_count);
-    scan->sensor_spread = spread_about(scan->sensor, points, view->point_count);
-    set->scan_count++;
+    scan->centroid_spread = spread_about(scan->centroid, view->points, view->point_count);
+    scan->sensor_spread = spread_about(scan->sensor, view->points, view->point_count);
     set->segment_count += view->segment_count;
     set->point_count += view->point_count;
     return cairn_refuse(fault, -1, NULL, CAIRN_OK);
 }
 
+/* ---- Removal ---- */
+
+cairn_status cairn_scan_set_remove(cairn_scan_set *set, int32_t scan)
+{
+    cairn_scan_set_scan *removed;
+
+    if (set == NULL || scan < 0 || scan >= set->scan_count || !set->scans[scan].in_use)
+        return CAIRN_BAD_ARGUMENT;
+    removed = &set->scans[scan];
+    for (int32_t i = removed->first_segment; i < removed->end_segment; i++)
+        set->segments[i].scan = NONE;
+    if (removed->first_segment < removed->end_segment && (!set->gaps || removed->first_segment < set->from)) {
+        const cairn_scan_set_segment *first = &set->segments[removed->first_segment];
+
+        set->gaps = 1;
+        set->from = set->to_segment = removed->first_segment;
+        set->to_point = first->first_point;
+        set->to_word = first->first_word;
+    }
+    removed->in_use = 0;
+    removed->first_segment = set->free_slot;
+    set->free_slot = scan;
+    return CAIRN_OK;
+}
+
+/* Moves a scan to the start of the gap before it. Where it was, no segment is left that looks like one of a scan. */
+static void move_scan(cairn_scan_set *set, cairn_scan_set_scan *scan)
+{
+    int32_t first = scan->first_segment, end = scan->end_segment, count = end - first;
+    int32_t points = scan->end_point - scan->first_point, by_points = scan->first_point - set->to_point;
+    int32_t word = set->segments[first].first_word, by_words = word - set->to_word;
+
+    if (set->places != NULL) {
+        memmove(set->places + set->to_word, set->places + word, (size_t)scan->words * sizeof *set->places);
+    } else {
+        memmove(set->points + set->to_point, set->points + scan->first_point, (size_t)points * sizeof *set->points);
+        memmove(set->mass + set->to_point, set->mass + scan->first_point, (size_t)points * sizeof *set->mass);
+    }
+    for (int32_t i = 0; i < count; i++) {
+        cairn_scan_set_segment *to = &set->segments[set->to_segment + i];
+
+        *to = set->segments[first + i];
+        to->first_point -= by_points;
+        to->end_point -= by_points;
+        to->first_word -= by_words;
+    }
+    scan->first_segment = set->to_segment;
+    scan->end_segment = set->to_segment + count;
+    scan->first_point -= by_points;
+    scan->end_point -= by_points;
+    for (int32_t i = first > scan->end_segment ? first : scan->end_segment; i < end; i++)
+        set->segments[i].scan = NONE;
+    set->to_segment += count;
+    set->to_point += points;
+    set->to_word += scan->words;
+    set->from = end;
+}
+
+cairn_status cairn_scan_set_pack(cairn_scan_set *set, cairn_budget *budget)
+{
+    if (set == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (set->gaps && set->from < set->segment_count) {
+        int32_t slot = set->segments[set->from].scan;
+
+        if (slot == NONE) {
+            if (!cairn_budget_pay(budget, &set->paid, 1))
+                return CAIRN_MORE;
+            for (int32_t i = 0; i < 8 && set->from < set->segment_count && set->segments[set->from].scan == NONE; i++)
+                set->from++;
+        } else {
+            cairn_scan_set_scan *scan = &set->scans[slot];
+            int32_t segments = scan->end_segment - scan->first_segment, points = scan->end_point - scan->first_point;
+
+            if (!cairn_budget_pay(budget, &set->paid, 1 + segments / 2 + points / 8))
+                return CAIRN_MORE;
+            move_scan(set, scan);
+        }
+    }
+    if (set->gaps) {
+        set->segment_count = set->to_segment;
+        set->point_count = set->to_point;
+        set->word_count = set->to_word;
+        set->gaps = 0;
+    }
+    return CAIRN_OK;
+}
+
+/* ---- Points ---- */
+
+static int32_t bits_in(uint32_t word)
+{
+    word -= word >> 1 & UINT32_C(0x55555555);
+    word = (word & UINT32_C(0x33333333)) + (word >> 2 & UINT32_C(0x33333333));
+    word = (word + (word >> 4)) & UINT32_C(0x0f0f0f0f);
+    return (int32_t)(word * UINT32_C(0x01010101) >> 24);
+}
+
+void cairn_scan_set_read(const cairn_scan_set *set, int32_t segment, int32_t first, int32_t count, cairn_vec2 *points)
+{
+    const cairn_scan_set_segment *s = &set->segments[segment];
+    const uint32_t *word;
+    struct lattice lattice;
+    int32_t k = 0, done = 0, skip = first;
+
+    CAIRN_ASSERT(first >= 0 && first + count <= s->end_point - s->first_point);
+    if (set->places == NULL) {
+        for (; done < count; done++)
+            points[done] = set->points[s->first_point + first + done];
+        return;
+    }
+    lattice = lattice_of(set, s->segment);
+    word = set->places + s->first_word;
+    for (; skip > 0 && bits_in(*word) <= skip; word++, k += 32)
+        skip -= bits_in(*word);
+    for (; done < count; k++) {
+        if (*word >> k % 32 & 1) {
+            if (skip > 0)
+                skip--;
+            else
+                points[done++] = place_of(set, s->segment, &lattice, k);
+        }
+        word += k % 32 == 31;
+    }
+}
+
 void cairn_scan_set_clear(cairn_scan_set *set)
 {
-    set->scan_count = set->segment_count = set->point_count = 0;
+    set->scan_count = set->segment_count = set->point_count = set->word_count = 0;
+    set->free_slot = NONE;
+    set->gaps = 0;
+    set->paid = 0;
 }

@@ -48,18 +48,18 @@ struct cairn_scan {
 
     scan_phase phase;
     int32_t at, other, stage, running;
-    int32_t part; /* sixteenths of a unit that are used but not yet charged */
+    int32_t part; /* eighths of a unit that are used but not yet charged */
 };
 
-/* Charges `sixteenths` of a unit; 0 when the budget is used up and the item at hand must wait. */
-static inline int scan_pay(cairn_scan *x, cairn_budget *budget, int32_t sixteenths)
+/* Charges `eighths` of a unit; 0 when the budget is used up and the item at hand must wait. */
+static inline int scan_pay(cairn_scan *x, cairn_budget *budget, int32_t eighths)
 {
     if (budget->left <= 0)
         return 0;
-    x->part += sixteenths;
-    budget->left -= x->part / 16;
-    x->measure.units += x->part / 16;
-    x->part %= 16;
+    x->part += eighths;
+    budget->left -= x->part / 8;
+    x->measure.units += x->part / 8;
+    x->part %= 8;
     return 1;
 }
 

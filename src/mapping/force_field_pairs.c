@@ -1,0 +1,358 @@
+/* The pairs of a force field: who is near whom, and how they pull.
+ *
+ * Method: the boxes of all lines, grown by half the reach each, are swept (Adluru 2008, section 7.3.5); a line is a segment
+ * of a scan or a run of points from outside. Points of two near lines of different scans are taken in tiles, each of
+ * the one against each of the other. Only the sum of the forces on the first line is formed: as each pair pulls along
+ * the line through its two points, the other scan gets the same force and torque with the opposite sign.
+ *
+ * Layout: lines are numbered as their boxes, runs first. Two tiles, kept from pair to pair where they serve again; a tile
+ * points to the points in the map or holds those that are made on the fly.
+ *
+ * Source: Adluru 2008, sections 7.3.1 and 7.3.5. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/force_field_iteration.h"
+
+enum { NOBODY = -1 };
+
+static inline struct cairn_force_line line_of(const cairn_force_field *field, int32_t index)
+{
+    const struct cairn_force_extra *extra = &field->extra[field->extra_front];
+    struct cairn_force_line line;
+
+    line.index = index;
+    line.segment = index - extra->runs;
+    if (line.segment < 0) {
+        line.scan = NOBODY;
+        line.count = extra->first[index + 1] - extra->first[index];
+        line.direction = extra->direction[index];
+    } else {
+        const cairn_scan_set_segment *segment = &field->set->segments[line.segment];
+
+        line.scan = segment->scan;
+        line.count = segment->end_point - segment->first_point;
+        line.direction = field->directions[line.segment];
+    }
+    return line;
+}
+
+/* ---- Tiles ---- */
+
+void cairn_force_points(const cairn_force_field *field, int32_t segment, int32_t first, int32_t count,
+                        cairn_vec2 *points)
+{
+    const cairn_scan_set_segment *from = &field->set->segments[segment];
+    cairn_transform transform;
+
+    if (field->position != NULL) {
+        for (int32_t i = 0; i < count; i++)
+            points[i] = field->position[from->first_point + first + i];
+        return;
+    }
+    transform = field->bodies[from->scan].transform;
+    cairn_scan_set_read(field->set, segment, first, count, points);
+    for (int32_t i = 0; i < count; i++)
+        points[i] = cairn_transform_point(transform, points[i]);
+}
+
+int32_t cairn_force_tile_cost(const cairn_force_field *field, int32_t left)
+{
+    int32_t points = left < CAIRN_FORCE_STRIP ? left : CAIRN_FORCE_STRIP;
+
+    return 1 + points / (field->position != NULL ? 8 : 4);
+}
+
+/* The mass of a point of a scan in the forces (section 7.3.4). */
+static cairn_real mass_of(const cairn_force_field *field, int32_t point)
+{
+    if (field->mass != NULL)
+        return field->mass[point];
+    if (field->in_region != NULL && field->in_region[point / 32] >> point % 32 & 1)
+        return field->params.roi_mass;
+    return 1;
+}
+
+/* Makes the points of a tile of a segment. */
+static void make_points(const cairn_force_field *field, const struct cairn_force_line *line,
+                        struct cairn_force_tile *tile)
+{
+    int32_t from = field->set->segments[line->segment].first_point + tile->first;
+
+    cairn_force_points(field, line->segment, tile->first, tile->strip.count, tile->position);
+    for (int32_t i = 0; i < tile->strip.count; i++)
+        tile->mass[i] = mass_of(field, from + i);
+    tile->strip.position = tile->position;
+    tile->strip.mass = tile->mass;
+}
+
+static void find_points(const cairn_force_field *field, const struct cairn_force_line *line,
+                        struct cairn_force_tile *tile)
+{
+    const struct cairn_force_extra *extra = &field->extra[field->extra_front];
+
+    if (line->segment < 0) {
+        tile->strip.position = extra->position + extra->first[line->index] + tile->first;
+        tile->strip.mass = extra->weight + extra->first[line->index] + tile->first;
+    } else if (field->position != NULL) {
+        int32_t from = field->set->segments[line->segment].first_point + tile->first;
+
+        tile->strip.position = field->position + from;
+        tile->strip.mass = field->mass + from;
+    } else {
+        make_points(field, line, tile);
+    }
+}
+
+static inline cairn_box grown(cairn_box box, cairn_real by)
+{
+    cairn_box larger = {{box.min.x - by, box.min.y - by}, {box.max.x + by, box.max.y + by}};
+    return larger;
+}
+
+static void load_tile(const cairn_force_field *field, const struct cairn_force_line *line, int32_t first,
+                      struct cairn_force_tile *tile)
+{
+    int32_t left = line->count - first;
+    cairn_box box;
+
+    tile->line = line->index;
+    tile->first = first;
+    tile->strip.count = left < CAIRN_FORCE_STRIP ? left : CAIRN_FORCE_STRIP;
+    find_points(field, line, tile);
+    tile->strip.zone = grown(field->boxes[line->index], field->margin);
+    if (line->count <= CAIRN_FORCE_STRIP)
+        return;
+    box.min = box.max = tile->strip.position[0];
+    for (int32_t i = 1; i < tile->strip.count; i++) {
+        box.min.x = cairn_min(box.min.x, tile->strip.position[i].x);
+        box.min.y = cairn_min(box.min.y, tile->strip.position[i].y);
+        box.max.x = cairn_max(box.max.x, tile->strip.position[i].x);
+        box.max.y = cairn_max(box.max.y, tile->strip.position[i].y);
+    }
+    tile->box = box;
+    tile->strip.zone = grown(box, 2 * field->margin);
+}
+
+/* ---- Pairs of lines ---- */
+
+static int is_dirty(const cairn_force_field *field, int32_t scan)
+{
+    return scan != NOBODY && field->bodies[scan].dirty;
+}
+
+static int is_fixed(const cairn_force_field *field, int32_t scan)
+{
+    return scan == NOBODY || field->bodies[scan].is_fixed;
+}
+
+/* 1 when two lines attract each other. */
+static inline int do_attract(const cairn_force_field *field, const struct cairn_force_line *a,
+                             const struct cairn_force_line *b)
+{
+    return a->scan != b->scan && a->count > 0 && b->count > 0 &&
+           !(is_fixed(field, a->scan) && is_fixed(field, b->scan));
+}
+
+static void begin_pair(cairn_force_field *field, int32_t first, int32_t second)
+{
+    struct cairn_force_pair *pair = &field->pair;
+    const struct cairn_force_line *a = &pair->line[0], *b = &pair->line[1];
+
+    pair->line[0] = line_of(field, first);
+    pair->line[1] = line_of(field, second);
+    if (!do_attract(field, a, b) || !(is_dirty(field, a->scan) || is_dirty(field, b->scan)))
+        return;
+    pair->is_begun = 1;
+    pair->tile[0] = pair->tile[1] = pair->loaded = 0;
+    memset(&pair->cursor, 0, sizeof pair->cursor);
+    memset(&pair->sum, 0, sizeof pair->sum);
+    pair->cosine = cairn_abs(cairn_vec2_dot(a->direction, b->direction));
+    pair->sum.centre = field->bodies[b->scan].centre; /* runs come first: b is a segment */
+}
+
+/* Adds what a pair of lines has summed up to one of its two scans. sign: of its force. */
+static void add_to_scan(cairn_force_field *field, int32_t scan, cairn_real sign, int32_t other)
+{
+    const struct cairn_force_pair *pair = &field->pair;
+    struct cairn_force_body *body = &field->bodies[scan];
+    cairn_real strength = pair->cosine * field->kernel.norm * sign;
+    cairn_vec2 force = cairn_vec2_scale(pair->sum.force, strength);
+    /* Pairs are counted by both scans; those with points from outside by the one. */
+    int32_t shares = other == NOBODY ? 2 : 1;
+
+    body->force = cairn_vec2_add(body->force, force);
+    body->torque +=
+        strength * pair->sum.torque + cairn_vec2_cross(cairn_vec2_sub(pair->sum.centre, body->centre), force);
+    body->potential -= (cairn_real)shares * (pair->cosine / 2 * pair->sum.potential);
+    body->pairs += shares * pair->sum.pairs;
+    body->segment_pairs += shares;
+}
+
+static void end_pair(cairn_force_field *field)
+{
+    int32_t a = field->pair.line[0].scan, b = field->pair.line[1].scan;
+
+    if (is_dirty(field, a))
+        add_to_scan(field, a, 1, b);
+    if (is_dirty(field, b))
+        add_to_scan(field, b, -1, a);
+    field->pair.is_begun = 0;
+}
+
+/* Loads what the pair needs of its two tiles, each where it may already be; 0 when the budget is used up. */
+static int load_tiles(cairn_force_field *field, cairn_budget *budget)
+{
+    struct cairn_force_pair *pair = &field->pair;
+
+    for (; pair->loaded < 2; pair->loaded++) {
+        const struct cairn_force_line *line = &pair->line[pair->loaded];
+        struct cairn_force_tile *tile = &field->tiles[pair->loaded];
+        int32_t first = pair->tile[pair->loaded], is_there = tile->line == line->index && tile->first == first;
+
+        if (!cairn_budget_pay(budget, &field->paid, is_there ? 1 : cairn_force_tile_cost(field, line->count - first)))
+            return 0;
+        if (!is_there)
+            load_tile(field, line, first, tile);
+    }
+    return 1;
+}
+
+static cairn_real gap(cairn_real low, cairn_real high, cairn_real other_low, cairn_real other_high)
+{
+    return cairn_max(cairn_max(other_low - high, low - other_high), 0);
+}
+
+/* 1 when no points of the two tiles at hand are within reach, as most are not where two long lines meet. */
+static int are_far(const cairn_force_field *field)
+{
+    const struct cairn_force_pair *pair = &field->pair;
+    const cairn_box *a = &field->tiles[0].box, *b = &field->tiles[1].box;
+    cairn_real x, y;
+
+    if (pair->line[0].count <= CAIRN_FORCE_STRIP || pair->line[1].count <= CAIRN_FORCE_STRIP)
+        return 0;
+    x = gap(a->min.x, a->max.x, b->min.x, b->max.x);
+    y = gap(a->min.y, a->max.y, b->min.y, b->max.y);
+    return x * x + y * y > 4 * field->margin * field->margin;
+}
+
+/* Goes on to the next two tiles; 0 when there are none. */
+static int next_tiles(struct cairn_force_pair *pair)
+{
+    memset(&pair->cursor, 0, sizeof pair->cursor);
+    pair->loaded = 0;
+    pair->tile[1] += CAIRN_FORCE_STRIP;
+    if (pair->tile[1] < pair->line[1].count)
+        return 1;
+    pair->tile[1] = 0;
+    pair->tile[0] += CAIRN_FORCE_STRIP;
+    return pair->tile[0] < pair->line[0].count;
+}
+
+static cairn_status step_pair(cairn_force_field *field, cairn_budget *budget)
+{
+    struct cairn_force_pair *pair = &field->pair;
+
+    do {
+        cairn_status status = CAIRN_OK;
+
+        if (!load_tiles(field, budget))
+            return CAIRN_MORE;
+        if (!are_far(field))
+            status = cairn_force_kernel_strips(&field->kernel, &field->tiles[0].strip, &field->tiles[1].strip,
+                                               &pair->cursor, field->params.potential, &pair->sum, budget);
+        if (status != CAIRN_OK)
+            return status;
+    } while (next_tiles(pair));
+    end_pair(field);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_force_pairs(cairn_force_field *field, cairn_budget *budget)
+{
+    for (;;) {
+        int32_t first, second;
+        cairn_status status;
+
+        if (field->pair.is_begun) {
+            status = step_pair(field, budget);
+            if (status != CAIRN_OK)
+                return status;
+        }
+        status = cairn_box_sweep_next(field->sweep, budget, &first, &second);
+        if (status != CAIRN_OK)
+            return status == CAIRN_EMPTY ? CAIRN_OK : status;
+        begin_pair(field, first, second);
+    }
+}
+
+cairn_status cairn_force_mark(cairn_force_field *field, cairn_budget *budget)
+{
+    for (;;) {
+        int32_t first, second, a, b;
+        cairn_status status = cairn_box_sweep_next(field->sweep, budget, &first, &second);
+
+        if (status != CAIRN_OK)
+            return status == CAIRN_EMPTY ? CAIRN_OK : status;
+        a = line_of(field, first).scan;
+        b = line_of(field, second).scan;
+        if (a == NOBODY || b == NOBODY)
+            continue;
+        if (field->bodies[b].moved)
+            field->bodies[a].dirty = 1;
+        if (field->bodies[a].moved)
+            field->bodies[b].dirty = 1;
+    }
+}
+
+/* ---- Readers ---- */
+
+/* Adds the force of the points of a line on a point of a line. */
+static void add_force(const cairn_force_field *field, const struct cairn_force_line *of,
+                      const struct cairn_force_line *from, const cairn_force_strip *point, cairn_vec2 *force)
+{
+    cairn_real strength = cairn_abs(cairn_vec2_dot(of->direction, from->direction)) * field->kernel.norm;
+    cairn_force_sum sum;
+
+    memset(&sum, 0, sizeof sum);
+    for (int32_t first = 0; first < from->count; first += CAIRN_FORCE_STRIP) {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+        struct cairn_force_tile tile;
+        cairn_force_cursor cursor;
+        cairn_status status;
+
+        memset(&cursor, 0, sizeof cursor);
+        load_tile(field, from, first, &tile);
+        status = cairn_force_kernel_strips(&field->kernel, point, &tile.strip, &cursor, 0, &sum, &budget);
+        CAIRN_ASSERT(status == CAIRN_OK);
+        (void)status;
+    }
+    force->x += strength * sum.force.x;
+    force->y += strength * sum.force.y;
+}
+
+cairn_vec2 cairn_force_at(const cairn_force_field *field, int32_t segment, int32_t index, cairn_real *mass)
+{
+    int32_t runs = field->extra[field->extra_front].runs;
+    struct cairn_force_line line = line_of(field, runs + segment);
+    cairn_force_strip point;
+    cairn_vec2 position, force = {0, 0};
+    cairn_box box;
+
+    cairn_force_points(field, segment, index, 1, &position);
+    *mass = mass_of(field, field->set->segments[segment].first_point + index);
+    point.position = &position;
+    point.mass = mass;
+    point.count = 1;
+    box.min = box.max = position;
+    point.zone = box = grown(box, field->margin);
+    for (int32_t i = 0; i < runs + field->placed_segments; i++) {
+        struct cairn_force_line other = line_of(field, i);
+
+        if (do_attract(field, &line, &other) && cairn_box_overlap(box, field->boxes[i]))
+            add_force(field, &line, &other, &point, &force);
+    }
+    return force;
+}

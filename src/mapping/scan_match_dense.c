@@ -1,0 +1,84 @@
+/* Points at full resolution: the ends of the beams, with the direction of the surface there.
+ *
+ * The line is fitted to the hits beside each hit, and not that of the scan's line fit, so that what is smaller than a
+ * segment (door frames, posts) keeps its shape: along bare walls it is all that tells how far along one is. */
+#include "src/core/build.h"
+
+#include "cairn/scan_match.h"
+#include "cairn/small_matrix.h"
+
+enum { NEIGHBOURS = 12 }; /* of a beam, to each side */
+
+static const cairn_real BENT = CAIRN_REAL(0.013); /* m from a line, root mean square */
+
+static int is_hit_near(const cairn_beam *beam, cairn_vec2 p, cairn_real reach)
+{
+    return beam->kind == CAIRN_BEAM_HIT && cairn_vec2_norm_squared(cairn_vec2_sub(beam->to, p)) < reach * reach;
+}
+
+/* The line through the ends of beams[low ... high]: its direction and the mean squared distance from it; -1: they are one point. */
+static cairn_real line_through(const cairn_scan_view *view, int32_t low, int32_t high, cairn_vec2 *direction)
+{
+    cairn_vec2 origin = view->beams[low].to, sum = {0, 0}, minor;
+    cairn_sym2 spread = {0, 0, 0};
+    cairn_real n = (cairn_real)(high - low + 1), values[2];
+
+    for (int32_t k = low; k <= high; k++) {
+        cairn_vec2 d = cairn_vec2_sub(view->beams[k].to, origin);
+
+        sum = cairn_vec2_add(sum, d);
+        spread.xx += d.x * d.x;
+        spread.xy += d.x * d.y;
+        spread.yy += d.y * d.y;
+    }
+    spread.xx -= sum.x * sum.x / n;
+    spread.xy -= sum.x * sum.y / n;
+    spread.yy -= sum.y * sum.y / n;
+    cairn_sym2_eigen(spread, values, &minor, direction);
+    return values[1] > 0 ? cairn_max(values[0], 0) / n : -1;
+}
+
+/* The direction of the surface at the end of a beam, the sensor on its left, from the hits beside it; 0: there are none.
+ * Where the hits of both sides do not make a line, near a corner, those of the straighter side decide. */
+static int surface_direction(const cairn_scan_view *view, int32_t i, cairn_vec2 *direction)
+{
+    const cairn_beam *beam = &view->beams[i];
+    cairn_vec2 to_sensor = cairn_vec2_sub(beam->from, beam->to);
+    cairn_real reach = CAIRN_REAL(0.08) + CAIRN_REAL(0.03) * cairn_vec2_norm(to_sensor), spread;
+    int32_t low = i, high = i;
+
+    while (low > 0 && i - low < NEIGHBOURS && is_hit_near(&view->beams[low - 1], beam->to, reach))
+        low--;
+    while (high + 1 < view->beam_count && high - i < NEIGHBOURS && is_hit_near(&view->beams[high + 1], beam->to, reach))
+        high++;
+    spread = line_through(view, low, high, direction);
+    if (spread > BENT * BENT) {
+        cairn_vec2 side = *direction;
+        cairn_real before = i - low >= 2 ? line_through(view, low, i, &side) : -1;
+
+        if (before >= 0 && before < spread / 2) {
+            spread = 2 * before;
+            *direction = side;
+        }
+        before = high - i >= 2 ? line_through(view, i, high, &side) : -1;
+        if (before >= 0 && before < spread / 2)
+            *direction = side;
+    }
+    if (spread < 0)
+        return 0;
+    if (cairn_vec2_cross(*direction, to_sensor) < 0)
+        *direction = cairn_vec2_scale(*direction, -1);
+    return 1;
+}
+
+int32_t cairn_scan_match_dense(const cairn_scan_view *view, cairn_oriented_point *dense)
+{
+    int32_t count = 0;
+
+    for (int32_t i = 0; i < view->beam_count; i++) {
+        if (view->beams[i].kind != CAIRN_BEAM_HIT || !surface_direction(view, i, &dense[count].direction))
+            continue;
+        dense[count++].position = view->beams[i].to;
+    }
+    return count;
+}

@@ -1,0 +1,306 @@
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "cairn/sequence.h"
+
+enum { MOST = 40 };
+
+/* Numbers to compare, and how. */
+struct sequences {
+    double first[MOST], second[MOST];
+    int32_t first_count, second_count;
+    cairn_sequence_kind kind;
+    int64_t *comparisons;
+};
+
+static double compared(const struct sequences *s, int32_t i, int32_t j)
+{
+    double d = fabs(s->first[i] - s->second[j]);
+
+    return s->kind == CAIRN_SEQUENCE_COMMON ? d < 0.5 : s->kind == CAIRN_SEQUENCE_LOCAL ? 1.5 - d : d;
+}
+
+static cairn_real compare(const void *context, int32_t i, int32_t j)
+{
+    const struct sequences *s = context;
+
+    assert_true(i >= 0 && i < s->first_count && j >= 0 && j < s->second_count);
+    if (s->comparisons != NULL)
+        (*s->comparisons)++;
+    return (cairn_real)compared(s, i, j);
+}
+
+/* The score by the whole table. */
+static double twin(const struct sequences *s, double gap)
+{
+    static double table[MOST + 1][MOST + 1];
+    double best = 0;
+
+    for (int32_t i = 0; i <= s->first_count; i++)
+        for (int32_t j = 0; j <= s->second_count; j++) {
+            double *t = &table[i][j];
+
+            *t = s->kind == CAIRN_SEQUENCE_WARP && i + j > 0 ? 1e9 : 0;
+            if (i == 0 || j == 0)
+                continue;
+            if (s->kind == CAIRN_SEQUENCE_COMMON)
+                *t = fmax(fmax(table[i - 1][j], table[i][j - 1]), table[i - 1][j - 1] + compared(s, i - 1, j - 1));
+            else if (s->kind == CAIRN_SEQUENCE_LOCAL)
+                *t = fmax(fmax(0, table[i - 1][j - 1] + compared(s, i - 1, j - 1)),
+                          fmax(table[i - 1][j], table[i][j - 1]) - gap);
+            else
+                *t = compared(s, i - 1, j - 1) + fmin(fmin(table[i - 1][j], table[i][j - 1]), table[i - 1][j - 1]);
+            best = fmax(best, *t);
+        }
+    return s->kind == CAIRN_SEQUENCE_LOCAL ? best : table[s->first_count][s->second_count];
+}
+
+/* The score of the pairs, which must be in order and as the kind wants them. */
+static double score_of(const struct sequences *s, const cairn_sequence_result *result, double gap)
+{
+    double score = 0;
+
+    for (int32_t k = 0; k < result->count; k++) {
+        const cairn_sequence_pair *p = &result->pairs[k];
+        double value = compared(s, p->first, p->second);
+        int32_t di = k > 0 ? p->first - p[-1].first : 1, dj = k > 0 ? p->second - p[-1].second : 1;
+
+        score += value;
+        if (s->kind == CAIRN_SEQUENCE_WARP) {
+            assert_true((di == 0 || di == 1) && (dj == 0 || dj == 1) && di + dj > 0);
+            continue;
+        }
+        assert_true(di > 0 && dj > 0);
+        if (s->kind == CAIRN_SEQUENCE_COMMON)
+            assert_true(value > 0);
+        else
+            score -= gap * (di - 1 + dj - 1);
+    }
+    if (s->kind == CAIRN_SEQUENCE_WARP) {
+        assert_int_equal(result->pairs[0].first, 0);
+        assert_int_equal(result->pairs[0].second, 0);
+        assert_int_equal(result->pairs[result->count - 1].first, s->first_count - 1);
+        assert_int_equal(result->pairs[result->count - 1].second, s->second_count - 1);
+    }
+    return score;
+}
+
+static void draw(struct sequences *s, cairn_random *random, int32_t most)
+{
+    s->first_count = 1 + cairn_random_below(random, most);
+    s->second_count = 1 + cairn_random_below(random, most);
+    for (int32_t i = 0; i < MOST; i++) {
+        int32_t a = cairn_random_below(random, 5), b = cairn_random_below(random, 5);
+        double noise = (double)cairn_random_uniform(random, 0, CAIRN_REAL(0.3));
+
+        s->first[i] = a;
+        s->second[i] = b + noise;
+    }
+}
+
+static cairn_sequence *make(cairn_pool *pool, cairn_sequence_params params)
+{
+    cairn_sequence *sequence;
+
+    *pool = test_pool(cairn_sequence_memory(&params));
+    assert_ok(cairn_sequence_create(&sequence, pool, &params));
+    return sequence;
+}
+
+static void gives_the_score_and_the_path_of_the_whole_table(void **state)
+{
+    cairn_random random = cairn_random_seed(1, 1);
+
+    (void)state;
+    for (cairn_sequence_kind kind = CAIRN_SEQUENCE_COMMON; kind <= CAIRN_SEQUENCE_WARP; kind++)
+        for (int trial = 0; trial < 300; trial++) {
+            cairn_sequence_params params = {kind, MOST, MOST, trial % 3 == 0 ? 0 : CAIRN_REAL(0.75)};
+            cairn_budget budget = {CAIRN_UNBOUNDED};
+            int64_t comparisons = 0;
+            cairn_sequence_result result;
+            struct sequences s;
+            cairn_pool pool;
+            cairn_sequence *sequence = make(&pool, params);
+            double expected;
+
+            s.kind = kind;
+            s.comparisons = &comparisons;
+            draw(&s, &random, trial < 60 ? 3 : MOST);
+            expected = twin(&s, (double)params.gap);
+            assert_ok(cairn_sequence_begin(sequence, s.first_count, s.second_count, compare, &s));
+            assert_int_equal(cairn_sequence_read(sequence).count, 0);
+            assert_ok(cairn_sequence_step(sequence, &budget));
+            result = cairn_sequence_read(sequence);
+            assert_near(result.score, expected, NUMBER(1e-12, 1e-4));
+            assert_near(score_of(&s, &result, (double)params.gap), expected, NUMBER(1e-12, 1e-4));
+            /* Halving: a table, half a table, a quarter ... */
+            assert_true(comparisons <=
+                        (int64_t)(s.first_count + 3) * (s.second_count + 3) * (kind == CAIRN_SEQUENCE_LOCAL ? 5 : 4));
+            test_pool_free(&pool);
+        }
+}
+
+static void finds_what_is_known(void **state)
+{
+    static const double a[] = {1, 2, 3, 4, 1}, b[] = {3, 4, 1, 2, 1, 3};
+    struct sequences s = {{0}, {0}, 5, 6, CAIRN_SEQUENCE_COMMON, NULL};
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_pool pool;
+    cairn_sequence *sequence = make(&pool, cairn_sequence_default());
+    cairn_sequence_result result;
+
+    (void)state;
+    memcpy(s.first, a, sizeof a);
+    memcpy(s.second, b, sizeof b);
+    assert_null(cairn_sequence_read(sequence).pairs);
+    assert_ok(cairn_sequence_step(sequence, &budget));
+    assert_ok(cairn_sequence_begin(sequence, 5, 6, compare, &s));
+    assert_ok(cairn_sequence_step(sequence, &budget));
+    result = cairn_sequence_read(sequence);
+    assert_int_equal(result.count, 3); /* 3 4 1, or 1 2 3 */
+    assert_near(result.score, 3, 0);
+    assert_ok(cairn_sequence_begin(sequence, 0, 6, compare, &s));
+    assert_ok(cairn_sequence_step(sequence, &budget));
+    assert_int_equal(cairn_sequence_read(sequence).count, 0);
+    assert_near(cairn_sequence_read(sequence).score, 0, 0);
+    assert_ok(cairn_sequence_begin(sequence, 5, 0, compare, &s));
+    assert_ok(cairn_sequence_step(sequence, &budget));
+    assert_int_equal(cairn_sequence_read(sequence).count, 0);
+    test_pool_free(&pool);
+}
+
+static void a_local_alignment_of_strangers_is_empty(void **state)
+{
+    struct sequences s = {{1, 1, 1}, {9, 9}, 3, 2, CAIRN_SEQUENCE_LOCAL, NULL};
+    cairn_sequence_params params = {CAIRN_SEQUENCE_LOCAL, 3, 2, 1};
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_pool pool;
+    cairn_sequence *sequence = make(&pool, params);
+
+    (void)state;
+    assert_ok(cairn_sequence_begin(sequence, 3, 2, compare, &s));
+    assert_ok(cairn_sequence_step(sequence, &budget));
+    assert_int_equal(cairn_sequence_read(sequence).count, 0);
+    assert_near(cairn_sequence_read(sequence).score, 0, 0);
+    test_pool_free(&pool);
+}
+
+static void budgets_do_not_matter(void **state)
+{
+    static const int32_t budgets[] = {1, 7, 1000};
+    cairn_random random = cairn_random_seed(2, 1);
+
+    (void)state;
+    for (cairn_sequence_kind kind = CAIRN_SEQUENCE_COMMON; kind <= CAIRN_SEQUENCE_WARP; kind++) {
+        cairn_sequence_params params = {kind, MOST, MOST, CAIRN_REAL(0.5)};
+        cairn_budget all = {CAIRN_UNBOUNDED}, none = {0};
+        cairn_sequence_pair whole[2 * MOST];
+        cairn_sequence_result result;
+        struct sequences s;
+        cairn_pool pool;
+        cairn_sequence *sequence = make(&pool, params);
+        int32_t count, units;
+
+        s.kind = kind;
+        s.comparisons = NULL;
+        draw(&s, &random, MOST);
+        assert_ok(cairn_sequence_begin(sequence, s.first_count, s.second_count, compare, &s));
+        assert_status(cairn_sequence_step(sequence, &none), CAIRN_MORE);
+        assert_ok(cairn_sequence_step(sequence, &all));
+        result = cairn_sequence_read(sequence);
+        count = result.count;
+        units = CAIRN_UNBOUNDED - all.left;
+        memcpy(whole, result.pairs, (size_t)count * sizeof *whole);
+        for (int k = 0; k < 3; k++) {
+            cairn_status status = CAIRN_MORE;
+            int32_t used = 0;
+
+            assert_ok(cairn_sequence_begin(sequence, s.first_count, s.second_count, compare, &s));
+            while (status == CAIRN_MORE) {
+                cairn_budget budget = {budgets[k]};
+
+                status = cairn_sequence_step(sequence, &budget);
+                used += budgets[k] - budget.left;
+            }
+            assert_ok(status);
+            assert_int_equal(used, units);
+            result = cairn_sequence_read(sequence);
+            assert_int_equal(result.count, count);
+            assert_memory_equal(result.pairs, whole, (size_t)count * sizeof *whole);
+        }
+        test_pool_free(&pool);
+    }
+}
+
+static void refuses(void **state)
+{
+    cairn_sequence_params good = {CAIRN_SEQUENCE_LOCAL, 3, 2, 1}, bad[10];
+    struct sequences s = {{1, 1, 1}, {9, 9}, 3, 2, CAIRN_SEQUENCE_LOCAL, NULL};
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    int count = 0;
+    cairn_pool pool, other = test_pool(4096);
+    cairn_sequence *sequence = make(&pool, good), *made = NULL;
+
+    (void)state;
+    for (int i = 0; i < 10; i++)
+        bad[i] = good;
+    bad[count++].kind = -1;
+    bad[count++].kind = 3;
+    bad[count++].max_first = 0;
+    bad[count++].max_first = (1 << 24) + 1;
+    bad[count++].max_second = 0;
+    bad[count++].max_second = (1 << 24) + 1;
+    bad[count++].gap = -1;
+    bad[count++].gap = (cairn_real)NAN;
+    bad[count++].gap = (cairn_real)INFINITY;
+    for (int i = 0; i < count; i++) {
+        assert_int_equal(cairn_sequence_memory(&bad[i]), 0);
+        assert_status(cairn_sequence_create(&made, &other, &bad[i]), CAIRN_BAD_ARGUMENT);
+    }
+    assert_int_equal(cairn_sequence_memory(NULL), 0);
+    assert_status(cairn_sequence_create(NULL, &other, &good), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_sequence_create(&made, NULL, &good), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(other.used, 0);
+    assert_ok(cairn_sequence_begin(sequence, 3, 2, compare, &s));
+    assert_status(cairn_sequence_begin(NULL, 3, 2, compare, &s), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_sequence_begin(sequence, 3, 2, NULL, &s), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_sequence_begin(sequence, -1, 2, compare, &s), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_sequence_begin(sequence, 3, -1, compare, &s), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_sequence_begin(sequence, 4, 2, compare, &s), CAIRN_FULL);
+    assert_status(cairn_sequence_begin(sequence, 3, 3, compare, &s), CAIRN_FULL);
+    assert_status(cairn_sequence_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_sequence_step(sequence, NULL), CAIRN_BAD_ARGUMENT);
+    assert_ok(cairn_sequence_step(sequence, &budget));
+    test_pool_free(&pool);
+    test_pool_free(&other);
+}
+
+static cairn_status create(void *context, cairn_pool *pool)
+{
+    cairn_sequence *sequence;
+
+    return cairn_sequence_create(&sequence, pool, context);
+}
+
+static void takes_exactly_what_it_says(void **state)
+{
+    cairn_sequence_params params = {CAIRN_SEQUENCE_WARP, 11, 5, 0};
+
+    (void)state;
+    test_every_pool_size(create, &params, cairn_sequence_memory(&params));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(gives_the_score_and_the_path_of_the_whole_table),
+        cmocka_unit_test(finds_what_is_known),
+        cmocka_unit_test(a_local_alignment_of_strangers_is_empty),
+        cmocka_unit_test(budgets_do_not_matter),
+        cmocka_unit_test(refuses),
+        cmocka_unit_test(takes_exactly_what_it_says),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,46 @@
+/* cairn_align: what `cairn align` hands to its methods, and gets back from them. */
+#ifndef CAIRN_TOOLS_CAIRN_ALIGN_H
+#define CAIRN_TOOLS_CAIRN_ALIGN_H
+
+#include "tools/cairn_map_output.h"
+#include "tools/cairn_player.h"
+#include "tools/cairn_tool.h"
+
+#define ALIGN_PROGRAM "cairn align"
+
+typedef struct align_settings {
+    const char *log, *folder, *method, *pool, *report;
+    int64_t max_scans, steps, seed;
+    double resolution, range, range_max, spacing;
+    double spread[2]; /* m, degrees */
+    int32_t quiet;
+} align_settings;
+
+typedef struct align_job {
+    const align_settings *settings;
+    const cairn_carmen_scans *log;
+    map_scan *scans; /* before is given; a method sets what comes after, the verdict and what is known of it */
+    cairn_scan_params scan;
+    int32_t segments, points;    /* of all scans, above 0 */
+    cairn_report_player *player; /* from align_open_player(); NULL: nobody watches */
+    char subtitle[128];          /* for the picture: how it was done */
+    char summary[256];           /* whole lines: how it went */
+    size_t pool_bytes;           /* at most used */
+} align_job;
+
+/* Opens the job's player, which holds all scans then, if --report asks for one. CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status align_open_player(align_job *job, cairn_report_player_params params, const char *how);
+
+/* Fits all scans with an object of the job's params and hands them over one by one. TOOL_OK, or another exit code after a
+ * line on standard error. */
+typedef cairn_status (*align_add)(void *aligner, const cairn_scan_view *view, cairn_pose start, cairn_fault *fault);
+int align_add_scans(align_job *job, cairn_scan *scan, align_add add, void *aligner);
+
+/* A line on standard error about a status; its exit code. */
+int align_refuse(const align_job *job, cairn_status status);
+
+/* The methods, each with a pool of its own. TOOL_OK, or another exit code after a line on standard error. */
+int align_by_default(align_job *job);
+int align_by_field(align_job *job);
+
+#endif

@@ -1,0 +1,103 @@
+/* cairn align --method gradient: force field simulation. */
+#include <inttypes.h>
+#include <stdio.h>
+
+#include "tools/cairn_align.h"
+
+static cairn_status add_to_field(void *field, const cairn_scan_view *view, cairn_pose start, cairn_fault *fault)
+{
+    return cairn_force_field_add_scan(field, view, NULL, start, fault);
+}
+
+/* Lets the field run; the record, when not NULL, sees every iteration. */
+static cairn_status iterate(const align_job *job, cairn_force_field *field, player_field *record,
+                            cairn_real *first_potential)
+{
+    tool_progress progress = tool_progress_begin("align", job->settings->steps, job->settings->quiet);
+    cairn_force_field_state state;
+    cairn_status status;
+
+    do {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        if (record != NULL)
+            player_field_before(record);
+        status = cairn_force_field_iterate(field, &budget);
+        state = cairn_force_field_read(field);
+        if (status >= 0 && record != NULL)
+            status = player_field_after(record);
+        if (state.iterations == 1)
+            *first_potential = state.potential;
+        tool_progress_at(&progress, state.iterations);
+    } while (status >= 0 && state.verdict == CAIRN_FORCE_FIELD_RUNNING);
+    tool_progress_end(&progress);
+    return status >= 0 && record != NULL ? player_field_end(record) : status;
+}
+
+static cairn_status iterate_and_record(align_job *job, cairn_force_field *field, cairn_real *first_potential)
+{
+    player_field record;
+    cairn_status status;
+
+    if (job->player == NULL)
+        return iterate(job, field, NULL, first_potential);
+    status = player_field_begin(&record, job->player, field);
+    if (status == CAIRN_OK)
+        status = iterate(job, field, &record, first_potential);
+    player_field_free(&record);
+    return status;
+}
+
+static void read_result(align_job *job, const cairn_force_field *field, cairn_real first_potential,
+                        cairn_real first_sigma)
+{
+    cairn_force_field_state state = cairn_force_field_read(field);
+
+    for (int32_t i = 0; i < job->log->count; i++) {
+        job->scans[i].after = cairn_force_field_pose(field, i);
+        job->scans[i].doubtful = job->scans[i].point_count == 0;
+        job->scans[i].verdict = job->scans[i].doubtful ? "blind" : "aligned";
+    }
+    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " steps of force field simulation", state.iterations);
+    snprintf(job->summary, sizeof job->summary,
+             "steps      %" PRId32 " (%s)\n"
+             "potential  %.6g at sigma %.3g m -> %.6g at sigma %.3g m\n",
+             state.iterations, state.verdict == CAIRN_FORCE_FIELD_CONVERGED ? "converged" : "out of steps",
+             (double)first_potential, (double)first_sigma, (double)state.potential, (double)state.sigma);
+}
+
+int align_by_field(align_job *job)
+{
+    cairn_force_field_params params = cairn_force_field_default();
+    cairn_force_field *field = NULL;
+    cairn_scan *scan = NULL;
+    cairn_real first_potential = 0;
+    cairn_status status;
+    cairn_pool pool;
+    int code;
+
+    params.max_scans = job->log->count;
+    params.max_segments = params.max_corners = job->segments;
+    params.max_points = job->points;
+    params.max_steps = (int32_t)job->settings->steps;
+    code = tool_pool_open(&pool, ALIGN_PROGRAM, job->settings->pool,
+                          cairn_force_field_memory(&params) + cairn_scan_memory(&job->scan));
+    if (code != TOOL_OK)
+        return code;
+    status = cairn_scan_create(&scan, &pool, &job->scan);
+    if (status == CAIRN_OK)
+        status = cairn_force_field_create(&field, &pool, &params);
+    if (status == CAIRN_OK)
+        status = align_open_player(job, player_field_params(&params), "force field simulation");
+    if (status == CAIRN_OK)
+        code = align_add_scans(job, scan, add_to_field, field);
+    if (status == CAIRN_OK && code == TOOL_OK)
+        status = iterate_and_record(job, field, &first_potential);
+    if (status < 0)
+        code = align_refuse(job, status);
+    else if (code == TOOL_OK)
+        read_result(job, field, first_potential, params.sigma_start);
+    job->pool_bytes = pool.peak;
+    tool_pool_close(&pool);
+    return code;
+}
