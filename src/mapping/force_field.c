@@ -168,7 +168,7 @@ static cairn_force_field *carve(cairn_pool *pool, const cairn_force_field_params
     size_t scans = (size_t)params->max_scans, points = (size_t)params->max_points;
     size_t extra_count = (size_t)params->max_extra, segment_count = (size_t)params->max_segments;
     int32_t is_kept = !(params->spacing > 0), has_masses = is_kept && params->roi, has_bits = !is_kept && params->roi;
-    cairn_force_field *field = cairn_pool_take(pool, 1, sizeof *field);
+    cairn_force_field *field = cairn_pool_take_one(pool, sizeof *field);
     struct cairn_force_placement *front = cairn_pool_take(pool, scans, sizeof *front);
     struct cairn_force_placement *back = cairn_pool_take(pool, scans, sizeof *back);
     struct cairn_force_body *bodies = cairn_pool_take(pool, scans, sizeof *bodies);
