@@ -104,6 +104,16 @@ int32_t bench_fit_common(const sim_pose *truth, const sim_pose *estimates, const
             motion = refine(truth, estimates, use, count, motion, metres, radians);
         }
     }
+    /* The motion that brought the most may have been that of one scan alone. */
+    for (int round = 0; round < 8 && most > 0; round++) {
+        sim_pose motion = refine(truth, estimates, use, count, best, metres, radians);
+        int32_t agree = agreeing(truth, estimates, use, count, motion, metres, radians);
+
+        if (agree < most)
+            break;
+        most = agree;
+        best = motion;
+    }
     for (int32_t i = 0; i < count; i++)
         moved[i] = bench_pose_compose(best, estimates[i]);
     return most > 0 ? most : 0;

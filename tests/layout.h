@@ -14,6 +14,7 @@
 #include "cairn/line.h"
 #include "cairn/lum.h"
 #include "cairn/map_file.h"
+#include "cairn/map_quality.h"
 #include "cairn/mapper.h"
 #include "cairn/neighbours.h"
 #include "cairn/number_text.h"
@@ -335,6 +336,27 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_map_file, mode, 64, 36)},
     {FIELD(cairn_map_file, pixel, 72, 40)},
     {FIELD(cairn_map_file, occupancy, 80, 48)},
+    {SIZE(cairn_map_entropy, 48, 32)},
+    {FIELD(cairn_map_entropy, whole, 0, 0)},
+    {FIELD(cairn_map_entropy, quadrant, 8, 4)},
+    {FIELD(cairn_map_entropy, cells, 40, 24)},
+    {SIZE(cairn_pose_errors, 24, 12)},
+    {FIELD(cairn_pose_errors, x, 0, 0)},
+    {FIELD(cairn_pose_errors, y, 8, 4)},
+    {FIELD(cairn_pose_errors, theta, 16, 8)},
+    {SIZE(cairn_relation_sums, 40, 24)},
+    {FIELD(cairn_relation_sums, count, 0, 0)},
+    {FIELD(cairn_relation_sums, distance, 8, 8)},
+    {FIELD(cairn_relation_sums, angle, 16, 12)},
+    {FIELD(cairn_relation_sums, distance_squared, 24, 16)},
+    {FIELD(cairn_relation_sums, angle_squared, 32, 20)},
+    {SIZE(cairn_relation_errors, 48, 24)},
+    {FIELD(cairn_relation_errors, distance_mean, 0, 0)},
+    {FIELD(cairn_relation_errors, distance_sd, 8, 4)},
+    {FIELD(cairn_relation_errors, distance_squared, 16, 8)},
+    {FIELD(cairn_relation_errors, angle_mean, 24, 12)},
+    {FIELD(cairn_relation_errors, angle_sd, 32, 16)},
+    {FIELD(cairn_relation_errors, angle_squared, 40, 20)},
     {SIZE(cairn_mapper_params, 512, 300)},
     {FIELD(cairn_mapper_params, scan, 0, 0)},
     {FIELD(cairn_mapper_params, icp, 152, 88)},

@@ -6,7 +6,8 @@
  * every beam counts and none is kept. Segments that fit their wall worse than noise can explain lose weight (Geman and
  * McClure), the sooner the further the iteration. The initial poses are a weak prior with the standard deviations learnt.
  *
- * The inverse of the same system, one scan held, is the covariance of the poses: the Cramer-Rao bound at the solution. */
+ * The inverse of the same system, one scan held, is the Cramer-Rao bound of the poses at the solution, by which they are
+ * judged observable; their covariance is that with a margin. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -15,9 +16,12 @@
 
 static const cairn_real LEAST_COSINE = CAIRN_REAL(0.94); /* of the directions of one wall */
 static const cairn_real GAP = 1;                         /* m between the extents on one wall, ... */
+static const cairn_real GAP_LONG = 2;                    /* times the shorter extent, when that is more */
 static const cairn_real GAP_STRICT = CAIRN_REAL(0.6);    /* ... over which the gate is that share of itself */
 static const cairn_real GAP_COST = CAIRN_REAL(0.05);
 static const cairn_real SHORT = CAIRN_REAL(0.3), SHORT_EXTRA = CAIRN_REAL(0.01), SHORTEST = CAIRN_REAL(0.08); /* m */
+/* On the covariances: segments of two surfaces in one and walls that only look like one are no noise, and not in the bound. */
+static const cairn_real MARGIN = CAIRN_REAL(1.5);
 static const cairn_real HELD = CAIRN_REAL(1e10);
 static const cairn_real AT_REST = CAIRN_REAL(5e-4); /* m */
 static const cairn_real LEAST_SUPPORT = 2;          /* nats of a placed scan */
@@ -147,7 +151,7 @@ static void add_to_wall(cairn_aligner *x, aligner_wall *wall, const aligner_segm
 static cairn_real fits_wall(const aligner_wall *wall, cairn_vec2 a, cairn_vec2 b, cairn_vec2 direction, cairn_real gate)
 {
     cairn_vec2 along = along_wall(wall);
-    cairn_real error, low, gap;
+    cairn_real error, low, gap, most;
 
     if (cairn_vec2_dot(along, direction) < LEAST_COSINE)
         return -1;
@@ -155,7 +159,8 @@ static cairn_real fits_wall(const aligner_wall *wall, cairn_vec2 a, cairn_vec2 b
                       cairn_abs(cairn_vec2_dot(wall->normal, b) - wall->offset));
     low = cairn_vec2_dot(along, a);
     gap = cairn_max(low - wall->high, wall->low - cairn_vec2_dot(along, b));
-    if (gap > GAP || error > (gap > 0 ? GAP_STRICT * gate : gate))
+    most = cairn_max(GAP, GAP_LONG * cairn_min(wall->high - wall->low, cairn_vec2_dot(along, b) - low));
+    if (gap > most || error > (gap > 0 ? GAP_STRICT * gate : gate))
         return -1;
     return error + GAP_COST * cairn_max(gap, 0);
 }
@@ -441,6 +446,8 @@ static int32_t finish(cairn_aligner *x)
         r->support = x->scans[i].support;
         read_covariance(x, i, gauge, r->covariance);
         judge(x, i);
+        for (int k = 0; k < 9; k++)
+            r->covariance[k] *= MARGIN;
         x->result.placed += r->placed;
     }
     x->result.largest = x->clusters[x->home].size;

@@ -3,7 +3,8 @@
  * The rest is drawn into a raster about the place where the scan is expected: a bit for each direction of a surface, one
  * for free space. For every turn, all shifts within the window are voted for at once, a point giving its vote to the shifts
  * that bring it onto a surface of its direction, and two votes against those that bring it into free space. The best few
- * are refined and compared by their evidence, also with where the scan was. */
+ * are refined and compared by their evidence, also with where the scan was. A cluster beside the largest is looked for as a
+ * whole, by each of its scans; in the last round its scans are looked for one by one. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -17,7 +18,7 @@ static const cairn_real CLEARANCE = CAIRN_REAL(0.2); /* m before a surface that 
 static const cairn_real TURN = CAIRN_REAL(0.0349);   /* rad: 2 degrees */
 static const cairn_real WINDOW = CAIRN_REAL(2.2);    /* standard deviations */
 static const cairn_real WIDEST = CAIRN_REAL(1.875);  /* of the params' spread */
-static const cairn_real LIES_WELL = 10, BETTER = 2, ATTACHED = -2, TORN_OFF = 4; /* nats */
+static const cairn_real LIES_WELL = 10, BETTER = 2, ATTACHED = -2, TORN_OFF = 4, JOINED = 4, CLEARLY = 3; /* nats */
 
 /* ---- Which scan ---- */
 
@@ -28,19 +29,63 @@ static cairn_transform single(void)
     return same;
 }
 
+static int finds_near(cairn_pose a, cairn_pose b)
+{
+    cairn_real dx = cairn_abs(a.x - b.x), dy = cairn_abs(a.y - b.y);
+    cairn_real turn = cairn_abs(cairn_wrap_angle(a.theta - b.theta));
+
+    return cairn_max(dx, dy) / CAIRN_REAL(0.25) + turn / CAIRN_REAL(0.12) < 1;
+}
+
+/* Keeps the best, no two of which are near each other. */
+static void keep_find(cairn_aligner *x, cairn_pose pose, cairn_real score)
+{
+    int32_t to = -1, end = 0;
+
+    for (int32_t i = 0; i < x->find_count; i++)
+        if (finds_near(x->find[i].pose, pose)) {
+            if (x->find[i].score >= score)
+                return;
+            to = to < 0 ? i : to;
+        }
+    if (to < 0) {
+        if (x->find_count < ALIGNER_FINDS) {
+            to = x->find_count++;
+        } else {
+            to = 0;
+            for (int32_t i = 1; i < x->find_count; i++)
+                if (x->find[i].score < x->find[to].score)
+                    to = i;
+            if (x->find[to].score >= score)
+                return;
+        }
+    }
+    x->find[to].pose = pose;
+    x->find[to].score = score;
+    for (int32_t i = 0; i < x->find_count; i++)
+        if (i == to || !finds_near(x->find[i].pose, pose))
+            x->find[end++] = x->find[i];
+    x->find_count = end;
+}
+
 /* Where the rest's motion brings the scan's initial pose, and the raster about it. */
 static void expect(cairn_aligner *x, int32_t rest)
 {
     const aligner_scan *scan = &x->scans[x->i];
-    cairn_transform gauge = cairn_aligner_gauge(x, rest, -1, single());
-    cairn_real factor = cairn_sqrt(1 + 1 / (cairn_real)x->clusters[rest].size);
+    cairn_transform gauge = cairn_aligner_inverse(cairn_aligner_gauge(x, rest, -1, single()));
+    cairn_real factor =
+        cairn_sqrt(1 / (cairn_real)x->clusters[x->moving].size + 1 / (cairn_real)x->clusters[rest].size);
     cairn_real window = cairn_min(WINDOW * x->sigma * factor, WIDEST * x->params.spread);
     cairn_real turned = cairn_min(WINDOW * x->sigma_angle * factor, WIDEST * x->params.spread_angle);
     cairn_real half = scan->radius + cairn_vec2_norm(scan->middle) + window + CAIRN_REAL(0.3);
     int32_t most = cairn_real_to_int(cairn_sqrt((cairn_real)x->params.max_cells)), most_window = most / 4 - 1;
 
-    x->predicted =
-        cairn_aligner_to_pose(cairn_aligner_compose(cairn_aligner_inverse(gauge), cairn_transform_of(scan->initial)));
+    if (x->moving == x->scan_count)
+        gauge = cairn_aligner_compose(gauge, cairn_transform_of(scan->initial));
+    else
+        gauge = cairn_aligner_compose(
+            gauge, cairn_aligner_compose(cairn_aligner_gauge(x, x->moving, -1, single()), x->poses[x->i]));
+    x->predicted = cairn_aligner_to_pose(gauge);
     x->cell = cairn_max(CELL, 2 * half / (cairn_real)(most - 1));
     x->side_cells = cairn_real_to_int(cairn_ceil(2 * half / x->cell));
     x->half_window = cairn_real_to_int(cairn_min(cairn_ceil(window / x->cell), (cairn_real)most_window));
@@ -52,7 +97,8 @@ static void expect(cairn_aligner *x, int32_t rest)
     x->k = 0;
     x->turn = -x->turns;
     x->find_count = x->find_at = 0;
-    x->best_score = -CAIRN_REAL_MAX;
+    keep_find(x, x->predicted, 0);
+    x->best_score = x->rest = -CAIRN_REAL_MAX;
 }
 
 /* Takes the scan out of its cluster to look for it; 0 when there is nothing to look for. */
@@ -63,9 +109,11 @@ static int take_out(cairn_aligner *x)
     x->home = home == rest ? -1 : home;
     if (points == 0 || x->clusters[rest].size < 3)
         return 0;
-    if (x->home >= 0 && x->clusters[home].size > 1 && x->repairs + 1 < x->params.max_repairs)
-        return 0;
     x->before = x->poses[x->i];
+    x->moving = home;
+    if (x->home >= 0 && x->clusters[home].size > 1 && x->repairs + 1 < x->params.max_repairs)
+        return 1;
+    x->moving = x->scan_count;
     cairn_aligner_remove(x, x->i);
     x->poses[x->i] = single();
     cairn_aligner_insert(x, x->i, x->scan_count);
@@ -244,45 +292,6 @@ static int32_t draw(cairn_aligner *x)
 
 /* ---- The search ---- */
 
-static int finds_near(cairn_pose a, cairn_pose b)
-{
-    cairn_real dx = cairn_abs(a.x - b.x), dy = cairn_abs(a.y - b.y);
-    cairn_real turn = cairn_abs(cairn_wrap_angle(a.theta - b.theta));
-
-    return cairn_max(dx, dy) / CAIRN_REAL(0.25) + turn / CAIRN_REAL(0.12) < 1;
-}
-
-/* Keeps the best, no two of which are near each other. */
-static void keep_find(cairn_aligner *x, cairn_pose pose, cairn_real score)
-{
-    int32_t to = -1, end = 0;
-
-    for (int32_t i = 0; i < x->find_count; i++)
-        if (finds_near(x->find[i].pose, pose)) {
-            if (x->find[i].score >= score)
-                return;
-            to = to < 0 ? i : to;
-        }
-    if (to < 0) {
-        if (x->find_count < ALIGNER_FINDS) {
-            to = x->find_count++;
-        } else {
-            to = 0;
-            for (int32_t i = 1; i < x->find_count; i++)
-                if (x->find[i].score < x->find[to].score)
-                    to = i;
-            if (x->find[to].score >= score)
-                return;
-        }
-    }
-    x->find[to].pose = pose;
-    x->find[to].score = score;
-    for (int32_t i = 0; i < x->find_count; i++)
-        if (i == to || !finds_near(x->find[i].pose, pose))
-            x->find[end++] = x->find[i];
-    x->find_count = end;
-}
-
 static void vote(cairn_aligner *x, cairn_transform pose, int32_t width)
 {
     int32_t side = x->side_cells;
@@ -338,13 +347,28 @@ static int32_t search_turn(cairn_aligner *x)
     return 1 + (cairn_aligner_points_of(x, x->i) + 4) * width * width / 128;
 }
 
+/* The best of the finds, and the best score of another place. */
+static void take_find(cairn_aligner *x)
+{
+    cairn_real score = x->look.evidence + x->look.prior;
+    cairn_transform found = cairn_aligner_compose(x->look.pose, x->poses[x->i]);
+    cairn_transform best = cairn_aligner_compose(x->best, x->poses[x->i]);
+    int same = x->best_score > -CAIRN_REAL_MAX && cairn_aligner_near(found, best, CAIRN_REAL(0.15), CAIRN_REAL(0.9986));
+
+    if (score > x->best_score) {
+        x->rest = same ? x->rest : x->best_score;
+        x->best_score = score;
+        x->best = x->look.pose;
+    } else if (!same) {
+        x->rest = cairn_max(x->rest, score);
+    }
+}
+
 /* Tries the finds one by one. */
 static int32_t try_find(cairn_aligner *x)
 {
-    if (x->find_at > 0 && x->look.evidence + x->look.prior > x->best_score) {
-        x->best_score = x->look.evidence + x->look.prior;
-        x->best = x->look.pose;
-    }
+    if (x->find_at > 0)
+        take_find(x);
     if (x->find_at == x->find_count) {
         x->phase = ALIGNER_PLACE;
         return 1;
@@ -354,20 +378,30 @@ static int32_t try_find(cairn_aligner *x)
     return 1;
 }
 
+/* 1 when the best find is to be taken. */
+static int is_better(const cairn_aligner *x)
+{
+    if (x->moving != x->scan_count)
+        return x->best_score > JOINED && x->best_score > x->rest + CLEARLY;
+    if (x->home >= 0)
+        return x->best_score > (x->clusters[x->home].size > 0 ? TORN_OFF : ATTACHED);
+    return x->best_score > x->before_score + BETTER &&
+           !cairn_aligner_near(x->best, x->before, CAIRN_REAL(0.1), CAIRN_REAL(0.9994));
+}
+
 static int32_t place(cairn_aligner *x)
 {
-    int32_t rest = cairn_aligner_largest(x), torn = x->home >= 0 && x->clusters[x->home].size > 0;
-    int moves = x->home < 0 ? x->best_score > x->before_score + BETTER &&
-                                  !cairn_aligner_near(x->best, x->before, CAIRN_REAL(0.1), CAIRN_REAL(0.9994))
-                            : x->best_score > (torn ? TORN_OFF : ATTACHED);
+    int32_t rest = cairn_aligner_largest(x);
+    int better = is_better(x);
 
-    if (moves) {
-        put_back(x, rest, x->best);
-        x->changed++;
-        x->result.moved++;
+    if (x->moving != x->scan_count) {
+        if (better)
+            (void)cairn_aligner_join(x, x->moving, rest, x->best);
     } else {
-        put_back(x, x->home < 0 ? rest : x->home, x->before);
+        put_back(x, better || x->home < 0 ? rest : x->home, better ? x->best : x->before);
     }
+    x->changed += better;
+    x->result.moved += better;
     x->i++;
     x->phase = ALIGNER_REPAIR;
     return 1;

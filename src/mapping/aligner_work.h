@@ -182,7 +182,8 @@ struct cairn_aligner {
     int32_t find_count, find_at;
     cairn_transform before, best; /* of the scan looked for */
     cairn_real before_score, best_score;
-    int32_t home; /* its cluster, -1: part of the rest */
+    int32_t home;   /* its cluster, -1: part of the rest */
+    int32_t moving; /* the cluster that is moved: home as a whole, or scan_count for the scan alone */
     int32_t round, stage, at;
     cairn_real moved; /* m, largest step of the joint solution */
     cairn_aligner_result result;

@@ -54,6 +54,16 @@ cairn_force_field_params cairn_force_field_default(void)
     return params;
 }
 
+cairn_force_field_params cairn_force_field_spaced(cairn_real spacing)
+{
+    cairn_force_field_params params = cairn_force_field_default();
+    cairn_real factor = cairn_sqrt(spacing / CAIRN_REAL(0.02));
+
+    params.dt_start *= factor;
+    params.dt_end *= factor;
+    return params;
+}
+
 static int is_positive(cairn_real x)
 {
     return x > 0 && x <= MAX_VALUE;
