@@ -5,9 +5,9 @@
  * range counts as much as it should; whoever does badly stays behind.
  *
  * Covariance: that of an M-estimator (Huber 1981, section 7.6). Its information is made of the products of the normals of
- * both points of a pair, as Gauss-Newton's would be of those of one: noise of the normals of a bare wall adds up in squares and
- * feigns information along the wall, while in products of independent normals it cancels. What does not average out (bent surfaces,
- * the choice of pairs) is a floor: with a thousand beams it is most of the error. */
+ * both points of a pair, as Gauss-Newton's would be of those of one: noise of the normals of a bare wall adds up in
+ * squares and feigns information along the wall, while in products of independent normals it cancels. What does not average
+ * out (bent surfaces, the choice of pairs) is a floor: with a thousand beams it is most of the error. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -20,12 +20,13 @@ static const cairn_real LEAST_COSINE = CAIRN_REAL(0.7);  /* of the directions of
 static const cairn_real TALLY_COSINE = CAIRN_REAL(0.85); /* ... of a point that is explained */
 static const cairn_real TALLY_GATE = CAIRN_REAL(1.5);    /* spacings */
 static const cairn_real CLOSE = CAIRN_REAL(0.3);         /* spacings from the surface at which a point counts half */
-static const cairn_real FLOOR = CAIRN_REAL(0.015);
-static const cairn_real LEAST_RATIO = CAIRN_REAL(3e-4); /* of the information of a direction in which a step goes */
-static const cairn_real MARGIN = 1;                     /* spacings by which a point stands before a surface */
+static const cairn_real FLOOR = CAIRN_REAL(0.015);       /* spacings, standard deviation */
+static const cairn_real LEAST_RATIO = CAIRN_REAL(3e-4);  /* of the information of a direction in which a step goes */
+static const cairn_real MARGIN = 1;                      /* spacings by which a point stands before a surface */
 
 enum { LEAST_PAIRS = 4 };
 
+/* Points, iterations, poses kept, dense, gates. */
 static const match_stage STAGES[MATCH_STAGES + 1] = {
     {48, 4, 24, 0, 5, 3},
     {200, 6, 0, 0, 3, CAIRN_REAL(1.5)},
@@ -43,7 +44,7 @@ void cairn_match_fit_begin(cairn_scan_match *x, cairn_pose pose)
     const match_stage *stage = &STAGES[x->stage];
     match_fit *fit = &x->fit;
     int32_t dense = stage->dense && x->query.dense_count > 0;
-    int32_t both = dense && x->dense_count > 0;
+    int32_t both = dense && x->dense_count > 0 && !x->lacks_dense;
 
     memset(fit, 0, sizeof *fit);
     fit->points = dense ? x->query.dense : x->query.points;
