@@ -80,7 +80,7 @@ static void add_pair(cairn_scan_match *x, const cairn_oriented_point *q)
     const cairn_oriented_point *m;
     cairn_real error, squared, weight, scale = CAUCHY * fit->sigma, row[3];
     cairn_vec2 normal;
-    int32_t parts = 8;
+    int32_t parts = 24;
 
     search.p = cairn_transform_point(fit->motion.transform, q->position);
     search.direction = cairn_transform_direction(fit->motion.transform, q->direction);
@@ -141,6 +141,7 @@ static void conclude(cairn_scan_match *x, const cairn_motion_basis *basis)
     cairn_normal_equations prior;
     cairn_sym3 information = cairn_sym3_zero();
 
+    cairn_match_charge(x, 40 * MATCH_PART);
     h->target_query = x->fit.motion.map_body;
     h->pairs = x->fit.sums.pairs;
     h->sigma = x->fit.sigma;
@@ -172,7 +173,7 @@ static int32_t end_iteration(cairn_scan_match *x)
     cairn_motion_basis basis;
     cairn_real step[3], moved, by, gate_end = stage->gate_end * x->params.spacing, sigma = fit->sigma;
 
-    cairn_match_charge(x, 12 * MATCH_PART);
+    cairn_match_charge(x, 24 * MATCH_PART);
     fit->iteration++;
     if (fit->sums.pairs < LEAST_PAIRS) {
         conclude(x, NULL);
@@ -236,7 +237,7 @@ static void ask_query_point(cairn_scan_match *x, const cairn_oriented_point *q)
 {
     const cairn_oriented_point *m;
     match_search search;
-    int32_t parts = 6;
+    int32_t parts = 12;
 
     search.p = cairn_transform_point(x->tally_transform, q->position);
     search.direction = cairn_transform_direction(x->tally_transform, q->direction);
@@ -253,7 +254,7 @@ static void ask_query_point(cairn_scan_match *x, const cairn_oriented_point *q)
         return;
     }
     for (int32_t i = 0; i < x->view_count; i++) {
-        parts += 4;
+        parts += 8;
         if (cairn_match_profile_ask(&x->views[i], search.p, MARGIN * x->params.spacing) > 0) {
             x->tally.contradicted++;
             break;
@@ -269,7 +270,7 @@ static void ask_target_point(cairn_scan_match *x, const cairn_oriented_point *p)
 
     x->tally.target_explained += says < 0;
     x->tally.target_contradicted += says > 0;
-    cairn_match_charge(x, 8);
+    cairn_match_charge(x, 12);
 }
 
 static cairn_real share(cairn_real part, int32_t rest)

@@ -98,7 +98,7 @@ static void vote(cairn_scan_match *x, cairn_vec2 p, int32_t first, int32_t end)
         if (v->cell[cell] < UINT16_MAX)
             v->cell[cell]++;
     }
-    cairn_match_charge(x, (end - first) / 2 + 4);
+    cairn_match_charge(x, end - first + 8);
 }
 
 int32_t cairn_match_vote(cairn_scan_match *x)
@@ -177,12 +177,12 @@ int32_t cairn_match_peaks(cairn_scan_match *x)
     row = cell / v->width;
     column = cell % v->width;
     own = votes_of_four(v, column, row);
-    cairn_match_charge(x, 3);
+    cairn_match_charge(x, 4);
     candidate.score = (cairn_real)own;
     candidate.order = x->measure.candidates;
     if (x->candidate_count == v->most && !cairn_match_before(&candidate, &x->candidates[0]))
         return 0;
-    cairn_match_charge(x, 12);
+    cairn_match_charge(x, 36);
     if (!is_peak(v, column, row, own))
         return 0;
     x->measure.candidates++;
