@@ -164,9 +164,19 @@ static void conclude(cairn_scan_match *x, const cairn_motion_basis *basis)
     add_floor(x, h->covariance);
 }
 
+/* In the early stages, of which the scale of the residuals is that of the search, the prior would pull candidates of a wide
+ * window together; it counts there only when all of the window lies within the gate. */
+static int32_t prior_counts(const cairn_scan_match *x)
+{
+    const match_stage *stage = &STAGES[x->stage];
+
+    return x->has_window && (stage->dense || 2 * x->window.distance <= stage->gate_start * x->params.spacing);
+}
+
 /* One Gauss-Newton step; 1 when the fit is through. */
 static int32_t end_iteration(cairn_scan_match *x)
 {
+    int32_t use_prior = prior_counts(x);
     const match_stage *stage = &STAGES[x->stage];
     match_fit *fit = &x->fit;
     cairn_normal_equations equations, prior;
@@ -189,9 +199,9 @@ static int32_t end_iteration(cairn_scan_match *x)
     equations.information = scaled(fit->sums.lines, by);
     for (int k = 0; k < 3; k++)
         equations.gradient[k] = by * fit->sums.gradient[k];
-    if (x->has_window)
+    if (use_prior)
         prior = cairn_rigid_motion_prior(&fit->motion, &x->prior);
-    if (!cairn_motion_solve(&basis, &equations, x->has_window ? &prior : NULL, fit->gate, step)) {
+    if (!cairn_motion_solve(&basis, &equations, use_prior ? &prior : NULL, fit->gate, step)) {
         conclude(x, &basis);
         return 1;
     }
