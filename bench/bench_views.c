@@ -74,9 +74,9 @@ int bench_views_add(bench_views *views, const cairn_scan_input *input, cairn_pos
 void bench_views_free(bench_views *views)
 {
     for (int32_t i = 0; i < views->count; i++) {
-        free((void *)(uintptr_t)views->at[i].part.points);
-        free((void *)(uintptr_t)views->at[i].part.dense);
-        free((void *)(uintptr_t)views->at[i].part.beams);
+        free((void *)views->at[i].part.points);
+        free((void *)views->at[i].part.dense);
+        free((void *)views->at[i].part.beams);
         free(views->at[i].segments);
     }
     free(views->at);

@@ -672,16 +672,12 @@ int main(int argc, char **argv)
     const option_set set = {"bench/pairs", "--simulated | [--log FILE --truth FILE] [options]",
                             "Matches of two scans, from a guess or from none.", table, sizeof table / sizeof *table};
     size_t words = 0;
+    option_result result;
     int code = 0;
 
-    switch (options_read(&set, argc, argv, NULL, &words)) {
-    case OPTIONS_HELPED:
-        return 0;
-    case OPTIONS_BAD:
-        return 2;
-    default:
-        break;
-    }
+    result = options_read(&set, argc, argv, NULL, &words);
+    if (result != OPTIONS_READ)
+        return result;
     if (s.ablate)
         s.method = "shape";
     if (strcmp(s.method, "shape") == 0)

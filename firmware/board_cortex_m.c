@@ -82,7 +82,7 @@ uint32_t board_stack_peak(void)
 {
     const uint32_t *word = board_stack_bottom;
 
-    while (word < board_stack_top && *word == STACK_PAINT)
+    while (word != board_stack_top && *word == STACK_PAINT)
         word++;
     return (uint32_t)((uintptr_t)board_stack_top - (uintptr_t)word);
 }
@@ -105,9 +105,9 @@ _Noreturn void board_reset(void)
 
     COPROCESSOR_ACCESS |= 0xFu << 20; /* full access to the FPU */
     __asm__ volatile("dsb\n\tisb" ::: "memory");
-    for (uint32_t *word = board_data_start; word < board_data_end; word++)
+    for (uint32_t *word = board_data_start; word != board_data_end; word++)
         *word = *load++;
-    for (uint32_t *word = board_bss_start; word < board_bss_end; word++)
+    for (uint32_t *word = board_bss_start; word != board_bss_end; word++)
         *word = 0;
     /* Down to here the stack is in use already. */
     __asm__ volatile("mov %0, sp" : "=r"(painted));

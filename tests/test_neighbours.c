@@ -271,12 +271,14 @@ static void test_grid_buckets(void **state)
 
     (void)state;
     for (int32_t i = 0; i < 256; i++) {
-        cairn_vec2 p = {(cairn_real)(i % 16 - 8) / 2, (cairn_real)(i / 16 - 4) / 2};
+        int32_t row = i / 16, column = i - 16 * row;
+        cairn_vec2 p = {(cairn_real)(column - 8) / 2, (cairn_real)(row - 4) / 2};
 
         assert_ok(cairn_point_grid_insert(grid, p));
     }
     for (int32_t i = 0; i < 256; i++) {
-        cairn_vec2 p = {(cairn_real)(i % 16) / 2 - CAIRN_REAL(3.75), (cairn_real)(i / 16) / 2 - CAIRN_REAL(1.75)};
+        int32_t row = i / 16, column = i - 16 * row;
+        cairn_vec2 p = {(cairn_real)column / 2 - CAIRN_REAL(3.75), (cairn_real)row / 2 - CAIRN_REAL(1.75)};
         cairn_point_grid_cursor cursor = cairn_point_grid_begin(grid, p, 0);
 
         hash = test_hash(hash, &cursor.next, sizeof cursor.next);

@@ -174,7 +174,8 @@ static void same_poses(void **state)
         pool[k] = test_pool(cairn_pose_graph_memory(&params, own));
         assert_ok(cairn_pose_graph_create(&graph[k], &pool[k], &params, own));
         for (int32_t i = 0; i < 100; i++) {
-            cairn_pose pose = {(cairn_real)(i % 10), (cairn_real)(i / 10), 0};
+            int32_t row = i / 10;
+            cairn_pose pose = {(cairn_real)(i - 10 * row), (cairn_real)row, 0};
 
             assert_ok(cairn_pose_graph_add_pose(graph[k], pose));
         }

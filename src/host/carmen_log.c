@@ -381,7 +381,7 @@ cairn_status cairn_carmen_log_next(cairn_carmen_log *log, cairn_carmen_record *r
 static cairn_status collect(cairn_carmen_log *log, cairn_carmen_scans *scans, cairn_file_error *error)
 {
     size_t beams = 0, most = (size_t)scans->info.beams;
-    cairn_carmen_record record;
+    cairn_carmen_record record = {.kind = CAIRN_CARMEN_ODOMETRY};
     cairn_status status = CAIRN_OK;
 
     while (scans->count < (int32_t)scans->info.scans) {

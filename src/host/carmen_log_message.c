@@ -61,13 +61,18 @@ static void refuse(cursor *c, const char *token, size_t length, const char *expe
                                      cairn_token_text(shown, token, length), expected);
 }
 
-static void take_number(cursor *c, const char *wanted, int32_t index, double *value)
+static bool take_number(cursor *c, const char *wanted, int32_t index, double *value)
 {
     size_t length;
     const char *token = take(c, wanted, index, &length);
 
-    if (token != NULL && !cairn_number_read(token, length, value))
+    if (token == NULL)
+        return false;
+    if (!cairn_number_read(token, length, value)) {
         refuse(c, token, length, "a number");
+        return false;
+    }
+    return true;
 }
 
 /* Numbers that are finite, and small enough to be so in float and after some arithmetic, too. */
@@ -76,8 +81,7 @@ static void take_finite(cursor *c, const char *wanted, double *value, int32_t co
     int32_t i;
 
     for (i = 0; i < count; i++) {
-        take_number(c, wanted, 0, &value[i]);
-        if (c->status != CAIRN_OK)
+        if (!take_number(c, wanted, 0, &value[i]))
             return;
         if (!(fabs(value[i]) <= DBL_MAX))
             c->status = cairn_file_error_set(c->fault, CAIRN_NOT_FINITE, c->path, c->number,
@@ -167,7 +171,7 @@ static void read_flaser(cursor *c, cairn_carmen_message *m)
 static void read_robotlaser(cursor *c, cairn_carmen_message *m)
 {
     /* laser_type start_angle field_of_view angular_resolution maximum_range accuracy remission_mode */
-    double scanner[7], motion[5], value;
+    double scanner[7] = {0}, motion[5], value;
     int32_t remissions = 0, i;
 
     take_finite(c, "the scanner's description", scanner, 7);

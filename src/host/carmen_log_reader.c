@@ -60,7 +60,7 @@ cairn_status cairn_line_reader_open(cairn_line_reader **reader, const char *path
         return cairn_file_error_system(error, path, "open", ENOMEM);
     }
     r->file = file;
-    r->path = malloc(strlen(path) + 1);
+    r->path = strdup(path);
     r->buffer = malloc(FIRST_CAPACITY);
     r->input = malloc(INPUT_BYTES);
     r->capacity = FIRST_CAPACITY;
@@ -68,7 +68,6 @@ cairn_status cairn_line_reader_open(cairn_line_reader **reader, const char *path
         cairn_line_reader_close(r);
         return cairn_file_error_system(error, path, "open", ENOMEM);
     }
-    memcpy(r->path, path, strlen(path) + 1);
     *reader = r;
     return CAIRN_OK;
 }
@@ -319,11 +318,13 @@ size_t cairn_token_next(const char **at, const char *end, const char **token)
 
 const char *cairn_token_text(char text[CAIRN_TOKEN_TEXT_BYTES], const char *token, size_t length)
 {
-    char shown[24];
-    size_t count = length < sizeof shown ? length : sizeof shown, i;
+    enum { SHOWN = 24 };
+    size_t count = length < SHOWN ? length : SHOWN, i;
+    char *at = text;
 
+    *at++ = '"';
     for (i = 0; i < count; i++)
-        shown[i] = (char)(token[i] >= ' ' && token[i] <= '~' ? token[i] : '?');
-    (void)snprintf(text, CAIRN_TOKEN_TEXT_BYTES, "\"%.*s%s\"", (int)count, shown, count < length ? "..." : "");
+        *at++ = (char)(token[i] >= ' ' && token[i] <= '~' ? token[i] : '?');
+    (void)snprintf(at, CAIRN_TOKEN_TEXT_BYTES - 1 - count, "%s\"", count < length ? "..." : "");
     return text;
 }

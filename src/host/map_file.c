@@ -204,7 +204,7 @@ static cairn_status take_origin(yaml_view *view, cairn_pose *origin)
     const char *wanted = "a list of three finite numbers: x, y, yaw";
     yaml_node_t *node = view->value[KEY_ORIGIN];
     yaml_node_item_t *item;
-    cairn_real part[3];
+    cairn_real *const part[] = {&origin->x, &origin->y, &origin->theta};
     cairn_status status;
     int i;
 
@@ -217,13 +217,10 @@ static cairn_status take_origin(yaml_view *view, cairn_pose *origin)
                                     wanted);
     for (i = 0; i < 3; i++) {
         status = take_number(view, KEY_ORIGIN, yaml_document_get_node(&view->document, item[i]), -(double)FLT_MAX,
-                             (double)FLT_MAX, wanted, &part[i]);
+                             (double)FLT_MAX, wanted, part[i]);
         if (status != CAIRN_OK)
             return status;
     }
-    origin->x = part[0];
-    origin->y = part[1];
-    origin->theta = part[2];
     return CAIRN_OK;
 }
 

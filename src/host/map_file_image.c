@@ -96,7 +96,7 @@ static cairn_status read_plain_pixels(pgm_reader *r, cairn_image *image)
 
 static cairn_status read_pgm(cairn_image *image, pgm_reader *r, int plain)
 {
-    int64_t width, height, levels;
+    int64_t width = 0, height = 0, levels = 0;
     size_t count, got;
     cairn_status status;
 

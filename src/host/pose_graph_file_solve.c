@@ -32,7 +32,7 @@ static cairn_status count_fill(const cairn_pose_graph_file *file, int32_t *fill)
 {
     cairn_block_solver_params params = {file->vertex_count, file->edge_count, 0};
     cairn_budget budget = {CAIRN_UNBOUNDED};
-    cairn_block_solver *solver;
+    cairn_block_solver *solver = NULL;
     cairn_status status;
     cairn_pool pool;
     void *memory;
@@ -52,7 +52,7 @@ static cairn_status count_fill(const cairn_pose_graph_file *file, int32_t *fill)
         if (status == CAIRN_MORE)
             status = CAIRN_OK;
     }
-    if (status == CAIRN_OK || status == CAIRN_FULL) {
+    if (solver != NULL && (status == CAIRN_OK || status == CAIRN_FULL)) {
         *fill = cairn_block_solver_read(solver).fill;
         status = CAIRN_OK;
     }

@@ -43,7 +43,7 @@ static cairn_real line_through(const cairn_scan_view *view, int32_t low, int32_t
 static int surface_direction(const cairn_scan_view *view, int32_t i, cairn_vec2 *direction)
 {
     const cairn_beam *beam = &view->beams[i];
-    cairn_vec2 to_sensor = cairn_vec2_sub(beam->from, beam->to), side;
+    cairn_vec2 to_sensor = cairn_vec2_sub(beam->from, beam->to);
     cairn_real reach = CAIRN_REAL(0.08) + CAIRN_REAL(0.03) * cairn_vec2_norm(to_sensor), spread;
     int32_t low = i, high = i;
 
@@ -53,6 +53,7 @@ static int surface_direction(const cairn_scan_view *view, int32_t i, cairn_vec2 
         high++;
     spread = line_through(view, low, high, direction);
     if (spread > BENT * BENT) {
+        cairn_vec2 side = *direction;
         cairn_real before = i - low >= 2 ? line_through(view, low, i, &side) : -1;
 
         if (before >= 0 && before < spread / 2) {
@@ -63,9 +64,11 @@ static int surface_direction(const cairn_scan_view *view, int32_t i, cairn_vec2 
         if (before >= 0 && before < spread / 2)
             *direction = side;
     }
+    if (spread < 0)
+        return 0;
     if (cairn_vec2_cross(*direction, to_sensor) < 0)
         *direction = cairn_vec2_scale(*direction, -1);
-    return spread >= 0;
+    return 1;
 }
 
 int32_t cairn_scan_match_dense(const cairn_scan_view *view, cairn_oriented_point *dense)

@@ -14,7 +14,7 @@ static int32_t bearing_of(cairn_vec2 d)
     if (!(sum > 0))
         return 0;
     turn = d.x >= 0 ? (d.y >= 0 ? d.y / sum : 4 + d.y / sum) : 2 - d.y / sum;
-    return cairn_real_to_int(turn * (MATCH_BEARINGS / 4)) & (MATCH_BEARINGS - 1);
+    return cairn_real_to_int(turn / 4 * MATCH_BEARINGS) & (MATCH_BEARINGS - 1);
 }
 
 void cairn_match_profile_clear(match_profile *profile, cairn_vec2 sensor)
