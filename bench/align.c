@@ -14,6 +14,7 @@
 #include "bench/bench_align.h"
 #include "bench/bench_bound.h"
 #include "bench/bench_json.h"
+#include "bench/bench_lum.h"
 #include "bench/bench_score.h"
 #include "cairn/force_field.h"
 #include "cairn/random.h"
@@ -162,6 +163,8 @@ static int run_method(const settings *s, const sim_scan *scans, int32_t count, b
         return run_gradient(s, scans, count, poses, out);
     if (strcmp(s->method, "icp") == 0)
         done = bench_run_icp(scans, count, 20, poses, &run);
+    else if (strcmp(s->method, "lum") == 0)
+        done = bench_run_lum(scans, count, (int32_t)s->steps, 5, poses, &run);
     else
         done = bench_run_default(scans, count, s->without, poses, &run);
     out->steps = run.steps;
@@ -530,8 +533,9 @@ static int check(const settings *s)
         fprintf(stderr, "bench/align: unknown scene '%s', expected one of cairn-arena's\n", s->scene);
         return 0;
     }
-    if (strcmp(s->method, "default") != 0 && strcmp(s->method, "gradient") != 0 && strcmp(s->method, "icp") != 0) {
-        fprintf(stderr, "bench/align: unknown method '%s', expected default, gradient or icp\n", s->method);
+    if (strcmp(s->method, "default") != 0 && strcmp(s->method, "gradient") != 0 && strcmp(s->method, "icp") != 0 &&
+        strcmp(s->method, "lum") != 0) {
+        fprintf(stderr, "bench/align: unknown method '%s', expected default, gradient, icp or lum\n", s->method);
         return 0;
     }
     if (s->ablate && strcmp(s->method, "default") != 0) {
@@ -568,7 +572,7 @@ int main(int argc, char **argv)
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
         OPTION_NUMBER("--trans", &s.metres, 0.001, 10, "M", "disturbance of x and y, uniform +-, m"),
         OPTION_NUMBER("--rot", &s.degrees, 0.01, 180, "DEG", "disturbance of the heading, uniform +-, degrees"),
-        OPTION_TEXT("--method", &s.method, "NAME", "default, gradient (as in the thesis), icp (default)"),
+        OPTION_TEXT("--method", &s.method, "NAME", "default, gradient (as in the thesis), icp, lum (default)"),
         OPTION_TEXT("--scene", &s.scene, "NAME", "scene of the arenas (rescue)"),
         OPTION_INTEGER("--places", &s.places, 1, 1000, "N", "places with scans"),
         OPTION_INTEGER("--headings", &s.headings, 1, 64, "N", "scans at each place"),

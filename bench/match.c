@@ -27,7 +27,7 @@ typedef struct settings {
     int64_t arenas, seed, places;
     double tilt, movers;
     double sub_error[2]; /* m, degrees */
-    int32_t decoupled, ablate;
+    int32_t decoupled;
 } settings;
 
 /* What a mapper is given of an arena, and the truth that it is not. */
@@ -279,6 +279,117 @@ static cairn_place_map_params params_of(const settings *s)
     return params;
 }
 
+/* ---- Pictures: the input by odometry, scan by scan, ours, the truth (as in Adluru 2008, figures 6.6 and 6.7) ---- */
+
+enum { PANELS = 4 };
+
+static const char *const PANEL_TITLES[PANELS] = {"odometry", "in sequence", "cairn", "truth"};
+
+/* End points of the beams of all scans, in the frames of the scans: scans[k].point into one array; NULL: no memory. */
+static cairn_vec2 *hits_of(const problem *p, cairn_report_scan *scans)
+{
+    size_t beams = 0, used = 0;
+    cairn_vec2 *points;
+
+    for (int32_t k = 0; k < p->scan_count; k++)
+        beams += (size_t)p->scans[k].count;
+    points = malloc(beams * sizeof *points);
+    for (int32_t k = 0; k < p->scan_count && points != NULL; k++) {
+        const sim_scan *scan = &p->scans[k];
+
+        memset(&scans[k], 0, sizeof scans[k]);
+        scans[k].point = points + used;
+        for (int32_t i = 0; i < scan->count; i++) {
+            double angle = scan->angle_min + i * scan->angle_step, range = (double)scan->range[i];
+            sim_pose end = {range * cos(angle), range * sin(angle), 0};
+
+            if (!isfinite(range))
+                continue;
+            end = bench_pose_compose(scan->base_sensor, end);
+            points[used].x = (cairn_real)end.x;
+            points[used++].y = (cairn_real)end.y;
+            scans[k].point_count++;
+        }
+    }
+    return points;
+}
+
+/* The poses of one panel, and their errors as its note. */
+static void fill_panel(const problem *p, const sim_pose *poses, const char *title, char *note, size_t note_size,
+                       cairn_pose *out, cairn_report_panel *panel)
+{
+    double metres = 0, degrees = 0, m, d;
+
+    for (int32_t k = 0; k < p->scan_count; k++) {
+        errors(&p->truth[k], &poses[k], 1, &m, &d);
+        metres += m / p->scan_count;
+        degrees += d / p->scan_count;
+        out[k].x = (cairn_real)poses[k].x;
+        out[k].y = (cairn_real)poses[k].y;
+        out[k].theta = (cairn_real)poses[k].theta;
+    }
+    (void)snprintf(note, note_size, "mean error %.3f m, %.2f degrees", metres, degrees);
+    memset(panel, 0, sizeof *panel);
+    panel->title = title;
+    panel->note = note;
+    panel->pose = out;
+}
+
+static int draw(const settings *s, const problem *p, uint64_t seed, sim_pose *const poses[PANELS])
+{
+    size_t n = (size_t)p->scan_count;
+    cairn_report_map picture = cairn_report_map_default();
+    cairn_report_panel panels[PANELS];
+    cairn_report_scan *scans = malloc(n * sizeof *scans);
+    cairn_pose *copies = malloc(PANELS * n * sizeof *copies);
+    cairn_vec2 *points = scans != NULL ? hits_of(p, scans) : NULL;
+    char notes[PANELS][80], path[512];
+    cairn_file_error error;
+    int done = 0;
+
+    if (points != NULL && copies != NULL) {
+        for (int k = 0; k < PANELS; k++)
+            fill_panel(p, poses[k], PANEL_TITLES[k], notes[k], sizeof notes[k], copies + (size_t)k * n, &panels[k]);
+        picture.title = "Places without odometry";
+        picture.panel = panels;
+        picture.panel_count = PANELS;
+        picture.scan = scans;
+        picture.scan_count = p->scan_count;
+        (void)snprintf(path, sizeof path, "%s/match-%" PRIu64 ".svg", s->pictures, seed);
+        done = cairn_report_map_write(path, &picture, &error) == CAIRN_OK;
+        if (!done)
+            fprintf(stderr, "bench/match: cannot write %s\n", path);
+    }
+    free(scans);
+    free(copies);
+    free(points);
+    return done;
+}
+
+/* Maps the places one after the other for comparison, and draws all. poses: ours. */
+static int draw_arena(const settings *s, const problem *p, uint64_t seed, sim_pose *poses)
+{
+    cairn_place_map_params params = params_of(s);
+    machine m = {NULL, 0, NULL, NULL};
+    size_t n = (size_t)p->scan_count;
+    sim_pose *others = malloc(2 * n * sizeof *others);
+    outcome unused;
+    int done = 0;
+
+    memset(&unused, 0, sizeof unused);
+    params.mode = CAIRN_PLACE_MAP_SEQUENTIAL;
+    if (others != NULL && make_machine(&params, &m) && map_scans(p, &m) && score(p, &m, others + n, &unused)) {
+        sim_pose *const all[PANELS] = {others, others + n, poses, p->truth};
+
+        for (size_t k = 0; k < n; k++)
+            others[k] = p->scans[k].odometry;
+        done = draw(s, p, seed, all);
+    }
+    free(others);
+    free(m.memory);
+    return done;
+}
+
 static int run_arena(const settings *s, uint64_t seed, outcome *out)
 {
     cairn_place_map_params params = params_of(s);
@@ -317,6 +428,8 @@ static int run_arena(const settings *s, uint64_t seed, outcome *out)
         bench_json_number("seconds", out->seconds);
         bench_json_end();
     }
+    if (done && s->pictures != NULL)
+        done = draw_arena(s, &p, seed, poses);
     free(poses);
     free(m.memory);
     free_problem(&p);
@@ -396,7 +509,7 @@ static int run(const settings *s)
 
 int main(int argc, char **argv)
 {
-    settings s = {"consensus", "rescue", NULL, 20, 1, 16, 0, 0, {0, 0}, 0, 0};
+    settings s = {"consensus", "rescue", NULL, 20, 1, 16, 0, 0, {0, 0}, 0};
     const option table[] = {
         OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
@@ -407,6 +520,7 @@ int main(int argc, char **argv)
         OPTION_NUMBER("--movers", &s.movers, 0, 0.5, "SHARE", "of the beams that end on movers"),
         OPTION_PAIR("--sub-error", s.sub_error, 0, 10, "M,DEG",
                     "scans within a place are off, uniform +-, m and degrees"),
+        OPTION_TEXT("--pictures", &s.pictures, "DIR", "draws match-SEED.svg into an existing folder"),
         OPTION_FLAG("--decoupled", &s.decoupled, "at the end every scan is aligned by itself"),
     };
     const option_set set = {"bench/match", "[options]", "Maps of places without odometry.", table,

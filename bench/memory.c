@@ -41,6 +41,8 @@ int main(void)
     field.max_points = 6000;
     field.max_segments = field.max_corners = 900;
     print("force_field", "60 scans, 6000 points, 900 segments, 900 corners", cairn_force_field_memory(&field));
+    field.spacing = CAIRN_REAL(0.10);
+    print("force_field", "as before, points made on the fly", cairn_force_field_memory(&field));
     aligner.max_scans = 60;
     aligner.max_segments = 600;
     aligner.max_points = 3000;

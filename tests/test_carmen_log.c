@@ -766,6 +766,15 @@ static void test_nothing_to_read(void **state)
         assert_status(cairn_carmen_log_open(&log, "/proc/self/mem", NULL, NULL), CAIRN_IO);
     }
 
+    /* Only both bytes of gzip tell it. */
+    for (int k = 0; k < 2; k++) {
+        assert_ok(cairn_carmen_log_open(&log,
+                                        files_write_text("bytes.log", k ? "\x1fx\nFLASER 1 1 0 0 0 0 0 0 1 h 1\n"
+                                                                        : "y\x8b\nFLASER 1 1 0 0 0 0 0 0 1 h 1\n"),
+                                        NULL, &error));
+        cairn_carmen_log_close(log);
+    }
+
     path = files_write_text("good.log", "FLASER 1 1 0 0 0 0 0 0 1 h 1\n");
     params.range_max = -1;
     assert_status(cairn_carmen_log_open(&log, path, &params, &error), CAIRN_BAD_ARGUMENT);

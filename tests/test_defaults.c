@@ -4,6 +4,7 @@
 #include "cairn/aligner.h"
 #include "cairn/block_solver.h"
 #include "cairn/carmen_log.h"
+#include "cairn/lum.h"
 #include "cairn/map_file.h"
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
@@ -99,6 +100,7 @@ static void of_matches_and_corners(void **state)
 {
     cairn_block_solver_params solver = cairn_block_solver_default();
     cairn_pose_graph_params graph = cairn_pose_graph_default();
+    cairn_lum_params lum = cairn_lum_default();
     cairn_icp_params icp = cairn_icp_default();
     cairn_scan_match_params match = cairn_scan_match_default();
     cairn_sequence_params sequence = cairn_sequence_default();
@@ -107,6 +109,17 @@ static void of_matches_and_corners(void **state)
         VALUE(solver.max_poses, 1000),
         VALUE(solver.max_links, 3000),
         VALUE(solver.max_fill, 12000),
+        VALUE(lum.max_scans, 64),
+        VALUE(lum.max_points, 8192),
+        VALUE(lum.max_links, 2016),
+        VALUE(lum.max_fill, 2016),
+        VALUE(lum.min_pairs, 5),
+        VALUE(lum.max_iterations, 500),
+        VALUE(lum.rebuild, 0),
+        VALUE(lum.distance, 0.2),
+        VALUE(lum.direction_gate, 60 * DEGREE),
+        VALUE(lum.sigma, 0.02),
+        VALUE(lum.converged * 1000, 0.1),
         VALUE(graph.max_poses, 1000),
         VALUE(graph.max_links, 3000),
         VALUE(graph.max_fill, 12000),
@@ -130,6 +143,7 @@ static void of_matches_and_corners(void **state)
         VALUE(icp.converged_distance * 1000, 0.1),
         VALUE(icp.converged_angle * 1000, 0.1),
         VALUE(icp.weak_ratio, 0.01),
+        VALUE(icp.roll_back, 0),
         VALUE(match.mode, CAIRN_SCAN_MATCH_CORRELATIVE),
         VALUE(match.max_target, 2048),
         VALUE(match.max_dense, 4096),

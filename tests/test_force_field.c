@@ -704,15 +704,14 @@ static void test_two_corners_come_together(void **state)
 }
 
 /* Three scans of one corner each, as in figure 7.6. The forces on a scan, and with them its steps, are proportional to the
- * density of the points: at 2 cm the twelve steps of the thesis suffice; every 10 cm they need twice the dt and more steps. */
-static void three_corners(double spacing, double dt, int steps, double metres, double degrees)
+ * density of the points: at 2 cm the twelve steps of the thesis suffice; with fewer points dt must be larger. */
+static void three_corners(double spacing, cairn_force_field_params p, int steps, double metres, double degrees)
 {
     static const double ends[3][2] = {{1.5, 1.2}, {1, 1.4}, {1.3, 0.8}};
-    cairn_force_field_params p = small_params();
     struct scan scan;
     struct fixture f;
 
-    p.dt_start = (cairn_real)dt;
+    p.max_scans = 3;
     f = field_with(&p);
     for (int i = 0; i < 3; i++) {
         scan_corner(&scan, ends[i][0], ends[i][1], spacing);
@@ -728,8 +727,12 @@ static void three_corners(double spacing, double dt, int steps, double metres, d
 static void test_three_corners_come_together(void **state)
 {
     (void)state;
-    three_corners(0.02, 0.05, 12, 0.02, 0.5);
-    three_corners(0.10, 0.10, 45, 0.03, 1);
+    three_corners(0.02, cairn_force_field_default(), 12, 0.02, 0.5);
+    three_corners(0.03, cairn_force_field_spaced(CAIRN_REAL(0.03)), 12, 0.02, 0.6);
+    three_corners(0.05, cairn_force_field_spaced(CAIRN_REAL(0.05)), 12, 0.03, 1);
+    three_corners(0.10, cairn_force_field_spaced(CAIRN_REAL(0.10)), 50, 0.04, 1);
+    assert_near(cairn_force_field_spaced(CAIRN_REAL(0.08)).dt_start, 0.10, 1e-6);
+    assert_near(cairn_force_field_spaced(CAIRN_REAL(0.08)).dt_end, 0.02, 1e-6);
 }
 
 /* With sigma held and short steps the potential falls in every one. The force does not fade towards distance 0, so in the

@@ -732,6 +732,8 @@ static void test_budgets(void **state)
         assert_int_equal(units[k], units[0]);
         assert_int_equal(results[k].verdict, CAIRN_ICP_CONVERGED);
     }
+    /* As counted once: what a change of the charges or of the work done would change. */
+    assert_int_equal(units[0], NUMBER(2796, 2788));
     assert_int_equal((units[0] - results[0].iterations * (2 * query.count + 12)) % 8, 0);
     assert_in_range(units[0], results[0].iterations * (2 * query.count + 12),
                     results[0].iterations * (2 * query.count + 12) + results[0].iterations * query.count);
@@ -822,7 +824,7 @@ static void test_bad_params(void **state)
     assert_true(cairn_icp_memory(&bad) > 0);
     bad.max_target = 1 << 24;
     assert_true(cairn_icp_memory(&bad) > 0);
-    for (int k = 0; k < 26; k++) {
+    for (int k = 0; k < 28; k++) {
         bad = params;
         switch (k) {
         case 0:
@@ -899,6 +901,12 @@ static void test_bad_params(void **state)
             break;
         case 24:
             bad.gate_end = nan;
+            break;
+        case 25:
+            bad.roll_back = 2;
+            break;
+        case 26:
+            bad.roll_back = -1;
             break;
         default:
             bad.direction_gate = nan;
@@ -1017,6 +1025,80 @@ static void test_bad_inputs(void **state)
     test_pool_free(&pool);
 }
 
+/* The twin runs without roll-back for 1, 2, ... iterations, and finds where pairs get fewer and farther apart. */
+static void what_gets_worse_is_rolled_back(void **state)
+{
+    static struct points target, query;
+    cairn_icp_params params = cairn_icp_default();
+    cairn_random random = cairn_random_seed(5, 1);
+    int32_t rolled_back = 0;
+
+    (void)state;
+    params.gate_end = params.gate_start;
+    for (int32_t trial = 0; trial < 40; trial++) {
+        cairn_icp_result last, expected, found;
+        cairn_pose start = random_pose(&random, CAIRN_REAL(0.3), CAIRN_REAL(0.3));
+        cairn_pool pool;
+        cairn_icp *icp;
+
+        target.count = query.count = 60;
+        for (int32_t i = 0; i < 60; i++) {
+            cairn_pose p = random_pose(&random, 2, CAIRN_PI), q = random_pose(&random, 2, CAIRN_PI);
+
+            target.at[i].position.x = p.x;
+            target.at[i].position.y = p.y;
+            cairn_sincos(p.theta, &target.at[i].direction.y, &target.at[i].direction.x);
+            query.at[i].position.x = q.x;
+            query.at[i].position.y = q.y;
+            cairn_sincos(q.theta, &query.at[i].direction.y, &query.at[i].direction.x);
+        }
+        memset(&last, 0, sizeof last);
+        memset(&expected, 0, sizeof expected);
+        for (int32_t k = 1; k <= 12 && expected.verdict != CAIRN_ICP_ROLLED_BACK; k++) {
+            cairn_pose before = k == 1 ? start : last.target_query;
+
+            params.roll_back = 0;
+            params.max_iterations = k;
+            icp = make_icp(&pool, params);
+            add_target(icp, &target);
+            expected = align(icp, &query, start, NULL);
+            test_pool_free(&pool);
+            if (k > 1 && expected.verdict != CAIRN_ICP_TOO_FEW_PAIRS && expected.iterations == k &&
+                expected.pairs < last.pairs && expected.mean_distance > last.mean_distance) {
+                expected = last;
+                expected.verdict = CAIRN_ICP_ROLLED_BACK;
+                expected.iterations = k;
+            } else {
+                /* the pose that these pairs belong to */
+                last = expected;
+                last.weak[0] = before.x;
+                last.weak[1] = before.y;
+                last.weak[2] = before.theta;
+            }
+        }
+        params.roll_back = 1;
+        icp = make_icp(&pool, params);
+        add_target(icp, &target);
+        found = align(icp, &query, start, NULL);
+        test_pool_free(&pool);
+        assert_int_equal(found.verdict, expected.verdict);
+        assert_int_equal(found.iterations, expected.iterations);
+        assert_int_equal(found.pairs, expected.pairs);
+        assert_near(found.mean_distance, expected.mean_distance, 0);
+        assert_near(found.overlap, expected.overlap, 0);
+        if (found.verdict == CAIRN_ICP_ROLLED_BACK) {
+            rolled_back++;
+            assert_near(found.target_query.x, expected.weak[0], 0);
+            assert_near(found.target_query.y, expected.weak[1], 0);
+            assert_near(found.target_query.theta, expected.weak[2], 0);
+        } else {
+            assert_near(found.target_query.x, expected.target_query.x, 0);
+        }
+    }
+    assert_true(rolled_back > 3);
+    assert_true(rolled_back < 40);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -1033,6 +1115,7 @@ int main(void)
         cmocka_unit_test(test_few_points),
         cmocka_unit_test(test_bad_params),
         cmocka_unit_test(test_bad_inputs),
+        cmocka_unit_test(what_gets_worse_is_rolled_back),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

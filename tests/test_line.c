@@ -117,6 +117,22 @@ static void test_fit_far_away(void **state)
     assert_ok(cairn_line_fit(points, NULL, 30, &line));
     assert_near(line.direction.y / line.direction.x, 0.5, NUMBER(1e-12, 1e-5));
     assert_near(line.rms, 0, NUMBER(1e-9, 1e-4));
+    /* Nor in a point that does not count. */
+    {
+        cairn_real weights[30];
+
+        for (int i = 0; i < 30; i++) {
+            weights[i] = i == 0 ? 0 : 1;
+            points[i].x = (cairn_real)i;
+            points[i].y = 1;
+        }
+        points[0].x = NUMBER(1e12, 1e8f);
+        points[0].y = -points[0].x;
+        assert_ok(cairn_line_fit(points, weights, 30, &line));
+        assert_near(line.mean.x, 15, 0);
+        assert_near(line.mean.y, 1, 0);
+        assert_near(line.rms, 0, 0);
+    }
 }
 
 static void test_fit_statuses(void **state)
@@ -198,6 +214,31 @@ static void test_merge(void **state)
     merge_against_points(above, 5, upright, 1);
 }
 
+/* By hand: what lies in line; the first one's sense among equal masses; two that lie side by side at a distance d, whose
+ * scatter along is 2 * 4/12 and across d^2/2. */
+static void test_merge_known(void **state)
+{
+    cairn_segment a = {{0, 0}, {2, 0}}, b = {{5, 0}, {3, 0}}, above = {{0, 0}, {2, 0}}, merged;
+
+    (void)state;
+    assert_ok(cairn_segment_merge(a, 1, b, 1, &merged));
+    assert_near(merged.a.x, 0, 1e-6);
+    assert_near(merged.b.x, 5, 1e-6);
+    assert_ok(cairn_segment_merge(a, 1, b, 3, &merged));
+    assert_near(merged.a.x, 5, 1e-6);
+    assert_near(merged.b.x, 0, 1e-6);
+    assert_near(merged.a.y, 0, 1e-6);
+    for (int k = 0; k < 2; k++) {
+        cairn_real d = k ? CAIRN_REAL(1.18) : CAIRN_REAL(1.13);
+
+        above.a.y = above.b.y = d;
+        assert_ok(cairn_segment_merge(a, 1, above, 1, &merged));
+        assert_near(cairn_abs(merged.b.x - merged.a.x), k ? 0 : 2, 1e-6);
+        assert_near(cairn_abs(merged.b.y - merged.a.y), k ? d : 0, 1e-6);
+        assert_near(merged.a.y + merged.b.y, d, 1e-6);
+    }
+}
+
 static void test_merge_statuses(void **state)
 {
     cairn_segment a = {{0, 0}, {1, 0}}, point = {{3, 3}, {3, 3}}, bad = {{0, 0}, {(cairn_real)NAN, 0}}, merged = a;
@@ -218,9 +259,13 @@ static void test_merge_statuses(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_fit),          cmocka_unit_test(test_fit_without_weights),
-        cmocka_unit_test(test_fit_far_away), cmocka_unit_test(test_fit_statuses),
-        cmocka_unit_test(test_merge),        cmocka_unit_test(test_merge_statuses),
+        cmocka_unit_test(test_fit),
+        cmocka_unit_test(test_fit_without_weights),
+        cmocka_unit_test(test_fit_far_away),
+        cmocka_unit_test(test_fit_statuses),
+        cmocka_unit_test(test_merge),
+        cmocka_unit_test(test_merge_known),
+        cmocka_unit_test(test_merge_statuses),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

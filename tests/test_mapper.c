@@ -272,6 +272,8 @@ static void capacities_and_bad_input_change_nothing(void **state)
     assert_status(status, CAIRN_FULL);
     assert_int_equal(cairn_mapper_measure(mapper).keys, 2);
     assert_int_equal(cairn_mapper_read(mapper).verdict, CAIRN_MAPPER_MATCHED);
+    assert_int_equal(cairn_mapper_read(mapper).is_key, 0);
+    assert_int_equal(cairn_mapper_read(mapper).key, 1);
     assert_status(cairn_mapper_add(mapper, &input, NULL, NULL), CAIRN_FULL);
     test_pool_free(&pool);
     end_drive(&d);
@@ -388,8 +390,48 @@ static void bad_params_are_refused(void **state)
     REFUSED(scan.max_beams, 0);
     REFUSED(icp.max_iterations, 0);
     REFUSED(field.max_steps, 0);
+    REFUSED(key_distance, (cairn_real)NAN);
+    REFUSED(key_turn, (cairn_real)NAN);
+    REFUSED(odometry_distance, (cairn_real)NAN);
+    REFUSED(odometry_turn, (cairn_real)NAN);
+    REFUSED(odometry_distance_min, (cairn_real)NAN);
+    REFUSED(odometry_turn_min, (cairn_real)NAN);
+    REFUSED(min_support, (cairn_real)NAN);
+    REFUSED(window, -1);
 #undef REFUSED
     assert_int_equal(pool.used, 0);
+#define ALLOWED(field, value)                                                                                          \
+    do {                                                                                                               \
+        cairn_mapper_params edge = good;                                                                               \
+        edge.field = value;                                                                                            \
+        assert_true(cairn_mapper_memory(&edge) > 0);                                                                   \
+    } while (0)
+    ALLOWED(max_keys, 1);
+    ALLOWED(max_keys, 1 << 20);
+    ALLOWED(local_keys, good.local_recent);
+    ALLOWED(local_keys, CAIRN_MAPPER_LOCAL_MOST);
+    ALLOWED(local_recent, 1);
+    ALLOWED(local_recent, good.local_keys);
+    ALLOWED(window, 64);
+    ALLOWED(window_free, 1);
+    ALLOWED(window_free, good.window - 1);
+    ALLOWED(odometry_distance, 0);
+    ALLOWED(odometry_turn, 0);
+    ALLOWED(min_support, 0);
+    ALLOWED(min_support, 1);
+    good.window = 0;
+    good.window_free = 0;
+    ALLOWED(local_keys, CAIRN_MAPPER_LOCAL_MOST);
+    good.window = 2;
+    good.window_free = 1;
+    ALLOWED(max_keys, 1);
+    good.local_keys = good.local_recent = 1;
+    ALLOWED(max_keys, 1);
+    ALLOWED(scan.max_points, 1);
+    ALLOWED(scan.max_points, 1 << 17);
+    ALLOWED(scan.max_segments, 1);
+    ALLOWED(scan.max_segments, 1 << 17);
+#undef ALLOWED
     test_pool_free(&pool);
 }
 

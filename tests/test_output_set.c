@@ -67,6 +67,7 @@ static int is_root(void)
 static void test_all_come_at_the_commit(void **state)
 {
     static const char folder[] = "one/two/three";
+    char stage[128];
     cairn_file_error error;
     cairn_output_set *set;
 
@@ -74,6 +75,8 @@ static void test_all_come_at_the_commit(void **state)
     assert_ok(cairn_output_set_check(files_path(folder), names, FILES, &error));
     assert_int_equal(count_in("one"), -1);
     assert_ok(cairn_output_set_open(&set, files_path(folder), names, FILES, &error));
+    (void)snprintf(stage, sizeof stage, "%s/.cairn-%ld-0.part", folder, (long)getpid());
+    assert_int_equal(count_in(stage), 0);
     write_all(set, "first");
     assert_file(folder, "a.txt", NULL);
     assert_int_equal(count_in(folder), 1);

@@ -188,6 +188,9 @@ static void counting_saturates(void **state)
     cairn_pool_count(&counting, 48);
     cairn_pool_count(&counting, 0);
     assert_int_equal(cairn_pool_counted(&counting), 0);
+    cairn_pool_init_counting(&counting);
+    assert_null(cairn_pool_take_one(&counting, 24));
+    assert_int_equal(counting.used, CAIRN_PIECE_BYTES(1, 24));
 
     cairn_pool_init_counting(&counting);
     assert_null(cairn_pool_take(&counting, SIZE_MAX / 32, 16));

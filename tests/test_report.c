@@ -77,6 +77,28 @@ static char *draw(const cairn_report_map *map)
     return svg;
 }
 
+/* The whole picture but the bytes of its images, which are zlib's, as a hash. Places in float are others. */
+static void assert_picture(const char *svg, uint64_t expected)
+{
+#ifndef CAIRN_FLOAT
+    uint64_t hash = TEST_HASH_START;
+    const char *image;
+
+    while ((image = strstr(svg, "base64,")) != NULL) {
+        hash = test_hash(hash, svg, (size_t)(image - svg));
+        svg = strchr(image, '"');
+        assert_non_null(svg);
+    }
+    hash = test_hash(hash, svg, strlen(svg));
+    if (hash != expected)
+        fail_msg("the picture's hash is 0x%016llx, expected 0x%016llx", (unsigned long long)hash,
+                 (unsigned long long)expected);
+#else
+    (void)svg;
+    (void)expected;
+#endif
+}
+
 /* Two scans of one point each at (0, 0) and (10, 5), in two frames, and a panel for them. */
 typedef struct sample {
     cairn_vec2 point[2];
@@ -140,6 +162,7 @@ static void test_places(void **state)
     assert_lacks(svg, "doubtful");
     assert_lacks(svg, "<image");
     assert_holds(svg, "<title>Map</title>");
+    assert_picture(svg, UINT64_C(0xefa45935c5d1b675));
     free(svg);
 
     /* Segments take the place of points. */
@@ -152,6 +175,7 @@ static void test_places(void **state)
         /* The box is that of the segment's middle, the point and the poses: 0.5 .. 10. */
         assert_holds(svg, "L");
         assert_int_equal(count_of(svg, "h0"), 1);
+        assert_picture(svg, UINT64_C(0x5d57aa45481fd52f));
         free(svg);
     }
 }
@@ -181,10 +205,12 @@ static void test_texts_and_panels(void **state)
     assert_holds(svg, "x=\"267.0\" y=\"106.0\"");
     assert_holds(svg, "x=\"753.0\" y=\"106.0\"");
     assert_int_equal(count_of(svg, "<clipPath"), 4);
+    assert_picture(svg, UINT64_C(0x6f371dea6c1809a6));
     free(svg);
     s.map.title = NULL;
     svg = draw(&s.map);
     assert_holds(svg, "x=\"24.0\" y=\"82.0\"");
+    assert_picture(svg, UINT64_C(0x61e5256b7ffbc3d7));
     free(svg);
 }
 
@@ -209,6 +235,7 @@ static void test_common_scale(void **state)
     assert_holds(svg, "M214.0 ");
     assert_holds(svg, "L300.0 ");
     assert_lacks(svg, ">walls</text>");
+    assert_picture(svg, UINT64_C(0x15f151f118147b75));
     free(svg);
 }
 
@@ -225,6 +252,7 @@ static void test_tall_and_tiny_maps(void **state)
     svg = draw(&s.map);
     /* No higher than 1.25 times the width. */
     assert_holds(svg, "width=\"952.0\" height=\"1190.0\"");
+    assert_picture(svg, UINT64_C(0x7d4a662caa1c4d7d));
     free(svg);
     /* A single pose is in the middle of 1 m. */
     s.panel[0].pose = &one;
@@ -253,12 +281,14 @@ static void test_doubtful_and_colours(void **state)
     assert_holds(svg, ">start</text>");
     assert_lacks(svg, "path: start");
     assert_lacks(svg, "M133.6 408.4L");
+    assert_picture(svg, UINT64_C(0xc11687f3bf4773d2));
     free(svg);
     s.panel[0].doubtful = NULL;
     s.map.colour_scans = 1;
     svg = draw(&s.map);
     assert_holds(svg, "<path d=\"M42.0 500.0h0\" stroke=\"#2563eb\"/>");
     assert_holds(svg, "<path d=\"M958.0 42.0h0\" stroke=\"#f58c14\"/>");
+    assert_picture(svg, UINT64_C(0x98e26fe1cb9d5b9f));
     free(svg);
 }
 
@@ -284,6 +314,7 @@ static void test_long_path(void **state)
     assert_holds(svg, "L958.0 ");
     /* 916 pixels of path, a point every half pixel at most. */
     assert_in_range(count_of(svg, "L"), 900, 2200);
+    assert_picture(svg, UINT64_C(0xa3aae59f44ae9387));
     free(svg);
     free(pose);
 }
@@ -313,6 +344,7 @@ static void test_strays_are_cut_off(void **state)
     svg = draw(&s.map);
     /* 9.9 m wide: the bar of 1 m is 916/9.9 pixels long. */
     assert_holds(svg, "v7h92.5v-7");
+    assert_picture(svg, UINT64_C(0x3a52d938e9fa14b8));
     free(svg);
     free(point);
 }
@@ -378,14 +410,24 @@ static void test_many_points_become_an_image(void **state)
     /* Twice as many points, darker; a third one alone is lighter. */
     {
         cairn_vec2 several[12] = {{-1, -1}, {-1, -1}, {-1, -1}, {-1, -1}, {-1, -1}, {-1, -1},
-                                  {-1, -1}, {2, 2},   {2, 3},   {3, 2},   {3, 3},   {4, 4}};
+                                  {4, 2},   {2, 2},   {2, 3},   {3, 2},   {3, 3},   {4, 4}};
 
         s.scan[0].point = several;
         s.scan[0].point_count = 12;
         svg = draw(&s.map);
         take_image(svg, &image);
         assert_int_equal(image.pixel[952 * 1904 + 36], 30);
-        assert_true(image.pixel[36 * 1904 + 1868] >= 30 && image.pixel[36 * 1904 + 1868] < 255);
+        /* One point where nine in ten samples hold up to 6: 255 - 225 log(1 + 1)/log(1 + 6) = 174.9. */
+        assert_int_equal(image.pixel[36 * 1904 + 1868], 174);
+        cairn_image_free(&image);
+        free(svg);
+        /* One point in nine of ten samples is full ink, and two are no more. */
+        for (int i = 0; i < 10; i++)
+            several[i + 2].x = (cairn_real)i / 4;
+        svg = draw(&s.map);
+        take_image(svg, &image);
+        assert_int_equal(image.pixel[952 * 1904 + 36], 30);
+        assert_int_equal(image.pixel[36 * 1904 + 1868], 30);
         cairn_image_free(&image);
         free(svg);
     }
@@ -410,14 +452,18 @@ static void test_many_points_become_an_image(void **state)
                 column = x;
             }
         }
-        /* 1.5 m at two samples a pixel. */
-        assert_true(longest > 150 && column > 0);
+        /* 1.5 m at two samples a pixel; the box is 9 m wide. */
+        assert_near(longest, 1.5 * 2 * 916 / 9, 3);
+        assert_true(column > 0);
     }
     cairn_image_free(&image);
+    assert_picture(svg, UINT64_C(0x8fbb0a3afe6be983));
     free(svg);
     s.scan[1].segment = &endless;
     s.scan[1].segment_count = 1;
-    free(draw(&s.map));
+    svg = draw(&s.map);
+    assert_picture(svg, UINT64_C(0x78dc3db1cedb4c54));
+    free(svg);
 }
 
 static void test_grid(void **state)
@@ -440,6 +486,7 @@ static void test_grid(void **state)
     assert_int_equal(image.width, 3);
     assert_memory_equal(image.pixel, "\x28\x32\x3c\x0a\x14\x1e", 6);
     cairn_image_free(&image);
+    assert_picture(svg, UINT64_C(0xaac21f71f1099641));
     free(svg);
 
     /* Turned by a quarter: x of the grid goes up, its upper left corner is at (-1 - 4, -2). */
@@ -457,6 +504,7 @@ static void test_grid(void **state)
         assert_near(m[3], 0, 1e-4);
         assert_near(m[4], 42, 0.01);
     }
+    assert_picture(svg, UINT64_C(0x429abf144d416557));
     free(svg);
 }
 
@@ -511,6 +559,7 @@ static void test_refusals(void **state)
         change;                                                                                                        \
         assert_status(cairn_report_map_write(path, &s.map, &error), status);                                           \
         assert_holds(error.text, piece);                                                                               \
+        assert_int_equal(error.line, 0);                                                                               \
         assert_int_equal(access(path, F_OK), -1);                                                                      \
     } while (0)
     REFUSED(s.map.panel = NULL, CAIRN_BAD_ARGUMENT, "panels");
@@ -544,6 +593,14 @@ static void test_refusals(void **state)
             "panel 0 has a grid");
     REFUSED((s.panel[0].grid = &grid, grid.origin.y = (cairn_real)NAN), CAIRN_NOT_FINITE, "the grid's origin");
 #undef REFUSED
+    for (int32_t k = 0; k < 2; k++) {
+        make_sample(&s);
+        s.map.width = k ? 10000 : 200;
+        s.map.panel_count = k ? 4 : 1;
+        s.map.elements_most = 0;
+        s.map.scan = NULL;
+        assert_ok(cairn_report_map_write(files_path("limits.svg"), &s.map, &error));
+    }
     assert_status(cairn_report_map_write(files_path("no/map.svg"), &good.map, &error), CAIRN_IO);
     assert_status(cairn_report_map_write(files_path("no/map.svg"), &good.map, NULL), CAIRN_IO);
 }

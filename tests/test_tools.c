@@ -676,6 +676,27 @@ static void matches(void **state)
     assert_near(hypot(result.x, result.y) + fabs(result.theta), 0, 1e-3);
 }
 
+/* By shape, with a picture of every stage; poor scans too. */
+static void matches_by_shape(void **state)
+{
+    static const char *const pictures[] = {"match.svg", "tangents.svg", "histogram.svg", "pairs.svg", "filters.svg"};
+    static const char *const scans[][2] = {
+        {"drive/scans.log:14", "drive/scans.log:15"}, {"poor.json:2", "poor.json:1"}, {"poor.json:2", "poor.json:2"}};
+
+    (void)state;
+    for (int k = 0; k < 3; k++) {
+        outcome o =
+            programs_run("cairn match @/%s @/%s --method shape --json -o @/shape --pictures", scans[k][0], scans[k][1]);
+
+        assert_done(o);
+        assert_holds("found ambiguous none", read_match(o.out).verdict);
+        assert_holds(o.out, "\"method\": \"shape\"");
+        assert_int_equal(count_in("shape"), 6);
+        for (int i = 0; i < 5; i++)
+            assert_picture("shape", pictures[i]);
+    }
+}
+
 /* Scans that show next to nothing, or the same all around: a verdict. */
 static void matches_of_poor_scans(void **state)
 {
@@ -1021,7 +1042,7 @@ static void command_lines(void **state)
         {"cairn match", "cairn match: ", "no scans, expected A and B"},
         {"cairn match @/drive/scans.log", "cairn match: ", "only one scan, expected A and B"},
         {"cairn match a b c", "cairn match: ", "one word too many, 'c'"},
-        {"cairn match a b --method magic", "cairn match: ", "unknown method 'magic', expected default"},
+        {"cairn match a b --method magic", "cairn match: ", "unknown method 'magic', expected default or shape"},
         {"cairn match a b --start 1,2", "cairn match: ", "--start is '1,2', expected three numbers X,Y,DEG"},
         {"cairn match a b --start 1,2,3,4", "cairn match: ", "--start is '1,2,3,4'"},
         {"cairn match a b --start 1,nan,3", "cairn match: ", "--start is '1,nan,3'"},
@@ -1180,6 +1201,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(pages),
         cmocka_unit_test(matches),
         cmocka_unit_test(matches_of_poor_scans),
+        cmocka_unit_test(matches_by_shape),
         cmocka_unit_test(names_of_logs_stay_text),
         cmocka_unit_test(quiet_and_pipes),
         cmocka_unit_test(help_and_version),

@@ -18,8 +18,9 @@
 /* Metres and degrees of a start may be so large. */
 #define START_MOST 1e5
 
-enum { JSON, OVERLAY, TANGENTS, FILES };
-static const char *const file_names[FILES] = {"match.json", "match.svg", "tangents.svg"};
+enum { JSON, OVERLAY, TANGENTS, HISTOGRAM, PAIRS, FILTERS, FILES };
+static const char *const file_names[FILES] = {"match.json",    "match.svg", "tangents.svg",
+                                              "histogram.svg", "pairs.svg", "filters.svg"};
 
 typedef struct settings {
     const char *word[2], *folder, *method, *start_text, *pool;
@@ -29,9 +30,14 @@ typedef struct settings {
     int32_t window_given, pictures, json, quiet;
 } settings;
 
+static int is_by_shape(const settings *s)
+{
+    return strcmp(s->method, "shape") == 0;
+}
+
 static int32_t file_count(const settings *s)
 {
-    return s->pictures ? FILES : JSON + 1;
+    return !s->pictures ? JSON + 1 : is_by_shape(s) ? FILES : HISTOGRAM;
 }
 
 /* Reads "X,Y,DEG". */
@@ -53,8 +59,8 @@ static option_result check_settings(settings *s, size_t count)
         (void)options_refuse(PROGRAM, "%s, expected A and B", count == 0 ? "no scans" : "only one scan");
         return OPTIONS_BAD;
     }
-    if (strcmp(s->method, "default") != 0) {
-        (void)options_refuse(PROGRAM, "unknown method '%s', expected default", s->method);
+    if (strcmp(s->method, "default") != 0 && !is_by_shape(s)) {
+        (void)options_refuse(PROGRAM, "unknown method '%s', expected default or shape", s->method);
         return OPTIONS_BAD;
     }
     if (s->start_text != NULL && !read_start(s->start_text, s->start)) {
@@ -75,9 +81,10 @@ static option_result check_settings(settings *s, size_t count)
 static option_result read_settings(settings *s, int argc, char **argv)
 {
     option table[] = {
-        OPTION_TEXT("-o", &s->folder, "DIR", "folder for match.json, with --pictures also match.svg, tangents.svg"),
-        OPTION_FLAG("--pictures", &s->pictures, "draw A and B before and after, and the directions of B"),
-        OPTION_TEXT("--method", &s->method, "NAME", "default: votes of all pairs of points, then point-to-line"),
+        OPTION_TEXT("-o", &s->folder, "DIR", "folder for match.json and the pictures"),
+        OPTION_FLAG("--pictures", &s->pictures,
+                    "draw A and B before and after, the directions of B; by shape also what each stage does"),
+        OPTION_TEXT("--method", &s->method, "NAME", "default, or shape: sequences of directions, as in the thesis"),
         OPTION_TEXT("--start", &s->start_text, "X,Y,DEG", "where B may be as seen from A, m, m, degrees (anywhere)"),
         OPTION_PAIR("--window", s->window, 0, 1000, "M,DEG",
                     "B is at most so far from --start in x, y, m, and heading, degrees"),
@@ -150,26 +157,52 @@ static cairn_scan_match_params params_of(const settings *s, const match_record *
     params.max_dense = at_least_1(record->target.dense_count);
     params.max_views = 1;
     params.max_query = at_least_1(record->query.view.point_count);
+    params.max_hypotheses = MATCH_HYPOTHESES_MOST;
+    params.mode = is_by_shape(s) ? CAIRN_SCAN_MATCH_SHAPE : CAIRN_SCAN_MATCH_CORRELATIVE;
     params.spacing = (cairn_real)s->spacing;
     return params;
 }
 
-static cairn_status run_match(const settings *s, match_record *record, cairn_scan_match *match)
+static cairn_status match_query(const match_record *record, cairn_scan_match *match, cairn_pose start,
+                                const cairn_scan_match_window *window)
 {
-    cairn_scan_match_part target = part_of(&record->target), query = part_of(&record->query);
-    cairn_scan_match_window window = {(cairn_real)s->window[0], (cairn_real)(s->window[1] * RADIANS)};
+    cairn_scan_match_part query = part_of(&record->query);
     cairn_budget budget = {CAIRN_UNBOUNDED};
-    cairn_status status = cairn_scan_match_add_target(match, &target, cairn_pose_identity(), NULL);
+    cairn_status status = cairn_scan_match_begin(match, &query, start, window, NULL);
 
-    if (status == CAIRN_OK)
-        status = cairn_scan_match_begin(match, &query, record->start, record->has_start ? &window : NULL, NULL);
     while (status == CAIRN_OK && (status = cairn_scan_match_step(match, &budget)) == CAIRN_MORE) {
         budget.left = CAIRN_UNBOUNDED;
         status = CAIRN_OK;
     }
+    return status;
+}
+
+/* For the pictures of the stages: once more at the heading that was found, and at no other. */
+static cairn_status match_stages(match_record *record, cairn_scan_match *match)
+{
+    static const cairn_scan_match_window all = {1000, 0};
+
+    record->stages = match;
+    record->stages_start = record->start;
+    if (record->result.count > 0)
+        record->stages_start.theta = record->hypotheses[0].target_query.theta;
+    return match_query(record, match, record->stages_start, &all);
+}
+
+static cairn_status run_match(const settings *s, match_record *record, cairn_scan_match *match)
+{
+    cairn_scan_match_part target = part_of(&record->target);
+    cairn_scan_match_window window = {(cairn_real)s->window[0], (cairn_real)(s->window[1] * RADIANS)};
+    cairn_status status = cairn_scan_match_add_target(match, &target, cairn_pose_identity(), NULL);
+
+    if (status == CAIRN_OK)
+        status = match_query(record, match, record->start, record->has_start ? &window : NULL);
     record->result = cairn_scan_match_read(match);
     record->measure = cairn_scan_match_measured(match);
-    return status;
+    for (int32_t i = 0; i < record->result.count; i++)
+        record->hypotheses[i] = record->result.hypotheses[i];
+    record->result.hypotheses = record->hypotheses;
+    return status == CAIRN_OK && is_by_shape(s) && s->pictures ? match_stages(record, match) : status;
 }
 
 /* ---- output ---- */
@@ -188,15 +221,15 @@ static cairn_status write_json(const char *path, const char *json, cairn_file_er
 static cairn_status write_files(const settings *s, const match_record *record, const char *json,
                                 cairn_file_error *error)
 {
+    static cairn_status (*const draw[FILES])(const match_record *record, const char *path, cairn_file_error *error) = {
+        NULL, match_draw_overlay, match_draw_tangents, match_draw_histogram, match_draw_pairs, match_draw_filters};
     cairn_output_set *files = NULL;
     cairn_status status = cairn_output_set_open(&files, s->folder, file_names, file_count(s), error);
 
     if (status == CAIRN_OK)
         status = write_json(cairn_output_set_path(files, JSON), json, error);
-    if (status == CAIRN_OK && s->pictures)
-        status = match_draw_overlay(record, cairn_output_set_path(files, OVERLAY), error);
-    if (status == CAIRN_OK && s->pictures)
-        status = match_draw_tangents(record, cairn_output_set_path(files, TANGENTS), error);
+    for (int32_t i = OVERLAY; i < file_count(s) && status == CAIRN_OK; i++)
+        status = draw[i](record, cairn_output_set_path(files, i), error);
     if (status == CAIRN_OK)
         return cairn_output_set_commit(files, error);
     cairn_output_set_discard(files);

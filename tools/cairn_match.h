@@ -5,6 +5,9 @@
 #include "cairn/scan_match.h"
 #include "tools/cairn_match_input.h"
 
+/* The most hypotheses that are told. */
+#define MATCH_HYPOTHESES_MOST 8
+
 /* A scan, fitted; dense: its hits with directions. */
 typedef struct match_side {
     match_input input;
@@ -18,8 +21,11 @@ typedef struct match_record {
     match_side target, query;
     cairn_pose start;
     int32_t has_start;
-    cairn_scan_match_result result;
+    cairn_scan_match_result result; /* its hypotheses are the following */
+    cairn_scan_match_hypothesis hypotheses[MATCH_HYPOTHESES_MOST];
     cairn_scan_match_measure measure;
+    const cairn_scan_match *stages; /* by shape: one rotation, that of the result; NULL: not asked for */
+    cairn_pose stages_start;
 } match_record;
 
 /* "found", "ambiguous" or "none". */

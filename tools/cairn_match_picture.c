@@ -12,14 +12,10 @@
 
 #define DEGREES CAIRN_REAL(57.29577951308232)
 
-#define COLOUR_A    "#1e293b"
-#define COLOUR_B    "#f97316"
-#define COLOUR_PAIR "#2563eb"
-
 /* ---- layers ---- */
 
-static cairn_report_layer layer_of(const char *name, const char *colour, cairn_report_mark mark, double width,
-                                   double opacity)
+cairn_report_layer match_layer(const char *name, const char *colour, cairn_report_mark mark, double width,
+                               double opacity)
 {
     cairn_report_layer layer = {name, colour, mark, 0, NULL, width, opacity};
 
@@ -37,6 +33,16 @@ static cairn_vec2 *hits_of(const match_side *side, cairn_pose map_side)
     return point;
 }
 
+cairn_vec2 *match_points(const match_side *side, cairn_pose map_side)
+{
+    cairn_transform t = cairn_transform_of(map_side);
+    cairn_vec2 *point = malloc(((size_t)side->view.point_count + 1) * sizeof *point);
+
+    for (int32_t i = 0; i < side->view.point_count && point != NULL; i++)
+        point[i] = cairn_transform_point(t, side->view.points[i].position);
+    return point;
+}
+
 /* The ends of the walls of a side; NULL: no memory. */
 static cairn_vec2 *walls_of(const match_side *side)
 {
@@ -49,12 +55,12 @@ static cairn_vec2 *walls_of(const match_side *side)
     return point;
 }
 
-static cairn_status no_memory(const char *path, cairn_file_error *error)
+cairn_status match_no_memory(const char *path, cairn_file_error *error)
 {
     return cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0, "no memory for the picture");
 }
 
-static void names_of(const match_record *record, char *title, size_t size)
+void match_names(const match_record *record, char *title, size_t size)
 {
     (void)snprintf(title, size, "%s:%" PRId64 " and %s:%" PRId64, cairn_path_name(record->target.input.path),
                    record->target.input.index, cairn_path_name(record->query.input.path), record->query.input.index);
@@ -78,15 +84,15 @@ cairn_status match_draw_overlay(const match_record *record, const char *path, ca
 
     memset(plot, 0, sizeof plot);
     for (int k = 0; k < 2; k++) {
-        layer[k][0] = layer_of("hits of A", COLOUR_A, CAIRN_REPORT_DOTS, 2.6, 0.8);
+        layer[k][0] = match_layer("hits of A", COLOUR_A, CAIRN_REPORT_DOTS, 2.6, 0.8);
         layer[k][0].point = a;
         layer[k][0].count = record->target.dense_count;
-        layer[k][1] = layer_of("hits of B", COLOUR_B, CAIRN_REPORT_DOTS, 2.6, 0.8);
+        layer[k][1] = match_layer("hits of B", COLOUR_B, CAIRN_REPORT_DOTS, 2.6, 0.8);
         layer[k][1].point = b[k];
         layer[k][1].count = record->query.dense_count;
-        layer[k][2] = layer_of("sensor of A", COLOUR_A, CAIRN_REPORT_DOTS, 10, 0.9);
+        layer[k][2] = match_layer("sensor of A", COLOUR_A, CAIRN_REPORT_DOTS, 10, 0.9);
         layer[k][2].point = &sensor[0];
-        layer[k][3] = layer_of("sensor of B", COLOUR_B, CAIRN_REPORT_DOTS, 10, 0.9);
+        layer[k][3] = match_layer("sensor of B", COLOUR_B, CAIRN_REPORT_DOTS, 10, 0.9);
         layer[k][3].point = &sensor[1 + k];
         layer[k][2].count = layer[k][3].count = 1;
         plot[k].layer = layer[k];
@@ -97,7 +103,7 @@ cairn_status match_draw_overlay(const match_record *record, const char *path, ca
     plot[0].note = record->has_start ? "start" : "each in its own frame";
     plot[1].title = "after";
     plot[1].note = match_verdict_text(result->verdict);
-    names_of(record, title, sizeof title);
+    match_names(record, title, sizeof title);
     if (result->count > 0)
         (void)snprintf(subtitle, sizeof subtitle, "%s: B at x %.3f m, y %.3f m, %.2f\xC2\xB0; overlap %.0f %%",
                        match_verdict_text(result->verdict), (double)after.x, (double)after.y,
@@ -109,7 +115,7 @@ cairn_status match_draw_overlay(const match_record *record, const char *path, ca
     figure.plot = plot;
     figure.plot_count = 2;
     status = a != NULL && b[0] != NULL && b[1] != NULL ? cairn_report_figure_write(path, &figure, error)
-                                                       : no_memory(path, error);
+                                                       : match_no_memory(path, error);
     free(a);
     free(b[0]);
     free(b[1]);
@@ -133,13 +139,13 @@ cairn_status match_draw_tangents(const match_record *record, const char *path, c
         sequence[i].x = (cairn_real)i;
         sequence[i].y = cairn_atan2(view->points[i].direction.y, view->points[i].direction.x) * DEGREES;
     }
-    map[0] = layer_of("hits of B", COLOUR_B, CAIRN_REPORT_DOTS, 2.4, 0.7);
+    map[0] = match_layer("hits of B", COLOUR_B, CAIRN_REPORT_DOTS, 2.4, 0.7);
     map[0].point = hits;
     map[0].count = record->query.dense_count;
-    map[1] = layer_of("walls by EM", COLOUR_A, CAIRN_REPORT_LINES, 1.8, 0.9);
+    map[1] = match_layer("walls by EM", COLOUR_A, CAIRN_REPORT_LINES, 1.8, 0.9);
     map[1].point = walls;
     map[1].count = view->segment_count;
-    chart = layer_of("direction of a point", COLOUR_PAIR, CAIRN_REPORT_DOTS, 3, 0.9);
+    chart = match_layer("direction of a point", COLOUR_PAIR, CAIRN_REPORT_DOTS, 3, 0.9);
     chart.point = sequence;
     chart.count = view->point_count;
     memset(plot, 0, sizeof plot);
@@ -165,7 +171,7 @@ cairn_status match_draw_tangents(const match_record *record, const char *path, c
     figure.plot = plot;
     figure.plot_count = 2;
     status = hits != NULL && walls != NULL && sequence != NULL ? cairn_report_figure_write(path, &figure, error)
-                                                               : no_memory(path, error);
+                                                               : match_no_memory(path, error);
     free(hits);
     free(walls);
     free(sequence);

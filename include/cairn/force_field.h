@@ -127,6 +127,10 @@ typedef struct cairn_force_field cairn_force_field;
 /* The defaults above. */
 cairn_force_field_params cairn_force_field_default(void);
 
+/* The defaults with dt_start and dt_end for points that are `spacing` m apart: forces are proportional to the density of the
+ * points and steps to dt^2, so dt grows with the root of the spacing. The defaults are those for 0.02. */
+cairn_force_field_params cairn_force_field_spaced(cairn_real spacing);
+
 /* 0 for params that create() would refuse. */
 size_t cairn_force_field_memory(const cairn_force_field_params *params);
 

@@ -38,10 +38,14 @@ typedef struct cairn_icp_params {
     cairn_real converged_angle;    /* ... and turns less than this, rad */
     cairn_real weak_ratio;         /* a direction is not observable when its information is less than this share of the
                                     * best one's, in [0, 1) */
+    int32_t
+        roll_back; /* 1: an iteration after which fewer points have a pair, and those pairs are farther apart, is taken
+                        * back and ends the alignment (Adluru 2008, section 6.6) */
 } cairn_icp_params;
 
 /* Point to line; 4096 points; 40 iterations; 10 pairs; gate 0.5 -> 0.1 m at 3 mean distances; 60 degrees; sigma 0.01 m;
- * converged below 1e-4 m and 1e-4 rad; weak below 0.01. */
+ * converged below 1e-4 m and 1e-4 rad; weak below 0.01; no
+ * roll-back. */
 cairn_icp_params cairn_icp_default(void);
 
 typedef int32_t cairn_icp_verdict;
@@ -50,7 +54,8 @@ enum {
     CAIRN_ICP_CONVERGED = 1,
     CAIRN_ICP_OUT_OF_ITERATIONS = 2,
     CAIRN_ICP_TOO_FEW_PAIRS = 3, /* the pose is that of the last iteration that had enough */
-    CAIRN_ICP_UNOBSERVABLE = 4   /* no prior, and the pose did not move in the weak directions; see `weak` */
+    CAIRN_ICP_UNOBSERVABLE = 4,  /* no prior, and the pose did not move in the weak directions; see `weak` */
+    CAIRN_ICP_ROLLED_BACK = 5    /* the pose is that before the last iteration; the covariance has its pairs */
 };
 
 typedef struct cairn_icp_result {

@@ -69,6 +69,12 @@ size_t cairn_pool_counted(const cairn_pool *counting);
  * grown and nothing taken. A count or size of 0 gives a valid pointer that must not be read. */
 void *cairn_pool_take(cairn_pool *pool, size_t count, size_t size);
 
+/* One element of `size` bytes. */
+static inline void *cairn_pool_take_one(cairn_pool *pool, size_t size)
+{
+    return cairn_pool_take(pool, 1, size);
+}
+
 /* Bytes that are left. */
 size_t cairn_pool_room(const cairn_pool *pool);
 

@@ -147,6 +147,35 @@ cairn_scan_match_result cairn_scan_match_read(const cairn_scan_match *match);
 
 cairn_scan_match_measure cairn_scan_match_measured(const cairn_scan_match *match);
 
+/* ---- What the modes of shape saw, for pictures, once step() has returned CAIRN_OK: of the last rotation of the query that was
+ * tried. In a window whose angle is 0 that is the only one, the heading of the start. ---- */
+
+/* How far a pair of points came. */
+typedef int32_t cairn_scan_match_stage;
+enum {
+    CAIRN_SCAN_MATCH_COLINEAR = 0, /* in the common subsequence; dropped by the colinear filter */
+    CAIRN_SCAN_MATCH_APART = 1,    /* dropped with its segment */
+    CAIRN_SCAN_MATCH_KEPT = 2      /* by all filters of the mode */
+};
+
+typedef struct cairn_scan_match_pair {
+    int32_t query, target; /* evenly spaced points; those of the target through all its parts */
+    cairn_scan_match_stage stage;
+} cairn_scan_match_pair;
+
+/* Pairs of the common subsequence; 0 in mode correlative, while a match is running, and without points. */
+int32_t cairn_scan_match_pair_count(const cairn_scan_match *match);
+
+/* Pair 0 <= index < pair_count, in the order of the scans. Logarithmic in the pairs. */
+cairn_scan_match_pair cairn_scan_match_pair_at(const cairn_scan_match *match, int32_t index);
+
+#define CAIRN_SCAN_MATCH_BINS 36
+
+/* The angular histogram of a query point: shares of the fullest bin, over bearings from 0 on, as the query was turned.
+ * CAIRN_BAD_ARGUMENT: NULL, no such point; CAIRN_EMPTY: there are no pairs. */
+CAIRN_CHECKED cairn_status cairn_scan_match_histogram(const cairn_scan_match *match, int32_t point,
+                                                      cairn_real share[CAIRN_SCAN_MATCH_BINS]);
+
 #ifdef __cplusplus
 }
 #endif

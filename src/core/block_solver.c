@@ -42,7 +42,7 @@ static void carve_order(struct cairn_block_order *o, cairn_pool *pool, const cai
 static cairn_block_solver *carve(cairn_block_solver *s, cairn_pool *pool, const cairn_block_solver_params *params)
 {
     size_t poses = (size_t)params->max_poses, links = (size_t)params->max_links, fill = (size_t)params->max_fill;
-    cairn_block_solver *made = cairn_pool_take(pool, 1, sizeof *made);
+    cairn_block_solver *made = cairn_pool_take_one(pool, sizeof *made);
 
     s->first = cairn_pool_take(pool, links, sizeof *s->first);
     s->second = cairn_pool_take(pool, links, sizeof *s->second);
@@ -68,7 +68,7 @@ size_t cairn_block_solver_memory(const cairn_block_solver_params *params)
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&layout, &counting, params);
-    return counting.used == SIZE_MAX ? 0 : counting.used;
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_block_solver_create(cairn_block_solver **solver, cairn_pool *pool,

@@ -64,7 +64,7 @@ static int point_grid_params_are_good(const cairn_point_grid_params *params)
 
 static cairn_point_grid *carve_point_grid(cairn_pool *pool, const cairn_point_grid_params *params)
 {
-    cairn_point_grid *grid = cairn_pool_take(pool, 1, sizeof *grid);
+    cairn_point_grid *grid = cairn_pool_take_one(pool, sizeof *grid);
     cairn_vec2 *points = cairn_pool_take(pool, (size_t)params->max_points, sizeof *points);
     int32_t *next = cairn_pool_take(pool, (size_t)params->max_points, sizeof *next);
     int32_t *heads = cairn_pool_take(pool, bucket_count(params->max_points), sizeof *heads);
@@ -360,7 +360,7 @@ static int box_sweep_params_are_good(const cairn_box_sweep_params *params)
 
 static cairn_box_sweep *carve_box_sweep(cairn_pool *pool, const cairn_box_sweep_params *params)
 {
-    cairn_box_sweep *sweep = cairn_pool_take(pool, 1, sizeof *sweep);
+    cairn_box_sweep *sweep = cairn_pool_take_one(pool, sizeof *sweep);
     int32_t *order = cairn_pool_take(pool, (size_t)params->max_boxes, sizeof *order);
 
     if (sweep != NULL)

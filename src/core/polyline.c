@@ -58,7 +58,7 @@ static int acceptable(const cairn_polyline_params *p)
 static cairn_polyline *carve(cairn_pool *pool, const cairn_polyline_params *p)
 {
     size_t n = (size_t)p->max_points, m = (size_t)p->max_segments, blocks = (n + POLYLINE_BLOCK - 1) / POLYLINE_BLOCK;
-    cairn_polyline *x = cairn_pool_take(pool, 1, sizeof *x);
+    cairn_polyline *x = cairn_pool_take_one(pool, sizeof *x);
     cairn_real(*raw)[3] = cairn_pool_take(pool, n, sizeof *raw);
     cairn_real(*point)[3] = cairn_pool_take(pool, n, sizeof *point);
     uint64_t *key = cairn_pool_take(pool, n, sizeof *key);

@@ -169,7 +169,7 @@ struct cairn_block_pool {
 
 static cairn_block_pool *carve_blocks(cairn_pool *pool, size_t stride, size_t count)
 {
-    cairn_block_pool *blocks = cairn_pool_take(pool, 1, sizeof *blocks);
+    cairn_block_pool *blocks = cairn_pool_take_one(pool, sizeof *blocks);
     int32_t *next = cairn_pool_take(pool, count, sizeof *next);
     unsigned char *data = cairn_pool_take(pool, count, stride);
 

@@ -71,7 +71,7 @@ static int params_are_good(const cairn_distance_map_params *params)
 
 static cairn_distance_map *carve(cairn_pool *pool, const cairn_distance_map_params *params)
 {
-    cairn_distance_map *map = cairn_pool_take(pool, 1, sizeof *map);
+    cairn_distance_map *map = cairn_pool_take_one(pool, sizeof *map);
     int32_t *column = cairn_pool_take(pool, (size_t)params->max_width, sizeof *column);
     int32_t *stack = cairn_pool_take(pool, (size_t)params->max_width, sizeof *stack);
     int32_t *start = cairn_pool_take(pool, (size_t)params->max_width, sizeof *start);

@@ -60,7 +60,7 @@ cairn_status cairn_line_reader_open(cairn_line_reader **reader, const char *path
         return cairn_file_error_system(error, path, "open", ENOMEM);
     }
     r->file = file;
-    r->path = malloc(strlen(path) + 1);
+    r->path = strdup(path);
     r->buffer = malloc(FIRST_CAPACITY);
     r->input = malloc(INPUT_BYTES);
     r->capacity = FIRST_CAPACITY;
@@ -68,7 +68,6 @@ cairn_status cairn_line_reader_open(cairn_line_reader **reader, const char *path
         cairn_line_reader_close(r);
         return cairn_file_error_system(error, path, "open", ENOMEM);
     }
-    memcpy(r->path, path, strlen(path) + 1);
     *reader = r;
     return CAIRN_OK;
 }

@@ -193,11 +193,7 @@ int32_t cairn_number_read_stamp(const char *text, size_t length, int64_t *nanose
 
 char *cairn_number_write(char text[CAIRN_NUMBER_TEXT_BYTES], cairn_real value)
 {
-#ifdef CAIRN_FLOAT
-    int digits = 6, most = 9;
-#else
-    int digits = 15, most = 17;
-#endif
+    int digits = sizeof value > sizeof(float) ? 15 : 6;
     cairn_c_locale scope;
     double back;
 
@@ -206,11 +202,9 @@ char *cairn_number_write(char text[CAIRN_NUMBER_TEXT_BYTES], cairn_real value)
         return text;
     }
     scope = cairn_c_locale_enter();
-    for (; digits <= most; digits++) {
-        (void)snprintf(text, CAIRN_NUMBER_TEXT_BYTES, "%.*g", digits, (double)value);
-        if (cairn_number_read(text, strlen(text), &back) && (cairn_real)back == value)
-            break;
-    }
+    do /* 17 digits, 9 of a float, tell any number */
+        (void)snprintf(text, CAIRN_NUMBER_TEXT_BYTES, "%.*g", digits++, (double)value);
+    while (!cairn_number_read(text, strlen(text), &back) || (cairn_real)back != value);
     cairn_c_locale_leave(scope);
     return text;
 }

@@ -75,7 +75,7 @@ static cairn_block_solver_params solver_params(const cairn_aligner_params *p)
 static cairn_aligner *carve(cairn_pool *pool, const cairn_aligner_params *p)
 {
     size_t scans = (size_t)p->max_scans, segments = (size_t)p->max_segments, cells = (size_t)p->max_cells;
-    cairn_aligner *made = cairn_pool_take(pool, 1, sizeof *made), arrays;
+    cairn_aligner *made = cairn_pool_take_one(pool, sizeof *made), arrays;
 
     memset(&arrays, 0, sizeof arrays);
     arrays.scans = cairn_pool_take(pool, scans, sizeof *arrays.scans);
@@ -101,15 +101,14 @@ size_t cairn_aligner_memory(const cairn_aligner_params *params)
 {
     cairn_block_solver_params solver;
     cairn_pool counting;
-    size_t bytes;
 
     if (!params_are_good(params))
         return 0;
     solver = solver_params(params);
-    bytes = cairn_block_solver_memory(&solver);
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
-    return bytes == 0 || counting.used >= SIZE_MAX - bytes ? 0 : counting.used + bytes;
+    cairn_pool_count(&counting, cairn_block_solver_memory(&solver));
+    return cairn_pool_counted(&counting);
 }
 
 /* The middles of the bins on the diamond. */

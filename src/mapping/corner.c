@@ -90,7 +90,7 @@ static cairn_box_sweep *carve_sweep(cairn_pool *pool, int32_t max_boxes)
 static cairn_corner_set *carve(cairn_pool *pool, const cairn_corner_params *params)
 {
     size_t segments = (size_t)params->max_segments, corners = (size_t)params->max_corners;
-    cairn_corner_set *set = cairn_pool_take(pool, 1, sizeof *set);
+    cairn_corner_set *set = cairn_pool_take_one(pool, sizeof *set);
     cairn_box *boxes = cairn_pool_take(pool, segments, sizeof *boxes);
     cairn_corner *work = cairn_pool_take(pool, corners, sizeof *work);
     cairn_corner *done = cairn_pool_take(pool, corners, sizeof *done);

@@ -54,6 +54,16 @@ cairn_force_field_params cairn_force_field_default(void)
     return params;
 }
 
+cairn_force_field_params cairn_force_field_spaced(cairn_real spacing)
+{
+    cairn_force_field_params params = cairn_force_field_default();
+    cairn_real factor = cairn_sqrt(spacing / CAIRN_REAL(0.02));
+
+    params.dt_start *= factor;
+    params.dt_end *= factor;
+    return params;
+}
+
 static int is_positive(cairn_real x)
 {
     return x > 0 && x <= MAX_VALUE;
@@ -168,7 +178,7 @@ static cairn_force_field *carve(cairn_pool *pool, const cairn_force_field_params
     size_t scans = (size_t)params->max_scans, points = (size_t)params->max_points;
     size_t extra_count = (size_t)params->max_extra, segment_count = (size_t)params->max_segments;
     int32_t is_kept = !(params->spacing > 0), has_masses = is_kept && params->roi, has_bits = !is_kept && params->roi;
-    cairn_force_field *field = cairn_pool_take(pool, 1, sizeof *field);
+    cairn_force_field *field = cairn_pool_take_one(pool, sizeof *field);
     struct cairn_force_placement *front = cairn_pool_take(pool, scans, sizeof *front);
     struct cairn_force_placement *back = cairn_pool_take(pool, scans, sizeof *back);
     struct cairn_force_body *bodies = cairn_pool_take(pool, scans, sizeof *bodies);

@@ -40,6 +40,13 @@ struct sums {
     int32_t pairs;
 };
 
+/* What an iteration found at the pose that it began with. */
+struct iteration {
+    cairn_rigid_motion motion;
+    cairn_real mean_distance;
+    int32_t pairs;
+};
+
 struct cairn_icp {
     cairn_point_grid *grid;
     cairn_vec2 *directions; /* [max_target] of the target points */
@@ -56,24 +63,28 @@ struct cairn_icp {
     cairn_real sigma, point_sigma;
     cairn_real gate; /* of this iteration */
     struct sums sums;
+    struct iteration before; /* of the last iteration, at the pose that it began with */
     cairn_icp_result result;
 };
 
 cairn_icp_params cairn_icp_default(void)
 {
-    cairn_icp_params params = {4096,
-                               40,
-                               10,
-                               CAIRN_ICP_POINT_TO_LINE,
-                               CAIRN_REAL(0.2),
-                               CAIRN_REAL(0.5),
-                               CAIRN_REAL(0.1),
-                               3,
-                               CAIRN_PI / 3,
-                               CAIRN_REAL(0.01),
-                               CAIRN_REAL(1e-4),
-                               CAIRN_REAL(1e-4),
-                               CAIRN_REAL(0.01)};
+    cairn_icp_params params;
+
+    memset(&params, 0, sizeof params); /* the padding too, so that defaults compare as bytes */
+    params.max_target = 4096;
+    params.max_iterations = 40;
+    params.min_pairs = 10;
+    params.mode = CAIRN_ICP_POINT_TO_LINE;
+    params.cell = CAIRN_REAL(0.2);
+    params.gate_start = CAIRN_REAL(0.5);
+    params.gate_end = CAIRN_REAL(0.1);
+    params.gate_factor = 3;
+    params.direction_gate = CAIRN_PI / 3;
+    params.sigma = CAIRN_REAL(0.01);
+    params.converged_distance = CAIRN_REAL(1e-4);
+    params.converged_angle = CAIRN_REAL(1e-4);
+    params.weak_ratio = CAIRN_REAL(0.01);
     return params;
 }
 
@@ -91,12 +102,12 @@ static int params_are_good(const cairn_icp_params *params)
            is_positive(params->gate_factor) && is_positive(params->direction_gate) &&
            params->direction_gate <= CAIRN_PI && is_positive(params->sigma) &&
            is_positive(params->converged_distance) && is_positive(params->converged_angle) && params->weak_ratio >= 0 &&
-           params->weak_ratio < 1;
+           params->weak_ratio < 1 && (params->roll_back == 0 || params->roll_back == 1);
 }
 
 static cairn_icp *carve(cairn_pool *pool, const cairn_icp_params *params)
 {
-    cairn_icp *icp = cairn_pool_take(pool, 1, sizeof *icp);
+    cairn_icp *icp = cairn_pool_take_one(pool, sizeof *icp);
     cairn_vec2 *directions = cairn_pool_take(pool, (size_t)params->max_target, sizeof *directions);
 
     if (icp != NULL)
@@ -409,6 +420,26 @@ static int solve(const cairn_icp *icp, const cairn_motion_basis *basis, cairn_re
     return cairn_motion_solve(basis, &observed, icp->has_prior ? &prior : NULL, icp->gate, step);
 }
 
+/* 1 when the last step made the overlap smaller and worse: the pose before it is the result. */
+static int rolls_back(cairn_icp *icp)
+{
+    const struct iteration before = icp->before;
+    cairn_icp_result *result = &icp->result;
+
+    icp->before.motion = icp->motion;
+    icp->before.mean_distance = result->mean_distance;
+    icp->before.pairs = result->pairs;
+    if (!icp->params.roll_back || result->iterations == 1 || result->pairs >= before.pairs ||
+        result->mean_distance <= before.mean_distance)
+        return 0;
+    icp->motion = before.motion;
+    result->target_query = before.motion.map_body;
+    result->mean_distance = before.mean_distance;
+    result->pairs = before.pairs;
+    result->overlap = (cairn_real)before.pairs / (cairn_real)icp->query_count;
+    return 1;
+}
+
 static void end_iteration(cairn_icp *icp)
 {
     const cairn_icp_params *params = &icp->params;
@@ -433,6 +464,10 @@ static void end_iteration(cairn_icp *icp)
     result->observable = 3 - basis.weak;
     result->weak_ratio = basis.ratio;
     memcpy(result->weak, basis.vectors[0], sizeof result->weak);
+    if (rolls_back(icp)) {
+        stop(icp, CAIRN_ICP_ROLLED_BACK, &basis);
+        return;
+    }
     if (!solve(icp, &basis, step)) {
         stop(icp, CAIRN_ICP_UNOBSERVABLE, &basis);
         return;

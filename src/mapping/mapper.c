@@ -110,7 +110,7 @@ static void count_parts(cairn_pool *counting, const cairn_mapper_params *params)
 
 static cairn_mapper *carve(cairn_pool *pool, const cairn_mapper_params *params)
 {
-    cairn_mapper *mapper = cairn_pool_take(pool, 1, sizeof *mapper);
+    cairn_mapper *mapper = cairn_pool_take_one(pool, sizeof *mapper);
     cairn_pose *key_pose = cairn_pool_take(pool, (size_t)params->max_keys, sizeof *key_pose);
     cairn_oriented_point *oriented = cairn_pool_take(pool, (size_t)params->scan.max_points, sizeof *oriented);
     cairn_segment *segments = cairn_pool_take(pool, (size_t)params->scan.max_segments, sizeof *segments);

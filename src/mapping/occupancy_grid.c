@@ -48,7 +48,7 @@ static int params_are_good(const cairn_occupancy_grid_params *params)
 
 static cairn_occupancy_grid *carve(cairn_pool *pool, const cairn_occupancy_grid_params *params)
 {
-    cairn_occupancy_grid *grid = cairn_pool_take(pool, 1, sizeof *grid);
+    cairn_occupancy_grid *grid = cairn_pool_take_one(pool, sizeof *grid);
     cairn_occupancy_cell *cells = cairn_pool_take(pool, (size_t)params->width * (size_t)params->height, sizeof *cells);
 
     if (grid != NULL)

@@ -96,6 +96,7 @@ static cairn_icp_params icp_params(const cairn_place_map_params *params)
     icp.max_iterations = 15;
     icp.gate_start = CAIRN_REAL(0.4);
     icp.direction_gate = CAIRN_PI / 6;
+    icp.roll_back = 1;
     return icp;
 }
 
@@ -103,7 +104,7 @@ static cairn_place_map *carve(cairn_pool *pool, const cairn_place_map_params *pa
 {
     size_t places = (size_t)params->max_places, side = (size_t)cairn_place_map_side(params);
     size_t points = (size_t)params->max_place_points, beams = (size_t)params->max_place_beams;
-    cairn_place_map *map = cairn_pool_take(pool, 1, sizeof *map);
+    cairn_place_map *map = cairn_pool_take_one(pool, sizeof *map);
     cairn_place_map made;
 
     memset(&made, 0, sizeof made);
@@ -125,38 +126,27 @@ static cairn_place_map *carve(cairn_pool *pool, const cairn_place_map_params *pa
     return map;
 }
 
-/* 0 when one of the objects refuses, or the sum overflows. */
-static size_t memory_of_objects(const cairn_place_map_params *params)
+static void count_objects(cairn_pool *counting, const cairn_place_map_params *params)
 {
     cairn_scan_match_params match = match_params(params);
     cairn_pose_consensus_params consensus = consensus_params(params);
     cairn_icp_params icp = icp_params(params);
-    size_t bytes[3], sum = 0;
 
-    bytes[0] = cairn_scan_match_memory(&match);
-    bytes[1] = cairn_pose_consensus_memory(&consensus);
-    bytes[2] = cairn_icp_memory(&icp);
-    for (int k = 0; k < 3; k++) {
-        if (bytes[k] == 0 || bytes[k] > SIZE_MAX - sum)
-            return 0;
-        sum += bytes[k];
-    }
-    return sum;
+    cairn_pool_count(counting, cairn_scan_match_memory(&match));
+    cairn_pool_count(counting, cairn_pose_consensus_memory(&consensus));
+    cairn_pool_count(counting, cairn_icp_memory(&icp));
 }
 
 size_t cairn_place_map_memory(const cairn_place_map_params *params)
 {
     cairn_pool counting;
-    size_t objects;
 
     if (!params_are_good(params))
         return 0;
-    objects = memory_of_objects(params);
-    if (objects == 0)
-        return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
-    return counting.used >= SIZE_MAX - objects ? 0 : counting.used + objects;
+    count_objects(&counting, params);
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_place_map_create(cairn_place_map **map, cairn_pool *pool, const cairn_place_map_params *params)
@@ -196,15 +186,6 @@ void cairn_place_map_clear(cairn_place_map *map)
     map->debt = 0;
 }
 
-static cairn_status refuse(cairn_fault *fault, const char *what, cairn_status status)
-{
-    if (fault != NULL) {
-        fault->index = -1;
-        fault->what = what;
-    }
-    return status;
-}
-
 static cairn_status check_scan(const cairn_place_map *map, int32_t place, const cairn_scan_view *view,
                                cairn_pose place_scan, cairn_fault *fault)
 {
@@ -213,13 +194,13 @@ static cairn_status check_scan(const cairn_place_map *map, int32_t place, const 
     int32_t points = is_new ? 0 : map->places[place].point_count, beams = is_new ? 0 : map->places[place].beam_count;
 
     if (!cairn_pose_is_finite(place_scan))
-        return refuse(fault, "the pose is not finite", CAIRN_NOT_FINITE);
+        return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
     if (!(cairn_abs(place_scan.x) <= CAIRN_SCAN_EXTENT && cairn_abs(place_scan.y) <= CAIRN_SCAN_EXTENT))
-        return refuse(fault, "the pose is too far off", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "the pose is too far off", CAIRN_BAD_ARGUMENT);
     if (place == params->max_places || map->scan_count == params->max_scans)
-        return refuse(fault, "more places or scans than max_places and max_scans", CAIRN_FULL);
+        return cairn_refuse(fault, -1, "more places or scans than max_places and max_scans", CAIRN_FULL);
     if (view->point_count > params->max_place_points - points || view->beam_count > params->max_place_beams - beams)
-        return refuse(fault, "more points or beams than max_place_points and max_place_beams", CAIRN_FULL);
+        return cairn_refuse(fault, -1, "more points or beams than max_place_points and max_place_beams", CAIRN_FULL);
     return CAIRN_OK;
 }
 
@@ -230,7 +211,7 @@ cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place, const
     cairn_status status;
 
     if (map == NULL || view == NULL || place < 0 || place < map->place_count - 1 || place > map->place_count)
-        return refuse(fault, "no object, no scan, or not the last place or the next", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "no object, no scan, or not the last place or the next", CAIRN_BAD_ARGUMENT);
     status = check_scan(map, place, view, place_scan, fault);
     if (status != CAIRN_OK)
         return status;

@@ -54,7 +54,7 @@ static int params_are_good(const cairn_pose_consensus_params *params)
 static cairn_pose_consensus *carve(cairn_pool *pool, const cairn_pose_consensus_params *params)
 {
     size_t nodes = (size_t)params->max_nodes, hypotheses = (size_t)params->max_hypotheses;
-    cairn_pose_consensus *c = cairn_pool_take(pool, 1, sizeof *c);
+    cairn_pose_consensus *c = cairn_pool_take_one(pool, sizeof *c);
     cairn_pose_consensus made;
 
     memset(&made, 0, sizeof made);
@@ -83,7 +83,7 @@ size_t cairn_pose_consensus_memory(const cairn_pose_consensus_params *params)
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
-    return counting.used == SIZE_MAX ? 0 : counting.used;
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_pose_consensus_create(cairn_pose_consensus **consensus, cairn_pool *pool,

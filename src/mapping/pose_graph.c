@@ -132,7 +132,7 @@ static cairn_block_solver_params solver_params(const cairn_pose_graph_params *pa
 static cairn_pose_graph *carve(cairn_pose_graph *g, cairn_pool *pool, const cairn_pose_graph_params *params)
 {
     size_t poses = (size_t)params->max_poses, links = (size_t)params->max_links;
-    cairn_pose_graph *made = cairn_pool_take(pool, 1, sizeof *made);
+    cairn_pose_graph *made = cairn_pool_take_one(pool, sizeof *made);
 
     g->poses = cairn_pool_take(pool, poses, sizeof *g->poses);
     g->trial = cairn_pool_take(pool, poses, sizeof *g->trial);
@@ -147,21 +147,18 @@ static cairn_pose_graph *carve(cairn_pose_graph *g, cairn_pool *pool, const cair
 size_t cairn_pose_graph_memory(const cairn_pose_graph_params *params, const cairn_pose_solver *solver)
 {
     cairn_block_solver_params inner;
-    size_t inner_bytes = 0;
     cairn_pose_graph layout;
     cairn_pool counting;
 
     if (!params_are_good(params))
         return 0;
-    if (solver == NULL) {
-        inner = solver_params(params);
-        inner_bytes = cairn_block_solver_memory(&inner);
-        if (inner_bytes == 0)
-            return 0;
-    }
     cairn_pool_init_counting(&counting);
     (void)carve(&layout, &counting, params);
-    return counting.used >= SIZE_MAX - inner_bytes ? 0 : counting.used + inner_bytes;
+    if (solver == NULL) {
+        inner = solver_params(params);
+        cairn_pool_count(&counting, cairn_block_solver_memory(&inner));
+    }
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_pose_graph_create(cairn_pose_graph **graph, cairn_pool *pool, const cairn_pose_graph_params *params,

@@ -55,7 +55,7 @@ static int acceptable(const cairn_scan_params *p)
 static cairn_scan *carve(cairn_pool *pool, const cairn_scan_params *p)
 {
     size_t n = (size_t)p->max_beams, m = (size_t)p->max_segments, k = (size_t)p->max_points;
-    cairn_scan *x = cairn_pool_take(pool, 1, sizeof *x);
+    cairn_scan *x = cairn_pool_take_one(pool, sizeof *x);
     float *range = cairn_pool_take(pool, n, sizeof *range);
     float *angle = cairn_pool_take(pool, n, sizeof *angle);
     cairn_beam *beams = cairn_pool_take(pool, n, sizeof *beams);

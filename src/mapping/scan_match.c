@@ -76,7 +76,7 @@ static match_shape *carve_shape(cairn_pool *pool, const cairn_scan_match_params 
 static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *p)
 {
     size_t cells = p->mode == CAIRN_SCAN_MATCH_CORRELATIVE ? MATCH_CELLS_MOST : 0;
-    cairn_scan_match *x = cairn_pool_take(pool, 1, sizeof *x);
+    cairn_scan_match *x = cairn_pool_take_one(pool, sizeof *x);
     cairn_scan_match made;
 
     memset(&made, 0, sizeof made);
@@ -87,7 +87,7 @@ static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *
     made.dense_index.start =
         cairn_pool_take(pool, cairn_match_index_cells(p->max_dense) + 1, sizeof *made.dense_index.start);
     made.views = cairn_pool_take(pool, (size_t)p->max_views, sizeof *made.views);
-    made.query_profile = cairn_pool_take(pool, 1, sizeof *made.query_profile);
+    made.query_profile = cairn_pool_take_one(pool, sizeof *made.query_profile);
     made.index.points = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.index.points);
     made.index.start = cairn_pool_take(pool, cairn_match_index_cells(p->max_target) + 1, sizeof *made.index.start);
     made.by_direction = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.by_direction);
@@ -105,7 +105,6 @@ static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *
 size_t cairn_scan_match_memory(const cairn_scan_match_params *params)
 {
     cairn_pool counting;
-    size_t more = 0;
 
     if (!params_are_good(params))
         return 0;
@@ -114,9 +113,9 @@ size_t cairn_scan_match_memory(const cairn_scan_match_params *params)
     if (params->mode != CAIRN_SCAN_MATCH_CORRELATIVE) {
         cairn_sequence_params sequence = sequence_params(params);
 
-        more = cairn_sequence_memory(&sequence);
+        cairn_pool_count(&counting, cairn_sequence_memory(&sequence));
     }
-    return counting.used >= SIZE_MAX - more ? 0 : counting.used + more;
+    return cairn_pool_counted(&counting);
 }
 
 cairn_status cairn_scan_match_create(cairn_scan_match **match, cairn_pool *pool, const cairn_scan_match_params *params)

@@ -5,7 +5,7 @@
 #include "cairn/sequence.h"
 #include "src/mapping/scan_match_work.h"
 
-enum { SHAPE_BINS = 36 };
+enum { SHAPE_BINS = CAIRN_SCAN_MATCH_BINS };
 
 typedef struct shape_descriptor {
     uint8_t bin[SHAPE_BINS]; /* 255: as many points as in the fullest bin */

@@ -26,7 +26,7 @@ static int32_t word_room(const cairn_scan_set_params *params)
 
 static cairn_scan_set *carve(cairn_pool *pool, const cairn_scan_set_params *params)
 {
-    cairn_scan_set *set = cairn_pool_take(pool, 1, sizeof *set);
+    cairn_scan_set *set = cairn_pool_take_one(pool, sizeof *set);
     cairn_scan_set_scan *scans = cairn_pool_take(pool, (size_t)params->max_scans, sizeof *scans);
     cairn_scan_set_segment *segments = cairn_pool_take(pool, (size_t)params->max_segments, sizeof *segments);
     cairn_vec2 *points = NULL;

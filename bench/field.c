@@ -1,0 +1,543 @@
+/* bench/field: what chapter 7 of the thesis shows of force field simulation, on scenes of its own.
+ *
+ *   maze       16 full scans, poses disturbed by 0.25 m and 20 degrees, 20 steps (section 7.4.4)
+ *   apartment  a drive of 200 scans whose loop is closed wrongly, 150 steps (section 7.4.3)
+ *   rescue     60 scans of 100 degrees, 50 steps (section 7.4.2)
+ *
+ * Errors are those after the best common motion, by least squares over all scans. Potentials of different steps compare
+ * only for one sigma: they are those of the poses at sigma_start. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "bench/bench_json.h"
+#include "bench/bench_score.h"
+#include "cairn/force_field.h"
+#include "cairn/random.h"
+#include "cairn/report.h"
+#include "tools/options.h"
+
+#define DEGREE 0.017453292519943295
+
+enum { MOST_STEPS = 1000 };
+
+typedef struct settings {
+    const char *scene, *preset, *svg;
+    int64_t arenas, seed;
+    double spacing;
+} settings;
+
+/* One scene: the scans, where they are, where they are thought to be. */
+typedef struct scene {
+    const char *name;
+    sim_arena *arena;
+    sim_survey *survey;
+    const sim_scan *scans;
+    sim_pose *truth, *start, *poses; /* [count] */
+    cairn_pose *history;             /* [(steps + 1) * count] */
+    int32_t count, steps, drive;
+} scene;
+
+typedef struct outcome {
+    double start_m, start_deg, end_m, end_deg, start_gap, end_gap;
+    double step_ms, potential_start, potential_end;
+    int32_t scans, steps, rising, rising_first_10; /* steps in which the potential rose */
+    size_t pool_bytes;
+} outcome;
+
+static cairn_pose pose_of(sim_pose p)
+{
+    cairn_pose pose = {(cairn_real)p.x, (cairn_real)p.y, (cairn_real)p.theta};
+
+    return pose;
+}
+
+static sim_pose sim_of(cairn_pose p)
+{
+    sim_pose pose = {(double)p.x, (double)p.y, (double)p.theta};
+
+    return pose;
+}
+
+static double angle_error(double a, double b)
+{
+    return fabs(remainder(a - b, 6.283185307179586)) / DEGREE;
+}
+
+/* ---- Scenes ---- */
+
+static void shuffle_poses(scene *s, uint64_t seed, double metres, double degrees)
+{
+    cairn_random random = cairn_random_seed(seed, 78);
+
+    for (int32_t i = 0; i < s->count; i++) {
+        s->start[i].x += (double)cairn_random_uniform(&random, -1, 1) * metres;
+        s->start[i].y += (double)cairn_random_uniform(&random, -1, 1) * metres;
+        s->start[i].theta += (double)cairn_random_uniform(&random, -1, 1) * degrees * DEGREE;
+    }
+}
+
+/* The drive bends by 0.5 m and 5 degrees from its first scan to its last: a loop that was closed onto the wrong place. */
+static void bend(scene *s, uint64_t seed)
+{
+    cairn_random random = cairn_random_seed(seed, 79);
+    double towards = (double)cairn_random_uniform(&random, -1, 1) * 180 * DEGREE;
+
+    for (int32_t i = 0; i < s->count; i++) {
+        double share = s->count > 1 ? (double)i / (s->count - 1) : 0;
+
+        s->start[i].x += 0.5 * share * cos(towards);
+        s->start[i].y += 0.5 * share * sin(towards);
+        s->start[i].theta += 5 * share * DEGREE;
+    }
+    shuffle_poses(s, seed, 0.05, 2);
+}
+
+static void scene_free(scene *s)
+{
+    free(s->truth);
+    free(s->start);
+    free(s->poses);
+    free(s->history);
+    sim_survey_free(s->survey);
+    sim_arena_free(s->arena);
+}
+
+/* 0 and a line on standard error when the scene cannot be had. */
+static int scene_make(scene *s, const char *name, uint64_t seed)
+{
+    sim_arena_options arena = sim_arena_default();
+    sim_survey_options survey = sim_survey_default();
+    char fault[256] = "no memory";
+    size_t n = 0;
+
+    memset(s, 0, sizeof *s);
+    s->name = name;
+    s->steps = 50;
+    arena.seed = survey.seed = seed;
+    arena.scene = sim_scene_find(name);
+    if (arena.scene == SIM_MAZE) {
+        survey.places = 16;
+        survey.headings = 1;
+        survey.fov = 360 * DEGREE;
+        s->steps = 20;
+    } else if (arena.scene == SIM_APARTMENT) {
+        survey.drive = 200;
+        survey.drive_distance = 0.3;
+        survey.fov = 180 * DEGREE;
+        s->steps = 150;
+        s->drive = 1;
+    } else {
+        survey.places = 15;
+    }
+    s->arena = sim_arena_create(&arena, fault, sizeof fault);
+    if (s->arena != NULL)
+        s->survey = sim_survey_create(s->arena, &survey, fault, sizeof fault);
+    if (s->survey != NULL) {
+        s->scans = sim_survey_scans(s->survey, &s->count);
+        n = (size_t)s->count;
+        s->truth = malloc(n * sizeof *s->truth);
+        s->start = malloc(n * sizeof *s->start);
+        s->poses = malloc(n * sizeof *s->poses);
+        s->history = malloc(n * (MOST_STEPS + 1) * sizeof *s->history);
+    }
+    if (s->truth == NULL || s->start == NULL || s->poses == NULL || s->history == NULL) {
+        fprintf(stderr, "bench/field: %s\n", fault);
+        scene_free(s);
+        return 0;
+    }
+    for (size_t i = 0; i < n; i++)
+        s->truth[i] = s->start[i] = s->scans[i].truth;
+    if (s->drive)
+        bend(s, seed);
+    else
+        shuffle_poses(s, seed, arena.scene == SIM_MAZE ? 0.25 : 0.30, 20);
+    memcpy(s->poses, s->start, n * sizeof *s->poses);
+    return 1;
+}
+
+/* ---- The field ---- */
+
+typedef struct views {
+    cairn_scan_view *view; /* [count], with arrays of their own */
+    int32_t count, segment_count, point_count;
+} views;
+
+static void *copy_of(const void *from, size_t bytes)
+{
+    void *to = malloc(bytes > 0 ? bytes : 1);
+
+    if (to != NULL && bytes > 0)
+        memcpy(to, from, bytes);
+    return to;
+}
+
+static void views_free(views *v)
+{
+    for (int32_t i = 0; i < v->count && v->view != NULL; i++) {
+        free((void *)v->view[i].segments);
+        free((void *)v->view[i].first_point);
+        free((void *)v->view[i].points);
+    }
+    free(v->view);
+}
+
+/* Fits the lines of all scans. */
+static cairn_status views_make(views *v, const scene *s, double spacing)
+{
+    cairn_scan_params params = cairn_scan_default();
+    cairn_scan *scan = NULL;
+    cairn_pool pool;
+    cairn_status status;
+    size_t bytes;
+    void *memory;
+
+    params.max_beams = s->scans[0].count;
+    params.spacing = (cairn_real)spacing;
+    bytes = cairn_scan_memory(&params) + CAIRN_ALIGN;
+    memory = malloc(bytes);
+    memset(v, 0, sizeof *v);
+    v->view = calloc((size_t)s->count, sizeof *v->view);
+    status = memory == NULL || v->view == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);
+    if (status == CAIRN_OK)
+        status = cairn_scan_create(&scan, &pool, &params);
+    for (; v->count < s->count && status == CAIRN_OK; v->count++) {
+        cairn_scan_input input = sim_scan_input(&s->scans[v->count]);
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+        cairn_scan_view *view = &v->view[v->count];
+
+        status = cairn_scan_begin(scan, &input, NULL);
+        if (status == CAIRN_OK)
+            status = cairn_scan_step(scan, &budget);
+        *view = cairn_scan_read(scan);
+        view->segments = copy_of(view->segments, (size_t)view->segment_count * sizeof *view->segments);
+        view->first_point = copy_of(view->first_point, ((size_t)view->segment_count + 1) * sizeof *view->first_point);
+        view->points = copy_of(view->points, (size_t)view->point_count * sizeof *view->points);
+        v->segment_count += view->segment_count;
+        v->point_count += view->point_count;
+        if (view->segments == NULL || view->first_point == NULL || view->points == NULL)
+            status = CAIRN_NO_MEMORY;
+    }
+    free(memory);
+    return status;
+}
+
+static void make_room(cairn_force_field_params *params, const views *v)
+{
+    params->max_scans = v->count;
+    params->max_segments = params->max_corners = v->segment_count + 1;
+    params->max_points = v->point_count + 1;
+}
+
+static cairn_status field_make(cairn_force_field **field, cairn_pool *pool, const cairn_force_field_params *params,
+                               void **memory)
+{
+    size_t bytes = cairn_force_field_memory(params) + CAIRN_ALIGN;
+    cairn_status status;
+
+    *memory = malloc(bytes);
+    status = *memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(pool, *memory, bytes);
+    return status == CAIRN_OK ? cairn_force_field_create(field, pool, params) : status;
+}
+
+/* P of given poses at sigma_start. */
+static cairn_status potential_of(cairn_force_field *field, const views *v, const cairn_pose *poses, double *potential)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_status status = CAIRN_OK;
+
+    cairn_force_field_clear(field);
+    for (int32_t i = 0; i < v->count && status == CAIRN_OK; i++)
+        status = cairn_force_field_add_scan(field, &v->view[i], NULL, poses[i], NULL);
+    if (status == CAIRN_OK)
+        status = cairn_force_field_iterate(field, &budget);
+    *potential = (double)cairn_force_field_potential(field);
+    return status < 0 ? status : CAIRN_OK;
+}
+
+static cairn_status watch_potential(const scene *s, const views *v, cairn_force_field_params params, int32_t steps,
+                                    outcome *out)
+{
+    cairn_force_field *field = NULL;
+    cairn_pool pool;
+    void *memory;
+    double last = 0;
+    cairn_status status = field_make(&field, &pool, &params, &memory);
+
+    for (int32_t k = 0; k <= steps && status == CAIRN_OK; k++) {
+        double potential = 0;
+
+        status = potential_of(field, v, s->history + (size_t)k * (size_t)s->count, &potential);
+        out->rising += k > 0 && potential > last;
+        out->rising_first_10 += k > 0 && k <= 10 && potential > last;
+        if (k == 0)
+            out->potential_start = potential;
+        out->potential_end = last = potential;
+    }
+    free(memory);
+    return status;
+}
+
+static void remember(const scene *s, const cairn_force_field *field, int32_t step)
+{
+    for (int32_t i = 0; i < s->count; i++)
+        s->history[step * s->count + i] = cairn_force_field_pose(field, i);
+}
+
+static cairn_status run_field(scene *s, const views *v, cairn_force_field_params params, outcome *out)
+{
+    cairn_force_field *field = NULL;
+    cairn_force_field_state state = {0};
+    cairn_pool pool;
+    void *memory;
+    cairn_status status;
+    double start;
+
+    make_room(&params, v);
+    params.max_steps = s->steps;
+    params.stop_relocation = 0;
+    status = field_make(&field, &pool, &params, &memory);
+    for (int32_t i = 0; i < s->count && status == CAIRN_OK; i++)
+        status = cairn_force_field_add_scan(field, &v->view[i], NULL, pose_of(s->start[i]), NULL);
+    if (status == CAIRN_OK)
+        remember(s, field, 0);
+    start = bench_seconds();
+    while (status >= 0 && state.verdict == CAIRN_FORCE_FIELD_RUNNING) {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        status = cairn_force_field_iterate(field, &budget);
+        state = cairn_force_field_read(field);
+        remember(s, field, state.iterations);
+    }
+    out->step_ms = 1e3 * (bench_seconds() - start) / (state.iterations > 0 ? state.iterations : 1);
+    out->steps = state.iterations;
+    out->pool_bytes = pool.peak;
+    for (int32_t i = 0; i < s->count && status >= 0; i++)
+        s->poses[i] = sim_of(cairn_force_field_pose(field, i));
+    free(memory);
+    return status < 0 ? status : watch_potential(s, v, params, out->steps, out);
+}
+
+/* ---- Scores ---- */
+
+static void errors(const scene *s, const sim_pose *poses, double *metres, double *degrees)
+{
+    double ex = 0, ey = 0, tx = 0, ty = 0, sine = 0, cosine = 0, turn;
+
+    *metres = *degrees = 0;
+    for (int32_t i = 0; i < s->count; i++) {
+        ex += poses[i].x / s->count;
+        ey += poses[i].y / s->count;
+        tx += s->truth[i].x / s->count;
+        ty += s->truth[i].y / s->count;
+    }
+    for (int32_t i = 0; i < s->count; i++) {
+        double px = poses[i].x - ex, py = poses[i].y - ey, qx = s->truth[i].x - tx, qy = s->truth[i].y - ty;
+
+        sine += px * qy - py * qx;
+        cosine += px * qx + py * qy;
+    }
+    turn = atan2(sine, cosine);
+    for (int32_t i = 0; i < s->count; i++) {
+        double px = poses[i].x - ex, py = poses[i].y - ey;
+        double x = cos(turn) * px - sin(turn) * py, y = sin(turn) * px + cos(turn) * py;
+
+        *metres += hypot(x - (s->truth[i].x - tx), y - (s->truth[i].y - ty)) / s->count;
+        *degrees += angle_error(poses[i].theta + turn, s->truth[i].theta) / s->count;
+    }
+}
+
+/* Where a drive comes back: mean error of the relative position of scans within 1.5 m of each other, a quarter of the
+ * drive apart. */
+static double gap(const scene *s, const sim_pose *poses)
+{
+    double sum = 0;
+    int32_t pairs = 0;
+
+    for (int32_t i = 0; i < s->count; i++)
+        for (int32_t j = i + s->count / 4; j < s->count; j++) {
+            sim_pose truth = bench_pose_between(s->truth[i], s->truth[j]);
+            sim_pose found = bench_pose_between(poses[i], poses[j]);
+
+            if (hypot(truth.x, truth.y) > 1.5)
+                continue;
+            sum += hypot(found.x - truth.x, found.y - truth.y);
+            pairs++;
+        }
+    return pairs > 0 ? sum / pairs : (double)NAN;
+}
+
+/* ---- Pictures ---- */
+
+static int draw(const settings *set, const scene *s, const views *v, uint64_t seed)
+{
+    cairn_report_map picture = cairn_report_map_default();
+    cairn_report_panel panel[2];
+    cairn_report_scan *scan = calloc((size_t)s->count, sizeof *scan);
+    cairn_file_error error;
+    cairn_status status = CAIRN_NO_MEMORY;
+    char path[512];
+
+    memset(panel, 0, sizeof panel);
+    panel[0].title = "Start";
+    panel[0].pose = s->history;
+    panel[1].title = set->preset;
+    panel[1].pose = s->history + (size_t)s->steps * (size_t)s->count;
+    picture.title = s->name;
+    picture.panel = panel;
+    picture.panel_count = 2;
+    picture.scan = scan;
+    picture.scan_count = s->count;
+    picture.connect = s->drive;
+    (void)snprintf(path, sizeof path, "%s/%s-%" PRIu64 "-%s.svg", set->svg, s->name, seed, set->preset);
+    if (scan != NULL) {
+        for (int32_t i = 0; i < s->count; i++) {
+            scan[i].segment = v->view[i].segments;
+            scan[i].segment_count = v->view[i].segment_count;
+        }
+        status = cairn_report_map_write(path, &picture, &error);
+    }
+    if (status != CAIRN_OK)
+        fprintf(stderr, "bench/field: %s: %s\n", path, cairn_status_text(status));
+    free(scan);
+    return status == CAIRN_OK;
+}
+
+/* ---- Output ---- */
+
+static void print(const settings *set, const scene *s, const outcome *o)
+{
+    bench_json_text("scene", s->name);
+    bench_json_text("preset", set->preset);
+    bench_json_number("spacing", set->spacing);
+    bench_json_integer("scans", o->scans);
+    bench_json_integer("steps", o->steps);
+    bench_json_number("start_mean_m", o->start_m);
+    bench_json_number("start_mean_deg", o->start_deg);
+    bench_json_number("end_mean_m", o->end_m);
+    bench_json_number("end_mean_deg", o->end_deg);
+    bench_json_number("ratio_m", o->end_m / o->start_m);
+    bench_json_number("ratio_deg", o->end_deg / o->start_deg);
+    bench_json_number("start_gap_m", o->start_gap);
+    bench_json_number("end_gap_m", o->end_gap);
+    bench_json_number("potential_start", o->potential_start);
+    bench_json_number("potential_end", o->potential_end);
+    bench_json_integer("rising", o->rising);
+    bench_json_integer("rising_first_10", o->rising_first_10);
+    bench_json_number("step_ms", o->step_ms);
+    bench_json_integer("pool_bytes", (int64_t)o->pool_bytes);
+}
+
+static int run_scene(const settings *set, uint64_t seed, scene *s, outcome *o)
+{
+    cairn_force_field_params params = strcmp(set->preset, "thesis") == 0
+                                          ? cairn_force_field_default()
+                                          : cairn_force_field_spaced((cairn_real)set->spacing);
+    views v;
+    cairn_status status = views_make(&v, s, set->spacing);
+    int done;
+
+    memset(o, 0, sizeof *o);
+    o->scans = s->count;
+    errors(s, s->start, &o->start_m, &o->start_deg);
+    o->start_gap = s->drive ? gap(s, s->start) : (double)NAN;
+    if (status == CAIRN_OK)
+        status = run_field(s, &v, params, o);
+    if (status != CAIRN_OK)
+        fprintf(stderr, "bench/field: %s\n", cairn_status_text(status));
+    errors(s, s->poses, &o->end_m, &o->end_deg);
+    o->end_gap = s->drive ? gap(s, s->poses) : (double)NAN;
+    done = status == CAIRN_OK && (set->svg == NULL || draw(set, s, &v, seed));
+    views_free(&v);
+    return done;
+}
+
+/* Means over the arenas; counts are sums. */
+static void add(outcome *sum, const outcome *o, double share)
+{
+    sum->start_m += share * o->start_m;
+    sum->start_deg += share * o->start_deg;
+    sum->end_m += share * o->end_m;
+    sum->end_deg += share * o->end_deg;
+    sum->start_gap += share * o->start_gap;
+    sum->end_gap += share * o->end_gap;
+    sum->potential_start += share * o->potential_start;
+    sum->potential_end += share * o->potential_end;
+    sum->step_ms += share * o->step_ms;
+    sum->scans += o->scans;
+    sum->steps += o->steps;
+    sum->rising += o->rising;
+    sum->rising_first_10 += o->rising_first_10;
+    sum->pool_bytes = o->pool_bytes > sum->pool_bytes ? o->pool_bytes : sum->pool_bytes;
+}
+
+static int run_all(const settings *set)
+{
+    outcome sum;
+    scene last = {0};
+
+    memset(&sum, 0, sizeof sum);
+    for (int64_t k = 0; k < set->arenas; k++) {
+        uint64_t seed = (uint64_t)(set->seed + k);
+        outcome o;
+        scene s;
+        int done;
+
+        if (!scene_make(&s, set->scene, seed))
+            return 0;
+        done = run_scene(set, seed, &s, &o);
+        if (done) {
+            bench_json_begin("field");
+            bench_json_integer("arena", (int64_t)seed);
+            print(set, &s, &o);
+            bench_json_end();
+            add(&sum, &o, 1 / (double)set->arenas);
+        }
+        last.name = s.name;
+        scene_free(&s);
+        if (!done)
+            return 0;
+    }
+    bench_json_begin("field");
+    bench_json_integer("arenas", set->arenas);
+    print(set, &last, &sum);
+    bench_json_true("summary");
+    bench_json_end();
+    return 1;
+}
+
+int main(int argc, char **argv)
+{
+    settings s = {"rescue", "thesis", NULL, 3, 1, 0.10};
+    const option table[] = {
+        OPTION_TEXT("--scene", &s.scene, "NAME", "rescue, maze or apartment (rescue)"),
+        OPTION_TEXT("--preset", &s.preset, "NAME", "thesis: its own constants; spaced: dt for the spacing (thesis)"),
+        OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
+        OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
+        OPTION_NUMBER("--spacing", &s.spacing, 0.01, 1, "M", "of the resampled points, m"),
+        OPTION_TEXT("--svg", &s.svg, "DIR", "pictures of start and end"),
+    };
+    const option_set set = {"bench/field", "[options]", "Force field simulation on the scenes of the thesis.", table,
+                            sizeof table / sizeof *table};
+    size_t words = 0;
+
+    switch (options_read(&set, argc, argv, NULL, &words)) {
+    case OPTIONS_HELPED:
+        return 0;
+    case OPTIONS_BAD:
+        return 2;
+    default:
+        break;
+    }
+    if (strcmp(s.scene, "rescue") != 0 && strcmp(s.scene, "maze") != 0 && strcmp(s.scene, "apartment") != 0) {
+        fprintf(stderr, "bench/field: unknown scene '%s', expected rescue, maze or apartment\n", s.scene);
+        return 2;
+    }
+    if (strcmp(s.preset, "thesis") != 0 && strcmp(s.preset, "spaced") != 0) {
+        fprintf(stderr, "bench/field: unknown preset '%s', expected thesis or spaced\n", s.preset);
+        return 2;
+    }
+    return run_all(&s) ? 0 : 1;
+}

@@ -1,0 +1,639 @@
+/* Lu and Milios.
+ *
+ * Method: a small motion (t, phi) of a scan about the map's centre c moves its point p by t + phi (p - c) turned left, to
+ * first order M (t, phi) with M = [1 0 -y; 0 1 x]. Pairs (a_k, b_k) of the scans i and j at m_k = (a_k + b_k) / 2 with
+ * z_k = a_k - b_k then ask for the difference of their motions
+ *
+ *     D = -(M^T M)^-1 M^T Z,  covariance C = s^2 (M^T M)^-1,  s^2 = |Z + M D|^2 / (2 n - 3)
+ *
+ * and W = sum (xi_i - xi_j - D)^T C^-1 (xi_i - xi_j - D) is least for the solution of G xi = B, where G has the C^-1 of
+ * links and B the C^-1 D = -M^T Z / s^2: D itself is needed for s^2 alone.
+ *
+ * Layout: the points of each scan lie in buckets by the hash of their search cells, in the scan's own frame, so that they
+ * never move: heads[2 first ... ] of a scan whose points begin at `first`, two buckets a point.
+ *
+ * Limits: nearest points need not be the same places, and a link whose wrong pairs agree by chance is believed: from errors
+ * of more than a few degrees the scans often come to rest in a wrong place. Points that are spaced evenly lock into each
+ * other at half their spacing.
+ *
+ * Source: Lu and Milios, Globally consistent range scan alignment for environment mapping, 1997; Adluru 2008, chapter 10. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "cairn/lum.h"
+
+enum { MAX_SCANS = 1 << 16, MAX_POINTS = 1 << 24, MAX_LINKS = 1 << 24, UNITS_POINT = 4, UNITS_LINK = 4 };
+
+static const cairn_real FARTHEST = CAIRN_REAL(1e6);
+
+enum { IDLE, SEARCH, ANALYZE, MEASURE, FACTOR, SOLVE, MOVE };
+
+struct scan {
+    int32_t first, end; /* of its points */
+    cairn_pose pose;
+    cairn_real reach; /* m, of its points from its origin */
+};
+
+/* Sums over the pairs of two scans, about the centre. */
+struct sums {
+    cairn_real x, y, squares;      /* of the middles */
+    cairn_real zx, zy, turn, miss; /* of z: components, middle x z, |z|^2 */
+    int32_t pairs;
+};
+
+struct cairn_lum {
+    cairn_lum_params params;
+    cairn_lum_state state;
+    cairn_block_solver *solver;
+    cairn_real least_cosine; /* of the direction gate */
+    struct scan *scans;
+    int32_t *root;          /* [max_scans] first scan of its piece */
+    cairn_vec2 *points;     /* [max_points] */
+    cairn_vec2 *directions; /* [max_points] */
+    int32_t *heads;         /* [2 max_points] */
+    int32_t *next;          /* [max_points] */
+    struct link {
+        int32_t first, second;
+    } * links; /* [max_links] */
+    cairn_real (*right)[3];
+    cairn_vec2 centre;
+    struct sums sums;
+    cairn_transform second_first; /* of the pair of scans at hand: the first scan's frame from the second's */
+    cairn_transform map_first;
+    int32_t point_count;
+    int32_t stage, debt, committed;
+    int32_t first, second, point; /* pair of scans and point at hand */
+    int32_t at;                   /* link or scan at hand */
+    int64_t pairs;
+    cairn_real error, motion;
+    cairn_status outcome;
+};
+
+cairn_lum_params cairn_lum_default(void)
+{
+    cairn_lum_params params = {
+        64, 8192, 2016, 2016, 5, 500, 0, CAIRN_REAL(0.2), CAIRN_PI / 3, CAIRN_REAL(0.02), CAIRN_REAL(0.0001)};
+    return params;
+}
+
+/* ---- Creation ---- */
+
+static int is_length(cairn_real x)
+{
+    return x > 0 && x <= FARTHEST;
+}
+
+static int params_are_good(const cairn_lum_params *p)
+{
+    return p != NULL && p->max_scans >= 1 && p->max_scans <= MAX_SCANS && p->max_points >= 1 &&
+           p->max_points <= MAX_POINTS && p->max_links >= 1 && p->max_links <= MAX_LINKS && p->min_pairs >= 2 &&
+           p->max_iterations >= 1 && p->rebuild >= 0 && is_length(p->distance) && p->direction_gate > 0 &&
+           p->direction_gate <= CAIRN_PI && is_length(p->sigma) && is_length(p->converged);
+}
+
+static cairn_block_solver_params solver_params(const cairn_lum_params *params)
+{
+    cairn_block_solver_params solver = {params->max_scans, params->max_links, params->max_fill};
+    return solver;
+}
+
+/* Sets the pointers of *l, which is then to be copied to the first piece that was taken. */
+static cairn_lum *carve(cairn_lum *l, cairn_pool *pool, const cairn_lum_params *params)
+{
+    size_t scans = (size_t)params->max_scans, points = (size_t)params->max_points;
+    cairn_lum *made = cairn_pool_take(pool, 1, sizeof *made);
+
+    l->scans = cairn_pool_take(pool, scans, sizeof *l->scans);
+    l->root = cairn_pool_take(pool, scans, sizeof *l->root);
+    l->points = cairn_pool_take(pool, points, sizeof *l->points);
+    l->directions = cairn_pool_take(pool, points, sizeof *l->directions);
+    l->heads = cairn_pool_take(pool, 2 * points, sizeof *l->heads);
+    l->next = cairn_pool_take(pool, points, sizeof *l->next);
+    l->links = cairn_pool_take(pool, (size_t)params->max_links, sizeof *l->links);
+    l->right = cairn_pool_take(pool, scans, sizeof *l->right);
+    return made;
+}
+
+size_t cairn_lum_memory(const cairn_lum_params *params)
+{
+    cairn_block_solver_params inner;
+    cairn_pool counting;
+    cairn_lum layout;
+    size_t bytes;
+
+    if (!params_are_good(params))
+        return 0;
+    inner = solver_params(params);
+    bytes = cairn_block_solver_memory(&inner);
+    cairn_pool_init_counting(&counting);
+    (void)carve(&layout, &counting, params);
+    return bytes == 0 || counting.used >= SIZE_MAX - bytes ? 0 : counting.used + bytes;
+}
+
+cairn_status cairn_lum_create(cairn_lum **lum, cairn_pool *pool, const cairn_lum_params *params)
+{
+    size_t need = cairn_lum_memory(params);
+    cairn_block_solver_params inner;
+    cairn_lum layout, *made;
+    cairn_status status;
+
+    if (lum == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    memset(&layout, 0, sizeof layout);
+    made = carve(&layout, pool, params);
+    layout.params = *params;
+    layout.least_cosine = cairn_cos(params->direction_gate);
+    inner = solver_params(params);
+    status = cairn_block_solver_create(&layout.solver, pool, &inner);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    *made = layout;
+    *lum = made;
+    return status;
+}
+
+void cairn_lum_clear(cairn_lum *lum)
+{
+    memset(&lum->state, 0, sizeof lum->state);
+    lum->point_count = 0;
+    lum->stage = IDLE;
+    lum->debt = 0;
+    lum->outcome = CAIRN_OK;
+}
+
+/* ---- Scans and their buckets ---- */
+
+static cairn_status refuse(cairn_fault *fault, int32_t index, const char *what, cairn_status status)
+{
+    if (fault != NULL) {
+        fault->index = index;
+        fault->what = what;
+    }
+    return status;
+}
+
+static int is_running(const cairn_lum *l)
+{
+    return l->stage != IDLE || l->debt > 0 || l->outcome != CAIRN_OK;
+}
+
+static cairn_status check_points(const cairn_oriented_point *points, int32_t count, cairn_fault *fault)
+{
+    for (int32_t k = 0; k < count; k++) {
+        cairn_vec2 p = points[k].position;
+
+        if (!cairn_is_finite(p.x) || !cairn_is_finite(p.y))
+            return refuse(fault, k, "a coordinate is not finite", CAIRN_NOT_FINITE);
+        if (cairn_abs(p.x) > FARTHEST || cairn_abs(p.y) > FARTHEST)
+            return refuse(fault, k, "a coordinate beyond 1e6 m", CAIRN_BAD_ARGUMENT);
+    }
+    return CAIRN_OK;
+}
+
+static int32_t cell_of(const cairn_lum *l, cairn_real x)
+{
+    return cairn_real_to_int(cairn_floor(x / l->params.distance));
+}
+
+static int32_t bucket_of(const struct scan *scan, int32_t x, int32_t y)
+{
+    uint32_t hash = (uint32_t)x * UINT32_C(0x9E3779B1) ^ (uint32_t)y * UINT32_C(0x85EBCA77);
+
+    hash ^= hash >> 15;
+    return 2 * scan->first + (int32_t)(hash % (2 * (uint32_t)(scan->end - scan->first)));
+}
+
+static void fill_buckets(cairn_lum *l, const struct scan *scan)
+{
+    for (int32_t k = 2 * scan->first; k < 2 * scan->end; k++)
+        l->heads[k] = -1;
+    for (int32_t k = scan->end - 1; k >= scan->first; k--) {
+        int32_t bucket = bucket_of(scan, cell_of(l, l->points[k].x), cell_of(l, l->points[k].y));
+
+        l->next[k] = l->heads[bucket];
+        l->heads[bucket] = k;
+    }
+}
+
+cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *points, int32_t count, cairn_pose map_scan,
+                                cairn_fault *fault)
+{
+    struct scan *scan;
+    cairn_status status;
+
+    if (lum == NULL || count < 0 || (points == NULL && count > 0))
+        return refuse(fault, -1, "no object or no points", CAIRN_BAD_ARGUMENT);
+    if (is_running(lum))
+        return refuse(fault, -1, "an alignment is running", CAIRN_BAD_ARGUMENT);
+    if (!cairn_pose_is_finite(map_scan))
+        return refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
+    if (cairn_abs(map_scan.x) > FARTHEST || cairn_abs(map_scan.y) > FARTHEST)
+        return refuse(fault, -1, "the pose is beyond 1e6 m", CAIRN_BAD_ARGUMENT);
+    if (lum->state.scans == lum->params.max_scans)
+        return refuse(fault, -1, "more scans than max_scans", CAIRN_FULL);
+    if (count > lum->params.max_points - lum->point_count)
+        return refuse(fault, -1, "more points than max_points", CAIRN_FULL);
+    status = check_points(points, count, fault);
+    if (status != CAIRN_OK)
+        return status;
+    scan = &lum->scans[lum->state.scans];
+    scan->first = lum->point_count;
+    scan->pose = map_scan;
+    scan->reach = 0;
+    for (int32_t k = 0; k < count; k++) {
+        lum->directions[lum->point_count] = points[k].direction;
+        lum->points[lum->point_count++] = points[k].position;
+        scan->reach = cairn_max(scan->reach, cairn_vec2_norm(points[k].position));
+    }
+    scan->end = lum->point_count;
+    fill_buckets(lum, scan);
+    lum->root[lum->state.scans] = lum->state.scans;
+    lum->state.scans++;
+    return CAIRN_OK;
+}
+
+/* The point of the scan nearest to p (in its frame) within the distance whose direction agrees, the lowest index among
+ * equals; -1: none. */
+static int32_t nearest(const cairn_lum *l, const struct scan *scan, cairn_vec2 p, cairn_vec2 direction)
+{
+    cairn_real best = l->params.distance * l->params.distance;
+    int32_t cx = cell_of(l, p.x), cy = cell_of(l, p.y), found = -1;
+
+    for (int32_t c = 0; c < 9; c++)
+        for (int32_t k = l->heads[bucket_of(scan, cx - 1 + c % 3, cy - 1 + c / 3)]; k >= 0; k = l->next[k]) {
+            cairn_real away = cairn_vec2_norm_squared(cairn_vec2_sub(l->points[k], p));
+
+            if ((away < best || (away == best && (found < 0 || k < found))) &&
+                cairn_vec2_dot(l->directions[k], direction) >= l->least_cosine) {
+                best = away;
+                found = k;
+            }
+        }
+    return found;
+}
+
+/* ---- Pairs of two scans ---- */
+
+static void begin_pairs(cairn_lum *l, int32_t first, int32_t second)
+{
+    l->first = first;
+    l->second = second;
+    l->point = l->scans[second].first;
+    memset(&l->sums, 0, sizeof l->sums);
+    l->map_first = cairn_transform_of(l->scans[first].pose);
+    l->second_first = cairn_transform_of(cairn_pose_between(l->scans[first].pose, l->scans[second].pose));
+}
+
+static void add_pair(cairn_lum *l)
+{
+    const struct scan *first = &l->scans[l->first];
+    cairn_vec2 own = cairn_transform_point(l->second_first, l->points[l->point]), a, b;
+    int32_t found = nearest(l, first, own, cairn_transform_direction(l->second_first, l->directions[l->point++]));
+    struct sums *s = &l->sums;
+    cairn_real x, y, zx, zy;
+
+    if (found < 0)
+        return;
+    a = cairn_transform_point(l->map_first, l->points[found]);
+    b = cairn_transform_point(l->map_first, own);
+    x = (a.x + b.x) / 2 - l->centre.x;
+    y = (a.y + b.y) / 2 - l->centre.y;
+    zx = a.x - b.x;
+    zy = a.y - b.y;
+    s->pairs++;
+    s->x += x;
+    s->y += y;
+    s->squares += x * x + y * y;
+    s->zx += zx;
+    s->zy += zy;
+    s->turn += x * zy - y * zx;
+    s->miss += zx * zx + zy * zy;
+}
+
+/* Adds the link's equations. */
+static cairn_status add_link(cairn_lum *l, int32_t index)
+{
+    const struct sums *s = &l->sums;
+    const cairn_real n = (cairn_real)s->pairs, mz[3] = {s->zx, s->zy, s->turn};
+    cairn_sym3 m = {n, 0, -s->y, n, s->x, s->squares};
+    cairn_real d[3] = {0, 0, 0}, by, left = s->miss;
+    cairn_real block[9] = {0};
+    int moves_first = l->root[l->first] != l->first, moves_second = l->root[l->second] != l->second;
+    cairn_status status = CAIRN_OK;
+
+    if (s->pairs <= l->params.min_pairs)
+        return CAIRN_OK; /* built from other poses, and now out of sight of each other */
+    if (cairn_sym3_solve(m, mz, d))
+        left -= d[0] * mz[0] + d[1] * mz[1] + d[2] * mz[2];
+    by = 1 / cairn_max(left / (2 * n - 3), l->params.sigma * l->params.sigma);
+    l->error += by * s->miss;
+    l->pairs += s->pairs;
+    m.xx *= by;
+    m.xz *= by;
+    m.yy *= by;
+    m.yz *= by;
+    m.zz *= by;
+    for (int k = 0; k < 3; k++) {
+        l->right[l->first][k] -= by * mz[k];
+        l->right[l->second][k] += by * mz[k];
+    }
+    if (moves_first)
+        status = cairn_block_solver_add_pose_block(l->solver, l->first, m);
+    if (moves_second && status == CAIRN_OK)
+        status = cairn_block_solver_add_pose_block(l->solver, l->second, m);
+    block[0] = -m.xx;
+    block[2] = block[6] = -m.xz;
+    block[4] = -m.yy;
+    block[5] = block[7] = -m.yz;
+    block[8] = -m.zz;
+    if (moves_first && moves_second && status == CAIRN_OK)
+        status = cairn_block_solver_add_link_block(l->solver, index, block);
+    return status;
+}
+
+/* ---- Stages ---- */
+
+static void end(cairn_lum *l, cairn_lum_verdict verdict, cairn_status outcome)
+{
+    l->stage = IDLE;
+    l->state.verdict = verdict;
+    l->outcome = outcome;
+    l->committed = 1;
+}
+
+static int32_t root_of(int32_t *root, int32_t scan)
+{
+    while (root[scan] != scan) {
+        root[scan] = root[root[scan]];
+        scan = root[scan];
+    }
+    return scan;
+}
+
+/* The next two scans whose points may be near each other, from (first, second) on; 0: none. */
+static int next_pair(cairn_lum *l)
+{
+    for (; l->first < l->state.scans; l->first++, l->second = l->first + 1)
+        for (; l->second < l->state.scans; l->second++) {
+            const struct scan *a = &l->scans[l->first], *b = &l->scans[l->second];
+            cairn_real dx = a->pose.x - b->pose.x, dy = a->pose.y - b->pose.y;
+            cairn_real reach = a->reach + b->reach + l->params.distance;
+
+            if (a->end > a->first && b->end > b->first && dx * dx + dy * dy <= reach * reach)
+                return 1;
+        }
+    return 0;
+}
+
+static void begin_search(cairn_lum *l)
+{
+    l->state.links = 0;
+    l->first = 0;
+    l->second = 1;
+    l->stage = SEARCH;
+    if (next_pair(l))
+        begin_pairs(l, l->first, l->second);
+}
+
+static void begin_structure(cairn_lum *l)
+{
+    cairn_status status = cairn_block_solver_begin(l->solver, l->state.scans);
+
+    for (int32_t i = 0; i < l->state.scans; i++)
+        l->root[i] = i;
+    for (int32_t k = 0; k < l->state.links && status == CAIRN_OK; k++) {
+        int32_t a = root_of(l->root, l->links[k].first), b = root_of(l->root, l->links[k].second);
+
+        l->root[a > b ? a : b] = a > b ? b : a;
+        status = cairn_block_solver_add_link(l->solver, l->links[k].first, l->links[k].second);
+    }
+    l->state.pieces = 0;
+    for (int32_t i = 0; i < l->state.scans; i++) {
+        l->root[i] = root_of(l->root, i);
+        l->state.pieces += l->root[i] == i;
+    }
+    if (status == CAIRN_OK)
+        status = cairn_block_solver_analyze(l->solver);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    l->stage = ANALYZE;
+}
+
+/* A pair of scans has been looked through. */
+static void end_search_pair(cairn_lum *l)
+{
+    if (l->sums.pairs > l->params.min_pairs) {
+        if (l->state.links == l->params.max_links) {
+            end(l, CAIRN_LUM_RUNNING, CAIRN_FULL);
+            return;
+        }
+        l->links[l->state.links].first = l->first;
+        l->links[l->state.links++].second = l->second;
+    }
+    l->second++;
+    if (next_pair(l))
+        begin_pairs(l, l->first, l->second);
+}
+
+static void begin_measure(cairn_lum *l)
+{
+    l->at = 0;
+    l->pairs = 0;
+    l->error = 0;
+    memset(l->right, 0, (size_t)l->state.scans * sizeof *l->right);
+    l->stage = MEASURE;
+    if (l->state.links > 0)
+        begin_pairs(l, l->links[0].first, l->links[0].second);
+}
+
+/* Every link has been measured: what stays gets the identity. */
+static void begin_factor(cairn_lum *l)
+{
+    const cairn_sym3 one = {1, 0, 0, 1, 0, 1};
+    cairn_status status = CAIRN_OK;
+
+    for (int32_t i = 0; i < l->state.scans && status == CAIRN_OK; i++)
+        if (l->root[i] == i) {
+            status = cairn_block_solver_add_pose_block(l->solver, i, one);
+            memset(l->right[i], 0, sizeof l->right[i]);
+        }
+    if (status == CAIRN_OK)
+        status = cairn_block_solver_factor(l->solver);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    l->stage = FACTOR;
+}
+
+static void begin_move(cairn_lum *l)
+{
+    l->at = 0;
+    l->motion = 0;
+    l->stage = MOVE;
+}
+
+static void move_scan(cairn_lum *l, int32_t index)
+{
+    cairn_pose *pose = &l->scans[index].pose;
+    cairn_vec2 step;
+    cairn_real x[3];
+    cairn_status status = cairn_block_solver_solution(l->solver, index, x);
+
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    if (l->root[index] == index)
+        return;
+    step.x = x[0] - x[2] * (pose->y - l->centre.y);
+    step.y = x[1] + x[2] * (pose->x - l->centre.x);
+    l->motion = cairn_max(l->motion, cairn_vec2_norm(step) + cairn_abs(x[2]));
+    pose->x += step.x;
+    pose->y += step.y;
+    pose->theta = cairn_wrap_angle(pose->theta + x[2]);
+}
+
+static void end_iteration(cairn_lum *l)
+{
+    l->state.iterations++;
+    l->state.pairs = l->pairs;
+    l->state.error = l->error;
+    l->state.motion = l->motion;
+    l->committed = 1;
+    if (l->motion <= l->params.converged)
+        end(l, CAIRN_LUM_CONVERGED, CAIRN_OK);
+    else if (l->state.iterations >= l->params.max_iterations)
+        end(l, CAIRN_LUM_OUT_OF_ITERATIONS, CAIRN_OK);
+    else if (l->params.rebuild > 0 && l->state.iterations % l->params.rebuild == 0)
+        begin_search(l);
+    else if (cairn_block_solver_clear(l->solver) == CAIRN_OK)
+        begin_measure(l);
+}
+
+/* The solver has ended a part. */
+static void end_part(cairn_lum *l, cairn_status status)
+{
+    if (status != CAIRN_OK && l->stage == ANALYZE) {
+        end(l, CAIRN_LUM_RUNNING, CAIRN_FULL);
+    } else if (l->stage == ANALYZE) {
+        begin_measure(l);
+    } else if (status != CAIRN_OK || cairn_block_solver_read(l->solver).state == CAIRN_BLOCK_SOLVER_NOT_POSITIVE) {
+        end(l, CAIRN_LUM_SINGULAR, CAIRN_OK);
+    } else if (l->stage == FACTOR) {
+        status = cairn_block_solver_solve(l->solver, l->right[0]);
+        CAIRN_ASSERT(status == CAIRN_OK);
+        l->stage = SOLVE;
+    } else {
+        begin_move(l);
+    }
+}
+
+/* One item of SEARCH, MEASURE or MOVE; returns its units. */
+static int32_t do_item(cairn_lum *l)
+{
+    int more = l->point < l->scans[l->second < l->state.scans ? l->second : 0].end;
+
+    if (l->stage == SEARCH) {
+        if (l->first >= l->state.scans) {
+            begin_structure(l);
+            return 1 + l->state.links / UNITS_LINK;
+        }
+        if (more) {
+            add_pair(l);
+            return UNITS_POINT;
+        }
+        end_search_pair(l);
+        return UNITS_LINK;
+    }
+    if (l->stage == MEASURE) {
+        if (l->at == l->state.links) {
+            begin_factor(l);
+            return 1 + l->state.scans / UNITS_LINK;
+        }
+        if (more) {
+            add_pair(l);
+            return UNITS_POINT;
+        }
+        if (add_link(l, l->at++) != CAIRN_OK)
+            end(l, CAIRN_LUM_SINGULAR, CAIRN_OK);
+        else if (l->at < l->state.links)
+            begin_pairs(l, l->links[l->at].first, l->links[l->at].second);
+        return UNITS_LINK;
+    }
+    if (l->at < l->state.scans)
+        move_scan(l, l->at++);
+    else
+        end_iteration(l);
+    return 1;
+}
+
+cairn_status cairn_lum_begin(cairn_lum *lum)
+{
+    if (lum == NULL || is_running(lum))
+        return CAIRN_BAD_ARGUMENT;
+    if (lum->state.scans == 0)
+        return CAIRN_EMPTY;
+    lum->state.verdict = CAIRN_LUM_RUNNING;
+    lum->state.iterations = 0;
+    lum->centre.x = lum->scans[0].pose.x;
+    lum->centre.y = lum->scans[0].pose.y;
+    begin_search(lum);
+    return CAIRN_OK;
+}
+
+static int is_solvers(int32_t stage)
+{
+    return stage == ANALYZE || stage == FACTOR || stage == SOLVE;
+}
+
+cairn_status cairn_lum_iterate(cairn_lum *lum, cairn_budget *budget)
+{
+    cairn_status outcome;
+
+    lum->committed = 0;
+    while (lum->debt > 0 || (lum->stage != IDLE && !lum->committed)) {
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        if (lum->debt > 0) {
+            int32_t paid = lum->debt < budget->left ? lum->debt : budget->left;
+
+            lum->debt -= paid;
+            budget->left -= paid;
+        } else if (is_solvers(lum->stage)) {
+            cairn_status status = cairn_block_solver_step(lum->solver, budget);
+
+            if (status == CAIRN_MORE)
+                return CAIRN_MORE;
+            end_part(lum, status);
+        } else {
+            lum->debt = do_item(lum);
+        }
+    }
+    outcome = lum->outcome;
+    lum->outcome = CAIRN_OK;
+    return outcome;
+}
+
+cairn_status cairn_lum_step(cairn_lum *lum, cairn_budget *budget)
+{
+    cairn_status status;
+
+    do
+        status = cairn_lum_iterate(lum, budget);
+    while (status == CAIRN_OK && lum->stage != IDLE);
+    return status;
+}
+
+cairn_lum_state cairn_lum_read(const cairn_lum *lum)
+{
+    return lum->state;
+}
+
+cairn_pose cairn_lum_pose(const cairn_lum *lum, int32_t scan)
+{
+    return lum->scans[scan].pose;
+}
+
+int32_t cairn_lum_is_joined(const cairn_lum *lum, int32_t scan)
+{
+    return lum->root[scan] == 0;
+}

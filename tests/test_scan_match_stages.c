@@ -1,0 +1,212 @@
+/* What the modes of shape show of their stages, beside the slow obvious twins. */
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "cairn/scan_match.h"
+
+enum { MOST = 400 };
+
+/* The corners of a room with a niche, counter-clockwise. */
+static const cairn_vec2 room[] = {{-2, -2}, {3, -2}, {3, 0},  {2, 0},  {2, 1},   {3, 1},
+                                  {3, 3},   {-2, 3}, {-2, 1}, {-3, 1}, {-3, -1}, {-2, -1}};
+
+/* Points every 9.3 cm along the room's walls as seen from a pose, those of some walls left out. */
+static int32_t see(cairn_oriented_point *points, cairn_pose pose, int32_t first_wall, int32_t walls)
+{
+    cairn_transform t = cairn_transform_of(cairn_pose_inverse(pose));
+    int32_t corners = sizeof room / sizeof *room, count = 0;
+
+    for (int32_t w = first_wall; w < first_wall + walls; w++) {
+        cairn_vec2 a = room[w % corners], along = cairn_vec2_sub(room[(w + 1) % corners], a);
+        cairn_vec2 unit = cairn_vec2_unit(along);
+
+        for (cairn_real s = CAIRN_REAL(0.05); s < cairn_vec2_norm(along); s += CAIRN_REAL(0.093)) {
+            assert_true(count < MOST);
+            points[count].position = cairn_transform_point(t, cairn_vec2_add(a, cairn_vec2_scale(unit, s)));
+            points[count++].direction = cairn_transform_direction(t, unit);
+        }
+    }
+    return count;
+}
+
+typedef struct bed {
+    cairn_pool pool;
+    cairn_scan_match *match;
+    cairn_oriented_point target[MOST], query[MOST];
+    cairn_scan_match_part target_part, query_part;
+    cairn_pose start;
+} bed;
+
+/* Target and query overlap in part; the query is turned by 0.02 rad and shifted beside that. */
+static void make_bed(bed *b, cairn_scan_match_mode mode)
+{
+    static const cairn_pose from = {CAIRN_REAL(0.5), CAIRN_REAL(-0.05), CAIRN_REAL(0.32)};
+    static const cairn_pose home = {0, 0, CAIRN_REAL(0.3)};
+    cairn_scan_match_params params = cairn_scan_match_default();
+
+    memset(b, 0, sizeof *b);
+    params.mode = mode;
+    params.max_target = params.max_query = MOST;
+    b->pool = test_pool(cairn_scan_match_memory(&params));
+    assert_ok(cairn_scan_match_create(&b->match, &b->pool, &params));
+    b->target_part.points = b->target;
+    b->target_part.count = see(b->target, home, 0, 9);
+    b->query_part.points = b->query;
+    b->query_part.count = see(b->query, from, 3, 9);
+    assert_ok(cairn_scan_match_add_target(b->match, &b->target_part, cairn_pose_identity(), NULL));
+}
+
+static void run(bed *b)
+{
+    cairn_scan_match_window window = {2, 0};
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    assert_ok(cairn_scan_match_begin(b->match, &b->query_part, b->start, &window, NULL));
+    assert_int_equal(cairn_scan_match_pair_count(b->match), 0);
+    assert_ok(cairn_scan_match_step(b->match, &budget));
+}
+
+/* Whether the vector of a pair is within 10 degrees of the line of one of its points. */
+static int is_colinear(const bed *b, cairn_scan_match_pair pair)
+{
+    cairn_transform t = cairn_transform_of(b->start);
+    const cairn_oriented_point *q = &b->query[pair.query], *p = &b->target[pair.target];
+    cairn_vec2 from = cairn_transform_point(t, q->position), along = cairn_vec2_sub(p->position, from);
+    cairn_vec2 lines[2] = {cairn_transform_direction(t, q->direction), p->direction};
+
+    for (int k = 0; k < 2; k++)
+        if (fabs(atan((double)cairn_vec2_cross(along, lines[k]) / (double)cairn_vec2_dot(along, lines[k]))) <
+            10 * (double)CAIRN_PI / 180)
+            return 1;
+    return 0;
+}
+
+static void pairs_and_their_stages(void **state)
+{
+    int32_t count, at_stage[3] = {0, 0, 0};
+    bed b;
+
+    (void)state;
+    make_bed(&b, CAIRN_SCAN_MATCH_SHAPE);
+    run(&b);
+    count = cairn_scan_match_pair_count(b.match);
+    assert_true(count > 20 && count <= b.query_part.count && count <= b.target_part.count);
+    for (int32_t i = 0; i < count; i++) {
+        cairn_scan_match_pair pair = cairn_scan_match_pair_at(b.match, i);
+
+        assert_in_range(pair.query, 0, b.query_part.count - 1);
+        assert_in_range(pair.target, 0, b.target_part.count - 1);
+        if (i > 0) {
+            assert_true(pair.query > cairn_scan_match_pair_at(b.match, i - 1).query);
+            assert_true(pair.target > cairn_scan_match_pair_at(b.match, i - 1).target);
+        }
+        assert_in_range(pair.stage, 0, 2);
+        assert_int_equal(pair.stage == CAIRN_SCAN_MATCH_COLINEAR, is_colinear(&b, pair));
+        at_stage[pair.stage]++;
+    }
+    assert_true(at_stage[CAIRN_SCAN_MATCH_COLINEAR] > 0 && at_stage[CAIRN_SCAN_MATCH_KEPT] > 5);
+    test_pool_free(&b.pool);
+}
+
+/* Without a filter nothing is dropped by it. */
+static void modes_up_to_a_stage(void **state)
+{
+    static const cairn_scan_match_mode modes[] = {CAIRN_SCAN_MATCH_SHAPE_COMMON, CAIRN_SCAN_MATCH_SHAPE_COLINEAR,
+                                                  CAIRN_SCAN_MATCH_SHAPE_SEGMENTS};
+    int32_t dropped[3][3], counts[3];
+
+    (void)state;
+    memset(dropped, 0, sizeof dropped);
+    for (int k = 0; k < 3; k++) {
+        bed b;
+
+        make_bed(&b, modes[k]);
+        run(&b);
+        counts[k] = cairn_scan_match_pair_count(b.match);
+        for (int32_t i = 0; i < counts[k]; i++)
+            dropped[k][cairn_scan_match_pair_at(b.match, i).stage]++;
+        test_pool_free(&b.pool);
+    }
+    assert_int_equal(counts[0], counts[1]);
+    assert_int_equal(counts[0], counts[2]);
+    assert_int_equal(dropped[0][CAIRN_SCAN_MATCH_KEPT], counts[0]);
+    assert_true(dropped[1][CAIRN_SCAN_MATCH_COLINEAR] > 0);
+    assert_int_equal(dropped[1][CAIRN_SCAN_MATCH_APART], 0);
+    assert_int_equal(dropped[2][CAIRN_SCAN_MATCH_COLINEAR], dropped[1][CAIRN_SCAN_MATCH_COLINEAR]);
+    assert_true(dropped[2][CAIRN_SCAN_MATCH_KEPT] > 0);
+}
+
+/* Beside counting by angles; a point so near to a border of bins that rounding decides is passed over. */
+static void histograms(void **state)
+{
+    cairn_real share[CAIRN_SCAN_MATCH_BINS];
+    int compared = 0;
+    bed b;
+
+    (void)state;
+    make_bed(&b, CAIRN_SCAN_MATCH_SHAPE);
+    b.start.theta = CAIRN_REAL(0.5);
+    assert_status(cairn_scan_match_histogram(b.match, 0, share), CAIRN_EMPTY);
+    run(&b);
+    for (int32_t i = 0; i < b.query_part.count; i++) {
+        int count[CAIRN_SCAN_MATCH_BINS] = {0}, most = 1, near_border = 0;
+
+        for (int32_t k = 0; k < b.query_part.count; k++) {
+            cairn_vec2 d = cairn_vec2_sub(b.query[k].position, b.query[i].position);
+            double distance = hypot((double)d.x, (double)d.y), bearing = atan2((double)d.y, (double)d.x) + 0.5;
+            double place = fmod(bearing + 4 * (double)CAIRN_PI, 2 * (double)CAIRN_PI) * 18 / (double)CAIRN_PI;
+
+            if (k == i || distance > 0.51)
+                continue;
+            near_border |= fabs(distance - 0.5) < 1e-3 || fabs(place - rint(place)) < 1e-3;
+            if (distance <= 0.5 && ++count[(int)place] > most)
+                most = count[(int)place];
+        }
+        assert_ok(cairn_scan_match_histogram(b.match, i, share));
+        if (near_border)
+            continue;
+        compared++;
+        for (int k = 0; k < CAIRN_SCAN_MATCH_BINS; k++)
+            assert_near(share[k], (double)count[k] / most, 0.005);
+    }
+    assert_true(compared > b.query_part.count / 4);
+    assert_status(cairn_scan_match_histogram(b.match, -1, share), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_scan_match_histogram(b.match, b.query_part.count, share), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_scan_match_histogram(b.match, 0, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_scan_match_histogram(NULL, 0, share), CAIRN_BAD_ARGUMENT);
+    test_pool_free(&b.pool);
+}
+
+static void nothing_to_show(void **state)
+{
+    cairn_real share[CAIRN_SCAN_MATCH_BINS];
+    bed b;
+
+    (void)state;
+    make_bed(&b, CAIRN_SCAN_MATCH_CORRELATIVE);
+    run(&b);
+    assert_int_equal(cairn_scan_match_pair_count(b.match), 0);
+    assert_status(cairn_scan_match_histogram(b.match, 0, share), CAIRN_EMPTY);
+    test_pool_free(&b.pool);
+    make_bed(&b, CAIRN_SCAN_MATCH_SHAPE);
+    run(&b);
+    assert_true(cairn_scan_match_pair_count(b.match) > 0);
+    b.query_part.count = 0; /* what was seen before is not shown for it */
+    run(&b);
+    assert_int_equal(cairn_scan_match_pair_count(b.match), 0);
+    assert_status(cairn_scan_match_histogram(b.match, 0, share), CAIRN_EMPTY);
+    assert_int_equal(cairn_scan_match_pair_count(NULL), 0);
+    test_pool_free(&b.pool);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(pairs_and_their_stages),
+        cmocka_unit_test(modes_up_to_a_stage),
+        cmocka_unit_test(histograms),
+        cmocka_unit_test(nothing_to_show),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
