@@ -237,7 +237,7 @@ int bench_run_icp(const sim_scan *scans, int32_t count, int32_t sweeps, bench_po
     cloud c = {NULL, NULL};
     cairn_icp *icp = NULL;
     void *memory = NULL;
-    cairn_pool pool;
+    cairn_pool pool = {NULL, 0, 0, 0, 0, 0};
     cairn_status status = open_fitter(&f, scans[0].count);
 
     if (status == CAIRN_OK)
@@ -260,7 +260,7 @@ int bench_run_icp(const sim_scan *scans, int32_t count, int32_t sweeps, bench_po
     run->steps = sweeps;
     run->seconds = bench_seconds() - start;
     run->step_ms = 1e3 * run->seconds / sweeps;
-    run->pool_bytes = icp != NULL ? pool.peak : 0;
+    run->pool_bytes = pool.peak;
     free(c.points);
     free(c.first);
     free(memory);

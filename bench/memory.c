@@ -6,6 +6,8 @@
 #include "cairn/block_solver.h"
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
+#include "cairn/scan_match.h"
+#include "cairn/sequence.h"
 
 static void print(const char *object, const char *capacities, size_t bytes)
 {
@@ -21,6 +23,8 @@ int main(void)
     cairn_scan_params scan = cairn_scan_default();
     cairn_block_solver_params solver = {3500, 5598, 18581};
     cairn_icp_params icp = cairn_icp_default();
+    cairn_scan_match_params match = cairn_scan_match_default();
+    cairn_sequence_params sequence = cairn_sequence_default();
     cairn_force_field_params field = cairn_force_field_default();
     cairn_occupancy_grid_params grid = cairn_occupancy_grid_default();
     cairn_mapper_params mapper = cairn_mapper_default();
@@ -33,6 +37,10 @@ int main(void)
     print("scan", "401 beams, 128 segments, 256 points", cairn_scan_memory(&scan));
     print("block_solver", "3500 poses, 5598 links, 18581 blocks", cairn_block_solver_memory(&solver));
     print("icp", "4096 target points", cairn_icp_memory(&icp));
+    print("scan_match", "2048 target points, 4096 dense ones, 16 views", cairn_scan_match_memory(&match));
+    match.mode = CAIRN_SCAN_MATCH_SHAPE;
+    print("scan_match", "the same, by shape", cairn_scan_match_memory(&match));
+    print("sequence", "1024 and 1024 elements", cairn_sequence_memory(&sequence));
     field.max_scans = 16;
     field.max_points = 2400;
     field.max_segments = field.max_corners = 320;

@@ -796,10 +796,10 @@ static void scans_are_refused(void **state)
     at.x = 0;
 #define REFUSE_ELEMENT(element, value, status, where)                                                                  \
     do {                                                                                                               \
-        cairn_real kept = element;                                                                                     \
-        element = value;                                                                                               \
+        cairn_real *at_element = &(element), kept = *at_element;                                                       \
+        *at_element = value;                                                                                           \
         REFUSE_VIEW((void)0, status, where);                                                                           \
-        element = kept;                                                                                                \
+        *at_element = kept;                                                                                            \
     } while (0)
     REFUSE_ELEMENT(segments[1].a.x, NAN, CAIRN_NOT_FINITE, 1);
     REFUSE_ELEMENT(segments[1].b.y, INFINITY, CAIRN_NOT_FINITE, 1);

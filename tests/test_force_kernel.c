@@ -124,7 +124,7 @@ static void test_strips_against_the_formulas(void **state)
     cairn_force_kernel_init(&kernel);
     cairn_force_kernel_set(&kernel, (cairn_real)sigma, (cairn_real)reach);
     for (uint64_t seed = 0; seed < 40; seed++) {
-        int32_t with = seed % 2, first = (int32_t)(seed % 3), pairs = 0, rows = 0;
+        int32_t with = (int32_t)(seed % 2), first = (int32_t)(seed % 3), pairs = 0, rows = 0;
         double potential = 0.25, force_x = 3, force_y = 2, torque = 1, levers = 0;
         struct points p;
         cairn_force_sum sum = {{3, 2}, 1, CAIRN_REAL(0.25), {CAIRN_REAL(0.3), CAIRN_REAL(-0.2)}, 5};

@@ -130,8 +130,9 @@ names $sources $(ls src/core/*.h src/contour/*.h src/mapping/*.h 2>/dev/null) | 
     banner "the whole library in one file; #define CAIRN_FLOAT for it and for all users of cairn.h to compute in float"
     body src/core/build.h
     echo '#include "cairn.h"'
+    cat include/cairn/*.h src/core/*.h src/contour/*.h src/mapping/*.h 2>/dev/null >"$out/headers" || true
     # shellcheck disable=SC2086
-    awk -v names="$out/names" '
+    awk -v names="$out/names" -v headers="$out/headers" '
     function emit_header(path,    line, other, inner, i, count, guard, last) # with the private headers that it includes
     {
         if (path in emitted) return
@@ -158,6 +159,8 @@ names $sources $(ls src/core/*.h src/contour/*.h src/mapping/*.h 2>/dev/null) | 
     }
     BEGIN {
         emitted["src/core/build.h"] = 1
+        while ((getline line < headers) > 0)
+            if (line ~ /^    [a-z].*;/) members = members line "\n"
         while ((getline line < names) > 0) {
             split(line, word, " ")
             users[word[2]]++
@@ -168,14 +171,31 @@ names $sources $(ls src/core/*.h src/contour/*.h src/mapping/*.h 2>/dev/null) | 
     {
         for (i = 1; i <= macros; i++) print "#undef " macro[i]
         macros = 0
+        split("", replaced)
+    }
+    # The line with the names in `replaced` exchanged, but not those behind . or ->.
+    function exchanged(line,    out, name)
+    {
+        out = ""
+        while (match(line, /[A-Za-z_][A-Za-z0-9_]*/)) {
+            name = substr(line, RSTART, RLENGTH)
+            out = out substr(line, 1, RSTART - 1)
+            out = out (name in replaced && out !~ /(\.|->)$/ ? replaced[name] : name)
+            line = substr(line, RSTART + RLENGTH)
+        }
+        return out line
     }
     FNR == 1 {
         finish_file()
         room = FILENAME
         gsub(/^.*\/|\.c$/, "", room)
-        whole = ""
+        whole = own = ""
+        inside = 0
         while ((getline line < FILENAME) > 0) {
             whole = whole line "\n"
+            if (line ~ /^}/) inside = 0
+            if (inside) own = own line "\n"
+            if (line ~ /^(typedef )?struct .*\{$/) inside = 1
             if (line ~ /^#include "src\//) {
                 other = line
                 gsub(/^#include "|".*$/, "", other)
@@ -188,11 +208,14 @@ names $sources $(ls src/core/*.h src/contour/*.h src/mapping/*.h 2>/dev/null) | 
         for (i = 1; i <= entries; i++) {
             split(list[i], word, " ")
             if (word[1] == FILENAME && users[word[2]] > 1) {
-                # A function that is called like a member of a struct: only its calls are renamed.
-                if (whole ~ ("(\\.|->)" word[2] "[^A-Za-z0-9_]"))
-                    print "#define " word[2] "(...) " room "_" word[2] "(__VA_ARGS__)"
-                else
-                    print "#define " word[2] " " room "_" word[2]
+                # A name that a struct of a header, and none of this file, has as a member: it is replaced where it stands
+                # alone. A macro would change the member, too.
+                member = "[ *]" word[2] "(,|;|\\[|\\)\\()"
+                if (whole ~ ("(\\.|->)" word[2] "[^A-Za-z0-9_]") && members ~ member && own !~ member) {
+                    replaced[word[2]] = room "_" word[2]
+                    continue
+                }
+                print "#define " word[2] " " room "_" word[2]
                 macro[++macros] = word[2]
             }
         }
@@ -204,9 +227,9 @@ names $sources $(ls src/core/*.h src/contour/*.h src/mapping/*.h 2>/dev/null) | 
         sub(/[^A-Za-z0-9_].*/, "", name)
         if (!(name in defined)) { defined[name] = 1; macro[++macros] = name }
     }
-    { print }
+    { print exchanged($0) }
     END { finish_file() }' $sources
 } >"$out/cairn.c.new"
-rm "$out/names"
+rm "$out/names" "$out/headers"
 mv "$out/cairn.h.new" "$out/cairn.h"
 mv "$out/cairn.c.new" "$out/cairn.c"

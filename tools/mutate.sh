@@ -174,22 +174,27 @@ program()
 }
 
 tests=$(ls tests/test_*.c | sed 's|.*/||; s|\.c$||')
-cairn=$(ls tools/cairn*.c tools/options.c | grep -v cairn_arena)
-arena=$(ls tools/cairn_arena*.c tools/options.c)
+files_of() # a variable of the Makefile
+{
+    printf 'include Makefile\nshow:\n\t@echo "$(%s)"\n' "$1" | make -s -f - show
+}
+cairn=$(files_of CAIRN_SRC) arena=$(files_of ARENA_SRC) common=$(files_of TEST_COMMON)
 mkdir -p "$work/uses/tests"
 (
     # shellcheck disable=SC2046,SC2086
-    mutate_make -j2 $libraries $(objects tests/support.c $(for t in $tests; do echo "tests/$t.c"; done) $cairn $arena) || exit 2
+    mutate_make -j2 $libraries $(objects $common $(for t in $tests; do echo "tests/$t.c"; done) $cairn $arena) || exit 2
     # shellcheck disable=SC2086
     c++ -shared -o "$build/libfaulty.so" -Wl,--whole-archive $libraries -Wl,--no-whole-archive $system_libs || exit 2
     # shellcheck disable=SC2086
     program cairn $cairn && program cairn-arena $arena || exit 2
     for t in $tests; do
-        program "tests/$t" "tests/$t.c" tests/support.c || exit 2
+        # shellcheck disable=SC2086
+        program "tests/$t" "tests/$t.c" $common || exit 2
     done
-    cat "$work/uses/cairn" "$work/uses/cairn-arena" >>"$work/uses/tests/test_tools"
-    cat "$work/uses/cairn-arena" >>"$work/uses/tests/test_cairn_arena"
-    cat "$work/uses/cairn" >>"$work/uses/tests/test_cairn_tool"
+    for t in $tests; do
+        # Those that run a tool use what that uses.
+        ! grep -q '/cairn' "tests/$t.c" || cat "$work/uses/cairn" "$work/uses/cairn-arena" >>"$work/uses/tests/$t"
+    done
     for t in $tests; do
         start=$(date +%s%N)
         "$build/tests/$t" >"$work/log" 2>&1 || {

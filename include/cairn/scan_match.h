@@ -54,7 +54,7 @@ typedef struct cairn_scan_match_part {
 } cairn_scan_match_part;
 
 /* Half sizes of the search about the start pose. The truth is taken to lie anywhere in the window alike: what the scans do
- * not tell stays near the start, and hypotheses outside are not reported. */
+ * not tell stays in the window, and hypotheses outside are not reported. */
 typedef struct cairn_scan_match_window {
     cairn_real distance; /* m, >= 0, in x and in y of the target's frame, of the query's origin */
     cairn_real angle;    /* rad, >= 0; >= pi: the full circle */

@@ -78,7 +78,7 @@ static void expect(cairn_aligner *x, int32_t rest)
     cairn_real window = cairn_min(WINDOW * x->sigma * factor, WIDEST * x->params.spread);
     cairn_real turned = cairn_min(WINDOW * x->sigma_angle * factor, WIDEST * x->params.spread_angle);
     cairn_real half = scan->radius + cairn_vec2_norm(scan->middle) + window + CAIRN_REAL(0.3);
-    int32_t most = cairn_real_to_int(cairn_sqrt((cairn_real)x->params.max_cells));
+    int32_t most = cairn_real_to_int(cairn_sqrt((cairn_real)x->params.max_cells)), most_window = most / 4 - 1;
 
     if (x->moving == x->scan_count)
         gauge = cairn_aligner_compose(gauge, cairn_transform_of(scan->initial));
@@ -88,7 +88,7 @@ static void expect(cairn_aligner *x, int32_t rest)
     x->predicted = cairn_aligner_to_pose(gauge);
     x->cell = cairn_max(CELL, 2 * half / (cairn_real)(most - 1));
     x->side_cells = cairn_real_to_int(cairn_ceil(2 * half / x->cell));
-    x->half_window = cairn_real_to_int(cairn_min(cairn_ceil(window / x->cell), (cairn_real)(most / 4 - 1)));
+    x->half_window = cairn_real_to_int(cairn_min(cairn_ceil(window / x->cell), (cairn_real)most_window));
     x->turns = cairn_real_to_int(cairn_ceil(cairn_min(turned, CAIRN_PI) / TURN));
     x->corner.x = x->predicted.x - (cairn_real)x->side_cells * x->cell / 2;
     x->corner.y = x->predicted.y - (cairn_real)x->side_cells * x->cell / 2;
@@ -177,7 +177,7 @@ static int32_t direction_bin(cairn_vec2 direction, cairn_real *rest)
     cairn_real whole = cairn_floor(place);
 
     *rest = place - whole;
-    return cairn_real_to_int(whole) % DIRECTIONS;
+    return (int32_t)((uint32_t)cairn_real_to_int(whole) % DIRECTIONS);
 }
 
 /* Bits of the directions within about 20 degrees. */

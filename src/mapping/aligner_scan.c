@@ -99,7 +99,7 @@ static int32_t bin_of(cairn_real x, cairn_real y)
         place = 2 - place;
     if (y < 0)
         place = 4 - place;
-    return (int32_t)(place * (cairn_real)(ALIGNER_BINS / 4)) & (ALIGNER_BINS - 1);
+    return (int32_t)(place / 4 * ALIGNER_BINS) & (ALIGNER_BINS - 1);
 }
 
 static cairn_real range_of(const cairn_aligner *x, uint16_t range)

@@ -165,15 +165,6 @@ void cairn_lum_clear(cairn_lum *lum)
 
 /* ---- Scans and their buckets ---- */
 
-static cairn_status refuse(cairn_fault *fault, int32_t index, const char *what, cairn_status status)
-{
-    if (fault != NULL) {
-        fault->index = index;
-        fault->what = what;
-    }
-    return status;
-}
-
 static int is_running(const cairn_lum *l)
 {
     return l->stage != IDLE || l->debt > 0 || l->outcome != CAIRN_OK;
@@ -185,9 +176,9 @@ static cairn_status check_points(const cairn_oriented_point *points, int32_t cou
         cairn_vec2 p = points[k].position;
 
         if (!cairn_is_finite(p.x) || !cairn_is_finite(p.y))
-            return refuse(fault, k, "a coordinate is not finite", CAIRN_NOT_FINITE);
+            return cairn_refuse(fault, k, "a coordinate is not finite", CAIRN_NOT_FINITE);
         if (cairn_abs(p.x) > FARTHEST || cairn_abs(p.y) > FARTHEST)
-            return refuse(fault, k, "a coordinate beyond 1e6 m", CAIRN_BAD_ARGUMENT);
+            return cairn_refuse(fault, k, "a coordinate beyond 1e6 m", CAIRN_BAD_ARGUMENT);
     }
     return CAIRN_OK;
 }
@@ -200,9 +191,10 @@ static int32_t cell_of(const cairn_lum *l, cairn_real x)
 static int32_t bucket_of(const struct scan *scan, int32_t x, int32_t y)
 {
     uint32_t hash = (uint32_t)x * UINT32_C(0x9E3779B1) ^ (uint32_t)y * UINT32_C(0x85EBCA77);
+    uint32_t buckets = 2 * (uint32_t)(scan->end - scan->first);
 
     hash ^= hash >> 15;
-    return 2 * scan->first + (int32_t)(hash % (2 * (uint32_t)(scan->end - scan->first)));
+    return 2 * scan->first + (int32_t)(buckets > 0 ? hash % buckets : 0);
 }
 
 static void fill_buckets(cairn_lum *l, const struct scan *scan)
@@ -224,17 +216,17 @@ cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *poin
     cairn_status status;
 
     if (lum == NULL || count < 0 || (points == NULL && count > 0))
-        return refuse(fault, -1, "no object or no points", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "no object or no points", CAIRN_BAD_ARGUMENT);
     if (is_running(lum))
-        return refuse(fault, -1, "an alignment is running", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "an alignment is running", CAIRN_BAD_ARGUMENT);
     if (!cairn_pose_is_finite(map_scan))
-        return refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
+        return cairn_refuse(fault, -1, "the pose is not finite", CAIRN_NOT_FINITE);
     if (cairn_abs(map_scan.x) > FARTHEST || cairn_abs(map_scan.y) > FARTHEST)
-        return refuse(fault, -1, "the pose is beyond 1e6 m", CAIRN_BAD_ARGUMENT);
+        return cairn_refuse(fault, -1, "the pose is beyond 1e6 m", CAIRN_BAD_ARGUMENT);
     if (lum->state.scans == lum->params.max_scans)
-        return refuse(fault, -1, "more scans than max_scans", CAIRN_FULL);
+        return cairn_refuse(fault, -1, "more scans than max_scans", CAIRN_FULL);
     if (count > lum->params.max_points - lum->point_count)
-        return refuse(fault, -1, "more points than max_points", CAIRN_FULL);
+        return cairn_refuse(fault, -1, "more points than max_points", CAIRN_FULL);
     status = check_points(points, count, fault);
     if (status != CAIRN_OK)
         return status;

@@ -29,7 +29,7 @@ int32_t cairn_place_map_side(const cairn_place_map_params *params)
 /* Index of the cell of a point in the place's frame; -1: beyond the reach. */
 static int32_t cell_of(const cairn_place_map *map, cairn_vec2 p)
 {
-    cairn_real by = 1 / map->params.sight_cell, half = (cairn_real)(map->side / 2);
+    cairn_real by = 1 / map->params.sight_cell, half = (cairn_real)map->side / 2;
     int32_t x = cairn_real_to_int(cairn_floor(p.x * by + half)), y = cairn_real_to_int(cairn_floor(p.y * by + half));
 
     return x < 0 || y < 0 || x >= map->side || y >= map->side ? -1 : y * map->side + x;

@@ -160,6 +160,7 @@ void cairn_scan_match_clear_target(cairn_scan_match *x)
 {
     stop(x);
     x->target_count = x->dense_count = x->view_count = x->part_count = 0;
+    x->lacks_dense = 0;
     x->is_indexed = 0;
     x->target_low.x = x->target_low.y = CAIRN_SCAN_EXTENT;
     x->target_high.x = x->target_high.y = -CAIRN_SCAN_EXTENT;
@@ -269,6 +270,8 @@ cairn_status cairn_scan_match_add_target(cairn_scan_match *x, const cairn_scan_m
     }
     if (x->params.max_views > 0)
         x->view_count += make_profile(&x->views[x->view_count], part, transform);
+    if (part->dense_count == 0 && part->count > 0)
+        x->lacks_dense = 1;
     x->part_count++;
     x->is_indexed = 0;
     return CAIRN_OK;

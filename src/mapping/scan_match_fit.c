@@ -5,9 +5,9 @@
  * range counts as much as it should; whoever does badly stays behind.
  *
  * Covariance: that of an M-estimator (Huber 1981, section 7.6). Its information is made of the products of the normals of
- * both points of a pair, as Gauss-Newton's would be of those of one: noise of the normals of a bare wall adds up in squares and
- * feigns information along the wall, while in products of independent normals it cancels. What does not average out (bent surfaces,
- * the choice of pairs) is a floor: with a thousand beams it is most of the error. */
+ * both points of a pair, as Gauss-Newton's would be of those of one: noise of the normals of a bare wall adds up in
+ * squares and feigns information along the wall, while in products of independent normals it cancels. What does not average
+ * out (bent surfaces, the choice of pairs) is a floor: with a thousand beams it is most of the error. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -20,12 +20,13 @@ static const cairn_real LEAST_COSINE = CAIRN_REAL(0.7);  /* of the directions of
 static const cairn_real TALLY_COSINE = CAIRN_REAL(0.85); /* ... of a point that is explained */
 static const cairn_real TALLY_GATE = CAIRN_REAL(1.5);    /* spacings */
 static const cairn_real CLOSE = CAIRN_REAL(0.3);         /* spacings from the surface at which a point counts half */
-static const cairn_real FLOOR = CAIRN_REAL(0.015);
-static const cairn_real LEAST_RATIO = CAIRN_REAL(3e-4); /* of the information of a direction in which a step goes */
-static const cairn_real MARGIN = 1;                     /* spacings by which a point stands before a surface */
+static const cairn_real FLOOR = CAIRN_REAL(0.015);       /* spacings, standard deviation */
+static const cairn_real LEAST_RATIO = CAIRN_REAL(3e-4);  /* of the information of a direction in which a step goes */
+static const cairn_real MARGIN = 1;                      /* spacings by which a point stands before a surface */
 
 enum { LEAST_PAIRS = 4 };
 
+/* Points, iterations, poses kept, dense, gates. */
 static const match_stage STAGES[MATCH_STAGES + 1] = {
     {48, 4, 24, 0, 5, 3},
     {200, 6, 0, 0, 3, CAIRN_REAL(1.5)},
@@ -43,7 +44,7 @@ void cairn_match_fit_begin(cairn_scan_match *x, cairn_pose pose)
     const match_stage *stage = &STAGES[x->stage];
     match_fit *fit = &x->fit;
     int32_t dense = stage->dense && x->query.dense_count > 0;
-    int32_t both = dense && x->dense_count > 0;
+    int32_t both = dense && x->dense_count > 0 && !x->lacks_dense;
 
     memset(fit, 0, sizeof *fit);
     fit->points = dense ? x->query.dense : x->query.points;
@@ -79,7 +80,7 @@ static void add_pair(cairn_scan_match *x, const cairn_oriented_point *q)
     const cairn_oriented_point *m;
     cairn_real error, squared, weight, scale = CAUCHY * fit->sigma, row[3];
     cairn_vec2 normal;
-    int32_t parts = 8;
+    int32_t parts = 24;
 
     search.p = cairn_transform_point(fit->motion.transform, q->position);
     search.direction = cairn_transform_direction(fit->motion.transform, q->direction);
@@ -140,6 +141,7 @@ static void conclude(cairn_scan_match *x, const cairn_motion_basis *basis)
     cairn_normal_equations prior;
     cairn_sym3 information = cairn_sym3_zero();
 
+    cairn_match_charge(x, 40 * MATCH_PART);
     h->target_query = x->fit.motion.map_body;
     h->pairs = x->fit.sums.pairs;
     h->sigma = x->fit.sigma;
@@ -162,16 +164,26 @@ static void conclude(cairn_scan_match *x, const cairn_motion_basis *basis)
     add_floor(x, h->covariance);
 }
 
+/* In the early stages, of which the scale of the residuals is that of the search, the prior would pull candidates of a wide
+ * window together; it counts there only when all of the window lies within the gate. */
+static int32_t prior_counts(const cairn_scan_match *x)
+{
+    const match_stage *stage = &STAGES[x->stage];
+
+    return x->has_window && (stage->dense || 2 * x->window.distance <= stage->gate_start * x->params.spacing);
+}
+
 /* One Gauss-Newton step; 1 when the fit is through. */
 static int32_t end_iteration(cairn_scan_match *x)
 {
+    int32_t use_prior = prior_counts(x);
     const match_stage *stage = &STAGES[x->stage];
     match_fit *fit = &x->fit;
     cairn_normal_equations equations, prior;
     cairn_motion_basis basis;
     cairn_real step[3], moved, by, gate_end = stage->gate_end * x->params.spacing, sigma = fit->sigma;
 
-    cairn_match_charge(x, 12 * MATCH_PART);
+    cairn_match_charge(x, 24 * MATCH_PART);
     fit->iteration++;
     if (fit->sums.pairs < LEAST_PAIRS) {
         conclude(x, NULL);
@@ -187,9 +199,9 @@ static int32_t end_iteration(cairn_scan_match *x)
     equations.information = scaled(fit->sums.lines, by);
     for (int k = 0; k < 3; k++)
         equations.gradient[k] = by * fit->sums.gradient[k];
-    if (x->has_window)
+    if (use_prior)
         prior = cairn_rigid_motion_prior(&fit->motion, &x->prior);
-    if (!cairn_motion_solve(&basis, &equations, x->has_window ? &prior : NULL, fit->gate, step)) {
+    if (!cairn_motion_solve(&basis, &equations, use_prior ? &prior : NULL, fit->gate, step)) {
         conclude(x, &basis);
         return 1;
     }
@@ -235,7 +247,7 @@ static void ask_query_point(cairn_scan_match *x, const cairn_oriented_point *q)
 {
     const cairn_oriented_point *m;
     match_search search;
-    int32_t parts = 6;
+    int32_t parts = 12;
 
     search.p = cairn_transform_point(x->tally_transform, q->position);
     search.direction = cairn_transform_direction(x->tally_transform, q->direction);
@@ -252,7 +264,7 @@ static void ask_query_point(cairn_scan_match *x, const cairn_oriented_point *q)
         return;
     }
     for (int32_t i = 0; i < x->view_count; i++) {
-        parts += 4;
+        parts += 8;
         if (cairn_match_profile_ask(&x->views[i], search.p, MARGIN * x->params.spacing) > 0) {
             x->tally.contradicted++;
             break;
@@ -268,7 +280,7 @@ static void ask_target_point(cairn_scan_match *x, const cairn_oriented_point *p)
 
     x->tally.target_explained += says < 0;
     x->tally.target_contradicted += says > 0;
-    cairn_match_charge(x, 8);
+    cairn_match_charge(x, 12);
 }
 
 static cairn_real share(cairn_real part, int32_t rest)

@@ -75,7 +75,7 @@ static int32_t search(const match_index *index, int32_t first, int32_t end, matc
             asked->best = point;
         }
     }
-    return (end - first + 1) / 2;
+    return end > first ? end - first : 0;
 }
 
 const cairn_oriented_point *cairn_match_index_nearest(const match_index *index, match_search *asked, cairn_real gate,
@@ -90,7 +90,7 @@ const cairn_oriented_point *cairn_match_index_nearest(const match_index *index, 
     for (int32_t y = low_y; y <= high_y; y++) {
         int32_t row = (y & mask) * index->side, a = low_x & mask, b = high_x & mask;
 
-        *parts += 2;
+        *parts += 4;
         if (a <= b) {
             *parts += search(index, index->start[row + a], index->start[row + b + 1], asked);
         } else {

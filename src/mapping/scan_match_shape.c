@@ -98,12 +98,14 @@ void cairn_match_shape_begin(cairn_scan_match *x)
 {
     match_shape *s = x->shape;
     cairn_real half = x->has_window ? cairn_min(x->window.angle, CAIRN_PI) : CAIRN_PI;
+    int32_t steps;
 
     s->shift.x = x->has_window ? x->start.x : 0;
     s->shift.y = x->has_window ? x->start.y : 0;
     s->step = half <= COARSE * DEGREE ? DEGREE : COARSE * DEGREE;
-    s->rotations = 2 * cairn_real_to_int(cairn_floor(half / s->step)) + 1;
-    s->first_angle = (x->has_window ? x->start.theta : 0) - s->step * (cairn_real)(s->rotations / 2);
+    steps = cairn_real_to_int(cairn_floor(half / s->step));
+    s->rotations = 2 * steps + 1;
+    s->first_angle = (x->has_window ? x->start.theta : 0) - s->step * (cairn_real)steps;
     if (half >= CAIRN_PI)
         s->rotations--;
     s->rotation = 0;
@@ -319,7 +321,7 @@ static void next_rotation(cairn_scan_match *x)
     s->step = DEGREE;
     s->rotations = 2 * COARSE - 1;
     s->rotation = 0;
-    s->first_angle = s->best.theta - s->step * (cairn_real)(s->rotations / 2);
+    s->first_angle = s->best.theta - s->step * (cairn_real)(COARSE - 1);
 }
 
 /* One query point; at the end of a rotation the best is kept. 1: the rotation is through. */

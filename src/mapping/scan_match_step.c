@@ -146,7 +146,7 @@ static void rank_item(cairn_scan_match *x)
 {
     int32_t keep = cairn_match_stage_of(x)->keep;
 
-    cairn_match_charge(x, 8 * x->hypothesis_count);
+    cairn_match_charge(x, (8 + x->hypothesis_count / 2) * x->hypothesis_count);
     cairn_match_thin(x, keep > 0 ? keep : x->params.max_hypotheses);
     x->other = 0;
     x->stage++;

@@ -3,10 +3,7 @@
  * The correlation of two sparse sets of oriented points, for all positions at once: for each heading of the window, a query
  * point turned by it and a target point whose direction agrees name the position that would bring them together. The
  * votes of a cell are the correlation there, summed over the pairs that exist instead of over all cells of the plane, and
- * nothing is pruned. Peaks (local maxima of two by two cells) compete over all headings for a fixed number of places.
- *
- * A pair's vote weighs as much as its direction is rare in the query: of a corridor's walls there are many points, and all
- * say the same. */
+ * nothing is pruned. Peaks (local maxima of two by two cells) compete over all headings for a fixed number of places. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -82,8 +79,8 @@ void cairn_match_votes_begin(cairn_scan_match *x)
     v->stride = (x->query.count + MATCH_VOTERS - 1) / MATCH_VOTERS;
 }
 
-/* Votes of a query point, at `p` and `angle` as turned, with the target points by_direction[first ... end-1]. */
-static void vote(cairn_scan_match *x, cairn_vec2 p, int32_t weight, int32_t first, int32_t end)
+/* Votes of a query point, at `p` as turned, with the target points by_direction[first ... end-1]. */
+static void vote(cairn_scan_match *x, cairn_vec2 p, int32_t first, int32_t end)
 {
     match_votes *v = &x->votes;
     cairn_real per_metre = 1 / v->side;
@@ -98,10 +95,10 @@ static void vote(cairn_scan_match *x, cairn_vec2 p, int32_t weight, int32_t firs
         cell = cairn_real_to_int(cy) * v->width + cairn_real_to_int(cx);
         if (v->cell[cell] == 0)
             v->touched[v->touched_count++] = (uint16_t)cell;
-        if (v->cell[cell] < UINT16_MAX - weight)
-            v->cell[cell] = (uint16_t)(v->cell[cell] + weight);
+        if (v->cell[cell] < UINT16_MAX)
+            v->cell[cell]++;
     }
-    cairn_match_charge(x, (end - first) / 2 + 4);
+    cairn_match_charge(x, end - first + 8);
 }
 
 int32_t cairn_match_vote(cairn_scan_match *x)
@@ -122,14 +119,14 @@ int32_t cairn_match_vote(cairn_scan_match *x)
     first = bin - DIRECTION_REACH;
     last = bin + DIRECTION_REACH;
     if (first < 0) {
-        vote(x, p, 1, x->direction_start[first + MATCH_DIRECTIONS], x->target_count);
+        vote(x, p, x->direction_start[first + MATCH_DIRECTIONS], x->target_count);
         first = 0;
     }
     if (last >= MATCH_DIRECTIONS) {
-        vote(x, p, 1, 0, x->direction_start[last - MATCH_DIRECTIONS + 1]);
+        vote(x, p, 0, x->direction_start[last - MATCH_DIRECTIONS + 1]);
         last = MATCH_DIRECTIONS - 1;
     }
-    vote(x, p, 1, x->direction_start[first], x->direction_start[last + 1]);
+    vote(x, p, x->direction_start[first], x->direction_start[last + 1]);
     x->at += v->stride;
     return x->at >= x->query.count;
 }
@@ -180,12 +177,12 @@ int32_t cairn_match_peaks(cairn_scan_match *x)
     row = cell / v->width;
     column = cell % v->width;
     own = votes_of_four(v, column, row);
-    cairn_match_charge(x, 3);
+    cairn_match_charge(x, 4);
     candidate.score = (cairn_real)own;
     candidate.order = x->measure.candidates;
     if (x->candidate_count == v->most && !cairn_match_before(&candidate, &x->candidates[0]))
         return 0;
-    cairn_match_charge(x, 12);
+    cairn_match_charge(x, 36);
     if (!is_peak(v, column, row, own))
         return 0;
     x->measure.candidates++;

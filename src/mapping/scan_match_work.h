@@ -129,6 +129,7 @@ struct cairn_scan_match {
     cairn_oriented_point *dense;  /* [max_dense] */
     match_profile *views;         /* [max_views] */
     int32_t target_count, dense_count, view_count, part_count;
+    int32_t lacks_dense; /* 1: a part came without dense points */
     int32_t is_indexed;
     match_index index;                             /* of `target` */
     match_index dense_index;                       /* of `dense` */
