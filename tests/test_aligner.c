@@ -705,7 +705,7 @@ static void refused(const cairn_aligner_params *params)
 
 static void params_are_refused(void **state)
 {
-    static const cairn_real bad[] = {0, -1, NAN, INFINITY};
+    static const cairn_real bad[] = {0, -1, (cairn_real)NAN, (cairn_real)INFINITY};
     const cairn_aligner_params good = cairn_aligner_default();
     cairn_aligner_params p;
 
@@ -727,8 +727,8 @@ static void params_are_refused(void **state)
     REFUSE(max_repairs, -1);
     REFUSE(max_rounds, -1);
     REFUSE(contradiction, -1);
-    REFUSE(contradiction, NAN);
-    REFUSE(contradiction, INFINITY);
+    REFUSE(contradiction, (cairn_real)NAN);
+    REFUSE(contradiction, (cairn_real)INFINITY);
     REFUSE(spread_angle, CAIRN_REAL(3.2));
     REFUSE(reach, CAIRN_REAL(1.1e6));
     for (size_t k = 0; k < sizeof bad / sizeof *bad; k++) {
@@ -789,9 +789,9 @@ static void scans_are_refused(void **state)
     REFUSE_VIEW(view.first_point = NULL, CAIRN_BAD_ARGUMENT, -1);
     REFUSE_VIEW(view.segment_count = 0, CAIRN_BAD_ARGUMENT, 0);
     REFUSE_VIEW(view.point_count = 2, CAIRN_BAD_ARGUMENT, 2);
-    REFUSE_VIEW(view.sensor.x = NAN, CAIRN_NOT_FINITE, -1);
+    REFUSE_VIEW(view.sensor.x = (cairn_real)NAN, CAIRN_NOT_FINITE, -1);
     REFUSE_VIEW(view.sensor.y = CAIRN_REAL(2e6), CAIRN_BAD_ARGUMENT, -1);
-    REFUSE_VIEW(at.x = INFINITY, CAIRN_NOT_FINITE, -1);
+    REFUSE_VIEW(at.x = (cairn_real)INFINITY, CAIRN_NOT_FINITE, -1);
     REFUSE_VIEW(at.x = CAIRN_REAL(-2e6), CAIRN_BAD_ARGUMENT, -1);
     at.x = 0;
 #define REFUSE_ELEMENT(element, value, status, where)                                                                  \
@@ -801,14 +801,14 @@ static void scans_are_refused(void **state)
         REFUSE_VIEW((void)0, status, where);                                                                           \
         *at_element = kept;                                                                                            \
     } while (0)
-    REFUSE_ELEMENT(segments[1].a.x, NAN, CAIRN_NOT_FINITE, 1);
-    REFUSE_ELEMENT(segments[1].b.y, INFINITY, CAIRN_NOT_FINITE, 1);
+    REFUSE_ELEMENT(segments[1].a.x, (cairn_real)NAN, CAIRN_NOT_FINITE, 1);
+    REFUSE_ELEMENT(segments[1].b.y, (cairn_real)INFINITY, CAIRN_NOT_FINITE, 1);
     REFUSE_ELEMENT(segments[0].a.x, CAIRN_REAL(2e6), CAIRN_BAD_ARGUMENT, 0);
     REFUSE_ELEMENT(segments[0].b.y, CAIRN_REAL(-2e6), CAIRN_BAD_ARGUMENT, 0);
-    REFUSE_ELEMENT(points[2].position.x, NAN, CAIRN_NOT_FINITE, 2);
+    REFUSE_ELEMENT(points[2].position.x, (cairn_real)NAN, CAIRN_NOT_FINITE, 2);
     REFUSE_ELEMENT(points[2].position.y, CAIRN_REAL(2e6), CAIRN_BAD_ARGUMENT, 2);
-    REFUSE_ELEMENT(beams[0].from.x, NAN, CAIRN_NOT_FINITE, 0);
-    REFUSE_ELEMENT(beams[0].to.y, INFINITY, CAIRN_NOT_FINITE, 0);
+    REFUSE_ELEMENT(beams[0].from.x, (cairn_real)NAN, CAIRN_NOT_FINITE, 0);
+    REFUSE_ELEMENT(beams[0].to.y, (cairn_real)INFINITY, CAIRN_NOT_FINITE, 0);
     REFUSE_ELEMENT(beams[0].to.x, CAIRN_REAL(2e6), CAIRN_BAD_ARGUMENT, 0);
     REFUSE_ELEMENT(beams[0].from.y, CAIRN_REAL(2e6), CAIRN_BAD_ARGUMENT, 0);
     first[0] = 1;

@@ -193,7 +193,6 @@ int32_t cairn_number_read_stamp(const char *text, size_t length, int64_t *nanose
 
 char *cairn_number_write(char text[CAIRN_NUMBER_TEXT_BYTES], cairn_real value)
 {
-    int digits = sizeof value > sizeof(float) ? 15 : 6;
     cairn_c_locale scope;
     double back;
 
@@ -202,9 +201,12 @@ char *cairn_number_write(char text[CAIRN_NUMBER_TEXT_BYTES], cairn_real value)
         return text;
     }
     scope = cairn_c_locale_enter();
-    do /* 17 digits, 9 of a float, tell any number */
-        (void)snprintf(text, CAIRN_NUMBER_TEXT_BYTES, "%.*g", digits++, (double)value);
-    while (!cairn_number_read(text, strlen(text), &back) || (cairn_real)back != value);
+    /* 17 digits, 9 of a float, tell any number. */
+    for (int digits = sizeof value > sizeof(float) ? 15 : 6; digits <= 17; digits++) {
+        (void)snprintf(text, CAIRN_NUMBER_TEXT_BYTES, "%.*g", digits, (double)value);
+        if (cairn_number_read(text, strlen(text), &back) && (cairn_real)back == value)
+            break;
+    }
     cairn_c_locale_leave(scope);
     return text;
 }

@@ -364,17 +364,20 @@ static void take_find(cairn_aligner *x)
     }
 }
 
-/* Tries the finds one by one. */
+/* Tries the finds, poses of the scan at hand, one by one; what moves with it is the scan alone or its whole cluster. */
 static int32_t try_find(cairn_aligner *x)
 {
+    cairn_transform found;
+
     if (x->find_at > 0)
         take_find(x);
     if (x->find_at == x->find_count) {
         x->phase = ALIGNER_PLACE;
         return 1;
     }
-    cairn_aligner_begin_look(x, x->scan_count, cairn_aligner_largest(x), cairn_transform_of(x->find[x->find_at++].pose),
-                             TRY_ROUNDS);
+    found = cairn_transform_of(x->find[x->find_at++].pose);
+    cairn_aligner_begin_look(x, x->moving, cairn_aligner_largest(x),
+                             cairn_aligner_compose(found, cairn_aligner_inverse(x->poses[x->i])), TRY_ROUNDS);
     return 1;
 }
 

@@ -239,7 +239,7 @@ static cairn_status step_place(cairn_force_field *field, cairn_budget *budget)
         if (field->point < 0) {
             int32_t is_first = field->set->scans[slot].first_segment == field->segment;
 
-            if (!cairn_budget_pay(budget, &field->paid, is_first ? 3 : 1))
+            if (!cairn_budget_pay(budget, &field->paid, is_first ? 4 : 2))
                 return CAIRN_MORE;
             if (!field->bodies[slot].moved)
                 continue;
@@ -263,7 +263,7 @@ static cairn_status step_place(cairn_force_field *field, cairn_budget *budget)
 static cairn_status step_ungrid(cairn_force_field *field, cairn_budget *budget)
 {
     while (cairn_point_grid_count(field->grid) > 0) {
-        if (!cairn_budget_pay(budget, &field->paid, 1))
+        if (!cairn_budget_pay(budget, &field->paid, 2))
             return CAIRN_MORE;
         for (int32_t i = 0; i < FEW; i++)
             cairn_point_grid_remove_last(field->grid);
@@ -277,7 +277,7 @@ static cairn_status step_grid(cairn_force_field *field, cairn_budget *budget)
     const cairn_corner *corners = cairn_corner_list(field->corners, &count);
 
     while (cairn_point_grid_count(field->grid) < count) {
-        if (!cairn_budget_pay(budget, &field->paid, 1))
+        if (!cairn_budget_pay(budget, &field->paid, 2))
             return CAIRN_MORE;
         /* As many places as corners. */
         must_be_ok(cairn_point_grid_insert(field->grid, corners[cairn_point_grid_count(field->grid)].position));
@@ -328,7 +328,7 @@ static cairn_status step_masses(cairn_force_field *field, cairn_budget *budget)
         int32_t count = segment->end_point - segment->first_point;
 
         while (field->point < count) {
-            if (!cairn_budget_pay(budget, &field->paid, 2))
+            if (!cairn_budget_pay(budget, &field->paid, 6))
                 return CAIRN_MORE;
             if (find_regions(field)) {
                 field->bodies[segment->scan].moved = 1;
@@ -344,7 +344,7 @@ static cairn_status step_reset(cairn_force_field *field, cairn_budget *budget)
     const cairn_vec2 none = {0, 0};
 
     while (field->scan < field->slots) {
-        if (!cairn_budget_pay(budget, &field->paid, 1))
+        if (!cairn_budget_pay(budget, &field->paid, 2))
             return CAIRN_MORE;
         for (int32_t i = 0; i < GROUP && field->scan < field->slots; i++, field->scan++) {
             struct cairn_force_body *body = &field->bodies[field->scan];
