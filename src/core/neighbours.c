@@ -337,7 +337,7 @@ int32_t cairn_point_grid_next(const cairn_point_grid *grid, cairn_point_grid_cur
 
 /* ---- Sweep and prune ---- */
 
-enum { OPERATIONS_PER_UNIT = 4 };
+enum { OPERATIONS_PER_UNIT = 2 };
 
 struct cairn_box_sweep {
     int32_t *order;         /* [capacity], a permutation */
@@ -498,7 +498,7 @@ static int test_some(cairn_box_sweep *sweep, int64_t *operations, int32_t *first
     return 0;
 }
 
-/* Charges operations, which are paid for four at a time; what is left of a unit serves the next call. */
+/* Charges operations, which are paid for two at a time; what is left of a unit serves the next call. */
 static void charge(cairn_box_sweep *sweep, cairn_budget *budget, int64_t operations)
 {
     int64_t due = operations - sweep->credit,

@@ -295,7 +295,7 @@ static int finish_pair(cairn_corner_set *set, cairn_budget *budget)
         set->first = -1;
     }
     if (set->is_found) {
-        if (!cairn_budget_pay(budget, &set->paid, 1))
+        if (!cairn_budget_pay(budget, &set->paid, 4))
             return 0;
         keep(set, &set->found);
         set->is_found = 0;
