@@ -63,7 +63,7 @@ typedef struct cairn_lum_state {
     int32_t iterations;
     int32_t links;
     int32_t pieces;     /* of scans that links join; 1 is good */
-    int32_t registered; /* scans that registration has placed */
+    int32_t registered; /* scans that registration has matched with others */
     int64_t pairs;      /* of points, in the last iteration */
     cairn_real error;   /* W of eq. 10.2 before the last iteration's step, with covariances of that iteration */
     cairn_real motion;  /* m: the largest of the last iteration */

@@ -1,6 +1,7 @@
 /* Sequential registration before Lu and Milios.
  *
- * Method: the scan with the most points is the first that is placed. In every round each scan that is left is matched
+ * Method: the scan with the most points is the first that is placed, and the next of those that are left when none of them
+ * finds a match. In every round each scan that is left is matched
  * against all that are placed (icp), from where it should be by the common motion of those, and from that pose turned
  * left and right; the match with the highest score, the overlap over the mean distance of the pairs, weighted by the root
  * of the points, is placed. At the end all scans are moved together so that the first stays.
@@ -14,7 +15,7 @@
 
 #include "src/mapping/lum_work.h"
 
-enum { ITERATIONS = 60, UNITS_POINTS = 4 };
+enum { ITERATIONS = 60, UNITS_POINTS = 4, UNITS_SCANS = 4 };
 
 /* Times the turn of the params. */
 static const int32_t TURNS[] = {0, -1, 1};
@@ -80,7 +81,7 @@ static cairn_pose common_motion(const cairn_lum *l)
 {
     const struct lum_register *r = &l->registers;
     cairn_vec2 from = {0, 0}, to = {0, 0}, shift;
-    cairn_real sine = 0, cosine = 0, share = 1 / (cairn_real)l->state.registered;
+    cairn_real sine = 0, cosine = 0, share = 1 / (cairn_real)r->placed_count;
     cairn_pose motion;
 
     for (int32_t i = 0; i < l->state.scans; i++)
@@ -116,24 +117,53 @@ static void place(cairn_lum *l, int32_t scan, cairn_pose pose)
     (void)status;
     r->placed[scan] = pose;
     r->is_placed[scan] = 1;
-    l->state.registered++;
+    r->placed_count++;
     r->motion = common_motion(l);
     begin_round(r);
+}
+
+/* The scan with the most points of those that are not placed; -1: none has any. */
+static int32_t next_seed(const cairn_lum *l)
+{
+    const struct lum_register *r = &l->registers;
+    int32_t seed = -1, most = 0;
+
+    for (int32_t i = 0; i < l->state.scans; i++)
+        if (!r->is_placed[i] && count_of(r, i) > most) {
+            most = count_of(r, i);
+            seed = i;
+        }
+    return seed;
 }
 
 void lum_register_begin(cairn_lum *l)
 {
     struct lum_register *r = &l->registers;
-    int32_t most = 0;
 
     cairn_icp_clear_target(r->icp);
-    r->matching = 0;
-    for (int32_t i = 0; i < l->state.scans; i++) {
+    for (int32_t i = 0; i < l->state.scans; i++)
         r->is_placed[i] = 0;
-        if (count_of(r, i) > count_of(r, most))
-            most = i;
+    r->motion = cairn_pose_identity();
+    r->placed_count = 0;
+    r->matching = 0;
+    begin_round(r);
+}
+
+/* Places the best match of the round, or without one the first scan of a new piece; 0: there is none. */
+static int32_t end_round(cairn_lum *l)
+{
+    struct lum_register *r = &l->registers;
+    int32_t seed;
+
+    if (r->best.scan >= 0) {
+        l->state.registered++;
+        place(l, r->best.scan, r->best.pose);
+        return 1;
     }
-    place(l, most, l->scans[most].pose);
+    seed = next_seed(l);
+    if (seed >= 0)
+        place(l, seed, cairn_pose_compose(r->motion, l->scans[seed].pose));
+    return seed >= 0;
 }
 
 /* All that was placed becomes the map's, moved so that the first scan stays; the others go with it. */
@@ -155,19 +185,18 @@ int32_t lum_register_next(cairn_lum *l, int32_t *units)
     struct lum_register *r = &l->registers;
     cairn_status status;
     cairn_pose start;
-    int32_t points;
+    int32_t points, target = cairn_icp_target_count(r->icp);
 
-    while (r->scan < l->state.scans && (r->is_placed[r->scan] || count_of(r, r->scan) == 0))
+    while (r->scan < l->state.scans && (r->placed_count == 0 || r->is_placed[r->scan] || count_of(r, r->scan) == 0))
         r->scan++;
-    *units = 1 + l->state.scans / UNITS_POINTS;
+    *units = 1 + l->state.scans / UNITS_SCANS;
     if (r->scan == l->state.scans) {
-        if (r->best.scan < 0) {
-            commit(l);
-            return 1;
+        if (end_round(l)) {
+            *units += (cairn_icp_target_count(r->icp) - target) / UNITS_POINTS;
+            return 0;
         }
-        *units += count_of(r, r->best.scan);
-        place(l, r->best.scan, r->best.pose);
-        return 0;
+        commit(l);
+        return 1;
     }
     points = count_of(r, r->scan);
     start = cairn_pose_compose(r->motion, l->scans[r->scan].pose);

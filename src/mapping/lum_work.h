@@ -31,7 +31,8 @@ struct lum_register {
     int32_t *is_placed;           /* [max_scans] */
     cairn_pose motion;            /* of the poses as they were onto those of the scans that are placed */
     int32_t scan, turn;           /* trial at hand */
-    int32_t matching;             /* 1: icp runs */
+    int32_t placed_count;
+    int32_t matching; /* 1: icp runs */
     struct {
         cairn_real score;
         cairn_pose pose;
