@@ -30,8 +30,8 @@ static void make_scans(double metres, double radians)
         cairn_transform inverse;
 
         s->count = 0;
-        s->truth.x = (cairn_real)i / 4;
-        s->truth.y = (cairn_real)(i % 2) / 2;
+        s->truth.x = (cairn_real)i / 4 + CAIRN_REAL(0.5);
+        s->truth.y = (cairn_real)(i % 2) / 2 - CAIRN_REAL(0.25);
         s->truth.theta = CAIRN_REAL(0.7) * (cairn_real)i;
         inverse = cairn_transform_of(cairn_pose_inverse(s->truth));
         for (int32_t w = 0; w < 6; w++) {
@@ -449,19 +449,24 @@ static void check_registration(const cairn_lum_params *params, const cairn_pose 
     cairn_pool pool;
     cairn_lum *lum = new_lum(&pool, params);
 
-    add_all(lum);
-    assert_ok(cairn_lum_begin(lum));
-    assert_ok(cairn_lum_iterate(lum, &budget));
-    assert_int_equal(cairn_lum_read(lum).iterations, 0);
-    assert_int_equal(cairn_lum_read(lum).registered, registered);
-    for (int32_t i = 0; i < SCANS; i++) {
-        pose = cairn_lum_pose(lum, i);
-        assert_near(pose.x, placed[i].x, NUMBER(1e-9, 2e-3));
-        assert_near(pose.y, placed[i].y, NUMBER(1e-9, 2e-3));
-        assert_near(cairn_wrap_angle(pose.theta - placed[i].theta), 0, NUMBER(1e-9, 2e-3));
+    for (int round = 0; round < 2; round++) {
+        add_all(lum);
+        assert_ok(cairn_lum_begin(lum));
+        assert_ok(cairn_lum_iterate(lum, &budget));
+        assert_int_equal(cairn_lum_read(lum).iterations, 0);
+        assert_int_equal(cairn_lum_read(lum).registered, registered);
+        for (int32_t i = 0; i < SCANS; i++) {
+            pose = cairn_lum_pose(lum, i);
+            assert_near(pose.x, placed[i].x, NUMBER(1e-9, 2e-3));
+            assert_near(pose.y, placed[i].y, NUMBER(1e-9, 2e-3));
+            assert_near(cairn_wrap_angle(pose.theta - placed[i].theta), 0, NUMBER(1e-9, 2e-3));
+        }
+        pose = cairn_lum_pose(lum, 0);
+        assert_memory_equal(&pose, &scans[0].start, sizeof pose);
+        budget.left = CAIRN_UNBOUNDED;
+        assert_ok(cairn_lum_step(lum, &budget));
+        cairn_lum_clear(lum);
     }
-    pose = cairn_lum_pose(lum, 0);
-    assert_memory_equal(&pose, &scans[0].start, sizeof pose);
     test_pool_free(&pool);
 }
 
@@ -615,6 +620,85 @@ static void capacities_are_told(void **state)
     test_pool_free(&pool);
 }
 
+/* Of points at equal distance the one with the lowest index is the partner, wherever its bucket. */
+static void of_equal_distances_the_lowest_index(void **state)
+{
+    (void)state;
+    for (int32_t order = 0; order < 2; order++) {
+        cairn_lum_params params = small_params();
+        cairn_oriented_point target[24], query[12];
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+        cairn_pool pool;
+        cairn_lum *lum = new_lum(&pool, &params);
+
+        for (int32_t k = 0; k < 12; k++) {
+            query[k].position.x = (cairn_real)(k < 6 ? k - 3 : 2);
+            query[k].position.y = (cairn_real)(k < 6 ? 0 : k - 7);
+            query[k].direction.x = 1;
+            query[k].direction.y = 0;
+            for (int32_t i = 0; i < 2; i++) {
+                target[2 * k + i] = query[k];
+                target[2 * k + i].position.x += CAIRN_REAL(0.125) * (cairn_real)(i == order ? -1 : 1);
+            }
+        }
+        assert_ok(cairn_lum_add_scan(lum, target, 24, cairn_pose_identity(), NULL));
+        assert_ok(cairn_lum_add_scan(lum, query, 12, cairn_pose_identity(), NULL));
+        assert_ok(cairn_lum_begin(lum));
+        assert_ok(cairn_lum_iterate(lum, &budget));
+        assert_near(cairn_lum_pose(lum, 1).x, order == 0 ? -0.125 : 0.125, NUMBER(1e-9, 1e-5));
+        assert_near(cairn_lum_pose(lum, 1).theta, 0, NUMBER(1e-9, 1e-5));
+        test_pool_free(&pool);
+    }
+}
+
+static void defaults(void **state)
+{
+    cairn_lum_params p = cairn_lum_default();
+
+    (void)state;
+    assert_int_equal(p.max_scans, 64);
+    assert_int_equal(p.max_points, 8192);
+    assert_int_equal(p.max_links, 64 * 63 / 2);
+    assert_int_equal(p.max_fill, 64 * 63 / 2);
+    assert_int_equal(p.min_pairs, 5);
+    assert_int_equal(p.max_iterations, 500);
+    assert_int_equal(p.rebuild, 0);
+    assert_near(p.distance, 0.2, 1e-7);
+    assert_near(p.direction_gate, acos(0.5), 1e-6);
+    assert_near(p.sigma, 0.02, 1e-7);
+    assert_near(p.converged, 0.0001, 1e-9);
+    assert_int_equal(p.registers, 0);
+    assert_near(p.register_gate, 0.7, 1e-7);
+    assert_near(p.register_turn, acos(-1) / 18, 1e-7);
+    assert_near(p.register_spacing, 0.08, 1e-7);
+}
+
+/* What an alignment of three scans, one of them empty, is charged. */
+static void units_are_as_told(void **state)
+{
+    static const int32_t units[2] = {12670, NUMBER(30334, 32064)};
+
+    (void)state;
+    for (int32_t registers = 0; registers < 2; registers++) {
+        cairn_lum_params params = small_params();
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+        cairn_pool pool;
+        cairn_lum *lum;
+
+        make_scans(0.05, 0.03);
+        scans[2].count = 0;
+        params.registers = registers;
+        params.max_iterations = 2;
+        params.rebuild = 1;
+        lum = new_lum(&pool, &params);
+        add_all(lum);
+        assert_ok(cairn_lum_begin(lum));
+        assert_ok(cairn_lum_step(lum, &budget));
+        assert_int_equal(CAIRN_UNBOUNDED - budget.left, units[registers]);
+        test_pool_free(&pool);
+    }
+}
+
 static uint64_t hash_with(int32_t units, int32_t registers)
 {
     cairn_lum_params params = small_params();
@@ -727,6 +811,11 @@ static void refusals(void **state)
     pose.y = CAIRN_REAL(2e6);
     assert_status(cairn_lum_add_scan(lum, &point, 1, pose, &fault), CAIRN_BAD_ARGUMENT);
     pose.y = 0;
+    point.position.y = nan;
+    assert_status(cairn_lum_add_scan(lum, &point, 1, pose, &fault), CAIRN_NOT_FINITE);
+    point.position.y = CAIRN_REAL(2e6);
+    assert_status(cairn_lum_add_scan(lum, &point, 1, pose, &fault), CAIRN_BAD_ARGUMENT);
+    point.position.y = 0;
     point.position.x = nan;
     assert_status(cairn_lum_add_scan(lum, &point, 1, pose, &fault), CAIRN_NOT_FINITE);
     assert_int_equal(fault.index, 0);
@@ -752,6 +841,9 @@ int main(void)
         cmocka_unit_test(registration_brings_back_what_is_far),
         cmocka_unit_test(pieces_stay_and_are_told),
         cmocka_unit_test(capacities_are_told),
+        cmocka_unit_test(of_equal_distances_the_lowest_index),
+        cmocka_unit_test(defaults),
+        cmocka_unit_test(units_are_as_told),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(refusals),
     };

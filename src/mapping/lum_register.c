@@ -17,6 +17,9 @@
 
 enum { ITERATIONS = 60, UNITS_POINTS = 4, UNITS_SCANS = 4 };
 
+/* m: what a heading counts for in the common motion. */
+static const cairn_real AHEAD = 1;
+
 /* Times the turn of the params. */
 static const int32_t TURNS[] = {0, -1, 1};
 
@@ -39,6 +42,7 @@ void lum_register_carve(struct lum_register *r, cairn_pool *pool, const cairn_lu
 
     r->points = cairn_pool_take(pool, (size_t)params->max_points, sizeof *r->points);
     r->first = cairn_pool_take(pool, scans + 1, sizeof *r->first);
+    r->start = cairn_pool_take(pool, scans, sizeof *r->start);
     r->placed = cairn_pool_take(pool, scans, sizeof *r->placed);
     r->is_placed = cairn_pool_take(pool, scans, sizeof *r->is_placed);
 }
@@ -75,39 +79,6 @@ static void begin_round(struct lum_register *r)
     r->best.score = 0;
 }
 
-/* The motion of least squares that brings the scans that are placed from their poses to their places; a heading counts as
- * a point 1 m ahead. */
-static cairn_pose common_motion(const cairn_lum *l)
-{
-    const struct lum_register *r = &l->registers;
-    cairn_vec2 from = {0, 0}, to = {0, 0}, shift;
-    cairn_real sine = 0, cosine = 0, share = 1 / (cairn_real)r->placed_count;
-    cairn_pose motion;
-
-    for (int32_t i = 0; i < l->state.scans; i++)
-        if (r->is_placed[i]) {
-            from.x += share * l->scans[i].pose.x;
-            from.y += share * l->scans[i].pose.y;
-            to.x += share * r->placed[i].x;
-            to.y += share * r->placed[i].y;
-        }
-    for (int32_t i = 0; i < l->state.scans; i++)
-        if (r->is_placed[i]) {
-            cairn_real turned = r->placed[i].theta - l->scans[i].pose.theta;
-            cairn_vec2 a = {l->scans[i].pose.x - from.x, l->scans[i].pose.y - from.y};
-            cairn_vec2 b = {r->placed[i].x - to.x, r->placed[i].y - to.y};
-
-            sine += cairn_vec2_cross(a, b) + cairn_sin(turned);
-            cosine += cairn_vec2_dot(a, b) + cairn_cos(turned);
-        }
-    motion.x = motion.y = 0;
-    motion.theta = cairn_atan2(sine, cosine);
-    shift = cairn_vec2_sub(to, cairn_transform_point(cairn_transform_of(motion), from));
-    motion.x = shift.x;
-    motion.y = shift.y;
-    return motion;
-}
-
 static void place(cairn_lum *l, int32_t scan, cairn_pose pose)
 {
     struct lum_register *r = &l->registers;
@@ -118,7 +89,7 @@ static void place(cairn_lum *l, int32_t scan, cairn_pose pose)
     r->placed[scan] = pose;
     r->is_placed[scan] = 1;
     r->placed_count++;
-    r->motion = common_motion(l);
+    r->motion = cairn_pose_fit(r->start, r->placed, r->is_placed, l->state.scans, AHEAD);
     begin_round(r);
 }
 
@@ -141,8 +112,10 @@ void lum_register_begin(cairn_lum *l)
     struct lum_register *r = &l->registers;
 
     cairn_icp_clear_target(r->icp);
-    for (int32_t i = 0; i < l->state.scans; i++)
+    for (int32_t i = 0; i < l->state.scans; i++) {
+        r->start[i] = l->scans[i].pose;
         r->is_placed[i] = 0;
+    }
     r->motion = cairn_pose_identity();
     r->placed_count = 0;
     r->matching = 0;
@@ -162,7 +135,7 @@ static int32_t end_round(cairn_lum *l)
     }
     seed = next_seed(l);
     if (seed >= 0)
-        place(l, seed, cairn_pose_compose(r->motion, l->scans[seed].pose));
+        place(l, seed, cairn_pose_compose(r->motion, r->start[seed]));
     return seed >= 0;
 }
 
@@ -170,12 +143,12 @@ static int32_t end_round(cairn_lum *l)
 static void commit(cairn_lum *l)
 {
     struct lum_register *r = &l->registers;
-    cairn_pose back, stays = l->scans[0].pose;
+    cairn_pose back;
 
     for (int32_t i = 0; i < l->state.scans; i++)
         if (!r->is_placed[i])
-            r->placed[i] = cairn_pose_compose(r->motion, l->scans[i].pose);
-    back = cairn_pose_compose(stays, cairn_pose_inverse(r->placed[0]));
+            r->placed[i] = cairn_pose_compose(r->motion, r->start[i]);
+    back = cairn_pose_compose(r->start[0], cairn_pose_inverse(r->placed[0]));
     for (int32_t i = 1; i < l->state.scans; i++)
         l->scans[i].pose = cairn_pose_compose(back, r->placed[i]);
 }
@@ -199,7 +172,7 @@ int32_t lum_register_next(cairn_lum *l, int32_t *units)
         return 1;
     }
     points = count_of(r, r->scan);
-    start = cairn_pose_compose(r->motion, l->scans[r->scan].pose);
+    start = cairn_pose_compose(r->motion, r->start[r->scan]);
     start.theta = cairn_wrap_angle(start.theta + (cairn_real)TURNS[r->turn] * l->params.register_turn);
     status = cairn_icp_begin(r->icp, r->points + r->first[r->scan], points, start, NULL, NULL);
     CAIRN_ASSERT(status == CAIRN_OK);

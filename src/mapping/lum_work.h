@@ -27,9 +27,10 @@ struct lum_register {
     cairn_icp *icp;               /* NULL: no registration; its target are the scans that are placed */
     cairn_oriented_point *points; /* [max_points] of all scans, thinned */
     int32_t *first;               /* [max_scans + 1] of a scan's thinned points */
+    cairn_pose *start;            /* [max_scans] as they were */
     cairn_pose *placed;           /* [max_scans] */
     int32_t *is_placed;           /* [max_scans] */
-    cairn_pose motion;            /* of the poses as they were onto those of the scans that are placed */
+    cairn_pose motion;            /* of start onto placed */
     int32_t scan, turn;           /* trial at hand */
     int32_t placed_count;
     int32_t matching; /* 1: icp runs */
