@@ -143,7 +143,7 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
     params.max_keys = log->count < 8192 ? log->count + 1 : 8192;
     params.max_key_points = params.max_keys * 160;
     params.max_key_segments = params.max_keys * 40;
-    params.loop.max_links = s->no_loops ? 0 : 4 * params.max_keys;
+    params.loop.max_loops = s->no_loops ? 0 : 4 * params.max_keys;
     params.loop.max_fill = 40 * params.max_keys;
     if (s->no_loops)
         params.local_span = 0;

@@ -27,16 +27,15 @@ extern "C" {
 
 /* Loops. A path that comes back is looked for where it may be, given how far its links can have led it astray. */
 typedef struct cairn_mapper_loop_params {
-    int32_t max_links; /* of the graph: one for every key scan and one for every closure, 1 ... 2^22; 0: no loops are
-                        * closed (4096) */
-    int32_t max_fill;  /* blocks of the graph's factor, see block_solver (32768) */
-    int32_t units;     /* of budget that loops and graph may take of every scan, >= 1 (8000) */
-    int32_t keys;      /* key scans of the map around a candidate, 1 ... 64 (9) */
-    int32_t gap;       /* a path that is shorter than so many key scans is no loop, >= 1 (25) */
-    int32_t agree;     /* so many closures must agree when the search is wide, 1 ... 8 (3) */
-    cairn_real radius; /* m, > 0: candidates see things within so far of what the key scan sees (3) */
-    cairn_real window; /* m, > 0: half side of the widest search (4) */
-    cairn_real near;   /* m, > 0: a search within so far is not wide (0.6) */
+    int32_t max_loops;        /* closures in all, 1 ... 2^22; 0: no loops are closed (4096) */
+    int32_t max_fill;         /* blocks of the graph's factor, see block_solver (32768) */
+    int32_t units;            /* of budget that loops and graph may take of every scan, >= 1 (8000) */
+    int32_t keys;             /* key scans of the map around a candidate, 1 ... 64 (9) */
+    int32_t gap;              /* a path that is shorter than so many key scans is no loop, >= 1 (25) */
+    int32_t agree;            /* so many closures must agree when the search is wide, 1 ... 8 (3) */
+    cairn_real radius;        /* m, > 0: candidates see things within so far of what the key scan sees (3) */
+    cairn_real window;        /* m, > 0: half side of the widest search (4) */
+    cairn_real window_near;   /* m, > 0: a search within so far is not wide (0.6) */
     cairn_real evidence;      /* of scan_match, log odds, that a closure needs (2) */
     cairn_real contradiction; /* share of points in free space that a closure may have, in [0, 1] (0.1) */
     cairn_real sigma;         /* m, > 0: standard deviation that every link has at least ... (0.01) */
@@ -49,10 +48,10 @@ typedef struct cairn_mapper_params {
     cairn_icp_params icp;           /* its capacities are set by the mapper */
     cairn_force_field_params field; /* likewise max_scans */
     cairn_mapper_loop_params loop;
-    int32_t max_keys;               /* key scans in all, 1 ... 2^20 (1024) */
-    int32_t max_key_segments;       /* segments of all key scans, 1 ... 2^24 (32768) */
-    int32_t max_key_points;         /* points of all key scans, 1 ... 2^24 (131072) */
-    int32_t local_keys;             /* key scans to match against, 1 ... CAIRN_MAPPER_LOCAL_MOST (15) */
+    int32_t max_keys;             /* key scans in all, 1 ... 2^20 (1024) */
+    int32_t max_key_segments;     /* segments of all key scans, 1 ... 2^24 (32768) */
+    int32_t max_key_points;       /* points of all key scans, 1 ... 2^24 (131072) */
+    int32_t local_keys;           /* key scans to match against, 1 ... CAIRN_MAPPER_LOCAL_MOST (15) */
     int32_t local_recent;         /* of these so many are the last ones, the others the nearest: 1 ... local_keys (3) */
     int32_t local_span;           /* of the last so many, >= local_recent; 0: of all (25) */
     cairn_real local_radius;      /* m, > 0: the nearest ones are at most so far (4) */
@@ -114,7 +113,7 @@ enum {
 };
 
 typedef struct cairn_mapper_loop {
-    int32_t first, second;  /* key scans, the older one first */
+    int32_t first, second;   /* key scans, the older one first */
     cairn_pose first_second; /* as matched; the identity for NONE */
     cairn_mapper_loop_verdict verdict;
 } cairn_mapper_loop;

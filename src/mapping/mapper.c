@@ -33,7 +33,7 @@ cairn_mapper_params cairn_mapper_default(void)
     params.field.dt_end = CAIRN_REAL(0.005);
     params.field.roi = 0;
     params.field.max_steps = 10;
-    params.loop.max_links = 4096;
+    params.loop.max_loops = 4096;
     params.loop.max_fill = 32768;
     params.loop.units = 8000;
     params.loop.keys = 9;
@@ -41,7 +41,7 @@ cairn_mapper_params cairn_mapper_default(void)
     params.loop.agree = 3;
     params.loop.radius = 3;
     params.loop.window = 4;
-    params.loop.near = CAIRN_REAL(0.6);
+    params.loop.window_near = CAIRN_REAL(0.6);
     params.loop.evidence = 2;
     params.loop.contradiction = CAIRN_REAL(0.1);
     params.loop.sigma = CAIRN_REAL(0.01);
@@ -98,6 +98,8 @@ static cairn_scan_match_params match_params(const cairn_mapper_params *params)
     cairn_scan_match_params match = cairn_scan_match_default();
 
     match.max_target = params->loop.keys * params->scan.max_points;
+    if (match.max_target > 1 << 20)
+        match.max_target = 1 << 20; /* what scan_match takes at most */
     match.max_dense = 0;
     match.max_views = params->loop.keys;
     match.max_query = params->scan.max_points;
@@ -110,7 +112,7 @@ static cairn_pose_graph_params graph_params(const cairn_mapper_params *params)
     cairn_pose_graph_params graph = cairn_pose_graph_default();
 
     graph.max_poses = params->max_keys;
-    graph.max_links = params->loop.max_links;
+    graph.max_links = params->max_keys + params->loop.max_loops;
     graph.max_fill = params->loop.max_fill;
     graph.start = CAIRN_POSE_GRAPH_GIVEN;
     graph.kernel = CAIRN_POSE_GRAPH_HUBER;
@@ -123,12 +125,12 @@ static int loop_is_valid(const cairn_mapper_params *params)
 {
     const cairn_mapper_loop_params *p = &params->loop;
 
-    if (p->max_links == 0)
+    if (p->max_loops == 0)
         return 1;
-    return p->max_links >= params->max_keys && p->max_fill >= 0 && p->units >= 1 && p->keys >= 1 && p->keys <= 64 &&
-           p->gap >= 1 && p->agree >= 1 && p->agree <= 8 && p->radius > 0 && p->window > 0 && p->near > 0 &&
-           p->evidence == p->evidence && p->contradiction >= 0 && p->contradiction <= 1 && p->sigma > 0 &&
-           p->sigma_turn > 0 && p->outlier > 0;
+    return p->max_loops > 0 && p->max_loops <= 1 << 22 && p->max_fill >= 0 && p->max_fill <= 1 << 26 && p->units >= 1 &&
+           p->keys >= 1 && p->keys <= 64 && p->gap >= 1 && p->agree >= 1 && p->agree <= 8 && p->radius > 0 &&
+           p->window > 0 && p->window_near > 0 && p->evidence == p->evidence && p->contradiction >= 0 &&
+           p->contradiction <= 1 && p->sigma > 0 && p->sigma_turn > 0 && p->outlier > 0;
 }
 
 static int is_valid(const cairn_mapper_params *p)
@@ -162,7 +164,7 @@ static void count_parts(cairn_pool *counting, const cairn_mapper_params *params)
     cairn_pool_count(counting, cairn_scan_set_memory(&keys));
     if (params->window)
         cairn_pool_count(counting, cairn_force_field_memory(&field));
-    if (params->loop.max_links > 0) {
+    if (params->loop.max_loops > 0) {
         cairn_scan_match_params match = match_params(params);
         cairn_pose_graph_params graph = graph_params(params);
 
@@ -176,9 +178,9 @@ static void carve_loop(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_p
     size_t keys = (size_t)params->max_keys;
 
     memset(loop, 0, sizeof *loop);
-    if (params->loop.max_links == 0)
+    if (params->loop.max_loops == 0)
         return;
-    loop->links = cairn_pool_take(pool, (size_t)params->loop.max_links, sizeof *loop->links);
+    loop->links = cairn_pool_take(pool, keys + (size_t)params->loop.max_loops, sizeof *loop->links);
     loop->first_link = cairn_pool_take(pool, keys, sizeof *loop->first_link);
     loop->covariance = cairn_pool_take(pool, keys, sizeof *loop->covariance);
     loop->sight = cairn_pool_take(pool, keys * MAPPER_BEARINGS, sizeof *loop->sight);
@@ -249,7 +251,7 @@ cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool *pool, const 
     if (status == CAIRN_OK && params->window)
         status = cairn_force_field_create(&made->field, pool, &field);
     CAIRN_ASSERT(status == CAIRN_OK);
-    if (status == CAIRN_OK && params->loop.max_links > 0) {
+    if (status == CAIRN_OK && params->loop.max_loops > 0) {
         cairn_scan_match_params match = match_params(params);
         cairn_pose_graph_params graph = graph_params(params);
 
@@ -519,6 +521,8 @@ static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
         budget->left -= 4 + cairn_scan_read(mapper->scan).point_count / 4;
         status = keep(mapper);
         begin_share(mapper);
+        if (status != CAIRN_OK)
+            mapper->phase = IDLE;
         if (status == CAIRN_OK && mapper->result.is_key && mapper->params.window && mapper->keys->scan_count > 1) {
             cairn_force_field_clear(mapper->field);
             mapper->phase = WINDOW;

@@ -46,8 +46,6 @@ static cairn_status add_link(cairn_mapper *mapper, int32_t first, int32_t second
     cairn_sym3 information;
     cairn_status status;
 
-    if (loop->link_count == mapper->params.loop.max_links)
-        return CAIRN_FULL;
     if (!cairn_sym3_inverse(covariance, &information))
         return CAIRN_BAD_ARGUMENT;
     status = cairn_pose_graph_add_link(loop->graph, first, second, first_second, information);
@@ -84,8 +82,8 @@ cairn_status cairn_mapper_enter(cairn_mapper *mapper)
 static cairn_real strain_of(const cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
                             cairn_sym3 covariance)
 {
-    cairn_pose e = cairn_pose_between(first_second,
-                                      cairn_pose_between(mapper->key_pose[first], mapper->key_pose[second]));
+    cairn_pose e =
+        cairn_pose_between(first_second, cairn_pose_between(mapper->key_pose[first], mapper->key_pose[second]));
     cairn_real error[3], solved[3];
 
     error[0] = e.x;
@@ -102,8 +100,8 @@ cairn_status cairn_mapper_add_closure(cairn_mapper *mapper, int32_t first, int32
     mapper_loop *loop = &mapper->loop;
     cairn_status status;
 
-    if (loop->link_count >= mapper->params.loop.max_links - (mapper->params.max_keys - loop->entered))
-        return CAIRN_FULL; /* the rest is for the key scans that may follow */
+    if (loop->link_count - (loop->entered - 1) == mapper->params.loop.max_loops)
+        return CAIRN_FULL;
     status = add_link(mapper, first, second, first_second, covariance, 1);
     if (status != CAIRN_OK)
         return status;

@@ -209,8 +209,8 @@ static void begin_candidate(cairn_mapper *mapper)
     loop->phase = LOOP_TARGET;
 }
 
-/* Adds a key scan to the map around the candidate. */
-static cairn_status target_item(cairn_mapper *mapper, cairn_budget *budget)
+/* Adds a key scan to the map around the candidate, which is full when scan_match says so. */
+static void target_item(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
     cairn_beam beams[MAPPER_BEARINGS];
@@ -223,7 +223,8 @@ static cairn_status target_item(cairn_mapper *mapper, cairn_budget *budget)
     part.beams = beams;
     part.beam_count = cairn_mapper_sight(mapper, key, beams);
     budget->left -= 2 + part.count / 2 + part.beam_count / 2;
-    return cairn_scan_match_add_target(loop->match, &part, mapper->key_pose[key], NULL);
+    if (cairn_scan_match_add_target(loop->match, &part, mapper->key_pose[key], NULL) != CAIRN_OK)
+        loop->target_from = loop->target_end;
 }
 
 static cairn_status begin_match(cairn_mapper *mapper, cairn_budget *budget)
@@ -257,8 +258,8 @@ static int32_t agree(const cairn_mapper *mapper, const mapper_pending *a, const 
 
 static void accept(cairn_mapper *mapper, mapper_pending *closure)
 {
-    cairn_status status = cairn_mapper_add_closure(mapper, closure->first, closure->second, closure->first_second,
-                                                   closure->covariance);
+    cairn_status status =
+        cairn_mapper_add_closure(mapper, closure->first, closure->second, closure->first_second, closure->covariance);
 
     closure->accepted = 1;
     if (status == CAIRN_FULL)
@@ -332,7 +333,7 @@ static void judge(cairn_mapper *mapper)
         cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_AMBIGUOUS);
     else if (h->contradiction > p->contradiction || h->target_contradiction > p->contradiction)
         cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_CONTRADICTED);
-    else if (reach_of(mapper, key) < p->near)
+    else if (reach_of(mapper, key) < p->window_near)
         accept(mapper, &closure);
     else
         weigh(mapper, &closure);
@@ -365,8 +366,8 @@ static cairn_status begin_next(cairn_mapper *mapper, cairn_budget *budget)
         status = cairn_mapper_enter(mapper);
         budget->left -= 4;
         loop->searched++;
-        if (loop->query > mapper->params.loop.gap && mapper->keys->scans[loop->query].first_point <
-                                                          mapper->keys->scans[loop->query].end_point)
+        if (loop->query > mapper->params.loop.gap &&
+            mapper->keys->scans[loop->query].first_point < mapper->keys->scans[loop->query].end_point)
             loop->phase = LOOP_CLEAR;
     }
     return status;
@@ -414,7 +415,10 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
         }
         break;
     case LOOP_TARGET:
-        status = loop->target_from < loop->target_end ? target_item(mapper, budget) : begin_match(mapper, budget);
+        if (loop->target_from < loop->target_end)
+            target_item(mapper, budget);
+        else
+            status = begin_match(mapper, budget);
         break;
     case LOOP_MATCH:
         status = cairn_scan_match_step(loop->match, budget);

@@ -64,7 +64,7 @@ typedef struct mapper_pending {
 typedef struct mapper_loop {
     cairn_scan_match *match;
     cairn_pose_graph *graph;
-    mapper_link *links;        /* [max_links] */
+    mapper_link *links;        /* [max_keys + max_loops] */
     int32_t *first_link;       /* [max_keys] of a key scan; -1: none */
     cairn_sym3 *covariance;    /* [max_keys] of the match with which a key scan came, in its own frame */
     uint16_t *sight;           /* [max_keys * MAPPER_BEARINGS] cm by bearing; 0: nothing known */
@@ -79,7 +79,7 @@ typedef struct mapper_loop {
     loop_phase phase;
     int32_t quota; /* units left of the scan's share */
     int32_t cursor;
-    int32_t query; /* key scan that is looked for */
+    int32_t query;                      /* key scan that is looked for */
     cairn_oriented_point *query_points; /* [scan.max_points] */
     cairn_beam query_beams[MAPPER_BEARINGS];
     cairn_scan_match_part query_part;
