@@ -173,22 +173,34 @@ static void count_parts(cairn_pool *counting, const cairn_mapper_params *params)
     }
 }
 
+/* What only loops need; loop NULL: from a counting pool. */
 static void carve_loop(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_params *params)
 {
     size_t keys = (size_t)params->max_keys;
+    mapper_link *links = cairn_pool_take(pool, keys + (size_t)params->loop.max_loops, sizeof *links);
+    int32_t *first_link = cairn_pool_take(pool, keys, sizeof *first_link);
+    cairn_sym3 *covariance = cairn_pool_take(pool, keys, sizeof *covariance);
+    uint16_t *sight = cairn_pool_take(pool, keys * MAPPER_BEARINGS, sizeof *sight);
+    cairn_real *variance = cairn_pool_take(pool, keys, sizeof *variance);
+    cairn_real *turn_variance = cairn_pool_take(pool, keys, sizeof *turn_variance);
+    int32_t *heap = cairn_pool_take(pool, keys, sizeof *heap);
+    int32_t *heap_at = cairn_pool_take(pool, keys, sizeof *heap_at);
+    cairn_oriented_point *points = cairn_pool_take(pool, (size_t)params->scan.max_points, sizeof *points);
+    cairn_beam *beams = cairn_pool_take(pool, (size_t)2 * MAPPER_BEARINGS, sizeof *beams);
 
-    memset(loop, 0, sizeof *loop);
-    if (params->loop.max_loops == 0)
+    if (loop == NULL)
         return;
-    loop->links = cairn_pool_take(pool, keys + (size_t)params->loop.max_loops, sizeof *loop->links);
-    loop->first_link = cairn_pool_take(pool, keys, sizeof *loop->first_link);
-    loop->covariance = cairn_pool_take(pool, keys, sizeof *loop->covariance);
-    loop->sight = cairn_pool_take(pool, keys * MAPPER_BEARINGS, sizeof *loop->sight);
-    loop->variance = cairn_pool_take(pool, keys, sizeof *loop->variance);
-    loop->turn_variance = cairn_pool_take(pool, keys, sizeof *loop->turn_variance);
-    loop->heap = cairn_pool_take(pool, keys, sizeof *loop->heap);
-    loop->heap_at = cairn_pool_take(pool, keys, sizeof *loop->heap_at);
-    loop->query_points = cairn_pool_take(pool, (size_t)params->scan.max_points, sizeof *loop->query_points);
+    loop->links = links;
+    loop->first_link = first_link;
+    loop->covariance = covariance;
+    loop->sight = sight;
+    loop->variance = variance;
+    loop->turn_variance = turn_variance;
+    loop->heap = heap;
+    loop->heap_at = heap_at;
+    loop->query_points = points;
+    loop->query_beams = beams;
+    loop->beams = beams == NULL ? NULL : beams + MAPPER_BEARINGS;
 }
 
 static cairn_mapper *carve(cairn_pool *pool, const cairn_mapper_params *params)
@@ -199,17 +211,15 @@ static cairn_mapper *carve(cairn_pool *pool, const cairn_mapper_params *params)
     cairn_segment *segments = cairn_pool_take(pool, (size_t)params->scan.max_segments, sizeof *segments);
     int32_t *first_point = cairn_pool_take(pool, (size_t)params->scan.max_segments + 1, sizeof *first_point);
 
-    mapper_loop loop;
-
-    carve_loop(&loop, pool, params);
     if (mapper != NULL) {
         memset(mapper, 0, sizeof *mapper);
-        mapper->loop = loop;
         mapper->key_pose = key_pose;
         mapper->oriented = oriented;
         mapper->segments = segments;
         mapper->first_point = first_point;
     }
+    if (params->loop.max_loops > 0)
+        carve_loop(mapper != NULL ? &mapper->loop : NULL, pool, params);
     return mapper;
 }
 

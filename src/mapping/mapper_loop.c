@@ -213,15 +213,14 @@ static void begin_candidate(cairn_mapper *mapper)
 static void target_item(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
-    cairn_beam beams[MAPPER_BEARINGS];
     cairn_scan_match_part part;
     int32_t key = loop->target_from++;
 
     memset(&part, 0, sizeof part);
     part.points = mapper->oriented;
     part.count = cairn_mapper_key_points(mapper, key, mapper->oriented);
-    part.beams = beams;
-    part.beam_count = cairn_mapper_sight(mapper, key, beams);
+    part.beams = loop->beams;
+    part.beam_count = cairn_mapper_sight(mapper, key, loop->beams);
     budget->left -= 2 + part.count / 2 + part.beam_count / 2;
     if (cairn_scan_match_add_target(loop->match, &part, mapper->key_pose[key], NULL) != CAIRN_OK)
         loop->target_from = loop->target_end;

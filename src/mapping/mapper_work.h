@@ -81,7 +81,8 @@ typedef struct mapper_loop {
     int32_t cursor;
     int32_t query;                      /* key scan that is looked for */
     cairn_oriented_point *query_points; /* [scan.max_points] */
-    cairn_beam query_beams[MAPPER_BEARINGS];
+    cairn_beam *query_beams;            /* [MAPPER_BEARINGS] */
+    cairn_beam *beams;                  /* [MAPPER_BEARINGS] of a key scan on its way into a match */
     cairn_scan_match_part query_part;
     mapper_candidate candidates[MAPPER_CANDIDATES];
     int32_t candidate_count, candidate;
