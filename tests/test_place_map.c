@@ -708,6 +708,7 @@ static void bad_scans_are_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(results_stay_as_they_are),
         cmocka_unit_test(places_of_an_arena),
         cmocka_unit_test(the_order_of_budgets_and_stamps_do_not_matter),
         cmocka_unit_test(scans_aligned_by_themselves),
@@ -715,7 +716,6 @@ int main(void)
         cmocka_unit_test(rooms_that_differ_are_parts),
         cmocka_unit_test(one_after_the_other),
         cmocka_unit_test(one_place),
-        cmocka_unit_test(results_stay_as_they_are),
         cmocka_unit_test(memory_is_exact),
         cmocka_unit_test(bad_params_are_refused),
         cmocka_unit_test(bad_scans_are_refused),

@@ -979,6 +979,7 @@ static void bad_hypotheses_are_refused(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(results_stay_as_they_are),
         cmocka_unit_test(two_nodes),
         cmocka_unit_test(most_hypotheses_are_wrong),
         cmocka_unit_test(relaxation_averages),
@@ -991,7 +992,6 @@ int main(void)
         cmocka_unit_test(bounds_forbid),
         cmocka_unit_test(a_judge_decides),
         cmocka_unit_test(contradictions_cost),
-        cmocka_unit_test(results_stay_as_they_are),
         cmocka_unit_test(the_result_does_not_depend_on_budgets),
         cmocka_unit_test(memory_is_exact),
         cmocka_unit_test(bad_params_are_refused),

@@ -970,6 +970,7 @@ static void overflow_is_told(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(paths_stay_as_they_are),
         cmocka_unit_test(every_kernel_finds_its_minimum),
         cmocka_unit_test(chordal_start_needs_no_guess),
         cmocka_unit_test(outliers_are_named),
@@ -981,7 +982,6 @@ int main(void)
         cmocka_unit_test(a_solver_of_ones_own),
         cmocka_unit_test(out_of_iterations),
         cmocka_unit_test(budgets_do_not_matter),
-        cmocka_unit_test(paths_stay_as_they_are),
         cmocka_unit_test(refused_params),
         cmocka_unit_test(every_pool_size),
         cmocka_unit_test(refused_graphs),
