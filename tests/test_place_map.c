@@ -631,6 +631,7 @@ static void bad_params_are_refused(void **state)
     REFUSED(match.max_hypotheses, 0);
     REFUSED(consensus.max_hypotheses, 0);
     TAKEN(recent, 1);
+    TAKEN(for_point, CAIRN_REAL(1e6));
     TAKEN(rounds, 0);
     TAKEN(sweeps, 0);
     TAKEN(floating, 0);
@@ -676,7 +677,8 @@ static void bad_scans_are_refused(void **state)
     assert_status(cairn_place_map_add_scan(m.map, 1, &view, pose, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_place_map_add_scan(m.map, -1, &view, pose, NULL), CAIRN_BAD_ARGUMENT);
     bad.theta = nan;
-    assert_status(cairn_place_map_add_scan(m.map, 0, &view, bad, NULL), CAIRN_NOT_FINITE);
+    assert_status(cairn_place_map_add_scan(m.map, 0, &view, bad, &fault), CAIRN_NOT_FINITE);
+    assert_int_equal(fault.index, -1);
     bad.theta = 0;
     bad.x = 2 * CAIRN_SCAN_EXTENT;
     assert_status(cairn_place_map_add_scan(m.map, 0, &view, bad, NULL), CAIRN_BAD_ARGUMENT);
