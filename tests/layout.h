@@ -33,6 +33,7 @@
 #include "cairn/raster.h"
 #include "cairn/real.h"
 #include "cairn/rectangle.h"
+#include "cairn/relation_table.h"
 #include "cairn/report.h"
 #include "cairn/rigid_motion.h"
 #include "cairn/scan.h"
@@ -763,6 +764,12 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_rectangle_params, least_side, 64, 40)},
     {FIELD(cairn_rectangle_params, least_covered, 72, 44)},
     {FIELD(cairn_rectangle_params, separation, 80, 48)},
+    {SIZE(cairn_relation_row, 56, 48)},
+    {FIELD(cairn_relation_row, line, 0, 0)},
+    {FIELD(cairn_relation_row, timed, 8, 8)},
+    {FIELD(cairn_relation_row, first, 16, 16)},
+    {FIELD(cairn_relation_row, second, 24, 24)},
+    {FIELD(cairn_relation_row, reference, 32, 32)},
     {SIZE(cairn_report_scan, 24, 24)},
     {FIELD(cairn_report_scan, point, 0, 0)},
     {FIELD(cairn_report_scan, segment, 8, 8)},
