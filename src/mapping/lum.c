@@ -88,7 +88,7 @@ static cairn_lum *carve(cairn_lum *l, cairn_pool *pool, const cairn_lum_params *
     l->links = cairn_pool_take(pool, (size_t)params->max_links, sizeof *l->links);
     l->right = cairn_pool_take(pool, scans, sizeof *l->right);
     if (params->registers)
-        lum_register_carve(&l->registers, pool, params);
+        cairn_lum_register_carve(&l->registers, pool, params);
     return made;
 }
 
@@ -105,7 +105,7 @@ size_t cairn_lum_memory(const cairn_lum_params *params)
     inner = solver_params(params);
     bytes = cairn_block_solver_memory(&inner);
     if (params->registers) {
-        icp = lum_register_icp(params);
+        icp = cairn_lum_register_icp(params);
         more = cairn_icp_memory(&icp);
     }
     cairn_pool_init_counting(&counting);
@@ -135,7 +135,7 @@ cairn_status cairn_lum_create(cairn_lum **lum, cairn_pool *pool, const cairn_lum
     inner = solver_params(params);
     status = cairn_block_solver_create(&layout.solver, pool, &inner);
     if (status == CAIRN_OK && params->registers) {
-        icp = lum_register_icp(params);
+        icp = cairn_lum_register_icp(params);
         status = cairn_icp_create(&layout.registers.icp, pool, &icp);
     }
     CAIRN_ASSERT(status == CAIRN_OK);
@@ -209,11 +209,11 @@ cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *poin
         scan->reach = cairn_max(scan->reach, cairn_vec2_norm(points[k].position));
     }
     scan->end = lum->point_count;
-    lum_fill_buckets(lum, scan);
+    cairn_lum_fill_buckets(lum, scan);
     lum->root[lum->state.scans] = lum->state.scans;
     lum->state.scans++;
     if (lum->params.registers)
-        lum_register_add(lum, points, count);
+        cairn_lum_register_add(lum, points, count);
     return CAIRN_OK;
 }
 
@@ -258,7 +258,7 @@ static void begin_search(cairn_lum *l)
     l->second = 1;
     l->stage = LUM_SEARCH;
     if (next_pair(l))
-        lum_begin_pairs(l, l->first, l->second);
+        cairn_lum_begin_pairs(l, l->first, l->second);
 }
 
 static void begin_structure(cairn_lum *l)
@@ -298,7 +298,7 @@ static void end_search_pair(cairn_lum *l)
     }
     l->second++;
     if (next_pair(l))
-        lum_begin_pairs(l, l->first, l->second);
+        cairn_lum_begin_pairs(l, l->first, l->second);
 }
 
 static void begin_measure(cairn_lum *l)
@@ -309,7 +309,7 @@ static void begin_measure(cairn_lum *l)
     memset(l->right, 0, (size_t)l->state.scans * sizeof *l->right);
     l->stage = LUM_MEASURE;
     if (l->state.links > 0)
-        lum_begin_pairs(l, l->links[0].first, l->links[0].second);
+        cairn_lum_begin_pairs(l, l->links[0].first, l->links[0].second);
 }
 
 /* Every link has been measured: what stays gets the identity. */
@@ -398,7 +398,7 @@ static int32_t do_item(cairn_lum *l)
     int32_t units;
 
     if (l->stage == LUM_REGISTER) {
-        if (lum_register_next(l, &units)) {
+        if (cairn_lum_register_next(l, &units)) {
             l->committed = 1;
             begin_search(l);
         }
@@ -410,7 +410,7 @@ static int32_t do_item(cairn_lum *l)
             return 1 + l->state.links / LUM_UNITS_LINK;
         }
         if (more) {
-            lum_add_pair(l);
+            cairn_lum_add_pair(l);
             return LUM_UNITS_POINT;
         }
         end_search_pair(l);
@@ -422,13 +422,13 @@ static int32_t do_item(cairn_lum *l)
             return 1 + l->state.scans / LUM_UNITS_LINK;
         }
         if (more) {
-            lum_add_pair(l);
+            cairn_lum_add_pair(l);
             return LUM_UNITS_POINT;
         }
-        if (lum_add_link(l, l->at++) != CAIRN_OK)
+        if (cairn_lum_add_link(l, l->at++) != CAIRN_OK)
             end(l, CAIRN_LUM_SINGULAR, CAIRN_OK);
         else if (l->at < l->state.links)
-            lum_begin_pairs(l, l->links[l->at].first, l->links[l->at].second);
+            cairn_lum_begin_pairs(l, l->links[l->at].first, l->links[l->at].second);
         return LUM_UNITS_LINK;
     }
     if (l->at < l->state.scans)
@@ -450,7 +450,7 @@ cairn_status cairn_lum_begin(cairn_lum *lum)
     lum->centre.y = lum->scans[0].pose.y;
     lum->state.registered = 0;
     if (lum->params.registers) {
-        lum_register_begin(lum);
+        cairn_lum_register_begin(lum);
         lum->stage = LUM_REGISTER;
     } else {
         begin_search(lum);
@@ -485,7 +485,7 @@ cairn_status cairn_lum_iterate(cairn_lum *lum, cairn_budget *budget)
         } else if (lum->stage == LUM_REGISTER && lum->registers.matching) {
             if (cairn_icp_step(lum->registers.icp, budget) == CAIRN_MORE)
                 return CAIRN_MORE;
-            lum_register_matched(lum);
+            cairn_lum_register_matched(lum);
         } else {
             lum->debt = do_item(lum);
         }

@@ -20,7 +20,7 @@ static int32_t bucket_of(const struct lum_scan *scan, int32_t x, int32_t y)
     return 2 * scan->first + (int32_t)(buckets > 0 ? hash % buckets : 0);
 }
 
-void lum_fill_buckets(cairn_lum *l, const struct lum_scan *scan)
+void cairn_lum_fill_buckets(cairn_lum *l, const struct lum_scan *scan)
 {
     for (int32_t k = 2 * scan->first; k < 2 * scan->end; k++)
         l->heads[k] = -1;
@@ -52,7 +52,7 @@ static int32_t nearest(const cairn_lum *l, const struct lum_scan *scan, cairn_ve
     return found;
 }
 
-void lum_begin_pairs(cairn_lum *l, int32_t first, int32_t second)
+void cairn_lum_begin_pairs(cairn_lum *l, int32_t first, int32_t second)
 {
     l->first = first;
     l->second = second;
@@ -62,7 +62,7 @@ void lum_begin_pairs(cairn_lum *l, int32_t first, int32_t second)
     l->second_first = cairn_transform_of(cairn_pose_between(l->scans[first].pose, l->scans[second].pose));
 }
 
-void lum_add_pair(cairn_lum *l)
+void cairn_lum_add_pair(cairn_lum *l)
 {
     const struct lum_scan *first = &l->scans[l->first];
     cairn_vec2 own = cairn_transform_point(l->second_first, l->points[l->point]), a, b;
@@ -89,7 +89,7 @@ void lum_add_pair(cairn_lum *l)
 }
 
 /* Adds the link's equations. */
-cairn_status lum_add_link(cairn_lum *l, int32_t index)
+cairn_status cairn_lum_add_link(cairn_lum *l, int32_t index)
 {
     const struct lum_sums *s = &l->sums;
     const cairn_real n = (cairn_real)s->pairs, mz[3] = {s->zx, s->zy, s->turn};

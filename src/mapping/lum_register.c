@@ -23,7 +23,7 @@ static const cairn_real AHEAD = 1;
 /* Times the turn of the params. */
 static const int32_t TURNS[] = {0, -1, 1};
 
-cairn_icp_params lum_register_icp(const cairn_lum_params *params)
+cairn_icp_params cairn_lum_register_icp(const cairn_lum_params *params)
 {
     cairn_icp_params icp = cairn_icp_default();
 
@@ -36,7 +36,7 @@ cairn_icp_params lum_register_icp(const cairn_lum_params *params)
     return icp;
 }
 
-void lum_register_carve(struct lum_register *r, cairn_pool *pool, const cairn_lum_params *params)
+void cairn_lum_register_carve(struct lum_register *r, cairn_pool *pool, const cairn_lum_params *params)
 {
     size_t scans = (size_t)params->max_scans;
 
@@ -47,7 +47,7 @@ void lum_register_carve(struct lum_register *r, cairn_pool *pool, const cairn_lu
     r->is_placed = cairn_pool_take(pool, scans, sizeof *r->is_placed);
 }
 
-void lum_register_add(cairn_lum *l, const cairn_oriented_point *points, int32_t count)
+void cairn_lum_register_add(cairn_lum *l, const cairn_oriented_point *points, int32_t count)
 {
     struct lum_register *r = &l->registers;
     cairn_real spacing = l->params.register_spacing;
@@ -107,7 +107,7 @@ static int32_t next_seed(const cairn_lum *l)
     return seed;
 }
 
-void lum_register_begin(cairn_lum *l)
+void cairn_lum_register_begin(cairn_lum *l)
 {
     struct lum_register *r = &l->registers;
 
@@ -153,7 +153,7 @@ static void commit(cairn_lum *l)
         l->scans[i].pose = cairn_pose_compose(back, r->placed[i]);
 }
 
-int32_t lum_register_next(cairn_lum *l, int32_t *units)
+int32_t cairn_lum_register_next(cairn_lum *l, int32_t *units)
 {
     struct lum_register *r = &l->registers;
     cairn_status status;
@@ -182,7 +182,7 @@ int32_t lum_register_next(cairn_lum *l, int32_t *units)
     return 0;
 }
 
-void lum_register_matched(cairn_lum *l)
+void cairn_lum_register_matched(cairn_lum *l)
 {
     struct lum_register *r = &l->registers;
     cairn_icp_result result = cairn_icp_read(r->icp);

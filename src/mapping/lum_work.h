@@ -73,35 +73,35 @@ struct cairn_lum {
 /* ---- lum_link.c: pairs of points, and what they ask of two scans ---- */
 
 /* Puts the scan's points into buckets. */
-void lum_fill_buckets(cairn_lum *lum, const struct lum_scan *scan);
+void cairn_lum_fill_buckets(cairn_lum *lum, const struct lum_scan *scan);
 
 /* Begins to look for pairs of two scans where they are now ... */
-void lum_begin_pairs(cairn_lum *lum, int32_t first, int32_t second);
+void cairn_lum_begin_pairs(cairn_lum *lum, int32_t first, int32_t second);
 
 /* ... with the next point of the second ... */
-void lum_add_pair(cairn_lum *lum);
+void cairn_lum_add_pair(cairn_lum *lum);
 
 /* ... and adds the equations of the link of this index, once all points have been looked at. CAIRN_NOT_FINITE,
  * CAIRN_BAD_ARGUMENT: of the solver. */
-CAIRN_CHECKED cairn_status lum_add_link(cairn_lum *lum, int32_t index);
+CAIRN_CHECKED cairn_status cairn_lum_add_link(cairn_lum *lum, int32_t index);
 
 /* ---- lum_register.c ---- */
 
 /* Sets the pointers but that of the ICP. */
-void lum_register_carve(struct lum_register *r, cairn_pool *pool, const cairn_lum_params *params);
+void cairn_lum_register_carve(struct lum_register *r, cairn_pool *pool, const cairn_lum_params *params);
 
-cairn_icp_params lum_register_icp(const cairn_lum_params *params);
+cairn_icp_params cairn_lum_register_icp(const cairn_lum_params *params);
 
 /* Keeps the thinned points of the scan that was added last. */
-void lum_register_add(cairn_lum *lum, const cairn_oriented_point *points, int32_t count);
+void cairn_lum_register_add(cairn_lum *lum, const cairn_oriented_point *points, int32_t count);
 
-void lum_register_begin(cairn_lum *lum);
+void cairn_lum_register_begin(cairn_lum *lum);
 
 /* Begins the next match or ends a round, while none is running; 1 when all scans have been placed that can be, and their
  * poses are those of the map. */
-int32_t lum_register_next(cairn_lum *lum, int32_t *units);
+int32_t cairn_lum_register_next(cairn_lum *lum, int32_t *units);
 
 /* The ICP has ended. */
-void lum_register_matched(cairn_lum *lum);
+void cairn_lum_register_matched(cairn_lum *lum);
 
 #endif
