@@ -1,4 +1,5 @@
 #include "tests/drive.h"
+#include "tests/rooms.h"
 
 #include <math.h>
 
@@ -435,9 +436,79 @@ static void bad_params_are_refused(void **state)
     test_pool_free(&pool);
 }
 
+/* ---- Golden results ---- */
+
+/* All that is told of a drive round a room and back, its odometry worse and worse, one scan blind; `odometry` 0: none. */
+static uint64_t hash_of_round(const cairn_mapper_params *params, int32_t odometry)
+{
+    cairn_random random = cairn_random_seed(21, 1);
+    cairn_pose at = {-2, -1, 0}, believed = {5, 5, 1};
+    uint64_t hash = TEST_HASH_START;
+    cairn_mapper_state state;
+    rooms_room room;
+    cairn_pool pool;
+    cairn_mapper *mapper = new_mapper(&pool, params);
+
+    memset(&room, 0, sizeof room);
+    rooms_add_box(&room, -3.5, -2.5, 3.5, 2.5);
+    rooms_add_box(&room, -1.2, -0.2, -0.6, 0.6);
+    rooms_add_wall(&room, 2, 2.5, 3.5, 1.2);
+    rooms_add_box(&room, -3.5, 0.5, -3, 1.5);
+    for (int32_t i = 0; i < 60; i++) {
+        cairn_pose step = {CAIRN_REAL(0.2), 0, i % 12 > 8 ? CAIRN_REAL(0.52) : 0}, told = step;
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+        cairn_mapper_result r;
+        rooms_scan taken;
+        cairn_scan_input input = rooms_take_scan(&room, at, (uint64_t)i + 1, &taken);
+
+        for (int32_t k = 0; k < ROOMS_BEAMS && i == 30; k++)
+            taken.range[k] = NAN;
+        assert_ok(cairn_mapper_add(mapper, &input, odometry ? &believed : NULL, NULL));
+        assert_ok(cairn_mapper_step(mapper, &budget));
+        r = cairn_mapper_read(mapper);
+        hash = test_hash(hash, &r.verdict, 2 * sizeof r.verdict);
+        hash = test_hash(hash, &r.key_scan, sizeof r.key_scan);
+        hash = test_hash(hash, &r.map_scan, sizeof r.map_scan);
+        hash = test_hash(hash, r.covariance, sizeof r.covariance);
+        hash = test_hash(hash, &r.support, sizeof r.support);
+        hash = test_hash(hash, &r.is_key, sizeof r.is_key);
+        at = cairn_pose_compose(at, step);
+        told.x += CAIRN_REAL(0.002) * (cairn_real)i * cairn_random_uniform(&random, -1, 1);
+        told.theta += CAIRN_REAL(0.004) * (cairn_real)i * cairn_random_uniform(&random, -1, 1);
+        believed = cairn_pose_compose(believed, told);
+    }
+    state = cairn_mapper_measure(mapper);
+    for (int32_t k = 0; k < state.keys; k++) {
+        cairn_pose pose = cairn_mapper_key_pose(mapper, k);
+
+        hash = test_hash(hash, &pose, sizeof pose);
+    }
+    hash = test_hash(hash, &state.scans, 3 * sizeof state.scans);
+    hash = test_hash(hash, &state.units, sizeof state.units);
+    hash = test_hash(hash, &state.potential, sizeof state.potential);
+    test_pool_free(&pool);
+    return hash;
+}
+
+static void results_stay_as_they_are(void **state)
+{
+    cairn_mapper_params params = small_params(), narrow;
+
+    (void)state;
+    params.scan.max_beams = ROOMS_BEAMS;
+    narrow = params;
+    narrow.window = 0;
+    narrow.local_keys = 4;
+    narrow.local_radius = 2;
+    assert_golden(hash_of_round(&params, 1), UINT64_C(0x0cebc81d9803ea60), UINT64_C(0xb3a6e35640fa005c));
+    assert_golden(hash_of_round(&params, 0), UINT64_C(0x63308322f9554339), UINT64_C(0xdac24db3b2e9a70a));
+    assert_golden(hash_of_round(&narrow, 1), UINT64_C(0xff9e7a312465faa9), UINT64_C(0xd5eda64ee73b3076));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(results_stay_as_they_are),
         cmocka_unit_test(maps_better_than_odometry),
         cmocka_unit_test(maps_without_odometry),
         cmocka_unit_test(odometry_that_never_goes_back_is_not_believed),
