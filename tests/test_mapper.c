@@ -484,7 +484,7 @@ static void bad_params_are_refused(void **state)
 
 /* ---- Golden results ---- */
 
-/* All that is told of a drive round a room and back, its odometry worse and worse, one scan blind; `odometry` 0: none. */
+/* All that is told, but the units, of which many rooms have a part, of a drive round a room and back, its odometry worse and worse, one scan blind; `odometry` 0: none. */
 static uint64_t hash_of_round(const cairn_mapper_params *params, int32_t odometry)
 {
     cairn_random random = cairn_random_seed(21, 1);
@@ -545,7 +545,6 @@ static uint64_t hash_of_round(const cairn_mapper_params *params, int32_t odometr
         hash = test_hash(hash, &pose, sizeof pose);
     }
     hash = test_hash(hash, &state.scans, 3 * sizeof state.scans);
-    hash = test_hash(hash, &state.units, sizeof state.units);
     hash = test_hash(hash, &state.potential, sizeof state.potential);
     hash = test_hash(hash, &state.loops, 5 * sizeof state.loops);
     test_pool_free(&pool);
@@ -565,10 +564,10 @@ static void results_stay_as_they_are(void **state)
     loops.local_span = loops.local_recent;
     loops.loop.gap = 6;
     loops.loop.agree = 2;
-    assert_golden(hash_of_round(&params, 1), UINT64_C(0x9edc7870ee3af6b2), UINT64_C(0x3f826902287fb23b));
-    assert_golden(hash_of_round(&params, 0), UINT64_C(0xa7f560533c7c723c), UINT64_C(0xdcb1755c3d4153c8));
-    assert_golden(hash_of_round(&narrow, 1), UINT64_C(0x21a8afd851f7d727), UINT64_C(0xa8e4c4f0870a0e11));
-    assert_golden(hash_of_round(&loops, 1), UINT64_C(0xfbd75b91f7ccf8c1), UINT64_C(0xefaecf2261261909));
+    assert_golden(hash_of_round(&params, 1), UINT64_C(0x4df70856e532b650), UINT64_C(0x2ee8c1a3e133193a));
+    assert_golden(hash_of_round(&params, 0), UINT64_C(0x803a1fc96b872dec), UINT64_C(0x895e5fdc955dca68));
+    assert_golden(hash_of_round(&narrow, 1), UINT64_C(0x289a98f646dc2966), UINT64_C(0xf9ba080274d39509));
+    assert_golden(hash_of_round(&loops, 1), UINT64_C(0x841c33c7d638cbe3), UINT64_C(0x22b96a86127b2a90));
 }
 
 int main(void)

@@ -428,7 +428,7 @@ static void one_place(void **state)
 static uint64_t hash_of_all(const struct mapper *m, const struct scans *scans)
 {
     cairn_place_map_result r = cairn_place_map_read(m->map);
-    int64_t counts[] = {r.places, r.placed, r.parts, r.ambiguous, r.matches, r.hypotheses, r.decoupled, r.units};
+    int64_t counts[] = {r.places, r.placed, r.parts, r.ambiguous, r.matches, r.hypotheses, r.decoupled};
     cairn_real sums[] = {r.total, r.rival};
     uint64_t hash = test_hash(hash_of(m, scans->count), counts, sizeof counts);
 
@@ -492,10 +492,10 @@ static void results_stay_as_they_are(void **state)
     decoupled.decoupled = 1;
     decoupled.rounds = 1;
     decoupled.sweeps = 1;
-    assert_golden(hash_of_rooms(params, 0), UINT64_C(0x8dae2df2682f5b0b), UINT64_C(0x125af0581806a372));
-    assert_golden(hash_of_rooms(params, 1), UINT64_C(0xd2b1090fe5f779c1), UINT64_C(0xce4a53ee7854f80a));
-    assert_golden(hash_of_rooms(sequential, 0), UINT64_C(0xdb4531155b33da90), UINT64_C(0x3b9103c5beca0e65));
-    assert_golden(hash_of_rooms(decoupled, 0), UINT64_C(0x67e825cf30ee724f), UINT64_C(0x444dd4e34fc7bc9a));
+    assert_golden(hash_of_rooms(params, 0), UINT64_C(0x785e4b32b16cd0bc), UINT64_C(0x55548b3ccb103d2c));
+    assert_golden(hash_of_rooms(params, 1), UINT64_C(0xa6a211d41b7dc584), UINT64_C(0x5688c163bd7b9c95));
+    assert_golden(hash_of_rooms(sequential, 0), UINT64_C(0x9dbb9d57960a6a80), UINT64_C(0xf2654bf5ec55904e));
+    assert_golden(hash_of_rooms(decoupled, 0), UINT64_C(0xfa91357736e1c7f6), UINT64_C(0x7f225a5b988d728e));
 }
 
 /* ---- Contracts ---- */
