@@ -9,6 +9,7 @@
 #include "cairn/force_field.h"
 #include "cairn/force_kernel.h"
 #include "cairn/geometry.h"
+#include "cairn/hough.h"
 #include "cairn/icp.h"
 #include "cairn/json_text.h"
 #include "cairn/line.h"
@@ -31,6 +32,7 @@
 #include "cairn/random.h"
 #include "cairn/raster.h"
 #include "cairn/real.h"
+#include "cairn/rectangle.h"
 #include "cairn/report.h"
 #include "cairn/rigid_motion.h"
 #include "cairn/scan.h"
@@ -256,6 +258,26 @@ static const layout OPEN_STRUCTS[] = {
     {SIZE(cairn_oriented_point, 32, 16)},
     {FIELD(cairn_oriented_point, position, 0, 0)},
     {FIELD(cairn_oriented_point, direction, 16, 8)},
+    {SIZE(cairn_hough_params, 80, 44)},
+    {FIELD(cairn_hough_params, max_lines, 0, 0)},
+    {FIELD(cairn_hough_params, angles, 4, 4)},
+    {FIELD(cairn_hough_params, distances, 8, 8)},
+    {FIELD(cairn_hough_params, distance_step, 16, 12)},
+    {FIELD(cairn_hough_params, oriented, 24, 16)},
+    {FIELD(cairn_hough_params, angle_tolerance, 32, 20)},
+    {FIELD(cairn_hough_params, separation, 40, 24)},
+    {FIELD(cairn_hough_params, separation_angle, 48, 28)},
+    {FIELD(cairn_hough_params, support_distance, 56, 32)},
+    {FIELD(cairn_hough_params, spacing, 64, 36)},
+    {FIELD(cairn_hough_params, least_votes, 72, 40)},
+    {SIZE(cairn_hough_line, 72, 36)},
+    {FIELD(cairn_hough_line, point, 0, 0)},
+    {FIELD(cairn_hough_line, direction, 16, 8)},
+    {FIELD(cairn_hough_line, low, 32, 16)},
+    {FIELD(cairn_hough_line, high, 40, 20)},
+    {FIELD(cairn_hough_line, covered, 48, 24)},
+    {FIELD(cairn_hough_line, votes, 56, 28)},
+    {FIELD(cairn_hough_line, rms, 64, 32)},
     {SIZE(cairn_icp_params, 96, 56)},
     {FIELD(cairn_icp_params, max_target, 0, 0)},
     {FIELD(cairn_icp_params, max_iterations, 4, 4)},
@@ -688,6 +710,27 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_distance_map_input, mask, 48, 48)},
     {FIELD(cairn_distance_map_input, match, 49, 49)},
     {FIELD(cairn_distance_map_input, metric, 52, 52)},
+    {SIZE(cairn_rectangle, 80, 48)},
+    {FIELD(cairn_rectangle, centre, 0, 0)},
+    {FIELD(cairn_rectangle, half_length, 24, 12)},
+    {FIELD(cairn_rectangle, half_width, 32, 16)},
+    {FIELD(cairn_rectangle, covered, 40, 20)},
+    {FIELD(cairn_rectangle, strength, 48, 24)},
+    {FIELD(cairn_rectangle, kind, 56, 28)},
+    {SIZE(cairn_rectangle_params, 88, 52)},
+    {FIELD(cairn_rectangle_params, max_segments, 0, 0)},
+    {FIELD(cairn_rectangle_params, max_sides, 4, 4)},
+    {FIELD(cairn_rectangle_params, max_pairs, 8, 8)},
+    {FIELD(cairn_rectangle_params, max_rectangles, 12, 12)},
+    {FIELD(cairn_rectangle_params, oriented, 16, 16)},
+    {FIELD(cairn_rectangle_params, merge_distance, 24, 20)},
+    {FIELD(cairn_rectangle_params, merge_angle, 32, 24)},
+    {FIELD(cairn_rectangle_params, merge_gap, 40, 28)},
+    {FIELD(cairn_rectangle_params, angle, 48, 32)},
+    {FIELD(cairn_rectangle_params, min_side, 56, 36)},
+    {FIELD(cairn_rectangle_params, least_side, 64, 40)},
+    {FIELD(cairn_rectangle_params, least_covered, 72, 44)},
+    {FIELD(cairn_rectangle_params, separation, 80, 48)},
     {SIZE(cairn_report_scan, 24, 24)},
     {FIELD(cairn_report_scan, point, 0, 0)},
     {FIELD(cairn_report_scan, segment, 8, 8)},
