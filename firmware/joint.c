@@ -205,7 +205,7 @@ static cairn_status find_links(joint *x)
     cairn_status status;
 
     if (x->apart >= x->count) {
-        x->debt = 1 + x->count;
+        x->debt = 1 + (x->count + cairn_pose_graph_read(x->graph).links) / 2;
         x->phase = JOINT_SOLVE;
         return cairn_pose_graph_solve(x->graph);
     }
