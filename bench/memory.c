@@ -7,6 +7,7 @@
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/scan_match.h"
+#include "cairn/particle_filter.h"
 #include "cairn/sequence.h"
 
 static void print(const char *object, const char *capacities, size_t bytes)
@@ -25,6 +26,7 @@ int main(void)
     cairn_icp_params icp = cairn_icp_default();
     cairn_scan_match_params match = cairn_scan_match_default();
     cairn_sequence_params sequence = cairn_sequence_default();
+    cairn_particle_filter_params filter = cairn_particle_filter_default();
     cairn_force_field_params field = cairn_force_field_default();
     cairn_occupancy_grid_params grid = cairn_occupancy_grid_default();
     cairn_mapper_params mapper = cairn_mapper_default();
@@ -41,6 +43,8 @@ int main(void)
     match.mode = CAIRN_SCAN_MATCH_SHAPE;
     print("scan_match", "the same, by shape", cairn_scan_match_memory(&match));
     print("sequence", "1024 and 1024 elements", cairn_sequence_memory(&sequence));
+    print("particle_filter", "100 particles, 4,096 candidates and blocks of 64 bytes",
+          cairn_particle_filter_memory(&filter));
     field.max_scans = 16;
     field.max_points = 2400;
     field.max_segments = field.max_corners = 320;
