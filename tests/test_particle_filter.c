@@ -24,6 +24,7 @@ typedef struct chain {
     int32_t waited;
     int32_t weighed, appended, lost;
     cairn_status propose_status, likelihood_status;
+    cairn_particle_filter *offer_late; /* NULL, or to be offered something out of turn */
 } chain;
 
 static cairn_status wait(chain *c, cairn_budget *budget)
@@ -73,6 +74,8 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     if (wait(c, budget) != CAIRN_OK)
         return CAIRN_MORE;
     c->weighed++;
+    if (c->offer_late)
+        assert_status(cairn_particle_filter_offer(c->offer_late, state, 0), CAIRN_BAD_ARGUMENT);
     *log_likelihood = (cairn_real)c->log_seen[c->time][s->path[0]];
     return c->likelihood_status;
 }
@@ -728,7 +731,7 @@ static int32_t followers_of(const double masses[SYMBOLS], int32_t most, int32_t 
 static void test_as_many_followers_as_modes(void **state)
 {
     static const double even[] = {1, 1, 1, 1}, two[] = {3, 3, 0, 0}, peaked[] = {1, 1e-9, 1e-9, 1e-9},
-                        between[] = {0.8, 0.2, 0, 0};
+                        between[] = {0.8, 0.2, 0, 0}, nearly[] = {0.97, 0.01, 0.01, 0.01};
 
     (void)state;
     for (cairn_particle_proposal way = CAIRN_PROPOSAL_PRIOR; way <= CAIRN_PROPOSAL_OPTIMAL; way++) {
@@ -740,6 +743,7 @@ static void test_as_many_followers_as_modes(void **state)
         assert_int_equal(followers_of(two, 4, 0, way), 2);
         assert_int_equal(followers_of(even, 1, 0, way), 1);
     }
+    assert_in_range(followers_of(nearly, 4, 1, CAIRN_PROPOSAL_OPTIMAL), 1, 2);
     assert_int_equal(followers_of(peaked, 4, 0, CAIRN_PROPOSAL_OPTIMAL), 4); /* room for all: none is drawn */
 }
 
@@ -832,6 +836,42 @@ static void test_failures_undo_the_step(void **state)
     test_pool_free(&f.pool);
 }
 
+/* No block is left for a follower that takes the place of a lighter one, which has given back its own: the step that is
+ * refused has used that one. */
+static void test_blocks_run_out_in_a_full_population(void **state)
+{
+    int32_t enough = 0;
+
+    (void)state;
+    for (int32_t blocks = 1; blocks < 40; blocks++) {
+        chain c = new_chain(4);
+        cairn_particle_filter_params p = chain_params(3);
+        struct fixture f;
+        cairn_status status = CAIRN_OK;
+
+        p.max_blocks = blocks;
+        p.resample_below = 0;
+        f = filter_with(&p, &c);
+        start_at(f.filter, 0, 1);
+        for (c.time = 0; c.time < 4 && status == CAIRN_OK; c.time++)
+            status = run(f.filter, 11);
+        if (status == CAIRN_OK)
+            enough = enough == 0 ? cairn_particle_filter_read(f.filter).blocks_peak : enough;
+        else
+            assert_int_equal(status, CAIRN_FULL);
+        assert_int_equal(status == CAIRN_OK, enough > 0);
+        assert_true(enough == 0 || enough <= blocks);
+        assert_true(distinct_nodes(f.filter) <= blocks);
+
+        assert_ok(cairn_particle_filter_clear(f.filter, 1));
+        c.time = 0;
+        start_at(f.filter, 0, 1);
+        assert_int_equal(run(f.filter, 11) == CAIRN_OK, blocks >= 1 + 3);
+        test_pool_free(&f.pool);
+    }
+    assert_in_range(enough, 7, 20);
+}
+
 /* A step given up half way leaves no block behind. */
 static void test_clear_in_the_middle(void **state)
 {
@@ -871,6 +911,7 @@ static void test_offers_beyond_the_capacity(void **state)
     p.max_candidates = 6;
     p.resample_below = 0;
     f = filter_with(&p, &c);
+    c.offer_late = f.filter;
     start_at(f.filter, 0, 2);
     assert_ok(run(f.filter, CAIRN_UNBOUNDED));
     assert_int_equal(cairn_particle_filter_read(f.filter).candidates, 6);
@@ -1001,6 +1042,7 @@ int main(void)
         cmocka_unit_test(test_as_many_followers_as_modes),
         cmocka_unit_test(test_lost_and_extinct),
         cmocka_unit_test(test_failures_undo_the_step),
+        cmocka_unit_test(test_blocks_run_out_in_a_full_population),
         cmocka_unit_test(test_clear_in_the_middle),
         cmocka_unit_test(test_offers_beyond_the_capacity),
         cmocka_unit_test(test_bad_offers),
