@@ -1,0 +1,510 @@
+/* The virtual robot: a particle filter over where maps lie, and the check of what it found.
+ *
+ * A state says where one map was put. A particle proposes the next map, the one whose best place has most evidence (or that
+ * which the order names), at each of its rival places beside the maps placed so far, or that no more maps are put; evidence
+ * against all placed maps is the likelihood, tempered because neighbouring walls are not independent. What one pair of maps
+ * says about a place is remembered, since particles mostly agree.
+ *
+ * The best particle is then refined, map by map beside its neighbours, and its maps are accepted one by one, the best
+ * supported first, if what is accepted already supports them enough, more than any rival place, and does not let them slide. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/map_merge_work.h"
+
+/* Nats of evidence for one of log likelihood. */
+#define TEMPER CAIRN_REAL(4.0)
+/* Nats that a place has by chance, as the best of many. */
+#define CHANCE CAIRN_REAL(14.0)
+/* Rounds in which every map is refined. */
+enum { REFINE_ROUNDS = 2, SHIFTS = 8 };
+/* m: a map slides that has most of its evidence so far away. */
+#define SHIFT    CAIRN_REAL(0.30)
+#define SLIDES   CAIRN_REAL(0.7)
+#define SAME_M   CAIRN_REAL(0.30)
+#define SAME_RAD CAIRN_REAL(0.10)
+
+cairn_particle_filter_params cairn_merge_filter_params(const cairn_map_merge_params *p)
+{
+    cairn_particle_filter_params f = cairn_particle_filter_default();
+
+    f.particles = f.max_particles = p->particles;
+    f.max_followers = MERGE_FOLLOWERS;
+    f.max_candidates = p->particles * MERGE_FOLLOWERS;
+    f.max_blocks = p->particles * (p->max_maps + 2) + 1;
+    f.state_bytes = (int32_t)sizeof(merge_state);
+    f.by_entropy = 0;
+    return f;
+}
+
+/* ---- Proposal ---- */
+
+/* The maps that a particle has placed become near[]. 1 when it has come to its end. */
+static int gather(cairn_map_merge *m, const void *state)
+{
+    int ended = 0;
+
+    m->near_count = 0;
+    for (const merge_state *s = state; s != NULL; s = cairn_particle_state_before(s)) {
+        if (s->map < 0) {
+            ended = 1;
+            continue;
+        }
+        m->near[m->near_count] = s->map;
+        m->near_pose[m->near_count] = s->reference_map;
+        m->near_count++;
+    }
+    return ended;
+}
+
+static int is_near(const cairn_map_merge *m, int32_t map)
+{
+    for (int32_t i = 0; i < m->near_count; i++)
+        if (m->near[i] == map)
+            return 1;
+    return 0;
+}
+
+/* Mode `index` of map b beside map a, seen from a; 0 when there are no more. */
+static int mode_of(const cairn_map_merge *m, int32_t a, int32_t b, int32_t index, merge_mode *mode)
+{
+    int32_t pair = a < b ? merge_pair(a, b) : merge_pair(b, a);
+
+    if (index >= m->mode_count[pair])
+        return 0;
+    *mode = m->modes[(size_t)pair * (size_t)m->params.max_modes + (size_t)index];
+    if (a > b)
+        mode->first_second = cairn_pose_inverse(mode->first_second);
+    return 1;
+}
+
+/* The map that comes next: by the order, or the one whose best mode beside any placed map is best. -1: none. */
+static int32_t next_map(const cairn_map_merge *m)
+{
+    cairn_real best = 0;
+    int32_t next = -1;
+
+    for (int32_t n = 0; n < m->map_count && !(m->has_order && next >= 0); n++) {
+        int32_t map = m->has_order ? m->order[n] : n;
+
+        for (int32_t i = 0; i < m->near_count && !is_near(m, map); i++) {
+            merge_mode mode;
+
+            if (mode_of(m, m->near[i], map, 0, &mode) && mode.evidence > best) {
+                best = mode.evidence;
+                next = map;
+            }
+        }
+    }
+    return next;
+}
+
+/* Rival places of a map beside all that are placed, the best ones. */
+static int32_t places_of(const cairn_map_merge *m, int32_t map, merge_mode *list, int32_t most)
+{
+    int32_t count = 0;
+
+    for (int32_t i = 0; i < m->near_count; i++) {
+        merge_mode mode;
+
+        for (int32_t k = 0; mode_of(m, m->near[i], map, k, &mode); k++) {
+            mode.first_second = cairn_pose_compose(m->near_pose[i], mode.first_second);
+            cairn_merge_keep(list, &count, most, mode, SAME_M, SAME_RAD);
+        }
+    }
+    if (m->maps[map].has_guess) {
+        merge_mode guess = {m->maps[map].guess, CAIRN_REAL_MAX};
+
+        cairn_merge_keep(list, &count, most, guess, CAIRN_REAL(0.05), CAIRN_REAL(0.02));
+    }
+    return count;
+}
+
+static void list_candidates(cairn_map_merge *m)
+{
+    merge_mode places[MERGE_FOLLOWERS - 1];
+    int32_t map = next_map(m), count = map < 0 ? 0 : places_of(m, map, places, MERGE_FOLLOWERS - 1);
+    const merge_state none = {-1, -1, {0, 0, 0}, m->params.min_score, 0, 0};
+
+    for (int32_t i = 0; i < count; i++) {
+        merge_state *s = &m->offer.list[i];
+
+        *s = none;
+        s->map = map;
+        s->reference_map = places[i].first_second;
+    }
+    m->offer.list[count] = none;
+    m->offer.count = count + 1;
+}
+
+static void count_images(cairn_map_merge *m, const merge_state *s)
+{
+    m->offer.psi_sum += s->psi;
+    m->offer.gamma_sum += s->gamma;
+    m->offer.gamma_least = m->offer.offered == 0 ? s->gamma : cairn_min(m->offer.gamma_least, s->gamma);
+    m->offer.offered++;
+}
+
+/* Psi and gamma beside the neighbour that shares most with the map. */
+static void see_images(cairn_map_merge *m, merge_state *s)
+{
+    cairn_real most = -1;
+
+    s->psi = s->gamma = 0;
+    for (int32_t i = 0; i < m->near_count && s->map >= 0; i++) {
+        cairn_merge_score score;
+
+        cairn_merge_score_at(m, m->near[i], s->map, cairn_pose_between(m->near_pose[i], s->reference_map), &score);
+        if (score.overlap > most) {
+            most = score.overlap;
+            s->psi = score.psi;
+            s->gamma = score.gamma;
+        }
+    }
+}
+
+static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index, cairn_budget *budget)
+{
+    cairn_map_merge *m = context;
+    const void *state = cairn_particle_filter_particle(filter, index).state;
+
+    if (m->offer.stage == 0) {
+        if (!cairn_budget_pay(budget, &m->paid, 1 + m->map_count))
+            return CAIRN_MORE;
+        if (state != m->offer.state) {
+            m->offer.state = state;
+            m->offer.count = 1;
+            if (gather(m, state))
+                m->offer.list[0] = *(const merge_state *)state;
+            else
+                list_candidates(m);
+            m->offer.at = 0;
+        }
+        m->offer.stage = 1;
+    }
+    for (; m->offer.at < m->offer.count; m->offer.at++, m->offer.stage = 1) {
+        merge_state *s = &m->offer.list[m->offer.at];
+
+        if (s->map < 0)
+            continue;
+        if (m->offer.stage == 1) {
+            cairn_merge_begin_total(m, s->map, s->reference_map, m->params.max_points);
+            m->offer.stage = 2;
+        }
+        if (!cairn_merge_go_on_total(m, budget))
+            return CAIRN_MORE;
+        s->evidence = m->total.evidence;
+        if (m->params.perception == CAIRN_MERGE_IMAGES)
+            see_images(m, s);
+    }
+    for (int32_t i = 0; i < m->offer.count; i++) {
+        cairn_status status = cairn_particle_filter_offer(filter, &m->offer.list[i], 0);
+
+        CAIRN_ASSERT(status == CAIRN_OK);
+        (void)status;
+        if (m->offer.list[i].map >= 0)
+            count_images(m, &m->offer.list[i]);
+    }
+    m->offer.stage = 0;
+    return CAIRN_OK;
+}
+
+/* Psi~ gamma~ (9.5, 9.6), each normalised over all candidates of the step; a single one has 1. */
+static cairn_real log_images(const cairn_map_merge *m, const merge_state *s)
+{
+    cairn_real gammas = m->offer.gamma_sum - (cairn_real)m->offer.offered * m->offer.gamma_least;
+    cairn_real psi = s->psi / m->offer.psi_sum, gamma = (s->gamma - m->offer.gamma_least) / gammas;
+
+    if (m->offer.offered < 2 || !(gammas > 0) || !(m->offer.psi_sum > 0))
+        return 0;
+    return psi * gamma > 0 ? cairn_log(psi * gamma) : -CAIRN_REAL_MAX;
+}
+
+static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index, const void *state,
+                               cairn_real *log_likelihood, cairn_budget *budget)
+{
+    const cairn_map_merge *m = context;
+    const merge_state *s = state;
+
+    (void)filter;
+    (void)index;
+    (void)budget;
+    if (m->params.perception == CAIRN_MERGE_IMAGES && s->map >= 0)
+        *log_likelihood = log_images(m, s);
+    else if (m->params.perception == CAIRN_MERGE_IMAGES)
+        *log_likelihood = -20;
+    else
+        *log_likelihood = s->evidence / TEMPER;
+    return CAIRN_OK;
+}
+
+cairn_particle_model cairn_merge_model(cairn_map_merge *m)
+{
+    cairn_particle_model model = {m, propose, likelihood, NULL, NULL};
+
+    return model;
+}
+
+static void begin_filter(cairn_map_merge *m)
+{
+    const merge_state first = {m->reference, -1, {0, 0, 0}, 0, 0, 0};
+    cairn_status status = cairn_particle_filter_clear(m->filter, m->params.seed);
+
+    CAIRN_ASSERT(status == CAIRN_OK);
+    status = cairn_particle_filter_start(m->filter, &first, 0);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    for (int32_t i = 0; i < MERGE_MEMORY; i++)
+        m->memory[i].first = -1;
+    m->merged = 0;
+    m->phase = MERGE_FILTER;
+    m->cursor = 0;
+}
+
+cairn_status cairn_merge_run_filter(cairn_map_merge *m, cairn_budget *budget)
+{
+    if (m->phase != MERGE_FILTER)
+        begin_filter(m);
+    for (; m->merged < m->map_count - 1; m->merged++, m->cursor = 0) {
+        cairn_status status;
+
+        if (m->cursor == 0) {
+            status = cairn_particle_filter_begin(m->filter);
+            CAIRN_ASSERT(status == CAIRN_OK);
+            m->offer.state = NULL;
+            m->offer.stage = 0;
+            m->offer.psi_sum = m->offer.gamma_sum = 0;
+            m->offer.offered = 0;
+            m->cursor = 1;
+        }
+        status = cairn_particle_filter_step(m->filter, budget);
+        if (status == CAIRN_MORE)
+            return status;
+        CAIRN_ASSERT(status == CAIRN_OK);
+    }
+    return CAIRN_OK;
+}
+
+/* ---- The check ---- */
+
+/* The particle whose maps have most evidence in all. */
+static const void *best_of(const cairn_map_merge *m)
+{
+    const void *best = NULL;
+    cairn_real most = 0;
+
+    for (int32_t i = 0; i < cairn_particle_filter_count(m->filter); i++) {
+        const void *state = cairn_particle_filter_particle(m->filter, i).state;
+        cairn_real sum = 0;
+
+        for (const merge_state *s = state; s != NULL; s = cairn_particle_state_before(s))
+            sum += s->evidence;
+        if (best == NULL || sum > most) {
+            best = state;
+            most = sum;
+        }
+    }
+    return best;
+}
+
+static void begin_check(cairn_map_merge *m)
+{
+    (void)gather(m, best_of(m));
+    memset(&m->check, 0, sizeof m->check);
+    memset(m->placed, 0, sizeof m->placed);
+    for (int32_t i = 0; i < m->near_count; i++) {
+        m->check.list[i] = m->near[m->near_count - 1 - i];
+        m->check.pose[m->near[i]] = m->near_pose[i];
+    }
+    m->check.count = m->near_count;
+    m->check.accepted[m->reference] = 1;
+    for (int32_t i = 0; i < m->map_count; i++) {
+        cairn_merge_placed *p = &m->placed[i];
+
+        p->verdict = m->maps[i].point_count == 0 || m->maps[i].free == 0 ? CAIRN_MERGE_EMPTY : CAIRN_MERGE_NO_OVERLAP;
+        p->corners = m->maps[i].corner_count;
+        p->wrong = 1;
+        p->rank = -1;
+    }
+    m->placed[m->reference].verdict = CAIRN_MERGE_PLACED;
+    m->placed[m->reference].wrong = 0;
+    m->placed[m->reference].rank = 0;
+    m->phase = MERGE_CHECK;
+    m->cursor = 1;
+    m->inner = 0;
+}
+
+/* near[]: the placed maps but `map`; only accepted ones when `accepted` is 1. */
+static void surround(cairn_map_merge *m, int32_t map, int accepted)
+{
+    m->near_count = 0;
+    for (int32_t i = 0; i < m->check.count; i++) {
+        int32_t other = m->check.list[i];
+
+        if (other == map || (accepted && !m->check.accepted[other]))
+            continue;
+        m->near[m->near_count] = other;
+        m->near_pose[m->near_count++] = m->check.pose[other];
+    }
+}
+
+/* Every map in turn beside all others. */
+static cairn_status step_joint(cairn_map_merge *m, cairn_budget *budget)
+{
+    for (; m->check.round < REFINE_ROUNDS; m->check.round++, m->cursor = 1)
+        for (; m->cursor < m->check.count; m->cursor++, m->inner = 0) {
+            int32_t map = m->check.list[m->cursor];
+
+            if (m->inner == 0) {
+                surround(m, map, 0);
+                cairn_merge_begin_climb(m, map, m->check.pose[map]);
+                m->inner = 1;
+            }
+            if (!cairn_merge_go_on_climbing(m, budget))
+                return CAIRN_MORE;
+            m->check.pose[map] = m->climb.best;
+        }
+    return CAIRN_OK;
+}
+
+/* Support of every map that is not accepted by those that are. */
+static cairn_status step_support(cairn_map_merge *m, cairn_budget *budget)
+{
+    for (; m->cursor < m->check.count; m->cursor++, m->inner = 0) {
+        int32_t map = m->check.list[m->cursor];
+
+        if (m->check.accepted[map])
+            continue;
+        if (m->inner == 0) {
+            surround(m, map, 1);
+            cairn_merge_begin_total(m, map, m->check.pose[map], m->params.max_points);
+            m->inner = 1;
+        }
+        if (!cairn_merge_go_on_total(m, budget))
+            return CAIRN_MORE;
+        m->placed[map].support = m->total.evidence;
+        m->placed[map].neighbours = m->total.neighbours;
+        m->placed[map].verdict = CAIRN_MERGE_WEAK;
+    }
+    return CAIRN_OK;
+}
+
+/* The map that is accepted next if it stands the check: the best supported one that has not failed. */
+static int32_t best_supported(const cairn_map_merge *m)
+{
+    int32_t best = -1;
+
+    for (int32_t i = 0; i < m->check.count; i++) {
+        int32_t map = m->check.list[i];
+
+        if (!m->check.accepted[map] && !m->check.failed[map] && m->placed[map].support >= m->params.min_score &&
+            (best < 0 || m->placed[map].support > m->placed[best].support))
+            best = map;
+    }
+    return best;
+}
+
+static cairn_pose shifted(cairn_pose pose, int32_t direction)
+{
+    cairn_real angle = (cairn_real)direction * (2 * CAIRN_PI / SHIFTS);
+
+    pose.x += SHIFT * cairn_cos(angle);
+    pose.y += SHIFT * cairn_sin(angle);
+    return pose;
+}
+
+/* The best rival place of the map, and whether it slides: its places beside all that is accepted, then shifted. */
+static cairn_status step_rivals(cairn_map_merge *m, cairn_budget *budget)
+{
+    int32_t map = m->check.at;
+    cairn_pose pose = m->check.pose[map];
+
+    if (m->check.stage == 0) {
+        surround(m, map, 1);
+        m->check.rivals = places_of(m, map, m->check.rival_list, MERGE_KEPT);
+        m->check.slide = -CAIRN_REAL_MAX;
+        m->placed[map].modes = m->check.rivals;
+        m->check.stage = 1;
+        m->inner = 0;
+    }
+    for (; m->cursor < m->check.rivals + SHIFTS; m->cursor++, m->inner = 0) {
+        int rival = m->cursor < m->check.rivals;
+        cairn_pose other =
+            rival ? m->check.rival_list[m->cursor].first_second : shifted(pose, m->cursor - m->check.rivals);
+
+        if (rival && cairn_merge_is_same(other, pose, SAME_M, SAME_RAD))
+            continue;
+        if (m->inner == 0) {
+            cairn_merge_begin_total(m, map, other, m->params.max_points);
+            m->inner = 1;
+        }
+        if (!cairn_merge_go_on_total(m, budget))
+            return CAIRN_MORE;
+        if (rival)
+            m->placed[map].rival = cairn_max(m->placed[map].rival, m->total.evidence);
+        else
+            m->check.slide = cairn_max(m->check.slide, m->total.evidence);
+    }
+    return CAIRN_OK;
+}
+
+/* By how likely a rival, or mere chance, would have as much. */
+static cairn_real probability_of_wrong(const cairn_merge_placed *p)
+{
+    cairn_real rival = cairn_exp((p->rival - p->support) / TEMPER);
+    cairn_real chance = cairn_exp((CHANCE - p->support) / TEMPER);
+
+    return (rival + chance) / (1 + rival + chance);
+}
+
+static void judge(cairn_map_merge *m)
+{
+    int32_t map = m->check.at;
+    cairn_merge_placed *p = &m->placed[map];
+
+    p->wrong = probability_of_wrong(p);
+    if (p->support - p->rival < m->params.min_margin)
+        p->verdict = CAIRN_MERGE_AMBIGUOUS;
+    else if (m->check.slide > SLIDES * p->support)
+        p->verdict = CAIRN_MERGE_SLIDES;
+    else
+        p->verdict = CAIRN_MERGE_PLACED;
+    m->check.accepted[map] = p->verdict == CAIRN_MERGE_PLACED;
+    m->check.failed[map] = !m->check.accepted[map];
+    if (m->check.accepted[map]) {
+        p->rank = ++m->check.ranks;
+        memset(m->check.failed, 0, sizeof m->check.failed); /* one more map may decide for them */
+    }
+}
+
+cairn_status cairn_merge_check(cairn_map_merge *m, cairn_budget *budget)
+{
+    if (m->phase != MERGE_CHECK)
+        begin_check(m);
+    if (m->check.round < REFINE_ROUNDS) {
+        if (step_joint(m, budget) != CAIRN_OK)
+            return CAIRN_MORE;
+        m->cursor = 0;
+        m->inner = 0;
+        m->check.at = -1;
+    }
+    for (;;) {
+        if (m->check.at < 0) {
+            if (step_support(m, budget) != CAIRN_OK)
+                return CAIRN_MORE;
+            m->check.at = best_supported(m);
+            if (m->check.at < 0)
+                return CAIRN_OK;
+            m->check.stage = 0;
+            m->cursor = 0;
+            m->placed[m->check.at].rival = 0;
+        }
+        if (step_rivals(m, budget) != CAIRN_OK)
+            return CAIRN_MORE;
+        judge(m);
+        m->check.at = -1;
+        m->cursor = 0;
+        m->inner = 0;
+    }
+}

@@ -1,0 +1,251 @@
+/* What the files of the map merging room share: the maps made ready, rival places of pairs, and the state between steps.
+ *
+ * All poses inside are between the centres of the maps' grids (the middle of the raster, along its rows), where errors of
+ * rotation move cells least. */
+#ifndef CAIRN_MAPPING_MAP_MERGE_WORK_H
+#define CAIRN_MAPPING_MAP_MERGE_WORK_H
+
+#include "cairn/map_merge.h"
+
+enum {
+    MERGE_MAPS_MOST = 64,
+    MERGE_FAR = 127,           /* distances in cells are capped here */
+    MERGE_FIRST_POINTS = 48,   /* by which a pair of corners is judged first */
+    MERGE_REFINE_POINTS = 320, /* by which a place is refined */
+    MERGE_KEPT = 24,           /* hypotheses of a pair that are refined */
+    MERGE_POINTS_PER_UNIT = 8,
+    MERGE_ROUNDS = 40,    /* steps of a refinement at most */
+    MERGE_FOLLOWERS = 12, /* candidates of a particle */
+    MERGE_MEMORY = 8192   /* scores of pairs of maps that are remembered, a power of two */
+};
+
+/* A packed cell: distance to the nearest occupied cell, to the nearest free one, and its class. */
+enum { MERGE_UNKNOWN = 0, MERGE_FREE = 1, MERGE_OCCUPIED = 2 };
+
+static inline int32_t merge_to_occupied(uint16_t cell)
+{
+    return cell & 127;
+}
+
+static inline int32_t merge_to_free(uint16_t cell)
+{
+    return cell >> 7 & 127;
+}
+
+static inline int32_t merge_class(uint16_t cell)
+{
+    return cell >> 14;
+}
+
+typedef struct merge_point {
+    cairn_vec2 at;     /* from the centre of the grid */
+    cairn_vec2 normal; /* unit, into free space */
+    int32_t cell;      /* index in the grid */
+} merge_point;
+
+typedef struct merge_map {
+    cairn_merge_map input;
+    cairn_pose map_centre; /* the centre of the grid in the frame of the map */
+    cairn_vec2 corner;     /* lower left of cell (0, 0), seen from the centre */
+    uint16_t *grid;        /* [height][width] */
+    merge_point *points;   /* [point_count], any beginning of them an even choice */
+    cairn_vec2 *open;      /* [open_count] free cells, likewise */
+    cairn_corner *corners;
+    int32_t point_count, open_count, corner_count;
+    int32_t occupied, free; /* cells */
+    cairn_real spacing;     /* m of wall for each point */
+    cairn_real clearing;    /* share of a free cell */
+    int32_t has_guess;
+    cairn_pose given; /* a guess of the map's frame in that of the reference ... */
+    cairn_pose guess; /* ... and of their centres */
+} merge_map;
+
+/* A place of the pair's second map beside its first one. */
+typedef struct merge_mode {
+    cairn_pose first_second;
+    cairn_real evidence;
+} merge_mode;
+
+/* What the points of one map are in the grid of another. */
+typedef struct merge_sums {
+    cairn_real agree, conflict, soft; /* points */
+    cairn_vec2 middle;                /* sum of the points that are known there, in the frame of the grid */
+    int32_t known;
+} merge_sums;
+
+/* A pair of maps being compared at one place: points of each in the grid of the other, some at a time. */
+typedef struct merge_comparison {
+    int32_t first, second;
+    cairn_pose first_second;
+    cairn_transform there, back; /* second to first, first to second */
+    int32_t points[2];           /* of the second, of the first map, that are compared */
+    int32_t cursor, direction;
+    merge_sums sums[2];
+} merge_comparison;
+
+/* A place that a particle filter's particle has put a map at. */
+typedef struct merge_state {
+    int32_t map;    /* -1: no more */
+    int32_t beside; /* the map that the proposal came from */
+    cairn_pose reference_map;
+    cairn_real evidence; /* given those before it */
+    cairn_real psi, gamma;
+} merge_state;
+
+typedef struct merge_memory {
+    int32_t first, second; /* maps; first -1: free */
+    int32_t x, y, theta;   /* rounded */
+    cairn_real evidence;
+} merge_memory;
+
+typedef int32_t merge_stage;
+enum { MERGE_PREPARING, MERGE_PAIRING, MERGE_VISITING, MERGE_CHECKING, MERGE_FINISHED };
+
+typedef int32_t merge_phase;
+enum {
+    MERGE_IDLE,
+    MERGE_OCCUPIED_DISTANCE,
+    MERGE_OCCUPIED_PACK,
+    MERGE_FREE_DISTANCE,
+    MERGE_FREE_PACK,
+    MERGE_SURFACE,
+    MERGE_NORMALS,
+    MERGE_SEGMENTS,
+    MERGE_CORNERS,
+    MERGE_SHUFFLE,
+    MERGE_HYPOTHESES,
+    MERGE_REFINE,
+    MERGE_FILTER,
+    MERGE_CHECK
+};
+
+struct cairn_map_merge {
+    cairn_map_merge_params params;
+    merge_map *maps; /* [max_maps] */
+    int32_t map_count;
+    int64_t cells; /* of all maps */
+    int32_t reference;
+    int32_t order[MERGE_MAPS_MOST];
+    int32_t has_order;
+    uint16_t *grid; /* [max_cells] */
+
+    /* Preparation of one map. */
+    cairn_distance_map *distances;
+    int32_t *scratch; /* [max_map_cells] distances, then 1 + index of the point in a cell */
+    int32_t *queue;   /* [max_points] the line that grows */
+    int32_t *label;   /* [max_points] */
+    cairn_vec2 *line; /* [max_points] */
+    cairn_segment *segments;
+    int32_t segment_count;
+    merge_point *shuffled; /* [max_points] */
+    int32_t queued;
+    int32_t surface, seen_surface, seen_free; /* cells */
+    cairn_corner_set *corners;
+
+    /* Places of pairs. */
+    merge_mode *modes;           /* [pairs][max_modes] */
+    int32_t *mode_count;         /* [pairs] */
+    merge_mode kept[MERGE_KEPT]; /* of the pair under way, the best first */
+    int32_t kept_count;
+    merge_comparison comparison;
+    cairn_real soft[MERGE_FAR + 1]; /* how much a distance in cells counts as agreement while searching */
+    struct {
+        cairn_pose best;
+        cairn_real score, cells, step, turn;
+        cairn_vec2 pivot;
+        int32_t direction, rounds, improved;
+    } climb;
+
+    /* The maps that the one under way is compared with, and where they lie. */
+    int32_t near[MERGE_MAPS_MOST];
+    cairn_pose near_pose[MERGE_MAPS_MOST];
+    int32_t near_count;
+    struct {
+        cairn_pose pose;
+        int32_t map, near;
+        int32_t points;     /* of each map that are compared */
+        int32_t neighbours; /* that give evidence */
+        cairn_real evidence, soft;
+        cairn_vec2 middle;
+        cairn_real known;
+    } total;
+
+    /* The filter. */
+    cairn_particle_filter *filter;
+    struct {
+        const void *state; /* of the particle that the rest is about */
+        merge_state list[MERGE_FOLLOWERS];
+        int32_t count, stage, at;
+        cairn_real psi_sum, gamma_sum, gamma_least; /* over all candidates of the step */
+        int32_t offered;
+    } offer;
+    merge_memory *memory; /* [MERGE_MEMORY] */
+    int32_t merged;       /* steps of the filter */
+    struct {
+        int32_t list[MERGE_MAPS_MOST];    /* maps placed, in their order */
+        cairn_pose pose[MERGE_MAPS_MOST]; /* of each map, in the frame of the reference's centre */
+        int32_t count, round, at, stage, ranks;
+        int32_t accepted[MERGE_MAPS_MOST], failed[MERGE_MAPS_MOST];
+        merge_mode rival_list[MERGE_KEPT];
+        int32_t rivals;
+        cairn_real slide; /* evidence of the best shifted place */
+    } check;
+
+    merge_stage stage;
+    merge_phase phase;
+    int32_t map, other; /* under way */
+    int32_t cursor, inner;
+    int32_t paid;
+    int32_t comparing; /* 1: `comparison` is under way */
+    int64_t units;
+    int32_t tried;
+    cairn_merge_placed placed[MERGE_MAPS_MOST];
+    cairn_merge_result result;
+    int32_t done; /* 1: the result stands */
+};
+
+static inline int32_t merge_pair(int32_t first, int32_t second)
+{
+    return second * (second - 1) / 2 + first;
+}
+
+/* ---- map_merge_prepare.c: each phase returns CAIRN_OK when it is done with m->map ---- */
+
+cairn_status cairn_merge_prepare(cairn_map_merge *m, cairn_budget *budget);
+
+/* ---- map_merge_pairs.c ---- */
+
+cairn_status cairn_merge_find_modes(cairn_map_merge *m, cairn_budget *budget);
+void cairn_merge_sum(const cairn_map_merge *m, const merge_map *to, const merge_map *from, const cairn_transform *t,
+                     int32_t begin, int32_t end, merge_sums *s);
+
+/* 1 when two places of a map differ by less than so much. */
+int cairn_merge_is_same(cairn_pose a, cairn_pose b, cairn_real metres, cairn_real radians);
+
+/* Keeps a place among the best `most` ones, best first; of places that are the same the better one. */
+void cairn_merge_keep(merge_mode *list, int32_t *count, int32_t most, merge_mode mode, cairn_real metres,
+                      cairn_real radians);
+
+/* Compares map `map` at a pose with all of near[]; go_on returns 1 when m->total is complete. */
+void cairn_merge_begin_total(cairn_map_merge *m, int32_t map, cairn_pose pose, int32_t points);
+int cairn_merge_go_on_total(cairn_map_merge *m, cairn_budget *budget);
+
+/* Refines a pose of `map` beside all of near[]; go_on returns 1 when m->climb.best is it. */
+void cairn_merge_begin_climb(cairn_map_merge *m, int32_t map, cairn_pose start);
+int cairn_merge_go_on_climbing(cairn_map_merge *m, cairn_budget *budget);
+
+/* Nats for so many m of wall that agree, and that do not. */
+cairn_real cairn_merge_nats(const cairn_map_merge *m, cairn_real agree, cairn_real conflict);
+
+/* ---- map_merge.c ---- */
+
+void cairn_merge_score_at(const cairn_map_merge *m, int32_t a, int32_t b, cairn_pose centres, cairn_merge_score *score);
+
+/* ---- map_merge_filter.c ---- */
+
+cairn_particle_filter_params cairn_merge_filter_params(const cairn_map_merge_params *p);
+cairn_particle_model cairn_merge_model(cairn_map_merge *m);
+cairn_status cairn_merge_run_filter(cairn_map_merge *m, cairn_budget *budget);
+cairn_status cairn_merge_check(cairn_map_merge *m, cairn_budget *budget);
+
+#endif
