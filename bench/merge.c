@@ -28,6 +28,7 @@ typedef struct settings {
 typedef struct outcome {
     int32_t maps, right, wrong, left_out, decoy_accepted;
     double overlap, seconds;
+    int32_t corners; /* of the first map */
     size_t pool_bytes;
     cairn_merge_result result;
 } outcome;
@@ -76,8 +77,8 @@ static void print_modes(const cairn_map_merge *merge, const bench_parts *parts)
                 bench_json_number(key, (double)evidence);
                 snprintf(key, sizeof key, "off%d", (int)k);
                 bench_json_number(key, hypot((double)(pose.x - t.x), (double)(pose.y - t.y)));
-                (void)cairn_map_merge_score(merge, a, b, pose, &score);
-                snprintf(key, sizeof key, "conflict%d", (int)k);
+                if (cairn_map_merge_score(merge, a, b, pose, &score) == CAIRN_OK)
+                    snprintf(key, sizeof key, "conflict%d", (int)k);
                 bench_json_number(key, (double)score.conflict);
             }
             bench_json_end();
@@ -177,6 +178,7 @@ static int run_seed(const settings *s, int64_t seed, outcome *out)
         out->overlap = parts.overlap;
         out->result = cairn_map_merge_read(merge);
         score(merge, &parts, out);
+        out->corners = cairn_map_merge_of(merge, 0).corners;
         out->decoy_accepted = decoy != NULL && cairn_map_merge_of(merge, parts.count).verdict == CAIRN_MERGE_PLACED;
         if (s->modes)
             print_modes(merge, &parts);
@@ -198,6 +200,7 @@ static void print_seed(int64_t seed, const outcome *out)
     bench_json_integer("decoy_accepted", out->decoy_accepted);
     bench_json_number("overlap", out->overlap);
     bench_json_number("seconds", out->seconds);
+    bench_json_integer("corners", out->corners);
     bench_json_integer("hypotheses", out->result.hypotheses);
     bench_json_integer("resamplings", out->result.resamplings);
     bench_json_integer("units", out->result.units);

@@ -19,7 +19,7 @@
 enum { CELLS_MOST = 1 << 28, POINTS_LEAST = 64, POINTS_MOST = 1 << 16 };
 
 /* Cells: where agreement has fallen to a half while searching. */
-#define SOFT CAIRN_REAL(1.5)
+#define SOFT CAIRN_REAL(2.0)
 
 cairn_map_merge_params cairn_map_merge_default(void)
 {
@@ -118,6 +118,7 @@ static cairn_map_merge *carve(cairn_pool *pool, const cairn_map_merge_params *p)
     merge_point *surface = cairn_pool_take(pool, (maps + 1) * points, sizeof *surface);
     cairn_vec2 *open = cairn_pool_take(pool, maps * (points / 2), sizeof *open);
     cairn_corner *corners = cairn_pool_take(pool, maps * (size_t)p->max_corners, sizeof *corners);
+    merge_way *ways = cairn_pool_take(pool, maps * (size_t)p->max_segments, sizeof *ways);
     int32_t *queue = cairn_pool_take(pool, 2 * points, sizeof *queue);
     cairn_vec2 *line = cairn_pool_take(pool, points, sizeof *line);
     cairn_segment *segments = cairn_pool_take(pool, (size_t)p->max_segments, sizeof *segments);
@@ -144,6 +145,7 @@ static cairn_map_merge *carve(cairn_pool *pool, const cairn_map_merge_params *p)
             list[i].points = surface + i * points;
             list[i].open = open + i * (points / 2);
             list[i].corners = corners + i * (size_t)p->max_corners;
+            list[i].ways = ways + i * (size_t)p->max_segments;
         }
     }
     carve_objects(m, pool, p);
@@ -174,7 +176,7 @@ cairn_status cairn_map_merge_create(cairn_map_merge **merge, cairn_pool *pool, c
     for (int32_t d = 0; d <= MERGE_FAR; d++) {
         cairn_real x = (cairn_real)d / SOFT;
 
-        made->soft[d] = d < 12 ? 1 / (1 + x * x) : 0;
+        made->soft[d] = cairn_exp(-x * x / 2);
     }
     *merge = made;
     return CAIRN_OK;
@@ -356,12 +358,9 @@ static cairn_real kernel_of(const cairn_map_merge *m, int32_t cells)
 
 static void add_image(const cairn_map_merge *m, const merge_map *to, cairn_vec2 p, int32_t class, image_sums *s)
 {
-    cairn_real x = (p.x - to->corner.x) / to->input.resolution, y = (p.y - to->corner.y) / to->input.resolution;
-    uint16_t cell;
+    uint16_t cell =
+        merge_cell_at(to, (p.x - to->corner.x) / to->input.resolution, (p.y - to->corner.y) / to->input.resolution);
 
-    if (!(x >= 0 && y >= 0 && x < (cairn_real)to->input.cells.width && y < (cairn_real)to->input.cells.height))
-        return;
-    cell = to->grid[cairn_real_to_int(y) * to->input.cells.width + cairn_real_to_int(x)];
     s->known += merge_class(cell) != MERGE_UNKNOWN;
     s->same += kernel_of(m, class == MERGE_OCCUPIED ? merge_to_occupied(cell) : merge_to_free(cell));
     s->other += merge_class(cell) != MERGE_UNKNOWN && merge_class(cell) != class;
@@ -387,7 +386,7 @@ void cairn_merge_score_at(const cairn_map_merge *m, int32_t a, int32_t b, cairn_
 {
     const merge_map *first = &m->maps[a], *second = &m->maps[b];
     cairn_transform there = cairn_transform_of(centres), back = cairn_transform_of(cairn_pose_inverse(centres));
-    merge_sums s[2] = {{0, 0, 0, {0, 0}, 0}, {0, 0, 0, {0, 0}, 0}};
+    merge_sums s[2] = {{0, 0, 0, 0, {0, 0}, 0}, {0, 0, 0, 0, {0, 0}, 0}};
     cairn_real share[2], d;
 
     memset(score, 0, sizeof *score);

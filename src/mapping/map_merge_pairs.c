@@ -23,8 +23,12 @@
 /* Cells: first and last step of a refinement. */
 #define FIRST_STEP CAIRN_REAL(2.0)
 #define LAST_STEP  CAIRN_REAL(0.2)
+/* Of what speaks against a place while searching. */
+#define WEIGHT CAIRN_REAL(1.5)
 /* Nats from which on a map supports another one. */
 #define NEIGHBOUR CAIRN_REAL(3)
+/* Cells within which a wall is felt. */
+#define NEAR 6
 /* m: where a rotation moves cells by one step. */
 #define LEVER CAIRN_REAL(3.0)
 
@@ -37,17 +41,13 @@ int cairn_merge_is_same(cairn_pose a, cairn_pose b, cairn_real metres, cairn_rea
 
 /* ---- Comparing ---- */
 
-/* Index of the cell of a point, or -1. */
-static int32_t cell_at(const merge_map *to, cairn_vec2 p, cairn_real scale)
+static uint16_t cell_of(const merge_map *to, cairn_vec2 p, cairn_real scale)
 {
-    cairn_real x = (p.x - to->corner.x) * scale, y = (p.y - to->corner.y) * scale;
-
-    if (!(x >= 0 && y >= 0 && x < (cairn_real)to->input.cells.width && y < (cairn_real)to->input.cells.height))
-        return -1;
-    return cairn_real_to_int(y) * to->input.cells.width + cairn_real_to_int(x);
+    return merge_cell_at(to, (p.x - to->corner.x) * scale, (p.y - to->corner.y) * scale);
 }
 
-/* Adds points begin ... end - 1 of `from`, mapped by t, in the grid of `to`. A point that lies two cells beside a wall may be on
+/* Adds points begin ... end - 1 of `from`, mapped by t, in the grid of `to`. A point agrees that lies on a wall
+ * and has free space before it, as in its own map: the two faces of a wall do not. One that lies two cells beside a wall may be on
  * its other face or be moved by noise: it counts half, a third one says nothing. */
 void cairn_merge_sum(const cairn_map_merge *m, const merge_map *to, const merge_map *from, const cairn_transform *t,
                      int32_t begin, int32_t end, merge_sums *s)
@@ -56,25 +56,29 @@ void cairn_merge_sum(const cairn_map_merge *m, const merge_map *to, const merge_
 
     for (int32_t i = begin; i < end; i++) {
         cairn_vec2 p = cairn_transform_point(*t, from->points[i].at);
-        int32_t cell = cell_at(to, p, scale), d;
+        uint16_t cell = cell_of(to, p, scale);
+        int32_t d = merge_to_occupied(cell);
 
-        if (cell < 0 || merge_class(to->grid[cell]) == MERGE_UNKNOWN)
+        if (merge_class(cell) == MERGE_UNKNOWN)
             continue;
-        d = merge_to_occupied(to->grid[cell]);
         s->known++;
         s->middle = cairn_vec2_add(s->middle, p);
+        if (d > 3 && merge_class(cell) == MERGE_FREE) {
+            s->conflict += 1;
+            s->against += d > 5;
+        }
+        if (d > NEAR || merge_class(cell_of(to, cairn_transform_point(*t, from->points[i].front), scale)) != MERGE_FREE)
+            continue;
         s->soft += m->soft[d];
         if (d <= 2)
             s->agree += d < 2 ? 1 : CAIRN_REAL(0.5);
-        else if (d > 3 && merge_class(to->grid[cell]) == MERGE_FREE)
-            s->conflict += 1;
     }
 }
 
 static void begin_comparing(cairn_map_merge *m, int32_t first, int32_t second, cairn_pose first_second, int32_t points)
 {
     merge_comparison *c = &m->comparison;
-    const merge_sums none = {0, 0, 0, {0, 0}, 0};
+    const merge_sums none = {0, 0, 0, 0, {0, 0}, 0};
     int32_t of_first = m->maps[first].point_count, of_second = m->maps[second].point_count;
 
     c->first = first;
@@ -140,7 +144,7 @@ static cairn_real soft_score(const cairn_map_merge *m)
     cairn_real there = wall_of_point(m, c, 0), back = wall_of_point(m, c, 1);
 
     return (c->sums[0].soft * there + c->sums[1].soft * back) / 2 -
-           (c->sums[0].conflict * there + c->sums[1].conflict * back);
+           WEIGHT * (c->sums[0].against * there + c->sums[1].against * back);
 }
 
 /* ---- Hypotheses ---- */
@@ -172,7 +176,7 @@ static int corners_match(const cairn_corner *a, const cairn_corner *b)
     return a->kind == b->kind && cairn_abs(a->opening - b->opening) <= OPENING;
 }
 
-/* The motion that lays corner b on corner a: the bisectors of their legs on each other. */
+/* The motion that lays corner b on corner a, the bisectors of their legs on each other. */
 static cairn_pose motion_of(const cairn_corner *a, const cairn_corner *b)
 {
     cairn_vec2 u = cairn_vec2_add(a->leg[0], a->leg[1]), v = cairn_vec2_add(b->leg[0], b->leg[1]);
@@ -389,19 +393,38 @@ int cairn_merge_go_on_climbing(cairn_map_merge *m, cairn_budget *budget)
     }
 }
 
+/* All that are kept are looked at again with more points; the best are refined. */
+static cairn_status step_sift(cairn_map_merge *m, cairn_budget *budget)
+{
+    for (; m->cursor < m->kept_count; m->cursor++) {
+        merge_mode mode = m->kept[m->cursor];
+
+        if (!m->comparing) {
+            begin_comparing(m, m->map, m->other, mode.first_second, MERGE_REFINE_POINTS);
+            m->comparing = 1;
+        }
+        if (!go_on_comparing(m, budget))
+            return CAIRN_MORE;
+        m->comparing = 0;
+        mode.evidence = soft_score(m);
+        cairn_merge_keep(m->refined, &m->refined_count, MERGE_REFINED, mode, COARSE_M, COARSE_RAD);
+    }
+    return CAIRN_OK;
+}
+
 /* Each of the places kept is refined, then judged by all points. */
 static cairn_status step_refine(cairn_map_merge *m, cairn_budget *budget)
 {
     int32_t pair = merge_pair(m->map, m->other);
 
-    for (; m->cursor < m->kept_count; m->cursor++, m->inner = 0) {
+    for (; m->cursor < m->refined_count; m->cursor++, m->inner = 0) {
         merge_mode mode;
 
         if (m->inner == 0) {
             m->near[0] = m->map;
             m->near_pose[0] = cairn_pose_identity();
             m->near_count = 1;
-            cairn_merge_begin_climb(m, m->other, m->kept[m->cursor].first_second);
+            cairn_merge_begin_climb(m, m->other, m->refined[m->cursor].first_second);
             m->inner = 1;
         }
         if (m->inner == 1) {
@@ -426,10 +449,25 @@ static void begin_pair(cairn_map_merge *m)
     m->cursor = 0;
     m->inner = 0;
     m->comparing = 0;
-    m->kept_count = 0;
+    m->kept_count = m->refined_count = 0;
     m->phase = MERGE_HYPOTHESES;
     if (m->other < m->map_count)
         m->mode_count[merge_pair(m->map, m->other)] = 0;
+}
+
+static cairn_status step_phase(cairn_map_merge *m, cairn_budget *budget)
+{
+    switch (m->phase) {
+    case MERGE_HYPOTHESES:
+        return step_hypotheses(m, budget);
+    case MERGE_TURNS:
+    case MERGE_SHIFTS:
+        return cairn_merge_correlate(m, budget);
+    case MERGE_SIFT:
+        return step_sift(m, budget);
+    default:
+        return step_refine(m, budget);
+    }
 }
 
 cairn_status cairn_merge_find_modes(cairn_map_merge *m, cairn_budget *budget)
@@ -440,12 +478,12 @@ cairn_status cairn_merge_find_modes(cairn_map_merge *m, cairn_budget *budget)
         begin_pair(m);
     }
     while (m->other < m->map_count) {
-        cairn_status status = m->phase == MERGE_HYPOTHESES ? step_hypotheses(m, budget) : step_refine(m, budget);
+        cairn_status status = step_phase(m, budget);
 
         if (status != CAIRN_OK)
             return status;
-        if (m->phase == MERGE_HYPOTHESES) {
-            m->phase = MERGE_REFINE;
+        if (m->phase < MERGE_REFINE) {
+            m->phase++;
             m->cursor = 0;
             m->inner = 0;
             continue;

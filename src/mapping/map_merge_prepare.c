@@ -18,8 +18,10 @@ enum { NORMAL_WINDOW = 3, LINE_WINDOW = 2, LINE_POINTS = 5 };
 /* Cells: a line's points lie at most so far beside its first one, and off it in the mean square. */
 #define LINE_WIDTH CAIRN_REAL(2.6)
 #define LINE_RMS   CAIRN_REAL(0.9)
+/* Cells from a point to its front. */
+#define FRONT CAIRN_REAL(3.0)
 /* m: shorter lines make no corner. */
-#define LINE_LENGTH CAIRN_REAL(0.25)
+#define LINE_LENGTH CAIRN_REAL(0.20)
 
 static merge_map *current(cairn_map_merge *m)
 {
@@ -131,7 +133,7 @@ static cairn_status step_surface(cairn_map_merge *m, cairn_budget *budget)
             m->surface += is_surface(map->grid[cell]);
         } else if (is_surface(map->grid[cell])) {
             if (is_chosen(m->seen_surface++, m->surface, m->params.max_points)) {
-                merge_point p = {centre_of_cell(map, cell), {0, 0}, cell};
+                merge_point p = {centre_of_cell(map, cell), {0, 0}, {0, 0}, cell};
 
                 map->points[map->point_count++] = p;
                 m->scratch[cell] = map->point_count;
@@ -169,9 +171,12 @@ static cairn_status step_normals(cairn_map_merge *m, cairn_budget *budget)
     merge_map *map = current(m);
 
     for (; m->cursor < map->point_count; m->cursor++) {
+        merge_point *p = &map->points[m->cursor];
+
         if (!cairn_budget_pay(budget, &m->paid, 4))
             return CAIRN_MORE;
-        map->points[m->cursor].normal = normal_at(map, map->points[m->cursor].cell);
+        p->normal = normal_at(map, p->cell);
+        p->front = cairn_vec2_add(p->at, cairn_vec2_scale(p->normal, FRONT * map->input.resolution));
         m->label[m->cursor] = 0;
     }
     return CAIRN_OK;
@@ -226,6 +231,12 @@ static void end_line(cairn_map_merge *m, int32_t seed)
         segment.b = a;
     }
     m->segments[m->segment_count++] = segment;
+    {
+        cairn_vec2 along = cairn_vec2_sub(segment.b, segment.a);
+        merge_way way = {cairn_atan2(along.y, along.x), cairn_vec2_norm(along)};
+
+        map->ways[map->way_count++] = way;
+    }
 }
 
 static cairn_status step_segments(cairn_map_merge *m, cairn_budget *budget)
@@ -327,7 +338,7 @@ static void begin_phase(cairn_map_merge *m, merge_phase phase)
         m->surface = m->seen_surface = m->seen_free = 0;
         map->point_count = map->open_count = 0;
     } else if (phase == MERGE_SEGMENTS) {
-        m->segment_count = 0;
+        m->segment_count = map->way_count = 0;
         m->queued = 0;
     }
 }

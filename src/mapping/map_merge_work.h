@@ -10,9 +10,12 @@
 enum {
     MERGE_MAPS_MOST = 64,
     MERGE_FAR = 127,           /* distances in cells are capped here */
-    MERGE_FIRST_POINTS = 48,   /* by which a pair of corners is judged first */
+    MERGE_FIRST_POINTS = 96,   /* by which a pair of corners is judged first */
     MERGE_REFINE_POINTS = 320, /* by which a place is refined */
-    MERGE_KEPT = 24,           /* hypotheses of a pair that are refined */
+    MERGE_KEPT = 96,           /* hypotheses of a pair that are looked at again */
+    MERGE_REFINED = 20,        /* ... and refined */
+    MERGE_TURNS_MOST = 6,      /* rotations in which a pair is correlated */
+    MERGE_BINS = 360,          /* of the circle */
     MERGE_POINTS_PER_UNIT = 8,
     MERGE_ROUNDS = 40,    /* steps of a refinement at most */
     MERGE_FOLLOWERS = 12, /* candidates of a particle */
@@ -40,8 +43,14 @@ static inline int32_t merge_class(uint16_t cell)
 typedef struct merge_point {
     cairn_vec2 at;     /* from the centre of the grid */
     cairn_vec2 normal; /* unit, into free space */
+    cairn_vec2 front;  /* a little before it, where free space begins */
     int32_t cell;      /* index in the grid */
 } merge_point;
+
+/* The direction of a line and its length. */
+typedef struct merge_way {
+    cairn_real angle, length; /* rad, free space on the left; m */
+} merge_way;
 
 typedef struct merge_map {
     cairn_merge_map input;
@@ -50,8 +59,9 @@ typedef struct merge_map {
     uint16_t *grid;        /* [height][width] */
     merge_point *points;   /* [point_count], any beginning of them an even choice */
     cairn_vec2 *open;      /* [open_count] free cells, likewise */
-    cairn_corner *corners;
-    int32_t point_count, open_count, corner_count;
+    cairn_corner *corners; /* [corner_count] */
+    merge_way *ways;       /* [way_count] of its lines */
+    int32_t point_count, open_count, corner_count, way_count;
     int32_t occupied, free; /* cells */
     cairn_real spacing;     /* m of wall for each point */
     cairn_real clearing;    /* share of a free cell */
@@ -68,8 +78,9 @@ typedef struct merge_mode {
 
 /* What the points of one map are in the grid of another. */
 typedef struct merge_sums {
-    cairn_real agree, conflict, soft; /* points */
-    cairn_vec2 middle;                /* sum of the points that are known there, in the frame of the grid */
+    cairn_real agree, conflict; /* points */
+    cairn_real soft, against;   /* likewise, felt from farther away */
+    cairn_vec2 middle;          /* sum of the points that are known there, in the frame of the grid */
     int32_t known;
 } merge_sums;
 
@@ -114,6 +125,9 @@ enum {
     MERGE_CORNERS,
     MERGE_SHUFFLE,
     MERGE_HYPOTHESES,
+    MERGE_TURNS,
+    MERGE_SHIFTS,
+    MERGE_SIFT,
     MERGE_REFINE,
     MERGE_FILTER,
     MERGE_CHECK
@@ -147,6 +161,21 @@ struct cairn_map_merge {
     int32_t *mode_count;         /* [pairs] */
     merge_mode kept[MERGE_KEPT]; /* of the pair under way, the best first */
     int32_t kept_count;
+    merge_mode refined[MERGE_REFINED];
+    int32_t refined_count;
+    struct {
+        cairn_real bins[MERGE_BINS];
+        cairn_real turns[MERGE_TURNS_MOST];
+        int32_t count, at;
+        cairn_real cosine, sine;
+        cairn_real wall;                                                  /* m for one of these points */
+        cairn_vec2 first[MERGE_FIRST_POINTS], second[MERGE_FIRST_POINTS]; /* points turned, in the other's cells */
+        cairn_vec2 first_front[MERGE_FIRST_POINTS], second_front[MERGE_FIRST_POINTS];
+        int32_t firsts, seconds;
+        cairn_box shifts; /* m */
+        int32_t columns, rows;
+        merge_sums sums; /* of the shift under way */
+    } search;
     merge_comparison comparison;
     cairn_real soft[MERGE_FAR + 1]; /* how much a distance in cells counts as agreement while searching */
     struct {
@@ -204,6 +233,14 @@ struct cairn_map_merge {
     int32_t done; /* 1: the result stands */
 };
 
+/* The packed cell of a point in cells of the grid; that of something unknown outside. */
+static inline uint16_t merge_cell_at(const merge_map *map, cairn_real x, cairn_real y)
+{
+    if (!(x >= 0 && y >= 0 && x < (cairn_real)map->input.cells.width && y < (cairn_real)map->input.cells.height))
+        return MERGE_UNKNOWN << 14;
+    return map->grid[cairn_real_to_int(y) * map->input.cells.width + cairn_real_to_int(x)];
+}
+
 static inline int32_t merge_pair(int32_t first, int32_t second)
 {
     return second * (second - 1) / 2 + first;
@@ -214,6 +251,9 @@ static inline int32_t merge_pair(int32_t first, int32_t second)
 cairn_status cairn_merge_prepare(cairn_map_merge *m, cairn_budget *budget);
 
 /* ---- map_merge_pairs.c ---- */
+
+/* A map placed beside another one by all rotations that their lines suggest and all translations. */
+cairn_status cairn_merge_correlate(cairn_map_merge *m, cairn_budget *budget);
 
 cairn_status cairn_merge_find_modes(cairn_map_merge *m, cairn_budget *budget);
 void cairn_merge_sum(const cairn_map_merge *m, const merge_map *to, const merge_map *from, const cairn_transform *t,
