@@ -34,8 +34,8 @@ cairn_map_merge_params cairn_map_merge_default(void)
         .particles = 100,
         .perception = CAIRN_MERGE_EVIDENCE,
         .correlation = CAIRN_REAL(0.5),
-        .min_score = 16,
-        .min_margin = 8,
+        .min_score = 9,
+        .min_margin = 3,
         .seed = 1,
     };
     return params;
@@ -307,9 +307,11 @@ static void finish(cairn_map_merge *m)
         r->placed += p->verdict == CAIRN_MERGE_PLACED;
         r->evidence += p->verdict == CAIRN_MERGE_PLACED ? p->support : 0;
     }
-    rank = r->placed;
+    for (int32_t k = 0; k < m->check.count; k++)
+        if (m->check.accepted[m->check.list[k]])
+            m->placed[m->check.list[k]].rank = rank++;
     for (int32_t i = 0; i < m->map_count; i++)
-        if (m->placed[i].rank < 0)
+        if (!m->check.accepted[i])
             m->placed[i].rank = rank++;
     m->phase = MERGE_IDLE;
     m->done = 1;

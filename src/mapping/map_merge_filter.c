@@ -5,8 +5,8 @@
  * against all placed maps is the likelihood, tempered because neighbouring walls are not independent. What one pair of maps
  * says about a place is remembered, since particles mostly agree.
  *
- * The best particle is then refined, map by map beside its neighbours, and its maps are accepted one by one, the best
- * supported first, if what is accepted already supports them enough, more than any rival place, and does not let them slide. */
+ * The best particle is then refined, map by map beside its neighbours, and its maps are accepted one by one. What hangs on too little evidence is cut off, a map that has a rival place or could
+ * slide is refused. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -16,9 +16,13 @@
 /* Nats of evidence for one of log likelihood. */
 #define TEMPER CAIRN_REAL(4.0)
 /* Nats that a place has by chance, as the best of many. */
-#define CHANCE CAIRN_REAL(14.0)
+#define CHANCE CAIRN_REAL(5.0)
+/* Nats by which an e-fold less is to be expected of chance. */
+#define SPREAD CAIRN_REAL(1.5)
 /* Rounds in which every map is refined. */
-enum { REFINE_ROUNDS = 2, SHIFTS = 8 };
+enum { REFINE_ROUNDS = 3, SHIFTS = 8 };
+
+enum { CHECK_REFINE, CHECK_LINKS, CHECK_CUTS, CHECK_JUDGE, CHECK_DONE };
 /* m: a map slides that has most of its evidence so far away. */
 #define SHIFT    CAIRN_REAL(0.30)
 #define SLIDES   CAIRN_REAL(0.7)
@@ -125,7 +129,7 @@ static void list_candidates(cairn_map_merge *m)
 {
     merge_mode places[MERGE_FOLLOWERS - 1];
     int32_t map = next_map(m), count = map < 0 ? 0 : places_of(m, map, places, MERGE_FOLLOWERS - 1);
-    const merge_state none = {-1, -1, {0, 0, 0}, m->params.min_score, 0, 0};
+    const merge_state none = {-1, -1, {0, 0, 0}, m->params.min_score / 2, 0, 0};
 
     for (int32_t i = 0; i < count; i++) {
         merge_state *s = &m->offer.list[i];
@@ -313,12 +317,6 @@ static void begin_check(cairn_map_merge *m)
     (void)gather(m, best_of(m));
     memset(&m->check, 0, sizeof m->check);
     memset(m->placed, 0, sizeof m->placed);
-    for (int32_t i = 0; i < m->near_count; i++) {
-        m->check.list[i] = m->near[m->near_count - 1 - i];
-        m->check.pose[m->near[i]] = m->near_pose[i];
-    }
-    m->check.count = m->near_count;
-    m->check.accepted[m->reference] = 1;
     for (int32_t i = 0; i < m->map_count; i++) {
         cairn_merge_placed *p = &m->placed[i];
 
@@ -327,22 +325,31 @@ static void begin_check(cairn_map_merge *m)
         p->wrong = 1;
         p->rank = -1;
     }
-    m->placed[m->reference].verdict = CAIRN_MERGE_PLACED;
+    for (int32_t i = 0; i < m->near_count; i++) {
+        int32_t map = m->near[m->near_count - 1 - i];
+
+        m->check.list[i] = map;
+        m->check.pose[map] = m->near_pose[m->near_count - 1 - i];
+        m->check.accepted[map] = 1;
+        m->placed[map].verdict = CAIRN_MERGE_PLACED;
+        m->placed[map].rank = i;
+    }
+    m->check.count = m->near_count;
     m->placed[m->reference].wrong = 0;
-    m->placed[m->reference].rank = 0;
+    m->check.stage = CHECK_REFINE;
     m->phase = MERGE_CHECK;
     m->cursor = 1;
     m->inner = 0;
 }
 
-/* near[]: the placed maps but `map`; only accepted ones when `accepted` is 1. */
-static void surround(cairn_map_merge *m, int32_t map, int accepted)
+/* near[]: the accepted maps but `map`. */
+static void surround(cairn_map_merge *m, int32_t map)
 {
     m->near_count = 0;
     for (int32_t i = 0; i < m->check.count; i++) {
         int32_t other = m->check.list[i];
 
-        if (other == map || (accepted && !m->check.accepted[other]))
+        if (other == map || !m->check.accepted[other])
             continue;
         m->near[m->near_count] = other;
         m->near_pose[m->near_count++] = m->check.pose[other];
@@ -357,7 +364,7 @@ static cairn_status step_joint(cairn_map_merge *m, cairn_budget *budget)
             int32_t map = m->check.list[m->cursor];
 
             if (m->inner == 0) {
-                surround(m, map, 0);
+                surround(m, map);
                 cairn_merge_begin_climb(m, map, m->check.pose[map]);
                 m->inner = 1;
             }
@@ -368,41 +375,102 @@ static cairn_status step_joint(cairn_map_merge *m, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* Support of every map that is not accepted by those that are. */
-static cairn_status step_support(cairn_map_merge *m, cairn_budget *budget)
+/* What every two maps placed say about each other. */
+static cairn_status step_links(cairn_map_merge *m, cairn_budget *budget)
 {
-    for (; m->cursor < m->check.count; m->cursor++, m->inner = 0) {
-        int32_t map = m->check.list[m->cursor];
+    for (; m->cursor < m->check.count; m->cursor++, m->inner = 0)
+        while (m->inner < 2 * m->cursor) {
+            int32_t map = m->check.list[m->cursor], other = m->check.list[m->inner / 2];
 
-        if (m->check.accepted[map])
-            continue;
-        if (m->inner == 0) {
-            surround(m, map, 1);
-            cairn_merge_begin_total(m, map, m->check.pose[map], m->params.max_points);
-            m->inner = 1;
+            if (m->inner % 2 == 0) {
+                m->near[0] = other;
+                m->near_pose[0] = m->check.pose[other];
+                m->near_count = 1;
+                cairn_merge_begin_total(m, map, m->check.pose[map], m->params.max_points);
+                m->inner++;
+            }
+            if (!cairn_merge_go_on_total(m, budget))
+                return CAIRN_MORE;
+            m->check.link[merge_pair(other < map ? other : map, other < map ? map : other)] = m->total.evidence;
+            m->inner++;
         }
-        if (!cairn_merge_go_on_total(m, budget))
-            return CAIRN_MORE;
-        m->placed[map].support = m->total.evidence;
-        m->placed[map].neighbours = m->total.neighbours;
-        m->placed[map].verdict = CAIRN_MERGE_WEAK;
-    }
     return CAIRN_OK;
 }
 
-/* The map that is accepted next if it stands the check: the best supported one that has not failed. */
-static int32_t best_supported(const cairn_map_merge *m)
+static cairn_real link_of(const cairn_map_merge *m, int32_t a, int32_t b)
 {
-    int32_t best = -1;
+    return m->check.link[a < b ? merge_pair(a, b) : merge_pair(b, a)];
+}
 
-    for (int32_t i = 0; i < m->check.count; i++) {
-        int32_t map = m->check.list[i];
+/* Of what is accepted the part without the reference that has least evidence in common with the rest (Stoer and Wagner 1997):
+ * side[] of those maps is 1. Evidence against is none. Returns that evidence, or a huge number for a single map. */
+static cairn_real least_cut(const cairn_map_merge *m, int32_t *side)
+{
+    int32_t group[MERGE_MAPS_MOST], added[MERGE_MAPS_MOST], best_group[MERGE_MAPS_MOST];
+    cairn_real weight[MERGE_MAPS_MOST], least = CAIRN_REAL_MAX;
+    int32_t left = 0;
 
-        if (!m->check.accepted[map] && !m->check.failed[map] && m->placed[map].support >= m->params.min_score &&
-            (best < 0 || m->placed[map].support > m->placed[best].support))
-            best = map;
+    /* group[i]: the map that map i has been united with. */
+    for (int32_t i = 0; i < m->map_count; i++) {
+        group[i] = m->check.accepted[i] ? i : -1;
+        best_group[i] = 0;
+        left += m->check.accepted[i];
     }
-    return best;
+    for (; left > 1; left--) {
+        int32_t last = -1, before = -1;
+
+        for (int32_t i = 0; i < m->map_count; i++) {
+            added[i] = group[i] != i;
+            weight[i] = 0;
+        }
+        for (int32_t n = 0; n < left; n++) {
+            int32_t next = -1;
+
+            for (int32_t i = 0; i < m->map_count; i++)
+                if (!added[i] && (next < 0 || weight[i] > weight[next]))
+                    next = i;
+            added[next] = 1;
+            before = last;
+            last = next;
+            for (int32_t i = 0; i < m->map_count; i++)
+                for (int32_t k = 0; k < m->map_count && group[i] == next; k++)
+                    if (group[k] >= 0 && group[k] != next && !added[group[k]])
+                        weight[group[k]] += cairn_max(link_of(m, i, k), 0);
+        }
+        if (weight[last] < least) {
+            least = weight[last];
+            for (int32_t i = 0; i < m->map_count; i++)
+                best_group[i] = group[i] == last;
+        }
+        for (int32_t i = 0; i < m->map_count; i++)
+            group[i] = group[i] == last ? before : group[i];
+    }
+    for (int32_t i = 0; i < m->map_count; i++)
+        side[i] = m->check.accepted[i] && best_group[i] != best_group[m->reference];
+    return least;
+}
+
+static void refuse_map(cairn_map_merge *m, int32_t map, cairn_merge_verdict verdict)
+{
+    m->check.accepted[map] = 0;
+    m->placed[map].verdict = verdict;
+}
+
+/* Cuts off what hangs on too little until nothing does. */
+static cairn_status step_cuts(cairn_map_merge *m, cairn_budget *budget)
+{
+    for (;;) {
+        int32_t side[MERGE_MAPS_MOST];
+        int32_t cost = 1 + m->map_count * m->map_count / 8 * m->map_count;
+
+        if (!cairn_budget_pay(budget, &m->paid, cost))
+            return CAIRN_MORE;
+        if (least_cut(m, side) >= m->params.min_score)
+            return CAIRN_OK;
+        for (int32_t i = 0; i < m->map_count; i++)
+            if (side[i])
+                refuse_map(m, i, CAIRN_MERGE_WEAK);
+    }
 }
 
 static cairn_pose shifted(cairn_pose pose, int32_t direction)
@@ -414,97 +482,112 @@ static cairn_pose shifted(cairn_pose pose, int32_t direction)
     return pose;
 }
 
-/* The best rival place of the map, and whether it slides: its places beside all that is accepted, then shifted. */
-static cairn_status step_rivals(cairn_map_merge *m, cairn_budget *budget)
+/* Place `index` of a map to be looked at beside all others: its own, then rivals, then shifted ones. */
+static cairn_pose place_at(const cairn_map_merge *m, int32_t map, int32_t index)
 {
-    int32_t map = m->check.at;
     cairn_pose pose = m->check.pose[map];
 
-    if (m->check.stage == 0) {
-        surround(m, map, 1);
-        m->check.rivals = places_of(m, map, m->check.rival_list, MERGE_KEPT);
-        m->check.slide = -CAIRN_REAL_MAX;
+    if (index == 0)
+        return pose;
+    return index <= m->check.rivals ? m->check.rival_list[index - 1].first_second
+                                    : shifted(pose, index - 1 - m->check.rivals);
+}
+
+static void note_place(cairn_map_merge *m, int32_t map, int32_t index)
+{
+    cairn_merge_placed *p = &m->placed[map];
+
+    if (index == 0) {
+        p->support = m->total.evidence;
+        p->neighbours = m->total.neighbours;
+    } else if (index <= m->check.rivals) {
+        p->rival = cairn_max(p->rival, m->total.evidence);
+    } else {
+        m->check.slide = cairn_max(m->check.slide, m->total.evidence);
+    }
+}
+
+/* Support, rivals and shifts of one map. */
+static cairn_status step_places(cairn_map_merge *m, int32_t map, cairn_budget *budget)
+{
+    if (m->check.looking == 0) {
+        surround(m, map);
+        m->check.rivals = places_of(m, map, m->check.rival_list, MERGE_REFINED);
+        m->check.slide = 0;
         m->placed[map].modes = m->check.rivals;
-        m->check.stage = 1;
+        m->placed[map].rival = 0;
+        m->check.looking = 1;
+        m->check.at = 0;
         m->inner = 0;
     }
-    for (; m->cursor < m->check.rivals + SHIFTS; m->cursor++, m->inner = 0) {
-        int rival = m->cursor < m->check.rivals;
-        cairn_pose other =
-            rival ? m->check.rival_list[m->cursor].first_second : shifted(pose, m->cursor - m->check.rivals);
+    for (; m->check.at <= m->check.rivals + SHIFTS; m->check.at++, m->inner = 0) {
+        cairn_pose pose = place_at(m, map, m->check.at);
 
-        if (rival && cairn_merge_is_same(other, pose, SAME_M, SAME_RAD))
+        if (m->check.at > 0 && m->check.at <= m->check.rivals &&
+            cairn_merge_is_same(pose, m->check.pose[map], SAME_M, SAME_RAD))
             continue;
         if (m->inner == 0) {
-            cairn_merge_begin_total(m, map, other, m->params.max_points);
+            cairn_merge_begin_total(m, map, pose, m->params.max_points);
             m->inner = 1;
         }
         if (!cairn_merge_go_on_total(m, budget))
             return CAIRN_MORE;
-        if (rival)
-            m->placed[map].rival = cairn_max(m->placed[map].rival, m->total.evidence);
-        else
-            m->check.slide = cairn_max(m->check.slide, m->total.evidence);
+        note_place(m, map, m->check.at);
     }
+    m->check.looking = 0;
     return CAIRN_OK;
 }
 
 /* By how likely a rival, or mere chance, would have as much. */
 static cairn_real probability_of_wrong(const cairn_merge_placed *p)
 {
-    cairn_real rival = cairn_exp((p->rival - p->support) / TEMPER);
-    cairn_real chance = cairn_exp((CHANCE - p->support) / TEMPER);
+    cairn_real rival = cairn_exp(cairn_min((p->rival - p->support) / SPREAD, 30));
+    cairn_real chance = cairn_exp(cairn_min((CHANCE - p->support) / SPREAD, 30));
 
     return (rival + chance) / (1 + rival + chance);
 }
 
-static void judge(cairn_map_merge *m)
+/* Every accepted map, and again when one was refused: fewer maps support the others. */
+static cairn_status step_judge(cairn_map_merge *m, cairn_budget *budget)
 {
-    int32_t map = m->check.at;
-    cairn_merge_placed *p = &m->placed[map];
+    for (; m->cursor < m->check.count; m->cursor++) {
+        int32_t map = m->check.list[m->cursor];
+        cairn_merge_placed *p = &m->placed[map];
 
-    p->wrong = probability_of_wrong(p);
-    if (p->support - p->rival < m->params.min_margin)
-        p->verdict = CAIRN_MERGE_AMBIGUOUS;
-    else if (m->check.slide > SLIDES * p->support)
-        p->verdict = CAIRN_MERGE_SLIDES;
-    else
-        p->verdict = CAIRN_MERGE_PLACED;
-    m->check.accepted[map] = p->verdict == CAIRN_MERGE_PLACED;
-    m->check.failed[map] = !m->check.accepted[map];
-    if (m->check.accepted[map]) {
-        p->rank = ++m->check.ranks;
-        memset(m->check.failed, 0, sizeof m->check.failed); /* one more map may decide for them */
+        if (map == m->reference || (!m->check.accepted[map] && p->verdict != CAIRN_MERGE_WEAK))
+            continue;
+        if (step_places(m, map, budget) != CAIRN_OK)
+            return CAIRN_MORE;
+        p->wrong = probability_of_wrong(p);
+        if (!m->check.accepted[map])
+            continue;
+        if (p->support - p->rival < m->params.min_margin)
+            refuse_map(m, map, CAIRN_MERGE_AMBIGUOUS);
+        else if (m->check.slide > SLIDES * p->support)
+            refuse_map(m, map, CAIRN_MERGE_SLIDES);
+        m->check.refused |= !m->check.accepted[map];
     }
+    return CAIRN_OK;
 }
 
 cairn_status cairn_merge_check(cairn_map_merge *m, cairn_budget *budget)
 {
     if (m->phase != MERGE_CHECK)
         begin_check(m);
-    if (m->check.round < REFINE_ROUNDS) {
-        if (step_joint(m, budget) != CAIRN_OK)
-            return CAIRN_MORE;
-        m->cursor = 0;
-        m->inner = 0;
-        m->check.at = -1;
-    }
-    for (;;) {
-        if (m->check.at < 0) {
-            if (step_support(m, budget) != CAIRN_OK)
-                return CAIRN_MORE;
-            m->check.at = best_supported(m);
-            if (m->check.at < 0)
-                return CAIRN_OK;
-            m->check.stage = 0;
-            m->cursor = 0;
-            m->placed[m->check.at].rival = 0;
-        }
-        if (step_rivals(m, budget) != CAIRN_OK)
-            return CAIRN_MORE;
-        judge(m);
-        m->check.at = -1;
+    while (m->check.stage < CHECK_DONE) {
+        cairn_status status = m->check.stage == CHECK_REFINE  ? step_joint(m, budget)
+                              : m->check.stage == CHECK_LINKS ? step_links(m, budget)
+                              : m->check.stage == CHECK_CUTS  ? step_cuts(m, budget)
+                                                              : step_judge(m, budget);
+
+        if (status != CAIRN_OK)
+            return status;
+        m->check.stage++;
+        if (m->check.stage == CHECK_DONE && m->check.refused)
+            m->check.stage = CHECK_CUTS;
+        m->check.refused = 0;
         m->cursor = 0;
         m->inner = 0;
     }
+    return CAIRN_OK;
 }

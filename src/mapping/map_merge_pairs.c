@@ -10,9 +10,9 @@
 
 #include "src/mapping/map_merge_work.h"
 
-/* Nats for a stretch of wall that agrees: log(0.85 / 0.15); against one that does not: log(0.75 / 0.05). */
+/* Nats for a stretch of wall that agrees: log(0.85 / 0.15); against one that does not: log(0.75 / 0.014). */
 #define FOR     CAIRN_REAL(1.7)
-#define AGAINST CAIRN_REAL(2.7)
+#define AGAINST CAIRN_REAL(4.0)
 /* Two corners match when their openings differ by at most so much, rad. */
 #define OPENING CAIRN_REAL(0.25)
 /* Places nearer than this are one while searching, and in the end. */

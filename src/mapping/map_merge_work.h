@@ -213,9 +213,10 @@ struct cairn_map_merge {
     struct {
         int32_t list[MERGE_MAPS_MOST];    /* maps placed, in their order */
         cairn_pose pose[MERGE_MAPS_MOST]; /* of each map, in the frame of the reference's centre */
-        int32_t count, round, at, stage, ranks;
-        int32_t accepted[MERGE_MAPS_MOST], failed[MERGE_MAPS_MOST];
-        merge_mode rival_list[MERGE_KEPT];
+        int32_t count, round, at, stage, looking, refused;
+        int32_t accepted[MERGE_MAPS_MOST];
+        cairn_real link[MERGE_MAPS_MOST * (MERGE_MAPS_MOST - 1) / 2]; /* evidence of each pair */
+        merge_mode rival_list[MERGE_REFINED];
         int32_t rivals;
         cairn_real slide; /* evidence of the best shifted place */
     } check;
