@@ -121,7 +121,7 @@ static cairn_map_merge *carve(cairn_pool *pool, const cairn_map_merge_params *p)
     merge_way *ways = cairn_pool_take(pool, maps * (size_t)p->max_segments, sizeof *ways);
     int32_t *queue = cairn_pool_take(pool, 2 * points, sizeof *queue);
     cairn_vec2 *line = cairn_pool_take(pool, points, sizeof *line);
-    cairn_segment *segments = cairn_pool_take(pool, (size_t)p->max_segments, sizeof *segments);
+    cairn_segment *lines = cairn_pool_take(pool, maps * (size_t)p->max_segments, sizeof *lines);
     merge_mode *modes = cairn_pool_take(pool, pairs_of(p) * (size_t)p->max_modes, sizeof *modes);
     int32_t *mode_count = cairn_pool_take(pool, pairs_of(p), sizeof *mode_count);
     merge_memory *memory = cairn_pool_take(pool, MERGE_MEMORY, sizeof *memory);
@@ -136,7 +136,6 @@ static cairn_map_merge *carve(cairn_pool *pool, const cairn_map_merge_params *p)
         m->queue = queue;
         m->label = queue + points;
         m->line = line;
-        m->segments = segments;
         m->modes = modes;
         m->mode_count = mode_count;
         m->memory = memory;
@@ -145,6 +144,7 @@ static cairn_map_merge *carve(cairn_pool *pool, const cairn_map_merge_params *p)
             list[i].points = surface + i * points;
             list[i].open = open + i * (points / 2);
             list[i].corners = corners + i * (size_t)p->max_corners;
+            list[i].lines = lines + i * (size_t)p->max_segments;
             list[i].ways = ways + i * (size_t)p->max_segments;
         }
     }
@@ -223,7 +223,7 @@ cairn_status cairn_map_merge_add(cairn_map_merge *merge, const cairn_merge_map *
     m->map_centre.theta = 0;
     m->map_centre = cairn_pose_compose(map->origin, m->map_centre);
     m->has_guess = 0;
-    m->point_count = m->open_count = m->corner_count = 0;
+    m->point_count = m->open_count = m->corner_count = m->line_count = 0;
     merge->done = 0;
     return CAIRN_OK;
 }

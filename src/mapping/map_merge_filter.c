@@ -19,8 +19,10 @@
 #define CHANCE CAIRN_REAL(5.0)
 /* Nats by which an e-fold less is to be expected of chance. */
 #define SPREAD CAIRN_REAL(1.5)
+/* Rounds of a candidate's refinement by lines. */
+enum { LINE_ROUNDS = 4 };
 /* Rounds in which every map is refined. */
-enum { REFINE_ROUNDS = 3, SHIFTS = 8 };
+enum { REFINE_ROUNDS = 25, SHIFTS = 8 };
 
 enum { CHECK_REFINE, CHECK_LINKS, CHECK_CUTS, CHECK_JUDGE, CHECK_DONE };
 /* m: a map slides that has most of its evidence so far away. */
@@ -125,21 +127,21 @@ static int32_t places_of(const cairn_map_merge *m, int32_t map, merge_mode *list
     return count;
 }
 
-static void list_candidates(cairn_map_merge *m)
+static void list_candidates(cairn_map_merge *m, merge_offer *offer)
 {
     merge_mode places[MERGE_FOLLOWERS - 1];
     int32_t map = next_map(m), count = map < 0 ? 0 : places_of(m, map, places, MERGE_FOLLOWERS - 1);
     const merge_state none = {-1, -1, {0, 0, 0}, m->params.min_score / 2, 0, 0};
 
     for (int32_t i = 0; i < count; i++) {
-        merge_state *s = &m->offer.list[i];
+        merge_state *s = &offer->list[i];
 
         *s = none;
         s->map = map;
         s->reference_map = places[i].first_second;
     }
-    m->offer.list[count] = none;
-    m->offer.count = count + 1;
+    offer->list[count] = none;
+    offer->count = count + 1;
 }
 
 static void count_images(cairn_map_merge *m, const merge_state *s)
@@ -168,47 +170,91 @@ static void see_images(cairn_map_merge *m, merge_state *s)
     }
 }
 
+/* 1 when two particles have put the same maps at the same places. */
+static int is_same_history(const merge_state *a, const merge_state *b)
+{
+    while (a != NULL && b != NULL && a != b) {
+        if (a->map != b->map || memcmp(&a->reference_map, &b->reference_map, sizeof a->reference_map) != 0)
+            return 0;
+        a = cairn_particle_state_before(a);
+        b = cairn_particle_state_before(b);
+    }
+    return a == b;
+}
+
+/* The offer for a particle like this one, or an empty one in place of the oldest. */
+static merge_offer *offer_for(cairn_map_merge *m, const merge_state *state)
+{
+    merge_offer *fresh;
+
+    for (int32_t i = 0; i < MERGE_OFFERS; i++)
+        if (m->offer.made[i].state != NULL && is_same_history(m->offer.made[i].state, state))
+            return &m->offer.made[i];
+    fresh = &m->offer.made[m->offer.count++ % MERGE_OFFERS];
+    fresh->state = state;
+    fresh->count = 0;
+    return fresh;
+}
+
+static void begin_offer(cairn_map_merge *m, const merge_state *state)
+{
+    m->offer.now = offer_for(m, state);
+    m->offer.at = 0;
+    m->offer.stage = 1;
+    if (m->offer.now->count > 0) {
+        m->offer.at = m->offer.now->count;
+    } else if (gather(m, state)) {
+        m->offer.now->list[0] = *state;
+        m->offer.now->count = 1;
+    } else {
+        list_candidates(m, m->offer.now);
+    }
+}
+
+/* One candidate: refined beside all maps placed, then scored. */
+static int step_candidate(cairn_map_merge *m, merge_state *s, cairn_budget *budget)
+{
+    if (m->offer.stage == 1) {
+        cairn_merge_begin_lines(m, s->map, s->reference_map, LINE_ROUNDS);
+        m->offer.stage = 2;
+    }
+    if (m->offer.stage == 2) {
+        if (!cairn_merge_go_on_lines(m, budget))
+            return 0;
+        s->reference_map = m->climb.best;
+        cairn_merge_begin_total(m, s->map, s->reference_map, m->params.max_points);
+        m->offer.stage = 3;
+    }
+    if (!cairn_merge_go_on_total(m, budget))
+        return 0;
+    s->evidence = m->total.evidence;
+    if (m->params.perception == CAIRN_MERGE_IMAGES)
+        see_images(m, s);
+    m->offer.stage = 1;
+    return 1;
+}
+
 static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index, cairn_budget *budget)
 {
     cairn_map_merge *m = context;
-    const void *state = cairn_particle_filter_particle(filter, index).state;
+    merge_offer *offer;
 
     if (m->offer.stage == 0) {
         if (!cairn_budget_pay(budget, &m->paid, 1 + m->map_count))
             return CAIRN_MORE;
-        if (state != m->offer.state) {
-            m->offer.state = state;
-            m->offer.count = 1;
-            if (gather(m, state))
-                m->offer.list[0] = *(const merge_state *)state;
-            else
-                list_candidates(m);
-            m->offer.at = 0;
-        }
-        m->offer.stage = 1;
+        begin_offer(m, cairn_particle_filter_particle(filter, index).state);
     }
-    for (; m->offer.at < m->offer.count; m->offer.at++, m->offer.stage = 1) {
-        merge_state *s = &m->offer.list[m->offer.at];
-
-        if (s->map < 0)
-            continue;
-        if (m->offer.stage == 1) {
-            cairn_merge_begin_total(m, s->map, s->reference_map, m->params.max_points);
-            m->offer.stage = 2;
-        }
-        if (!cairn_merge_go_on_total(m, budget))
+    offer = m->offer.now;
+    for (; m->offer.at < offer->count; m->offer.at++)
+        if (offer->list[m->offer.at].map >= 0 && !step_candidate(m, &offer->list[m->offer.at], budget))
             return CAIRN_MORE;
-        s->evidence = m->total.evidence;
-        if (m->params.perception == CAIRN_MERGE_IMAGES)
-            see_images(m, s);
-    }
-    for (int32_t i = 0; i < m->offer.count; i++) {
-        cairn_status status = cairn_particle_filter_offer(filter, &m->offer.list[i], 0);
+    for (int32_t i = 0; i < offer->count; i++) {
+        cairn_status status = cairn_particle_filter_offer(filter, &offer->list[i], 0);
 
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
-        if (m->offer.list[i].map >= 0)
-            count_images(m, &m->offer.list[i]);
+        if (offer->list[i].map >= 0)
+            count_images(m, &offer->list[i]);
     }
     m->offer.stage = 0;
     return CAIRN_OK;
@@ -276,7 +322,8 @@ cairn_status cairn_merge_run_filter(cairn_map_merge *m, cairn_budget *budget)
         if (m->cursor == 0) {
             status = cairn_particle_filter_begin(m->filter);
             CAIRN_ASSERT(status == CAIRN_OK);
-            m->offer.state = NULL;
+            memset(m->offer.made, 0, sizeof m->offer.made);
+            m->offer.count = 0;
             m->offer.stage = 0;
             m->offer.psi_sum = m->offer.gamma_sum = 0;
             m->offer.offered = 0;
@@ -356,19 +403,24 @@ static void surround(cairn_map_merge *m, int32_t map)
     }
 }
 
-/* Every map in turn beside all others. */
+/* Every map in turn beside all others: at first by cells, then by lines. */
 static cairn_status step_joint(cairn_map_merge *m, cairn_budget *budget)
 {
     for (; m->check.round < REFINE_ROUNDS; m->check.round++, m->cursor = 1)
         for (; m->cursor < m->check.count; m->cursor++, m->inner = 0) {
             int32_t map = m->check.list[m->cursor];
 
+            int by_cells = m->check.round == 0;
+
             if (m->inner == 0) {
                 surround(m, map);
-                cairn_merge_begin_climb(m, map, m->check.pose[map]);
+                if (by_cells)
+                    cairn_merge_begin_climb(m, map, m->check.pose[map]);
+                else
+                    cairn_merge_begin_lines(m, map, m->check.pose[map], 1);
                 m->inner = 1;
             }
-            if (!cairn_merge_go_on_climbing(m, budget))
+            if (!(by_cells ? cairn_merge_go_on_climbing(m, budget) : cairn_merge_go_on_lines(m, budget)))
                 return CAIRN_MORE;
             m->check.pose[map] = m->climb.best;
         }

@@ -29,6 +29,8 @@
 #define NEIGHBOUR CAIRN_REAL(3)
 /* Cells within which a wall is felt. */
 #define NEAR 6
+/* Rounds of a place's refinement by lines. */
+enum { LINE_ROUNDS = 5 };
 /* m: where a rotation moves cells by one step. */
 #define LEVER CAIRN_REAL(3.0)
 
@@ -256,7 +258,7 @@ static cairn_real reach_of(const merge_map *map)
     return cairn_vec2_norm(map->corner);
 }
 
-static int is_apart(const cairn_map_merge *m, int32_t first, int32_t second, cairn_pose first_second)
+int cairn_merge_is_apart(const cairn_map_merge *m, int32_t first, int32_t second, cairn_pose first_second)
 {
     cairn_real reach = reach_of(&m->maps[first]) + reach_of(&m->maps[second]);
 
@@ -302,7 +304,7 @@ int cairn_merge_go_on_total(cairn_map_merge *m, cairn_budget *budget)
         if (!m->comparing) {
             if (!cairn_budget_pay(budget, &m->paid, 2))
                 return 0;
-            if (is_apart(m, near, m->total.map, seen))
+            if (cairn_merge_is_apart(m, near, m->total.map, seen))
                 continue;
             if (whole && is_remembered(slot, &key)) {
                 m->total.evidence += slot->evidence;
@@ -430,8 +432,14 @@ static cairn_status step_refine(cairn_map_merge *m, cairn_budget *budget)
         if (m->inner == 1) {
             if (!cairn_merge_go_on_climbing(m, budget))
                 return CAIRN_MORE;
-            cairn_merge_begin_total(m, m->other, m->climb.best, m->params.max_points);
+            cairn_merge_begin_lines(m, m->other, m->climb.best, LINE_ROUNDS);
             m->inner = 2;
+        }
+        if (m->inner == 2) {
+            if (!cairn_merge_go_on_lines(m, budget))
+                return CAIRN_MORE;
+            cairn_merge_begin_total(m, m->other, m->climb.best, m->params.max_points);
+            m->inner = 3;
         }
         if (!cairn_merge_go_on_total(m, budget))
             return CAIRN_MORE;

@@ -20,6 +20,8 @@ enum { NORMAL_WINDOW = 3, LINE_WINDOW = 2, LINE_POINTS = 5 };
 #define LINE_RMS   CAIRN_REAL(0.9)
 /* Cells from a point to its front. */
 #define FRONT CAIRN_REAL(3.0)
+/* Cells: points farther off a line are not fitted. */
+#define TRIM CAIRN_REAL(0.8)
 /* m: shorter lines make no corner. */
 #define LINE_LENGTH CAIRN_REAL(0.20)
 
@@ -209,6 +211,24 @@ static void grow_line(cairn_map_merge *m, int32_t seed)
         }
 }
 
+/* The line through the points in the queue, and again through those that lie well on it: ends of walls have normals of both
+ * sides. */
+static int fit_line(cairn_map_merge *m, cairn_line *line)
+{
+    const merge_map *map = current(m);
+    int32_t kept = 0;
+
+    for (int32_t i = 0; i < m->queued; i++)
+        m->line[i] = map->points[m->queue[i]].at;
+    if (cairn_line_fit(m->line, NULL, m->queued, line) != CAIRN_OK)
+        return 0;
+    for (int32_t i = 0; i < m->queued; i++)
+        if (cairn_abs(cairn_vec2_cross(line->direction, cairn_vec2_sub(m->line[i], line->mean))) <=
+            TRIM * map->input.resolution)
+            m->line[kept++] = m->line[i];
+    return kept >= LINE_POINTS && cairn_line_fit(m->line, NULL, kept, line) == CAIRN_OK;
+}
+
 /* The points in the queue become a segment with the free side on its left, when they lie on a line that is long enough. */
 static void end_line(cairn_map_merge *m, int32_t seed)
 {
@@ -216,12 +236,9 @@ static void end_line(cairn_map_merge *m, int32_t seed)
     cairn_segment segment;
     cairn_line line;
 
-    if (m->queued < LINE_POINTS || m->segment_count == m->params.max_segments)
+    if (m->queued < LINE_POINTS || map->line_count == m->params.max_segments)
         return;
-    for (int32_t i = 0; i < m->queued; i++)
-        m->line[i] = map->points[m->queue[i]].at;
-    if (cairn_line_fit(m->line, NULL, m->queued, &line) != CAIRN_OK || line.high - line.low < LINE_LENGTH ||
-        line.rms > LINE_RMS * map->input.resolution)
+    if (!fit_line(m, &line) || line.high - line.low < LINE_LENGTH || line.rms > LINE_RMS * map->input.resolution)
         return;
     segment = cairn_line_segment(&line);
     if (cairn_vec2_dot(cairn_vec2_left(line.direction), map->points[seed].normal) < 0) {
@@ -230,12 +247,12 @@ static void end_line(cairn_map_merge *m, int32_t seed)
         segment.a = segment.b;
         segment.b = a;
     }
-    m->segments[m->segment_count++] = segment;
+    map->lines[map->line_count] = segment;
     {
         cairn_vec2 along = cairn_vec2_sub(segment.b, segment.a);
         merge_way way = {cairn_atan2(along.y, along.x), cairn_vec2_norm(along)};
 
-        map->ways[map->way_count++] = way;
+        map->ways[map->line_count++] = way;
     }
 }
 
@@ -277,7 +294,7 @@ static cairn_status step_corners(cairn_map_merge *m, cairn_budget *budget)
     const cairn_corner *list;
 
     if (m->cursor == 0) {
-        status = cairn_corner_begin(m->corners, m->segments, m->segment_count);
+        status = cairn_corner_begin(m->corners, map->lines, map->line_count);
         CAIRN_ASSERT(status == CAIRN_OK);
         m->cursor = 1;
     }
@@ -338,7 +355,7 @@ static void begin_phase(cairn_map_merge *m, merge_phase phase)
         m->surface = m->seen_surface = m->seen_free = 0;
         map->point_count = map->open_count = 0;
     } else if (phase == MERGE_SEGMENTS) {
-        m->segment_count = map->way_count = 0;
+        map->line_count = 0;
         m->queued = 0;
     }
 }

@@ -30,8 +30,8 @@ static cairn_status step_bins(cairn_map_merge *m, cairn_budget *budget)
 {
     const merge_map *first = &m->maps[m->map], *second = &m->maps[m->other];
 
-    for (; m->cursor < first->way_count; m->cursor++, m->inner = 0)
-        for (; m->inner < second->way_count; m->inner++) {
+    for (; m->cursor < first->line_count; m->cursor++, m->inner = 0)
+        for (; m->inner < second->line_count; m->inner++) {
             merge_way a = first->ways[m->cursor], b = second->ways[m->inner];
             cairn_real turn = (a.angle - b.angle) * (MERGE_BINS / (2 * CAIRN_PI));
             int32_t bin;

@@ -19,7 +19,8 @@ enum {
     MERGE_POINTS_PER_UNIT = 8,
     MERGE_ROUNDS = 40,    /* steps of a refinement at most */
     MERGE_FOLLOWERS = 12, /* candidates of a particle */
-    MERGE_MEMORY = 8192   /* scores of pairs of maps that are remembered, a power of two */
+    MERGE_OFFERS = 8,
+    MERGE_MEMORY = 8192 /* scores of pairs of maps that are remembered, a power of two */
 };
 
 /* A packed cell: distance to the nearest occupied cell, to the nearest free one, and its class. */
@@ -60,8 +61,9 @@ typedef struct merge_map {
     merge_point *points;   /* [point_count], any beginning of them an even choice */
     cairn_vec2 *open;      /* [open_count] free cells, likewise */
     cairn_corner *corners; /* [corner_count] */
-    merge_way *ways;       /* [way_count] of its lines */
-    int32_t point_count, open_count, corner_count, way_count;
+    cairn_segment *lines;  /* [line_count] with free space on their left */
+    merge_way *ways;       /* likewise: their directions */
+    int32_t point_count, open_count, corner_count, line_count;
     int32_t occupied, free; /* cells */
     cairn_real spacing;     /* m of wall for each point */
     cairn_real clearing;    /* share of a free cell */
@@ -102,6 +104,13 @@ typedef struct merge_state {
     cairn_real evidence; /* given those before it */
     cairn_real psi, gamma;
 } merge_state;
+
+/* What follows a particle. */
+typedef struct merge_offer {
+    const merge_state *state; /* the particle's last one */
+    merge_state list[MERGE_FOLLOWERS];
+    int32_t count;
+} merge_offer;
 
 typedef struct merge_memory {
     int32_t first, second; /* maps; first -1: free */
@@ -145,12 +154,10 @@ struct cairn_map_merge {
 
     /* Preparation of one map. */
     cairn_distance_map *distances;
-    int32_t *scratch; /* [max_map_cells] distances, then 1 + index of the point in a cell */
-    int32_t *queue;   /* [max_points] the line that grows */
-    int32_t *label;   /* [max_points] */
-    cairn_vec2 *line; /* [max_points] */
-    cairn_segment *segments;
-    int32_t segment_count;
+    int32_t *scratch;      /* [max_map_cells] distances, then 1 + index of the point in a cell */
+    int32_t *queue;        /* [max_points] the line that grows */
+    int32_t *label;        /* [max_points] */
+    cairn_vec2 *line;      /* [max_points] */
     merge_point *shuffled; /* [max_points] */
     int32_t queued;
     int32_t surface, seen_surface, seen_free; /* cells */
@@ -179,7 +186,7 @@ struct cairn_map_merge {
     merge_comparison comparison;
     cairn_real soft[MERGE_FAR + 1]; /* how much a distance in cells counts as agreement while searching */
     struct {
-        cairn_pose best;
+        cairn_pose best, start;
         cairn_real score, cells, step, turn;
         cairn_vec2 pivot;
         int32_t direction, rounds, improved;
@@ -202,8 +209,8 @@ struct cairn_map_merge {
     /* The filter. */
     cairn_particle_filter *filter;
     struct {
-        const void *state; /* of the particle that the rest is about */
-        merge_state list[MERGE_FOLLOWERS];
+        merge_offer made[MERGE_OFFERS]; /* of particles of this step; many are alike */
+        merge_offer *now;
         int32_t count, stage, at;
         cairn_real psi_sum, gamma_sum, gamma_least; /* over all candidates of the step */
         int32_t offered;
@@ -271,9 +278,16 @@ void cairn_merge_keep(merge_mode *list, int32_t *count, int32_t most, merge_mode
 void cairn_merge_begin_total(cairn_map_merge *m, int32_t map, cairn_pose pose, int32_t points);
 int cairn_merge_go_on_total(cairn_map_merge *m, cairn_budget *budget);
 
+/* 1 when two maps are too far apart to have anything in common. */
+int cairn_merge_is_apart(const cairn_map_merge *m, int32_t first, int32_t second, cairn_pose first_second);
+
 /* Refines a pose of `map` beside all of near[]; go_on returns 1 when m->climb.best is it. */
 void cairn_merge_begin_climb(cairn_map_merge *m, int32_t map, cairn_pose start);
 int cairn_merge_go_on_climbing(cairn_map_merge *m, cairn_budget *budget);
+
+/* Refines a pose of `map` beside near[] by lines, `rounds` times at most; go_on returns 1 when m->climb.best is it. */
+void cairn_merge_begin_lines(cairn_map_merge *m, int32_t map, cairn_pose pose, int32_t rounds);
+int cairn_merge_go_on_lines(cairn_map_merge *m, cairn_budget *budget);
 
 /* Nats for so many m of wall that agree, and that do not. */
 cairn_real cairn_merge_nats(const cairn_map_merge *m, cairn_real agree, cairn_real conflict);
