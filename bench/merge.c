@@ -21,6 +21,7 @@ typedef struct settings {
     bench_parts_options parts;
     int64_t robots, seeds, seed, particles;
     double overlap;
+    const char *write;
     const char *data, *maps, *perception;
     int32_t decoy, pair, modes;
 } settings;
@@ -276,6 +277,7 @@ int main(int argc, char **argv)
         OPTION_FLAG("--pair", &s.pair, "two robots in an arena of 20 by 16 m"),
         OPTION_FLAG("--decoy", &s.decoy, "one map more, of another arena or of this one in a mirror"),
         OPTION_FLAG("--modes", &s.modes, "also the best places of every pair, beside the truth"),
+        OPTION_TEXT("--write", &s.write, "DIR", "writes the maps of the last seed there, for cairn merge"),
         OPTION_TEXT("--data", &s.data, "DIR", "real data"),
     };
     const option_set set = {"bench/merge", "[options]", "Merges maps of simulated robots.", table,

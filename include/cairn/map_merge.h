@@ -35,7 +35,7 @@ typedef struct cairn_map_merge_params {
     int32_t max_modes;     /* of a pair of maps: rival places that are kept, 1 ... 32 */
     int32_t particles;     /* 1 ... 4096 */
     cairn_merge_perception perception;
-    cairn_real correlation; /* m, > 0: walls so long agree or not as one (0.5) */
+    cairn_real correlation; /* cells of the first map, > 0: walls so long agree or not as one (10) */
     cairn_real min_score;   /* nats, > 0: with less support a map is refused */
     cairn_real min_margin;  /* nats, >= 0: so much more than its best rival place */
     uint64_t seed;
@@ -82,8 +82,9 @@ CAIRN_CHECKED cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_bu
 /* ---- What is known of one place of a map beside another ---- */
 
 typedef struct cairn_merge_score {
-    cairn_real evidence;     /* nats: (1.7 agree - 4 conflict) / correlation, wall by wall */
-    cairn_real agree;        /* m of wall that both maps have */
+    cairn_real evidence;
+        /* nats: (1.7 agree - 4 conflict) / correlation, where a long straight wall counts less */ /* */
+    cairn_real agree;        /* m of wall that both maps have; a long straight one counts by the root of its length */
     cairn_real conflict;     /* m of wall of either map that the other one has seen to be free */
     cairn_real overlap;      /* share of the smaller map's free cells that the other one knows */
     cairn_real psi;          /* (9.5), 0 ... 4 */

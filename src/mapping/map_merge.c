@@ -33,8 +33,8 @@ cairn_map_merge_params cairn_map_merge_default(void)
         .max_modes = 6,
         .particles = 100,
         .perception = CAIRN_MERGE_EVIDENCE,
-        .correlation = CAIRN_REAL(0.5),
-        .min_score = 9,
+        .correlation = 10,
+        .min_score = 8,
         .min_margin = 3,
         .seed = 1,
     };
@@ -190,6 +190,13 @@ void cairn_map_merge_clear(cairn_map_merge *merge)
     merge->done = 0;
 }
 
+static cairn_pose scaled(cairn_pose pose, cairn_real by)
+{
+    pose.x *= by;
+    pose.y *= by;
+    return pose;
+}
+
 cairn_status cairn_map_merge_add(cairn_map_merge *merge, const cairn_merge_map *map, cairn_fault *fault)
 {
     merge_map *m;
@@ -212,16 +219,20 @@ cairn_status cairn_map_merge_add(cairn_map_merge *merge, const cairn_merge_map *
         return cairn_refuse(fault, -1, "more cells than max_map_cells", CAIRN_FULL);
     if (merge->cells + cells > merge->params.max_cells)
         return cairn_refuse(fault, -1, "more cells in all than max_cells", CAIRN_FULL);
+    if (merge->map_count == 0)
+        merge->unit = map->resolution / MERGE_CELL;
     m = &merge->maps[merge->map_count++];
     m->input = *map;
+    m->input.resolution = map->resolution / merge->unit;
+    m->input.origin = scaled(map->origin, 1 / merge->unit);
     m->grid = merge->grid + merge->cells;
     merge->cells += cells;
-    m->corner.x = -map->resolution * (cairn_real)map->cells.width / 2;
-    m->corner.y = -map->resolution * (cairn_real)map->cells.height / 2;
+    m->corner.x = -m->input.resolution * (cairn_real)map->cells.width / 2;
+    m->corner.y = -m->input.resolution * (cairn_real)map->cells.height / 2;
     m->map_centre.x = -m->corner.x;
     m->map_centre.y = -m->corner.y;
     m->map_centre.theta = 0;
-    m->map_centre = cairn_pose_compose(map->origin, m->map_centre);
+    m->map_centre = cairn_pose_compose(m->input.origin, m->map_centre);
     m->has_guess = 0;
     m->point_count = m->open_count = m->corner_count = m->line_count = 0;
     merge->done = 0;
@@ -240,14 +251,18 @@ cairn_status cairn_map_merge_guess(cairn_map_merge *merge, int32_t map, cairn_po
 }
 
 /* The pose of map b's centre seen from map a's centre, by that of their frames, and back. */
-static cairn_pose centres_of(const merge_map *a, const merge_map *b, cairn_pose a_b)
+static cairn_pose centres_of(const cairn_map_merge *m, int32_t a, int32_t b, cairn_pose a_b)
 {
-    return cairn_pose_between(a->map_centre, cairn_pose_compose(a_b, b->map_centre));
+    return cairn_pose_between(m->maps[a].map_centre,
+                              cairn_pose_compose(scaled(a_b, 1 / m->unit), m->maps[b].map_centre));
 }
 
-static cairn_pose frames_of(const merge_map *a, const merge_map *b, cairn_pose centres)
+static cairn_pose frames_of(const cairn_map_merge *m, int32_t a, int32_t b, cairn_pose centres)
 {
-    return cairn_pose_compose(cairn_pose_compose(a->map_centre, centres), cairn_pose_inverse(b->map_centre));
+    cairn_pose a_b = cairn_pose_compose(cairn_pose_compose(m->maps[a].map_centre, centres),
+                                        cairn_pose_inverse(m->maps[b].map_centre));
+
+    return scaled(a_b, m->unit);
 }
 
 static int is_order(const cairn_map_merge *m, int32_t reference, const int32_t *order)
@@ -276,7 +291,7 @@ cairn_status cairn_map_merge_begin(cairn_map_merge *merge, int32_t reference, co
         memcpy(merge->order, order, (size_t)merge->map_count * sizeof *order);
     for (int32_t i = 0; i < merge->map_count; i++)
         if (merge->maps[i].has_guess)
-            merge->maps[i].guess = centres_of(&merge->maps[reference], &merge->maps[i], merge->maps[i].given);
+            merge->maps[i].guess = centres_of(merge, reference, i, merge->maps[i].given);
     merge->map = 0;
     merge->cursor = 0;
     merge->paid = 0;
@@ -303,7 +318,7 @@ static void finish(cairn_map_merge *m)
     for (int32_t i = 0; i < m->map_count; i++) {
         cairn_merge_placed *p = &m->placed[i];
 
-        p->reference_map = frames_of(&m->maps[m->reference], &m->maps[i], m->check.pose[i]);
+        p->reference_map = frames_of(m, m->reference, i, m->check.pose[i]);
         r->placed += p->verdict == CAIRN_MERGE_PLACED;
         r->evidence += p->verdict == CAIRN_MERGE_PLACED ? p->support : 0;
     }
@@ -412,7 +427,9 @@ cairn_status cairn_map_merge_score(const cairn_map_merge *merge, int32_t a, int3
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pose_is_finite(a_b))
         return CAIRN_NOT_FINITE;
-    cairn_merge_score_at(merge, a, b, centres_of(&merge->maps[a], &merge->maps[b], a_b), score);
+    cairn_merge_score_at(merge, a, b, centres_of(merge, a, b, a_b), score);
+    score->agree *= merge->unit;
+    score->conflict *= merge->unit;
     return CAIRN_OK;
 }
 
@@ -465,7 +482,6 @@ int32_t cairn_map_merge_mode(const cairn_map_merge *merge, int32_t a, int32_t b,
         return 0;
     mode = &merge->modes[(size_t)pair * (size_t)merge->params.max_modes + (size_t)index];
     *evidence = mode->evidence;
-    *a_b = frames_of(&merge->maps[a], &merge->maps[b],
-                     a < b ? mode->first_second : cairn_pose_inverse(mode->first_second));
+    *a_b = frames_of(merge, a, b, a < b ? mode->first_second : cairn_pose_inverse(mode->first_second));
     return 1;
 }

@@ -15,6 +15,8 @@
 
 /* Nats of evidence for one of log likelihood. */
 #define TEMPER CAIRN_REAL(4.0)
+/* Nats that a place must have to be tried at all: what hangs on little is cut off in the end. */
+#define LEAST CAIRN_REAL(2.0)
 /* Nats that a place has by chance, as the best of many. */
 #define CHANCE CAIRN_REAL(5.0)
 /* Nats by which an e-fold less is to be expected of chance. */
@@ -131,7 +133,7 @@ static void list_candidates(cairn_map_merge *m, merge_offer *offer)
 {
     merge_mode places[MERGE_FOLLOWERS - 1];
     int32_t map = next_map(m), count = map < 0 ? 0 : places_of(m, map, places, MERGE_FOLLOWERS - 1);
-    const merge_state none = {-1, -1, {0, 0, 0}, m->params.min_score / 2, 0, 0};
+    const merge_state none = {-1, -1, {0, 0, 0}, LEAST, 0, 0};
 
     for (int32_t i = 0; i < count; i++) {
         merge_state *s = &offer->list[i];

@@ -73,7 +73,7 @@ void cairn_merge_sum(const cairn_map_merge *m, const merge_map *to, const merge_
             continue;
         s->soft += m->soft[d];
         if (d <= 2)
-            s->agree += d < 2 ? 1 : CAIRN_REAL(0.5);
+            s->agree += d < 2 ? from->points[i].weight : from->points[i].weight / 2;
     }
 }
 
@@ -127,7 +127,7 @@ static cairn_real wall_of_point(const cairn_map_merge *m, const merge_comparison
 
 cairn_real cairn_merge_nats(const cairn_map_merge *m, cairn_real agree, cairn_real conflict)
 {
-    return (FOR * agree - AGAINST * conflict) / m->params.correlation;
+    return (FOR * agree - AGAINST * conflict) / (m->params.correlation * MERGE_CELL);
 }
 
 static cairn_real evidence_of(const cairn_map_merge *m, const merge_comparison *c)

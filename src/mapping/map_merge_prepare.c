@@ -22,6 +22,8 @@ enum { NORMAL_WINDOW = 3, LINE_WINDOW = 2, LINE_POINTS = 5 };
 #define FRONT CAIRN_REAL(3.0)
 /* Cells: points farther off a line are not fitted. */
 #define TRIM CAIRN_REAL(0.8)
+/* m: a longer straight wall counts only by the root of its length. */
+#define WALL CAIRN_REAL(0.7)
 /* m: shorter lines make no corner. */
 #define LINE_LENGTH CAIRN_REAL(0.20)
 
@@ -135,7 +137,7 @@ static cairn_status step_surface(cairn_map_merge *m, cairn_budget *budget)
             m->surface += is_surface(map->grid[cell]);
         } else if (is_surface(map->grid[cell])) {
             if (is_chosen(m->seen_surface++, m->surface, m->params.max_points)) {
-                merge_point p = {centre_of_cell(map, cell), {0, 0}, {0, 0}, cell};
+                merge_point p = {centre_of_cell(map, cell), {0, 0}, {0, 0}, 1, cell};
 
                 map->points[map->point_count++] = p;
                 m->scratch[cell] = map->point_count;
@@ -241,6 +243,8 @@ static void end_line(cairn_map_merge *m, int32_t seed)
     if (!fit_line(m, &line) || line.high - line.low < LINE_LENGTH || line.rms > LINE_RMS * map->input.resolution)
         return;
     segment = cairn_line_segment(&line);
+    for (int32_t i = 0; i < m->queued; i++)
+        map->points[m->queue[i]].weight = 1 / cairn_sqrt(cairn_max(1, (line.high - line.low) / WALL));
     if (cairn_vec2_dot(cairn_vec2_left(line.direction), map->points[seed].normal) < 0) {
         cairn_vec2 a = segment.a;
 

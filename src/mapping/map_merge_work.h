@@ -23,6 +23,9 @@ enum {
     MERGE_MEMORY = 8192 /* scores of pairs of maps that are remembered, a power of two */
 };
 
+/* Side of a cell of the first map inside. */
+#define MERGE_CELL CAIRN_REAL(0.05)
+
 /* A packed cell: distance to the nearest occupied cell, to the nearest free one, and its class. */
 enum { MERGE_UNKNOWN = 0, MERGE_FREE = 1, MERGE_OCCUPIED = 2 };
 
@@ -45,6 +48,7 @@ typedef struct merge_point {
     cairn_vec2 at;     /* from the centre of the grid */
     cairn_vec2 normal; /* unit, into free space */
     cairn_vec2 front;  /* a little before it, where free space begins */
+    cairn_real weight; /* as evidence: a long straight wall is soon known */
     int32_t cell;      /* index in the grid */
 } merge_point;
 
@@ -147,6 +151,8 @@ struct cairn_map_merge {
     merge_map *maps; /* [max_maps] */
     int32_t map_count;
     int64_t cells; /* of all maps */
+    cairn_real
+        unit; /* m of a length of 1 inside, where a cell of the first map has MERGE_CELL: all limits are in cells */
     int32_t reference;
     int32_t order[MERGE_MAPS_MOST];
     int32_t has_order;
