@@ -11,6 +11,8 @@
 #include "bench/bench_json.h"
 #include "bench/bench_parts.h"
 #include "bench/bench_score.h"
+#include "cairn/map_file.h"
+#include "cairn/output.h"
 #include "tools/options.h"
 
 #define DEGREE 0.017453292519943295
@@ -138,6 +140,37 @@ static void score(const cairn_map_merge *merge, const bench_parts *parts, outcom
     out->left_out = parts->count - placed;
 }
 
+/* robot_0.yaml ... with their images, in a folder that is there. */
+static int write_maps(const bench_parts *parts, const char *folder)
+{
+    int ok = 1;
+
+    for (int32_t i = 0; ok && i < parts->count; i++) {
+        const bench_part *part = &parts->list[i];
+        cairn_map_file file = cairn_map_file_default();
+        cairn_file_error error;
+        char name[32], *path;
+
+        snprintf(name, sizeof name, "robot_%d.yaml", (int)i);
+        path = cairn_path_join(folder, name);
+        file.resolution = (cairn_real)parts->resolution;
+        file.origin.x = file.origin.y = -(cairn_real)(part->side * parts->resolution / 2);
+        ok = path != NULL && cairn_map_file_allocate(&file, part->side, part->side) == CAIRN_OK;
+        for (int32_t k = 0; ok && k < part->side * part->side; k++)
+            file.occupancy[k] = part->cells[k] == CAIRN_CELL_OCCUPIED ? 100
+                                : part->cells[k] == CAIRN_CELL_FREE   ? 0
+                                                                      : -1;
+        ok = ok && cairn_map_file_draw(&file) == CAIRN_OK;
+        if (ok && cairn_map_file_write(&file, path, CAIRN_MAP_PGM, &error) != CAIRN_OK) {
+            fprintf(stderr, "%s\n", error.text);
+            ok = 0;
+        }
+        cairn_map_file_free(&file);
+        free(path);
+    }
+    return ok;
+}
+
 static int run_seed(const settings *s, int64_t seed, outcome *out)
 {
     bench_parts parts, other;
@@ -184,6 +217,8 @@ static int run_seed(const settings *s, int64_t seed, outcome *out)
         if (s->modes)
             print_modes(merge, &parts);
     }
+    if (ok && s->write != NULL)
+        ok = write_maps(&parts, s->write);
     free(memory);
     bench_parts_free(&parts);
     bench_parts_free(&other);

@@ -6,6 +6,7 @@
 #include "cairn/carmen_log.h"
 #include "cairn/lum.h"
 #include "cairn/map_file.h"
+#include "cairn/map_merge.h"
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/place_map.h"
@@ -34,6 +35,29 @@ static void check(const value *table, size_t count)
 }
 
 static const double DEGREE = 3.14159265358979323846 / 180;
+
+static void of_map_merging(void **state)
+{
+    cairn_map_merge_params p = cairn_map_merge_default();
+    const value values[] = {
+        VALUE(p.max_maps, 16),
+        VALUE(p.max_cells, 2560000),
+        VALUE(p.max_map_cells, 160000),
+        VALUE(p.max_points, 2048),
+        VALUE(p.max_segments, 256),
+        VALUE(p.max_corners, 48),
+        VALUE(p.max_modes, 6),
+        VALUE(p.particles, 100),
+        VALUE(p.perception, CAIRN_MERGE_EVIDENCE),
+        VALUE(p.correlation, 10),
+        VALUE(p.min_score, 9),
+        VALUE(p.min_margin, 3),
+        VALUE(p.seed, 1),
+    };
+
+    (void)state;
+    assert_values(values);
+}
 
 static void of_aligning(void **state)
 {
@@ -321,7 +345,8 @@ static void of_files(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(of_aligning),  cmocka_unit_test(of_lines_and_scans), cmocka_unit_test(of_matches_and_corners),
+        cmocka_unit_test(of_aligning),
+        cmocka_unit_test(of_map_merging),  cmocka_unit_test(of_lines_and_scans), cmocka_unit_test(of_matches_and_corners),
         cmocka_unit_test(of_consensus), cmocka_unit_test(of_places),          cmocka_unit_test(of_the_mapper),
         cmocka_unit_test(of_grids),     cmocka_unit_test(of_files),
     };

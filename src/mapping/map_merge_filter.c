@@ -19,6 +19,8 @@
 #define LEAST CAIRN_REAL(2.0)
 /* Nats that a place has by chance, as the best of many. */
 #define CHANCE CAIRN_REAL(5.0)
+/* Nobody has counted rarer faults. */
+#define LEAST_WRONG CAIRN_REAL(1e-4)
 /* Nats by which an e-fold less is to be expected of chance. */
 #define SPREAD CAIRN_REAL(1.5)
 /* Rounds of a candidate's refinement by lines. */
@@ -598,7 +600,7 @@ static cairn_real probability_of_wrong(const cairn_merge_placed *p)
     cairn_real rival = cairn_exp(cairn_min((p->rival - p->support) / SPREAD, 30));
     cairn_real chance = cairn_exp(cairn_min((CHANCE - p->support) / SPREAD, 30));
 
-    return (rival + chance) / (1 + rival + chance);
+    return cairn_max((rival + chance) / (1 + rival + chance), LEAST_WRONG);
 }
 
 /* Every accepted map, and again when one was refused: fewer maps support the others. */

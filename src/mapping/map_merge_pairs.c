@@ -26,7 +26,7 @@
 /* Of what speaks against a place while searching. */
 #define WEIGHT CAIRN_REAL(1.5)
 /* Nats from which on a map supports another one. */
-#define NEIGHBOUR CAIRN_REAL(3)
+#define NEIGHBOUR CAIRN_REAL(3.0)
 /* Cells within which a wall is felt. */
 #define NEAR 6
 /* Rounds of a place's refinement by lines. */

@@ -251,7 +251,7 @@ struct cairn_map_merge {
 static inline uint16_t merge_cell_at(const merge_map *map, cairn_real x, cairn_real y)
 {
     if (!(x >= 0 && y >= 0 && x < (cairn_real)map->input.cells.width && y < (cairn_real)map->input.cells.height))
-        return MERGE_UNKNOWN << 14;
+        return MERGE_FAR | MERGE_FAR << 7 | MERGE_UNKNOWN << 14;
     return map->grid[cairn_real_to_int(y) * map->input.cells.width + cairn_real_to_int(x)];
 }
 
