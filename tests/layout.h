@@ -33,6 +33,7 @@
 #include "cairn/raster.h"
 #include "cairn/real.h"
 #include "cairn/rectangle.h"
+#include "cairn/relation_table.h"
 #include "cairn/report.h"
 #include "cairn/rigid_motion.h"
 #include "cairn/scan.h"
@@ -326,7 +327,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_line, high, 40, 20)},
     {FIELD(cairn_line, mass, 48, 24)},
     {FIELD(cairn_line, rms, 56, 28)},
-    {SIZE(cairn_lum_params, 64, 44)},
+    {SIZE(cairn_lum_params, 96, 60)},
     {FIELD(cairn_lum_params, max_scans, 0, 0)},
     {FIELD(cairn_lum_params, max_points, 4, 4)},
     {FIELD(cairn_lum_params, max_links, 8, 8)},
@@ -338,12 +339,17 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_lum_params, direction_gate, 40, 32)},
     {FIELD(cairn_lum_params, sigma, 48, 36)},
     {FIELD(cairn_lum_params, converged, 56, 40)},
+    {FIELD(cairn_lum_params, registers, 64, 44)},
+    {FIELD(cairn_lum_params, register_gate, 72, 48)},
+    {FIELD(cairn_lum_params, register_turn, 80, 52)},
+    {FIELD(cairn_lum_params, register_spacing, 88, 56)},
     {SIZE(cairn_lum_state, 48, 40)},
     {FIELD(cairn_lum_state, verdict, 0, 0)},
     {FIELD(cairn_lum_state, scans, 4, 4)},
     {FIELD(cairn_lum_state, iterations, 8, 8)},
     {FIELD(cairn_lum_state, links, 12, 12)},
     {FIELD(cairn_lum_state, pieces, 16, 16)},
+    {FIELD(cairn_lum_state, registered, 20, 20)},
     {FIELD(cairn_lum_state, pairs, 24, 24)},
     {FIELD(cairn_lum_state, error, 32, 32)},
     {FIELD(cairn_lum_state, motion, 40, 36)},
@@ -758,6 +764,12 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_rectangle_params, least_side, 64, 40)},
     {FIELD(cairn_rectangle_params, least_covered, 72, 44)},
     {FIELD(cairn_rectangle_params, separation, 80, 48)},
+    {SIZE(cairn_relation_row, 56, 48)},
+    {FIELD(cairn_relation_row, line, 0, 0)},
+    {FIELD(cairn_relation_row, timed, 8, 8)},
+    {FIELD(cairn_relation_row, first, 16, 16)},
+    {FIELD(cairn_relation_row, second, 24, 24)},
+    {FIELD(cairn_relation_row, reference, 32, 32)},
     {SIZE(cairn_report_scan, 24, 24)},
     {FIELD(cairn_report_scan, point, 0, 0)},
     {FIELD(cairn_report_scan, segment, 8, 8)},
