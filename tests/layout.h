@@ -39,6 +39,7 @@
 #include "cairn/report.h"
 #include "cairn/rigid_motion.h"
 #include "cairn/scan.h"
+#include "cairn/scan_cover.h"
 #include "cairn/scan_match.h"
 #include "cairn/scan_set.h"
 #include "cairn/sequence.h"
@@ -995,6 +996,11 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_scan_measure, iterations, 24, 24)},
     {FIELD(cairn_scan_measure, converged, 28, 28)},
     {FIELD(cairn_scan_measure, left_out, 32, 32)},
+    {SIZE(cairn_scan_cover_params, 24, 16)},
+    {FIELD(cairn_scan_cover_params, max_scans, 0, 0)},
+    {FIELD(cairn_scan_cover_params, max_points, 4, 4)},
+    {FIELD(cairn_scan_cover_params, radius, 8, 8)},
+    {FIELD(cairn_scan_cover_params, direction_gate, 16, 12)},
     {SIZE(cairn_scan_match_params, 48, 36)},
     {FIELD(cairn_scan_match_params, mode, 0, 0)},
     {FIELD(cairn_scan_match_params, max_target, 4, 4)},

@@ -6,6 +6,7 @@
 #include "cairn/carmen_log.h"
 #include "cairn/hough.h"
 #include "cairn/lum.h"
+#include "cairn/scan_cover.h"
 #include "cairn/map_file.h"
 #include "cairn/map_merge.h"
 #include "cairn/mapper.h"
@@ -154,6 +155,7 @@ static void of_matches_and_corners(void **state)
     cairn_block_solver_params solver = cairn_block_solver_default();
     cairn_pose_graph_params graph = cairn_pose_graph_default();
     cairn_lum_params lum = cairn_lum_default();
+    cairn_scan_cover_params cover = cairn_scan_cover_default();
     cairn_icp_params icp = cairn_icp_default();
     cairn_scan_match_params match = cairn_scan_match_default();
     cairn_sequence_params sequence = cairn_sequence_default();
@@ -162,6 +164,10 @@ static void of_matches_and_corners(void **state)
         VALUE(solver.max_poses, 1000),
         VALUE(solver.max_links, 3000),
         VALUE(solver.max_fill, 12000),
+        VALUE(cover.max_scans, 64),
+        VALUE(cover.max_points, 8192),
+        VALUE(cover.radius, 0.15),
+        VALUE(cover.direction_gate, 30 * DEGREE),
         VALUE(lum.max_scans, 64),
         VALUE(lum.max_points, 8192),
         VALUE(lum.max_links, 2016),
