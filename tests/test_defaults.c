@@ -8,6 +8,7 @@
 #include "cairn/lum.h"
 #include "cairn/scan_cover.h"
 #include "cairn/map_file.h"
+#include "cairn/map_merge.h"
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/place_map.h"
@@ -37,6 +38,21 @@ static void check(const value *table, size_t count)
 }
 
 static const double DEGREE = 3.14159265358979323846 / 180;
+
+static void of_map_merging(void **state)
+{
+    cairn_map_merge_params p = cairn_map_merge_default();
+    const value values[] = {
+        VALUE(p.max_maps, 16),     VALUE(p.max_cells, 2560000), VALUE(p.max_map_cells, 160000),
+        VALUE(p.max_points, 2048), VALUE(p.max_segments, 256),  VALUE(p.max_corners, 48),
+        VALUE(p.max_modes, 6),     VALUE(p.particles, 100),     VALUE(p.perception, CAIRN_MERGE_EVIDENCE),
+        VALUE(p.correlation, 10),  VALUE(p.min_score, 9),       VALUE(p.min_margin, 3),
+        VALUE(p.seed, 1),
+    };
+
+    (void)state;
+    assert_values(values);
+}
 
 static void of_aligning(void **state)
 {
@@ -383,7 +399,7 @@ int main(void)
         cmocka_unit_test(of_hypotheses), cmocka_unit_test(of_matches_and_corners),
         cmocka_unit_test(of_consensus),  cmocka_unit_test(of_places),
         cmocka_unit_test(of_the_mapper), cmocka_unit_test(of_grids),
-        cmocka_unit_test(of_files),
+        cmocka_unit_test(of_files),      cmocka_unit_test(of_map_merging),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
