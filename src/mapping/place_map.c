@@ -36,11 +36,15 @@ cairn_place_map_params cairn_place_map_default(void)
     params.sight_reach = 8;
     params.sight_cell = CAIRN_REAL(0.05);
     params.sight_margin = CAIRN_REAL(0.1);
-    params.for_point = CAIRN_REAL(0.1);
-    params.against_point = CAIRN_REAL(0.4);
-    params.floating = CAIRN_REAL(0.25);
-    params.chance = 2;
+    params.for_point = CAIRN_REAL(0.06);
+    params.for_floating = CAIRN_REAL(0.14);
+    params.for_rough = CAIRN_REAL(0.3);
+    params.against_point = CAIRN_REAL(0.65);
+    params.floating = CAIRN_REAL(0.15);
+    params.chance = 0;
     params.match = cairn_scan_match_default();
+    params.match.max_candidates = 512;
+    params.match.max_hypotheses = 12;
     params.consensus = cairn_pose_consensus_default();
     params.consensus.max_hypotheses = 4096;
     return params;
@@ -64,6 +68,7 @@ static int params_are_good(const cairn_place_map_params *p)
 {
     return p != NULL && counts_are_good(p) && is_positive(p->sight_reach) && is_positive(p->sight_cell) &&
            is_positive(p->sight_margin) && p->sight_margin <= 20 * p->sight_cell && is_positive(p->for_point) &&
+           is_positive(p->for_floating) && is_positive(p->for_rough) &&
            is_positive(p->against_point) && p->floating >= 0 && p->floating <= 1 && p->chance >= 0 &&
            p->chance <= CAIRN_REAL(1e6) && cairn_place_map_side(p) > 0;
 }
@@ -74,8 +79,8 @@ static cairn_scan_match_params match_params(const cairn_place_map_params *params
     cairn_scan_match_params match = params->match;
 
     match.max_target = params->max_places * params->max_place_points;
-    match.max_dense = params->max_places * params->max_place_beams;
-    match.max_query = params->max_place_points;
+    match.max_query = match.max_target;
+    match.max_dense = 0;
     match.max_views = params->max_scans < 4096 ? params->max_scans : 4096;
     return match;
 }

@@ -99,7 +99,7 @@ static cairn_scan_match_part query_part(cairn_place_map *map)
             map->query_points[part.count].position = cairn_transform_point(t, point->position);
             map->query_points[part.count++].direction = cairn_transform_direction(t, point->direction);
         }
-        for (int32_t i = 0; i < scan->dense_count; i++) {
+        for (int32_t i = 0; i < 0*scan->dense_count; i++) {
             const cairn_oriented_point *point = &map->dense[scan->first_beam + i];
 
             map->query_dense[part.dense_count].position = cairn_transform_point(t, point->position);

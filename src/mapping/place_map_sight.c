@@ -15,7 +15,9 @@ enum { MOST_CELLS = 4096, CELLS_TO_UNIT = 16 };
 /* Surfaces agree when their directions differ by less than this cosine and half a bin. */
 static const cairn_real LEAST_COSINE = CAIRN_REAL(0.85);
 /* Neighbouring beams that end farther apart in depth than this, m, are on different surfaces. */
-static const cairn_real JUMP = CAIRN_REAL(0.3);
+static const cairn_real JUMP = CAIRN_REAL(0.15);
+/* What is no broader than this, m, may be a body that walks. */
+static const cairn_real BODY = CAIRN_REAL(0.6);
 /* An evenly spaced point belongs to the beams that end so near, m. */
 static const cairn_real NEAR = CAIRN_REAL(0.08);
 
@@ -144,9 +146,11 @@ static cairn_real half_evidence(const cairn_place_map *map, int32_t seer, int32_
                 continue;
             if (code == CAIRN_SIGHT_FREE)
                 evidence -= map->params.against_point * (doubt[i] == CAIRN_POINT_FLOATING ? map->params.floating : 1);
+            else if (code == CAIRN_SIGHT_SURFACE)
+                evidence += map->params.for_rough;
             else if (code >= CAIRN_SIGHT_DIRECTION &&
                      cairn_vec2_dot(map->directions[code - CAIRN_SIGHT_DIRECTION], direction) > LEAST_COSINE)
-                evidence += map->params.for_point;
+                evidence += doubt[i] == CAIRN_POINT_FLOATING ? map->params.for_floating : map->params.for_point;
         }
     }
     return evidence;
@@ -174,6 +178,15 @@ static int is_open_beside(const cairn_scan_view *view, int32_t beside, cairn_rea
     return view->beams[beside].kind == CAIRN_BEAM_FREE || range_of(&view->beams[beside]) > range + JUMP;
 }
 
+/* 1 when the hits of a run, beams [from, to), all lie within a body's breadth of the first. */
+static int is_compact(const cairn_scan_view *view, int32_t from, int32_t to)
+{
+    for (int32_t b = from + 1; b < to; b++)
+        if (cairn_vec2_norm_squared(cairn_vec2_sub(view->beams[b].to, view->beams[from].to)) > BODY * BODY)
+            return 0;
+    return 1;
+}
+
 static void doubt_run(cairn_place_map *map, const cairn_place_scan *scan, const cairn_scan_view *view, int32_t from,
                       int32_t to)
 {
@@ -188,6 +201,7 @@ void cairn_place_map_find_floating(cairn_place_map *map, const cairn_place_scan 
     memset(map->doubt + scan->first_point, CAIRN_POINT_SOUND, (size_t)view->point_count);
     for (int32_t from = 0, to; from < view->beam_count; from = to) {
         cairn_real range = range_of(&view->beams[from]), last = range;
+        int32_t open;
 
         for (to = from + 1; to < view->beam_count; to++) {
             cairn_real next = range_of(&view->beams[to]);
@@ -196,7 +210,10 @@ void cairn_place_map_find_floating(cairn_place_map *map, const cairn_place_scan 
                 break;
             last = next;
         }
-        if (range >= 0 && is_open_beside(view, from - 1, range) && is_open_beside(view, to, last))
+        if (range < 0)
+            continue;
+        open = is_open_beside(view, from - 1, range) + is_open_beside(view, to, last);
+        if (open == 2 || (open == 1 && is_compact(view, from, to)))
             doubt_run(map, scan, view, from, to);
     }
 }
