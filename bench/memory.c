@@ -4,8 +4,10 @@
 #include "bench/bench_json.h"
 #include "cairn/aligner.h"
 #include "cairn/block_solver.h"
+#include "cairn/hough.h"
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
+#include "cairn/rectangle.h"
 #include "cairn/scan_match.h"
 #include "cairn/sequence.h"
 
@@ -24,6 +26,8 @@ int main(void)
     cairn_block_solver_params solver = {3500, 5598, 18581};
     cairn_icp_params icp = cairn_icp_default();
     cairn_scan_match_params match = cairn_scan_match_default();
+    cairn_hough_params hough = cairn_hough_default();
+    cairn_rectangle_params rectangle = cairn_rectangle_default();
     cairn_sequence_params sequence = cairn_sequence_default();
     cairn_force_field_params field = cairn_force_field_default();
     cairn_occupancy_grid_params grid = cairn_occupancy_grid_default();
@@ -40,6 +44,8 @@ int main(void)
     print("scan_match", "2048 target points, 4096 dense ones, 16 views", cairn_scan_match_memory(&match));
     match.mode = CAIRN_SCAN_MATCH_SHAPE;
     print("scan_match", "the same, by shape", cairn_scan_match_memory(&match));
+    print("hough", "360 x 256 bins, 32 lines", cairn_hough_memory(&hough));
+    print("rectangle", "1024 segments, 256 sides, 2048 pairs, 32 rectangles", cairn_rectangle_memory(&rectangle));
     print("sequence", "1024 and 1024 elements", cairn_sequence_memory(&sequence));
     field.max_scans = 16;
     field.max_points = 2400;

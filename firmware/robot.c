@@ -89,7 +89,7 @@ static cairn_status pair(robot *r, cairn_budget *budget)
     return status;
 }
 
-/* A beam without a return is free up to the greatest range. Costs a unit for each side of a cell along it, and two. */
+/* A beam without a return is free up to the greatest range. Costs a unit for each side of a cell along it, and four. */
 static cairn_status draw_beam(robot *r, const robot_sweep *sweep, cairn_pose pose, int32_t beam, cairn_budget *budget)
 {
     cairn_real range = (cairn_real)sweep->range[beam], most = (cairn_real)r->params.range_max;
@@ -97,7 +97,7 @@ static cairn_status draw_beam(robot *r, const robot_sweep *sweep, cairn_pose pos
     cairn_real length = cairn_min(range, most), sine, cosine;
     cairn_vec2 from = {pose.x, pose.y}, to;
 
-    budget->left -= 2;
+    budget->left -= 4;
     if (!(range > 0))
         return CAIRN_OK;
     budget->left -= cairn_real_to_int(length / r->params.grid.resolution);

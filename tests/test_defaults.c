@@ -4,6 +4,7 @@
 #include "cairn/aligner.h"
 #include "cairn/block_solver.h"
 #include "cairn/carmen_log.h"
+#include "cairn/hough.h"
 #include "cairn/lum.h"
 #include "cairn/map_file.h"
 #include "cairn/mapper.h"
@@ -11,6 +12,7 @@
 #include "cairn/place_map.h"
 #include "cairn/pose_consensus.h"
 #include "cairn/pose_graph.h"
+#include "cairn/rectangle.h"
 #include "cairn/report.h"
 #include "cairn/scan_match.h"
 #include "cairn/sequence.h"
@@ -56,6 +58,41 @@ static void of_aligning(void **state)
         VALUE(p.least_evidence, 1),
         VALUE(p.observable, 0.05),
         VALUE(p.observable_angle, DEGREE),
+    };
+
+    (void)state;
+    assert_values(values);
+}
+
+static void of_hypotheses(void **state)
+{
+    cairn_hough_params hough = cairn_hough_default();
+    cairn_rectangle_params rectangle = cairn_rectangle_default();
+    const value values[] = {
+        VALUE(hough.max_lines, 32),
+        VALUE(hough.angles, 180),
+        VALUE(hough.distances, 256),
+        VALUE(hough.distance_step, 0.05),
+        VALUE(hough.oriented, 1),
+        VALUE(hough.angle_tolerance, 10 * DEGREE),
+        VALUE(hough.separation, 0.2),
+        VALUE(hough.separation_angle, 10 * DEGREE),
+        VALUE(hough.support_distance, 0.05),
+        VALUE(hough.spacing, 0.1),
+        VALUE(hough.least_votes, 20),
+        VALUE(rectangle.max_segments, 1024),
+        VALUE(rectangle.max_sides, 256),
+        VALUE(rectangle.max_pairs, 2048),
+        VALUE(rectangle.max_rectangles, 32),
+        VALUE(rectangle.oriented, 1),
+        VALUE(rectangle.merge_distance, 0.1),
+        VALUE(rectangle.merge_angle, 10 * DEGREE),
+        VALUE(rectangle.merge_gap, 2),
+        VALUE(rectangle.angle, 8 * DEGREE),
+        VALUE(rectangle.min_side, 0.3),
+        VALUE(rectangle.least_side, 0.15),
+        VALUE(rectangle.least_covered, 0.5),
+        VALUE(rectangle.separation, 0.3),
     };
 
     (void)state;
@@ -231,7 +268,22 @@ static void of_the_mapper(void **state)
         VALUE(p.max_key_points, 131072),
         VALUE(p.local_keys, 15),
         VALUE(p.local_recent, 3),
+        VALUE(p.local_span, 25),
         VALUE(p.local_radius, 4),
+        VALUE(p.loop.max_loops, 4096),
+        VALUE(p.loop.max_fill, 32768),
+        VALUE(p.loop.units, 8000),
+        VALUE(p.loop.keys, 9),
+        VALUE(p.loop.gap, 25),
+        VALUE(p.loop.agree, 3),
+        VALUE(p.loop.radius, 3),
+        VALUE(p.loop.window, 4),
+        VALUE(p.loop.window_near, 0.6),
+        VALUE(p.loop.evidence, 2),
+        VALUE(p.loop.contradiction, 0.1),
+        VALUE(p.loop.sigma, 0.01),
+        VALUE(p.loop.sigma_turn, 0.004),
+        VALUE(p.loop.outlier, 50),
         VALUE(p.key_distance, 0.5),
         VALUE(p.key_turn, 0.5),
         VALUE(p.window, 8),
@@ -321,9 +373,11 @@ static void of_files(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(of_aligning),  cmocka_unit_test(of_lines_and_scans), cmocka_unit_test(of_matches_and_corners),
-        cmocka_unit_test(of_consensus), cmocka_unit_test(of_places),          cmocka_unit_test(of_the_mapper),
-        cmocka_unit_test(of_grids),     cmocka_unit_test(of_files),
+        cmocka_unit_test(of_aligning),   cmocka_unit_test(of_lines_and_scans),
+        cmocka_unit_test(of_hypotheses), cmocka_unit_test(of_matches_and_corners),
+        cmocka_unit_test(of_consensus),  cmocka_unit_test(of_places),
+        cmocka_unit_test(of_the_mapper), cmocka_unit_test(of_grids),
+        cmocka_unit_test(of_files),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -123,6 +123,15 @@ static void help_lists_all_with_defaults(void **state)
     assert_non_null(strstr(said, "a pair [1,2]\n"));
 }
 
+static void version_says_the_library_s(void **state)
+{
+    (void)state;
+    assert_int_equal(parse("--flag --version --nonsense"), OPTIONS_HELPED);
+    assert_string_equal(said, "cairn " CAIRN_VERSION_STRING "\n");
+    assert_int_equal(parse("-- --version"), OPTIONS_READ);
+    assert_string_equal(words[0], "--version");
+}
+
 static void expect(const char *line, const char *message)
 {
     assert_int_equal(parse(line), OPTIONS_BAD);
@@ -162,6 +171,7 @@ int main(void)
         cmocka_unit_test(values_are_stored),
         cmocka_unit_test(words_behind_two_dashes_are_words),
         cmocka_unit_test(help_lists_all_with_defaults),
+        cmocka_unit_test(version_says_the_library_s),
         cmocka_unit_test(faults_say_what_was_expected),
     };
 

@@ -312,6 +312,9 @@ static void damaged_recordings_are_refused(void **state)
     }
     o = programs_run("cairn replay @/none.rec");
     assert_int_equal(o.code, 2);
+    o = programs_run("cairn replay @");
+    assert_int_equal(o.code, 2);
+    assert_holds(o.err, "Is a directory\n");
     o = programs_run("cairn replay");
     assert_int_equal(o.code, 2);
     assert_holds(o.err, "no recording, expected FILE");

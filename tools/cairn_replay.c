@@ -100,12 +100,16 @@ static int play_elsewhere(const recording *in, uint32_t real_bytes, char **argv)
 
 static int begin(run *r, recording *in, char **argv)
 {
-    char magic[4];
+    char magic[4] = "";
     uint32_t version, real_bytes, memory, params_bytes;
     robot_params params;
     cairn_status status;
 
-    if (!take(in, magic, sizeof magic) || memcmp(magic, "CRNR", 4) != 0)
+    if (!take(in, magic, sizeof magic) && ferror(in->file)) {
+        perror(in->path);
+        return TOOL_BAD;
+    }
+    if (memcmp(magic, "CRNR", 4) != 0)
         return refuse(in, "not a flight recording, expected CRNR at its begin");
     if (!take_word(in, &version) || version != RECORDER_VERSION)
         return refuse(in, "a version that is not known, expected 1");

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "cairn/number_text.h"
+#include "cairn/version.h"
 
 /* The default in brackets, from the value as it stands; nothing for 0 and NaN, whose meaning the help text says. */
 static void print_default(const option *o)
@@ -50,6 +51,7 @@ void options_help(const option_set *set)
         putchar('\n');
     }
     printf("  %-22s %s\n", "--help", "this text");
+    printf("  %-22s %s\n", "--version", "the version");
 }
 
 static void print_help(const option_set *set)
@@ -207,6 +209,9 @@ option_result options_read(const option_set *set, int argc, char **argv, const c
             only_words = 1;
         } else if (!only_words && (strcmp(argv[i], "--help") == 0 || strcmp(argv[i], "-h") == 0)) {
             print_help(set);
+            return OPTIONS_HELPED;
+        } else if (!only_words && strcmp(argv[i], "--version") == 0) {
+            printf("cairn %s\n", cairn_version_text());
             return OPTIONS_HELPED;
         } else if (!only_words && argv[i][0] == '-' && argv[i][1] != '\0') {
             if (read_option(set, argc, argv, &i) != OPTIONS_READ)

@@ -78,7 +78,7 @@ typedef struct option_set {
 /* Other than OPTIONS_READ: the exit code. */
 typedef enum option_result {
     OPTIONS_READ = -1,  /* go on */
-    OPTIONS_HELPED = 0, /* --help was given and printed on standard output */
+    OPTIONS_HELPED = 0, /* --help or --version was given and printed on standard output */
     OPTIONS_BAD = 2     /* one line was printed on standard error */
 } option_result;
 

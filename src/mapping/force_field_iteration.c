@@ -205,6 +205,12 @@ static void place_points(cairn_force_field *field)
         grow(box, field->margin);
 }
 
+/* Units for the next points of a segment, of which `left` are left. */
+static int32_t place_cost(int32_t left)
+{
+    return 1 + 3 * (left < CAIRN_FORCE_STRIP ? left : CAIRN_FORCE_STRIP) / 8;
+}
+
 static cairn_status step_place_extra(cairn_force_field *field, cairn_budget *budget)
 {
     const struct cairn_force_extra *extra = &field->extra[field->extra_front];
@@ -251,7 +257,7 @@ static cairn_status step_place(cairn_force_field *field, cairn_budget *budget)
                 grow(&field->boxes[field->extra[field->extra_front].runs + field->segment], field->margin);
         }
         while (field->point < count) {
-            if (!cairn_budget_pay(budget, &field->paid, cairn_force_tile_cost(field, count - field->point)))
+            if (!cairn_budget_pay(budget, &field->paid, place_cost(count - field->point)))
                 return CAIRN_MORE;
             place_points(field);
         }
@@ -328,7 +334,7 @@ static cairn_status step_masses(cairn_force_field *field, cairn_budget *budget)
         int32_t count = segment->end_point - segment->first_point;
 
         while (field->point < count) {
-            if (!cairn_budget_pay(budget, &field->paid, 6))
+            if (!cairn_budget_pay(budget, &field->paid, 10))
                 return CAIRN_MORE;
             if (find_regions(field)) {
                 field->bodies[segment->scan].moved = 1;
@@ -532,6 +538,7 @@ static cairn_status begin_phase(cairn_force_field *field)
         return cairn_corner_begin(field->corners, field->segments, field->segment_count);
     case PHASE_MARK_OLD:
     case PHASE_MARK_NEW:
+        field->pair.is_begun = 0;
         return begin_sweep(field);
     case PHASE_PAIRS:
         field->pair.is_begun = 0;

@@ -130,7 +130,7 @@ struct cairn_force_field {
     cairn_real margin;            /* m, half the reach: growth of boxes */
     int32_t scan, segment, point; /* cursors */
     int32_t moved, still;         /* COMPARE: scans */
-    struct cairn_force_pair pair; /* PAIRS */
+    struct cairn_force_pair pair; /* PAIRS; MARK_OLD and MARK_NEW: scans and is_begun */
     struct cairn_force_tile tiles[2];
     int64_t pairs; /* MOVE: sums over the scans */
     int64_t segment_pairs;

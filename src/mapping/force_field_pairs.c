@@ -288,22 +288,45 @@ cairn_status cairn_force_pairs(cairn_force_field *field, cairn_budget *budget)
     }
 }
 
+static int32_t scan_of(const cairn_force_field *field, int32_t line)
+{
+    int32_t segment = line - field->extra[field->extra_front].runs;
+
+    return segment < 0 ? NOBODY : field->set->segments[segment].scan;
+}
+
+static void mark_pair(cairn_force_field *field)
+{
+    int32_t a = field->pair.line[0].scan, b = field->pair.line[1].scan;
+
+    field->pair.is_begun = 0;
+    if (a == NOBODY || b == NOBODY)
+        return;
+    if (field->bodies[b].moved)
+        field->bodies[a].dirty = 1;
+    if (field->bodies[a].moved)
+        field->bodies[b].dirty = 1;
+}
+
 cairn_status cairn_force_mark(cairn_force_field *field, cairn_budget *budget)
 {
-    for (;;) {
-        int32_t first, second, a, b;
-        cairn_status status = cairn_box_sweep_next(field->sweep, budget, &first, &second);
+    struct cairn_force_pair *pair = &field->pair;
 
+    for (;;) {
+        int32_t first, second;
+        cairn_status status;
+
+        if (pair->is_begun) {
+            if (!cairn_budget_pay(budget, &field->paid, 1))
+                return CAIRN_MORE;
+            mark_pair(field);
+        }
+        status = cairn_box_sweep_next(field->sweep, budget, &first, &second);
         if (status != CAIRN_OK)
             return status == CAIRN_EMPTY ? CAIRN_OK : status;
-        a = line_of(field, first).scan;
-        b = line_of(field, second).scan;
-        if (a == NOBODY || b == NOBODY)
-            continue;
-        if (field->bodies[b].moved)
-            field->bodies[a].dirty = 1;
-        if (field->bodies[a].moved)
-            field->bodies[b].dirty = 1;
+        pair->line[0].scan = scan_of(field, first);
+        pair->line[1].scan = scan_of(field, second);
+        pair->is_begun = 1;
     }
 }
 

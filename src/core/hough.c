@@ -1,0 +1,647 @@
+/* Weighted votes for directed lines, their peaks, and the lines that fit the points at the peaks.
+ *
+ * Method: rows of the accumulator are directions, columns signed distances from the middle of the points' box. A point
+ * votes in all rows about its own direction, less the farther, and in each row for the two columns that its distance lies
+ * between, so that peaks are smooth. Without orientation a row and the one half a turn away are the same with the columns
+ * reversed. A peak is refined by two weighted regressions across its line, in the line's own frame, where float has digits
+ * to spare; a last pass measures the support. Lines that came to lie on a stronger one are dropped.
+ *
+ * Layout: directions of the rows; the votes; a bit for each place along the line at hand; the peaks; two lists of lines, one
+ * in work, one that readers see.
+ *
+ * Limits: the columns get wider when the points reach too far for them. Votes are sums of reals in the order of the
+ * points. Lines through hundreds of metres of points with an error of half a row's angle do not peak; choose more rows.
+ *
+ * Source: Hough 1962; Ballard 1981; Adluru 2008, section 8.4.1. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "cairn/hough.h"
+
+#define LIMIT CAIRN_REAL(1e6)
+
+typedef int32_t search_phase;
+enum { IDLE, BOUNDS, CLEAR, VOTE, PEAKS, FIT, THIN };
+
+/* Passes over the points for each peak. */
+enum { COARSE, FINE, SUPPORT, PASSES };
+
+typedef struct peak {
+    cairn_real votes;
+    int32_t row, column;
+} peak;
+
+/* Weighted moments of points in the frame of a line: t along it, s across to the left. */
+typedef struct moments {
+    cairn_real w, t, s, tt, ts, ss;
+} moments;
+
+struct cairn_hough {
+    cairn_hough_params params;
+    int32_t rows;
+    cairn_real turn;       /* rad from row to row */
+    cairn_vec2 *direction; /* [rows] */
+    cairn_real *votes;     /* [rows * distances], row by row */
+    uint32_t *places;      /* [(distances + 31) / 32] */
+    peak *peaks;           /* [max_lines], the highest first */
+    int32_t peak_count, work_dropped;
+    cairn_hough_line *work, *done; /* [max_lines] each, the most votes first */
+    int32_t work_count, done_count, done_dropped;
+
+    const cairn_oriented_point *points;
+    const cairn_real *weights;
+    int32_t count;
+    search_phase phase;
+    int32_t cursor; /* point or bin to be done next */
+    int32_t paid;   /* units towards the item at hand */
+    cairn_box box;
+    cairn_vec2 middle;
+    cairn_real step;                 /* m, width of a column and of a place */
+    int32_t row_reach, column_reach; /* about a peak */
+    cairn_real sine_tolerance, sine_separation;
+
+    int32_t line; /* peak at hand */
+    int32_t pass;
+    cairn_hough_line fit;
+    moments sum;
+};
+
+cairn_hough_params cairn_hough_default(void)
+{
+    cairn_hough_params params = {
+        .max_lines = 32,
+        .angles = 180,
+        .distances = 256,
+        .distance_step = CAIRN_REAL(0.05),
+        .oriented = 1,
+        .angle_tolerance = 10 * (CAIRN_PI / 180),
+        .separation = CAIRN_REAL(0.20),
+        .separation_angle = 10 * (CAIRN_PI / 180),
+        .support_distance = CAIRN_REAL(0.05),
+        .spacing = CAIRN_REAL(0.10),
+        .least_votes = 20,
+    };
+    return params;
+}
+
+static int is_length(cairn_real x)
+{
+    return x > 0 && x <= LIMIT;
+}
+
+static int is_angle(cairn_real x)
+{
+    return x > 0 && x <= CAIRN_PI / 2;
+}
+
+static int params_are_valid(const cairn_hough_params *p)
+{
+    return p != NULL && p->max_lines >= 1 && p->max_lines <= 256 && p->angles >= 8 && p->angles <= 1 << 12 &&
+           p->distances >= 8 && p->distances <= 1 << 14 && is_length(p->distance_step) &&
+           is_angle(p->angle_tolerance) && is_length(p->separation) && is_angle(p->separation_angle) &&
+           is_length(p->support_distance) && is_length(p->spacing) && p->least_votes > 0 &&
+           cairn_is_finite(p->least_votes);
+}
+
+static int32_t rows_of(const cairn_hough_params *params)
+{
+    return params->oriented ? 2 * params->angles : params->angles;
+}
+
+static cairn_hough *carve(cairn_pool *pool, const cairn_hough_params *params)
+{
+    size_t rows = (size_t)rows_of(params), columns = (size_t)params->distances, lines = (size_t)params->max_lines;
+    cairn_hough *hough = cairn_pool_take_one(pool, sizeof *hough);
+    cairn_vec2 *direction = cairn_pool_take(pool, rows, sizeof *direction);
+    cairn_real *votes = cairn_pool_take(pool, rows * columns, sizeof *votes);
+    uint32_t *places = cairn_pool_take(pool, (columns + 31) / 32, sizeof *places);
+    peak *peaks = cairn_pool_take(pool, lines, sizeof *peaks);
+    cairn_hough_line *work = cairn_pool_take(pool, lines, sizeof *work);
+    cairn_hough_line *done = cairn_pool_take(pool, lines, sizeof *done);
+
+    if (hough != NULL) {
+        memset(hough, 0, sizeof *hough);
+        hough->direction = direction;
+        hough->votes = votes;
+        hough->places = places;
+        hough->peaks = peaks;
+        hough->work = work;
+        hough->done = done;
+    }
+    return hough;
+}
+
+size_t cairn_hough_memory(const cairn_hough_params *params)
+{
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status cairn_hough_create(cairn_hough **hough, cairn_pool *pool, const cairn_hough_params *params)
+{
+    size_t need = cairn_hough_memory(params);
+    cairn_hough *made;
+
+    if (hough == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    made = carve(pool, params);
+    made->params = *params;
+    made->rows = rows_of(params);
+    made->turn = CAIRN_PI / (cairn_real)params->angles;
+    made->sine_tolerance = cairn_sin(params->angle_tolerance);
+    made->sine_separation = cairn_sin(params->separation_angle);
+    for (int32_t row = 0; row < made->rows; row++)
+        cairn_sincos((cairn_real)row * made->turn, &made->direction[row].y, &made->direction[row].x);
+    *hough = made;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_hough_begin(cairn_hough *hough, const cairn_oriented_point *points, const cairn_real *weights,
+                               int32_t count)
+{
+    if (hough == NULL || count < 0 || (points == NULL && count > 0))
+        return CAIRN_BAD_ARGUMENT;
+    hough->points = points;
+    hough->weights = weights;
+    hough->count = count;
+    hough->cursor = 0;
+    hough->paid = 0;
+    hough->box.min.x = hough->box.min.y = LIMIT;
+    hough->box.max.x = hough->box.max.y = -LIMIT;
+    hough->peak_count = 0;
+    hough->work_count = 0;
+    hough->work_dropped = 0;
+    hough->phase = BOUNDS;
+    return CAIRN_OK;
+}
+
+static cairn_real weight_of(const cairn_hough *hough, int32_t i)
+{
+    return hough->weights != NULL ? hough->weights[i] : 1;
+}
+
+/* ---- Bounds ---- */
+
+static cairn_status check(const cairn_oriented_point *p, cairn_real weight)
+{
+    if (!cairn_is_finite(p->position.x) || !cairn_is_finite(p->position.y) || !cairn_is_finite(p->direction.x) ||
+        !cairn_is_finite(p->direction.y) || !cairn_is_finite(weight))
+        return CAIRN_NOT_FINITE;
+    if (cairn_abs(p->position.x) > LIMIT || cairn_abs(p->position.y) > LIMIT || weight < 0 || weight > LIMIT)
+        return CAIRN_BAD_ARGUMENT;
+    return CAIRN_OK;
+}
+
+/* The columns' width, and how far about a peak there is no other. */
+static void lay_columns(cairn_hough *hough)
+{
+    const cairn_hough_params *p = &hough->params;
+    cairn_vec2 half = cairn_vec2_scale(cairn_vec2_sub(hough->box.max, hough->box.min), CAIRN_REAL(0.5));
+    cairn_real radius = hough->count > 0 ? cairn_vec2_norm(half) : 0;
+
+    hough->middle = cairn_vec2_add(hough->box.min, half);
+    hough->step = cairn_max(p->distance_step, 2 * radius / (cairn_real)(p->distances - 3));
+    hough->row_reach = cairn_real_to_int(cairn_ceil(p->separation_angle / hough->turn));
+    hough->column_reach = cairn_real_to_int(cairn_ceil(p->separation / hough->step));
+    if (hough->column_reach > p->distances)
+        hough->column_reach = p->distances;
+}
+
+static cairn_status step_bounds(cairn_hough *hough, cairn_budget *budget)
+{
+    while (hough->cursor < hough->count) {
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        budget->left--;
+        for (int32_t i = 0; i < 8 && hough->cursor < hough->count; i++, hough->cursor++) {
+            const cairn_oriented_point *p = &hough->points[hough->cursor];
+            cairn_status status = check(p, weight_of(hough, hough->cursor));
+
+            if (status != CAIRN_OK)
+                return status;
+            hough->box.min.x = cairn_min(hough->box.min.x, p->position.x);
+            hough->box.min.y = cairn_min(hough->box.min.y, p->position.y);
+            hough->box.max.x = cairn_max(hough->box.max.x, p->position.x);
+            hough->box.max.y = cairn_max(hough->box.max.y, p->position.y);
+        }
+    }
+    lay_columns(hough);
+    return CAIRN_OK;
+}
+
+/* ---- Votes ---- */
+
+static cairn_status step_clear(cairn_hough *hough, cairn_budget *budget)
+{
+    int32_t bins = hough->rows * hough->params.distances;
+
+    while (hough->cursor < bins) {
+        int32_t some = bins - hough->cursor < 128 ? bins - hough->cursor : 128;
+
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        budget->left--;
+        memset(&hough->votes[hough->cursor], 0, (size_t)some * sizeof *hough->votes);
+        hough->cursor += some;
+    }
+    return CAIRN_OK;
+}
+
+/* Where a signed distance from the middle lies among the columns: the middle is in the middle. */
+static cairn_real column_of(const cairn_hough *hough, cairn_real distance)
+{
+    return distance / hough->step + (cairn_real)(hough->params.distances - 1) * CAIRN_REAL(0.5);
+}
+
+static void vote(cairn_hough *hough, int32_t row, cairn_vec2 p, cairn_real weight)
+{
+    cairn_real at = column_of(hough, cairn_vec2_cross(hough->direction[row], p)), low = cairn_floor(at);
+    cairn_real *bin = &hough->votes[row * hough->params.distances + cairn_real_to_int(low)];
+
+    CAIRN_ASSERT(low >= 0 && low < (cairn_real)(hough->params.distances - 1));
+    bin[0] += weight * (1 - (at - low));
+    bin[1] += weight * (at - low);
+}
+
+/* The rows that a point of a direction votes in: first ... last, which may be below 0 or beyond the last row. */
+static cairn_real rows_about(const cairn_hough *hough, cairn_vec2 direction, int32_t *first, int32_t *last)
+{
+    cairn_real centre = cairn_atan2(direction.y, direction.x) / hough->turn;
+    cairn_real reach = hough->params.angle_tolerance / hough->turn;
+
+    *first = cairn_real_to_int(cairn_ceil(centre - reach));
+    *last = cairn_real_to_int(cairn_floor(centre + reach));
+    return centre;
+}
+
+static void vote_all(cairn_hough *hough, cairn_vec2 p, cairn_real weight, cairn_real centre, int32_t first,
+                     int32_t last)
+{
+    cairn_real reach = hough->params.angle_tolerance / hough->turn;
+
+    for (int32_t i = first; i <= last; i++) {
+        cairn_real share = 1 - cairn_abs((cairn_real)i - centre) / reach;
+        int32_t row = (i + 2 * hough->rows) % hough->rows;
+
+        if (share > 0)
+            vote(hough, row, p, weight * share);
+    }
+}
+
+static cairn_status step_vote(cairn_hough *hough, cairn_budget *budget)
+{
+    for (; hough->cursor < hough->count; hough->cursor++) {
+        const cairn_oriented_point *p = &hough->points[hough->cursor];
+        cairn_real weight = weight_of(hough, hough->cursor), centre;
+        int32_t first, last;
+
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        centre = rows_about(hough, p->direction, &first, &last);
+        if (!cairn_budget_pay(budget, &hough->paid, 2 + (last - first) / 8))
+            return CAIRN_MORE;
+        if (weight > 0 && cairn_vec2_norm_squared(p->direction) > 0)
+            vote_all(hough, cairn_vec2_sub(p->position, hough->middle), weight, centre, first, last);
+    }
+    return CAIRN_OK;
+}
+
+/* ---- Peaks ---- */
+
+/* 1 when no bin near (row, column) has more votes, or as many and comes before. */
+static int is_peak(const cairn_hough *hough, int32_t row, int32_t column)
+{
+    int32_t columns = hough->params.distances, self = row * columns + column;
+    cairn_real votes = hough->votes[self];
+
+    for (int32_t i = -hough->row_reach; i <= hough->row_reach; i++) {
+        int32_t other = (row + i + hough->rows) % hough->rows;
+        int32_t reversed = !hough->params.oriented && other != row + i;
+        int32_t about = reversed ? columns - 1 - column : column;
+        int32_t from = about > hough->column_reach ? about - hough->column_reach : 0;
+        int32_t to = columns - 1 - about > hough->column_reach ? about + hough->column_reach : columns - 1;
+
+        for (int32_t j = other * columns + from; j <= other * columns + to; j++)
+            if (hough->votes[j] > votes || (hough->votes[j] == votes && j < self))
+                return 0;
+    }
+    return 1;
+}
+
+/* Among the peaks found before, all of which come before it when they are as high. */
+static void keep(cairn_hough *hough, int32_t row, int32_t column)
+{
+    peak p = {hough->votes[row * hough->params.distances + column], row, column};
+    int32_t at = hough->peak_count;
+
+    if (at == hough->params.max_lines) {
+        hough->work_dropped++;
+        if (hough->peaks[at - 1].votes >= p.votes)
+            return;
+        at--;
+    } else {
+        hough->peak_count++;
+    }
+    for (; at > 0 && hough->peaks[at - 1].votes < p.votes; at--)
+        hough->peaks[at] = hough->peaks[at - 1];
+    hough->peaks[at] = p;
+}
+
+/* A line between two columns loses half of its votes to the other one, and some more between two rows. */
+static int may_be_peak(const cairn_hough *hough, int32_t bin)
+{
+    return hough->votes[bin] >= CAIRN_REAL(0.4) * hough->params.least_votes;
+}
+
+static cairn_status step_peaks(cairn_hough *hough, cairn_budget *budget)
+{
+    int32_t columns = hough->params.distances, bins = hough->rows * columns;
+    int32_t about = (2 * hough->row_reach + 1) * (2 * hough->column_reach + 1);
+
+    while (hough->cursor < bins) {
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        if (!may_be_peak(hough, hough->cursor)) {
+            budget->left--;
+            for (int32_t i = 0; i < 32 && hough->cursor < bins && !may_be_peak(hough, hough->cursor); i++)
+                hough->cursor++;
+            continue;
+        }
+        if (!cairn_budget_pay(budget, &hough->paid, 2 + about / 16 + hough->peak_count / 8))
+            return CAIRN_MORE;
+        if (is_peak(hough, hough->cursor / columns, hough->cursor % columns))
+            keep(hough, hough->cursor / columns, hough->cursor % columns);
+        hough->cursor++;
+    }
+    return CAIRN_OK;
+}
+
+/* ---- Lines ---- */
+
+static void start_pass(cairn_hough *hough)
+{
+    moments none = {0, 0, 0, 0, 0, 0};
+
+    hough->sum = none;
+    hough->cursor = 0;
+    hough->fit.low = CAIRN_REAL_MAX;
+    hough->fit.high = -CAIRN_REAL_MAX;
+    if (hough->pass == SUPPORT)
+        memset(hough->places, 0, (size_t)((hough->params.distances + 31) / 32) * sizeof *hough->places);
+}
+
+static void start_line(cairn_hough *hough)
+{
+    const peak *p = &hough->peaks[hough->line];
+    cairn_vec2 direction = hough->direction[p->row];
+    cairn_real distance =
+        ((cairn_real)p->column - (cairn_real)(hough->params.distances - 1) * CAIRN_REAL(0.5)) * hough->step;
+
+    hough->fit.direction = direction;
+    hough->fit.point = cairn_vec2_add(hough->middle, cairn_vec2_scale(cairn_vec2_left(direction), distance));
+    hough->pass = COARSE;
+    start_pass(hough);
+}
+
+static void mark_place(cairn_hough *hough, cairn_vec2 p)
+{
+    cairn_real along = cairn_vec2_dot(hough->fit.direction, cairn_vec2_sub(p, hough->middle));
+    int32_t place = cairn_real_to_int(column_of(hough, along));
+
+    CAIRN_ASSERT(place >= 0 && place < hough->params.distances);
+    hough->places[place / 32] |= (uint32_t)1 << (place % 32);
+}
+
+/* A point as far as it belongs to the line at hand. */
+static void add_point(cairn_hough *hough, const cairn_oriented_point *p, cairn_real weight)
+{
+    cairn_vec2 d = hough->fit.direction, from = cairn_vec2_sub(p->position, hough->fit.point);
+    cairn_real t = cairn_vec2_dot(d, from), s = cairn_vec2_cross(d, from);
+    cairn_real along = cairn_vec2_dot(d, p->direction), across = cairn_vec2_cross(d, p->direction);
+    cairn_real reach = hough->params.support_distance;
+    moments *m = &hough->sum;
+
+    if (hough->pass == COARSE)
+        reach = cairn_max(2 * reach, 2 * hough->step);
+    if (!hough->params.oriented)
+        along = cairn_abs(along);
+    if (!(weight > 0) || cairn_abs(s) > reach || !(along > 0) ||
+        cairn_abs(across) > hough->sine_tolerance * cairn_vec2_norm(p->direction))
+        return;
+    m->w += weight;
+    m->t += weight * t;
+    m->s += weight * s;
+    m->tt += weight * t * t;
+    m->ts += weight * t * s;
+    m->ss += weight * s * s;
+    if (hough->pass == SUPPORT) {
+        hough->fit.low = cairn_min(hough->fit.low, t);
+        hough->fit.high = cairn_max(hough->fit.high, t);
+        mark_place(hough, p->position);
+    }
+}
+
+/* Moves the line at hand to the regression of s over t. 0 when the points have no extent along it. */
+static int refit(cairn_hough *hough)
+{
+    const moments *m = &hough->sum;
+    cairn_vec2 d = hough->fit.direction, left = cairn_vec2_left(d);
+    cairn_real t, s, tt, slope;
+
+    if (!(m->w > 0))
+        return 0;
+    t = m->t / m->w;
+    s = m->s / m->w;
+    tt = m->tt / m->w - t * t;
+    if (!(tt > 0))
+        return 0;
+    slope = (m->ts / m->w - t * s) / tt;
+    hough->fit.point =
+        cairn_vec2_add(hough->fit.point, cairn_vec2_add(cairn_vec2_scale(d, t), cairn_vec2_scale(left, s)));
+    hough->fit.direction = cairn_vec2_unit(cairn_vec2_add(d, cairn_vec2_scale(left, slope)));
+    return 1;
+}
+
+/* The marked places' way from the first to the last, without the wide gaps. */
+static cairn_real covered(const cairn_hough *hough)
+{
+    int32_t widest = cairn_real_to_int(2 * hough->params.spacing / hough->step), last = -1, sum = 0;
+
+    for (int32_t i = 0; i < hough->params.distances; i++) {
+        if (!((hough->places[i / 32] >> (i % 32)) & 1))
+            continue;
+        if (last >= 0 && i - last <= widest)
+            sum += i - last;
+        last = i;
+    }
+    return (cairn_real)sum * hough->step;
+}
+
+/* The line as it is reported: its point is the mean of the support. */
+static void measure(cairn_hough *hough)
+{
+    const moments *m = &hough->sum;
+    cairn_hough_line *l = &hough->fit;
+    cairn_real t = m->t / m->w, s = m->s / m->w;
+
+    l->point = cairn_vec2_add(l->point, cairn_vec2_scale(l->direction, t));
+    l->low -= t;
+    l->high -= t;
+    l->covered = cairn_min(covered(hough), l->high - l->low);
+    l->votes = m->w;
+    l->rms = cairn_sqrt(cairn_max(m->ss / m->w - s * s, 0));
+    if (!hough->params.oriented && (l->direction.x < 0 || (l->direction.x == 0 && l->direction.y < 0))) {
+        cairn_real low = l->low;
+
+        l->direction = cairn_vec2_scale(l->direction, -1);
+        l->low = -l->high;
+        l->high = -low;
+    }
+}
+
+/* 1 when one of the two lines ends up on the other, seen from the middle of the points. */
+static int is_same(const cairn_hough *hough, const cairn_hough_line *a, const cairn_hough_line *b)
+{
+    cairn_real along = cairn_vec2_dot(a->direction, b->direction), sign = along < 0 ? -1 : 1;
+    cairn_real apart = cairn_vec2_cross(a->direction, cairn_vec2_sub(a->point, hough->middle)) -
+                       sign * cairn_vec2_cross(b->direction, cairn_vec2_sub(b->point, hough->middle));
+
+    if (hough->params.oriented && along < 0)
+        return 0;
+    return cairn_abs(apart) < hough->params.separation &&
+           cairn_abs(cairn_vec2_cross(a->direction, b->direction)) < hough->sine_separation;
+}
+
+/* Among the lines that were found before, behind those with as many votes. */
+static void insert(cairn_hough *hough)
+{
+    int32_t at = hough->work_count++;
+
+    for (; at > 0 && hough->work[at - 1].votes < hough->fit.votes; at--)
+        hough->work[at] = hough->work[at - 1];
+    hough->work[at] = hough->fit;
+}
+
+/* Ends a pass over the points; goes to the next, or to the next line. */
+static void end_pass(cairn_hough *hough)
+{
+    if (hough->pass != SUPPORT && refit(hough)) {
+        hough->pass++;
+        start_pass(hough);
+        return;
+    }
+    if (hough->pass == SUPPORT && hough->sum.w >= hough->params.least_votes && hough->fit.high > hough->fit.low) {
+        measure(hough);
+        insert(hough);
+    }
+    hough->line++;
+    if (hough->line < hough->peak_count)
+        start_line(hough);
+}
+
+static cairn_status step_fit(cairn_hough *hough, cairn_budget *budget)
+{
+    while (hough->line < hough->peak_count) {
+        while (hough->cursor < hough->count) {
+            if (budget->left <= 0)
+                return CAIRN_MORE;
+            budget->left--;
+            for (int32_t i = 0; i < 4 && hough->cursor < hough->count; i++, hough->cursor++)
+                add_point(hough, &hough->points[hough->cursor], weight_of(hough, hough->cursor));
+        }
+        if (!cairn_budget_pay(budget, &hough->paid, 4 + hough->params.distances / 16 + hough->work_count / 2))
+            return CAIRN_MORE;
+        end_pass(hough);
+    }
+    return CAIRN_OK;
+}
+
+/* Lines that lie on a stronger one go; the rest is what readers see. */
+static cairn_status step_thin(cairn_hough *hough, cairn_budget *budget)
+{
+    cairn_hough_line *list = hough->done;
+    int32_t kept = 0;
+
+    if (!cairn_budget_pay(budget, &hough->paid, 1 + hough->work_count * hough->work_count / 8))
+        return CAIRN_MORE;
+    for (int32_t i = 0; i < hough->work_count; i++) {
+        int same = 0;
+
+        for (int32_t j = 0; j < kept && !same; j++)
+            same = is_same(hough, &hough->work[j], &hough->work[i]);
+        if (!same)
+            hough->work[kept++] = hough->work[i];
+    }
+    hough->done = hough->work;
+    hough->done_count = kept;
+    hough->done_dropped = hough->work_dropped;
+    hough->work = list;
+    return CAIRN_OK;
+}
+
+static cairn_status step_phase(cairn_hough *hough, cairn_budget *budget)
+{
+    switch (hough->phase) {
+    case BOUNDS:
+        return step_bounds(hough, budget);
+    case CLEAR:
+        return step_clear(hough, budget);
+    case VOTE:
+        return step_vote(hough, budget);
+    case PEAKS:
+        return step_peaks(hough, budget);
+    case FIT:
+        return step_fit(hough, budget);
+    default:
+        return step_thin(hough, budget);
+    }
+}
+
+cairn_status cairn_hough_step(cairn_hough *hough, cairn_budget *budget)
+{
+    if (hough == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (hough->phase != IDLE) {
+        cairn_status status = step_phase(hough, budget);
+
+        if (status == CAIRN_MORE)
+            return status;
+        hough->phase = status < 0 || hough->phase == THIN ? IDLE : hough->phase + 1;
+        if (status < 0)
+            return status;
+        hough->cursor = 0;
+        hough->paid = 0;
+        if (hough->phase == FIT) {
+            hough->line = 0;
+            if (hough->peak_count > 0)
+                start_line(hough);
+        }
+    }
+    return CAIRN_OK;
+}
+
+const cairn_hough_line *cairn_hough_list(const cairn_hough *hough, int32_t *count)
+{
+    *count = hough->done_count;
+    return hough->done;
+}
+
+int32_t cairn_hough_dropped(const cairn_hough *hough)
+{
+    return hough->done_dropped;
+}
+
+cairn_segment cairn_hough_segment(const cairn_hough_line *line)
+{
+    cairn_segment segment = {cairn_vec2_add(line->point, cairn_vec2_scale(line->direction, line->low)),
+                             cairn_vec2_add(line->point, cairn_vec2_scale(line->direction, line->high))};
+    return segment;
+}

@@ -1,0 +1,802 @@
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "cairn/hough.h"
+
+#define PI     3.14159265358979323846
+#define DEGREE (PI / 180)
+
+enum { MANY = 1500, MOST_LINES = 64 };
+
+struct fixture {
+    cairn_pool pool;
+    cairn_hough *hough;
+};
+
+static struct fixture hough_with(cairn_hough_params params)
+{
+    struct fixture f;
+
+    f.pool = test_pool(cairn_hough_memory(&params));
+    assert_ok(cairn_hough_create(&f.hough, &f.pool, &params));
+    return f;
+}
+
+/* Points of a scene, in the order in which they were laid. */
+struct cloud {
+    cairn_oriented_point points[MANY];
+    cairn_real weights[MANY];
+    int32_t count;
+};
+
+/* `count` points from (ax, ay) on, `spacing` apart, on a wall of the direction `angle`. */
+static void lay(struct cloud *c, double ax, double ay, double angle, int32_t count, double spacing)
+{
+    for (int32_t i = 0; i < count; i++) {
+        cairn_oriented_point *p = &c->points[c->count];
+
+        p->position.x = (cairn_real)(ax + i * spacing * cos(angle));
+        p->position.y = (cairn_real)(ay + i * spacing * sin(angle));
+        p->direction.x = (cairn_real)cos(angle);
+        p->direction.y = (cairn_real)sin(angle);
+        c->weights[c->count++] = 1;
+    }
+}
+
+static const cairn_hough_line *search(cairn_hough *hough, const struct cloud *c, int32_t *found)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    assert_ok(cairn_hough_begin(hough, c->points, c->weights, c->count));
+    assert_ok(cairn_hough_step(hough, &budget));
+    return cairn_hough_list(hough, found);
+}
+
+/* ---- The obvious way: all votes of a bin at a time, in double, with the angles of libc math ---- */
+
+struct slow_line {
+    double x, y, dx, dy, low, high, covered, votes, rms, peak;
+};
+
+struct slow {
+    const cairn_hough_params *p;
+    const struct cloud *c;
+    double middle_x, middle_y, step;
+    double angle[MANY]; /* of the points */
+    int32_t rows;
+    double *votes;
+    struct slow_line lines[MOST_LINES];
+    int32_t count;
+};
+
+static double between(double a, double b, double period)
+{
+    return fabs(remainder(a - b, period));
+}
+
+static double slow_votes(const struct slow *s, int32_t row, int32_t column)
+{
+    double turn = PI / s->p->angles, tolerance = (double)s->p->angle_tolerance, sum = 0;
+
+    for (int32_t i = 0; i < s->c->count; i++) {
+        const cairn_oriented_point *p = &s->c->points[i];
+        double off = between(s->angle[i], row * turn, s->p->oriented ? 2 * PI : PI) / tolerance;
+        double distance = ((double)p->position.y - s->middle_y) * cos(row * turn) -
+                          ((double)p->position.x - s->middle_x) * sin(row * turn);
+        double at = distance / s->step + (s->p->distances - 1) * 0.5;
+
+        if (off < 1 && fabs(at - column) < 1)
+            sum += (double)s->c->weights[i] * (1 - off) * (1 - fabs(at - column));
+    }
+    return sum;
+}
+
+static void slow_lay(struct slow *s)
+{
+    double low_x = INFINITY, low_y = INFINITY, high_x = -INFINITY, high_y = -INFINITY;
+
+    for (int32_t i = 0; i < s->c->count; i++) {
+        low_x = fmin(low_x, (double)s->c->points[i].position.x);
+        low_y = fmin(low_y, (double)s->c->points[i].position.y);
+        high_x = fmax(high_x, (double)s->c->points[i].position.x);
+        high_y = fmax(high_y, (double)s->c->points[i].position.y);
+        s->angle[i] = atan2((double)s->c->points[i].direction.y, (double)s->c->points[i].direction.x);
+    }
+    s->middle_x = (low_x + high_x) / 2;
+    s->middle_y = (low_y + high_y) / 2;
+    s->step = fmax((double)s->p->distance_step, hypot(high_x - low_x, high_y - low_y) / (s->p->distances - 3));
+    s->rows = s->p->oriented ? 2 * s->p->angles : s->p->angles;
+    s->votes = malloc((size_t)s->rows * (size_t)s->p->distances * sizeof *s->votes);
+    assert_non_null(s->votes);
+    for (int32_t row = 0; row < s->rows; row++)
+        for (int32_t column = 0; column < s->p->distances; column++)
+            s->votes[row * s->p->distances + column] = slow_votes(s, row, column);
+}
+
+static int slow_is_peak(const struct slow *s, int32_t row, int32_t column)
+{
+    int32_t columns = s->p->distances;
+    int32_t rows = (int32_t)ceil((double)s->p->separation_angle / (PI / s->p->angles) - 1e-6);
+    int32_t beside = (int32_t)ceil((double)s->p->separation / s->step - 1e-6);
+    double votes = s->votes[row * columns + column];
+
+    if (votes < 0.4 * (double)s->p->least_votes)
+        return 0;
+    for (int32_t r = 0; r < s->rows; r++)
+        for (int32_t c = 0; c < columns; c++) {
+            int32_t apart = r - row, at = c;
+
+            if (apart > s->rows / 2)
+                apart -= s->rows;
+            if (apart < -s->rows / 2)
+                apart += s->rows;
+            if (!s->p->oriented && apart != r - row)
+                at = columns - 1 - c;
+            if (abs(apart) <= rows && abs(at - column) <= beside && s->votes[r * columns + c] > votes)
+                return 0;
+        }
+    return 1;
+}
+
+static int slow_belongs(const struct slow *s, const struct slow_line *l, int32_t i, double reach)
+{
+    const cairn_oriented_point *p = &s->c->points[i];
+    double across = ((double)p->position.y - l->y) * l->dx - ((double)p->position.x - l->x) * l->dy;
+
+    return fabs(across) <= reach &&
+           between(s->angle[i], atan2(l->dy, l->dx), s->p->oriented ? 2 * PI : PI) <= (double)s->p->angle_tolerance;
+}
+
+static int by_value(const void *a, const void *b)
+{
+    return *(const double *)a < *(const double *)b ? -1 : *(const double *)a > *(const double *)b;
+}
+
+/* The line through the points within reach of l: the mean and the slope of the distance over the place along it. */
+static void slow_refit(const struct slow *s, struct slow_line *l, double reach)
+{
+    double w = 0, t = 0, d = 0, tt = 0, td = 0, slope;
+    struct slow_line old = *l;
+
+    for (int pass = 0; pass < 2; pass++)
+        for (int32_t i = 0; i < s->c->count; i++) {
+            double x = (double)s->c->points[i].position.x - old.x, y = (double)s->c->points[i].position.y - old.y;
+            double along = x * old.dx + y * old.dy, across = y * old.dx - x * old.dy, weight = (double)s->c->weights[i];
+
+            if (!slow_belongs(s, &old, i, reach))
+                continue;
+            if (pass == 0) {
+                w += weight, t += weight * along, d += weight * across;
+            } else {
+                tt += weight * (along - t / w) * (along - t / w);
+                td += weight * (along - t / w) * (across - d / w);
+            }
+        }
+    slope = td / tt;
+    l->x = old.x + old.dx * t / w - old.dy * d / w;
+    l->y = old.y + old.dy * t / w + old.dx * d / w;
+    l->dx = (old.dx - slope * old.dy) / hypot(1, slope);
+    l->dy = (old.dy + slope * old.dx) / hypot(1, slope);
+}
+
+static void slow_measure(const struct slow *s, struct slow_line *l)
+{
+    static double places[MANY];
+    double t = 0, d = 0, dd = 0;
+    int32_t count = 0;
+
+    l->votes = 0;
+    for (int32_t i = 0; i < s->c->count; i++) {
+        double x = (double)s->c->points[i].position.x - l->x, y = (double)s->c->points[i].position.y - l->y;
+        double across = y * l->dx - x * l->dy, weight = (double)s->c->weights[i];
+
+        if (!slow_belongs(s, l, i, (double)s->p->support_distance))
+            continue;
+        places[count++] = x * l->dx + y * l->dy;
+        l->votes += weight;
+        t += weight * (x * l->dx + y * l->dy);
+        d += weight * across;
+        dd += weight * across * across;
+    }
+    if (count == 0)
+        return;
+    t /= l->votes;
+    l->rms = sqrt(fmax(dd / l->votes - d / l->votes * d / l->votes, 0));
+    qsort(places, (size_t)count, sizeof *places, by_value);
+    l->covered = 0;
+    for (int32_t i = 1; i < count; i++)
+        if (places[i] - places[i - 1] <= 2 * (double)s->p->spacing)
+            l->covered += places[i] - places[i - 1];
+    l->low = places[0] - t;
+    l->high = places[count - 1] - t;
+    l->x += l->dx * t;
+    l->y += l->dy * t;
+}
+
+static int by_votes(const void *a, const void *b)
+{
+    const struct slow_line *p = a, *q = b;
+
+    if (p->votes != q->votes)
+        return p->votes > q->votes ? -1 : 1;
+    return p->peak > q->peak ? -1 : p->peak < q->peak;
+}
+
+static double from_middle(const struct slow *s, const struct slow_line *l)
+{
+    return (s->middle_x - l->x) * l->dy - (s->middle_y - l->y) * l->dx;
+}
+
+/* Of lines that came to lie on each other only the one with more votes stays. */
+static void slow_thin(struct slow *s)
+{
+    int32_t kept = 0;
+
+    for (int32_t i = 0; i < s->count; i++) {
+        const struct slow_line *l = &s->lines[i];
+        int32_t j = 0;
+
+        for (; j < kept; j++) {
+            const struct slow_line *k = &s->lines[j];
+            double turned = between(atan2(l->dy, l->dx), atan2(k->dy, k->dx), s->p->oriented ? 2 * PI : PI);
+            double sign = l->dx * k->dx + l->dy * k->dy < 0 ? -1 : 1;
+
+            if (turned < (double)s->p->separation_angle &&
+                fabs(from_middle(s, l) - sign * from_middle(s, k)) < (double)s->p->separation)
+                break;
+        }
+        if (j == kept)
+            s->lines[kept++] = *l;
+    }
+    s->count = kept;
+}
+
+static void slow_search(struct slow *s)
+{
+    slow_lay(s);
+    s->count = 0;
+    for (int32_t row = 0; row < s->rows; row++)
+        for (int32_t column = 0; column < s->p->distances; column++) {
+            double turn = PI / s->p->angles, distance = (column - (s->p->distances - 1) * 0.5) * s->step;
+            struct slow_line *l = &s->lines[s->count];
+
+            if (!slow_is_peak(s, row, column))
+                continue;
+            assert_true(s->count < MOST_LINES);
+            l->peak = s->votes[row * s->p->distances + column];
+            l->dx = cos(row * turn);
+            l->dy = sin(row * turn);
+            l->x = s->middle_x - distance * l->dy;
+            l->y = s->middle_y + distance * l->dx;
+            slow_refit(s, l, 2 * fmax((double)s->p->support_distance, s->step));
+            slow_refit(s, l, (double)s->p->support_distance);
+            slow_measure(s, l);
+            s->count += l->votes >= (double)s->p->least_votes;
+        }
+    free(s->votes);
+    qsort(s->lines, (size_t)s->count, sizeof *s->lines, by_votes);
+    slow_thin(s);
+}
+
+static double draw(cairn_random *random, double high)
+{
+    return (double)cairn_random_uniform(random, 0, (cairn_real)high);
+}
+
+/* Walls at all angles with noise, and clutter. */
+static void scatter(struct cloud *c, uint64_t seed)
+{
+    cairn_random random = cairn_random_seed(seed, 0);
+
+    c->count = 0;
+    for (int32_t wall = 0; wall < 7; wall++) {
+        double x = draw(&random, 10);
+        double y = draw(&random, 8);
+        double angle = draw(&random, 2 * PI);
+
+        lay(c, x, y, angle, 40 + 17 * wall, 0.07);
+    }
+    for (int32_t i = 0; i < c->count; i++) {
+        c->points[i].position.x += CAIRN_REAL(0.01) * cairn_random_normal(&random);
+        c->points[i].position.y += CAIRN_REAL(0.01) * cairn_random_normal(&random);
+    }
+    for (int32_t i = 0; i < 300; i++) {
+        double x = draw(&random, 10);
+        double y = draw(&random, 8);
+        double angle = draw(&random, 2 * PI);
+
+        lay(c, x, y, angle, 1, 0);
+    }
+    for (int32_t i = 0; i < c->count; i++)
+        c->weights[i] = cairn_random_uniform(&random, CAIRN_REAL(0.5), CAIRN_REAL(1.5));
+}
+
+static void assert_same_line(const cairn_hough_line *l, const struct slow_line *s, const cairn_hough_params *p)
+{
+    double near = NUMBER(1e-9, 2e-4);
+    double sign = (double)l->direction.x * s->dx + (double)l->direction.y * s->dy < 0 ? -1 : 1;
+
+    if (p->oriented)
+        assert_true(sign > 0);
+    assert_near(l->votes, s->votes, NUMBER(1e-9, 1e-3));
+    assert_near(l->point.x, s->x, near);
+    assert_near(l->point.y, s->y, near);
+    assert_near(sign * (double)l->direction.x, s->dx, near);
+    assert_near(sign * (double)l->direction.y, s->dy, near);
+    assert_near(l->low, sign > 0 ? s->low : -s->high, near);
+    assert_near(l->high, sign > 0 ? s->high : -s->low, near);
+    assert_near(l->rms, s->rms, near);
+    assert_near(l->covered, s->covered, 2.1 * (double)p->distance_step);
+}
+
+static void finds_what_the_obvious_way_finds(void **state)
+{
+    static struct cloud c;
+    static struct slow s;
+
+    (void)state;
+    for (uint64_t seed = 1; seed <= 6; seed++) {
+        cairn_hough_params p = cairn_hough_default();
+        struct fixture f;
+        const cairn_hough_line *lines;
+        int32_t found;
+
+        p.angles = seed % 2 != 0 ? 60 : 45;
+        p.distances = 260;
+        p.max_lines = MOST_LINES;
+        p.oriented = seed > 3;
+        p.support_distance = CAIRN_REAL(0.06);
+        scatter(&c, seed);
+        s.p = &p;
+        s.c = &c;
+        slow_search(&s);
+        f = hough_with(p);
+        lines = search(f.hough, &c, &found);
+        assert_in_range(s.count, 5, 9);
+        assert_int_equal(found, s.count);
+        assert_int_equal(cairn_hough_dropped(f.hough), 0);
+        for (int32_t i = 0; i < found; i++)
+            assert_same_line(&lines[i], &s.lines[i], &p);
+        test_pool_free(&f.pool);
+    }
+}
+
+/* ---- What is known exactly ---- */
+
+/* Two pieces of one wall with a door between them, two metres apart, seen from both sides. */
+static void pieces_of_a_wall_are_one_line(void **state)
+{
+    static struct cloud c;
+    struct fixture f = hough_with(cairn_hough_default());
+    const cairn_hough_line *lines;
+    cairn_segment s;
+    int32_t found;
+
+    (void)state;
+    for (int32_t turn = 0; turn < 24; turn++) {
+        double angle = turn * 15 * DEGREE, dx = cos(angle), dy = sin(angle);
+
+        c.count = 0;
+        lay(&c, 3 + dx, -5 + dy, angle, 31, 0.1);
+        lay(&c, 3 + 6 * dx, -5 + 6 * dy, angle, 21, 0.1);
+        lay(&c, 3 + 8 * dx - 0.3 * dy, -5 + 8 * dy + 0.3 * dx, angle + PI, 26, 0.1); /* another face */
+        lines = search(f.hough, &c, &found);
+        assert_int_equal(found, 2);
+        assert_near(lines[0].votes, 52, 0);
+        assert_near(lines[0].direction.x, dx, NUMBER(1e-12, 1e-5));
+        assert_near(lines[0].direction.y, dy, NUMBER(1e-12, 1e-5));
+        assert_near(lines[0].high - lines[0].low, 7, NUMBER(1e-9, 1e-4));
+        assert_near(lines[0].covered, 5, 0.1);
+        assert_near(lines[0].rms, 0, NUMBER(1e-7, 1e-3));
+        s = cairn_hough_segment(&lines[0]);
+        assert_near(s.a.x, 3 + dx, NUMBER(1e-9, 1e-4));
+        assert_near(s.a.y, -5 + dy, NUMBER(1e-9, 1e-4));
+        assert_near(s.b.x, 3 + 8 * dx, NUMBER(1e-9, 1e-4));
+        assert_near(s.b.y, -5 + 8 * dy, NUMBER(1e-9, 1e-4));
+        assert_near(lines[1].votes, 26, 0);
+        assert_near(lines[1].direction.x, -dx, NUMBER(1e-12, 1e-5));
+    }
+    test_pool_free(&f.pool);
+}
+
+static void faces_are_one_without_orientation(void **state)
+{
+    static struct cloud c;
+    cairn_hough_params p = cairn_hough_default();
+    struct fixture f;
+    const cairn_hough_line *lines;
+    int32_t found;
+
+    (void)state;
+    p.oriented = 0;
+    f = hough_with(p);
+    for (int32_t turn = -2; turn < 20; turn++) {
+        double angle = turn * 10 * DEGREE + 1e-3, dx = cos(angle), dy = sin(angle);
+
+        c.count = 0;
+        lay(&c, 1, 1, angle, 20, 0.1);
+        lay(&c, 1 + 5 * dx, 1 + 5 * dy, angle + PI, 20, 0.1);
+        lines = search(f.hough, &c, &found);
+        assert_int_equal(found, 1);
+        assert_near(lines[0].votes, 40, 0);
+        assert_true(lines[0].direction.x > 0);
+        assert_near((double)lines[0].direction.x * dy, (double)lines[0].direction.y * dx, NUMBER(1e-12, 1e-5));
+        assert_near(lines[0].high - lines[0].low, 5, NUMBER(1e-9, 1e-4));
+        assert_near(lines[0].high + lines[0].low, 0, NUMBER(1e-9, 1e-4));
+    }
+    test_pool_free(&f.pool);
+}
+
+/* Parallel walls come apart at the separation, and nearly parallel ones at its angle. */
+static void separation(void **state)
+{
+    static struct cloud c;
+    struct fixture f = hough_with(cairn_hough_default());
+    const cairn_hough_line *lines;
+    int32_t found;
+
+    (void)state;
+    for (int32_t apart = 13; apart <= 40; apart += 6) {
+        c.count = 0;
+        lay(&c, 0, 0, 0, 60, 0.1);
+        lay(&c, 0, apart * 0.01, 0, 50, 0.1);
+        lines = search(f.hough, &c, &found);
+        assert_int_equal(found, apart > 21 ? 2 : 1);
+        assert_near(lines[0].votes, 60, 0);
+    }
+    for (int32_t degrees = 4; degrees <= 30; degrees += 2) {
+        c.count = 0;
+        lay(&c, -3, 0, 0, 60, 0.1);
+        lay(&c, -3 * cos(degrees * DEGREE), -3 * sin(degrees * DEGREE), degrees * DEGREE, 60, 0.1);
+        (void)search(f.hough, &c, &found);
+        if (degrees <= 8)
+            assert_int_equal(found, 1);
+        if (degrees > 12)
+            assert_int_equal(found, 2);
+    }
+    test_pool_free(&f.pool);
+}
+
+/* Points whose direction is off vote less and less, and then not at all. */
+static void directions_count(void **state)
+{
+    static struct cloud c;
+    struct fixture f = hough_with(cairn_hough_default());
+    int32_t found;
+
+    (void)state;
+    for (int32_t degrees = 0; degrees <= 180; degrees += 5) {
+        c.count = 0;
+        lay(&c, 0, 0, 0, 100, 0.1);
+        for (int32_t i = 0; i < c.count; i++) {
+            c.points[i].direction.x = (cairn_real)cos(degrees * DEGREE);
+            c.points[i].direction.y = (cairn_real)sin(degrees * DEGREE);
+        }
+        (void)search(f.hough, &c, &found);
+        assert_int_equal(found, degrees <= 5 || degrees >= 175); /* there it is the other face */
+    }
+    for (int32_t i = 0; i < c.count; i++)
+        c.points[i].direction.x = c.points[i].direction.y = 0;
+    (void)search(f.hough, &c, &found);
+    assert_int_equal(found, 0);
+    test_pool_free(&f.pool);
+}
+
+static void weights_are_votes(void **state)
+{
+    static struct cloud c;
+    struct fixture f = hough_with(cairn_hough_default());
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    const cairn_hough_line *lines;
+    int32_t found;
+
+    (void)state;
+    c.count = 0;
+    lay(&c, 0, 0, 1, 30, 0.1);
+    for (int32_t i = 0; i < c.count; i++)
+        c.weights[i] = CAIRN_REAL(0.66);
+    (void)search(f.hough, &c, &found);
+    assert_int_equal(found, 0); /* 19.8 */
+    for (int32_t i = 0; i < c.count; i++)
+        c.weights[i] = CAIRN_REAL(0.67);
+    (void)search(f.hough, &c, &found);
+    assert_int_equal(found, 1); /* 20.1 */
+    for (int32_t i = 0; i < c.count; i++)
+        c.weights[i] = i < 15 ? CAIRN_REAL(0.5) : 1;
+    lines = search(f.hough, &c, &found);
+    assert_int_equal(found, 1);
+    assert_near(lines[0].votes, 22.5, 1e-4);
+    assert_near(lines[0].point.x, (0.5 * 15 * 0.7 + 15 * 2.2) / 22.5 * cos(1), 1e-4);
+    assert_ok(cairn_hough_begin(f.hough, c.points, NULL, c.count));
+    assert_ok(cairn_hough_step(f.hough, &budget));
+    lines = cairn_hough_list(f.hough, &found);
+    assert_near(lines[0].votes, 30, 0);
+    assert_near(lines[0].point.x, 1.45 * cos(1), 1e-4);
+    for (int32_t i = 0; i < 15; i++)
+        c.weights[i] = 0;
+    c.weights[15] = 10;
+    lines = search(f.hough, &c, &found);
+    assert_near(lines[0].high - lines[0].low, 1.4, 1e-4);
+    test_pool_free(&f.pool);
+}
+
+static void the_highest_peaks_are_kept(void **state)
+{
+    static struct cloud c;
+    cairn_hough_params p = cairn_hough_default();
+    struct fixture f;
+    const cairn_hough_line *lines;
+    int32_t found;
+    static const int32_t counts[] = {30, 60, 40, 70, 50};
+
+    (void)state;
+    p.max_lines = 3;
+    f = hough_with(p);
+    c.count = 0;
+    for (int32_t i = 0; i < 5; i++)
+        lay(&c, 0, i, 0, counts[i], 0.1);
+    lines = search(f.hough, &c, &found);
+    assert_int_equal(found, 3);
+    assert_int_equal(cairn_hough_dropped(f.hough), 2);
+    assert_near(lines[0].votes, 70, 0);
+    assert_near(lines[1].votes, 60, 0);
+    assert_near(lines[2].votes, 50, 0);
+    test_pool_free(&f.pool);
+}
+
+/* Points that reach far make the columns wider rather than fall off. */
+static void far_points_fit(void **state)
+{
+    static struct cloud c;
+    cairn_hough_params p = cairn_hough_default();
+    struct fixture f;
+    const cairn_hough_line *lines;
+    int32_t found;
+
+    (void)state;
+    p.distances = 8;
+    f = hough_with(p);
+    c.count = 0;
+    lay(&c, -1000, 300, 0, 30, 60);
+    lay(&c, 500, -900, PI / 2, 40, 60);
+    lines = search(f.hough, &c, &found);
+    assert_int_equal(found, 2);
+    assert_near(lines[0].votes, 40, 0);
+    assert_near(lines[0].point.x, 500, 1e-2);
+    assert_near(lines[1].votes, 30, 0);
+    assert_near(lines[1].point.y, 300, 1e-2);
+    assert_near(lines[1].covered, 0, 0); /* the points are farther apart than the spacing says */
+    test_pool_free(&f.pool);
+}
+
+/* The columns lie about the points, wherever these are. */
+static void places_do_not_matter(void **state)
+{
+    static struct cloud c;
+    struct fixture f = hough_with(cairn_hough_default());
+    const cairn_hough_line *lines;
+    int32_t found;
+
+    (void)state;
+    for (int32_t i = 0; i < 9; i++) {
+        double x = 300 * (i % 3 - 1), y = 300 * (i / 3 - 1);
+
+        c.count = 0;
+        lay(&c, x + 1, y + 1, 0.3, 60, 0.1);
+        lay(&c, x + 1 - 0.3 * sin(0.3), y + 1 + 0.3 * cos(0.3), 0.3, 40, 0.1);
+        lines = search(f.hough, &c, &found);
+        assert_int_equal(found, 2);
+        assert_near(lines[0].votes, 60, 0);
+        assert_near(lines[1].votes, 40, 0);
+        assert_near(lines[1].covered, 3.9, 0.1);
+    }
+    test_pool_free(&f.pool);
+}
+
+/* ---- Steps, statuses, memory ---- */
+
+static void the_budget_does_not_matter(void **state)
+{
+    static const int32_t budgets[] = {1, 7, 1000};
+    static struct cloud c;
+    static cairn_hough_line whole[MOST_LINES];
+    struct fixture f = hough_with(cairn_hough_default());
+    const cairn_hough_line *lines;
+    int32_t found, count;
+
+    (void)state;
+    scatter(&c, 9);
+    for (int32_t i = 0; i < 8; i++)
+        lay(&c, 12 + i, 1, 1, 50, 0.1);
+    lines = search(f.hough, &c, &count);
+    memcpy(whole, lines, (size_t)count * sizeof *whole);
+    for (int i = 0; i < 3; i++) {
+        cairn_budget budget = {0};
+        cairn_status status;
+        int64_t units = 0;
+
+        assert_ok(cairn_hough_begin(f.hough, c.points, c.weights, c.count));
+        assert_status(cairn_hough_step(f.hough, &budget), CAIRN_MORE);
+        do {
+            budget.left = budgets[i];
+            status = cairn_hough_step(f.hough, &budget);
+            assert_true(budget.left >= 0);
+            units += budgets[i] - budget.left;
+        } while (status == CAIRN_MORE);
+        assert_ok(status);
+        lines = cairn_hough_list(f.hough, &found);
+        assert_int_equal(found, count);
+        assert_memory_equal(lines, whole, (size_t)count * sizeof *whole);
+        assert_int_equal(units, NUMBER(0x73fe, 0x73a4));
+        assert_ok(cairn_hough_step(f.hough, &budget)); /* nothing left to do */
+    }
+    test_pool_free(&f.pool);
+}
+
+static void nothing_gives_no_lines(void **state)
+{
+    static struct cloud c;
+    struct fixture f = hough_with(cairn_hough_default());
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    int32_t found;
+
+    (void)state;
+    (void)cairn_hough_list(f.hough, &found);
+    assert_int_equal(found, 0);
+    assert_ok(cairn_hough_step(f.hough, &budget));
+    assert_ok(cairn_hough_begin(f.hough, NULL, NULL, 0));
+    assert_ok(cairn_hough_step(f.hough, &budget));
+    (void)cairn_hough_list(f.hough, &found);
+    assert_int_equal(found, 0);
+    /* One place has no direction. */
+    c.count = 0;
+    lay(&c, 7, 7, 1, 100, 0);
+    (void)search(f.hough, &c, &found);
+    assert_int_equal(found, 0);
+    test_pool_free(&f.pool);
+}
+
+static void bad_points_are_refused(void **state)
+{
+    static struct cloud c;
+    struct fixture f = hough_with(cairn_hough_default());
+    static const struct {
+        int field;
+        double value;
+        cairn_status status;
+    } bad[] = {{0, NAN, CAIRN_NOT_FINITE},      {1, INFINITY, CAIRN_NOT_FINITE}, {2, NAN, CAIRN_NOT_FINITE},
+               {3, INFINITY, CAIRN_NOT_FINITE}, {4, NAN, CAIRN_NOT_FINITE},      {0, -1.1e6, CAIRN_BAD_ARGUMENT},
+               {1, 1.1e6, CAIRN_BAD_ARGUMENT},  {4, -1e-3, CAIRN_BAD_ARGUMENT},  {4, 1.1e6, CAIRN_BAD_ARGUMENT}};
+    int32_t found;
+
+    (void)state;
+    c.count = 0;
+    lay(&c, 0, 0, 0, 50, 0.1);
+    (void)search(f.hough, &c, &found);
+    assert_int_equal(found, 1);
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        struct cloud copy = c;
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+        cairn_real *fields[] = {&copy.points[33].position.x, &copy.points[33].position.y, &copy.points[33].direction.x,
+                                &copy.points[33].direction.y, &copy.weights[33]};
+
+        *fields[bad[i].field] = (cairn_real)bad[i].value;
+        assert_ok(cairn_hough_begin(f.hough, copy.points, copy.weights, copy.count));
+        assert_status(cairn_hough_step(f.hough, &budget), bad[i].status);
+        assert_ok(cairn_hough_step(f.hough, &budget));
+        (void)cairn_hough_list(f.hough, &found);
+        assert_int_equal(found, 1);
+    }
+    assert_status(cairn_hough_begin(NULL, c.points, NULL, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_hough_begin(f.hough, NULL, NULL, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_hough_begin(f.hough, c.points, NULL, -1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_hough_step(f.hough, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_hough_step(NULL, NULL), CAIRN_BAD_ARGUMENT);
+    test_pool_free(&f.pool);
+}
+
+static cairn_status create(void *context, cairn_pool *pool)
+{
+    cairn_hough *hough;
+
+    return cairn_hough_create(&hough, pool, context);
+}
+
+static void memory_is_exact(void **state)
+{
+    cairn_hough_params p = cairn_hough_default();
+
+    (void)state;
+    p.angles = 8;
+    p.distances = 8;
+    p.max_lines = 5;
+    test_every_pool_size(create, &p, cairn_hough_memory(&p));
+    for (int32_t angles = 8; angles <= 1 << 12; angles *= 2) {
+        p.angles = angles;
+        p.distances = 4 * angles < 1 << 14 ? 4 * angles : 1 << 14;
+        p.max_lines = angles / 16 + 1 < 256 ? angles / 16 + 1 : 256;
+        assert_true(cairn_hough_memory(&p) <= CAIRN_HOUGH_BYTES(p.angles, p.distances, p.max_lines));
+    }
+}
+
+#define REFUSED(change)                                                                                                \
+    do {                                                                                                               \
+        p = cairn_hough_default();                                                                                     \
+        change;                                                                                                        \
+        assert_int_equal(cairn_hough_memory(&p), 0);                                                                   \
+        assert_status(cairn_hough_create(&hough, &pool, &p), CAIRN_BAD_ARGUMENT);                                      \
+        assert_int_equal(pool.used, 0);                                                                                \
+    } while (0)
+
+static void bad_params_are_refused(void **state)
+{
+    cairn_hough_params p = cairn_hough_default();
+    cairn_pool pool = test_pool(cairn_hough_memory(&p));
+    cairn_hough *hough = NULL;
+
+    (void)state;
+    REFUSED(p.max_lines = 0);
+    REFUSED(p.max_lines = 257);
+    REFUSED(p.angles = 7);
+    REFUSED(p.angles = 4097);
+    REFUSED(p.distances = 7);
+    REFUSED(p.distances = 16385);
+    REFUSED(p.distance_step = 0);
+    REFUSED(p.distance_step = (cairn_real)NAN);
+    REFUSED(p.distance_step = CAIRN_REAL(1.1e6));
+    REFUSED(p.angle_tolerance = 0);
+    REFUSED(p.angle_tolerance = CAIRN_REAL(1.6));
+    REFUSED(p.angle_tolerance = (cairn_real)NAN);
+    REFUSED(p.separation = 0);
+    REFUSED(p.separation = (cairn_real)NAN);
+    REFUSED(p.separation_angle = 0);
+    REFUSED(p.separation_angle = CAIRN_REAL(1.6));
+    REFUSED(p.support_distance = 0);
+    REFUSED(p.support_distance = (cairn_real)INFINITY);
+    REFUSED(p.spacing = 0);
+    REFUSED(p.spacing = (cairn_real)NAN);
+    REFUSED(p.least_votes = 0);
+    REFUSED(p.least_votes = (cairn_real)NAN);
+    REFUSED(p.least_votes = (cairn_real)INFINITY);
+    p = cairn_hough_default();
+    assert_int_equal(cairn_hough_memory(NULL), 0);
+    assert_status(cairn_hough_create(&hough, &pool, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_hough_create(&hough, NULL, &p), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_hough_create(NULL, &pool, &p), CAIRN_BAD_ARGUMENT);
+    assert_ok(cairn_hough_create(&hough, &pool, &p));
+    test_pool_free(&pool);
+    /* The ends of the ranges are taken. */
+    p = cairn_hough_default();
+    p.max_lines = 1;
+    p.angles = 8;
+    p.distances = 8;
+    assert_true(cairn_hough_memory(&p) > 0);
+    p.max_lines = 256;
+    p.angles = 1 << 12;
+    p.distances = 1 << 14;
+    p.angle_tolerance = CAIRN_PI / 2;
+    assert_true(cairn_hough_memory(&p) > 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(finds_what_the_obvious_way_finds),
+        cmocka_unit_test(pieces_of_a_wall_are_one_line),
+        cmocka_unit_test(faces_are_one_without_orientation),
+        cmocka_unit_test(separation),
+        cmocka_unit_test(directions_count),
+        cmocka_unit_test(weights_are_votes),
+        cmocka_unit_test(the_highest_peaks_are_kept),
+        cmocka_unit_test(far_points_fit),
+        cmocka_unit_test(places_do_not_matter),
+        cmocka_unit_test(the_budget_does_not_matter),
+        cmocka_unit_test(nothing_gives_no_lines),
+        cmocka_unit_test(bad_points_are_refused),
+        cmocka_unit_test(memory_is_exact),
+        cmocka_unit_test(bad_params_are_refused),
+    };
+
+    return cmocka_run_group_tests_name("hough", tests, NULL, NULL);
+}

@@ -1,0 +1,784 @@
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "cairn/rectangle.h"
+
+#define PI     3.14159265358979323846
+#define DEGREE (PI / 180)
+
+enum { MANY = 200, MOST = 256 };
+
+struct fixture {
+    cairn_pool pool;
+    cairn_rectangle_set *set;
+};
+
+static struct fixture set_with(cairn_rectangle_params params)
+{
+    struct fixture f;
+
+    f.pool = test_pool(cairn_rectangle_memory(&params));
+    assert_ok(cairn_rectangle_create(&f.set, &f.pool, &params));
+    return f;
+}
+
+struct scene {
+    cairn_segment segments[MANY];
+    int32_t count;
+};
+
+/* In a frame at (x, y), turned by `turn`. */
+struct frame {
+    double x, y, turn;
+};
+
+static cairn_vec2 placed(struct frame f, double x, double y)
+{
+    cairn_vec2 p = {(cairn_real)(f.x + x * cos(f.turn) - y * sin(f.turn)),
+                    (cairn_real)(f.y + x * sin(f.turn) + y * cos(f.turn))};
+
+    return p;
+}
+
+static void add(struct scene *s, struct frame f, double ax, double ay, double bx, double by)
+{
+    s->segments[s->count].a = placed(f, ax, ay);
+    s->segments[s->count++].b = placed(f, bx, by);
+}
+
+/* The four walls of a room from (0, 0) to (w, h), counter-clockwise with the free side inside, between two shares of each. */
+static void add_room(struct scene *s, struct frame f, double w, double h, double from, double to)
+{
+    add(s, f, from * w, 0, to * w, 0);
+    add(s, f, w, from * h, w, to * h);
+    add(s, f, w - from * w, h, w - to * w, h);
+    add(s, f, 0, h - from * h, 0, h - to * h);
+}
+
+static void turn_about(struct scene *s)
+{
+    for (int32_t i = 0; i < s->count; i++) {
+        cairn_vec2 a = s->segments[i].a;
+
+        s->segments[i].a = s->segments[i].b;
+        s->segments[i].b = a;
+    }
+}
+
+static const cairn_rectangle *search(cairn_rectangle_set *set, const struct scene *s, int32_t *found)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    assert_ok(cairn_rectangle_begin(set, s->segments, s->count));
+    assert_ok(cairn_rectangle_step(set, &budget));
+    return cairn_rectangle_list(set, found);
+}
+
+/* ---- What is known exactly ---- */
+
+static void rooms_and_boxes(void **state)
+{
+    struct fixture f = set_with(cairn_rectangle_default());
+
+    (void)state;
+    for (int32_t degrees = -180; degrees < 180; degrees += 15) {
+        struct frame at = {3, -2, degrees * DEGREE + 0.01};
+        struct scene s = {.count = 0};
+        const cairn_rectangle *r;
+        double theta = at.turn - floor(at.turn / (PI / 2)) * PI / 2;
+        int32_t found, across = (int32_t)floor(at.turn / (PI / 2)) & 1;
+        cairn_vec2 centre = placed(at, 2, 1.5), corners[4];
+
+        add_room(&s, at, 4, 3, 0, 1);
+        for (int32_t box = 0; box < 2; box++) {
+            r = search(f.set, &s, &found);
+            assert_int_equal(found, 1);
+            assert_int_equal(cairn_rectangle_dropped(f.set), 0);
+            assert_int_equal(r->kind, box ? CAIRN_RECTANGLE_BOX : CAIRN_RECTANGLE_ROOM);
+            assert_near(r->centre.x, centre.x, 1e-5);
+            assert_near(r->centre.y, centre.y, 1e-5);
+            assert_near(r->centre.theta, theta, 1e-5);
+            assert_near(r->half_length, across ? 1.5 : 2, 1e-5);
+            assert_near(r->half_width, across ? 2 : 1.5, 1e-5);
+            assert_near(r->covered, 1, 0);
+            assert_near(r->strength, 1, 1e-5);
+            cairn_rectangle_corners(r, corners);
+            for (int32_t i = 0; i < 4; i++) {
+                double u = (double)(corners[i].x - r->centre.x) * cos(theta) +
+                           (double)(corners[i].y - r->centre.y) * sin(theta);
+                double v = (double)(corners[i].y - r->centre.y) * cos(theta) -
+                           (double)(corners[i].x - r->centre.x) * sin(theta);
+
+                assert_near(u, (i == 1 || i == 2 ? 1 : -1) * (double)r->half_length, 1e-5);
+                assert_near(v, (i >= 2 ? 1 : -1) * (double)r->half_width, 1e-5);
+            }
+            turn_about(&s);
+        }
+    }
+    test_pool_free(&f.pool);
+}
+
+/* The side of each number lies where the header says. */
+static void sides_are_told(void **state)
+{
+    struct fixture f = set_with(cairn_rectangle_default());
+    struct frame at = {0, 0, 0.3};
+    struct scene s = {.count = 0};
+    const cairn_rectangle *r;
+    int32_t found;
+
+    (void)state;
+    add_room(&s, at, 5, 3, 0, 1);
+    /* Sides are numbered by length: the upper one, the lower one, the left one, the right one. */
+    s.segments[0].b = placed(at, 4.9, 0);
+    s.segments[1].b = placed(at, 5, 2.8);
+    s.segments[3].b = placed(at, 0, 0.1);
+    r = search(f.set, &s, &found);
+    assert_int_equal(found, 1);
+    assert_int_equal(r->side[0], 1);
+    assert_int_equal(r->side[1], 0);
+    assert_int_equal(r->side[2], 2);
+    assert_int_equal(r->side[3], 3);
+    assert_near(r->covered, (5 + 4.9 + 2.8 + 2.9) / 16, 0.02);
+    test_pool_free(&f.pool);
+}
+
+/* Sides in pieces, each from another scan and a little off. */
+static void pieces_are_merged(void **state)
+{
+    struct fixture f = set_with(cairn_rectangle_default());
+    struct frame at = {1, 1, 0.2};
+    struct scene s = {.count = 0};
+    const cairn_rectangle *r;
+    int32_t found;
+
+    (void)state;
+    add(&s, at, 0, 0.02, 1, 0.02);
+    add(&s, at, 0.5, -0.02, 2.5, -0.01);
+    add(&s, at, 3, 0.01, 4, 0.02);
+    add(&s, at, 4, 0, 4, 3);
+    add(&s, at, 4, 3, 2, 3);
+    add(&s, at, 0.01, 3, 0.02, 1.4);
+    add(&s, at, -0.02, 1.4, 0, 0);
+    r = search(f.set, &s, &found);
+    assert_int_equal(found, 1);
+    assert_near(r->covered, (3.5 + 3 + 2 + 3) / 14, 0.02);
+    assert_near(r->half_length, 2, 0.02);
+    assert_near(r->half_width, 1.5, 0.02);
+    assert_true(r->strength > CAIRN_REAL(0.7) && r->strength <= r->covered);
+    test_pool_free(&f.pool);
+}
+
+/* Both kinds of walls of one room that directions would keep apart. */
+static void directions_count_or_do_not(void **state)
+{
+    cairn_rectangle_params p = cairn_rectangle_default();
+    struct fixture oriented = set_with(p), lines;
+    struct frame at = {0, 0, 1};
+    struct scene s = {.count = 0};
+    const cairn_rectangle *r;
+    cairn_vec2 a;
+    int32_t found;
+
+    (void)state;
+    p.oriented = 0;
+    lines = set_with(p);
+    add_room(&s, at, 4, 3, 0, 1);
+    a = s.segments[1].a;
+    s.segments[1].a = s.segments[1].b;
+    s.segments[1].b = a;
+    (void)search(oriented.set, &s, &found);
+    assert_int_equal(found, 0);
+    r = search(lines.set, &s, &found);
+    assert_int_equal(found, 1);
+    assert_int_equal(r->kind, CAIRN_RECTANGLE_ANY);
+    assert_near(r->strength, 1, 1e-5);
+    /* A piece against the way of its side joins it only there. */
+    s.segments[1].b = s.segments[1].a;
+    s.segments[1].a = a;
+    s.segments[2].b = placed(at, 2, 3);
+    add(&s, at, 0, 3, 2, 3);
+    r = search(lines.set, &s, &found);
+    assert_near(r->covered, 1, 0);
+    r = search(oriented.set, &s, &found);
+    assert_int_equal(found, 1);
+    assert_near(r->covered, 12. / 14, 0.01);
+    test_pool_free(&oriented.pool);
+    test_pool_free(&lines.pool);
+}
+
+/* Params one by one: just within, just beyond. */
+static void limits(void **state)
+{
+    static const struct {
+        const char *what;
+        double value[2];
+        int32_t found[2];
+    } cases[] = {
+        {"cover", {0.51, 0.49}, {1, 0}},    /* of each side */
+        {"one side", {0.16, 0.13}, {1, 0}}, /* the others whole */
+        {"short", {0.31, 0.29}, {1, 0}},    /* m */
+        {"skew", {7.5, 8.5}, {1, 0}},       /* degrees, of one side */
+    };
+
+    (void)state;
+    for (int32_t k = 0; k < 8; k++) {
+        struct fixture f = set_with(cairn_rectangle_default());
+        struct frame at = {5, 5, 0.7};
+        struct scene s = {.count = 0};
+        double value = cases[k / 2].value[k % 2];
+        int32_t found;
+
+        if (k / 2 == 0) {
+            add_room(&s, at, 4, 3, 0, value);
+        } else if (k / 2 == 1) {
+            add_room(&s, at, 4, 3, 0, 1);
+            s.segments[1].b = placed(at, 4, 3 * value);
+        } else if (k / 2 == 2) {
+            add_room(&s, at, 1, value, 0, 1);
+        } else {
+            add_room(&s, at, 4, 3, 0, 1);
+            s.segments[1].a = placed(at, 4 - 0.5 * tan(value * DEGREE), 1);
+            s.segments[1].b = placed(at, 4 + 0.5 * tan(value * DEGREE), 2);
+        }
+        (void)search(f.set, &s, &found);
+        if (found != cases[k / 2].found[k % 2])
+            fail_msg("%s %g: found %d", cases[k / 2].what, value, (int)found);
+        test_pool_free(&f.pool);
+    }
+}
+
+/* Less strength to what is askew: sides off by half of the angle lose an eighth. */
+static void skew_costs_strength(void **state)
+{
+    struct fixture f = set_with(cairn_rectangle_default());
+    struct frame at = {0, 0, 0.2};
+    struct scene s = {.count = 0};
+    double off = tan(4 * DEGREE);
+    const cairn_rectangle *r;
+    int32_t found;
+
+    (void)state;
+    /* A rhomb, whose angles are off by 8 degrees. */
+    add(&s, at, 0, 0, 3, 3 * off);
+    add(&s, at, 3, 3 * off, 3 + 3 * off, 3 + 3 * off);
+    add(&s, at, 3 + 3 * off, 3 + 3 * off, 3 * off, 3);
+    add(&s, at, 3 * off, 3, 0, 0);
+    r = search(f.set, &s, &found);
+    assert_int_equal(found, 1);
+    assert_near(r->strength / r->covered, 1 - 0.5 * 0.25, 0.01);
+    test_pool_free(&f.pool);
+}
+
+static void near_ones_are_one(void **state)
+{
+    cairn_rectangle_params p = cairn_rectangle_default();
+    struct frame at = {0, 0, 0.4};
+
+    (void)state;
+    for (int32_t apart = 15; apart <= 45; apart += 10) {
+        struct fixture f = set_with(p);
+        struct scene s = {.count = 0};
+        struct frame beside = {apart * 0.01 * cos(0.4 + 1.1), apart * 0.01 * sin(0.4 + 1.1), 0.4};
+        const cairn_rectangle *r;
+        int32_t found, exact = 0;
+
+        add_room(&s, at, 4, 3, 0, 1);
+        add_room(&s, beside, 4, 3, 0, 0.9);
+        r = search(f.set, &s, &found);
+        for (int32_t i = 0; i < found; i++)
+            exact += r[i].covered > CAIRN_REAL(0.99);
+        assert_true(exact >= 1);
+        assert_near(r[0].covered, 1, 0.01);
+        if (apart <= 25)
+            assert_int_equal(found, 1);
+        else
+            assert_true(found > 1);
+        for (int32_t i = 1; i < found; i++)
+            assert_true(r[i].strength <= r[i - 1].strength);
+        test_pool_free(&f.pool);
+    }
+}
+
+/* ---- The obvious way: all quadruples of segments ---- */
+
+struct slow {
+    double x, y, theta, length, width, covered, strength;
+    int32_t kind;
+};
+
+struct slow_side {
+    double mx, my, dx, dy, length;
+};
+
+static struct slow_side slow_side_of(cairn_segment s)
+{
+    double dx = (double)s.b.x - (double)s.a.x, dy = (double)s.b.y - (double)s.a.y, length = hypot(dx, dy);
+    struct slow_side side = {((double)s.a.x + (double)s.b.x) / 2, ((double)s.a.y + (double)s.b.y) / 2, dx / length,
+                             dy / length, length};
+
+    return side;
+}
+
+/* Intersection of two lines. */
+static void meet(const struct slow_side *s, const struct slow_side *t, double *x, double *y)
+{
+    double det = s->dx * t->dy - s->dy * t->dx;
+    double along = ((t->mx - s->mx) * t->dy - (t->my - s->my) * t->dx) / det;
+
+    *x = s->mx + along * s->dx;
+    *y = s->my + along * s->dy;
+}
+
+/* How much of a side from p to q a segment covers. */
+static double share_of(const struct slow_side *s, double px, double py, double qx, double qy)
+{
+    double length = hypot(qx - px, qy - py), ux = (qx - px) / length, uy = (qy - py) / length;
+    double middle = (s->mx - px) * ux + (s->my - py) * uy, half = s->length / 2 * fabs(s->dx * ux + s->dy * uy);
+
+    return fmax(fmin(middle + half, length) - fmax(middle - half, 0), 0) / length;
+}
+
+/* The quadrangle of lower, right, upper, left lines, when it is a rectangle by the params. */
+static int slow_rectangle(const cairn_rectangle_params *p, const struct slow_side *of[4], struct slow *r)
+{
+    double x[4], y[4], share[4], worst = 0, length, width, c = 0, s = 0, theta, sum;
+
+    for (int i = 0; i < 4; i++) {
+        double angle = atan2(of[i]->dy, of[i]->dx);
+
+        c += of[i]->length * cos(4 * angle);
+        s += of[i]->length * sin(4 * angle);
+    }
+    theta = atan2(s, c) / 4;
+    theta += theta < 0 ? PI / 2 : 0;
+    for (int i = 0; i < 4; i++)
+        worst = fmax(worst, fabs(remainder(atan2(of[i]->dy, of[i]->dx) - theta, PI / 2)));
+    if (sin(worst) > sin((double)p->angle))
+        return 0;
+    for (int i = 0; i < 4; i++)
+        meet(of[i], of[(i + 1) % 4], &x[i], &y[i]); /* lower right, upper right, upper left, lower left */
+    length = (hypot(x[0] - x[3], y[0] - y[3]) + hypot(x[1] - x[2], y[1] - y[2])) / 2;
+    width = (hypot(x[1] - x[0], y[1] - y[0]) + hypot(x[2] - x[3], y[2] - y[3])) / 2;
+    if (fmin(length, width) < (double)p->min_side)
+        return 0;
+    for (int i = 0; i < 4; i++) {
+        share[i] = share_of(of[i], x[(i + 3) % 4], y[(i + 3) % 4], x[i], y[i]);
+        if (share[i] < (double)p->least_side)
+            return 0;
+    }
+    sum = (share[0] + share[2]) * length + (share[1] + share[3]) * width;
+    r->covered = sum / (2 * (length + width));
+    r->strength = r->covered * (1 - pow(sin(worst) / sin((double)p->angle), 2) / 2);
+    r->x = (x[0] + x[1] + x[2] + x[3]) / 4;
+    r->y = (y[0] + y[1] + y[2] + y[3]) / 4;
+    r->length = length;
+    r->width = width;
+    r->theta = theta;
+    return r->covered >= (double)p->least_covered;
+}
+
+/* 1: the free sides of all four are inside; 2: outside; 0: neither. */
+static int inside_or_out(const struct slow_side *of[4])
+{
+    double x = 0, y = 0;
+    int in = 0;
+
+    for (int i = 0; i < 4; i++) {
+        double cx, cy;
+
+        meet(of[i], of[(i + 1) % 4], &cx, &cy);
+        x += cx / 4;
+        y += cy / 4;
+    }
+    for (int i = 0; i < 4; i++)
+        in += of[i]->dx * (y - of[i]->my) - of[i]->dy * (x - of[i]->mx) > 0;
+    return in == 4 ? 1 : in == 0 ? 2 : 0;
+}
+
+/* Opposite sides run against each other when both are free on the same side of the outline. */
+static int slow_quadruples(const cairn_rectangle_params *p, const struct scene *scene, struct slow *found)
+{
+    static struct slow_side side[MANY];
+    int32_t n = scene->count, count = 0;
+
+    for (int32_t i = 0; i < n; i++)
+        side[i] = slow_side_of(scene->segments[i]);
+    for (int32_t i = 0; i < n; i++)
+        for (int32_t k = i + 1; k < n; k++) {
+            if (fabs(side[i].dx * side[k].dx + side[i].dy * side[k].dy) < cos((double)p->angle))
+                continue;
+            for (int32_t j = 0; j < n; j++)
+                for (int32_t l = j + 1; l < n; l++) {
+                    const struct slow_side *of[4] = {&side[i], &side[j], &side[k], &side[l]};
+                    int free_side;
+
+                    if (i > j || fabs(side[j].dx * side[l].dx + side[j].dy * side[l].dy) < cos((double)p->angle) ||
+                        fabs(side[i].dx * side[j].dx + side[i].dy * side[j].dy) > 0.5)
+                        continue;
+                    free_side = inside_or_out(of);
+                    if (free_side == 0 || !slow_rectangle(p, of, &found[count]))
+                        continue;
+                    found[count].kind = free_side == 1 ? CAIRN_RECTANGLE_ROOM : CAIRN_RECTANGLE_BOX;
+                    count++;
+                    assert_true(count < MOST);
+                }
+        }
+    return count;
+}
+
+/* Whether the two are one rectangle: centre, and sides along theta and across it. */
+static int is_slow(const cairn_rectangle *r, const struct slow *s)
+{
+    double size = fmin(fabs(2 * (double)r->half_length - s->length) + fabs(2 * (double)r->half_width - s->width),
+                       fabs(2 * (double)r->half_length - s->width) + fabs(2 * (double)r->half_width - s->length));
+
+    return r->kind == s->kind && hypot((double)r->centre.x - s->x, (double)r->centre.y - s->y) < 0.05 && size < 0.1 &&
+           fabs(remainder((double)r->centre.theta - s->theta, PI / 2)) < 1e-3 &&
+           fabs((double)r->covered - s->covered) < 0.04 && fabs((double)r->strength - s->strength) < 0.05;
+}
+
+/* Walls in two directions at random, some off by a few degrees, none near enough to another to be merged. */
+static void scatter(struct scene *s, uint64_t seed)
+{
+    cairn_random random = cairn_random_seed(seed, 0);
+    struct frame at = {2, 1, 0};
+    double most = seed % 2 != 0 ? 2 * DEGREE : 0.5 * DEGREE;
+
+    at.turn = (double)cairn_random_uniform(&random, 0, (cairn_real)PI);
+    s->count = 0;
+    for (int32_t i = 0; i < 24; i++) {
+        struct frame wall = at;
+        double from = (double)cairn_random_uniform(&random, -4, 2), offset = -4 + 0.7 * (i / 2);
+        double length = (double)cairn_random_uniform(&random, 1, 5);
+        double off = (double)cairn_random_uniform(&random, (cairn_real)-most, (cairn_real)most);
+        double dx = length * cos(off), dy = length * sin(off);
+
+        wall.turn += i % 2 * PI / 2;
+        if (cairn_random_below(&random, 2) != 0)
+            add(s, wall, from, offset, from + dx, offset + dy);
+        else
+            add(s, wall, from + dx, offset + dy, from, offset);
+    }
+}
+
+static void finds_what_all_quadruples_give(void **state)
+{
+    static struct slow slow[MOST];
+    int32_t seen = 0;
+
+    (void)state;
+    for (uint64_t seed = 1; seed <= 8; seed++) {
+        cairn_rectangle_params p = cairn_rectangle_default(), more;
+        struct scene s;
+        struct fixture f;
+        const cairn_rectangle *fast;
+        int32_t found, count;
+
+        p.separation = CAIRN_REAL(1e-6);
+        p.max_rectangles = MOST;
+        more = p;
+        more.least_covered = p.least_covered - CAIRN_REAL(0.04);
+        more.least_side = p.least_side - CAIRN_REAL(0.04);
+        f = set_with(p);
+        scatter(&s, seed);
+        fast = search(f.set, &s, &found);
+        assert_int_equal(cairn_rectangle_dropped(f.set), 0);
+        seen += found;
+        count = slow_quadruples(&more, &s, slow);
+        for (int32_t i = 0; i < found; i++) {
+            int32_t same = 0;
+
+            for (int32_t j = 0; j < count; j++)
+                same += is_slow(&fast[i], &slow[j]);
+            assert_int_equal(same, 1);
+        }
+        more.least_covered = p.least_covered + CAIRN_REAL(0.04);
+        more.least_side = p.least_side + CAIRN_REAL(0.04);
+        count = slow_quadruples(&more, &s, slow);
+        for (int32_t j = 0; j < count; j++) {
+            int32_t same = 0;
+
+            for (int32_t i = 0; i < found; i++)
+                same += is_slow(&fast[i], &slow[j]);
+            assert_int_equal(same, 1);
+        }
+        test_pool_free(&f.pool);
+    }
+    assert_true(seen > 40);
+}
+
+/* ---- Steps, statuses, memory ---- */
+
+static void the_budget_does_not_matter(void **state)
+{
+    static const int32_t budgets[] = {1, 7, 1000};
+    static cairn_rectangle whole[MOST];
+    struct fixture f = set_with(cairn_rectangle_default());
+    const cairn_rectangle *list;
+    struct scene s;
+    int32_t found, count;
+
+    (void)state;
+    scatter(&s, 2);
+    list = search(f.set, &s, &count);
+    assert_true(count > 4);
+    memcpy(whole, list, (size_t)count * sizeof *whole);
+    for (int i = 0; i < 3; i++) {
+        cairn_budget budget = {0};
+        cairn_status status;
+        int64_t units = 0;
+
+        assert_ok(cairn_rectangle_begin(f.set, s.segments, s.count));
+        assert_status(cairn_rectangle_step(f.set, &budget), CAIRN_MORE);
+        do {
+            budget.left = budgets[i];
+            status = cairn_rectangle_step(f.set, &budget);
+            assert_true(budget.left >= 0);
+            units += budgets[i] - budget.left;
+        } while (status == CAIRN_MORE);
+        assert_ok(status);
+        list = cairn_rectangle_list(f.set, &found);
+        assert_int_equal(found, count);
+        for (int32_t k = 0; k < count; k++) {
+            assert_near(list[k].centre.x, whole[k].centre.x, 0);
+            assert_near(list[k].strength, whole[k].strength, 0);
+            assert_memory_equal(list[k].side, whole[k].side, sizeof whole[k].side);
+        }
+        assert_int_equal(units, NUMBER(0x10af, 0x11bc));
+        assert_ok(cairn_rectangle_step(f.set, &budget)); /* nothing left to do */
+    }
+    test_pool_free(&f.pool);
+}
+
+static void capacities(void **state)
+{
+    cairn_rectangle_params p = cairn_rectangle_default();
+    struct scene s = {.count = 0};
+    struct fixture f;
+    const cairn_rectangle *r;
+    int32_t found;
+
+    (void)state;
+    /* Three rooms, none beside another, the second with the most cover. */
+    for (int32_t i = 0; i < 3; i++) {
+        struct frame room = {6.0 * i, 6.0 * i, 0.2};
+
+        add_room(&s, room, 4, 3, 0, i == 0 ? 0.7 : i == 1 ? 1 : 0.8);
+    }
+    p.merge_gap = 1;
+    f = set_with(p);
+    r = search(f.set, &s, &found);
+    assert_int_equal(found, 3);
+    assert_int_equal(cairn_rectangle_dropped(f.set), 0);
+    assert_near(r[0].covered, 1, 0.01);
+    assert_near(r[1].covered, 0.8, 0.01);
+    assert_near(r[2].covered, 0.7, 0.02);
+    test_pool_free(&f.pool);
+    p.max_rectangles = 1;
+    f = set_with(p);
+    r = search(f.set, &s, &found);
+    assert_int_equal(found, 1);
+    assert_int_equal(cairn_rectangle_dropped(f.set), 2);
+    assert_near(r[0].covered, 1, 0.01);
+    test_pool_free(&f.pool);
+    /* The longest walls make the sides that there is room for: of the second room all, of the third the long ones. */
+    p.max_rectangles = 3;
+    p.max_sides = 7;
+    f = set_with(p);
+    r = search(f.set, &s, &found);
+    assert_int_equal(found, 1);
+    assert_int_equal(cairn_rectangle_dropped(f.set), 5);
+    assert_near(r[0].covered, 1, 0.01);
+    test_pool_free(&f.pool);
+    p.max_sides = 12;
+    p.max_pairs = 3;
+    f = set_with(p);
+    (void)search(f.set, &s, &found);
+    assert_true(cairn_rectangle_dropped(f.set) > 0);
+    test_pool_free(&f.pool);
+    p.max_segments = 11;
+    f = set_with(p);
+    assert_status(cairn_rectangle_begin(f.set, s.segments, s.count), CAIRN_FULL);
+    assert_ok(cairn_rectangle_begin(f.set, s.segments, 11));
+    test_pool_free(&f.pool);
+}
+
+static void little_or_nothing(void **state)
+{
+    struct fixture f = set_with(cairn_rectangle_default());
+    struct frame at = {0, 0, 0};
+    struct scene s = {.count = 0};
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    int32_t found;
+
+    (void)state;
+    (void)cairn_rectangle_list(f.set, &found);
+    assert_int_equal(found, 0);
+    assert_ok(cairn_rectangle_step(f.set, &budget));
+    assert_ok(cairn_rectangle_begin(f.set, NULL, 0));
+    assert_ok(cairn_rectangle_step(f.set, &budget));
+    (void)cairn_rectangle_list(f.set, &found);
+    assert_int_equal(found, 0);
+    /* Points are no sides; parallels alone are no rectangle, many with one slope each a pair once. */
+    for (int32_t i = 0; i < 5; i++)
+        add(&s, at, i, i, i, i);
+    for (int32_t i = 0; i < 6; i++)
+        add(&s, at, i % 2 * 3, i, 3 - i % 2 * 3, i);
+    (void)search(f.set, &s, &found);
+    assert_int_equal(found, 0);
+    s.count = 0;
+    add_room(&s, at, 3, 3, 0, 1);
+    add(&s, at, 1, 1, 1, 1);
+    (void)search(f.set, &s, &found);
+    assert_int_equal(found, 1);
+    test_pool_free(&f.pool);
+}
+
+static void bad_segments_are_refused(void **state)
+{
+    struct fixture f = set_with(cairn_rectangle_default());
+    static const struct {
+        int field;
+        double value;
+        cairn_status status;
+    } bad[] = {{0, NAN, CAIRN_NOT_FINITE},       {1, INFINITY, CAIRN_NOT_FINITE}, {2, NAN, CAIRN_NOT_FINITE},
+               {3, -INFINITY, CAIRN_NOT_FINITE}, {0, 1.1e6, CAIRN_BAD_ARGUMENT},  {1, -1.1e6, CAIRN_BAD_ARGUMENT},
+               {2, 1.1e6, CAIRN_BAD_ARGUMENT},   {3, -1.1e6, CAIRN_BAD_ARGUMENT}};
+    struct frame at = {0, 0, 0.5};
+    struct scene s = {.count = 0};
+    int32_t found;
+
+    (void)state;
+    add_room(&s, at, 3, 2, 0, 1);
+    (void)search(f.set, &s, &found);
+    assert_int_equal(found, 1);
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        struct scene copy = s;
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+        cairn_real *fields[] = {&copy.segments[2].a.x, &copy.segments[2].a.y, &copy.segments[2].b.x,
+                                &copy.segments[2].b.y};
+
+        *fields[bad[i].field] = (cairn_real)bad[i].value;
+        assert_ok(cairn_rectangle_begin(f.set, copy.segments, copy.count));
+        assert_status(cairn_rectangle_step(f.set, &budget), bad[i].status);
+        assert_ok(cairn_rectangle_step(f.set, &budget));
+        (void)cairn_rectangle_list(f.set, &found);
+        assert_int_equal(found, 1);
+    }
+    assert_status(cairn_rectangle_begin(NULL, s.segments, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_rectangle_begin(f.set, NULL, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_rectangle_begin(f.set, s.segments, -1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_rectangle_step(f.set, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_rectangle_step(NULL, NULL), CAIRN_BAD_ARGUMENT);
+    test_pool_free(&f.pool);
+}
+
+static cairn_status create(void *context, cairn_pool *pool)
+{
+    cairn_rectangle_set *set;
+
+    return cairn_rectangle_create(&set, pool, context);
+}
+
+static void memory_is_exact(void **state)
+{
+    cairn_rectangle_params p = cairn_rectangle_default();
+
+    (void)state;
+    p.max_segments = 9;
+    p.max_sides = 5;
+    p.max_pairs = 7;
+    p.max_rectangles = 3;
+    test_every_pool_size(create, &p, cairn_rectangle_memory(&p));
+    for (int32_t n = 1; n <= 256; n = 2 * n + 1) {
+        p.max_segments = 5 * n;
+        p.max_sides = 2 * n;
+        p.max_pairs = 11 * n;
+        p.max_rectangles = n;
+        assert_true(cairn_rectangle_memory(&p) <=
+                    CAIRN_RECTANGLE_BYTES(p.max_segments, p.max_sides, p.max_pairs, p.max_rectangles));
+    }
+}
+
+#define REFUSED(change)                                                                                                \
+    do {                                                                                                               \
+        p = cairn_rectangle_default();                                                                                 \
+        change;                                                                                                        \
+        assert_int_equal(cairn_rectangle_memory(&p), 0);                                                               \
+        assert_status(cairn_rectangle_create(&set, &pool, &p), CAIRN_BAD_ARGUMENT);                                    \
+        assert_int_equal(pool.used, 0);                                                                                \
+    } while (0)
+
+static void bad_params_are_refused(void **state)
+{
+    cairn_rectangle_params p = cairn_rectangle_default();
+    cairn_pool pool = test_pool(cairn_rectangle_memory(&p));
+    cairn_rectangle_set *set = NULL;
+
+    (void)state;
+    REFUSED(p.max_segments = 0);
+    REFUSED(p.max_segments = (1 << 20) + 1);
+    REFUSED(p.max_sides = 0);
+    REFUSED(p.max_sides = (1 << 16) + 1);
+    REFUSED(p.max_pairs = 0);
+    REFUSED(p.max_pairs = (1 << 20) + 1);
+    REFUSED(p.max_rectangles = 0);
+    REFUSED(p.max_rectangles = 257);
+    REFUSED(p.merge_distance = 0);
+    REFUSED(p.merge_distance = (cairn_real)NAN);
+    REFUSED(p.merge_angle = 0);
+    REFUSED(p.merge_angle = CAIRN_REAL(0.8));
+    REFUSED(p.merge_angle = (cairn_real)NAN);
+    REFUSED(p.merge_gap = -1);
+    REFUSED(p.merge_gap = (cairn_real)NAN);
+    REFUSED(p.merge_gap = (cairn_real)INFINITY);
+    REFUSED(p.angle = 0);
+    REFUSED(p.angle = CAIRN_REAL(0.8));
+    REFUSED(p.min_side = 0);
+    REFUSED(p.min_side = (cairn_real)NAN);
+    REFUSED(p.least_side = CAIRN_REAL(-0.01));
+    REFUSED(p.least_side = CAIRN_REAL(1.01));
+    REFUSED(p.least_covered = CAIRN_REAL(-0.01));
+    REFUSED(p.least_covered = (cairn_real)NAN);
+    REFUSED(p.separation = 0);
+    REFUSED(p.separation = (cairn_real)INFINITY);
+    p = cairn_rectangle_default();
+    assert_int_equal(cairn_rectangle_memory(NULL), 0);
+    assert_status(cairn_rectangle_create(&set, &pool, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_rectangle_create(&set, NULL, &p), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_rectangle_create(NULL, &pool, &p), CAIRN_BAD_ARGUMENT);
+    assert_ok(cairn_rectangle_create(&set, &pool, &p));
+    test_pool_free(&pool);
+    p.max_segments = 1 << 20;
+    p.max_sides = 1 << 16;
+    p.max_pairs = 1 << 20;
+    p.max_rectangles = 256;
+    p.merge_gap = 0;
+    p.least_side = 0;
+    p.least_covered = 1;
+    assert_true(cairn_rectangle_memory(&p) > 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(rooms_and_boxes),
+        cmocka_unit_test(sides_are_told),
+        cmocka_unit_test(pieces_are_merged),
+        cmocka_unit_test(directions_count_or_do_not),
+        cmocka_unit_test(limits),
+        cmocka_unit_test(skew_costs_strength),
+        cmocka_unit_test(near_ones_are_one),
+        cmocka_unit_test(finds_what_all_quadruples_give),
+        cmocka_unit_test(the_budget_does_not_matter),
+        cmocka_unit_test(capacities),
+        cmocka_unit_test(little_or_nothing),
+        cmocka_unit_test(bad_segments_are_refused),
+        cmocka_unit_test(memory_is_exact),
+        cmocka_unit_test(bad_params_are_refused),
+    };
+
+    return cmocka_run_group_tests_name("rectangle", tests, NULL, NULL);
+}
