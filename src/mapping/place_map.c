@@ -7,7 +7,7 @@
  * shows more of what the place saw than any one of them; what is found becomes hypotheses of the pairs that support it, and
  * the consensus is asked again. At the end the places are aligned by ICP, each with all others, in turn.
  *
- * Layout: points, dense points and beams of all scans side by side, in the frames of the scans. Scratch for one query.
+ * Layout: points and beams of all scans side by side, in the frames of the scans. Scratch for one query.
  *
  * Limits: the pairs grow with the square of the places. Evidence counts every point by itself, though points of one wall
  * hang together: nats are worth comparing, not to be taken as odds.
@@ -36,9 +36,9 @@ cairn_place_map_params cairn_place_map_default(void)
     params.sight_reach = 8;
     params.sight_cell = CAIRN_REAL(0.05);
     params.sight_margin = CAIRN_REAL(0.1);
-    params.for_point = CAIRN_REAL(0.06);
+    params.for_point = CAIRN_REAL(0.08);
     params.for_floating = CAIRN_REAL(0.14);
-    params.for_rough = CAIRN_REAL(0.3);
+    params.for_rough = CAIRN_REAL(0.6);
     params.against_point = CAIRN_REAL(0.65);
     params.floating = CAIRN_REAL(0.15);
     params.chance = 0;
@@ -120,11 +120,9 @@ static cairn_place_map *carve(cairn_pool *pool, const cairn_place_map_params *pa
     made.points = cairn_pool_take(pool, places * points, sizeof *made.points);
     made.doubt = cairn_pool_take(pool, places * points, sizeof *made.doubt);
     made.hypotheses = cairn_pool_take(pool, (size_t)params->consensus.max_hypotheses, sizeof *made.hypotheses);
-    made.dense = cairn_pool_take(pool, places * beams, sizeof *made.dense);
     made.beams = cairn_pool_take(pool, places * beams, sizeof *made.beams);
     made.sight = cairn_pool_take(pool, places * side, side);
-    made.query_points = cairn_pool_take(pool, points, sizeof *made.query_points);
-    made.query_dense = cairn_pool_take(pool, beams, sizeof *made.query_dense);
+    made.query_points = cairn_pool_take(pool, places * points, sizeof *made.query_points);
     made.query_beams = cairn_pool_take(pool, beams, sizeof *made.query_beams);
     if (map != NULL)
         *map = made;
@@ -235,7 +233,6 @@ cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place, const
     scan->beam_count = view->beam_count;
     memcpy(map->points + map->point_count, view->points, (size_t)view->point_count * sizeof *map->points);
     memcpy(map->beams + map->beam_count, view->beams, (size_t)view->beam_count * sizeof *map->beams);
-    scan->dense_count = cairn_scan_match_dense(view, map->dense + map->beam_count);
     cairn_place_map_find_floating(map, scan, view);
     map->point_count += view->point_count;
     map->beam_count += view->beam_count;

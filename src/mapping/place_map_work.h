@@ -7,7 +7,7 @@
 typedef struct cairn_place_scan {
     int32_t place;
     int32_t first_point, point_count; /* in the frame of the scan */
-    int32_t first_beam, dense_count, beam_count;
+    int32_t first_beam, beam_count;
     cairn_pose place_scan;
     cairn_pose map_scan; /* of the result */
 } cairn_place_scan;
@@ -59,11 +59,9 @@ struct cairn_place_map {
     cairn_oriented_point *points;       /* [max_places * max_place_points] of scans, in their frames */
     uint8_t *doubt;                     /* [as points] */
     cairn_pose_hypothesis *hypotheses;  /* [consensus.max_hypotheses] all that matches gave */
-    cairn_oriented_point *dense;        /* [max_places * max_place_beams] */
     cairn_beam *beams;                  /* [max_places * max_place_beams] */
     uint8_t *sight;                     /* [max_places][side][side] */
-    cairn_oriented_point *query_points; /* [max_place_points] of one place, in its frame */
-    cairn_oriented_point *query_dense;  /* [max_place_beams] */
+    cairn_oriented_point *query_points; /* [max_places * max_place_points] of the query, in its place's frame */
     cairn_beam *query_beams;            /* [max_place_beams] */
     int32_t side;                       /* cells of a place's sight */
     cairn_vec2 directions[CAIRN_SIGHT_DIRECTIONS];
