@@ -50,7 +50,7 @@ BENCH_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(filter-out bench/bench_%,$
 BENCH_COMMON := $(wildcard bench/bench_*.c) tools/options.c
 CAIRN_SRC   := $(if $(HAVE_HOST),$(filter-out tools/cairn_arena%,$(wildcard tools/cairn*.c)) tools/options.c firmware/robot.c)
 ARENA_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(wildcard tools/cairn_arena*.c) tools/options.c)
-TEST_COMMON := tests/support.c bench/bench_bound.c bench/bench_score.c firmware/robot.c firmware/recorder.c
+TEST_COMMON := tests/support.c tests/rooms.c bench/bench_bound.c bench/bench_score.c firmware/robot.c firmware/recorder.c
 HOST_LIBS   := -lyaml -lpng -lz
 SIM_LIBS    := -lbox2d
 
@@ -171,7 +171,7 @@ check-freestanding:
 	@sh tools/check.sh $(BUILD) freestanding
 
 # Every object of everything, for the checks of warnings.
-ALL_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(TEST_SRC) $(wildcard tests/support.c tests/golden.c) $(FW_LOOP) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC)
+ALL_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(TEST_SRC) $(wildcard tests/support.c tests/rooms.c tests/golden.c) $(FW_LOOP) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC)
 objects: $(call object,double,$(ALL_SRC)) $(call object,float,$(ALL_SRC))
 
 # The firmware: the float library in the loop of a robot on bare Cortex-M7 and M4F, and tests/golden.c in float and double.

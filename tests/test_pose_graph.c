@@ -520,6 +520,40 @@ static void covariances_are_those_of_the_dense_inverse(void **state)
 
 /* ---- Pieces, capacities, a solver of one's own ---- */
 
+/* Covariances stand from the end of marginals() to the next solve() or marginals(). */
+static void covariances_are_of_the_last_poses(void **state)
+{
+    struct problem p = a_problem(13, 0.05);
+    cairn_pose_graph_params params = small_params();
+    struct made made = make_graph(&p, &params, NULL);
+    cairn_pose_graph_link link = cairn_pose_graph_link_of(made.graph, 3);
+    cairn_budget little = {2};
+    cairn_real block[9];
+
+    (void)state;
+    assert_near(link.weight, 1, 0); /* nothing solved yet */
+    assert_near(link.chi2, 0, 0);
+    assert_int_equal(link.outlier, 0);
+    assert_int_equal(link.dropped, 0);
+    assert_status(cairn_pose_graph_covariance(made.graph, 1, 1, block), CAIRN_EMPTY);
+    (void)solve(made.graph);
+    assert_status(cairn_pose_graph_covariance(made.graph, 1, 1, block), CAIRN_EMPTY);
+    for (int round = 0; round < 2; round++) {
+        assert_ok(cairn_pose_graph_marginals(made.graph));
+        assert_status(cairn_pose_graph_covariance(made.graph, 1, 1, block), CAIRN_EMPTY);
+        assert_status(cairn_pose_graph_step(made.graph, &little), CAIRN_MORE);
+        assert_status(cairn_pose_graph_covariance(made.graph, 1, 1, block), CAIRN_EMPTY);
+        assert_ok(run(made.graph, CAIRN_UNBOUNDED));
+        assert_ok(cairn_pose_graph_covariance(made.graph, 1, 1, block));
+        little.left = 2;
+    }
+    assert_ok(cairn_pose_graph_solve(made.graph));
+    assert_status(cairn_pose_graph_covariance(made.graph, 1, 1, block), CAIRN_EMPTY);
+    assert_ok(run(made.graph, CAIRN_UNBOUNDED));
+    assert_status(cairn_pose_graph_covariance(made.graph, 1, 1, block), CAIRN_EMPTY);
+    test_pool_free(&made.pool);
+}
+
 static void pieces_are_told(void **state)
 {
     struct problem p = a_problem(7, 0.05);
@@ -977,6 +1011,7 @@ int main(void)
         cmocka_unit_test(graduated_widens_the_reach),
         cmocka_unit_test(fixed_poses_stay),
         cmocka_unit_test(covariances_are_those_of_the_dense_inverse),
+        cmocka_unit_test(covariances_are_of_the_last_poses),
         cmocka_unit_test(pieces_are_told),
         cmocka_unit_test(too_much_fill_is_told),
         cmocka_unit_test(a_solver_of_ones_own),
