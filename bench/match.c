@@ -27,7 +27,7 @@ typedef struct settings {
     int64_t arenas, seed, places;
     double tilt, movers;
     double sub_error[2]; /* m, degrees */
-    int32_t decoupled, walkers;
+    int32_t decoupled, by_icp, walkers;
 } settings;
 
 /* What a mapper is given of an arena, and the truth that it is not. */
@@ -256,7 +256,8 @@ static cairn_place_map_params params_of(const settings *s)
 
     params.max_places = (int32_t)s->places;
     params.max_scans = HEADINGS * (int32_t)s->places;
-    params.decoupled = s->decoupled;
+    if (s->decoupled || s->by_icp)
+        params.decoupled = s->decoupled ? CAIRN_PLACE_MAP_JOINTLY : CAIRN_PLACE_MAP_BY_ICP;
     if (strcmp(s->method, "sequential") == 0)
         params.mode = CAIRN_PLACE_MAP_SEQUENTIAL;
     if (strcmp(s->method, "shape") == 0) {
@@ -449,7 +450,7 @@ static void print_summary(const settings *s, const outcome *all, size_t count)
     bench_json_number("tilt", s->tilt);
     bench_json_number("movers", s->movers);
     bench_json_number("sub_error_m", s->sub_error[0]);
-    bench_json_integer("decoupled", s->decoupled);
+    bench_json_integer("decoupled", params_of(s).decoupled);
     bench_json_integer("arenas", (int64_t)count);
     bench_json_integer("arenas_ok", ok);
     bench_json_integer("places", places);
@@ -496,7 +497,7 @@ static int run(const settings *s)
 
 int main(int argc, char **argv)
 {
-    settings s = {"consensus", "rescue", NULL, 20, 1, 16, 0, 0, {0, 0}, 0, 0};
+    settings s = {"consensus", "rescue", NULL, 20, 1, 16, 0, 0, {0, 0}, 0, 0, 0};
     const option table[] = {
         OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
@@ -509,7 +510,8 @@ int main(int argc, char **argv)
         OPTION_PAIR("--sub-error", s.sub_error, 0, 10, "M,DEG",
                     "scans within a place are off, uniform +-, m and degrees"),
         OPTION_TEXT("--pictures", &s.pictures, "DIR", "draws match-SEED.svg into an existing folder"),
-        OPTION_FLAG("--decoupled", &s.decoupled, "at the end every scan is aligned by itself"),
+        OPTION_FLAG("--decoupled", &s.decoupled, "at the end every scan is aligned by itself, all at once"),
+        OPTION_FLAG("--decoupled-icp", &s.by_icp, "the same one after the other by ICP"),
     };
     const option_set set = {"bench/match", "[options]", "Maps of places without odometry.", table,
                             sizeof table / sizeof *table};

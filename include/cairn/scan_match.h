@@ -35,11 +35,12 @@ typedef struct cairn_scan_match_params {
     int32_t max_views;      /* parts whose beams are kept, 0 ... 4096; 0: no part's free space is known */
     int32_t max_query;      /* evenly spaced points of the query, 1 ... 2^20 */
     int32_t max_hypotheses; /* 1 ... 64 */
-    int32_t max_candidates; /* 1 ... 1024: poses that the search hands on to be refined; the more, the smaller the overlap
+    int32_t
+        max_candidates; /* 1 ... 1024: poses that the search hands on to be refined; the more, the smaller the overlap
                              * at which a match is still found, and the dearer */
-    cairn_real spacing;     /* m, > 0: of the evenly spaced points; lengths of the search are multiples of it */
-    cairn_real sigma;       /* least standard deviation of a point across its line that is believed, m, > 0 */
-    cairn_real weak_ratio;  /* a direction is not observable when its information is less than this share of the best
+    cairn_real spacing; /* m, > 0: of the evenly spaced points; lengths of the search are multiples of it */
+    cairn_real sigma;   /* least standard deviation of a point across its line that is believed, m, > 0 */
+    cairn_real weak_ratio; /* a direction is not observable when its information is less than this share of the best
                              * one's, in [0, 1) */
 } cairn_scan_match_params;
 

@@ -48,9 +48,12 @@ static void add_to_target(cairn_place_map *map, int32_t place, cairn_pose target
 
     for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++) {
         const cairn_place_scan *scan = &map->scans[s];
-        cairn_scan_match_part part = {
-            map->points + scan->first_point, NULL, map->beams + scan->first_beam, scan->point_count, 0,
-            scan->beam_count};
+        cairn_scan_match_part part = {map->points + scan->first_point,
+                                      NULL,
+                                      map->beams + scan->first_beam,
+                                      scan->point_count,
+                                      0,
+                                      scan->beam_count};
         cairn_status status =
             cairn_scan_match_add_target(map->match, &part, cairn_pose_compose(target_place, scan->place_scan), NULL);
 
@@ -106,8 +109,8 @@ static int is_asked(const cairn_place_map *map, int32_t place)
 {
     int32_t part = map->places[map->query].part;
 
-    return place == map->query || (map->phase == CAIRN_PLACE_MAP_MATCH && map->round > 0 && part > 0 &&
-                                   map->places[place].part == part);
+    return place == map->query ||
+           (map->phase == CAIRN_PLACE_MAP_MATCH && map->round > 0 && part > 0 && map->places[place].part == part);
 }
 
 /* The points of the query in the frame of its place, with those of all places that go with it; beams are its own, as free
@@ -119,7 +122,8 @@ static cairn_scan_match_part query_part(cairn_place_map *map)
 
     for (int32_t i = 0; i < map->place_count; i++) {
         const cairn_place *here = &map->places[i];
-        cairn_pose query_place = i == map->query ? cairn_pose_identity() : cairn_pose_between(map_query, here->map_place);
+        cairn_pose query_place =
+            i == map->query ? cairn_pose_identity() : cairn_pose_between(map_query, here->map_place);
 
         if (!is_asked(map, i))
             continue;
@@ -427,10 +431,10 @@ static void refine_item(cairn_place_map *map, cairn_budget *budget)
         for (int32_t i = 0; i < map->place_count; i++)
             place_scans(map, i);
         map->place = 0;
-        if (map->params.decoupled)
-            enter(map, CAIRN_PLACE_MAP_DECOUPLE);
-        else
+        if (map->params.decoupled == CAIRN_PLACE_MAP_COUPLED)
             finish(map);
+        else
+            enter(map, map->aligner != NULL ? CAIRN_PLACE_MAP_JOIN : CAIRN_PLACE_MAP_DECOUPLE);
         return;
     }
     if (!map->running) {
@@ -492,6 +496,52 @@ static void decouple_item(cairn_place_map *map, cairn_budget *budget)
         finish(map);
 }
 
+/* Parts lie so far apart, m, that the aligner does not see them together. */
+static cairn_real apart(const cairn_place_map *map, int32_t place)
+{
+    return CAIRN_REAL(1e3) * (cairn_real)map->places[place].part;
+}
+
+static void take_aligned(cairn_place_map *map)
+{
+    for (int32_t s = map->scan_count - 1; s >= 0; s--) {
+        cairn_place_scan *scan = &map->scans[s];
+        cairn_place *here = &map->places[scan->place];
+        cairn_aligner_pose found = cairn_aligner_pose_of(map->aligner, s);
+
+        found.map_scan.x -= apart(map, scan->place);
+        scan->map_scan = found.map_scan;
+        map->result.decoupled += found.placed;
+        if (s == here->first_scan)
+            here->map_place = cairn_pose_compose(found.map_scan, cairn_pose_inverse(scan->place_scan));
+    }
+    map->debt += map->scan_count;
+}
+
+/* All scans at once, each from where its place lies. */
+static void join_item(cairn_place_map *map, cairn_budget *budget)
+{
+    cairn_status status = CAIRN_OK;
+
+    if (!map->running) {
+        for (int32_t s = 0; s < map->scan_count && status == CAIRN_OK; s++) {
+            cairn_pose start = map->scans[s].map_scan;
+
+            start.x += apart(map, map->scans[s].place);
+            status = cairn_aligner_start_at(map->aligner, s, start);
+        }
+        if (status == CAIRN_OK)
+            status = cairn_aligner_begin(map->aligner);
+        map->debt += map->scan_count;
+        map->running = status == CAIRN_OK;
+        if (!map->running)
+            finish(map);
+    } else if (cairn_aligner_step(map->aligner, budget) == CAIRN_OK) {
+        take_aligned(map);
+        finish(map);
+    }
+}
+
 void cairn_place_map_item(cairn_place_map *map, cairn_budget *budget)
 {
     switch (map->phase) {
@@ -516,8 +566,11 @@ void cairn_place_map_item(cairn_place_map *map, cairn_budget *budget)
     case CAIRN_PLACE_MAP_REFINE:
         refine_item(map, budget);
         break;
-    default:
+    case CAIRN_PLACE_MAP_DECOUPLE:
         decouple_item(map, budget);
+        break;
+    default:
+        join_item(map, budget);
         break;
     }
 }

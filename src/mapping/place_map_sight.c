@@ -3,7 +3,9 @@
  * A beam clears the cells that it crosses up to a margin before its end; cells within the margin of a hit are surface, with
  * the direction of the nearest line where there is one. A point of another place on a surface of its direction speaks for
  * the pose, one in a cell that was seen free against it: that is what tells true from false hypotheses of little
- * overlap, as walls cannot stand where another scan saw through. */
+ * overlap, as walls cannot stand where another scan saw through. What a point weighs follows a logistic regression of right
+ * against wrong hypotheses in simulated arenas, bare, with tilted scans and with people: walls lie on walls by chance, small
+ * bodies less often, and rough surfaces hardly ever; small bodies may have walked away in the meantime. */
 #include "src/core/build.h"
 
 #include <string.h>

@@ -46,6 +46,7 @@ enum {
     CAIRN_PLACE_MAP_DOUBT,    /* points that others see through */
     CAIRN_PLACE_MAP_REFINE,   /* each place with all others */
     CAIRN_PLACE_MAP_DECOUPLE, /* each scan with all others */
+    CAIRN_PLACE_MAP_JOIN,     /* all scans at once */
     CAIRN_PLACE_MAP_DONE
 };
 
@@ -54,6 +55,7 @@ struct cairn_place_map {
     cairn_scan_match *match;
     cairn_pose_consensus *consensus;
     cairn_icp *icp;
+    cairn_aligner *aligner;             /* NULL unless scans are aligned jointly */
     cairn_place *places;                /* [max_places] */
     cairn_place_scan *scans;            /* [max_scans] */
     cairn_oriented_point *points;       /* [max_places * max_place_points] of scans, in their frames */

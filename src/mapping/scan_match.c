@@ -23,8 +23,16 @@ enum { POINTS_MOST = 1 << 20, VIEWS_MOST = 4096, HYPOTHESES_MOST = 64, CANDIDATE
 
 cairn_scan_match_params cairn_scan_match_default(void)
 {
-    cairn_scan_match_params params = {
-        CAIRN_SCAN_MATCH_CORRELATIVE, 2048, 4096, 16, 1024, 8, 128, CAIRN_REAL(0.1), CAIRN_REAL(0.01), CAIRN_REAL(0.001)};
+    cairn_scan_match_params params = {CAIRN_SCAN_MATCH_CORRELATIVE,
+                                      2048,
+                                      4096,
+                                      16,
+                                      1024,
+                                      8,
+                                      128,
+                                      CAIRN_REAL(0.1),
+                                      CAIRN_REAL(0.01),
+                                      CAIRN_REAL(0.001)};
     return params;
 }
 
@@ -43,9 +51,8 @@ static int params_are_good(const cairn_scan_match_params *p)
     return p != NULL && is_within(p->mode, CAIRN_SCAN_MATCH_CORRELATIVE, CAIRN_SCAN_MATCH_SHAPE_SEGMENTS) &&
            is_within(p->max_target, 1, POINTS_MOST) && is_within(p->max_dense, 0, POINTS_MOST) &&
            is_within(p->max_views, 0, VIEWS_MOST) && is_within(p->max_query, 1, POINTS_MOST) &&
-           is_within(p->max_hypotheses, 1, HYPOTHESES_MOST) &&
-           is_within(p->max_candidates, 1, CANDIDATES_MOST) && is_positive(p->spacing) && is_positive(p->sigma) &&
-           p->weak_ratio >= 0 && p->weak_ratio < 1;
+           is_within(p->max_hypotheses, 1, HYPOTHESES_MOST) && is_within(p->max_candidates, 1, CANDIDATES_MOST) &&
+           is_positive(p->spacing) && is_positive(p->sigma) && p->weak_ratio >= 0 && p->weak_ratio < 1;
 }
 
 static cairn_sequence_params sequence_params(const cairn_scan_match_params *p)
