@@ -65,7 +65,7 @@ static void draw_axes(cairn_output *out, const bench_curves *c, const frame *f)
                            f->x, y_of(f, v), f->width, f->x - 6, y_of(f, v) + 4, shown);
     }
     for (int32_t k = 0; k < c->samples; k++)
-        if ((c->step[k] <= 50 && c->step[k] % 10 == 0) || c->step[k] % 100 == 0)
+        if ((c->step[k] <= 50 && c->step[k] % 10 == 0) || (c->step[k] > 100 && c->step[k] % 100 == 0))
             cairn_output_print(out,
                                "<path class=\"grid\" d=\"M%.1f %.1fv4\"/>"
                                "<text class=\"tick\" x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">%d</text>\n",

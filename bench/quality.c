@@ -616,7 +616,7 @@ static int draw(const study *all, const settings *set)
         {"E(\xCE\xB8), degrees", offsetof(figures, theta)},
         {"Entropy, north-west", offsetof(figures, entropy_of[CAIRN_QUADRANT_NW])},
         {"Entropy, north-east", offsetof(figures, entropy_of[CAIRN_QUADRANT_NE])},
-        {"Distance from the method's own end, m", offsetof(figures, from_end)},
+        {"Distance from its own end, m", offsetof(figures, from_end)},
         {"Entropy, south-west", offsetof(figures, entropy_of[CAIRN_QUADRANT_SW])},
         {"Entropy, south-east", offsetof(figures, entropy_of[CAIRN_QUADRANT_SE])},
     };
