@@ -15,6 +15,7 @@
 #include "cairn/line.h"
 #include "cairn/lum.h"
 #include "cairn/map_file.h"
+#include "cairn/map_merge.h"
 #include "cairn/map_quality.h"
 #include "cairn/mapper.h"
 #include "cairn/neighbours.h"
@@ -22,6 +23,7 @@
 #include "cairn/occupancy_grid.h"
 #include "cairn/output.h"
 #include "cairn/output_set.h"
+#include "cairn/particle_filter.h"
 #include "cairn/place_map.h"
 #include "cairn/polyline.h"
 #include "cairn/pool.h"
@@ -37,6 +39,7 @@
 #include "cairn/report.h"
 #include "cairn/rigid_motion.h"
 #include "cairn/scan.h"
+#include "cairn/scan_cover.h"
 #include "cairn/scan_match.h"
 #include "cairn/scan_set.h"
 #include "cairn/sequence.h"
@@ -364,6 +367,51 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_map_file, mode, 64, 36)},
     {FIELD(cairn_map_file, pixel, 72, 40)},
     {FIELD(cairn_map_file, occupancy, 80, 48)},
+    {SIZE(cairn_map_merge_params, 72, 56)},
+    {FIELD(cairn_map_merge_params, max_maps, 0, 0)},
+    {FIELD(cairn_map_merge_params, max_cells, 4, 4)},
+    {FIELD(cairn_map_merge_params, max_map_cells, 8, 8)},
+    {FIELD(cairn_map_merge_params, max_points, 12, 12)},
+    {FIELD(cairn_map_merge_params, max_segments, 16, 16)},
+    {FIELD(cairn_map_merge_params, max_corners, 20, 20)},
+    {FIELD(cairn_map_merge_params, max_modes, 24, 24)},
+    {FIELD(cairn_map_merge_params, particles, 28, 28)},
+    {FIELD(cairn_map_merge_params, perception, 32, 32)},
+    {FIELD(cairn_map_merge_params, correlation, 40, 36)},
+    {FIELD(cairn_map_merge_params, min_score, 48, 40)},
+    {FIELD(cairn_map_merge_params, min_margin, 56, 44)},
+    {FIELD(cairn_map_merge_params, seed, 64, 48)},
+    {SIZE(cairn_merge_map, 56, 40)},
+    {FIELD(cairn_merge_map, cells, 0, 0)},
+    {FIELD(cairn_merge_map, resolution, 24, 24)},
+    {FIELD(cairn_merge_map, origin, 32, 28)},
+    {SIZE(cairn_merge_score, 56, 28)},
+    {FIELD(cairn_merge_score, evidence, 0, 0)},
+    {FIELD(cairn_merge_score, agree, 8, 4)},
+    {FIELD(cairn_merge_score, conflict, 16, 8)},
+    {FIELD(cairn_merge_score, overlap, 24, 12)},
+    {FIELD(cairn_merge_score, psi, 32, 16)},
+    {FIELD(cairn_merge_score, disagreement, 40, 20)},
+    {FIELD(cairn_merge_score, gamma, 48, 24)},
+    {SIZE(cairn_merge_placed, 72, 44)},
+    {FIELD(cairn_merge_placed, verdict, 0, 0)},
+    {FIELD(cairn_merge_placed, reference_map, 8, 4)},
+    {FIELD(cairn_merge_placed, support, 32, 16)},
+    {FIELD(cairn_merge_placed, rival, 40, 20)},
+    {FIELD(cairn_merge_placed, wrong, 48, 24)},
+    {FIELD(cairn_merge_placed, neighbours, 56, 28)},
+    {FIELD(cairn_merge_placed, rank, 60, 32)},
+    {FIELD(cairn_merge_placed, modes, 64, 36)},
+    {FIELD(cairn_merge_placed, corners, 68, 40)},
+    {SIZE(cairn_merge_result, 48, 40)},
+    {FIELD(cairn_merge_result, maps, 0, 0)},
+    {FIELD(cairn_merge_result, placed, 4, 4)},
+    {FIELD(cairn_merge_result, reference, 8, 8)},
+    {FIELD(cairn_merge_result, hypotheses, 12, 12)},
+    {FIELD(cairn_merge_result, resamplings, 16, 16)},
+    {FIELD(cairn_merge_result, n_eff, 24, 20)},
+    {FIELD(cairn_merge_result, evidence, 32, 24)},
+    {FIELD(cairn_merge_result, units, 40, 32)},
     {SIZE(cairn_map_entropy, 48, 32)},
     {FIELD(cairn_map_entropy, whole, 0, 0)},
     {FIELD(cairn_map_entropy, quadrant, 8, 4)},
@@ -492,6 +540,42 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_occupancy_chord, x, 0, 0)},
     {FIELD(cairn_occupancy_chord, y, 4, 4)},
     {FIELD(cairn_occupancy_chord, length, 8, 8)},
+    {SIZE(cairn_particle_filter_params, 40, 36)},
+    {FIELD(cairn_particle_filter_params, particles, 0, 0)},
+    {FIELD(cairn_particle_filter_params, max_particles, 4, 4)},
+    {FIELD(cairn_particle_filter_params, max_followers, 8, 8)},
+    {FIELD(cairn_particle_filter_params, max_candidates, 12, 12)},
+    {FIELD(cairn_particle_filter_params, max_blocks, 16, 16)},
+    {FIELD(cairn_particle_filter_params, state_bytes, 20, 20)},
+    {FIELD(cairn_particle_filter_params, proposal, 24, 24)},
+    {FIELD(cairn_particle_filter_params, resample_below, 32, 32)},
+    {SIZE(cairn_particle_model, 40, 40)},
+    {FIELD(cairn_particle_model, context, 0, 0)},
+    {FIELD(cairn_particle_model, propose, 8, 8)},
+    {FIELD(cairn_particle_model, likelihood, 16, 16)},
+    {FIELD(cairn_particle_model, append, 24, 24)},
+    {FIELD(cairn_particle_model, lost, 32, 32)},
+    {SIZE(cairn_particle, 32, 24)},
+    {FIELD(cairn_particle, state, 0, 0)},
+    {FIELD(cairn_particle, log_weight, 8, 8)},
+    {FIELD(cairn_particle, log_likelihood, 16, 12)},
+    {FIELD(cairn_particle, steps, 24, 16)},
+    {SIZE(cairn_particle_trace, 72, 60)},
+    {FIELD(cairn_particle_trace, steps, 0, 0)},
+    {FIELD(cairn_particle_trace, resamplings, 4, 4)},
+    {FIELD(cairn_particle_trace, particles, 8, 8)},
+    {FIELD(cairn_particle_trace, best, 12, 12)},
+    {FIELD(cairn_particle_trace, candidates, 16, 16)},
+    {FIELD(cairn_particle_trace, left_out, 20, 20)},
+    {FIELD(cairn_particle_trace, followers, 24, 24)},
+    {FIELD(cairn_particle_trace, cut, 28, 28)},
+    {FIELD(cairn_particle_trace, lost, 32, 32)},
+    {FIELD(cairn_particle_trace, extinct, 36, 36)},
+    {FIELD(cairn_particle_trace, resampled, 40, 40)},
+    {FIELD(cairn_particle_trace, n_eff, 48, 44)},
+    {FIELD(cairn_particle_trace, log_evidence, 56, 48)},
+    {FIELD(cairn_particle_trace, blocks, 64, 52)},
+    {FIELD(cairn_particle_trace, blocks_peak, 68, 56)},
     {SIZE(cairn_place_map_params, 216, 148)},
     {FIELD(cairn_place_map_params, mode, 0, 0)},
     {FIELD(cairn_place_map_params, max_places, 4, 4)},
@@ -912,6 +996,11 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_scan_measure, iterations, 24, 24)},
     {FIELD(cairn_scan_measure, converged, 28, 28)},
     {FIELD(cairn_scan_measure, left_out, 32, 32)},
+    {SIZE(cairn_scan_cover_params, 24, 16)},
+    {FIELD(cairn_scan_cover_params, max_scans, 0, 0)},
+    {FIELD(cairn_scan_cover_params, max_points, 4, 4)},
+    {FIELD(cairn_scan_cover_params, radius, 8, 8)},
+    {FIELD(cairn_scan_cover_params, direction_gate, 16, 12)},
     {SIZE(cairn_scan_match_params, 48, 36)},
     {FIELD(cairn_scan_match_params, mode, 0, 0)},
     {FIELD(cairn_scan_match_params, max_target, 4, 4)},
