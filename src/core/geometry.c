@@ -181,9 +181,9 @@ cairn_real cairn_polygon_area(const cairn_vec2 *vertices, int32_t count)
 {
     cairn_real twice = 0;
 
-    for (int32_t i = 0; i < count; i++)
-        twice += cairn_vec2_cross(cairn_vec2_sub(vertices[i], vertices[0]),
-                                  cairn_vec2_sub(vertices[(i + 1) % count], vertices[0]));
+    for (int32_t i = 2; i < count; i++)
+        twice +=
+            cairn_vec2_cross(cairn_vec2_sub(vertices[i - 1], vertices[0]), cairn_vec2_sub(vertices[i], vertices[0]));
     return twice / 2;
 }
 
