@@ -26,7 +26,7 @@ enum { MOST_STEPS = 1000 };
 typedef struct settings {
     const char *scene, *preset, *svg;
     int64_t arenas, seed;
-    double spacing;
+    double spacing, sigma;
 } settings;
 
 /* One scene: the scans, where they are, where they are thought to be. */
@@ -37,6 +37,7 @@ typedef struct scene {
     const sim_scan *scans;
     sim_pose *truth, *start, *poses; /* [count] */
     cairn_pose *history;             /* [(steps + 1) * count] */
+    double sigma[MOST_STEPS];        /* of the steps */
     int32_t count, steps, drive;
 } scene;
 
@@ -229,6 +230,7 @@ static void make_room(cairn_force_field_params *params, const views *v)
     params->max_scans = v->count;
     params->max_segments = params->max_corners = v->segment_count + 1;
     params->max_points = v->point_count + 1;
+    params->max_bonds = v->count * (v->count - 1) / 2;
 }
 
 static cairn_status field_make(cairn_force_field **field, cairn_pool *pool, const cairn_force_field_params *params,
@@ -242,41 +244,50 @@ static cairn_status field_make(cairn_force_field **field, cairn_pool *pool, cons
     return status == CAIRN_OK ? cairn_force_field_create(field, pool, params) : status;
 }
 
-/* P of given poses at sigma_start. */
-static cairn_status potential_of(cairn_force_field *field, const views *v, const cairn_pose *poses, double *potential)
+/* P of given poses at sigma, without regions of interest. */
+static cairn_status potential_of(const views *v, cairn_force_field_params params, double sigma, const cairn_pose *poses,
+                                 double *potential)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
-    cairn_status status = CAIRN_OK;
+    cairn_force_field *field = NULL;
+    cairn_pool pool;
+    void *memory;
+    cairn_status status;
 
-    cairn_force_field_clear(field);
+    params.mode = CAIRN_FORCE_FIELD_GRADIENT;
+    params.roi = 0;
+    params.sigma_start = params.sigma_end = (cairn_real)sigma;
+    status = field_make(&field, &pool, &params, &memory);
     for (int32_t i = 0; i < v->count && status == CAIRN_OK; i++)
         status = cairn_force_field_add_scan(field, &v->view[i], NULL, poses[i], NULL);
     if (status == CAIRN_OK)
         status = cairn_force_field_iterate(field, &budget);
-    *potential = (double)cairn_force_field_potential(field);
+    if (status >= 0)
+        *potential = (double)cairn_force_field_potential(field);
+    free(memory);
     return status < 0 ? status : CAIRN_OK;
 }
 
 static cairn_status watch_potential(const scene *s, const views *v, cairn_force_field_params params, int32_t steps,
                                     outcome *out)
 {
-    cairn_force_field *field = NULL;
-    cairn_pool pool;
-    void *memory;
-    double last = 0;
-    cairn_status status = field_make(&field, &pool, &params, &memory);
+    cairn_status status = CAIRN_OK;
 
-    for (int32_t k = 0; k <= steps && status == CAIRN_OK; k++) {
-        double potential = 0;
+    for (int32_t k = 0; k < steps && status == CAIRN_OK; k++) {
+        const cairn_pose *poses = s->history + (size_t)k * (size_t)s->count;
+        double before = 0, after = 0;
 
-        status = potential_of(field, v, s->history + (size_t)k * (size_t)s->count, &potential);
-        out->rising += k > 0 && potential > last;
-        out->rising_first_10 += k > 0 && k <= 10 && potential > last;
-        if (k == 0)
-            out->potential_start = potential;
-        out->potential_end = last = potential;
+        status = potential_of(v, params, s->sigma[k], poses, &before);
+        if (status == CAIRN_OK)
+            status = potential_of(v, params, s->sigma[k], poses + s->count, &after);
+        out->rising += after > before;
+        out->rising_first_10 += k < 10 && after > before;
     }
-    free(memory);
+    if (status == CAIRN_OK)
+        status = potential_of(v, params, (double)params.sigma_start, s->history, &out->potential_start);
+    if (status == CAIRN_OK)
+        status = potential_of(v, params, (double)params.sigma_start, s->history + (size_t)steps * (size_t)s->count,
+                              &out->potential_end);
     return status;
 }
 
@@ -309,6 +320,7 @@ static cairn_status run_field(scene *s, const views *v, cairn_force_field_params
 
         status = cairn_force_field_iterate(field, &budget);
         state = cairn_force_field_read(field);
+        s->sigma[state.iterations - 1] = (double)state.sigma;
         remember(s, field, state.iterations);
     }
     out->step_ms = 1e3 * (bench_seconds() - start) / (state.iterations > 0 ? state.iterations : 1);
@@ -430,11 +442,18 @@ static void print(const settings *set, const scene *s, const outcome *o)
     bench_json_integer("pool_bytes", (int64_t)o->pool_bytes);
 }
 
+static cairn_force_field_params preset_of(const settings *set, const scene *s)
+{
+    if (strcmp(set->preset, "thesis") == 0)
+        return cairn_force_field_default();
+    if (strcmp(set->preset, "spaced") == 0)
+        return cairn_force_field_spaced((cairn_real)set->spacing);
+    return cairn_force_field_springs((cairn_real)(set->sigma > 0 ? set->sigma : s->drive ? 0.15 : 0.7), s->steps);
+}
+
 static int run_scene(const settings *set, uint64_t seed, scene *s, outcome *o)
 {
-    cairn_force_field_params params = strcmp(set->preset, "thesis") == 0
-                                          ? cairn_force_field_default()
-                                          : cairn_force_field_spaced((cairn_real)set->spacing);
+    cairn_force_field_params params = preset_of(set, s);
     views v;
     cairn_status status = views_make(&v, s, set->spacing);
     int done;
@@ -510,13 +529,14 @@ static int run_all(const settings *set)
 
 int main(int argc, char **argv)
 {
-    settings s = {"rescue", "thesis", NULL, 3, 1, 0.10};
+    settings s = {"rescue", "thesis", NULL, 3, 1, 0.10, 0};
     const option table[] = {
         OPTION_TEXT("--scene", &s.scene, "NAME", "rescue, maze or apartment (rescue)"),
         OPTION_TEXT("--preset", &s.preset, "NAME", "thesis: its own constants; spaced: dt for the spacing (thesis)"),
         OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
         OPTION_NUMBER("--spacing", &s.spacing, 0.01, 1, "M", "of the resampled points, m"),
+        OPTION_NUMBER("--sigma", &s.sigma, 0, 10, "M", "of springs at the start; 0: 0.7, apartment 0.15"),
         OPTION_TEXT("--svg", &s.svg, "DIR", "pictures of start and end"),
     };
     const option_set set = {"bench/field", "[options]", "Force field simulation on the scenes of the thesis.", table,
@@ -535,8 +555,8 @@ int main(int argc, char **argv)
         fprintf(stderr, "bench/field: unknown scene '%s', expected rescue, maze or apartment\n", s.scene);
         return 2;
     }
-    if (strcmp(s.preset, "thesis") != 0 && strcmp(s.preset, "spaced") != 0) {
-        fprintf(stderr, "bench/field: unknown preset '%s', expected thesis or spaced\n", s.preset);
+    if (strcmp(s.preset, "thesis") != 0 && strcmp(s.preset, "spaced") != 0 && strcmp(s.preset, "springs") != 0) {
+        fprintf(stderr, "bench/field: unknown preset '%s', expected thesis, spaced or springs\n", s.preset);
         return 2;
     }
     return run_all(&s) ? 0 : 1;
