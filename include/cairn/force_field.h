@@ -71,7 +71,7 @@ typedef struct cairn_force_field_params {
     int32_t max_bonds; /* 0 ... 2^24, pairs of scans near each other; those beyond do not count (0) */
     cairn_real slide;  /* 0 ... 1: stiffness of a spring along the lines of its points, of that across (0.1) */
     cairn_real grip;   /* m, >= 0: a shift of a scan is held back by (sigma / grip)^3 times its own stiffness, so
-                                  that headings settle first; 0: it is not (0.45) */
+                                  that headings settle first; 0: it is not (0.35) */
     cairn_real max_relocation; /* m, > 0: root mean square way of the points of a scan in an iteration (0.3) */
 } cairn_force_field_params;
 
@@ -151,10 +151,12 @@ cairn_force_field_params cairn_force_field_default(void);
  * points and steps to dt^2, so dt grows with the root of the spacing. The defaults are those for 0.02. */
 cairn_force_field_params cairn_force_field_spaced(cairn_real spacing);
 
-/* Poses brought right from farther off and in fewer iterations: SPRINGS, without regions of interest, steps of 2.5 times the
- * way to rest in the first iteration ... 
- * sigma_start: m, how far ... ; 0.15 for poses that are nearly right, 0.7 for headings up to 20 degrees off. steps: iterations in
- * which sigma goes down to 0.03 m, >= 1. max_bonds is that of max_scans scans which all see each other. */
+/* SPRINGS, for maps that the defaults hardly improve: scans that share little, headings far off, loops closed wrongly. What
+ * differs from the thesis: the motion (see the mode); sigma falls by a factor, to 0.03 m in `steps` iterations (>= 1); the
+ * first iterations overshoot, by 1/2 dt^2 from 6 down to 0.8 times the way to rest; faces of opposite sides attract only
+ * while sigma is above 0.15 m; reach 2.5 sigma; no regions of interest. sigma_start, m, > 0, is to be about the distance by
+ * which points are off: 0.15 for poses that are nearly right, as after a wrong loop closure, 0.8 for headings up to 20
+ * degrees off. max_bonds is that of max_scans scans that are all near each other. */
 cairn_force_field_params cairn_force_field_springs(cairn_real sigma_start, int32_t steps);
 
 /* 0 for params that create() would refuse. */
