@@ -7,8 +7,10 @@
 #include "cairn/hough.h"
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
+#include "cairn/place_map.h"
 #include "cairn/rectangle.h"
 #include "cairn/scan_match.h"
+#include "cairn/particle_filter.h"
 #include "cairn/sequence.h"
 
 static void print(const char *object, const char *capacities, size_t bytes)
@@ -29,10 +31,13 @@ int main(void)
     cairn_hough_params hough = cairn_hough_default();
     cairn_rectangle_params rectangle = cairn_rectangle_default();
     cairn_sequence_params sequence = cairn_sequence_default();
+    cairn_particle_filter_params filter = cairn_particle_filter_default();
     cairn_force_field_params field = cairn_force_field_default();
     cairn_occupancy_grid_params grid = cairn_occupancy_grid_default();
     cairn_mapper_params mapper = cairn_mapper_default();
     cairn_aligner_params aligner = cairn_aligner_default();
+    cairn_pose_consensus_params consensus = cairn_pose_consensus_default();
+    cairn_place_map_params places = cairn_place_map_default();
 
     scan.max_beams = 181;
     scan.max_points = 256;
@@ -47,6 +52,8 @@ int main(void)
     print("hough", "360 x 256 bins, 32 lines", cairn_hough_memory(&hough));
     print("rectangle", "1024 segments, 256 sides, 2048 pairs, 32 rectangles", cairn_rectangle_memory(&rectangle));
     print("sequence", "1024 and 1024 elements", cairn_sequence_memory(&sequence));
+    print("particle_filter", "100 particles, 4,096 candidates and blocks of 64 bytes",
+          cairn_particle_filter_memory(&filter));
     field.max_scans = 16;
     field.max_points = 2400;
     field.max_segments = field.max_corners = 320;
@@ -64,6 +71,10 @@ int main(void)
     aligner.max_fill = 32 * 60;
     print("aligner", "60 scans, 600 segments, 3000 points, 1440 hypotheses, 1920 blocks",
           cairn_aligner_memory(&aligner));
+    print("pose_consensus", "64 nodes, 1024 hypotheses, 8 candidates", cairn_pose_consensus_memory(&consensus));
+    print("place_map", "16 places of 1024 points and 2048 beams, 4096 hypotheses", cairn_place_map_memory(&places));
+    places.decoupled = CAIRN_PLACE_MAP_JOINTLY;
+    print("place_map", "the same, scans aligned jointly", cairn_place_map_memory(&places));
     print("occupancy_grid", "400 x 400 cells", cairn_occupancy_grid_memory(&grid));
     mapper.scan.max_beams = 181;
     mapper.scan.max_points = 256;

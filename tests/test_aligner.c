@@ -7,6 +7,7 @@
 #include "bench/bench_score.h"
 #include "cairn/aligner.h"
 #include "sim/arena.h"
+#include "tests/rooms.h"
 
 #define DEGREE 0.017453292519943295
 
@@ -866,9 +867,132 @@ static void initial_poses_are_shown(void **state)
     end_bed(&bed);
 }
 
+/* Given late, initial poses do the same as given at once. */
+static void initial_poses_can_be_given_again(void **state)
+{
+    cairn_aligner_params params = room_for(2);
+    struct bed bed = make_bed(&params), other = make_bed(&params);
+    sim_pose first = {2, 1.5, 0}, second = {3, 2, 0};
+    cairn_pose far = start_at(103, 52.2, 0), bad = far;
+    float ranges[BEAMS];
+    cairn_scan_input input = box_scan(ranges, 6, 4, first);
+
+    (void)state;
+    add(&bed, &input, start_at(102, 51.5, 0));
+    add(&other, &input, start_at(1, 2, 30));
+    input = box_scan(ranges, 6, 4, second);
+    add(&bed, &input, far);
+    add(&other, &input, start_at(5, 2, 90));
+    run(&other, CAIRN_UNBOUNDED);
+    far.theta += 2 * CAIRN_PI;
+    assert_ok(cairn_aligner_start_at(other.aligner, 0, start_at(102, 51.5, 0)));
+    assert_ok(cairn_aligner_start_at(other.aligner, 1, far));
+    assert_near(cairn_aligner_pose_of(other.aligner, 1).map_scan.theta, 0, 1e-6);
+    assert_int_equal(cairn_aligner_pose_of(other.aligner, 1).placed, 0);
+    assert_int_equal(cairn_aligner_running(other.aligner), 0);
+    assert_ok(cairn_aligner_start_at(other.aligner, 1, bad));
+    run(&bed, CAIRN_UNBOUNDED);
+    run(&other, CAIRN_UNBOUNDED);
+    for (int32_t i = 0; i < 2; i++) {
+        cairn_aligner_pose a = cairn_aligner_pose_of(bed.aligner, i), b = cairn_aligner_pose_of(other.aligner, i);
+
+        assert_memory_equal(&a, &b, sizeof a);
+    }
+    assert_status(cairn_aligner_start_at(NULL, 0, far), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_aligner_start_at(other.aligner, -1, far), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_aligner_start_at(other.aligner, 2, far), CAIRN_BAD_ARGUMENT);
+    bad.theta = (cairn_real)NAN;
+    assert_status(cairn_aligner_start_at(other.aligner, 0, bad), CAIRN_NOT_FINITE);
+    bad = start_at(2e6, 0, 0);
+    assert_status(cairn_aligner_start_at(other.aligner, 0, bad), CAIRN_BAD_ARGUMENT);
+    assert_near(cairn_aligner_read(other.aligner).largest, 2, 0);
+    end_bed(&bed);
+    end_bed(&other);
+}
+
+/* ---- Golden results ---- */
+
+/* All that is told. */
+static uint64_t hash_of_all(const struct bed *bed)
+{
+    cairn_aligner_result r = cairn_aligner_read(bed->aligner);
+    int64_t numbers[] = {r.dropped, r.merges, r.moved, r.rounds, r.fill, r.hypotheses, r.anchor, r.worst_step, r.units};
+    cairn_real spreads[] = {r.spread, r.spread_angle};
+
+    return test_hash(test_hash(hash_of(bed), numbers, sizeof numbers), spreads, sizeof spreads);
+}
+
+/* Half circles from places in a room with boxes and slanting walls, `strange` of the last ones in another room; every
+ * `wild`-th lies a metre and more off its initial pose. */
+struct scene {
+    int32_t scans, strange, wild, hypotheses, oriented;
+    double metres, degrees;
+    uint64_t in_double, in_float;
+};
+
+static uint64_t hash_of_scene(const struct scene *scene)
+{
+    cairn_aligner_params params = room_for(scene->scans);
+    cairn_random random = cairn_random_seed((uint64_t)scene->scans, 9);
+    const cairn_pose wild = {1, CAIRN_REAL(-0.5), 1};
+    rooms_room rooms[2];
+    rooms_scan taken;
+    struct bed bed;
+    uint64_t hash;
+
+    memset(rooms, 0, sizeof rooms);
+    rooms_add_box(&rooms[0], -3, -2.5, 3.5, 2.5);
+    rooms_add_box(&rooms[0], 1.8, 1, 3.5, 2.5);
+    rooms_add_box(&rooms[0], -0.7, -1.1, -0.2, -0.6);
+    rooms_add_wall(&rooms[0], -3, 1, -1.8, 2.5);
+    rooms_add_wall(&rooms[0], 1, -2.5, 1.7, -1.2);
+    rooms_add_wall(&rooms[0], 1.7, -1.2, 2.4, -2.5);
+    rooms_add_box(&rooms[1], -4, -3, 4, 2);
+    rooms_add_box(&rooms[1], 1.5, -1, 4, 2);
+    params.max_hypotheses = scene->hypotheses;
+    params.oriented = scene->oriented;
+    bed = make_bed(&params);
+    for (int32_t i = 0; i < scene->scans; i++) {
+        cairn_real along = (cairn_real)(i / 2);
+        cairn_pose pose = {CAIRN_REAL(0.55) * along - CAIRN_REAL(2.2), CAIRN_REAL(0.3) * (cairn_real)(i / 2 % 3),
+                           CAIRN_REAL(0.8) * along + CAIRN_REAL(2.6) * (cairn_real)(i % 2)};
+        cairn_pose start = pose;
+        cairn_scan_input input =
+            rooms_take_scan(&rooms[i >= scene->scans - scene->strange], pose, (uint64_t)i + 1, &taken);
+
+        input.count = 190;
+        start.x += (cairn_real)scene->metres * cairn_random_uniform(&random, -1, 1);
+        start.y += (cairn_real)scene->metres * cairn_random_uniform(&random, -1, 1);
+        start.theta += (cairn_real)(scene->degrees * DEGREE) * cairn_random_uniform(&random, -1, 1);
+        if (scene->wild > 0 && i % scene->wild == 2)
+            start = cairn_pose_compose(start, wild);
+        add(&bed, &input, start);
+    }
+    run(&bed, CAIRN_UNBOUNDED);
+    hash = hash_of_all(&bed);
+    end_bed(&bed);
+    return hash;
+}
+
+static void results_stay_as_they_are(void **state)
+{
+    static const struct scene scenes[] = {
+        {12, 4, 0, 240, 1, 0.3, 20, UINT64_C(0x5d98ef1740119ea3), UINT64_C(0x4077418a1ac48a17)},
+        {16, 0, 0, 40, 1, 0.6, 40, UINT64_C(0x41625e78dc1ea6be), UINT64_C(0x3e2ad17ce08bf65d)},
+        {8, 0, 0, 100, 1, 1.2, 90, UINT64_C(0xabaa611178322500), UINT64_C(0x5abc8ff5a13ecbe1)},
+        {16, 0, 5, 300, 1, 0.1, 5, UINT64_C(0x16e3b168d80fe3cb), UINT64_C(0x5bc448572c95c23d)},
+        {10, 2, 4, 200, 0, 0.2, 10, UINT64_C(0x8b47854b8a703bf3), UINT64_C(0x04b18b3f9393eab4)},
+    };
+
+    (void)state;
+    for (size_t k = 0; k < sizeof scenes / sizeof *scenes; k++)
+        assert_golden(hash_of_scene(&scenes[k]), scenes[k].in_double, scenes[k].in_float);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(results_stay_as_they_are),
         cmocka_unit_test(aligns_an_arena),
         cmocka_unit_test(aligns_full_scans),
         cmocka_unit_test(order_does_not_matter),
@@ -885,6 +1009,7 @@ int main(void)
         cmocka_unit_test(params_are_refused),
         cmocka_unit_test(scans_are_refused),
         cmocka_unit_test(initial_poses_are_shown),
+        cmocka_unit_test(initial_poses_can_be_given_again),
     };
 
     return cmocka_run_group_tests(tests, open_scan, close_scan);

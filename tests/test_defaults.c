@@ -6,7 +6,9 @@
 #include "cairn/carmen_log.h"
 #include "cairn/hough.h"
 #include "cairn/lum.h"
+#include "cairn/scan_cover.h"
 #include "cairn/map_file.h"
+#include "cairn/map_merge.h"
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/place_map.h"
@@ -36,6 +38,21 @@ static void check(const value *table, size_t count)
 }
 
 static const double DEGREE = 3.14159265358979323846 / 180;
+
+static void of_map_merging(void **state)
+{
+    cairn_map_merge_params p = cairn_map_merge_default();
+    const value values[] = {
+        VALUE(p.max_maps, 16),     VALUE(p.max_cells, 2560000), VALUE(p.max_map_cells, 160000),
+        VALUE(p.max_points, 2048), VALUE(p.max_segments, 256),  VALUE(p.max_corners, 48),
+        VALUE(p.max_modes, 6),     VALUE(p.particles, 100),     VALUE(p.perception, CAIRN_MERGE_EVIDENCE),
+        VALUE(p.correlation, 10),  VALUE(p.min_score, 9),       VALUE(p.min_margin, 3),
+        VALUE(p.seed, 1),
+    };
+
+    (void)state;
+    assert_values(values);
+}
 
 static void of_aligning(void **state)
 {
@@ -138,6 +155,7 @@ static void of_matches_and_corners(void **state)
     cairn_block_solver_params solver = cairn_block_solver_default();
     cairn_pose_graph_params graph = cairn_pose_graph_default();
     cairn_lum_params lum = cairn_lum_default();
+    cairn_scan_cover_params cover = cairn_scan_cover_default();
     cairn_icp_params icp = cairn_icp_default();
     cairn_scan_match_params match = cairn_scan_match_default();
     cairn_sequence_params sequence = cairn_sequence_default();
@@ -146,6 +164,10 @@ static void of_matches_and_corners(void **state)
         VALUE(solver.max_poses, 1000),
         VALUE(solver.max_links, 3000),
         VALUE(solver.max_fill, 12000),
+        VALUE(cover.max_scans, 64),
+        VALUE(cover.max_points, 8192),
+        VALUE(cover.radius, 0.15),
+        VALUE(cover.direction_gate, 30 * DEGREE),
         VALUE(lum.max_scans, 64),
         VALUE(lum.max_points, 8192),
         VALUE(lum.max_links, 2016),
@@ -187,6 +209,7 @@ static void of_matches_and_corners(void **state)
         VALUE(match.max_views, 16),
         VALUE(match.max_query, 1024),
         VALUE(match.max_hypotheses, 8),
+        VALUE(match.max_candidates, 128),
         VALUE(match.spacing, 0.1),
         VALUE(match.sigma, 0.01),
         VALUE(match.weak_ratio, 0.001),
@@ -228,6 +251,7 @@ static void of_places(void **state)
     cairn_place_map_params map = cairn_place_map_default();
     cairn_scan_match_params match = cairn_scan_match_default();
     cairn_pose_consensus_params consensus = cairn_pose_consensus_default();
+    cairn_aligner_params aligner = cairn_aligner_default();
     const value values[] = {
         VALUE(map.mode, CAIRN_PLACE_MAP_CONSENSUS),
         VALUE(map.max_places, 16),
@@ -241,16 +265,27 @@ static void of_places(void **state)
         VALUE(map.sight_reach, 8),
         VALUE(map.sight_cell, 0.05),
         VALUE(map.sight_margin, 0.1),
-        VALUE(map.for_point, 0.1),
-        VALUE(map.against_point, 0.4),
-        VALUE(map.floating, 0.25),
-        VALUE(map.chance, 2),
+        VALUE(map.for_point, 0.08),
+        VALUE(map.for_floating, 0.14),
+        VALUE(map.for_rough, 0.6),
+        VALUE(map.against_point, 0.65),
+        VALUE(map.floating, 0.15),
+        VALUE(map.chance, 0),
+        VALUE(map.match.mode, (double)match.mode),
+        VALUE(map.match.max_candidates, 512),
+        VALUE(map.match.max_hypotheses, 12),
+        VALUE(map.match.spacing, (double)match.spacing),
+        VALUE(map.match.sigma, (double)match.sigma),
+        VALUE(map.match.weak_ratio, (double)match.weak_ratio),
+        VALUE(map.aligner.max_segments, 4096),
+        VALUE(map.aligner.max_fill, 8192),
+        VALUE(map.aligner.spread, (double)aligner.spread),
+        VALUE(map.aligner.sigma, (double)aligner.sigma),
         VALUE(map.consensus.max_hypotheses, 4096),
     };
 
     (void)state;
     assert_values(values);
-    assert_memory_equal(&map.match, &match, sizeof match);
     consensus.max_hypotheses = 4096;
     assert_memory_equal(&map.consensus, &consensus, sizeof consensus);
 }
@@ -377,7 +412,7 @@ int main(void)
         cmocka_unit_test(of_hypotheses), cmocka_unit_test(of_matches_and_corners),
         cmocka_unit_test(of_consensus),  cmocka_unit_test(of_places),
         cmocka_unit_test(of_the_mapper), cmocka_unit_test(of_grids),
-        cmocka_unit_test(of_files),
+        cmocka_unit_test(of_files),      cmocka_unit_test(of_map_merging),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
