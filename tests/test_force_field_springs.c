@@ -248,8 +248,8 @@ static void test_presets(void **state)
     assert_int_equal(p.roi, 0);
     assert_near(p.sigma_end, 0.03, 1e-7);
     assert_near(pow((double)p.sigma_factor, 4) * 0.6, 0.03, 1e-6);
-    assert_near(p.dt_start * p.dt_start / 2, 6, 1e-5);
-    assert_near(p.dt_end * p.dt_end / 2, 0.8, 1e-5);
+    assert_near(p.dt_start * p.dt_start / 2, 5, 1e-5);
+    assert_near(p.dt_end * p.dt_end / 2, 1, 1e-5);
     assert_near(p.dt_factor * p.dt_factor, 0.7, 1e-6);
     assert_near(p.sides_below, 0.15, 1e-7);
     assert_near(p.reach, 2.5, 0);

@@ -153,7 +153,7 @@ cairn_force_field_params cairn_force_field_spaced(cairn_real spacing);
 
 /* SPRINGS, for maps that the defaults hardly improve: scans that share little, headings far off, loops closed wrongly. What
  * differs from the thesis: the motion (see the mode); sigma falls by a factor, to 0.03 m in `steps` iterations (>= 1); the
- * first iterations overshoot, by 1/2 dt^2 from 6 down to 0.8 times the way to rest; faces of opposite sides attract only
+ * first iterations overshoot, by 1/2 dt^2 from 5 down to 1 times the way to rest; faces of opposite sides attract only
  * while sigma is above 0.15 m; reach 2.5 sigma; no regions of interest. sigma_start, m, > 0, is to be about the distance by
  * which points are off: 0.15 for poses that are nearly right, as after a wrong loop closure, 0.8 for headings up to 20
  * degrees off. max_bonds is that of max_scans scans that are all near each other. */

@@ -69,9 +69,9 @@ cairn_force_field_params cairn_force_field_springs(cairn_real sigma_start, int32
     if (steps > 1)
         params.sigma_factor = cairn_exp(cairn_log(params.sigma_end / sigma_start) / (cairn_real)(steps - 1));
     params.sides_below = CAIRN_REAL(0.15);
-    /* 1/2 dt^2 is 6, and 0.7 times that in every iteration until it is 0.8. */
-    params.dt_start = cairn_sqrt(12);
-    params.dt_end = cairn_sqrt(CAIRN_REAL(1.6));
+    /* 1/2 dt^2 is 5, and 0.7 times that in every iteration until it is 1. */
+    params.dt_start = cairn_sqrt(10);
+    params.dt_end = cairn_sqrt(2);
     params.dt_factor = cairn_sqrt(CAIRN_REAL(0.7));
     params.reach = CAIRN_REAL(2.5);
     params.roi = 0;
