@@ -20,7 +20,7 @@
 typedef struct settings {
     const char *log, *relations, *data;
     int64_t seed, window;
-    int32_t no_odometry;
+    int32_t no_odometry, no_loops;
 } settings;
 
 typedef struct relation {
@@ -122,7 +122,7 @@ static int32_t read_relations(const char *path, const cairn_carmen_scans *log, r
     return count;
 }
 
-/* Maps the log; poses: [count]. Returns the time that took, -1 on failure. */
+/* Maps the log; poses: [count], of the sensor, which is what relations are between. Returns the time that took, -1 on failure. */
 static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_pose *poses, size_t *pool_bytes,
                       cairn_mapper_state *state)
 {
@@ -143,6 +143,10 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
     params.max_keys = log->count < 8192 ? log->count + 1 : 8192;
     params.max_key_points = params.max_keys * 160;
     params.max_key_segments = params.max_keys * 40;
+    params.loop.max_loops = s->no_loops ? 0 : 4 * params.max_keys;
+    params.loop.max_fill = 40 * params.max_keys;
+    if (s->no_loops)
+        params.local_span = 0;
     bytes = cairn_mapper_memory(&params) + CAIRN_ALIGN;
     memory = malloc(bytes);
     status = memory == NULL || key == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);
@@ -152,7 +156,11 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
     for (int32_t i = 0; i < log->count && status == CAIRN_OK; i++) {
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
-        status = cairn_mapper_add(mapper, &log->record[i].scan, s->no_odometry ? NULL : &log->record[i].robot, NULL);
+        cairn_scan_input input = log->record[i].scan;
+
+        if (s->no_odometry)
+            input.base_sensor = cairn_pose_identity(); /* the mounting, too, follows from the log's poses */
+        status = cairn_mapper_add(mapper, &input, s->no_odometry ? NULL : &log->record[i].robot, NULL);
         if (status == CAIRN_OK)
             status = cairn_mapper_step(mapper, &budget);
         if (status == CAIRN_OK) {
@@ -164,12 +172,18 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
         if (live && i % 500 == 0)
             fprintf(stderr, "\r%" PRId32 " of %" PRId32 " scans ", i, log->count);
     }
+    if (status == CAIRN_OK) {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        status = cairn_mapper_settle(mapper, &budget);
+    }
     if (live)
         fprintf(stderr, "\r%*s\r", 40, "");
     start = bench_seconds() - start;
     if (status == CAIRN_OK) {
         for (int32_t i = 0; i < log->count; i++)
-            poses[i] = cairn_pose_compose(cairn_mapper_key_pose(mapper, key[i]), poses[i]);
+            poses[i] = cairn_pose_compose(cairn_pose_compose(cairn_mapper_key_pose(mapper, key[i]), poses[i]),
+                                          s->no_odometry ? cairn_pose_identity() : log->record[i].scan.base_sensor);
         *state = cairn_mapper_measure(mapper);
         *pool_bytes = pool.peak;
     } else {
@@ -190,6 +204,7 @@ static void overwrite_poses(cairn_carmen_scans *log, uint64_t seed)
         log->record[i].robot.y = cairn_random_uniform(&random, -10, 10);
         log->record[i].robot.theta = cairn_random_uniform(&random, -3, 3);
         log->record[i].laser = log->record[i].robot;
+        log->record[i].scan.base_sensor = log->record[i].robot;
     }
 }
 
@@ -223,6 +238,9 @@ static void print_errors(const settings *s, const char *name, const cairn_carmen
     bench_json_integer("pool_bytes", (int64_t)pool_bytes);
     bench_json_integer("keys", state->keys);
     bench_json_integer("unmatched", state->predicted);
+    bench_json_integer("loops", state->loops);
+    bench_json_integer("solutions", state->solutions);
+    bench_json_integer("lacks_room", state->lacks_room);
     bench_json_true("summary");
     bench_json_end();
 }
@@ -261,12 +279,13 @@ static int run_log(const settings *s, const char *log_path, const char *relation
 int main(int argc, char **argv)
 {
     static const char *const names[] = {"intel", "fr079", "aces"};
-    settings s = {NULL, NULL, "../shared/data", 1, 8, 0};
+    settings s = {NULL, NULL, "../shared/data", 1, 8, 0, 0};
     const option table[] = {
         OPTION_TEXT("--log", &s.log, "FILE", "one CARMEN log (all of DIR/slam)"),
         OPTION_TEXT("--relations", &s.relations, "FILE", "its reference relations"),
         OPTION_TEXT("--data", &s.data, "DIR", "folder of the data sets (../shared/data)"),
         OPTION_FLAG("--no-odometry", &s.no_odometry, "ranges alone; the log's poses are overwritten with noise"),
+        OPTION_FLAG("--no-loops", &s.no_loops, "close no loops"),
         OPTION_INTEGER("--window", &s.window, 0, 64, "N", "key scans of the force field"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of that noise"),
     };

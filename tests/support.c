@@ -63,3 +63,11 @@ uint64_t test_hash(uint64_t hash, const void *data, size_t bytes)
         hash = (hash ^ byte[i]) * UINT64_C(1099511628211);
     return hash;
 }
+
+void test_assert_golden(uint64_t hash, uint64_t expected, const char *file, int line)
+{
+    if (hash == expected)
+        return;
+    print_error("the hash is 0x%016llx instead of 0x%016llx\n", (unsigned long long)hash, (unsigned long long)expected);
+    _fail(file, line);
+}

@@ -44,4 +44,10 @@ void test_every_pool_size(test_create create, void *context, size_t need);
 #define TEST_HASH_START UINT64_C(14695981039346656037)
 uint64_t test_hash(uint64_t hash, const void *data, size_t bytes);
 
+/* Fails unless the hash is that of this build's numbers, and prints it: all bits of a scene's results stay as they are
+ * until somebody means to change them. */
+#define assert_golden(hash, in_double, in_float)                                                                       \
+    test_assert_golden(hash, NUMBER(in_double, in_float), __FILE__, __LINE__)
+void test_assert_golden(uint64_t hash, uint64_t expected, const char *file, int line);
+
 #endif

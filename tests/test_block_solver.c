@@ -221,8 +221,10 @@ static void compare(cairn_block_solver *solver, const struct system *s, double t
 
 static const double TOLERANCE = NUMBER(1e-11, 2e-4);
 
-static void solve_and_compare(const struct system *s, int32_t fill)
+/* Returns the units that it took. */
+static int64_t solve_and_compare(const struct system *s, int32_t fill)
 {
+    int64_t units;
     cairn_pool pool;
     cairn_block_solver *solver = make_solver(&pool, s->poses, s->links, MAX_POSES * MAX_POSES / 2);
 
@@ -232,7 +234,9 @@ static void solve_and_compare(const struct system *s, int32_t fill)
     compare(solver, s, TOLERANCE);
     assert_ok(cairn_block_solver_clear(solver));
     compare(solver, s, TOLERANCE);
+    units = cairn_block_solver_read(solver).units;
     test_pool_free(&pool);
+    return units;
 }
 
 static void begin_system(int32_t poses)
@@ -249,36 +253,36 @@ static void graphs_of_known_fill(void **state)
     (void)state;
     begin_system(1);
     fill_values(s, &random, 1);
-    solve_and_compare(s, 0);
+    assert_int_equal(solve_and_compare(s, 0), 30);
 
     begin_system(50); /* no links: as many systems */
     fill_values(s, &random, 1);
-    solve_and_compare(s, 0);
+    assert_int_equal(solve_and_compare(s, 0), 1163);
 
     begin_system(50); /* a chain has no fill, whatever the numbering */
     for (int32_t i = 1; i < 50; i++)
         link_poses(s, (7 * i) % 50, (7 * (i - 1)) % 50);
     fill_values(s, &random, CAIRN_REAL(0.1));
-    solve_and_compare(s, 49);
+    assert_int_equal(solve_and_compare(s, 49), 2235);
 
     begin_system(50); /* a tree has none */
     for (int32_t i = 1; i < 50; i++)
         link_poses(s, (i - 1) / 3, i);
     fill_values(s, &random, CAIRN_REAL(0.1));
-    solve_and_compare(s, 49);
+    assert_int_equal(solve_and_compare(s, 49), 2235);
 
     begin_system(50); /* a star */
     for (int32_t i = 0; i < 50; i++)
         if (i != 20)
             link_poses(s, 20, i);
     fill_values(s, &random, CAIRN_REAL(0.1));
-    solve_and_compare(s, 49);
+    assert_int_equal(solve_and_compare(s, 49), 2307);
 
     begin_system(50); /* a ring closes with one block for each pose but three */
     for (int32_t i = 0; i < 50; i++)
         link_poses(s, i, (i + 1) % 50);
     fill_values(s, &random, CAIRN_REAL(0.1));
-    solve_and_compare(s, 50 + 47);
+    assert_int_equal(solve_and_compare(s, 50 + 47), 3869);
 
     begin_system(30); /* all with all, some twice in either direction */
     for (int32_t i = 0; i < 30; i++)
@@ -289,7 +293,7 @@ static void graphs_of_known_fill(void **state)
         link_poses(s, i - 1, i);
     }
     fill_values(s, &random, CAIRN_REAL(0.1));
-    solve_and_compare(s, 30 * 29 / 2);
+    assert_int_equal(solve_and_compare(s, 30 * 29 / 2), 33093);
 
     begin_system(40); /* two pieces: a clique and a ring */
     for (int32_t i = 0; i < 10; i++)
@@ -298,12 +302,13 @@ static void graphs_of_known_fill(void **state)
     for (int32_t i = 10; i < 40; i++)
         link_poses(s, i, i == 39 ? 10 : i + 1);
     fill_values(s, &random, CAIRN_REAL(0.1));
-    solve_and_compare(s, 45 + 30 + 27);
+    assert_int_equal(solve_and_compare(s, 45 + 30 + 27), 4021);
 }
 
 static void random_graphs(void **state)
 {
     cairn_random random = cairn_random_seed(2, 0);
+    int64_t units = 0;
 
     (void)state;
     for (int round = 0; round < 60; round++) {
@@ -319,8 +324,9 @@ static void random_graphs(void **state)
                 link_poses(s, a, b);
         }
         fill_values(s, &random, CAIRN_REAL(0.2));
-        solve_and_compare(s, -1);
+        units += solve_and_compare(s, -1);
     }
+    assert_int_equal(units, NUMBER(224309, 242259)); /* other numbers are drawn */
 }
 
 /* ---- Large grids: fill, residual ---- */
@@ -406,8 +412,8 @@ static void check_grid_solution(struct grid *g, const cairn_real *b)
 static void large_grids(void **state)
 {
     static const struct {
-        int32_t side, fill;
-    } known[] = {{12, 891}, {30, 9309}, {110, 236102}};
+        int32_t side, fill, units;
+    } known[] = {{12, 891, 28426}, {30, 9309, 580564}, {110, 236102, 45697555}};
 
     (void)state;
     for (size_t k = 0; k < sizeof known / sizeof *known; k++) {
@@ -432,6 +438,9 @@ static void large_grids(void **state)
         assert_ok(cairn_block_solver_solve(g.solver, b));
         assert_ok(run(g.solver, CAIRN_UNBOUNDED));
         check_grid_solution(&g, b);
+        assert_ok(cairn_block_solver_invert(g.solver));
+        assert_ok(run(g.solver, CAIRN_UNBOUNDED));
+        assert_int_equal(cairn_block_solver_read(g.solver).units, known[k].units);
         test_pool_free(&g.pool);
         free(b);
     }
@@ -440,7 +449,9 @@ static void large_grids(void **state)
 /* Random graphs near a ring, too small for dissection and too large to be dense: the order of elimination is what it is. */
 static void fill_of_random_graphs(void **state)
 {
-    static const int32_t known[] = {2085, 8019, 18401, 35209};
+    static const struct {
+        int32_t fill, units;
+    } known[] = {{2085, 7118}, {8019, 18309}, {18401, 30836}, {35209, 43964}};
     cairn_random random = cairn_random_seed(3, 0);
 
     (void)state;
@@ -458,7 +469,8 @@ static void fill_of_random_graphs(void **state)
         }
         assert_ok(cairn_block_solver_analyze(solver));
         assert_status(run(solver, CAIRN_UNBOUNDED), CAIRN_FULL);
-        assert_int_equal(cairn_block_solver_read(solver).fill, known[k]);
+        assert_int_equal(cairn_block_solver_read(solver).fill, known[k].fill);
+        assert_int_equal(cairn_block_solver_read(solver).units, known[k].units);
         test_pool_free(&pool);
     }
 }
@@ -494,6 +506,7 @@ static void not_positive_is_told_with_the_pose(void **state)
     cairn_sym3 d = {1, 0, 0, 1, 0, 1};
     cairn_real x[3];
     cairn_pool pool;
+    int64_t units;
 
     (void)state;
     solver = start_chain(&pool, 10, 3, 0);
@@ -520,9 +533,11 @@ static void not_positive_is_told_with_the_pose(void **state)
             d.xy = i == 6 && k == 3 ? 2 : 0;
             assert_ok(cairn_block_solver_add_pose_block(solver, i, d));
         }
+        units = cairn_block_solver_read(solver).units;
         assert_ok(cairn_block_solver_factor(solver));
         assert_ok(run(solver, CAIRN_UNBOUNDED));
         result = cairn_block_solver_read(solver);
+        assert_int_equal(result.units - units, k < 4 ? 27 : 39);
         assert_int_equal(result.state, k < 4 ? CAIRN_BLOCK_SOLVER_NOT_POSITIVE : CAIRN_BLOCK_SOLVER_FACTORED);
         assert_int_equal(result.pose, k < 4 ? 6 : -1);
     }

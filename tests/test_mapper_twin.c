@@ -77,9 +77,10 @@ static int compare_places(const void *a, const void *b)
 static void make_map(twin *t, cairn_pose at)
 {
     place places[KEYS];
-    int32_t count = 0;
+    int32_t span = t->params.local_span, count = 0;
+    int32_t oldest = span > 0 && t->state.keys > span ? t->state.keys - span : 0;
 
-    for (int32_t k = 0; k < t->state.keys; k++) {
+    for (int32_t k = oldest; k < t->state.keys; k++) {
         cairn_real x = t->keys[k].pose.x - at.x, y = t->keys[k].pose.y - at.y;
         cairn_real distance = cairn_sqrt(x * x + y * y);
 
@@ -95,7 +96,7 @@ static void make_map(twin *t, cairn_pose at)
         count = t->params.local_keys;
     cairn_icp_clear_target(t->icp);
     /* A unit for every key scan that was looked at, for 64 points of room and for two of each key scan. */
-    t->state.units += t->state.keys + 1 + t->params.local_keys * t->params.scan.max_points / 64;
+    t->state.units += t->state.keys - oldest + 1 + t->params.local_keys * t->params.scan.max_points / 64;
     for (int32_t i = 0; i < count; i++) {
         const twin_key *k = &t->keys[places[i].key];
 
@@ -305,7 +306,7 @@ typedef struct troubles {
     int32_t bare_start;                /* the first scans: 1 without odometry, 2 without a return */
 } troubles;
 
-static void side_by_side(const cairn_mapper_params *params, sim_scene scene, uint64_t seed, int32_t scans, double every,
+static void side_by_side(cairn_mapper_params *params, sim_scene scene, uint64_t seed, int32_t scans, double every,
                          const troubles *trouble, cairn_mapper_state *measured)
 {
     static float nothing[181];
@@ -313,8 +314,12 @@ static void side_by_side(const cairn_mapper_params *params, sim_scene scene, uin
     cairn_pose believed = {3, -2, 1};
     cairn_random random;
     cairn_pool pool;
-    cairn_mapper *mapper = new_mapper(&pool, params);
-    twin t = new_twin(params);
+    cairn_mapper *mapper;
+    twin t;
+
+    params->loop.max_loops = 0;
+    mapper = new_mapper(&pool, params);
+    t = new_twin(params);
 
     random = cairn_random_seed(seed, 1);
     for (int i = 0; i < 181; i++)
@@ -373,6 +378,7 @@ static void as_the_twin_with_small_maps(void **state)
     params.key_turn = CAIRN_REAL(0.35);
     params.local_keys = 5;
     params.local_recent = 2;
+    params.local_span = 12;
     params.local_radius = CAIRN_REAL(0.8);
     params.window = 4;
     params.window_free = 3;

@@ -711,6 +711,89 @@ static void budgets_do_not_matter(void **state)
     assert_true(hash_with(1000) == hash);
 }
 
+/* The path to the minimum: every kernel, start and width, with outliers; units, iterations, weights, covariances. */
+static uint64_t hash_of_path(cairn_pose_graph_params params, double noise, int32_t fixed)
+{
+    struct problem p = a_problem(12, noise);
+    cairn_pose_graph_state s;
+    struct made made;
+    uint64_t hash = TEST_HASH_START;
+    int64_t units = 0;
+
+    p.link[30].z.x += 2;
+    p.link[8].z.theta += 1;
+    p.link[44] = p.link[30];
+    p.link[44].z.y -= 1;
+    p.links = p.links > 45 ? p.links : 45;
+    made = make_graph(&p, &params, NULL);
+    if (fixed > 0)
+        assert_ok(cairn_pose_graph_fix(made.graph, fixed, 1));
+    assert_ok(cairn_pose_graph_drop_link(made.graph, 12, fixed > 0));
+    for (int32_t part = 0; part < 2; part++) {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        if (part == 0)
+            assert_ok(cairn_pose_graph_solve(made.graph));
+        else
+            assert_ok(cairn_pose_graph_marginals(made.graph));
+        assert_ok(cairn_pose_graph_step(made.graph, &budget));
+        units += CAIRN_UNBOUNDED - budget.left;
+    }
+    s = cairn_pose_graph_read(made.graph);
+    hash = test_hash(hash, &units, sizeof units);
+    hash = test_hash(hash, &s, sizeof s);
+    for (int32_t i = 0; i < p.poses; i++) {
+        cairn_pose pose = cairn_pose_graph_pose(made.graph, i);
+
+        hash = test_hash(hash, &pose, sizeof pose);
+    }
+    for (int32_t l = 0; l < p.links; l++) {
+        cairn_pose_graph_link link = cairn_pose_graph_link_of(made.graph, l);
+        cairn_real block[9];
+
+        hash = test_hash(hash, &link, sizeof link);
+        assert_ok(cairn_pose_graph_covariance(made.graph, link.first, link.second, block));
+        hash = test_hash(hash, block, sizeof block);
+    }
+    test_pool_free(&made.pool);
+    return hash;
+}
+
+static void paths_stay_as_they_are(void **state)
+{
+    static const struct {
+        cairn_pose_graph_kernel kernel;
+        cairn_pose_graph_start start;
+        double width, noise;
+        int32_t graduated, fixed;
+        uint64_t in_double, in_float;
+    } known[] = {
+        {CAIRN_POSE_GRAPH_SQUARE, CAIRN_POSE_GRAPH_GIVEN, 3, 0.2, 0, 0, UINT64_C(0xfa6d3e1ed6456878),
+         UINT64_C(0xc5a1ac879ed056dc)},
+        {CAIRN_POSE_GRAPH_HUBER, CAIRN_POSE_GRAPH_CHORDAL, 2, 0.1, 0, 7, UINT64_C(0x1c0609b1cfa50cf6),
+         UINT64_C(0xdb74adcd277b927e)},
+        {CAIRN_POSE_GRAPH_CAUCHY, CAIRN_POSE_GRAPH_BEST, 1, 0.05, 0, 0, UINT64_C(0xd6f57ee09c44917e),
+         UINT64_C(0xb24968047f05b85c)},
+        {CAIRN_POSE_GRAPH_GEMAN_MCCLURE, CAIRN_POSE_GRAPH_GIVEN, 4, 0.1, 1, 0, UINT64_C(0x009e74d5c53d2a87),
+         UINT64_C(0xad6078143fb67d1f)},
+        {CAIRN_POSE_GRAPH_GEMAN_MCCLURE, CAIRN_POSE_GRAPH_BEST, 4, 0.4, 0, 20, UINT64_C(0x7cfd63d8f62ab559),
+         UINT64_C(0xe9863617b19211d2)},
+        {CAIRN_POSE_GRAPH_DCS, CAIRN_POSE_GRAPH_CHORDAL, 2, 0.1, 0, 0, UINT64_C(0xdd9aee5ea7a622a1),
+         UINT64_C(0xe940042f4598a5f9)},
+    };
+
+    (void)state;
+    for (size_t k = 0; k < sizeof known / sizeof *known; k++) {
+        cairn_pose_graph_params params = small_params();
+
+        params.kernel = known[k].kernel;
+        params.start = known[k].start;
+        params.width = (cairn_real)known[k].width;
+        params.graduated = known[k].graduated;
+        assert_golden(hash_of_path(params, known[k].noise, known[k].fixed), known[k].in_double, known[k].in_float);
+    }
+}
+
 /* ---- Refusals ---- */
 
 static void refused_params(void **state)
@@ -887,6 +970,7 @@ static void overflow_is_told(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(paths_stay_as_they_are),
         cmocka_unit_test(every_kernel_finds_its_minimum),
         cmocka_unit_test(chordal_start_needs_no_guess),
         cmocka_unit_test(outliers_are_named),

@@ -215,6 +215,8 @@ static void the_picture_shows_dropped_links_in_red(void **state)
     for (const char *d = picture; *d != '\0'; d++)
         moves += d[0] == 'M' && d[1] >= '0' && d[1] <= '9';
     assert_int_equal(moves, 2 * 43);
+    assert_golden(test_hash(TEST_HASH_START, picture, strlen(picture)), UINT64_C(0x19dcb992f42ca5b9),
+                  UINT64_C(0x72a72a4b731b20e7));
     free(picture);
     assert_status(cairn_pose_graph_file_draw(files_path("none/graph.svg"), &file, &out, "", NULL), CAIRN_IO);
     cairn_pose_graph_solution_free(&out);

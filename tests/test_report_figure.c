@@ -276,11 +276,49 @@ static void test_refusals(void **state)
     }
 }
 
+/* Every byte of some figures. */
+static void figures_stay_as_they_are(void **state)
+{
+    static const char *const names[] = {"map", "chart", "four", "bare"};
+    static const uint64_t known[] = {UINT64_C(0x2ee4112603660eff), UINT64_C(0x06a1ab35ab953f2b),
+                                     UINT64_C(0x5fdd922c74883911), UINT64_C(0x5ced680e6a0e4231)};
+
+    (void)state;
+    for (int k = 0; k < 4; k++) {
+        sample s;
+        char *svg;
+
+        make_sample(&s);
+        s.line[1].x = CAIRN_REAL(-2.5);
+        if (k < 3) {
+            s.figure.title = names[k];
+            s.figure.subtitle = "\u00e4 < \u00f6 & more";
+            s.plot[0].title = "title";
+            s.plot[0].note = "note";
+        }
+        if (k == 1 || k == 2) {
+            s.plot[k - 1].layer_count = 3;
+            s.plot[k - 1].x_label = "x (m)";
+            s.plot[k - 1].y_label = "y";
+            s.plot[k - 1].x_step = k == 1 ? 0.5 : 0;
+            s.plot[k - 1].y_step = 2;
+            s.figure.plot_count = k == 1 ? 1 : 4;
+            s.plot[3].layer_count = 0;
+            s.plot[2].box.min.x = -1;
+            s.plot[2].box.max.x = 7;
+            s.plot[2].box.min.y = s.plot[2].box.max.y = 3;
+        }
+        svg = draw(&s.figure);
+        assert_golden(test_hash(TEST_HASH_START, svg, strlen(svg)), known[k], known[k]);
+        free(svg);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_map),        cmocka_unit_test(test_chart),    cmocka_unit_test(test_side_by_side),
-        cmocka_unit_test(test_degenerate), cmocka_unit_test(test_refusals),
+        cmocka_unit_test(test_degenerate), cmocka_unit_test(test_refusals), cmocka_unit_test(figures_stay_as_they_are),
     };
     return cmocka_run_group_tests(tests, files_setup, files_teardown);
 }

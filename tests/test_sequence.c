@@ -170,6 +170,60 @@ static void finds_what_is_known(void **state)
     test_pool_free(&pool);
 }
 
+/* Of equally good paths the first; the units, counted by hand for the smallest tables. */
+static void takes_the_first_of_equal_paths_in_known_units(void **state)
+{
+    static const struct known {
+        cairn_sequence_kind kind;
+        int32_t first_count, second_count;
+        double first[5], second[6];
+        int32_t units, count;
+        cairn_sequence_pair pairs[8];
+    } knowns[] = {
+        /* take; two nodes forward, two backward, two joins; the move and the end of the walk; take */
+        {CAIRN_SEQUENCE_COMMON, 1, 1, {1}, {1}, 10, 1, {{0, 0}}},
+        {CAIRN_SEQUENCE_WARP, 1, 1, {1}, {3}, 10, 1, {{0, 0}}},
+        /* and four nodes to find the end and four to find the start */
+        {CAIRN_SEQUENCE_LOCAL, 1, 1, {1}, {1}, 18, 1, {{0, 0}}},
+        /* the end lies in the middle of six nodes, the start four nodes before it */
+        {CAIRN_SEQUENCE_LOCAL, 1, 2, {1}, {1, 9}, 20, 1, {{0, 0}}},
+        {CAIRN_SEQUENCE_LOCAL, 2, 2, {1, 2}, {1, 2}, 53, 2, {{0, 0}, {1, 1}}},
+        {CAIRN_SEQUENCE_COMMON, 2, 2, {1, 2}, {2, 1}, 36, 1, {{1, 0}}},
+        {CAIRN_SEQUENCE_COMMON, 5, 6, {1, 2, 3, 4, 1}, {3, 4, 1, 2, 1, 3}, 189, 3, {{2, 0}, {3, 1}, {4, 2}}},
+        {CAIRN_SEQUENCE_LOCAL, 5, 6, {1, 2, 3, 4, 1}, {3, 4, 1, 2, 1, 3}, 135, 3, {{2, 0}, {3, 1}, {4, 2}}},
+        {CAIRN_SEQUENCE_WARP, 3, 3, {1, 1, 1}, {1, 1, 1}, 70, 4, {{0, 0}, {1, 0}, {2, 1}, {2, 2}}},
+        {CAIRN_SEQUENCE_WARP,
+         5,
+         6,
+         {1, 2, 3, 4, 1},
+         {3, 4, 1, 2, 1, 3},
+         188,
+         8,
+         {{0, 0}, {1, 0}, {2, 0}, {3, 1}, {4, 2}, {4, 3}, {4, 4}, {4, 5}}},
+    };
+
+    (void)state;
+    for (size_t k = 0; k < sizeof knowns / sizeof *knowns; k++) {
+        const struct known *known = &knowns[k];
+        cairn_sequence_params params = {known->kind, 5, 6, 1};
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+        struct sequences s = {{0}, {0}, known->first_count, known->second_count, known->kind, NULL};
+        cairn_pool pool;
+        cairn_sequence *sequence = make(&pool, params);
+        cairn_sequence_result result;
+
+        memcpy(s.first, known->first, sizeof known->first);
+        memcpy(s.second, known->second, sizeof known->second);
+        assert_ok(cairn_sequence_begin(sequence, s.first_count, s.second_count, compare, &s));
+        assert_ok(cairn_sequence_step(sequence, &budget));
+        result = cairn_sequence_read(sequence);
+        assert_int_equal(CAIRN_UNBOUNDED - budget.left, known->units);
+        assert_int_equal(result.count, known->count);
+        assert_memory_equal(result.pairs, known->pairs, (size_t)known->count * sizeof *known->pairs);
+        test_pool_free(&pool);
+    }
+}
+
 static void a_local_alignment_of_strangers_is_empty(void **state)
 {
     struct sequences s = {{1, 1, 1}, {9, 9}, 3, 2, CAIRN_SEQUENCE_LOCAL, NULL};
@@ -296,6 +350,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(gives_the_score_and_the_path_of_the_whole_table),
         cmocka_unit_test(finds_what_is_known),
+        cmocka_unit_test(takes_the_first_of_equal_paths_in_known_units),
         cmocka_unit_test(a_local_alignment_of_strangers_is_empty),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(refuses),

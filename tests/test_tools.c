@@ -473,7 +473,7 @@ static void quiet_and_pipes(void **state)
     assert_string_equal(o.err, "");
     assert_holds(o.out, "scans      30 (0 damaged lines left out)\n");
     assert_holds(o.out, "key scans  ");
-    assert_int_equal(lines_of(o.out), 6);
+    assert_int_equal(lines_of(o.out), 7);
     o = programs_run("cairn align @/places/scans.log -o @/quiet --steps 300");
     assert_done(o);
     assert_string_equal(o.err, "");

@@ -105,6 +105,24 @@ static cairn_status record_key(cairn_report_player *player, const cairn_mapper *
     return status == CAIRN_OK ? add_frame(player, mapper, index) : status;
 }
 
+/* Lets the mapper finish its loops; the last frame shows what came of it. */
+static int settle(const settings *s, cairn_mapper *mapper, cairn_report_player *player, int32_t index)
+{
+    cairn_status status;
+
+    do {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        status = cairn_mapper_settle(mapper, &budget);
+    } while (status == CAIRN_MORE);
+    if (status == CAIRN_OK && player != NULL)
+        status = add_frame(player, mapper, index);
+    if (status == CAIRN_OK)
+        return TOOL_OK;
+    (void)options_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
+    return tool_exit_code(status);
+}
+
 /* Feeds all scans to the mapper; keeps what is drawn. TOOL_OK, or another exit code after a line on standard error; *full
  * is set, and no line printed, when the mapper had no room for a key scan. */
 static int feed(const settings *s, const cairn_carmen_scans *log, cairn_mapper *mapper, map_scan *scans, place *places,
@@ -155,7 +173,7 @@ static int feed(const settings *s, const cairn_carmen_scans *log, cairn_mapper *
         tool_progress_at(&progress, i);
     }
     tool_progress_end(&progress);
-    return TOOL_OK;
+    return settle(s, mapper, player, log->count);
 }
 
 /* The player for --report; NULL without it. */
@@ -219,10 +237,11 @@ static void print_summary(const cairn_carmen_scans *log, const cairn_mapper *map
            "seconds    %.3f, %.0f scans/s\n"
            "pool       %zu bytes at most\n"
            "key scans  %" PRId32 "\n"
+           "loops      %" PRId32 " closed, %" PRId32 " corrections%s\n"
            "unmatched  %" PRId64 " (pose by prediction)\n"
            "potential  %.6g\n",
-           log->count, log->info.faults, seconds, log->count / seconds_to_map, pool_bytes, state.keys, state.predicted,
-           (double)state.potential);
+           log->count, log->info.faults, seconds, log->count / seconds_to_map, pool_bytes, state.keys, state.loops,
+           state.solutions, state.lacks_room ? ", no room for more" : "", state.predicted, (double)state.potential);
 }
 
 static int32_t least(int64_t a, int32_t b)
@@ -252,6 +271,8 @@ static int map_with_room(const settings *s, const cairn_carmen_scans *log, map_s
     params.max_key_points = least((int64_t)params.max_keys * points + params.scan.max_points, KEY_CAPACITY_MOST);
     params.max_key_segments =
         least((int64_t)params.max_keys * points / 4 + params.scan.max_segments, KEY_CAPACITY_MOST);
+    params.loop.max_loops = 4 * params.max_keys;
+    params.loop.max_fill = 40 * params.max_keys;
     code = tool_pool_open(&pool, PROGRAM, s->pool, cairn_mapper_memory(&params));
     if (code != TOOL_OK)
         return code;

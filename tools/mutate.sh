@@ -162,15 +162,16 @@ objects() # of the files given
         echo "$build/double/$source.o"
     done
 }
-# program NAME FILE...: links $build/NAME; $work/uses/NAME says which of the library's objects it needs.
+# program NAME FILE...: links $build/NAME; $work/uses/NAME says which of the library's objects it needs (newer linkers name
+# the members of archives only when asked twice).
 program()
 {
     name=$1
     shift
     # shellcheck disable=SC2046,SC2086
     c++ -o "$build/$name" $(objects "$@") -L"$build" -lfaulty -Wl,-rpath,"$PWD/$build" $system_libs &&
-        c++ -o "$work/program" $(objects "$@") -Wl,--trace,--start-group $libraries -Wl,--end-group $system_libs |
-        sed -n 's/.*[(\/]\([a-z0-9_]*\.c\)\.o)*$/\1/p' >"$work/uses/$name"
+        c++ -o "$work/program" $(objects "$@") -Wl,--trace,--trace,--start-group $libraries -Wl,--end-group $system_libs |
+        sed -n 's/.*[(\/)]\([a-z0-9_]*\.c\)\.o)*$/\1/p' >"$work/uses/$name"
 }
 
 tests=$(ls tests/test_*.c | sed 's|.*/||; s|\.c$||')
@@ -191,6 +192,10 @@ mkdir -p "$work/uses/tests"
         # shellcheck disable=SC2086
         program "tests/$t" "tests/$t.c" $common || exit 2
     done
+    grep -qx pool.c "$work/uses/tests/test_pool" || {
+        echo "the linker does not tell what tests use" >&2
+        exit 2
+    }
     for t in $tests; do
         # Those that run a tool use what that uses.
         ! grep -q '/cairn' "tests/$t.c" || cat "$work/uses/cairn" "$work/uses/cairn-arena" >>"$work/uses/tests/$t"

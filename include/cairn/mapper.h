@@ -3,7 +3,13 @@
  * Each scan is fitted (scan), matched against the key scans near by (icp), starting from the odometry where there is one
  * and from the last motion otherwise, and, when it shows enough that is new, kept as a key scan. A new key scan lets the
  * force field run over the window of the last key scans (Adluru 2008, section 7.3.6, online FFS). Scans hang on key scans:
- * the pose of a scan is that of its key scan, which may still move, composed with its place seen from there. */
+ * the pose of a scan is that of its key scan, which may still move, composed with its place seen from there.
+ *
+ * Key scans are linked in a pose_graph. Each one is looked for (scan_match) at the older ones that it may have come back to;
+ * what is found, agrees with what else is known, and has no rival, closes a loop, and all key scans are corrected. That
+ * takes a fixed share of every scan's steps, so that no scan costs much more than another:
+ *
+ *     add(scan) -> step(budget) until CAIRN_OK -> read(), key_pose() ... ; after the last one settle(budget) until CAIRN_OK */
 #ifndef CAIRN_MAPPER_H
 #define CAIRN_MAPPER_H
 
@@ -19,15 +25,35 @@ extern "C" {
 /* The most key scans that a scan is matched against. */
 #define CAIRN_MAPPER_LOCAL_MOST 64
 
+/* Loops. A path that comes back is looked for where it may be, given how far its links can have led it astray. */
+typedef struct cairn_mapper_loop_params {
+    int32_t max_loops;        /* closures in all, 1 ... 2^22; 0: no loops are closed (4096) */
+    int32_t max_fill;         /* blocks of the graph's factor, see block_solver (32768) */
+    int32_t units;            /* of budget that loops and graph may take of every scan, >= 1 (8000) */
+    int32_t keys;             /* key scans of the map around a candidate, 1 ... 64 (9) */
+    int32_t gap;              /* a path that is shorter than so many key scans is no loop, >= 1 (25) */
+    int32_t agree;            /* so many closures must agree when the search is wide, 1 ... 8 (3) */
+    cairn_real radius;        /* m, > 0: candidates see things within so far of what the key scan sees (3) */
+    cairn_real window;        /* m, > 0: half side of the widest search (4) */
+    cairn_real window_near;   /* m, > 0: a search within so far is not wide (0.6) */
+    cairn_real evidence;      /* of scan_match, log odds, that a closure needs (2) */
+    cairn_real contradiction; /* share of points in free space that a closure may have, in [0, 1] (0.1) */
+    cairn_real sigma;         /* m, > 0: standard deviation that every link has at least ... (0.01) */
+    cairn_real sigma_turn;    /* ... rad, > 0 (0.004) */
+    cairn_real outlier;       /* a closure with e^T Omega e beyond this after a correction is dropped, > 0 (50) */
+} cairn_mapper_loop_params;
+
 typedef struct cairn_mapper_params {
     cairn_scan_params scan;
     cairn_icp_params icp;           /* its capacities are set by the mapper */
     cairn_force_field_params field; /* likewise max_scans */
-    int32_t max_keys;               /* key scans in all, 1 ... 2^20 (1024) */
-    int32_t max_key_segments;       /* segments of all key scans, 1 ... 2^24 (32768) */
-    int32_t max_key_points;         /* points of all key scans, 1 ... 2^24 (131072) */
-    int32_t local_keys;             /* key scans to match against, 1 ... CAIRN_MAPPER_LOCAL_MOST (15) */
+    cairn_mapper_loop_params loop;
+    int32_t max_keys;             /* key scans in all, 1 ... 2^20 (1024) */
+    int32_t max_key_segments;     /* segments of all key scans, 1 ... 2^24 (32768) */
+    int32_t max_key_points;       /* points of all key scans, 1 ... 2^24 (131072) */
+    int32_t local_keys;           /* key scans to match against, 1 ... CAIRN_MAPPER_LOCAL_MOST (15) */
     int32_t local_recent;         /* of these so many are the last ones, the others the nearest: 1 ... local_keys (3) */
+    int32_t local_span;           /* of the last so many, >= local_recent; 0: of all (25) */
     cairn_real local_radius;      /* m, > 0: the nearest ones are at most so far (4) */
     cairn_real key_distance;      /* m, > 0, and ... (0.5) */
     cairn_real key_turn;          /* ... rad, > 0: what lies between key scans (0.5) */
@@ -68,7 +94,29 @@ typedef struct cairn_mapper_state {
     int32_t keys;
     int64_t units;        /* of budget */
     cairn_real potential; /* of the last run of the force field */
+    int32_t loops;        /* closures in the graph */
+    int32_t loop_events;  /* of cairn_mapper_loop_at() */
+    int32_t waiting;      /* key scans that have not been looked for yet */
+    int32_t solutions;    /* corrections of all key scans */
+    int32_t lacks_room;   /* 1: the graph has no room for links, 2: ... nor its factor for blocks */
 } cairn_mapper_state;
+
+/* What became of a closure. */
+typedef int32_t cairn_mapper_loop_verdict;
+enum {
+    CAIRN_MAPPER_LOOP_ACCEPTED = 0,
+    CAIRN_MAPPER_LOOP_WAITING = 1,      /* until others agree */
+    CAIRN_MAPPER_LOOP_NONE = 2,         /* the match found nothing */
+    CAIRN_MAPPER_LOOP_AMBIGUOUS = 3,    /* it found several places */
+    CAIRN_MAPPER_LOOP_CONTRADICTED = 4, /* points stand in space that was seen free */
+    CAIRN_MAPPER_LOOP_DROPPED = 5       /* accepted once, but the graph as a whole speaks against it */
+};
+
+typedef struct cairn_mapper_loop {
+    int32_t first, second;   /* key scans, the older one first */
+    cairn_pose first_second; /* as matched; the identity for NONE */
+    cairn_mapper_loop_verdict verdict;
+} cairn_mapper_loop;
 
 typedef struct cairn_mapper cairn_mapper;
 
@@ -92,8 +140,16 @@ CAIRN_CHECKED cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_sc
  * should have become a key scan but there was no room; it has its pose, and the mapper takes no further scan. */
 CAIRN_CHECKED cairn_status cairn_mapper_step(cairn_mapper *mapper, cairn_budget *budget);
 
+/* Finishes what loops and graph have to do with all scans so far, the scan at hand first. CAIRN_MORE: the budget is used up.
+ * CAIRN_OK: all is done; more scans may follow. CAIRN_FULL as step(). */
+CAIRN_CHECKED cairn_status cairn_mapper_settle(cairn_mapper *mapper, cairn_budget *budget);
+
 /* The result of the last scan that was done. */
 cairn_mapper_result cairn_mapper_read(const cairn_mapper *mapper);
+
+/* The frame of the odometry seen in the map: map_base of the last scan that came with odometry is this, composed with
+ * that odometry. It jumps when loops close, the product of both does so too, odometry alone never does. */
+cairn_pose cairn_mapper_map_odom(const cairn_mapper *mapper);
 
 /* The last scan as points and segments in its own frame; valid until the next add. */
 cairn_scan_view cairn_mapper_view(const cairn_mapper *mapper);
@@ -103,6 +159,9 @@ cairn_pose cairn_mapper_key_pose(const cairn_mapper *mapper, int32_t key);
 
 /* Segments and points of the key scans, each in its own frame. */
 const cairn_scan_set *cairn_mapper_keys(const cairn_mapper *mapper);
+
+/* Event 0 <= index < loop_events, of which the last 64 can be read; older ones are those 64 later. */
+cairn_mapper_loop cairn_mapper_loop_at(const cairn_mapper *mapper, int32_t index);
 
 cairn_mapper_state cairn_mapper_measure(const cairn_mapper *mapper);
 

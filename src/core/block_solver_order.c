@@ -366,7 +366,6 @@ static int32_t end_pivot(cairn_block_solver *s)
     o->end = o->write;
     o->length[o->pivot] = o->end - o->start[o->pivot];
     o->mark[o->pivot] = o->length[o->pivot] > 0;
-    o->size[o->pivot] = 0;
     for (int32_t v = o->pivot; v != -1; v = o->member[v]) {
         s->place[v] = o->filled;
         s->order[o->filled++] = v;

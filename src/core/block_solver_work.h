@@ -37,7 +37,7 @@ struct cairn_block_order {
     int32_t *length;   /* [max_poses] of the list; 0 for nodes that are gone */
     int32_t *elements; /* [max_poses] how many of the list are elements */
     int32_t *degree;   /* [max_poses] poses of an element's list, or bound of a variable's neighbours */
-    int32_t *size;     /* [max_poses] poses of a variable; < 0: in the pivot's list; 0: merged or eliminated */
+    int32_t *size;     /* [max_poses] poses of a variable; < 0: in the pivot's list, or eliminated; 0: merged */
     int32_t *mark;     /* [max_poses] 0: element that is gone; else compared with tag */
     int32_t *member;   /* [max_poses] next pose of the same variable, -1: last */
     int32_t *tail;     /* [max_poses] last pose of the variable */

@@ -24,7 +24,7 @@ enum { ELEMENTS_MOST = 1 << 24, JOBS_MOST = 32 };
 /* The gain of a move that must not be. */
 static const cairn_real NEVER = CAIRN_REAL(-1e30);
 
-/* A part of the table between two nodes of the path. */
+/* A part of the table between two nodes of the path; at least one row of elements. */
 typedef struct sequence_job {
     int32_t i0, i1, j0, j1;
 } sequence_job;
@@ -190,14 +190,12 @@ static cairn_real leave(cairn_sequence *x, int32_t i1, int32_t j1)
 {
     int32_t i = x->i, j = x->j;
     int32_t warp = x->params.kind == CAIRN_SEQUENCE_WARP;
-    cairn_real pair = 0, skip = 0, below = i < i1 ? x->backward[j] : NEVER, best = NEVER;
+    cairn_real pair = 0, skip = 0, below = i < i1 ? x->backward[j] : NEVER, best = i == i1 && j == j1 ? 0 : NEVER;
 
     if (warp)
         gains(x, i, j, &pair, &skip);
     else if (i < i1 || j < j1)
         gains(x, i + 1 <= i1 ? i + 1 : i, j + 1 <= j1 ? j + 1 : j, &pair, &skip);
-    if (i == i1 && j == j1)
-        best = warp ? 0 : NEVER;
     if (i < i1 && j < j1)
         best = x->diagonal + (warp ? 0 : pair);
     if (i < i1)
@@ -206,8 +204,6 @@ static cairn_real leave(cairn_sequence *x, int32_t i1, int32_t j1)
         best = cairn_max(best, x->backward[j + 1] + (warp ? 0 : skip));
     if (warp)
         best += skip;
-    else if (i == i1 && j == j1)
-        best = 0;
     x->diagonal = below;
     return cairn_max(best, NEVER);
 }
@@ -274,7 +270,7 @@ static void take(cairn_sequence *x)
     x->best = 2 * NEVER;
     x->best_j = x->job.j0;
     x->best_pairs = 0;
-    x->phase = x->job.i1 > x->job.i0 ? SEQUENCE_FORWARD : SEQUENCE_EMIT;
+    x->phase = SEQUENCE_FORWARD;
 }
 
 static void go_forward(cairn_sequence *x)

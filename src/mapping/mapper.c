@@ -16,7 +16,7 @@
 
 #include <string.h>
 
-#include "src/mapping/mapper_keys.h"
+#include "src/mapping/mapper_work.h"
 
 cairn_mapper_params cairn_mapper_default(void)
 {
@@ -33,11 +33,26 @@ cairn_mapper_params cairn_mapper_default(void)
     params.field.dt_end = CAIRN_REAL(0.005);
     params.field.roi = 0;
     params.field.max_steps = 10;
+    params.loop.max_loops = 4096;
+    params.loop.max_fill = 32768;
+    params.loop.units = 8000;
+    params.loop.keys = 9;
+    params.loop.gap = 25;
+    params.loop.agree = 3;
+    params.loop.radius = 3;
+    params.loop.window = 4;
+    params.loop.window_near = CAIRN_REAL(0.6);
+    params.loop.evidence = 2;
+    params.loop.contradiction = CAIRN_REAL(0.1);
+    params.loop.sigma = CAIRN_REAL(0.01);
+    params.loop.sigma_turn = CAIRN_REAL(0.004);
+    params.loop.outlier = 50;
     params.max_keys = 1024;
     params.max_key_segments = 32768;
     params.max_key_points = 131072;
     params.local_keys = 15;
     params.local_recent = 3;
+    params.local_span = 25;
     params.local_radius = 4;
     params.key_distance = CAIRN_REAL(0.5);
     params.key_turn = CAIRN_REAL(0.5);
@@ -77,12 +92,55 @@ static cairn_scan_set_params key_params(const cairn_mapper_params *params)
     return keys;
 }
 
+/* Only with loops. */
+static cairn_scan_match_params match_params(const cairn_mapper_params *params)
+{
+    cairn_scan_match_params match = cairn_scan_match_default();
+
+    match.max_target = params->loop.keys * params->scan.max_points;
+    if (match.max_target > 1 << 20)
+        match.max_target = 1 << 20; /* what scan_match takes at most */
+    match.max_dense = 0;
+    match.max_views = params->loop.keys;
+    match.max_query = params->scan.max_points;
+    match.spacing = params->scan.spacing;
+    return match;
+}
+
+static cairn_pose_graph_params graph_params(const cairn_mapper_params *params)
+{
+    cairn_pose_graph_params graph = cairn_pose_graph_default();
+
+    graph.max_poses = params->max_keys;
+    graph.max_links = params->max_keys + params->loop.max_loops;
+    graph.max_fill = params->loop.max_fill;
+    graph.start = CAIRN_POSE_GRAPH_GIVEN;
+    graph.kernel = CAIRN_POSE_GRAPH_HUBER;
+    graph.max_iterations = 12;
+    graph.converged = CAIRN_REAL(1e-4);
+    return graph;
+}
+
+static int loop_is_valid(const cairn_mapper_params *params)
+{
+    const cairn_mapper_loop_params *p = &params->loop;
+
+    if (p->max_loops == 0)
+        return 1;
+    return p->max_loops > 0 && p->max_loops <= 1 << 22 && p->max_fill >= 0 && p->max_fill <= 1 << 26 && p->units >= 1 &&
+           p->keys >= 1 && p->keys <= 64 && p->gap >= 1 && p->agree >= 1 && p->agree <= 8 && p->radius > 0 &&
+           p->window > 0 && p->window_near > 0 && p->evidence == p->evidence && p->contradiction >= 0 &&
+           p->contradiction <= 1 && p->sigma > 0 && p->sigma_turn > 0 && p->outlier > 0;
+}
+
 static int is_valid(const cairn_mapper_params *p)
 {
     if (p == NULL || p->max_keys < 1 || p->max_keys > 1 << 20)
         return 0;
     if (p->local_keys < 1 || p->local_keys > CAIRN_MAPPER_LOCAL_MOST || p->local_recent < 1 ||
         p->local_recent > p->local_keys)
+        return 0;
+    if (!loop_is_valid(p) || p->local_span < 0 || (p->local_span > 0 && p->local_span < p->local_recent))
         return 0;
     if (p->scan.max_points < 1 || p->scan.max_points > 1 << 17 || p->scan.max_segments < 1 ||
         p->scan.max_segments > 1 << 17)
@@ -106,6 +164,43 @@ static void count_parts(cairn_pool *counting, const cairn_mapper_params *params)
     cairn_pool_count(counting, cairn_scan_set_memory(&keys));
     if (params->window)
         cairn_pool_count(counting, cairn_force_field_memory(&field));
+    if (params->loop.max_loops > 0) {
+        cairn_scan_match_params match = match_params(params);
+        cairn_pose_graph_params graph = graph_params(params);
+
+        cairn_pool_count(counting, cairn_scan_match_memory(&match));
+        cairn_pool_count(counting, cairn_pose_graph_memory(&graph, NULL));
+    }
+}
+
+/* What only loops need; loop NULL: from a counting pool. */
+static void carve_loop(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_params *params)
+{
+    size_t keys = (size_t)params->max_keys;
+    mapper_link *links = cairn_pool_take(pool, keys + (size_t)params->loop.max_loops, sizeof *links);
+    int32_t *first_link = cairn_pool_take(pool, keys, sizeof *first_link);
+    cairn_sym3 *covariance = cairn_pool_take(pool, keys, sizeof *covariance);
+    uint16_t *sight = cairn_pool_take(pool, keys * MAPPER_BEARINGS, sizeof *sight);
+    cairn_real *variance = cairn_pool_take(pool, keys, sizeof *variance);
+    cairn_real *turn_variance = cairn_pool_take(pool, keys, sizeof *turn_variance);
+    int32_t *heap = cairn_pool_take(pool, keys, sizeof *heap);
+    int32_t *heap_at = cairn_pool_take(pool, keys, sizeof *heap_at);
+    cairn_oriented_point *points = cairn_pool_take(pool, (size_t)params->scan.max_points, sizeof *points);
+    cairn_beam *beams = cairn_pool_take(pool, (size_t)2 * MAPPER_BEARINGS, sizeof *beams);
+
+    if (loop == NULL)
+        return;
+    loop->links = links;
+    loop->first_link = first_link;
+    loop->covariance = covariance;
+    loop->sight = sight;
+    loop->variance = variance;
+    loop->turn_variance = turn_variance;
+    loop->heap = heap;
+    loop->heap_at = heap_at;
+    loop->query_points = points;
+    loop->query_beams = beams;
+    loop->beams = beams == NULL ? NULL : beams + MAPPER_BEARINGS;
 }
 
 static cairn_mapper *carve(cairn_pool *pool, const cairn_mapper_params *params)
@@ -123,6 +218,8 @@ static cairn_mapper *carve(cairn_pool *pool, const cairn_mapper_params *params)
         mapper->segments = segments;
         mapper->first_point = first_point;
     }
+    if (params->loop.max_loops > 0)
+        carve_loop(mapper != NULL ? &mapper->loop : NULL, pool, params);
     return mapper;
 }
 
@@ -164,6 +261,14 @@ cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool *pool, const 
     if (status == CAIRN_OK && params->window)
         status = cairn_force_field_create(&made->field, pool, &field);
     CAIRN_ASSERT(status == CAIRN_OK);
+    if (status == CAIRN_OK && params->loop.max_loops > 0) {
+        cairn_scan_match_params match = match_params(params);
+        cairn_pose_graph_params graph = graph_params(params);
+
+        status = cairn_scan_match_create(&made->loop.match, pool, &match);
+        if (status == CAIRN_OK)
+            status = cairn_pose_graph_create(&made->loop.graph, pool, &graph, NULL);
+    }
     made->target_stale = 1;
     *mapper = made;
     return status;
@@ -290,6 +395,22 @@ static int is_key_scan(const cairn_mapper *mapper, cairn_pose map_scan)
            cairn_abs(key_scan.theta) > mapper->params.key_turn;
 }
 
+/* Covariance of the scan's pose seen from the key scan before, in the scan's own frame. */
+static cairn_sym3 link_covariance(const cairn_mapper *mapper)
+{
+    const cairn_mapper_params *p = &mapper->params;
+    cairn_pose prediction = mapper->motion;
+    cairn_real way = cairn_sqrt(prediction.x * prediction.x + prediction.y * prediction.y), unmatched[9] = {0};
+
+    if (mapper->has_match)
+        return cairn_mapper_own_covariance(mapper, mapper->match.covariance, mapper->match.target_query.theta);
+    unmatched[0] = unmatched[4] = p->odometry_distance_min + p->odometry_distance * way;
+    unmatched[8] = p->odometry_turn_min + p->odometry_turn * cairn_abs(prediction.theta);
+    for (int k = 0; k < 9; k += 4)
+        unmatched[k] *= unmatched[k];
+    return cairn_mapper_own_covariance(mapper, unmatched, 0);
+}
+
 /* Fills the result and keeps the scan when it is a key scan. CAIRN_FULL: no room to keep it. */
 static cairn_status keep(cairn_mapper *mapper)
 {
@@ -319,8 +440,14 @@ static cairn_status keep(cairn_mapper *mapper)
     if (result->is_key) {
         status = cairn_scan_set_add(mapper->keys, &view, NULL, NULL);
         if (status == CAIRN_OK) {
-            mapper->key_pose[mapper->keys->scan_count - 1] = result->map_scan;
+            int32_t key = mapper->keys->scan_count - 1;
+
+            mapper->key_pose[key] = result->map_scan;
             mapper->target_stale = 1;
+            if (mapper->loop.graph != NULL) {
+                mapper->loop.covariance[key] = link_covariance(mapper);
+                cairn_mapper_keep_sight(mapper, key, &view);
+            }
         } else {
             result->is_key = 0;
             mapper->full = 1;
@@ -335,6 +462,27 @@ static cairn_status keep(cairn_mapper *mapper)
 }
 
 /* ---- Steps ---- */
+
+/* The scan has its pose: loops and graph get their share. */
+static void begin_share(cairn_mapper *mapper)
+{
+    mapper->loop.quota = mapper->params.loop.units;
+    mapper->phase = mapper->loop.graph != NULL ? LOOP : IDLE;
+}
+
+/* Goes on with loops and graph until there is nothing to do, or the scan's share of units is used up. */
+static cairn_status take_share(cairn_mapper *mapper, cairn_budget *budget)
+{
+    int32_t most = budget->left < mapper->loop.quota ? budget->left : mapper->loop.quota;
+    cairn_budget share = {most};
+    cairn_status status = cairn_mapper_loop_step(mapper, &share);
+
+    budget->left -= most - share.left;
+    mapper->loop.quota -= most - share.left;
+    if (status == CAIRN_OK || (status == CAIRN_MORE && mapper->loop.quota <= 0))
+        mapper->phase = IDLE;
+    return status == CAIRN_MORE ? CAIRN_OK : status;
+}
 
 /* One item of the phase at hand. CAIRN_OK: the phase may have changed; CAIRN_MORE: the budget ended within a part. */
 static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
@@ -382,7 +530,9 @@ static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
     case KEEP:
         budget->left -= 4 + cairn_scan_read(mapper->scan).point_count / 4;
         status = keep(mapper);
-        mapper->phase = IDLE;
+        begin_share(mapper);
+        if (status != CAIRN_OK)
+            mapper->phase = IDLE;
         if (status == CAIRN_OK && mapper->result.is_key && mapper->params.window && mapper->keys->scan_count > 1) {
             cairn_force_field_clear(mapper->field);
             mapper->phase = WINDOW;
@@ -394,11 +544,14 @@ static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
         if (status == CAIRN_OK && mapper->cursor == cairn_mapper_window_count(mapper))
             mapper->phase = FIELD;
         break;
+    case LOOP:
+        status = take_share(mapper, budget);
+        break;
     default:
         status = cairn_force_field_step(mapper->field, budget);
         if (status == CAIRN_OK) {
             cairn_mapper_read_window(mapper);
-            mapper->phase = IDLE;
+            begin_share(mapper);
         }
         break;
     }
@@ -424,6 +577,25 @@ cairn_status cairn_mapper_step(cairn_mapper *mapper, cairn_budget *budget)
     return status;
 }
 
+cairn_status cairn_mapper_settle(cairn_mapper *mapper, cairn_budget *budget)
+{
+    cairn_status status;
+    int32_t before;
+
+    if (mapper == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    status = cairn_mapper_step(mapper, budget);
+    if (status != CAIRN_OK || mapper->loop.graph == NULL)
+        return status;
+    before = budget->left;
+    mapper->loop.closing = 1;
+    status = cairn_mapper_loop_step(mapper, budget);
+    if (status != CAIRN_MORE)
+        mapper->loop.closing = 0;
+    mapper->state.units += (int64_t)before - budget->left;
+    return status;
+}
+
 /* ---- Readers ---- */
 
 cairn_mapper_result cairn_mapper_read(const cairn_mapper *mapper)
@@ -444,6 +616,18 @@ cairn_pose cairn_mapper_key_pose(const cairn_mapper *mapper, int32_t key)
 const cairn_scan_set *cairn_mapper_keys(const cairn_mapper *mapper)
 {
     return mapper->keys;
+}
+
+cairn_pose cairn_mapper_map_odom(const cairn_mapper *mapper)
+{
+    if (!mapper->had_odometry)
+        return cairn_pose_identity();
+    return cairn_pose_compose(last_pose(mapper), cairn_pose_inverse(mapper->last_odometry));
+}
+
+cairn_mapper_loop cairn_mapper_loop_at(const cairn_mapper *mapper, int32_t index)
+{
+    return mapper->loop.events[index % MAPPER_LOOP_EVENTS];
 }
 
 cairn_mapper_state cairn_mapper_measure(const cairn_mapper *mapper)

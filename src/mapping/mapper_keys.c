@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "src/mapping/mapper_keys.h"
+#include "src/mapping/mapper_work.h"
 
 /* ---- The local map ---- */
 
@@ -32,6 +32,12 @@ void cairn_mapper_begin_local(cairn_mapper *mapper)
     mapper->cursor = 0;
 }
 
+/* 1 when a key scan is old enough to be left out of the local map. */
+static int32_t is_old(const cairn_mapper *mapper, int32_t key)
+{
+    return mapper->params.local_span > 0 && key < mapper->keys->scan_count - mapper->params.local_span;
+}
+
 /* The last key scans count as at distance -1. */
 int32_t cairn_mapper_select_local(cairn_mapper *mapper)
 {
@@ -45,7 +51,7 @@ int32_t cairn_mapper_select_local(cairn_mapper *mapper)
     else if (distance <= mapper->params.local_radius)
         take_local(mapper, key, distance);
     mapper->cursor++;
-    return mapper->cursor == mapper->keys->scan_count;
+    return mapper->cursor == mapper->keys->scan_count || is_old(mapper, mapper->keys->scan_count - 1 - mapper->cursor);
 }
 
 int32_t cairn_mapper_needs_local(const cairn_mapper *mapper)
@@ -60,23 +66,17 @@ static cairn_scan_view key_view(cairn_mapper *mapper, int32_t key)
 {
     const cairn_scan_set_scan *scan = &mapper->keys->scans[key];
     cairn_scan_view view;
-    int32_t count = 0;
 
     memset(&view, 0, sizeof view);
-    for (int32_t s = scan->first_segment; s < scan->end_segment; s++) {
-        const cairn_scan_set_segment *segment = &mapper->keys->segments[s];
-
-        mapper->segments[s - scan->first_segment] = segment->segment;
-        mapper->first_point[s - scan->first_segment] = count;
-        for (int32_t p = segment->first_point; p < segment->end_point; p++) {
-            mapper->oriented[count].position = mapper->keys->points[p];
-            mapper->oriented[count].direction = segment->direction;
-            count++;
-        }
-    }
     view.segment_count = scan->end_segment - scan->first_segment;
-    view.point_count = count;
-    mapper->first_point[view.segment_count] = count;
+    view.point_count = cairn_mapper_key_points(mapper, key, mapper->oriented);
+    for (int32_t s = 0; s < view.segment_count; s++) {
+        const cairn_scan_set_segment *segment = &mapper->keys->segments[scan->first_segment + s];
+
+        mapper->segments[s] = segment->segment;
+        mapper->first_point[s] = segment->first_point - scan->first_point;
+    }
+    mapper->first_point[view.segment_count] = view.point_count;
     view.segments = mapper->segments;
     view.first_point = mapper->first_point;
     view.points = mapper->oriented;
@@ -110,8 +110,9 @@ cairn_status cairn_mapper_add_window(cairn_mapper *mapper, cairn_budget *budget)
     cairn_scan_view view = key_view(mapper, key);
     cairn_status status = cairn_force_field_add_scan(mapper->field, &view, NULL, mapper->key_pose[key], NULL);
 
-    /* The first one always stays: something must hold the window in its place. */
-    if (status == CAIRN_OK && (mapper->cursor == 0 || mapper->cursor < count - mapper->params.window_free))
+    /* The first one always stays: something must hold the window in its place. So do those whose links are measured. */
+    if (status == CAIRN_OK &&
+        (mapper->cursor == 0 || mapper->cursor < count - mapper->params.window_free || key < mapper->loop.entered))
         status = cairn_force_field_fix(mapper->field, mapper->cursor, 1);
     budget->left -= 2 + view.point_count / 2;
     mapper->cursor++;
@@ -126,4 +127,80 @@ void cairn_mapper_read_window(cairn_mapper *mapper)
         mapper->key_pose[first + i] = cairn_force_field_pose(mapper->field, i);
     mapper->result.map_scan = mapper->key_pose[mapper->keys->scan_count - 1];
     mapper->state.potential = cairn_force_field_potential(mapper->field);
+}
+
+/* ---- Key scans as parts of a match ---- */
+
+int32_t cairn_mapper_key_points(const cairn_mapper *mapper, int32_t key, cairn_oriented_point *points)
+{
+    const cairn_scan_set_scan *scan = &mapper->keys->scans[key];
+    int32_t count = 0;
+
+    for (int32_t s = scan->first_segment; s < scan->end_segment; s++) {
+        const cairn_scan_set_segment *segment = &mapper->keys->segments[s];
+
+        for (int32_t p = segment->first_point; p < segment->end_point; p++) {
+            points[count].position = mapper->keys->points[p];
+            points[count].direction = segment->direction;
+            count++;
+        }
+    }
+    return count;
+}
+
+/* Bearings by the pseudo angle y / (|x| + |y|), which grows with the angle and needs no arc tangent. */
+static int32_t bearing_of(cairn_vec2 d)
+{
+    cairn_real sum = cairn_abs(d.x) + cairn_abs(d.y), turn; /* 0 ... 4 */
+
+    if (!(sum > 0))
+        return 0;
+    turn = d.x >= 0 ? (d.y >= 0 ? d.y / sum : 4 + d.y / sum) : 2 - d.y / sum;
+    return cairn_real_to_int(turn / 4 * MAPPER_BEARINGS) & (MAPPER_BEARINGS - 1);
+}
+
+/* The direction of the middle of a bearing. */
+static cairn_vec2 bearing_direction(int32_t bearing)
+{
+    cairn_real turn = 4 * ((cairn_real)bearing + CAIRN_REAL(0.5)) / MAPPER_BEARINGS, within = turn - cairn_floor(turn);
+    cairn_vec2 d = {1 - within, within};
+    int32_t quarter = cairn_real_to_int(turn);
+
+    for (; quarter > 0; quarter--)
+        d = cairn_vec2_left(d);
+    return cairn_vec2_unit(d);
+}
+
+void cairn_mapper_keep_sight(cairn_mapper *mapper, int32_t key, const cairn_scan_view *view)
+{
+    uint16_t *sight = &mapper->loop.sight[(size_t)key * MAPPER_BEARINGS];
+
+    memset(sight, 0, MAPPER_BEARINGS * sizeof *sight);
+    for (int32_t i = 0; i < view->beam_count; i++) {
+        cairn_vec2 d = cairn_vec2_sub(view->beams[i].to, view->sensor);
+        int32_t bearing = bearing_of(d), range;
+
+        if (view->beams[i].kind == CAIRN_BEAM_UNKNOWN)
+            continue;
+        range = cairn_real_to_int(cairn_min(100 * cairn_vec2_norm(d), UINT16_MAX));
+        if (range > 0 && (sight[bearing] == 0 || range < sight[bearing]))
+            sight[bearing] = (uint16_t)range;
+    }
+}
+
+int32_t cairn_mapper_sight(const cairn_mapper *mapper, int32_t key, cairn_beam *beams)
+{
+    const uint16_t *sight = &mapper->loop.sight[(size_t)key * MAPPER_BEARINGS];
+    cairn_vec2 sensor = mapper->keys->scans[key].sensor;
+    int32_t count = 0;
+
+    for (int32_t i = 0; i < MAPPER_BEARINGS; i++) {
+        if (sight[i] == 0)
+            continue;
+        beams[count].from = sensor;
+        beams[count].to = cairn_vec2_add(sensor, cairn_vec2_scale(bearing_direction(i), (cairn_real)sight[i] / 100));
+        beams[count].kind = CAIRN_BEAM_HIT;
+        count++;
+    }
+    return count;
 }

@@ -1,0 +1,186 @@
+/* The graph of key scans and their correction.
+ *
+ * Method. Every key scan is linked to the one before by how the local map and the force field left them, with the covariance
+ * of its match; closures join those that are far apart in time. A correction solves for all key scans (pose_graph), is
+ * taken over as a whole, and moves the key scans that came since along with the last one that it knows. A closure that is an
+ * outlier afterwards is dropped, and the correction repeated. */
+#include "src/core/build.h"
+
+#include "src/mapping/mapper_work.h"
+
+/* A correction costs about as much as looking for so many key scans, in parts of those in the graph. */
+enum { SOLVE_SHARE = 48 };
+
+static const cairn_real STRAINED = 100; /* chi2 of a closure that asks for a correction at once */
+
+cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_real covariance[9], cairn_real theta)
+{
+    const cairn_mapper_loop_params *p = &mapper->params.loop;
+    cairn_sym3 own, in_map = {covariance[0], covariance[1], covariance[2], covariance[4], covariance[5], covariance[8]};
+    cairn_real s, c;
+
+    cairn_sincos(-theta, &s, &c);
+    own = in_map;
+    own.xx = c * c * in_map.xx - 2 * c * s * in_map.xy + s * s * in_map.yy;
+    own.yy = s * s * in_map.xx + 2 * c * s * in_map.xy + c * c * in_map.yy;
+    own.xy = c * s * (in_map.xx - in_map.yy) + (c * c - s * s) * in_map.xy;
+    own.xz = c * in_map.xz - s * in_map.yz;
+    own.yz = s * in_map.xz + c * in_map.yz;
+    own.xx += p->sigma * p->sigma;
+    own.yy += p->sigma * p->sigma;
+    own.zz += p->sigma_turn * p->sigma_turn;
+    return own;
+}
+
+static void hang_link(mapper_loop *loop, int32_t key, int32_t link, int32_t end)
+{
+    loop->links[link].next[end] = loop->first_link[key];
+    loop->first_link[key] = link;
+}
+
+static cairn_status add_link(cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
+                             cairn_sym3 covariance, int32_t is_loop)
+{
+    mapper_loop *loop = &mapper->loop;
+    mapper_link *link = &loop->links[loop->link_count];
+    cairn_sym3 information;
+    cairn_status status;
+
+    if (!cairn_sym3_inverse(covariance, &information))
+        return CAIRN_BAD_ARGUMENT;
+    status = cairn_pose_graph_add_link(loop->graph, first, second, first_second, information);
+    if (status != CAIRN_OK)
+        return status;
+    link->first = first;
+    link->second = second;
+    link->variance = covariance.xx + covariance.yy;
+    link->turn_variance = covariance.zz;
+    link->is_loop = is_loop;
+    link->dropped = 0;
+    hang_link(loop, first, loop->link_count, 0);
+    hang_link(loop, second, loop->link_count, 1);
+    loop->link_count++;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_mapper_enter(cairn_mapper *mapper)
+{
+    mapper_loop *loop = &mapper->loop;
+    int32_t key = loop->entered;
+    cairn_status status = cairn_pose_graph_add_pose(loop->graph, mapper->key_pose[key]);
+
+    CAIRN_ASSERT(status == CAIRN_OK);
+    loop->first_link[key] = -1;
+    loop->entered++;
+    if (key > 0)
+        status = add_link(mapper, key - 1, key, cairn_pose_between(mapper->key_pose[key - 1], mapper->key_pose[key]),
+                          loop->covariance[key], 0);
+    return status;
+}
+
+/* e^T Omega e of a measured pose at the poses as they are. */
+static cairn_real strain_of(const cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
+                            cairn_sym3 covariance)
+{
+    cairn_pose e =
+        cairn_pose_between(first_second, cairn_pose_between(mapper->key_pose[first], mapper->key_pose[second]));
+    cairn_real error[3], solved[3];
+
+    error[0] = e.x;
+    error[1] = e.y;
+    error[2] = e.theta;
+    if (!cairn_sym3_solve(covariance, error, solved))
+        return 0;
+    return error[0] * solved[0] + error[1] * solved[1] + error[2] * solved[2];
+}
+
+cairn_status cairn_mapper_add_closure(cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
+                                      cairn_sym3 covariance)
+{
+    mapper_loop *loop = &mapper->loop;
+    cairn_status status;
+
+    if (loop->link_count - (loop->entered - 1) == mapper->params.loop.max_loops)
+        return CAIRN_FULL;
+    status = add_link(mapper, first, second, first_second, covariance, 1);
+    if (status != CAIRN_OK)
+        return status;
+    loop->strain = cairn_max(loop->strain, strain_of(mapper, first, second, first_second, covariance));
+    loop->fresh++;
+    mapper->state.loops++;
+    return CAIRN_OK;
+}
+
+int32_t cairn_mapper_wants_solution(const cairn_mapper *mapper)
+{
+    const mapper_loop *loop = &mapper->loop;
+
+    if (loop->fresh == 0 || loop->unsolvable)
+        return 0;
+    return loop->strain > STRAINED || loop->searched > 8 + loop->entered / SOLVE_SHARE;
+}
+
+/* Takes the solution over. */
+static void correct_keys(cairn_mapper *mapper)
+{
+    mapper_loop *loop = &mapper->loop;
+    int32_t last = loop->entered - 1;
+    cairn_pose before = mapper->key_pose[last], after = cairn_pose_graph_pose(loop->graph, last);
+
+    for (int32_t key = 0; key <= last; key++)
+        mapper->key_pose[key] = cairn_pose_graph_pose(loop->graph, key);
+    for (int32_t key = last + 1; key < mapper->keys->scan_count; key++)
+        mapper->key_pose[key] = cairn_pose_compose(after, cairn_pose_between(before, mapper->key_pose[key]));
+    mapper->target_stale = 1;
+    mapper->state.solutions++;
+}
+
+/* Drops the closures that are outliers; returns how many. */
+static int32_t drop_outliers(cairn_mapper *mapper)
+{
+    mapper_loop *loop = &mapper->loop;
+    int32_t dropped = 0;
+
+    for (int32_t i = 0; i < loop->link_count; i++) {
+        mapper_link *link = &loop->links[i];
+
+        if (!link->is_loop || link->dropped ||
+            !(cairn_pose_graph_link_of(loop->graph, i).chi2 > mapper->params.loop.outlier) ||
+            cairn_pose_graph_drop_link(loop->graph, i, 1) != CAIRN_OK)
+            continue;
+        link->dropped = 1;
+        cairn_mapper_loop_tell(mapper, link->first, link->second, cairn_pose_identity(), CAIRN_MAPPER_LOOP_DROPPED);
+        dropped++;
+    }
+    mapper->state.loops -= dropped;
+    return dropped;
+}
+
+cairn_status cairn_mapper_solve_step(cairn_mapper *mapper, cairn_budget *budget)
+{
+    mapper_loop *loop = &mapper->loop;
+    cairn_status status = CAIRN_OK;
+
+    if (loop->cursor == 0) {
+        budget->left -= 1 + (loop->entered + loop->link_count) / 8;
+        loop->cursor = 1;
+        return cairn_pose_graph_solve(loop->graph);
+    }
+    status = cairn_pose_graph_step(loop->graph, budget);
+    if (status == CAIRN_MORE)
+        return status;
+    loop->phase = LOOP_IDLE;
+    loop->cursor = 0;
+    loop->fresh = loop->searched = 0;
+    loop->strain = 0;
+    if (status != CAIRN_OK) {
+        loop->unsolvable = 1;
+        mapper->state.lacks_room = 2;
+        return CAIRN_OK;
+    }
+    budget->left -= 1 + mapper->keys->scan_count / 4 + loop->link_count / 8;
+    correct_keys(mapper);
+    if (drop_outliers(mapper) > 0)
+        loop->fresh = 1;
+    return CAIRN_OK;
+}

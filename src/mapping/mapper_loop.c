@@ -1,0 +1,457 @@
+/* Loops: where has the robot been before?
+ *
+ * Method. For each key scan, once the force field is done with it:
+ *
+ * 1. How far can the path have gone astray between it and every other key scan? The least sum over all paths through the
+ *    graph (Dijkstra 1959) of each link's variance of position, and its variance of heading times the squared distance from
+ *    the key scan, where that error swings the rest of the path.
+ * 2. Candidates: older key scans that may see the same things within three of these standard deviations, the nearest of each
+ *    run of successive ones.
+ * 3. scan_match against the union of the key scans around the candidate, in the window that 1. leaves.
+ * 4. What has no rival and does not put points into free space is a closure, at once when the window is small and holds no
+ *    other place. In a wide one closures wait until several of them agree with each other and outnumber those that do not
+ *    (as Olson 2009 asks of loops: what is wrong is seldom wrong alike).
+ *
+ * Limits: a place is recognised only where the uncertainty of the path reaches it. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/mapper_work.h"
+
+enum { KEYS_A_UNIT = 16 };
+
+static const cairn_real FAR = CAIRN_REAL(1e6); /* m^2: no path */
+
+void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
+                            cairn_mapper_loop_verdict verdict)
+{
+    cairn_mapper_loop *event = &mapper->loop.events[mapper->state.loop_events % MAPPER_LOOP_EVENTS];
+
+    event->first = first;
+    event->second = second;
+    event->first_second = first_second;
+    event->verdict = verdict;
+    mapper->state.loop_events = mapper->state.loop_events == INT32_MAX ? 0 : mapper->state.loop_events + 1;
+}
+
+/* ---- How far a path can have gone astray ---- */
+
+static int32_t is_before(const mapper_loop *loop, int32_t a, int32_t b)
+{
+    return loop->variance[a] < loop->variance[b] || (!(loop->variance[b] < loop->variance[a]) && a < b);
+}
+
+static void put(mapper_loop *loop, int32_t at, int32_t key)
+{
+    loop->heap[at] = key;
+    loop->heap_at[key] = at;
+}
+
+static void rise(mapper_loop *loop, int32_t at)
+{
+    int32_t key = loop->heap[at];
+
+    for (; at > 0 && is_before(loop, key, loop->heap[(at - 1) / 2]); at = (at - 1) / 2)
+        put(loop, at, loop->heap[(at - 1) / 2]);
+    put(loop, at, key);
+}
+
+static int32_t take_first(mapper_loop *loop)
+{
+    int32_t first = loop->heap[0], key = loop->heap[--loop->heap_count], at = 0;
+
+    loop->heap_at[first] = -2;
+    while (2 * at + 1 < loop->heap_count) {
+        int32_t child = 2 * at + 1;
+
+        if (child + 1 < loop->heap_count && is_before(loop, loop->heap[child + 1], loop->heap[child]))
+            child++;
+        if (!is_before(loop, loop->heap[child], key))
+            break;
+        put(loop, at, loop->heap[child]);
+        at = child;
+    }
+    if (loop->heap_count > 0)
+        put(loop, at, key);
+    return first;
+}
+
+static cairn_real distance_squared(cairn_pose a, cairn_pose b)
+{
+    return (a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y);
+}
+
+static void reach(cairn_mapper *mapper, int32_t key, const mapper_link *link, int32_t from)
+{
+    mapper_loop *loop = &mapper->loop;
+    cairn_real swing = distance_squared(mapper->key_pose[from], mapper->key_pose[loop->query]);
+    cairn_real variance = loop->variance[from] + link->variance + link->turn_variance * swing;
+
+    if (loop->heap_at[key] == -2 || !(variance < loop->variance[key]))
+        return;
+    loop->variance[key] = variance;
+    loop->turn_variance[key] = loop->turn_variance[from] + link->turn_variance;
+    if (loop->heap_at[key] < 0) {
+        loop->heap[loop->heap_count] = key;
+        loop->heap_at[key] = loop->heap_count++;
+    }
+    rise(loop, loop->heap_at[key]);
+}
+
+static void begin_distances(cairn_mapper *mapper)
+{
+    mapper_loop *loop = &mapper->loop;
+
+    for (int32_t key = 0; key < loop->entered; key++) {
+        loop->variance[key] = FAR;
+        loop->turn_variance[key] = CAIRN_PI * CAIRN_PI;
+        loop->heap_at[key] = -1;
+    }
+    loop->variance[loop->query] = loop->turn_variance[loop->query] = 0;
+    loop->heap_count = 1;
+    put(loop, 0, loop->query);
+}
+
+/* One key scan; 1 when all are done. */
+static int32_t distance_item(cairn_mapper *mapper, cairn_budget *budget)
+{
+    mapper_loop *loop = &mapper->loop;
+    int32_t key, link;
+
+    if (loop->heap_count == 0)
+        return 1;
+    key = take_first(loop);
+    budget->left -= 1;
+    for (link = loop->first_link[key]; link >= 0;) {
+        const mapper_link *l = &loop->links[link];
+        int32_t end = l->second == key;
+
+        if (!l->dropped)
+            reach(mapper, end ? l->first : l->second, l, key);
+        budget->left -= 1;
+        link = l->next[end];
+    }
+    return 0;
+}
+
+/* ---- Candidates ---- */
+
+/* Where the middle of what a key scan sees is in the map. */
+static cairn_vec2 seen(const cairn_mapper *mapper, int32_t key)
+{
+    return cairn_pose_point(mapper->key_pose[key], mapper->keys->scans[key].centroid);
+}
+
+static void end_run(mapper_loop *loop)
+{
+    int32_t at = loop->candidate_count;
+
+    if (!loop->in_run)
+        return;
+    loop->in_run = 0;
+    if (at == MAPPER_CANDIDATES) {
+        if (!(loop->run.distance < loop->candidates[at - 1].distance))
+            return;
+        at--;
+    } else {
+        loop->candidate_count++;
+    }
+    for (; at > 0 && loop->run.distance < loop->candidates[at - 1].distance; at--)
+        loop->candidates[at] = loop->candidates[at - 1];
+    loop->candidates[at] = loop->run;
+}
+
+/* How far a key scan may be from where it seems to be, m. */
+static cairn_real reach_of(const cairn_mapper *mapper, int32_t key)
+{
+    return cairn_min(3 * cairn_sqrt(mapper->loop.variance[key]), mapper->params.loop.window);
+}
+
+/* One key scan; 1 when all have been looked at. */
+static int32_t choose_item(cairn_mapper *mapper)
+{
+    mapper_loop *loop = &mapper->loop;
+    int32_t key = loop->cursor++;
+    cairn_vec2 apart = cairn_vec2_sub(seen(mapper, key), seen(mapper, loop->query));
+    cairn_real distance = cairn_vec2_norm(apart);
+
+    if (mapper->keys->scans[key].first_point < mapper->keys->scans[key].end_point &&
+        distance < mapper->params.loop.radius + reach_of(mapper, key)) {
+        distance += cairn_sqrt(distance_squared(mapper->key_pose[key], mapper->key_pose[loop->query])) / 2;
+        if (!loop->in_run || distance < loop->run.distance) {
+            loop->run.key = key;
+            loop->run.distance = distance;
+        }
+        loop->in_run = 1;
+    } else {
+        end_run(loop);
+    }
+    if (loop->cursor < loop->query - mapper->params.loop.gap)
+        return 0;
+    end_run(loop);
+    return 1;
+}
+
+/* ---- The match ---- */
+
+static void begin_candidate(cairn_mapper *mapper)
+{
+    mapper_loop *loop = &mapper->loop;
+    int32_t key = loop->candidates[loop->candidate].key, half = mapper->params.loop.keys / 2;
+    int32_t last = loop->query - mapper->params.loop.gap;
+
+    cairn_scan_match_clear_target(loop->match);
+    loop->target_from = key > half ? key - half : 0;
+    loop->target_end = loop->target_from + mapper->params.loop.keys;
+    if (loop->target_end > last)
+        loop->target_end = last;
+    loop->phase = LOOP_TARGET;
+}
+
+/* Adds a key scan to the map around the candidate, which is full when scan_match says so. */
+static void target_item(cairn_mapper *mapper, cairn_budget *budget)
+{
+    mapper_loop *loop = &mapper->loop;
+    cairn_scan_match_part part;
+    int32_t key = loop->target_from++;
+
+    memset(&part, 0, sizeof part);
+    part.points = mapper->oriented;
+    part.count = cairn_mapper_key_points(mapper, key, mapper->oriented);
+    part.beams = loop->beams;
+    part.beam_count = cairn_mapper_sight(mapper, key, loop->beams);
+    budget->left -= 2 + part.count / 2 + part.beam_count / 2;
+    if (cairn_scan_match_add_target(loop->match, &part, mapper->key_pose[key], NULL) != CAIRN_OK)
+        loop->target_from = loop->target_end;
+}
+
+static cairn_status begin_match(cairn_mapper *mapper, cairn_budget *budget)
+{
+    mapper_loop *loop = &mapper->loop;
+    int32_t key = loop->candidates[loop->candidate].key;
+    cairn_scan_match_window window;
+
+    window.distance = cairn_min(reach_of(mapper, key) + CAIRN_REAL(0.2), mapper->params.loop.window);
+    window.angle = 3 * cairn_sqrt(loop->turn_variance[key]) + CAIRN_REAL(0.1);
+    loop->phase = LOOP_MATCH;
+    budget->left -= 2 + loop->query_part.count / 4;
+    return cairn_scan_match_begin(loop->match, &loop->query_part, mapper->key_pose[loop->query], &window, NULL);
+}
+
+/* ---- The verdict ---- */
+
+/* 1 when two closures lead around the same loop, up to what a path of so many key scans may go astray. */
+static int32_t agree(const cairn_mapper *mapper, const mapper_pending *a, const mapper_pending *b)
+{
+    cairn_pose second = cairn_pose_between(mapper->key_pose[a->second], mapper->key_pose[b->second]);
+    cairn_pose first = cairn_pose_between(mapper->key_pose[a->first], mapper->key_pose[b->first]);
+    cairn_pose one = cairn_pose_compose(a->first_second, second), other = cairn_pose_compose(first, b->first_second);
+    cairn_pose apart = cairn_pose_between(one, other);
+    int32_t path = b->second - a->second + (b->first > a->first ? b->first - a->first : a->first - b->first);
+    cairn_real distance = CAIRN_REAL(0.15) + CAIRN_REAL(0.01) * (cairn_real)path;
+    cairn_real angle = CAIRN_REAL(0.05) + CAIRN_REAL(0.003) * (cairn_real)path;
+
+    return apart.x * apart.x + apart.y * apart.y < distance * distance && cairn_abs(apart.theta) < angle;
+}
+
+static void accept(cairn_mapper *mapper, mapper_pending *closure)
+{
+    cairn_status status =
+        cairn_mapper_add_closure(mapper, closure->first, closure->second, closure->first_second, closure->covariance);
+
+    closure->accepted = 1;
+    if (status == CAIRN_FULL)
+        mapper->state.lacks_room = mapper->state.lacks_room > 1 ? mapper->state.lacks_room : 1;
+    if (status == CAIRN_OK)
+        cairn_mapper_loop_tell(mapper, closure->first, closure->second, closure->first_second,
+                               CAIRN_MAPPER_LOOP_ACCEPTED);
+}
+
+/* A closure in a wide search: with those that wait and agree, when they outnumber those that do not. */
+static void weigh(cairn_mapper *mapper, const mapper_pending *closure)
+{
+    mapper_loop *loop = &mapper->loop;
+    int32_t count = loop->pending_count < MAPPER_PENDING ? loop->pending_count : MAPPER_PENDING;
+    int32_t with = 1, against = 0, last = -1;
+    mapper_pending *kept = &loop->pending[loop->pending_count % MAPPER_PENDING];
+    int32_t mates[MAPPER_PENDING], mate_count = 0;
+
+    for (int32_t i = 0; i < count; i++) {
+        mapper_pending *other = &loop->pending[i];
+
+        if (closure->second - other->second > mapper->params.loop.gap)
+            continue;
+        if (agree(mapper, other, closure)) {
+            with += other->second != closure->second && other->second != last;
+            last = other->second;
+            mates[mate_count++] = i;
+        } else {
+            against++;
+        }
+    }
+    if (with >= mapper->params.loop.agree && with > against) {
+        for (int32_t i = 0; i < mate_count; i++)
+            if (!loop->pending[mates[i]].accepted)
+                accept(mapper, &loop->pending[mates[i]]);
+        *kept = *closure;
+        accept(mapper, kept);
+    } else {
+        *kept = *closure;
+        cairn_mapper_loop_tell(mapper, closure->first, closure->second, closure->first_second,
+                               CAIRN_MAPPER_LOOP_WAITING);
+    }
+    loop->pending_count++;
+}
+
+/* 1 when the second hypothesis is as good as the first. */
+static int32_t has_rival(const cairn_scan_match_result *result)
+{
+    return result->count > 1 && result->hypotheses[1].score > CAIRN_REAL(0.9) * result->hypotheses[0].score;
+}
+
+static void judge(cairn_mapper *mapper)
+{
+    mapper_loop *loop = &mapper->loop;
+    const cairn_mapper_loop_params *p = &mapper->params.loop;
+    cairn_scan_match_result result = cairn_scan_match_read(loop->match);
+    const cairn_scan_match_hypothesis *h = result.hypotheses;
+    int32_t key = loop->candidates[loop->candidate].key;
+    mapper_pending closure;
+
+    memset(&closure, 0, sizeof closure);
+    closure.first = key;
+    closure.second = loop->query;
+    if (result.count > 0) {
+        closure.first_second = cairn_pose_between(mapper->key_pose[key], h->target_query);
+        closure.covariance = cairn_mapper_own_covariance(mapper, h->covariance, h->target_query.theta);
+    }
+    if (result.verdict == CAIRN_SCAN_MATCH_NONE || h->evidence < p->evidence)
+        cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_NONE);
+    else if (has_rival(&result))
+        cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_AMBIGUOUS);
+    else if (h->contradiction > p->contradiction || h->target_contradiction > p->contradiction)
+        cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_CONTRADICTED);
+    else if (reach_of(mapper, key) < p->window_near)
+        accept(mapper, &closure);
+    else
+        weigh(mapper, &closure);
+}
+
+/* ---- Steps ---- */
+
+/* Key scans that the force field does not move any more. */
+static int32_t settled_keys(const cairn_mapper *mapper)
+{
+    int32_t keys = mapper->keys->scan_count;
+
+    if (mapper->params.window == 0 || mapper->loop.closing)
+        return keys;
+    return keys > mapper->params.window_free ? keys - mapper->params.window_free : 0;
+}
+
+/* Chooses what to do next; CAIRN_OK with phase LOOP_IDLE: nothing. */
+static cairn_status begin_next(cairn_mapper *mapper, cairn_budget *budget)
+{
+    mapper_loop *loop = &mapper->loop;
+    int32_t has_next = loop->entered < settled_keys(mapper);
+    cairn_status status = CAIRN_OK;
+
+    loop->cursor = 0;
+    if (cairn_mapper_wants_solution(mapper) || (!has_next && loop->closing && loop->fresh > 0 && !loop->unsolvable)) {
+        loop->phase = LOOP_SOLVE;
+    } else if (has_next) {
+        loop->query = loop->entered;
+        status = cairn_mapper_enter(mapper);
+        budget->left -= 4;
+        loop->searched++;
+        if (loop->query > mapper->params.loop.gap &&
+            mapper->keys->scans[loop->query].first_point < mapper->keys->scans[loop->query].end_point)
+            loop->phase = LOOP_CLEAR;
+    }
+    return status;
+}
+
+static void take_query(cairn_mapper *mapper)
+{
+    mapper_loop *loop = &mapper->loop;
+    cairn_scan_match_part *part = &loop->query_part;
+
+    memset(part, 0, sizeof *part);
+    part->points = loop->query_points;
+    part->count = cairn_mapper_key_points(mapper, loop->query, loop->query_points);
+    part->beams = loop->query_beams;
+    part->beam_count = cairn_mapper_sight(mapper, loop->query, loop->query_beams);
+}
+
+static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
+{
+    mapper_loop *loop = &mapper->loop;
+    cairn_status status = CAIRN_OK;
+
+    switch (loop->phase) {
+    case LOOP_CLEAR:
+        begin_distances(mapper);
+        budget->left -= 1 + loop->entered / KEYS_A_UNIT;
+        loop->phase = LOOP_DISTANCES;
+        break;
+    case LOOP_DISTANCES:
+        if (distance_item(mapper, budget)) {
+            loop->candidate_count = loop->in_run = loop->cursor = 0;
+            loop->phase = LOOP_CHOOSE;
+        }
+        break;
+    case LOOP_CHOOSE:
+        budget->left -= 1;
+        if (!choose_item(mapper))
+            break;
+        loop->candidate = 0;
+        loop->phase = LOOP_IDLE;
+        if (loop->candidate_count > 0) {
+            take_query(mapper);
+            budget->left -= 2 + loop->query_part.count / 4 + loop->query_part.beam_count / 4;
+            begin_candidate(mapper);
+        }
+        break;
+    case LOOP_TARGET:
+        if (loop->target_from < loop->target_end)
+            target_item(mapper, budget);
+        else
+            status = begin_match(mapper, budget);
+        break;
+    case LOOP_MATCH:
+        status = cairn_scan_match_step(loop->match, budget);
+        if (status != CAIRN_OK)
+            break;
+        judge(mapper);
+        budget->left -= 8 + 4 * MAPPER_PENDING;
+        loop->phase = LOOP_IDLE;
+        if (++loop->candidate < loop->candidate_count)
+            begin_candidate(mapper);
+        break;
+    default:
+        status = cairn_mapper_solve_step(mapper, budget);
+        break;
+    }
+    return status;
+}
+
+cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget)
+{
+    mapper_loop *loop = &mapper->loop;
+    cairn_status status = CAIRN_OK;
+
+    while (status == CAIRN_OK) {
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        if (loop->phase == LOOP_IDLE) {
+            status = begin_next(mapper, budget);
+            if (loop->phase == LOOP_IDLE && loop->entered >= settled_keys(mapper))
+                break;
+        } else {
+            status = loop_item(mapper, budget);
+        }
+    }
+    mapper->state.waiting = settled_keys(mapper) - loop->entered;
+    return status;
+}

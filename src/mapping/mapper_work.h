@@ -1,0 +1,195 @@
+/* What the parts of mapper share: mapper.c (scan by scan), mapper_keys.c (key scans, local map, window of the force field),
+ * mapper_loop.c (loops that close), mapper_graph.c (correction of all key scans). */
+#ifndef CAIRN_MAPPING_MAPPER_WORK_H
+#define CAIRN_MAPPING_MAPPER_WORK_H
+
+#include "cairn/mapper.h"
+#include "cairn/pose_graph.h"
+#include "cairn/scan_match.h"
+
+enum {
+    MAPPER_BEARINGS = 256,  /* of what a key scan saw free */
+    MAPPER_CANDIDATES = 3,  /* places at which a key scan is looked for */
+    MAPPER_PENDING = 32,    /* closures that wait for others to agree */
+    MAPPER_LOOP_EVENTS = 64 /* that can be read */
+};
+
+typedef int32_t phase;
+enum {
+    IDLE = 0,
+    FIT,          /* lines of the new scan */
+    SELECT,       /* key scans near the predicted pose */
+    TARGET,       /* local map out of them */
+    MATCH,        /* from the prediction */
+    MATCH_MOTION, /* from the last motion */
+    KEEP,         /* result, and a key scan if it is one */
+    WINDOW,       /* key scans into the force field */
+    FIELD,
+    LOOP /* loops and graph, for their share of the scan */
+};
+
+typedef int32_t loop_phase;
+enum {
+    LOOP_IDLE = 0,
+    LOOP_CLEAR,     /* of the distances */
+    LOOP_DISTANCES, /* how far a path from the query can have gone astray, for every key scan */
+    LOOP_CHOOSE,    /* candidates */
+    LOOP_TARGET,    /* the map around a candidate */
+    LOOP_MATCH,
+    LOOP_SOLVE
+};
+
+/* A link of the graph as the search for loops sees it; its number is that in the graph. */
+typedef struct mapper_link {
+    int32_t first, second;
+    int32_t next[2]; /* the next link of first and of second; -1: none */
+    cairn_real variance, turn_variance;
+    int32_t is_loop, dropped;
+} mapper_link;
+
+/* A place at which the query may be. */
+typedef struct mapper_candidate {
+    int32_t key;
+    cairn_real distance; /* m, between what both see */
+} mapper_candidate;
+
+/* A closure that waits for others to agree. */
+typedef struct mapper_pending {
+    int32_t first, second;
+    int32_t accepted;
+    cairn_pose first_second;
+    cairn_sym3 covariance; /* in the frame of second */
+} mapper_pending;
+
+typedef struct mapper_loop {
+    cairn_scan_match *match;
+    cairn_pose_graph *graph;
+    mapper_link *links;        /* [max_keys + max_loops] */
+    int32_t *first_link;       /* [max_keys] of a key scan; -1: none */
+    cairn_sym3 *covariance;    /* [max_keys] of the match with which a key scan came, in its own frame */
+    uint16_t *sight;           /* [max_keys * MAPPER_BEARINGS] cm by bearing; 0: nothing known */
+    cairn_real *variance;      /* [max_keys] m^2, of the path to the query */
+    cairn_real *turn_variance; /* [max_keys] rad^2 */
+    int32_t *heap;             /* [max_keys] key scans by variance */
+    int32_t *heap_at;          /* [max_keys] their places; -1: not in it, -2: done */
+    int32_t heap_count;
+    int32_t link_count;
+    int32_t entered; /* key scans in the graph */
+
+    loop_phase phase;
+    int32_t quota; /* units left of the scan's share */
+    int32_t cursor;
+    int32_t query;                      /* key scan that is looked for */
+    cairn_oriented_point *query_points; /* [scan.max_points] */
+    cairn_beam *query_beams;            /* [MAPPER_BEARINGS] */
+    cairn_beam *beams;                  /* [MAPPER_BEARINGS] of a key scan on its way into a match */
+    cairn_scan_match_part query_part;
+    mapper_candidate candidates[MAPPER_CANDIDATES];
+    int32_t candidate_count, candidate;
+    mapper_candidate run; /* the best of the run of key scans at hand */
+    int32_t in_run;
+    int32_t target_from, target_end;
+
+    mapper_pending pending[MAPPER_PENDING];
+    int32_t pending_count; /* ever */
+    int32_t fresh;         /* closures since the last solution */
+    int32_t searched;      /* key scans since the last solution */
+    cairn_real strain;     /* the largest chi2 of these closures */
+    int32_t closing;       /* 1: the last scan is in, all is to be settled */
+    int32_t unsolvable;    /* 1: the factor has no room */
+    cairn_mapper_loop events[MAPPER_LOOP_EVENTS];
+} mapper_loop;
+
+struct cairn_mapper {
+    cairn_mapper_params params;
+    cairn_scan *scan;
+    cairn_icp *icp;
+    cairn_force_field *field;
+    cairn_scan_set *keys;
+    cairn_pose *key_pose; /* [max_keys] map_key */
+    /* One key scan on its way into the local map or the force field. */
+    cairn_oriented_point *oriented; /* [scan.max_points] */
+    cairn_segment *segments;        /* [scan.max_segments] */
+    int32_t *first_point;           /* [scan.max_segments + 1] */
+
+    phase phase;
+    int32_t cursor; /* within the phase */
+    int32_t full;
+
+    int32_t has_odometry; /* of the scan at hand */
+    cairn_pose odometry;
+    cairn_pose motion; /* predicted by odometry or by the last motion */
+    cairn_pose predicted;
+    cairn_pose repeated; /* pose by the last motion */
+
+    int32_t had_odometry; /* of the scan before */
+    cairn_pose last_odometry;
+    cairn_pose last_motion;
+
+    int32_t local[CAIRN_MAPPER_LOCAL_MOST]; /* key scans of the local map, the last ones first, then by distance */
+    cairn_real local_distance[CAIRN_MAPPER_LOCAL_MOST];
+    int32_t local_count;
+    int32_t target_stale; /* 1: key scans were added or moved since the local map was made */
+    cairn_pose target_pose;
+    cairn_icp_result match; /* the better one so far */
+    int32_t has_match;
+
+    mapper_loop loop; /* its graph is NULL without loops */
+    cairn_mapper_result result;
+    cairn_mapper_state state;
+};
+
+/* ---- mapper_keys.c ---- */
+
+/* Begins to choose the key scans of the local map; one key scan a call then. 1 when all have been looked at. */
+void cairn_mapper_begin_local(cairn_mapper *mapper);
+int32_t cairn_mapper_select_local(cairn_mapper *mapper);
+
+/* 1 when the local map does not serve the predicted pose. */
+int32_t cairn_mapper_needs_local(const cairn_mapper *mapper);
+
+/* Adds the chosen key scan at the cursor to the local map. */
+cairn_status cairn_mapper_add_local(cairn_mapper *mapper, cairn_budget *budget);
+
+/* Key scans over which the force field runs now. */
+int32_t cairn_mapper_window_count(const cairn_mapper *mapper);
+
+/* Adds the key scan at the cursor to the force field. */
+cairn_status cairn_mapper_add_window(cairn_mapper *mapper, cairn_budget *budget);
+
+/* Takes over the poses that the force field found. */
+void cairn_mapper_read_window(cairn_mapper *mapper);
+
+/* Copies the points of a key scan, in its own frame; returns how many. */
+int32_t cairn_mapper_key_points(const cairn_mapper *mapper, int32_t key, cairn_oriented_point *points);
+
+/* Keeps what a key scan saw free; gives it back as beams: [MAPPER_BEARINGS]. Returns how many. */
+void cairn_mapper_keep_sight(cairn_mapper *mapper, int32_t key, const cairn_scan_view *view);
+int32_t cairn_mapper_sight(const cairn_mapper *mapper, int32_t key, cairn_beam *beams);
+
+/* ---- mapper_loop.c ---- */
+
+/* Writes down what became of a closure. */
+void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
+                            cairn_mapper_loop_verdict verdict);
+
+/* Goes on with what loops and graph have to do. CAIRN_OK: nothing for now. */
+cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget);
+
+/* ---- mapper_graph.c ---- */
+
+/* Puts the next key scan into the graph, linked to the one before. */
+cairn_status cairn_mapper_enter(cairn_mapper *mapper);
+
+/* Adds a link that closes a loop. covariance: of first_second, in the frame of second. CAIRN_FULL: no room for links. */
+cairn_status cairn_mapper_add_closure(cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
+                                      cairn_sym3 covariance);
+
+/* 1 when it is time to correct the key scans. */
+int32_t cairn_mapper_wants_solution(const cairn_mapper *mapper);
+cairn_status cairn_mapper_solve_step(cairn_mapper *mapper, cairn_budget *budget);
+
+/* Row-major covariance of a pose in the map, turned into the pose's own frame, with what all measurements share added. */
+cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_real covariance[9], cairn_real theta);
+
+#endif

@@ -1,0 +1,250 @@
+/* Loops that close: drives through buildings that come back to where they were. */
+#include "tests/drive.h"
+
+#include <math.h>
+
+enum { SCANS = 400, EVENTS = 4096 };
+
+/* What became of a drive. */
+typedef struct outcome {
+    cairn_pose poses[SCANS];
+    cairn_mapper_loop events[EVENTS];
+    cairn_mapper_state state;
+    int32_t key_scan[SCANS]; /* number of the scan that a key scan was */
+} outcome;
+
+static outcome one, two;
+
+/* Writes down what happened since the last time. */
+static void drain(const cairn_mapper *mapper, int32_t *events, outcome *out)
+{
+    int32_t now = cairn_mapper_measure(mapper).loop_events;
+
+    assert_true(now - *events <= 64 && now <= EVENTS);
+    for (; *events < now; (*events)++)
+        out->events[*events] = cairn_mapper_loop_at(mapper, *events);
+}
+
+/* Takes in all scans. How wrong the odometry is: every step turns by `bias` rad too much. */
+static void run(cairn_mapper *mapper, const drive *d, cairn_real bias, int32_t budget, outcome *out)
+{
+    cairn_pose believed = pose_of(d->scans[0].truth);
+    cairn_mapper_result results[SCANS];
+    cairn_budget left = {budget};
+    cairn_status status;
+    int32_t events = 0;
+
+    memset(out, 0, sizeof *out);
+    for (int32_t i = 0; i < d->count; i++) {
+        cairn_scan_input input = sim_scan_input(&d->scans[i]);
+
+        if (i > 0) {
+            cairn_pose step = cairn_pose_between(pose_of(d->scans[i - 1].truth), pose_of(d->scans[i].truth));
+
+            step.theta += bias;
+            believed = cairn_pose_compose(believed, step);
+        }
+        assert_ok(cairn_mapper_add(mapper, &input, &believed, NULL));
+        while ((status = cairn_mapper_step(mapper, &left)) == CAIRN_MORE) {
+            assert_true(left.left <= 0);
+            left.left = budget;
+        }
+        assert_ok(status);
+        results[i] = cairn_mapper_read(mapper);
+        if (results[i].is_key)
+            out->key_scan[results[i].key] = i;
+        drain(mapper, &events, out);
+    }
+    budget = budget < 5000 ? budget : 5000;
+    do {
+        left.left = budget;
+        status = cairn_mapper_settle(mapper, &left);
+        drain(mapper, &events, out);
+    } while (status == CAIRN_MORE);
+    assert_ok(status);
+    for (int32_t i = 0; i < d->count; i++)
+        out->poses[i] = cairn_pose_compose(cairn_mapper_key_pose(mapper, results[i].key), results[i].key_scan);
+    out->state = cairn_mapper_measure(mapper);
+}
+
+static double distance(cairn_pose a, cairn_pose b)
+{
+    return hypot((double)(a.x - b.x), (double)(a.y - b.y));
+}
+
+/* Of a scan seen from another one. */
+static double relative_error(const drive *d, const outcome *out, int32_t i, int32_t k)
+{
+    return distance(cairn_pose_between(pose_of(d->scans[i].truth), pose_of(d->scans[k].truth)),
+                    cairn_pose_between(out->poses[i], out->poses[k]));
+}
+
+/* The largest error seen from the first scan, m. */
+static double worst_error(const drive *d, const outcome *out)
+{
+    double worst = 0;
+
+    for (int32_t i = 0; i < d->count; i++)
+        worst = fmax(worst, relative_error(d, out, 0, i));
+    return worst;
+}
+
+/* Closures of an outcome that were accepted; every one must be right to 0.3 m, which along a corridor is what a scan and its
+ * prediction tell, and 2 degrees. */
+static int32_t check_closures(const drive *d, const outcome *out)
+{
+    int32_t accepted = 0;
+
+    for (int32_t i = 0; i < out->state.loop_events && i < EVENTS; i++) {
+        const cairn_mapper_loop *e = &out->events[i];
+        cairn_pose truth;
+
+        assert_true(e->first >= 0 && e->first < e->second && e->second < out->state.keys);
+        if (e->verdict != CAIRN_MAPPER_LOOP_ACCEPTED)
+            continue;
+        truth = cairn_pose_between(pose_of(d->scans[out->key_scan[e->first]].truth),
+                                   pose_of(d->scans[out->key_scan[e->second]].truth));
+        assert_true(distance(truth, e->first_second) < 0.3);
+        assert_true(fabs((double)cairn_wrap_angle(truth.theta - e->first_second.theta)) < 0.035);
+        accepted++;
+    }
+    return accepted;
+}
+
+static outcome *map(const drive *d, const cairn_mapper_params *params, cairn_real bias, outcome *out)
+{
+    cairn_pool pool;
+    cairn_mapper *mapper = new_mapper(&pool, params);
+
+    run(mapper, d, bias, CAIRN_UNBOUNDED, out);
+    test_pool_free(&pool);
+    return out;
+}
+
+static void a_drive_that_comes_back_closes_its_loops(void **state)
+{
+    cairn_mapper_params params = small_params();
+
+    (void)state;
+    for (uint64_t seed = 1; seed <= 2; seed++) {
+        drive d = start_drive(SIM_OFFICE, seed, SCANS, 0, 0.3);
+        int32_t accepted;
+        double with, without;
+
+        params.loop.max_loops = 1000;
+        with = worst_error(&d, map(&d, &params, CAIRN_REAL(0.01), &one));
+        accepted = check_closures(&d, &one);
+        assert_true(one.state.loops > 20 && one.state.loops <= accepted);
+        assert_true(one.state.solutions > 1);
+        assert_int_equal(one.state.waiting, 0);
+        assert_int_equal(one.state.lacks_room, 0);
+        params.loop.max_loops = 0;
+        without = worst_error(&d, map(&d, &params, CAIRN_REAL(0.01), &two));
+        assert_int_equal(two.state.loop_events, 0);
+        assert_int_equal(two.state.solutions, 0);
+        assert_true(with < 0.15 && with < 1.5 * without);
+        end_drive(&d);
+    }
+}
+
+static void budgets_do_not_matter(void **state)
+{
+    static const int32_t budgets[] = {1, 7, 1000};
+    cairn_mapper_params params = small_params();
+    drive d = start_drive(SIM_OFFICE, 3, 120, 0, 0.5);
+
+    (void)state;
+    params.loop.units = 2000;
+    params.loop.gap = 8;
+    map(&d, &params, 0, &one);
+    assert_true(one.state.loops > 3);
+    for (size_t b = 0; b < sizeof budgets / sizeof *budgets; b++) {
+        cairn_pool pool;
+        cairn_mapper *mapper = new_mapper(&pool, &params);
+
+        run(mapper, &d, 0, budgets[b], &two);
+        assert_memory_equal(one.poses, two.poses, sizeof one.poses);
+        assert_memory_equal(one.events, two.events, sizeof one.events);
+        assert_int_equal(one.state.units, two.state.units);
+        test_pool_free(&pool);
+    }
+    end_drive(&d);
+}
+
+/* Places that look alike are not taken for one another. */
+static void twins_are_told_apart(void **state)
+{
+    static const sim_scene scenes[] = {SIM_TWINS, SIM_MIRROR, SIM_MAZE};
+    cairn_mapper_params params = small_params();
+
+    (void)state;
+    for (size_t i = 0; i < sizeof scenes / sizeof *scenes; i++) {
+        drive d = start_drive(scenes[i], 5, 200, 0, 0.3);
+
+        map(&d, &params, CAIRN_REAL(0.005), &one);
+        (void)check_closures(&d, &one);
+        params.loop.max_loops = 0;
+        map(&d, &params, CAIRN_REAL(0.005), &two);
+        params.loop.max_loops = 1000;
+        assert_true(one.state.loops > 5);
+        assert_true(worst_error(&d, &one) < worst_error(&d, &two));
+        end_drive(&d);
+    }
+}
+
+static void what_has_no_room_is_said(void **state)
+{
+    cairn_mapper_params params = small_params();
+    drive d = start_drive(SIM_OFFICE, 3, 120, 0, 0.5);
+
+    (void)state;
+    params.loop.gap = 8;
+    params.loop.max_loops = 2;
+    map(&d, &params, 0, &one);
+    assert_int_equal(one.state.loops, 2);
+    assert_int_equal(one.state.lacks_room, 1);
+    params.loop.max_loops = 100;
+    params.loop.max_fill = 10;
+    map(&d, &params, 0, &one);
+    assert_int_equal(one.state.lacks_room, 2);
+    assert_int_equal(one.state.solutions, 0);
+    end_drive(&d);
+}
+
+/* The frame of the odometry in the map takes odometry to the map. */
+static void map_odom_leads_from_odometry_to_the_map(void **state)
+{
+    cairn_mapper_params params = small_params();
+    drive d = start_drive(SIM_OFFICE, 4, 30, 0, 0.3);
+    cairn_pool pool;
+    cairn_mapper *mapper = new_mapper(&pool, &params);
+    cairn_pose nothing = cairn_pose_identity(), none = cairn_mapper_map_odom(mapper);
+
+    (void)state;
+    assert_memory_equal(&none, &nothing, sizeof none);
+    for (int32_t i = 0; i < d.count; i++) {
+        cairn_scan_input input = sim_scan_input(&d.scans[i]);
+        cairn_pose odometry = cairn_pose_compose((cairn_pose){5, 3, 2}, pose_of(d.scans[i].odometry)), base;
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        assert_ok(cairn_mapper_add(mapper, &input, &odometry, NULL));
+        assert_ok(cairn_mapper_step(mapper, &budget));
+        base = cairn_pose_compose(cairn_mapper_map_odom(mapper), odometry);
+        assert_near(distance(base, cairn_mapper_read(mapper).map_scan), 0, 1e-4);
+    }
+    test_pool_free(&pool);
+    end_drive(&d);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_drive_that_comes_back_closes_its_loops),
+        cmocka_unit_test(budgets_do_not_matter),
+        cmocka_unit_test(twins_are_told_apart),
+        cmocka_unit_test(what_has_no_room_is_said),
+        cmocka_unit_test(map_odom_leads_from_odometry_to_the_map),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
