@@ -103,7 +103,7 @@ CAIRN_CHECKED cairn_status cairn_virtual_scan_begin(cairn_virtual_scan *virtual_
 
 /* Adds a scan of a set as it lies. Before the first step. CAIRN_BAD_ARGUMENT: NULL, no such scan, a pose that is not finite or
  * beyond 1e6 m, or a detection that has begun its steps. CAIRN_FULL: more points or segments than params allow; nothing was
- * added. Linear in the scan and the segments of the set. */
+ * added. Linear in the scan. */
 CAIRN_CHECKED cairn_status cairn_virtual_scan_add_scan(cairn_virtual_scan *virtual_scan, const cairn_scan_set *set,
                                                        int32_t scan, cairn_pose map_scan);
 

@@ -256,12 +256,18 @@ static int has_scan(const cairn_virtual_scan *v, const cairn_scan_set *set, int3
     return scan >= 0 && scan < set->scan_count && scan < v->params.max_scans && set->scans[scan].in_use;
 }
 
+/* How many of a segment's points the map has. */
+static int32_t thinned(const cairn_virtual_scan *v, const cairn_scan_set_segment *s)
+{
+    return (s->end_point - s->first_point + v->params.stride - 1) / v->params.stride;
+}
+
 static void add_segment(cairn_virtual_scan *v, const cairn_scan_set *set, int32_t index, cairn_transform map_scan)
 {
     const cairn_scan_set_segment *s = &set->segments[index];
     cairn_segment *to = &v->segments[v->map.segment_count];
     cairn_oriented_point *points = &v->points[v->map.point_count];
-    int32_t count = (s->end_point - s->first_point + v->params.stride - 1) / v->params.stride;
+    int32_t count = thinned(v, s);
 
     to->a = cairn_transform_point(map_scan, s->segment.a);
     to->b = cairn_transform_point(map_scan, s->segment.b);
@@ -280,24 +286,22 @@ cairn_status cairn_virtual_scan_add_scan(cairn_virtual_scan *virtual_scan, const
                                          cairn_pose map_scan)
 {
     cairn_virtual_scan *v = virtual_scan;
+    const cairn_scan_set_scan *of;
     cairn_transform t;
-    int32_t points = 0, segments = 0;
+    int32_t points = 0;
 
     if (v == NULL || set == NULL || v->phase != GATHER || !has_scan(v, set, scan) || !cairn_pose_is_finite(map_scan) ||
         cairn_abs(map_scan.x) > LIMIT / 2 || cairn_abs(map_scan.y) > LIMIT / 2)
         return CAIRN_BAD_ARGUMENT;
-    for (int32_t i = 0; i < set->segment_count; i++)
-        if (set->segments[i].scan == scan) {
-            points +=
-                (set->segments[i].end_point - set->segments[i].first_point + v->params.stride - 1) / v->params.stride;
-            segments++;
-        }
-    if (points > v->params.max_points - v->map.point_count || segments > v->params.max_segments - v->map.segment_count)
+    of = &set->scans[scan];
+    for (int32_t i = of->first_segment; i < of->end_segment; i++)
+        points += thinned(v, &set->segments[i]);
+    if (points > v->params.max_points - v->map.point_count ||
+        of->end_segment - of->first_segment > v->params.max_segments - v->map.segment_count)
         return CAIRN_FULL;
     t = cairn_transform_of(map_scan);
-    for (int32_t i = 0; i < set->segment_count; i++)
-        if (set->segments[i].scan == scan)
-            add_segment(v, set, i, t);
+    for (int32_t i = of->first_segment; i < of->end_segment; i++)
+        add_segment(v, set, i, t);
     return CAIRN_OK;
 }
 
