@@ -45,6 +45,7 @@ struct cairn_virtual_scan {
     detection_phase phase;
     int32_t cursor;     /* point of the map, or of an outline */
     int32_t item;       /* line, rectangle or detector at hand */
+    int32_t is_clear;   /* SCANS: `on_line` */
     int32_t line_scans; /* SCANS, OUTLINES: that the line at hand brings together */
     int32_t asked;      /* CALLERS: the detector at hand has begun */
     int32_t paid;
@@ -375,10 +376,11 @@ static cairn_status step_scans(cairn_virtual_scan *v, const cairn_hough_line *l,
 {
     int32_t used = v->params.max_scans;
 
-    if (v->cursor == 0) {
+    if (!v->is_clear) {
         if (!cairn_budget_pay(budget, &v->paid, 1 + used / 64))
             return CAIRN_MORE;
         memset(v->on_line, 0, (size_t)used * sizeof *v->on_line);
+        v->is_clear = 1;
     }
     while (v->cursor < v->map.point_count) {
         if (budget->left <= 0)
@@ -428,6 +430,7 @@ static cairn_status step_lines(cairn_virtual_scan *v, cairn_budget *budget)
             return CAIRN_MORE;
         v->phase = SCANS;
         v->cursor = 0;
+        v->is_clear = 0;
         v->item++;
     }
     v->phase = OUTLINES;
@@ -522,6 +525,7 @@ static cairn_status go_on(cairn_virtual_scan *v)
     static const detection_phase next[] = {IDLE, LINES, SCANS, OUTLINES, RECTANGLES, SIDES, CALLERS, IDLE};
 
     v->cursor = 0;
+    v->is_clear = 0;
     v->item = 0;
     v->asked = 0;
     v->paid = 0;
