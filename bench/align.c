@@ -1,7 +1,7 @@
 /* bench/align: all scans of simulated arenas at once, from disturbed poses.
  *
  * The scans of each arena are shuffled, and every arena lies in the world at an angle of its own. A scan is aligned when
- * it lies within 0.05 m and 1 degree of the truth after the best common motion; the share is that of the scans that the
+ * it lies within 0.05 m and 1 degree (--within) of the truth after the best common motion; the share is that of the scans that the
  * Cramer-Rao bound calls observable (bench_bound). A method that says which poses are not to be relied on is held to it:
  * false_flags are observable scans that it flagged, missed_flags unobservable ones that it did not, and of all scans that
  * it did not flag, inside95 have their truth inside the 95 % ellipse of their position. */
@@ -27,6 +27,7 @@ typedef struct settings {
     int64_t arenas, seed, places, headings, beams, steps;
     double metres, degrees, fov;
     double jitter[2]; /* m, degrees; NaN: the survey's own */
+    double within[2]; /* m, degrees: of the truth, to be aligned */
     int32_t again;    /* --return */
     int32_t ablate;
     bench_ingredient without;
@@ -163,8 +164,8 @@ static int run_method(const settings *s, const sim_scan *scans, int32_t count, b
         return run_gradient(s, scans, count, poses, out);
     if (strcmp(s->method, "icp") == 0)
         done = bench_run_icp(scans, count, 20, poses, &run);
-    else if (strcmp(s->method, "lum") == 0)
-        done = bench_run_lum(scans, count, (int32_t)s->steps, 5, poses, &run);
+    else if (strncmp(s->method, "lum", 3) == 0)
+        done = bench_run_lum(scans, count, (int32_t)s->steps, strcmp(s->method, "lum") == 0, poses, &run);
     else
         done = bench_run_default(scans, count, s->without, poses, &run);
     out->steps = run.steps;
@@ -262,8 +263,9 @@ static void score_flags(const sim_pose *truth, const sim_pose *moved, const benc
     out->area_ratio = bench_median(areas, compared);
 }
 
-static void score(const sim_arena *arena, const sim_scan *scans, const sim_pose *truth, const sim_pose *start,
-                  const bench_pose *results, const bench_bound *bounds, int32_t count, outcome *out)
+static void score(const settings *s, const sim_arena *arena, const sim_scan *scans, const sim_pose *truth,
+                  const sim_pose *start, const bench_pose *results, const bench_bound *bounds, int32_t count,
+                  outcome *out)
 {
     size_t n = (size_t)count, observable = 0, aligned = 0;
     int32_t *use = malloc(n * sizeof *use);
@@ -276,7 +278,7 @@ static void score(const sim_arena *arena, const sim_scan *scans, const sim_pose 
             use[i] = bounds[i].observable;
             poses[i] = results[i].pose;
         }
-        (void)bench_fit_common(truth, poses, use, count, 0.05, DEGREE, moved);
+        (void)bench_fit_common(truth, poses, use, count, s->within[0], s->within[1] * DEGREE, moved);
         for (size_t i = 0; i < n; i++) {
             double bound = sqrt(bounds[i].covariance[0] + bounds[i].covariance[4]);
 
@@ -286,7 +288,7 @@ static void score(const sim_arena *arena, const sim_scan *scans, const sim_pose 
                 continue;
             metres[observable] = hypot(moved[i].x - truth[i].x, moved[i].y - truth[i].y);
             degrees[observable] = angle_error(moved[i].theta, truth[i].theta);
-            if (bench_pose_near(truth[i], moved[i], 0.05, DEGREE)) {
+            if (bench_pose_near(truth[i], moved[i], s->within[0], s->within[1] * DEGREE)) {
                 out->aligned++;
                 if (bound > 0)
                     ratios[aligned++] = metres[observable] / bound;
@@ -435,7 +437,7 @@ static int run_arena(const settings *s, uint64_t seed, outcome *out)
     out->scans = p.count;
     done = done && run_method(s, p.scans, p.count, p.poses, out);
     if (done)
-        score(p.arena, p.scans, p.truth, p.start, p.poses, p.bounds, p.count, out);
+        score(s, p.arena, p.scans, p.truth, p.start, p.poses, p.bounds, p.count, out);
     if (done && s->again)
         done = run_return(s, p.scans, p.bounds, p.count, seed, p.poses, out);
     close_problem(&p);
@@ -534,8 +536,9 @@ static int check(const settings *s)
         return 0;
     }
     if (strcmp(s->method, "default") != 0 && strcmp(s->method, "gradient") != 0 && strcmp(s->method, "icp") != 0 &&
-        strcmp(s->method, "lum") != 0) {
-        fprintf(stderr, "bench/align: unknown method '%s', expected default, gradient, icp or lum\n", s->method);
+        strcmp(s->method, "lum") != 0 && strcmp(s->method, "lum-alone") != 0) {
+        fprintf(stderr, "bench/align: unknown method '%s', expected default, gradient, icp, lum or lum-alone\n",
+                s->method);
         return 0;
     }
     if (s->ablate && strcmp(s->method, "default") != 0) {
@@ -565,21 +568,23 @@ static int run_all(const settings *s, outcome *all)
 
 int main(int argc, char **argv)
 {
-    settings s = {"default", "rescue", 20,       1, 15, 4, 401, 50, 0.30, 20, 100, {(double)NAN, (double)NAN},
-                  0,         0,        BENCH_ALL};
+    settings s = {"default", "rescue", 20, 1,        15, 4, 401, 50, 0.30, 20, 100, {(double)NAN, (double)NAN},
+                  {0.05, 1}, 0,        0,  BENCH_ALL};
     const option table[] = {
         OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
         OPTION_NUMBER("--trans", &s.metres, 0.001, 10, "M", "disturbance of x and y, uniform +-, m"),
         OPTION_NUMBER("--rot", &s.degrees, 0.01, 180, "DEG", "disturbance of the heading, uniform +-, degrees"),
-        OPTION_TEXT("--method", &s.method, "NAME", "default, gradient (as in the thesis), icp, lum (default)"),
+        OPTION_TEXT("--method", &s.method, "NAME",
+                    "default, gradient (as in the thesis), icp, lum, lum-alone: without registration (default)"),
         OPTION_TEXT("--scene", &s.scene, "NAME", "scene of the arenas (rescue)"),
         OPTION_INTEGER("--places", &s.places, 1, 1000, "N", "places with scans"),
         OPTION_INTEGER("--headings", &s.headings, 1, 64, "N", "scans at each place"),
         OPTION_NUMBER("--fov", &s.fov, 1, 360, "DEG", "field of view, degrees"),
         OPTION_INTEGER("--beams", &s.beams, 2, 100000, "N", "beams of a scan"),
         OPTION_PAIR("--jitter", s.jitter, 0, 360, "M,DEG", "spread of the sensors of one place, m and degrees"),
-        OPTION_INTEGER("--steps", &s.steps, 1, 100000, "N", "iterations of gradient at most"),
+        OPTION_PAIR("--within", s.within, 0.001, 180, "M,DEG", "of the truth, to be aligned (0.05,1)"),
+        OPTION_INTEGER("--steps", &s.steps, 1, 100000, "N", "iterations of gradient and lum at most"),
         OPTION_FLAG("--return", &s.again, "disturbs the solution, too, and aligns it again"),
         OPTION_FLAG("--ablate", &s.ablate, "all arenas again without each ingredient of default"),
     };
