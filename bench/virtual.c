@@ -262,7 +262,7 @@ static void print_row(const scene *from, const method *m, const row *r)
     bench_json_number("right", (double)r->right / r->seeds);
     bench_json_number("share", (double)r->aligned / r->observable);
     bench_json_number("moved", (double)r->moved / r->scans);
-    bench_json_number("active", r->iterations > 0 ? (double)r->active / r->iterations : NAN);
+    bench_json_number("active", r->iterations > 0 ? (double)r->active / r->iterations : (double)NAN);
     bench_json_number("seconds_mean", r->seconds / r->seeds);
     bench_json_number("hypothesis_units_over_align", (double)r->hypothesis_units / (double)r->align_units);
     bench_json_integer("pool_bytes", (int64_t)r->pool_bytes);

@@ -47,16 +47,21 @@ typedef struct cairn_virtual_map {
     cairn_real sigma; /* m, how far the scans may still be off */
 } cairn_virtual_map;
 
-/* A kind of the caller: ellipses, say. `state` is the caller's. begin() takes the map, which stays until the detection has
- * ended; step() is as all steps; count() is asked then; outline() writes at most `room` points every `spacing` along
- * hypothesis i, tells its strength (0 ... 1) and returns how many there are. Any status below 0 ends the detection with it. */
+/* A kind of the caller: ellipses, say. begin() takes the map, which stays until the detection has ended; step() is as all
+ * steps; count() is asked then; outline() writes at most `room` points every `spacing` along hypothesis i, tells its strength
+ * (0 ... 1) and returns how many points there are. A status below 0 ends the detection with it. */
+typedef cairn_status (*cairn_hypothesis_begin)(void *state, const cairn_virtual_map *map);
+typedef cairn_status (*cairn_hypothesis_step)(void *state, cairn_budget *budget);
+typedef int32_t (*cairn_hypothesis_count)(const void *state);
+typedef int32_t (*cairn_hypothesis_outline)(const void *state, int32_t i, cairn_real spacing,
+                                            cairn_oriented_point *points, int32_t room, cairn_real *strength);
+
 typedef struct cairn_hypothesis_detector {
-    void *state;
-    cairn_status (*begin)(void *state, const cairn_virtual_map *map);
-    cairn_status (*step)(void *state, cairn_budget *budget);
-    int32_t (*count)(const void *state);
-    int32_t (*outline)(const void *state, int32_t i, cairn_real spacing, cairn_oriented_point *points, int32_t room,
-                       cairn_real *strength);
+    void *state; /* the caller's */
+    cairn_hypothesis_begin begin;
+    cairn_hypothesis_step step;
+    cairn_hypothesis_count count;
+    cairn_hypothesis_outline outline;
 } cairn_hypothesis_detector;
 
 /* In brackets the defaults. */

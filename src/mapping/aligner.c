@@ -225,6 +225,7 @@ static void show_initial(cairn_aligner *x, int32_t i)
 static void stop(cairn_aligner *x)
 {
     x->phase = ALIGNER_DONE;
+    x->debt = 0;
     x->look.active = x->relax.active = 0;
     memset(&x->result, 0, sizeof x->result);
     x->result.anchor = -1;
