@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "bench/bench_json.h"
+#include "bench/bench_maps.h"
 #include "bench/bench_parts.h"
 #include "bench/bench_score.h"
 #include "cairn/map_file.h"
@@ -24,7 +25,7 @@ typedef struct settings {
     int64_t robots, seeds, seed, particles;
     double overlap;
     const char *write;
-    const char *data, *maps, *perception;
+    const char *maps, *perception;
     int32_t decoy, pair, modes;
 } settings;
 
@@ -294,7 +295,6 @@ int main(int argc, char **argv)
                   .seed = 1,
                   .particles = 100,
                   .overlap = 30,
-                  .data = "../shared/data",
                   .perception = "evidence",
                   .parts = {.scene = "rescue", .tile = 8, .resolution = 0.05, .places = 6}};
     int64_t places = 6;
@@ -313,7 +313,7 @@ int main(int argc, char **argv)
         OPTION_FLAG("--decoy", &s.decoy, "one map more, of another arena or of this one in a mirror"),
         OPTION_FLAG("--modes", &s.modes, "also the best places of every pair, beside the truth"),
         OPTION_TEXT("--write", &s.write, "DIR", "writes the maps of the last seed there, for cairn merge"),
-        OPTION_TEXT("--data", &s.data, "DIR", "real data"),
+        OPTION_TEXT("--maps", &s.maps, "DIR", "real maps instead: pairs of them as their annotators placed them"),
     };
     const option_set set = {"bench/merge", "[options]", "Merges maps of simulated robots.", table,
                             sizeof table / sizeof *table};
@@ -328,5 +328,7 @@ int main(int argc, char **argv)
     s.parts.pair = s.pair;
     if (sim_scene_find(s.parts.scene) < 0)
         return options_refuse("bench/merge", "unknown scene '%s'", s.parts.scene);
+    if (s.maps != NULL)
+        return bench_maps_run(s.maps, (int)s.particles);
     return run_arenas(&s);
 }

@@ -252,6 +252,7 @@ static void of_matches_and_corners(void **state)
         VALUE(match.max_views, 16),
         VALUE(match.max_query, 1024),
         VALUE(match.max_hypotheses, 8),
+        VALUE(match.max_candidates, 128),
         VALUE(match.spacing, 0.1),
         VALUE(match.sigma, 0.01),
         VALUE(match.weak_ratio, 0.001),
@@ -293,6 +294,7 @@ static void of_places(void **state)
     cairn_place_map_params map = cairn_place_map_default();
     cairn_scan_match_params match = cairn_scan_match_default();
     cairn_pose_consensus_params consensus = cairn_pose_consensus_default();
+    cairn_aligner_params aligner = cairn_aligner_default();
     const value values[] = {
         VALUE(map.mode, CAIRN_PLACE_MAP_CONSENSUS),
         VALUE(map.max_places, 16),
@@ -306,16 +308,27 @@ static void of_places(void **state)
         VALUE(map.sight_reach, 8),
         VALUE(map.sight_cell, 0.05),
         VALUE(map.sight_margin, 0.1),
-        VALUE(map.for_point, 0.1),
-        VALUE(map.against_point, 0.4),
-        VALUE(map.floating, 0.25),
-        VALUE(map.chance, 2),
+        VALUE(map.for_point, 0.08),
+        VALUE(map.for_floating, 0.14),
+        VALUE(map.for_rough, 0.6),
+        VALUE(map.against_point, 0.65),
+        VALUE(map.floating, 0.15),
+        VALUE(map.chance, 0),
+        VALUE(map.match.mode, (double)match.mode),
+        VALUE(map.match.max_candidates, 512),
+        VALUE(map.match.max_hypotheses, 12),
+        VALUE(map.match.spacing, (double)match.spacing),
+        VALUE(map.match.sigma, (double)match.sigma),
+        VALUE(map.match.weak_ratio, (double)match.weak_ratio),
+        VALUE(map.aligner.max_segments, 4096),
+        VALUE(map.aligner.max_fill, 8192),
+        VALUE(map.aligner.spread, (double)aligner.spread),
+        VALUE(map.aligner.sigma, (double)aligner.sigma),
         VALUE(map.consensus.max_hypotheses, 4096),
     };
 
     (void)state;
     assert_values(values);
-    assert_memory_equal(&map.match, &match, sizeof match);
     consensus.max_hypotheses = 4096;
     assert_memory_equal(&map.consensus, &consensus, sizeof consensus);
 }

@@ -23,7 +23,8 @@ static option_result read_settings(merge_settings *s, int argc, char **argv)
                        "the map, counted from 0, whose frame all others are placed in"),
         OPTION_TEXT("--order", &s->order, "I,I,...", "merge in this order, all maps, the reference first"),
         OPTION_TEXT("--scale", &s->scale, "M,M,...", "side of a cell of each map in m, in place of what its file says"),
-        OPTION_INTEGER("--coarsen", &s->coarsen, 1, 64, "K", "make one cell of K by K, for maps that are bent or huge"),
+        OPTION_INTEGER("--coarsen", &s->coarsen, 0, 64, "K",
+                       "make one cell of K by K, for maps that are bent (0: as\nneeded)"),
         OPTION_NUMBER("--min-score", &s->min_score, 0.1, 1000, "NATS", "maps with less support are refused"),
         OPTION_TEXT("--start", &s->start, "FILE",
                     "transforms.csv of an earlier merging: kept unless others are better"),
@@ -86,27 +87,36 @@ static uint8_t class_of(const cairn_map_file *file, int8_t value)
     return value == 100 ? CAIRN_CELL_OCCUPIED : value == 0 ? CAIRN_CELL_FREE : CAIRN_CELL_UNKNOWN;
 }
 
-/* Cells of K by K: occupied when one of them is, else free when one is. 0: no memory. */
-static int take_cells(merge_tool_map *map, int32_t k)
+/* The classes of all cells. 0: no memory. */
+static int take_cells(merge_tool_map *map)
 {
     const cairn_map_file *file = &map->file;
+    size_t count = (size_t)file->width * (size_t)file->height;
 
-    map->width = (file->width + k - 1) / k;
-    map->height = (file->height + k - 1) / k;
-    map->cells = malloc((size_t)map->width * (size_t)map->height);
-    if (map->cells == NULL)
-        return 0;
-    memset(map->cells, CAIRN_CELL_UNKNOWN, (size_t)map->width * (size_t)map->height);
-    for (int32_t y = 0; y < file->height; y++)
-        for (int32_t x = 0; x < file->width; x++) {
-            uint8_t class = class_of(file, file->occupancy[(size_t)y * (size_t)file->width + (size_t)x]);
-            uint8_t *cell = &map->cells[(size_t)(y / k) * (size_t)map->width + (size_t)(x / k)];
+    map->fine = malloc(count);
+    map->cells = malloc(count);
+    for (size_t i = 0; i < count && map->fine != NULL; i++)
+        map->fine[i] = class_of(file, file->occupancy[i]);
+    return map->fine != NULL && map->cells != NULL;
+}
 
-            if (class == CAIRN_CELL_OCCUPIED || (class == CAIRN_CELL_FREE && *cell != CAIRN_CELL_OCCUPIED))
-                *cell = class;
-        }
-    map->resolution = (double)file->resolution * k;
-    return 1;
+static void coarsen(merge_job *job, int32_t k)
+{
+    for (int32_t i = 0; i < job->settings->count; i++) {
+        merge_tool_map *map = &job->map[i];
+        cairn_raster_u8_view fine = {map->fine, map->file.width, map->file.height, map->file.width};
+        cairn_raster_u8 out;
+
+        map->width = (map->file.width - 1) / k + 1;
+        map->height = (map->file.height - 1) / k + 1;
+        map->resolution = (double)map->file.resolution * k;
+        out.data = map->cells;
+        out.width = map->width;
+        out.height = map->height;
+        out.stride = map->width;
+        if (cairn_map_merge_coarsen(fine, k, out) != CAIRN_OK)
+            memset(map->cells, CAIRN_CELL_UNKNOWN, (size_t)map->width * (size_t)map->height);
+    }
 }
 
 static int load_maps(merge_job *job)
@@ -127,7 +137,7 @@ static int load_maps(merge_job *job)
                                       scale[i]);
             job->map[i].file.resolution = (cairn_real)scale[i];
         }
-        if (!take_cells(&job->map[i], (int32_t)s->coarsen)) {
+        if (!take_cells(&job->map[i])) {
             (void)options_refuse(MERGE_PROGRAM, "%s: no memory", s->map[i]);
             return TOOL_FAILED;
         }
@@ -209,13 +219,15 @@ static int begin(merge_job *job)
     return TOOL_OK;
 }
 
-static int merge_all(merge_job *job)
+static int merge_once(merge_job *job, int32_t k)
 {
-    cairn_map_merge_params params = params_for(job);
+    cairn_map_merge_params params;
     cairn_status status = CAIRN_MORE;
     cairn_pool pool;
     int code;
 
+    coarsen(job, k);
+    params = params_for(job);
     if (params.max_cells == 0)
         return options_refuse(MERGE_PROGRAM, "more than %d cells in all, expected fewer: use --coarsen",
                               (int)CAIRN_MAP_FILE_CELLS_MOST);
@@ -236,11 +248,41 @@ static int merge_all(merge_job *job)
     }
     if (code == TOOL_OK && status < 0)
         code = options_refuse(MERGE_PROGRAM, "%s", cairn_status_text(status));
-    for (int32_t i = 0; code == TOOL_OK && i < job->settings->count; i++)
-        job->map[i].placed = cairn_map_merge_of(job->merge, i);
-    if (code == TOOL_OK)
+    if (code == TOOL_OK && (job->k == 0 || cairn_map_merge_read(job->merge).placed > job->result.placed)) {
+        for (int32_t i = 0; i < job->settings->count; i++)
+            job->map[i].placed = cairn_map_merge_of(job->merge, i);
         job->result = cairn_map_merge_read(job->merge);
+        job->k = k;
+    }
     tool_pool_close(&pool);
+    return code;
+}
+
+static int32_t longest_side(const merge_job *job)
+{
+    int32_t most = 0;
+
+    for (int32_t i = 0; i < job->settings->count; i++) {
+        most = job->map[i].file.width > most ? job->map[i].file.width : most;
+        most = job->map[i].file.height > most ? job->map[i].file.height : most;
+    }
+    return most;
+}
+
+/* With the cells as they are, or as --coarsen says; otherwise, while maps are refused, with coarser ones, too. The result with
+ * most maps placed is kept, the finest of these. */
+static int merge_all(merge_job *job)
+{
+    int32_t k = job->settings->coarsen > 0 ? (int32_t)job->settings->coarsen : 1;
+    int code = merge_once(job, k);
+
+    while (code == TOOL_OK && job->settings->coarsen == 0 && job->result.placed < job->settings->count &&
+           longest_side(job) / (2 * k) >= MERGE_LEAST_SIDE) {
+        k *= 2;
+        code = merge_once(job, k);
+    }
+    if (code == TOOL_OK)
+        coarsen(job, 1);
     return code;
 }
 
@@ -292,13 +334,13 @@ static void print_summary(const merge_job *job, double seconds)
         else
             printf("%-10" PRId32 " refused: %s  %s\n", i, cairn_merge_verdict_text(p->verdict), s->map[i]);
     }
-    printf("seconds    %.3f\npool       %zu bytes\n", seconds, job->pool_bytes);
+    printf("cells      of %" PRId32 " by %" PRId32 "\nseconds    %.3f\npool       %zu bytes\n", job->k, job->k, seconds,
+           job->pool_bytes);
 }
 
 int tool_merge(int argc, char **argv)
 {
-    merge_settings s = {
-        .coarsen = 1, .particles = 100, .min_score = (double)cairn_map_merge_default().min_score, .seed = 1};
+    merge_settings s = {.particles = 100, .min_score = (double)cairn_map_merge_default().min_score, .seed = 1};
     cairn_file_error error;
     option_result result = read_settings(&s, argc, argv);
     merge_job job;
@@ -319,6 +361,7 @@ int tool_merge(int argc, char **argv)
     if (code == TOOL_OK && !s.quiet)
         print_summary(&job, tool_seconds() - start);
     for (int32_t i = 0; i < s.count; i++) {
+        free(job.map[i].fine);
         free(job.map[i].cells);
         if (job.map[i].loaded)
             cairn_map_file_free(&job.map[i].file);

@@ -8,7 +8,8 @@
 
 #define MERGE_PROGRAM "cairn merge"
 
-enum { MERGE_TOOL_MAPS = 64 };
+/* Maps are not made so coarse that the longest side of all has fewer cells than MERGE_LEAST_SIDE. */
+enum { MERGE_TOOL_MAPS = 64, MERGE_LEAST_SIDE = 190 };
 
 typedef struct merge_settings {
     const char *map[MERGE_TOOL_MAPS];
@@ -20,7 +21,8 @@ typedef struct merge_settings {
 
 typedef struct merge_tool_map {
     cairn_map_file file;
-    uint8_t *cells; /* [height * width] CAIRN_CELL_..., row 0 lowest */
+    uint8_t *fine;  /* [file.height * file.width] CAIRN_CELL_..., row 0 lowest */
+    uint8_t *cells; /* [height * width] of them, as merged */
     int32_t width, height;
     double resolution; /* m */
     int32_t loaded;
@@ -33,6 +35,7 @@ typedef struct merge_job {
     cairn_map_merge *merge;
     cairn_merge_result result;
     size_t pool_bytes;
+    int32_t k; /* cells of the result: of k by k; 0: there is none */
 } merge_job;
 
 /* All maps placed, in the frame of the reference and with its cells. Where they contradict each other the majority holds,

@@ -19,6 +19,7 @@ enum {
 
 /* argv[0] is the subcommand's name. */
 int tool_align(int argc, char **argv);
+int tool_eval(int argc, char **argv);
 int tool_graph(int argc, char **argv);
 int tool_info(int argc, char **argv);
 int tool_map(int argc, char **argv);

@@ -58,6 +58,11 @@ typedef struct cairn_merge_map {
     cairn_pose origin;          /* of the lower left corner of cell (0, 0) in the frame of the map */
 } cairn_merge_map;
 
+/* Cells of k by k made one: occupied when one of them is, else free when one is, else unknown. For maps that are bent by more
+ * than two cells, which agree only in coarse. out: as wide and high as `cells`, divided by k and rounded up.
+ * CAIRN_BAD_ARGUMENT: a bad view, k < 1, another size. Linear in cells. */
+CAIRN_CHECKED cairn_status cairn_map_merge_coarsen(cairn_raster_u8_view cells, int32_t k, cairn_raster_u8 out);
+
 /* Forgets all maps. Constant time. */
 void cairn_map_merge_clear(cairn_map_merge *merge);
 

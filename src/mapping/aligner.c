@@ -221,8 +221,8 @@ static void show_initial(cairn_aligner *x, int32_t i)
     r->part = i;
 }
 
-/* Ends what is running: the results are the initial poses. */
-static void stop(cairn_aligner *x)
+/* Ends an alignment. */
+static void forget_result(cairn_aligner *x)
 {
     x->phase = ALIGNER_DONE;
     x->debt = 0;
@@ -258,11 +258,11 @@ cairn_status cairn_aligner_add_scan(cairn_aligner *aligner, const cairn_scan_vie
         return refuse(fault, -1, "more than max_points points", CAIRN_FULL);
     map_scan.theta = cairn_wrap_angle(map_scan.theta);
     cairn_aligner_fill_scan(aligner, view, map_scan);
-    stop(aligner);
+    forget_result(aligner);
     return refuse(fault, -1, NULL, CAIRN_OK);
 }
 
-cairn_status cairn_aligner_set_initial(cairn_aligner *aligner, int32_t scan, cairn_pose map_scan)
+cairn_status cairn_aligner_start_at(cairn_aligner *aligner, int32_t scan, cairn_pose map_scan)
 {
     cairn_vec2 place = {map_scan.x, map_scan.y};
 
@@ -274,20 +274,14 @@ cairn_status cairn_aligner_set_initial(cairn_aligner *aligner, int32_t scan, cai
         return CAIRN_BAD_ARGUMENT;
     map_scan.theta = cairn_wrap_angle(map_scan.theta);
     aligner->scans[scan].initial = map_scan;
-    if (aligner->phase == ALIGNER_DONE && aligner->result.units == 0)
-        show_initial(aligner, scan);
-    else
-        stop(aligner);
+    forget_result(aligner);
     return CAIRN_OK;
 }
 
 void cairn_aligner_clear(cairn_aligner *aligner)
 {
     aligner->scan_count = aligner->segment_count = aligner->point_count = 0;
-    aligner->phase = ALIGNER_DONE;
-    aligner->look.active = aligner->relax.active = 0;
-    memset(&aligner->result, 0, sizeof aligner->result);
-    aligner->result.anchor = -1;
+    forget_result(aligner);
 }
 
 /* ---- Steps ---- */

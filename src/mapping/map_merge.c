@@ -182,6 +182,23 @@ cairn_status cairn_map_merge_create(cairn_map_merge **merge, cairn_pool *pool, c
     return CAIRN_OK;
 }
 
+cairn_status cairn_map_merge_coarsen(cairn_raster_u8_view cells, int32_t k, cairn_raster_u8 out)
+{
+    if (cairn_raster_u8_check(cells) != CAIRN_OK || cairn_raster_u8_check(cairn_raster_u8_read(out)) != CAIRN_OK ||
+        k < 1 || out.width != (cells.width - 1) / k + 1 || out.height != (cells.height - 1) / k + 1)
+        return CAIRN_BAD_ARGUMENT;
+    for (int32_t y = 0; y < out.height; y++)
+        memset(out.data + y * out.stride, CAIRN_CELL_UNKNOWN, (size_t)out.width);
+    for (int32_t y = 0; y < cells.height; y++)
+        for (int32_t x = 0; x < cells.width; x++) {
+            uint8_t cell = cells.data[y * cells.stride + x], *to = &out.data[y / k * out.stride + x / k];
+
+            if (cell == CAIRN_CELL_OCCUPIED || (cell == CAIRN_CELL_FREE && *to != CAIRN_CELL_OCCUPIED))
+                *to = cell;
+        }
+    return CAIRN_OK;
+}
+
 void cairn_map_merge_clear(cairn_map_merge *merge)
 {
     merge->map_count = 0;

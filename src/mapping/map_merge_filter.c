@@ -26,7 +26,7 @@
 /* Rounds of a candidate's refinement by lines. */
 enum { LINE_ROUNDS = 4 };
 /* Rounds in which every map is refined. */
-enum { REFINE_ROUNDS = 25, SHIFTS = 8 };
+enum { REFINE_ROUNDS = 24, SHIFTS = 8 };
 
 enum { CHECK_REFINE, CHECK_LINKS, CHECK_CUTS, CHECK_JUDGE, CHECK_DONE };
 /* m: a map slides that has most of its evidence so far away. */
@@ -219,7 +219,7 @@ static void begin_offer(cairn_map_merge *m, const merge_state *state)
 static int step_candidate(cairn_map_merge *m, merge_state *s, cairn_budget *budget)
 {
     if (m->offer.stage == 1) {
-        cairn_merge_begin_lines(m, s->map, s->reference_map, LINE_ROUNDS);
+        cairn_merge_begin_lines(m, s->map, s->reference_map, s->reference_map, LINE_ROUNDS);
         m->offer.stage = 2;
     }
     if (m->offer.stage == 2) {
@@ -309,8 +309,6 @@ static void begin_filter(cairn_map_merge *m)
     status = cairn_particle_filter_start(m->filter, &first, 0);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
-    for (int32_t i = 0; i < MERGE_MEMORY; i++)
-        m->memory[i].first = -1;
     m->merged = 0;
     m->phase = MERGE_FILTER;
     m->cursor = 0;
@@ -381,6 +379,7 @@ static void begin_check(cairn_map_merge *m)
 
         m->check.list[i] = map;
         m->check.pose[map] = m->near_pose[m->near_count - 1 - i];
+        m->check.start[map] = m->check.pose[map];
         m->check.accepted[map] = 1;
         m->placed[map].verdict = CAIRN_MERGE_PLACED;
         m->placed[map].rank = i;
@@ -407,24 +406,19 @@ static void surround(cairn_map_merge *m, int32_t map)
     }
 }
 
-/* Every map in turn beside all others: at first by cells, then by lines. */
+/* Every map in turn beside all others. */
 static cairn_status step_joint(cairn_map_merge *m, cairn_budget *budget)
 {
     for (; m->check.round < REFINE_ROUNDS; m->check.round++, m->cursor = 1)
         for (; m->cursor < m->check.count; m->cursor++, m->inner = 0) {
             int32_t map = m->check.list[m->cursor];
 
-            int by_cells = m->check.round == 0;
-
             if (m->inner == 0) {
                 surround(m, map);
-                if (by_cells)
-                    cairn_merge_begin_climb(m, map, m->check.pose[map]);
-                else
-                    cairn_merge_begin_lines(m, map, m->check.pose[map], 1);
+                cairn_merge_begin_lines(m, map, m->check.start[map], m->check.pose[map], 1);
                 m->inner = 1;
             }
-            if (!(by_cells ? cairn_merge_go_on_climbing(m, budget) : cairn_merge_go_on_lines(m, budget)))
+            if (!cairn_merge_go_on_lines(m, budget))
                 return CAIRN_MORE;
             m->check.pose[map] = m->climb.best;
         }

@@ -29,6 +29,10 @@
 #define NEIGHBOUR CAIRN_REAL(3.0)
 /* Cells within which a wall is felt. */
 #define NEAR 6
+/* rad: rotations to either side from which a place is refined again; nats from which on that is worth it. */
+#define VARIANT CAIRN_REAL(0.025)
+#define WORTH   CAIRN_REAL(1.0)
+enum { VARIANTS = 3 };
 /* Rounds of a place's refinement by lines. */
 enum { LINE_ROUNDS = 5 };
 /* m: where a rotation moves cells by one step. */
@@ -327,6 +331,17 @@ int cairn_merge_go_on_total(cairn_map_merge *m, cairn_budget *budget)
 
 /* ---- Refinement ---- */
 
+/* The pose turned about a point. */
+static cairn_pose turned(cairn_pose pose, cairn_vec2 pivot, cairn_real angle)
+{
+    cairn_vec2 arm = {pose.x - pivot.x, pose.y - pivot.y};
+    cairn_pose turn = {pivot.x, pivot.y, angle};
+    cairn_vec2 at = cairn_pose_point(turn, arm);
+    cairn_pose result = {at.x, at.y, cairn_wrap_angle(pose.theta + angle)};
+
+    return result;
+}
+
 /* The pose moved by a step along x, y, or turned about the pivot: directions 0 ... 5. */
 static cairn_pose moved(const cairn_map_merge *m, int32_t direction)
 {
@@ -338,13 +353,7 @@ static cairn_pose moved(const cairn_map_merge *m, int32_t direction)
     } else if (direction < 4) {
         pose.y += sign * m->climb.step;
     } else {
-        cairn_vec2 arm = {pose.x - m->climb.pivot.x, pose.y - m->climb.pivot.y};
-        cairn_pose turn = {m->climb.pivot.x, m->climb.pivot.y, sign * m->climb.turn};
-        cairn_vec2 at = cairn_pose_point(turn, arm);
-
-        pose.x = at.x;
-        pose.y = at.y;
-        pose.theta = cairn_wrap_angle(pose.theta + turn.theta);
+        pose = turned(pose, m->climb.pivot, sign * m->climb.turn);
     }
     return pose;
 }
@@ -414,40 +423,64 @@ static cairn_status step_sift(cairn_map_merge *m, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* Each of the places kept is refined, then judged by all points. */
+/* Where the refinement of a variant starts: the search may have stuck beside the best rotation. */
+static cairn_pose variant_of(const cairn_map_merge *m)
+{
+    cairn_real turn = m->climb.variant == 1 ? VARIANT : -VARIANT;
+
+    return m->climb.variant == 0 ? m->refined[m->cursor].first_second
+                                 : turned(m->climb.base, m->climb.base_pivot, turn);
+}
+
+/* Refines the place at hand by cells, then by lines, then judges it by all points. */
+static int step_place(cairn_map_merge *m, cairn_budget *budget)
+{
+    if (m->inner == 0) {
+        m->near[0] = m->map;
+        m->near_pose[0] = cairn_pose_identity();
+        m->near_count = 1;
+        cairn_merge_begin_climb(m, m->other, variant_of(m));
+        m->inner = 1;
+    }
+    if (m->inner == 1) {
+        if (!cairn_merge_go_on_climbing(m, budget))
+            return 0;
+        cairn_merge_begin_lines(m, m->other, m->climb.best, m->climb.best, LINE_ROUNDS);
+        m->inner = 2;
+    }
+    if (m->inner == 2) {
+        if (!cairn_merge_go_on_lines(m, budget))
+            return 0;
+        cairn_merge_begin_total(m, m->other, m->climb.best, m->params.max_points);
+        m->inner = 3;
+    }
+    return cairn_merge_go_on_total(m, budget);
+}
+
+/* Each of the places kept, and its variants when it is worth it. */
 static cairn_status step_refine(cairn_map_merge *m, cairn_budget *budget)
 {
     int32_t pair = merge_pair(m->map, m->other);
 
-    for (; m->cursor < m->refined_count; m->cursor++, m->inner = 0) {
+    while (m->cursor < m->refined_count) {
         merge_mode mode;
 
-        if (m->inner == 0) {
-            m->near[0] = m->map;
-            m->near_pose[0] = cairn_pose_identity();
-            m->near_count = 1;
-            cairn_merge_begin_climb(m, m->other, m->refined[m->cursor].first_second);
-            m->inner = 1;
-        }
-        if (m->inner == 1) {
-            if (!cairn_merge_go_on_climbing(m, budget))
-                return CAIRN_MORE;
-            cairn_merge_begin_lines(m, m->other, m->climb.best, LINE_ROUNDS);
-            m->inner = 2;
-        }
-        if (m->inner == 2) {
-            if (!cairn_merge_go_on_lines(m, budget))
-                return CAIRN_MORE;
-            cairn_merge_begin_total(m, m->other, m->climb.best, m->params.max_points);
-            m->inner = 3;
-        }
-        if (!cairn_merge_go_on_total(m, budget))
+        if (!step_place(m, budget))
             return CAIRN_MORE;
         mode.first_second = m->climb.best;
         mode.evidence = m->total.evidence;
         if (mode.evidence > 0)
             cairn_merge_keep(m->modes + (size_t)pair * (size_t)m->params.max_modes, &m->mode_count[pair],
                              m->params.max_modes, mode, FINE_M, FINE_RAD);
+        if (m->climb.variant == 0) {
+            m->climb.base = m->climb.best;
+            m->climb.base_pivot = m->climb.pivot;
+        }
+        m->inner = 0;
+        if (mode.evidence < WORTH || ++m->climb.variant == VARIANTS) {
+            m->climb.variant = 0;
+            m->cursor++;
+        }
     }
     return CAIRN_OK;
 }
@@ -458,6 +491,7 @@ static void begin_pair(cairn_map_merge *m)
     m->inner = 0;
     m->comparing = 0;
     m->kept_count = m->refined_count = 0;
+    m->climb.variant = 0;
     m->phase = MERGE_HYPOTHESES;
     if (m->other < m->map_count)
         m->mode_count[merge_pair(m->map, m->other)] = 0;
@@ -481,6 +515,10 @@ static cairn_status step_phase(cairn_map_merge *m, cairn_budget *budget)
 cairn_status cairn_merge_find_modes(cairn_map_merge *m, cairn_budget *budget)
 {
     if (m->phase == MERGE_OCCUPIED_DISTANCE) {
+        if (!cairn_budget_pay(budget, &m->paid, MERGE_MEMORY / 16))
+            return CAIRN_MORE;
+        for (int32_t i = 0; i < MERGE_MEMORY; i++)
+            m->memory[i].first = -1;
         m->map = 0;
         m->other = 1;
         begin_pair(m);

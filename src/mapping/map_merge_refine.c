@@ -10,15 +10,17 @@
 
 /* Sine of the angle, and cells of the distance, by which lines that are one differ at most. */
 #define SAME_SINE  CAIRN_REAL(0.14)
-#define SAME_CELLS CAIRN_REAL(2.5)
+#define SAME_CELLS CAIRN_REAL(1.6)
+/* m: shorter lines are not straight enough. */
+#define LEAST_LINE CAIRN_REAL(0.35)
 /* m: lines that share less say nothing. */
 #define LEAST_SHARED CAIRN_REAL(0.15)
 /* m: error of a line, and the length of wall that has it once. */
 #define SIGMA  CAIRN_REAL(0.02)
 #define LENGTH CAIRN_REAL(0.2)
 /* m and rad: how far the place at hand may be off. */
-#define START_M   CAIRN_REAL(0.05)
-#define START_RAD CAIRN_REAL(0.02)
+#define START_M   CAIRN_REAL(0.03)
+#define START_RAD CAIRN_REAL(0.01)
 /* m: a motion about so large a body. */
 #define RADIUS CAIRN_REAL(3.0)
 /* m: a step shorter than this is the last one; a longer one is cut. */
@@ -61,6 +63,8 @@ static void add_lines(line_fit *f, cairn_segment own, cairn_segment t, cairn_rea
     cairn_vec2 u = cairn_vec2_scale(along, 1 / length), v = cairn_vec2_scale(way, 1 / own_length),
                n = cairn_vec2_left(u);
 
+    if (length < LEAST_LINE || own_length < LEAST_LINE)
+        return;
     if (cairn_vec2_dot(u, v) <= 0 || cairn_abs(cairn_vec2_cross(u, v)) > SAME_SINE)
         return;
     from = cairn_vec2_dot(u, cairn_vec2_sub(s.a, t.a));
@@ -111,12 +115,12 @@ static int32_t cost_of(const cairn_map_merge *m)
     return 8 + m->near_count + lines * m->maps[m->total.map].line_count / LINES_PER_UNIT;
 }
 
-void cairn_merge_begin_lines(cairn_map_merge *m, int32_t map, cairn_pose pose, int32_t rounds)
+void cairn_merge_begin_lines(cairn_map_merge *m, int32_t map, cairn_pose start, cairn_pose pose, int32_t rounds)
 {
     m->total.map = map;
     m->climb.best = pose;
     m->climb.rounds = rounds;
-    m->climb.start = pose;
+    m->climb.start = start;
 }
 
 int cairn_merge_go_on_lines(cairn_map_merge *m, cairn_budget *budget)

@@ -196,6 +196,9 @@ struct cairn_map_merge {
         cairn_real score, cells, step, turn;
         cairn_vec2 pivot;
         int32_t direction, rounds, improved;
+        int32_t variant; /* of a place that is refined: as it is, then turned to either side */
+        cairn_pose base;
+        cairn_vec2 base_pivot;
     } climb;
 
     /* The maps that the one under way is compared with, and where they lie. */
@@ -224,8 +227,9 @@ struct cairn_map_merge {
     merge_memory *memory; /* [MERGE_MEMORY] */
     int32_t merged;       /* steps of the filter */
     struct {
-        int32_t list[MERGE_MAPS_MOST];    /* maps placed, in their order */
-        cairn_pose pose[MERGE_MAPS_MOST]; /* of each map, in the frame of the reference's centre */
+        int32_t list[MERGE_MAPS_MOST];     /* maps placed, in their order */
+        cairn_pose pose[MERGE_MAPS_MOST];  /* of each map, in the frame of the reference's centre */
+        cairn_pose start[MERGE_MAPS_MOST]; /* where the filter has left them */
         int32_t count, round, at, stage, looking, refused;
         int32_t accepted[MERGE_MAPS_MOST];
         cairn_real link[MERGE_MAPS_MOST * (MERGE_MAPS_MOST - 1) / 2]; /* evidence of each pair */
@@ -291,8 +295,8 @@ int cairn_merge_is_apart(const cairn_map_merge *m, int32_t first, int32_t second
 void cairn_merge_begin_climb(cairn_map_merge *m, int32_t map, cairn_pose start);
 int cairn_merge_go_on_climbing(cairn_map_merge *m, cairn_budget *budget);
 
-/* Refines a pose of `map` beside near[] by lines, `rounds` times at most; go_on returns 1 when m->climb.best is it. */
-void cairn_merge_begin_lines(cairn_map_merge *m, int32_t map, cairn_pose pose, int32_t rounds);
+/* Refines a pose of `map`, which is near `start`, beside near[] by lines, `rounds` times at most; go_on returns 1 when m->climb.best is it. */
+void cairn_merge_begin_lines(cairn_map_merge *m, int32_t map, cairn_pose start, cairn_pose pose, int32_t rounds);
 int cairn_merge_go_on_lines(cairn_map_merge *m, cairn_budget *budget);
 
 /* Nats for so many m of wall that agree, and that do not. */

@@ -174,7 +174,7 @@ cairn_status cairn_virtual_align_begin(cairn_virtual_align *align)
         return CAIRN_EMPTY;
     memset(&align->result, 0, sizeof align->result);
     for (int32_t i = 0; i < align->scan_count; i++) {
-        must_be_ok(cairn_aligner_set_initial(align->aligner, i, align->starts[i].map_scan));
+        must_be_ok(cairn_aligner_start_at(align->aligner, i, align->starts[i].map_scan));
         align->starts[i].moves = 0;
     }
     must_be_ok(cairn_aligner_begin(align->aligner));
@@ -273,7 +273,7 @@ static cairn_status step_hand_back(cairn_virtual_align *align, cairn_budget *bud
     if (!cairn_budget_pay(budget, &align->paid, 1 + align->scan_count))
         return CAIRN_MORE;
     for (int32_t i = 0; i < align->scan_count; i++)
-        must_be_ok(cairn_aligner_set_initial(align->aligner, i, cairn_force_field_pose(align->field, i)));
+        must_be_ok(cairn_aligner_start_at(align->aligner, i, cairn_force_field_pose(align->field, i)));
     status = cairn_aligner_begin(align->aligner);
     CAIRN_ASSERT(status == CAIRN_OK);
     return status;
