@@ -274,7 +274,10 @@ cairn_status cairn_aligner_start_at(cairn_aligner *aligner, int32_t scan, cairn_
         return CAIRN_BAD_ARGUMENT;
     map_scan.theta = cairn_wrap_angle(map_scan.theta);
     aligner->scans[scan].initial = map_scan;
-    forget_result(aligner);
+    if (cairn_aligner_running(aligner) || aligner->result.units > 0)
+        forget_result(aligner);
+    else
+        show_initial(aligner, scan);
     return CAIRN_OK;
 }
 
