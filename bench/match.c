@@ -10,10 +10,10 @@
 #include <string.h>
 
 #include "bench/bench_json.h"
+#include "bench/bench_places.h"
 #include "bench/bench_score.h"
 #include "cairn/place_map.h"
 #include "cairn/random.h"
-#include "cairn/report.h"
 #include "tools/options.h"
 
 #define DEGREE 0.017453292519943295
@@ -194,14 +194,6 @@ static sim_pose sim_pose_of(cairn_pose pose)
 
 /* ---- Scoring ---- */
 
-static void errors(const sim_pose *truth, const sim_pose *poses, int32_t count, double *metres, double *degrees)
-{
-    for (int32_t i = 0; i < count; i++) {
-        metres[i] = hypot(poses[i].x - truth[i].x, poses[i].y - truth[i].y);
-        degrees[i] = fabs(remainder(poses[i].theta - truth[i].theta, 2 * 3.14159265358979323846)) / DEGREE;
-    }
-}
-
 /* poses: [scan_count] of the scans, moved onto the truth by the motion that suits most places. */
 static int score(const problem *p, const machine *m, sim_pose *poses, outcome *out)
 {
@@ -226,14 +218,14 @@ static int score(const problem *p, const machine *m, sim_pose *poses, outcome *o
         (void)bench_fit_common(truth, places, use, p->place_count, RIGHT_M, RIGHT_RAD, places);
         for (int32_t i = 0; i < p->place_count; i++)
             out->right += use[i] && bench_pose_near(truth[i], places[i], RIGHT_M, RIGHT_RAD);
-        errors(truth, places, p->place_count, metres, degrees);
+        bench_pose_errors(truth, places, p->place_count, metres, degrees);
         out->median_m = bench_median(metres, (size_t)p->place_count);
         out->median_deg = bench_median(degrees, (size_t)p->place_count);
         /* the same motion for the scans: moved_first * first^-1 */
         move = bench_pose_compose(places[0], bench_pose_between(before, (sim_pose){0, 0, 0}));
         for (int32_t k = 0; k < p->scan_count; k++)
             poses[k] = bench_pose_compose(move, sim_pose_of(cairn_place_map_scan_pose(m->map, k)));
-        errors(p->truth, poses, p->scan_count, metres, degrees);
+        bench_pose_errors(p->truth, poses, p->scan_count, metres, degrees);
         out->scan_median_m = bench_median(metres, n);
         out->scan_median_deg = bench_median(degrees, n);
         out->parts = result.parts;
@@ -267,93 +259,6 @@ static cairn_place_map_params params_of(const settings *s)
     return params;
 }
 
-/* ---- Pictures: the input by odometry, scan by scan, ours, the truth (as in Adluru 2008, figures 6.6 and 6.7) ---- */
-
-enum { PANELS = 4 };
-
-static const char *const PANEL_TITLES[PANELS] = {"odometry", "in sequence", "cairn", "truth"};
-
-/* End points of the beams of all scans, in the frames of the scans: scans[k].point into one array; NULL: no memory. */
-static cairn_vec2 *hits_of(const problem *p, cairn_report_scan *scans)
-{
-    size_t beams = 0, used = 0;
-    cairn_vec2 *points;
-
-    for (int32_t k = 0; k < p->scan_count; k++)
-        beams += (size_t)p->scans[k].count;
-    points = malloc(beams * sizeof *points);
-    for (int32_t k = 0; k < p->scan_count && points != NULL; k++) {
-        const sim_scan *scan = &p->scans[k];
-
-        memset(&scans[k], 0, sizeof scans[k]);
-        scans[k].point = points + used;
-        for (int32_t i = 0; i < scan->count; i++) {
-            double angle = scan->angle_min + i * scan->angle_step, range = (double)scan->range[i];
-            sim_pose end = {range * cos(angle), range * sin(angle), 0};
-
-            if (!isfinite(range))
-                continue;
-            end = bench_pose_compose(scan->base_sensor, end);
-            points[used].x = (cairn_real)end.x;
-            points[used++].y = (cairn_real)end.y;
-            scans[k].point_count++;
-        }
-    }
-    return points;
-}
-
-/* The poses of one panel, and their errors as its note. */
-static void fill_panel(const problem *p, const sim_pose *poses, const char *title, char *note, size_t note_size,
-                       cairn_pose *out, cairn_report_panel *panel)
-{
-    double metres = 0, degrees = 0, m, d;
-
-    for (int32_t k = 0; k < p->scan_count; k++) {
-        errors(&p->truth[k], &poses[k], 1, &m, &d);
-        metres += m / p->scan_count;
-        degrees += d / p->scan_count;
-        out[k].x = (cairn_real)poses[k].x;
-        out[k].y = (cairn_real)poses[k].y;
-        out[k].theta = (cairn_real)poses[k].theta;
-    }
-    (void)snprintf(note, note_size, "mean error %.3f m, %.2f degrees", metres, degrees);
-    memset(panel, 0, sizeof *panel);
-    panel->title = title;
-    panel->note = note;
-    panel->pose = out;
-}
-
-static int draw(const settings *s, const problem *p, uint64_t seed, sim_pose *const poses[PANELS])
-{
-    size_t n = (size_t)p->scan_count;
-    cairn_report_map picture = cairn_report_map_default();
-    cairn_report_panel panels[PANELS];
-    cairn_report_scan *scans = malloc(n * sizeof *scans);
-    cairn_pose *copies = malloc(PANELS * n * sizeof *copies);
-    cairn_vec2 *points = scans != NULL ? hits_of(p, scans) : NULL;
-    char notes[PANELS][80], path[512];
-    cairn_file_error error;
-    int done = 0;
-
-    if (points != NULL && copies != NULL) {
-        for (int k = 0; k < PANELS; k++)
-            fill_panel(p, poses[k], PANEL_TITLES[k], notes[k], sizeof notes[k], copies + (size_t)k * n, &panels[k]);
-        picture.title = "Places without odometry";
-        picture.panel = panels;
-        picture.panel_count = PANELS;
-        picture.scan = scans;
-        picture.scan_count = p->scan_count;
-        (void)snprintf(path, sizeof path, "%s/match-%" PRIu64 ".svg", s->pictures, seed);
-        done = cairn_report_map_write(path, &picture, &error) == CAIRN_OK;
-        if (!done)
-            fprintf(stderr, "bench/match: cannot write %s\n", path);
-    }
-    free(scans);
-    free(copies);
-    free(points);
-    return done;
-}
-
 /* Maps the places one after the other for comparison, and draws all. poses: ours. */
 static int draw_arena(const settings *s, const problem *p, uint64_t seed, sim_pose *poses)
 {
@@ -367,11 +272,12 @@ static int draw_arena(const settings *s, const problem *p, uint64_t seed, sim_po
     memset(&unused, 0, sizeof unused);
     params.mode = CAIRN_PLACE_MAP_SEQUENTIAL;
     if (others != NULL && make_machine(&params, &m) && map_scans(p, &m) && score(p, &m, others + n, &unused)) {
-        sim_pose *const all[PANELS] = {others, others + n, poses, p->truth};
+        const sim_pose *const all[BENCH_PANELS] = {others, others + n, poses, p->truth};
 
         for (size_t k = 0; k < n; k++)
             others[k] = p->scans[k].odometry;
-        done = draw(s, p, seed, all);
+        done = bench_draw_maps(s->pictures, seed, p->scans, p->scan_count, all) &&
+               bench_draw_errors(s->pictures, seed, p->scans, p->scan_count, poses);
     }
     free(others);
     free(m.memory);
@@ -509,7 +415,7 @@ int main(int argc, char **argv)
         OPTION_COUNT("--walkers", &s.walkers, 0, 100, "N", "people who walk about the arena"),
         OPTION_PAIR("--sub-error", s.sub_error, 0, 10, "M,DEG",
                     "scans within a place are off, uniform +-, m and degrees"),
-        OPTION_TEXT("--pictures", &s.pictures, "DIR", "draws match-SEED.svg into an existing folder"),
+        OPTION_TEXT("--pictures", &s.pictures, "DIR", "draws match-SEED.svg and errors-SEED.svg into a folder"),
         OPTION_FLAG("--decoupled", &s.decoupled, "at the end every scan is aligned by itself, all at once"),
         OPTION_FLAG("--decoupled-icp", &s.by_icp, "the same one after the other by ICP"),
     };
