@@ -27,7 +27,7 @@ typedef struct settings {
     int64_t arenas, seed, places;
     double tilt, movers;
     double sub_error[2]; /* m, degrees */
-    int32_t decoupled, by_icp, walkers;
+    int32_t decoupled, by_icp, walkers, ablate;
 } settings;
 
 /* What a mapper is given of an arena, and the truth that it is not. */
@@ -330,6 +330,156 @@ static int run_arena(const settings *s, uint64_t seed, outcome *out)
     return done;
 }
 
+/* ---- Ablation: the method of chapter 6 after each of its stages ---- */
+
+enum { STAGES = 4, BEFORE = 3, ABLATED_POINTS = 4096 };
+
+static const double RIGHT_PAIR = 0.25; /* m between the points of a right correspondence, the query in its true place */
+
+typedef struct ablation {
+    int64_t pairs, pairs_right, matches, right, within_half;
+} ablation;
+
+/* The points of the scans of a place, in the frame of another place by the truth. */
+static int32_t points_of_place(const problem *p, machine *m, int32_t place, int32_t seen_from,
+                               cairn_oriented_point *out)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    int32_t count = 0;
+
+    for (int32_t k = p->first_scan[place]; k < p->scan_count && p->scans[k].place == place; k++) {
+        cairn_scan_input input = sim_scan_input(&p->scans[k]);
+        sim_pose seen = bench_pose_between(p->truth[p->first_scan[seen_from]], p->truth[k]);
+        cairn_pose pose = {(cairn_real)seen.x, (cairn_real)seen.y, (cairn_real)seen.theta};
+        cairn_transform t = cairn_transform_of(pose);
+        cairn_scan_view view;
+
+        if (cairn_scan_begin(m->scan, &input, NULL) != CAIRN_OK)
+            continue;
+        while (cairn_scan_step(m->scan, &budget) == CAIRN_MORE)
+            budget.left = CAIRN_UNBOUNDED;
+        view = cairn_scan_read(m->scan);
+        for (int32_t i = 0; i < view.point_count && count < ABLATED_POINTS; i++) {
+            out[count].position = cairn_transform_point(t, view.points[i].position);
+            out[count++].direction = cairn_transform_direction(t, view.points[i].direction);
+        }
+    }
+    return count;
+}
+
+/* Matches a place with the union of the last three in their true places, the heading known, as in the thesis. Both point
+ * sets are in the frame of the place, but for the target's shift. */
+static int ablate_match(cairn_scan_match *match, const cairn_oriented_point *query, int32_t count,
+                        const cairn_oriented_point *target, int32_t target_count, cairn_pose shift, ablation *out)
+{
+    const cairn_scan_match_window window = {20, 0};
+    cairn_scan_match_part asked = {query, NULL, NULL, count, 0, 0}, known = {target, NULL, NULL, target_count, 0, 0};
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_scan_match_result found;
+    cairn_status status;
+
+    cairn_scan_match_clear_target(match);
+    if (cairn_scan_match_add_target(match, &known, shift, NULL) != CAIRN_OK ||
+        cairn_scan_match_begin(match, &asked, cairn_pose_identity(), &window, NULL) != CAIRN_OK)
+        return 0;
+    while ((status = cairn_scan_match_step(match, &budget)) == CAIRN_MORE)
+        budget.left = CAIRN_UNBOUNDED;
+    for (int32_t i = 0; i < cairn_scan_match_pair_count(match); i++) {
+        cairn_scan_match_pair pair = cairn_scan_match_pair_at(match, i);
+        cairn_vec2 apart = cairn_vec2_sub(query[pair.query].position, target[pair.target].position);
+
+        out->pairs += pair.stage == CAIRN_SCAN_MATCH_KEPT;
+        out->pairs_right += pair.stage == CAIRN_SCAN_MATCH_KEPT && (double)cairn_vec2_norm(apart) < RIGHT_PAIR;
+    }
+    found = cairn_scan_match_read(match);
+    out->matches++;
+    if (found.count > 0) {
+        sim_pose pose = sim_pose_of(found.hypotheses[0].target_query), right = sim_pose_of(shift);
+
+        out->right += bench_pose_near(right, pose, RIGHT_M, RIGHT_RAD);
+        out->within_half += bench_pose_near(right, pose, 0.5, 10 * DEGREE);
+    }
+    return status == CAIRN_OK;
+}
+
+static int ablate_arena(const settings *s, uint64_t seed, cairn_scan_match *const match[STAGES], ablation *out)
+{
+    static cairn_oriented_point query[ABLATED_POINTS], target[(BEFORE + 1) * ABLATED_POINTS];
+    cairn_place_map_params params = params_of(s);
+    machine m = {NULL, 0, NULL, NULL};
+    cairn_random random = cairn_random_seed(seed, 92);
+    problem p;
+    int done;
+
+    if (!make_problem(s, seed, &p))
+        return 0;
+    done = make_machine(&params, &m);
+    for (int32_t place = BEFORE; place < p.place_count && done; place++) {
+        int32_t count = points_of_place(&p, &m, place, place, query), target_count = 0;
+        cairn_pose shift = {2 * cairn_random_uniform(&random, -1, 1), 2 * cairn_random_uniform(&random, -1, 1), 0};
+
+        for (int32_t i = place - BEFORE; i < place; i++)
+            target_count += points_of_place(&p, &m, i, place, target + target_count);
+        for (int k = 0; k < STAGES && done; k++)
+            done = ablate_match(match[k], query, count, target, target_count, shift, &out[k]);
+    }
+    free(m.memory);
+    free_problem(&p);
+    return done;
+}
+
+static void print_ablation(const settings *s, const ablation *all)
+{
+    static const char *const names[STAGES] = {"common subsequence", "+ colinear filter", "+ segment filter", "+ ICP"};
+
+    for (int k = 0; k < STAGES; k++) {
+        double matches = (double)(all[k].matches > 0 ? all[k].matches : 1);
+        double pairs = (double)(all[k].pairs > 0 ? all[k].pairs : 1);
+
+        bench_json_begin("match");
+        bench_json_text("ablation", names[k]);
+        bench_json_integer("arenas", s->arenas);
+        bench_json_integer("matches", all[k].matches);
+        bench_json_number("correspondences", (double)all[k].pairs / matches);
+        bench_json_number("correspondences_right", (double)all[k].pairs_right / pairs);
+        bench_json_number("near", (double)all[k].within_half / matches);
+        bench_json_number("success", (double)all[k].right / matches);
+        bench_json_end();
+    }
+}
+
+static int ablate(const settings *s)
+{
+    static const cairn_scan_match_mode modes[STAGES] = {CAIRN_SCAN_MATCH_SHAPE_COMMON, CAIRN_SCAN_MATCH_SHAPE_COLINEAR,
+                                                        CAIRN_SCAN_MATCH_SHAPE_SEGMENTS, CAIRN_SCAN_MATCH_SHAPE};
+    cairn_scan_match_params params = cairn_scan_match_default();
+    cairn_scan_match *match[STAGES];
+    void *memory[STAGES] = {NULL};
+    ablation all[STAGES];
+    int done = 1;
+
+    memset(all, 0, sizeof all);
+    params.max_target = (BEFORE + 1) * ABLATED_POINTS;
+    params.max_query = ABLATED_POINTS;
+    for (int k = 0; k < STAGES && done; k++) {
+        cairn_pool pool;
+        size_t bytes;
+
+        params.mode = modes[k];
+        bytes = cairn_scan_match_memory(&params) + CAIRN_ALIGN;
+        memory[k] = malloc(bytes);
+        done = memory[k] != NULL && cairn_pool_init(&pool, memory[k], bytes) == CAIRN_OK &&
+               cairn_scan_match_create(&match[k], &pool, &params) == CAIRN_OK;
+    }
+    for (int64_t i = 0; i < s->arenas && done; i++)
+        done = ablate_arena(s, (uint64_t)(s->seed + i), match, all);
+    if (done)
+        print_ablation(s, all);
+    for (int k = 0; k < STAGES; k++)
+        free(memory[k]);
+    return done;
+}
+
 /* ---- Output ---- */
 
 static void print_summary(const settings *s, const outcome *all, size_t count)
@@ -403,7 +553,7 @@ static int run(const settings *s)
 
 int main(int argc, char **argv)
 {
-    settings s = {"consensus", "rescue", NULL, 20, 1, 16, 0, 0, {0, 0}, 0, 0, 0};
+    settings s = {"consensus", "rescue", NULL, 20, 1, 16, 0, 0, {0, 0}, 0, 0, 0, 0};
     const option table[] = {
         OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
@@ -417,6 +567,7 @@ int main(int argc, char **argv)
                     "scans within a place are off, uniform +-, m and degrees"),
         OPTION_TEXT("--pictures", &s.pictures, "DIR", "draws match-SEED.svg and errors-SEED.svg into a folder"),
         OPTION_FLAG("--decoupled", &s.decoupled, "at the end every scan is aligned by itself, all at once"),
+        OPTION_FLAG("--ablate", &s.ablate, "the method of chapter 6 after each of its stages instead"),
         OPTION_FLAG("--decoupled-icp", &s.by_icp, "the same one after the other by ICP"),
     };
     const option_set set = {"bench/match", "[options]", "Maps of places without odometry.", table,
@@ -433,5 +584,5 @@ int main(int argc, char **argv)
     }
     if (!check(&s))
         return 2;
-    return run(&s) ? 0 : 1;
+    return (s.ablate ? ablate(&s) : run(&s)) ? 0 : 1;
 }
