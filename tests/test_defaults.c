@@ -330,6 +330,7 @@ static void of_places(void **state)
     (void)state;
     assert_values(values);
     consensus.max_hypotheses = 4096;
+    consensus.ambiguous = CAIRN_REAL(1e-5);
     assert_memory_equal(&map.consensus, &consensus, sizeof consensus);
 }
 
