@@ -238,6 +238,9 @@ static void print_errors(const settings *s, const char *name, const cairn_carmen
     bench_json_integer("pool_bytes", (int64_t)pool_bytes);
     bench_json_integer("keys", state->keys);
     bench_json_integer("unmatched", state->predicted);
+    bench_json_integer("searched", state->searched);
+    bench_json_integer("doubtful", state->doubtful);
+    bench_json_integer("contradicted", state->odometry_contradicted);
     bench_json_integer("loops", state->loops);
     bench_json_integer("solutions", state->solutions);
     bench_json_integer("lacks_room", state->lacks_room);

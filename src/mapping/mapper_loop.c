@@ -213,14 +213,9 @@ static void begin_candidate(cairn_mapper *mapper)
 static void target_item(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
-    cairn_scan_match_part part;
     int32_t key = loop->target_from++;
+    cairn_scan_match_part part = cairn_mapper_key_part(mapper, key, mapper->oriented, mapper->beams);
 
-    memset(&part, 0, sizeof part);
-    part.points = mapper->oriented;
-    part.count = cairn_mapper_key_points(mapper, key, mapper->oriented);
-    part.beams = loop->beams;
-    part.beam_count = cairn_mapper_sight(mapper, key, loop->beams);
     budget->left -= 2 + part.count / 2 + part.beam_count / 2;
     if (cairn_scan_match_add_target(loop->match, &part, mapper->key_pose[key], NULL) != CAIRN_OK)
         loop->target_from = loop->target_end;
@@ -304,8 +299,7 @@ static void weigh(cairn_mapper *mapper, const mapper_pending *closure)
     loop->pending_count++;
 }
 
-/* 1 when the second hypothesis is as good as the first. */
-static int32_t has_rival(const cairn_scan_match_result *result)
+int32_t cairn_mapper_has_rival(const cairn_scan_match_result *result)
 {
     return result->count > 1 && result->hypotheses[1].score > CAIRN_REAL(0.9) * result->hypotheses[0].score;
 }
@@ -328,7 +322,7 @@ static void judge(cairn_mapper *mapper)
     }
     if (result.verdict == CAIRN_SCAN_MATCH_NONE || h->evidence < p->evidence)
         cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_NONE);
-    else if (has_rival(&result))
+    else if (cairn_mapper_has_rival(&result))
         cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_AMBIGUOUS);
     else if (h->contradiction > p->contradiction || h->target_contradiction > p->contradiction)
         cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_CONTRADICTED);
@@ -372,18 +366,6 @@ static cairn_status begin_next(cairn_mapper *mapper, cairn_budget *budget)
     return status;
 }
 
-static void take_query(cairn_mapper *mapper)
-{
-    mapper_loop *loop = &mapper->loop;
-    cairn_scan_match_part *part = &loop->query_part;
-
-    memset(part, 0, sizeof *part);
-    part->points = loop->query_points;
-    part->count = cairn_mapper_key_points(mapper, loop->query, loop->query_points);
-    part->beams = loop->query_beams;
-    part->beam_count = cairn_mapper_sight(mapper, loop->query, loop->query_beams);
-}
-
 static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
@@ -408,7 +390,7 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
         loop->candidate = 0;
         loop->phase = LOOP_IDLE;
         if (loop->candidate_count > 0) {
-            take_query(mapper);
+            loop->query_part = cairn_mapper_key_part(mapper, loop->query, loop->query_points, loop->query_beams);
             budget->left -= 2 + loop->query_part.count / 4 + loop->query_part.beam_count / 4;
             begin_candidate(mapper);
         }
