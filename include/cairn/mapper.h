@@ -57,6 +57,7 @@ typedef struct cairn_mapper_params {
     cairn_real local_radius;      /* m, > 0: the nearest ones are at most so far (4) */
     cairn_real key_distance;      /* m, > 0, and ... (0.5) */
     cairn_real key_turn;          /* ... rad, > 0: what lies between key scans (0.5) */
+    cairn_real key_support;       /* a scan of less support is a key scan, too, in [0, 1] (0.6) */
     int32_t window;               /* key scans of the force field, 2 ... 64; 0: no force field (8) */
     int32_t window_free;          /* of these so many may move, 1 ... window - 1 (3) */
     cairn_real odometry_distance; /* odometry is wrong by this share of the way ... (0.3) */

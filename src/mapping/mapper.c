@@ -17,6 +17,8 @@
 
 #include "src/mapping/mapper_work.h"
 
+enum { KEY_REST = 2 }; /* scans after a key scan that are none for want of support */
+
 cairn_mapper_params cairn_mapper_default(void)
 {
     cairn_mapper_params params;
@@ -55,16 +57,17 @@ cairn_mapper_params cairn_mapper_default(void)
     params.local_radius = 4;
     params.key_distance = CAIRN_REAL(0.5);
     params.key_turn = CAIRN_REAL(0.5);
+    params.key_support = CAIRN_REAL(0.6);
     params.window = 8;
     params.window_free = 3;
     params.odometry_distance = CAIRN_REAL(0.3);
     params.odometry_turn = CAIRN_REAL(0.3);
     params.odometry_distance_min = CAIRN_REAL(0.03);
     params.odometry_turn_min = CAIRN_REAL(0.02);
-    params.motion_distance = CAIRN_REAL(0.5);
-    params.motion_turn = CAIRN_REAL(0.5);
-    params.motion_distance_min = CAIRN_REAL(0.1);
-    params.motion_turn_min = CAIRN_REAL(0.1);
+    params.motion_distance = CAIRN_REAL(0.3);
+    params.motion_turn = CAIRN_REAL(0.3);
+    params.motion_distance_min = CAIRN_REAL(0.03);
+    params.motion_turn_min = CAIRN_REAL(0.02);
     params.min_support = CAIRN_REAL(0.3);
     params.search = 1;
     return params;
@@ -151,7 +154,7 @@ static int is_valid(const cairn_mapper_params *p)
         return 0;
     if (p->window != 0 && (p->window < 2 || p->window > 64 || p->window_free < 1 || p->window_free >= p->window))
         return 0;
-    return p->local_radius > 0 && p->key_distance > 0 && p->key_turn > 0 && p->odometry_distance >= 0 &&
+    return p->local_radius > 0 && p->key_distance > 0 && p->key_turn > 0 && p->key_support >= 0 && p->key_support <= 1 && p->odometry_distance >= 0 &&
            p->odometry_turn >= 0 && p->odometry_distance_min > 0 && p->odometry_turn_min > 0 &&
            p->motion_distance >= 0 && p->motion_turn >= 0 && p->motion_distance_min > 0 && p->motion_turn_min > 0 &&
            p->min_support >= 0 && p->min_support <= 1 && (p->search == 0 || p->search == 1);
@@ -356,11 +359,14 @@ static cairn_status begin_pose(cairn_mapper *mapper)
 
 /* ---- The result ---- */
 
+/* 1 when the scan shows what the local map does not: it moved on, or most of it has no partners. */
 static int is_key_scan(const cairn_mapper *mapper, cairn_pose map_scan)
 {
     cairn_pose key_scan;
 
     if (mapper->keys->scan_count == 0)
+        return 1;
+    if (mapper->result.support < mapper->params.key_support && mapper->since_key >= KEY_REST)
         return 1;
     key_scan = cairn_pose_between(mapper->key_pose[mapper->keys->scan_count - 1], map_scan);
     return key_scan.x * key_scan.x + key_scan.y * key_scan.y >
@@ -430,6 +436,7 @@ static cairn_status keep(cairn_mapper *mapper)
     result->key = mapper->keys->scan_count - 1;
     result->key_scan = cairn_pose_between(mapper->key_pose[result->key], result->map_scan);
     mapper->last_motion = cairn_mapper_next_motion(mapper, cairn_pose_between(last, result->map_scan));
+    mapper->since_key = result->is_key ? 0 : mapper->since_key + 1;
     mapper->state.scans++;
     mapper->state.keys = mapper->keys->scan_count;
     return status;

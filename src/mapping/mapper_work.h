@@ -118,6 +118,7 @@ struct cairn_mapper {
     phase phase;
     int32_t cursor; /* within the phase */
     int32_t full;
+    int32_t since_key; /* scans since the last key scan */
 
     int32_t has_odometry; /* of the scan at hand */
     cairn_pose odometry;
