@@ -154,10 +154,10 @@ static int is_valid(const cairn_mapper_params *p)
         return 0;
     if (p->window != 0 && (p->window < 2 || p->window > 64 || p->window_free < 1 || p->window_free >= p->window))
         return 0;
-    return p->local_radius > 0 && p->key_distance > 0 && p->key_turn > 0 && p->key_support >= 0 && p->key_support <= 1 && p->odometry_distance >= 0 &&
-           p->odometry_turn >= 0 && p->odometry_distance_min > 0 && p->odometry_turn_min > 0 &&
-           p->motion_distance >= 0 && p->motion_turn >= 0 && p->motion_distance_min > 0 && p->motion_turn_min > 0 &&
-           p->min_support >= 0 && p->min_support <= 1 && (p->search == 0 || p->search == 1);
+    return p->local_radius > 0 && p->key_distance > 0 && p->key_turn > 0 && p->key_support >= 0 &&
+           p->key_support <= 1 && p->odometry_distance >= 0 && p->odometry_turn >= 0 && p->odometry_distance_min > 0 &&
+           p->odometry_turn_min > 0 && p->motion_distance >= 0 && p->motion_turn >= 0 && p->motion_distance_min > 0 &&
+           p->motion_turn_min > 0 && p->min_support >= 0 && p->min_support <= 1 && (p->search == 0 || p->search == 1);
 }
 
 /* Counts the objects that the mapper creates. */

@@ -27,8 +27,9 @@ static const cairn_real STRANGE = CAIRN_REAL(0.1);                              
 static const cairn_real STRANGE_COST = CAIRN_REAL(0.1);                         /* ... of the log of the quality */
 static const cairn_real DOUBT = CAIRN_REAL(0.3), DOUBT_TURN = CAIRN_REAL(0.15); /* standard deviations, m and rad */
 static const cairn_real SLIPPERY = CAIRN_REAL(0.05); /* share of information along the weak direction */
-static const cairn_real ADAPTS = CAIRN_REAL(0.1);  /* by each scan, of mean quality and trust */
-static const cairn_real TRUSTED = CAIRN_REAL(0.5); /* odometry whose trust is above is believed */
+static const cairn_real FADES = CAIRN_REAL(0.99);    /* pace, by each scan that does not tell it */
+static const cairn_real ADAPTS = CAIRN_REAL(0.1);    /* by each scan, of mean quality and trust */
+static const cairn_real TRUSTED = CAIRN_REAL(0.5);   /* odometry whose trust is above is believed */
 
 static cairn_real length(cairn_pose motion)
 {
@@ -316,15 +317,32 @@ void cairn_mapper_learn(cairn_mapper *mapper)
         weigh_odometry(mapper);
 }
 
-/* The motion that the next scan is expected to repeat: of a sudden one half, which may have been a slip along a bare wall. */
-cairn_pose cairn_mapper_next_motion(const cairn_mapper *mapper, cairn_pose motion)
+/* The motion that the next scan is expected to repeat. Of a sudden one half, which may have been a slip. Along a wall that
+ * tells little of it the pace of before, which fades: what such matches tell of it is mostly that of the prediction. */
+cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion)
 {
     cairn_pose before = mapper->last_motion;
+    cairn_vec2 weak, lost;
 
-    if (!mapper->has_match || !is_sudden(mapper))
+    if (!mapper->has_match)
         return motion;
-    motion.x = (motion.x + before.x) / 2;
-    motion.y = (motion.y + before.y) / 2;
-    motion.theta = cairn_wrap_angle(before.theta + cairn_wrap_angle(motion.theta - before.theta) / 2);
+    if (is_sudden(mapper)) {
+        motion.x = (motion.x + before.x) / 2;
+        motion.y = (motion.y + before.y) / 2;
+        motion.theta = cairn_wrap_angle(before.theta + cairn_wrap_angle(motion.theta - before.theta) / 2);
+    }
+    if (mapper->match.weak_ratio >= SLIPPERY) {
+        mapper->pace.x += ADAPTS * (motion.x - mapper->pace.x);
+        mapper->pace.y += ADAPTS * (motion.y - mapper->pace.y);
+        return motion;
+    }
+    weak.x = mapper->match.weak[0];
+    weak.y = mapper->match.weak[1];
+    weak = cairn_transform_direction(cairn_transform_of(cairn_pose_inverse(mapper->match.target_query)), weak);
+    lost.x = mapper->pace.x - motion.x;
+    lost.y = mapper->pace.y - motion.y;
+    motion.x += weak.x * cairn_vec2_dot(weak, lost);
+    motion.y += weak.y * cairn_vec2_dot(weak, lost);
+    mapper->pace = cairn_vec2_scale(mapper->pace, FADES);
     return motion;
 }

@@ -129,6 +129,7 @@ struct cairn_mapper {
     cairn_pose predicted;
     int32_t believed;        /* 1: the odometry is what is predicted */
     cairn_real trust;        /* in odometry, 0 ... 1 */
+    cairn_vec2 pace;         /* m, a scan, in its own frame */
     cairn_real mean_quality; /* of matches; 0: none yet */
 
     int32_t had_odometry; /* of the scan before */
@@ -198,7 +199,7 @@ cairn_status cairn_mapper_end_search(cairn_mapper *mapper);
 
 /* The scan has its match, or none: how good are matches, can odometry be believed? */
 void cairn_mapper_learn(cairn_mapper *mapper);
-cairn_pose cairn_mapper_next_motion(const cairn_mapper *mapper, cairn_pose motion);
+cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion);
 
 /* ---- mapper_loop.c ---- */
 
