@@ -344,6 +344,8 @@ static void memory_is_exact(void **state)
     test_every_pool_size(create, &params, cairn_mapper_memory(&params));
     params.loop.max_loops = 0;
     test_every_pool_size(create, &params, cairn_mapper_memory(&params));
+    params.search = 0;
+    test_every_pool_size(create, &params, cairn_mapper_memory(&params));
     params.window = 0;
     test_every_pool_size(create, &params, cairn_mapper_memory(&params));
 }
@@ -377,6 +379,19 @@ static void bad_params_are_refused(void **state)
     REFUSED(local_recent, good.local_keys + 1);
     REFUSED(local_span, good.local_recent - 1);
     REFUSED(local_span, -1);
+    REFUSED(search, -1);
+    REFUSED(search, 2);
+    REFUSED(key_support, CAIRN_REAL(-0.1));
+    REFUSED(key_support, CAIRN_REAL(1.1));
+    REFUSED(key_support, (cairn_real)NAN);
+    REFUSED(motion_distance, -1);
+    REFUSED(motion_distance, (cairn_real)NAN);
+    REFUSED(motion_turn, -1);
+    REFUSED(motion_turn, (cairn_real)NAN);
+    REFUSED(motion_distance_min, 0);
+    REFUSED(motion_distance_min, (cairn_real)NAN);
+    REFUSED(motion_turn_min, 0);
+    REFUSED(motion_turn_min, (cairn_real)NAN);
     REFUSED(local_radius, (cairn_real)NAN);
     REFUSED(loop.max_loops, -1);
     REFUSED(loop.max_loops, (1 << 22) + 1);
@@ -444,6 +459,11 @@ static void bad_params_are_refused(void **state)
     ALLOWED(local_keys, good.local_recent);
     ALLOWED(local_keys, CAIRN_MAPPER_LOCAL_MOST);
     ALLOWED(local_span, 0);
+    ALLOWED(search, 0);
+    ALLOWED(key_support, 0);
+    ALLOWED(key_support, 1);
+    ALLOWED(motion_distance, 0);
+    ALLOWED(motion_turn, 0);
     ALLOWED(local_span, good.local_recent);
     ALLOWED(loop.max_loops, 0);
     ALLOWED(loop.max_loops, 1 << 22);

@@ -65,9 +65,9 @@ typedef struct cairn_mapper_params {
     cairn_real odometry_distance_min; /* m, and at least by this (0.03) */
     cairn_real odometry_turn_min;     /* rad, and at least by this (0.02) */
     cairn_real motion_distance;     /* without odometry: of the motion before, the next one differs by this share ... */
-    cairn_real motion_turn;         /* ... likewise its turn (0.5 and 0.5) ... */
-    cairn_real motion_distance_min; /* m, > 0, and at least by this (0.1) */
-    cairn_real motion_turn_min;     /* rad, > 0 (0.1) */
+    cairn_real motion_turn;         /* ... likewise its turn (0.3 and 0.3) ... */
+    cairn_real motion_distance_min; /* m, > 0, and at least by this (0.03) */
+    cairn_real motion_turn_min;     /* rad, > 0 (0.02) */
     cairn_real min_support;         /* a match counts when this share of the scan's points has partners (0.3) */
     int32_t search; /* 1: where a match is in doubt, scan_match searches; 0: the match stays as it is (1) */
 } cairn_mapper_params;

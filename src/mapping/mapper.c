@@ -27,6 +27,7 @@ cairn_mapper_params cairn_mapper_default(void)
     params.scan = cairn_scan_default();
     params.scan.max_points = 1024;
     params.icp = cairn_icp_default();
+    params.icp.weak_ratio = CAIRN_REAL(0.03);
     params.field = cairn_force_field_default();
     params.field.sigma_start = CAIRN_REAL(0.04);
     params.field.sigma_end = CAIRN_REAL(0.02);
