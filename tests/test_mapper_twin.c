@@ -146,11 +146,11 @@ static cairn_icp_result match(twin *t, const cairn_pose_prior *prior)
     return cairn_icp_read(t->icp);
 }
 
-/* Odometry that is three standard deviations off is believed less; what agrees is believed more, by a tenth each. */
+/* Odometry that is two standard deviations off is believed less; what agrees is believed more, by a tenth each. */
 static void weigh_odometry(twin *t, const cairn_pose_prior *prior, cairn_pose found)
 {
     cairn_pose e = cairn_pose_between(prior->mean, found);
-    int32_t contradicted = way_of(e) > 3 * prior->sigma_x || cairn_abs(e.theta) > 3 * prior->sigma_theta;
+    int32_t contradicted = way_of(e) > 2 * prior->sigma_x || cairn_abs(e.theta) > 2 * prior->sigma_theta;
 
     t->trust += CAIRN_REAL(0.1) * ((contradicted ? 0 : 1) - t->trust);
     t->state.odometry_contradicted += contradicted;
@@ -291,7 +291,7 @@ static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *
             if (away.x * away.x + away.y * away.y > CAIRN_REAL(0.05) * CAIRN_REAL(0.05) ||
                 cairn_abs(away.theta) > CAIRN_REAL(0.02)) {
                 other = match(t, &second);
-                if (counts(t, &other) && (!matched || quality(&other) > CAIRN_REAL(1.05) * quality(&best))) {
+                if (counts(t, &other) && (!matched || quality(&other) > CAIRN_REAL(1.2) * quality(&best))) {
                     best = other;
                     matched = 1;
                     t->state.odometry_rejected += believed;
@@ -492,7 +492,8 @@ static void as_the_twin_when_odometry_fails(void **state)
     side_by_side(&params, SIM_APARTMENT, 7, 60, 0.2, &lost, &measured);
     assert_true(measured.predicted >= 5);
     side_by_side(&params, SIM_APARTMENT, 8, 60, 0.3, &jumps, &measured);
-    assert_true(measured.odometry_rejected > 3);
+    assert_true(measured.odometry_rejected > 0);
+    assert_true(measured.odometry_contradicted > 10);
     side_by_side(&params, SIM_RESCUE, 9, 40, 0.3, &bare, &measured);
     assert_true(measured.keys > 10);
     side_by_side(&params, SIM_RESCUE, 10, 30, 0.3, &dark, &measured);

@@ -97,7 +97,7 @@ typedef struct cairn_mapper_state {
     int64_t scans;
     int64_t predicted;             /* scans that could not be matched, blind ones included */
     int64_t odometry_rejected;     /* scans whose match from the last motion was better than that from odometry */
-    int64_t odometry_contradicted; /* scans whose match is beyond three standard deviations of odometry */
+    int64_t odometry_contradicted; /* scans whose match is beyond two standard deviations of odometry */
     int64_t searched;              /* scans whose match was in doubt ... */
     int64_t doubtful;              /* ... and still is; their covariance says so */
     int32_t keys;

@@ -17,6 +17,8 @@
 
 static const cairn_real APART = CAIRN_REAL(0.05); /* m: motions that lead so far apart are tried both */
 static const cairn_real APART_TURN = CAIRN_REAL(0.02);
+/* Than the match from the prediction one from another motion must be: who lags behind overlaps more. */
+static const cairn_real BETTER = CAIRN_REAL(1.2);
 static const cairn_real SUDDEN = CAIRN_REAL(0.1); /* m beyond the prediction, ... */
 static const cairn_real SUDDEN_TURN = CAIRN_REAL(0.08);
 static const cairn_real SUDDEN_SHARE = CAIRN_REAL(0.2); /* ... and this share of the motion */
@@ -126,8 +128,7 @@ static int32_t take_match(cairn_mapper *mapper)
 {
     cairn_icp_result match = cairn_icp_read(mapper->icp);
 
-    if (!counts(mapper, &match) ||
-        (mapper->has_match && !(quality(&match) > CAIRN_REAL(1.05) * quality(&mapper->match))))
+    if (!counts(mapper, &match) || (mapper->has_match && !(quality(&match) > BETTER * quality(&mapper->match))))
         return 0;
     mapper->match = match;
     mapper->has_match = 1;
@@ -280,7 +281,7 @@ static void weigh_odometry(cairn_mapper *mapper)
 {
     cairn_pose_prior prior = prior_of(mapper, mapper->by_odometry, 1);
     cairn_pose e = cairn_pose_between(prior.mean, mapper->match.target_query);
-    int32_t contradicted = length(e) > 3 * prior.sigma_x || cairn_abs(e.theta) > 3 * prior.sigma_theta;
+    int32_t contradicted = length(e) > 2 * prior.sigma_x || cairn_abs(e.theta) > 2 * prior.sigma_theta;
 
     mapper->trust += ADAPTS * ((cairn_real)!contradicted - mapper->trust);
     mapper->state.odometry_contradicted += contradicted;
