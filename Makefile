@@ -48,9 +48,10 @@ SIM_SRC     := $(if $(HAVE_SIM),$(wildcard sim/*.cpp))
 TEST_SRC    := $(if $(and $(HAVE_TEST),$(HAVE_SIM),$(HAVE_HOST)),$(wildcard tests/test_*.c))
 BENCH_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(filter-out bench/bench_%,$(wildcard bench/*.c)))
 BENCH_COMMON := $(wildcard bench/bench_*.c) tools/options.c
-CAIRN_SRC   := $(if $(HAVE_HOST),$(filter-out tools/cairn_arena%,$(wildcard tools/cairn*.c)) tools/options.c firmware/robot.c)
+FW_ROBOT    := firmware/robot.c firmware/joint.c
+CAIRN_SRC   := $(if $(HAVE_HOST),$(filter-out tools/cairn_arena%,$(wildcard tools/cairn*.c)) tools/options.c $(FW_ROBOT))
 ARENA_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(wildcard tools/cairn_arena*.c) tools/options.c)
-TEST_COMMON := tests/support.c bench/bench_bound.c bench/bench_score.c firmware/robot.c firmware/recorder.c
+TEST_COMMON := tests/support.c tests/rooms.c bench/bench_bound.c bench/bench_score.c $(FW_ROBOT) firmware/recorder.c
 HOST_LIBS   := -lyaml -lpng -lz
 SIM_LIBS    := -lbox2d
 
@@ -171,7 +172,7 @@ check-freestanding:
 	@sh tools/check.sh $(BUILD) freestanding
 
 # Every object of everything, for the checks of warnings.
-ALL_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(TEST_SRC) $(wildcard tests/support.c tests/golden.c) $(FW_LOOP) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC)
+ALL_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(TEST_SRC) $(wildcard tests/support.c tests/rooms.c tests/golden.c) $(FW_LOOP) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC)
 objects: $(call object,double,$(ALL_SRC)) $(call object,float,$(ALL_SRC))
 
 # The firmware: the float library in the loop of a robot on bare Cortex-M7 and M4F, and tests/golden.c in float and double.
@@ -186,13 +187,13 @@ FW_FLAGS  := -std=c11 $(CWARN) $(WERROR) -Os -g -mthumb -mfloat-abi=hard -ffunct
 FW_DOUBLE := -Wl,--wrap=__aeabi_dadd,--wrap=__aeabi_dsub,--wrap=__aeabi_drsub
 FW_LINK   := -nostartfiles -T firmware/cortex-m.ld -Wl,--gc-sections
 MISSIONS  := $(patsubst firmware/mission_%.c,%,$(wildcard firmware/mission_*.c))
-FW_LOOP   := firmware/loop.c firmware/robot.c firmware/recorder.c
+FW_LOOP   := firmware/loop.c $(FW_ROBOT) firmware/recorder.c
 FW_ELFS   := $(foreach cpu,$(FW_CPUS),$(FW)/$(cpu)/golden-float.elf $(FW)/$(cpu)/golden-double.elf) \
              $(foreach cpu,m7 m4,$(MISSIONS:%=$(FW)/$(cpu)/%.elf))
 FW_HOST   := $(MISSIONS:%=$(FW)/host/%) $(FW)/host/golden-float $(FW)/host/golden-double
 
 # The scans of a mission are made by cairn-arena and stored in the image as they come from the scanner.
-SCANS_maze  := maze --places 16 --headings 1 --fov 360 --beams 181 --disturb 0.25,20
+SCANS_maze  := maze --places 16 --headings 1 --fov 360 --beams 181 --disturb 0.10,5
 SCANS_arena := rescue --places 15 --headings 4 --disturb 0.10,5
 $(FW)/%_scans.h: $(BUILD)/cairn-arena firmware/record.sh
 	@mkdir -p $(@D)

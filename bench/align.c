@@ -1,7 +1,7 @@
 /* bench/align: all scans of simulated arenas at once, from disturbed poses.
  *
  * The scans of each arena are shuffled, and every arena lies in the world at an angle of its own. A scan is aligned when
- * it lies within 0.05 m and 1 degree of the truth after the best common motion; the share is that of the scans that the
+ * it lies within 0.05 m and 1 degree (--within) of the truth after the best common motion; the share is that of the scans that the
  * Cramer-Rao bound calls observable (bench_bound). A method that says which poses are not to be relied on is held to it:
  * false_flags are observable scans that it flagged, missed_flags unobservable ones that it did not, and of all scans that
  * it did not flag, inside95 have their truth inside the 95 % ellipse of their position. */
@@ -15,6 +15,7 @@
 #include "bench/bench_bound.h"
 #include "bench/bench_json.h"
 #include "bench/bench_lum.h"
+#include "bench/bench_problem.h"
 #include "bench/bench_score.h"
 #include "cairn/force_field.h"
 #include "cairn/random.h"
@@ -23,10 +24,10 @@
 #define DEGREE 0.017453292519943295
 
 typedef struct settings {
-    const char *method, *scene;
-    int64_t arenas, seed, places, headings, beams, steps;
-    double metres, degrees, fov;
-    double jitter[2]; /* m, degrees; NaN: the survey's own */
+    const char *method;
+    bench_problem_kind kind;
+    int64_t arenas, seed, steps;
+    double within[2]; /* m, degrees: of the truth, to be aligned */
     int32_t again;    /* --return */
     int32_t ablate;
     bench_ingredient without;
@@ -163,8 +164,8 @@ static int run_method(const settings *s, const sim_scan *scans, int32_t count, b
         return run_gradient(s, scans, count, poses, out);
     if (strcmp(s->method, "icp") == 0)
         done = bench_run_icp(scans, count, 20, poses, &run);
-    else if (strcmp(s->method, "lum") == 0)
-        done = bench_run_lum(scans, count, (int32_t)s->steps, 5, poses, &run);
+    else if (strncmp(s->method, "lum", 3) == 0)
+        done = bench_run_lum(scans, count, (int32_t)s->steps, strcmp(s->method, "lum") == 0, poses, &run);
     else
         done = bench_run_default(scans, count, s->without, poses, &run);
     out->steps = run.steps;
@@ -175,19 +176,6 @@ static int run_method(const settings *s, const sim_scan *scans, int32_t count, b
 }
 
 /* ---- One arena ---- */
-
-static void shuffle(sim_scan *scans, int32_t count, uint64_t seed)
-{
-    cairn_random random = cairn_random_seed(seed, 77);
-
-    for (int32_t i = count - 1; i > 0; i--) {
-        int32_t j = cairn_random_below(&random, i + 1);
-        sim_scan swap = scans[i];
-
-        scans[i] = scans[j];
-        scans[j] = swap;
-    }
-}
 
 /* 1 when both scans hit one flat edge. */
 static int share_wall(const sim_scan *a, const sim_scan *b, uint8_t *seen, int32_t edges)
@@ -262,8 +250,9 @@ static void score_flags(const sim_pose *truth, const sim_pose *moved, const benc
     out->area_ratio = bench_median(areas, compared);
 }
 
-static void score(const sim_arena *arena, const sim_scan *scans, const sim_pose *truth, const sim_pose *start,
-                  const bench_pose *results, const bench_bound *bounds, int32_t count, outcome *out)
+static void score(const settings *s, const sim_arena *arena, const sim_scan *scans, const sim_pose *truth,
+                  const sim_pose *start, const bench_pose *results, const bench_bound *bounds, int32_t count,
+                  outcome *out)
 {
     size_t n = (size_t)count, observable = 0, aligned = 0;
     int32_t *use = malloc(n * sizeof *use);
@@ -276,7 +265,7 @@ static void score(const sim_arena *arena, const sim_scan *scans, const sim_pose 
             use[i] = bounds[i].observable;
             poses[i] = results[i].pose;
         }
-        (void)bench_fit_common(truth, poses, use, count, 0.05, DEGREE, moved);
+        (void)bench_fit_common(truth, poses, use, count, s->within[0], s->within[1] * DEGREE, moved);
         for (size_t i = 0; i < n; i++) {
             double bound = sqrt(bounds[i].covariance[0] + bounds[i].covariance[4]);
 
@@ -286,7 +275,7 @@ static void score(const sim_arena *arena, const sim_scan *scans, const sim_pose 
                 continue;
             metres[observable] = hypot(moved[i].x - truth[i].x, moved[i].y - truth[i].y);
             degrees[observable] = angle_error(moved[i].theta, truth[i].theta);
-            if (bench_pose_near(truth[i], moved[i], 0.05, DEGREE)) {
+            if (bench_pose_near(truth[i], moved[i], s->within[0], s->within[1] * DEGREE)) {
                 out->aligned++;
                 if (bound > 0)
                     ratios[aligned++] = metres[observable] / bound;
@@ -326,9 +315,9 @@ static int run_return(const settings *s, const sim_scan *scans, const bench_boun
         poses[i] = solution[i];
         first[i] = solution[i].pose;
         use[i] = bounds[i].observable;
-        poses[i].pose.x += (double)cairn_random_uniform(&random, -1, 1) * s->metres;
-        poses[i].pose.y += (double)cairn_random_uniform(&random, -1, 1) * s->metres;
-        poses[i].pose.theta += (double)cairn_random_uniform(&random, -1, 1) * s->degrees * DEGREE;
+        poses[i].pose.x += (double)cairn_random_uniform(&random, -1, 1) * s->kind.metres;
+        poses[i].pose.y += (double)cairn_random_uniform(&random, -1, 1) * s->kind.metres;
+        poses[i].pose.theta += (double)cairn_random_uniform(&random, -1, 1) * s->kind.degrees * DEGREE;
     }
     done = done && run_method(s, scans, count, poses, &unused);
     if (done) {
@@ -345,100 +334,26 @@ static int run_return(const settings *s, const sim_scan *scans, const bench_boun
     return done;
 }
 
-/* What an arena is aligned from. */
-typedef struct problem {
-    sim_arena *arena;
-    sim_survey *survey;
-    sim_scan *scans;
-    sim_pose *truth, *start;
-    bench_pose *poses;
-    bench_bound *bounds;
-    int32_t count;
-} problem;
-
-static void close_problem(problem *p)
-{
-    free(p->scans);
-    free(p->truth);
-    free(p->start);
-    free(p->poses);
-    free(p->bounds);
-    sim_survey_free(p->survey);
-    sim_arena_free(p->arena);
-}
-
-static int visit(const settings *s, uint64_t seed, problem *p)
-{
-    sim_arena_options arena_options = sim_arena_default();
-    sim_survey_options survey_options = sim_survey_default();
-    char fault[256];
-
-    arena_options.seed = seed;
-    arena_options.scene = sim_scene_find(s->scene);
-    survey_options.seed = seed;
-    survey_options.places = (int32_t)s->places;
-    survey_options.headings = (int32_t)s->headings;
-    survey_options.beams = (int32_t)s->beams;
-    survey_options.fov = s->fov * DEGREE;
-    if (s->jitter[0] >= 0) {
-        survey_options.jitter_position = s->jitter[0];
-        survey_options.jitter_heading = s->jitter[1] * DEGREE;
-    }
-    p->arena = sim_arena_create(&arena_options, fault, sizeof fault);
-    if (p->arena != NULL)
-        p->survey = sim_survey_create(p->arena, &survey_options, fault, sizeof fault);
-    if (p->survey == NULL)
-        fprintf(stderr, "bench/align: %s\n", fault);
-    return p->survey != NULL;
-}
-
-static int open_problem(const settings *s, uint64_t seed, problem *p)
-{
-    cairn_random random = cairn_random_seed(seed, 78);
-    const sim_scan *all;
-    size_t n;
-
-    if (!visit(s, seed, p))
-        return 0;
-    all = sim_survey_scans(p->survey, &p->count);
-    n = (size_t)p->count;
-    p->scans = malloc(n * sizeof *p->scans);
-    p->truth = malloc(n * sizeof *p->truth);
-    p->start = malloc(n * sizeof *p->start);
-    p->poses = calloc(n, sizeof *p->poses);
-    p->bounds = malloc(n * sizeof *p->bounds);
-    if (p->scans == NULL || p->truth == NULL || p->start == NULL || p->poses == NULL || p->bounds == NULL) {
-        fprintf(stderr, "bench/align: no memory for %" PRId32 " scans\n", p->count);
-        return 0;
-    }
-    memcpy(p->scans, all, n * sizeof *p->scans);
-    shuffle(p->scans, p->count, seed);
-    for (size_t i = 0; i < n; i++) {
-        p->truth[i] = p->scans[i].truth;
-        p->start[i] = p->truth[i];
-        p->start[i].x += (double)cairn_random_uniform(&random, -1, 1) * s->metres;
-        p->start[i].y += (double)cairn_random_uniform(&random, -1, 1) * s->metres;
-        p->start[i].theta += (double)cairn_random_uniform(&random, -1, 1) * s->degrees * DEGREE;
-        p->poses[i].pose = p->start[i];
-    }
-    return bench_bound_compute(p->arena, p->scans, p->count, s->metres, s->degrees * DEGREE, p->bounds) >= 0;
-}
-
 static int run_arena(const settings *s, uint64_t seed, outcome *out)
 {
-    problem p;
-    int done;
+    bench_problem p;
+    bench_bound *bounds = NULL;
+    int done = bench_problem_open(&p, &s->kind, seed);
 
     memset(out, 0, sizeof *out);
-    memset(&p, 0, sizeof p);
-    done = open_problem(s, seed, &p);
     out->scans = p.count;
+    if (done) {
+        bounds = malloc((size_t)p.count * sizeof *bounds);
+        done = bounds != NULL &&
+               bench_bound_compute(p.arena, p.scans, p.count, s->kind.metres, s->kind.degrees * DEGREE, bounds) >= 0;
+    }
     done = done && run_method(s, p.scans, p.count, p.poses, out);
     if (done)
-        score(p.arena, p.scans, p.truth, p.start, p.poses, p.bounds, p.count, out);
+        score(s, p.arena, p.scans, p.truth, p.start, p.poses, bounds, p.count, out);
     if (done && s->again)
-        done = run_return(s, p.scans, p.bounds, p.count, seed, p.poses, out);
-    close_problem(&p);
+        done = run_return(s, p.scans, bounds, p.count, seed, p.poses, out);
+    free(bounds);
+    bench_problem_close(&p);
     return done;
 }
 
@@ -454,9 +369,9 @@ static void print_common(const settings *s, const outcome *o)
     bench_json_text("method", s->method);
     if (s->ablate)
         bench_json_text("without", bench_ingredient_name(s->without));
-    bench_json_text("scene", s->scene);
-    bench_json_number("trans", s->metres);
-    bench_json_number("rot", s->degrees);
+    bench_json_text("scene", s->kind.scene);
+    bench_json_number("trans", s->kind.metres);
+    bench_json_number("rot", s->kind.degrees);
     bench_json_integer("scans", o->scans);
     bench_json_integer("observable", o->observable);
     bench_json_integer("aligned", o->aligned);
@@ -529,13 +444,14 @@ static void print_summary(const settings *s, const outcome *all, size_t count)
 /* 1 when the settings can be run, or one line on standard error. */
 static int check(const settings *s)
 {
-    if (sim_scene_find(s->scene) < 0) {
-        fprintf(stderr, "bench/align: unknown scene '%s', expected one of cairn-arena's\n", s->scene);
+    if (sim_scene_find(s->kind.scene) < 0) {
+        fprintf(stderr, "bench/align: unknown scene '%s', expected one of cairn-arena's\n", s->kind.scene);
         return 0;
     }
     if (strcmp(s->method, "default") != 0 && strcmp(s->method, "gradient") != 0 && strcmp(s->method, "icp") != 0 &&
-        strcmp(s->method, "lum") != 0) {
-        fprintf(stderr, "bench/align: unknown method '%s', expected default, gradient, icp or lum\n", s->method);
+        strcmp(s->method, "lum") != 0 && strcmp(s->method, "lum-alone") != 0) {
+        fprintf(stderr, "bench/align: unknown method '%s', expected default, gradient, icp, lum or lum-alone\n",
+                s->method);
         return 0;
     }
     if (s->ablate && strcmp(s->method, "default") != 0) {
@@ -565,21 +481,22 @@ static int run_all(const settings *s, outcome *all)
 
 int main(int argc, char **argv)
 {
-    settings s = {"default", "rescue", 20,       1, 15, 4, 401, 50, 0.30, 20, 100, {(double)NAN, (double)NAN},
-                  0,         0,        BENCH_ALL};
+    settings s = {"default", bench_problem_kind_default(), 20, 1, 50, {0.05, 1}, 0, 0, BENCH_ALL};
     const option table[] = {
         OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
-        OPTION_NUMBER("--trans", &s.metres, 0.001, 10, "M", "disturbance of x and y, uniform +-, m"),
-        OPTION_NUMBER("--rot", &s.degrees, 0.01, 180, "DEG", "disturbance of the heading, uniform +-, degrees"),
-        OPTION_TEXT("--method", &s.method, "NAME", "default, gradient (as in the thesis), icp, lum (default)"),
-        OPTION_TEXT("--scene", &s.scene, "NAME", "scene of the arenas (rescue)"),
-        OPTION_INTEGER("--places", &s.places, 1, 1000, "N", "places with scans"),
-        OPTION_INTEGER("--headings", &s.headings, 1, 64, "N", "scans at each place"),
-        OPTION_NUMBER("--fov", &s.fov, 1, 360, "DEG", "field of view, degrees"),
-        OPTION_INTEGER("--beams", &s.beams, 2, 100000, "N", "beams of a scan"),
-        OPTION_PAIR("--jitter", s.jitter, 0, 360, "M,DEG", "spread of the sensors of one place, m and degrees"),
-        OPTION_INTEGER("--steps", &s.steps, 1, 100000, "N", "iterations of gradient at most"),
+        OPTION_NUMBER("--trans", &s.kind.metres, 0.001, 10, "M", "disturbance of x and y, uniform +-, m"),
+        OPTION_NUMBER("--rot", &s.kind.degrees, 0.01, 180, "DEG", "disturbance of the heading, uniform +-, degrees"),
+        OPTION_TEXT("--method", &s.method, "NAME",
+                    "default, gradient (as in the thesis), icp, lum, lum-alone: without registration (default)"),
+        OPTION_TEXT("--scene", &s.kind.scene, "NAME", "scene of the arenas (rescue)"),
+        OPTION_INTEGER("--places", &s.kind.places, 1, 1000, "N", "places with scans"),
+        OPTION_INTEGER("--headings", &s.kind.headings, 1, 64, "N", "scans at each place"),
+        OPTION_NUMBER("--fov", &s.kind.fov, 1, 360, "DEG", "field of view, degrees"),
+        OPTION_INTEGER("--beams", &s.kind.beams, 2, 100000, "N", "beams of a scan"),
+        OPTION_PAIR("--jitter", s.kind.jitter, 0, 360, "M,DEG", "spread of the sensors of one place, m and degrees"),
+        OPTION_PAIR("--within", s.within, 0.001, 180, "M,DEG", "of the truth, to be aligned (0.05,1)"),
+        OPTION_INTEGER("--steps", &s.steps, 1, 100000, "N", "iterations of gradient and lum at most"),
         OPTION_FLAG("--return", &s.again, "disturbs the solution, too, and aligns it again"),
         OPTION_FLAG("--ablate", &s.ablate, "all arenas again without each ingredient of default"),
     };

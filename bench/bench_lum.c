@@ -39,7 +39,7 @@ static cairn_status align(const sim_scan *scans, int32_t count, cairn_scan *scan
     return status;
 }
 
-int bench_run_lum(const sim_scan *scans, int32_t count, int32_t iterations, int32_t rebuild, bench_pose *poses,
+int bench_run_lum(const sim_scan *scans, int32_t count, int32_t iterations, int registers, bench_pose *poses,
                   bench_run *run)
 {
     double start = bench_seconds();
@@ -60,7 +60,8 @@ int bench_run_lum(const sim_scan *scans, int32_t count, int32_t iterations, int3
     params.max_points = count * scan_params.max_points;
     params.max_links = params.max_fill = count * (count - 1) / 2 + 1;
     params.max_iterations = iterations;
-    params.rebuild = rebuild;
+    params.rebuild = 5;
+    params.registers = registers;
     bytes = cairn_lum_memory(&params) + cairn_scan_memory(&scan_params) + CAIRN_ALIGN;
     memory = malloc(bytes);
     status = memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);

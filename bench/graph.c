@@ -16,7 +16,9 @@ typedef struct settings {
     const char *data, *solver;
     int32_t keep_all;
     int64_t generate; /* poses; 0: files */
+    int64_t wrong;    /* links added to a generated graph */
     uint64_t seed;
+    const char *clean; /* the graph without wrong links; NULL: not known */
 } settings;
 
 typedef struct totals {
@@ -34,8 +36,9 @@ static cairn_pose noisy(cairn_pose pose, double sigma, cairn_random *random)
     return pose;
 }
 
-/* A robot that drives a square of streets up and down, one pose a metre, and every fourth metre sees the street beside. */
-static int generate(cairn_pose_graph_file *file, int32_t poses, uint64_t seed)
+/* A robot that drives a square of streets up and down, one pose a metre, and every fourth metre sees the street beside;
+ * room for `more` links. */
+static int generate(cairn_pose_graph_file *file, int32_t poses, int64_t more, uint64_t seed)
 {
     const double sigma = 0.02;
     const cairn_sym3 information = {2500, 0, 0, 2500, 0, 10000};
@@ -45,7 +48,7 @@ static int generate(cairn_pose_graph_file *file, int32_t poses, uint64_t seed)
 
     memset(file, 0, sizeof *file);
     file->vertex = calloc((size_t)poses, sizeof *file->vertex);
-    file->edge = calloc(2 * (size_t)poses, sizeof *file->edge);
+    file->edge = calloc(2 * (size_t)poses + (size_t)more, sizeof *file->edge);
     if (truth == NULL || file->vertex == NULL || file->edge == NULL) {
         free(truth);
         return 0;
@@ -78,8 +81,93 @@ static int generate(cairn_pose_graph_file *file, int32_t poses, uint64_t seed)
     return 1;
 }
 
-static int solve(const settings *s, const char *name, const cairn_pose_graph_file *file, totals *sum)
+/* Links between random poses that tell nothing, behind the others. */
+static void add_wrong(cairn_pose_graph_file *file, int64_t wrong, uint64_t seed)
 {
+    const cairn_sym3 information = {2500, 0, 0, 2500, 0, 10000};
+    cairn_random random = cairn_random_seed(seed, 1);
+
+    for (int64_t k = 0; k < wrong; k++) {
+        cairn_pose_graph_edge *edge = &file->edge[file->edge_count++];
+
+        edge->first = cairn_random_below(&random, file->vertex_count - 1);
+        edge->second = edge->first + 1 + cairn_random_below(&random, file->vertex_count - 1 - edge->first);
+        edge->first_second.x = cairn_random_uniform(&random, -3, 3);
+        edge->first_second.y = cairn_random_uniform(&random, -3, 3);
+        edge->first_second.theta = cairn_random_uniform(&random, -CAIRN_PI, CAIRN_PI);
+        edge->information = information;
+    }
+}
+
+/* A link by its ends and what it measures. */
+typedef struct named_link {
+    int64_t first, second;
+    double x, y, theta;
+} named_link;
+
+static int compare_links(const void *a, const void *b)
+{
+    const named_link *l = a, *m = b;
+
+    if (l->first != m->first)
+        return l->first < m->first ? -1 : 1;
+    if (l->second != m->second)
+        return l->second < m->second ? -1 : 1;
+    if (l->x != m->x)
+        return l->x < m->x ? -1 : 1;
+    return l->y != m->y ? (l->y < m->y ? -1 : 1) : (l->theta > m->theta) - (l->theta < m->theta);
+}
+
+static named_link name_link(const cairn_pose_graph_file *file, int32_t e)
+{
+    const cairn_pose_graph_edge *edge = &file->edge[e];
+    named_link link = {file->vertex[edge->first].id, file->vertex[edge->second].id, (double)edge->first_second.x,
+                       (double)edge->first_second.y, (double)edge->first_second.theta};
+
+    return link;
+}
+
+/* Which links are wrong: those that were added to a generated graph, or are not in the clean one. NULL: not known, or no
+ * memory. To be freed. */
+static uint8_t *wrong_links(const settings *s, const cairn_pose_graph_file *file, const cairn_pose_graph_file *clean)
+{
+    uint8_t *wrong = calloc((size_t)file->edge_count + 1, 1);
+    named_link *links = clean != NULL ? malloc(((size_t)clean->edge_count + 1) * sizeof *links) : NULL;
+
+    for (int32_t e = 0; wrong != NULL && clean == NULL && e < file->edge_count; e++)
+        wrong[e] = e >= file->edge_count - s->wrong;
+    if (links != NULL && wrong != NULL) {
+        for (int32_t e = 0; e < clean->edge_count; e++)
+            links[e] = name_link(clean, e);
+        qsort(links, (size_t)clean->edge_count, sizeof *links, compare_links);
+        for (int32_t e = 0; e < file->edge_count; e++) {
+            named_link link = name_link(file, e);
+
+            wrong[e] = bsearch(&link, links, (size_t)clean->edge_count, sizeof *links, compare_links) == NULL;
+        }
+    }
+    free(links);
+    return wrong;
+}
+
+/* How many of the wrong and of the good links were dropped. */
+static void print_dropped(const cairn_pose_graph_file *file, const cairn_pose_graph_solution *out, const uint8_t *wrong)
+{
+    int32_t links[2] = {0, 0}, dropped[2] = {0, 0};
+
+    for (int32_t e = 0; e < file->edge_count; e++) {
+        links[wrong[e]]++;
+        dropped[wrong[e]] += out->outlier[e] != 0;
+    }
+    bench_json_integer("wrong_links", links[1]);
+    bench_json_number("wrong_dropped", links[1] > 0 ? (double)dropped[1] / links[1] : (double)NAN);
+    bench_json_number("good_dropped", links[0] > 0 ? (double)dropped[0] / links[0] : (double)NAN);
+}
+
+static int solve(const settings *s, const char *name, const cairn_pose_graph_file *file,
+                 const cairn_pose_graph_file *clean, totals *sum)
+{
+    uint8_t *wrong = s->wrong > 0 || clean != NULL ? wrong_links(s, file, clean) : NULL;
     cairn_pose_graph_solution out;
     double start = bench_seconds(), seconds;
     cairn_status status;
@@ -91,6 +179,7 @@ static int solve(const settings *s, const char *name, const cairn_pose_graph_fil
     seconds = bench_seconds() - start;
     if (status != CAIRN_OK) {
         fprintf(stderr, "bench/graph: %s: %s\n", name, cairn_status_text(status));
+        free(wrong);
         return status == CAIRN_UNSUPPORTED ? 3 : 2;
     }
     bench_json_begin("graph");
@@ -102,6 +191,9 @@ static int solve(const settings *s, const char *name, const cairn_pose_graph_fil
     bench_json_number("chi2_initial", out.chi2_initial);
     bench_json_number("chi2_final", (double)out.state.chi2);
     bench_json_integer("outliers", out.outliers);
+    if (wrong != NULL)
+        print_dropped(file, &out, wrong);
+    free(wrong);
     bench_json_integer("iterations", out.state.iterations);
     bench_json_number("seconds", seconds);
     bench_json_integer("pool_bytes", (int64_t)out.pool_bytes);
@@ -113,32 +205,54 @@ static int solve(const settings *s, const char *name, const cairn_pose_graph_fil
     return 0;
 }
 
-static int solve_file(const settings *s, const char *path, totals *sum)
+static int read_file(cairn_pose_graph_file *file, const char *path)
 {
-    cairn_pose_graph_file file;
     cairn_file_error error;
-    int code;
 
-    if (cairn_pose_graph_file_read(&file, path, &error) != CAIRN_OK) {
-        fprintf(stderr, "bench/graph: %s\n", error.text);
-        return error.status == CAIRN_IO ? 3 : 2;
+    if (cairn_pose_graph_file_read(file, path, &error) == CAIRN_OK)
+        return 0;
+    fprintf(stderr, "bench/graph: %s\n", error.text);
+    return error.status == CAIRN_IO ? 3 : 2;
+}
+
+/* clean_path: NULL when it is not known. */
+static int solve_file(const settings *s, const char *path, const char *clean_path, totals *sum)
+{
+    cairn_pose_graph_file file, clean;
+    int code = read_file(&file, path);
+
+    if (code != 0)
+        return code;
+    code = clean_path != NULL ? read_file(&clean, clean_path) : 0;
+    if (code == 0) {
+        code = solve(s, cairn_path_name(path), &file, clean_path != NULL ? &clean : NULL, sum);
+        if (clean_path != NULL)
+            cairn_pose_graph_file_free(&clean);
     }
-    code = solve(s, cairn_path_name(path), &file, sum);
     cairn_pose_graph_file_free(&file);
     return code;
 }
 
 static int solve_data(const settings *s, totals *sum)
 {
-    static const char *const names[] = {"intel.g2o", "MIT.g2o", "CSAIL.g2o", "manhattanOlson3500.g2o",
-                                        "csail_two_robots/CSAIL_outliers.g2o"};
+    static const struct {
+        const char *name, *clean;
+    } files[] = {
+        {"intel.g2o", NULL},
+        {"MIT.g2o", NULL},
+        {"CSAIL.g2o", NULL},
+        {"manhattanOlson3500.g2o", NULL},
+        {"csail_two_robots/CSAIL_outliers.g2o", "csail_two_robots/CSAIL.g2o"},
+    };
     int code = 0;
 
-    for (size_t k = 0; k < sizeof names / sizeof *names && code == 0; k++) {
-        char path[1024];
+    for (size_t k = 0; k < sizeof files / sizeof *files && code == 0; k++) {
+        char path[1024], clean[1024];
 
-        snprintf(path, sizeof path, "%s/posegraphs/%s", s->data, names[k]);
-        code = solve_file(s, path, sum);
+        snprintf(path, sizeof path, "%s/posegraphs/%s", s->data, files[k].name);
+        if (files[k].clean != NULL)
+            snprintf(clean, sizeof clean, "%s/posegraphs/%s", s->data, files[k].clean);
+        code = solve_file(s, path, files[k].clean != NULL ? clean : NULL, sum);
     }
     return code;
 }
@@ -148,22 +262,26 @@ static int solve_generated(const settings *s, totals *sum)
     cairn_pose_graph_file file;
     int code = 2;
 
-    if (generate(&file, (int32_t)s->generate, s->seed))
-        code = solve(s, "generated", &file, sum);
-    else
+    if (generate(&file, (int32_t)s->generate, s->wrong, s->seed)) {
+        add_wrong(&file, s->wrong, s->seed);
+        code = solve(s, "generated", &file, NULL, sum);
+    } else {
         fprintf(stderr, "bench/graph: no memory for %d poses\n", (int)s->generate);
+    }
     cairn_pose_graph_file_free(&file);
     return code;
 }
 
 int main(int argc, char **argv)
 {
-    settings s = {"../shared/data", "builtin", 0, 0, 1};
+    settings s = {"../shared/data", "builtin", 0, 0, 0, 1, NULL};
     const option table[] = {
         OPTION_TEXT("--data", &s.data, "DIR", "folder of the data sets (../shared/data)"),
         OPTION_TEXT("--solver", &s.solver, "NAME", "builtin, or sparse: SuiteSparse"),
         OPTION_FLAG("--keep-all", &s.keep_all, "least squares of all links"),
         OPTION_INTEGER("--generate", &s.generate, 2, 4000000, "N", "a generated graph of N poses, no files"),
+        OPTION_INTEGER("--wrong", &s.wrong, 0, 4000000, "N", "wrong links added to the generated graph"),
+        OPTION_TEXT("--clean", &s.clean, "FILE.g2o", "the graph of the files without their wrong links"),
         OPTION_SEED("--seed", &s.seed, "of the generated graph"),
     };
     const option_set set = {"bench/graph", "[FILE.g2o ...] [options]",
@@ -182,7 +300,7 @@ int main(int argc, char **argv)
     else if (count == 0)
         code = solve_data(&s, &sum);
     for (size_t k = 0; k < count && code == 0; k++)
-        code = solve_file(&s, words[k], &sum);
+        code = solve_file(&s, words[k], s.clean, &sum);
     if (code != 0)
         return code;
     bench_json_begin("graph");

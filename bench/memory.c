@@ -9,6 +9,7 @@
 #include "cairn/occupancy_grid.h"
 #include "cairn/rectangle.h"
 #include "cairn/scan_match.h"
+#include "cairn/particle_filter.h"
 #include "cairn/sequence.h"
 
 static void print(const char *object, const char *capacities, size_t bytes)
@@ -29,6 +30,7 @@ int main(void)
     cairn_hough_params hough = cairn_hough_default();
     cairn_rectangle_params rectangle = cairn_rectangle_default();
     cairn_sequence_params sequence = cairn_sequence_default();
+    cairn_particle_filter_params filter = cairn_particle_filter_default();
     cairn_force_field_params field = cairn_force_field_default();
     cairn_occupancy_grid_params grid = cairn_occupancy_grid_default();
     cairn_mapper_params mapper = cairn_mapper_default();
@@ -47,6 +49,8 @@ int main(void)
     print("hough", "360 x 256 bins, 32 lines", cairn_hough_memory(&hough));
     print("rectangle", "1024 segments, 256 sides, 2048 pairs, 32 rectangles", cairn_rectangle_memory(&rectangle));
     print("sequence", "1024 and 1024 elements", cairn_sequence_memory(&sequence));
+    print("particle_filter", "100 particles, 4,096 candidates and blocks of 64 bytes",
+          cairn_particle_filter_memory(&filter));
     field.max_scans = 16;
     field.max_points = 2400;
     field.max_segments = field.max_corners = 320;

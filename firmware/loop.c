@@ -7,7 +7,7 @@
 #include "firmware/mission.h"
 #include "firmware/recorder.h"
 
-static const char *const work_name[ROBOT_WORKS] = {"add", "fit", "pair", "grid", "idle"};
+static const char *const work_name[ROBOT_WORKS] = {"add", "fit", "pair", "solve", "grid", "idle"};
 
 typedef struct measure {
     uint32_t ticks, worst; /* instructions */
@@ -78,11 +78,17 @@ static _Noreturn void give_up(const char *what, cairn_status status)
 static void print_poses(const robot *r)
 {
     for (int32_t i = 0; i < cairn_force_field_pose_count(r->field); i++) {
-        cairn_pose pose = cairn_force_field_pose(r->field, i);
-        int64_t number[4] = {i, cairn_real_to_int(pose.x * 10000), cairn_real_to_int(pose.y * 10000),
-                             cairn_real_to_int(pose.theta * 10000)};
+        cairn_pose pose = robot_pose(r, i);
+        const cairn_real *covariance = r->joint.covariances[i];
+        int64_t number[7] = {i,
+                             cairn_real_to_int(pose.x * 10000),
+                             cairn_real_to_int(pose.y * 10000),
+                             cairn_real_to_int(pose.theta * 10000),
+                             cairn_real_to_int(cairn_sqrt(covariance[0]) * 10000),
+                             cairn_real_to_int(cairn_sqrt(covariance[4]) * 10000),
+                             cairn_real_to_int(cairn_sqrt(covariance[8]) * 10000)};
 
-        print_numbers("pose", "0.1mm,0.1mrad", number, 4);
+        print_numbers("pose", "0.1mm,0.1mrad,sigmas", number, 7);
     }
 }
 

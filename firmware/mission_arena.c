@@ -5,6 +5,9 @@
 
 enum { SCANS = 60, BEAMS = 401, POINTS = 5200, SEGMENTS = 900, CORNERS = 256, WIDTH = 80, HEIGHT = 80 };
 
+/* Of the joint solution. */
+enum { LINKS = 340, FILL = 560 };
+
 static _Alignas(CAIRN_ALIGN) unsigned char memory[500 * 1024];
 
 void mission_read(mission *out)
@@ -27,6 +30,10 @@ void mission_read(mission *out)
     out->params.field.max_points = POINTS;
     out->params.field.max_segments = SEGMENTS;
     out->params.field.max_corners = CORNERS;
+    out->params.joint = joint_default();
+    out->params.joint.max_scans = SCANS;
+    out->params.joint.max_links = LINKS;
+    out->params.joint.max_fill = FILL;
     out->params.grid = cairn_occupancy_grid_default();
     out->params.grid.width = WIDTH;
     out->params.grid.height = HEIGHT;

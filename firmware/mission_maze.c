@@ -5,6 +5,9 @@
 
 enum { SCANS = 16, BEAMS = 181, POINTS = 2048, SEGMENTS = 136, CORNERS = 64, SIDE = 48 };
 
+/* Of the joint solution. */
+enum { LINKS = 56, FILL = 80 };
+
 static _Alignas(CAIRN_ALIGN) unsigned char memory[144 * 1024];
 
 void mission_read(mission *out)
@@ -27,6 +30,10 @@ void mission_read(mission *out)
     out->params.field.max_points = POINTS;
     out->params.field.max_segments = SEGMENTS;
     out->params.field.max_corners = CORNERS;
+    out->params.joint = joint_default();
+    out->params.joint.max_scans = SCANS;
+    out->params.joint.max_links = LINKS;
+    out->params.joint.max_fill = FILL;
     out->params.grid = cairn_occupancy_grid_default();
     out->params.grid.width = out->params.grid.height = SIDE;
     out->params.grid.resolution = CAIRN_REAL(0.3);

@@ -13,11 +13,11 @@ cairn_status robot_create(robot *r, void *memory, size_t bytes, const robot_para
 {
     cairn_status status;
 
-    if (params->field.max_scans > ROBOT_SCANS)
+    if (params->field.max_scans > ROBOT_SCANS || params->joint.max_scans != params->field.max_scans)
         return CAIRN_BAD_ARGUMENT;
     memset(r, 0, sizeof *r);
     r->params = *params;
-    r->aligned = 1;
+    r->aligned = r->solved = 1;
     status = cairn_pool_init(&r->pool, memory, bytes);
     if (status == CAIRN_OK)
         status = cairn_scan_create(&r->scan, &r->pool, &params->scan);
@@ -25,6 +25,8 @@ cairn_status robot_create(robot *r, void *memory, size_t bytes, const robot_para
         status = cairn_force_field_create(&r->field, &r->pool, &params->field);
     if (status == CAIRN_OK)
         status = cairn_occupancy_grid_create(&r->grid, &r->pool, &params->grid);
+    if (status == CAIRN_OK)
+        status = joint_create(&r->joint, &r->pool, &params->joint);
     return status;
 }
 
@@ -77,7 +79,7 @@ static cairn_status fit(robot *r, cairn_budget *budget)
     if (status != CAIRN_OK)
         return status;
     cairn_force_field_restart(r->field);
-    r->fitting = r->aligned = 0;
+    r->fitting = r->aligned = r->solving = r->solved = 0;
     return CAIRN_OK;
 }
 
@@ -86,6 +88,30 @@ static cairn_status pair(robot *r, cairn_budget *budget)
     cairn_status status = cairn_force_field_step(r->field, budget);
 
     r->aligned = status == CAIRN_OK;
+    return status;
+}
+
+cairn_pose robot_pose(const robot *r, int32_t scan)
+{
+    return r->solved ? r->joint.poses[scan] : cairn_force_field_pose(r->field, scan);
+}
+
+static cairn_status solve(robot *r, cairn_budget *budget)
+{
+    cairn_status status = CAIRN_OK;
+
+    if (!r->solving) {
+        cairn_pose poses[ROBOT_SCANS];
+        int32_t count = cairn_force_field_pose_count(r->field);
+
+        for (int32_t i = 0; i < count; i++)
+            poses[i] = cairn_force_field_pose(r->field, i);
+        status = joint_begin(&r->joint, cairn_force_field_scans(r->field), poses, count);
+        r->solving = status == CAIRN_OK;
+    }
+    if (status == CAIRN_OK)
+        status = joint_step(&r->joint, budget);
+    r->solved = status == CAIRN_OK;
     return status;
 }
 
@@ -115,7 +141,7 @@ static cairn_status draw(robot *r, cairn_budget *budget)
     while (status == CAIRN_OK && budget->left > 0 && r->drawn < count) {
         const robot_sweep *sweep = &r->sweep[r->drawn];
 
-        status = draw_beam(r, sweep, cairn_force_field_pose(r->field, r->drawn), r->beam, budget);
+        status = draw_beam(r, sweep, robot_pose(r, r->drawn), r->beam, budget);
         if (++r->beam == sweep->count) {
             r->beam = 0;
             r->drawn++;
@@ -125,7 +151,7 @@ static cairn_status draw(robot *r, cairn_budget *budget)
         return status < 0 ? status : CAIRN_MORE;
     r->done = r->last;
     if (!r->done) {
-        r->last = r->finished && r->aligned && r->taken == r->offered && !r->fitting;
+        r->last = r->finished && r->solved && r->taken == r->offered && !r->fitting;
         r->drawn = 0;
         cairn_occupancy_grid_clear(r->grid);
     }
@@ -144,6 +170,8 @@ static robot_work next_work(const robot *r)
         return ROBOT_FIT;
     if (!r->aligned)
         return ROBOT_PAIR;
+    if (!r->solved)
+        return ROBOT_SOLVE;
     return drawable ? ROBOT_GRID : ROBOT_IDLE;
 }
 
@@ -158,6 +186,8 @@ cairn_status robot_tick(robot *r, cairn_budget *budget, robot_work *work)
         status = fit(r, budget);
     else if (*work == ROBOT_PAIR)
         status = pair(r, budget);
+    else if (*work == ROBOT_SOLVE)
+        status = solve(r, budget);
     else if (*work == ROBOT_GRID)
         status = draw(r, budget);
     r->ticks++;
@@ -185,9 +215,10 @@ uint32_t robot_hash(const robot *r, uint32_t hash)
     cairn_force_field_state state = cairn_force_field_read(r->field);
 
     for (int32_t i = 0; i < cairn_force_field_pose_count(r->field); i++) {
-        cairn_pose pose = cairn_force_field_pose(r->field, i);
+        cairn_pose pose = robot_pose(r, i);
 
         hash = hash_words(hash, &pose, sizeof pose);
+        hash = hash_words(hash, r->joint.covariances[i], sizeof r->joint.covariances[i]);
     }
     hash = hash_words(hash, &state.potential, sizeof state.potential);
     for (int32_t y = 0; y < r->params.grid.height; y++)

@@ -1,7 +1,8 @@
 /* robot: the library in the loop of a robot, apart from any machine: inputs, ticks with a budget, results.
  *
  * Scans are offered one after another, and every tick does one bounded step of one of: take in a scan (add), its line fit
- * (fit), the alignment of all scans that have come (pair), drawing them into the grid at their best poses so far (grid).
+ * (fit), the alignment of all scans that have come (pair), the joint solution of all poses once they are aligned (solve),
+ * drawing the scans into the grid at their best poses so far (grid).
  * What happens is a function of the offers and the budgets of the ticks, so that a recording of them (recorder.h) can be
  * played back to the same bits. */
 #ifndef CAIRN_FIRMWARE_ROBOT_H
@@ -10,6 +11,7 @@
 #include "cairn/force_field.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/scan.h"
+#include "firmware/joint.h"
 
 /* Most scans of a robot. */
 enum { ROBOT_SCANS = 64 };
@@ -28,11 +30,12 @@ typedef struct robot_params {
     cairn_scan_params scan;
     cairn_force_field_params field; /* at most ROBOT_SCANS scans */
     cairn_occupancy_grid_params grid;
+    joint_params joint; /* of as many scans as the field */
 } robot_params;
 
 /* What a tick did. */
 typedef int32_t robot_work;
-enum { ROBOT_ADD, ROBOT_FIT, ROBOT_PAIR, ROBOT_GRID, ROBOT_IDLE, ROBOT_WORKS };
+enum { ROBOT_ADD, ROBOT_FIT, ROBOT_PAIR, ROBOT_SOLVE, ROBOT_GRID, ROBOT_IDLE, ROBOT_WORKS };
 
 /* Open for reading; the members below `grid` belong to robot.c. */
 typedef struct robot {
@@ -41,14 +44,17 @@ typedef struct robot {
     cairn_scan *scan;
     cairn_force_field *field;
     cairn_occupancy_grid *grid;
+    joint joint;
     robot_sweep sweep[ROBOT_SCANS]; /* [offered] */
     int32_t offered, taken;
     int32_t fitting;  /* the last one taken is not yet in the field */
     int32_t aligned;  /* the field has nothing left to do */
+    int32_t solving;  /* the joint solution is under way */
+    int32_t solved;   /* ... and has ended for all scans in the field */
     int32_t finished; /* no more scans will come */
     int32_t drawn;    /* scans of the drawing under way that are in the grid */
     int32_t beam;     /* next beam of the scan that is being drawn */
-    int32_t last;     /* the drawing under way began when all was aligned, ... */
+    int32_t last;     /* the drawing under way began when all was solved, ... */
     int32_t done;     /* ... and has ended */
     uint32_t ticks;
 } robot;
@@ -63,10 +69,14 @@ CAIRN_CHECKED cairn_status robot_offer(robot *r, const robot_sweep *sweep);
 /* No more sweeps will come. */
 void robot_finish(robot *r);
 
-/* One step. CAIRN_OK: all is aligned and drawn and no sweep will come. CAIRN_MORE: go on. Negative: what the step said. */
+/* One step. CAIRN_OK: all is solved and drawn and no sweep will come. CAIRN_MORE: go on. Negative: what the step said. */
 CAIRN_CHECKED cairn_status robot_tick(robot *r, cairn_budget *budget, robot_work *work);
 
-/* The hash so far with the raw bytes of all poses, the potential and all cells of the grid. */
+/* The best pose so far of a scan, 0 <= scan < cairn_force_field_pose_count(r->field): that of the joint solution when there
+ * is one of all scans, else the field's. */
+cairn_pose robot_pose(const robot *r, int32_t scan);
+
+/* The hash so far with the raw bytes of all poses and covariances, the potential and all cells of the grid. */
 uint32_t robot_hash(const robot *r, uint32_t hash);
 enum { ROBOT_HASH_START = INT32_C(0x1c9dc511) };
 

@@ -7,6 +7,7 @@
 #include "bench/bench_score.h"
 #include "cairn/aligner.h"
 #include "sim/arena.h"
+#include "tests/rooms.h"
 
 #define DEGREE 0.017453292519943295
 
@@ -866,9 +867,89 @@ static void initial_poses_are_shown(void **state)
     end_bed(&bed);
 }
 
+/* ---- Golden results ---- */
+
+/* All that is told. */
+static uint64_t hash_of_all(const struct bed *bed)
+{
+    cairn_aligner_result r = cairn_aligner_read(bed->aligner);
+    int64_t numbers[] = {r.dropped, r.merges, r.moved, r.rounds, r.fill, r.hypotheses, r.anchor, r.worst_step, r.units};
+    cairn_real spreads[] = {r.spread, r.spread_angle};
+
+    return test_hash(test_hash(hash_of(bed), numbers, sizeof numbers), spreads, sizeof spreads);
+}
+
+/* Half circles from places in a room with boxes and slanting walls, `strange` of the last ones in another room; every
+ * `wild`-th lies a metre and more off its initial pose. */
+struct scene {
+    int32_t scans, strange, wild, hypotheses, oriented;
+    double metres, degrees;
+    uint64_t in_double, in_float;
+};
+
+static uint64_t hash_of_scene(const struct scene *scene)
+{
+    cairn_aligner_params params = room_for(scene->scans);
+    cairn_random random = cairn_random_seed((uint64_t)scene->scans, 9);
+    const cairn_pose wild = {1, CAIRN_REAL(-0.5), 1};
+    rooms_room rooms[2];
+    rooms_scan taken;
+    struct bed bed;
+    uint64_t hash;
+
+    memset(rooms, 0, sizeof rooms);
+    rooms_add_box(&rooms[0], -3, -2.5, 3.5, 2.5);
+    rooms_add_box(&rooms[0], 1.8, 1, 3.5, 2.5);
+    rooms_add_box(&rooms[0], -0.7, -1.1, -0.2, -0.6);
+    rooms_add_wall(&rooms[0], -3, 1, -1.8, 2.5);
+    rooms_add_wall(&rooms[0], 1, -2.5, 1.7, -1.2);
+    rooms_add_wall(&rooms[0], 1.7, -1.2, 2.4, -2.5);
+    rooms_add_box(&rooms[1], -4, -3, 4, 2);
+    rooms_add_box(&rooms[1], 1.5, -1, 4, 2);
+    params.max_hypotheses = scene->hypotheses;
+    params.oriented = scene->oriented;
+    bed = make_bed(&params);
+    for (int32_t i = 0; i < scene->scans; i++) {
+        cairn_real along = (cairn_real)(i / 2);
+        cairn_pose pose = {CAIRN_REAL(0.55) * along - CAIRN_REAL(2.2), CAIRN_REAL(0.3) * (cairn_real)(i / 2 % 3),
+                           CAIRN_REAL(0.8) * along + CAIRN_REAL(2.6) * (cairn_real)(i % 2)};
+        cairn_pose start = pose;
+        cairn_scan_input input =
+            rooms_take_scan(&rooms[i >= scene->scans - scene->strange], pose, (uint64_t)i + 1, &taken);
+
+        input.count = 190;
+        start.x += (cairn_real)scene->metres * cairn_random_uniform(&random, -1, 1);
+        start.y += (cairn_real)scene->metres * cairn_random_uniform(&random, -1, 1);
+        start.theta += (cairn_real)(scene->degrees * DEGREE) * cairn_random_uniform(&random, -1, 1);
+        if (scene->wild > 0 && i % scene->wild == 2)
+            start = cairn_pose_compose(start, wild);
+        add(&bed, &input, start);
+    }
+    run(&bed, CAIRN_UNBOUNDED);
+    hash = hash_of_all(&bed);
+    end_bed(&bed);
+    return hash;
+}
+
+static void results_stay_as_they_are(void **state)
+{
+    static const struct scene scenes[] = {
+        {12, 4, 0, 240, 1, 0.3, 20, UINT64_C(0x5d98ef1740119ea3), UINT64_C(0x4077418a1ac48a17)},
+        {16, 0, 0, 40, 1, 0.6, 40, UINT64_C(0x41625e78dc1ea6be), UINT64_C(0x3e2ad17ce08bf65d)},
+        {8, 0, 0, 100, 1, 1.2, 90, UINT64_C(0xabaa611178322500), UINT64_C(0x5abc8ff5a13ecbe1)},
+        {16, 0, 5, 300, 1, 0.1, 5, UINT64_C(0x16e3b168d80fe3cb), UINT64_C(0x5bc448572c95c23d)},
+        {10, 2, 4, 200, 0, 0.2, 10, UINT64_C(0x8b47854b8a703bf3), UINT64_C(0x04b18b3f9393eab4)},
+    };
+
+    (void)state;
+    for (size_t k = 0; k < sizeof scenes / sizeof *scenes; k++)
+        assert_golden(hash_of_scene(&scenes[k]), scenes[k].in_double, scenes[k].in_float);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(results_stay_as_they_are),
         cmocka_unit_test(aligns_an_arena),
         cmocka_unit_test(aligns_full_scans),
         cmocka_unit_test(order_does_not_matter),

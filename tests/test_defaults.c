@@ -6,7 +6,9 @@
 #include "cairn/carmen_log.h"
 #include "cairn/hough.h"
 #include "cairn/lum.h"
+#include "cairn/scan_cover.h"
 #include "cairn/map_file.h"
+#include "cairn/map_merge.h"
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/place_map.h"
@@ -36,6 +38,21 @@ static void check(const value *table, size_t count)
 }
 
 static const double DEGREE = 3.14159265358979323846 / 180;
+
+static void of_map_merging(void **state)
+{
+    cairn_map_merge_params p = cairn_map_merge_default();
+    const value values[] = {
+        VALUE(p.max_maps, 16),     VALUE(p.max_cells, 2560000), VALUE(p.max_map_cells, 160000),
+        VALUE(p.max_points, 2048), VALUE(p.max_segments, 256),  VALUE(p.max_corners, 48),
+        VALUE(p.max_modes, 6),     VALUE(p.particles, 100),     VALUE(p.perception, CAIRN_MERGE_EVIDENCE),
+        VALUE(p.correlation, 10),  VALUE(p.min_score, 9),       VALUE(p.min_margin, 3),
+        VALUE(p.seed, 1),
+    };
+
+    (void)state;
+    assert_values(values);
+}
 
 static void of_aligning(void **state)
 {
@@ -138,6 +155,7 @@ static void of_matches_and_corners(void **state)
     cairn_block_solver_params solver = cairn_block_solver_default();
     cairn_pose_graph_params graph = cairn_pose_graph_default();
     cairn_lum_params lum = cairn_lum_default();
+    cairn_scan_cover_params cover = cairn_scan_cover_default();
     cairn_icp_params icp = cairn_icp_default();
     cairn_scan_match_params match = cairn_scan_match_default();
     cairn_sequence_params sequence = cairn_sequence_default();
@@ -146,6 +164,10 @@ static void of_matches_and_corners(void **state)
         VALUE(solver.max_poses, 1000),
         VALUE(solver.max_links, 3000),
         VALUE(solver.max_fill, 12000),
+        VALUE(cover.max_scans, 64),
+        VALUE(cover.max_points, 8192),
+        VALUE(cover.radius, 0.15),
+        VALUE(cover.direction_gate, 30 * DEGREE),
         VALUE(lum.max_scans, 64),
         VALUE(lum.max_points, 8192),
         VALUE(lum.max_links, 2016),
@@ -383,7 +405,7 @@ int main(void)
         cmocka_unit_test(of_hypotheses), cmocka_unit_test(of_matches_and_corners),
         cmocka_unit_test(of_consensus),  cmocka_unit_test(of_places),
         cmocka_unit_test(of_the_mapper), cmocka_unit_test(of_grids),
-        cmocka_unit_test(of_files),
+        cmocka_unit_test(of_files),      cmocka_unit_test(of_map_merging),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -381,9 +381,79 @@ static void shared_borders(void **state)
         }
 }
 
+/* Sum of squares that cairn_pose_fit makes least. */
+static double misfit(const cairn_pose *from, const cairn_pose *to, const int32_t *use, int count, double ahead,
+                     const double motion[3])
+{
+    double sum = 0, c = cos(motion[2]), s = sin(motion[2]);
+
+    for (int i = 0; i < count; i++) {
+        double x = (double)from[i].x, y = (double)from[i].y, a = (double)from[i].theta + motion[2],
+               b = (double)to[i].theta;
+
+        if (use != NULL && !use[i])
+            continue;
+        sum +=
+            pow(c * x - s * y + motion[0] - (double)to[i].x, 2) + pow(s * x + c * y + motion[1] - (double)to[i].y, 2);
+        sum += ahead * ahead * (pow(cos(a) - cos(b), 2) + pow(sin(a) - sin(b), 2));
+    }
+    return sum;
+}
+
+static void the_fit_is_the_least(void **state)
+{
+    enum { COUNT = 9 };
+    const cairn_pose exact = {CAIRN_REAL(0.7), CAIRN_REAL(-1.3), CAIRN_REAL(2.9)};
+    cairn_random random = cairn_random_seed(3, 0);
+    cairn_pose from[COUNT], to[COUNT], fit;
+    int32_t use[COUNT] = {1, 0, 1, 1, 1, 0, 1, 1, 1}, none[COUNT] = {0};
+
+    (void)state;
+    for (int i = 0; i < COUNT; i++) {
+        from[i].x = cairn_random_uniform(&random, 3, 9);
+        from[i].y = cairn_random_uniform(&random, -5, -1);
+        from[i].theta = cairn_random_uniform(&random, -3, 3);
+        to[i] = cairn_pose_compose(exact, from[i]);
+    }
+    fit = cairn_pose_fit(from, to, NULL, COUNT, 1);
+    assert_near(fit.x, exact.x, NUMBER(1e-12, 1e-4));
+    assert_near(fit.y, exact.y, NUMBER(1e-12, 1e-4));
+    assert_near(fit.theta, exact.theta, NUMBER(1e-12, 1e-5));
+    for (int i = 0; i < COUNT; i++) {
+        to[i].x += cairn_random_uniform(&random, -1, 1);
+        to[i].y += cairn_random_uniform(&random, -1, 1);
+        to[i].theta += cairn_random_uniform(&random, -1, 1);
+    }
+    for (int k = 0; k < 3; k++) {
+        const int32_t *used = k == 1 ? use : NULL;
+        cairn_real ahead = k == 2 ? 3 : 1;
+        double motion[3], least;
+
+        fit = cairn_pose_fit(from, to, used, COUNT, ahead);
+        motion[0] = (double)fit.x;
+        motion[1] = (double)fit.y;
+        motion[2] = (double)fit.theta;
+        least = misfit(from, to, used, COUNT, (double)ahead, motion);
+        for (int axis = 0; axis < 3; axis++)
+            for (int sign = -1; sign <= 1; sign += 2) {
+                double other[3] = {motion[0], motion[1], motion[2]};
+
+                other[axis] += sign * NUMBER(1e-5, 3e-3);
+                assert_true(misfit(from, to, used, COUNT, (double)ahead, other) > least);
+            }
+    }
+    fit = cairn_pose_fit(from, to, none, COUNT, 1);
+    assert_true(fit.x == 0 && fit.y == 0 && fit.theta == 0);
+    fit = cairn_pose_fit(from, to, NULL, 1, 1);
+    assert_near(fit.theta, cairn_wrap_angle(to[0].theta - from[0].theta), NUMBER(1e-12, 1e-5));
+    fit = cairn_pose_compose(fit, from[0]);
+    assert_near(fit.x, to[0].x, NUMBER(1e-12, 1e-5));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_fit_is_the_least),
         cmocka_unit_test(vectors),
         cmocka_unit_test(transforms),
         cmocka_unit_test(poses_are_a_group),

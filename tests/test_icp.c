@@ -979,7 +979,10 @@ static void test_bad_inputs(void **state)
         cairn_pose_prior prior = {identity, 1, 1, 1};
 
         *(k == 0 ? &pose.x : k == 1 ? &pose.y : &pose.theta) = (cairn_real)NAN;
+        fault.index = 4;
         assert_status(cairn_icp_add_target(icp, world.at, 20, pose, &fault), CAIRN_NOT_FINITE);
+        assert_int_equal(fault.index, -1);
+        fault.index = 4;
         assert_status(cairn_icp_begin(icp, world.at, 20, pose, NULL, &fault), CAIRN_NOT_FINITE);
         assert_int_equal(fault.index, -1);
         prior.mean = pose;

@@ -4,6 +4,7 @@
 
 #include <math.h>
 
+#include "cairn/icp.h"
 #include "cairn/lum.h"
 
 enum { SCANS = 4, MOST = 400, ROWS = 3 * SCANS };
@@ -29,8 +30,8 @@ static void make_scans(double metres, double radians)
         cairn_transform inverse;
 
         s->count = 0;
-        s->truth.x = (cairn_real)i / 4;
-        s->truth.y = (cairn_real)(i % 2) / 2;
+        s->truth.x = (cairn_real)i / 4 + CAIRN_REAL(0.5);
+        s->truth.y = (cairn_real)(i % 2) / 2 - CAIRN_REAL(0.25);
         s->truth.theta = CAIRN_REAL(0.7) * (cairn_real)i;
         inverse = cairn_transform_of(cairn_pose_inverse(s->truth));
         for (int32_t w = 0; w < 6; w++) {
@@ -291,6 +292,259 @@ static void a_room_comes_back(void **state)
     test_pool_free(&pool);
 }
 
+/* ---- Registration ---- */
+
+/* The pose that brings a[i] nearest to b[i] for those used, headings as points 1 m ahead: by the normal equations of small
+ * turns, again and again. */
+static cairn_pose twin_motion(const cairn_pose *a, const cairn_pose *b, const int *used)
+{
+    double theta = 0, tx = 0, ty = 0;
+
+    for (int round = 0; round < 60; round++) {
+        double m[3][4] = {{0}};
+
+        for (int32_t i = 0; i < SCANS; i++)
+            for (int ahead = 0; ahead < 2 && used[i]; ahead++) {
+                /* The heading alone: a point 1 m ahead of the origin, seen as a direction. */
+                double px = ahead ? cos((double)a[i].theta) : (double)a[i].x;
+                double py = ahead ? sin((double)a[i].theta) : (double)a[i].y;
+                double qx = ahead ? cos((double)b[i].theta) : (double)b[i].x;
+                double qy = ahead ? sin((double)b[i].theta) : (double)b[i].y;
+                double x = cos(theta) * px - sin(theta) * py, y = sin(theta) * px + cos(theta) * py;
+                double rows[2][4] = {{!ahead, 0, -y, qx - x - (ahead ? 0 : tx)},
+                                     {0, !ahead, x, qy - y - (ahead ? 0 : ty)}};
+
+                for (int r = 0; r < 2; r++)
+                    for (int u = 0; u < 3; u++)
+                        for (int v = 0; v < 4; v++)
+                            m[u][v] += rows[r][u] * rows[r][v];
+            }
+        eliminate(&m[0][0], 3);
+        tx += m[0][3];
+        ty += m[1][3];
+        theta += m[2][3];
+    }
+    return (cairn_pose){(cairn_real)tx, (cairn_real)ty, (cairn_real)theta};
+}
+
+/* The score of the best of the matches of a scan with those placed; its pose. */
+static double twin_match(const cairn_lum_params *params, const cairn_pose *placed, const int *used, int32_t scan,
+                         cairn_pose start, cairn_pose *pose)
+{
+    cairn_icp_params icp_params = cairn_icp_default();
+    double best = 0;
+    int32_t others = 0;
+
+    for (int32_t j = 0; j < SCANS; j++)
+        others += used[j];
+    if (others == 0)
+        return 0;
+    icp_params.max_target = SCANS * MOST;
+    icp_params.max_iterations = 60;
+    icp_params.gate_start = params->register_gate;
+    icp_params.gate_end = params->distance / 2;
+    icp_params.gate_factor = CAIRN_REAL(1.5);
+    icp_params.direction_gate = params->direction_gate;
+    for (int k = 0; k < 3; k++) {
+        cairn_pool pool = test_pool(cairn_icp_memory(&icp_params));
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+        cairn_pose turned = start;
+        cairn_icp_result result;
+        cairn_icp *icp;
+        double score;
+
+        assert_ok(cairn_icp_create(&icp, &pool, &icp_params));
+        for (int32_t j = 0; j < SCANS; j++)
+            if (used[j])
+                assert_ok(cairn_icp_add_target(icp, scans[j].at, scans[j].count, placed[j], NULL));
+        turned.theta += (cairn_real)(k == 2 ? -1 : k) * params->register_turn;
+        assert_ok(cairn_icp_begin(icp, scans[scan].at, scans[scan].count, turned, NULL, NULL));
+        assert_ok(cairn_icp_step(icp, &budget));
+        result = cairn_icp_read(icp);
+        score = (double)result.overlap * sqrt((double)scans[scan].count) /
+                ((double)result.mean_distance + (double)params->sigma);
+        if (result.verdict != CAIRN_ICP_TOO_FEW_PAIRS && score > best) {
+            best = score;
+            *pose = result.target_query;
+        }
+        test_pool_free(&pool);
+    }
+    return best;
+}
+
+/* All scans one after the other; returns how many were matched. */
+static int32_t twin_register(const cairn_lum_params *params, cairn_pose *placed)
+{
+    int used[SCANS] = {0};
+    cairn_pose starts[SCANS], motion = {0, 0, 0}, back;
+    int32_t matched = 0, next;
+
+    for (int32_t i = 0; i < SCANS; i++)
+        starts[i] = scans[i].start;
+    do {
+        double best = 0;
+        int32_t most = 0;
+
+        next = -1;
+        for (int32_t i = 0; i < SCANS; i++) {
+            cairn_pose pose = {0, 0, 0};
+            double score = 0;
+
+            if (used[i] || scans[i].count == 0)
+                continue;
+            score = twin_match(params, placed, used, i, cairn_pose_compose(motion, starts[i]), &pose);
+            if (score > best) {
+                best = score;
+                next = i;
+                placed[i] = pose;
+            }
+        }
+        matched += next >= 0;
+        for (int32_t i = 0; i < SCANS && best <= 0; i++)
+            if (!used[i] && scans[i].count > most) {
+                most = scans[i].count;
+                next = i;
+                placed[i] = cairn_pose_compose(motion, starts[i]);
+            }
+        if (next >= 0) {
+            used[next] = 1;
+            motion = twin_motion(starts, placed, used);
+        }
+    } while (next >= 0);
+    for (int32_t i = 0; i < SCANS; i++)
+        if (!used[i])
+            placed[i] = cairn_pose_compose(motion, starts[i]);
+    back = cairn_pose_compose(starts[0], cairn_pose_inverse(placed[0]));
+    for (int32_t i = 0; i < SCANS; i++)
+        placed[i] = cairn_pose_compose(back, placed[i]);
+    return matched;
+}
+
+/* Points of 0.1 m less some that are nearer to the one before than `register_spacing` of the tests. */
+static void double_points(void)
+{
+    for (int32_t i = 0; i < SCANS; i++)
+        for (int32_t k = 0; k < scans[i].count; k += 7) {
+            memmove(&scans[i].at[k + 1], &scans[i].at[k], (size_t)(scans[i].count++ - k) * sizeof scans[i].at[0]);
+            scans[i].at[k + 1].position.x += CAIRN_REAL(0.01);
+        }
+}
+
+/* Every scan of its own kind, so that a match shows from where it came. */
+static void roughen(void)
+{
+    cairn_random random = cairn_random_seed(2, 0);
+
+    for (int32_t i = 0; i < SCANS; i++)
+        for (int32_t k = 0; k < scans[i].count; k++) {
+            scans[i].at[k].position.x += CAIRN_REAL(0.01) * cairn_random_normal(&random);
+            scans[i].at[k].position.y += CAIRN_REAL(0.01) * cairn_random_normal(&random);
+        }
+}
+
+static void check_registration(const cairn_lum_params *params, const cairn_pose *placed, int32_t registered)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_pose pose;
+    cairn_pool pool;
+    cairn_lum *lum = new_lum(&pool, params);
+
+    for (int round = 0; round < 2; round++) {
+        add_all(lum);
+        assert_ok(cairn_lum_begin(lum));
+        assert_ok(cairn_lum_iterate(lum, &budget));
+        assert_int_equal(cairn_lum_read(lum).iterations, 0);
+        assert_int_equal(cairn_lum_read(lum).registered, registered);
+        for (int32_t i = 0; i < SCANS; i++) {
+            pose = cairn_lum_pose(lum, i);
+            assert_near(pose.x, placed[i].x, NUMBER(1e-9, 2e-3));
+            assert_near(pose.y, placed[i].y, NUMBER(1e-9, 2e-3));
+            assert_near(cairn_wrap_angle(pose.theta - placed[i].theta), 0, NUMBER(1e-9, 2e-3));
+        }
+        pose = cairn_lum_pose(lum, 0);
+        assert_memory_equal(&pose, &scans[0].start, sizeof pose);
+        budget.left = CAIRN_UNBOUNDED;
+        assert_ok(cairn_lum_step(lum, &budget));
+        cairn_lum_clear(lum);
+    }
+    test_pool_free(&pool);
+}
+
+static void registration_is_that_of_the_twin(void **state)
+{
+    cairn_lum_params params = small_params();
+    cairn_pose placed[SCANS];
+
+    (void)state;
+    params.registers = 1;
+    params.register_spacing = CAIRN_REAL(0.02);
+    make_scans(0.4, 0.35);
+    roughen();
+    scans[3].count -= 9;
+    check_registration(&params, placed, twin_register(&params, placed));
+    assert_int_equal(twin_register(&params, placed), SCANS - 1);
+    double_points(); /* which are left out again */
+    check_registration(&params, placed, SCANS - 1);
+    make_scans(0.4, 0.35);
+    roughen();
+    scans[1].count = 0;
+    scans[2].start.x += 25;
+    params.register_turn = CAIRN_REAL(0.4);
+    params.register_gate = CAIRN_REAL(0.5);
+    params.direction_gate = CAIRN_REAL(0.7);
+    params.distance = CAIRN_REAL(0.3);
+    params.sigma = CAIRN_REAL(0.05);
+    assert_int_equal(twin_register(&params, placed), 1);
+    check_registration(&params, placed, 1);
+    for (int32_t i = 0; i < SCANS; i++) {
+        scans[i].count = 0;
+        placed[i] = scans[i].start;
+    }
+    check_registration(&params, placed, 0);
+    make_scans(0.4, 0.35); /* two pieces */
+    roughen();
+    scans[2].start.x += 25;
+    scans[3].start.x += 25;
+    params = small_params();
+    params.registers = 1;
+    params.register_spacing = CAIRN_REAL(0.02);
+    assert_int_equal(twin_register(&params, placed), 2);
+    check_registration(&params, placed, 2);
+    make_scans(0.4, 0.35);
+    roughen();
+    params.register_turn = 0;
+    check_registration(&params, placed, twin_register(&params, placed));
+}
+
+/* From poses that the links alone do not bring back. */
+static void registration_brings_back_what_is_far(void **state)
+{
+    cairn_lum_params params = small_params();
+    double farthest[2];
+
+    (void)state;
+    make_scans(0.4, 0.35);
+    params.rebuild = 5;
+    for (int32_t registers = 0; registers < 2; registers++) {
+        cairn_pool pool;
+        cairn_lum *lum;
+
+        params.registers = registers;
+        lum = new_lum(&pool, &params);
+        add_all(lum);
+        assert_ok(cairn_lum_begin(lum));
+        assert_ok(run(lum, 1000));
+        farthest[registers] = 0;
+        for (int32_t i = 0; i < SCANS; i++)
+            farthest[registers] =
+                fmax(farthest[registers], hypot((double)(cairn_lum_pose(lum, i).x - scans[i].truth.x),
+                                                (double)(cairn_lum_pose(lum, i).y - scans[i].truth.y)));
+        test_pool_free(&pool);
+    }
+    assert_true(farthest[1] < 0.05);
+    assert_true(farthest[0] > 0.2);
+}
+
 static void pieces_stay_and_are_told(void **state)
 {
     cairn_lum_params params = small_params();
@@ -366,14 +620,95 @@ static void capacities_are_told(void **state)
     test_pool_free(&pool);
 }
 
-static uint64_t hash_with(int32_t units)
+/* Of points at equal distance the one with the lowest index is the partner, wherever its bucket. */
+static void of_equal_distances_the_lowest_index(void **state)
+{
+    (void)state;
+    for (int32_t order = 0; order < 2; order++) {
+        cairn_lum_params params = small_params();
+        cairn_oriented_point target[24], query[12];
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+        cairn_pool pool;
+        cairn_lum *lum = new_lum(&pool, &params);
+
+        for (int32_t k = 0; k < 12; k++) {
+            query[k].position.x = (cairn_real)(k < 6 ? k - 3 : 2);
+            query[k].position.y = (cairn_real)(k < 6 ? 0 : k - 7);
+            query[k].direction.x = 1;
+            query[k].direction.y = 0;
+            for (int32_t i = 0; i < 2; i++) {
+                target[2 * k + i] = query[k];
+                target[2 * k + i].position.x += CAIRN_REAL(0.125) * (cairn_real)(i == order ? -1 : 1);
+            }
+        }
+        assert_ok(cairn_lum_add_scan(lum, target, 24, cairn_pose_identity(), NULL));
+        assert_ok(cairn_lum_add_scan(lum, query, 12, cairn_pose_identity(), NULL));
+        assert_ok(cairn_lum_begin(lum));
+        assert_ok(cairn_lum_iterate(lum, &budget));
+        assert_near(cairn_lum_pose(lum, 1).x, order == 0 ? -0.125 : 0.125, NUMBER(1e-9, 1e-5));
+        assert_near(cairn_lum_pose(lum, 1).theta, 0, NUMBER(1e-9, 1e-5));
+        test_pool_free(&pool);
+    }
+}
+
+static void defaults(void **state)
+{
+    cairn_lum_params p = cairn_lum_default();
+
+    (void)state;
+    assert_int_equal(p.max_scans, 64);
+    assert_int_equal(p.max_points, 8192);
+    assert_int_equal(p.max_links, 64 * 63 / 2);
+    assert_int_equal(p.max_fill, 64 * 63 / 2);
+    assert_int_equal(p.min_pairs, 5);
+    assert_int_equal(p.max_iterations, 500);
+    assert_int_equal(p.rebuild, 0);
+    assert_near(p.distance, 0.2, 1e-7);
+    assert_near(p.direction_gate, acos(0.5), 1e-6);
+    assert_near(p.sigma, 0.02, 1e-7);
+    assert_near(p.converged, 0.0001, 1e-9);
+    assert_int_equal(p.registers, 0);
+    assert_near(p.register_gate, 0.7, 1e-7);
+    assert_near(p.register_turn, acos(-1) / 18, 1e-7);
+    assert_near(p.register_spacing, 0.08, 1e-7);
+}
+
+/* What an alignment of three scans, one of them empty, is charged. */
+static void units_are_as_told(void **state)
+{
+    static const int32_t units[2] = {12670, NUMBER(30334, 32064)};
+
+    (void)state;
+    for (int32_t registers = 0; registers < 2; registers++) {
+        cairn_lum_params params = small_params();
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+        cairn_pool pool;
+        cairn_lum *lum;
+
+        make_scans(0.05, 0.03);
+        scans[2].count = 0;
+        params.registers = registers;
+        params.max_iterations = 2;
+        params.rebuild = 1;
+        lum = new_lum(&pool, &params);
+        add_all(lum);
+        assert_ok(cairn_lum_begin(lum));
+        assert_ok(cairn_lum_step(lum, &budget));
+        assert_int_equal(CAIRN_UNBOUNDED - budget.left, units[registers]);
+        test_pool_free(&pool);
+    }
+}
+
+static uint64_t hash_with(int32_t units, int32_t registers)
 {
     cairn_lum_params params = small_params();
     uint64_t hash = TEST_HASH_START;
     cairn_pool pool;
-    cairn_lum *lum = new_lum(&pool, &params);
+    cairn_lum *lum;
     cairn_lum_state end;
 
+    params.registers = registers;
+    lum = new_lum(&pool, &params);
     make_scans(0.05, 0.03);
     add_all(lum);
     assert_ok(cairn_lum_begin(lum));
@@ -391,12 +726,14 @@ static uint64_t hash_with(int32_t units)
 
 static void budgets_do_not_matter(void **state)
 {
-    uint64_t hash = hash_with(CAIRN_UNBOUNDED);
-
     (void)state;
-    assert_true(hash_with(1) == hash);
-    assert_true(hash_with(7) == hash);
-    assert_true(hash_with(1000) == hash);
+    for (int32_t registers = 0; registers < 2; registers++) {
+        uint64_t hash = hash_with(CAIRN_UNBOUNDED, registers);
+
+        assert_true(hash_with(1, registers) == hash);
+        assert_true(hash_with(7, registers) == hash);
+        assert_true(hash_with(1000, registers) == hash);
+    }
 }
 
 static cairn_status create_one(void *context, cairn_pool *pool)
@@ -409,7 +746,7 @@ static cairn_status create_one(void *context, cairn_pool *pool)
 static void refusals(void **state)
 {
     const cairn_real nan = (cairn_real)NAN;
-    cairn_lum_params good = small_params(), bad[24];
+    cairn_lum_params good = small_params(), bad[40];
     cairn_oriented_point point = {{0, 0}, {1, 0}};
     cairn_pose pose = cairn_pose_identity();
     cairn_lum *lum = NULL;
@@ -418,7 +755,7 @@ static void refusals(void **state)
     int count = 0;
 
     (void)state;
-    for (int k = 0; k < 24; k++)
+    for (int k = 0; k < 40; k++)
         bad[k] = good;
     bad[count++].max_scans = 0;
     bad[count++].max_scans = (1 << 16) + 1;
@@ -439,6 +776,17 @@ static void refusals(void **state)
     bad[count++].sigma = nan;
     bad[count++].converged = 0;
     bad[count++].converged = nan;
+    bad[count++].registers = 2;
+    bad[count++].registers = -1;
+    bad[count++].register_gate = CAIRN_REAL(0.19);
+    bad[count++].register_gate = CAIRN_REAL(2e6);
+    bad[count++].register_gate = nan;
+    bad[count++].register_turn = CAIRN_REAL(-0.1);
+    bad[count++].register_turn = 4;
+    bad[count++].register_turn = nan;
+    bad[count++].register_spacing = CAIRN_REAL(-0.1);
+    bad[count++].register_spacing = CAIRN_REAL(2e6);
+    bad[count++].register_spacing = nan;
     pool = test_pool(1 << 16);
     for (int k = 0; k < count; k++) {
         assert_int_equal(cairn_lum_memory(&bad[k]), 0);
@@ -449,6 +797,8 @@ static void refusals(void **state)
     assert_status(cairn_lum_create(&lum, NULL, &good), CAIRN_BAD_ARGUMENT);
     test_pool_free(&pool);
     good.max_points = 5;
+    test_every_pool_size(create_one, &good, cairn_lum_memory(&good));
+    good.registers = 1;
     test_every_pool_size(create_one, &good, cairn_lum_memory(&good));
     lum = new_lum(&pool, &good);
     assert_status(cairn_lum_begin(NULL), CAIRN_BAD_ARGUMENT);
@@ -461,10 +811,22 @@ static void refusals(void **state)
     pose.y = CAIRN_REAL(2e6);
     assert_status(cairn_lum_add_scan(lum, &point, 1, pose, &fault), CAIRN_BAD_ARGUMENT);
     pose.y = 0;
+    point.position.y = nan;
+    assert_status(cairn_lum_add_scan(lum, &point, 1, pose, &fault), CAIRN_NOT_FINITE);
+    point.position.y = CAIRN_REAL(2e6);
+    assert_status(cairn_lum_add_scan(lum, &point, 1, pose, &fault), CAIRN_BAD_ARGUMENT);
+    point.position.y = 0;
     point.position.x = nan;
     assert_status(cairn_lum_add_scan(lum, &point, 1, pose, &fault), CAIRN_NOT_FINITE);
     assert_int_equal(fault.index, 0);
     point.position.x = CAIRN_REAL(-2e6);
+    assert_status(cairn_lum_add_scan(lum, &point, 1, pose, &fault), CAIRN_BAD_ARGUMENT);
+    point.position.x = 0;
+    point.direction.x = nan;
+    assert_status(cairn_lum_add_scan(lum, &point, 1, pose, &fault), CAIRN_NOT_FINITE);
+    point.direction.x = CAIRN_REAL(0.98);
+    assert_status(cairn_lum_add_scan(lum, &point, 1, pose, &fault), CAIRN_BAD_ARGUMENT);
+    point.direction.x = CAIRN_REAL(1.02);
     assert_status(cairn_lum_add_scan(lum, &point, 1, pose, &fault), CAIRN_BAD_ARGUMENT);
     assert_int_equal(cairn_lum_read(lum).scans, 0);
     test_pool_free(&pool);
@@ -475,8 +837,13 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(iterations_are_those_of_the_twin),
         cmocka_unit_test(a_room_comes_back),
+        cmocka_unit_test(registration_is_that_of_the_twin),
+        cmocka_unit_test(registration_brings_back_what_is_far),
         cmocka_unit_test(pieces_stay_and_are_told),
         cmocka_unit_test(capacities_are_told),
+        cmocka_unit_test(of_equal_distances_the_lowest_index),
+        cmocka_unit_test(defaults),
+        cmocka_unit_test(units_are_as_told),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(refusals),
     };

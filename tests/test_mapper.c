@@ -1,4 +1,5 @@
 #include "tests/drive.h"
+#include "tests/rooms.h"
 
 #include <math.h>
 
@@ -501,9 +502,98 @@ static void bad_params_are_refused(void **state)
     test_pool_free(&pool);
 }
 
+/* ---- Golden results ---- */
+
+/* All that is told, but the units, of which many rooms have a part, of a drive round a room and back, its odometry worse and worse, one scan blind; `odometry` 0: none. */
+static uint64_t hash_of_round(const cairn_mapper_params *params, int32_t odometry)
+{
+    cairn_random random = cairn_random_seed(21, 1);
+    cairn_pose at = {-2, -1, 0}, believed = {5, 5, 1};
+    uint64_t hash = TEST_HASH_START;
+    cairn_mapper_state state;
+    rooms_room room;
+    cairn_pool pool;
+    cairn_mapper *mapper = new_mapper(&pool, params);
+
+    memset(&room, 0, sizeof room);
+    rooms_add_box(&room, -3.5, -2.5, 3.5, 2.5);
+    rooms_add_box(&room, -1.2, -0.2, -0.6, 0.6);
+    rooms_add_wall(&room, 2, 2.5, 3.5, 1.2);
+    rooms_add_box(&room, -3.5, 0.5, -3, 1.5);
+    for (int32_t i = 0; i < 60; i++) {
+        cairn_pose step = {CAIRN_REAL(0.2), 0, i % 12 > 8 ? CAIRN_REAL(0.52) : 0}, told = step;
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+        cairn_mapper_result r;
+        rooms_scan taken;
+        cairn_scan_input input = rooms_take_scan(&room, at, (uint64_t)i + 1, &taken);
+
+        for (int32_t k = 0; k < ROOMS_BEAMS && i == 30; k++)
+            taken.range[k] = NAN;
+        assert_ok(cairn_mapper_add(mapper, &input, odometry ? &believed : NULL, NULL));
+        assert_ok(cairn_mapper_step(mapper, &budget));
+        r = cairn_mapper_read(mapper);
+        hash = test_hash(hash, &r.verdict, 2 * sizeof r.verdict);
+        hash = test_hash(hash, &r.key_scan, sizeof r.key_scan);
+        hash = test_hash(hash, &r.map_scan, sizeof r.map_scan);
+        hash = test_hash(hash, r.covariance, sizeof r.covariance);
+        hash = test_hash(hash, &r.support, sizeof r.support);
+        hash = test_hash(hash, &r.is_key, sizeof r.is_key);
+        at = cairn_pose_compose(at, step);
+        told.x += CAIRN_REAL(0.002) * (cairn_real)i * cairn_random_uniform(&random, -1, 1);
+        told.theta += CAIRN_REAL(0.004) * (cairn_real)i * cairn_random_uniform(&random, -1, 1);
+        believed = cairn_pose_compose(believed, told);
+    }
+    {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+        cairn_pose map_odom;
+
+        assert_ok(cairn_mapper_settle(mapper, &budget));
+        map_odom = cairn_mapper_map_odom(mapper);
+        hash = test_hash(hash, &map_odom, sizeof map_odom);
+    }
+    state = cairn_mapper_measure(mapper);
+    for (int32_t i = state.loop_events > 64 ? state.loop_events - 64 : 0; i < state.loop_events; i++) {
+        cairn_mapper_loop event = cairn_mapper_loop_at(mapper, i);
+
+        hash = test_hash(hash, &event.first, 2 * sizeof event.first);
+        hash = test_hash(hash, &event.first_second, sizeof event.first_second);
+        hash = test_hash(hash, &event.verdict, sizeof event.verdict);
+    }
+    for (int32_t k = 0; k < state.keys; k++) {
+        cairn_pose pose = cairn_mapper_key_pose(mapper, k);
+
+        hash = test_hash(hash, &pose, sizeof pose);
+    }
+    hash = test_hash(hash, &state.scans, 3 * sizeof state.scans);
+    hash = test_hash(hash, &state.potential, sizeof state.potential);
+    hash = test_hash(hash, &state.loops, 5 * sizeof state.loops);
+    test_pool_free(&pool);
+    return hash;
+}
+
+static void results_stay_as_they_are(void **state)
+{
+    cairn_mapper_params params = small_params(), narrow, loops;
+
+    (void)state;
+    params.scan.max_beams = ROOMS_BEAMS;
+    narrow = loops = params;
+    narrow.window = 0;
+    narrow.local_keys = 4;
+    narrow.local_radius = 2;
+    loops.local_span = loops.local_recent;
+    loops.loop.gap = 6;
+    loops.loop.agree = 2;
+    assert_golden(hash_of_round(&params, 1), UINT64_C(0x4df70856e532b650), UINT64_C(0x2ee8c1a3e133193a));
+    assert_golden(hash_of_round(&params, 0), UINT64_C(0x803a1fc96b872dec), UINT64_C(0x895e5fdc955dca68));
+    assert_golden(hash_of_round(&narrow, 1), UINT64_C(0x289a98f646dc2966), UINT64_C(0xf9ba080274d39509));
+    assert_golden(hash_of_round(&loops, 1), UINT64_C(0x841c33c7d638cbe3), UINT64_C(0x22b96a86127b2a90));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(results_stay_as_they_are),
         cmocka_unit_test(maps_better_than_odometry),
         cmocka_unit_test(maps_without_odometry),
         cmocka_unit_test(odometry_that_never_goes_back_is_not_believed),

@@ -13,6 +13,7 @@ enum { SWEEPS = 5, BEAMS = 121, MEMORY = 400 * 1024, STREAM = 64 * 1024 };
 typedef struct walk {
     float range[SWEEPS][BEAMS];
     robot_sweep sweep[SWEEPS];
+    cairn_pose truth[SWEEPS];
 } walk;
 
 static float range_to_wall(cairn_real x, cairn_real y, cairn_real angle)
@@ -39,6 +40,9 @@ static void make_walk(walk *w, uint64_t seed)
         for (int32_t k = 0; k < BEAMS; k++)
             w->range[i][k] = range_to_wall(
                 x, y, theta + (cairn_real)sweep->angle_min + (cairn_real)k * (cairn_real)sweep->angle_step);
+        w->truth[i].x = x;
+        w->truth[i].y = y;
+        w->truth[i].theta = theta;
         sweep->pose.x = x + cairn_random_uniform(&random, -CAIRN_REAL(0.05), CAIRN_REAL(0.05));
         sweep->pose.y = y;
         sweep->pose.theta = theta + cairn_random_uniform(&random, -CAIRN_REAL(0.03), CAIRN_REAL(0.03));
@@ -65,6 +69,10 @@ static robot_params room_params(void)
     params.field.max_segments = SWEEPS * 8;
     params.field.max_corners = 32;
     params.field.max_steps = 10;
+    params.joint = joint_default();
+    params.joint.max_scans = SWEEPS;
+    params.joint.max_links = 2 * SWEEPS;
+    params.joint.max_fill = 2 * SWEEPS;
     params.grid = cairn_occupancy_grid_default();
     params.grid.width = 30;
     params.grid.height = 25;
@@ -91,7 +99,9 @@ static void append(void *context, const void *data, uint32_t bytes)
 
 typedef struct flown {
     cairn_pose pose[SWEEPS];
+    cairn_real covariance[SWEEPS][9];
     uint32_t hash, ticks;
+    int32_t works[ROBOT_WORKS]; /* ticks of each kind */
 } flown;
 
 /* The whole run of a walk, a sweep every `arrival` ticks; budgets take turns when `second` differs. */
@@ -124,6 +134,7 @@ static flown fly(const walk *w, int32_t arrival, int32_t first, int32_t second, 
         }
         recorder_tick(&recording, budget.left);
         status = robot_tick(&r, &budget, &work);
+        result.works[work]++;
         result.hash = robot_hash(&r, result.hash);
         assert_true(r.ticks < 200000);
     }
@@ -131,8 +142,10 @@ static flown fly(const walk *w, int32_t arrival, int32_t first, int32_t second, 
     recorder_end(&recording, r.ticks, result.hash);
     result.ticks = r.ticks;
     assert_int_equal(cairn_force_field_pose_count(r.field), SWEEPS);
-    for (int32_t i = 0; i < SWEEPS; i++)
-        result.pose[i] = cairn_force_field_pose(r.field, i);
+    for (int32_t i = 0; i < SWEEPS; i++) {
+        result.pose[i] = robot_pose(&r, i);
+        memcpy(result.covariance[i], r.joint.covariances[i], sizeof result.covariance[i]);
+    }
     free(memory);
     return result;
 }
@@ -149,6 +162,7 @@ static void budgets_do_not_matter(void **state)
     b = fly(&w, 3000, 70, 3000, NULL);
     assert_true(a.ticks != b.ticks);
     assert_memory_equal(a.pose, b.pose, sizeof a.pose);
+    assert_memory_equal(a.covariance, b.covariance, sizeof a.covariance);
 }
 
 static void the_same_run_has_the_same_hash(void **state)
@@ -165,6 +179,35 @@ static void the_same_run_has_the_same_hash(void **state)
     assert_int_equal(a.hash, b.hash);
     assert_int_equal(a.ticks, b.ticks);
     assert_true(a.hash != c.hash);
+}
+
+/* The solution is far nearer to the truth than what came in, and knows how near. */
+static void poses_and_covariances_are_right(void **state)
+{
+    walk w;
+    flown a;
+
+    (void)state;
+    for (uint64_t seed = 1; seed <= 4; seed++) {
+        make_walk(&w, seed);
+        a = fly(&w, 5, 500, 500, NULL);
+        for (robot_work work = ROBOT_ADD; work < ROBOT_IDLE; work++)
+            assert_true(a.works[work] > 0);
+        for (int32_t k = 0; k < 9; k++)
+            assert_true(a.covariance[0][k] == 0);
+        for (int32_t i = 1; i < SWEEPS; i++) {
+            cairn_pose found = cairn_pose_between(a.pose[0], a.pose[i]);
+            cairn_pose error = cairn_pose_between(cairn_pose_between(w.truth[0], w.truth[i]), found);
+            const cairn_real *covariance = a.covariance[i];
+
+            assert_true(cairn_abs(error.x) < CAIRN_REAL(0.006) && cairn_abs(error.y) < CAIRN_REAL(0.006));
+            assert_true(cairn_abs(error.theta) < CAIRN_REAL(0.004));
+            for (int32_t k = 0; k < 9; k += 4)
+                assert_true(covariance[k] > 0 && covariance[k] < CAIRN_REAL(1e-4));
+            for (int32_t k = 0; k < 9; k++)
+                assert_true(cairn_abs(covariance[k] - covariance[k % 3 * 3 + k / 3]) < CAIRN_REAL(1e-7));
+        }
+    }
 }
 
 static void scans_move_towards_each_other(void **state)
@@ -191,11 +234,13 @@ static void offers_wait_their_turn(void **state)
 
     (void)state;
     make_walk(&w, 1);
-    params.field.max_scans = 1;
+    params.field.max_scans = params.joint.max_scans = 1;
     assert_int_equal(robot_create(&r, memory, 1024, &params), CAIRN_NO_MEMORY);
-    params.field.max_scans = ROBOT_SCANS + 1;
+    params.field.max_scans = params.joint.max_scans = ROBOT_SCANS + 1;
     assert_int_equal(robot_create(&r, memory, sizeof memory, &params), CAIRN_BAD_ARGUMENT);
     params.field.max_scans = 1;
+    assert_int_equal(robot_create(&r, memory, sizeof memory, &params), CAIRN_BAD_ARGUMENT);
+    params.joint.max_scans = 1;
     assert_int_equal(robot_create(&r, memory, sizeof memory, &params), CAIRN_OK);
     assert_int_equal(robot_tick(&r, &budget, &work), CAIRN_MORE);
     assert_int_equal(work, ROBOT_IDLE);
@@ -232,6 +277,224 @@ static void a_bad_sweep_is_refused(void **state)
     assert_int_equal(work, ROBOT_ADD);
     assert_int_equal(r.taken, 0);
 }
+
+/* ---- The joint solution ---- */
+
+/* The scans of a walk, in the frames of their sensors. */
+static cairn_scan_set *make_set(const walk *w, cairn_pool *pool)
+{
+    cairn_scan_set_params params = {SWEEPS, SWEEPS * 8, SWEEPS * 150, 0};
+    cairn_scan_params scan_params = room_params().scan;
+    cairn_scan_set *set;
+    cairn_scan *scan;
+
+    assert_int_equal(cairn_scan_set_create(&set, pool, &params), CAIRN_OK);
+    assert_int_equal(cairn_scan_create(&scan, pool, &scan_params), CAIRN_OK);
+    for (int32_t i = 0; i < SWEEPS; i++) {
+        const robot_sweep *sweep = &w->sweep[i];
+        cairn_scan_input input = {.range = sweep->range,
+                                  .count = BEAMS,
+                                  .angle_min = sweep->angle_min,
+                                  .angle_step = sweep->angle_step,
+                                  .range_max = 8,
+                                  .range_sigma = 0.01f};
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+        cairn_scan_view view;
+
+        assert_int_equal(cairn_scan_begin(scan, &input, NULL), CAIRN_OK);
+        assert_int_equal(cairn_scan_step(scan, &budget), CAIRN_OK);
+        view = cairn_scan_read(scan);
+        assert_int_equal(cairn_scan_set_add(set, &view, NULL, NULL), CAIRN_OK);
+    }
+    return set;
+}
+
+static joint_params small_joint(void)
+{
+    joint_params params = joint_default();
+
+    params.max_scans = SWEEPS;
+    params.max_links = 3 * SWEEPS;
+    params.max_fill = 3 * SWEEPS;
+    return params;
+}
+
+/* Solves from the given poses in steps of so many units; returns the units of all. */
+static int64_t solve_in(joint *x, const cairn_scan_set *set, const walk *w, int32_t count, int32_t units)
+{
+    cairn_pose given[SWEEPS];
+    int64_t used = 0;
+    cairn_status status = CAIRN_MORE;
+
+    for (int32_t i = 0; i < SWEEPS; i++)
+        given[i] = w->sweep[i].pose;
+    assert_int_equal(joint_begin(x, set, given, count), CAIRN_OK);
+    while (status == CAIRN_MORE) {
+        cairn_budget budget = {units};
+
+        status = joint_step(x, &budget);
+        assert_true(budget.left >= 0);
+        used += units - budget.left;
+    }
+    assert_int_equal(status, CAIRN_OK);
+    return used;
+}
+
+static void the_solution_does_not_depend_on_budgets(void **state)
+{
+    static const int32_t units[] = {1, 7, 1000};
+    cairn_pool pool = test_pool(MEMORY);
+    joint_params params = small_joint();
+    cairn_pose known[SWEEPS];
+    cairn_real known_covariance[SWEEPS][9];
+    cairn_scan_set *set;
+    int64_t used;
+    joint x;
+    walk w;
+
+    (void)state;
+    make_walk(&w, 5);
+    set = make_set(&w, &pool);
+    assert_int_equal(joint_create(&x, &pool, &params), CAIRN_OK);
+    used = solve_in(&x, set, &w, SWEEPS, CAIRN_UNBOUNDED);
+    memcpy(known, x.poses, sizeof known);
+    memcpy(known_covariance, x.covariances, sizeof known_covariance);
+    for (size_t k = 0; k < sizeof units / sizeof *units; k++) {
+        assert_true(solve_in(&x, set, &w, SWEEPS, units[k]) == used);
+        assert_memory_equal(x.poses, known, sizeof known);
+        assert_memory_equal(x.covariances, known_covariance, sizeof known_covariance);
+    }
+    test_pool_free(&pool);
+}
+
+/* Information of the later of two scans held against the first, in the map, by differences of every point's error. */
+static void add_pair_information(const joint *x, const cairn_scan_set *set, double information[3][3])
+{
+    const cairn_scan_set_scan *first = &set->scans[0], *later = &set->scans[1];
+    const double h = 1e-4, spread = (double)x->params.spread, sigma = (double)x->params.sigma;
+
+    for (int32_t s = later->first_segment; s < later->end_segment; s++)
+        for (int32_t t = first->first_segment; t < first->end_segment; t++) {
+            const cairn_scan_set_segment *wall = &set->segments[t], *segment = &set->segments[s];
+            cairn_vec2 along = cairn_vec2_unit(cairn_vec2_sub(wall->segment.b, wall->segment.a));
+            cairn_real length = cairn_vec2_norm(cairn_vec2_sub(wall->segment.b, wall->segment.a));
+
+            for (int32_t k = segment->first_point; k < segment->end_point; k++) {
+                double error[4] = {0};
+                double row[3];
+                int32_t is_on = 1;
+
+                for (int32_t m = 0; m < 4; m++) {
+                    cairn_pose moved = x->poses[1];
+                    cairn_vec2 p, direction;
+                    double place;
+
+                    moved.x += (cairn_real)(m == 1 ? h : 0);
+                    moved.y += (cairn_real)(m == 2 ? h : 0);
+                    moved.theta += (cairn_real)(m == 3 ? h : 0);
+                    moved = cairn_pose_between(x->poses[0], moved);
+                    p = cairn_vec2_sub(cairn_pose_point(moved, set->points[k]), wall->segment.a);
+                    direction = cairn_transform_direction(cairn_transform_of(moved), segment->direction);
+                    place = (double)cairn_vec2_dot(along, p);
+                    error[m] = (double)cairn_vec2_cross(along, p);
+                    is_on = is_on && place >= 0 && place <= (double)length &&
+                            fabs(error[m]) <= (double)x->params.gate &&
+                            (double)cairn_vec2_dot(along, direction) >= 0.95;
+                }
+                for (int32_t m = 0; m < 3; m++)
+                    row[m] = (error[m + 1] - error[0]) / h;
+                for (int32_t m = 0; m < 9 && is_on; m++)
+                    information[m / 3][m % 3] += row[m / 3] * row[m % 3] / (sigma * sigma + error[0] * error[0] / 9);
+            }
+        }
+    information[0][0] += 1 / (spread * spread);
+    information[1][1] += 1 / (spread * spread);
+    information[2][2] += 1 / (double)(x->params.spread_angle * x->params.spread_angle);
+}
+
+/* With two scans the covariance is the inverse of the information of their one link, but for what the last round moved. */
+static void the_covariance_is_that_of_the_points(void **state)
+{
+    cairn_pool pool = test_pool(MEMORY);
+    joint_params params = small_joint();
+    joint x;
+
+    (void)state;
+    params.rounds = 6;
+    assert_int_equal(joint_create(&x, &pool, &params), CAIRN_OK);
+    for (uint64_t seed = 1; seed <= 3; seed++) {
+        cairn_mark mark;
+        double information[3][3] = {{0}};
+        cairn_scan_set *set;
+        walk w;
+
+        make_walk(&w, seed);
+        assert_int_equal(cairn_pool_mark(&pool, &mark), CAIRN_OK);
+        set = make_set(&w, &pool);
+        (void)solve_in(&x, set, &w, 2, 1000);
+        add_pair_information(&x, set, information);
+        for (int32_t i = 0; i < 3; i++)
+            for (int32_t j = 0; j < 3; j++) {
+                double product = 0;
+
+                for (int32_t k = 0; k < 3; k++)
+                    product += information[i][k] * (double)x.covariances[1][3 * k + j];
+                assert_true(fabs(product - (i == j)) < 0.05);
+            }
+        assert_int_equal(cairn_pool_release(&pool, mark), CAIRN_OK);
+    }
+    test_pool_free(&pool);
+}
+
+static void what_the_joint_solution_refuses(void **state)
+{
+    cairn_pool pool = test_pool(MEMORY), small = test_pool(64);
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    joint_params params = small_joint(), bad;
+    cairn_pose given[SWEEPS];
+    cairn_scan_set *set;
+    joint x;
+    walk w;
+
+    (void)state;
+    make_walk(&w, 1);
+    set = make_set(&w, &pool);
+    for (int32_t i = 0; i < SWEEPS; i++)
+        given[i] = w.sweep[i].pose;
+    bad = params;
+    bad.max_scans = 0;
+    assert_int_equal(joint_create(&x, &pool, &bad), CAIRN_BAD_ARGUMENT);
+    bad = params;
+    bad.max_links = SWEEPS - 1;
+    assert_int_equal(joint_create(&x, &pool, &bad), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(joint_create(&x, &small, &params), CAIRN_NO_MEMORY);
+    /* Links beyond the capacity are left out, those of neighbours in time come first. */
+    params.max_links = SWEEPS;
+    assert_int_equal(joint_create(&x, &pool, &params), CAIRN_OK);
+    assert_int_equal(joint_begin(&x, set, given, 0), CAIRN_EMPTY);
+    assert_int_equal(joint_begin(&x, set, given, SWEEPS + 1), CAIRN_FULL);
+    assert_int_equal(joint_step(&x, &budget), CAIRN_OK);
+    (void)solve_in(&x, set, &w, SWEEPS, 1000);
+    assert_true(cairn_pose_graph_read(x.graph).links == SWEEPS);
+    for (int32_t i = 1; i < SWEEPS; i++)
+        assert_int_equal(cairn_pose_graph_link_of(x.graph, i - 1).second, i);
+    /* A factor that does not fit is told. */
+    params = small_joint();
+    params.max_fill = 1;
+    assert_int_equal(joint_create(&x, &pool, &params), CAIRN_OK);
+    assert_int_equal(joint_begin(&x, set, given, SWEEPS), CAIRN_OK);
+    budget.left = CAIRN_UNBOUNDED;
+    assert_int_equal(joint_step(&x, &budget), CAIRN_FULL);
+    /* One scan stays where it is. */
+    params = small_joint();
+    assert_int_equal(joint_create(&x, &pool, &params), CAIRN_OK);
+    (void)solve_in(&x, set, &w, 1, 10);
+    assert_memory_equal(&x.poses[0], &given[0], sizeof given[0]);
+    test_pool_free(&pool);
+    test_pool_free(&small);
+}
+
+/* ---- Recordings ---- */
 
 static void recordings_play_back(void **state)
 {
@@ -354,10 +617,18 @@ static void threads_do_not_meet(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(budgets_do_not_matter),          cmocka_unit_test(the_same_run_has_the_same_hash),
-        cmocka_unit_test(scans_move_towards_each_other),  cmocka_unit_test(offers_wait_their_turn),
-        cmocka_unit_test(a_bad_sweep_is_refused),         cmocka_unit_test(recordings_play_back),
-        cmocka_unit_test(damaged_recordings_are_refused), cmocka_unit_test(threads_do_not_meet),
+        cmocka_unit_test(budgets_do_not_matter),
+        cmocka_unit_test(the_same_run_has_the_same_hash),
+        cmocka_unit_test(scans_move_towards_each_other),
+        cmocka_unit_test(offers_wait_their_turn),
+        cmocka_unit_test(a_bad_sweep_is_refused),
+        cmocka_unit_test(recordings_play_back),
+        cmocka_unit_test(damaged_recordings_are_refused),
+        cmocka_unit_test(threads_do_not_meet),
+        cmocka_unit_test(poses_and_covariances_are_right),
+        cmocka_unit_test(the_solution_does_not_depend_on_budgets),
+        cmocka_unit_test(the_covariance_is_that_of_the_points),
+        cmocka_unit_test(what_the_joint_solution_refuses),
     };
 
     programs_find(argc, argv);

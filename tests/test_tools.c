@@ -364,12 +364,13 @@ static void a_pose_for_every_scan(void **state)
         const char *log, *poses, *truth, *verdicts;
         int32_t relative;
         double error;
-    } sample[] = {
-        {"drive/scans.log", "map/poses.csv", "drive/truth.csv", "first matched predicted blind ", 1, 0.1},
-        {"places/scans.log", "align/poses.csv", "places/truth.csv", "placed uncertain apart blind ", 0, 0.05}};
+    } sample[] = {{"drive/scans.log", "map/poses.csv", "drive/truth.csv", "first matched predicted blind ", 1, 0.1},
+                  {"places/scans.log", "align/poses.csv", "places/truth.csv", "placed uncertain apart blind ", 0, 0.05},
+                  {"places/scans.log", "lum/poses.csv", "places/truth.csv", "aligned apart blind ", 1, 0.2}};
 
     (void)state;
-    for (size_t k = 0; k < 2; k++) {
+    assert_done(programs_run("cairn align @/places/scans.log --method lum -o @/lum"));
+    for (size_t k = 0; k < 3; k++) {
         char *bytes = files_read(files_path(sample[k].poses), NULL);
         cairn_carmen_scans scans;
         cairn_pose_row *row;
@@ -392,7 +393,7 @@ static void a_pose_for_every_scan(void **state)
             assert_int_equal(row[i].stamp_ns, scans.record[i].stamp_ns);
             (void)snprintf(word, sizeof word, "%s ", row[i].verdict);
             assert_holds(sample[k].verdicts, word);
-            assert_true(k == 1 || (row[i].support >= 0 && row[i].support <= 1));
+            assert_true(k > 0 || (row[i].support >= 0 && row[i].support <= 1));
         }
         if (k == 0) {
             assert_string_equal(row[0].verdict, "first");
@@ -528,17 +529,19 @@ static void help_and_version(void **state)
 /* The page that --report asks for: beside the other files, in a folder that is made, or in that at hand. */
 static void pages(void **state)
 {
-    static const char *const commands[] = {
-        "map @/drive/scans.log", "align @/places/scans.log --method gradient --steps 20", "align @/places/scans.log"};
+    static const char *const commands[] = {"map @/drive/scans.log",
+                                           "align @/places/scans.log --method gradient --steps 20",
+                                           "align @/places/scans.log", "align @/places/scans.log --method lum"};
     static const char *const pieces[][3] = {
         {"{\"title\":\"scans.log, mapped\"", "\"step_name\":\"scan\"", "\n{\"step\":29,\"label\":\""},
         {"{\"title\":\"scans.log, aligned\"", "\"step_name\":\"step\"", "\n{\"step\":20,\"label\":\"end\""},
         {"{\"title\":\"scans.log, aligned\"", "\"label\":\"12 parts, the largest of 1 scans\"",
-         "scans placed, the others in red\""}};
+         "scans placed, the others in red\""},
+        {"\"label\":\"start\"", " scans registered one after the other\"", "\"label\":\"iteration 1\""}};
     outcome o;
 
     (void)state;
-    for (int k = 0; k < 3; k++) {
+    for (int k = 0; k < 4; k++) {
         char *page[2];
         size_t count[2];
 
@@ -1014,7 +1017,7 @@ static void command_lines(void **state)
         {"cairn map @/drive/scans.log -o @/refused --fast", "cairn map: ", "unknown option '--fast'"},
         {"cairn align @/drive/scans.log -o @/refused -x", "cairn align: ", "unknown option '-x'"},
         {"cairn align @/drive/scans.log -o @/refused --method magic",
-         "cairn align: ", "unknown method 'magic', expected default or gradient"},
+         "cairn align: ", "unknown method 'magic', expected default, gradient or lum"},
         {"cairn align @/drive/scans.log -o @/refused --spread 0,1", "cairn align: ", "--spread is '0,1'"},
         {"cairn align @/drive/scans.log -o @/refused --steps 0",
          "cairn align: ", "--steps is '0', expected a whole number from 1 to 100000"},

@@ -14,8 +14,10 @@ typedef struct tool_command {
 static const tool_command commands[] = {
     {"align", "align all scans of a log at once, in any order", tool_align},
     {"map", "map a log, scan by scan", tool_map},
+    {"eval", "how good a map, its poses and relations are", tool_eval},
     {"graph", "solve a pose graph (g2o), bad links named", tool_graph},
     {"match", "find where one scan was taken, as seen from another", tool_match},
+    {"merge", "put the maps of many robots together, with no guess", tool_merge},
     {"info", "what a CARMEN log holds: scans, beams, time, path, damage", tool_info},
     {"replay", "a robot's recorded run once more, bit by bit", tool_replay},
 };

@@ -2,6 +2,7 @@
 #include "tools/cairn_align.h"
 
 #include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,16 +12,33 @@
 /* The most points, and segments, of all scans. */
 #define POINTS_MOST (1 << 24)
 
+/* Lu and Milios pair points of scans one by one: those spaced evenly lock into each other at half their spacing. */
+static const struct align_method {
+    const char *name;
+    int (*run)(align_job *job);
+    double spacing; /* m, of the points */
+} methods[] = {{"default", align_by_default, 0.1}, {"gradient", align_by_field, 0.1}, {"lum", align_by_lum, 0.03}};
+
+static const struct align_method *method_of(const align_settings *s)
+{
+    for (size_t k = 0; k < sizeof methods / sizeof *methods; k++)
+        if (strcmp(s->method, methods[k].name) == 0)
+            return &methods[k];
+    return NULL;
+}
+
 static option_result read_settings(align_settings *s, int argc, char **argv)
 {
     const option table[] = {
         OPTION_TEXT("-o", &s->folder, "DIR", "folder for poses.csv, map.pgm, map.yaml and map.svg"),
-        OPTION_TEXT("--method", &s->method, "NAME", "default, or gradient: force field simulation as in the thesis"),
+        OPTION_TEXT("--method", &s->method, "NAME",
+                    "default, gradient (force field simulation as in the thesis) or lum (Lu and Milios)"),
         OPTION_PAIR("--spread", s->spread, 0.001, 360, "M,DEG",
                     "poses in the log are off by at most about so much, m in x and y, degrees (default)"),
-        OPTION_INTEGER("--steps", &s->steps, 1, 100000, "N", "iterations at most (gradient)"),
+        OPTION_INTEGER("--steps", &s->steps, 1, 100000, "N", "iterations at most (gradient, lum)"),
         OPTION_INTEGER("--max-scans", &s->max_scans, 1, 100000, "N", "scans at most"),
-        OPTION_NUMBER("--spacing", &s->spacing, 0.01, 1, "M", "distance of the points along walls, m"),
+        OPTION_NUMBER("--spacing", &s->spacing, 0.01, 1, "M",
+                      "distance of the points along walls, m; 0.03 for lum if not given (0.1)"),
         OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "side of a cell of the map, m"),
         OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the map up to here, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
@@ -39,10 +57,12 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
 
     if (result != OPTIONS_READ)
         return result;
-    if (strcmp(s->method, "default") != 0 && strcmp(s->method, "gradient") != 0) {
-        (void)options_refuse(ALIGN_PROGRAM, "unknown method '%s', expected default or gradient", s->method);
+    if (method_of(s) == NULL) {
+        (void)options_refuse(ALIGN_PROGRAM, "unknown method '%s', expected default, gradient or lum", s->method);
         return OPTIONS_BAD;
     }
+    if (isnan(s->spacing))
+        s->spacing = method_of(s)->spacing;
     return OPTIONS_READ;
 }
 
@@ -189,7 +209,7 @@ static int run(align_job *job)
     job->scan.spacing = (cairn_real)job->settings->spacing;
     code = measure(job);
     if (code == TOOL_OK)
-        code = strcmp(job->settings->method, "gradient") == 0 ? align_by_field(job) : align_by_default(job);
+        code = method_of(job->settings)->run(job);
     if (code == TOOL_OK)
         code = write_all(job);
     if (code == TOOL_OK && !job->settings->quiet)
@@ -204,7 +224,7 @@ static int run(align_job *job)
 
 int tool_align(int argc, char **argv)
 {
-    align_settings s = {NULL, NULL, "default", NULL, NULL, 500, 50, 1, 0.05, 30, 0, 0.1, {0.6, 35}, 0};
+    align_settings s = {NULL, NULL, "default", NULL, NULL, 500, 50, 1, 0.05, 30, 0, (double)NAN, {0.6, 35}, 0};
     cairn_file_error error;
     option_result result;
     cairn_carmen_scans log;

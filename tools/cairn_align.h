@@ -42,5 +42,6 @@ int align_refuse(const align_job *job, cairn_status status);
 /* The methods, each with a pool of its own. TOOL_OK, or another exit code after a line on standard error. */
 int align_by_default(align_job *job);
 int align_by_field(align_job *job);
+int align_by_lum(align_job *job);
 
 #endif

@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "cairn/map_file.h"
-#include "cairn/occupancy_grid.h"
 #include "cairn/output_set.h"
 #include "cairn/pose_table.h"
 #include "tools/cairn_player.h"
@@ -74,9 +73,8 @@ int32_t map_scan_keep(map_scan *scan, const cairn_scan_view *view)
 
 /* ---- The grid ---- */
 
-/* A beam of a scan in the map, cut at the grid's range; *hit as it counts then. 0: nothing to enter. */
-static int beam_in_map(const map_output *output, const map_scan *scan, int32_t i, cairn_transform map_s,
-                       cairn_vec2 *from, cairn_vec2 *to, int32_t *hit)
+int32_t map_beam(const map_output *output, const map_scan *scan, int32_t i, cairn_transform map_s, cairn_vec2 *from,
+                 cairn_vec2 *to, int32_t *hit)
 {
     cairn_vec2 end = {(cairn_real)scan->beam[2 * i], (cairn_real)scan->beam[2 * i + 1]};
     cairn_vec2 along = cairn_vec2_sub(end, scan->sensor);
@@ -132,7 +130,7 @@ static int map_box(const map_output *output, cairn_box *box)
 
         *box = cairn_box_extend(*box, cairn_transform_point(t, scan->sensor));
         for (int32_t i = 0; i < scan->beam_count; i++)
-            if (beam_in_map(output, scan, i, t, &from, &to, &hit) && hit) {
+            if (map_beam(output, scan, i, t, &from, &to, &hit) && hit) {
                 x[n] = (float)to.x;
                 y[n++] = (float)to.y;
             }
@@ -158,7 +156,7 @@ static cairn_status fill_grid(const map_output *output, cairn_occupancy_grid *gr
             int32_t hit;
             cairn_status status;
 
-            if (!beam_in_map(output, scan, i, t, &from, &to, &hit))
+            if (!map_beam(output, scan, i, t, &from, &to, &hit))
                 continue;
             status = cairn_occupancy_grid_add_beam(grid, from, to, hit);
             if (status != CAIRN_OK)
@@ -186,47 +184,67 @@ static cairn_status read_grid(const cairn_occupancy_grid *grid, cairn_map_file *
     return status;
 }
 
-static cairn_status make_grid(const map_output *output, cairn_map_file *map, cairn_file_error *error)
+cairn_status map_grid_layout(const map_output *output, cairn_occupancy_grid_params *params, cairn_file_error *error)
 {
-    cairn_occupancy_grid_params params = cairn_occupancy_grid_default();
-    cairn_occupancy_grid *grid;
-    cairn_pool pool;
-    cairn_box box;
     double width, height;
-    size_t bytes;
-    void *memory;
-    cairn_status status;
+    cairn_box box;
 
-    *map = cairn_map_file_default();
     if (!map_box(output, &box))
         return cairn_file_error_set(error, CAIRN_NO_MEMORY, "map", 0, "no memory for the map");
-    params.resolution = (cairn_real)output->resolution;
-    params.origin = box.min;
     width = ceil((double)(box.max.x - box.min.x) / output->resolution);
     height = ceil((double)(box.max.y - box.min.y) / output->resolution);
     if (!(width * height <= CELLS_MOST) || width > CAIRN_RASTER_MAX_SIDE || height > CAIRN_RASTER_MAX_SIDE)
         return cairn_file_error_set(error, CAIRN_FULL, "map", 0,
                                     "%.0f x %.0f cells are too many, expected up to %d: choose a coarser --resolution",
                                     width, height, CELLS_MOST);
-    params.width = (int32_t)width;
-    params.height = (int32_t)height;
-    bytes = cairn_occupancy_grid_memory(&params) + CAIRN_ALIGN;
-    memory = malloc(bytes);
-    if (memory == NULL)
-        return cairn_file_error_set(error, CAIRN_NO_MEMORY, "map", 0, "no memory for the map");
-    status = cairn_pool_init(&pool, memory, bytes);
+    *params = cairn_occupancy_grid_default();
+    params->resolution = (cairn_real)output->resolution;
+    params->origin = box.min;
+    params->width = (int32_t)width;
+    params->height = (int32_t)height;
+    return CAIRN_OK;
+}
+
+cairn_status map_grid_make(const map_output *output, const cairn_occupancy_grid_params *params, map_grid *made,
+                           cairn_file_error *error)
+{
+    size_t bytes = cairn_occupancy_grid_memory(params) + CAIRN_ALIGN;
+    cairn_pool pool;
+    cairn_status status;
+
+    made->memory = malloc(bytes);
+    status = made->memory != NULL ? cairn_pool_init(&pool, made->memory, bytes) : CAIRN_NO_MEMORY;
     if (status == CAIRN_OK)
-        status = cairn_occupancy_grid_create(&grid, &pool, &params);
+        status = cairn_occupancy_grid_create(&made->grid, &pool, params);
     if (status == CAIRN_OK)
-        status = fill_grid(output, grid);
+        status = fill_grid(output, made->grid);
+    if (status == CAIRN_OK)
+        return status;
+    free(made->memory);
+    made->memory = NULL;
+    return status == CAIRN_NO_MEMORY ? cairn_file_error_set(error, status, "map", 0, "no memory for the map")
+                                     : cairn_file_error_set(error, status, "map", 0, "%s", cairn_status_text(status));
+}
+
+static cairn_status make_map(const map_output *output, cairn_map_file *map, cairn_file_error *error)
+{
+    cairn_occupancy_grid_params params;
+    map_grid made;
+    cairn_status status;
+
+    *map = cairn_map_file_default();
+    status = map_grid_layout(output, &params, error);
+    if (status == CAIRN_OK)
+        status = map_grid_make(output, &params, &made, error);
+    if (status != CAIRN_OK)
+        return status;
     map->resolution = params.resolution;
     map->origin.x = params.origin.x;
     map->origin.y = params.origin.y;
+    status = cairn_map_file_allocate(map, params.width, params.height);
     if (status == CAIRN_OK)
-        status = cairn_map_file_allocate(map, params.width, params.height);
-    if (status == CAIRN_OK)
-        status = read_grid(grid, map);
-    free(memory);
+        status = read_grid(made.grid, map);
+    free(made.memory);
     if (status != CAIRN_OK) {
         cairn_map_file_free(map);
         return cairn_file_error_set(error, status, "map", 0, "%s", cairn_status_text(status));
@@ -346,7 +364,7 @@ cairn_status map_output_write(const map_output *output, const char *folder, cair
 {
     cairn_output_set *files = NULL;
     cairn_map_file map;
-    cairn_status status = make_grid(output, &map, error);
+    cairn_status status = make_map(output, &map, error);
 
     if (status != CAIRN_OK)
         return status;

@@ -5,6 +5,7 @@
 
 #include "cairn/carmen_log.h"
 #include "cairn/file_error.h"
+#include "cairn/occupancy_grid.h"
 #include "cairn/report.h"
 #include "cairn/scan.h"
 
@@ -44,6 +45,25 @@ void map_scans_free(map_scan *scan, int32_t count);
 
 /* Copies what a scan saw, in place of what was kept before. 0 when there is no memory. */
 int32_t map_scan_keep(map_scan *scan, const cairn_scan_view *view);
+
+/* A beam of a scan in the map, cut at the output's range; *hit as it counts then. 0: nothing to enter. */
+int32_t map_beam(const map_output *output, const map_scan *scan, int32_t i, cairn_transform map_s, cairn_vec2 *from,
+                 cairn_vec2 *to, int32_t *hit);
+
+/* A grid on the heap: memory goes back to free(). */
+typedef struct map_grid {
+    cairn_occupancy_grid *grid;
+    void *memory;
+} map_grid;
+
+/* The grid that holds all poses and nearly all hits, of the output's resolution. CAIRN_FULL: too many cells;
+ * CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status map_grid_layout(const map_output *output, cairn_occupancy_grid_params *params,
+                                           cairn_file_error *error);
+
+/* Makes it and adds all beams. CAIRN_NO_MEMORY, and the grid's statuses. */
+CAIRN_CHECKED cairn_status map_grid_make(const map_output *output, const cairn_occupancy_grid_params *params,
+                                         map_grid *made, cairn_file_error *error);
 
 /* Whether map_output_write could write there: to be asked before the work. Makes nothing. report: NULL for none. */
 CAIRN_CHECKED cairn_status map_output_check(const char *folder, const char *report, cairn_file_error *error);

@@ -208,7 +208,7 @@ static int say(const run *r, const settings *s)
     int same = r->hash == r->recorded_hash && played->ticks == r->recorded_ticks;
 
     for (int32_t i = 0; !s->quiet && i < cairn_force_field_pose_count(played->field); i++) {
-        cairn_pose pose = cairn_force_field_pose(played->field, i);
+        cairn_pose pose = robot_pose(played, i);
 
         printf("pose %" PRId32 " %.4f %.4f m %.4f rad\n", i, (double)pose.x, (double)pose.y, (double)pose.theta);
     }

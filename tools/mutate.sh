@@ -2,10 +2,12 @@
 # Plants one-line faults in src/ and counts how many the tests find: tools/mutate.sh [N] [SEED] [FILE]...
 #
 # N faults (40) are drawn by SEED (1) over the lines of the FILEs (all of src/): signs, comparisons, indices, constants,
-# x and y, and, or, not, min and max. The double tests run against each until one fails, dies or takes ten times its
-# usual time: first that of the same room, then all others that link it, the quick ones first. Tests that fail without a
-# fault are left out. Faults that do not compile or leave the object code as it was are drawn again. Equal arguments give
-# equal faults. Exits with 1 when fewer than nine in ten are found: some faults change nothing that can be seen.
+# x and y, and, or, not, min and max. Integers grow by 1, but a 1 that is returned or assigned, which mostly means "yes",
+# becomes 0, and the sizes of declared arrays stay. The double tests run against each until one fails, dies or takes ten
+# times its usual time: first that of the same room, then all others that link it, the quick ones first. Tests that fail
+# without a fault are left out. Faults that do not compile or leave the object code as it was are drawn again. Equal
+# arguments give equal faults. Exits with 1 when fewer than nine in ten are found: some faults change nothing that can be
+# seen.
 #
 # The tests and tools stand on one shared library, $BUILD/mutants/libfaulty.so; a fault is one object that the loader
 # puts before it. The tree is not touched.
@@ -66,7 +68,7 @@ function exchange(from, to,    at, start)
 }
 function both(a, b) { exchange(a, b); exchange(b, a) }
 # Every match of a pattern; `how` says what becomes of it.
-function each(pattern, how,    rest, base, at, text, after, digits, k, c, changed)
+function each(pattern, how,    rest, base, at, text, before, after, digits, k, c, changed)
 {
     rest = code
     base = 0
@@ -86,7 +88,9 @@ function each(pattern, how,    rest, base, at, text, after, digits, k, c, change
             if (after !~ /[a-z_0-9(]/) candidate(at + RLENGTH - 1, 1, text ~ /x/ ? "y" : "x")
         } else if (how == "integer") {
             if (text !~ /^[0-9]/) { at++; k = substr(text, 2) } else k = text
-            if (after !~ /[.a-zA-Z_]/ && !(declaration && text ~ /^\[/)) candidate(at, length(k), k + 1)
+            before = substr(code, 1, at - 1)
+            if (after !~ /[.a-zA-Z_]/ && !(declaration && before ~ /\[[^]]*$/))
+                candidate(at, length(k), k == 1 && after == ";" && before ~ /(return|[^=!<>]=) $/ ? 0 : k + 1)
         } else if (how == "decimal") { # its third significant digit, or the last when there are fewer
             digits = changed = 0
             for (k = 1; k <= length(text) && digits < 3; k++) {

@@ -132,6 +132,11 @@ cairn_vec2 cairn_pose_point(cairn_pose a_b, cairn_vec2 b_point);
 /* 1 when x, y and theta are finite. */
 int32_t cairn_pose_is_finite(cairn_pose pose);
 
+/* The motion of least squares that brings from[i] onto to[i] for all i below count with use[i] (NULL: all); a heading
+ * counts as a point `ahead` m ahead of the pose's origin, > 0. Identity when there is none. Cost: linear. */
+cairn_pose cairn_pose_fit(const cairn_pose *from, const cairn_pose *to, const int32_t *use, int32_t count,
+                          cairn_real ahead);
+
 cairn_real cairn_segment_length(cairn_segment segment);
 
 /* The point of the segment nearest to p. *parameter, when not NULL, is its place from a (0) to b (1). A segment without

@@ -3,7 +3,9 @@
  * Two scans are linked when more than `min_pairs` points of one have their nearest point of the other within `distance`.
  * In every iteration the closest points of each link give a measured difference of the two poses with its covariance, and
  * all differences are met at once in the least squares sense (Lu and Milios 1997; Adluru 2008, chapter 10). The first scan
- * stays. Scans that no links join to it keep the place of the first of their piece, and are told. */
+ * stays. Scans that no links join to it keep the place of the first of their piece, and are told.
+ *
+ * Optionally the scans are first registered one after the other, as 3DTK, the implementation of the thesis, does. */
 #ifndef CAIRN_LUM_H
 #define CAIRN_LUM_H
 
@@ -35,6 +37,14 @@ typedef struct cairn_lum_params {
     cairn_real sigma;
     /* m, > 0: done when no scan moves farther, its turn counted at 1 m (0.0001) */
     cairn_real converged;
+    /* Sequential registration, before the first links are looked for: scan after scan is brought to those that are placed
+     * by iterative closest points (icp, point to line), the best match first. What a scan starts from is its pose moved
+     * as those of the placed scans have moved. 0: none (0); 1: links of 0.20 m alone keep what is nearly right and do
+     * not find what is far. */
+    int32_t registers;
+    cairn_real register_gate;    /* m, >= distance: of a pair at first (0.7) */
+    cairn_real register_turn;    /* rad, [0, pi]: also tried with its start turned so much, both ways (10 degrees) */
+    cairn_real register_spacing; /* m, >= 0: points of a scan nearer to the one before are left out of it (0.08) */
 } cairn_lum_params;
 
 cairn_lum_params cairn_lum_default(void);
@@ -52,10 +62,11 @@ typedef struct cairn_lum_state {
     int32_t scans;
     int32_t iterations;
     int32_t links;
-    int32_t pieces;    /* of scans that links join; 1 is good */
-    int64_t pairs;     /* of points, in the last iteration */
-    cairn_real error;  /* W of eq. 10.2 before the last iteration's step, with covariances of that iteration */
-    cairn_real motion; /* m: the largest of the last iteration */
+    int32_t pieces;     /* of scans that links join; 1 is good */
+    int32_t registered; /* scans that registration has matched with others */
+    int64_t pairs;      /* of points, in the last iteration */
+    cairn_real error;   /* W of eq. 10.2 before the last iteration's step, with covariances of that iteration */
+    cairn_real motion;  /* m: the largest of the last iteration */
 } cairn_lum_state;
 
 /* 0 for params that create() would refuse. */
@@ -68,19 +79,21 @@ CAIRN_CHECKED cairn_status cairn_lum_create(cairn_lum **lum, cairn_pool *pool, c
 void cairn_lum_clear(cairn_lum *lum);
 
 /* Adds points[0 ... count-1] at the pose map_scan; they are copied. CAIRN_BAD_ARGUMENT: count < 0, NULL with count > 0, a
- * coordinate beyond 1e6 m, or an alignment runs. CAIRN_NOT_FINITE. CAIRN_FULL: more scans or points than params allow.
+ * coordinate beyond 1e6 m, a direction whose length is not 1 within 1 %, or an alignment runs. CAIRN_NOT_FINITE. CAIRN_FULL: more scans or points than params allow.
  * *fault, when not NULL, tells the point. Linear in the points. */
 CAIRN_CHECKED cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *points, int32_t count,
                                               cairn_pose map_scan, cairn_fault *fault);
 
-/* Starts to align from the poses as they are. CAIRN_EMPTY: no scans. CAIRN_BAD_ARGUMENT: an alignment runs. */
+/* Starts to align from the poses as they are. CAIRN_EMPTY: no scans. CAIRN_BAD_ARGUMENT: an alignment runs. Linear in
+ * max_points with registration, else in the scans. */
 CAIRN_CHECKED cairn_status cairn_lum_begin(cairn_lum *lum);
 
 /* CAIRN_OK: nothing left to do, the verdict stands. CAIRN_MORE: go on. CAIRN_FULL: more links or more fill than params
- * allow; the poses are those of the last iteration. Costs 4 units a point of a link, and what the solver takes. */
+ * allow; the poses are those of the last iteration. Costs 4 units a point of a link, and what the solver takes; a
+ * registration three matches for each two scans, see icp. */
 CAIRN_CHECKED cairn_status cairn_lum_step(cairn_lum *lum, cairn_budget *budget);
 
-/* As step(), but also returns CAIRN_OK at the end of every iteration. */
+/* As step(), but also returns CAIRN_OK at the end of the registration and of every iteration. */
 CAIRN_CHECKED cairn_status cairn_lum_iterate(cairn_lum *lum, cairn_budget *budget);
 
 /* State after the last whole iteration. */

@@ -150,8 +150,9 @@ CAIRN_CHECKED cairn_status cairn_pose_graph_solve(cairn_pose_graph *graph);
 CAIRN_CHECKED cairn_status cairn_pose_graph_marginals(cairn_pose_graph *graph);
 
 /* CAIRN_OK: nothing left to do, the verdict stands. CAIRN_MORE: go on. CAIRN_FULL: the factor has more than max_fill
- * blocks, the state tells how many; nothing was solved. CAIRN_NOT_FINITE: a cost overflows; nothing was solved. Costs 4
- * units for each link and 1 for each pose in a pass over them, and what the solver takes. */
+ * blocks, the state tells how many; nothing was solved. CAIRN_NOT_FINITE: a cost overflows; nothing was solved. Costs 9
+ * units for each link whose equations are formed, 4 for each whose cost is, 1 for each pose in a pass over them, and what
+ * the solver takes. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_step(cairn_pose_graph *graph, cairn_budget *budget);
 
 cairn_pose_graph_state cairn_pose_graph_read(const cairn_pose_graph *graph);

@@ -47,6 +47,46 @@ int32_t cairn_pose_is_finite(cairn_pose pose)
     return cairn_is_finite(pose.x) && cairn_is_finite(pose.y) && cairn_is_finite(pose.theta);
 }
 
+/* Mean position of the poses in use; their number. */
+static int32_t mean_position(const cairn_pose *poses, const int32_t *use, int32_t count, cairn_vec2 *mean)
+{
+    int32_t used = 0;
+
+    mean->x = mean->y = 0;
+    for (int32_t i = 0; i < count; i++)
+        if (use == NULL || use[i]) {
+            used++;
+            mean->x += (poses[i].x - mean->x) / (cairn_real)used;
+            mean->y += (poses[i].y - mean->y) / (cairn_real)used;
+        }
+    return used;
+}
+
+cairn_pose cairn_pose_fit(const cairn_pose *from, const cairn_pose *to, const int32_t *use, int32_t count,
+                          cairn_real ahead)
+{
+    cairn_real sine = 0, cosine = 0;
+    cairn_pose motion = {0, 0, 0};
+    cairn_vec2 a, b, turned;
+
+    if (mean_position(from, use, count, &a) == 0)
+        return motion;
+    (void)mean_position(to, use, count, &b);
+    for (int32_t i = 0; i < count; i++)
+        if (use == NULL || use[i]) {
+            cairn_vec2 p = {from[i].x - a.x, from[i].y - a.y}, q = {to[i].x - b.x, to[i].y - b.y};
+            cairn_real turn = to[i].theta - from[i].theta;
+
+            sine += cairn_vec2_cross(p, q) + ahead * ahead * cairn_sin(turn);
+            cosine += cairn_vec2_dot(p, q) + ahead * ahead * cairn_cos(turn);
+        }
+    motion.theta = cairn_atan2(sine, cosine);
+    turned = cairn_transform_point(cairn_transform_of(motion), a);
+    motion.x = b.x - turned.x;
+    motion.y = b.y - turned.y;
+    return motion;
+}
+
 cairn_real cairn_segment_length(cairn_segment segment)
 {
     return cairn_vec2_norm(cairn_vec2_sub(segment.b, segment.a));
@@ -141,9 +181,9 @@ cairn_real cairn_polygon_area(const cairn_vec2 *vertices, int32_t count)
 {
     cairn_real twice = 0;
 
-    for (int32_t i = 0; i < count; i++)
-        twice += cairn_vec2_cross(cairn_vec2_sub(vertices[i], vertices[0]),
-                                  cairn_vec2_sub(vertices[(i + 1) % count], vertices[0]));
+    for (int32_t i = 2; i < count; i++)
+        twice +=
+            cairn_vec2_cross(cairn_vec2_sub(vertices[i - 1], vertices[0]), cairn_vec2_sub(vertices[i], vertices[0]));
     return twice / 2;
 }
 

@@ -285,7 +285,6 @@ int32_t cairn_aligner_look_item(cairn_aligner *x)
     if (look->round < look->rounds) {
         cairn_aligner_pull(x, i, j, pose_i, x->poses[j], refine_gate(look->round), 1, look->centre, &look->sums);
     } else {
-        look->near++;
         look->evidence += cairn_aligner_pair_evidence(x, i, j, cairn_aligner_between(x->poses[j], pose_i), COUNT_GATE);
         points += cairn_aligner_points_of(x, j);
     }

@@ -419,7 +419,7 @@ int32_t cairn_aligner_merge_item(cairn_aligner *x)
         x->phase = ALIGNER_PICK;
         return 2;
     case ALIGNER_RIVALS:
-        if (x->rival > 0 && x->rival <= x->hypothesis_count && x->look.near >= 0 && x->side == -1)
+        if (x->rival > 0 && x->rival <= x->hypothesis_count && x->side == -1)
             take_look(x, &x->hypotheses[x->rival - 1]);
         x->side = 0;
         if (look_at_rival(x)) {

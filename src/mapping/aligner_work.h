@@ -91,7 +91,6 @@ typedef struct aligner_look {
     cairn_real evidence; /* nats of the scans */
     cairn_real prior;    /* nats of the initial poses */
     cairn_real weak[3];  /* unit motion about the centre that the points tell least of: m, m, rad */
-    int32_t near;        /* pairs of scans looked at */
 } aligner_look;
 
 /* Relaxation of the scans of a cluster, one by one. */

@@ -9,6 +9,8 @@
  * and W = sum (xi_i - xi_j - D)^T C^-1 (xi_i - xi_j - D) is least for the solution of G xi = B, where G has the C^-1 of
  * links and B the C^-1 D = -M^T Z / s^2: D itself is needed for s^2 alone.
  *
+ * Registration (lum_register.c) is no part of Lu and Milios: it brings the scans near enough for the links to be right.
+ *
  * Layout: the points of each scan lie in buckets by the hash of their search cells, in the scan's own frame, so that they
  * never move: heads[2 first ... ] of a scan whose points begin at `first`, two buckets a point.
  *
@@ -21,59 +23,29 @@
 
 #include <string.h>
 
-#include "cairn/lum.h"
+#include "src/mapping/lum_work.h"
 
-enum { MAX_SCANS = 1 << 16, MAX_POINTS = 1 << 24, MAX_LINKS = 1 << 24, UNITS_POINT = 4, UNITS_LINK = 4 };
+enum { MAX_SCANS = 1 << 16, MAX_POINTS = 1 << 24, MAX_LINKS = 1 << 24 };
 
 static const cairn_real FARTHEST = CAIRN_REAL(1e6);
 
-enum { IDLE, SEARCH, ANALYZE, MEASURE, FACTOR, SOLVE, MOVE };
-
-struct scan {
-    int32_t first, end; /* of its points */
-    cairn_pose pose;
-    cairn_real reach; /* m, of its points from its origin */
-};
-
-/* Sums over the pairs of two scans, about the centre. */
-struct sums {
-    cairn_real x, y, squares;      /* of the middles */
-    cairn_real zx, zy, turn, miss; /* of z: components, middle x z, |z|^2 */
-    int32_t pairs;
-};
-
-struct cairn_lum {
-    cairn_lum_params params;
-    cairn_lum_state state;
-    cairn_block_solver *solver;
-    cairn_real least_cosine; /* of the direction gate */
-    struct scan *scans;
-    int32_t *root;          /* [max_scans] first scan of its piece */
-    cairn_vec2 *points;     /* [max_points] */
-    cairn_vec2 *directions; /* [max_points] */
-    int32_t *heads;         /* [2 max_points] */
-    int32_t *next;          /* [max_points] */
-    struct link {
-        int32_t first, second;
-    } * links; /* [max_links] */
-    cairn_real (*right)[3];
-    cairn_vec2 centre;
-    struct sums sums;
-    cairn_transform second_first; /* of the pair of scans at hand: the first scan's frame from the second's */
-    cairn_transform map_first;
-    int32_t point_count;
-    int32_t stage, debt, committed;
-    int32_t first, second, point; /* pair of scans and point at hand */
-    int32_t at;                   /* link or scan at hand */
-    int64_t pairs;
-    cairn_real error, motion;
-    cairn_status outcome;
-};
-
 cairn_lum_params cairn_lum_default(void)
 {
-    cairn_lum_params params = {
-        64, 8192, 2016, 2016, 5, 500, 0, CAIRN_REAL(0.2), CAIRN_PI / 3, CAIRN_REAL(0.02), CAIRN_REAL(0.0001)};
+    cairn_lum_params params = {64,
+                               8192,
+                               2016,
+                               2016,
+                               5,
+                               500,
+                               0,
+                               CAIRN_REAL(0.2),
+                               CAIRN_PI / 3,
+                               CAIRN_REAL(0.02),
+                               CAIRN_REAL(0.0001),
+                               0,
+                               CAIRN_REAL(0.7),
+                               CAIRN_PI / 18,
+                               CAIRN_REAL(0.08)};
     return params;
 }
 
@@ -89,7 +61,10 @@ static int params_are_good(const cairn_lum_params *p)
     return p != NULL && p->max_scans >= 1 && p->max_scans <= MAX_SCANS && p->max_points >= 1 &&
            p->max_points <= MAX_POINTS && p->max_links >= 1 && p->max_links <= MAX_LINKS && p->min_pairs >= 2 &&
            p->max_iterations >= 1 && p->rebuild >= 0 && is_length(p->distance) && p->direction_gate > 0 &&
-           p->direction_gate <= CAIRN_PI && is_length(p->sigma) && is_length(p->converged);
+           p->direction_gate <= CAIRN_PI && is_length(p->sigma) && is_length(p->converged) &&
+           (p->registers == 0 || p->registers == 1) && p->register_gate >= p->distance && is_length(p->register_gate) &&
+           p->register_turn >= 0 && p->register_turn <= CAIRN_PI && p->register_spacing >= 0 &&
+           p->register_spacing <= FARTHEST;
 }
 
 static cairn_block_solver_params solver_params(const cairn_lum_params *params)
@@ -112,29 +87,40 @@ static cairn_lum *carve(cairn_lum *l, cairn_pool *pool, const cairn_lum_params *
     l->next = cairn_pool_take(pool, points, sizeof *l->next);
     l->links = cairn_pool_take(pool, (size_t)params->max_links, sizeof *l->links);
     l->right = cairn_pool_take(pool, scans, sizeof *l->right);
+    if (params->registers)
+        cairn_lum_register_carve(&l->registers, pool, params);
     return made;
 }
 
 size_t cairn_lum_memory(const cairn_lum_params *params)
 {
     cairn_block_solver_params inner;
+    cairn_icp_params icp;
     cairn_pool counting;
     cairn_lum layout;
-    size_t bytes;
+    size_t bytes, more = 0;
 
     if (!params_are_good(params))
         return 0;
     inner = solver_params(params);
     bytes = cairn_block_solver_memory(&inner);
+    if (params->registers) {
+        icp = cairn_lum_register_icp(params);
+        more = cairn_icp_memory(&icp);
+    }
     cairn_pool_init_counting(&counting);
     (void)carve(&layout, &counting, params);
-    return bytes == 0 || counting.used >= SIZE_MAX - bytes ? 0 : counting.used + bytes;
+    if (bytes == 0 || (params->registers && more == 0) || more > SIZE_MAX - bytes ||
+        counting.used >= SIZE_MAX - bytes - more)
+        return 0;
+    return counting.used + bytes + more;
 }
 
 cairn_status cairn_lum_create(cairn_lum **lum, cairn_pool *pool, const cairn_lum_params *params)
 {
     size_t need = cairn_lum_memory(params);
     cairn_block_solver_params inner;
+    cairn_icp_params icp;
     cairn_lum layout, *made;
     cairn_status status;
 
@@ -148,6 +134,10 @@ cairn_status cairn_lum_create(cairn_lum **lum, cairn_pool *pool, const cairn_lum
     layout.least_cosine = cairn_cos(params->direction_gate);
     inner = solver_params(params);
     status = cairn_block_solver_create(&layout.solver, pool, &inner);
+    if (status == CAIRN_OK && params->registers) {
+        icp = cairn_lum_register_icp(params);
+        status = cairn_icp_create(&layout.registers.icp, pool, &icp);
+    }
     CAIRN_ASSERT(status == CAIRN_OK);
     *made = layout;
     *lum = made;
@@ -158,7 +148,7 @@ void cairn_lum_clear(cairn_lum *lum)
 {
     memset(&lum->state, 0, sizeof lum->state);
     lum->point_count = 0;
-    lum->stage = IDLE;
+    lum->stage = LUM_IDLE;
     lum->debt = 0;
     lum->outcome = CAIRN_OK;
 }
@@ -167,52 +157,31 @@ void cairn_lum_clear(cairn_lum *lum)
 
 static int is_running(const cairn_lum *l)
 {
-    return l->stage != IDLE || l->debt > 0 || l->outcome != CAIRN_OK;
+    return l->stage != LUM_IDLE || l->debt > 0 || l->outcome != CAIRN_OK;
 }
 
 static cairn_status check_points(const cairn_oriented_point *points, int32_t count, cairn_fault *fault)
 {
     for (int32_t k = 0; k < count; k++) {
         cairn_vec2 p = points[k].position;
+        cairn_real norm = cairn_vec2_norm_squared(points[k].direction);
 
         if (!cairn_is_finite(p.x) || !cairn_is_finite(p.y))
             return cairn_refuse(fault, k, "a coordinate is not finite", CAIRN_NOT_FINITE);
         if (cairn_abs(p.x) > FARTHEST || cairn_abs(p.y) > FARTHEST)
             return cairn_refuse(fault, k, "a coordinate beyond 1e6 m", CAIRN_BAD_ARGUMENT);
+        if (norm != norm)
+            return cairn_refuse(fault, k, "a direction is not finite", CAIRN_NOT_FINITE);
+        if (!(norm > CAIRN_REAL(0.98) && norm < CAIRN_REAL(1.02)))
+            return cairn_refuse(fault, k, "a direction is not of length 1", CAIRN_BAD_ARGUMENT);
     }
     return CAIRN_OK;
-}
-
-static int32_t cell_of(const cairn_lum *l, cairn_real x)
-{
-    return cairn_real_to_int(cairn_floor(x / l->params.distance));
-}
-
-static int32_t bucket_of(const struct scan *scan, int32_t x, int32_t y)
-{
-    uint32_t hash = (uint32_t)x * UINT32_C(0x9E3779B1) ^ (uint32_t)y * UINT32_C(0x85EBCA77);
-    uint32_t buckets = 2 * (uint32_t)(scan->end - scan->first);
-
-    hash ^= hash >> 15;
-    return 2 * scan->first + (int32_t)(buckets > 0 ? hash % buckets : 0);
-}
-
-static void fill_buckets(cairn_lum *l, const struct scan *scan)
-{
-    for (int32_t k = 2 * scan->first; k < 2 * scan->end; k++)
-        l->heads[k] = -1;
-    for (int32_t k = scan->end - 1; k >= scan->first; k--) {
-        int32_t bucket = bucket_of(scan, cell_of(l, l->points[k].x), cell_of(l, l->points[k].y));
-
-        l->next[k] = l->heads[bucket];
-        l->heads[bucket] = k;
-    }
 }
 
 cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *points, int32_t count, cairn_pose map_scan,
                                 cairn_fault *fault)
 {
-    struct scan *scan;
+    struct lum_scan *scan;
     cairn_status status;
 
     if (lum == NULL || count < 0 || (points == NULL && count > 0))
@@ -240,116 +209,19 @@ cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *poin
         scan->reach = cairn_max(scan->reach, cairn_vec2_norm(points[k].position));
     }
     scan->end = lum->point_count;
-    fill_buckets(lum, scan);
+    cairn_lum_fill_buckets(lum, scan);
     lum->root[lum->state.scans] = lum->state.scans;
     lum->state.scans++;
+    if (lum->params.registers)
+        cairn_lum_register_add(lum, points, count);
     return CAIRN_OK;
-}
-
-/* The point of the scan nearest to p (in its frame) within the distance whose direction agrees, the lowest index among
- * equals; -1: none. */
-static int32_t nearest(const cairn_lum *l, const struct scan *scan, cairn_vec2 p, cairn_vec2 direction)
-{
-    cairn_real best = l->params.distance * l->params.distance;
-    int32_t cx = cell_of(l, p.x), cy = cell_of(l, p.y), found = -1;
-
-    for (int32_t c = 0; c < 9; c++)
-        for (int32_t k = l->heads[bucket_of(scan, cx - 1 + c % 3, cy - 1 + c / 3)]; k >= 0; k = l->next[k]) {
-            cairn_real away = cairn_vec2_norm_squared(cairn_vec2_sub(l->points[k], p));
-
-            if ((away < best || (away == best && (found < 0 || k < found))) &&
-                cairn_vec2_dot(l->directions[k], direction) >= l->least_cosine) {
-                best = away;
-                found = k;
-            }
-        }
-    return found;
-}
-
-/* ---- Pairs of two scans ---- */
-
-static void begin_pairs(cairn_lum *l, int32_t first, int32_t second)
-{
-    l->first = first;
-    l->second = second;
-    l->point = l->scans[second].first;
-    memset(&l->sums, 0, sizeof l->sums);
-    l->map_first = cairn_transform_of(l->scans[first].pose);
-    l->second_first = cairn_transform_of(cairn_pose_between(l->scans[first].pose, l->scans[second].pose));
-}
-
-static void add_pair(cairn_lum *l)
-{
-    const struct scan *first = &l->scans[l->first];
-    cairn_vec2 own = cairn_transform_point(l->second_first, l->points[l->point]), a, b;
-    int32_t found = nearest(l, first, own, cairn_transform_direction(l->second_first, l->directions[l->point++]));
-    struct sums *s = &l->sums;
-    cairn_real x, y, zx, zy;
-
-    if (found < 0)
-        return;
-    a = cairn_transform_point(l->map_first, l->points[found]);
-    b = cairn_transform_point(l->map_first, own);
-    x = (a.x + b.x) / 2 - l->centre.x;
-    y = (a.y + b.y) / 2 - l->centre.y;
-    zx = a.x - b.x;
-    zy = a.y - b.y;
-    s->pairs++;
-    s->x += x;
-    s->y += y;
-    s->squares += x * x + y * y;
-    s->zx += zx;
-    s->zy += zy;
-    s->turn += x * zy - y * zx;
-    s->miss += zx * zx + zy * zy;
-}
-
-/* Adds the link's equations. */
-static cairn_status add_link(cairn_lum *l, int32_t index)
-{
-    const struct sums *s = &l->sums;
-    const cairn_real n = (cairn_real)s->pairs, mz[3] = {s->zx, s->zy, s->turn};
-    cairn_sym3 m = {n, 0, -s->y, n, s->x, s->squares};
-    cairn_real d[3] = {0, 0, 0}, by, left = s->miss;
-    cairn_real block[9] = {0};
-    int moves_first = l->root[l->first] != l->first, moves_second = l->root[l->second] != l->second;
-    cairn_status status = CAIRN_OK;
-
-    if (s->pairs <= l->params.min_pairs)
-        return CAIRN_OK; /* built from other poses, and now out of sight of each other */
-    if (cairn_sym3_solve(m, mz, d))
-        left -= d[0] * mz[0] + d[1] * mz[1] + d[2] * mz[2];
-    by = 1 / cairn_max(left / (2 * n - 3), l->params.sigma * l->params.sigma);
-    l->error += by * s->miss;
-    l->pairs += s->pairs;
-    m.xx *= by;
-    m.xz *= by;
-    m.yy *= by;
-    m.yz *= by;
-    m.zz *= by;
-    for (int k = 0; k < 3; k++) {
-        l->right[l->first][k] -= by * mz[k];
-        l->right[l->second][k] += by * mz[k];
-    }
-    if (moves_first)
-        status = cairn_block_solver_add_pose_block(l->solver, l->first, m);
-    if (moves_second && status == CAIRN_OK)
-        status = cairn_block_solver_add_pose_block(l->solver, l->second, m);
-    block[0] = -m.xx;
-    block[2] = block[6] = -m.xz;
-    block[4] = -m.yy;
-    block[5] = block[7] = -m.yz;
-    block[8] = -m.zz;
-    if (moves_first && moves_second && status == CAIRN_OK)
-        status = cairn_block_solver_add_link_block(l->solver, index, block);
-    return status;
 }
 
 /* ---- Stages ---- */
 
 static void end(cairn_lum *l, cairn_lum_verdict verdict, cairn_status outcome)
 {
-    l->stage = IDLE;
+    l->stage = LUM_IDLE;
     l->state.verdict = verdict;
     l->outcome = outcome;
     l->committed = 1;
@@ -369,7 +241,7 @@ static int next_pair(cairn_lum *l)
 {
     for (; l->first < l->state.scans; l->first++, l->second = l->first + 1)
         for (; l->second < l->state.scans; l->second++) {
-            const struct scan *a = &l->scans[l->first], *b = &l->scans[l->second];
+            const struct lum_scan *a = &l->scans[l->first], *b = &l->scans[l->second];
             cairn_real dx = a->pose.x - b->pose.x, dy = a->pose.y - b->pose.y;
             cairn_real reach = a->reach + b->reach + l->params.distance;
 
@@ -384,9 +256,9 @@ static void begin_search(cairn_lum *l)
     l->state.links = 0;
     l->first = 0;
     l->second = 1;
-    l->stage = SEARCH;
+    l->stage = LUM_SEARCH;
     if (next_pair(l))
-        begin_pairs(l, l->first, l->second);
+        cairn_lum_begin_pairs(l, l->first, l->second);
 }
 
 static void begin_structure(cairn_lum *l)
@@ -410,7 +282,7 @@ static void begin_structure(cairn_lum *l)
         status = cairn_block_solver_analyze(l->solver);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
-    l->stage = ANALYZE;
+    l->stage = LUM_ANALYZE;
 }
 
 /* A pair of scans has been looked through. */
@@ -426,7 +298,7 @@ static void end_search_pair(cairn_lum *l)
     }
     l->second++;
     if (next_pair(l))
-        begin_pairs(l, l->first, l->second);
+        cairn_lum_begin_pairs(l, l->first, l->second);
 }
 
 static void begin_measure(cairn_lum *l)
@@ -435,9 +307,9 @@ static void begin_measure(cairn_lum *l)
     l->pairs = 0;
     l->error = 0;
     memset(l->right, 0, (size_t)l->state.scans * sizeof *l->right);
-    l->stage = MEASURE;
+    l->stage = LUM_MEASURE;
     if (l->state.links > 0)
-        begin_pairs(l, l->links[0].first, l->links[0].second);
+        cairn_lum_begin_pairs(l, l->links[0].first, l->links[0].second);
 }
 
 /* Every link has been measured: what stays gets the identity. */
@@ -455,14 +327,14 @@ static void begin_factor(cairn_lum *l)
         status = cairn_block_solver_factor(l->solver);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
-    l->stage = FACTOR;
+    l->stage = LUM_FACTOR;
 }
 
 static void begin_move(cairn_lum *l)
 {
     l->at = 0;
     l->motion = 0;
-    l->stage = MOVE;
+    l->stage = LUM_MOVE;
 }
 
 static void move_scan(cairn_lum *l, int32_t index)
@@ -504,52 +376,60 @@ static void end_iteration(cairn_lum *l)
 /* The solver has ended a part. */
 static void end_part(cairn_lum *l, cairn_status status)
 {
-    if (status != CAIRN_OK && l->stage == ANALYZE) {
+    if (status != CAIRN_OK && l->stage == LUM_ANALYZE) {
         end(l, CAIRN_LUM_RUNNING, CAIRN_FULL);
-    } else if (l->stage == ANALYZE) {
+    } else if (l->stage == LUM_ANALYZE) {
         begin_measure(l);
     } else if (status != CAIRN_OK || cairn_block_solver_read(l->solver).state == CAIRN_BLOCK_SOLVER_NOT_POSITIVE) {
         end(l, CAIRN_LUM_SINGULAR, CAIRN_OK);
-    } else if (l->stage == FACTOR) {
+    } else if (l->stage == LUM_FACTOR) {
         status = cairn_block_solver_solve(l->solver, l->right[0]);
         CAIRN_ASSERT(status == CAIRN_OK);
-        l->stage = SOLVE;
+        l->stage = LUM_SOLVE;
     } else {
         begin_move(l);
     }
 }
 
-/* One item of SEARCH, MEASURE or MOVE; returns its units. */
+/* One item of a stage that is not the solver's; returns its units. */
 static int32_t do_item(cairn_lum *l)
 {
     int more = l->point < l->scans[l->second < l->state.scans ? l->second : 0].end;
+    int32_t units;
 
-    if (l->stage == SEARCH) {
+    if (l->stage == LUM_REGISTER) {
+        if (cairn_lum_register_next(l, &units)) {
+            l->committed = 1;
+            begin_search(l);
+        }
+        return units;
+    }
+    if (l->stage == LUM_SEARCH) {
         if (l->first >= l->state.scans) {
             begin_structure(l);
-            return 1 + l->state.links / UNITS_LINK;
+            return 1 + l->state.links / LUM_UNITS_LINK;
         }
         if (more) {
-            add_pair(l);
-            return UNITS_POINT;
+            cairn_lum_add_pair(l);
+            return LUM_UNITS_POINT;
         }
         end_search_pair(l);
-        return UNITS_LINK;
+        return LUM_UNITS_LINK;
     }
-    if (l->stage == MEASURE) {
+    if (l->stage == LUM_MEASURE) {
         if (l->at == l->state.links) {
             begin_factor(l);
-            return 1 + l->state.scans / UNITS_LINK;
+            return 1 + l->state.scans / LUM_UNITS_LINK;
         }
         if (more) {
-            add_pair(l);
-            return UNITS_POINT;
+            cairn_lum_add_pair(l);
+            return LUM_UNITS_POINT;
         }
-        if (add_link(l, l->at++) != CAIRN_OK)
+        if (cairn_lum_add_link(l, l->at++) != CAIRN_OK)
             end(l, CAIRN_LUM_SINGULAR, CAIRN_OK);
         else if (l->at < l->state.links)
-            begin_pairs(l, l->links[l->at].first, l->links[l->at].second);
-        return UNITS_LINK;
+            cairn_lum_begin_pairs(l, l->links[l->at].first, l->links[l->at].second);
+        return LUM_UNITS_LINK;
     }
     if (l->at < l->state.scans)
         move_scan(l, l->at++);
@@ -568,13 +448,19 @@ cairn_status cairn_lum_begin(cairn_lum *lum)
     lum->state.iterations = 0;
     lum->centre.x = lum->scans[0].pose.x;
     lum->centre.y = lum->scans[0].pose.y;
-    begin_search(lum);
+    lum->state.registered = 0;
+    if (lum->params.registers) {
+        cairn_lum_register_begin(lum);
+        lum->stage = LUM_REGISTER;
+    } else {
+        begin_search(lum);
+    }
     return CAIRN_OK;
 }
 
 static int is_solvers(int32_t stage)
 {
-    return stage == ANALYZE || stage == FACTOR || stage == SOLVE;
+    return stage == LUM_ANALYZE || stage == LUM_FACTOR || stage == LUM_SOLVE;
 }
 
 cairn_status cairn_lum_iterate(cairn_lum *lum, cairn_budget *budget)
@@ -582,7 +468,7 @@ cairn_status cairn_lum_iterate(cairn_lum *lum, cairn_budget *budget)
     cairn_status outcome;
 
     lum->committed = 0;
-    while (lum->debt > 0 || (lum->stage != IDLE && !lum->committed)) {
+    while (lum->debt > 0 || (lum->stage != LUM_IDLE && !lum->committed)) {
         if (budget->left <= 0)
             return CAIRN_MORE;
         if (lum->debt > 0) {
@@ -596,6 +482,10 @@ cairn_status cairn_lum_iterate(cairn_lum *lum, cairn_budget *budget)
             if (status == CAIRN_MORE)
                 return CAIRN_MORE;
             end_part(lum, status);
+        } else if (lum->stage == LUM_REGISTER && lum->registers.matching) {
+            if (cairn_icp_step(lum->registers.icp, budget) == CAIRN_MORE)
+                return CAIRN_MORE;
+            cairn_lum_register_matched(lum);
         } else {
             lum->debt = do_item(lum);
         }
@@ -611,7 +501,7 @@ cairn_status cairn_lum_step(cairn_lum *lum, cairn_budget *budget)
 
     do
         status = cairn_lum_iterate(lum, budget);
-    while (status == CAIRN_OK && lum->stage != IDLE);
+    while (status == CAIRN_OK && lum->stage != LUM_IDLE);
     return status;
 }
 

@@ -21,7 +21,7 @@
 
 #include "src/mapping/pose_graph_work.h"
 
-enum { UNITS_LINK = 4, UNITS_POSE = 1, POSES_A_UNIT = 8 };
+enum { UNITS_LINK = 4, UNITS_EQUATIONS = 9, UNITS_POSE = 1, POSES_A_UNIT = 8 };
 
 static const cairn_real FIRST_DAMPING = CAIRN_REAL(1e-6);
 static const cairn_real RAISED_DAMPING = CAIRN_REAL(1e-4); /* after a refused step, at least */
@@ -452,7 +452,7 @@ static int32_t do_item(cairn_pose_graph *g)
     case POSE_GRAPH_LINKS:
         if (g->at < links) {
             assemble_link(g, g->at++);
-            return UNITS_LINK;
+            return UNITS_EQUATIONS;
         }
         enter(g, g->mode, POSE_GRAPH_POSES);
         return UNITS_POSE;

@@ -1,0 +1,243 @@
+#include "bench/bench_maps.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "bench/bench_json.h"
+#include "cairn/map_merge.h"
+#include "src/host/map_file_image.h"
+
+/* Pixels: the pairs whose transform the annotators fitted as well as this, and how far a map may be off. */
+static const double FIT_MOST = 16, RIGHT_HALMSTAD = 20, RIGHT_PARTS = 10;
+
+/* Maps are made coarser, by two, as long as they are not merged and have so many cells to a side. */
+enum { LEAST_SIDE = 190, NAME_MOST = 64 };
+
+typedef struct picture {
+    char name[NAME_MOST];
+    uint8_t *cells; /* row 0 lowest */
+    int32_t width, height;
+} picture;
+
+/* q = turn and shift of p, in pixels. */
+typedef struct shift {
+    double cosine, sine, scale, x, y;
+} shift;
+
+static int load(const char *folder, const char *name, picture *p)
+{
+    char path[1200];
+    cairn_file_error error;
+    cairn_image image;
+
+    snprintf(path, sizeof path, "%s/%s.png", folder, name);
+    if (cairn_image_read(&image, path, &error) != CAIRN_OK) {
+        fprintf(stderr, "%s\n", error.text);
+        return 0;
+    }
+    snprintf(p->name, sizeof p->name, "%s", name);
+    p->width = image.width;
+    p->height = image.height;
+    p->cells = malloc((size_t)image.width * (size_t)image.height);
+    for (int32_t y = 0; y < image.height && p->cells != NULL; y++)
+        for (int32_t x = 0; x < image.width; x++) {
+            uint8_t v = image.pixel[(size_t)(image.height - 1 - y) * (size_t)image.width + (size_t)x];
+
+            p->cells[(size_t)y * (size_t)image.width + (size_t)x] = v < 90    ? CAIRN_CELL_OCCUPIED
+                                                                    : v > 220 ? CAIRN_CELL_FREE
+                                                                              : CAIRN_CELL_UNKNOWN;
+        }
+    cairn_image_free(&image);
+    return p->cells != NULL;
+}
+
+static cairn_status add_coarse(cairn_map_merge *merge, const picture *p, int32_t k, uint8_t *room)
+{
+    cairn_raster_u8_view fine = {p->cells, p->width, p->height, p->width};
+    cairn_raster_u8 coarse = {room, (p->width - 1) / k + 1, (p->height - 1) / k + 1, (p->width - 1) / k + 1};
+    cairn_merge_map map;
+    cairn_status status = cairn_map_merge_coarsen(fine, k, coarse);
+
+    map.cells = cairn_raster_u8_read(coarse);
+    map.resolution = (cairn_real)k; /* lengths in pixels */
+    map.origin = cairn_pose_identity();
+    return status == CAIRN_OK ? cairn_map_merge_add(merge, &map, NULL) : status;
+}
+
+/* Where `source` lies in `target`, in pixels. 1 and *found set when it was placed; -1 on failure. */
+static int merge_at(const picture *target, const picture *source, int32_t k, int particles, cairn_merge_placed *found)
+{
+    cairn_map_merge_params params = cairn_map_merge_default();
+    int32_t cells = target->width * target->height, own = source->width * source->height;
+    cairn_status status = CAIRN_MORE;
+    cairn_map_merge *merge = NULL;
+    uint8_t *room[2];
+    cairn_pool pool;
+    size_t bytes;
+    void *memory;
+    int ok;
+
+    params.max_maps = 2;
+    params.max_cells = cells + own;
+    params.max_map_cells = cells > own ? cells : own;
+    params.max_points = 4096;
+    params.particles = particles;
+    bytes = cairn_map_merge_memory(&params) + CAIRN_ALIGN;
+    memory = malloc(bytes);
+    room[0] = malloc((size_t)cells);
+    room[1] = malloc((size_t)own);
+    ok = memory != NULL && room[0] != NULL && room[1] != NULL && cairn_pool_init(&pool, memory, bytes) == CAIRN_OK &&
+         cairn_map_merge_create(&merge, &pool, &params) == CAIRN_OK &&
+         add_coarse(merge, target, k, room[0]) == CAIRN_OK && add_coarse(merge, source, k, room[1]) == CAIRN_OK &&
+         cairn_map_merge_begin(merge, 0, NULL) == CAIRN_OK;
+    while (ok && status == CAIRN_MORE) {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        status = cairn_map_merge_step(merge, &budget);
+    }
+    ok = ok && status == CAIRN_OK;
+    if (ok)
+        *found = cairn_map_merge_of(merge, 1);
+    free(room[0]);
+    free(room[1]);
+    free(memory);
+    return !ok ? -1 : found->verdict == CAIRN_MERGE_PLACED;
+}
+
+static int merge_pair(const picture *target, const picture *source, int particles, cairn_merge_placed *found,
+                      int32_t *k)
+{
+    int32_t side = target->width > target->height ? target->width : target->height;
+    int placed;
+
+    for (*k = 1;; *k *= 2) {
+        placed = merge_at(target, source, *k, particles, found);
+        if (placed != 0 || side / (2 * *k) < LEAST_SIDE)
+            return placed;
+    }
+}
+
+/* Mean distance in pixels of the source's walls from where the truth puts them. */
+static double displacement(const picture *source, shift truth, cairn_pose found)
+{
+    double sum = 0, c = cos((double)found.theta), s = sin((double)found.theta);
+    int64_t count = 0;
+
+    for (int32_t y = 0; y < source->height; y++)
+        for (int32_t x = 0; x < source->width; x++) {
+            double u = x + 0.5, v = y + 0.5;
+
+            if (source->cells[(size_t)y * (size_t)source->width + (size_t)x] != CAIRN_CELL_OCCUPIED)
+                continue;
+            sum += hypot((double)found.x + c * u - s * v - truth.scale * (truth.cosine * u - truth.sine * v) - truth.x,
+                         (double)found.y + s * u + c * v - truth.scale * (truth.sine * u + truth.cosine * v) - truth.y);
+            count++;
+        }
+    return count > 0 ? sum / (double)count : (double)NAN;
+}
+
+typedef struct tally {
+    int32_t pairs, right, wrong, refused;
+} tally;
+
+static void run_pair(const picture *target, const picture *source, shift truth, double right, int particles, tally *t)
+{
+    cairn_merge_placed found;
+    double start = bench_seconds(), off = (double)NAN;
+    int32_t k = 1;
+    int placed = merge_pair(target, source, particles, &found, &k);
+
+    t->pairs++;
+    if (placed > 0)
+        off = displacement(source, truth, found.reference_map);
+    t->right += off <= right;
+    t->wrong += placed > 0 && !(off <= right);
+    t->refused += placed <= 0;
+    bench_json_begin("merge");
+    bench_json_text("source", source->name);
+    bench_json_text("target", target->name);
+    bench_json_text("verdict", placed < 0 ? "failed" : cairn_merge_verdict_text(found.verdict));
+    bench_json_number("off_px", off);
+    bench_json_number("wrong_probability", placed > 0 ? (double)found.wrong : (double)NAN);
+    bench_json_integer("cells", k);
+    bench_json_number("seconds", bench_seconds() - start);
+    bench_json_end();
+    fflush(stdout);
+}
+
+static int run_halmstad(const char *folder, int particles, tally *t)
+{
+    char path[1100], line[1024];
+    FILE *file;
+
+    snprintf(path, sizeof path, "%s/pairs.csv", folder);
+    file = fopen(path, "r");
+    if (file == NULL)
+        return 0;
+    while (fgets(line, sizeof line, file) != NULL) {
+        char names[2][NAME_MOST];
+        double points, theta, scale, x, y, rms;
+        picture source = {"", NULL, 0, 0}, target = {"", NULL, 0, 0};
+
+        if (sscanf(line, "%63[^,],%63[^,],%lf,%lf,%lf,%lf,%lf,%lf", names[0], names[1], &points, &theta, &scale, &x, &y,
+                   &rms) != 8 ||
+            strcmp(names[0], names[1]) >= 0 || strstr(names[1], "layout") != NULL || rms > FIT_MOST)
+            continue;
+        if (load(folder, names[0], &source) && load(folder, names[1], &target)) {
+            shift truth = {cos(theta), sin(theta), scale, x, y};
+
+            run_pair(&target, &source, truth, RIGHT_HALMSTAD, particles, t);
+        }
+        free(source.cells);
+        free(target.cells);
+    }
+    fclose(file);
+    return 1;
+}
+
+/* Parts that were cut from the whole map: they lie where they were. */
+static void run_parts(const char *folder, int particles, tally *t)
+{
+    const shift nowhere = {1, 0, 1, 0, 0};
+    picture whole = {"", NULL, 0, 0};
+
+    if (load(folder, "intel", &whole))
+        for (int i = 1; i <= 2; i++) {
+            picture part = {"", NULL, 0, 0};
+            char name[NAME_MOST];
+
+            snprintf(name, sizeof name, "intel_local_%02d", i);
+            if (load(folder, name, &part))
+                run_pair(&whole, &part, nowhere, RIGHT_PARTS, particles, t);
+            free(part.cells);
+        }
+    free(whole.cells);
+}
+
+int bench_maps_run(const char *folder, int particles)
+{
+    tally halmstad = {0, 0, 0, 0}, parts = {0, 0, 0, 0};
+    char path[1024];
+
+    snprintf(path, sizeof path, "%s/halmstad", folder);
+    if (!run_halmstad(path, particles, &halmstad)) {
+        fprintf(stderr, "merge: no %s/pairs.csv: the maps are not there\n", path);
+        return 3;
+    }
+    snprintf(path, sizeof path, "%s/parts", folder);
+    run_parts(path, particles, &parts);
+    bench_json_begin("merge");
+    bench_json_integer("pairs", halmstad.pairs);
+    bench_json_integer("right", halmstad.right);
+    bench_json_number("pairs_right", halmstad.pairs > 0 ? (double)halmstad.right / halmstad.pairs : (double)NAN);
+    bench_json_integer("wrong", halmstad.wrong);
+    bench_json_integer("refused", halmstad.refused);
+    bench_json_integer("parts_right", parts.right);
+    bench_json_integer("parts", parts.pairs);
+    bench_json_true("summary");
+    bench_json_end();
+    return 0;
+}

@@ -1,0 +1,9 @@
+/* Real maps, merged pair by pair against the transforms of annotators. */
+#ifndef CAIRN_BENCH_MAPS_H
+#define CAIRN_BENCH_MAPS_H
+
+/* Rows and a summary of `halmstad/` (pairs.csv) and `parts/` (onto the whole) in a folder. An exit code: 3 when there is no
+ * data. */
+int bench_maps_run(const char *folder, int particles);
+
+#endif

@@ -1,0 +1,48 @@
+/* Maps that robots made of parts of one arena: grids in frames of their own, neighbours overlap by a set share. */
+#ifndef CAIRN_BENCH_PARTS_H
+#define CAIRN_BENCH_PARTS_H
+
+#include "cairn/map_merge.h"
+#include "sim/arena.h"
+
+typedef struct bench_part {
+    uint8_t *cells;     /* [side * side] as CAIRN_CELL_..., row 0 lowest */
+    float *apart;       /* [side * side] m by which a cell lies outside the part's own tile; below 0: inside */
+    uint8_t *seen;      /* [side * side] as `cells`, before what lies outside of the part was taken away */
+    int32_t side;       /* cells */
+    sim_pose world_map; /* truth */
+    sim_point middle;   /* of the tile */
+    double half[2];     /* m, of the tile in x and y */
+} bench_part;
+
+typedef struct bench_parts_options {
+    uint64_t seed;
+    const char *scene;
+    int32_t robots;
+    double overlap;    /* share of the smaller map's known cells */
+    double tile;       /* m, side of the part of one robot, overlap included */
+    double resolution; /* m */
+    int32_t places;    /* from which a robot scans */
+    int32_t pair;      /* 1: two robots in an arena of 20 by 16 m */
+} bench_parts_options;
+
+typedef struct bench_parts {
+    bench_part *list; /* [count] */
+    int32_t count;
+    double overlap; /* median over neighbours, as it came out */
+    double resolution;
+} bench_parts;
+
+/* 0 on failure, with a line on standard error. */
+int bench_parts_make(const bench_parts_options *options, bench_parts *parts);
+void bench_parts_free(bench_parts *parts);
+
+/* Known cells of a that b knows, over the known cells of the smaller of both, at truth. */
+double bench_parts_shared(const bench_parts *parts, int32_t a, int32_t b);
+
+/* The same part seen in a mirror. */
+void bench_part_mirror(bench_part *part);
+
+cairn_merge_map bench_part_map(const bench_part *part, double resolution);
+
+#endif

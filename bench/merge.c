@@ -1,0 +1,334 @@
+/* bench/merge: maps of many robots, put together with no guess.
+ *
+ * An arena is shared out among robots; each scans its part from a few places and draws a grid in a frame of its own. A map is
+ * right when it lies within 0.10 m and 2 degrees of the truth, seen from the largest set of maps that agree. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "bench/bench_json.h"
+#include "bench/bench_maps.h"
+#include "bench/bench_parts.h"
+#include "bench/bench_score.h"
+#include "cairn/map_file.h"
+#include "cairn/output.h"
+#include "tools/options.h"
+
+#define DEGREE 0.017453292519943295
+
+static const double RIGHT_M = 0.10, RIGHT_RAD = 2 * DEGREE;
+
+typedef struct settings {
+    bench_parts_options parts;
+    int64_t robots, seeds, seed, particles;
+    double overlap;
+    const char *write;
+    const char *maps, *perception;
+    int32_t decoy, pair, modes;
+} settings;
+
+typedef struct outcome {
+    int32_t maps, right, wrong, left_out, decoy_accepted;
+    double overlap, seconds;
+    int32_t corners; /* of the first map */
+    size_t pool_bytes;
+    cairn_merge_result result;
+} outcome;
+
+static cairn_map_merge_params params_for(const settings *s, const bench_parts *parts, int32_t extra)
+{
+    cairn_map_merge_params p = cairn_map_merge_default();
+    int64_t cells = 0;
+
+    p.max_maps = parts->count + extra;
+    p.particles = (int32_t)s->particles;
+    p.perception = strcmp(s->perception, "images") == 0 ? CAIRN_MERGE_IMAGES : CAIRN_MERGE_EVIDENCE;
+    for (int32_t i = 0; i < parts->count; i++) {
+        int32_t own = parts->list[i].side * parts->list[i].side;
+
+        cells += own;
+        p.max_map_cells = i == 0 || own > p.max_map_cells ? own : p.max_map_cells;
+    }
+    p.max_cells = (int32_t)(cells + extra * (int64_t)p.max_map_cells);
+    return p;
+}
+
+/* Where the best modes of true neighbours lie, beside the best wrong ones. */
+static void print_modes(const cairn_map_merge *merge, const bench_parts *parts)
+{
+    for (int32_t b = 0; b < parts->count; b++)
+        for (int32_t a = 0; a < b; a++) {
+            sim_pose truth = bench_pose_between(parts->list[a].world_map, parts->list[b].world_map);
+            cairn_pose t = {(cairn_real)truth.x, (cairn_real)truth.y, (cairn_real)truth.theta}, pose;
+            cairn_merge_score score;
+            cairn_real evidence;
+
+            if (cairn_map_merge_score(merge, a, b, t, &score) != CAIRN_OK)
+                continue;
+            bench_json_begin("merge");
+            bench_json_integer("a", a);
+            bench_json_integer("b", b);
+            bench_json_number("shared", bench_parts_shared(parts, a, b));
+            bench_json_number("true_evidence", (double)score.evidence);
+            bench_json_number("agree", (double)score.agree);
+            bench_json_number("conflict", (double)score.conflict);
+            for (int32_t k = 0; k < 3 && cairn_map_merge_mode(merge, a, b, k, &pose, &evidence); k++) {
+                char key[32];
+
+                snprintf(key, sizeof key, "mode%d", (int)k);
+                bench_json_number(key, (double)evidence);
+                snprintf(key, sizeof key, "off%d", (int)k);
+                bench_json_number(key, hypot((double)(pose.x - t.x), (double)(pose.y - t.y)));
+                if (cairn_map_merge_score(merge, a, b, pose, &score) == CAIRN_OK)
+                    snprintf(key, sizeof key, "conflict%d", (int)k);
+                bench_json_number(key, (double)score.conflict);
+            }
+            bench_json_end();
+        }
+}
+
+static int run_merge(cairn_map_merge *merge, const bench_parts *parts, const bench_part *decoy)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_status status = CAIRN_OK;
+
+    cairn_map_merge_clear(merge);
+    for (int32_t i = 0; i < parts->count + (decoy != NULL) && status == CAIRN_OK; i++) {
+        cairn_merge_map map = bench_part_map(i < parts->count ? &parts->list[i] : decoy, parts->resolution);
+
+        status = cairn_map_merge_add(merge, &map, NULL);
+    }
+    if (status == CAIRN_OK)
+        status = cairn_map_merge_begin(merge, 0, NULL);
+    while (status == CAIRN_OK || status == CAIRN_MORE) {
+        status = cairn_map_merge_step(merge, &budget);
+        if (status != CAIRN_MORE)
+            break;
+        budget.left = CAIRN_UNBOUNDED;
+    }
+    if (status != CAIRN_OK)
+        fprintf(stderr, "merge: %s\n", cairn_status_text(status));
+    return status == CAIRN_OK;
+}
+
+/* Which placed maps are right: those that agree with the map that most agree with. */
+static void score(const cairn_map_merge *merge, const bench_parts *parts, outcome *out)
+{
+    int32_t placed = 0, most = 0;
+
+    for (int32_t k = 0; k < parts->count; k++) {
+        int32_t agree = 0;
+
+        if (cairn_map_merge_of(merge, k).verdict != CAIRN_MERGE_PLACED)
+            continue;
+        placed++;
+        for (int32_t i = 0; i < parts->count; i++) {
+            cairn_merge_placed p = cairn_map_merge_of(merge, i), q = cairn_map_merge_of(merge, k);
+            cairn_pose seen = cairn_pose_between(q.reference_map, p.reference_map);
+            sim_pose truth = bench_pose_between(parts->list[k].world_map, parts->list[i].world_map);
+
+            agree += p.verdict == CAIRN_MERGE_PLACED &&
+                     hypot((double)seen.x - truth.x, (double)seen.y - truth.y) <= RIGHT_M &&
+                     fabs(remainder((double)seen.theta - truth.theta, 360 * DEGREE)) <= RIGHT_RAD;
+        }
+        most = agree > most ? agree : most;
+    }
+    out->maps = parts->count;
+    out->right = most;
+    out->wrong = placed - most;
+    out->left_out = parts->count - placed;
+}
+
+/* robot_0.yaml ... with their images, in a folder that is there. */
+static int write_maps(const bench_parts *parts, const char *folder)
+{
+    int ok = 1;
+
+    for (int32_t i = 0; ok && i < parts->count; i++) {
+        const bench_part *part = &parts->list[i];
+        cairn_map_file file = cairn_map_file_default();
+        cairn_file_error error;
+        char name[32], *path;
+
+        snprintf(name, sizeof name, "robot_%d.yaml", (int)i);
+        path = cairn_path_join(folder, name);
+        file.resolution = (cairn_real)parts->resolution;
+        file.origin.x = file.origin.y = -(cairn_real)(part->side * parts->resolution / 2);
+        ok = path != NULL && cairn_map_file_allocate(&file, part->side, part->side) == CAIRN_OK;
+        for (int32_t k = 0; ok && k < part->side * part->side; k++)
+            file.occupancy[k] = part->cells[k] == CAIRN_CELL_OCCUPIED ? 100
+                                : part->cells[k] == CAIRN_CELL_FREE   ? 0
+                                                                      : -1;
+        ok = ok && cairn_map_file_draw(&file) == CAIRN_OK;
+        if (ok && cairn_map_file_write(&file, path, CAIRN_MAP_PGM, &error) != CAIRN_OK) {
+            fprintf(stderr, "%s\n", error.text);
+            ok = 0;
+        }
+        cairn_map_file_free(&file);
+        free(path);
+    }
+    return ok;
+}
+
+static int run_seed(const settings *s, int64_t seed, outcome *out)
+{
+    bench_parts parts, other;
+    bench_parts_options options = s->parts;
+    cairn_map_merge_params params;
+    cairn_map_merge *merge = NULL;
+    cairn_pool pool;
+    bench_part *decoy = NULL;
+    void *memory = NULL;
+    double start;
+    int ok;
+
+    memset(out, 0, sizeof *out);
+    memset(&other, 0, sizeof other);
+    options.seed = (uint64_t)seed;
+    ok = bench_parts_make(&options, &parts);
+    if (ok && s->decoy) {
+        options.seed += seed % 2 == 0 ? 0 : 500009;
+        ok = bench_parts_make(&options, &other);
+        decoy = ok ? &other.list[other.count / 2] : NULL;
+        if (ok && seed % 2 == 0)
+            bench_part_mirror(decoy);
+    }
+    if (ok) {
+        params = params_for(s, &parts, s->decoy);
+        if (decoy != NULL && decoy->side * decoy->side > params.max_map_cells) {
+            params.max_cells += decoy->side * decoy->side;
+            params.max_map_cells = decoy->side * decoy->side;
+        }
+        out->pool_bytes = cairn_map_merge_memory(&params);
+        memory = malloc(out->pool_bytes + CAIRN_ALIGN);
+        ok = memory != NULL && cairn_pool_init(&pool, memory, out->pool_bytes + CAIRN_ALIGN) == CAIRN_OK &&
+             cairn_map_merge_create(&merge, &pool, &params) == CAIRN_OK;
+    }
+    start = bench_seconds();
+    ok = ok && run_merge(merge, &parts, decoy);
+    out->seconds = bench_seconds() - start;
+    if (ok) {
+        out->overlap = parts.overlap;
+        out->result = cairn_map_merge_read(merge);
+        score(merge, &parts, out);
+        out->corners = cairn_map_merge_of(merge, 0).corners;
+        out->decoy_accepted = decoy != NULL && cairn_map_merge_of(merge, parts.count).verdict == CAIRN_MERGE_PLACED;
+        if (s->modes)
+            print_modes(merge, &parts);
+    }
+    if (ok && s->write != NULL)
+        ok = write_maps(&parts, s->write);
+    free(memory);
+    bench_parts_free(&parts);
+    bench_parts_free(&other);
+    return ok;
+}
+
+static void print_seed(int64_t seed, const outcome *out)
+{
+    bench_json_begin("merge");
+    bench_json_integer("seed", seed);
+    bench_json_integer("maps", out->maps);
+    bench_json_integer("right", out->right);
+    bench_json_integer("wrong", out->wrong);
+    bench_json_integer("left_out", out->left_out);
+    bench_json_integer("decoy_accepted", out->decoy_accepted);
+    bench_json_number("overlap", out->overlap);
+    bench_json_number("seconds", out->seconds);
+    bench_json_integer("corners", out->corners);
+    bench_json_integer("hypotheses", out->result.hypotheses);
+    bench_json_integer("resamplings", out->result.resamplings);
+    bench_json_integer("units", out->result.units);
+    bench_json_end();
+    fflush(stdout);
+}
+
+static int run_arenas(const settings *s)
+{
+    double *seconds = calloc((size_t)s->seeds, sizeof *seconds);
+    int32_t all = 0, wrong = 0, left_out = 0, decoys = 0, right = 0, maps = 0;
+    size_t pool_bytes = 0;
+    int ok = seconds != NULL;
+
+    for (int64_t i = 0; ok && i < s->seeds; i++) {
+        outcome out;
+
+        ok = run_seed(s, s->seed + i, &out);
+        if (!ok)
+            break;
+        print_seed(s->seed + i, &out);
+        seconds[i] = out.seconds;
+        all += out.right == out.maps;
+        right += out.right;
+        maps += out.maps;
+        wrong += out.wrong;
+        left_out += out.left_out;
+        decoys += out.decoy_accepted;
+        pool_bytes = out.pool_bytes > pool_bytes ? out.pool_bytes : pool_bytes;
+    }
+    if (ok) {
+        bench_json_begin("merge");
+        bench_json_integer("robots", s->parts.robots);
+        bench_json_number("overlap", s->overlap);
+        bench_json_integer("particles", s->particles);
+        bench_json_number("all_right", (double)all / (double)s->seeds);
+        bench_json_integer("all_right_count", all);
+        bench_json_number("right_share", (double)right / (double)maps);
+        bench_json_integer("wrong", wrong);
+        bench_json_integer("left_out", left_out);
+        bench_json_integer("decoys_accepted", decoys);
+        bench_json_number("seconds_median", bench_median(seconds, (size_t)s->seeds));
+        bench_json_integer("pool_bytes", (int64_t)pool_bytes);
+        bench_json_true("summary");
+        bench_json_end();
+    }
+    free(seconds);
+    return ok ? 0 : 1;
+}
+
+int main(int argc, char **argv)
+{
+    settings s = {.robots = 3,
+                  .seeds = 20,
+                  .seed = 1,
+                  .particles = 100,
+                  .overlap = 30,
+                  .perception = "evidence",
+                  .parts = {.scene = "rescue", .tile = 8, .resolution = 0.05, .places = 6}};
+    int64_t places = 6;
+    const option table[] = {
+        OPTION_INTEGER("--robots", &s.robots, 2, 63, "R", "maps, one a robot"),
+        OPTION_NUMBER("--overlap", &s.overlap, 1, 95, "PERCENT",
+                      "of the smaller map's known cells that neighbours share"),
+        OPTION_INTEGER("--seeds", &s.seeds, 1, 100000, "N", "arenas"),
+        OPTION_INTEGER("--seed", &s.seed, 0, 1e9, "N", "of the first arena"),
+        OPTION_INTEGER("--particles", &s.particles, 1, 4096, "N", "of the filter"),
+        OPTION_TEXT("--perception", &s.perception, "NAME", "evidence, or images: Psi and gamma of the thesis"),
+        OPTION_TEXT("--scene", &s.parts.scene, "NAME", "arena"),
+        OPTION_NUMBER("--tile", &s.parts.tile, 3, 20, "M", "side of a robot's part, m"),
+        OPTION_INTEGER("--places", &places, 1, 64, "P", "from which a robot scans"),
+        OPTION_FLAG("--pair", &s.pair, "two robots in an arena of 20 by 16 m"),
+        OPTION_FLAG("--decoy", &s.decoy, "one map more, of another arena or of this one in a mirror"),
+        OPTION_FLAG("--modes", &s.modes, "also the best places of every pair, beside the truth"),
+        OPTION_TEXT("--write", &s.write, "DIR", "writes the maps of the last seed there, for cairn merge"),
+        OPTION_TEXT("--maps", &s.maps, "DIR", "real maps instead: pairs of them as their annotators placed them"),
+    };
+    const option_set set = {"bench/merge", "[options]", "Merges maps of simulated robots.", table,
+                            sizeof table / sizeof *table};
+    size_t words = 0;
+    option_result result = options_read(&set, argc, argv, NULL, &words);
+
+    if (result != OPTIONS_READ)
+        return result;
+    s.parts.robots = s.pair ? 2 : (int32_t)s.robots;
+    s.parts.overlap = s.overlap / 100;
+    s.parts.places = (int32_t)places;
+    s.parts.pair = s.pair;
+    if (sim_scene_find(s.parts.scene) < 0)
+        return options_refuse("bench/merge", "unknown scene '%s'", s.parts.scene);
+    if (s.maps != NULL)
+        return bench_maps_run(s.maps, (int)s.particles);
+    return run_arenas(&s);
+}

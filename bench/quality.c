@@ -1,0 +1,704 @@
+/* bench/quality: how maps get better while methods align, and what their entropy and likelihood tell of their errors.
+ *
+ * Every method starts from the same disturbed poses of the same arenas. Of the poses after each step a map is drawn (moved
+ * onto the truth by the best common motion, so that all maps have the same cells and quadrants), with its entropy, the
+ * log-likelihood of its beams and the mean absolute errors E(x), E(y), E(theta); the error of a quadrant is the mean
+ * distance of the scans that were taken in it. A method that has ended keeps its last map.
+ *
+ * How well a measure predicts the error: Spearman's rank correlation of entropy a cell, or likelihood a beam, with the mean
+ * distance of the scans from the truth, over the maps of all arenas and methods after the same number of steps that are
+ * better than 0.15 m; the mean over the steps, weighted by their maps. The interval is of 1000 draws of arenas. */
+#include <inttypes.h>
+#include <math.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "bench/bench_curves.h"
+#include "bench/bench_json.h"
+#include "bench/bench_track.h"
+#include "cairn/map_quality.h"
+#include "cairn/random.h"
+#include "tools/options.h"
+
+#define DEGREE 0.017453292519943295
+
+enum { SAMPLES = BENCH_TRACK_SAMPLES, METHODS = BENCH_TRACK_METHODS, DRAWS = 1000, MAPS_LEAST = 6 };
+
+typedef struct settings {
+    bench_problem_kind kind;
+    int64_t arenas, seed;
+    double resolution, least, good; /* m of a cell; probability; m: worse maps do not enter the correlations */
+    const char *svg;
+} settings;
+
+/* Of one map. */
+typedef struct figures {
+    double entropy, entropy_of_cell, entropy_of[CAIRN_QUADRANTS];
+    double likelihood, likelihood_of_beam;
+    double x, y, theta, distance, distance_of[CAIRN_QUADRANTS]; /* m, degrees; NaN: no scan there */
+    double from_end;                                            /* m, mean distance from the method's own end */
+} figures;
+
+/* One arena: the beams of its scans and the grid that all maps of it share. */
+typedef struct scene {
+    bench_problem problem;
+    cairn_beam **beams; /* [scans] */
+    int32_t *beam_count;
+    cairn_pose *truth;
+    cairn_occupancy_grid_params layout;
+    cairn_occupancy_grid *grid;
+    void *memory;
+} scene;
+
+typedef struct study {
+    figures *map;   /* [arenas][METHODS][SAMPLES] */
+    int32_t *steps; /* [arenas][METHODS] */
+    int32_t arenas;
+} study;
+
+static const figures *map_of(const study *s, int32_t arena, int32_t method, int32_t sample)
+{
+    return &s->map[((size_t)arena * METHODS + (size_t)method) * SAMPLES + (size_t)sample];
+}
+
+/* ---- One arena ---- */
+
+static void close_scene(scene *s)
+{
+    for (int32_t i = 0; i < s->problem.count && s->beams != NULL; i++)
+        free(s->beams[i]);
+    free(s->beams);
+    free(s->beam_count);
+    free(s->truth);
+    free(s->memory);
+    bench_problem_close(&s->problem);
+}
+
+/* The beams of all scans, and the box of what they hit. */
+static cairn_status keep_beams(scene *s, cairn_box *box)
+{
+    cairn_scan_params params = cairn_scan_default();
+    cairn_status status = CAIRN_OK;
+    cairn_scan *scan = NULL;
+    cairn_pool pool;
+    size_t bytes;
+    void *memory;
+
+    params.max_beams = s->problem.scans[0].count;
+    bytes = cairn_scan_memory(&params) + CAIRN_ALIGN;
+    memory = malloc(bytes);
+    status = memory != NULL ? cairn_pool_init(&pool, memory, bytes) : CAIRN_NO_MEMORY;
+    if (status == CAIRN_OK)
+        status = cairn_scan_create(&scan, &pool, &params);
+    for (int32_t i = 0; i < s->problem.count && status == CAIRN_OK; i++) {
+        sim_pose t = s->problem.truth[i];
+        cairn_transform map_scan;
+        cairn_scan_view view;
+
+        s->truth[i].x = (cairn_real)t.x;
+        s->truth[i].y = (cairn_real)t.y;
+        s->truth[i].theta = (cairn_real)t.theta;
+        map_scan = cairn_transform_of(s->truth[i]);
+        status = bench_fit_scan(scan, &s->problem.scans[i], &view);
+        s->beam_count[i] = view.beam_count;
+        s->beams[i] = malloc(((size_t)view.beam_count + 1) * sizeof **s->beams);
+        if (s->beams[i] == NULL)
+            status = CAIRN_NO_MEMORY;
+        for (int32_t k = 0; k < view.beam_count && status == CAIRN_OK; k++) {
+            s->beams[i][k] = view.beams[k];
+            if (view.beams[k].kind == CAIRN_BEAM_HIT)
+                *box = cairn_box_extend(*box, cairn_transform_point(map_scan, view.beams[k].to));
+        }
+    }
+    free(memory);
+    return status;
+}
+
+static int open_scene(scene *s, const settings *set, uint64_t seed)
+{
+    cairn_box box = cairn_box_empty();
+    cairn_pool pool;
+    cairn_status status = CAIRN_NO_MEMORY;
+    size_t n, bytes;
+
+    memset(s, 0, sizeof *s);
+    if (!bench_problem_open(&s->problem, &set->kind, seed))
+        return 0;
+    n = (size_t)s->problem.count;
+    s->beams = calloc(n, sizeof *s->beams);
+    s->beam_count = calloc(n, sizeof *s->beam_count);
+    s->truth = calloc(n, sizeof *s->truth);
+    if (s->beams != NULL && s->beam_count != NULL && s->truth != NULL)
+        status = keep_beams(s, &box);
+    if (status == CAIRN_OK) {
+        box = cairn_box_grow(box, CAIRN_REAL(0.5));
+        s->layout.resolution = (cairn_real)set->resolution;
+        s->layout.origin = box.min;
+        s->layout.width = (int32_t)ceil((double)(box.max.x - box.min.x) / set->resolution);
+        s->layout.height = (int32_t)ceil((double)(box.max.y - box.min.y) / set->resolution);
+        bytes = cairn_occupancy_grid_memory(&s->layout) + CAIRN_ALIGN;
+        s->memory = malloc(bytes);
+        status = s->memory != NULL ? cairn_pool_init(&pool, s->memory, bytes) : CAIRN_NO_MEMORY;
+    }
+    if (status == CAIRN_OK)
+        status = cairn_occupancy_grid_create(&s->grid, &pool, &s->layout);
+    if (status != CAIRN_OK)
+        fprintf(stderr, "bench/quality: %s\n", cairn_status_text(status));
+    return status == CAIRN_OK;
+}
+
+static int quadrant_of(const scene *s, cairn_pose p)
+{
+    int east = p.x >= s->layout.origin.x + (cairn_real)(s->layout.width / 2) * s->layout.resolution;
+    int north = p.y >= s->layout.origin.y + (cairn_real)(s->layout.height / 2) * s->layout.resolution;
+
+    return north ? (east ? CAIRN_QUADRANT_NE : CAIRN_QUADRANT_NW) : east ? CAIRN_QUADRANT_SE : CAIRN_QUADRANT_SW;
+}
+
+/* Draws the map of the poses; its entropy and the likelihood of its beams. */
+static cairn_status measure_map(scene *s, const cairn_pose *poses, double least, figures *f)
+{
+    cairn_map_entropy entropy = {0};
+    cairn_status status = CAIRN_OK;
+    int64_t beams = 0;
+
+    cairn_occupancy_grid_clear(s->grid);
+    for (int32_t i = 0; i < s->problem.count && status == CAIRN_OK; i++) {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        status = cairn_occupancy_grid_begin_scan(s->grid, s->beams[i], s->beam_count[i], poses[i], NULL);
+        if (status == CAIRN_OK)
+            status = cairn_occupancy_grid_step(s->grid, &budget);
+    }
+    if (status == CAIRN_OK)
+        status = cairn_map_entropy_add(s->grid, 0, s->layout.height, &entropy);
+    f->entropy = (double)entropy.whole;
+    f->entropy_of_cell = f->entropy / (double)entropy.cells;
+    for (int q = 0; q < CAIRN_QUADRANTS; q++)
+        f->entropy_of[q] = (double)entropy.quadrant[q];
+    f->likelihood = 0;
+    for (int32_t i = 0; i < s->problem.count && status == CAIRN_OK; i++) {
+        cairn_transform t = cairn_transform_of(poses[i]);
+
+        for (int32_t k = 0; k < s->beam_count[i] && status == CAIRN_OK; k++) {
+            const cairn_beam *beam = &s->beams[i][k];
+            cairn_real value;
+
+            if (beam->kind == CAIRN_BEAM_UNKNOWN)
+                continue;
+            status = cairn_map_beam_likelihood(s->grid, cairn_transform_point(t, beam->from),
+                                               cairn_transform_point(t, beam->to), beam->kind == CAIRN_BEAM_HIT,
+                                               (cairn_real)least, &value);
+            f->likelihood += (double)value;
+            beams++;
+        }
+    }
+    f->likelihood_of_beam = f->likelihood / (double)beams;
+    return status;
+}
+
+static double distance_of(cairn_pose a, cairn_pose b)
+{
+    return hypot((double)(a.x - b.x), (double)(a.y - b.y));
+}
+
+/* Mean distances of the scans of each quadrant and of all. */
+static void measure_errors(const scene *s, const cairn_pose *poses, figures *f)
+{
+    int32_t scans[CAIRN_QUADRANTS] = {0};
+
+    f->x = f->y = f->theta = f->distance = 0;
+    memset(f->distance_of, 0, sizeof f->distance_of);
+    for (int32_t i = 0; i < s->problem.count; i++) {
+        cairn_pose truth = s->truth[i];
+        int q = quadrant_of(s, truth);
+
+        f->x += (double)cairn_abs(poses[i].x - truth.x) / s->problem.count;
+        f->y += (double)cairn_abs(poses[i].y - truth.y) / s->problem.count;
+        f->theta += (double)cairn_abs(cairn_wrap_angle(poses[i].theta - truth.theta)) / DEGREE / s->problem.count;
+        f->distance += distance_of(poses[i], truth) / s->problem.count;
+        f->distance_of[q] += distance_of(poses[i], truth);
+        scans[q]++;
+    }
+    for (int q = 0; q < CAIRN_QUADRANTS; q++)
+        f->distance_of[q] = scans[q] > 0 ? f->distance_of[q] / scans[q] : (double)NAN;
+}
+
+/* Mean distance of two sets of poses after the best common motion; moved: [count], the first set after it. */
+static double move_onto(const cairn_pose *poses, const cairn_pose *onto, int32_t count, cairn_pose *moved)
+{
+    cairn_pose motion = cairn_pose_fit(poses, onto, NULL, count, 1);
+    double sum = 0;
+
+    for (int32_t i = 0; i < count; i++) {
+        moved[i] = cairn_pose_compose(motion, poses[i]);
+        sum += distance_of(moved[i], onto[i]);
+    }
+    return sum / count;
+}
+
+/* Figures of all samples of one method; poses: sample by sample. */
+static int measure_track(scene *s, const settings *set, const cairn_pose *poses, figures *map)
+{
+    int32_t count = s->problem.count;
+    size_t bytes = (size_t)count * sizeof *poses;
+    cairn_pose *moved = malloc(bytes);
+    cairn_status status = moved != NULL ? CAIRN_OK : CAIRN_NO_MEMORY;
+
+    for (int32_t k = 0; k < SAMPLES && status == CAIRN_OK; k++) {
+        const cairn_pose *now = poses + k * count;
+
+        if (k > 0 && memcmp(now, now - count, bytes) == 0) {
+            map[k] = map[k - 1];
+            continue;
+        }
+        map[k].from_end = move_onto(now, poses + (SAMPLES - 1) * count, count, moved);
+        (void)move_onto(now, s->truth, count, moved);
+        measure_errors(s, moved, &map[k]);
+        status = measure_map(s, moved, set->least, &map[k]);
+    }
+    free(moved);
+    if (status != CAIRN_OK)
+        fprintf(stderr, "bench/quality: %s\n", cairn_status_text(status));
+    return status == CAIRN_OK;
+}
+
+static int run_arena(const settings *set, int32_t arena, study *all)
+{
+    scene s;
+    cairn_pose *poses = NULL;
+    int done = open_scene(&s, set, (uint64_t)(set->seed + arena));
+
+    if (done) {
+        poses = malloc((size_t)SAMPLES * (size_t)s.problem.count * sizeof *poses);
+        done = poses != NULL;
+    }
+    for (int32_t m = 0; m < METHODS && done; m++) {
+        size_t place = (size_t)arena * METHODS + (size_t)m;
+        const figures *end = map_of(all, arena, m, SAMPLES - 1);
+
+        done = bench_track_run(m, &s.problem, poses, &all->steps[place]) &&
+               measure_track(&s, set, poses, all->map + place * SAMPLES);
+        if (!done)
+            break;
+        bench_json_begin("quality");
+        bench_json_integer("arena", set->seed + arena);
+        bench_json_text("method", bench_track_name(m));
+        bench_json_integer("steps", all->steps[place]);
+        bench_json_number("entropy", end->entropy);
+        bench_json_number("log_likelihood", end->likelihood);
+        bench_json_number("e_x_m", end->x);
+        bench_json_number("e_y_m", end->y);
+        bench_json_number("e_theta_deg", end->theta);
+        bench_json_number("distance_m", end->distance);
+        bench_json_end();
+    }
+    free(poses);
+    close_scene(&s);
+    return done;
+}
+
+/* ---- How well a measure predicts the error ---- */
+
+typedef struct ranked {
+    double value, rank;
+    int32_t place;
+} ranked;
+
+static int compare_ranked(const void *a, const void *b)
+{
+    const ranked *x = a, *y = b;
+
+    if (x->value != y->value)
+        return x->value < y->value ? -1 : 1;
+    return (x->place > y->place) - (x->place < y->place);
+}
+
+/* Ranks of values, equal ones with their mean rank. work: [count] */
+static void rank(const double *values, int32_t count, ranked *work, double *ranks)
+{
+    for (int32_t i = 0; i < count; i++) {
+        work[i].value = values[i];
+        work[i].place = i;
+    }
+    qsort(work, (size_t)count, sizeof *work, compare_ranked);
+    for (int32_t i = 0, end; i < count; i = end) {
+        for (end = i + 1; end < count && work[end].value == work[i].value; end++) {
+        }
+        for (int32_t k = i; k < end; k++)
+            ranks[work[k].place] = (i + end - 1) / 2.0;
+    }
+}
+
+/* Pearson's correlation; NaN when one of them does not vary. */
+static double correlation(const double *a, const double *b, int32_t count)
+{
+    double mean_a = 0, mean_b = 0, ab = 0, aa = 0, bb = 0;
+
+    for (int32_t i = 0; i < count; i++) {
+        mean_a += a[i] / count;
+        mean_b += b[i] / count;
+    }
+    for (int32_t i = 0; i < count; i++) {
+        ab += (a[i] - mean_a) * (b[i] - mean_b);
+        aa += (a[i] - mean_a) * (a[i] - mean_a);
+        bb += (b[i] - mean_b) * (b[i] - mean_b);
+    }
+    return aa > 0 && bb > 0 ? ab / sqrt(aa * bb) : (double)NAN;
+}
+
+/* Room for the maps of one step. */
+typedef struct ranking {
+    double *measure, *error, *measure_rank, *error_rank;
+    ranked *work;
+} ranking;
+
+static int open_ranking(ranking *r, int32_t maps)
+{
+    size_t n = (size_t)maps;
+
+    r->measure = malloc(4 * n * sizeof *r->measure);
+    r->work = malloc(n * sizeof *r->work);
+    if (r->measure == NULL || r->work == NULL)
+        return 0;
+    r->error = r->measure + n;
+    r->measure_rank = r->error + n;
+    r->error_rank = r->measure_rank + n;
+    return 1;
+}
+
+static void close_ranking(ranking *r)
+{
+    free(r->measure);
+    free(r->work);
+}
+
+typedef double (*measure)(const figures *map);
+
+static double entropy_of_cell(const figures *map)
+{
+    return map->entropy_of_cell;
+}
+
+static double likelihood_of_beam(const figures *map)
+{
+    return map->likelihood_of_beam;
+}
+
+/* The mean of the steps' rank correlations over the arenas named in drawn [arenas]. */
+static double predict(const study *all, measure of, double good, const int32_t *drawn, ranking *r, int64_t *maps)
+{
+    double sum = 0;
+
+    *maps = 0;
+    for (int32_t k = 0; k < SAMPLES; k++) {
+        int32_t count = 0;
+        double rho;
+
+        for (int32_t a = 0; a < all->arenas; a++)
+            for (int32_t m = 0; m < METHODS; m++) {
+                const figures *map = map_of(all, drawn[a], m, k);
+
+                if (!(map->distance < good))
+                    continue;
+                r->measure[count] = of(map);
+                r->error[count++] = map->distance;
+            }
+        if (count < MAPS_LEAST)
+            continue;
+        rank(r->measure, count, r->work, r->measure_rank);
+        rank(r->error, count, r->work, r->error_rank);
+        rho = correlation(r->measure_rank, r->error_rank, count);
+        if (!isfinite(rho))
+            continue;
+        sum += count * rho;
+        *maps += count;
+    }
+    return *maps > 0 ? sum / (double)*maps : (double)NAN;
+}
+
+typedef struct prediction {
+    double rho, low, high;
+    int64_t maps;
+} prediction;
+
+static int compare_numbers(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+
+    return (x > y) - (x < y);
+}
+
+static int predict_with_interval(const study *all, const settings *set, measure of, prediction *p)
+{
+    cairn_random random = cairn_random_seed((uint64_t)set->seed, 80);
+    int32_t *drawn = malloc((size_t)all->arenas * sizeof *drawn), count = 0;
+    ranking r = {NULL, NULL, NULL, NULL, NULL};
+    double rho[DRAWS];
+    int64_t maps;
+    int done = drawn != NULL && open_ranking(&r, all->arenas * METHODS);
+
+    p->low = p->high = (double)NAN;
+    for (int32_t a = 0; a < all->arenas && done; a++)
+        drawn[a] = a;
+    if (done)
+        p->rho = predict(all, of, set->good, drawn, &r, &p->maps);
+    for (int32_t d = 0; d < DRAWS && done; d++) {
+        for (int32_t a = 0; a < all->arenas; a++)
+            drawn[a] = cairn_random_below(&random, all->arenas);
+        rho[count] = predict(all, of, set->good, drawn, &r, &maps);
+        count += isfinite(rho[count]);
+    }
+    if (done && count >= DRAWS / 2) {
+        qsort(rho, (size_t)count, sizeof *rho, compare_numbers);
+        p->low = rho[(int32_t)(0.025 * count)];
+        p->high = rho[(int32_t)(0.975 * (count - 1))];
+    }
+    close_ranking(&r);
+    free(drawn);
+    return done;
+}
+
+/* ---- Each method ---- */
+
+/* The first step from which on the poses stay within 1 % of their way to the method's own end. */
+static double settled(const study *all, int32_t arena, int32_t method)
+{
+    double way = map_of(all, arena, method, 0)->from_end;
+    int32_t k = SAMPLES - 1;
+
+    while (k > 0 && map_of(all, arena, method, k - 1)->from_end <= 0.01 * way)
+        k--;
+    return bench_track_step(k);
+}
+
+/* Of the first 50 steps those after which the entropy is higher. */
+static int32_t rising_steps(const study *all, int32_t arena, int32_t method)
+{
+    int32_t rising = 0;
+
+    for (int32_t k = 1; k <= 50; k++)
+        rising += map_of(all, arena, method, k)->entropy > map_of(all, arena, method, k - 1)->entropy * (1 + 1e-9);
+    return rising;
+}
+
+/* How often the quadrant that has less entropy by the method than by another one has less error, too, at the end; adds to
+ * *agree and *compared. */
+static void compare_quadrants(const study *all, int32_t arena, int32_t method, int32_t *agree, int32_t *compared)
+{
+    const figures *a = map_of(all, arena, method, SAMPLES - 1);
+
+    for (int32_t m = 0; m < METHODS; m++) {
+        const figures *b = map_of(all, arena, m, SAMPLES - 1);
+
+        for (int q = 0; q < CAIRN_QUADRANTS && m != method; q++) {
+            double entropy = a->entropy_of[q] - b->entropy_of[q], error = a->distance_of[q] - b->distance_of[q];
+
+            if (!(entropy * error != 0) || !isfinite(error))
+                continue;
+            *agree += entropy * error > 0;
+            (*compared)++;
+        }
+    }
+}
+
+static void print_key(bench_track_method method, const char *key, double value)
+{
+    char name[64];
+
+    snprintf(name, sizeof name, "%s_%s", bench_track_name(method), key);
+    bench_json_number(name, value);
+}
+
+static int print_methods(const study *all)
+{
+    double *values = malloc(4 * (size_t)all->arenas * sizeof *values);
+    int32_t all_agree = 0, all_compared = 0;
+
+    if (values == NULL)
+        return 0;
+    for (int32_t m = 0; m < METHODS; m++) {
+        double *entropy = values + all->arenas, *likelihood = entropy + all->arenas,
+               *distance = likelihood + all->arenas;
+        int32_t agree = 0, compared = 0;
+        double rising = 0;
+
+        for (int32_t a = 0; a < all->arenas; a++) {
+            const figures *end = map_of(all, a, m, SAMPLES - 1);
+
+            values[a] = settled(all, a, m);
+            entropy[a] = end->entropy;
+            likelihood[a] = end->likelihood_of_beam;
+            distance[a] = end->distance;
+            rising += (double)rising_steps(all, a, m) / all->arenas;
+            compare_quadrants(all, a, m, &agree, &compared);
+        }
+        print_key(m, "iterations_to_1pct", bench_median(values, (size_t)all->arenas));
+        print_key(m, "rising_steps", rising);
+        print_key(m, "regional_agreement", compared > 0 ? (double)agree / compared : (double)NAN);
+        print_key(m, "entropy_median", bench_median(entropy, (size_t)all->arenas));
+        print_key(m, "log_likelihood_of_beam_median", bench_median(likelihood, (size_t)all->arenas));
+        print_key(m, "distance_m_median", bench_median(distance, (size_t)all->arenas));
+        all_agree += agree;
+        all_compared += compared;
+    }
+    bench_json_number("regional_agreement", all_compared > 0 ? (double)all_agree / all_compared : (double)NAN);
+    free(values);
+    return 1;
+}
+
+static void print_prediction(const char *name, const prediction *p)
+{
+    char key[64];
+
+    snprintf(key, sizeof key, "%s_rank_correlation", name);
+    bench_json_number(key, p->rho);
+    snprintf(key, sizeof key, "%s_rank_correlation_low", name);
+    bench_json_number(key, p->low);
+    snprintf(key, sizeof key, "%s_rank_correlation_high", name);
+    bench_json_number(key, p->high);
+}
+
+static int print_summary(const study *all, const settings *set, double seconds)
+{
+    prediction entropy, likelihood;
+    int done = predict_with_interval(all, set, entropy_of_cell, &entropy) &&
+               predict_with_interval(all, set, likelihood_of_beam, &likelihood);
+
+    if (!done)
+        return 0;
+    bench_json_begin("quality");
+    bench_json_integer("arenas", all->arenas);
+    bench_json_number("trans", set->kind.metres);
+    bench_json_number("rot", set->kind.degrees);
+    print_prediction("entropy", &entropy);
+    print_prediction("likelihood", &likelihood);
+    bench_json_integer("maps", entropy.maps);
+    done = print_methods(all);
+    bench_json_number("seconds", seconds);
+    bench_json_true("summary");
+    bench_json_end();
+    return done;
+}
+
+/* ---- The picture ---- */
+
+/* Medians over the arenas of the number at `offset` in the figures. */
+static void medians(const study *all, size_t offset, double *value, double *work)
+{
+    for (int32_t m = 0; m < METHODS; m++)
+        for (int32_t k = 0; k < SAMPLES; k++) {
+            size_t count = 0;
+
+            for (int32_t a = 0; a < all->arenas; a++) {
+                double v = *(const double *)((const char *)map_of(all, a, m, k) + offset);
+
+                if (isfinite(v))
+                    work[count++] = v;
+            }
+            value[m * SAMPLES + k] = bench_median(work, count);
+        }
+}
+
+static int draw(const study *all, const settings *set)
+{
+    static const struct {
+        const char *title;
+        size_t offset;
+    } panels[] = {
+        {"Entropy, nat", offsetof(figures, entropy)},
+        {"Log-likelihood of the beams", offsetof(figures, likelihood)},
+        {"Distance from the truth, m", offsetof(figures, distance)},
+        {"E(x), m", offsetof(figures, x)},
+        {"E(y), m", offsetof(figures, y)},
+        {"E(\xCE\xB8), degrees", offsetof(figures, theta)},
+        {"Entropy, north-west", offsetof(figures, entropy_of[CAIRN_QUADRANT_NW])},
+        {"Entropy, north-east", offsetof(figures, entropy_of[CAIRN_QUADRANT_NE])},
+        {"Distance from its own end, m", offsetof(figures, from_end)},
+        {"Entropy, south-west", offsetof(figures, entropy_of[CAIRN_QUADRANT_SW])},
+        {"Entropy, south-east", offsetof(figures, entropy_of[CAIRN_QUADRANT_SE])},
+    };
+    enum { PANELS = sizeof panels / sizeof *panels };
+    double *value = malloc(((size_t)PANELS * METHODS * SAMPLES + (size_t)all->arenas) * sizeof *value);
+    const char *method[METHODS];
+    bench_curve_panel panel[PANELS];
+    int32_t step[SAMPLES];
+    char subtitle[256];
+    bench_curves curves = {"Alignment step by step", subtitle, method, step, panel, METHODS, SAMPLES, PANELS};
+    cairn_file_error error;
+    int done = value != NULL;
+
+    for (int32_t k = 0; k < SAMPLES; k++)
+        step[k] = bench_track_step(k);
+    for (int32_t m = 0; m < METHODS; m++)
+        method[m] = bench_track_name(m);
+    for (int32_t p = 0; p < PANELS && done; p++) {
+        double *of = value + p * METHODS * SAMPLES;
+
+        medians(all, panels[p].offset, of, value + PANELS * METHODS * SAMPLES);
+        panel[p].title = panels[p].title;
+        panel[p].value = of;
+    }
+    snprintf(subtitle, sizeof subtitle,
+             "medians of %" PRId32 " arenas, poses disturbed by up to %g m and %g\xC2\xB0; steps 1 to 50 by 1, then to "
+             "500 by 10",
+             all->arenas, set->kind.metres, set->kind.degrees);
+    if (done && bench_curves_write(set->svg, &curves, &error) != CAIRN_OK) {
+        fprintf(stderr, "%s\n", error.text);
+        done = 0;
+    }
+    free(value);
+    return done;
+}
+
+static int run(const settings *set, study *all)
+{
+    double start = bench_seconds();
+
+    for (int32_t a = 0; a < all->arenas; a++)
+        if (!run_arena(set, a, all))
+            return 0;
+    return print_summary(all, set, bench_seconds() - start) && (set->svg == NULL || draw(all, set));
+}
+
+int main(int argc, char **argv)
+{
+    settings s = {bench_problem_kind_default(), 20, 1, 0.05, 1e-3, 0.15, NULL};
+    const char *unused = NULL;
+    const option table[] = {
+        OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
+        OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
+        OPTION_NUMBER("--trans", &s.kind.metres, 0.001, 10, "M", "disturbance of x and y, uniform +-, m"),
+        OPTION_NUMBER("--rot", &s.kind.degrees, 0.01, 180, "DEG", "disturbance of the heading, uniform +-, degrees"),
+        OPTION_INTEGER("--places", &s.kind.places, 1, 1000, "N", "places with scans"),
+        OPTION_INTEGER("--headings", &s.kind.headings, 1, 64, "N", "scans at each place"),
+        OPTION_NUMBER("--resolution", &s.resolution, 0.01, 1, "M", "side of a cell, m"),
+        OPTION_NUMBER("--least", &s.least, 1e-9, 0.5, "P", "probability of a beam that no map explains"),
+        OPTION_NUMBER("--good", &s.good, 0.001, 100, "M", "only maps with a smaller mean error are ranked, m"),
+        OPTION_TEXT("--svg", &s.svg, "FILE", "the curves as a picture"),
+        OPTION_TEXT("--data", &unused, "DIR", "not needed: the arenas are simulated"),
+    };
+    const option_set set = {"bench/quality", "[options]",
+                            "Entropy, likelihood and pose errors of maps while methods align them.", table,
+                            sizeof table / sizeof *table};
+    size_t words = 0, n;
+    option_result result = options_read(&set, argc, argv, NULL, &words);
+    study all;
+    int done;
+
+    if (result != OPTIONS_READ)
+        return (int)result;
+    all.arenas = (int32_t)s.arenas;
+    n = (size_t)all.arenas * METHODS;
+    all.map = calloc(n * SAMPLES, sizeof *all.map);
+    all.steps = calloc(n, sizeof *all.steps);
+    done = all.map != NULL && all.steps != NULL;
+    if (!done)
+        fprintf(stderr, "bench/quality: no memory for %" PRId32 " arenas\n", all.arenas);
+    done = done && run(&s, &all);
+    free(all.map);
+    free(all.steps);
+    return done ? 0 : 1;
+}

@@ -1,0 +1,154 @@
+/* map_merge: how the maps of many robots lie to each other, with no guess (Adluru 2008, chapter 9).
+ *
+ * A virtual robot visits one map after the other. Its pose at a map is that map's place among those merged so far; what
+ * moves it is the registration of corners, what it sees is the map itself. A particle filter follows the rival places. What
+ * the maps do not support is refused and said so.
+ *
+ *     clear -> add() for each map -> begin() -> step(budget) until CAIRN_OK -> read(), of() */
+#ifndef CAIRN_MAP_MERGE_H
+#define CAIRN_MAP_MERGE_H
+
+#include "cairn/corner.h"
+#include "cairn/occupancy_grid.h"
+#include "cairn/particle_filter.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct cairn_map_merge cairn_map_merge;
+
+/* How a place of a map is weighed against others. */
+typedef int32_t cairn_merge_perception;
+enum {
+    CAIRN_MERGE_EVIDENCE = 0, /* length of wall that agrees, less what lies in the other's free space, in nats */
+    CAIRN_MERGE_IMAGES = 1    /* Psi and gamma of the thesis (eqs. 9.5, 9.6) */
+};
+
+typedef struct cairn_map_merge_params {
+    int32_t max_maps;      /* 1 ... 64 */
+    int32_t max_cells;     /* of all maps together, 1 ... 2^28 */
+    int32_t max_map_cells; /* of one map, 1 ... max_cells */
+    int32_t max_points;    /* surface points kept of a map, 64 ... 2^16; of more cells an even choice is kept */
+    int32_t max_segments;  /* of a map, 1 ... 4096 */
+    int32_t max_corners;   /* of a map, the strongest, 1 ... 1024 */
+    int32_t max_modes;     /* of a pair of maps: rival places that are kept, 1 ... 32 */
+    int32_t particles;     /* 1 ... 4096 */
+    cairn_merge_perception perception;
+    cairn_real correlation; /* cells of the first map, > 0: walls so long agree or not as one (10) */
+    cairn_real min_score;   /* nats, > 0: with less support a map is refused */
+    cairn_real min_margin;  /* nats, >= 0: so much more than its best rival place */
+    uint64_t seed;
+} cairn_map_merge_params;
+
+/* 16 maps of 400 x 400 cells, 2048 points, 256 segments, 48 corners, 6 modes, 100 particles, by evidence. */
+cairn_map_merge_params cairn_map_merge_default(void);
+
+/* 0 for params that create() would refuse. */
+size_t cairn_map_merge_memory(const cairn_map_merge_params *params);
+
+/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status cairn_map_merge_create(cairn_map_merge **merge, cairn_pool *pool,
+                                                  const cairn_map_merge_params *params);
+
+/* A map as it comes. Cells are CAIRN_CELL_OCCUPIED or CAIRN_CELL_FREE; all other values are unknown. */
+typedef struct cairn_merge_map {
+    cairn_raster_u8_view cells; /* row 0 lowest; must stay until the merging has ended */
+    cairn_real resolution;      /* m, side of a cell; maps may differ */
+    cairn_pose origin;          /* of the lower left corner of cell (0, 0) in the frame of the map */
+} cairn_merge_map;
+
+/* Cells of k by k made one: occupied when one of them is, else free when one is, else unknown. For maps that are bent by more
+ * than two cells, which agree only in coarse. out: as wide and high as `cells`, divided by k and rounded up.
+ * CAIRN_BAD_ARGUMENT: a bad view, k < 1, another size. Linear in cells. */
+CAIRN_CHECKED cairn_status cairn_map_merge_coarsen(cairn_raster_u8_view cells, int32_t k, cairn_raster_u8 out);
+
+/* Forgets all maps. Constant time. */
+void cairn_map_merge_clear(cairn_map_merge *merge);
+
+/* Adds a map; its index is the number of those before it. CAIRN_BAD_ARGUMENT: NULL, a bad view, a resolution that is not
+ * > 0, or a merging is under way. CAIRN_NOT_FINITE: the resolution or the origin. CAIRN_FULL: max_maps, max_cells or
+ * max_map_cells. *fault, when not NULL, says what. Constant time. */
+CAIRN_CHECKED cairn_status cairn_map_merge_add(cairn_map_merge *merge, const cairn_merge_map *map, cairn_fault *fault);
+
+/* Says that a map lies at map_map in the frame of the reference, as an earlier merging has found: that place is tried too,
+ * and kept unless another one is better by min_margin. CAIRN_BAD_ARGUMENT: no such map; CAIRN_NOT_FINITE. Constant time. */
+CAIRN_CHECKED cairn_status cairn_map_merge_guess(cairn_map_merge *merge, int32_t map, cairn_pose reference_map);
+
+/* Starts. reference: the map whose frame all others are placed in. order: NULL, or [maps] a permutation that begins with the
+ * reference, to be merged in that order. CAIRN_BAD_ARGUMENT: no such reference, not a permutation; CAIRN_EMPTY: no maps.
+ * Linear in maps. */
+CAIRN_CHECKED cairn_status cairn_map_merge_begin(cairn_map_merge *merge, int32_t reference, const int32_t *order);
+
+/* CAIRN_OK: the result stands. CAIRN_MORE: go on. Per map about 3 units a cell, per pair of maps one unit for each eight
+ * points that are looked up: 96 for each of its pairs of corners, and 20,000 for each mode. */
+CAIRN_CHECKED cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_budget *budget);
+
+/* ---- What is known of one place of a map beside another ---- */
+
+typedef struct cairn_merge_score {
+    cairn_real evidence;     /* nats: (1.7 agree - 4 conflict) / correlation */
+    cairn_real agree;        /* m of wall that both maps have; a long straight one counts by the root of its length */
+    cairn_real conflict;     /* m of wall of either map that the other one has seen to be free */
+    cairn_real overlap;      /* share of the smaller map's free cells that the other one knows */
+    cairn_real psi;          /* (9.5), 0 ... 4 */
+    cairn_real disagreement; /* d of (9.6) */
+    cairn_real gamma;        /* (9.6) */
+} cairn_merge_score;
+
+/* Scores a place of map b beside map a (a_b in the frames of the maps) at once. CAIRN_BAD_ARGUMENT: no such maps, or they are
+ * not prepared (no merging has ended); CAIRN_NOT_FINITE. Linear in the points. */
+CAIRN_CHECKED cairn_status cairn_map_merge_score(const cairn_map_merge *merge, int32_t a, int32_t b, cairn_pose a_b,
+                                                 cairn_merge_score *score);
+
+/* ---- The result: of the last merging that ended ---- */
+
+typedef int32_t cairn_merge_verdict;
+enum {
+    CAIRN_MERGE_PLACED = 0,
+    CAIRN_MERGE_EMPTY = 1,      /* refused: no wall, or nothing known, in it */
+    CAIRN_MERGE_NO_OVERLAP = 2, /* refused: no place agrees with any other map */
+    CAIRN_MERGE_WEAK = 3,       /* refused: the best place has too little support */
+    CAIRN_MERGE_AMBIGUOUS = 4,  /* refused: another place has nearly as much */
+    CAIRN_MERGE_SLIDES = 5      /* refused: it could be shifted along its walls */
+};
+
+/* In words, without a full stop. */
+const char *cairn_merge_verdict_text(cairn_merge_verdict verdict);
+
+typedef struct cairn_merge_placed {
+    cairn_merge_verdict verdict;
+    cairn_pose reference_map; /* of the map's frame in that of the reference; of a refused map the best place found */
+    cairn_real support;       /* nats from all maps placed with it */
+    cairn_real rival;         /* support of its best other place */
+    cairn_real wrong;         /* probability that the place is wrong, 0 ... 1; of the reference 0 */
+    int32_t neighbours;       /* maps that support it */
+    int32_t rank;             /* 0: the reference, 1: the first one merged ...; of refused maps they go on */
+    int32_t modes;            /* rival places beside the map that supports it best */
+    int32_t corners;          /* in the map */
+} cairn_merge_placed;
+
+typedef struct cairn_merge_result {
+    int32_t maps, placed;
+    int32_t reference;
+    int32_t hypotheses; /* pairs of corners that were tried */
+    int32_t resamplings;
+    cairn_real n_eff;    /* of the last step */
+    cairn_real evidence; /* nats, of the whole */
+    int64_t units;
+} cairn_merge_result;
+
+cairn_merge_result cairn_map_merge_read(const cairn_map_merge *merge);
+
+/* All zero when there is no such map. */
+cairn_merge_placed cairn_map_merge_of(const cairn_map_merge *merge, int32_t map);
+
+/* Rival places of map b beside map a, the best first; 0 when there are no more. *a_b is in the frames of the maps. */
+int32_t cairn_map_merge_mode(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index, cairn_pose *a_b,
+                             cairn_real *evidence);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

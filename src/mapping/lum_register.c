@@ -1,0 +1,202 @@
+/* Sequential registration before Lu and Milios.
+ *
+ * Method: the scan with the most points is the first that is placed, and the next of those that are left when none of them
+ * finds a match. In every round each scan that is left is matched
+ * against all that are placed (icp), from where it should be by the common motion of those, and from that pose turned
+ * left and right; the match with the highest score, the overlap over the mean distance of the pairs, weighted by the root
+ * of the points, is placed. At the end all scans are moved together so that the first stays.
+ *
+ * Limits: a scan that is placed wrongly draws others with it. Where the poses are right within a few degrees already the
+ * links alone do better. Matches grow with the square of the scans.
+ *
+ * Source: the sequence of Borrmann et al. 2008, Globally consistent 3D mapping with scan matching: ICP scan by scan, then
+ * global relaxation; best first instead of in the order of the file, which is not known here. */
+#include "src/core/build.h"
+
+#include "src/mapping/lum_work.h"
+
+enum { ITERATIONS = 60, UNITS_POINTS = 4, UNITS_SCANS = 4 };
+
+/* m: what a heading counts for in the common motion. */
+static const cairn_real AHEAD = 1;
+
+/* Times the turn of the params. */
+static const int32_t TURNS[] = {0, -1, 1};
+
+cairn_icp_params cairn_lum_register_icp(const cairn_lum_params *params)
+{
+    cairn_icp_params icp = cairn_icp_default();
+
+    icp.max_target = params->max_points;
+    icp.max_iterations = ITERATIONS;
+    icp.gate_start = params->register_gate;
+    icp.gate_end = params->distance / 2;
+    icp.gate_factor = CAIRN_REAL(1.5);
+    icp.direction_gate = params->direction_gate;
+    return icp;
+}
+
+void cairn_lum_register_carve(struct lum_register *r, cairn_pool *pool, const cairn_lum_params *params)
+{
+    size_t scans = (size_t)params->max_scans;
+
+    r->points = cairn_pool_take(pool, (size_t)params->max_points, sizeof *r->points);
+    r->first = cairn_pool_take(pool, scans + 1, sizeof *r->first);
+    r->start = cairn_pool_take(pool, scans, sizeof *r->start);
+    r->placed = cairn_pool_take(pool, scans, sizeof *r->placed);
+    r->is_placed = cairn_pool_take(pool, scans, sizeof *r->is_placed);
+}
+
+void cairn_lum_register_add(cairn_lum *l, const cairn_oriented_point *points, int32_t count)
+{
+    struct lum_register *r = &l->registers;
+    cairn_real spacing = l->params.register_spacing;
+    int32_t scan = l->state.scans - 1, end, last = 0;
+
+    if (scan == 0)
+        r->first[0] = 0;
+    end = r->first[scan];
+    for (int32_t k = 0; k < count; k++) {
+        cairn_vec2 step = cairn_vec2_sub(points[k].position, points[last].position);
+
+        if (k > 0 && cairn_vec2_norm_squared(step) < spacing * spacing)
+            continue;
+        r->points[end++] = points[k];
+        last = k;
+    }
+    r->first[scan + 1] = end;
+}
+
+static int32_t count_of(const struct lum_register *r, int32_t scan)
+{
+    return r->first[scan + 1] - r->first[scan];
+}
+
+static void begin_round(struct lum_register *r)
+{
+    r->scan = r->turn = 0;
+    r->best.scan = -1;
+    r->best.score = 0;
+}
+
+static void place(cairn_lum *l, int32_t scan, cairn_pose pose)
+{
+    struct lum_register *r = &l->registers;
+    cairn_status status = cairn_icp_add_target(r->icp, r->points + r->first[scan], count_of(r, scan), pose, NULL);
+
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    r->placed[scan] = pose;
+    r->is_placed[scan] = 1;
+    r->placed_count++;
+    r->motion = cairn_pose_fit(r->start, r->placed, r->is_placed, l->state.scans, AHEAD);
+    begin_round(r);
+}
+
+/* The scan with the most points of those that are not placed; -1: none has any. */
+static int32_t next_seed(const cairn_lum *l)
+{
+    const struct lum_register *r = &l->registers;
+    int32_t seed = -1, most = 0;
+
+    for (int32_t i = 0; i < l->state.scans; i++)
+        if (!r->is_placed[i] && count_of(r, i) > most) {
+            most = count_of(r, i);
+            seed = i;
+        }
+    return seed;
+}
+
+void cairn_lum_register_begin(cairn_lum *l)
+{
+    struct lum_register *r = &l->registers;
+
+    cairn_icp_clear_target(r->icp);
+    for (int32_t i = 0; i < l->state.scans; i++) {
+        r->start[i] = l->scans[i].pose;
+        r->is_placed[i] = 0;
+    }
+    r->motion = cairn_pose_identity();
+    r->placed_count = 0;
+    r->matching = 0;
+    begin_round(r);
+}
+
+/* Places the best match of the round, or without one the first scan of a new piece; 0: there is none. */
+static int32_t end_round(cairn_lum *l)
+{
+    struct lum_register *r = &l->registers;
+    int32_t seed;
+
+    if (r->best.scan >= 0) {
+        l->state.registered++;
+        place(l, r->best.scan, r->best.pose);
+        return 1;
+    }
+    seed = next_seed(l);
+    if (seed >= 0)
+        place(l, seed, cairn_pose_compose(r->motion, r->start[seed]));
+    return seed >= 0;
+}
+
+/* All that was placed becomes the map's, moved so that the first scan stays; the others go with it. */
+static void commit(cairn_lum *l)
+{
+    struct lum_register *r = &l->registers;
+    cairn_pose back;
+
+    for (int32_t i = 0; i < l->state.scans; i++)
+        if (!r->is_placed[i])
+            r->placed[i] = cairn_pose_compose(r->motion, r->start[i]);
+    back = cairn_pose_compose(r->start[0], cairn_pose_inverse(r->placed[0]));
+    for (int32_t i = 1; i < l->state.scans; i++)
+        l->scans[i].pose = cairn_pose_compose(back, r->placed[i]);
+}
+
+int32_t cairn_lum_register_next(cairn_lum *l, int32_t *units)
+{
+    struct lum_register *r = &l->registers;
+    cairn_status status;
+    cairn_pose start;
+    int32_t points, target = cairn_icp_target_count(r->icp);
+
+    while (r->scan < l->state.scans && (r->placed_count == 0 || r->is_placed[r->scan] || count_of(r, r->scan) == 0))
+        r->scan++;
+    *units = 1 + l->state.scans / UNITS_SCANS;
+    if (r->scan == l->state.scans) {
+        if (end_round(l)) {
+            *units += (cairn_icp_target_count(r->icp) - target) / UNITS_POINTS;
+            return 0;
+        }
+        commit(l);
+        return 1;
+    }
+    points = count_of(r, r->scan);
+    start = cairn_pose_compose(r->motion, r->start[r->scan]);
+    start.theta = cairn_wrap_angle(start.theta + (cairn_real)TURNS[r->turn] * l->params.register_turn);
+    status = cairn_icp_begin(r->icp, r->points + r->first[r->scan], points, start, NULL, NULL);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    r->matching = 1;
+    *units += points / UNITS_POINTS;
+    return 0;
+}
+
+void cairn_lum_register_matched(cairn_lum *l)
+{
+    struct lum_register *r = &l->registers;
+    cairn_icp_result result = cairn_icp_read(r->icp);
+    cairn_real score =
+        result.overlap * cairn_sqrt((cairn_real)count_of(r, r->scan)) / (result.mean_distance + l->params.sigma);
+
+    r->matching = 0;
+    if (result.verdict != CAIRN_ICP_TOO_FEW_PAIRS && score > r->best.score) {
+        r->best.score = score;
+        r->best.pose = result.target_query;
+        r->best.scan = r->scan;
+    }
+    if (++r->turn == (l->params.register_turn > 0 ? 3 : 1)) {
+        r->turn = 0;
+        r->scan++;
+    }
+}

@@ -1,0 +1,504 @@
+/* Maps of many robots merged by a virtual robot.
+ *
+ * Method: maps are made ready one by one (map_merge_prepare.c), rival places of all pairs are found (map_merge_pairs.c), a
+ * particle filter puts the maps together and the result is checked (map_merge_filter.c).
+ *
+ * Layout: a packed cell of two bytes for each cell of all maps; points, free cells and corners of each map; a list of modes
+ * for each pair of maps; the filter; a table of what pairs said about places.
+ *
+ * Limits: a pair needs a corner in its overlap that both maps show; maps of one scale; walls that are bent by more than a few
+ * cells between the maps do not agree.
+ *
+ * Source: Adluru 2008, chapter 9. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/map_merge_work.h"
+
+enum { CELLS_MOST = 1 << 28, POINTS_LEAST = 64, POINTS_MOST = 1 << 16 };
+
+/* Cells: where agreement has fallen to a half while searching. */
+#define SOFT CAIRN_REAL(2.0)
+
+cairn_map_merge_params cairn_map_merge_default(void)
+{
+    cairn_map_merge_params params = {
+        .max_maps = 16,
+        .max_cells = 16 * 400 * 400,
+        .max_map_cells = 400 * 400,
+        .max_points = 2048,
+        .max_segments = 256,
+        .max_corners = 48,
+        .max_modes = 6,
+        .particles = 100,
+        .perception = CAIRN_MERGE_EVIDENCE,
+        .correlation = 10,
+        .min_score = 9,
+        .min_margin = 3,
+        .seed = 1,
+    };
+    return params;
+}
+
+static int is_count(int32_t n, int32_t least, int32_t most)
+{
+    return n >= least && n <= most;
+}
+
+static int params_are_valid(const cairn_map_merge_params *p)
+{
+    return p != NULL && is_count(p->max_maps, 1, MERGE_MAPS_MOST) && is_count(p->max_cells, 1, CELLS_MOST) &&
+           is_count(p->max_map_cells, 1, p->max_cells) && is_count(p->max_points, POINTS_LEAST, POINTS_MOST) &&
+           is_count(p->max_segments, 1, 4096) && is_count(p->max_corners, 1, 1024) && is_count(p->max_modes, 1, 32) &&
+           is_count(p->particles, 1, 4096) && p->perception >= CAIRN_MERGE_EVIDENCE &&
+           p->perception <= CAIRN_MERGE_IMAGES && p->correlation > 0 && cairn_is_finite(p->correlation) &&
+           p->min_score > 0 && cairn_is_finite(p->min_score) && p->min_margin >= 0 && cairn_is_finite(p->min_margin);
+}
+
+static cairn_corner_params corner_params(const cairn_map_merge_params *p)
+{
+    cairn_corner_params c = cairn_corner_default();
+
+    c.max_segments = p->max_segments;
+    c.max_corners = p->max_corners;
+    c.min_opening = 50 * (CAIRN_PI / 180);
+    c.max_opening = 130 * (CAIRN_PI / 180);
+    c.end_distance = CAIRN_REAL(0.5);
+    return c;
+}
+
+/* A map's side is at most that of a raster, or all its cells in one row. */
+static cairn_distance_map_params distance_params(const cairn_map_merge_params *p)
+{
+    cairn_distance_map_params d = {p->max_map_cells < CAIRN_RASTER_MAX_SIDE ? p->max_map_cells : CAIRN_RASTER_MAX_SIDE};
+
+    return d;
+}
+
+static size_t pairs_of(const cairn_map_merge_params *p)
+{
+    size_t n = (size_t)p->max_maps;
+
+    return n * (n - 1) / 2 + 1;
+}
+
+/* The objects within; NULL from a counting pool. */
+static void carve_objects(cairn_map_merge *m, cairn_pool *pool, const cairn_map_merge_params *p)
+{
+    cairn_corner_params corners = corner_params(p);
+    cairn_distance_map_params distances = distance_params(p);
+    cairn_particle_filter_params filter = cairn_merge_filter_params(p);
+    cairn_particle_model model;
+    cairn_status status;
+
+    if (m == NULL) {
+        cairn_pool_count(pool, cairn_corner_memory(&corners));
+        cairn_pool_count(pool, cairn_distance_map_memory(&distances));
+        cairn_pool_count(pool, cairn_particle_filter_memory(&filter));
+        return;
+    }
+    model = cairn_merge_model(m);
+    status = cairn_corner_create(&m->corners, pool, &corners);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    status = cairn_distance_map_create(&m->distances, pool, &distances);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    status = cairn_particle_filter_create(&m->filter, pool, &filter, &model);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+}
+
+static cairn_map_merge *carve(cairn_pool *pool, const cairn_map_merge_params *p)
+{
+    size_t maps = (size_t)p->max_maps, points = (size_t)p->max_points;
+    cairn_map_merge *m = cairn_pool_take_one(pool, sizeof *m);
+    merge_map *list = cairn_pool_take(pool, maps, sizeof *list);
+    uint16_t *grid = cairn_pool_take(pool, (size_t)p->max_cells, sizeof *grid);
+    int32_t *scratch = cairn_pool_take(pool, (size_t)p->max_map_cells, sizeof *scratch);
+    merge_point *surface = cairn_pool_take(pool, (maps + 1) * points, sizeof *surface);
+    cairn_vec2 *open = cairn_pool_take(pool, maps * (points / 2), sizeof *open);
+    cairn_corner *corners = cairn_pool_take(pool, maps * (size_t)p->max_corners, sizeof *corners);
+    merge_way *ways = cairn_pool_take(pool, maps * (size_t)p->max_segments, sizeof *ways);
+    int32_t *queue = cairn_pool_take(pool, 2 * points, sizeof *queue);
+    cairn_vec2 *line = cairn_pool_take(pool, points, sizeof *line);
+    cairn_segment *lines = cairn_pool_take(pool, maps * (size_t)p->max_segments, sizeof *lines);
+    merge_mode *modes = cairn_pool_take(pool, pairs_of(p) * (size_t)p->max_modes, sizeof *modes);
+    int32_t *mode_count = cairn_pool_take(pool, pairs_of(p), sizeof *mode_count);
+    merge_memory *memory = cairn_pool_take(pool, MERGE_MEMORY, sizeof *memory);
+
+    if (m != NULL) {
+        memset(m, 0, sizeof *m);
+        m->params = *p;
+        m->maps = list;
+        m->grid = grid;
+        m->scratch = scratch;
+        m->shuffled = surface + maps * points;
+        m->queue = queue;
+        m->label = queue + points;
+        m->line = line;
+        m->modes = modes;
+        m->mode_count = mode_count;
+        m->memory = memory;
+        for (size_t i = 0; i < maps; i++) {
+            memset(&list[i], 0, sizeof list[i]);
+            list[i].points = surface + i * points;
+            list[i].open = open + i * (points / 2);
+            list[i].corners = corners + i * (size_t)p->max_corners;
+            list[i].lines = lines + i * (size_t)p->max_segments;
+            list[i].ways = ways + i * (size_t)p->max_segments;
+        }
+    }
+    carve_objects(m, pool, p);
+    return m;
+}
+
+size_t cairn_map_merge_memory(const cairn_map_merge_params *params)
+{
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status cairn_map_merge_create(cairn_map_merge **merge, cairn_pool *pool, const cairn_map_merge_params *params)
+{
+    size_t need = cairn_map_merge_memory(params);
+    cairn_map_merge *made;
+
+    if (merge == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    made = carve(pool, params);
+    for (int32_t d = 0; d <= MERGE_FAR; d++) {
+        cairn_real x = (cairn_real)d / SOFT;
+
+        made->soft[d] = cairn_exp(-x * x / 2);
+    }
+    *merge = made;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_map_merge_coarsen(cairn_raster_u8_view cells, int32_t k, cairn_raster_u8 out)
+{
+    if (cairn_raster_u8_check(cells) != CAIRN_OK || cairn_raster_u8_check(cairn_raster_u8_read(out)) != CAIRN_OK ||
+        k < 1 || out.width != (cells.width - 1) / k + 1 || out.height != (cells.height - 1) / k + 1)
+        return CAIRN_BAD_ARGUMENT;
+    for (int32_t y = 0; y < out.height; y++)
+        memset(out.data + y * out.stride, CAIRN_CELL_UNKNOWN, (size_t)out.width);
+    for (int32_t y = 0; y < cells.height; y++)
+        for (int32_t x = 0; x < cells.width; x++) {
+            uint8_t cell = cells.data[y * cells.stride + x], *to = &out.data[y / k * out.stride + x / k];
+
+            if (cell == CAIRN_CELL_OCCUPIED || (cell == CAIRN_CELL_FREE && *to != CAIRN_CELL_OCCUPIED))
+                *to = cell;
+        }
+    return CAIRN_OK;
+}
+
+void cairn_map_merge_clear(cairn_map_merge *merge)
+{
+    merge->map_count = 0;
+    merge->cells = 0;
+    merge->phase = MERGE_IDLE;
+    merge->done = 0;
+}
+
+static cairn_pose scaled(cairn_pose pose, cairn_real by)
+{
+    pose.x *= by;
+    pose.y *= by;
+    return pose;
+}
+
+cairn_status cairn_map_merge_add(cairn_map_merge *merge, const cairn_merge_map *map, cairn_fault *fault)
+{
+    merge_map *m;
+    int64_t cells;
+
+    if (merge == NULL || map == NULL)
+        return cairn_refuse(fault, -1, "NULL, expected a map", CAIRN_BAD_ARGUMENT);
+    if (merge->phase != MERGE_IDLE)
+        return cairn_refuse(fault, -1, "a merging is under way, expected its end", CAIRN_BAD_ARGUMENT);
+    if (cairn_raster_u8_check(map->cells) != CAIRN_OK)
+        return cairn_refuse(fault, -1, "not a raster of cells", CAIRN_BAD_ARGUMENT);
+    if (!cairn_is_finite(map->resolution) || !cairn_pose_is_finite(map->origin))
+        return cairn_refuse(fault, -1, "resolution or origin is not finite", CAIRN_NOT_FINITE);
+    if (!(map->resolution > 0))
+        return cairn_refuse(fault, -1, "resolution is not above 0", CAIRN_BAD_ARGUMENT);
+    cells = (int64_t)map->cells.width * map->cells.height;
+    if (merge->map_count == merge->params.max_maps)
+        return cairn_refuse(fault, -1, "more maps than max_maps", CAIRN_FULL);
+    if (cells > merge->params.max_map_cells)
+        return cairn_refuse(fault, -1, "more cells than max_map_cells", CAIRN_FULL);
+    if (merge->cells + cells > merge->params.max_cells)
+        return cairn_refuse(fault, -1, "more cells in all than max_cells", CAIRN_FULL);
+    if (merge->map_count == 0)
+        merge->unit = map->resolution / MERGE_CELL;
+    m = &merge->maps[merge->map_count++];
+    m->input = *map;
+    m->input.resolution = map->resolution / merge->unit;
+    m->input.origin = scaled(map->origin, 1 / merge->unit);
+    m->grid = merge->grid + merge->cells;
+    merge->cells += cells;
+    m->corner.x = -m->input.resolution * (cairn_real)map->cells.width / 2;
+    m->corner.y = -m->input.resolution * (cairn_real)map->cells.height / 2;
+    m->map_centre.x = -m->corner.x;
+    m->map_centre.y = -m->corner.y;
+    m->map_centre.theta = 0;
+    m->map_centre = cairn_pose_compose(m->input.origin, m->map_centre);
+    m->has_guess = 0;
+    m->point_count = m->open_count = m->corner_count = m->line_count = 0;
+    merge->done = 0;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_map_merge_guess(cairn_map_merge *merge, int32_t map, cairn_pose reference_map)
+{
+    if (merge == NULL || map < 0 || map >= merge->map_count || merge->phase != MERGE_IDLE)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pose_is_finite(reference_map))
+        return CAIRN_NOT_FINITE;
+    merge->maps[map].has_guess = 1;
+    merge->maps[map].given = reference_map;
+    return CAIRN_OK;
+}
+
+/* The pose of map b's centre seen from map a's centre, by that of their frames, and back. */
+static cairn_pose centres_of(const cairn_map_merge *m, int32_t a, int32_t b, cairn_pose a_b)
+{
+    return cairn_pose_between(m->maps[a].map_centre,
+                              cairn_pose_compose(scaled(a_b, 1 / m->unit), m->maps[b].map_centre));
+}
+
+static cairn_pose frames_of(const cairn_map_merge *m, int32_t a, int32_t b, cairn_pose centres)
+{
+    cairn_pose a_b = cairn_pose_compose(cairn_pose_compose(m->maps[a].map_centre, centres),
+                                        cairn_pose_inverse(m->maps[b].map_centre));
+
+    return scaled(a_b, m->unit);
+}
+
+static int is_order(const cairn_map_merge *m, int32_t reference, const int32_t *order)
+{
+    int32_t seen[MERGE_MAPS_MOST] = {0};
+
+    if (order[0] != reference)
+        return 0;
+    for (int32_t i = 0; i < m->map_count; i++)
+        if (order[i] < 0 || order[i] >= m->map_count || seen[order[i]]++)
+            return 0;
+    return 1;
+}
+
+cairn_status cairn_map_merge_begin(cairn_map_merge *merge, int32_t reference, const int32_t *order)
+{
+    if (merge == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    if (merge->map_count == 0)
+        return CAIRN_EMPTY;
+    if (reference < 0 || reference >= merge->map_count || (order != NULL && !is_order(merge, reference, order)))
+        return CAIRN_BAD_ARGUMENT;
+    merge->reference = reference;
+    merge->has_order = order != NULL;
+    if (order != NULL)
+        memcpy(merge->order, order, (size_t)merge->map_count * sizeof *order);
+    for (int32_t i = 0; i < merge->map_count; i++)
+        if (merge->maps[i].has_guess)
+            merge->maps[i].guess = centres_of(merge, reference, i, merge->maps[i].given);
+    merge->map = 0;
+    merge->cursor = 0;
+    merge->paid = 0;
+    merge->comparing = 0;
+    merge->tried = 0;
+    merge->units = 0;
+    merge->done = 0;
+    merge->stage = MERGE_PREPARING;
+    merge->phase = MERGE_OCCUPIED_DISTANCE;
+    return CAIRN_OK;
+}
+
+static void finish(cairn_map_merge *m)
+{
+    cairn_merge_result *r = &m->result;
+    int32_t rank = 0;
+
+    memset(r, 0, sizeof *r);
+    r->maps = m->map_count;
+    r->reference = m->reference;
+    r->hypotheses = m->tried;
+    r->resamplings = cairn_particle_filter_read(m->filter).resamplings;
+    r->n_eff = cairn_particle_filter_read(m->filter).n_eff;
+    for (int32_t i = 0; i < m->map_count; i++) {
+        cairn_merge_placed *p = &m->placed[i];
+
+        p->reference_map = frames_of(m, m->reference, i, m->check.pose[i]);
+        r->placed += p->verdict == CAIRN_MERGE_PLACED;
+        r->evidence += p->verdict == CAIRN_MERGE_PLACED ? p->support : 0;
+    }
+    for (int32_t k = 0; k < m->check.count; k++)
+        if (m->check.accepted[m->check.list[k]])
+            m->placed[m->check.list[k]].rank = rank++;
+    for (int32_t i = 0; i < m->map_count; i++)
+        if (!m->check.accepted[i])
+            m->placed[i].rank = rank++;
+    m->phase = MERGE_IDLE;
+    m->done = 1;
+}
+
+cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_budget *budget)
+{
+    int32_t before;
+
+    if (merge == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    if (merge->phase == MERGE_IDLE)
+        return CAIRN_OK;
+    before = budget->left;
+    while (merge->stage < MERGE_FINISHED) {
+        cairn_status status = merge->stage == MERGE_PREPARING  ? cairn_merge_prepare(merge, budget)
+                              : merge->stage == MERGE_PAIRING  ? cairn_merge_find_modes(merge, budget)
+                              : merge->stage == MERGE_VISITING ? cairn_merge_run_filter(merge, budget)
+                                                               : cairn_merge_check(merge, budget);
+
+        if (status != CAIRN_OK) {
+            merge->units += before - budget->left;
+            return status;
+        }
+        merge->stage++;
+    }
+    merge->units += before - budget->left;
+    finish(merge);
+    merge->result.units = merge->units;
+    return CAIRN_OK;
+}
+
+/* ---- Scores ---- */
+
+/* Points of one class of a map in the other one's grid: sums of the kernels of Psi and d, which count the whole map. */
+typedef struct image_sums {
+    cairn_real same, other;
+    int32_t known;
+} image_sums;
+
+static cairn_real kernel_of(const cairn_map_merge *m, int32_t cells)
+{
+    (void)m;
+    return cells > 20 ? 0 : cairn_exp(-(cairn_real)(cells * cells) / 8);
+}
+
+static void add_image(const cairn_map_merge *m, const merge_map *to, cairn_vec2 p, int32_t class, image_sums *s)
+{
+    uint16_t cell =
+        merge_cell_at(to, (p.x - to->corner.x) / to->input.resolution, (p.y - to->corner.y) / to->input.resolution);
+
+    s->known += merge_class(cell) != MERGE_UNKNOWN;
+    s->same += kernel_of(m, class == MERGE_OCCUPIED ? merge_to_occupied(cell) : merge_to_free(cell));
+    s->other += merge_class(cell) != MERGE_UNKNOWN && merge_class(cell) != class;
+}
+
+/* Both classes of `from` in the grid of `to`: adds to psi and d; the known share of the free cells. */
+static cairn_real add_images(const cairn_map_merge *m, const merge_map *to, const merge_map *from, cairn_transform t,
+                             cairn_merge_score *score)
+{
+    image_sums walls = {0, 0, 0}, open = {0, 0, 0};
+    cairn_real points = cairn_max((cairn_real)from->point_count, 1), cells = cairn_max((cairn_real)from->open_count, 1);
+
+    for (int32_t i = 0; i < from->point_count; i++)
+        add_image(m, to, cairn_transform_point(t, from->points[i].at), MERGE_OCCUPIED, &walls);
+    for (int32_t i = 0; i < from->open_count; i++)
+        add_image(m, to, cairn_transform_point(t, from->open[i]), MERGE_FREE, &open);
+    score->psi += walls.same / points + open.same / cells;
+    score->disagreement += walls.other / points + open.other / cells;
+    return (cairn_real)open.known / cells;
+}
+
+void cairn_merge_score_at(const cairn_map_merge *m, int32_t a, int32_t b, cairn_pose centres, cairn_merge_score *score)
+{
+    const merge_map *first = &m->maps[a], *second = &m->maps[b];
+    cairn_transform there = cairn_transform_of(centres), back = cairn_transform_of(cairn_pose_inverse(centres));
+    merge_sums s[2] = {{0, 0, 0, 0, {0, 0}, 0}, {0, 0, 0, 0, {0, 0}, 0}};
+    cairn_real share[2], d;
+
+    memset(score, 0, sizeof *score);
+    cairn_merge_sum(m, first, second, &there, 0, second->point_count, &s[0]);
+    cairn_merge_sum(m, second, first, &back, 0, first->point_count, &s[1]);
+    score->agree = (s[0].agree * second->spacing + s[1].agree * first->spacing) / 2;
+    score->conflict = s[0].conflict * second->spacing + s[1].conflict * first->spacing;
+    score->evidence = cairn_merge_nats(m, score->agree, score->conflict);
+    share[0] = add_images(m, first, second, there, score);
+    share[1] = add_images(m, second, first, back, score);
+    score->overlap = first->free < second->free ? share[1] : share[0];
+    d = cairn_max(score->disagreement, CAIRN_REAL(1e-6));
+    score->gamma = -cairn_log(d) - d;
+}
+
+cairn_status cairn_map_merge_score(const cairn_map_merge *merge, int32_t a, int32_t b, cairn_pose a_b,
+                                   cairn_merge_score *score)
+{
+    if (merge == NULL || score == NULL || !merge->done || a < 0 || b < 0 || a >= merge->map_count ||
+        b >= merge->map_count)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pose_is_finite(a_b))
+        return CAIRN_NOT_FINITE;
+    cairn_merge_score_at(merge, a, b, centres_of(merge, a, b, a_b), score);
+    score->agree *= merge->unit;
+    score->conflict *= merge->unit;
+    return CAIRN_OK;
+}
+
+/* ---- Reading ---- */
+
+const char *cairn_merge_verdict_text(cairn_merge_verdict verdict)
+{
+    switch (verdict) {
+    case CAIRN_MERGE_PLACED:
+        return "placed";
+    case CAIRN_MERGE_EMPTY:
+        return "no wall or no free space in it";
+    case CAIRN_MERGE_NO_OVERLAP:
+        return "no place agrees with any other map";
+    case CAIRN_MERGE_WEAK:
+        return "too little support for its best place";
+    case CAIRN_MERGE_AMBIGUOUS:
+        return "another place has nearly as much support";
+    case CAIRN_MERGE_SLIDES:
+        return "it could be shifted along its walls";
+    default:
+        return "unknown verdict";
+    }
+}
+
+cairn_merge_result cairn_map_merge_read(const cairn_map_merge *merge)
+{
+    const cairn_merge_result none = {0, 0, 0, 0, 0, 0, 0, 0};
+
+    return merge->done ? merge->result : none;
+}
+
+cairn_merge_placed cairn_map_merge_of(const cairn_map_merge *merge, int32_t map)
+{
+    const cairn_merge_placed none = {0, {0, 0, 0}, 0, 0, 0, 0, 0, 0, 0};
+
+    return merge->done && map >= 0 && map < merge->map_count ? merge->placed[map] : none;
+}
+
+int32_t cairn_map_merge_mode(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index, cairn_pose *a_b,
+                             cairn_real *evidence)
+{
+    const merge_mode *mode;
+    int32_t pair;
+
+    if (!merge->done || a < 0 || b < 0 || a == b || a >= merge->map_count || b >= merge->map_count || index < 0)
+        return 0;
+    pair = a < b ? merge_pair(a, b) : merge_pair(b, a);
+    if (index >= merge->mode_count[pair])
+        return 0;
+    mode = &merge->modes[(size_t)pair * (size_t)merge->params.max_modes + (size_t)index];
+    *evidence = mode->evidence;
+    *a_b = frames_of(merge, a, b, a < b ? mode->first_second : cairn_pose_inverse(mode->first_second));
+    return 1;
+}

@@ -1,0 +1,316 @@
+/* What the files of the map merging room share: the maps made ready, rival places of pairs, and the state between steps.
+ *
+ * All poses inside are between the centres of the maps' grids (the middle of the raster, along its rows), where errors of
+ * rotation move cells least. */
+#ifndef CAIRN_MAPPING_MAP_MERGE_WORK_H
+#define CAIRN_MAPPING_MAP_MERGE_WORK_H
+
+#include "cairn/map_merge.h"
+
+enum {
+    MERGE_MAPS_MOST = 64,
+    MERGE_FAR = 127,           /* distances in cells are capped here */
+    MERGE_FIRST_POINTS = 96,   /* by which a pair of corners is judged first */
+    MERGE_REFINE_POINTS = 320, /* by which a place is refined */
+    MERGE_KEPT = 96,           /* hypotheses of a pair that are looked at again */
+    MERGE_REFINED = 20,        /* ... and refined */
+    MERGE_TURNS_MOST = 6,      /* rotations in which a pair is correlated */
+    MERGE_BINS = 360,          /* of the circle */
+    MERGE_POINTS_PER_UNIT = 8,
+    MERGE_ROUNDS = 40,    /* steps of a refinement at most */
+    MERGE_FOLLOWERS = 12, /* candidates of a particle */
+    MERGE_OFFERS = 8,
+    MERGE_MEMORY = 8192 /* scores of pairs of maps that are remembered, a power of two */
+};
+
+/* Side of a cell of the first map inside. */
+#define MERGE_CELL CAIRN_REAL(0.05)
+
+/* A packed cell: distance to the nearest occupied cell, to the nearest free one, and its class. */
+enum { MERGE_UNKNOWN = 0, MERGE_FREE = 1, MERGE_OCCUPIED = 2 };
+
+static inline int32_t merge_to_occupied(uint16_t cell)
+{
+    return cell & 127;
+}
+
+static inline int32_t merge_to_free(uint16_t cell)
+{
+    return cell >> 7 & 127;
+}
+
+static inline int32_t merge_class(uint16_t cell)
+{
+    return cell >> 14;
+}
+
+typedef struct merge_point {
+    cairn_vec2 at;     /* from the centre of the grid */
+    cairn_vec2 normal; /* unit, into free space */
+    cairn_vec2 front;  /* a little before it, where free space begins */
+    cairn_real weight; /* as evidence: a long straight wall is soon known */
+    int32_t cell;      /* index in the grid */
+} merge_point;
+
+/* The direction of a line and its length. */
+typedef struct merge_way {
+    cairn_real angle, length; /* rad, free space on the left; m */
+} merge_way;
+
+typedef struct merge_map {
+    cairn_merge_map input;
+    cairn_pose map_centre; /* the centre of the grid in the frame of the map */
+    cairn_vec2 corner;     /* lower left of cell (0, 0), seen from the centre */
+    uint16_t *grid;        /* [height][width] */
+    merge_point *points;   /* [point_count], any beginning of them an even choice */
+    cairn_vec2 *open;      /* [open_count] free cells, likewise */
+    cairn_corner *corners; /* [corner_count] */
+    cairn_segment *lines;  /* [line_count] with free space on their left */
+    merge_way *ways;       /* likewise: their directions */
+    int32_t point_count, open_count, corner_count, line_count;
+    int32_t occupied, free; /* cells */
+    cairn_real spacing;     /* m of wall for each point */
+    cairn_real clearing;    /* share of a free cell */
+    int32_t has_guess;
+    cairn_pose given; /* a guess of the map's frame in that of the reference ... */
+    cairn_pose guess; /* ... and of their centres */
+} merge_map;
+
+/* A place of the pair's second map beside its first one. */
+typedef struct merge_mode {
+    cairn_pose first_second;
+    cairn_real evidence;
+} merge_mode;
+
+/* What the points of one map are in the grid of another. */
+typedef struct merge_sums {
+    cairn_real agree, conflict; /* points */
+    cairn_real soft, against;   /* likewise, felt from farther away */
+    cairn_vec2 middle;          /* sum of the points that are known there, in the frame of the grid */
+    int32_t known;
+} merge_sums;
+
+/* A pair of maps being compared at one place: points of each in the grid of the other, some at a time. */
+typedef struct merge_comparison {
+    int32_t first, second;
+    cairn_pose first_second;
+    cairn_transform there, back; /* second to first, first to second */
+    int32_t points[2];           /* of the second, of the first map, that are compared */
+    int32_t cursor, direction;
+    merge_sums sums[2];
+} merge_comparison;
+
+/* A place that a particle filter's particle has put a map at. */
+typedef struct merge_state {
+    int32_t map;    /* -1: no more */
+    int32_t beside; /* the map that the proposal came from */
+    cairn_pose reference_map;
+    cairn_real evidence; /* given those before it */
+    cairn_real psi, gamma;
+} merge_state;
+
+/* What follows a particle. */
+typedef struct merge_offer {
+    const merge_state *state; /* the particle's last one */
+    merge_state list[MERGE_FOLLOWERS];
+    int32_t count;
+} merge_offer;
+
+typedef struct merge_memory {
+    int32_t first, second; /* maps; first -1: free */
+    int32_t x, y, theta;   /* rounded */
+    cairn_real evidence;
+} merge_memory;
+
+typedef int32_t merge_stage;
+enum { MERGE_PREPARING, MERGE_PAIRING, MERGE_VISITING, MERGE_CHECKING, MERGE_FINISHED };
+
+typedef int32_t merge_phase;
+enum {
+    MERGE_IDLE,
+    MERGE_OCCUPIED_DISTANCE,
+    MERGE_OCCUPIED_PACK,
+    MERGE_FREE_DISTANCE,
+    MERGE_FREE_PACK,
+    MERGE_SURFACE,
+    MERGE_NORMALS,
+    MERGE_SEGMENTS,
+    MERGE_CORNERS,
+    MERGE_SHUFFLE,
+    MERGE_HYPOTHESES,
+    MERGE_TURNS,
+    MERGE_SHIFTS,
+    MERGE_SIFT,
+    MERGE_REFINE,
+    MERGE_FILTER,
+    MERGE_CHECK
+};
+
+struct cairn_map_merge {
+    cairn_map_merge_params params;
+    merge_map *maps; /* [max_maps] */
+    int32_t map_count;
+    int64_t cells; /* of all maps */
+    cairn_real
+        unit; /* m of a length of 1 inside, where a cell of the first map has MERGE_CELL: all limits are in cells */
+    int32_t reference;
+    int32_t order[MERGE_MAPS_MOST];
+    int32_t has_order;
+    uint16_t *grid; /* [max_cells] */
+
+    /* Preparation of one map. */
+    cairn_distance_map *distances;
+    int32_t *scratch;      /* [max_map_cells] distances, then 1 + index of the point in a cell */
+    int32_t *queue;        /* [max_points] the line that grows */
+    int32_t *label;        /* [max_points] */
+    cairn_vec2 *line;      /* [max_points] */
+    merge_point *shuffled; /* [max_points] */
+    int32_t queued;
+    int32_t surface, seen_surface, seen_free; /* cells */
+    cairn_corner_set *corners;
+
+    /* Places of pairs. */
+    merge_mode *modes;           /* [pairs][max_modes] */
+    int32_t *mode_count;         /* [pairs] */
+    merge_mode kept[MERGE_KEPT]; /* of the pair under way, the best first */
+    int32_t kept_count;
+    merge_mode refined[MERGE_REFINED];
+    int32_t refined_count;
+    struct {
+        cairn_real bins[MERGE_BINS];
+        cairn_real turns[MERGE_TURNS_MOST];
+        int32_t count, at;
+        cairn_real cosine, sine;
+        cairn_real wall;                                                  /* m for one of these points */
+        cairn_vec2 first[MERGE_FIRST_POINTS], second[MERGE_FIRST_POINTS]; /* points turned, in the other's cells */
+        cairn_vec2 first_front[MERGE_FIRST_POINTS], second_front[MERGE_FIRST_POINTS];
+        int32_t firsts, seconds;
+        cairn_box shifts; /* m */
+        int32_t columns, rows;
+        merge_sums sums; /* of the shift under way */
+    } search;
+    merge_comparison comparison;
+    cairn_real soft[MERGE_FAR + 1]; /* how much a distance in cells counts as agreement while searching */
+    struct {
+        cairn_pose best, start;
+        cairn_real score, cells, step, turn;
+        cairn_vec2 pivot;
+        int32_t direction, rounds, improved;
+        int32_t variant; /* of a place that is refined: as it is, then turned to either side */
+        cairn_pose base;
+        cairn_vec2 base_pivot;
+    } climb;
+
+    /* The maps that the one under way is compared with, and where they lie. */
+    int32_t near[MERGE_MAPS_MOST];
+    cairn_pose near_pose[MERGE_MAPS_MOST];
+    int32_t near_count;
+    struct {
+        cairn_pose pose;
+        int32_t map, near;
+        int32_t points;     /* of each map that are compared */
+        int32_t neighbours; /* that give evidence */
+        cairn_real evidence, soft;
+        cairn_vec2 middle;
+        cairn_real known;
+    } total;
+
+    /* The filter. */
+    cairn_particle_filter *filter;
+    struct {
+        merge_offer made[MERGE_OFFERS]; /* of particles of this step; many are alike */
+        merge_offer *now;
+        int32_t count, stage, at;
+        cairn_real psi_sum, gamma_sum, gamma_least; /* over all candidates of the step */
+        int32_t offered;
+    } offer;
+    merge_memory *memory; /* [MERGE_MEMORY] */
+    int32_t merged;       /* steps of the filter */
+    struct {
+        int32_t list[MERGE_MAPS_MOST];     /* maps placed, in their order */
+        cairn_pose pose[MERGE_MAPS_MOST];  /* of each map, in the frame of the reference's centre */
+        cairn_pose start[MERGE_MAPS_MOST]; /* where the filter has left them */
+        int32_t count, round, at, stage, looking, refused;
+        int32_t accepted[MERGE_MAPS_MOST];
+        cairn_real link[MERGE_MAPS_MOST * (MERGE_MAPS_MOST - 1) / 2]; /* evidence of each pair */
+        merge_mode rival_list[MERGE_REFINED];
+        int32_t rivals;
+        cairn_real slide; /* evidence of the best shifted place */
+    } check;
+
+    merge_stage stage;
+    merge_phase phase;
+    int32_t map, other; /* under way */
+    int32_t cursor, inner;
+    int32_t paid;
+    int32_t comparing; /* 1: `comparison` is under way */
+    int64_t units;
+    int32_t tried;
+    cairn_merge_placed placed[MERGE_MAPS_MOST];
+    cairn_merge_result result;
+    int32_t done; /* 1: the result stands */
+};
+
+/* The packed cell of a point in cells of the grid; that of something unknown outside. */
+static inline uint16_t merge_cell_at(const merge_map *map, cairn_real x, cairn_real y)
+{
+    if (!(x >= 0 && y >= 0 && x < (cairn_real)map->input.cells.width && y < (cairn_real)map->input.cells.height))
+        return MERGE_FAR | MERGE_FAR << 7 | MERGE_UNKNOWN << 14;
+    return map->grid[cairn_real_to_int(y) * map->input.cells.width + cairn_real_to_int(x)];
+}
+
+static inline int32_t merge_pair(int32_t first, int32_t second)
+{
+    return second * (second - 1) / 2 + first;
+}
+
+/* ---- map_merge_prepare.c: each phase returns CAIRN_OK when it is done with m->map ---- */
+
+cairn_status cairn_merge_prepare(cairn_map_merge *m, cairn_budget *budget);
+
+/* ---- map_merge_pairs.c ---- */
+
+/* A map placed beside another one by all rotations that their lines suggest and all translations. */
+cairn_status cairn_merge_correlate(cairn_map_merge *m, cairn_budget *budget);
+
+cairn_status cairn_merge_find_modes(cairn_map_merge *m, cairn_budget *budget);
+void cairn_merge_sum(const cairn_map_merge *m, const merge_map *to, const merge_map *from, const cairn_transform *t,
+                     int32_t begin, int32_t end, merge_sums *s);
+
+/* 1 when two places of a map differ by less than so much. */
+int cairn_merge_is_same(cairn_pose a, cairn_pose b, cairn_real metres, cairn_real radians);
+
+/* Keeps a place among the best `most` ones, best first; of places that are the same the better one. */
+void cairn_merge_keep(merge_mode *list, int32_t *count, int32_t most, merge_mode mode, cairn_real metres,
+                      cairn_real radians);
+
+/* Compares map `map` at a pose with all of near[]; go_on returns 1 when m->total is complete. */
+void cairn_merge_begin_total(cairn_map_merge *m, int32_t map, cairn_pose pose, int32_t points);
+int cairn_merge_go_on_total(cairn_map_merge *m, cairn_budget *budget);
+
+/* 1 when two maps are too far apart to have anything in common. */
+int cairn_merge_is_apart(const cairn_map_merge *m, int32_t first, int32_t second, cairn_pose first_second);
+
+/* Refines a pose of `map` beside all of near[]; go_on returns 1 when m->climb.best is it. */
+void cairn_merge_begin_climb(cairn_map_merge *m, int32_t map, cairn_pose start);
+int cairn_merge_go_on_climbing(cairn_map_merge *m, cairn_budget *budget);
+
+/* Refines a pose of `map`, which is near `start`, beside near[] by lines, `rounds` times at most; go_on returns 1 when m->climb.best is it. */
+void cairn_merge_begin_lines(cairn_map_merge *m, int32_t map, cairn_pose start, cairn_pose pose, int32_t rounds);
+int cairn_merge_go_on_lines(cairn_map_merge *m, cairn_budget *budget);
+
+/* Nats for so many m of wall that agree, and that do not. */
+cairn_real cairn_merge_nats(const cairn_map_merge *m, cairn_real agree, cairn_real conflict);
+
+/* ---- map_merge.c ---- */
+
+void cairn_merge_score_at(const cairn_map_merge *m, int32_t a, int32_t b, cairn_pose centres, cairn_merge_score *score);
+
+/* ---- map_merge_filter.c ---- */
+
+cairn_particle_filter_params cairn_merge_filter_params(const cairn_map_merge_params *p);
+cairn_particle_model cairn_merge_model(cairn_map_merge *m);
+cairn_status cairn_merge_run_filter(cairn_map_merge *m, cairn_budget *budget);
+cairn_status cairn_merge_check(cairn_map_merge *m, cairn_budget *budget);
+
+#endif

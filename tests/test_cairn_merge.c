@@ -1,0 +1,179 @@
+/* cairn merge as a user runs it. */
+#include "tests/test.h"
+
+#include <inttypes.h>
+
+#include "cairn/map_file.h"
+#include "cairn/pose_table.h"
+#include "tests/programs.h"
+#include "tests/world.h"
+
+/* A view as a map_server map, named in the test's folder; scale and raw need another way to say unknown. */
+static void write_view(const char *name, const view *v, cairn_map_file_mode mode, int32_t negate,
+                       cairn_map_file_image format)
+{
+    cairn_map_file file = cairn_map_file_default();
+    cairn_file_error error;
+
+    file.resolution = (cairn_real)v->resolution;
+    file.origin.x = file.origin.y = -(cairn_real)(SIDE * v->resolution / 2);
+    file.mode = mode;
+    file.negate = negate;
+    assert_ok(cairn_map_file_allocate(&file, SIDE, SIDE));
+    for (int32_t i = 0; i < SIDE * SIDE; i++)
+        file.occupancy[i] = v->cells[i] == CAIRN_CELL_OCCUPIED ? 100 : v->cells[i] == CAIRN_CELL_FREE ? 0 : -1;
+    assert_ok(cairn_map_file_draw(&file));
+    assert_ok(cairn_map_file_write(&file, files_path(name), format, &error));
+    cairn_map_file_free(&file);
+}
+
+static int make_maps(void **state)
+{
+    world w = rooms(1), other = rooms(77);
+    view *v[4] = {draw(&w, -4, 0, 0.3, -7.2, -0.3, 0.05, 0), draw(&w, 0, 0.2, -2.1, -3.2, 3.2, 0.05, 0),
+                  draw(&w, 4, 0.3, 1.4, 0.2, 7.2, 0.05, 0), draw(&other, -4, 0, 0.3, -7.2, -0.3, 0.05, 0)};
+
+    if (files_setup(state) != 0)
+        return 1;
+    write_view("a.yaml", v[0], CAIRN_MAP_TRINARY, 0, CAIRN_MAP_PGM);
+    write_view("b.yaml", v[1], CAIRN_MAP_RAW, 0, CAIRN_MAP_PNG);
+    write_view("c.yaml", v[2], CAIRN_MAP_TRINARY, 1, CAIRN_MAP_PGM);
+    write_view("d.yaml", v[3], CAIRN_MAP_TRINARY, 0, CAIRN_MAP_PGM);
+    for (int i = 0; i < 4; i++)
+        free(v[i]);
+    return 0;
+}
+
+static int end_maps(void **state)
+{
+    return files_teardown(state);
+}
+
+static void assert_pose(cairn_pose p, double x, double y, double theta)
+{
+    assert_near(p.x, x, 0.06);
+    assert_near(p.y, y, 0.06);
+    assert_near(remainder((double)p.theta - theta, 2 * PI), 0, 0.02);
+}
+
+/* Where the maps lie: seen from the first one. */
+static void assert_transforms(const char *name)
+{
+    cairn_pose_row *row;
+    cairn_file_error error;
+    int32_t count;
+    double c = cos(0.3), s = sin(0.3);
+
+    assert_ok(cairn_pose_table_read(&row, &count, files_path(name), &error));
+    assert_int_equal(count, 4);
+    assert_pose(row[0].pose, 0, 0, 0);
+    assert_pose(row[1].pose, c * 4 + s * 0.2, -s * 4 + c * 0.2, -2.4);
+    assert_pose(row[2].pose, c * 8 + s * 0.3, -s * 8 + c * 0.3, 1.1);
+    for (int32_t i = 0; i < 4; i++)
+        assert_int_equal(strcmp(row[i].verdict, "placed") == 0, i < 3);
+    cairn_pose_table_free(row);
+}
+
+static void three_maps_and_a_stranger(void **state)
+{
+    outcome o = programs_run("cairn merge @/a.yaml @/b.yaml @/c.yaml @/d.yaml -o @/merged");
+    cairn_map_file merged;
+    cairn_file_error error;
+    char *yaml, *picture;
+    int64_t walls = 0, open = 0;
+
+    (void)state;
+    assert_string_equal(o.err, "");
+    assert_int_equal(o.code, 0);
+    assert_non_null(strstr(o.out, "maps       4, 3 placed"));
+    assert_non_null(strstr(o.out, "order      0 1 2"));
+    assert_non_null(strstr(o.out, "refused: "));
+    assert_transforms("merged/transforms.csv");
+    assert_ok(cairn_map_file_read(&merged, files_path("merged/map.yaml"), &error));
+    for (int64_t i = 0; i < (int64_t)merged.width * merged.height; i++) {
+        walls += merged.occupancy[i] == 100;
+        open += merged.occupancy[i] == 0;
+    }
+    /* The world has 14 by 8 m, less boxes. */
+    assert_in_range((int64_t)((double)open * 0.0025), 70, 112);
+    assert_in_range(walls, 800, 6000);
+    cairn_map_file_free(&merged);
+    yaml = files_read(files_path("merged/transforms.yaml"), NULL);
+    picture = files_read(files_path("merged/map.svg"), NULL);
+    assert_non_null(strstr(yaml, "order: [0, 1, 2]"));
+    assert_non_null(strstr(yaml, "placed: false\n    reason: "));
+    assert_non_null(strstr(picture, "3 of 4 maps placed; d.yaml refused: "));
+    free(yaml);
+    free(picture);
+}
+
+/* A later merging with the same maps keeps what it is told, and order and reference may be asked for. */
+static void a_warm_start(void **state)
+{
+    outcome o = programs_run(
+        "cairn merge @/a.yaml @/b.yaml @/c.yaml @/d.yaml -o @/warm --start @/merged/transforms.csv --quiet");
+
+    (void)state;
+    assert_int_equal(o.code, 0);
+    assert_string_equal(o.out, "");
+    assert_transforms("warm/transforms.csv");
+    o = programs_run("cairn merge @/a.yaml @/b.yaml @/c.yaml -o @/ordered --reference 1 --order 1,2,0 --particles 10 "
+                     "--seed 3 --scale 0.05,0.05,0.05 --coarsen 1");
+    assert_int_equal(o.code, 0);
+    assert_non_null(strstr(o.out, "order      1 2 0"));
+    o = programs_run("cairn merge @/a.yaml @/b.yaml -o @/strict --min-score 900");
+    assert_int_equal(o.code, 0);
+    assert_non_null(strstr(o.out, "maps       2, 1 placed"));
+}
+
+static void assert_refused(const char *words, const char *piece)
+{
+    outcome o = programs_run("cairn merge %s", words);
+
+    assert_int_equal(o.code, 2);
+    assert_string_equal(o.out, "");
+    if (strstr(o.err, piece) == NULL)
+        fail_msg("'%s' does not say '%s'", o.err, piece);
+    assert_ptr_equal(strchr(o.err, '\n'), o.err + strlen(o.err) - 1); /* one line */
+}
+
+static void command_lines_are_refused(void **state)
+{
+    (void)state;
+    assert_refused("", "no maps");
+    assert_refused("@/a.yaml", "no -o DIR");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --reference 2", "--reference 2, expected at most 1");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --order 0", "--order 0, expected 2 numbers");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --order 0,0", "expected every map once");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --order 0,1.5", "expected every map once");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --scale 0.05,x", "--scale 0.05,x, expected 2 numbers");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --scale 0.05,0", "not a size of a cell");
+    assert_refused("@/a.yaml @/missing.yaml -o @/no", "missing.yaml");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --start @/missing.csv", "missing.csv");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --pool 1K", "pool");
+    assert_refused("@/a.yaml @/b.yaml -o @/a.yaml/no", "a.yaml");
+    assert_int_not_equal(access(files_path("no"), F_OK), 0); /* nothing was left */
+}
+
+static void help_is_printed(void **state)
+{
+    outcome o = programs_run("cairn merge --help");
+
+    (void)state;
+    assert_int_equal(o.code, 0);
+    assert_non_null(strstr(o.out, "--min-score NATS"));
+    assert_non_null(strstr(o.out, "usage: cairn merge MAP.yaml"));
+}
+
+int main(int argc, char **argv)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(three_maps_and_a_stranger),
+        cmocka_unit_test(a_warm_start),
+        cmocka_unit_test(command_lines_are_refused),
+        cmocka_unit_test(help_is_printed),
+    };
+
+    programs_find(argc, argv);
+    return cmocka_run_group_tests(tests, make_maps, end_maps);
+}

@@ -1,0 +1,669 @@
+#include "tests/test.h"
+
+#include "cairn/map_merge.h"
+#include "tests/world.h"
+
+static cairn_merge_map map_of(const view *v)
+{
+    cairn_merge_map map = {{v->cells, SIDE, SIDE, SIDE}, (cairn_real)v->resolution, {0, 0, 0}};
+
+    /* Not where the frame of the view is: that lies in the middle. */
+    map.origin.x = map.origin.y = -(cairn_real)(SIDE * v->resolution / 2);
+    return map;
+}
+
+/* ---- A merging ---- */
+
+static cairn_map_merge_params small_params(void)
+{
+    cairn_map_merge_params p = cairn_map_merge_default();
+
+    p.max_maps = 4;
+    p.max_map_cells = SIDE * SIDE;
+    p.max_cells = 4 * SIDE * SIDE;
+    p.max_points = 600;
+    p.max_segments = 128;
+    p.particles = 20;
+    return p;
+}
+
+struct fixture {
+    cairn_pool pool;
+    cairn_map_merge *merge;
+};
+
+static struct fixture merge_with(const cairn_map_merge_params *p)
+{
+    struct fixture f;
+
+    f.pool = test_pool(cairn_map_merge_memory(p));
+    assert_ok(cairn_map_merge_create(&f.merge, &f.pool, p));
+    return f;
+}
+
+static void run(cairn_map_merge *merge, int32_t units)
+{
+    cairn_status status;
+
+    do {
+        cairn_budget budget = {units};
+
+        status = cairn_map_merge_step(merge, &budget);
+        assert_true(budget.left >= 0);
+        assert_true(status != CAIRN_MORE || budget.left == 0);
+    } while (status == CAIRN_MORE);
+    assert_ok(status);
+}
+
+static void merge_views(cairn_map_merge *merge, view *const *views, int32_t count, int32_t reference)
+{
+    cairn_map_merge_clear(merge);
+    for (int32_t i = 0; i < count; i++) {
+        cairn_merge_map map = map_of(views[i]);
+
+        assert_ok(cairn_map_merge_add(merge, &map, NULL));
+    }
+    assert_ok(cairn_map_merge_begin(merge, reference, NULL));
+    run(merge, CAIRN_UNBOUNDED);
+}
+
+static cairn_pose truth_of(const view *reference, const view *v)
+{
+    cairn_pose a = {(cairn_real)reference->x, (cairn_real)reference->y, (cairn_real)reference->theta};
+    cairn_pose b = {(cairn_real)v->x, (cairn_real)v->y, (cairn_real)v->theta};
+
+    return cairn_pose_between(a, b);
+}
+
+static void assert_placed(const cairn_map_merge *merge, int32_t map, cairn_pose truth, double metres)
+{
+    cairn_merge_placed p = cairn_map_merge_of(merge, map);
+
+    assert_int_equal(p.verdict, CAIRN_MERGE_PLACED);
+    assert_near(p.reference_map.x, truth.x, metres);
+    assert_near(p.reference_map.y, truth.y, metres);
+    assert_near(remainder((double)(p.reference_map.theta - truth.theta), 2 * PI), 0, metres / 3);
+}
+
+static void free_views(view **views, int32_t count)
+{
+    for (int32_t i = 0; i < count; i++)
+        free(views[i]);
+}
+
+static void three_views(const world *w, view **views)
+{
+    views[0] = draw(w, -4, 0, 0.3, -7.2, -0.3, 0.05, 0);
+    views[1] = draw(w, 0, 0.2, -2.1, -3.2, 3.2, 0.05, 0);
+    views[2] = draw(w, 4, 0.3, 1.4, 0.2, 7.2, 0.05, 0);
+}
+
+/* ---- Refusals ---- */
+
+static void test_params_are_refused(void **state)
+{
+    const cairn_real nan = (cairn_real)NAN, infinity = (cairn_real)INFINITY;
+    cairn_map_merge_params good = small_params(), p;
+    cairn_pool pool = test_pool(cairn_map_merge_memory(&good));
+    cairn_map_merge *merge;
+
+    (void)state;
+#define REFUSED(field, value)                                                                                          \
+    p = good;                                                                                                          \
+    p.field = value;                                                                                                   \
+    assert_int_equal(cairn_map_merge_memory(&p), 0);                                                                   \
+    assert_status(cairn_map_merge_create(&merge, &pool, &p), CAIRN_BAD_ARGUMENT)
+    REFUSED(max_maps, 0);
+    REFUSED(max_maps, 65);
+    REFUSED(max_cells, 0);
+    REFUSED(max_cells, (1 << 28) + 1);
+    REFUSED(max_map_cells, 0);
+    REFUSED(max_map_cells, good.max_cells + 1);
+    REFUSED(max_points, 63);
+    REFUSED(max_points, (1 << 16) + 1);
+    REFUSED(max_segments, 0);
+    REFUSED(max_segments, 4097);
+    REFUSED(max_corners, 0);
+    REFUSED(max_corners, 1025);
+    REFUSED(max_modes, 0);
+    REFUSED(max_modes, 33);
+    REFUSED(particles, 0);
+    REFUSED(particles, 4097);
+    REFUSED(perception, -1);
+    REFUSED(perception, 2);
+    REFUSED(correlation, 0);
+    REFUSED(correlation, nan);
+    REFUSED(correlation, infinity);
+    REFUSED(min_score, 0);
+    REFUSED(min_score, nan);
+    REFUSED(min_score, infinity);
+    REFUSED(min_margin, -1);
+    REFUSED(min_margin, nan);
+    REFUSED(min_margin, infinity);
+#undef REFUSED
+    assert_int_equal(cairn_map_merge_memory(NULL), 0);
+    assert_status(cairn_map_merge_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_merge_create(&merge, NULL, &good), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(pool.used, 0);
+    test_pool_free(&pool);
+}
+
+static cairn_status create(void *context, cairn_pool *pool)
+{
+    cairn_map_merge *merge;
+
+    return cairn_map_merge_create(&merge, pool, context);
+}
+
+static void test_memory_is_exact(void **state)
+{
+    cairn_map_merge_params p = small_params();
+
+    (void)state;
+    p.max_maps = 1;
+    p.max_cells = p.max_map_cells = 4;
+    p.max_points = 64;
+    p.max_segments = p.max_corners = p.max_modes = p.particles = 1;
+    test_every_pool_size(create, &p, cairn_map_merge_memory(&p));
+}
+
+static void test_calls_are_refused(void **state)
+{
+    cairn_map_merge_params p = small_params();
+    struct fixture f;
+    uint8_t cells[8] = {0};
+    cairn_merge_map map = {{cells, 4, 2, 4}, CAIRN_REAL(0.05), {0, 0, 0}}, bad;
+    const int32_t order[2] = {0, 1}, twice[2] = {0, 0}, beyond[2] = {0, 2}, other[2] = {1, 0};
+    cairn_pose nowhere = {(cairn_real)NAN, 0, 0}, pose;
+    cairn_budget budget = {1};
+    cairn_merge_score score;
+    cairn_fault fault;
+    cairn_real evidence;
+
+    (void)state;
+    p.max_maps = 2;
+    p.max_cells = 15;
+    p.max_map_cells = 9;
+    f = merge_with(&p);
+    cairn_map_merge_clear(f.merge);
+    assert_status(cairn_map_merge_begin(f.merge, 0, NULL), CAIRN_EMPTY);
+    assert_status(cairn_map_merge_begin(NULL, 0, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_merge_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_merge_step(f.merge, NULL), CAIRN_BAD_ARGUMENT);
+    assert_ok(cairn_map_merge_step(f.merge, &budget));
+    assert_int_equal(budget.left, 1);
+    assert_status(cairn_map_merge_add(NULL, &map, &fault), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_merge_add(f.merge, NULL, &fault), CAIRN_BAD_ARGUMENT);
+#define REFUSED(field, value, status)                                                                                  \
+    bad = map;                                                                                                         \
+    bad.field = value;                                                                                                 \
+    fault.what = NULL;                                                                                                 \
+    assert_status(cairn_map_merge_add(f.merge, &bad, &fault), status);                                                 \
+    assert_non_null(fault.what)
+    REFUSED(cells.data, NULL, CAIRN_BAD_ARGUMENT);
+    REFUSED(cells.width, 0, CAIRN_BAD_ARGUMENT);
+    REFUSED(resolution, 0, CAIRN_BAD_ARGUMENT);
+    REFUSED(resolution, (cairn_real)NAN, CAIRN_NOT_FINITE);
+    REFUSED(resolution, (cairn_real)INFINITY, CAIRN_NOT_FINITE);
+    REFUSED(origin.theta, (cairn_real)NAN, CAIRN_NOT_FINITE);
+    REFUSED(cells.height, 3, CAIRN_FULL);
+#undef REFUSED
+    assert_ok(cairn_map_merge_add(f.merge, &map, NULL));
+    assert_status(cairn_map_merge_add(f.merge, &map, &fault), CAIRN_FULL); /* 16 of 15 cells */
+    map.cells.width = 3;
+    assert_ok(cairn_map_merge_add(f.merge, &map, NULL));
+    map.cells.width = map.cells.height = 1;
+    assert_status(cairn_map_merge_add(f.merge, &map, &fault), CAIRN_FULL);
+    assert_status(cairn_map_merge_guess(f.merge, 2, cairn_pose_identity()), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_merge_guess(f.merge, -1, cairn_pose_identity()), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_merge_guess(NULL, 0, cairn_pose_identity()), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_merge_guess(f.merge, 1, nowhere), CAIRN_NOT_FINITE);
+    assert_status(cairn_map_merge_begin(f.merge, 2, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_merge_begin(f.merge, -1, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_merge_begin(f.merge, 0, twice), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_merge_begin(f.merge, 0, beyond), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_merge_begin(f.merge, 0, other), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_merge_score(f.merge, 0, 1, cairn_pose_identity(), &score), CAIRN_BAD_ARGUMENT);
+    assert_int_equal(cairn_map_merge_read(f.merge).maps, 0);
+    assert_ok(cairn_map_merge_begin(f.merge, 0, order));
+    assert_status(cairn_map_merge_add(f.merge, &map, &fault), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_merge_guess(f.merge, 1, cairn_pose_identity()), CAIRN_BAD_ARGUMENT);
+    run(f.merge, 3); /* nothing is known in these maps: all cells are walls */
+    assert_int_equal(cairn_map_merge_read(f.merge).maps, 2);
+    assert_int_equal(cairn_map_merge_read(f.merge).placed, 1);
+    assert_int_equal(cairn_map_merge_of(f.merge, 1).verdict, CAIRN_MERGE_EMPTY);
+    assert_status(cairn_map_merge_score(f.merge, 0, 2, cairn_pose_identity(), &score), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_merge_score(f.merge, -1, 0, cairn_pose_identity(), &score), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_merge_score(f.merge, 0, 1, cairn_pose_identity(), NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_map_merge_score(f.merge, 0, 1, nowhere, &score), CAIRN_NOT_FINITE);
+    assert_ok(cairn_map_merge_score(f.merge, 0, 1, cairn_pose_identity(), &score));
+    assert_near(score.psi, 0, 0);
+    assert_int_equal(cairn_map_merge_mode(f.merge, 0, 1, 0, &pose, &evidence), 0);
+    assert_int_equal(cairn_map_merge_mode(f.merge, 0, 0, 0, &pose, &evidence), 0);
+    test_pool_free(&f.pool);
+}
+
+/* ---- Maps that belong together ---- */
+
+static void test_maps_come_together(void **state)
+{
+    cairn_map_merge_params p = small_params();
+    struct fixture f = merge_with(&p);
+    int32_t right = 0;
+
+    (void)state;
+    for (uint64_t seed = 1; seed <= 3; seed++) {
+        world w = rooms(seed);
+        view *views[3];
+
+        three_views(&w, views);
+        for (int32_t reference = 0; reference < 3; reference++) {
+            cairn_merge_result r;
+
+            merge_views(f.merge, views, 3, reference);
+            r = cairn_map_merge_read(f.merge);
+            assert_int_equal(r.maps, 3);
+            assert_int_equal(r.reference, reference);
+            assert_true(r.units > 0 && r.hypotheses > 0);
+            right += r.placed;
+            for (int32_t i = 0; i < 3; i++)
+                if (cairn_map_merge_of(f.merge, i).verdict == CAIRN_MERGE_PLACED)
+                    assert_placed(f.merge, i, truth_of(views[reference], views[i]), 0.06);
+            assert_int_equal(cairn_map_merge_of(f.merge, reference).rank, 0);
+            assert_near(cairn_map_merge_of(f.merge, reference).wrong, 0, 0);
+        }
+        free_views(views, 3);
+    }
+    assert_true(right >= 24); /* of 27 */
+    test_pool_free(&f.pool);
+}
+
+static void test_known_order_and_other_resolution(void **state)
+{
+    const int32_t order[3] = {1, 0, 2};
+    cairn_map_merge_params p = small_params();
+    struct fixture f = merge_with(&p);
+    world w = rooms(2);
+    view *views[3];
+
+    (void)state;
+    three_views(&w, views);
+    free(views[2]);
+    views[2] = draw(&w, 4, 0.3, 1.4, 0.2, 7.2, 0.07, 0);
+    cairn_map_merge_clear(f.merge);
+    for (int32_t i = 0; i < 3; i++) {
+        cairn_merge_map map = map_of(views[i]);
+
+        assert_ok(cairn_map_merge_add(f.merge, &map, NULL));
+    }
+    assert_ok(cairn_map_merge_begin(f.merge, 1, order));
+    run(f.merge, CAIRN_UNBOUNDED);
+    for (int32_t i = 0; i < 3; i++) {
+        assert_placed(f.merge, i, truth_of(views[1], views[i]), 0.08);
+        assert_int_equal(cairn_map_merge_of(f.merge, order[i]).rank, i);
+    }
+    free_views(views, 3);
+    test_pool_free(&f.pool);
+}
+
+/* Lengths are counted in cells of the first map: the same pictures with other cells give the same places, in other units. */
+static void test_size_of_cells_is_only_a_unit(void **state)
+{
+    cairn_map_merge_params p = small_params();
+    struct fixture f = merge_with(&p);
+    world w = rooms(1);
+    view *views[3];
+    cairn_pose before[3];
+
+    (void)state;
+    three_views(&w, views);
+    merge_views(f.merge, views, 3, 0);
+    for (int32_t i = 0; i < 3; i++) {
+        before[i] = cairn_map_merge_of(f.merge, i).reference_map;
+        views[i]->resolution = 0.4;
+    }
+    merge_views(f.merge, views, 3, 0);
+    for (int32_t i = 0; i < 3; i++) {
+        cairn_pose after = cairn_map_merge_of(f.merge, i).reference_map;
+
+        assert_int_equal(cairn_map_merge_of(f.merge, i).verdict, CAIRN_MERGE_PLACED);
+        assert_near(after.x, before[i].x * 8, NUMBER(1e-6, 0.05));
+        assert_near(after.y, before[i].y * 8, NUMBER(1e-6, 0.05));
+        assert_near(after.theta, before[i].theta, NUMBER(1e-9, 1e-3));
+    }
+    free_views(views, 3);
+    test_pool_free(&f.pool);
+}
+
+static uint64_t hash_of(const cairn_map_merge *merge, int32_t maps)
+{
+    uint64_t hash = TEST_HASH_START;
+
+    for (int32_t i = 0; i < maps; i++) {
+        cairn_merge_placed p = cairn_map_merge_of(merge, i);
+
+        hash = test_hash(hash, &p.reference_map, sizeof p.reference_map);
+        hash = test_hash(hash, &p.support, sizeof p.support);
+        hash = test_hash(hash, &p.wrong, sizeof p.wrong);
+    }
+    return hash;
+}
+
+static void test_budgets_do_not_matter(void **state)
+{
+    static const int32_t units[] = {1, 7, 1000};
+    cairn_map_merge_params p = small_params();
+    struct fixture f = merge_with(&p);
+    world w = rooms(1);
+    view *views[3];
+    uint64_t expected;
+
+    (void)state;
+    three_views(&w, views);
+    merge_views(f.merge, views, 3, 0);
+    expected = hash_of(f.merge, 3);
+    assert_golden(expected, UINT64_C(0x95943a93bcb9c96d), UINT64_C(0x0ac827aafccb53dd));
+    for (int k = 0; k < 3; k++) {
+        assert_ok(cairn_map_merge_begin(f.merge, 0, NULL));
+        run(f.merge, units[k]);
+        assert_true(hash_of(f.merge, 3) == expected);
+    }
+    free_views(views, 3);
+    test_pool_free(&f.pool);
+}
+
+static void test_a_guess_is_kept(void **state)
+{
+    cairn_map_merge_params p = small_params();
+    struct fixture f = merge_with(&p);
+    world w = rooms(3);
+    view *views[2] = {draw(&w, 0, 0, 0.1, -3, 3, 0.05, 0), draw(&w, 1, 0, 0.7, -2, 4, 0.05, 0)};
+    cairn_pose truth = truth_of(views[0], views[1]), off = truth;
+
+    (void)state;
+    cairn_map_merge_clear(f.merge);
+    for (int32_t i = 0; i < 2; i++) {
+        cairn_merge_map map = map_of(views[i]);
+
+        assert_ok(cairn_map_merge_add(f.merge, &map, NULL));
+    }
+    off.x += CAIRN_REAL(0.02);
+    assert_ok(cairn_map_merge_guess(f.merge, 1, off));
+    assert_ok(cairn_map_merge_begin(f.merge, 0, NULL));
+    run(f.merge, CAIRN_UNBOUNDED);
+    assert_placed(f.merge, 1, truth, 0.04);
+    off.x += 3; /* a wrong one does no harm */
+    off.theta += 1;
+    assert_ok(cairn_map_merge_guess(f.merge, 1, off));
+    assert_ok(cairn_map_merge_begin(f.merge, 0, NULL));
+    run(f.merge, CAIRN_UNBOUNDED);
+    assert_placed(f.merge, 1, truth, 0.04);
+    free_views(views, 2);
+    test_pool_free(&f.pool);
+}
+
+/* ---- Maps that do not ---- */
+
+static void test_strangers_are_refused(void **state)
+{
+    cairn_map_merge_params p = small_params();
+    struct fixture f = merge_with(&p);
+
+    (void)state;
+    for (uint64_t seed = 1; seed <= 2; seed++) {
+        world w = rooms(seed), other = rooms(seed + 100);
+        view *views[4];
+
+        three_views(&w, views);
+        free(views[2]);
+        views[2] = draw(&other, 4, 0.3, 1.4, 1.2, 7.2, 0.05, 0);
+        views[3] = draw(&w, 4, 0, 0.5, 1.2, 7.2, 0.05, 1);
+        merge_views(f.merge, views, 4, 0);
+        assert_placed(f.merge, 1, truth_of(views[0], views[1]), 0.06);
+        for (int32_t i = 2; i < 4; i++) {
+            cairn_merge_placed placed = cairn_map_merge_of(f.merge, i);
+
+            assert_int_not_equal(placed.verdict, CAIRN_MERGE_PLACED);
+            assert_true(placed.wrong > CAIRN_REAL(0.05));
+            assert_true(placed.rank >= 2);
+        }
+        free_views(views, 4);
+    }
+    test_pool_free(&f.pool);
+}
+
+static void test_coarser_cells(void **state)
+{
+    uint8_t cells[15] = {0, 254, 205, 254, 254, 205, 205, 254, 254, 254, 77, 205, 205, 205, 0}, out[6];
+    cairn_raster_u8_view fine = {cells, 5, 3, 5};
+    cairn_raster_u8 coarse = {out, 3, 2, 3}, wrong = coarse;
+    const uint8_t expected[6] = {0, 254, 254, 205, 205, 0};
+
+    (void)state;
+    assert_ok(cairn_map_merge_coarsen(fine, 2, coarse));
+    assert_memory_equal(out, expected, 6);
+    assert_status(cairn_map_merge_coarsen(fine, 0, coarse), CAIRN_BAD_ARGUMENT);
+    wrong.width = 2;
+    assert_status(cairn_map_merge_coarsen(fine, 2, wrong), CAIRN_BAD_ARGUMENT);
+    wrong = coarse;
+    wrong.height = 1;
+    assert_status(cairn_map_merge_coarsen(fine, 2, wrong), CAIRN_BAD_ARGUMENT);
+    wrong.data = NULL;
+    assert_status(cairn_map_merge_coarsen(fine, 2, wrong), CAIRN_BAD_ARGUMENT);
+    fine.data = NULL;
+    assert_status(cairn_map_merge_coarsen(fine, 2, coarse), CAIRN_BAD_ARGUMENT);
+}
+
+static void test_nothing_in_a_map(void **state)
+{
+    cairn_map_merge_params p = small_params();
+    struct fixture f = merge_with(&p);
+    world w = rooms(1), none = {.top = 8, .bottom = -8};
+    view *views[4];
+
+    (void)state;
+    three_views(&w, views);
+    free(views[2]);
+    views[2] = draw(&none, 0, 0, 0, -7, 7, 0.05, 0); /* no wall */
+    views[3] = draw(&w, 50, 0, 0, 40, 60, 0.05, 0);  /* all unknown */
+    merge_views(f.merge, views, 4, 0);
+    assert_int_equal(cairn_map_merge_of(f.merge, 1).verdict, CAIRN_MERGE_PLACED);
+    assert_int_equal(cairn_map_merge_of(f.merge, 2).verdict, CAIRN_MERGE_EMPTY);
+    assert_int_equal(cairn_map_merge_of(f.merge, 3).verdict, CAIRN_MERGE_EMPTY);
+    merge_views(f.merge, &views[3], 1, 0); /* alone */
+    assert_int_equal(cairn_map_merge_read(f.merge).placed, 1);
+    free_views(views, 4);
+    test_pool_free(&f.pool);
+}
+
+static void test_identical_maps(void **state)
+{
+    cairn_map_merge_params p = small_params();
+    struct fixture f = merge_with(&p);
+    world w = rooms(1);
+    view *views[2] = {draw(&w, 0, 0, 0.1, -3, 3, 0.05, 0), draw(&w, 0, 0, 0.1, -3, 3, 0.05, 0)};
+
+    (void)state;
+    merge_views(f.merge, views, 2, 0);
+    assert_placed(f.merge, 1, cairn_pose_identity(), 0.01);
+    free_views(views, 2);
+    test_pool_free(&f.pool);
+}
+
+/* A straight corridor without ends: nothing tells where along it. */
+static void test_corridor_is_refused(void **state)
+{
+    cairn_map_merge_params p = small_params();
+    struct fixture f = merge_with(&p);
+    world w = {.top = 3, .bottom = -3};
+    view *views[2];
+
+    (void)state;
+    add_box(&w, 0, 0.8, 20, 0.05, 0);
+    add_box(&w, 0, -0.8, 20, 0.05, 0);
+    views[0] = draw(&w, 0, 0, 0.2, -2.5, 2.5, 0.05, 0);
+    views[1] = draw(&w, 1, 0.1, 0.9, -1.5, 3.5, 0.05, 0);
+    merge_views(f.merge, views, 2, 0);
+    assert_int_not_equal(cairn_map_merge_of(f.merge, 1).verdict, CAIRN_MERGE_PLACED);
+    assert_int_not_equal(cairn_map_merge_of(f.merge, 1).verdict, CAIRN_MERGE_EMPTY);
+    free_views(views, 2);
+    test_pool_free(&f.pool);
+}
+
+/* ---- Scores, the slow way: every cell against every cell ---- */
+
+/* Cells of a class, and whether they are of the surface (occupied beside free). */
+static int is_surface(const view *v, int32_t i)
+{
+    int32_t x = i % SIDE, y = i / SIDE;
+
+    return v->cells[i] == CAIRN_CELL_OCCUPIED &&
+           ((x > 0 && v->cells[i - 1] == CAIRN_CELL_FREE) || (x + 1 < SIDE && v->cells[i + 1] == CAIRN_CELL_FREE) ||
+            (y > 0 && v->cells[i - SIDE] == CAIRN_CELL_FREE) ||
+            (y + 1 < SIDE && v->cells[i + SIDE] == CAIRN_CELL_FREE));
+}
+
+/* s(from, to, c1, c2) with kernel exp(-x^2 / 8), or exact agreement, over all cells of the class (surface of walls). */
+static double slow_s(const view *from, const view *to, int32_t dx, int32_t dy, uint8_t c1, uint8_t c2, int exact)
+{
+    double sum = 0;
+    int32_t count = 0;
+
+    for (int32_t i = 0; i < SIDE * SIDE; i++) {
+        int32_t x = i % SIDE + dx, y = i / SIDE + dy, least = 1000;
+
+        if (c1 == CAIRN_CELL_OCCUPIED ? !is_surface(from, i) : from->cells[i] != c1)
+            continue;
+        count++;
+        if (x < 0 || y < 0 || x >= SIDE || y >= SIDE)
+            continue;
+        if (exact) {
+            sum += to->cells[y * SIDE + x] == c2;
+            continue;
+        }
+        for (int32_t v = y - 20; v <= y + 20; v++)
+            for (int32_t u = x - 20; u <= x + 20; u++)
+                if (u >= 0 && v >= 0 && u < SIDE && v < SIDE && to->cells[v * SIDE + u] == c2 &&
+                    abs(u - x) + abs(v - y) < least)
+                    least = abs(u - x) + abs(v - y);
+        sum += least <= 20 ? exp(-least * least / 8.0) : 0;
+    }
+    return sum / count;
+}
+
+static void test_images_equal_the_slow_way(void **state)
+{
+    cairn_map_merge_params p = small_params();
+    struct fixture f;
+    world w = rooms(4);
+    view *views[2] = {draw(&w, 0, 0, 0, -2, 2, 0.05, 0), draw(&w, 0.5, 0.25, 0, -1, 3, 0.05, 0)};
+    const uint8_t class[2] = {CAIRN_CELL_OCCUPIED, CAIRN_CELL_FREE};
+
+    (void)state;
+    p.max_points = 1 << 14; /* all cells */
+    f = merge_with(&p);
+    merge_views(f.merge, views, 2, 0);
+    for (int32_t shift = 0; shift < 3; shift++) {
+        int32_t dx = 10 - 3 * shift, dy = 5 + 2 * shift;
+        cairn_pose pose = {(cairn_real)(dx * 0.05 + 1e-4), (cairn_real)(dy * 0.05 + 1e-4), 0};
+        double psi = 0, d = 0;
+        cairn_merge_score score;
+
+        for (int k = 0; k < 2; k++) {
+            psi += slow_s(views[1], views[0], dx, dy, class[k], class[k], 0);
+            psi += slow_s(views[0], views[1], -dx, -dy, class[k], class[k], 0);
+            d += slow_s(views[1], views[0], dx, dy, class[k], class[1 - k], 1);
+            d += slow_s(views[0], views[1], -dx, -dy, class[k], class[1 - k], 1);
+        }
+        assert_ok(cairn_map_merge_score(f.merge, 0, 1, pose, &score));
+        assert_near(score.psi, psi, 0.02);
+        assert_near(score.disagreement, d, 0.02);
+        assert_near(score.gamma, -log(fmax((double)score.disagreement, 1e-6)) - (double)score.disagreement, 1e-4);
+        if (shift == 0) { /* the truth */
+            assert_true(score.agree > 3 && score.conflict < CAIRN_REAL(0.3));
+            assert_near(score.evidence, (1.7 * (double)score.agree - 4 * (double)score.conflict) / 0.5, 1e-3);
+            assert_true(score.overlap > CAIRN_REAL(0.6) && score.overlap < CAIRN_REAL(0.9));
+        } else {
+            assert_true(score.evidence < 0);
+        }
+    }
+    free_views(views, 2);
+    test_pool_free(&f.pool);
+}
+
+/* The perception of the thesis: less is found, nothing wrong is kept. */
+static void test_images_as_perception(void **state)
+{
+    cairn_map_merge_params p = small_params();
+    struct fixture f;
+    world w = rooms(1);
+    view *views[3];
+
+    (void)state;
+    p.perception = CAIRN_MERGE_IMAGES;
+    f = merge_with(&p);
+    three_views(&w, views);
+    merge_views(f.merge, views, 3, 1);
+    for (int32_t i = 0; i < 3; i++)
+        if (cairn_map_merge_of(f.merge, i).verdict == CAIRN_MERGE_PLACED)
+            assert_placed(f.merge, i, truth_of(views[1], views[i]), 0.06);
+    assert_true(cairn_map_merge_read(f.merge).placed >= 2);
+    free_views(views, 3);
+    test_pool_free(&f.pool);
+}
+
+static void test_modes_can_be_read(void **state)
+{
+    cairn_map_merge_params p = small_params();
+    struct fixture f = merge_with(&p);
+    world w = rooms(1);
+    view *views[3];
+    cairn_pose there, back;
+    cairn_real evidence, same, last = CAIRN_REAL_MAX;
+    int32_t count = 0;
+
+    (void)state;
+    three_views(&w, views);
+    merge_views(f.merge, views, 3, 0);
+    assert_int_equal(cairn_map_merge_mode(f.merge, 0, 1, 0, &there, &evidence), 1);
+    assert_int_equal(cairn_map_merge_mode(f.merge, 1, 0, 0, &back, &same), 1);
+    assert_true(evidence == same);
+    back = cairn_pose_compose(there, back);
+    assert_near(back.x, 0, 1e-5);
+    assert_near(back.y, 0, 1e-5);
+    for (; cairn_map_merge_mode(f.merge, 0, 1, count, &there, &evidence); count++) {
+        assert_true(evidence <= last && evidence > 0);
+        last = evidence;
+    }
+    assert_in_range(count, 1, p.max_modes);
+    assert_int_equal(cairn_map_merge_mode(f.merge, 0, 1, -1, &there, &evidence), 0);
+    assert_int_equal(cairn_map_merge_mode(f.merge, 0, 3, 0, &there, &evidence), 0);
+    for (cairn_merge_verdict v = CAIRN_MERGE_PLACED; v <= CAIRN_MERGE_SLIDES; v++)
+        assert_string_not_equal(cairn_merge_verdict_text(v), cairn_merge_verdict_text(v + 1));
+    free_views(views, 3);
+    test_pool_free(&f.pool);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_params_are_refused),
+        cmocka_unit_test(test_memory_is_exact),
+        cmocka_unit_test(test_calls_are_refused),
+        cmocka_unit_test(test_maps_come_together),
+        cmocka_unit_test(test_known_order_and_other_resolution),
+        cmocka_unit_test(test_size_of_cells_is_only_a_unit),
+        cmocka_unit_test(test_budgets_do_not_matter),
+        cmocka_unit_test(test_a_guess_is_kept),
+        cmocka_unit_test(test_strangers_are_refused),
+        cmocka_unit_test(test_coarser_cells),
+        cmocka_unit_test(test_nothing_in_a_map),
+        cmocka_unit_test(test_identical_maps),
+        cmocka_unit_test(test_corridor_is_refused),
+        cmocka_unit_test(test_images_equal_the_slow_way),
+        cmocka_unit_test(test_images_as_perception),
+        cmocka_unit_test(test_modes_can_be_read),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

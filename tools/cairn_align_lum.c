@@ -1,0 +1,148 @@
+/* cairn align --method lum: sequential registration, then Lu and Milios. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "cairn/lum.h"
+#include "tools/cairn_align.h"
+
+/* Iterations between two searches for links. */
+#define REBUILD 5
+
+static cairn_status add_to_lum(void *lum, const cairn_scan_view *view, cairn_pose start, cairn_fault *fault)
+{
+    return cairn_lum_add_scan(lum, view->points, view->point_count, start, fault);
+}
+
+static cairn_report_player_params player_params(void)
+{
+    static const cairn_report_curve curves[] = {
+        {"W", "", "squared differences of the links by their covariances, before the iteration"},
+        {"links", "", NULL},
+        {"largest motion", "mm", "by the iteration"},
+    };
+    cairn_report_player_params params = cairn_report_player_default();
+
+    params.curve = curves;
+    params.curve_count = sizeof curves / sizeof *curves;
+    return params;
+}
+
+/* The poses at a commit point. */
+static cairn_status record(const align_job *job, const cairn_lum *lum, int64_t step, cairn_pose *pose)
+{
+    cairn_lum_state state = cairn_lum_read(lum);
+    double value[3] = {(double)NAN, (double)NAN, (double)NAN};
+    cairn_report_frame frame = {0};
+    char label[64];
+
+    for (int32_t i = 0; i < job->log->count; i++)
+        pose[i] = cairn_lum_pose(lum, i);
+    if (state.iterations > 0) {
+        value[0] = (double)state.error;
+        value[1] = state.links;
+        value[2] = 1000 * (double)state.motion;
+        snprintf(label, sizeof label, "iteration %" PRId32, state.iterations);
+    } else {
+        snprintf(label, sizeof label, step > 0 ? "%" PRId32 " scans registered one after the other" : "start",
+                 state.registered);
+    }
+    frame.step = step;
+    frame.label = label;
+    frame.pose = pose;
+    frame.pose_count = job->log->count;
+    frame.value = value;
+    return cairn_report_player_add_frame(job->player, &frame);
+}
+
+static cairn_status iterate(const align_job *job, cairn_lum *lum)
+{
+    tool_progress progress = tool_progress_begin("align", job->settings->steps, job->settings->quiet);
+    cairn_pose *pose = malloc((size_t)job->log->count * sizeof *pose);
+    cairn_status status = pose != NULL ? cairn_lum_begin(lum) : CAIRN_NO_MEMORY;
+    int64_t step = 0;
+
+    if (status == CAIRN_OK && job->player != NULL)
+        status = record(job, lum, step, pose);
+    while (status == CAIRN_OK && cairn_lum_read(lum).verdict == CAIRN_LUM_RUNNING) {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        while ((status = cairn_lum_iterate(lum, &budget)) == CAIRN_MORE)
+            budget.left = CAIRN_UNBOUNDED;
+        if (status == CAIRN_OK && job->player != NULL)
+            status = record(job, lum, ++step, pose);
+        tool_progress_at(&progress, cairn_lum_read(lum).iterations);
+    }
+    tool_progress_end(&progress);
+    free(pose);
+    return status;
+}
+
+static void read_result(align_job *job, const cairn_lum *lum)
+{
+    cairn_lum_state state = cairn_lum_read(lum);
+
+    for (int32_t i = 0; i < job->log->count; i++) {
+        map_scan *scan = &job->scans[i];
+        int blind = scan->point_count == 0, apart = !blind && !cairn_lum_is_joined(lum, i);
+
+        scan->after = cairn_lum_pose(lum, i);
+        scan->doubtful = (uint8_t)(blind || apart);
+        scan->verdict = blind ? "blind" : apart ? "apart" : "aligned";
+    }
+    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " iterations of Lu and Milios", state.iterations);
+    snprintf(job->summary, sizeof job->summary,
+             "registered %" PRId32 " scans, one after the other\n"
+             "links      %" PRId32 ", which join the scans to %" PRId32 " parts\n"
+             "steps      %" PRId32 " (%s)\n",
+             state.registered, state.links, state.pieces, state.iterations,
+             state.verdict == CAIRN_LUM_CONVERGED  ? "converged"
+             : state.verdict == CAIRN_LUM_SINGULAR ? "singular"
+                                                   : "out of steps");
+}
+
+/* Room for the links of all pairs of scans would be square: scans see so many others at most, as a rule. */
+static int32_t links_most(int32_t scans)
+{
+    int64_t all = (int64_t)scans * (scans - 1) / 2, most = (int64_t)scans * 256;
+
+    return (int32_t)(all < most ? all : most) + 1;
+}
+
+int align_by_lum(align_job *job)
+{
+    cairn_lum_params params = cairn_lum_default();
+    cairn_scan *scan = NULL;
+    cairn_lum *lum = NULL;
+    cairn_status status;
+    cairn_pool pool;
+    int code;
+
+    params.max_scans = job->log->count;
+    params.max_points = job->points;
+    params.max_links = params.max_fill = links_most(job->log->count);
+    params.max_iterations = (int32_t)job->settings->steps;
+    params.rebuild = REBUILD;
+    params.registers = 1;
+    code = tool_pool_open(&pool, ALIGN_PROGRAM, job->settings->pool,
+                          cairn_lum_memory(&params) + cairn_scan_memory(&job->scan));
+    if (code != TOOL_OK)
+        return code;
+    status = cairn_scan_create(&scan, &pool, &job->scan);
+    if (status == CAIRN_OK)
+        status = cairn_lum_create(&lum, &pool, &params);
+    if (status == CAIRN_OK)
+        status = align_open_player(job, player_params(), "Lu and Milios");
+    if (status == CAIRN_OK)
+        code = align_add_scans(job, scan, add_to_lum, lum);
+    if (status == CAIRN_OK && code == TOOL_OK)
+        status = iterate(job, lum);
+    if (status < 0)
+        code = align_refuse(job, status);
+    else if (code == TOOL_OK)
+        read_result(job, lum);
+    job->pool_bytes = pool.peak;
+    tool_pool_close(&pool);
+    return code;
+}

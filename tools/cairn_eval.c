@@ -1,0 +1,369 @@
+/* cairn eval: how good a map and its poses are. */
+#include "tools/cairn_eval.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cairn/map_quality.h"
+#include "cairn/relation_table.h"
+
+#define DEGREES           (180 / 3.14159265358979323846)
+#define POSES_PROGRAM     "cairn eval poses"
+#define RELATIONS_PROGRAM "cairn eval relations"
+
+static int compare_rows(const void *a, const void *b)
+{
+    const cairn_pose_row *x = a, *y = b;
+
+    return (x->index > y->index) - (x->index < y->index);
+}
+
+int eval_read_poses(const char *program, const char *path, cairn_pose_row **row, int32_t *count)
+{
+    cairn_file_error error;
+
+    if (cairn_pose_table_read(row, count, path, &error) != CAIRN_OK)
+        return tool_report(&error);
+    qsort(*row, (size_t)*count, sizeof **row, compare_rows);
+    for (int32_t i = 1; i < *count; i++)
+        if ((*row)[i].index == (*row)[i - 1].index) {
+            int64_t index = (*row)[i].index;
+
+            cairn_pose_table_free(*row);
+            return options_refuse(program, "%s: index %" PRId64 " is there twice, expected every scan once", path,
+                                  index);
+        }
+    return TOOL_OK;
+}
+
+/* ---- poses ---- */
+
+/* Poses of the scans that both tables have. */
+typedef struct pose_pairs {
+    cairn_pose *estimate, *truth; /* [count] */
+    int32_t count;
+} pose_pairs;
+
+static void free_pairs(pose_pairs *pairs)
+{
+    free(pairs->estimate);
+    free(pairs->truth);
+}
+
+/* 0 when there is no memory. Both tables are sorted. */
+static int pair_up(const cairn_pose_row *a, int32_t a_count, const cairn_pose_row *b, int32_t b_count,
+                   pose_pairs *pairs)
+{
+    pairs->count = 0;
+    pairs->estimate = malloc((size_t)a_count * sizeof *pairs->estimate);
+    pairs->truth = malloc((size_t)a_count * sizeof *pairs->truth);
+    if (pairs->estimate == NULL || pairs->truth == NULL)
+        return 0;
+    for (int32_t i = 0, k = 0; i < a_count; i++) {
+        while (k < b_count && b[k].index < a[i].index)
+            k++;
+        if (k == b_count || b[k].index != a[i].index)
+            continue;
+        pairs->estimate[pairs->count] = a[i].pose;
+        pairs->truth[pairs->count++] = b[k].pose;
+    }
+    return 1;
+}
+
+typedef struct pose_figures {
+    cairn_pose_errors first, common; /* after a common first pose; after the best common motion */
+    double distance_mean, distance_most;
+} pose_figures;
+
+/* Moves the estimates onto the truth. */
+static cairn_status measure_poses(pose_pairs *pairs, pose_figures *f)
+{
+    cairn_pose motion = cairn_pose_fit(pairs->estimate, pairs->truth, NULL, pairs->count, 1);
+    cairn_status status = cairn_pose_errors_of(pairs->estimate, pairs->truth, pairs->count, &f->first);
+
+    memset(&f->common, 0, sizeof f->common);
+    f->distance_mean = f->distance_most = 0;
+    for (int32_t i = 0; i < pairs->count && status == CAIRN_OK; i++) {
+        cairn_pose moved = cairn_pose_compose(motion, pairs->estimate[i]), truth = pairs->truth[i];
+        double distance = hypot((double)(moved.x - truth.x), (double)(moved.y - truth.y));
+        cairn_real share = 1 / (cairn_real)pairs->count;
+
+        f->common.x += share * cairn_abs(moved.x - truth.x);
+        f->common.y += share * cairn_abs(moved.y - truth.y);
+        f->common.theta += share * cairn_abs(cairn_wrap_angle(moved.theta - truth.theta));
+        f->distance_mean += distance / pairs->count;
+        f->distance_most = fmax(f->distance_most, distance);
+    }
+    return status;
+}
+
+static void print_poses(const pose_figures *f, int32_t count, int32_t left_out, int32_t json)
+{
+    if (json) {
+        printf("{\"poses\": %" PRId32 ", \"left_out\": %" PRId32
+               ", \"e_x_m\": %.9g, \"e_y_m\": %.9g, \"e_theta_rad\": %.9g"
+               ", \"distance_mean_m\": %.9g, \"distance_most_m\": %.9g, \"first_e_x_m\": %.9g, \"first_e_y_m\": %.9g"
+               ", \"first_e_theta_rad\": %.9g}\n",
+               count, left_out, (double)f->common.x, (double)f->common.y, (double)f->common.theta, f->distance_mean,
+               f->distance_most, (double)f->first.x, (double)f->first.y, (double)f->first.theta);
+        return;
+    }
+    printf("poses      %" PRId32 " (%" PRId32 " in only one of the tables left out)\n"
+           "after the best common motion\n"
+           "  E(x)     %.4f m\n"
+           "  E(y)     %.4f m\n"
+           "  E(theta) %.4f degrees\n"
+           "  distance %.4f m on average, %.4f m at most\n"
+           "after a common first pose\n"
+           "  E(x)     %.4f m\n"
+           "  E(y)     %.4f m\n"
+           "  E(theta) %.4f degrees\n",
+           count, left_out, (double)f->common.x, (double)f->common.y, (double)f->common.theta * DEGREES,
+           f->distance_mean, f->distance_most, (double)f->first.x, (double)f->first.y,
+           (double)f->first.theta * DEGREES);
+}
+
+static int compare_poses(const char *const words[2], const cairn_pose_row *a, int32_t a_count, const cairn_pose_row *b,
+                         int32_t b_count, int32_t json)
+{
+    pose_pairs pairs;
+    pose_figures figures;
+    int code = TOOL_OK;
+
+    if (!pair_up(a, a_count, b, b_count, &pairs)) {
+        (void)options_refuse(POSES_PROGRAM, "no memory for %" PRId32 " poses", a_count);
+        code = TOOL_FAILED;
+    } else if (pairs.count == 0) {
+        code = options_refuse(POSES_PROGRAM, "%s and %s have no index in common, expected poses of the same scans",
+                              words[0], words[1]);
+    } else if (measure_poses(&pairs, &figures) != CAIRN_OK) {
+        code = options_refuse(POSES_PROGRAM, "%s: the poses cannot be compared", words[0]);
+    } else {
+        print_poses(&figures, pairs.count, a_count + b_count - 2 * pairs.count, json);
+    }
+    free_pairs(&pairs);
+    return code;
+}
+
+int eval_poses(int argc, char **argv)
+{
+    int32_t json = 0, a_count, b_count;
+    const option table[] = {OPTION_FLAG("--json", &json, "one JSON object in place of words")};
+    const option_set set = {POSES_PROGRAM, "POSES.csv TRUTH.csv [options]",
+                            "Errors of poses against the truth: mean absolute differences E(x), E(y), E(theta) of the\n"
+                            "scans that both tables have, after the best common motion (least squares) and after a\n"
+                            "common first pose, as in the thesis.",
+                            table, sizeof table / sizeof *table};
+    const char *words[2] = {NULL, NULL};
+    size_t count = 2;
+    option_result result = options_read(&set, argc, argv, words, &count);
+    cairn_pose_row *a, *b;
+    int code;
+
+    if (result != OPTIONS_READ)
+        return (int)result;
+    if (count < 2)
+        return options_refuse(POSES_PROGRAM, "%s, expected %s", count == 0 ? "no poses" : "no truth", set.synopsis);
+    code = eval_read_poses(POSES_PROGRAM, words[0], &a, &a_count);
+    if (code != TOOL_OK)
+        return code;
+    code = eval_read_poses(POSES_PROGRAM, words[1], &b, &b_count);
+    if (code == TOOL_OK) {
+        code = compare_poses(words, a, a_count, b, b_count, json);
+        cairn_pose_table_free(b);
+    }
+    cairn_pose_table_free(a);
+    return code;
+}
+
+/* ---- relations ---- */
+
+/* Poses of scans with their times, by index; an index that is not there has no time and is not `known`. */
+typedef struct timed_poses {
+    cairn_pose *pose;
+    int64_t *stamp_ns;
+    uint8_t *known;
+    int32_t count;
+} timed_poses;
+
+static int new_timed(timed_poses *t, int64_t count)
+{
+    t->count = (int32_t)count;
+    t->pose = calloc((size_t)count + 1, sizeof *t->pose);
+    t->stamp_ns = malloc(((size_t)count + 1) * sizeof *t->stamp_ns);
+    t->known = calloc((size_t)count + 1, 1);
+    for (int64_t i = 0; i < count && t->stamp_ns != NULL; i++)
+        t->stamp_ns[i] = CAIRN_POSE_NO_STAMP;
+    if (t->pose != NULL && t->stamp_ns != NULL && t->known != NULL)
+        return TOOL_OK;
+    (void)options_refuse(RELATIONS_PROGRAM, "no memory for %" PRId64 " poses", count);
+    return TOOL_FAILED;
+}
+
+static void free_timed(timed_poses *t)
+{
+    free(t->pose);
+    free(t->stamp_ns);
+    free(t->known);
+}
+
+static int poses_of_table(const char *path, timed_poses *t)
+{
+    cairn_pose_row *row;
+    int32_t count;
+    int code = eval_read_poses(RELATIONS_PROGRAM, path, &row, &count);
+
+    if (code != TOOL_OK)
+        return code;
+    if (row[0].index < 0 || row[count - 1].index >= INT32_MAX)
+        code = options_refuse(RELATIONS_PROGRAM, "%s: index %" PRId64 ", expected indices of scans from 0", path,
+                              row[0].index < 0 ? row[0].index : row[count - 1].index);
+    if (code == TOOL_OK)
+        code = new_timed(t, row[count - 1].index + 1);
+    for (int32_t i = 0; i < count && code == TOOL_OK; i++) {
+        t->pose[row[i].index] = row[i].pose;
+        t->stamp_ns[row[i].index] = row[i].stamp_ns;
+        t->known[row[i].index] = 1;
+    }
+    cairn_pose_table_free(row);
+    return code;
+}
+
+static int poses_of_log(const char *path, timed_poses *t)
+{
+    cairn_carmen_scans log;
+    int code = tool_load(&log, path, 0, 0);
+
+    if (code != TOOL_OK)
+        return code;
+    code = new_timed(t, log.count);
+    for (int32_t i = 0; i < log.count && code == TOOL_OK; i++) {
+        t->pose[i] = log.record[i].robot;
+        t->stamp_ns[i] = log.record[i].stamp_ns;
+        t->known[i] = 1;
+    }
+    cairn_carmen_scans_free(&log);
+    return code;
+}
+
+static int is_table(const char *path)
+{
+    size_t length = strlen(path);
+
+    return length > 4 && strcmp(path + length - 4, ".csv") == 0;
+}
+
+static void print_relations(const cairn_relation_errors *e, int64_t used, int64_t left_out, int32_t json)
+{
+    if (json) {
+        printf(
+            "{\"relations\": %" PRId64 ", \"left_out\": %" PRId64 ", \"trans_mean_m\": %.9g, \"trans_sd_m\": %.9g"
+            ", \"trans_squared_m2\": %.9g, \"rot_mean_deg\": %.9g, \"rot_sd_deg\": %.9g, \"rot_squared_deg2\": %.9g}\n",
+            used, left_out, (double)e->distance_mean, (double)e->distance_sd, (double)e->distance_squared,
+            (double)e->angle_mean * DEGREES, (double)e->angle_sd * DEGREES,
+            (double)e->angle_squared * DEGREES * DEGREES);
+        return;
+    }
+    printf("relations  %" PRId64 " (%" PRId64 " without both scans left out)\n"
+           "distance   %.4f +- %.4f m, %.4f m^2 squared\n"
+           "angle      %.4f +- %.4f degrees, %.4f degrees^2 squared\n",
+           used, left_out, (double)e->distance_mean, (double)e->distance_sd, (double)e->distance_squared,
+           (double)e->angle_mean * DEGREES, (double)e->angle_sd * DEGREES,
+           (double)e->angle_squared * DEGREES * DEGREES);
+}
+
+static int compare_relations(const char *const words[2], const timed_poses *t, cairn_relation_row *row, int32_t count,
+                             int32_t json)
+{
+    cairn_relation_sums sums = {0, 0, 0, 0, 0};
+    cairn_relation_errors errors;
+
+    if (cairn_relation_table_find(row, count, t->stamp_ns, t->count) < 0) {
+        (void)options_refuse(RELATIONS_PROGRAM, "no memory for %" PRId32 " poses", t->count);
+        return TOOL_FAILED;
+    }
+    for (int32_t k = 0; k < count; k++) {
+        const cairn_relation_row *r = &row[k];
+
+        if (r->first < 0 || !t->known[r->first] || !t->known[r->second])
+            continue;
+        if (cairn_relation_add(&sums, r->reference, t->pose[r->first], t->pose[r->second]) != CAIRN_OK)
+            return options_refuse(RELATIONS_PROGRAM,
+                                  "%s:%" PRId64 ": the relation cannot be compared, expected finite poses", words[1],
+                                  r->line);
+    }
+    if (sums.count == 0)
+        return options_refuse(RELATIONS_PROGRAM,
+                              "%s has no scan that %s tells of, expected relations between its scans", words[0],
+                              words[1]);
+    errors = cairn_relation_errors_of(&sums);
+    print_relations(&errors, sums.count, count - sums.count, json);
+    return TOOL_OK;
+}
+
+int eval_relations(int argc, char **argv)
+{
+    int32_t json = 0;
+    const option table[] = {OPTION_FLAG("--json", &json, "one JSON object in place of words")};
+    const option_set set = {
+        RELATIONS_PROGRAM, "POSES.csv|LOG FILE.relations [options]",
+        "Errors of relative poses against reference relations (Kuemmerle et al. 2009): lines\n"
+        "\"t1 t2 x y z roll pitch yaw\" or \"a b x y theta\". The poses are those of a table, found by its\n"
+        "times or indices, or those that a log has.",
+        table, sizeof table / sizeof *table};
+    const char *words[2] = {NULL, NULL};
+    timed_poses poses = {NULL, NULL, NULL, 0};
+    size_t count = 2;
+    option_result result = options_read(&set, argc, argv, words, &count);
+    cairn_file_error error;
+    cairn_relation_row *row;
+    int32_t rows;
+    int code;
+
+    if (result != OPTIONS_READ)
+        return (int)result;
+    if (count < 2)
+        return options_refuse(RELATIONS_PROGRAM, "%s, expected %s", count == 0 ? "no poses" : "no relations",
+                              set.synopsis);
+    if (cairn_relation_table_read(&row, &rows, words[1], &error) != CAIRN_OK)
+        return tool_report(&error);
+    code = is_table(words[0]) ? poses_of_table(words[0], &poses) : poses_of_log(words[0], &poses);
+    if (code == TOOL_OK)
+        code = compare_relations(words, &poses, row, rows, json);
+    free_timed(&poses);
+    cairn_relation_table_free(row);
+    return code;
+}
+
+/* ---- the command ---- */
+
+static const struct part {
+    const char *name, *summary;
+    int (*run)(int argc, char **argv);
+} parts[] = {
+    {"map", "entropy of a log's map and likelihood of its beams, whole and by quadrants", eval_map},
+    {"poses", "E(x), E(y), E(theta) of poses against the truth", eval_poses},
+    {"relations", "errors of relative poses against reference relations", eval_relations},
+};
+
+int tool_eval(int argc, char **argv)
+{
+    const char *word = argc > 1 ? argv[1] : NULL;
+
+    for (size_t k = 0; k < sizeof parts / sizeof *parts && word != NULL; k++)
+        if (strcmp(word, parts[k].name) == 0)
+            return parts[k].run(argc - 1, argv + 1);
+    if (word != NULL && (strcmp(word, "--help") == 0 || strcmp(word, "-h") == 0)) {
+        printf("usage: cairn eval map|poses|relations ...\n\n");
+        for (size_t k = 0; k < sizeof parts / sizeof *parts; k++)
+            printf("  %-10s %s\n", parts[k].name, parts[k].summary);
+        printf("\n  cairn eval map --help   what it takes\n");
+        return TOOL_OK;
+    }
+    if (word == NULL)
+        return options_refuse("cairn eval", "nothing to evaluate, expected map, poses or relations");
+    return options_refuse("cairn eval", "unknown '%s', expected map, poses or relations", word);
+}

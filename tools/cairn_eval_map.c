@@ -1,0 +1,267 @@
+/* cairn eval map: the grid of a log's beams at given poses, and what it says of itself. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "cairn/map_file.h"
+#include "cairn/map_quality.h"
+#include "tools/cairn_eval.h"
+#include "tools/cairn_map_output.h"
+
+#define PROGRAM "cairn eval map"
+
+typedef struct settings {
+    const char *log, *poses, *map;
+    double resolution, range, range_max, least;
+    int32_t json, quiet;
+} settings;
+
+typedef struct figures {
+    cairn_map_entropy entropy;
+    double likelihood, quadrant[CAIRN_QUADRANTS]; /* log, of beams by where they end */
+    int64_t beams, hits;
+    cairn_occupancy_grid_params grid;
+} figures;
+
+static const char *const quadrant_name[CAIRN_QUADRANTS] = {"nw", "ne", "se", "sw"};
+
+static option_result read_settings(settings *s, int argc, char **argv)
+{
+    const option table[] = {
+        OPTION_TEXT("--map", &s->map, "FILE.yaml", "a map whose cells and borders the grid takes (by the beams)"),
+        OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "side of a cell, m, without --map"),
+        OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the grid up to here, m"),
+        OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
+                      "ranges from here on are no return, m (by the log)"),
+        OPTION_NUMBER("--least", &s->least, 1e-9, 0.5, "P", "probability of a beam that no map explains"),
+        OPTION_FLAG("--json", &s->json, "one JSON object in place of words"),
+        OPTION_FLAG("--quiet", &s->quiet, "no progress, no warnings"),
+    };
+    const option_set set = {
+        PROGRAM, "LOG [POSES.csv] [options]",
+        "Draws all beams of a CARMEN log at the poses of a table, or at those of the log, into an\n"
+        "occupancy grid with beam penetration. Gives its entropy (lower is better; compare maps of one\n"
+        "resolution only) and the log-likelihood of the beams (higher is better), of the whole map and of\n"
+        "its quadrants; a beam belongs to the quadrant in which it ends.",
+        table, sizeof table / sizeof *table};
+    const char *words[2] = {NULL, NULL};
+    size_t count = 2;
+    option_result result = options_read(&set, argc, argv, words, &count);
+
+    if (result != OPTIONS_READ)
+        return result;
+    if (count < 1)
+        return (option_result)options_refuse(PROGRAM, "no log, expected %s", set.synopsis);
+    s->log = words[0];
+    s->poses = words[1];
+    return OPTIONS_READ;
+}
+
+/* The poses of the table, or of the log, to the scans. */
+static int set_poses(const settings *s, const cairn_carmen_scans *log, map_scan *scan)
+{
+    cairn_pose_row *row;
+    int32_t count, k = 0;
+    int code;
+
+    for (int32_t i = 0; i < log->count; i++)
+        scan[i].after = log->record[i].robot;
+    if (s->poses == NULL)
+        return TOOL_OK;
+    code = eval_read_poses(PROGRAM, s->poses, &row, &count);
+    if (code != TOOL_OK)
+        return code;
+    while (k < count && row[k].index < 0)
+        k++;
+    for (int32_t i = 0; i < log->count && code == TOOL_OK; i++, k++) {
+        if (k == count || row[k].index != i)
+            code = options_refuse(PROGRAM, "%s has no pose of scan %" PRId32 " (%s:%" PRId64 "), expected one of each",
+                                  s->poses, i, s->log, log->record[i].line);
+        else
+            scan[i].after = row[k].pose;
+    }
+    if (code == TOOL_OK && k < count)
+        code = options_refuse(PROGRAM, "%s has a pose of scan %" PRId64 ", but %s holds %" PRId32 " scans", s->poses,
+                              row[k].index, s->log, log->count);
+    cairn_pose_table_free(row);
+    return code;
+}
+
+/* What the scans saw. */
+static int keep_beams(const settings *s, const cairn_carmen_scans *log, map_scan *kept)
+{
+    cairn_scan_params params = cairn_scan_default();
+    tool_progress progress = tool_progress_begin("scans", log->count, s->quiet);
+    cairn_scan *scan = NULL;
+    cairn_pool pool;
+    cairn_status status;
+    int code;
+
+    params.max_beams = log->info.beams_most;
+    code = tool_pool_open(&pool, PROGRAM, NULL, cairn_scan_memory(&params));
+    if (code != TOOL_OK)
+        return code;
+    status = cairn_scan_create(&scan, &pool, &params);
+    for (int32_t i = 0; i < log->count && status == CAIRN_OK; i++) {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+        cairn_fault fault = {-1, NULL};
+        cairn_scan_view view;
+
+        status = cairn_scan_begin(scan, &log->record[i].scan, &fault);
+        while (status == CAIRN_OK && (status = cairn_scan_step(scan, &budget)) == CAIRN_MORE) {
+            budget.left = CAIRN_UNBOUNDED;
+            status = CAIRN_OK;
+        }
+        view = cairn_scan_read(scan);
+        if (status == CAIRN_OK && !map_scan_keep(&kept[i], &view))
+            status = CAIRN_NO_MEMORY;
+        if (status != CAIRN_OK)
+            code = tool_report_scan(s->log, log->record[i].line, status, &fault);
+        tool_progress_at(&progress, i);
+    }
+    tool_progress_end(&progress);
+    tool_pool_close(&pool);
+    return code;
+}
+
+/* The cells of --map, or those that hold the beams. */
+static int lay_out(const settings *s, const map_output *output, cairn_occupancy_grid_params *params)
+{
+    cairn_file_error error;
+    cairn_map_file map;
+
+    if (s->map == NULL)
+        return map_grid_layout(output, params, &error) == CAIRN_OK ? TOOL_OK : tool_report(&error);
+    if (cairn_map_file_read(&map, s->map, &error) != CAIRN_OK)
+        return tool_report(&error);
+    *params = cairn_occupancy_grid_default();
+    params->width = map.width;
+    params->height = map.height;
+    params->resolution = map.resolution;
+    params->origin.x = map.origin.x;
+    params->origin.y = map.origin.y;
+    cairn_map_file_free(&map);
+    if (map.origin.theta != 0)
+        return options_refuse(PROGRAM, "%s: the map is turned by %g rad, expected an origin without a turn", s->map,
+                              (double)map.origin.theta);
+    if (cairn_occupancy_grid_memory(params) == 0)
+        return options_refuse(PROGRAM,
+                              "%s: the map has sides of %" PRId32 " and %" PRId32 " cells, expected at most %d", s->map,
+                              params->width, params->height, (int)CAIRN_RASTER_MAX_SIDE);
+    return TOOL_OK;
+}
+
+static int quadrant_of(const cairn_occupancy_grid_params *grid, cairn_vec2 p)
+{
+    int east = p.x >= grid->origin.x + (cairn_real)(grid->width / 2) * grid->resolution;
+    int north = p.y >= grid->origin.y + (cairn_real)(grid->height / 2) * grid->resolution;
+
+    return north ? (east ? CAIRN_QUADRANT_NE : CAIRN_QUADRANT_NW) : east ? CAIRN_QUADRANT_SE : CAIRN_QUADRANT_SW;
+}
+
+static cairn_status measure(const settings *s, const map_output *output, const cairn_occupancy_grid *grid, figures *f)
+{
+    cairn_status status = cairn_map_entropy_add(grid, 0, f->grid.height, &f->entropy);
+
+    for (int32_t k = 0; k < output->count && status == CAIRN_OK; k++) {
+        const map_scan *scan = &output->scan[k];
+        cairn_transform t = cairn_transform_of(scan->after);
+
+        for (int32_t i = 0; i < scan->beam_count && status == CAIRN_OK; i++) {
+            cairn_vec2 from, to;
+            cairn_real value;
+            int32_t hit;
+
+            if (!map_beam(output, scan, i, t, &from, &to, &hit))
+                continue;
+            status = cairn_map_beam_likelihood(grid, from, to, hit, (cairn_real)s->least, &value);
+            f->likelihood += (double)value;
+            f->quadrant[quadrant_of(&f->grid, to)] += (double)value;
+            f->beams++;
+            f->hits += hit;
+        }
+    }
+    return status;
+}
+
+static void print_json(const figures *f, int32_t scans)
+{
+    printf("{\"scans\": %" PRId32 ", \"beams\": %" PRId64 ", \"hits\": %" PRId64 ", \"cells\": %" PRId64
+           ", \"resolution_m\": %.9g, \"entropy\": %.9g, \"log_likelihood\": %.9g",
+           scans, f->beams, f->hits, f->entropy.cells, (double)f->grid.resolution, (double)f->entropy.whole,
+           f->likelihood);
+    for (int q = 0; q < CAIRN_QUADRANTS; q++)
+        printf(", \"entropy_%s\": %.9g, \"log_likelihood_%s\": %.9g", quadrant_name[q], (double)f->entropy.quadrant[q],
+               quadrant_name[q], f->quadrant[q]);
+    printf("}\n");
+}
+
+static void print_words(const figures *f, int32_t scans)
+{
+    printf("scans      %" PRId32 "\n"
+           "beams      %" PRId64 " (%" PRId64 " hits)\n"
+           "cells      %" PRId64 " seen, of %.3g m\n"
+           "entropy    %.2f nat (%.5f a cell)\n"
+           "likelihood %.1f (%.5f a beam; logarithm)\n",
+           scans, f->beams, f->hits, f->entropy.cells, (double)f->grid.resolution, (double)f->entropy.whole,
+           (double)f->entropy.whole / (double)f->entropy.cells, f->likelihood, f->likelihood / (double)f->beams);
+    for (int q = 0; q < CAIRN_QUADRANTS; q++)
+        printf("%s         entropy %.2f nat, likelihood %.1f\n", quadrant_name[q], (double)f->entropy.quadrant[q],
+               f->quadrant[q]);
+}
+
+static int evaluate(const settings *s, const map_output *output)
+{
+    cairn_file_error error;
+    figures f = {0};
+    map_grid made;
+    int code = lay_out(s, output, &f.grid);
+
+    if (code != TOOL_OK)
+        return code;
+    if (map_grid_make(output, &f.grid, &made, &error) != CAIRN_OK)
+        return tool_report(&error);
+    if (measure(s, output, made.grid, &f) != CAIRN_OK)
+        code = options_refuse(PROGRAM, "%s: the beams cannot be followed", s->log);
+    else if (f.beams == 0 || f.entropy.cells == 0)
+        code = options_refuse(PROGRAM, "%s: no beam lies in the map, expected at least one", s->log);
+    else if (s->json)
+        print_json(&f, output->count);
+    else
+        print_words(&f, output->count);
+    free(made.memory);
+    return code;
+}
+
+int eval_map(int argc, char **argv)
+{
+    settings s = {NULL, NULL, NULL, 0.05, 30, 0, 1e-3, 0, 0};
+    option_result result = read_settings(&s, argc, argv);
+    cairn_carmen_scans log;
+    map_output output = {0};
+    int code;
+
+    if (result != OPTIONS_READ)
+        return (int)result;
+    code = tool_load(&log, s.log, s.range_max, s.quiet);
+    if (code != TOOL_OK)
+        return code;
+    output.scan = map_scans_new(log.count);
+    output.count = log.count;
+    output.resolution = s.resolution;
+    output.range = s.range;
+    if (output.scan == NULL) {
+        (void)options_refuse(PROGRAM, "no memory for %" PRId32 " scans", log.count);
+        code = TOOL_FAILED;
+    }
+    if (code == TOOL_OK)
+        code = set_poses(&s, &log, output.scan);
+    if (code == TOOL_OK)
+        code = keep_beams(&s, &log, output.scan);
+    if (code == TOOL_OK)
+        code = evaluate(&s, &output);
+    map_scans_free(output.scan, output.count);
+    cairn_carmen_scans_free(&log);
+    return code;
+}

@@ -1,0 +1,370 @@
+/* cairn merge: maps of many robots, put together with no guess. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cairn/number_text.h"
+#include "cairn/output.h"
+#include "cairn/output_set.h"
+#include "cairn/pose_table.h"
+#include "tools/cairn_merge.h"
+
+enum { YAML, IMAGE, TRANSFORMS_YAML, TRANSFORMS_CSV, PICTURE, FILES };
+static const char *const file_names[FILES] = {"map.yaml", "map.pgm", "transforms.yaml", "transforms.csv", "map.svg"};
+
+static option_result read_settings(merge_settings *s, int argc, char **argv)
+{
+    const option table[] = {
+        OPTION_TEXT("-o", &s->folder, "DIR",
+                    "folder for map.pgm, map.yaml, transforms.yaml, transforms.csv and map.svg"),
+        OPTION_INTEGER("--reference", &s->reference, 0, MERGE_TOOL_MAPS - 1, "I",
+                       "the map, counted from 0, whose frame all others are placed in"),
+        OPTION_TEXT("--order", &s->order, "I,I,...", "merge in this order, all maps, the reference first"),
+        OPTION_TEXT("--scale", &s->scale, "M,M,...", "side of a cell of each map in m, in place of what its file says"),
+        OPTION_INTEGER("--coarsen", &s->coarsen, 0, 64, "K",
+                       "make one cell of K by K, for maps that are bent (0: as\nneeded)"),
+        OPTION_NUMBER("--min-score", &s->min_score, 0.1, 1000, "NATS", "maps with less support are refused"),
+        OPTION_TEXT("--start", &s->start, "FILE",
+                    "transforms.csv of an earlier merging: kept unless others are better"),
+        OPTION_INTEGER("--particles", &s->particles, 1, 4096, "N", "of the filter"),
+        OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "of its random numbers"),
+        OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the merging (just what it needs)"),
+        OPTION_FLAG("--quiet", &s->quiet, "no summary"),
+    };
+    const option_set set = {
+        MERGE_PROGRAM, "MAP.yaml MAP.yaml ... -o DIR [options]",
+        "Merges occupancy maps as the map_server of ROS keeps them (YAML with PGM or PNG). Nothing is\n"
+        "known of how they lie to each other; maps that nothing supports are refused and listed.",
+        table, sizeof table / sizeof *table};
+    size_t count = MERGE_TOOL_MAPS;
+    option_result result = options_read(&set, argc, argv, s->map, &count);
+
+    if (result != OPTIONS_READ)
+        return result;
+    s->count = (int32_t)count;
+    if (count < 1)
+        return (option_result)options_refuse(MERGE_PROGRAM, "no maps, expected %s", set.synopsis);
+    if (s->folder == NULL)
+        return (option_result)options_refuse(MERGE_PROGRAM, "no -o DIR, expected %s", set.synopsis);
+    if (s->reference >= s->count)
+        return (option_result)options_refuse(MERGE_PROGRAM, "--reference %" PRId64 ", expected at most %" PRId32,
+                                             s->reference, s->count - 1);
+    return OPTIONS_READ;
+}
+
+/* Reads as many numbers, with commas between, as there are maps. 0 after a line on standard error. */
+static int read_list(const merge_settings *s, const char *name, const char *text, double *list)
+{
+    const char *from = text;
+
+    for (int32_t i = 0; i < s->count; i++) {
+        const char *end = i + 1 < s->count ? strchr(from, ',') : from + strlen(from);
+
+        if (end == NULL || !cairn_number_read(from, (size_t)(end - from), &list[i])) {
+            (void)options_refuse(MERGE_PROGRAM, "%s %s, expected %" PRId32 " numbers with commas between", name, text,
+                                 s->count);
+            return 0;
+        }
+        from = end + 1;
+    }
+    return 1;
+}
+
+/* ---- Maps ---- */
+
+static uint8_t class_of(const cairn_map_file *file, int8_t value)
+{
+    double p = (double)value / 100;
+
+    if (value < 0)
+        return CAIRN_CELL_UNKNOWN;
+    if (file->mode == CAIRN_MAP_RAW)
+        return p >= (double)file->occupied_threshold ? CAIRN_CELL_OCCUPIED
+               : p <= (double)file->free_threshold   ? CAIRN_CELL_FREE
+                                                     : CAIRN_CELL_UNKNOWN;
+    return value == 100 ? CAIRN_CELL_OCCUPIED : value == 0 ? CAIRN_CELL_FREE : CAIRN_CELL_UNKNOWN;
+}
+
+/* The classes of all cells. 0: no memory. */
+static int take_cells(merge_tool_map *map)
+{
+    const cairn_map_file *file = &map->file;
+    size_t count = (size_t)file->width * (size_t)file->height;
+
+    map->fine = malloc(count);
+    map->cells = malloc(count);
+    for (size_t i = 0; i < count && map->fine != NULL; i++)
+        map->fine[i] = class_of(file, file->occupancy[i]);
+    return map->fine != NULL && map->cells != NULL;
+}
+
+static void coarsen(merge_job *job, int32_t k)
+{
+    for (int32_t i = 0; i < job->settings->count; i++) {
+        merge_tool_map *map = &job->map[i];
+        cairn_raster_u8_view fine = {map->fine, map->file.width, map->file.height, map->file.width};
+        cairn_raster_u8 out;
+
+        map->width = (map->file.width - 1) / k + 1;
+        map->height = (map->file.height - 1) / k + 1;
+        map->resolution = (double)map->file.resolution * k;
+        out.data = map->cells;
+        out.width = map->width;
+        out.height = map->height;
+        out.stride = map->width;
+        if (cairn_map_merge_coarsen(fine, k, out) != CAIRN_OK)
+            memset(map->cells, CAIRN_CELL_UNKNOWN, (size_t)map->width * (size_t)map->height);
+    }
+}
+
+static int load_maps(merge_job *job)
+{
+    const merge_settings *s = job->settings;
+    double scale[MERGE_TOOL_MAPS];
+    cairn_file_error error;
+
+    if (s->scale != NULL && !read_list(s, "--scale", s->scale, scale))
+        return TOOL_BAD;
+    for (int32_t i = 0; i < s->count; i++) {
+        if (cairn_map_file_read(&job->map[i].file, s->map[i], &error) != CAIRN_OK)
+            return tool_report(&error);
+        job->map[i].loaded = 1;
+        if (s->scale != NULL) {
+            if (!(scale[i] > 0 && scale[i] < 1e6))
+                return options_refuse(MERGE_PROGRAM, "--scale: %g is not a size of a cell, expected m above 0",
+                                      scale[i]);
+            job->map[i].file.resolution = (cairn_real)scale[i];
+        }
+        if (!take_cells(&job->map[i])) {
+            (void)options_refuse(MERGE_PROGRAM, "%s: no memory", s->map[i]);
+            return TOOL_FAILED;
+        }
+    }
+    return TOOL_OK;
+}
+
+/* ---- Merging ---- */
+
+static cairn_map_merge_params params_for(const merge_job *job)
+{
+    cairn_map_merge_params p = cairn_map_merge_default();
+    int64_t cells = 0, most = 0;
+
+    for (int32_t i = 0; i < job->settings->count; i++) {
+        int64_t own = (int64_t)job->map[i].width * job->map[i].height;
+
+        cells += own;
+        most = own > most ? own : most;
+    }
+    p.max_maps = job->settings->count;
+    p.max_cells = cells > CAIRN_MAP_FILE_CELLS_MOST ? 0 : (int32_t)cells;
+    p.max_map_cells = (int32_t)most;
+    p.max_points = 4096;
+    p.particles = (int32_t)job->settings->particles;
+    p.min_score = (cairn_real)job->settings->min_score;
+    p.seed = (uint64_t)job->settings->seed;
+    return p;
+}
+
+/* Transforms of an earlier merging, by the index of the map. */
+static int add_start(const merge_job *job)
+{
+    cairn_file_error error;
+    cairn_pose_row *row;
+    int32_t count;
+
+    if (job->settings->start == NULL)
+        return TOOL_OK;
+    if (cairn_pose_table_read(&row, &count, job->settings->start, &error) != CAIRN_OK)
+        return tool_report(&error);
+    for (int32_t i = 0; i < count; i++)
+        if (row[i].index >= 0 && row[i].index < job->settings->count && row[i].index != job->settings->reference &&
+            (row[i].verdict[0] == 0 || strcmp(row[i].verdict, "placed") == 0) &&
+            cairn_map_merge_guess(job->merge, (int32_t)row[i].index, row[i].pose) != CAIRN_OK)
+            break;
+    cairn_pose_table_free(row);
+    return TOOL_OK;
+}
+
+static int begin(merge_job *job)
+{
+    const merge_settings *s = job->settings;
+    double list[MERGE_TOOL_MAPS];
+    int32_t order[MERGE_TOOL_MAPS];
+    int code;
+
+    for (int32_t i = 0; i < s->count; i++) {
+        merge_tool_map *map = &job->map[i];
+        cairn_merge_map input = {
+            {map->cells, map->width, map->height, map->width}, (cairn_real)map->resolution, map->file.origin};
+        cairn_fault fault = {-1, "refused"};
+
+        if (cairn_map_merge_add(job->merge, &input, &fault) != CAIRN_OK)
+            return options_refuse(MERGE_PROGRAM, "%s: %s", s->map[i], fault.what);
+    }
+    code = add_start(job);
+    if (code != TOOL_OK)
+        return code;
+    if (s->order != NULL) {
+        if (!read_list(s, "--order", s->order, list))
+            return TOOL_BAD;
+        for (int32_t i = 0; i < s->count; i++)
+            order[i] = list[i] >= 0 && list[i] < s->count && list[i] == floor(list[i]) ? (int32_t)list[i] : -1;
+    }
+    if (cairn_map_merge_begin(job->merge, (int32_t)s->reference, s->order != NULL ? order : NULL) != CAIRN_OK)
+        return options_refuse(MERGE_PROGRAM, "--order %s, expected every map once, the reference %" PRId64 " first",
+                              s->order, s->reference);
+    return TOOL_OK;
+}
+
+static int merge_once(merge_job *job, int32_t k)
+{
+    cairn_map_merge_params params;
+    cairn_status status = CAIRN_MORE;
+    cairn_pool pool;
+    int code;
+
+    coarsen(job, k);
+    params = params_for(job);
+    if (params.max_cells == 0)
+        return options_refuse(MERGE_PROGRAM, "more than %d cells in all, expected fewer: use --coarsen",
+                              (int)CAIRN_MAP_FILE_CELLS_MOST);
+    job->pool_bytes = cairn_map_merge_memory(&params);
+    code = tool_pool_open(&pool, MERGE_PROGRAM, job->settings->pool, job->pool_bytes);
+    if (code != TOOL_OK)
+        return code;
+    if (cairn_map_merge_create(&job->merge, &pool, &params) != CAIRN_OK) {
+        (void)options_refuse(MERGE_PROGRAM, "no memory");
+        code = TOOL_FAILED;
+    } else {
+        code = begin(job);
+    }
+    while (code == TOOL_OK && status == CAIRN_MORE) {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        status = cairn_map_merge_step(job->merge, &budget);
+    }
+    if (code == TOOL_OK && status < 0)
+        code = options_refuse(MERGE_PROGRAM, "%s", cairn_status_text(status));
+    if (code == TOOL_OK && (job->k == 0 || cairn_map_merge_read(job->merge).placed > job->result.placed)) {
+        for (int32_t i = 0; i < job->settings->count; i++)
+            job->map[i].placed = cairn_map_merge_of(job->merge, i);
+        job->result = cairn_map_merge_read(job->merge);
+        job->k = k;
+    }
+    tool_pool_close(&pool);
+    return code;
+}
+
+static int32_t longest_side(const merge_job *job)
+{
+    int32_t most = 0;
+
+    for (int32_t i = 0; i < job->settings->count; i++) {
+        most = job->map[i].file.width > most ? job->map[i].file.width : most;
+        most = job->map[i].file.height > most ? job->map[i].file.height : most;
+    }
+    return most;
+}
+
+/* With the cells as they are, or as --coarsen says; otherwise, while maps are refused, with coarser ones, too. The result with
+ * most maps placed is kept, the finest of these. */
+static int merge_all(merge_job *job)
+{
+    int32_t k = job->settings->coarsen > 0 ? (int32_t)job->settings->coarsen : 1;
+    int code = merge_once(job, k);
+
+    while (code == TOOL_OK && job->settings->coarsen == 0 && job->result.placed < job->settings->count &&
+           longest_side(job) / (2 * k) >= MERGE_LEAST_SIDE) {
+        k *= 2;
+        code = merge_once(job, k);
+    }
+    if (code == TOOL_OK)
+        coarsen(job, 1);
+    return code;
+}
+
+/* ---- Output ---- */
+
+static int write_files(merge_job *job)
+{
+    cairn_file_error error;
+    cairn_output_set *set;
+    cairn_map_file merged;
+    cairn_status status = merge_draw_map(job, &merged, &error);
+
+    if (status != CAIRN_OK)
+        return tool_report(&error);
+    status = cairn_output_set_open(&set, job->settings->folder, file_names, FILES, &error);
+    if (status == CAIRN_OK) {
+        status = cairn_map_file_write(&merged, cairn_output_set_path(set, YAML), CAIRN_MAP_PGM, &error);
+        if (status == CAIRN_OK)
+            status = merge_write_yaml(job, cairn_output_set_path(set, TRANSFORMS_YAML), &error);
+        if (status == CAIRN_OK)
+            status = merge_write_csv(job, cairn_output_set_path(set, TRANSFORMS_CSV), &error);
+        if (status == CAIRN_OK)
+            status = merge_write_picture(job, cairn_output_set_path(set, PICTURE), &error);
+        if (status == CAIRN_OK)
+            status = cairn_output_set_commit(set, &error);
+        else
+            cairn_output_set_discard(set);
+    }
+    cairn_map_file_free(&merged);
+    return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
+}
+
+static void print_summary(const merge_job *job, double seconds)
+{
+    const merge_settings *s = job->settings;
+
+    printf("maps       %" PRId32 ", %" PRId32 " placed\norder     ", s->count, job->result.placed);
+    for (int32_t rank = 0; rank < job->result.placed; rank++)
+        for (int32_t i = 0; i < s->count; i++)
+            if (job->map[i].placed.rank == rank)
+                printf(" %" PRId32, i);
+    printf("\n");
+    for (int32_t i = 0; i < s->count; i++) {
+        const cairn_merge_placed *p = &job->map[i].placed;
+
+        if (p->verdict == CAIRN_MERGE_PLACED)
+            printf("%-10" PRId32 " %.3f %.3f %.4f  wrong with probability %.2g  %s\n", i, (double)p->reference_map.x,
+                   (double)p->reference_map.y, (double)p->reference_map.theta, (double)p->wrong, s->map[i]);
+        else
+            printf("%-10" PRId32 " refused: %s  %s\n", i, cairn_merge_verdict_text(p->verdict), s->map[i]);
+    }
+    printf("cells      of %" PRId32 " by %" PRId32 "\nseconds    %.3f\npool       %zu bytes\n", job->k, job->k, seconds,
+           job->pool_bytes);
+}
+
+int tool_merge(int argc, char **argv)
+{
+    merge_settings s = {.particles = 100, .min_score = (double)cairn_map_merge_default().min_score, .seed = 1};
+    cairn_file_error error;
+    option_result result = read_settings(&s, argc, argv);
+    merge_job job;
+    double start = tool_seconds();
+    int code;
+
+    if (result != OPTIONS_READ)
+        return result;
+    if (cairn_output_set_check(s.folder, file_names, FILES, &error) != CAIRN_OK)
+        return tool_report(&error);
+    memset(&job, 0, sizeof job);
+    job.settings = &s;
+    code = load_maps(&job);
+    if (code == TOOL_OK)
+        code = merge_all(&job);
+    if (code == TOOL_OK)
+        code = write_files(&job);
+    if (code == TOOL_OK && !s.quiet)
+        print_summary(&job, tool_seconds() - start);
+    for (int32_t i = 0; i < s.count; i++) {
+        free(job.map[i].fine);
+        free(job.map[i].cells);
+        if (job.map[i].loaded)
+            cairn_map_file_free(&job.map[i].file);
+    }
+    return code;
+}

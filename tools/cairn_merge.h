@@ -1,0 +1,49 @@
+/* What the files of cairn merge share. */
+#ifndef CAIRN_TOOLS_CAIRN_MERGE_H
+#define CAIRN_TOOLS_CAIRN_MERGE_H
+
+#include "cairn/map_file.h"
+#include "cairn/map_merge.h"
+#include "tools/cairn_tool.h"
+
+#define MERGE_PROGRAM "cairn merge"
+
+/* Maps are not made so coarse that the longest side of all has fewer cells than MERGE_LEAST_SIDE. */
+enum { MERGE_TOOL_MAPS = 64, MERGE_LEAST_SIDE = 190 };
+
+typedef struct merge_settings {
+    const char *map[MERGE_TOOL_MAPS];
+    const char *folder, *order, *scale, *start, *pool;
+    int64_t reference, coarsen, particles, seed;
+    double min_score;
+    int32_t count, quiet;
+} merge_settings;
+
+typedef struct merge_tool_map {
+    cairn_map_file file;
+    uint8_t *fine;  /* [file.height * file.width] CAIRN_CELL_..., row 0 lowest */
+    uint8_t *cells; /* [height * width] of them, as merged */
+    int32_t width, height;
+    double resolution; /* m */
+    int32_t loaded;
+    cairn_merge_placed placed;
+} merge_tool_map;
+
+typedef struct merge_job {
+    const merge_settings *settings;
+    merge_tool_map map[MERGE_TOOL_MAPS];
+    cairn_map_merge *merge;
+    cairn_merge_result result;
+    size_t pool_bytes;
+    int32_t k; /* cells of the result: of k by k; 0: there is none */
+} merge_job;
+
+/* All maps placed, in the frame of the reference and with its cells. Where they contradict each other the majority holds,
+ * and a wall among equals. CAIRN_NO_MEMORY, CAIRN_FULL. */
+cairn_status merge_draw_map(const merge_job *job, cairn_map_file *merged, cairn_file_error *error);
+
+cairn_status merge_write_yaml(const merge_job *job, const char *path, cairn_file_error *error);
+cairn_status merge_write_csv(const merge_job *job, const char *path, cairn_file_error *error);
+cairn_status merge_write_picture(const merge_job *job, const char *path, cairn_file_error *error);
+
+#endif

@@ -1,0 +1,265 @@
+/* What cairn merge writes: the merged map, the transforms, a picture. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cairn/output.h"
+#include "cairn/report.h"
+#include "tools/cairn_merge.h"
+
+static int is_placed(const merge_job *job, int32_t i)
+{
+    return job->map[i].placed.verdict == CAIRN_MERGE_PLACED;
+}
+
+/* The middle of a cell of a map in the frame of the reference. */
+static cairn_vec2 cell_in_reference(const merge_tool_map *map, double x, double y)
+{
+    cairn_vec2 p = {(cairn_real)(x * map->resolution), (cairn_real)(y * map->resolution)};
+
+    return cairn_pose_point(cairn_pose_compose(map->placed.reference_map, map->file.origin), p);
+}
+
+/* ---- The merged map ---- */
+
+static cairn_box extent_of(const merge_job *job)
+{
+    cairn_box box = cairn_box_empty();
+
+    for (int32_t i = 0; i < job->settings->count; i++) {
+        const merge_tool_map *map = &job->map[i];
+
+        for (int k = 0; k < 4 && is_placed(job, i); k++)
+            box = cairn_box_extend(box, cell_in_reference(map, k % 2 ? map->width : 0, k / 2 ? map->height : 0));
+    }
+    return box;
+}
+
+/* What one map says of a point of the reference's frame. */
+static uint8_t cell_at(const merge_tool_map *map, cairn_transform grid_reference, cairn_vec2 p)
+{
+    cairn_vec2 q = cairn_transform_point(grid_reference, p);
+    double x = floor((double)q.x / map->resolution), y = floor((double)q.y / map->resolution);
+
+    if (!(x >= 0 && y >= 0 && x < map->width && y < map->height))
+        return CAIRN_CELL_UNKNOWN;
+    return map->cells[(size_t)y * (size_t)map->width + (size_t)x];
+}
+
+/* Adds the map's vote to every cell: +1 occupied, -1 free; `known` counts the votes. */
+static void vote(const merge_tool_map *map, const cairn_map_file *merged, int8_t *sum, uint8_t *known)
+{
+    cairn_transform t =
+        cairn_transform_of(cairn_pose_inverse(cairn_pose_compose(map->placed.reference_map, map->file.origin)));
+
+    for (int32_t y = 0; y < merged->height; y++)
+        for (int32_t x = 0; x < merged->width; x++) {
+            size_t at = (size_t)y * (size_t)merged->width + (size_t)x;
+            cairn_vec2 p = {merged->origin.x + ((cairn_real)x + CAIRN_REAL(0.5)) * merged->resolution,
+                            merged->origin.y + ((cairn_real)y + CAIRN_REAL(0.5)) * merged->resolution};
+            uint8_t cell = cell_at(map, t, p);
+
+            sum[at] = (int8_t)(sum[at] + (cell == CAIRN_CELL_OCCUPIED) - (cell == CAIRN_CELL_FREE));
+            known[at] = (uint8_t)(known[at] | (cell != CAIRN_CELL_UNKNOWN));
+        }
+}
+
+cairn_status merge_draw_map(const merge_job *job, cairn_map_file *merged, cairn_file_error *error)
+{
+    const char *folder = job->settings->folder;
+    cairn_box box = extent_of(job);
+    double width, height;
+    size_t cells;
+    int8_t *sum;
+    uint8_t *known;
+    cairn_status status;
+
+    *merged = cairn_map_file_default();
+    merged->resolution = (cairn_real)job->map[job->settings->reference].resolution;
+    merged->origin.x = box.min.x;
+    merged->origin.y = box.min.y;
+    width = ceil((double)((box.max.x - box.min.x) / merged->resolution));
+    height = ceil((double)((box.max.y - box.min.y) / merged->resolution));
+    if (!(width >= 1 && height >= 1 && width * height <= CAIRN_MAP_FILE_CELLS_MOST))
+        return cairn_file_error_set(error, CAIRN_FULL, folder, 0, "the merged map has %g by %g cells, expected fewer",
+                                    width, height);
+    status = cairn_map_file_allocate(merged, (int32_t)width, (int32_t)height);
+    cells = (size_t)width * (size_t)height;
+    sum = calloc(cells, 1);
+    known = calloc(cells, 1);
+    if (status != CAIRN_OK || sum == NULL || known == NULL) {
+        status = cairn_file_error_set(error, CAIRN_NO_MEMORY, folder, 0, "no memory for the merged map");
+    } else {
+        for (int32_t i = 0; i < job->settings->count; i++)
+            if (is_placed(job, i))
+                vote(&job->map[i], merged, sum, known);
+        for (size_t i = 0; i < cells; i++)
+            merged->occupancy[i] = (int8_t)(!known[i] ? -1 : sum[i] >= 0 ? 100 : 0);
+        status = cairn_map_file_draw(merged);
+    }
+    free(sum);
+    free(known);
+    if (status != CAIRN_OK)
+        cairn_map_file_free(merged);
+    return status;
+}
+
+/* ---- Transforms ---- */
+
+/* A text between double quotes, as YAML reads it. */
+static void print_quoted(cairn_output *out, const char *text)
+{
+    cairn_output_bytes(out, "\"", 1);
+    for (; *text != 0; text++) {
+        if (*text == '"' || *text == '\\')
+            cairn_output_bytes(out, "\\", 1);
+        cairn_output_bytes(out, text, 1);
+    }
+    cairn_output_bytes(out, "\"", 1);
+}
+
+cairn_status merge_write_yaml(const merge_job *job, const char *path, cairn_file_error *error)
+{
+    const merge_settings *s = job->settings;
+    const char *separator = "";
+    cairn_output *out;
+    cairn_status status = cairn_output_open(&out, path, error);
+
+    if (status != CAIRN_OK)
+        return status;
+    cairn_output_print(out, "reference: %" PRId64 "\norder: [", s->reference);
+    for (int32_t rank = 0; rank < job->result.placed; rank++)
+        for (int32_t i = 0; i < s->count; i++)
+            if (job->map[i].placed.rank == rank) {
+                cairn_output_print(out, "%s%" PRId32, separator, i);
+                separator = ", ";
+            }
+    cairn_output_print(out, "]\nmaps:\n");
+    for (int32_t i = 0; i < s->count; i++) {
+        const cairn_merge_placed *p = &job->map[i].placed;
+
+        cairn_output_print(out, "  - map: ");
+        print_quoted(out, s->map[i]);
+        cairn_output_print(out, "\n    placed: %s\n", is_placed(job, i) ? "true" : "false");
+        if (is_placed(job, i))
+            cairn_output_print(out, "    transform: {x: %.9g, y: %.9g, yaw: %.9g}\n    wrong: %.3g\n",
+                               (double)p->reference_map.x, (double)p->reference_map.y, (double)p->reference_map.theta,
+                               (double)p->wrong);
+        else
+            cairn_output_print(out, "    reason: %s\n", cairn_merge_verdict_text(p->verdict));
+        cairn_output_print(out, "    support: %.9g\n    rival: %.9g\n", (double)p->support, (double)p->rival);
+    }
+    return cairn_output_commit(out, error);
+}
+
+/* A word for each verdict, without spaces. */
+static const char *verdict_word(cairn_merge_verdict verdict)
+{
+    static const char *const words[] = {"placed", "empty", "no-overlap", "weak", "ambiguous", "slides"};
+
+    return words[verdict];
+}
+
+cairn_status merge_write_csv(const merge_job *job, const char *path, cairn_file_error *error)
+{
+    cairn_output *out;
+    cairn_status status = cairn_output_open(&out, path, error);
+
+    if (status != CAIRN_OK)
+        return status;
+    cairn_output_print(out, "index,x,y,theta,verdict,wrong,support,rival,neighbours\n");
+    for (int32_t i = 0; i < job->settings->count; i++) {
+        const cairn_merge_placed *p = &job->map[i].placed;
+
+        cairn_output_print(out, "%" PRId32 ",%.9g,%.9g,%.9g,%s,%.3g,%.9g,%.9g,%" PRId32 "\n", i,
+                           (double)p->reference_map.x, (double)p->reference_map.y, (double)p->reference_map.theta,
+                           verdict_word(p->verdict), (double)p->wrong, (double)p->support, (double)p->rival,
+                           p->neighbours);
+    }
+    return cairn_output_commit(out, error);
+}
+
+/* ---- The picture ---- */
+
+/* Hues a golden angle apart, in three depths. */
+static void colour_of(int32_t index, char colour[8])
+{
+    double hue = fmod(index * 137.508, 360) / 60, value = index % 3 == 0 ? 200 : index % 3 == 1 ? 150 : 225;
+    double low = value * 0.25, x = low + (value - low) * (1 - fabs(fmod(hue, 2) - 1));
+    const double table[6][3] = {{value, x, low}, {x, value, low}, {low, value, x},
+                                {low, x, value}, {x, low, value}, {value, low, x}};
+    const double *c = table[(int)hue % 6];
+
+    snprintf(colour, 8, "#%02x%02x%02x", (unsigned)c[0], (unsigned)c[1], (unsigned)c[2]);
+}
+
+/* The occupied cells of a map in the frame of the reference; NULL when there is no memory. */
+static cairn_vec2 *walls_of(const merge_tool_map *map, int32_t *count)
+{
+    size_t cells = (size_t)map->width * (size_t)map->height, walls = 0;
+    cairn_vec2 *points;
+
+    for (size_t i = 0; i < cells; i++)
+        walls += map->cells[i] == CAIRN_CELL_OCCUPIED;
+    points = malloc((walls + 1) * sizeof *points);
+    *count = 0;
+    for (size_t i = 0; i < cells && points != NULL; i++)
+        if (map->cells[i] == CAIRN_CELL_OCCUPIED)
+            points[(*count)++] =
+                cell_in_reference(map, (double)(i % (size_t)map->width) + 0.5, (double)(i / (size_t)map->width) + 0.5);
+    return points;
+}
+
+static void list_refused(const merge_job *job, char *text, size_t size)
+{
+    size_t used = (size_t)snprintf(text, size, "%" PRId32 " of %" PRId32 " maps placed", job->result.placed,
+                                   job->settings->count);
+
+    for (int32_t i = 0; i < job->settings->count && used < size; i++)
+        if (!is_placed(job, i))
+            used +=
+                (size_t)snprintf(text + used, size - used, "; %s refused: %s", cairn_path_name(job->settings->map[i]),
+                                 cairn_merge_verdict_text(job->map[i].placed.verdict));
+}
+
+cairn_status merge_write_picture(const merge_job *job, const char *path, cairn_file_error *error)
+{
+    cairn_report_figure figure = cairn_report_figure_default();
+    cairn_report_layer layer[MERGE_TOOL_MAPS];
+    cairn_report_plot plot;
+    char colour[MERGE_TOOL_MAPS][8], note[1024];
+    cairn_status status = CAIRN_OK;
+
+    memset(&plot, 0, sizeof plot);
+    list_refused(job, note, sizeof note);
+    for (int32_t i = 0; i < job->settings->count; i++) {
+        cairn_report_layer *l = &layer[plot.layer_count];
+
+        if (!is_placed(job, i))
+            continue;
+        memset(l, 0, sizeof *l);
+        colour_of(i, colour[i]);
+        l->name = cairn_path_name(job->settings->map[i]);
+        l->colour = colour[i];
+        l->mark = CAIRN_REPORT_DOTS;
+        l->width = 1.5;
+        l->opacity = 0.8;
+        l->point = walls_of(&job->map[i], &l->count);
+        plot.layer_count++;
+        if (l->point == NULL)
+            status = cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0, "no memory for the picture");
+    }
+    plot.layer = layer;
+    plot.box = cairn_box_empty();
+    figure.title = "Maps merged";
+    figure.subtitle = note;
+    figure.plot = &plot;
+    figure.plot_count = 1;
+    if (status == CAIRN_OK)
+        status = cairn_report_figure_write(path, &figure, error);
+    for (int32_t i = 0; i < plot.layer_count; i++)
+        free((void *)(uintptr_t)layer[i].point);
+    return status;
+}
