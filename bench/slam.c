@@ -123,13 +123,13 @@ static int32_t read_relations(const char *path, const cairn_carmen_scans *log, r
 }
 
 /* What one scan cost, in units of budget. */
-typedef struct cost {
+typedef struct scan_cost {
     double median, worst;
-} cost;
+} scan_cost;
 
-static cost cost_of(double *units, int32_t count)
+static scan_cost cost_of(double *units, int32_t count)
 {
-    cost out = {0, 0};
+    scan_cost out = {0, 0};
 
     for (int32_t i = 0; i < count; i++)
         out.worst = fmax(out.worst, units[i]);
@@ -139,7 +139,7 @@ static cost cost_of(double *units, int32_t count)
 
 /* Maps the log; poses: [count], of the sensor, which is what relations are between. Returns the time that took, -1 on failure. */
 static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_pose *poses, size_t *pool_bytes,
-                      cairn_mapper_state *state, cost *cost)
+                      cairn_mapper_state *state, scan_cost *cost)
 {
     cairn_mapper_params params = cairn_mapper_default();
     int32_t *key = malloc((size_t)log->count * sizeof *key);
@@ -229,7 +229,7 @@ static void overwrite_poses(cairn_carmen_scans *log, uint64_t seed)
 
 static void print_errors(const settings *s, const char *name, const cairn_carmen_scans *log, const cairn_pose *poses,
                          const relation *relations, int32_t count, double seconds, size_t pool_bytes,
-                         const cairn_mapper_state *state, cost cost)
+                         const cairn_mapper_state *state, scan_cost cost)
 {
     double t = 0, tt = 0, r = 0, rr = 0, n = count > 0 ? (double)count : (double)NAN;
 
@@ -277,7 +277,7 @@ static int run_log(const settings *s, const char *log_path, const char *relation
     relation *relations = NULL;
     cairn_pose *poses;
     size_t pool_bytes = 0;
-    cost cost = {0, 0};
+    scan_cost cost = {0, 0};
     int32_t count;
     double seconds = -1;
 
