@@ -347,6 +347,7 @@ static void of_the_mapper(void **state)
     };
 
     (void)state;
+    icp.weak_ratio = CAIRN_REAL(0.03);
     assert_values(values);
     scan.max_points = p.scan.max_points;
     assert_memory_equal(&p.scan, &scan, sizeof scan);

@@ -193,7 +193,11 @@ static cairn_status begin_search(cairn_mapper *mapper)
     mapper->state.searched += mapper->searches == 0;
     mapper->searches++;
     mapper->phase = SEARCH;
-    return cairn_scan_match_begin(mapper->search, &query, mapper->predicted, &window, NULL);
+    if (cairn_scan_match_begin(mapper->search, &query, mapper->predicted, &window, NULL) != CAIRN_OK) {
+        mapper->phase = KEEP; /* too far away to be searched for */
+        mapper->doubtful = 1;
+    }
+    return CAIRN_OK;
 }
 
 cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budget)

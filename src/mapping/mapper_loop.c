@@ -221,7 +221,8 @@ static void target_item(cairn_mapper *mapper, cairn_budget *budget)
         loop->target_from = loop->target_end;
 }
 
-static cairn_status begin_match(cairn_mapper *mapper, cairn_budget *budget)
+/* What lies too far away to be searched for has no result. */
+static void begin_match(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
     int32_t key = loop->candidates[loop->candidate].key;
@@ -231,7 +232,9 @@ static cairn_status begin_match(cairn_mapper *mapper, cairn_budget *budget)
     window.angle = 3 * cairn_sqrt(loop->turn_variance[key]) + CAIRN_REAL(0.1);
     loop->phase = LOOP_MATCH;
     budget->left -= 2 + loop->query_part.count / 4;
-    return cairn_scan_match_begin(loop->match, &loop->query_part, mapper->key_pose[loop->query], &window, NULL);
+    if (cairn_scan_match_begin(loop->match, &loop->query_part, mapper->key_pose[loop->query], &window, NULL) !=
+        CAIRN_OK)
+        cairn_scan_match_clear_target(loop->match);
 }
 
 /* ---- The verdict ---- */
@@ -320,7 +323,7 @@ static void judge(cairn_mapper *mapper)
         closure.first_second = cairn_pose_between(mapper->key_pose[key], h->target_query);
         closure.covariance = cairn_mapper_own_covariance(mapper, h->covariance, h->target_query.theta);
     }
-    if (result.verdict == CAIRN_SCAN_MATCH_NONE || h->evidence < p->evidence)
+    if (result.count == 0 || result.verdict == CAIRN_SCAN_MATCH_NONE || h->evidence < p->evidence)
         cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_NONE);
     else if (cairn_mapper_has_rival(&result))
         cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_AMBIGUOUS);
@@ -399,7 +402,7 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
         if (loop->target_from < loop->target_end)
             target_item(mapper, budget);
         else
-            status = begin_match(mapper, budget);
+            begin_match(mapper, budget);
         break;
     case LOOP_MATCH:
         status = cairn_scan_match_step(loop->match, budget);
