@@ -13,8 +13,11 @@
 /* Pixels: the pairs whose transform the annotators fitted as well as this, and how far a map may be off. */
 static const double FIT_MOST = 16, RIGHT_HALMSTAD = 20, RIGHT_PARTS = 10;
 
-/* Maps are made coarser, by two, as long as they are not merged and have so many cells to a side. */
-enum { LEAST_SIDE = 190, NAME_MOST = 64 };
+/* With a probability of being wrong up to this no coarser cells are tried. */
+static const double SURE = 0.001;
+
+/* Maps are made coarser while they have more cells to a side than MOST_SIDE, or are not merged and keep LEAST_SIDE. */
+enum { LEAST_SIDE = 175, MOST_SIDE = 800, NAME_MOST = 64 };
 
 typedef struct picture {
     char name[NAME_MOST];
@@ -107,16 +110,31 @@ static int merge_at(const picture *target, const picture *source, int32_t k, int
     return !ok ? -1 : found->verdict == CAIRN_MERGE_PLACED;
 }
 
+/* By about a half more. */
+static int32_t next_size(int32_t k)
+{
+    return k + (k + 1) / 2;
+}
+
 static int merge_pair(const picture *target, const picture *source, int particles, cairn_merge_placed *found,
                       int32_t *k)
 {
     int32_t side = target->width > target->height ? target->width : target->height;
-    int placed;
+    int best = 0;
 
-    for (*k = 1;; *k *= 2) {
-        placed = merge_at(target, source, *k, particles, found);
-        if (placed != 0 || side / (2 * *k) < LEAST_SIDE)
+    for (int32_t size = side > MOST_SIDE ? (side - 1) / MOST_SIDE + 1 : 1;; size = next_size(size)) {
+        cairn_merge_placed tried = *found;
+        int placed = merge_at(target, source, size, particles, &tried);
+
+        if (placed < 0)
             return placed;
+        if (*k == 0 || placed > best || (placed == best && tried.support > found->support)) {
+            *found = tried;
+            *k = size;
+            best = placed;
+        }
+        if ((best && (double)found->wrong <= SURE) || side / next_size(size) < LEAST_SIDE)
+            return best;
     }
 }
 
@@ -145,9 +163,9 @@ typedef struct tally {
 
 static void run_pair(const picture *target, const picture *source, shift truth, double right, int particles, tally *t)
 {
-    cairn_merge_placed found;
+    cairn_merge_placed found = {0, {0, 0, 0}, 0, 0, 0, 0, 0, 0, 0};
     double start = bench_seconds(), off = (double)NAN;
-    int32_t k = 1;
+    int32_t k = 0;
     int placed = merge_pair(target, source, particles, &found, &k);
 
     t->pairs++;

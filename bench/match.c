@@ -18,7 +18,7 @@
 
 #define DEGREE 0.017453292519943295
 
-enum { HEADINGS = 4, MOVERS_MOST = 100 };
+enum { HEADINGS = 4 };
 
 static const double RIGHT_M = 0.10, RIGHT_RAD = 2 * DEGREE;
 
@@ -27,7 +27,7 @@ typedef struct settings {
     int64_t arenas, seed, places;
     double tilt, movers;
     double sub_error[2]; /* m, degrees */
-    int32_t decoupled;
+    int32_t decoupled, by_icp, walkers;
 } settings;
 
 /* What a mapper is given of an arena, and the truth that it is not. */
@@ -64,21 +64,6 @@ static double share_of_bad_beams(const sim_survey *survey)
             all++;
         }
     return all > 0 ? (double)bad / (double)all : 0;
-}
-
-/* A survey with as many movers as it takes for a share of the beams to end on them. */
-static sim_survey *survey_with_movers(const sim_arena *arena, sim_survey_options options, double share, char *fault,
-                                      size_t fault_size)
-{
-    sim_survey *survey = sim_survey_create(arena, &options, fault, fault_size);
-
-    while (survey != NULL && options.movers < MOVERS_MOST && share_of_bad_beams(survey) < share) {
-        options.movers += options.movers < 5 ? 5 : options.movers / 2;
-        options.movers = options.movers < MOVERS_MOST ? options.movers : MOVERS_MOST;
-        sim_survey_free(survey);
-        survey = sim_survey_create(arena, &options, fault, fault_size);
-    }
-    return survey;
 }
 
 static void free_problem(problem *p)
@@ -126,9 +111,11 @@ static int make_problem(const settings *s, uint64_t seed, problem *p)
     survey_options.places = (int32_t)s->places;
     survey_options.headings = HEADINGS;
     survey_options.tilt = s->tilt;
+    survey_options.crowd = s->movers;
+    survey_options.movers = s->walkers;
     p->arena = sim_arena_create(&arena_options, fault, sizeof fault);
     if (p->arena != NULL)
-        p->survey = survey_with_movers(p->arena, survey_options, s->movers, fault, sizeof fault);
+        p->survey = sim_survey_create(p->arena, &survey_options, fault, sizeof fault);
     if (p->survey != NULL) {
         size_t n;
 
@@ -269,7 +256,8 @@ static cairn_place_map_params params_of(const settings *s)
 
     params.max_places = (int32_t)s->places;
     params.max_scans = HEADINGS * (int32_t)s->places;
-    params.decoupled = s->decoupled;
+    if (s->decoupled || s->by_icp)
+        params.decoupled = s->decoupled ? CAIRN_PLACE_MAP_JOINTLY : CAIRN_PLACE_MAP_BY_ICP;
     if (strcmp(s->method, "sequential") == 0)
         params.mode = CAIRN_PLACE_MAP_SEQUENTIAL;
     if (strcmp(s->method, "shape") == 0) {
@@ -462,7 +450,7 @@ static void print_summary(const settings *s, const outcome *all, size_t count)
     bench_json_number("tilt", s->tilt);
     bench_json_number("movers", s->movers);
     bench_json_number("sub_error_m", s->sub_error[0]);
-    bench_json_integer("decoupled", s->decoupled);
+    bench_json_integer("decoupled", params_of(s).decoupled);
     bench_json_integer("arenas", (int64_t)count);
     bench_json_integer("arenas_ok", ok);
     bench_json_integer("places", places);
@@ -509,7 +497,7 @@ static int run(const settings *s)
 
 int main(int argc, char **argv)
 {
-    settings s = {"consensus", "rescue", NULL, 20, 1, 16, 0, 0, {0, 0}, 0};
+    settings s = {"consensus", "rescue", NULL, 20, 1, 16, 0, 0, {0, 0}, 0, 0, 0};
     const option table[] = {
         OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
@@ -517,11 +505,13 @@ int main(int argc, char **argv)
         OPTION_TEXT("--scene", &s.scene, "NAME", "scene of the arenas (rescue)"),
         OPTION_INTEGER("--places", &s.places, 2, 256, "N", "places with four scans each"),
         OPTION_NUMBER("--tilt", &s.tilt, 0, 0.3, "SHARE", "of the beams that hit the floor short"),
-        OPTION_NUMBER("--movers", &s.movers, 0, 0.5, "SHARE", "of the beams that end on movers"),
+        OPTION_NUMBER("--movers", &s.movers, 0, 0.5, "SHARE", "of the beams of every scan that end on people"),
+        OPTION_COUNT("--walkers", &s.walkers, 0, 100, "N", "people who walk about the arena"),
         OPTION_PAIR("--sub-error", s.sub_error, 0, 10, "M,DEG",
                     "scans within a place are off, uniform +-, m and degrees"),
         OPTION_TEXT("--pictures", &s.pictures, "DIR", "draws match-SEED.svg into an existing folder"),
-        OPTION_FLAG("--decoupled", &s.decoupled, "at the end every scan is aligned by itself"),
+        OPTION_FLAG("--decoupled", &s.decoupled, "at the end every scan is aligned by itself, all at once"),
+        OPTION_FLAG("--decoupled-icp", &s.by_icp, "the same one after the other by ICP"),
     };
     const option_set set = {"bench/match", "[options]", "Maps of places without odometry.", table,
                             sizeof table / sizeof *table};

@@ -7,6 +7,7 @@
 #include "cairn/hough.h"
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
+#include "cairn/place_map.h"
 #include "cairn/rectangle.h"
 #include "cairn/scan_match.h"
 #include "cairn/particle_filter.h"
@@ -35,6 +36,8 @@ int main(void)
     cairn_occupancy_grid_params grid = cairn_occupancy_grid_default();
     cairn_mapper_params mapper = cairn_mapper_default();
     cairn_aligner_params aligner = cairn_aligner_default();
+    cairn_pose_consensus_params consensus = cairn_pose_consensus_default();
+    cairn_place_map_params places = cairn_place_map_default();
 
     scan.max_beams = 181;
     scan.max_points = 256;
@@ -68,6 +71,10 @@ int main(void)
     aligner.max_fill = 32 * 60;
     print("aligner", "60 scans, 600 segments, 3000 points, 1440 hypotheses, 1920 blocks",
           cairn_aligner_memory(&aligner));
+    print("pose_consensus", "64 nodes, 1024 hypotheses, 8 candidates", cairn_pose_consensus_memory(&consensus));
+    print("place_map", "16 places of 1024 points and 2048 beams, 4096 hypotheses", cairn_place_map_memory(&places));
+    places.decoupled = CAIRN_PLACE_MAP_JOINTLY;
+    print("place_map", "the same, scans aligned jointly", cairn_place_map_memory(&places));
     print("occupancy_grid", "400 x 400 cells", cairn_occupancy_grid_memory(&grid));
     mapper.scan.max_beams = 181;
     mapper.scan.max_points = 256;

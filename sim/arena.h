@@ -154,6 +154,8 @@ typedef struct sim_survey_options {
     double sweep_turn;           /* ... rad/s: scans at places move by up to this while they sweep, at most 0.2 m */
     sim_pose base_sensor;        /* at most 0.15 m from the middle of the robot */
     int32_t movers;              /* bodies that walk about, 0 ... 100 */
+    double crowd; /* share of the beams of every scan at a place that end on people who stand about, others at
+                                  * each scan, 0 ... 0.5 */
 
     /* Odometry: what wheels report. Random parts are standard deviations that grow with the root of the way. */
     double slip_distance; /* m per root m */

@@ -25,6 +25,7 @@ enum Stream : uint64_t {
     mover_stream = 8,
     disturb_stream = 9,
     sweep_stream = 10,
+    crowd_stream = 11,
     scan_streams = 1024
 };
 

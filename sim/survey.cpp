@@ -1,5 +1,6 @@
 // survey: sends the robot through an arena, from place to place or on a drive, and collects its scans.
 #include "sim/arena_parts.h"
+#include "sim/crowd.h"
 #include "sim/movers.h"
 #include "sim/robot.h"
 
@@ -49,7 +50,7 @@ static bool options_ok(const sim_survey_options &o, Fault &fault)
            within(fault, "sweep_turn", o.sweep_turn, 0, 20, "rad/s") &&
            within(fault, "base_sensor", std::hypot(o.base_sensor.x, o.base_sensor.y), 0, 0.15, "m") &&
            within(fault, "base_sensor.theta", o.base_sensor.theta, -10, 10, "rad") &&
-           within(fault, "movers", o.movers, 0, 100, "") &&
+           within(fault, "movers", o.movers, 0, 100, "") && within(fault, "crowd", o.crowd, 0, 0.5, "") &&
            within(fault, "slip_distance", o.slip_distance, 0, 1, "m per root m") &&
            within(fault, "slip_turn", o.slip_turn, 0, 1, "rad per root rad") &&
            within(fault, "slip_drift", o.slip_drift, 0, 1, "rad per root m") &&
@@ -66,8 +67,8 @@ class Expedition
   public:
     explicit Expedition(sim_survey &s)
         : survey(s), options(s.options), world(s.arena->layout.bodies),
-          movers(world, s.arena->space, s.options.movers, s.options.seed), wheels(s.options),
-          scanner(*s.arena, s.options), state()
+          movers(world, s.arena->space, s.options.movers, s.options.seed), crowd(world, *s.arena, s.options),
+          wheels(s.options), scanner(*s.arena, s.options), state()
     {
     }
 
@@ -112,6 +113,7 @@ class Expedition
         Move reported = wheels.report({speed * options.scan_time, turn_rate * options.scan_time});
 
         movers.make_room({state.truth.x, state.truth.y});
+        crowd.gather(compose(state.truth, options.base_sensor));
         hold_place();
         scanner.begin(state, (int32_t)survey.sweeps.size(), speed, turn_rate);
         while (!scanner.advance(world, before, state)) {
@@ -206,6 +208,7 @@ class Expedition
     const sim_survey_options &options;
     World world;
     Movers movers;
+    Crowd crowd;
     Wheels wheels;
     Scanner scanner;
     State state;

@@ -196,9 +196,9 @@ static void test_refusals(void **state)
 static void test_help(void **state)
 {
     static const char *const options[] = {
-        "--seed N",  "--size WxH",     "--places N",      "--headings N",    "--fov DEG",  "--beams N",
-        "--range M", "--noise M",      "--dropout SHARE", "--tilt SHARE",    "--movers N", "--scan-time S",
-        "--drive N", "--jitter M,DEG", "--turn DEG",      "--disturb M,DEG", "-o DIR"};
+        "--seed N",  "--size WxH",    "--places N",      "--headings N", "--fov DEG",       "--beams N",
+        "--range M", "--noise M",     "--dropout SHARE", "--tilt SHARE", "--movers N",      "--scan-time S",
+        "--drive N", "--crowd SHARE", "--jitter M,DEG",  "--turn DEG",   "--disturb M,DEG", "-o DIR"};
 
     (void)state;
     assert_int_equal(run("--help"), 0);

@@ -18,6 +18,7 @@
 #include "cairn/report.h"
 #include "cairn/scan_match.h"
 #include "cairn/sequence.h"
+#include "cairn/virtual_align.h"
 
 typedef struct value {
     const char *name;
@@ -85,7 +86,49 @@ static void of_hypotheses(void **state)
 {
     cairn_hough_params hough = cairn_hough_default();
     cairn_rectangle_params rectangle = cairn_rectangle_default();
+    cairn_virtual_scan_params v = cairn_virtual_scan_default();
+    cairn_virtual_align_params align = cairn_virtual_align_default();
     const value values[] = {
+        VALUE(v.max_scans, 64),
+        VALUE(v.max_points, 4096),
+        VALUE(v.max_segments, 1024),
+        VALUE(v.max_hypotheses, 64),
+        VALUE(v.max_virtual, 4096),
+        VALUE(v.max_detectors, 2),
+        VALUE(v.lines, 1),
+        VALUE(v.rectangles, 1),
+        VALUE(v.stride, 2),
+        VALUE(v.spacing, 0.1),
+        VALUE(v.weight, 1),
+        VALUE(v.line_support, 0.3),
+        VALUE(v.line_angle, 0.2),
+        VALUE(v.least_scans, 2),
+        VALUE(v.least_length, 0.5),
+        VALUE(v.hough.angles, 72),
+        VALUE(v.hough.distances, 128),
+        VALUE(v.hough.distance_step, 0.1),
+        VALUE(v.hough.angle_tolerance, 4 * DEGREE),
+        VALUE(v.hough.separation_angle, 6 * DEGREE),
+        VALUE(v.hough.spacing, 0.2),
+        VALUE(v.hough.least_votes, 10),
+        VALUE(v.rectangle.merge_distance, 0.15),
+        VALUE(v.rectangle.merge_gap, 3),
+        VALUE(v.rectangle.angle, 10 * DEGREE),
+        VALUE(v.rectangle.min_side, 1),
+        VALUE(align.field.sigma_start, 0.9),
+        VALUE(align.field.sigma_end, 0.04),
+        VALUE(align.field.sigma_step, 0.0146),
+        VALUE(align.field.dt_start, 0.2),
+        VALUE(align.field.dt_end, 0.04),
+        VALUE(align.field.dt_factor, 0.9735),
+        VALUE(align.field.max_steps, 60),
+        VALUE(align.field.potential, 0),
+        VALUE(align.field.roi, 0),
+        VALUE(align.hypotheses.spacing, 0.3),
+        VALUE(align.hypotheses.weight, 3),
+        VALUE(align.every, 3),
+        VALUE(align.max_rounds, 2),
+        VALUE(align.align, 1),
         VALUE(hough.max_lines, 32),
         VALUE(hough.angles, 180),
         VALUE(hough.distances, 256),
@@ -209,6 +252,7 @@ static void of_matches_and_corners(void **state)
         VALUE(match.max_views, 16),
         VALUE(match.max_query, 1024),
         VALUE(match.max_hypotheses, 8),
+        VALUE(match.max_candidates, 128),
         VALUE(match.spacing, 0.1),
         VALUE(match.sigma, 0.01),
         VALUE(match.weak_ratio, 0.001),
@@ -250,6 +294,7 @@ static void of_places(void **state)
     cairn_place_map_params map = cairn_place_map_default();
     cairn_scan_match_params match = cairn_scan_match_default();
     cairn_pose_consensus_params consensus = cairn_pose_consensus_default();
+    cairn_aligner_params aligner = cairn_aligner_default();
     const value values[] = {
         VALUE(map.mode, CAIRN_PLACE_MAP_CONSENSUS),
         VALUE(map.max_places, 16),
@@ -263,16 +308,27 @@ static void of_places(void **state)
         VALUE(map.sight_reach, 8),
         VALUE(map.sight_cell, 0.05),
         VALUE(map.sight_margin, 0.1),
-        VALUE(map.for_point, 0.1),
-        VALUE(map.against_point, 0.4),
-        VALUE(map.floating, 0.25),
-        VALUE(map.chance, 2),
+        VALUE(map.for_point, 0.08),
+        VALUE(map.for_floating, 0.14),
+        VALUE(map.for_rough, 0.6),
+        VALUE(map.against_point, 0.65),
+        VALUE(map.floating, 0.15),
+        VALUE(map.chance, 0),
+        VALUE(map.match.mode, (double)match.mode),
+        VALUE(map.match.max_candidates, 512),
+        VALUE(map.match.max_hypotheses, 12),
+        VALUE(map.match.spacing, (double)match.spacing),
+        VALUE(map.match.sigma, (double)match.sigma),
+        VALUE(map.match.weak_ratio, (double)match.weak_ratio),
+        VALUE(map.aligner.max_segments, 4096),
+        VALUE(map.aligner.max_fill, 8192),
+        VALUE(map.aligner.spread, (double)aligner.spread),
+        VALUE(map.aligner.sigma, (double)aligner.sigma),
         VALUE(map.consensus.max_hypotheses, 4096),
     };
 
     (void)state;
     assert_values(values);
-    assert_memory_equal(&map.match, &match, sizeof match);
     consensus.max_hypotheses = 4096;
     assert_memory_equal(&map.consensus, &consensus, sizeof consensus);
 }

@@ -820,6 +820,52 @@ static void test_fixed_scans_stay(void **state)
     test_pool_free(&f.pool);
 }
 
+/* A scan put elsewhere is as one that was there from the begin. */
+static void test_placed_scans_are_there(void **state)
+{
+    cairn_force_field_params p = small_params();
+    struct fixture f = field_with(&p), fresh = field_with(&p);
+    struct scan scans[SCENE];
+    cairn_pose poses[SCENE], there = {CAIRN_REAL(0.3), CAIRN_REAL(-0.2), 7}, far = {0, CAIRN_REAL(1.1e6), 0};
+    cairn_pose nan = {0, 0, (cairn_real)NAN};
+    cairn_budget budget = {3};
+    uint32_t revision;
+
+    (void)state;
+    make_scene(scans, poses);
+    add_scene(fresh.field);
+    add_scene(f.field);
+    revision = cairn_force_field_revision(f.field);
+    assert_ok(cairn_force_field_place(f.field, 2, there));
+    assert_int_equal(cairn_force_field_revision(f.field), revision + 1);
+    assert_near(cairn_force_field_pose(f.field, 2).theta, 7 - 6.283185307179586, NUMBER(1e-12, 1e-6));
+    assert_ok(cairn_force_field_place(fresh.field, 2, there));
+    for (int k = 0; k < 3; k++)
+        iterate(f.field);
+    /* Back to where all began, after some iterations. */
+    for (int i = 0; i < SCENE; i++)
+        assert_ok(cairn_force_field_place(f.field, i, i == 2 ? there : poses[i]));
+    cairn_force_field_restart(f.field);
+    for (int k = 0; k < 4; k++) {
+        iterate(f.field);
+        iterate(fresh.field);
+        for (int i = 0; i < SCENE; i++)
+            assert_same_pose(cairn_force_field_pose(f.field, i), cairn_force_field_pose(fresh.field, i));
+    }
+    assert_status(cairn_force_field_place(NULL, 0, there), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_force_field_place(f.field, -1, there), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_force_field_place(f.field, SCENE, there), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_force_field_place(f.field, 0, far), CAIRN_BAD_ARGUMENT);
+    far.x = CAIRN_REAL(-1.1e6);
+    far.y = 0;
+    assert_status(cairn_force_field_place(f.field, 0, far), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_force_field_place(f.field, 0, nan), CAIRN_NOT_FINITE);
+    assert_status(cairn_force_field_iterate(f.field, &budget), CAIRN_MORE);
+    assert_status(cairn_force_field_place(f.field, 0, there), CAIRN_BAD_ARGUMENT);
+    test_pool_free(&f.pool);
+    test_pool_free(&fresh.pool);
+}
+
 static uint64_t hash_of(const cairn_force_field *field)
 {
     uint64_t hash = TEST_HASH_START;
@@ -1921,6 +1967,7 @@ int main(void)
         cmocka_unit_test(test_three_corners_come_together),
         cmocka_unit_test(test_the_potential_falls),
         cmocka_unit_test(test_fixed_scans_stay),
+        cmocka_unit_test(test_placed_scans_are_there),
         cmocka_unit_test(test_budgets_are_equal),
         cmocka_unit_test(test_inputs_wait_for_the_commit),
         cmocka_unit_test(test_stop_and_restart),

@@ -336,6 +336,8 @@ static void refuses_params(void **state)
     bad[count++].max_dense = (1 << 20) + 1;
     bad[count++].max_views = -1;
     bad[count++].max_views = 4097;
+    bad[count++].max_candidates = 0;
+    bad[count++].max_candidates = 1025;
     bad[count++].max_query = 0;
     bad[count++].max_query = (1 << 20) + 1;
     bad[count++].max_hypotheses = 0;

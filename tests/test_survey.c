@@ -349,6 +349,46 @@ static void test_tilt(void **state)
     sim_arena_free(arena);
 }
 
+/* People hide a share of every scan, and nothing else changes. */
+static void test_crowd(void **state)
+{
+    sim_arena *arena = arena_of(SIM_ROOMS, 3);
+    sim_survey_options options = sim_survey_default();
+    sim_survey *empty, *crowded;
+    const sim_scan *a, *b;
+    int32_t count, hidden = 0, beams = 0, right = 0;
+
+    (void)state;
+    options.noise = 0;
+    empty = survey_of(arena, &options);
+    options.crowd = 0.2;
+    crowded = survey_of(arena, &options);
+    a = sim_survey_scans(empty, &count);
+    b = sim_survey_scans(crowded, &count);
+    for (int32_t i = 0; i < count; i++) {
+        int32_t here = 0;
+
+        assert_memory_equal(&a[i].truth, &b[i].truth, sizeof a[i].truth);
+        for (int32_t k = 0; k < a[i].count; k++, beams++) {
+            if (b[i].edge[k] == SIM_MOVER) {
+                assert_true(b[i].range[k] < a[i].range[k]);
+                assert_true(b[i].range[k] > 0.5f && b[i].range[k] < 4.1f);
+                here++;
+            } else {
+                assert_memory_equal(&b[i].range[k], &a[i].range[k], sizeof(float));
+            }
+        }
+        assert_true(here <= 0.25 * a[i].count + 1);
+        right += here >= 0.2 * a[i].count - 1;
+        hidden += here;
+    }
+    assert_true(right > 0.8 * count);
+    assert_near((double)hidden / beams, 0.21, 0.03);
+    sim_survey_free(empty);
+    sim_survey_free(crowded);
+    sim_arena_free(arena);
+}
+
 static void test_movers(void **state)
 {
     sim_arena *arena = arena_of(SIM_ROOMS, 3);
@@ -734,6 +774,7 @@ static void test_bad_options(void **state)
     } numbers[] = {
         {offsetof(sim_survey_options, jitter_position), 1.1, "jitter_position is 1.1 m"},
         {offsetof(sim_survey_options, jitter_heading), -1, "jitter_heading is -1 rad"},
+        {offsetof(sim_survey_options, crowd), 0.6, "crowd is 0.6"},
         {offsetof(sim_survey_options, drive_distance), 0, "drive_distance is 0 m"},
         {offsetof(sim_survey_options, drive_turn), 0, "drive_turn is 0 rad"},
         {offsetof(sim_survey_options, fov), 0, "fov is 0 rad"},
@@ -805,6 +846,7 @@ int main(void)
         cmocka_unit_test(test_noise_and_dropouts),
         cmocka_unit_test(test_tilt),
         cmocka_unit_test(test_movers),
+        cmocka_unit_test(test_crowd),
         cmocka_unit_test(test_sweep_motion),
         cmocka_unit_test(test_sweeps_at_places),
         cmocka_unit_test(test_odometry),

@@ -23,7 +23,7 @@ typedef struct command {
     const char *folder;
 } command;
 
-enum { TABLE = 20 };
+enum { TABLE = 21 };
 
 static void make_table(command *c, option *table)
 {
@@ -46,6 +46,7 @@ static void make_table(command *c, option *table)
         OPTION_NUMBER("--dropout", &s->dropout, 0, 1, "SHARE", "share of beams that are lost, 0 to 1"),
         OPTION_NUMBER("--tilt", &s->tilt, 0, 0.3, "SHARE", "share of beams that read short on the floor, 0 to 0.3"),
         OPTION_COUNT("--movers", &s->movers, 0, 100, "N", "bodies that walk about, 0 to 100"),
+        OPTION_NUMBER("--crowd", &s->crowd, 0, 0.5, "SHARE", "of the beams of each scan at a place end on people"),
         OPTION_NUMBER("--scan-time", &s->scan_time, 0, 2, "S", "s from the first to the last beam, 0 to 2"),
         OPTION_PAIR("--sweep", c->sweep, 0, 20, "V,W", "m/s and rad/s, at most, of a robot that sweeps at a place"),
         OPTION_PAIR("--disturb", c->disturb, 0, 360, "M,DEG", "poses in the log: the truth +-M m and +-DEG degrees"),

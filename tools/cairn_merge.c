@@ -219,6 +219,25 @@ static int begin(merge_job *job)
     return TOOL_OK;
 }
 
+/* More maps placed than so far, or as many with more evidence. */
+static int is_better(const merge_job *job)
+{
+    cairn_merge_result result = cairn_map_merge_read(job->merge);
+
+    return job->k == 0 || result.placed > job->result.placed ||
+           (result.placed == job->result.placed && result.evidence > job->result.evidence);
+}
+
+/* Every map is placed, and surely. */
+static int is_sure(const merge_job *job)
+{
+    int32_t doubtful = 0;
+
+    for (int32_t i = 0; i < job->settings->count; i++)
+        doubtful += !((double)job->map[i].placed.wrong <= MERGE_SURE);
+    return doubtful == 0;
+}
+
 static int merge_once(merge_job *job, int32_t k)
 {
     cairn_map_merge_params params;
@@ -248,7 +267,7 @@ static int merge_once(merge_job *job, int32_t k)
     }
     if (code == TOOL_OK && status < 0)
         code = options_refuse(MERGE_PROGRAM, "%s", cairn_status_text(status));
-    if (code == TOOL_OK && (job->k == 0 || cairn_map_merge_read(job->merge).placed > job->result.placed)) {
+    if (code == TOOL_OK && is_better(job)) {
         for (int32_t i = 0; i < job->settings->count; i++)
             job->map[i].placed = cairn_map_merge_of(job->merge, i);
         job->result = cairn_map_merge_read(job->merge);
@@ -269,16 +288,17 @@ static int32_t longest_side(const merge_job *job)
     return most;
 }
 
-/* With the cells as they are, or as --coarsen says; otherwise, while maps are refused, with coarser ones, too. The result with
- * most maps placed is kept, the finest of these. */
+/* With cells as --coarsen says; otherwise as they are, or coarser where they are very many, and while maps are refused or
+ * doubtful with coarser ones, too. */
 static int merge_all(merge_job *job)
 {
-    int32_t k = job->settings->coarsen > 0 ? (int32_t)job->settings->coarsen : 1;
+    int32_t k =
+        job->settings->coarsen > 0 ? (int32_t)job->settings->coarsen : (longest_side(job) - 1) / MERGE_MOST_SIDE + 1;
     int code = merge_once(job, k);
 
-    while (code == TOOL_OK && job->settings->coarsen == 0 && job->result.placed < job->settings->count &&
-           longest_side(job) / (2 * k) >= MERGE_LEAST_SIDE) {
-        k *= 2;
+    while (code == TOOL_OK && job->settings->coarsen == 0 && !is_sure(job) &&
+           longest_side(job) / (k + (k + 1) / 2) >= MERGE_LEAST_SIDE) {
+        k += (k + 1) / 2;
         code = merge_once(job, k);
     }
     if (code == TOOL_OK)

@@ -8,8 +8,11 @@
 
 #define MERGE_PROGRAM "cairn merge"
 
-/* Maps are not made so coarse that the longest side of all has fewer cells than MERGE_LEAST_SIDE. */
-enum { MERGE_TOOL_MAPS = 64, MERGE_LEAST_SIDE = 190 };
+/* Cells of the longest side of all maps, between which they are made coarser as needed. */
+enum { MERGE_TOOL_MAPS = 64, MERGE_LEAST_SIDE = 175, MERGE_MOST_SIDE = 800 };
+
+/* A place with a probability of being wrong up to this is not doubtful. */
+#define MERGE_SURE 0.001
 
 typedef struct merge_settings {
     const char *map[MERGE_TOOL_MAPS];

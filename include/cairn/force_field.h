@@ -152,6 +152,10 @@ CAIRN_CHECKED cairn_status cairn_force_field_add_scan(cairn_force_field *field, 
  * CAIRN_BAD_ARGUMENT: no such scan. Constant time. */
 CAIRN_CHECKED cairn_status cairn_force_field_fix(cairn_force_field *field, int32_t scan, int32_t yes);
 
+/* Puts a scan elsewhere, as when another method has found it. CAIRN_BAD_ARGUMENT: no such scan, an iteration is under way, or a
+ * pose beyond 1e6 m. CAIRN_NOT_FINITE. Constant time. */
+CAIRN_CHECKED cairn_status cairn_force_field_place(cairn_force_field *field, int32_t scan, cairn_pose map_scan);
+
 /* Takes a scan out of the field. Its index is used again and its room is free when a later step has gone as far as the next
  * iteration or has returned CAIRN_OK. CAIRN_BAD_ARGUMENT: no such scan. Constant time; the steps pay for closing the gap. */
 CAIRN_CHECKED cairn_status cairn_force_field_release(cairn_force_field *field, int32_t scan);

@@ -10,6 +10,7 @@
 #ifndef CAIRN_PLACE_MAP_H
 #define CAIRN_PLACE_MAP_H
 
+#include "cairn/aligner.h"
 #include "cairn/icp.h"
 #include "cairn/pose_consensus.h"
 #include "cairn/scan_match.h"
@@ -26,6 +27,14 @@ enum {
     CAIRN_PLACE_MAP_SEQUENTIAL = 1 /* each place to the union of the last `recent` ones, in order, as in the thesis */
 };
 
+/* Whether and how the scans of a place, whose poses within it may be a little off, are aligned each by itself at the end. */
+typedef int32_t cairn_place_map_decoupling;
+enum {
+    CAIRN_PLACE_MAP_COUPLED = 0,
+    CAIRN_PLACE_MAP_BY_ICP = 1, /* one after the other with all others, as in the thesis */
+    CAIRN_PLACE_MAP_JOINTLY = 2 /* all at once, by cairn/aligner.h, which also mends single scans that lie wrongly */
+};
+
 typedef struct cairn_place_map_params {
     cairn_place_map_mode mode;
     int32_t max_places;       /* 2 ... 256 */
@@ -35,20 +44,25 @@ typedef struct cairn_place_map_params {
     int32_t recent;           /* >= 1: places that the sequential mode matches with */
     int32_t rounds;           /* >= 0: times at most that every place is matched again with the map of the others */
     int32_t sweeps;           /* >= 0: of the refinement */
-    int32_t decoupled;        /* 1: at the end each scan of a place is aligned by itself */
-    cairn_real sight_reach;   /* m, > 0: how far from a place what it saw is kept */
-    cairn_real sight_cell;    /* m, > 0: side of the cells that keep it */
-    cairn_real sight_margin;  /* m, > 0: of a surface, within which another surface may lie */
-    cairn_real for_point;     /* nats, > 0, for a point on a surface of the other place ... */
-    cairn_real against_point; /* ... and, > 0, against the pose for one in space that the other saw free */
-    cairn_real floating; /* in [0, 1], times against_point for surfaces with free space behind both of their ends */
-    cairn_real chance;   /* nats, >= 0, that are taken off hypotheses, as the best of many reach them by chance */
+    cairn_place_map_decoupling decoupled;
+    cairn_real sight_reach;  /* m, > 0: how far from a place what it saw is kept */
+    cairn_real sight_cell;   /* m, > 0: side of the cells that keep it */
+    cairn_real sight_margin; /* m, > 0: of a surface, within which another surface may lie */
+    cairn_real for_point;    /* nats, > 0, for a point on a surface of its direction of the other place, ... */
+    cairn_real
+        for_floating;     /* ... > 0, for one of a small body or with free space behind both ends of its surface, ... */
+    cairn_real for_rough; /* ... > 0, for one on a surface that is too rough to have a direction, ... */
+    cairn_real against_point; /* ... and, > 0, against the pose for one in space that the other saw free; ... */
+    cairn_real floating;      /* in [0, 1]: times this for small bodies and free ends, which may have moved meanwhile */
+    cairn_real chance;        /* nats, >= 0, that are taken off hypotheses, as the best of many reach them by chance */
     cairn_scan_match_params match;         /* its max_target ... max_query are not read */
     cairn_pose_consensus_params consensus; /* its max_nodes is not read */
+    cairn_aligner_params aligner;          /* its max_scans and max_points are not read, nor any unless JOINTLY */
 } cairn_place_map_params;
 
-/* Consensus; 16 places, 64 scans, 1024 points and 2048 beams a place; 3 recent; 4 rounds, 3 sweeps, not decoupled; sight
- * 8 m, 0.05 m, margin 0.10 m; 0.1 nats for and 0.4 against, floating 0.25; chance 2. */
+/* Consensus; 16 places, 64 scans, 1024 points and 2048 beams a place; 3 recent; 4 rounds, 3 sweeps, coupled; sight
+ * 8 m, 0.05 m, margin 0.10 m; 0.08, 0.14 and 0.6 nats for and 0.65 against, floating 0.15; chance 0; of the match 12
+ * hypotheses of 512 candidates. */
 cairn_place_map_params cairn_place_map_default(void);
 
 /* 0 for params that create() would refuse. */
@@ -63,7 +77,8 @@ void cairn_place_map_clear(cairn_place_map *map);
 
 /* Adds a scan of a place; what is needed of it is copied. The scans of a place come together: `place` is that of the last scan
  * or the next one. place_scan: the frame of the scan in that of the place. CAIRN_BAD_ARGUMENT: NULL, another place.
- * CAIRN_NOT_FINITE. CAIRN_FULL: max_places, max_scans, max_place_points or max_place_beams is used up. *fault, when not
+ * CAIRN_NOT_FINITE. CAIRN_FULL: max_places, max_scans, max_place_points, max_place_beams or the aligner's max_segments
+ * is used up. *fault, when not
  * NULL, tells what. Cost: linear in the scan. */
 CAIRN_CHECKED cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place, const cairn_scan_view *view,
                                                     cairn_pose place_scan, cairn_fault *fault);

@@ -35,14 +35,17 @@ typedef struct cairn_scan_match_params {
     int32_t max_views;      /* parts whose beams are kept, 0 ... 4096; 0: no part's free space is known */
     int32_t max_query;      /* evenly spaced points of the query, 1 ... 2^20 */
     int32_t max_hypotheses; /* 1 ... 64 */
-    cairn_real spacing;     /* m, > 0: of the evenly spaced points; lengths of the search are multiples of it */
-    cairn_real sigma;       /* least standard deviation of a point across its line that is believed, m, > 0 */
-    cairn_real weak_ratio;  /* a direction is not observable when its information is less than this share of the best
+    int32_t
+        max_candidates; /* 1 ... 1024: poses that the search hands on to be refined; the more, the smaller the overlap
+                             * at which a match is still found, and the dearer */
+    cairn_real spacing; /* m, > 0: of the evenly spaced points; lengths of the search are multiples of it */
+    cairn_real sigma;   /* least standard deviation of a point across its line that is believed, m, > 0 */
+    cairn_real weak_ratio; /* a direction is not observable when its information is less than this share of the best
                              * one's, in [0, 1) */
 } cairn_scan_match_params;
 
-/* Correlative; 2048 target points, 4096 dense ones, 16 views, 1024 query points, 8 hypotheses, spacing 0.10 m, sigma
- * 0.01 m, weak below 0.001. */
+/* Correlative; 2048 target points, 4096 dense ones, 16 views, 1024 query points, 8 hypotheses, 128 candidates, spacing
+ * 0.10 m, sigma 0.01 m, weak below 0.001. */
 cairn_scan_match_params cairn_scan_match_default(void);
 
 /* A scan, or a piece of a map, in a frame of its own. The arrays are the caller's and are only read. */

@@ -221,6 +221,18 @@ static void show_initial(cairn_aligner *x, int32_t i)
     r->part = i;
 }
 
+/* Ends an alignment. */
+static void forget_result(cairn_aligner *x)
+{
+    x->phase = ALIGNER_DONE;
+    x->debt = 0;
+    x->look.active = x->relax.active = 0;
+    memset(&x->result, 0, sizeof x->result);
+    x->result.anchor = -1;
+    for (int32_t i = 0; i < x->scan_count; i++)
+        show_initial(x, i);
+}
+
 cairn_status cairn_aligner_add_scan(cairn_aligner *aligner, const cairn_scan_view *view, cairn_pose map_scan,
                                     cairn_fault *fault)
 {
@@ -246,22 +258,33 @@ cairn_status cairn_aligner_add_scan(cairn_aligner *aligner, const cairn_scan_vie
         return refuse(fault, -1, "more than max_points points", CAIRN_FULL);
     map_scan.theta = cairn_wrap_angle(map_scan.theta);
     cairn_aligner_fill_scan(aligner, view, map_scan);
-    aligner->phase = ALIGNER_DONE;
-    aligner->look.active = aligner->relax.active = 0;
-    memset(&aligner->result, 0, sizeof aligner->result);
-    aligner->result.anchor = -1;
-    for (int32_t i = 0; i < aligner->scan_count; i++)
-        show_initial(aligner, i);
+    forget_result(aligner);
     return refuse(fault, -1, NULL, CAIRN_OK);
+}
+
+cairn_status cairn_aligner_start_at(cairn_aligner *aligner, int32_t scan, cairn_pose map_scan)
+{
+    cairn_vec2 place = {map_scan.x, map_scan.y};
+
+    if (aligner == NULL || scan < 0 || scan >= aligner->scan_count)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pose_is_finite(map_scan))
+        return CAIRN_NOT_FINITE;
+    if (!is_near(place))
+        return CAIRN_BAD_ARGUMENT;
+    map_scan.theta = cairn_wrap_angle(map_scan.theta);
+    aligner->scans[scan].initial = map_scan;
+    if (cairn_aligner_running(aligner) || aligner->result.units > 0)
+        forget_result(aligner);
+    else
+        show_initial(aligner, scan);
+    return CAIRN_OK;
 }
 
 void cairn_aligner_clear(cairn_aligner *aligner)
 {
     aligner->scan_count = aligner->segment_count = aligner->point_count = 0;
-    aligner->phase = ALIGNER_DONE;
-    aligner->look.active = aligner->relax.active = 0;
-    memset(&aligner->result, 0, sizeof aligner->result);
-    aligner->result.anchor = -1;
+    forget_result(aligner);
 }
 
 /* ---- Steps ---- */

@@ -329,6 +329,21 @@ cairn_status cairn_force_field_fix(cairn_force_field *field, int32_t scan, int32
     return CAIRN_OK;
 }
 
+cairn_status cairn_force_field_place(cairn_force_field *field, int32_t scan, cairn_pose map_scan)
+{
+    if (!is_there(field, scan) || !cairn_force_iteration_is_between(field))
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pose_is_finite(map_scan))
+        return CAIRN_NOT_FINITE;
+    if (cairn_abs(map_scan.x) > MAX_VALUE || cairn_abs(map_scan.y) > MAX_VALUE)
+        return CAIRN_BAD_ARGUMENT;
+    map_scan.theta = cairn_wrap_angle(map_scan.theta);
+    for (int i = 0; i < 2; i++)
+        field->placements[i][scan].map_scan = map_scan;
+    field->revision++;
+    return CAIRN_OK;
+}
+
 cairn_status cairn_force_field_release(cairn_force_field *field, int32_t scan)
 {
     struct cairn_force_body *body;

@@ -611,7 +611,9 @@ static cairn_status step_judge(cairn_map_merge *m, cairn_budget *budget)
         p->wrong = probability_of_wrong(p);
         if (!m->check.accepted[map])
             continue;
-        if (p->support - p->rival < m->params.min_margin)
+        if (p->support < m->params.min_score)
+            refuse_map(m, map, CAIRN_MERGE_WEAK); /* the cuts leave out what speaks against it */
+        else if (p->support - p->rival < m->params.min_margin)
             refuse_map(m, map, CAIRN_MERGE_AMBIGUOUS);
         else if (m->check.slide > SLIDES * p->support)
             refuse_map(m, map, CAIRN_MERGE_SLIDES);

@@ -4,10 +4,11 @@
  * saw (place_map_sight.c) and goes into the consensus as so many nats; the same evidence judges pairs for which no
  * hypothesis agrees with the poses that a map gives them, so that a place cannot come to lie where it contradicts others
  * that it was never matched with. In each further round every place is matched with the map of all others of its part, which
- * shows more of what the place saw than any one of them; what is found becomes hypotheses of the pairs that support it, and
- * the consensus is asked again. At the end the places are aligned by ICP, each with all others, in turn.
+ * shows more of what the place saw than any one of them, and every other part as a whole; what is found becomes hypotheses
+ * of the pairs that support it, and the consensus is asked again. At the end the places are aligned by ICP, each with all
+ * others, in turn, and on request their scans each by itself, one after the other or all at once.
  *
- * Layout: points, dense points and beams of all scans side by side, in the frames of the scans. Scratch for one query.
+ * Layout: points and beams of all scans side by side, in the frames of the scans. Scratch for one query.
  *
  * Limits: the pairs grow with the square of the places. Evidence counts every point by itself, though points of one wall
  * hang together: nats are worth comparing, not to be taken as odds.
@@ -36,13 +37,20 @@ cairn_place_map_params cairn_place_map_default(void)
     params.sight_reach = 8;
     params.sight_cell = CAIRN_REAL(0.05);
     params.sight_margin = CAIRN_REAL(0.1);
-    params.for_point = CAIRN_REAL(0.1);
-    params.against_point = CAIRN_REAL(0.4);
-    params.floating = CAIRN_REAL(0.25);
-    params.chance = 2;
+    params.for_point = CAIRN_REAL(0.08);
+    params.for_floating = CAIRN_REAL(0.14);
+    params.for_rough = CAIRN_REAL(0.6);
+    params.against_point = CAIRN_REAL(0.65);
+    params.floating = CAIRN_REAL(0.15);
+    params.chance = 0;
     params.match = cairn_scan_match_default();
+    params.match.max_candidates = 512;
+    params.match.max_hypotheses = 12;
     params.consensus = cairn_pose_consensus_default();
     params.consensus.max_hypotheses = 4096;
+    params.aligner = cairn_aligner_default();
+    params.aligner.max_segments = 4096;
+    params.aligner.max_fill = 8192;
     return params;
 }
 
@@ -57,15 +65,17 @@ static int counts_are_good(const cairn_place_map_params *p)
            p->max_places <= MAX_PLACES && p->max_scans >= p->max_places && p->max_scans <= MAX_COUNT &&
            p->max_place_points >= 1 && p->max_place_points <= MAX_MATCHED_POINTS / p->max_places &&
            p->max_place_beams >= 1 && p->max_place_beams <= MAX_MATCHED_POINTS / p->max_places && p->recent >= 1 &&
-           p->rounds >= 0 && p->sweeps >= 0 && (p->decoupled == 0 || p->decoupled == 1);
+           p->rounds >= 0 && p->sweeps >= 0 && p->decoupled >= CAIRN_PLACE_MAP_COUPLED &&
+           p->decoupled <= CAIRN_PLACE_MAP_JOINTLY;
 }
 
 static int params_are_good(const cairn_place_map_params *p)
 {
     return p != NULL && counts_are_good(p) && is_positive(p->sight_reach) && is_positive(p->sight_cell) &&
            is_positive(p->sight_margin) && p->sight_margin <= 20 * p->sight_cell && is_positive(p->for_point) &&
-           is_positive(p->against_point) && p->floating >= 0 && p->floating <= 1 && p->chance >= 0 &&
-           p->chance <= CAIRN_REAL(1e6) && cairn_place_map_side(p) > 0;
+           is_positive(p->for_floating) && is_positive(p->for_rough) && is_positive(p->against_point) &&
+           p->floating >= 0 && p->floating <= 1 && p->chance >= 0 && p->chance <= CAIRN_REAL(1e6) &&
+           cairn_place_map_side(p) > 0;
 }
 
 /* Params of the objects within: the capacities follow from those of the map. */
@@ -74,8 +84,8 @@ static cairn_scan_match_params match_params(const cairn_place_map_params *params
     cairn_scan_match_params match = params->match;
 
     match.max_target = params->max_places * params->max_place_points;
-    match.max_dense = params->max_places * params->max_place_beams;
-    match.max_query = params->max_place_points;
+    match.max_query = match.max_target;
+    match.max_dense = 0;
     match.max_views = params->max_scans < 4096 ? params->max_scans : 4096;
     return match;
 }
@@ -100,6 +110,15 @@ static cairn_icp_params icp_params(const cairn_place_map_params *params)
     return icp;
 }
 
+static cairn_aligner_params aligner_params(const cairn_place_map_params *params)
+{
+    cairn_aligner_params aligner = params->aligner;
+
+    aligner.max_scans = params->max_scans;
+    aligner.max_points = params->max_places * params->max_place_points;
+    return aligner;
+}
+
 static cairn_place_map *carve(cairn_pool *pool, const cairn_place_map_params *params)
 {
     size_t places = (size_t)params->max_places, side = (size_t)cairn_place_map_side(params);
@@ -115,26 +134,33 @@ static cairn_place_map *carve(cairn_pool *pool, const cairn_place_map_params *pa
     made.points = cairn_pool_take(pool, places * points, sizeof *made.points);
     made.doubt = cairn_pool_take(pool, places * points, sizeof *made.doubt);
     made.hypotheses = cairn_pool_take(pool, (size_t)params->consensus.max_hypotheses, sizeof *made.hypotheses);
-    made.dense = cairn_pool_take(pool, places * beams, sizeof *made.dense);
     made.beams = cairn_pool_take(pool, places * beams, sizeof *made.beams);
     made.sight = cairn_pool_take(pool, places * side, side);
-    made.query_points = cairn_pool_take(pool, points, sizeof *made.query_points);
-    made.query_dense = cairn_pool_take(pool, beams, sizeof *made.query_dense);
+    made.query_points = cairn_pool_take(pool, places * points, sizeof *made.query_points);
     made.query_beams = cairn_pool_take(pool, beams, sizeof *made.query_beams);
     if (map != NULL)
         *map = made;
     return map;
 }
 
-static void count_objects(cairn_pool *counting, const cairn_place_map_params *params)
+/* 0 when one of the objects within refuses its params. */
+static int count_objects(cairn_pool *counting, const cairn_place_map_params *params)
 {
     cairn_scan_match_params match = match_params(params);
     cairn_pose_consensus_params consensus = consensus_params(params);
     cairn_icp_params icp = icp_params(params);
+    cairn_aligner_params aligner = aligner_params(params);
+    int jointly = params->decoupled == CAIRN_PLACE_MAP_JOINTLY;
+    size_t bytes[] = {cairn_scan_match_memory(&match), cairn_pose_consensus_memory(&consensus), cairn_icp_memory(&icp),
+                      jointly ? cairn_aligner_memory(&aligner) : 0};
+    int count = jointly ? 4 : 3;
 
-    cairn_pool_count(counting, cairn_scan_match_memory(&match));
-    cairn_pool_count(counting, cairn_pose_consensus_memory(&consensus));
-    cairn_pool_count(counting, cairn_icp_memory(&icp));
+    for (int i = 0; i < count; i++) {
+        if (bytes[i] == 0)
+            return 0;
+        cairn_pool_count(counting, bytes[i]);
+    }
+    return 1;
 }
 
 size_t cairn_place_map_memory(const cairn_place_map_params *params)
@@ -145,8 +171,7 @@ size_t cairn_place_map_memory(const cairn_place_map_params *params)
         return 0;
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
-    count_objects(&counting, params);
-    return cairn_pool_counted(&counting);
+    return count_objects(&counting, params) ? cairn_pool_counted(&counting) : 0;
 }
 
 cairn_status cairn_place_map_create(cairn_place_map **map, cairn_pool *pool, const cairn_place_map_params *params)
@@ -155,6 +180,7 @@ cairn_status cairn_place_map_create(cairn_place_map **map, cairn_pool *pool, con
     cairn_scan_match_params match;
     cairn_pose_consensus_params consensus;
     cairn_icp_params icp;
+    cairn_aligner_params aligner;
     cairn_place_map *made;
     cairn_status status;
 
@@ -165,6 +191,7 @@ cairn_status cairn_place_map_create(cairn_place_map **map, cairn_pool *pool, con
     match = match_params(params);
     consensus = consensus_params(params);
     icp = icp_params(params);
+    aligner = aligner_params(params);
     made = carve(pool, params);
     for (int32_t k = 0; k < CAIRN_SIGHT_DIRECTIONS; k++)
         cairn_sincos((cairn_real)k * 2 * CAIRN_PI / CAIRN_SIGHT_DIRECTIONS, &made->directions[k].y,
@@ -174,6 +201,8 @@ cairn_status cairn_place_map_create(cairn_place_map **map, cairn_pool *pool, con
         status = cairn_pose_consensus_create(&made->consensus, pool, &consensus);
     if (status == CAIRN_OK)
         status = cairn_icp_create(&made->icp, pool, &icp);
+    if (status == CAIRN_OK && params->decoupled == CAIRN_PLACE_MAP_JOINTLY)
+        status = cairn_aligner_create(&made->aligner, pool, &aligner);
     CAIRN_ASSERT(status == CAIRN_OK);
     *map = made;
     return status;
@@ -184,6 +213,8 @@ void cairn_place_map_clear(cairn_place_map *map)
     map->place_count = map->scan_count = map->point_count = map->beam_count = 0;
     map->phase = CAIRN_PLACE_MAP_IDLE;
     map->debt = 0;
+    if (map->aligner != NULL)
+        cairn_aligner_clear(map->aligner);
 }
 
 static cairn_status check_scan(const cairn_place_map *map, int32_t place, const cairn_scan_view *view,
@@ -213,6 +244,8 @@ cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place, const
     if (map == NULL || view == NULL || place < 0 || place < map->place_count - 1 || place > map->place_count)
         return cairn_refuse(fault, -1, "no object, no scan, or not the last place or the next", CAIRN_BAD_ARGUMENT);
     status = check_scan(map, place, view, place_scan, fault);
+    if (status == CAIRN_OK && map->aligner != NULL)
+        status = cairn_aligner_add_scan(map->aligner, view, place_scan, fault);
     if (status != CAIRN_OK)
         return status;
     if (place == map->place_count) {
@@ -230,7 +263,6 @@ cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place, const
     scan->beam_count = view->beam_count;
     memcpy(map->points + map->point_count, view->points, (size_t)view->point_count * sizeof *map->points);
     memcpy(map->beams + map->beam_count, view->beams, (size_t)view->beam_count * sizeof *map->beams);
-    scan->dense_count = cairn_scan_match_dense(view, map->dense + map->beam_count);
     cairn_place_map_find_floating(map, scan, view);
     map->point_count += view->point_count;
     map->beam_count += view->beam_count;

@@ -49,10 +49,10 @@ static void add_to_target(cairn_place_map *map, int32_t place, cairn_pose target
     for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++) {
         const cairn_place_scan *scan = &map->scans[s];
         cairn_scan_match_part part = {map->points + scan->first_point,
-                                      map->dense + scan->first_beam,
+                                      NULL,
                                       map->beams + scan->first_beam,
                                       scan->point_count,
-                                      scan->dense_count,
+                                      0,
                                       scan->beam_count};
         cairn_status status =
             cairn_scan_match_add_target(map->match, &part, cairn_pose_compose(target_place, scan->place_scan), NULL);
@@ -83,37 +83,54 @@ static void make_target(cairn_place_map *map)
     enter(map, CAIRN_PLACE_MAP_MATCH);
 }
 
-/* The query's arrays in the frame of its place. */
+static void add_to_query(cairn_place_map *map, const cairn_place_scan *scan, cairn_pose query_scan,
+                         cairn_scan_match_part *part)
+{
+    cairn_transform t = cairn_transform_of(query_scan);
+
+    for (int32_t i = 0; i < scan->point_count; i++) {
+        const cairn_oriented_point *point = &map->points[scan->first_point + i];
+
+        map->query_points[part->count].position = cairn_transform_point(t, point->position);
+        map->query_points[part->count++].direction = cairn_transform_direction(t, point->direction);
+    }
+    for (int32_t i = 0; i < scan->beam_count && scan->place == map->query; i++) {
+        cairn_beam beam = map->beams[scan->first_beam + i];
+
+        beam.from = cairn_transform_point(t, beam.from);
+        beam.to = cairn_transform_point(t, beam.to);
+        map->query_beams[part->beam_count++] = beam;
+    }
+}
+
+/* Whether a place goes with the query: it is the query, or one of the same part beside the largest, which is looked for as a
+ * whole. */
+static int is_asked(const cairn_place_map *map, int32_t place)
+{
+    int32_t part = map->places[map->query].part;
+
+    return place == map->query ||
+           (map->phase == CAIRN_PLACE_MAP_MATCH && map->round > 0 && part > 0 && map->places[place].part == part);
+}
+
+/* The points of the query in the frame of its place, with those of all places that go with it; beams are its own, as free
+ * space is known from one place at a time. */
 static cairn_scan_match_part query_part(cairn_place_map *map)
 {
-    const cairn_place *here = &map->places[map->query];
-    cairn_scan_match_part part = {map->query_points, map->query_dense, map->query_beams, 0, 0, 0};
+    cairn_scan_match_part part = {map->query_points, NULL, map->query_beams, 0, 0, 0};
+    cairn_pose map_query = map->places[map->query].map_place;
 
-    for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++) {
-        const cairn_place_scan *scan = &map->scans[s];
-        cairn_transform t = cairn_transform_of(scan->place_scan);
+    for (int32_t i = 0; i < map->place_count; i++) {
+        const cairn_place *here = &map->places[i];
+        cairn_pose query_place =
+            i == map->query ? cairn_pose_identity() : cairn_pose_between(map_query, here->map_place);
 
-        for (int32_t i = 0; i < scan->point_count; i++) {
-            const cairn_oriented_point *point = &map->points[scan->first_point + i];
-
-            map->query_points[part.count].position = cairn_transform_point(t, point->position);
-            map->query_points[part.count++].direction = cairn_transform_direction(t, point->direction);
-        }
-        for (int32_t i = 0; i < scan->dense_count; i++) {
-            const cairn_oriented_point *point = &map->dense[scan->first_beam + i];
-
-            map->query_dense[part.dense_count].position = cairn_transform_point(t, point->position);
-            map->query_dense[part.dense_count++].direction = cairn_transform_direction(t, point->direction);
-        }
-        for (int32_t i = 0; i < scan->beam_count; i++) {
-            cairn_beam beam = map->beams[scan->first_beam + i];
-
-            beam.from = cairn_transform_point(t, beam.from);
-            beam.to = cairn_transform_point(t, beam.to);
-            map->query_beams[part.beam_count++] = beam;
-        }
+        if (!is_asked(map, i))
+            continue;
+        for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++)
+            add_to_query(map, &map->scans[s], cairn_pose_compose(query_place, map->scans[s].place_scan), &part);
     }
-    map->debt += (part.count + part.dense_count + part.beam_count) / POINTS_TO_UNIT;
+    map->debt += (part.count + part.beam_count) / POINTS_TO_UNIT;
     return part;
 }
 
@@ -152,18 +169,28 @@ static void turn_covariance(const cairn_real in[9], cairn_real theta, cairn_real
     out[8] = in[8];
 }
 
-/* Of a match with a map: what it says about each of its places that has evidence for it. */
+/* Of a match with a map: what it says about two places, one of the map and one that was asked for, if they have evidence for
+ * it. */
+static void take_pair(cairn_place_map *map, int32_t target, int32_t asked, const cairn_scan_match_hypothesis *h)
+{
+    cairn_pose map_target = map->places[target].map_place;
+    cairn_pose query_asked = cairn_pose_between(map->places[map->query].map_place, map->places[asked].map_place);
+    cairn_pose map_asked = asked == map->query ? h->target_query : cairn_pose_compose(h->target_query, query_asked);
+    cairn_pose seen = cairn_pose_between(map_target, map_asked);
+    cairn_real covariance[9];
+
+    if (!(weigh(map, target, asked, seen) > 0))
+        return;
+    turn_covariance(h->covariance, map_target.theta, covariance);
+    keep_hypothesis(map, target, asked, seen, covariance);
+}
+
 static void take_in_map(cairn_place_map *map, const cairn_scan_match_hypothesis *h)
 {
-    for (int32_t i = 0; i < map->place_count; i++) {
-        cairn_pose seen = cairn_pose_between(map->places[i].map_place, h->target_query);
-        cairn_real covariance[9];
-
-        if (!is_target(map, i) || !(weigh(map, i, map->query, seen) > 0))
-            continue;
-        turn_covariance(h->covariance, map->places[i].map_place.theta, covariance);
-        keep_hypothesis(map, i, map->query, seen, covariance);
-    }
+    for (int32_t i = 0; i < map->place_count; i++)
+        for (int32_t k = 0; k < map->place_count && is_target(map, i); k++)
+            if (is_asked(map, k))
+                take_pair(map, i, k, h);
 }
 
 static void take_result(cairn_place_map *map)
@@ -185,12 +212,25 @@ static void take_result(cairn_place_map *map)
     }
 }
 
+/* In the rounds a part beside the largest is looked for once, as a whole. */
+static int is_asked_before(const cairn_place_map *map, int32_t query)
+{
+    int32_t part = map->places[query].part;
+
+    for (int32_t i = 0; i < query && map->round > 0 && part > 0; i++)
+        if (map->places[i].part == part)
+            return 1;
+    return 0;
+}
+
 /* The next query, and its target when that is another one. */
 static void next_match(cairn_place_map *map)
 {
     int is_pair = map->params.mode == CAIRN_PLACE_MAP_CONSENSUS && map->round == 0;
 
-    map->query++;
+    do
+        map->query++;
+    while (map->query < map->place_count && is_asked_before(map, map->query));
     if (is_pair && map->query >= map->place_count) {
         map->place++;
         map->query = map->place + 1;
@@ -391,10 +431,10 @@ static void refine_item(cairn_place_map *map, cairn_budget *budget)
         for (int32_t i = 0; i < map->place_count; i++)
             place_scans(map, i);
         map->place = 0;
-        if (map->params.decoupled)
-            enter(map, CAIRN_PLACE_MAP_DECOUPLE);
-        else
+        if (map->params.decoupled == CAIRN_PLACE_MAP_COUPLED)
             finish(map);
+        else
+            enter(map, map->aligner != NULL ? CAIRN_PLACE_MAP_JOIN : CAIRN_PLACE_MAP_DECOUPLE);
         return;
     }
     if (!map->running) {
@@ -456,6 +496,52 @@ static void decouple_item(cairn_place_map *map, cairn_budget *budget)
         finish(map);
 }
 
+/* Parts lie so far apart, m, that the aligner does not see them together. */
+static cairn_real apart(const cairn_place_map *map, int32_t place)
+{
+    return CAIRN_REAL(1e3) * (cairn_real)map->places[place].part;
+}
+
+static void take_aligned(cairn_place_map *map)
+{
+    for (int32_t s = map->scan_count - 1; s >= 0; s--) {
+        cairn_place_scan *scan = &map->scans[s];
+        cairn_place *here = &map->places[scan->place];
+        cairn_aligner_pose found = cairn_aligner_pose_of(map->aligner, s);
+
+        found.map_scan.x -= apart(map, scan->place);
+        scan->map_scan = found.map_scan;
+        map->result.decoupled += found.placed;
+        if (s == here->first_scan)
+            here->map_place = cairn_pose_compose(found.map_scan, cairn_pose_inverse(scan->place_scan));
+    }
+    map->debt += map->scan_count;
+}
+
+/* All scans at once, each from where its place lies. */
+static void join_item(cairn_place_map *map, cairn_budget *budget)
+{
+    cairn_status status = CAIRN_OK;
+
+    if (!map->running) {
+        for (int32_t s = 0; s < map->scan_count && status == CAIRN_OK; s++) {
+            cairn_pose start = map->scans[s].map_scan;
+
+            start.x += apart(map, map->scans[s].place);
+            status = cairn_aligner_start_at(map->aligner, s, start);
+        }
+        if (status == CAIRN_OK)
+            status = cairn_aligner_begin(map->aligner);
+        map->debt += map->scan_count;
+        map->running = status == CAIRN_OK;
+        if (!map->running)
+            finish(map);
+    } else if (cairn_aligner_step(map->aligner, budget) == CAIRN_OK) {
+        take_aligned(map);
+        finish(map);
+    }
+}
+
 void cairn_place_map_item(cairn_place_map *map, cairn_budget *budget)
 {
     switch (map->phase) {
@@ -480,8 +566,11 @@ void cairn_place_map_item(cairn_place_map *map, cairn_budget *budget)
     case CAIRN_PLACE_MAP_REFINE:
         refine_item(map, budget);
         break;
-    default:
+    case CAIRN_PLACE_MAP_DECOUPLE:
         decouple_item(map, budget);
+        break;
+    default:
+        join_item(map, budget);
         break;
     }
 }

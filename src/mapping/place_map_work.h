@@ -7,7 +7,7 @@
 typedef struct cairn_place_scan {
     int32_t place;
     int32_t first_point, point_count; /* in the frame of the scan */
-    int32_t first_beam, dense_count, beam_count;
+    int32_t first_beam, beam_count;
     cairn_pose place_scan;
     cairn_pose map_scan; /* of the result */
 } cairn_place_scan;
@@ -46,6 +46,7 @@ enum {
     CAIRN_PLACE_MAP_DOUBT,    /* points that others see through */
     CAIRN_PLACE_MAP_REFINE,   /* each place with all others */
     CAIRN_PLACE_MAP_DECOUPLE, /* each scan with all others */
+    CAIRN_PLACE_MAP_JOIN,     /* all scans at once */
     CAIRN_PLACE_MAP_DONE
 };
 
@@ -54,16 +55,15 @@ struct cairn_place_map {
     cairn_scan_match *match;
     cairn_pose_consensus *consensus;
     cairn_icp *icp;
+    cairn_aligner *aligner;             /* NULL unless scans are aligned jointly */
     cairn_place *places;                /* [max_places] */
     cairn_place_scan *scans;            /* [max_scans] */
     cairn_oriented_point *points;       /* [max_places * max_place_points] of scans, in their frames */
     uint8_t *doubt;                     /* [as points] */
     cairn_pose_hypothesis *hypotheses;  /* [consensus.max_hypotheses] all that matches gave */
-    cairn_oriented_point *dense;        /* [max_places * max_place_beams] */
     cairn_beam *beams;                  /* [max_places * max_place_beams] */
     uint8_t *sight;                     /* [max_places][side][side] */
-    cairn_oriented_point *query_points; /* [max_place_points] of one place, in its frame */
-    cairn_oriented_point *query_dense;  /* [max_place_beams] */
+    cairn_oriented_point *query_points; /* [max_places * max_place_points] of the query, in its place's frame */
     cairn_beam *query_beams;            /* [max_place_beams] */
     int32_t side;                       /* cells of a place's sight */
     cairn_vec2 directions[CAIRN_SIGHT_DIRECTIONS];

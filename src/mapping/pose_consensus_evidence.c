@@ -7,6 +7,8 @@
  * the largest error. */
 static const cairn_real BOUND_SLACK = CAIRN_REAL(1.5);
 static const cairn_real SAME = 5;
+/* Ways round by a third node carry the errors of two hypotheses more. */
+static const cairn_real CYCLE_GATE = 3;
 
 cairn_turned_pose cairn_turned_of(cairn_pose pose)
 {
@@ -158,6 +160,72 @@ cairn_consensus_support cairn_consensus_support_of(const cairn_pose_consensus *c
     if (asks)
         support_by_judge(consensus, node, map_node, part, &support);
     return support;
+}
+
+/* ---- Ways round ---- */
+
+cairn_turned_pose cairn_consensus_seen_from(const cairn_kept_hypothesis *h, int32_t node)
+{
+    return h->first == node ? h->first_second : h->second_first;
+}
+
+/* Links of a node to one other: [from, returned). */
+static int32_t end_of_pair(const cairn_pose_consensus *c, int32_t node, int32_t from)
+{
+    int32_t to = from + 1;
+
+    while (to < c->first_link[node + 1] && c->links[to].other == c->links[from].other)
+        to++;
+    return to;
+}
+
+/* The best way from the first to the second node of h over links [from_a, to_a) of the first and [from_b, to_b) of the
+ * second to one third node. */
+static cairn_real best_way(cairn_pose_consensus *c, const cairn_kept_hypothesis *h, const int32_t a[2],
+                           const int32_t b[2])
+{
+    const cairn_turned_pose here = {{0, 0, 1, 0}, 0};
+    cairn_real best = 0;
+
+    for (int32_t i = a[0]; i < a[1]; i++)
+        for (int32_t j = b[0]; j < b[1]; j++) {
+            const cairn_kept_hypothesis *to = &c->hypotheses[c->links[i].hypothesis];
+            const cairn_kept_hypothesis *on = &c->hypotheses[c->links[j].hypothesis];
+            cairn_turned_pose way = cairn_consensus_seen_from(to, h->first),
+                              rest = cairn_consensus_seen_from(on, c->links[j].other);
+            cairn_vec2 position = {rest.transform.x, rest.transform.y};
+            cairn_real share;
+
+            position = cairn_transform_point(way.transform, position);
+            way.transform.x = position.x;
+            way.transform.y = position.y;
+            way.theta += rest.theta;
+            share = 1 - cairn_consensus_chi(h, here, way, NULL) / (CYCLE_GATE * c->params.gate);
+            best = cairn_max(best, share * cairn_min(h->score, cairn_min(to->score, on->score)));
+        }
+    c->debt += 1 + (a[1] - a[0]) * (b[1] - b[0]) / 2;
+    return best;
+}
+
+void cairn_consensus_add_cycles(cairn_pose_consensus *c)
+{
+    cairn_kept_hypothesis *h = &c->hypotheses[c->next++];
+    int32_t a[2] = {c->first_link[h->first], 0}, b[2] = {c->first_link[h->second], 0};
+
+    h->cycles = 0;
+    while (a[0] < c->first_link[h->first + 1] && b[0] < c->first_link[h->second + 1]) {
+        int32_t third = c->links[a[0]].other, other = c->links[b[0]].other;
+
+        a[1] = end_of_pair(c, h->first, a[0]);
+        b[1] = end_of_pair(c, h->second, b[0]);
+        if (third == other)
+            h->cycles += best_way(c, h, a, b);
+        if (third <= other)
+            a[0] = a[1];
+        if (other <= third)
+            b[0] = b[1];
+    }
+    c->debt++;
 }
 
 /* ---- Bounds ---- */

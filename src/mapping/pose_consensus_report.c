@@ -142,6 +142,53 @@ static void move_into_frame(cairn_pose_consensus *c, int32_t node)
         list[i].map_node = cairn_pose_compose(frame, list[i].map_node);
 }
 
+/* In the frame of the chart. */
+static void write_covariance(cairn_pose_consensus *c, int32_t node)
+{
+    cairn_real gradient[3], *covariance = c->nodes[node].covariance;
+    cairn_sym3 inverse = cairn_sym3_zero();
+
+    (void)cairn_sym3_inverse(cairn_consensus_information(c, node, gradient), &inverse);
+    covariance[0] = inverse.xx;
+    covariance[1] = covariance[3] = inverse.xy;
+    covariance[2] = covariance[6] = inverse.xz;
+    covariance[4] = inverse.yy;
+    covariance[5] = covariance[7] = inverse.yz;
+    covariance[8] = inverse.zz;
+}
+
+/* Writes down the node whose alternatives have been searched. */
+void cairn_consensus_report_node(cairn_pose_consensus *c)
+{
+    cairn_consensus_node *node = &c->nodes[c->subject];
+    const cairn_chart_node *chart = &c->chart[c->subject];
+    cairn_consensus_alternative *list = &c->alternatives[c->subject * c->params.max_alternatives];
+    cairn_consensus_support support = cairn_consensus_support_of(c, c->subject, chart->pose, chart->part, 1);
+
+    c->debt += 2 * support.units;
+    write_covariance(c, c->subject);
+    node->support = support.sum;
+    node->agreeing = support.agreeing;
+    node->contradicting = support.contradicting;
+    for (int32_t i = 0; i < c->candidate_count; i++) {
+        cairn_consensus_alternative alternative = {cairn_turned_pose_of(c->candidates[i].pose),
+                                                   c->candidates[i].support, 0, 0};
+        int32_t at = node->alternatives;
+
+        if (c->candidates[i].current || !(alternative.support > 0))
+            continue;
+        while (at > 0 && list[at - 1].support < alternative.support)
+            at--;
+        if (at == c->params.max_alternatives)
+            continue;
+        if (node->alternatives == c->params.max_alternatives)
+            node->alternatives--;
+        memmove(&list[at + 1], &list[at], (size_t)(node->alternatives - at) * sizeof *list);
+        list[at] = alternative;
+        node->alternatives++;
+    }
+}
+
 void cairn_consensus_finish(cairn_pose_consensus *c)
 {
     c->result.nodes = c->node_count;

@@ -7,8 +7,6 @@
 
 enum { SWEEPS_GROWTH = 1, SWEEPS_ROUND = 2, SWEEPS_END = 10 };
 
-/* Ways round by a third node carry the errors of two hypotheses more. */
-static const cairn_real CYCLE_GATE = 3;
 /* A node moves only for more support than rounding makes. */
 static const cairn_real MOVE = CAIRN_REAL(1e-4);
 
@@ -17,71 +15,6 @@ static void enter(cairn_pose_consensus *c, cairn_consensus_phase phase, int32_t 
     c->phase = phase;
     c->next = 0;
     c->end = end;
-}
-
-/* ---- Ways round ---- */
-
-static cairn_turned_pose seen_from(const cairn_kept_hypothesis *h, int32_t node)
-{
-    return h->first == node ? h->first_second : h->second_first;
-}
-
-/* Links of a node to one other: [from, returned). */
-static int32_t end_of_pair(const cairn_pose_consensus *c, int32_t node, int32_t from)
-{
-    int32_t to = from + 1;
-
-    while (to < c->first_link[node + 1] && c->links[to].other == c->links[from].other)
-        to++;
-    return to;
-}
-
-/* The best way from the first to the second node of h over links [from_a, to_a) of the first and [from_b, to_b) of the
- * second to one third node. */
-static cairn_real best_way(cairn_pose_consensus *c, const cairn_kept_hypothesis *h, const int32_t a[2],
-                           const int32_t b[2])
-{
-    const cairn_turned_pose here = {{0, 0, 1, 0}, 0};
-    cairn_real best = 0;
-
-    for (int32_t i = a[0]; i < a[1]; i++)
-        for (int32_t j = b[0]; j < b[1]; j++) {
-            const cairn_kept_hypothesis *to = &c->hypotheses[c->links[i].hypothesis];
-            const cairn_kept_hypothesis *on = &c->hypotheses[c->links[j].hypothesis];
-            cairn_turned_pose way = seen_from(to, h->first), rest = seen_from(on, c->links[j].other);
-            cairn_vec2 position = {rest.transform.x, rest.transform.y};
-            cairn_real share;
-
-            position = cairn_transform_point(way.transform, position);
-            way.transform.x = position.x;
-            way.transform.y = position.y;
-            way.theta += rest.theta;
-            share = 1 - cairn_consensus_chi(h, here, way, NULL) / (CYCLE_GATE * c->params.gate);
-            best = cairn_max(best, share * cairn_min(h->score, cairn_min(to->score, on->score)));
-        }
-    c->debt += 1 + (a[1] - a[0]) * (b[1] - b[0]) / 2;
-    return best;
-}
-
-static void add_cycles(cairn_pose_consensus *c)
-{
-    cairn_kept_hypothesis *h = &c->hypotheses[c->next++];
-    int32_t a[2] = {c->first_link[h->first], 0}, b[2] = {c->first_link[h->second], 0};
-
-    h->cycles = 0;
-    while (a[0] < c->first_link[h->first + 1] && b[0] < c->first_link[h->second + 1]) {
-        int32_t third = c->links[a[0]].other, other = c->links[b[0]].other;
-
-        a[1] = end_of_pair(c, h->first, a[0]);
-        b[1] = end_of_pair(c, h->second, b[0]);
-        if (third == other)
-            h->cycles += best_way(c, h, a, b);
-        if (third <= other)
-            a[0] = a[1];
-        if (other <= third)
-            b[0] = b[1];
-    }
-    c->debt++;
 }
 
 /* ---- Starts ---- */
@@ -227,7 +160,7 @@ static void propose(cairn_pose_consensus *c, int32_t link)
     memset(&candidate, 0, sizeof candidate);
     candidate.node = c->subject;
     candidate.part = other->part;
-    candidate.pose = cairn_turned_compose(other->pose, seen_from(h, c->links[link].other));
+    candidate.pose = cairn_turned_compose(other->pose, cairn_consensus_seen_from(h, c->links[link].other));
     candidate.cycles = c->choice == CAIRN_CHOOSE_NEXT ? h->cycles : 0;
     vote(c, &candidate);
 }
@@ -527,59 +460,12 @@ static void tally_item(cairn_pose_consensus *c)
 
 /* ---- Report ---- */
 
-/* In the frame of the chart. */
-static void write_covariance(cairn_pose_consensus *c, int32_t node)
-{
-    cairn_real gradient[3], *covariance = c->nodes[node].covariance;
-    cairn_sym3 inverse = cairn_sym3_zero();
-
-    (void)cairn_sym3_inverse(cairn_consensus_information(c, node, gradient), &inverse);
-    covariance[0] = inverse.xx;
-    covariance[1] = covariance[3] = inverse.xy;
-    covariance[2] = covariance[6] = inverse.xz;
-    covariance[4] = inverse.yy;
-    covariance[5] = covariance[7] = inverse.yz;
-    covariance[8] = inverse.zz;
-}
-
-/* Writes down the node whose alternatives have been searched. */
-static void report_node(cairn_pose_consensus *c)
-{
-    cairn_consensus_node *node = &c->nodes[c->subject];
-    const cairn_chart_node *chart = &c->chart[c->subject];
-    cairn_consensus_alternative *list = &c->alternatives[c->subject * c->params.max_alternatives];
-    cairn_consensus_support support = cairn_consensus_support_of(c, c->subject, chart->pose, chart->part, 1);
-
-    c->debt += 2 * support.units;
-    write_covariance(c, c->subject);
-    node->support = support.sum;
-    node->agreeing = support.agreeing;
-    node->contradicting = support.contradicting;
-    for (int32_t i = 0; i < c->candidate_count; i++) {
-        cairn_consensus_alternative alternative = {cairn_turned_pose_of(c->candidates[i].pose),
-                                                   c->candidates[i].support, 0, 0};
-        int32_t at = node->alternatives;
-
-        if (c->candidates[i].current || !(alternative.support > 0))
-            continue;
-        while (at > 0 && list[at - 1].support < alternative.support)
-            at--;
-        if (at == c->params.max_alternatives)
-            continue;
-        if (node->alternatives == c->params.max_alternatives)
-            node->alternatives--;
-        memmove(&list[at + 1], &list[at], (size_t)(node->alternatives - at) * sizeof *list);
-        list[at] = alternative;
-        node->alternatives++;
-    }
-}
-
 /* Comes twice to a node: to search its alternatives, and after that from the judge. */
 static void report_item(cairn_pose_consensus *c)
 {
     c->debt++;
     if (c->phase == CAIRN_CONSENSUS_JUDGE) {
-        report_node(c);
+        cairn_consensus_report_node(c);
         enter(c, CAIRN_CONSENSUS_REPORT, c->node_count);
         c->next = c->subject + 1;
         return;
@@ -599,7 +485,7 @@ void cairn_consensus_item(cairn_pose_consensus *c)
     switch (c->phase) {
     case CAIRN_CONSENSUS_CYCLES:
         if (c->next < c->end)
-            add_cycles(c);
+            cairn_consensus_add_cycles(c);
         else
             enter(c, CAIRN_CONSENSUS_START, 0);
         break;

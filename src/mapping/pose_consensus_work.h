@@ -134,6 +134,15 @@ cairn_consensus_support cairn_consensus_support_of(const cairn_pose_consensus *c
 int32_t cairn_consensus_within_bounds(const cairn_pose_consensus *consensus, int32_t part, int32_t node,
                                       cairn_turned_pose pose, cairn_pose *map_part);
 
+/* The other node's pose in the frame of `node`. */
+cairn_turned_pose cairn_consensus_seen_from(const cairn_kept_hypothesis *hypothesis, int32_t node);
+
+/* What the ways round by third nodes say for the next hypothesis, which is then the one after it. */
+void cairn_consensus_add_cycles(cairn_pose_consensus *consensus);
+
+/* Writes down the node whose alternatives have been searched. */
+void cairn_consensus_report_node(cairn_pose_consensus *consensus);
+
 /* Information about a node given the others, by the hypotheses that agree, and the gradient of half their chi-squared. */
 cairn_sym3 cairn_consensus_information(const cairn_pose_consensus *consensus, int32_t node, cairn_real gradient[3]);
 

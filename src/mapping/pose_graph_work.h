@@ -62,6 +62,13 @@ struct cairn_pose_graph {
 /* The information turned from the frame of a pose to that in which it has the heading theta. */
 cairn_sym3 cairn_pose_graph_turned(cairn_sym3 information, cairn_real theta);
 
+/* The poses at which the links are taken: those of the trial where they are being made. */
+const cairn_pose *cairn_pose_graph_base(const cairn_pose_graph *g);
+
+/* Adds what a link asks for in the mode at hand to the normal equations; chi2 and cost of a link at these poses. */
+void cairn_pose_graph_assemble_link(cairn_pose_graph *g, int32_t index);
+void cairn_pose_graph_cost_of_link(cairn_pose_graph *g, struct pose_graph_link *link, const cairn_pose *poses);
+
 /* 1 when no solution runs. */
 static inline int cairn_pose_graph_is_idle(const cairn_pose_graph *g)
 {

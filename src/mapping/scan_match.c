@@ -19,12 +19,20 @@
 
 #include "src/mapping/scan_match_shape.h"
 
-enum { POINTS_MOST = 1 << 20, VIEWS_MOST = 4096, HYPOTHESES_MOST = 64 };
+enum { POINTS_MOST = 1 << 20, VIEWS_MOST = 4096, HYPOTHESES_MOST = 64, CANDIDATES_MOST = 1024 };
 
 cairn_scan_match_params cairn_scan_match_default(void)
 {
-    cairn_scan_match_params params = {
-        CAIRN_SCAN_MATCH_CORRELATIVE, 2048, 4096, 16, 1024, 8, CAIRN_REAL(0.1), CAIRN_REAL(0.01), CAIRN_REAL(0.001)};
+    cairn_scan_match_params params = {CAIRN_SCAN_MATCH_CORRELATIVE,
+                                      2048,
+                                      4096,
+                                      16,
+                                      1024,
+                                      8,
+                                      128,
+                                      CAIRN_REAL(0.1),
+                                      CAIRN_REAL(0.01),
+                                      CAIRN_REAL(0.001)};
     return params;
 }
 
@@ -43,8 +51,8 @@ static int params_are_good(const cairn_scan_match_params *p)
     return p != NULL && is_within(p->mode, CAIRN_SCAN_MATCH_CORRELATIVE, CAIRN_SCAN_MATCH_SHAPE_SEGMENTS) &&
            is_within(p->max_target, 1, POINTS_MOST) && is_within(p->max_dense, 0, POINTS_MOST) &&
            is_within(p->max_views, 0, VIEWS_MOST) && is_within(p->max_query, 1, POINTS_MOST) &&
-           is_within(p->max_hypotheses, 1, HYPOTHESES_MOST) && is_positive(p->spacing) && is_positive(p->sigma) &&
-           p->weak_ratio >= 0 && p->weak_ratio < 1;
+           is_within(p->max_hypotheses, 1, HYPOTHESES_MOST) && is_within(p->max_candidates, 1, CANDIDATES_MOST) &&
+           is_positive(p->spacing) && is_positive(p->sigma) && p->weak_ratio >= 0 && p->weak_ratio < 1;
 }
 
 static cairn_sequence_params sequence_params(const cairn_scan_match_params *p)
@@ -93,8 +101,8 @@ static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *
     made.by_direction = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.by_direction);
     made.votes.cell = cairn_pool_take(pool, cells, sizeof *made.votes.cell);
     made.votes.touched = cairn_pool_take(pool, cells, sizeof *made.votes.touched);
-    made.candidates = cairn_pool_take(pool, MATCH_CANDIDATES, sizeof *made.candidates);
-    made.hypotheses = cairn_pool_take(pool, MATCH_CANDIDATES, sizeof *made.hypotheses);
+    made.candidates = cairn_pool_take(pool, (size_t)p->max_candidates, sizeof *made.candidates);
+    made.hypotheses = cairn_pool_take(pool, (size_t)p->max_candidates, sizeof *made.hypotheses);
     if (p->mode != CAIRN_SCAN_MATCH_CORRELATIVE)
         made.shape = carve_shape(pool, p);
     if (x != NULL)

@@ -75,7 +75,7 @@ void cairn_match_votes_begin(cairn_scan_match *x)
     v->touched_count = 0;
     cells = v->width * v->height;
     v->most = cells / 8 + v->rotations;
-    v->most = v->most < MATCH_CANDIDATES ? v->most : MATCH_CANDIDATES;
+    v->most = v->most < x->params.max_candidates ? v->most : x->params.max_candidates;
     v->stride = (x->query.count + MATCH_VOTERS - 1) / MATCH_VOTERS;
 }
 

@@ -9,9 +9,8 @@ enum {
     MATCH_DIRECTIONS = 72, /* bins of the full circle by which points vote */
     MATCH_BEARINGS = 256,  /* bins of a profile */
     MATCH_CELLS_MOST = 65536,
-    MATCH_VOTERS = 256,     /* query points that vote, at most */
-    MATCH_CANDIDATES = 128, /* poses that the search hands on, at most */
-    MATCH_WITNESSES = 192,  /* target points that are looked for in the query's free space, at most */
+    MATCH_VOTERS = 256,    /* query points that vote, at most */
+    MATCH_WITNESSES = 192, /* target points that are looked for in the query's free space, at most */
     MATCH_STAGES = 3,
     MATCH_PART = 16 /* parts of a unit */
 };
@@ -149,11 +148,11 @@ struct cairn_scan_match {
     cairn_real query_reach; /* of the farthest point from the origin, m */
     /* The search. */
     match_votes votes;
-    match_candidate *candidates; /* [MATCH_CANDIDATES] a heap with the worst on top, then sorted */
+    match_candidate *candidates; /* [max_candidates] a heap with the worst on top, then sorted */
     int32_t candidate_count;
     match_shape *shape; /* NULL in the other mode */
     /* The refinement. */
-    cairn_scan_match_hypothesis *hypotheses; /* [MATCH_CANDIDATES] */
+    cairn_scan_match_hypothesis *hypotheses; /* [max_candidates] */
     int32_t hypothesis_count;
     int32_t stage;
     match_fit fit;

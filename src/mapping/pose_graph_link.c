@@ -1,0 +1,188 @@
+/* Links of a pose graph: residuals, the kernel's weights, what they add to the normal equations. The method is told in
+ * pose_graph_solve.c. */
+#include "src/core/build.h"
+
+#include "src/mapping/pose_graph_work.h"
+
+cairn_sym3 cairn_pose_graph_turned(cairn_sym3 information, cairn_real theta)
+{
+    cairn_real s, c;
+    cairn_sym3 m = information;
+
+    cairn_sincos(theta, &s, &c);
+    m.xx = c * c * information.xx - 2 * c * s * information.xy + s * s * information.yy;
+    m.yy = s * s * information.xx + 2 * c * s * information.xy + c * c * information.yy;
+    m.xy = c * s * (information.xx - information.yy) + (c * c - s * s) * information.xy;
+    m.xz = c * information.xz - s * information.yz;
+    m.yz = s * information.xz + c * information.yz;
+    return m;
+}
+
+/* rho(s) and its derivative, the weight, with c^2 widened. */
+static cairn_real rho(const cairn_pose_graph *g, cairn_real s, cairn_real *weight)
+{
+    cairn_real c2 = g->params.width * g->params.width, share;
+
+    *weight = 1;
+    switch (g->params.kernel) {
+    case CAIRN_POSE_GRAPH_HUBER:
+        if (s <= c2)
+            return s;
+        *weight = g->params.width / cairn_sqrt(s);
+        return 2 * g->params.width * cairn_sqrt(s) - c2;
+    case CAIRN_POSE_GRAPH_CAUCHY:
+        *weight = 1 / (1 + s / c2);
+        return c2 * cairn_log(1 + s / c2);
+    case CAIRN_POSE_GRAPH_GEMAN_MCCLURE:
+        c2 *= g->widening;
+        share = c2 / (c2 + s);
+        *weight = share * share;
+        return s * share;
+    case CAIRN_POSE_GRAPH_DCS:
+        if (s <= c2)
+            return s;
+        share = 2 * c2 / (c2 + s);
+        *weight = share * share;
+        return 3 * c2 - 2 * c2 * share;
+    default:
+        return s;
+    }
+}
+
+/* Residual and information of a link in the map's frame. */
+static void residual(const struct pose_graph_link *link, const cairn_pose *poses, cairn_real e[3], cairn_sym3 *w)
+{
+    cairn_pose a = poses[link->first], b = poses[link->second];
+    cairn_real s, c;
+
+    cairn_sincos(a.theta, &s, &c);
+    e[0] = b.x - a.x - (c * link->measured.x - s * link->measured.y);
+    e[1] = b.y - a.y - (s * link->measured.x + c * link->measured.y);
+    e[2] = cairn_wrap_angle(b.theta - a.theta - link->measured.theta);
+    *w = cairn_pose_graph_turned(link->information, a.theta);
+}
+
+/* The same of the unit vectors of headings; *turn is R_z. */
+static void heading_residual(const struct pose_graph_link *link, const cairn_pose *poses, cairn_real e[3],
+                             cairn_sym3 *w, cairn_real turn[9])
+{
+    cairn_transform a = cairn_transform_of(poses[link->first]), b = cairn_transform_of(poses[link->second]);
+    cairn_real s, c;
+
+    cairn_sincos(link->measured.theta, &s, &c);
+    e[0] = b.cosine - (c * a.cosine - s * a.sine);
+    e[1] = b.sine - (s * a.cosine + c * a.sine);
+    e[2] = 0;
+    *w = cairn_sym3_zero();
+    w->xx = w->yy = link->information.zz;
+    turn[0] = turn[4] = c;
+    turn[1] = -s;
+    turn[3] = s;
+}
+
+static cairn_sym3 times(cairn_sym3 m, cairn_real by)
+{
+    cairn_sym3 product = {by * m.xx, by * m.xy, by * m.xz, by * m.yy, by * m.yz, by * m.zz};
+    return product;
+}
+
+static void add(cairn_sym3 *to, cairn_sym3 m)
+{
+    to->xx += m.xx;
+    to->xy += m.xy;
+    to->xz += m.xz;
+    to->yy += m.yy;
+    to->yz += m.yz;
+    to->zz += m.zz;
+}
+
+/* product = m a^T, for row-major 3 x 3 m and a */
+static void multiply_transposed(const cairn_real m[9], const cairn_real a[9], cairn_real product[9])
+{
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++)
+            product[3 * r + c] = m[3 * r] * a[3 * c] + m[3 * r + 1] * a[3 * c + 1] + m[3 * r + 2] * a[3 * c + 2];
+}
+
+/* Adds W, A^T W A and -A^T W of a link, and the right side, to the normal equations. */
+static void add_link(cairn_pose_graph *g, int32_t index, const cairn_real e[3], cairn_sym3 w, const cairn_real a[9])
+{
+    const struct pose_graph_link *link = &g->links[index];
+    const cairn_real full[9] = {w.xx, w.xy, w.xz, w.xy, w.yy, w.yz, w.xz, w.yz, w.zz};
+    const cairn_real turned[9] = {a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8]}; /* A^T */
+    cairn_real aw[9], awa[9], we[3];
+    int moves_first = !cairn_pose_graph_stays(g, link->first), moves_second = !cairn_pose_graph_stays(g, link->second);
+
+    multiply_transposed(turned, full, aw);
+    multiply_transposed(aw, turned, awa);
+    for (int k = 0; k < 3; k++)
+        we[k] = full[3 * k] * e[0] + full[3 * k + 1] * e[1] + full[3 * k + 2] * e[2];
+    if (moves_second) {
+        add(&g->diagonal[link->second], w);
+        for (int k = 0; k < 3; k++)
+            g->right[link->second][k] -= we[k];
+    }
+    if (moves_first) {
+        cairn_sym3 block = {awa[0], awa[1], awa[2], awa[4], awa[5], awa[8]};
+
+        add(&g->diagonal[link->first], block);
+        for (int k = 0; k < 3; k++)
+            g->right[link->first][k] += a[k] * we[0] + a[3 + k] * we[1] + a[6 + k] * we[2];
+    }
+    if (moves_first && moves_second) {
+        cairn_real block[9];
+
+        for (int k = 0; k < 9; k++)
+            block[k] = -aw[k];
+        if (g->solver.add_link_block(g->solver.context, index, block) != CAIRN_OK)
+            g->outcome = CAIRN_NOT_FINITE;
+    }
+}
+
+const cairn_pose *cairn_pose_graph_base(const cairn_pose_graph *g)
+{
+    return g->mode == POSE_GRAPH_POSITIONS ? g->trial : g->poses;
+}
+
+void cairn_pose_graph_assemble_link(cairn_pose_graph *g, int32_t index)
+{
+    struct pose_graph_link *link = &g->links[index];
+    const cairn_pose *poses = cairn_pose_graph_base(g);
+    cairn_real a[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, e[3], weight, chi2;
+    cairn_sym3 w;
+
+    if (link->dropped)
+        return;
+    if (g->mode == POSE_GRAPH_HEADINGS) {
+        heading_residual(link, poses, e, &w, a);
+        add_link(g, index, e, w, a);
+        return;
+    }
+    residual(link, poses, e, &w);
+    if (g->mode == POSE_GRAPH_POSITIONS) {
+        e[2] = w.xz = w.yz = w.zz = 0;
+        add_link(g, index, e, w, a);
+        return;
+    }
+    chi2 = cairn_sym3_form(w, e);
+    g->cost += rho(g, chi2, &weight);
+    a[2] = poses[link->first].y - poses[link->second].y;
+    a[5] = poses[link->second].x - poses[link->first].x;
+    add_link(g, index, e, times(w, weight), a);
+}
+
+void cairn_pose_graph_cost_of_link(cairn_pose_graph *g, struct pose_graph_link *link, const cairn_pose *poses)
+{
+    cairn_real e[3];
+    cairn_sym3 w;
+
+    residual(link, poses, e, &w);
+    link->chi2 = cairn_sym3_form(w, e);
+    if (link->dropped) {
+        link->weight = 0;
+        return;
+    }
+    g->chi2 += link->chi2;
+    g->cost += rho(g, link->chi2, &link->weight);
+    g->largest = cairn_max(g->largest, link->chi2);
+}
