@@ -559,6 +559,56 @@ static void initial_poses_place_the_map(void **state)
     end_bed(&bed);
 }
 
+/* Another initial pose is as if the scan had been added with it, before an alignment, in the middle of one, and after it. */
+static void initial_poses_can_be_changed(void **state)
+{
+    cairn_aligner_params params = room_for(2);
+    struct bed bed = make_bed(&params), fresh = make_bed(&params);
+    sim_pose first = {2, 1.5, 0}, second = {3, 2, 0};
+    cairn_pose far = {CAIRN_REAL(1.1e6), 0, 0}, nan = {0, (cairn_real)NAN, 0}, last = start_at(2.7, 2.3, 365);
+    float ranges[BEAMS];
+    cairn_scan_input input = box_scan(ranges, 6, 4, first);
+    cairn_budget budget = {5};
+
+    (void)state;
+    add(&bed, &input, start_at(2, 1, 8));
+    add(&fresh, &input, start_at(2.2, 1.4, 8));
+    input = box_scan(ranges, 6, 4, second);
+    add(&bed, &input, start_at(40, -7, 3));
+    add(&fresh, &input, last);
+    run(&fresh, CAIRN_UNBOUNDED);
+    assert_ok(cairn_aligner_start_at(bed.aligner, 1, start_at(50, 50, 50)));
+    assert_near(cairn_aligner_pose_of(bed.aligner, 1).map_scan.x, 50, 0);
+    for (int k = 0; k < 3; k++) {
+        assert_ok(cairn_aligner_begin(bed.aligner));
+        if (k == 1)
+            assert_int_equal(cairn_aligner_step(bed.aligner, &budget), CAIRN_MORE);
+        if (k == 2)
+            run(&bed, CAIRN_UNBOUNDED);
+        assert_ok(cairn_aligner_start_at(bed.aligner, 0, start_at(2.2, 1.4, 8)));
+        assert_false(cairn_aligner_running(bed.aligner));
+        assert_ok(cairn_aligner_start_at(bed.aligner, 1, last));
+        assert_near(cairn_aligner_pose_of(bed.aligner, 0).map_scan.x, 2.2, 1e-6);
+        assert_near(cairn_aligner_pose_of(bed.aligner, 1).map_scan.theta, 5 * DEGREE, 1e-6);
+        assert_int_equal(cairn_aligner_pose_of(bed.aligner, 1).placed, 0);
+        assert_int_equal(cairn_aligner_read(bed.aligner).parts, 0);
+        run(&bed, CAIRN_UNBOUNDED);
+        for (int32_t i = 0; i < 2; i++) {
+            cairn_aligner_pose a = cairn_aligner_pose_of(bed.aligner, i), b = cairn_aligner_pose_of(fresh.aligner, i);
+
+            assert_memory_equal(&a.map_scan, &b.map_scan, sizeof a.map_scan);
+        }
+    }
+    assert_status(cairn_aligner_start_at(NULL, 0, last), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_aligner_start_at(bed.aligner, -1, last), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_aligner_start_at(bed.aligner, 2, last), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_aligner_start_at(bed.aligner, 0, far), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_aligner_start_at(bed.aligner, 0, nan), CAIRN_NOT_FINITE);
+    assert_int_equal(cairn_aligner_read(bed.aligner).parts, 1);
+    end_bed(&bed);
+    end_bed(&fresh);
+}
+
 /* One flat wall: the scan can slide along it, and is told apart by direction. */
 static void a_flat_wall_is_not_observable(void **state)
 {
@@ -1002,6 +1052,7 @@ int main(void)
         cmocka_unit_test(too_little_fill_is_a_verdict),
         cmocka_unit_test(two_scans_of_a_box),
         cmocka_unit_test(initial_poses_place_the_map),
+        cmocka_unit_test(initial_poses_can_be_changed),
         cmocka_unit_test(a_flat_wall_is_not_observable),
         cmocka_unit_test(parts_that_do_not_meet),
         cmocka_unit_test(degenerate_scans),

@@ -18,6 +18,7 @@
 #include "cairn/report.h"
 #include "cairn/scan_match.h"
 #include "cairn/sequence.h"
+#include "cairn/virtual_align.h"
 
 typedef struct value {
     const char *name;
@@ -85,7 +86,49 @@ static void of_hypotheses(void **state)
 {
     cairn_hough_params hough = cairn_hough_default();
     cairn_rectangle_params rectangle = cairn_rectangle_default();
+    cairn_virtual_scan_params v = cairn_virtual_scan_default();
+    cairn_virtual_align_params align = cairn_virtual_align_default();
     const value values[] = {
+        VALUE(v.max_scans, 64),
+        VALUE(v.max_points, 4096),
+        VALUE(v.max_segments, 1024),
+        VALUE(v.max_hypotheses, 64),
+        VALUE(v.max_virtual, 4096),
+        VALUE(v.max_detectors, 2),
+        VALUE(v.lines, 1),
+        VALUE(v.rectangles, 1),
+        VALUE(v.stride, 2),
+        VALUE(v.spacing, 0.1),
+        VALUE(v.weight, 1),
+        VALUE(v.line_support, 0.3),
+        VALUE(v.line_angle, 0.2),
+        VALUE(v.least_scans, 2),
+        VALUE(v.least_length, 0.5),
+        VALUE(v.hough.angles, 72),
+        VALUE(v.hough.distances, 128),
+        VALUE(v.hough.distance_step, 0.1),
+        VALUE(v.hough.angle_tolerance, 4 * DEGREE),
+        VALUE(v.hough.separation_angle, 6 * DEGREE),
+        VALUE(v.hough.spacing, 0.2),
+        VALUE(v.hough.least_votes, 10),
+        VALUE(v.rectangle.merge_distance, 0.15),
+        VALUE(v.rectangle.merge_gap, 3),
+        VALUE(v.rectangle.angle, 10 * DEGREE),
+        VALUE(v.rectangle.min_side, 1),
+        VALUE(align.field.sigma_start, 0.9),
+        VALUE(align.field.sigma_end, 0.04),
+        VALUE(align.field.sigma_step, 0.0146),
+        VALUE(align.field.dt_start, 0.2),
+        VALUE(align.field.dt_end, 0.04),
+        VALUE(align.field.dt_factor, 0.9735),
+        VALUE(align.field.max_steps, 60),
+        VALUE(align.field.potential, 0),
+        VALUE(align.field.roi, 0),
+        VALUE(align.hypotheses.spacing, 0.3),
+        VALUE(align.hypotheses.weight, 3),
+        VALUE(align.every, 3),
+        VALUE(align.max_rounds, 2),
+        VALUE(align.align, 1),
         VALUE(hough.max_lines, 32),
         VALUE(hough.angles, 180),
         VALUE(hough.distances, 256),

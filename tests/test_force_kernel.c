@@ -127,7 +127,7 @@ static void test_strips_against_the_formulas(void **state)
         int32_t with = (int32_t)(seed % 2), first = (int32_t)(seed % 3), pairs = 0, rows = 0;
         double potential = 0.25, force_x = 3, force_y = 2, torque = 1, levers = 0;
         struct points p;
-        cairn_force_sum sum = {{3, 2}, 1, CAIRN_REAL(0.25), {CAIRN_REAL(0.3), CAIRN_REAL(-0.2)}, 5};
+        cairn_force_sum sum = {{3, 2}, 1, CAIRN_REAL(0.25), {CAIRN_REAL(0.3), CAIRN_REAL(-0.2)}, 5, NULL};
         cairn_force_cursor cursor;
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
@@ -170,6 +170,114 @@ static void test_strips_against_the_formulas(void **state)
         assert_near(sum.potential, potential, NUMBER(1e-10, 1e-3));
         assert_int_equal(CAIRN_UNBOUNDED - budget.left, rows + pairs);
     }
+}
+
+/* The springs of all pairs one by one, whatever the budget; the other sums do not change by them. */
+static void test_springs_against_the_formulas(void **state)
+{
+    const double sigma = 0.12, reach = 4.5;
+    cairn_force_kernel kernel;
+
+    (void)state;
+    cairn_force_kernel_init(&kernel);
+    cairn_force_kernel_set(&kernel, (cairn_real)sigma, (cairn_real)reach);
+    for (uint64_t seed = 0; seed < 20; seed++) {
+        struct points p;
+        double slow[11] = {0};
+        cairn_force_springs springs, s;
+        cairn_force_sum sum, plain;
+        cairn_force_cursor cursor;
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        make_points(&p, seed);
+        /* Nearer than the least length of a spring. */
+        p.position[1][0].x = p.position[0][0].x + CAIRN_REAL(0.005);
+        p.position[1][0].y = p.position[0][0].y;
+        memset(&springs, 0, sizeof springs);
+        memset(&sum, 0, sizeof sum);
+        sum.centre.x = CAIRN_REAL(0.3);
+        sum.centre.y = CAIRN_REAL(-0.2);
+        plain = sum;
+        sum.springs = &springs;
+        memset(&cursor, 0, sizeof cursor);
+        assert_ok(cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 1, &sum, &budget));
+        memset(&cursor, 0, sizeof cursor);
+        budget.left = CAIRN_UNBOUNDED;
+        assert_ok(cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 1, &plain, &budget));
+        assert_true(sum.force.x == plain.force.x && sum.force.y == plain.force.y && sum.torque == plain.torque &&
+                    sum.potential == plain.potential && sum.pairs == plain.pairs);
+        for (int i = 0; i < p.strip[0].count; i++)
+            for (int j = 0; j < p.strip[1].count; j++) {
+                double ax = (double)p.position[0][i].x, ay = (double)p.position[0][i].y;
+                double dx = (double)p.position[1][j].x - ax, dy = (double)p.position[1][j].y - ay, r = hypot(dx, dy);
+                double x = ax + dx / 2 - 0.3, y = ay + dy / 2 + 0.2;
+                double k = (double)p.mass[0][i] * (double)p.mass[1][j] * exp(-r * r / (2 * sigma * sigma)) /
+                           fmax(r, sigma / 8);
+                double terms[11] = {k,      k * x,  k * y,      k * x * x,  k * x * y, k * y * y,
+                                    k * dx, k * dy, k * x * dx, k * x * dy, k * y * dx};
+
+                if (r > reach * sigma)
+                    continue;
+                for (int t = 0; t < 11; t++)
+                    slow[t] += terms[t];
+            }
+        s = springs;
+        {
+            cairn_real fast[11] = {s.stiffness,      s.middle.x,       s.middle.y,      s.middle_xx,
+                                   s.middle_xy,      s.middle_yy,      s.pull.x,        s.pull.y,
+                                   s.middle_pull_xx, s.middle_pull_xy, s.middle_pull_yx};
+
+            for (int t = 0; t < 11; t++)
+                assert_near(fast[t], slow[t], NUMBER(1e-11, 1e-4) * slow[0]);
+        }
+        for (int32_t left = 1; left < 20; left += 6) {
+            cairn_force_springs parts;
+            cairn_status status;
+
+            memset(&parts, 0, sizeof parts);
+            sum = plain;
+            sum.springs = &parts;
+            memset(&cursor, 0, sizeof cursor);
+            do {
+                budget.left = left;
+                status = cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 1, &sum, &budget);
+            } while (status == CAIRN_MORE);
+            assert_ok(status);
+            assert_memory_equal(&parts, &springs, sizeof parts);
+        }
+    }
+}
+
+/* The last of the sums, which is that of the others turned by a quarter. */
+static void test_springs_turned(void **state)
+{
+    cairn_force_kernel kernel;
+    cairn_force_springs springs[2];
+
+    (void)state;
+    cairn_force_kernel_init(&kernel);
+    cairn_force_kernel_set(&kernel, CAIRN_REAL(0.12), 4);
+    for (int turn = 0; turn < 2; turn++) {
+        struct points p;
+        cairn_force_sum sum;
+        cairn_force_cursor cursor;
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        make_points(&p, 3);
+        for (int k = 0; k < 2; k++)
+            for (int i = 0; i < CAIRN_FORCE_STRIP && turn; i++)
+                p.position[k][i] = cairn_vec2_left(p.position[k][i]);
+        memset(&springs[turn], 0, sizeof springs[turn]);
+        memset(&sum, 0, sizeof sum);
+        memset(&cursor, 0, sizeof cursor);
+        sum.springs = &springs[turn];
+        assert_ok(cairn_force_kernel_strips(&kernel, &p.strip[0], &p.strip[1], &cursor, 0, &sum, &budget));
+    }
+    assert_near(springs[1].middle_pull_xx, (double)springs[0].middle_pull_yy, NUMBER(1e-12, 1e-4));
+    assert_near(springs[1].middle_pull_yy, (double)springs[0].middle_pull_xx, NUMBER(1e-12, 1e-4));
+    assert_near(springs[1].middle_xx, (double)springs[0].middle_yy, NUMBER(1e-12, 1e-4));
+    assert_near(springs[1].middle_yy, (double)springs[0].middle_xx, NUMBER(1e-12, 1e-4));
+    assert_true(fabs((double)springs[0].middle_pull_yy) > 0.01);
 }
 
 /* The torque of a pair about any centre is the same for both points, with the opposite sign. */
@@ -313,10 +421,16 @@ static void test_strips_budgets(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_the_formulas),          cmocka_unit_test(test_force_is_minus_the_gradient),
-        cmocka_unit_test(test_zero_distance),         cmocka_unit_test(test_strips_against_the_formulas),
-        cmocka_unit_test(test_strips_act_on_both),    cmocka_unit_test(test_tables),
-        cmocka_unit_test(test_strips_at_no_distance), cmocka_unit_test(test_strips_budgets),
+        cmocka_unit_test(test_the_formulas),
+        cmocka_unit_test(test_force_is_minus_the_gradient),
+        cmocka_unit_test(test_zero_distance),
+        cmocka_unit_test(test_strips_against_the_formulas),
+        cmocka_unit_test(test_springs_against_the_formulas),
+        cmocka_unit_test(test_springs_turned),
+        cmocka_unit_test(test_strips_act_on_both),
+        cmocka_unit_test(test_tables),
+        cmocka_unit_test(test_strips_at_no_distance),
+        cmocka_unit_test(test_strips_budgets),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

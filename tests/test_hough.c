@@ -594,6 +594,52 @@ static void places_do_not_matter(void **state)
     test_pool_free(&f.pool);
 }
 
+/* With other tolerances the same points are other lines; capacities stay. */
+static void tolerances_can_be_adjusted(void **state)
+{
+    static struct cloud c;
+    cairn_hough_params p = cairn_hough_default(), other;
+    struct fixture f = hough_with(p);
+    const cairn_hough_line *lines;
+    cairn_budget budget = {10};
+    int32_t found;
+
+    (void)state;
+    c.count = 0;
+    lay(&c, 0, 0, 0.2, 30, 0.1);
+    lay(&c, 5 * cos(0.2) - 0.3 * sin(0.2), 5 * sin(0.2) + 0.3 * cos(0.2), 0.2, 30, 0.1);
+    (void)search(f.hough, &c, &found);
+    assert_int_equal(found, 2);
+    p.support_distance = CAIRN_REAL(0.3);
+    p.separation = CAIRN_REAL(0.6);
+    assert_ok(cairn_hough_begin(f.hough, c.points, c.weights, c.count));
+    assert_status(cairn_hough_step(f.hough, &budget), CAIRN_MORE);
+    assert_ok(cairn_hough_adjust(f.hough, &p));
+    assert_ok(cairn_hough_step(f.hough, &budget)); /* given up */
+    (void)cairn_hough_list(f.hough, &found);
+    assert_int_equal(found, 2);
+    lines = search(f.hough, &c, &found);
+    assert_int_equal(found, 1);
+    assert_near(lines[0].votes, 60, 0);
+    p.angle_tolerance = p.separation_angle = CAIRN_REAL(0.1);
+    p.least_votes = 61;
+    assert_ok(cairn_hough_adjust(f.hough, &p));
+    (void)search(f.hough, &c, &found);
+    assert_int_equal(found, 0);
+    for (int32_t i = 0; i < 6; i++) {
+        other = p;
+        other.max_lines += i == 0;
+        other.angles += i == 1;
+        other.distances += i == 2;
+        other.oriented = i != 3;
+        other.support_distance *= i == 4 ? -1 : 1;
+        assert_status(cairn_hough_adjust(i == 5 ? NULL : f.hough, &other), CAIRN_BAD_ARGUMENT);
+    }
+    p.oriented = 7;
+    assert_ok(cairn_hough_adjust(f.hough, &p));
+    test_pool_free(&f.pool);
+}
+
 /* ---- Steps, statuses, memory ---- */
 
 static void the_budget_does_not_matter(void **state)
@@ -791,6 +837,7 @@ int main(void)
         cmocka_unit_test(the_highest_peaks_are_kept),
         cmocka_unit_test(far_points_fit),
         cmocka_unit_test(places_do_not_matter),
+        cmocka_unit_test(tolerances_can_be_adjusted),
         cmocka_unit_test(the_budget_does_not_matter),
         cmocka_unit_test(nothing_gives_no_lines),
         cmocka_unit_test(bad_points_are_refused),

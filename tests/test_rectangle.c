@@ -170,6 +170,29 @@ static void pieces_are_merged(void **state)
     test_pool_free(&f.pool);
 }
 
+/* A side lies where the lengths of its segments put it. */
+static void sides_are_weighed(void **state)
+{
+    struct fixture f = set_with(cairn_rectangle_default());
+    struct frame at = {0, 0, 0.6};
+    struct scene s = {.count = 0};
+    const cairn_rectangle *r;
+    int32_t found;
+
+    (void)state;
+    add_room(&s, at, 4, 3, 0, 1);
+    s.count--;
+    add(&s, at, 0, 2.5, 0, 0.5);
+    add(&s, at, 0.06, 2, 0.06, 1);
+    add(&s, at, 0.06, 2, 0.06, 1);
+    add(&s, at, -0.06, 1.75, -0.06, 1.25);
+    r = search(f.set, &s, &found);
+    assert_int_equal(found, 1);
+    assert_near(2 * r->half_length, 4 - (0.06 + 0.06 - 0.03) / 4.5, NUMBER(1e-9, 1e-5));
+    assert_near(2 * r->half_width, 3, NUMBER(1e-9, 1e-5));
+    test_pool_free(&f.pool);
+}
+
 /* Both kinds of walls of one room that directions would keep apart. */
 static void directions_count_or_do_not(void **state)
 {
@@ -767,6 +790,7 @@ int main(void)
         cmocka_unit_test(rooms_and_boxes),
         cmocka_unit_test(sides_are_told),
         cmocka_unit_test(pieces_are_merged),
+        cmocka_unit_test(sides_are_weighed),
         cmocka_unit_test(directions_count_or_do_not),
         cmocka_unit_test(limits),
         cmocka_unit_test(skew_costs_strength),

@@ -105,7 +105,7 @@ CAIRN_CHECKED cairn_status cairn_aligner_add_scan(cairn_aligner *aligner, const 
                                                   cairn_pose map_scan, cairn_fault *fault);
 
 /* Gives a scan another initial pose. Ends an alignment that is running. CAIRN_BAD_ARGUMENT: NULL, no such scan, a pose beyond
- * 1e6 m. CAIRN_NOT_FINITE. Linear in the scans. */
+ * 1e6 m. CAIRN_NOT_FINITE. Linear in the scans the first time after an alignment, then constant time. */
 CAIRN_CHECKED cairn_status cairn_aligner_start_at(cairn_aligner *aligner, int32_t scan, cairn_pose map_scan);
 
 /* Forgets all scans. Constant time. */

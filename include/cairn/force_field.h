@@ -26,7 +26,11 @@ extern "C" {
 /* How scans are moved. */
 typedef int32_t cairn_force_field_mode;
 enum {
-    CAIRN_FORCE_FIELD_GRADIENT = 1 /* as in the thesis: |cos| of directions, a step of 1/2 a dt^2 */
+    CAIRN_FORCE_FIELD_GRADIENT =
+        1, /* as in the thesis: each scan on its own, with the accelerations of eqs. 7.6 and 7.7 */
+    CAIRN_FORCE_FIELD_SPRINGS =
+        2 /* all scans together, each pair of points as a spring that pulls as the force does: by
+                                       1/2 dt^2 times the motion that brings all springs to rest */
 };
 
 /* In brackets the defaults; where the thesis has a value it is the default, in its cm for comparison. The thesis's dt of 5
@@ -40,9 +44,12 @@ typedef struct cairn_force_field_params {
     cairn_real sigma_start;      /* m, > 0: sigma in the first iteration (0.15; thesis 15 cm) */
     cairn_real sigma_end;        /* m, > 0, <= sigma_start: least sigma (0.04; 4 cm) */
     cairn_real sigma_step;       /* m, >= 0: less in every iteration (0.0025; 0.25 cm) */
-    cairn_real dt_start;         /* > 0: step width in the first iteration (0.05; 5) */
-    cairn_real dt_end;           /* > 0, <= dt_start: least step width (0.01; 1) */
-    cairn_real dt_factor;        /* 0 ... 1: times that in every iteration (0.96) */
+    cairn_real sigma_factor;     /* 0 ... 1: times that in every iteration, before sigma_step (1) */
+    cairn_real sides_below;  /* m, >= 0: from this sigma down the two faces of a wall do not attract each other: cos of
+                                    directions where it is positive in place of |cos| (0) */
+    cairn_real dt_start;     /* > 0: step width in the first iteration (0.05; 5) */
+    cairn_real dt_end;       /* > 0, <= dt_start: least step width (0.01; 1) */
+    cairn_real dt_factor;    /* 0 ... 1: times that in every iteration (0.96) */
     cairn_real reach;        /* in sigma, > 0, <= 6: pairs farther apart exert no force (4, where a force has fallen to
                                       3e-4 of its start: the thesis grows the boxes of segments by 2 sigma) */
     cairn_real sensor_below; /* the centre of rotation is the centre of mass while sigma >= sensor_below *
@@ -59,6 +66,13 @@ typedef struct cairn_force_field_params {
     cairn_real spacing;            /* 0: the points of the scans are kept. > 0, m: they are made from the ends of their
                                       segments when they are needed, with the same results; see cairn_scan_set_params (0) */
     int32_t max_extra;             /* points from outside, 0 ... 2^24 (0) */
+
+    /* For SPRINGS alone. */
+    int32_t max_bonds; /* 0 ... 2^24, pairs of scans near each other; those beyond do not count (0) */
+    cairn_real slide;  /* 0 ... 1: stiffness of a spring along the lines of its points, of that across (0.1) */
+    cairn_real grip;   /* m, >= 0: a shift of a scan is held back by (sigma / grip)^3 times its own stiffness, so
+                                  that headings settle first; 0: it is not (0.35) */
+    cairn_real max_relocation; /* m, > 0: root mean square way of the points of a scan in an iteration (0.3) */
 } cairn_force_field_params;
 
 /* Whether and why the simulation stands. */
@@ -81,6 +95,8 @@ typedef struct cairn_force_field_state {
     int32_t segment_pairs;    /* pairs of colliding segments of different scans */
     int32_t corners;          /* regions of interest */
     int32_t corners_dropped;  /* beyond max_corners */
+    int32_t bonds;            /* pairs of scans joined by springs */
+    int32_t bonds_dropped;    /* pairs of lines left out, beyond max_bonds */
     cairn_real sigma, dt;     /* as used */
     cairn_real potential;     /* P(g) of the poses from which the iteration started; 0 when it was not asked for */
     cairn_real
@@ -114,9 +130,13 @@ typedef struct cairn_force_field cairn_force_field;
           CAIRN_PIECE_BYTES((extra) + 1, sizeof(int32_t))) +                                                           \
      CAIRN_PIECE_BYTES(extra, sizeof(cairn_box)) + CAIRN_PIECE_BYTES(extra, sizeof(int32_t)))
 
-/* ... and what both have in common. */
+/* ... more for springs ... */
+#define CAIRN_FORCE_FIELD_BOND_BYTES(scans, bonds)                                                                     \
+    (CAIRN_PIECE_BYTES(bonds, 16 + 9 * sizeof(cairn_real)) + CAIRN_PIECE_BYTES(scans, 8 + 21 * sizeof(cairn_real)))
+
+/* ... and what all have in common. */
 #define CAIRN_FORCE_FIELD_OTHER_BYTES(scans, points, segments, corners)                                                \
-    (1280 + 480 * sizeof(cairn_real) + CAIRN_CORNER_BYTES(segments, corners) +                                         \
+    (1408 + 512 * sizeof(cairn_real) + CAIRN_CORNER_BYTES(segments, corners) +                                         \
      2 * CAIRN_PIECE_BYTES(scans, sizeof(cairn_pose) + sizeof(cairn_force_field_motion)) +                             \
      CAIRN_PIECE_BYTES(scans, 40 + (13 * sizeof(cairn_real) + 7) / 8 * 8) +                                            \
      CAIRN_PIECE_BYTES(segments, sizeof(cairn_segment)) + CAIRN_PIECE_BYTES(segments, sizeof(cairn_vec2)) +            \
@@ -130,6 +150,14 @@ cairn_force_field_params cairn_force_field_default(void);
 /* The defaults with dt_start and dt_end for points that are `spacing` m apart: forces are proportional to the density of the
  * points and steps to dt^2, so dt grows with the root of the spacing. The defaults are those for 0.02. */
 cairn_force_field_params cairn_force_field_spaced(cairn_real spacing);
+
+/* SPRINGS, for maps that the defaults hardly improve: scans that share little, headings far off, loops closed wrongly. What
+ * differs from the thesis: the motion (see the mode); sigma falls by a factor, to 0.03 m in `steps` iterations (>= 1); the
+ * first iterations overshoot, by 1/2 dt^2 from 5 down to 1 times the way to rest; faces of opposite sides attract only
+ * while sigma is above 0.15 m; reach 2.5 sigma; no regions of interest. sigma_start, m, > 0, is to be about the distance by
+ * which points are off: 0.15 for poses that are nearly right, as after a wrong loop closure, 0.8 for headings up to 20
+ * degrees off. max_bonds is that of max_scans scans that are all near each other. */
+cairn_force_field_params cairn_force_field_springs(cairn_real sigma_start, int32_t steps);
 
 /* 0 for params that create() would refuse. */
 size_t cairn_force_field_memory(const cairn_force_field_params *params);
@@ -151,6 +179,10 @@ CAIRN_CHECKED cairn_status cairn_force_field_add_scan(cairn_force_field *field, 
 /* A fixed scan (yes not 0) exerts forces but does not move. Pairs of fixed scans are skipped, in the potential, too.
  * CAIRN_BAD_ARGUMENT: no such scan. Constant time. */
 CAIRN_CHECKED cairn_status cairn_force_field_fix(cairn_force_field *field, int32_t scan, int32_t yes);
+
+/* Puts a scan elsewhere, as when another method has found it. CAIRN_BAD_ARGUMENT: no such scan, an iteration is under way, or a
+ * pose beyond 1e6 m. CAIRN_NOT_FINITE. Constant time. */
+CAIRN_CHECKED cairn_status cairn_force_field_place(cairn_force_field *field, int32_t scan, cairn_pose map_scan);
 
 /* Takes a scan out of the field. Its index is used again and its room is free when a later step has gone as far as the next
  * iteration or has returned CAIRN_OK. CAIRN_BAD_ARGUMENT: no such scan. Constant time; the steps pay for closing the gap. */

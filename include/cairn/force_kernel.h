@@ -37,6 +37,7 @@ typedef struct cairn_force_kernel {
     cairn_real root_scale;    /* 1 / (sigma sqrt(2)) */
     cairn_real norm;          /* 1 / (sigma sqrt(2 pi)) */
     cairn_real limit_squared; /* (reach sigma)^2 */
+    cairn_real least_length;  /* of a spring, sigma / 8 */
 } cairn_force_kernel;
 
 /* Fills the tables. */
@@ -56,24 +57,45 @@ typedef struct cairn_force_strip {
     cairn_box zone;             /* outside of it no point of any strip is within reach */
 } cairn_force_strip;
 
+/* The pairs taken as springs of rest length 0 that pull as the force does, sum over pairs of masses m1 m2. For a pair: k =
+ * exp(-r^2 / (2 sigma^2)) / max(r, sigma / 8) its stiffness, d from the point of the first strip to that of the second, c
+ * the middle of the two from the sum's centre. A spring is no stiffer than at sigma / 8: nearer points are the same place. */
+typedef struct cairn_force_springs {
+    cairn_real stiffness;                       /* k */
+    cairn_vec2 middle;                          /* k c */
+    cairn_real middle_xx, middle_xy, middle_yy; /* k c c^T */
+    cairn_vec2 pull;                            /* k d */
+    cairn_real middle_pull_xx, middle_pull_xy;  /* k c.x d */
+    cairn_real middle_pull_yx, middle_pull_yy;  /* k c.y d */
+} cairn_force_springs;
+
 /* What points feel from those of other scans, as if all directions were parallel and without the factor `norm`; the others
  * feel the opposite. */
 typedef struct cairn_force_sum {
     cairn_vec2 force;
-    cairn_real torque;    /* about `centre`; for both, as a pair pulls along the line through its points */
-    cairn_real potential; /* without the factor -1/2 */
-    cairn_vec2 centre;    /* given */
-    int64_t pairs;        /* within reach */
+    cairn_real torque;            /* about `centre`; for both, as a pair pulls along the line through its points */
+    cairn_real potential;         /* without the factor -1/2 */
+    cairn_vec2 centre;            /* given */
+    int64_t pairs;                /* within reach */
+    cairn_force_springs *springs; /* given; NULL: not wanted */
 } cairn_force_sum;
+
+/* What a point feels from several others, for mass 1 of it; the last six fields only when springs are wanted. */
+typedef struct cairn_force_pull {
+    cairn_real x, y, potential;
+    cairn_real stiffness, spring_x, spring_y;   /* k, k d */
+    cairn_real spring_xx, spring_xy, spring_yy; /* k d d^T */
+} cairn_force_pull;
 
 /* How far a sum has come; all 0 before the first call. */
 typedef struct cairn_force_cursor {
-    int32_t row, next;          /* point of the first strip; of the second */
-    int32_t is_paid;            /* the row has been begun */
-    cairn_real x, y, potential; /* of the row so far */
+    int32_t row, next;     /* point of the first strip; of the second */
+    int32_t is_paid;       /* the row has been begun */
+    cairn_force_pull pull; /* of the row so far */
 } cairn_force_cursor;
 
-/* Adds to *sum what the points of strip a from the cursor on feel from strip b; potentials only when with_potential. Relative
+/* Adds to *sum what the points of strip a from the cursor on feel from strip b; potentials only when with_potential, springs
+ * only when there is room for them. Relative
  * error of a force 3e-13 (float: 3e-6), of a potential 1e-13 (3e-7) of its value at distance 0. Returns CAIRN_OK when all
  * rows are done, CAIRN_MORE when the budget is used up. Costs a unit for each row, and one for each pair within reach; the
  * sums do not depend on how the budget is split. */

@@ -59,6 +59,10 @@ size_t cairn_hough_memory(const cairn_hough_params *params);
 /* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_hough_create(cairn_hough **hough, cairn_pool *pool, const cairn_hough_params *params);
 
+/* Other tolerances, separations and least votes, as the uncertainty of the points shrinks, say. A search under way is given up.
+ * CAIRN_BAD_ARGUMENT: params that create() would refuse, or with other max_lines, angles, distances or orientation. */
+CAIRN_CHECKED cairn_status cairn_hough_adjust(cairn_hough *hough, const cairn_hough_params *params);
+
 /* Starts a search over points[0 ... count-1], which must stay as they are until it ends; a search under way is given up.
  * weights: [count], >= 0, or NULL when all are 1. CAIRN_BAD_ARGUMENT: NULL, count < 0. Constant time. */
 CAIRN_CHECKED cairn_status cairn_hough_begin(cairn_hough *hough, const cairn_oriented_point *points,

@@ -143,6 +143,13 @@ size_t cairn_hough_memory(const cairn_hough_params *params)
     return cairn_pool_counted(&counting);
 }
 
+static void take_params(cairn_hough *hough, const cairn_hough_params *params)
+{
+    hough->params = *params;
+    hough->sine_tolerance = cairn_sin(params->angle_tolerance);
+    hough->sine_separation = cairn_sin(params->separation_angle);
+}
+
 cairn_status cairn_hough_create(cairn_hough **hough, cairn_pool *pool, const cairn_hough_params *params)
 {
     size_t need = cairn_hough_memory(params);
@@ -153,14 +160,23 @@ cairn_status cairn_hough_create(cairn_hough **hough, cairn_pool *pool, const cai
     if (!cairn_pool_has_room(pool, need))
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
-    made->params = *params;
+    take_params(made, params);
     made->rows = rows_of(params);
     made->turn = CAIRN_PI / (cairn_real)params->angles;
-    made->sine_tolerance = cairn_sin(params->angle_tolerance);
-    made->sine_separation = cairn_sin(params->separation_angle);
     for (int32_t row = 0; row < made->rows; row++)
         cairn_sincos((cairn_real)row * made->turn, &made->direction[row].y, &made->direction[row].x);
     *hough = made;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_hough_adjust(cairn_hough *hough, const cairn_hough_params *params)
+{
+    if (hough == NULL || !params_are_valid(params) || params->max_lines != hough->params.max_lines ||
+        params->angles != hough->params.angles || params->distances != hough->params.distances ||
+        (params->oriented != 0) != (hough->params.oriented != 0))
+        return CAIRN_BAD_ARGUMENT;
+    hough->phase = IDLE;
+    take_params(hough, params);
     return CAIRN_OK;
 }
 

@@ -225,6 +225,7 @@ static void show_initial(cairn_aligner *x, int32_t i)
 static void forget_result(cairn_aligner *x)
 {
     x->phase = ALIGNER_DONE;
+    x->debt = 0;
     x->look.active = x->relax.active = 0;
     memset(&x->result, 0, sizeof x->result);
     x->result.anchor = -1;
@@ -273,7 +274,10 @@ cairn_status cairn_aligner_start_at(cairn_aligner *aligner, int32_t scan, cairn_
         return CAIRN_BAD_ARGUMENT;
     map_scan.theta = cairn_wrap_angle(map_scan.theta);
     aligner->scans[scan].initial = map_scan;
-    forget_result(aligner);
+    if (cairn_aligner_running(aligner) || aligner->result.units > 0)
+        forget_result(aligner);
+    else
+        show_initial(aligner, scan);
     return CAIRN_OK;
 }
 

@@ -1,5 +1,5 @@
-/* Force field simulation: parameters, inputs, readers. What an iteration does is in force_field_iteration.c and
- * force_field_pairs.c.
+/* Force field simulation: memory, inputs, readers. Parameters are in force_field_params.c; what an iteration does is in
+ * force_field_iteration.c, force_field_pairs.c, force_field_springs.c and force_field_move.c.
  *
  * Layout: the scans as they came in a scan set; beside it arrays of segments and, unless they are made on the fly, points in
  * the map. Poses and motions are held twice: readers see one, the iteration under way fills the other. Scans that arrive
@@ -16,58 +16,10 @@
 
 #include "src/mapping/force_field_iteration.h"
 
-enum { MAX_CORNERS = 1 << 24, MAX_EXTRA = 1 << 24 };
-
 /* Parameters and poses beyond this are refused. */
 #define MAX_VALUE CAIRN_REAL(1e6)
 
-/* ---- Parameters and memory ---- */
-
-cairn_force_field_params cairn_force_field_default(void)
-{
-    cairn_force_field_params params = {
-        .mode = CAIRN_FORCE_FIELD_GRADIENT,
-        .max_scans = 64,
-        .max_segments = 1024,
-        .max_points = 8192,
-        .max_corners = 1024,
-        .sigma_start = CAIRN_REAL(0.15),
-        .sigma_end = CAIRN_REAL(0.04),
-        .sigma_step = CAIRN_REAL(0.0025),
-        .dt_start = CAIRN_REAL(0.05),
-        .dt_end = CAIRN_REAL(0.01),
-        .dt_factor = CAIRN_REAL(0.96),
-        .reach = 4,
-        .sensor_below = CAIRN_REAL(0.5),
-        .roi = 1,
-        .roi_radius = CAIRN_REAL(0.05),
-        .roi_mass = 4,
-        .corner_distance = CAIRN_REAL(0.30),
-        .corner_min_opening = 80 * (CAIRN_PI / 180),
-        .corner_max_opening = 100 * (CAIRN_PI / 180),
-        .potential = 1,
-        .max_steps = 50,
-        .stop_relocation = CAIRN_REAL(0.0001),
-        .spacing = 0,
-        .max_extra = 0,
-    };
-    return params;
-}
-
-cairn_force_field_params cairn_force_field_spaced(cairn_real spacing)
-{
-    cairn_force_field_params params = cairn_force_field_default();
-    cairn_real factor = cairn_sqrt(spacing / CAIRN_REAL(0.02));
-
-    params.dt_start *= factor;
-    params.dt_end *= factor;
-    return params;
-}
-
-static int is_positive(cairn_real x)
-{
-    return x > 0 && x <= MAX_VALUE;
-}
+/* ---- Memory ---- */
 
 static int is_not_negative(cairn_real x)
 {
@@ -91,18 +43,6 @@ static cairn_point_grid_params grid_params(const cairn_force_field_params *p)
 {
     cairn_point_grid_params params = {p->max_corners, 2 * p->roi_radius};
     return params;
-}
-
-static int params_are_valid(const cairn_force_field_params *p)
-{
-    return p != NULL && p->mode == CAIRN_FORCE_FIELD_GRADIENT && is_positive(p->sigma_start) &&
-           is_positive(p->sigma_end) && p->sigma_end <= p->sigma_start && is_not_negative(p->sigma_step) &&
-           is_positive(p->dt_start) && is_positive(p->dt_end) && p->dt_end <= p->dt_start &&
-           is_not_negative(p->dt_factor) && p->dt_factor <= 1 && p->reach > 0 && p->reach <= CAIRN_FORCE_KERNEL_REACH &&
-           is_not_negative(p->sensor_below) &&
-           (!p->roi || (p->max_corners <= MAX_CORNERS && is_positive(p->roi_radius) && is_positive(p->roi_mass))) &&
-           p->max_steps >= 1 && is_not_negative(p->stop_relocation) && is_not_negative(p->spacing) &&
-           p->max_extra >= 0 && p->max_extra <= MAX_EXTRA;
 }
 
 /* Objects within the object: counted on a counting pool, created on a real one, which has been asked for room. */
@@ -193,6 +133,13 @@ static cairn_force_field *carve(cairn_pool *pool, const cairn_force_field_params
     cairn_box_sweep *sweep = carve_sweep(pool, params);
     cairn_corner_set *corners = params->roi ? carve_corners(pool, params) : NULL;
     cairn_point_grid *grid = params->roi ? carve_grid(pool, params) : NULL;
+    struct cairn_force_balance *balances = NULL;
+    struct cairn_force_bond *bonds = NULL;
+
+    if (params->mode == CAIRN_FORCE_FIELD_SPRINGS) {
+        balances = cairn_pool_take(pool, scans, sizeof *balances);
+        bonds = cairn_pool_take(pool, (size_t)params->max_bonds, sizeof *bonds);
+    }
 
     if (field != NULL) {
         memset(field, 0, sizeof *field);
@@ -211,6 +158,8 @@ static cairn_force_field *carve(cairn_pool *pool, const cairn_force_field_params
         field->sweep = sweep;
         field->corners = corners;
         field->grid = grid;
+        field->balances = balances;
+        field->bonds = bonds;
     }
     return field;
 }
@@ -220,7 +169,7 @@ size_t cairn_force_field_memory(const cairn_force_field_params *params)
     cairn_scan_set_params p;
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (!cairn_force_params_are_valid(params))
         return 0;
     p = set_params(params);
     if (cairn_scan_set_memory(&p) == 0)
@@ -326,6 +275,21 @@ cairn_status cairn_force_field_fix(cairn_force_field *field, int32_t scan, int32
     body->fixed_before = cairn_force_iteration_is_fixed(field, scan) != 0;
     body->fixed_after = yes != 0;
     body->fixed_from = field->clock + 1;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_force_field_place(cairn_force_field *field, int32_t scan, cairn_pose map_scan)
+{
+    if (!is_there(field, scan) || !cairn_force_iteration_is_between(field))
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pose_is_finite(map_scan))
+        return CAIRN_NOT_FINITE;
+    if (cairn_abs(map_scan.x) > MAX_VALUE || cairn_abs(map_scan.y) > MAX_VALUE)
+        return CAIRN_BAD_ARGUMENT;
+    map_scan.theta = cairn_wrap_angle(map_scan.theta);
+    for (int i = 0; i < 2; i++)
+        field->placements[i][scan].map_scan = map_scan;
+    field->revision++;
     return CAIRN_OK;
 }
 

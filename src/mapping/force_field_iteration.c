@@ -6,7 +6,8 @@
  *   CORNERS      search for corners over all segments; UNGRID, GRID: the corners into a hash grid
  *   MASSES       points near a corner are in a region of interest
  *   PAIRS        forces between the points of near segments (force_field_pairs)
- *   MOVE         each scan moved from rest (eqs. 7.6 to 7.9)
+ *   BALANCE      with springs: the motions that bring them to rest (force_field_springs)
+ *   MOVE         each scan moved from rest (eqs. 7.6 to 7.9; force_field_move)
  *   commit       buffers swapped, cooling (section 7.3.2), verdict
  * Without regions of interest CORNERS to MASSES are left out.
  *
@@ -22,9 +23,6 @@
 #include "src/mapping/force_field_iteration.h"
 
 enum { GROUP = 8, FEW = 4 };
-
-/* A scan whose mean squared distance from the centre is less, in m^2, does not turn. */
-#define MIN_SPREAD CAIRN_REAL(1e-6)
 
 /* Relative growth of boxes beyond what exact arithmetic needs. */
 #define SLACK CAIRN_REAL(1.001)
@@ -60,6 +58,7 @@ void cairn_force_iteration_start_cooling(cairn_force_field *field)
 {
     field->restart = 0;
     field->sigma = field->params.sigma_start;
+    field->sigma_scale = 1;
     field->dt = field->params.dt_start;
     field->state.start_iterations = 0;
     field->state.verdict = CAIRN_FORCE_FIELD_RUNNING;
@@ -76,10 +75,11 @@ void cairn_force_iteration_begin(cairn_force_field *field)
         field->extra_waits = 0;
         field->placed_sigma = 0;
     }
-    field->fresh = field->sigma != field->placed_sigma;
+    field->fresh = field->sigma != field->placed_sigma || cairn_force_has_springs(field);
     field->placed_sigma = field->sigma;
     /* A little below, so that rounding does not decide where the two meet. */
-    field->by_sensor = field->sigma < p->sensor_below * p->sigma_start * CAIRN_REAL(0.9999);
+    field->by_sensor =
+        cairn_force_has_springs(field) || field->sigma < p->sensor_below * p->sigma_start * CAIRN_REAL(0.9999);
     field->margin = p->reach * field->sigma / 2 * SLACK;
     cairn_force_kernel_set(&field->kernel, field->sigma, p->reach);
     field->scan = 0;
@@ -137,17 +137,6 @@ static cairn_status step_compare(cairn_force_field *field, cairn_budget *budget)
     field->mixed = field->moved > 0 && field->still > 0;
     field->scan = 0;
     return CAIRN_OK;
-}
-
-static void place_scan(cairn_force_field *field, int32_t index)
-{
-    const cairn_scan_set_scan *scan = &field->set->scans[index];
-    struct cairn_force_body *body = &field->bodies[index];
-
-    body->placed = field->placements[field->front][index].map_scan;
-    body->is_new = 0;
-    body->transform = cairn_transform_of(body->placed);
-    body->centre = cairn_transform_point(body->transform, field->by_sensor ? scan->sensor : scan->centroid);
 }
 
 static void extend(cairn_box *box, cairn_vec2 p)
@@ -250,7 +239,7 @@ static cairn_status step_place(cairn_force_field *field, cairn_budget *budget)
             if (!field->bodies[slot].moved)
                 continue;
             if (is_first)
-                place_scan(field, slot);
+                cairn_force_place_scan(field, slot);
             place_segment(field);
             field->point = 0;
             if (count == 0)
@@ -350,11 +339,13 @@ static cairn_status step_reset(cairn_force_field *field, cairn_budget *budget)
     const cairn_vec2 none = {0, 0};
 
     while (field->scan < field->slots) {
-        if (!cairn_budget_pay(budget, &field->paid, 2))
+        if (!cairn_budget_pay(budget, &field->paid, cairn_force_has_springs(field) ? 4 : 2))
             return CAIRN_MORE;
         for (int32_t i = 0; i < GROUP && field->scan < field->slots; i++, field->scan++) {
             struct cairn_force_body *body = &field->bodies[field->scan];
 
+            if (cairn_force_has_springs(field))
+                cairn_force_unbind(field, field->scan);
             if (!body->dirty)
                 continue;
             body->force = none;
@@ -363,64 +354,6 @@ static cairn_status step_reset(cairn_force_field *field, cairn_budget *budget)
             body->pairs = 0;
             body->segment_pairs = 0;
         }
-    }
-    return CAIRN_OK;
-}
-
-/* From rest through the time dt with constant acceleration (eqs. 7.6 to 7.9). All points have mass 1. */
-static void move_scan(cairn_force_field *field, int32_t index)
-{
-    const cairn_scan_set_scan *scan = &field->set->scans[index];
-    const struct cairn_force_body *body = &field->bodies[index];
-    struct cairn_force_placement *placement = &field->placements[1 - field->front][index];
-    cairn_force_field_motion *motion = &placement->motion;
-    cairn_real mass = (cairn_real)(scan->end_point - scan->first_point);
-    cairn_real spread = field->by_sensor ? scan->sensor_spread : scan->centroid_spread;
-    cairn_real half_square = field->dt * field->dt / 2, turn = 0;
-    cairn_vec2 shift, centre, arm;
-
-    placement->map_scan = body->placed;
-    motion->centre = body->centre;
-    motion->force = body->force;
-    motion->torque = body->torque;
-    motion->relocation = 0;
-    if (body->is_fixed || !(mass > 0))
-        return;
-    shift = cairn_vec2_scale(motion->force, half_square / mass);
-    if (spread > MIN_SPREAD)
-        turn = motion->torque / (mass * spread) * half_square;
-
-    /* A scan that nothing pulls keeps its pose to the bit. */
-    if (shift.x != 0 || shift.y != 0 || turn != 0) {
-        centre = cairn_vec2_add(motion->centre, shift);
-        placement->map_scan.theta = cairn_wrap_angle(placement->map_scan.theta + turn);
-        arm = cairn_transform_direction(cairn_transform_of(placement->map_scan),
-                                        field->by_sensor ? scan->sensor : scan->centroid);
-        placement->map_scan.x = centre.x - arm.x;
-        placement->map_scan.y = centre.y - arm.y;
-    }
-    motion->relocation = cairn_sqrt(cairn_vec2_norm_squared(shift) + turn * turn * spread);
-    field->relocation += motion->relocation;
-    field->free_scans++;
-}
-
-static cairn_status step_move(cairn_force_field *field, cairn_budget *budget)
-{
-    for (; field->scan < field->slots; field->scan++) {
-        struct cairn_force_body *body = &field->bodies[field->scan];
-
-        if (!cairn_budget_pay(budget, &field->paid, 2))
-            return CAIRN_MORE;
-        body->reported = cairn_force_iteration_has(field, field->scan) != 0;
-        if (!body->reported)
-            continue;
-        /* A scan without segments was not placed. */
-        if (body->moved && field->set->scans[field->scan].first_segment == field->set->scans[field->scan].end_segment)
-            place_scan(field, field->scan);
-        move_scan(field, field->scan);
-        field->pairs += body->pairs;
-        field->segment_pairs += body->segment_pairs;
-        field->potential += body->potential;
     }
     return CAIRN_OK;
 }
@@ -440,6 +373,10 @@ static void commit(cairn_force_field *field)
         (void)cairn_corner_list(field->corners, &state->corners);
         state->corners_dropped = cairn_corner_dropped(field->corners);
     }
+    if (cairn_force_has_springs(field)) {
+        state->bonds = field->bond_count;
+        state->bonds_dropped = field->bonds_dropped;
+    }
     state->sigma = field->sigma;
     state->dt = field->dt;
     state->mean_relocation = field->free_scans > 0 ? field->relocation / (cairn_real)field->free_scans : 0;
@@ -448,7 +385,9 @@ static void commit(cairn_force_field *field)
     else if (state->start_iterations >= p->max_steps)
         state->verdict = CAIRN_FORCE_FIELD_OUT_OF_STEPS;
 
-    field->sigma = cairn_max(p->sigma_end, p->sigma_start - (cairn_real)state->start_iterations * p->sigma_step);
+    field->sigma_scale *= p->sigma_factor;
+    field->sigma = cairn_max(p->sigma_end,
+                             p->sigma_start * field->sigma_scale - (cairn_real)state->start_iterations * p->sigma_step);
     field->dt = cairn_max(p->dt_end, field->dt * p->dt_factor);
     field->front = 1 - field->front;
     field->commits++;
@@ -494,8 +433,10 @@ static cairn_status run_phase(cairn_force_field *field, cairn_budget *budget)
         return step_reset(field, budget);
     case PHASE_PAIRS:
         return cairn_force_pairs(field, budget);
+    case PHASE_BALANCE:
+        return cairn_force_balance_step(field, budget);
     case PHASE_MOVE:
-        return step_move(field, budget);
+        return cairn_force_move(field, budget);
     default:
         return cairn_force_mark(field, budget);
     }
@@ -516,6 +457,8 @@ static cairn_force_phase phase_after(const cairn_force_field *field)
         return field->mixed ? PHASE_MARK_NEW : PHASE_RESET;
     case PHASE_MASSES:
         return field->mixed ? PHASE_MARK_NEW : PHASE_RESET;
+    case PHASE_PAIRS:
+        return cairn_force_has_springs(field) ? PHASE_BALANCE : PHASE_MOVE;
     default:
         return field->phase + 1;
     }
@@ -543,7 +486,11 @@ static cairn_status begin_phase(cairn_force_field *field)
     case PHASE_PAIRS:
         field->pair.is_begun = 0;
         field->tiles[0].line = field->tiles[1].line = -1;
+        field->bond_count = field->bonds_dropped = 0;
         return begin_sweep(field);
+    case PHASE_BALANCE:
+        cairn_force_balance_begin(field);
+        return CAIRN_OK;
     case PHASE_MOVE:
         field->scan = 0;
         field->pairs = 0;

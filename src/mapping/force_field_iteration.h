@@ -3,6 +3,7 @@
 #define CAIRN_MAPPING_FORCE_FIELD_ITERATION_H
 
 #include "cairn/force_field.h"
+#include "cairn/small_matrix.h"
 
 /* In the order of an iteration. Between iterations the field is AT_COMMIT or, when scans have been released, in PACK. */
 typedef int32_t cairn_force_phase;
@@ -20,6 +21,7 @@ enum {
     PHASE_MARK_NEW,
     PHASE_RESET,
     PHASE_PAIRS,
+    PHASE_BALANCE,
     PHASE_MOVE
 };
 
@@ -50,6 +52,32 @@ struct cairn_force_body {
     uint8_t dirty;    /* this iteration: its forces are computed anew */
 };
 
+/* No scan: of points from outside. */
+enum { CAIRN_FORCE_NOBODY = -1 };
+
+/* All springs between two scans. */
+struct cairn_force_bond {
+    int32_t first, second; /* scans; first may be NOBODY */
+    int32_t next;          /* another bond with this second scan, -1: none */
+    cairn_sym3 stiffness;  /* against a motion (x, y, turn) of first against second, about the centre of second */
+    cairn_real pull[3];    /* force and torque on first; second feels the opposite */
+};
+
+/* A scan in the system of all springs; motions are (x, y, turn) about the centre. */
+struct cairn_force_balance {
+    int32_t bond, bonds; /* the last bond of which the scan is the second, -1: none; how many */
+    cairn_sym3 diagonal; /* of the system, then its inverse; 0: the scan stays */
+    cairn_real hold[3];  /* of it what holds the scan back where it is */
+    cairn_real motion[3], residual[3], direction[3], image[3]; /* of conjugate gradients */
+};
+
+/* Conjugate gradients under way. */
+struct cairn_force_solver {
+    int32_t stage, next, round;
+    cairn_real length, next_length, least_length; /* squares of residuals in the solver's metric */
+    cairn_real curvature;                         /* along the direction */
+};
+
 /* Points from outside, in runs of one direction. */
 struct cairn_force_extra {
     cairn_vec2 *position;  /* [max_extra] */
@@ -72,7 +100,7 @@ struct cairn_force_tile {
 struct cairn_force_line {
     int32_t index;   /* of its box */
     int32_t segment; /* below 0: a run */
-    int32_t scan;    /* -1: of a run */
+    int32_t scan;    /* NOBODY: of a run */
     int32_t count;   /* points */
     cairn_vec2 direction;
 };
@@ -84,8 +112,10 @@ struct cairn_force_pair {
     int32_t tile[2]; /* first points of the tiles at hand */
     int32_t loaded;  /* of these tiles */
     cairn_force_cursor cursor;
-    cairn_real cosine;
+    int32_t is_summed;
+    cairn_real cosine; /* |cos| or what stands for it */
     cairn_force_sum sum;
+    cairn_force_springs springs;
 };
 
 struct cairn_force_field {
@@ -103,7 +133,9 @@ struct cairn_force_field {
     cairn_vec2 *position; /* [max_points], in the map; NULL with spacing */
     cairn_real *mass;     /* [max_points], in the forces; NULL with spacing, that of the set without roi */
     uint32_t *in_region;  /* [max_points / 32 + 1], a bit for each point; NULL but with spacing and roi */
-    struct cairn_force_extra extra[2]; /* extra[extra_front] is in use */
+    struct cairn_force_extra extra[2];    /* extra[extra_front] is in use */
+    struct cairn_force_bond *bonds;       /* [max_bonds]; NULL without springs */
+    struct cairn_force_balance *balances; /* [max_scans]; NULL without springs */
 
     int32_t front, extra_front;
     int32_t extra_waits; /* the other extra is to be used from the next iteration on */
@@ -126,13 +158,16 @@ struct cairn_force_field {
     int32_t mixed;           /* some scans have moved, some have not */
     int32_t by_sensor;       /* rotations are about the sensor */
     cairn_real sigma, dt;
+    cairn_real sigma_scale;       /* product of the factors so far */
     cairn_real placed_sigma;      /* of the boxes */
     cairn_real margin;            /* m, half the reach: growth of boxes */
     int32_t scan, segment, point; /* cursors */
     int32_t moved, still;         /* COMPARE: scans */
     struct cairn_force_pair pair; /* PAIRS; MARK_OLD and MARK_NEW: scans and is_begun */
     struct cairn_force_tile tiles[2];
-    int64_t pairs; /* MOVE: sums over the scans */
+    int32_t bond_count, bonds_dropped; /* PAIRS */
+    struct cairn_force_solver solver;  /* BALANCE */
+    int64_t pairs;                     /* MOVE: sums over the scans */
     int64_t segment_pairs;
     cairn_real potential;
     cairn_real relocation; /* over the free scans */
@@ -158,6 +193,37 @@ void cairn_force_iteration_begin(cairn_force_field *field);
 
 /* One phase, or what the budget allows of it (CAIRN_MORE); the last one commits. */
 CAIRN_CHECKED cairn_status cairn_force_iteration_step(cairn_force_field *field, cairn_budget *budget);
+
+/* ---- force_field_params ---- */
+
+int32_t cairn_force_params_are_valid(const cairn_force_field_params *params);
+
+/* ---- force_field_move ---- */
+
+/* Moves all scans and sums up what the iteration did. */
+CAIRN_CHECKED cairn_status cairn_force_move(cairn_force_field *field, cairn_budget *budget);
+
+/* Puts the centre of a scan and the like into the map. */
+void cairn_force_place_scan(cairn_force_field *field, int32_t scan);
+
+/* ---- force_field_springs ---- */
+
+/* 1 when scans are joined by springs. */
+int32_t cairn_force_has_springs(const cairn_force_field *field);
+
+/* Forgets the springs of a scan. */
+void cairn_force_unbind(cairn_force_field *field, int32_t scan);
+
+/* Units to bind the pair of lines at hand. */
+int32_t cairn_force_bind_cost(const cairn_force_field *field);
+
+/* Adds the springs of the pair of lines at hand to the bond of their scans. */
+void cairn_force_bind(cairn_force_field *field);
+
+void cairn_force_balance_begin(cairn_force_field *field);
+
+/* The motions that bring all springs to rest, to the accuracy of the solver. */
+CAIRN_CHECKED cairn_status cairn_force_balance_step(cairn_force_field *field, cairn_budget *budget);
 
 /* ---- force_field_pairs ---- */
 

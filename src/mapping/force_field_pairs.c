@@ -15,8 +15,6 @@
 
 #include "src/mapping/force_field_iteration.h"
 
-enum { NOBODY = -1 };
-
 static inline struct cairn_force_line line_of(const cairn_force_field *field, int32_t index)
 {
     const struct cairn_force_extra *extra = &field->extra[field->extra_front];
@@ -25,7 +23,7 @@ static inline struct cairn_force_line line_of(const cairn_force_field *field, in
     line.index = index;
     line.segment = index - extra->runs;
     if (line.segment < 0) {
-        line.scan = NOBODY;
+        line.scan = CAIRN_FORCE_NOBODY;
         line.count = extra->first[index + 1] - extra->first[index];
         line.direction = extra->direction[index];
     } else {
@@ -139,12 +137,12 @@ static void load_tile(const cairn_force_field *field, const struct cairn_force_l
 
 static int is_dirty(const cairn_force_field *field, int32_t scan)
 {
-    return scan != NOBODY && field->bodies[scan].dirty;
+    return scan != CAIRN_FORCE_NOBODY && field->bodies[scan].dirty;
 }
 
 static int is_fixed(const cairn_force_field *field, int32_t scan)
 {
-    return scan == NOBODY || field->bodies[scan].is_fixed;
+    return scan == CAIRN_FORCE_NOBODY || field->bodies[scan].is_fixed;
 }
 
 /* 1 when two lines attract each other. */
@@ -153,6 +151,21 @@ static inline int do_attract(const cairn_force_field *field, const struct cairn_
 {
     return a->scan != b->scan && a->count > 0 && b->count > 0 &&
            !(is_fixed(field, a->scan) && is_fixed(field, b->scan));
+}
+
+/* 1 when the faces of a wall are told apart. */
+static int is_sided(const cairn_force_field *field)
+{
+    return field->sigma <= field->params.sides_below;
+}
+
+/* How much two lines attract each other by their directions. */
+static cairn_real likeness(const cairn_force_field *field, const struct cairn_force_line *a,
+                           const struct cairn_force_line *b)
+{
+    cairn_real cosine = cairn_vec2_dot(a->direction, b->direction);
+
+    return is_sided(field) ? cairn_max(cosine, 0) : cairn_abs(cosine);
 }
 
 static void begin_pair(cairn_force_field *field, int32_t first, int32_t second)
@@ -164,11 +177,17 @@ static void begin_pair(cairn_force_field *field, int32_t first, int32_t second)
     pair->line[1] = line_of(field, second);
     if (!do_attract(field, a, b) || !(is_dirty(field, a->scan) || is_dirty(field, b->scan)))
         return;
+    pair->cosine = likeness(field, a, b);
+    /* Faces of opposite sides. */
+    if (pair->cosine == 0 && is_sided(field))
+        return;
     pair->is_begun = 1;
+    pair->is_summed = 0;
     pair->tile[0] = pair->tile[1] = pair->loaded = 0;
     memset(&pair->cursor, 0, sizeof pair->cursor);
     memset(&pair->sum, 0, sizeof pair->sum);
-    pair->cosine = cairn_abs(cairn_vec2_dot(a->direction, b->direction));
+    memset(&pair->springs, 0, sizeof pair->springs);
+    pair->sum.springs = cairn_force_has_springs(field) ? &pair->springs : NULL;
     pair->sum.centre = field->bodies[b->scan].centre; /* runs come first: b is a segment */
 }
 
@@ -180,7 +199,7 @@ static void add_to_scan(cairn_force_field *field, int32_t scan, cairn_real sign,
     cairn_real strength = pair->cosine * field->kernel.norm * sign;
     cairn_vec2 force = cairn_vec2_scale(pair->sum.force, strength);
     /* Pairs are counted by both scans; those with points from outside by the one. */
-    int32_t shares = other == NOBODY ? 2 : 1;
+    int32_t shares = other == CAIRN_FORCE_NOBODY ? 2 : 1;
 
     body->force = cairn_vec2_add(body->force, force);
     body->torque +=
@@ -198,6 +217,8 @@ static void end_pair(cairn_force_field *field)
         add_to_scan(field, a, 1, b);
     if (is_dirty(field, b))
         add_to_scan(field, b, -1, a);
+    if (cairn_force_has_springs(field))
+        cairn_force_bind(field);
     field->pair.is_begun = 0;
 }
 
@@ -251,7 +272,7 @@ static int next_tiles(struct cairn_force_pair *pair)
     return pair->tile[0] < pair->line[0].count;
 }
 
-static cairn_status step_pair(cairn_force_field *field, cairn_budget *budget)
+static cairn_status sum_up(cairn_force_field *field, cairn_budget *budget)
 {
     struct cairn_force_pair *pair = &field->pair;
 
@@ -266,6 +287,18 @@ static cairn_status step_pair(cairn_force_field *field, cairn_budget *budget)
         if (status != CAIRN_OK)
             return status;
     } while (next_tiles(pair));
+    pair->is_summed = 1;
+    return CAIRN_OK;
+}
+
+static cairn_status step_pair(cairn_force_field *field, cairn_budget *budget)
+{
+    cairn_status status = field->pair.is_summed ? CAIRN_OK : sum_up(field, budget);
+
+    if (status != CAIRN_OK)
+        return status;
+    if (cairn_force_has_springs(field) && !cairn_budget_pay(budget, &field->paid, cairn_force_bind_cost(field)))
+        return CAIRN_MORE;
     end_pair(field);
     return CAIRN_OK;
 }
@@ -292,7 +325,7 @@ static int32_t scan_of(const cairn_force_field *field, int32_t line)
 {
     int32_t segment = line - field->extra[field->extra_front].runs;
 
-    return segment < 0 ? NOBODY : field->set->segments[segment].scan;
+    return segment < 0 ? CAIRN_FORCE_NOBODY : field->set->segments[segment].scan;
 }
 
 static void mark_pair(cairn_force_field *field)
@@ -300,7 +333,7 @@ static void mark_pair(cairn_force_field *field)
     int32_t a = field->pair.line[0].scan, b = field->pair.line[1].scan;
 
     field->pair.is_begun = 0;
-    if (a == NOBODY || b == NOBODY)
+    if (a == CAIRN_FORCE_NOBODY || b == CAIRN_FORCE_NOBODY)
         return;
     if (field->bodies[b].moved)
         field->bodies[a].dirty = 1;
@@ -336,7 +369,7 @@ cairn_status cairn_force_mark(cairn_force_field *field, cairn_budget *budget)
 static void add_force(const cairn_force_field *field, const struct cairn_force_line *of,
                       const struct cairn_force_line *from, const cairn_force_strip *point, cairn_vec2 *force)
 {
-    cairn_real strength = cairn_abs(cairn_vec2_dot(of->direction, from->direction)) * field->kernel.norm;
+    cairn_real strength = likeness(field, of, from) * field->kernel.norm;
     cairn_force_sum sum;
 
     memset(&sum, 0, sizeof sum);

@@ -56,6 +56,7 @@ void cairn_force_kernel_set(cairn_force_kernel *kernel, cairn_real sigma, cairn_
     kernel->root_scale = INVERSE_SQRT_2 / sigma;
     kernel->norm = INVERSE_SQRT_2PI / sigma;
     kernel->limit_squared = reach * sigma * (reach * sigma);
+    kernel->least_length = sigma / 8;
 }
 
 /* exp(-s), 0 <= s < COARSE - 1. */
@@ -88,18 +89,29 @@ static inline cairn_real complementary(const cairn_force_kernel *kernel, cairn_r
     return node[0] - INVERSE_SQRT_PI * d * (node[1] + e + d * FIFTH * (slopes + d * SIXTH * curvatures));
 }
 
-/* What a point feels, for mass 1 of it. */
-struct pull {
-    cairn_real x, y, potential;
-};
+/* The pair as a spring that pulls as hard, but is no stiffer than at least_length. */
+static inline void add_spring(const cairn_force_kernel *kernel, cairn_real x, cairn_real y, cairn_real r,
+                              cairn_real strength, cairn_force_pull *pull)
+{
+    cairn_real stiffness = strength / cairn_max(r, kernel->least_length);
+
+    pull->stiffness += stiffness;
+    pull->spring_x += stiffness * x;
+    pull->spring_y += stiffness * y;
+    pull->spring_xx += stiffness * x * x;
+    pull->spring_xy += stiffness * x * y;
+    pull->spring_yy += stiffness * y * y;
+}
 
 static inline void add_pair(const cairn_force_kernel *kernel, cairn_real x, cairn_real y, cairn_real square,
-                            cairn_real mass, int32_t with_potential, struct pull *pull)
+                            cairn_real mass, int32_t with_potential, int32_t with_springs, cairn_force_pull *pull)
 {
     cairn_real r = cairn_sqrt(square), scaled = square * kernel->scale, e = decay(kernel, scaled), strength;
 
     if (with_potential)
         pull->potential += mass * complementary(kernel, r * kernel->root_scale, scaled, e);
+    if (with_springs)
+        add_spring(kernel, x, y, r, mass * e, pull);
     strength = r < CAIRN_FORCE_KERNEL_NEAR ? 0 : mass * e / r;
     pull->x += strength * x;
     pull->y += strength * y;
@@ -107,7 +119,8 @@ static inline void add_pair(const cairn_force_kernel *kernel, cairn_real x, cair
 
 /* What a point at p feels from the points *next ... of a strip, as far as *left units allow. */
 static inline void add_row(const cairn_force_kernel *kernel, cairn_vec2 p, const cairn_force_strip *strip,
-                           int32_t *next, int32_t *left, int32_t with_potential, struct pull *pull)
+                           int32_t *next, int32_t *left, int32_t with_potential, int32_t with_springs,
+                           cairn_force_pull *pull)
 {
     cairn_real limit = kernel->limit_squared;
     int32_t j = *next;
@@ -120,9 +133,29 @@ static inline void add_row(const cairn_force_kernel *kernel, cairn_vec2 p, const
         if (*left <= 0)
             break;
         (*left)--;
-        add_pair(kernel, x, y, square, strip->mass[j], with_potential, pull);
+        add_pair(kernel, x, y, square, strip->mass[j], with_potential, with_springs, pull);
     }
     *next = j;
+}
+
+/* Adds the springs of a point of a mass at p, seen from the centre. The middle of a spring is p + d / 2. */
+static void add_springs(cairn_force_springs *springs, cairn_vec2 p, cairn_real mass, const cairn_force_pull *pull)
+{
+    cairn_real k = mass * pull->stiffness, x = mass * pull->spring_x, y = mass * pull->spring_y;
+    cairn_real xx = mass * pull->spring_xx, xy = mass * pull->spring_xy, yy = mass * pull->spring_yy;
+
+    springs->stiffness += k;
+    springs->middle.x += k * p.x + x / 2;
+    springs->middle.y += k * p.y + y / 2;
+    springs->middle_xx += k * p.x * p.x + p.x * x + xx / 4;
+    springs->middle_xy += k * p.x * p.y + (p.x * y + p.y * x) / 2 + xy / 4;
+    springs->middle_yy += k * p.y * p.y + p.y * y + yy / 4;
+    springs->pull.x += x;
+    springs->pull.y += y;
+    springs->middle_pull_xx += p.x * x + xx / 2;
+    springs->middle_pull_xy += p.x * y + xy / 2;
+    springs->middle_pull_yx += p.y * x + xy / 2;
+    springs->middle_pull_yy += p.y * y + yy / 2;
 }
 
 static int is_outside(const cairn_box *zone, cairn_vec2 p)
@@ -130,16 +163,17 @@ static int is_outside(const cairn_box *zone, cairn_vec2 p)
     return p.x < zone->min.x || p.x > zone->max.x || p.y < zone->min.y || p.y > zone->max.y;
 }
 
-cairn_status cairn_force_kernel_strips(const cairn_force_kernel *kernel, const cairn_force_strip *a,
-                                       const cairn_force_strip *b, cairn_force_cursor *cursor, int32_t with_potential,
-                                       cairn_force_sum *sum, cairn_budget *budget)
+static inline cairn_status add_strips(const cairn_force_kernel *kernel, const cairn_force_strip *a,
+                                      const cairn_force_strip *b, cairn_force_cursor *cursor, int32_t with_potential,
+                                      int32_t with_springs, cairn_force_sum *sum, cairn_budget *budget)
 {
+    static const cairn_force_pull none = {0, 0, 0, 0, 0, 0, 0, 0, 0};
     int32_t left = budget->left, before;
 
     for (; cursor->row < a->count; cursor->row++) {
         cairn_vec2 p = a->position[cursor->row];
         cairn_real mass = a->mass[cursor->row];
-        struct pull pull = {cursor->x, cursor->y, cursor->potential};
+        cairn_force_pull pull = cursor->pull;
 
         if (!cursor->is_paid) {
             if (left <= 0)
@@ -149,21 +183,30 @@ cairn_status cairn_force_kernel_strips(const cairn_force_kernel *kernel, const c
             cursor->next = is_outside(&b->zone, p) ? b->count : 0;
         }
         before = left;
-        add_row(kernel, p, b, &cursor->next, &left, with_potential, &pull);
+        add_row(kernel, p, b, &cursor->next, &left, with_potential, with_springs, &pull);
         sum->pairs += before - left;
         if (cursor->next < b->count) {
-            cursor->x = pull.x;
-            cursor->y = pull.y;
-            cursor->potential = pull.potential;
+            cursor->pull = pull;
             break;
         }
         sum->force.x += mass * pull.x;
         sum->force.y += mass * pull.y;
         sum->torque += mass * ((p.x - sum->centre.x) * pull.y - (p.y - sum->centre.y) * pull.x);
         sum->potential += mass * pull.potential;
-        cursor->x = cursor->y = cursor->potential = 0;
+        if (with_springs)
+            add_springs(sum->springs, cairn_vec2_sub(p, sum->centre), mass, &pull);
+        cursor->pull = none;
         cursor->is_paid = 0;
     }
     budget->left = left;
     return cursor->row < a->count ? CAIRN_MORE : CAIRN_OK;
+}
+
+cairn_status cairn_force_kernel_strips(const cairn_force_kernel *kernel, const cairn_force_strip *a,
+                                       const cairn_force_strip *b, cairn_force_cursor *cursor, int32_t with_potential,
+                                       cairn_force_sum *sum, cairn_budget *budget)
+{
+    if (sum->springs != NULL)
+        return add_strips(kernel, a, b, cursor, with_potential, 1, sum, budget);
+    return add_strips(kernel, a, b, cursor, with_potential, 0, sum, budget);
 }

@@ -1,0 +1,347 @@
+/* bench/virtual: what virtual scans are worth (chapter 8).
+ *
+ * rooms: four rooms on a hallway, turned at random, five places, poses off by up to 25 units of 0.03 m and 15 degrees. A seed
+ * is right when every scan lies within 4 units and 1 degree after the best common motion. rubble and round: the arenas of
+ * bench/align, and those without a straight wall; shares as there. Each with hypotheses and without, on the same starts. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "bench/bench_align.h"
+#include "bench/bench_bound.h"
+#include "bench/bench_json.h"
+#include "bench/bench_score.h"
+#include "cairn/random.h"
+#include "cairn/virtual_align.h"
+#include "tools/options.h"
+
+#define DEGREE 0.017453292519943295
+#define UNIT   0.03 /* m */
+
+typedef struct settings {
+    int64_t seeds, seed, arenas;
+    int32_t steps; /* --steps: prints every virtual scan */
+} settings;
+
+/* One way to align. */
+typedef struct method {
+    const char *name;
+    int32_t align, hypotheses;
+    double sigma; /* m, of the field at its start */
+} method;
+
+/* What a scene is seen like. */
+typedef struct scene {
+    const char *name;
+    sim_scene scene;
+    int32_t places, headings;
+    double fov, metres, degrees;
+} scene;
+
+typedef struct problem {
+    sim_arena *arena;
+    sim_survey *survey;
+    const sim_scan *scans;
+    sim_pose *truth, *start, *result;
+    int32_t *use;
+    int32_t count, observable;
+} problem;
+
+/* Sums over the seeds of a row. */
+typedef struct row {
+    int32_t seeds, right, scans, observable, aligned, iterations, active, moved;
+    double seconds;
+    int64_t align_units, hypothesis_units, field_units;
+    size_t pool_bytes;
+} row;
+
+static void close_problem(problem *p)
+{
+    free(p->truth);
+    free(p->start);
+    free(p->result);
+    free(p->use);
+    sim_survey_free(p->survey);
+    sim_arena_free(p->arena);
+}
+
+static int open_problem(const scene *from, uint64_t seed, problem *p)
+{
+    sim_arena_options arena_options = sim_arena_default();
+    sim_survey_options survey_options = sim_survey_default();
+    cairn_random random = cairn_random_seed(seed, 80);
+    char fault[256];
+
+    memset(p, 0, sizeof *p);
+    arena_options.seed = survey_options.seed = seed;
+    arena_options.scene = from->scene;
+    survey_options.places = from->places;
+    survey_options.headings = from->headings;
+    survey_options.fov = from->fov * DEGREE;
+    p->arena = sim_arena_create(&arena_options, fault, sizeof fault);
+    if (p->arena != NULL)
+        p->survey = sim_survey_create(p->arena, &survey_options, fault, sizeof fault);
+    if (p->survey == NULL) {
+        fprintf(stderr, "bench/virtual: %s\n", fault);
+        return 0;
+    }
+    p->scans = sim_survey_scans(p->survey, &p->count);
+    p->truth = malloc((size_t)p->count * sizeof *p->truth);
+    p->start = malloc((size_t)p->count * sizeof *p->start);
+    p->result = malloc((size_t)p->count * sizeof *p->result);
+    p->use = malloc((size_t)p->count * sizeof *p->use);
+    if (p->truth == NULL || p->start == NULL || p->result == NULL || p->use == NULL)
+        return 0;
+    for (int32_t i = 0; i < p->count; i++) {
+        p->truth[i] = p->start[i] = p->scans[i].truth;
+        p->start[i].x += (double)cairn_random_uniform(&random, -1, 1) * from->metres;
+        p->start[i].y += (double)cairn_random_uniform(&random, -1, 1) * from->metres;
+        p->start[i].theta += (double)cairn_random_uniform(&random, -1, 1) * from->degrees * DEGREE;
+    }
+    return 1;
+}
+
+/* Which scans the bound calls observable. */
+static int find_observable(const scene *from, problem *p)
+{
+    bench_bound *bounds = malloc((size_t)p->count * sizeof *bounds);
+    int done = bounds != NULL &&
+               bench_bound_compute(p->arena, p->scans, p->count, from->metres, from->degrees * DEGREE, bounds) >= 0;
+
+    for (int32_t i = 0; i < p->count && done; i++) {
+        p->use[i] = bounds[i].observable;
+        p->observable += p->use[i];
+    }
+    free(bounds);
+    return done;
+}
+
+static cairn_status count_room(cairn_scan *scan, const problem *p, cairn_virtual_align_params *params)
+{
+    cairn_status status = CAIRN_OK;
+
+    params->aligner.max_scans = p->count;
+    params->aligner.max_segments = params->aligner.max_points = 1;
+    params->aligner.max_hypotheses = 24 * p->count;
+    params->aligner.max_fill = 32 * p->count;
+    for (int32_t i = 0; i < p->count && status == CAIRN_OK; i++) {
+        cairn_scan_view view;
+
+        status = bench_fit_scan(scan, &p->scans[i], &view);
+        params->aligner.max_segments += view.segment_count;
+        params->aligner.max_points += view.point_count;
+    }
+    return status;
+}
+
+static cairn_virtual_align_params params_of(const method *m)
+{
+    cairn_virtual_align_params params = cairn_virtual_align_default();
+
+    params.align = m->align;
+    params.field.sigma_step *=
+        ((cairn_real)m->sigma - params.field.sigma_end) / (params.field.sigma_start - params.field.sigma_end);
+    params.field.sigma_start = (cairn_real)m->sigma;
+    if (!m->hypotheses)
+        params.hypotheses.lines = params.hypotheses.rectangles = 0;
+    return params;
+}
+
+static void print_hypotheses(const cairn_virtual_align *align)
+{
+    static const char *const kinds[] = {"line", "rectangle"};
+    cairn_virtual_align_result result = cairn_virtual_align_read(align);
+    int32_t count;
+    const cairn_hypothesis *h = cairn_virtual_scan_hypotheses(cairn_virtual_align_hypotheses(align), &count);
+
+    for (int32_t i = 0; i < count; i++) {
+        bench_json_begin("virtual");
+        bench_json_integer("step", result.iterations);
+        bench_json_text("kind", kinds[h[i].kind]);
+        bench_json_number("strength", (double)h[i].strength);
+        bench_json_number("weight", (double)h[i].weight);
+        bench_json_integer("points", h[i].end_point - h[i].first_point);
+        bench_json_end();
+    }
+}
+
+static cairn_status align(const settings *s, const problem *p, cairn_scan *scan, cairn_virtual_align *align, row *out)
+{
+    double start = bench_seconds();
+    cairn_virtual_align_result result;
+    cairn_status status = CAIRN_OK;
+
+    for (int32_t i = 0; i < p->count && status == CAIRN_OK; i++) {
+        cairn_pose pose = {(cairn_real)p->start[i].x, (cairn_real)p->start[i].y, (cairn_real)p->start[i].theta};
+        cairn_scan_view view;
+
+        status = bench_fit_scan(scan, &p->scans[i], &view);
+        if (status == CAIRN_OK)
+            status = cairn_virtual_align_add_scan(align, &view, pose, NULL);
+    }
+    if (status == CAIRN_OK)
+        status = cairn_virtual_align_begin(align);
+    while (status >= 0 && cairn_virtual_align_running(align)) {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        status = cairn_virtual_align_iterate(align, &budget);
+        if (s->steps)
+            print_hypotheses(align);
+    }
+    result = cairn_virtual_align_read(align);
+    out->seconds += bench_seconds() - start;
+    out->iterations += result.iterations;
+    out->active += result.active;
+    out->moved += result.moved;
+    out->align_units += result.align_units;
+    out->hypothesis_units += result.hypothesis_units;
+    out->field_units += result.field_units;
+    for (int32_t i = 0; i < p->count && status >= 0; i++) {
+        cairn_pose pose = cairn_virtual_align_pose_of(align, i).aligned.map_scan;
+
+        p->result[i].x = (double)pose.x;
+        p->result[i].y = (double)pose.y;
+        p->result[i].theta = (double)pose.theta;
+    }
+    return status < 0 ? status : CAIRN_OK;
+}
+
+static int run(const settings *s, const problem *p, const method *m, row *out)
+{
+    cairn_scan_params scan_params = cairn_scan_default();
+    cairn_virtual_align_params params = params_of(m);
+    cairn_virtual_align *aligned = NULL;
+    cairn_scan *scan = NULL;
+    cairn_pool pool, scan_pool;
+    cairn_status status;
+    size_t bytes = 0;
+    void *memory = NULL, *scan_memory;
+
+    scan_params.max_beams = p->scans[0].count;
+    scan_memory = malloc(cairn_scan_memory(&scan_params) + CAIRN_ALIGN);
+    status = scan_memory == NULL
+                 ? CAIRN_NO_MEMORY
+                 : cairn_pool_init(&scan_pool, scan_memory, cairn_scan_memory(&scan_params) + CAIRN_ALIGN);
+    if (status == CAIRN_OK)
+        status = cairn_scan_create(&scan, &scan_pool, &scan_params);
+    if (status == CAIRN_OK)
+        status = count_room(scan, p, &params);
+    if (status == CAIRN_OK) {
+        bytes = cairn_virtual_align_memory(&params) + CAIRN_ALIGN;
+        memory = malloc(bytes);
+        status = memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);
+    }
+    if (status == CAIRN_OK)
+        status = cairn_virtual_align_create(&aligned, &pool, &params);
+    if (status == CAIRN_OK)
+        status = align(s, p, scan, aligned, out);
+    if (bytes > out->pool_bytes)
+        out->pool_bytes = bytes;
+    if (status != CAIRN_OK)
+        fprintf(stderr, "bench/virtual: %s\n", cairn_status_text(status));
+    free(memory);
+    free(scan_memory);
+    return status == CAIRN_OK;
+}
+
+/* Scans of the result that lie right. */
+static int32_t score(const problem *p, double metres)
+{
+    return bench_fit_common(p->truth, p->result, p->use, p->count, metres, DEGREE, p->result);
+}
+
+static void print_row(const scene *from, const method *m, const row *r)
+{
+    bench_json_begin("virtual");
+    bench_json_text("scene", from->name);
+    bench_json_text("method", m->name);
+    bench_json_number("sigma_units", m->sigma / UNIT);
+    bench_json_integer("seeds", r->seeds);
+    bench_json_number("right", (double)r->right / r->seeds);
+    bench_json_number("share", (double)r->aligned / r->observable);
+    bench_json_number("moved", (double)r->moved / r->scans);
+    bench_json_number("active", r->iterations > 0 ? (double)r->active / r->iterations : (double)NAN);
+    bench_json_number("seconds_mean", r->seconds / r->seeds);
+    bench_json_number("hypothesis_units_over_align", (double)r->hypothesis_units / (double)r->align_units);
+    bench_json_integer("pool_bytes", (int64_t)r->pool_bytes);
+    bench_json_end();
+}
+
+/* Each method on the same starts; rows: [count]. */
+static int run_scene(const settings *s, const scene *from, int64_t seeds, const method *methods, int32_t count,
+                     double metres, row *rows)
+{
+    memset(rows, 0, (size_t)count * sizeof *rows);
+    for (int64_t i = 0; i < seeds; i++) {
+        problem p;
+        int done = open_problem(from, (uint64_t)(s->seed + i), &p) && find_observable(from, &p);
+
+        for (int32_t k = 0; k < count && done; k++) {
+            int32_t right;
+
+            done = run(s, &p, &methods[k], &rows[k]);
+            right = done ? score(&p, metres) : 0;
+            rows[k].seeds++;
+            rows[k].right += right == p.observable;
+            rows[k].scans += p.count;
+            rows[k].observable += p.observable;
+            rows[k].aligned += right;
+        }
+        close_problem(&p);
+        if (!done)
+            return 0;
+    }
+    for (int32_t k = 0; k < count; k++)
+        print_row(from, &methods[k], &rows[k]);
+    return 1;
+}
+
+int main(int argc, char **argv)
+{
+    static const scene rooms = {"rooms", SIM_ROOMS, 5, 1, 360, 25 * UNIT, 15};
+    static const scene rubble = {"rubble", SIM_RESCUE, 15, 4, 100, 0.3, 20};
+    static const scene curved = {"round", SIM_ROUND, 15, 4, 100, 0.3, 20};
+    static const method rooms_methods[] = {
+        {"default with hypotheses", 1, 1, 30 * UNIT},  {"default without", 1, 0, 30 * UNIT},
+        {"gradient with hypotheses", 0, 1, 30 * UNIT}, {"gradient without", 0, 0, 30 * UNIT},
+        {"gradient without", 0, 0, 80 * UNIT},
+    };
+    settings s = {100, 1, 20, 0};
+    const option table[] = {
+        OPTION_INTEGER("--seeds", &s.seeds, 1, 1000, "N", "rooms to align"),
+        OPTION_INTEGER("--arenas", &s.arenas, 0, 1000, "N", "arenas with rubble, and with round walls, to align"),
+        OPTION_INTEGER("--seed", &s.seed, 0, 1000000000, "N", "first seed"),
+        OPTION_FLAG("--steps", &s.steps, "print the hypotheses of every step"),
+    };
+    const option_set set = {"bench/virtual", "[options]", "Measures what virtual scans are worth.", table,
+                            sizeof table / sizeof *table};
+    row in_rooms[5], in_rubble[2] = {{0}}, in_round[2] = {{0}};
+    size_t none = 0;
+    option_result result = options_read(&set, argc, argv, NULL, &none);
+
+    if (result != OPTIONS_READ)
+        return (int)result;
+    if (!run_scene(&s, &rooms, s.seeds, rooms_methods, 5, 4 * UNIT, in_rooms))
+        return 1;
+    if (s.arenas > 0 && (!run_scene(&s, &rubble, s.arenas, rooms_methods, 2, 0.05, in_rubble) ||
+                         !run_scene(&s, &curved, s.arenas, rooms_methods, 2, 0.05, in_round)))
+        return 1;
+    bench_json_begin("virtual");
+    bench_json_true("summary");
+    bench_json_number("with_ok", (double)in_rooms[0].right / in_rooms[0].seeds);
+    bench_json_number("default_without_ok", (double)in_rooms[1].right / in_rooms[1].seeds);
+    bench_json_number("gradient_with_ok", (double)in_rooms[2].right / in_rooms[2].seeds);
+    bench_json_number("without30_ok", (double)in_rooms[3].right / in_rooms[3].seeds);
+    bench_json_number("without80_ok", (double)in_rooms[4].right / in_rooms[4].seeds);
+    bench_json_number("rubble_share_with", (double)in_rubble[0].aligned / in_rubble[0].observable);
+    bench_json_number("rubble_share_without", (double)in_rubble[1].aligned / in_rubble[1].observable);
+    bench_json_number("round_share_with", (double)in_round[0].aligned / in_round[0].observable);
+    bench_json_number("round_share_without", (double)in_round[1].aligned / in_round[1].observable);
+    bench_json_number("active", (double)(in_rooms[0].active + in_rubble[0].active) /
+                                    (in_rooms[0].iterations + in_rubble[0].iterations));
+    bench_json_number("cost_ratio", (in_rubble[0].seconds - in_rubble[1].seconds) / in_rubble[1].seconds);
+    bench_json_end();
+    return 0;
+}

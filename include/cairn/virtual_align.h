@@ -1,0 +1,95 @@
+/* virtual_align: the aligner, and virtual scans for what it finds no place for.
+ *
+ *     add_scan ... -> begin -> step until CAIRN_OK -> read, pose_of
+ *
+ * Scans that share no surface with the others cannot be aligned by what they show alone; that walls go on straight and
+ * rooms are rectangles tells where they belong. First the aligner brings together what it can. Scans that stay outside its
+ * largest part then move in a force field of all scans and of a virtual scan, made anew every few iterations, while that
+ * part stays where it is (Adluru 2008, chapter 8, algorithm 2). Hypotheses never move what the scans themselves have settled,
+ * so they cannot harm it. When the aligner finds no two scans that belong together, all move. */
+#ifndef CAIRN_VIRTUAL_ALIGN_H
+#define CAIRN_VIRTUAL_ALIGN_H
+
+#include "cairn/aligner.h"
+#include "cairn/force_field.h"
+#include "cairn/virtual_scan.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* In brackets the defaults. */
+typedef struct cairn_virtual_align_params {
+    cairn_aligner_params aligner; /* its max_scans, max_segments and max_points hold for all parts */
+    cairn_force_field_params
+        field; /* its capacities are not read; sigma from 0.9 m to 0.04 m, dt from 0.2 to 0.04, 60 steps */
+    cairn_virtual_scan_params hypotheses; /* its max_scans, max_points and max_segments are not read */
+    int32_t every;                        /* >= 1: iterations of the field from one virtual scan to the next (3) */
+    int32_t max_rounds; /* >= 1: of the field, each followed by the aligner, as long as scans are without a place (2) */
+    int32_t align;      /* 0: without the aligner: all scans move from their initial poses (1) */
+} cairn_virtual_align_params;
+
+/* A scan in the result. */
+typedef struct cairn_virtual_align_pose {
+    cairn_aligner_pose aligned; /* by the aligner; map_scan as it stands now */
+    int32_t moved;              /* 1: by the force field, with the virtual scan */
+} cairn_virtual_align_pose;
+
+typedef struct cairn_virtual_align_result {
+    cairn_aligner_result aligner;
+    int32_t rounds;                                     /* of the field */
+    int32_t moved;                                      /* scans that the field moved in the last of them */
+    int32_t iterations;                                 /* of the field */
+    int32_t active;                                     /* of these, with hypotheses of some weight */
+    int32_t hypotheses;                                 /* in the last virtual scan */
+    int64_t align_units, hypothesis_units, field_units; /* of budget */
+} cairn_virtual_align_result;
+
+typedef struct cairn_virtual_align cairn_virtual_align;
+
+/* The defaults above. */
+cairn_virtual_align_params cairn_virtual_align_default(void);
+
+/* 0 for params that create() would refuse. */
+size_t cairn_virtual_align_memory(const cairn_virtual_align_params *params);
+
+/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status cairn_virtual_align_create(cairn_virtual_align **align, cairn_pool *pool,
+                                                      const cairn_virtual_align_params *params);
+
+/* As cairn_aligner_add_scan, with its statuses. */
+CAIRN_CHECKED cairn_status cairn_virtual_align_add_scan(cairn_virtual_align *align, const cairn_scan_view *view,
+                                                        cairn_pose map_scan, cairn_fault *fault);
+
+/* Forgets all scans. Constant time. */
+void cairn_virtual_align_clear(cairn_virtual_align *align);
+
+/* Starts from the initial poses. CAIRN_BAD_ARGUMENT: NULL. CAIRN_EMPTY: no scans. Linear in the scans. */
+CAIRN_CHECKED cairn_status cairn_virtual_align_begin(cairn_virtual_align *align);
+
+/* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: nothing left to do. */
+CAIRN_CHECKED cairn_status cairn_virtual_align_step(cairn_virtual_align *align, cairn_budget *budget);
+
+/* As step(), but also returns CAIRN_OK when the aligner has ended and after every iteration of the field, for watching. */
+CAIRN_CHECKED cairn_status cairn_virtual_align_iterate(cairn_virtual_align *align, cairn_budget *budget);
+
+/* Whether step() has anything left to do. */
+int32_t cairn_virtual_align_running(const cairn_virtual_align *align);
+
+/* ---- The result ---- */
+
+cairn_virtual_align_result cairn_virtual_align_read(const cairn_virtual_align *align);
+
+/* All zero for a scan that is not there. While the field runs: as it stands at its last commit point. */
+cairn_virtual_align_pose cairn_virtual_align_pose_of(const cairn_virtual_align *align, int32_t scan);
+
+/* What is at work, for pictures and measurements. */
+const cairn_aligner *cairn_virtual_align_aligner(const cairn_virtual_align *align);
+const cairn_force_field *cairn_virtual_align_field(const cairn_virtual_align *align);
+const cairn_virtual_scan *cairn_virtual_align_hypotheses(const cairn_virtual_align *align);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,113 @@
+/* Parameters of force field simulation: presets, and which values are refused.
+ *
+ * Source: Adluru 2008, section 7.4.2. */
+#include "src/core/build.h"
+
+#include "src/mapping/force_field_iteration.h"
+
+enum { MAX_CORNERS = 1 << 24, MAX_EXTRA = 1 << 24, MAX_BONDS = 1 << 24 };
+
+/* Parameters beyond this are refused. */
+#define MAX_VALUE CAIRN_REAL(1e6)
+
+cairn_force_field_params cairn_force_field_default(void)
+{
+    cairn_force_field_params params = {
+        .mode = CAIRN_FORCE_FIELD_GRADIENT,
+        .max_scans = 64,
+        .max_segments = 1024,
+        .max_points = 8192,
+        .max_corners = 1024,
+        .sigma_start = CAIRN_REAL(0.15),
+        .sigma_end = CAIRN_REAL(0.04),
+        .sigma_step = CAIRN_REAL(0.0025),
+        .sigma_factor = 1,
+        .sides_below = 0,
+        .dt_start = CAIRN_REAL(0.05),
+        .dt_end = CAIRN_REAL(0.01),
+        .dt_factor = CAIRN_REAL(0.96),
+        .reach = 4,
+        .sensor_below = CAIRN_REAL(0.5),
+        .roi = 1,
+        .roi_radius = CAIRN_REAL(0.05),
+        .roi_mass = 4,
+        .corner_distance = CAIRN_REAL(0.30),
+        .corner_min_opening = 80 * (CAIRN_PI / 180),
+        .corner_max_opening = 100 * (CAIRN_PI / 180),
+        .potential = 1,
+        .max_steps = 50,
+        .stop_relocation = CAIRN_REAL(0.0001),
+        .spacing = 0,
+        .max_extra = 0,
+        .max_bonds = 0,
+        .slide = CAIRN_REAL(0.1),
+        .grip = CAIRN_REAL(0.35),
+        .max_relocation = CAIRN_REAL(0.3),
+    };
+    return params;
+}
+
+cairn_force_field_params cairn_force_field_spaced(cairn_real spacing)
+{
+    cairn_force_field_params params = cairn_force_field_default();
+    cairn_real factor = cairn_sqrt(spacing / CAIRN_REAL(0.02));
+
+    params.dt_start *= factor;
+    params.dt_end *= factor;
+    return params;
+}
+
+cairn_force_field_params cairn_force_field_springs(cairn_real sigma_start, int32_t steps)
+{
+    cairn_force_field_params params = cairn_force_field_default();
+
+    params.mode = CAIRN_FORCE_FIELD_SPRINGS;
+    params.max_bonds = params.max_scans * (params.max_scans - 1) / 2;
+    params.sigma_start = sigma_start;
+    params.sigma_end = cairn_min(sigma_start, CAIRN_REAL(0.03));
+    params.sigma_step = 0;
+    if (steps > 1)
+        params.sigma_factor = cairn_exp(cairn_log(params.sigma_end / sigma_start) / (cairn_real)(steps - 1));
+    params.sides_below = CAIRN_REAL(0.15);
+    /* 1/2 dt^2 is 5, and 0.7 times that in every iteration until it is 1. */
+    params.dt_start = cairn_sqrt(10);
+    params.dt_end = cairn_sqrt(2);
+    params.dt_factor = cairn_sqrt(CAIRN_REAL(0.7));
+    params.reach = CAIRN_REAL(2.5);
+    params.roi = 0;
+    params.max_steps = steps;
+    return params;
+}
+
+static int is_positive(cairn_real x)
+{
+    return x > 0 && x <= MAX_VALUE;
+}
+
+static int is_not_negative(cairn_real x)
+{
+    return x >= 0 && x <= MAX_VALUE;
+}
+
+static int is_share(cairn_real x)
+{
+    return x >= 0 && x <= 1;
+}
+
+static int springs_are_valid(const cairn_force_field_params *p)
+{
+    return p->mode == CAIRN_FORCE_FIELD_SPRINGS && p->max_bonds >= 0 && p->max_bonds <= MAX_BONDS &&
+           is_share(p->slide) && is_not_negative(p->grip) && is_positive(p->max_relocation);
+}
+
+int32_t cairn_force_params_are_valid(const cairn_force_field_params *p)
+{
+    return p != NULL && (p->mode == CAIRN_FORCE_FIELD_GRADIENT || springs_are_valid(p)) &&
+           is_positive(p->sigma_start) && is_positive(p->sigma_end) && p->sigma_end <= p->sigma_start &&
+           is_not_negative(p->sigma_step) && is_share(p->sigma_factor) && is_not_negative(p->sides_below) &&
+           is_positive(p->dt_start) && is_positive(p->dt_end) && p->dt_end <= p->dt_start && is_share(p->dt_factor) &&
+           p->reach > 0 && p->reach <= CAIRN_FORCE_KERNEL_REACH && is_not_negative(p->sensor_below) &&
+           (!p->roi || (p->max_corners <= MAX_CORNERS && is_positive(p->roi_radius) && is_positive(p->roi_mass))) &&
+           p->max_steps >= 1 && is_not_negative(p->stop_relocation) && is_not_negative(p->spacing) &&
+           p->max_extra >= 0 && p->max_extra <= MAX_EXTRA;
+}

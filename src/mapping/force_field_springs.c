@@ -1,0 +1,348 @@
+/* The springs of a force field: all scans moved together.
+ *
+ * Method: a pair of points pulls like a spring of stiffness force / distance; near an optimum that is the second derivative
+ * of its potential across the lines, up to a factor. Along the lines of its points a spring has only a share of its
+ * stiffness, as points stand there wherever the sampling put them. The springs between two scans add up to a bond: a
+ * stiffness against motions of the one scan against the other, and a pull. A motion is (x, y, turn) about the centre of its
+ * scan, the turn to first order. What brings all bonds to rest is a sparse symmetric system of the motions of all scans,
+ * solved by conjugate gradients with the inverses of the 3 x 3 blocks of the diagonal before them. One scan on its own
+ * would follow its neighbours, which follow theirs: errors that many scans share, like a bend, would take very many
+ * iterations.
+ *
+ * What holds a scan where it is: a thousandth of its own stiffness against shifts and turns, so that the system is positive
+ * definite; and, while sigma is large, a multiple of it against shifts of the sensor.
+ *
+ * Layout: bonds in the order in which the sweep meets them; those of a scan with earlier ones in a list of its own.
+ *
+ * Limits: 48 rounds of the solver, less when the residual has fallen to 1e-4 in the solver's metric; what is left is done in
+ * the next iteration.
+ *
+ * Source: in place of Adluru 2008, eqs. 7.6 and 7.7, with the freedom that section 7.3.4 takes: masses in the motion need
+ * not be those in the forces. Hestenes and Stiefel 1952 for the solver. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/force_field_iteration.h"
+
+enum { ROUNDS = 48, CHAIN = 8 };
+
+/* Fall of the squared residual at which the solver stops, and the share of its stiffness that holds a scan. */
+#define ENOUGH CAIRN_REAL(1e-8)
+#define HOLD   CAIRN_REAL(0.001)
+
+enum { STAGE_GATHER, STAGE_PREPARE, STAGE_PULL, STAGE_MEASURE, STAGE_ADVANCE, STAGE_TURN, STAGE_DONE };
+
+int32_t cairn_force_has_springs(const cairn_force_field *field)
+{
+    return field->bonds != NULL;
+}
+
+/* ---- Bonds ---- */
+
+void cairn_force_unbind(cairn_force_field *field, int32_t scan)
+{
+    struct cairn_force_balance *balance = &field->balances[scan];
+
+    memset(balance, 0, sizeof *balance);
+    balance->bond = -1;
+}
+
+int32_t cairn_force_bind_cost(const cairn_force_field *field)
+{
+    return 3 + field->balances[field->pair.line[1].scan].bonds / CHAIN;
+}
+
+/* The bond of the two scans at hand; NULL when there is no room for it. */
+static struct cairn_force_bond *find_bond(cairn_force_field *field, int32_t first, int32_t second)
+{
+    struct cairn_force_balance *balance = &field->balances[second];
+    struct cairn_force_bond *bond;
+
+    for (int32_t i = balance->bond; i >= 0; i = field->bonds[i].next)
+        if (field->bonds[i].first == first)
+            return &field->bonds[i];
+    if (field->bond_count == field->params.max_bonds)
+        return NULL;
+    bond = &field->bonds[field->bond_count];
+    memset(bond, 0, sizeof *bond);
+    bond->first = first;
+    bond->second = second;
+    bond->next = balance->bond;
+    balance->bond = field->bond_count++;
+    balance->bonds++;
+    return bond;
+}
+
+/* Sum of the stiffness of a spring whose points have these directions, for 1 across: 1 across a line and `slide` along it. */
+static cairn_sym2 shape_of(cairn_vec2 a, cairn_vec2 b, cairn_real slide)
+{
+    cairn_sym2 shape;
+
+    shape.xx = 2 * slide + (1 - slide) * (a.y * a.y + b.y * b.y);
+    shape.xy = -(1 - slide) * (a.x * a.y + b.x * b.y);
+    shape.yy = 2 * slide + (1 - slide) * (a.x * a.x + b.x * b.x);
+    return shape;
+}
+
+static cairn_vec2 times(cairn_sym2 m, cairn_vec2 v)
+{
+    cairn_vec2 product = {m.xx * v.x + m.xy * v.y, m.xy * v.x + m.yy * v.y};
+
+    return product;
+}
+
+void cairn_force_bind(cairn_force_field *field)
+{
+    const struct cairn_force_pair *pair = &field->pair;
+    const cairn_force_springs *s = &pair->springs;
+    cairn_sym2 shape = shape_of(pair->line[0].direction, pair->line[1].direction, field->params.slide);
+    struct cairn_force_bond *bond = find_bond(field, pair->line[0].scan, pair->line[1].scan);
+    cairn_real weight = pair->cosine;
+    cairn_vec2 arm, pull;
+
+    if (bond == NULL) {
+        field->bonds_dropped++;
+        return;
+    }
+    /* A turn moves the middle c of a spring by (-c.y, c.x). */
+    arm = times(shape, cairn_vec2_left(s->middle));
+    pull = times(shape, s->pull);
+    bond->stiffness.xx += weight * shape.xx * s->stiffness;
+    bond->stiffness.xy += weight * shape.xy * s->stiffness;
+    bond->stiffness.yy += weight * shape.yy * s->stiffness;
+    bond->stiffness.xz += weight * arm.x;
+    bond->stiffness.yz += weight * arm.y;
+    bond->stiffness.zz += weight * (shape.xx * s->middle_yy - 2 * shape.xy * s->middle_xy + shape.yy * s->middle_xx);
+    bond->pull[0] += weight * pull.x;
+    bond->pull[1] += weight * pull.y;
+    bond->pull[2] += weight * (shape.xy * s->middle_pull_xx + shape.yy * s->middle_pull_xy -
+                               shape.xx * s->middle_pull_yx - shape.xy * s->middle_pull_yy);
+}
+
+/* ---- The system ---- */
+
+/* The motion that a turn of a scan about its own centre is about the centre of a bond: turn * arm, and the turn. */
+static cairn_vec2 arm_of(const cairn_force_field *field, const struct cairn_force_bond *bond)
+{
+    cairn_vec2 centre = field->bodies[bond->second].centre;
+
+    return cairn_vec2_left(cairn_vec2_sub(centre, field->bodies[bond->first].centre));
+}
+
+static void multiply(const cairn_sym3 *m, const cairn_real v[3], cairn_real product[3])
+{
+    cairn_real x = v[0], y = v[1], z = v[2];
+
+    product[0] = m->xx * x + m->xy * y + m->xz * z;
+    product[1] = m->xy * x + m->yy * y + m->yz * z;
+    product[2] = m->xz * x + m->yz * y + m->zz * z;
+}
+
+static cairn_real dot(const cairn_real a[3], const cairn_real b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static void add_diagonal(cairn_sym3 *sum, const cairn_sym3 *m)
+{
+    sum->xx += m->xx;
+    sum->xy += m->xy;
+    sum->xz += m->xz;
+    sum->yy += m->yy;
+    sum->yz += m->yz;
+    sum->zz += m->zz;
+}
+
+/* The stiffness of a bond about another centre. */
+static cairn_sym3 seen_from(cairn_sym3 m, cairn_vec2 arm)
+{
+    cairn_sym3 seen = m;
+
+    seen.xz = m.xz + m.xx * arm.x + m.xy * arm.y;
+    seen.yz = m.yz + m.xy * arm.x + m.yy * arm.y;
+    seen.zz = m.zz + (m.xz + seen.xz) * arm.x + (m.yz + seen.yz) * arm.y;
+    return seen;
+}
+
+/* Gives a force and torque about the centre of a bond to its two scans. */
+static void spread(const cairn_force_field *field, const struct cairn_force_bond *bond, const cairn_real force[3],
+                   cairn_real first[3], cairn_real second[3])
+{
+    if (first != NULL) {
+        cairn_vec2 arm = arm_of(field, bond);
+
+        first[0] += force[0];
+        first[1] += force[1];
+        first[2] += force[2] + arm.x * force[0] + arm.y * force[1];
+    }
+    for (int32_t i = 0; i < 3; i++)
+        second[i] -= force[i];
+}
+
+static struct cairn_force_balance *first_of(const cairn_force_field *field, const struct cairn_force_bond *bond)
+{
+    return bond->first == CAIRN_FORCE_NOBODY ? NULL : &field->balances[bond->first];
+}
+
+static void gather(cairn_force_field *field, const struct cairn_force_bond *bond)
+{
+    struct cairn_force_balance *first = first_of(field, bond), *second = &field->balances[bond->second];
+
+    add_diagonal(&second->diagonal, &bond->stiffness);
+    if (first != NULL) {
+        cairn_sym3 seen = seen_from(bond->stiffness, arm_of(field, bond));
+
+        add_diagonal(&first->diagonal, &seen);
+    }
+    spread(field, bond, bond->pull, first == NULL ? NULL : first->residual, second->residual);
+}
+
+/* image += what the bond answers to the direction. */
+static void answer(cairn_force_field *field, const struct cairn_force_bond *bond)
+{
+    struct cairn_force_balance *first = first_of(field, bond), *second = &field->balances[bond->second];
+    cairn_real against[3], force[3];
+
+    for (int32_t i = 0; i < 3; i++)
+        against[i] = -second->direction[i];
+    if (first != NULL) {
+        cairn_vec2 arm = arm_of(field, bond);
+
+        against[0] += first->direction[0] + arm.x * first->direction[2];
+        against[1] += first->direction[1] + arm.y * first->direction[2];
+        against[2] += first->direction[2];
+    }
+    multiply(&bond->stiffness, against, force);
+    spread(field, bond, force, first == NULL ? NULL : first->image, second->image);
+}
+
+/* ---- Conjugate gradients ---- */
+
+static void set_image(struct cairn_force_balance *balance)
+{
+    for (int32_t i = 0; i < 3; i++)
+        balance->image[i] = balance->hold[i] * balance->direction[i];
+}
+
+/* A scan that is fixed, or that nothing holds or pulls, stays where it is. */
+static void prepare(cairn_force_field *field, int32_t index)
+{
+    const struct cairn_force_body *body = &field->bodies[index];
+    struct cairn_force_balance *balance = &field->balances[index];
+    cairn_real shift = balance->diagonal.xx + balance->diagonal.yy, grip = 0;
+    cairn_sym3 inverse = cairn_sym3_zero();
+
+    if (field->params.grip > 0)
+        grip = field->sigma / field->params.grip;
+    balance->hold[0] = balance->hold[1] = (HOLD + grip * grip * grip) * shift;
+    balance->hold[2] = HOLD * shift * field->set->scans[index].sensor_spread;
+    balance->diagonal.xx += balance->hold[0];
+    balance->diagonal.yy += balance->hold[1];
+    balance->diagonal.zz += balance->hold[2];
+    if (!body->is_fixed)
+        (void)cairn_sym3_inverse(balance->diagonal, &inverse);
+    balance->diagonal = inverse;
+    multiply(&balance->diagonal, balance->residual, balance->direction);
+    field->solver.length += dot(balance->residual, balance->direction);
+    set_image(balance);
+}
+
+static void advance(cairn_force_field *field, struct cairn_force_balance *balance)
+{
+    struct cairn_force_solver *solver = &field->solver;
+    cairn_real way = solver->length / solver->curvature;
+
+    for (int32_t i = 0; i < 3; i++) {
+        balance->motion[i] += way * balance->direction[i];
+        balance->residual[i] -= way * balance->image[i];
+    }
+    multiply(&balance->diagonal, balance->residual, balance->image);
+    solver->next_length += dot(balance->residual, balance->image);
+}
+
+static void turn(cairn_force_field *field, struct cairn_force_balance *balance)
+{
+    cairn_real share = field->solver.next_length / field->solver.length;
+
+    for (int32_t i = 0; i < 3; i++)
+        balance->direction[i] = balance->image[i] + share * balance->direction[i];
+    set_image(balance);
+}
+
+static void measure(cairn_force_field *field, const struct cairn_force_balance *balance)
+{
+    field->solver.curvature += dot(balance->direction, balance->image);
+}
+
+/* What the stage at hand does to a bond or a scan. */
+static void treat(cairn_force_field *field, int32_t index)
+{
+    switch (field->solver.stage) {
+    case STAGE_GATHER:
+        gather(field, &field->bonds[index]);
+        break;
+    case STAGE_PREPARE:
+        prepare(field, index);
+        break;
+    case STAGE_PULL:
+        answer(field, &field->bonds[index]);
+        break;
+    case STAGE_MEASURE:
+        measure(field, &field->balances[index]);
+        break;
+    case STAGE_ADVANCE:
+        advance(field, &field->balances[index]);
+        break;
+    default:
+        turn(field, &field->balances[index]);
+        break;
+    }
+}
+
+/* The stage after the one that has ended. */
+static int32_t next_stage(struct cairn_force_solver *solver)
+{
+    switch (solver->stage) {
+    case STAGE_PREPARE:
+        solver->least_length = ENOUGH * solver->length;
+        return solver->length > 0 ? STAGE_PULL : STAGE_DONE;
+    case STAGE_PULL:
+        solver->curvature = 0;
+        return STAGE_MEASURE;
+    case STAGE_MEASURE:
+        solver->next_length = 0;
+        return solver->curvature > 0 ? STAGE_ADVANCE : STAGE_DONE;
+    case STAGE_ADVANCE:
+        return ++solver->round < ROUNDS && solver->next_length > solver->least_length ? STAGE_TURN : STAGE_DONE;
+    case STAGE_TURN:
+        solver->length = solver->next_length;
+        return STAGE_PULL;
+    default:
+        return solver->stage + 1;
+    }
+}
+
+void cairn_force_balance_begin(cairn_force_field *field)
+{
+    memset(&field->solver, 0, sizeof field->solver);
+}
+
+cairn_status cairn_force_balance_step(cairn_force_field *field, cairn_budget *budget)
+{
+    struct cairn_force_solver *solver = &field->solver;
+
+    while (solver->stage != STAGE_DONE) {
+        int32_t is_of_bonds = solver->stage == STAGE_GATHER || solver->stage == STAGE_PULL;
+        int32_t count = is_of_bonds ? field->bond_count : field->slots;
+
+        for (; solver->next < count; solver->next++) {
+            if (!cairn_budget_pay(budget, &field->paid, solver->stage <= STAGE_PREPARE ? 3 : 1))
+                return CAIRN_MORE;
+            treat(field, solver->next);
+        }
+        solver->next = 0;
+        solver->stage = next_stage(solver);
+    }
+    return CAIRN_OK;
+}

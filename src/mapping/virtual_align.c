@@ -1,0 +1,417 @@
+/* The aligner, then a force field of what it left over, with a virtual scan.
+ *
+ * Method: when the aligner has ended, the poses of all scans go to the field, those of its largest part fixed; then every few
+ * iterations the hypotheses are made anew from the field's poses and go to it as points from outside.
+ *
+ * Layout: the aligner, the field and the hypotheses in one pool; a scan has the same index in the aligner and in the field.
+ *
+ * Limits: what the field has moved has no covariance but that of its initial pose.
+ *
+ * Source: Adluru 2008, chapter 8. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "cairn/virtual_align.h"
+
+typedef int32_t align_phase;
+enum { IDLE, ALIGN, PLACE, GATHER, DETECT, ITERATE, HAND_BACK, ALIGN_AGAIN };
+
+/* How a scan comes in, and whether the field moves it. */
+struct start {
+    cairn_pose map_scan;
+    int32_t moves;
+};
+
+struct cairn_virtual_align {
+    cairn_virtual_align_params params;
+    cairn_aligner *aligner;
+    cairn_force_field *field;
+    cairn_virtual_scan *hypotheses;
+    struct start *starts; /* [max_scans] */
+    align_phase phase;
+    int32_t cursor; /* scan */
+    int32_t since;  /* iterations of the field since the last virtual scan */
+    int32_t scan_count;
+    int32_t is_under_way; /* an iteration of the field */
+    cairn_virtual_align_result result;
+    int32_t paid;
+};
+
+cairn_virtual_align_params cairn_virtual_align_default(void)
+{
+    cairn_virtual_align_params params = {
+        .aligner = cairn_aligner_default(),
+        .field = cairn_force_field_default(),
+        .hypotheses = cairn_virtual_scan_default(),
+        .every = 3,
+        .max_rounds = 2,
+        .align = 1,
+    };
+
+    params.field.sigma_start = CAIRN_REAL(0.9);
+    params.field.sigma_end = CAIRN_REAL(0.04);
+    params.field.sigma_step = CAIRN_REAL(0.0146);
+    params.field.dt_start = CAIRN_REAL(0.2);
+    params.field.dt_end = CAIRN_REAL(0.04);
+    params.field.dt_factor = CAIRN_REAL(0.9735);
+    params.field.max_steps = 60;
+    params.field.potential = 0;
+    params.field.roi = 0;
+    params.hypotheses.spacing = CAIRN_REAL(0.30);
+    params.hypotheses.weight = 3;
+    return params;
+}
+
+/* Capacities are the aligner's; points of the map are thinned by the stride, a segment rounding up. */
+static cairn_force_field_params field_of(const cairn_virtual_align_params *params)
+{
+    cairn_force_field_params field = params->field;
+
+    field.max_scans = params->aligner.max_scans;
+    field.max_segments = params->aligner.max_segments;
+    field.max_points = params->aligner.max_points;
+    field.max_extra = params->hypotheses.max_virtual;
+    return field;
+}
+
+static cairn_virtual_scan_params hypotheses_of(const cairn_virtual_align_params *params)
+{
+    cairn_virtual_scan_params hypotheses = params->hypotheses;
+
+    hypotheses.max_scans = params->aligner.max_scans;
+    hypotheses.max_segments = params->aligner.max_segments;
+    hypotheses.max_points = params->aligner.max_points;
+    return hypotheses;
+}
+
+static void must_be_ok(cairn_status status)
+{
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+}
+
+static cairn_virtual_align *carve(cairn_pool *pool, const cairn_virtual_align_params *params)
+{
+    cairn_force_field_params field = field_of(params);
+    cairn_virtual_scan_params hypotheses = hypotheses_of(params);
+    cairn_virtual_align *align = cairn_pool_take_one(pool, sizeof *align);
+    struct start *starts = cairn_pool_take(pool, (size_t)params->aligner.max_scans, sizeof *starts);
+
+    if (pool->base == NULL) {
+        cairn_pool_count(pool, cairn_aligner_memory(&params->aligner));
+        cairn_pool_count(pool, cairn_force_field_memory(&field));
+        cairn_pool_count(pool, cairn_virtual_scan_memory(&hypotheses));
+        return NULL;
+    }
+    memset(align, 0, sizeof *align);
+    align->starts = starts;
+    must_be_ok(cairn_aligner_create(&align->aligner, pool, &params->aligner));
+    must_be_ok(cairn_force_field_create(&align->field, pool, &field));
+    must_be_ok(cairn_virtual_scan_create(&align->hypotheses, pool, &hypotheses));
+    return align;
+}
+
+size_t cairn_virtual_align_memory(const cairn_virtual_align_params *params)
+{
+    cairn_pool counting;
+
+    if (params == NULL || params->every < 1 || params->max_rounds < 1 || cairn_aligner_memory(&params->aligner) == 0)
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status cairn_virtual_align_create(cairn_virtual_align **align, cairn_pool *pool,
+                                        const cairn_virtual_align_params *params)
+{
+    size_t need = cairn_virtual_align_memory(params);
+    cairn_virtual_align *made;
+
+    if (align == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    made = carve(pool, params);
+    made->params = *params;
+    *align = made;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_virtual_align_add_scan(cairn_virtual_align *align, const cairn_scan_view *view, cairn_pose map_scan,
+                                          cairn_fault *fault)
+{
+    cairn_status status;
+
+    if (align == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    status = cairn_aligner_add_scan(align->aligner, view, map_scan, fault);
+    if (status != CAIRN_OK)
+        return status;
+    align->phase = IDLE;
+    must_be_ok(cairn_force_field_add_scan(align->field, view, NULL, map_scan, fault));
+    align->starts[align->scan_count].map_scan = map_scan;
+    align->starts[align->scan_count++].moves = 0;
+    return CAIRN_OK;
+}
+
+void cairn_virtual_align_clear(cairn_virtual_align *align)
+{
+    cairn_aligner_clear(align->aligner);
+    cairn_force_field_clear(align->field);
+    align->phase = IDLE;
+    align->scan_count = 0;
+    align->is_under_way = 0;
+    memset(&align->result, 0, sizeof align->result);
+}
+
+cairn_status cairn_virtual_align_begin(cairn_virtual_align *align)
+{
+    if (align == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    if (align->scan_count == 0)
+        return CAIRN_EMPTY;
+    memset(&align->result, 0, sizeof align->result);
+    for (int32_t i = 0; i < align->scan_count; i++) {
+        must_be_ok(cairn_aligner_start_at(align->aligner, i, align->starts[i].map_scan));
+        align->starts[i].moves = 0;
+    }
+    must_be_ok(cairn_aligner_begin(align->aligner));
+    align->phase = align->params.align ? ALIGN : PLACE;
+    align->cursor = 0;
+    align->paid = 0;
+    return CAIRN_OK;
+}
+
+/* ---- The steps ---- */
+
+static int stays(const cairn_virtual_align *align, int32_t scan)
+{
+    return align->params.align && align->result.aligner.placed >= 2 &&
+           cairn_aligner_pose_of(align->aligner, scan).placed;
+}
+
+/* All scans to where the aligner has put them. An iteration that an earlier alignment left is ended first. */
+static cairn_status step_place(cairn_virtual_align *align, cairn_budget *budget)
+{
+    if (align->is_under_way) {
+        if (cairn_force_field_iterate(align->field, budget) == CAIRN_MORE)
+            return CAIRN_MORE;
+        align->is_under_way = 0;
+    }
+    if (align->cursor == 0)
+        align->result.moved = 0;
+    for (; align->cursor < align->scan_count; align->cursor++) {
+        if (!cairn_budget_pay(budget, &align->paid, 2))
+            return CAIRN_MORE;
+        must_be_ok(cairn_force_field_place(align->field, align->cursor,
+                                           cairn_aligner_pose_of(align->aligner, align->cursor).map_scan));
+        align->starts[align->cursor].moves = !stays(align, align->cursor);
+        align->result.moved += align->starts[align->cursor].moves;
+        must_be_ok(cairn_force_field_fix(align->field, align->cursor, !align->starts[align->cursor].moves));
+    }
+    cairn_force_field_restart(align->field);
+    align->since = 0;
+    align->result.rounds += align->result.moved > 0;
+    return CAIRN_OK;
+}
+
+static cairn_status step_gather(cairn_virtual_align *align, cairn_budget *budget)
+{
+    const cairn_scan_set *set = cairn_force_field_scans(align->field);
+    cairn_real sigma = cairn_force_field_read(align->field).sigma;
+
+    if (align->cursor == 0)
+        must_be_ok(
+            cairn_virtual_scan_begin(align->hypotheses, align->since > 0 ? sigma : align->params.field.sigma_start));
+    for (; align->cursor < align->scan_count; align->cursor++) {
+        const cairn_scan_set_scan *scan = &set->scans[align->cursor];
+
+        if (!cairn_budget_pay(budget, &align->paid, 1 + (scan->end_point - scan->first_point) / 4))
+            return CAIRN_MORE;
+        must_be_ok(cairn_virtual_scan_add_scan(align->hypotheses, set, align->cursor,
+                                               cairn_force_field_pose(align->field, align->cursor)));
+    }
+    return CAIRN_OK;
+}
+
+static cairn_status step_detect(cairn_virtual_align *align, cairn_budget *budget)
+{
+    const cairn_oriented_point *points;
+    const cairn_real *weights;
+    int32_t count;
+
+    if (cairn_virtual_scan_step(align->hypotheses, budget) == CAIRN_MORE)
+        return CAIRN_MORE;
+    points = cairn_virtual_scan_points(align->hypotheses, &weights, &count);
+    if (!cairn_budget_pay(budget, &align->paid, 1 + count / 8))
+        return CAIRN_MORE;
+    must_be_ok(cairn_force_field_set_extra(align->field, points, weights, count));
+    (void)cairn_virtual_scan_hypotheses(align->hypotheses, &align->result.hypotheses);
+    return CAIRN_OK;
+}
+
+static cairn_status step_iteration(cairn_virtual_align *align, cairn_budget *budget)
+{
+    cairn_status status = cairn_force_field_iterate(align->field, budget);
+
+    align->is_under_way = status == CAIRN_MORE;
+    if (status != CAIRN_OK)
+        return status;
+    align->since++;
+    align->result.iterations++;
+    align->result.active += align->result.hypotheses > 0 && align->params.hypotheses.weight > 0;
+    return CAIRN_OK;
+}
+
+/* The aligner's initial poses are those that the field has found. */
+static cairn_status step_hand_back(cairn_virtual_align *align, cairn_budget *budget)
+{
+    cairn_status status;
+
+    if (!cairn_budget_pay(budget, &align->paid, 1 + align->scan_count))
+        return CAIRN_MORE;
+    for (int32_t i = 0; i < align->scan_count; i++)
+        must_be_ok(cairn_aligner_start_at(align->aligner, i, cairn_force_field_pose(align->field, i)));
+    status = cairn_aligner_begin(align->aligner);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    return status;
+}
+
+static cairn_status step_phase(cairn_virtual_align *align, cairn_budget *budget)
+{
+    switch (align->phase) {
+    case HAND_BACK:
+        return step_hand_back(align, budget);
+    case ALIGN:
+    case ALIGN_AGAIN:
+        return cairn_aligner_step(align->aligner, budget);
+    case PLACE:
+        return step_place(align, budget);
+    case GATHER:
+        return step_gather(align, budget);
+    case DETECT:
+        return step_detect(align, budget);
+    default:
+        return step_iteration(align, budget);
+    }
+}
+
+static align_phase next_phase(const cairn_virtual_align *align)
+{
+    switch (align->phase) {
+    case ALIGN:
+        return PLACE;
+    case PLACE:
+        return align->result.moved > 0 ? GATHER : IDLE;
+    case GATHER:
+        return DETECT;
+    case DETECT:
+        return ITERATE;
+    case HAND_BACK:
+        return ALIGN_AGAIN;
+    case ALIGN_AGAIN:
+        return align->result.rounds < align->params.max_rounds ? PLACE : IDLE;
+    default:
+        if (cairn_force_field_read(align->field).verdict != CAIRN_FORCE_FIELD_RUNNING)
+            return align->params.align ? HAND_BACK : IDLE;
+        return align->since % align->params.every == 0 ? GATHER : ITERATE;
+    }
+}
+
+static int64_t *units_of(cairn_virtual_align *align)
+{
+    if (align->phase == ALIGN || align->phase == ALIGN_AGAIN)
+        return &align->result.align_units;
+    return align->phase == GATHER || align->phase == DETECT ? &align->result.hypothesis_units
+                                                            : &align->result.field_units;
+}
+
+/* To the end of a phase. */
+static cairn_status step_on(cairn_virtual_align *align, cairn_budget *budget)
+{
+    int32_t left = budget->left;
+    int64_t *units = units_of(align);
+    cairn_status status = step_phase(align, budget);
+
+    *units += left - budget->left;
+    if (status != CAIRN_OK)
+        return status;
+    if (align->phase == ALIGN || align->phase == ALIGN_AGAIN)
+        align->result.aligner = cairn_aligner_read(align->aligner);
+    align->phase = next_phase(align);
+    align->cursor = 0;
+    align->paid = 0;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_virtual_align_step(cairn_virtual_align *align, cairn_budget *budget)
+{
+    if (align == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (align->phase != IDLE) {
+        cairn_status status = step_on(align, budget);
+
+        if (status != CAIRN_OK)
+            return status;
+    }
+    return CAIRN_OK;
+}
+
+cairn_status cairn_virtual_align_iterate(cairn_virtual_align *align, cairn_budget *budget)
+{
+    if (align == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (align->phase != IDLE) {
+        align_phase done = align->phase;
+        cairn_status status = step_on(align, budget);
+
+        if (status != CAIRN_OK)
+            return status;
+        if (done == ALIGN || done == ITERATE)
+            return CAIRN_OK;
+    }
+    return CAIRN_OK;
+}
+
+int32_t cairn_virtual_align_running(const cairn_virtual_align *align)
+{
+    return align->phase != IDLE;
+}
+
+/* ---- The result ---- */
+
+cairn_virtual_align_result cairn_virtual_align_read(const cairn_virtual_align *align)
+{
+    return align->result;
+}
+
+cairn_virtual_align_pose cairn_virtual_align_pose_of(const cairn_virtual_align *align, int32_t scan)
+{
+    cairn_virtual_align_pose pose;
+
+    memset(&pose, 0, sizeof pose);
+    if (scan < 0 || scan >= align->scan_count)
+        return pose;
+    pose.aligned = cairn_aligner_pose_of(align->aligner, scan);
+    pose.moved = align->starts[scan].moves;
+    if (pose.moved && (align->phase >= GATHER || !align->params.align))
+        pose.aligned.map_scan = cairn_force_field_pose(align->field, scan);
+    return pose;
+}
+
+const cairn_aligner *cairn_virtual_align_aligner(const cairn_virtual_align *align)
+{
+    return align->aligner;
+}
+
+const cairn_force_field *cairn_virtual_align_field(const cairn_virtual_align *align)
+{
+    return align->field;
+}
+
+const cairn_virtual_scan *cairn_virtual_align_hypotheses(const cairn_virtual_align *align)
+{
+    return align->hypotheses;
+}

@@ -1,0 +1,451 @@
+/* The aligner with virtual scans: the four rooms on a hallway, and rooms drawn by hand. */
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "bench/bench_score.h"
+#include "cairn/virtual_align.h"
+#include "sim/arena.h"
+
+#define DEGREE 0.017453292519943295
+
+enum { SCANS = 5 };
+
+/* ---- Scans ---- */
+
+static cairn_pool scan_pool;
+static cairn_scan *scan_object;
+
+static int open_scan(void **state)
+{
+    cairn_scan_params params = cairn_scan_default();
+
+    (void)state;
+    params.max_beams = 401;
+    scan_pool = test_pool(cairn_scan_memory(&params));
+    assert_ok(cairn_scan_create(&scan_object, &scan_pool, &params));
+    return 0;
+}
+
+static int close_scan(void **state)
+{
+    (void)state;
+    test_pool_free(&scan_pool);
+    return 0;
+}
+
+static cairn_scan_view fit(const sim_scan *scan)
+{
+    cairn_scan_input input = sim_scan_input(scan);
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    assert_ok(cairn_scan_begin(scan_object, &input, NULL));
+    assert_ok(cairn_scan_step(scan_object, &budget));
+    return cairn_scan_read(scan_object);
+}
+
+/* ---- Rooms ---- */
+
+struct rooms {
+    sim_arena *arena;
+    sim_survey *survey;
+    const sim_scan *scans;
+    cairn_pose start[SCANS];
+};
+
+static struct rooms visit(uint64_t seed)
+{
+    sim_arena_options arena = sim_arena_default();
+    sim_survey_options options = sim_survey_default();
+    cairn_random random = cairn_random_seed(seed, 80);
+    struct rooms r;
+    int32_t count;
+
+    arena.seed = options.seed = seed;
+    arena.scene = SIM_ROOMS;
+    options.places = SCANS;
+    options.headings = 1;
+    options.fov = 360 * DEGREE;
+    r.arena = sim_arena_create(&arena, NULL, 0);
+    assert_non_null(r.arena);
+    r.survey = sim_survey_create(r.arena, &options, NULL, 0);
+    assert_non_null(r.survey);
+    r.scans = sim_survey_scans(r.survey, &count);
+    assert_int_equal(count, SCANS);
+    for (int32_t i = 0; i < SCANS; i++) {
+        sim_pose truth = r.scans[i].truth;
+
+        r.start[i].x = (cairn_real)truth.x + cairn_random_uniform(&random, CAIRN_REAL(-0.75), CAIRN_REAL(0.75));
+        r.start[i].y = (cairn_real)truth.y + cairn_random_uniform(&random, CAIRN_REAL(-0.75), CAIRN_REAL(0.75));
+        r.start[i].theta = (cairn_real)truth.theta + cairn_random_uniform(&random, CAIRN_REAL(-0.26), CAIRN_REAL(0.26));
+    }
+    return r;
+}
+
+static void leave(struct rooms *r)
+{
+    sim_survey_free(r->survey);
+    sim_arena_free(r->arena);
+}
+
+struct bed {
+    cairn_pool pool;
+    cairn_virtual_align *align;
+};
+
+static cairn_virtual_align_params small_params(void)
+{
+    cairn_virtual_align_params p = cairn_virtual_align_default();
+
+    p.aligner.max_scans = 8;
+    p.aligner.max_segments = 256;
+    p.aligner.max_points = 3000;
+    p.aligner.max_hypotheses = 200;
+    p.aligner.max_fill = 256;
+    return p;
+}
+
+static struct bed bed_with(const cairn_virtual_align_params *params)
+{
+    struct bed bed = {test_pool(cairn_virtual_align_memory(params)), NULL};
+
+    assert_ok(cairn_virtual_align_create(&bed.align, &bed.pool, params));
+    return bed;
+}
+
+static void add_rooms(struct bed *bed, const struct rooms *r)
+{
+    for (int32_t i = 0; i < SCANS; i++) {
+        cairn_scan_view view = fit(&r->scans[i]);
+
+        assert_ok(cairn_virtual_align_add_scan(bed->align, &view, r->start[i], NULL));
+    }
+}
+
+static void run(cairn_virtual_align *align, int32_t units)
+{
+    cairn_budget budget = {units};
+    cairn_status status;
+
+    assert_ok(cairn_virtual_align_begin(align));
+    while ((status = cairn_virtual_align_step(align, &budget)) == CAIRN_MORE) {
+        assert_true(budget.left >= 0 && budget.left < units);
+        budget.left = units;
+    }
+    assert_ok(status);
+    assert_false(cairn_virtual_align_running(align));
+}
+
+/* Scans within 0.12 m and 1 degree of the truth after the best common motion. */
+static int32_t right(const struct rooms *r, const cairn_virtual_align *align)
+{
+    sim_pose truth[SCANS], found[SCANS], moved[SCANS];
+    int32_t use[SCANS];
+
+    for (int32_t i = 0; i < SCANS; i++) {
+        cairn_pose p = cairn_virtual_align_pose_of(align, i).aligned.map_scan;
+
+        truth[i] = r->scans[i].truth;
+        found[i].x = (double)p.x;
+        found[i].y = (double)p.y;
+        found[i].theta = (double)p.theta;
+        use[i] = 1;
+    }
+    return bench_fit_common(truth, found, use, SCANS, 0.12, DEGREE, moved);
+}
+
+/* Most with hypotheses, fewer without (bench/virtual measures how many). */
+static void rooms_come_together(void **state)
+{
+    cairn_virtual_align_params with = small_params(), without = with;
+    int32_t right_with = 0, right_without = 0;
+
+    (void)state;
+    without.hypotheses.lines = without.hypotheses.rectangles = 0;
+    for (uint64_t seed = 1; seed <= 8; seed++) {
+        struct rooms r = visit(seed);
+        struct bed bed = bed_with(&with);
+        cairn_virtual_align_result result;
+
+        add_rooms(&bed, &r);
+        run(bed.align, CAIRN_UNBOUNDED);
+        result = cairn_virtual_align_read(bed.align);
+        right_with += right(&r, bed.align) == SCANS;
+        assert_in_range(result.rounds, 0, 2);
+        assert_int_equal(result.iterations % 60, 0);
+        assert_int_equal(result.active, result.iterations);
+        assert_true(result.align_units > 0);
+        assert_int_equal(result.hypotheses > 0, result.rounds > 0);
+        assert_int_equal(result.field_units > 0 && result.hypothesis_units > 0, result.rounds > 0);
+        test_pool_free(&bed.pool);
+        bed = bed_with(&without);
+        add_rooms(&bed, &r);
+        run(bed.align, CAIRN_UNBOUNDED);
+        right_without += right(&r, bed.align) == SCANS;
+        assert_int_equal(cairn_virtual_align_read(bed.align).active, 0);
+        test_pool_free(&bed.pool);
+        leave(&r);
+    }
+    assert_true(right_with >= 6);
+    assert_true(right_with >= right_without);
+}
+
+/* What the aligner has settled stays where it is. */
+static void settled_scans_stay(void **state)
+{
+    cairn_virtual_align_params p = small_params();
+    struct rooms r = visit(3);
+    struct bed bed;
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_pose at[SCANS];
+    int32_t moves[SCANS], moved = 0;
+
+    (void)state;
+    p.max_rounds = 1;
+    bed = bed_with(&p);
+    add_rooms(&bed, &r);
+    for (int32_t i = 0; i < SCANS; i++)
+        assert_near(cairn_virtual_align_pose_of(bed.align, i).aligned.map_scan.x, r.start[i].x, 0);
+    assert_ok(cairn_virtual_align_begin(bed.align));
+    assert_true(cairn_virtual_align_running(bed.align));
+    assert_ok(cairn_virtual_align_iterate(bed.align, &budget)); /* the aligner */
+    for (int32_t i = 0; i < SCANS; i++)
+        at[i] = cairn_aligner_pose_of(cairn_virtual_align_aligner(bed.align), i).map_scan;
+    for (int32_t k = 0; k < 60; k++) {
+        budget.left = CAIRN_UNBOUNDED;
+        assert_ok(cairn_virtual_align_iterate(bed.align, &budget));
+        assert_int_equal(cairn_virtual_align_read(bed.align).iterations, k + 1);
+        for (int32_t i = 0; i < SCANS; i++) {
+            cairn_virtual_align_pose pose = cairn_virtual_align_pose_of(bed.align, i);
+
+            moves[i] = pose.moved;
+            if (k > 5)
+                assert_int_equal(pose.aligned.map_scan.x != at[i].x, pose.moved);
+        }
+    }
+    for (int32_t i = 0; i < SCANS; i++) {
+        moved += moves[i];
+        assert_int_equal(moves[i], !cairn_aligner_pose_of(cairn_virtual_align_aligner(bed.align), i).placed);
+    }
+    assert_int_equal(moved, cairn_virtual_align_read(bed.align).moved);
+    assert_in_range(moved, 1, SCANS - 2);
+    assert_true(cairn_virtual_align_running(bed.align));
+    test_pool_free(&bed.pool);
+    leave(&r);
+}
+
+static void the_budget_does_not_matter(void **state)
+{
+    static const int32_t budgets[] = {CAIRN_UNBOUNDED, 7, 1000};
+    cairn_virtual_align_params p = small_params();
+    struct rooms r = visit(3);
+    struct bed bed;
+    cairn_pose first[SCANS];
+    int64_t units = 0;
+
+    (void)state;
+    p.field.max_steps = 7;
+    p.every = 2;
+    bed = bed_with(&p);
+    add_rooms(&bed, &r);
+    for (int k = 0; k < 3; k++) {
+        cairn_virtual_align_result result;
+
+        run(bed.align, budgets[k]); /* again from the same start */
+        result = cairn_virtual_align_read(bed.align);
+        for (int32_t i = 0; i < SCANS; i++) {
+            cairn_pose pose = cairn_virtual_align_pose_of(bed.align, i).aligned.map_scan;
+
+            if (k == 0)
+                first[i] = pose;
+            assert_memory_equal(&pose, &first[i], sizeof pose);
+        }
+        if (k == 0)
+            units = result.hypothesis_units;
+        assert_int_equal(result.hypothesis_units, units);
+    }
+    test_pool_free(&bed.pool);
+    leave(&r);
+}
+
+/* Begun anew in the middle of an iteration, and with a scan more: as if nothing had been before. */
+static void can_be_begun_anew(void **state)
+{
+    cairn_virtual_align_params p = small_params();
+    struct rooms r = visit(3);
+    struct bed bed, fresh;
+
+    (void)state;
+    p.field.max_steps = 5;
+    bed = bed_with(&p);
+    fresh = bed_with(&p);
+    add_rooms(&fresh, &r);
+    run(fresh.align, CAIRN_UNBOUNDED);
+    add_rooms(&bed, &r);
+    assert_ok(cairn_virtual_align_begin(bed.align));
+    for (int32_t k = 0; cairn_virtual_align_read(bed.align).iterations < 2 || k % 1000 != 3; k++) {
+        cairn_budget budget = {100};
+
+        assert_true(k < 10000000);
+        if (cairn_virtual_align_step(bed.align, &budget) == CAIRN_OK)
+            break;
+    }
+    run(bed.align, 1000);
+    for (int32_t i = 0; i < SCANS; i++) {
+        cairn_pose a = cairn_virtual_align_pose_of(bed.align, i).aligned.map_scan;
+        cairn_pose b = cairn_virtual_align_pose_of(fresh.align, i).aligned.map_scan;
+
+        assert_memory_equal(&a, &b, sizeof a);
+    }
+    cairn_virtual_align_clear(bed.align);
+    assert_status(cairn_virtual_align_begin(bed.align), CAIRN_EMPTY);
+    assert_near(cairn_virtual_align_pose_of(bed.align, 0).aligned.covariance[0], 0, 0);
+    add_rooms(&bed, &r);
+    run(bed.align, CAIRN_UNBOUNDED);
+    for (int32_t i = 0; i < SCANS; i++) {
+        cairn_pose a = cairn_virtual_align_pose_of(bed.align, i).aligned.map_scan;
+        cairn_pose b = cairn_virtual_align_pose_of(fresh.align, i).aligned.map_scan;
+
+        assert_memory_equal(&a, &b, sizeof a);
+    }
+    test_pool_free(&bed.pool);
+    test_pool_free(&fresh.pool);
+    leave(&r);
+}
+
+/* Without the aligner all scans move from where they are. */
+static void the_field_alone(void **state)
+{
+    cairn_virtual_align_params p = small_params();
+    struct rooms r = visit(3);
+    struct bed bed;
+    cairn_virtual_align_result result;
+
+    (void)state;
+    p.align = 0;
+    bed = bed_with(&p);
+    add_rooms(&bed, &r);
+    run(bed.align, CAIRN_UNBOUNDED);
+    result = cairn_virtual_align_read(bed.align);
+    assert_int_equal(result.moved, SCANS);
+    assert_int_equal(result.rounds, 1);
+    assert_int_equal(result.iterations, 60);
+    assert_int_equal(result.align_units, 0);
+    for (int32_t i = 0; i < SCANS; i++) {
+        cairn_pose a = cairn_virtual_align_pose_of(bed.align, i).aligned.map_scan;
+        cairn_pose b = cairn_force_field_pose(cairn_virtual_align_field(bed.align), i);
+
+        assert_memory_equal(&a, &b, sizeof a);
+        assert_true(a.x != r.start[i].x);
+    }
+    test_pool_free(&bed.pool);
+    leave(&r);
+}
+
+/* Scans that say nothing, or nothing to each other. */
+static void little_to_align(void **state)
+{
+    cairn_virtual_align_params p = small_params();
+    struct bed bed = bed_with(&p);
+    cairn_scan_view empty;
+    cairn_pose pose = {1, 2, CAIRN_REAL(0.5)};
+    int32_t no_points = 0;
+
+    (void)state;
+    memset(&empty, 0, sizeof empty);
+    empty.first_point = &no_points;
+    assert_status(cairn_virtual_align_begin(bed.align), CAIRN_EMPTY);
+    for (int32_t count = 1; count < 4; count++) {
+        assert_ok(cairn_virtual_align_add_scan(bed.align, &empty, pose, NULL));
+        run(bed.align, CAIRN_UNBOUNDED);
+        for (int32_t i = 0; i < count; i++) {
+            cairn_virtual_align_pose got = cairn_virtual_align_pose_of(bed.align, i);
+
+            assert_near(got.aligned.map_scan.x, 1, 1e-6);
+            assert_near(got.aligned.map_scan.theta, 0.5, 1e-6);
+        }
+        assert_int_equal(cairn_virtual_align_read(bed.align).active, 0);
+    }
+    assert_near(cairn_virtual_align_pose_of(bed.align, 3).aligned.map_scan.x, 0, 0);
+    assert_near(cairn_virtual_align_pose_of(bed.align, -1).aligned.map_scan.x, 0, 0);
+    test_pool_free(&bed.pool);
+}
+
+/* ---- Refusals ---- */
+
+static cairn_status create(void *context, cairn_pool *pool)
+{
+    cairn_virtual_align *align;
+
+    return cairn_virtual_align_create(&align, pool, context);
+}
+
+static void bad_calls_are_refused(void **state)
+{
+    cairn_virtual_align_params p = small_params(), bad;
+    cairn_pool pool = test_pool(cairn_virtual_align_memory(&p));
+    cairn_virtual_align *align = NULL;
+    cairn_scan_view empty;
+    cairn_pose pose = {0, 0, 0}, nan = {0, (cairn_real)NAN, 0};
+    cairn_budget budget = {1};
+    cairn_fault fault;
+    int32_t no_points = 0;
+
+    (void)state;
+    for (int32_t i = 0; i < 6; i++) {
+        bad = p;
+        bad.every = i == 0 ? 0 : 1;
+        bad.max_rounds = i == 1 ? 0 : 1;
+        bad.aligner.max_scans = i == 2 ? 0 : 4;
+        bad.field.sigma_end = i == 3 ? 0 : bad.field.sigma_end;
+        bad.hypotheses.stride = i == 4 ? 0 : 1;
+        assert_int_equal(cairn_virtual_align_memory(i == 5 ? NULL : &bad), 0);
+        assert_status(cairn_virtual_align_create(&align, &pool, i == 5 ? NULL : &bad), CAIRN_BAD_ARGUMENT);
+        assert_int_equal(pool.used, 0);
+    }
+    assert_status(cairn_virtual_align_create(NULL, &pool, &p), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_virtual_align_create(&align, NULL, &p), CAIRN_BAD_ARGUMENT);
+    assert_ok(cairn_virtual_align_create(&align, &pool, &p));
+    assert_int_equal(pool.used, cairn_virtual_align_memory(&p));
+    assert_ok(cairn_virtual_align_step(align, &budget)); /* nothing was begun */
+    assert_ok(cairn_virtual_align_iterate(align, &budget));
+    assert_status(cairn_virtual_align_begin(NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_virtual_align_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_virtual_align_step(align, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_virtual_align_iterate(NULL, &budget), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_virtual_align_iterate(align, NULL), CAIRN_BAD_ARGUMENT);
+    memset(&empty, 0, sizeof empty);
+    empty.first_point = &no_points;
+    assert_status(cairn_virtual_align_add_scan(NULL, &empty, pose, &fault), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_virtual_align_add_scan(align, NULL, pose, &fault), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_virtual_align_add_scan(align, &empty, nan, &fault), CAIRN_NOT_FINITE);
+    for (int32_t i = 0; i < 8; i++)
+        assert_ok(cairn_virtual_align_add_scan(align, &empty, pose, &fault));
+    assert_status(cairn_virtual_align_add_scan(align, &empty, pose, &fault), CAIRN_FULL);
+    assert_non_null(fault.what);
+    test_pool_free(&pool);
+
+    p.aligner.max_scans = 2;
+    p.aligner.max_segments = p.aligner.max_points = 5;
+    p.aligner.max_hypotheses = p.aligner.max_fill = 4;
+    p.aligner.max_cells = 64;
+    p.hypotheses.max_virtual = 6;
+    p.hypotheses.hough.angles = p.hypotheses.hough.distances = 8;
+    p.hypotheses.rectangle.max_pairs = p.hypotheses.rectangle.max_sides = 4;
+    test_every_pool_size(create, &p, cairn_virtual_align_memory(&p));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(rooms_come_together),
+        cmocka_unit_test(settled_scans_stay),
+        cmocka_unit_test(the_budget_does_not_matter),
+        cmocka_unit_test(can_be_begun_anew),
+        cmocka_unit_test(the_field_alone),
+        cmocka_unit_test(little_to_align),
+        cmocka_unit_test(bad_calls_are_refused),
+    };
+
+    return cmocka_run_group_tests_name("virtual_align", tests, open_scan, close_scan);
+}
