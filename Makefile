@@ -47,11 +47,11 @@ HOST_SRC    := $(if $(HAVE_HOST),$(wildcard src/host/*.c))
 SIM_SRC     := $(if $(HAVE_SIM),$(wildcard sim/*.cpp))
 TEST_SRC    := $(if $(and $(HAVE_TEST),$(HAVE_SIM),$(HAVE_HOST)),$(wildcard tests/test_*.c))
 BENCH_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(filter-out bench/bench_%,$(wildcard bench/*.c)))
-BENCH_COMMON := $(wildcard bench/bench_*.c) tools/options.c
+BENCH_COMMON := $(wildcard bench/bench_*.c) tools/options.c firmware/joint.c
 FW_ROBOT    := firmware/robot.c firmware/joint.c
 CAIRN_SRC   := $(if $(HAVE_HOST),$(filter-out tools/cairn_arena%,$(wildcard tools/cairn*.c)) tools/options.c $(FW_ROBOT))
 ARENA_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(wildcard tools/cairn_arena*.c) tools/options.c)
-TEST_COMMON := tests/support.c tests/rooms.c bench/bench_bound.c bench/bench_score.c $(FW_ROBOT) firmware/recorder.c
+TEST_COMMON := tests/support.c tests/rooms.c bench/bench_bound.c bench/bench_score.c bench/bench_endless.c bench/bench_json.c $(FW_ROBOT) firmware/recorder.c
 HOST_LIBS   := -lyaml -lpng -lz
 SIM_LIBS    := -lbox2d
 

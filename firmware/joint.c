@@ -25,25 +25,51 @@ joint_params joint_default(void)
     return params;
 }
 
-cairn_status joint_create(joint *x, cairn_pool *pool, const joint_params *params)
+static cairn_pose_graph_params graph_params(const joint_params *params)
 {
     cairn_pose_graph_params graph = cairn_pose_graph_default();
-    size_t scans = (size_t)params->max_scans;
 
-    if (params->max_scans < 1 || params->max_links < params->max_scans)
-        return CAIRN_BAD_ARGUMENT;
-    memset(x, 0, sizeof *x);
-    x->params = *params;
-    x->poses = cairn_pool_take(pool, scans, sizeof *x->poses);
-    x->covariances = cairn_pool_take(pool, scans, sizeof *x->covariances);
-    if (x->poses == NULL || x->covariances == NULL)
-        return CAIRN_NO_MEMORY;
-    memset(x->covariances, 0, scans * sizeof *x->covariances);
     graph.max_poses = params->max_scans;
     graph.max_links = params->max_links;
     graph.max_fill = params->max_fill;
     graph.start = CAIRN_POSE_GRAPH_GIVEN;
     graph.kernel = CAIRN_POSE_GRAPH_CAUCHY;
+    return graph;
+}
+
+static void carve(joint *x, cairn_pool *pool, const joint_params *params)
+{
+    x->poses = cairn_pool_take(pool, (size_t)params->max_scans, sizeof *x->poses);
+    x->covariances = cairn_pool_take(pool, (size_t)params->max_scans, sizeof *x->covariances);
+}
+
+size_t joint_memory(const joint_params *params)
+{
+    cairn_pose_graph_params graph = graph_params(params);
+    cairn_pool counting;
+    joint layout;
+
+    if (params->max_scans < 1 || params->max_links < params->max_scans)
+        return 0;
+    cairn_pool_init_counting(&counting);
+    carve(&layout, &counting, params);
+    cairn_pool_count(&counting, cairn_pose_graph_memory(&graph, NULL));
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status joint_create(joint *x, cairn_pool *pool, const joint_params *params)
+{
+    cairn_pose_graph_params graph = graph_params(params);
+    size_t need = joint_memory(params);
+
+    if (need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    memset(x, 0, sizeof *x);
+    x->params = *params;
+    carve(x, pool, params);
+    memset(x->covariances, 0, (size_t)params->max_scans * sizeof *x->covariances);
     return cairn_pose_graph_create(&x->graph, pool, &graph, NULL);
 }
 

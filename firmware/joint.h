@@ -48,6 +48,9 @@ typedef struct joint {
     int32_t debt; /* units that were used but not yet paid */
 } joint;
 
+/* Bytes that joint_create() takes from a pool; 0 for params that it would refuse. */
+size_t joint_memory(const joint_params *params);
+
 /* All memory from the pool. CAIRN_NO_MEMORY. CAIRN_BAD_ARGUMENT: capacities. */
 CAIRN_CHECKED cairn_status joint_create(joint *x, cairn_pool *pool, const joint_params *params);
 

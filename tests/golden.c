@@ -5,14 +5,18 @@
 
 #include <string.h>
 
+#include "cairn/aligner.h"
 #include "cairn/force_field.h"
 #include "cairn/geometry.h"
 #include "cairn/icp.h"
+#include "cairn/lum.h"
+#include "cairn/map_quality.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/pool.h"
 #include "cairn/pose_consensus.h"
 #include "cairn/pose_graph.h"
 #include "cairn/random.h"
+#include "cairn/scan_cover.h"
 #include "cairn/scan_match.h"
 #include "cairn/small_matrix.h"
 #include "firmware/board.h"
@@ -447,6 +451,119 @@ static uint64_t matches(void)
     return hash;
 }
 
+/* Where sweeps of the room are taken, and where they are thought to be. */
+enum { VIEWS = 5 };
+
+static cairn_pose view_pose(int32_t i)
+{
+    cairn_pose pose = {1 + (cairn_real)i * CAIRN_REAL(0.5), CAIRN_REAL(2.5), (cairn_real)i * CAIRN_REAL(0.4)};
+
+    return pose;
+}
+
+static cairn_pose thought_pose(cairn_random *random, int32_t i)
+{
+    cairn_pose pose = view_pose(i);
+
+    pose.x += cairn_random_uniform(random, -CAIRN_REAL(0.1), CAIRN_REAL(0.1));
+    pose.y += cairn_random_uniform(random, -CAIRN_REAL(0.1), CAIRN_REAL(0.1));
+    pose.theta += cairn_random_uniform(random, -CAIRN_REAL(0.05), CAIRN_REAL(0.05));
+    return pose;
+}
+
+/* All sweeps at once by lum, how they cover each other, and how far the poses are off. */
+static uint64_t links_and_cover(void)
+{
+    cairn_scan_set_params set_params = {VIEWS, VIEWS * 64, VIEWS * 256, 0};
+    cairn_scan_cover_params cover_params = cairn_scan_cover_default();
+    cairn_lum_params lum_params = cairn_lum_default();
+    cairn_random random = cairn_random_seed(10, 1);
+    cairn_budget budget = {INT32_MAX};
+    cairn_pose pose[VIEWS], truth[VIEWS];
+    cairn_scan_cover *cover;
+    cairn_pose_errors errors;
+    cairn_scan_set *set;
+    cairn_scan *scan;
+    cairn_lum *lum;
+    cairn_pool pool;
+    uint64_t hash = START;
+
+    lum_params.max_scans = cover_params.max_scans = VIEWS;
+    lum_params.max_points = cover_params.max_points = VIEWS * 256;
+    lum_params.max_links = lum_params.max_fill = VIEWS * VIEWS;
+    lum_params.max_iterations = 8;
+    if (cairn_pool_init(&pool, scene_memory, sizeof scene_memory) != CAIRN_OK || (scan = new_scan(&pool)) == NULL ||
+        cairn_scan_set_create(&set, &pool, &set_params) != CAIRN_OK ||
+        cairn_scan_cover_create(&cover, &pool, &cover_params) != CAIRN_OK ||
+        cairn_lum_create(&lum, &pool, &lum_params) != CAIRN_OK)
+        return 0;
+    for (int32_t i = 0; i < VIEWS; i++) {
+        static sweep s;
+        cairn_scan_view view;
+
+        truth[i] = view_pose(i);
+        pose[i] = thought_pose(&random, i);
+        make_sweep(&s, &random, truth[i]);
+        if (!fit_sweep(scan, &s))
+            return 0;
+        view = cairn_scan_read(scan);
+        if (cairn_scan_set_add(set, &view, NULL, NULL) != CAIRN_OK ||
+            cairn_lum_add_scan(lum, view.points, view.point_count, pose[i], NULL) != CAIRN_OK)
+            return 0;
+    }
+    if (cairn_lum_begin(lum) != CAIRN_OK || cairn_lum_step(lum, &budget) != CAIRN_OK)
+        return 0;
+    for (int32_t i = 0; i < VIEWS; i++)
+        hash = add_pose(hash, pose[i] = cairn_lum_pose(lum, i));
+    budget.left = INT32_MAX;
+    if (cairn_scan_cover_begin(cover, set, pose) != CAIRN_OK || cairn_scan_cover_step(cover, &budget) != CAIRN_OK ||
+        cairn_pose_errors_of(pose, truth, VIEWS, &errors) != CAIRN_OK)
+        return 0;
+    for (int32_t i = 0; i < VIEWS; i++)
+        hash = add_real(hash, cairn_scan_cover_loss(cover, i));
+    hash = add_real(add_real(add_real(hash, errors.x), errors.y), errors.theta);
+    return add_real(hash, cairn_lum_read(lum).error);
+}
+
+/* The same sweeps by the aligner, with its covariances. */
+static uint64_t aligned(void)
+{
+    cairn_aligner_params params = cairn_aligner_default();
+    cairn_random random = cairn_random_seed(10, 1);
+    cairn_budget budget = {INT32_MAX};
+    cairn_aligner *aligner;
+    cairn_scan *scan;
+    cairn_pool pool;
+    uint64_t hash = START;
+
+    params.max_scans = VIEWS;
+    params.max_points = VIEWS * 256;
+    params.max_segments = VIEWS * 64;
+    if (cairn_pool_init(&pool, scene_memory, sizeof scene_memory) != CAIRN_OK || (scan = new_scan(&pool)) == NULL ||
+        cairn_aligner_create(&aligner, &pool, &params) != CAIRN_OK)
+        return 0;
+    for (int32_t i = 0; i < VIEWS; i++) {
+        static sweep s;
+        cairn_pose pose = thought_pose(&random, i);
+        cairn_scan_view view;
+
+        make_sweep(&s, &random, view_pose(i));
+        if (!fit_sweep(scan, &s))
+            return 0;
+        view = cairn_scan_read(scan);
+        if (cairn_aligner_add_scan(aligner, &view, pose, NULL) != CAIRN_OK)
+            return 0;
+    }
+    if (cairn_aligner_begin(aligner) != CAIRN_OK || cairn_aligner_step(aligner, &budget) != CAIRN_OK)
+        return 0;
+    for (int32_t i = 0; i < VIEWS; i++) {
+        cairn_aligner_pose pose = cairn_aligner_pose_of(aligner, i);
+
+        hash = add_covariance(add_pose(hash, pose.map_scan), pose.covariance);
+    }
+    return hash;
+}
+
 /* A drive round a block, twice, with measurements between neighbours in place, some of them wrong. */
 enum { NODES = 24 };
 
@@ -550,6 +667,8 @@ static const struct {
     {"force_field", force_field},
     {"scans_and_grid", scans_and_grid},
     {"matches", matches},
+    {"links_and_cover", links_and_cover},
+    {"aligned", aligned},
     {"pose_graphs", pose_graphs},
     {"consensus", consensus},
 };

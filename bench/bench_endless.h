@@ -1,0 +1,43 @@
+/* A robot that drives round and round through an arena with room for so many scans: every scan that comes is aligned with
+ * those that are kept, and the one whose place is best covered by others goes. */
+#ifndef CAIRN_BENCH_ENDLESS_H
+#define CAIRN_BENCH_ENDLESS_H
+
+#include "sim/arena.h"
+
+typedef struct bench_endless_options {
+    sim_scene scene;
+    uint64_t seed;
+    int64_t scans;          /* in all */
+    int32_t places;         /* of a lap */
+    int32_t variants;       /* poses at each place, taken in turn */
+    int32_t kept;           /* scans in the map, the first of which holds it */
+    double noise;           /* m, of every range, fresh in every lap */
+    double metres, degrees; /* the odometry from place to place is off by up to these, uniform */
+} bench_endless_options;
+
+/* A rescue arena, 100000 scans from 30 places, 32 kept, 0.01 m, 0.03 m and 1 degree. */
+bench_endless_options bench_endless_default(void);
+
+/* What happened in a lap. Errors are of the pose that a scan got when it came, against the truth. */
+typedef struct bench_endless_lap {
+    int64_t lap;
+    int32_t is_first; /* the first that began with full memory */
+    int32_t scans, kept;
+    int64_t units;     /* of budget */
+    int64_t worst;     /* units of the dearest scan */
+    int32_t released;  /* scans, and of these ... */
+    int32_t oldest;    /* ... those that were the oldest, the first apart, and ... */
+    int32_t newest;    /* ... those that had just come */
+    double mean, most; /* m */
+    double most_degrees;
+    double away; /* m: the most that the error at a place differs from that of the first lap in full memory */
+    double seconds;
+    uint64_t pool_used; /* bytes */
+} bench_endless_lap;
+
+/* Calls report for every lap. 0 on failure, with a line on standard error. */
+int bench_endless_run(const bench_endless_options *options, void (*report)(void *context, const bench_endless_lap *lap),
+                      void *context);
+
+#endif
