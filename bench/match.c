@@ -10,10 +10,10 @@
 #include <string.h>
 
 #include "bench/bench_json.h"
+#include "bench/bench_places.h"
 #include "bench/bench_score.h"
 #include "cairn/place_map.h"
 #include "cairn/random.h"
-#include "cairn/report.h"
 #include "tools/options.h"
 
 #define DEGREE 0.017453292519943295
@@ -27,7 +27,7 @@ typedef struct settings {
     int64_t arenas, seed, places;
     double tilt, movers;
     double sub_error[2]; /* m, degrees */
-    int32_t decoupled, by_icp, walkers;
+    int32_t decoupled, by_icp, walkers, ablate;
 } settings;
 
 /* What a mapper is given of an arena, and the truth that it is not. */
@@ -194,14 +194,6 @@ static sim_pose sim_pose_of(cairn_pose pose)
 
 /* ---- Scoring ---- */
 
-static void errors(const sim_pose *truth, const sim_pose *poses, int32_t count, double *metres, double *degrees)
-{
-    for (int32_t i = 0; i < count; i++) {
-        metres[i] = hypot(poses[i].x - truth[i].x, poses[i].y - truth[i].y);
-        degrees[i] = fabs(remainder(poses[i].theta - truth[i].theta, 2 * 3.14159265358979323846)) / DEGREE;
-    }
-}
-
 /* poses: [scan_count] of the scans, moved onto the truth by the motion that suits most places. */
 static int score(const problem *p, const machine *m, sim_pose *poses, outcome *out)
 {
@@ -226,14 +218,14 @@ static int score(const problem *p, const machine *m, sim_pose *poses, outcome *o
         (void)bench_fit_common(truth, places, use, p->place_count, RIGHT_M, RIGHT_RAD, places);
         for (int32_t i = 0; i < p->place_count; i++)
             out->right += use[i] && bench_pose_near(truth[i], places[i], RIGHT_M, RIGHT_RAD);
-        errors(truth, places, p->place_count, metres, degrees);
+        bench_pose_errors(truth, places, p->place_count, metres, degrees);
         out->median_m = bench_median(metres, (size_t)p->place_count);
         out->median_deg = bench_median(degrees, (size_t)p->place_count);
         /* the same motion for the scans: moved_first * first^-1 */
         move = bench_pose_compose(places[0], bench_pose_between(before, (sim_pose){0, 0, 0}));
         for (int32_t k = 0; k < p->scan_count; k++)
             poses[k] = bench_pose_compose(move, sim_pose_of(cairn_place_map_scan_pose(m->map, k)));
-        errors(p->truth, poses, p->scan_count, metres, degrees);
+        bench_pose_errors(p->truth, poses, p->scan_count, metres, degrees);
         out->scan_median_m = bench_median(metres, n);
         out->scan_median_deg = bench_median(degrees, n);
         out->parts = result.parts;
@@ -267,93 +259,6 @@ static cairn_place_map_params params_of(const settings *s)
     return params;
 }
 
-/* ---- Pictures: the input by odometry, scan by scan, ours, the truth (as in Adluru 2008, figures 6.6 and 6.7) ---- */
-
-enum { PANELS = 4 };
-
-static const char *const PANEL_TITLES[PANELS] = {"odometry", "in sequence", "cairn", "truth"};
-
-/* End points of the beams of all scans, in the frames of the scans: scans[k].point into one array; NULL: no memory. */
-static cairn_vec2 *hits_of(const problem *p, cairn_report_scan *scans)
-{
-    size_t beams = 0, used = 0;
-    cairn_vec2 *points;
-
-    for (int32_t k = 0; k < p->scan_count; k++)
-        beams += (size_t)p->scans[k].count;
-    points = malloc(beams * sizeof *points);
-    for (int32_t k = 0; k < p->scan_count && points != NULL; k++) {
-        const sim_scan *scan = &p->scans[k];
-
-        memset(&scans[k], 0, sizeof scans[k]);
-        scans[k].point = points + used;
-        for (int32_t i = 0; i < scan->count; i++) {
-            double angle = scan->angle_min + i * scan->angle_step, range = (double)scan->range[i];
-            sim_pose end = {range * cos(angle), range * sin(angle), 0};
-
-            if (!isfinite(range))
-                continue;
-            end = bench_pose_compose(scan->base_sensor, end);
-            points[used].x = (cairn_real)end.x;
-            points[used++].y = (cairn_real)end.y;
-            scans[k].point_count++;
-        }
-    }
-    return points;
-}
-
-/* The poses of one panel, and their errors as its note. */
-static void fill_panel(const problem *p, const sim_pose *poses, const char *title, char *note, size_t note_size,
-                       cairn_pose *out, cairn_report_panel *panel)
-{
-    double metres = 0, degrees = 0, m, d;
-
-    for (int32_t k = 0; k < p->scan_count; k++) {
-        errors(&p->truth[k], &poses[k], 1, &m, &d);
-        metres += m / p->scan_count;
-        degrees += d / p->scan_count;
-        out[k].x = (cairn_real)poses[k].x;
-        out[k].y = (cairn_real)poses[k].y;
-        out[k].theta = (cairn_real)poses[k].theta;
-    }
-    (void)snprintf(note, note_size, "mean error %.3f m, %.2f degrees", metres, degrees);
-    memset(panel, 0, sizeof *panel);
-    panel->title = title;
-    panel->note = note;
-    panel->pose = out;
-}
-
-static int draw(const settings *s, const problem *p, uint64_t seed, sim_pose *const poses[PANELS])
-{
-    size_t n = (size_t)p->scan_count;
-    cairn_report_map picture = cairn_report_map_default();
-    cairn_report_panel panels[PANELS];
-    cairn_report_scan *scans = malloc(n * sizeof *scans);
-    cairn_pose *copies = malloc(PANELS * n * sizeof *copies);
-    cairn_vec2 *points = scans != NULL ? hits_of(p, scans) : NULL;
-    char notes[PANELS][80], path[512];
-    cairn_file_error error;
-    int done = 0;
-
-    if (points != NULL && copies != NULL) {
-        for (int k = 0; k < PANELS; k++)
-            fill_panel(p, poses[k], PANEL_TITLES[k], notes[k], sizeof notes[k], copies + (size_t)k * n, &panels[k]);
-        picture.title = "Places without odometry";
-        picture.panel = panels;
-        picture.panel_count = PANELS;
-        picture.scan = scans;
-        picture.scan_count = p->scan_count;
-        (void)snprintf(path, sizeof path, "%s/match-%" PRIu64 ".svg", s->pictures, seed);
-        done = cairn_report_map_write(path, &picture, &error) == CAIRN_OK;
-        if (!done)
-            fprintf(stderr, "bench/match: cannot write %s\n", path);
-    }
-    free(scans);
-    free(copies);
-    free(points);
-    return done;
-}
-
 /* Maps the places one after the other for comparison, and draws all. poses: ours. */
 static int draw_arena(const settings *s, const problem *p, uint64_t seed, sim_pose *poses)
 {
@@ -367,11 +272,12 @@ static int draw_arena(const settings *s, const problem *p, uint64_t seed, sim_po
     memset(&unused, 0, sizeof unused);
     params.mode = CAIRN_PLACE_MAP_SEQUENTIAL;
     if (others != NULL && make_machine(&params, &m) && map_scans(p, &m) && score(p, &m, others + n, &unused)) {
-        sim_pose *const all[PANELS] = {others, others + n, poses, p->truth};
+        const sim_pose *const all[BENCH_PANELS] = {others, others + n, poses, p->truth};
 
         for (size_t k = 0; k < n; k++)
             others[k] = p->scans[k].odometry;
-        done = draw(s, p, seed, all);
+        done = bench_draw_maps(s->pictures, seed, p->scans, p->scan_count, all) &&
+               bench_draw_errors(s->pictures, seed, p->scans, p->scan_count, poses);
     }
     free(others);
     free(m.memory);
@@ -421,6 +327,156 @@ static int run_arena(const settings *s, uint64_t seed, outcome *out)
     free(poses);
     free(m.memory);
     free_problem(&p);
+    return done;
+}
+
+/* ---- Ablation: the method of chapter 6 after each of its stages ---- */
+
+enum { STAGES = 4, BEFORE = 3, ABLATED_POINTS = 4096 };
+
+static const double RIGHT_PAIR = 0.25; /* m between the points of a right correspondence, the query in its true place */
+
+typedef struct ablation {
+    int64_t pairs, pairs_right, matches, right, within_half;
+} ablation;
+
+/* The points of the scans of a place, in the frame of another place by the truth. */
+static int32_t points_of_place(const problem *p, machine *m, int32_t place, int32_t seen_from,
+                               cairn_oriented_point *out)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    int32_t count = 0;
+
+    for (int32_t k = p->first_scan[place]; k < p->scan_count && p->scans[k].place == place; k++) {
+        cairn_scan_input input = sim_scan_input(&p->scans[k]);
+        sim_pose seen = bench_pose_between(p->truth[p->first_scan[seen_from]], p->truth[k]);
+        cairn_pose pose = {(cairn_real)seen.x, (cairn_real)seen.y, (cairn_real)seen.theta};
+        cairn_transform t = cairn_transform_of(pose);
+        cairn_scan_view view;
+
+        if (cairn_scan_begin(m->scan, &input, NULL) != CAIRN_OK)
+            continue;
+        while (cairn_scan_step(m->scan, &budget) == CAIRN_MORE)
+            budget.left = CAIRN_UNBOUNDED;
+        view = cairn_scan_read(m->scan);
+        for (int32_t i = 0; i < view.point_count && count < ABLATED_POINTS; i++) {
+            out[count].position = cairn_transform_point(t, view.points[i].position);
+            out[count++].direction = cairn_transform_direction(t, view.points[i].direction);
+        }
+    }
+    return count;
+}
+
+/* Matches a place with the union of the last three in their true places, the heading known, as in the thesis. Both point
+ * sets are in the frame of the place, but for the target's shift. */
+static int ablate_match(cairn_scan_match *match, const cairn_oriented_point *query, int32_t count,
+                        const cairn_oriented_point *target, int32_t target_count, cairn_pose shift, ablation *out)
+{
+    const cairn_scan_match_window window = {20, 0};
+    cairn_scan_match_part asked = {query, NULL, NULL, count, 0, 0}, known = {target, NULL, NULL, target_count, 0, 0};
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_scan_match_result found;
+    cairn_status status;
+
+    cairn_scan_match_clear_target(match);
+    if (cairn_scan_match_add_target(match, &known, shift, NULL) != CAIRN_OK ||
+        cairn_scan_match_begin(match, &asked, cairn_pose_identity(), &window, NULL) != CAIRN_OK)
+        return 0;
+    while ((status = cairn_scan_match_step(match, &budget)) == CAIRN_MORE)
+        budget.left = CAIRN_UNBOUNDED;
+    for (int32_t i = 0; i < cairn_scan_match_pair_count(match); i++) {
+        cairn_scan_match_pair pair = cairn_scan_match_pair_at(match, i);
+        cairn_vec2 apart = cairn_vec2_sub(query[pair.query].position, target[pair.target].position);
+
+        out->pairs += pair.stage == CAIRN_SCAN_MATCH_KEPT;
+        out->pairs_right += pair.stage == CAIRN_SCAN_MATCH_KEPT && (double)cairn_vec2_norm(apart) < RIGHT_PAIR;
+    }
+    found = cairn_scan_match_read(match);
+    out->matches++;
+    if (found.count > 0) {
+        sim_pose pose = sim_pose_of(found.hypotheses[0].target_query), right = sim_pose_of(shift);
+
+        out->right += bench_pose_near(right, pose, RIGHT_M, RIGHT_RAD);
+        out->within_half += bench_pose_near(right, pose, 0.5, 10 * DEGREE);
+    }
+    return status == CAIRN_OK;
+}
+
+static int ablate_arena(const settings *s, uint64_t seed, cairn_scan_match *const match[STAGES], ablation *out)
+{
+    static cairn_oriented_point query[ABLATED_POINTS], target[(BEFORE + 1) * ABLATED_POINTS];
+    cairn_place_map_params params = params_of(s);
+    machine m = {NULL, 0, NULL, NULL};
+    cairn_random random = cairn_random_seed(seed, 92);
+    problem p;
+    int done;
+
+    if (!make_problem(s, seed, &p))
+        return 0;
+    done = make_machine(&params, &m);
+    for (int32_t place = BEFORE; place < p.place_count && done; place++) {
+        int32_t count = points_of_place(&p, &m, place, place, query), target_count = 0;
+        cairn_pose shift = {2 * cairn_random_uniform(&random, -1, 1), 2 * cairn_random_uniform(&random, -1, 1), 0};
+
+        for (int32_t i = place - BEFORE; i < place; i++)
+            target_count += points_of_place(&p, &m, i, place, target + target_count);
+        for (int k = 0; k < STAGES && done; k++)
+            done = ablate_match(match[k], query, count, target, target_count, shift, &out[k]);
+    }
+    free(m.memory);
+    free_problem(&p);
+    return done;
+}
+
+static void print_ablation(const settings *s, const ablation *all)
+{
+    static const char *const names[STAGES] = {"common subsequence", "+ colinear filter", "+ segment filter", "+ ICP"};
+
+    for (int k = 0; k < STAGES; k++) {
+        double matches = (double)(all[k].matches > 0 ? all[k].matches : 1);
+        double pairs = (double)(all[k].pairs > 0 ? all[k].pairs : 1);
+
+        bench_json_begin("match");
+        bench_json_text("ablation", names[k]);
+        bench_json_integer("arenas", s->arenas);
+        bench_json_integer("matches", all[k].matches);
+        bench_json_number("correspondences", (double)all[k].pairs / matches);
+        bench_json_number("correspondences_right", (double)all[k].pairs_right / pairs);
+        bench_json_number("near", (double)all[k].within_half / matches);
+        bench_json_number("success", (double)all[k].right / matches);
+        bench_json_end();
+    }
+}
+
+static int ablate(const settings *s)
+{
+    static const cairn_scan_match_mode modes[STAGES] = {CAIRN_SCAN_MATCH_SHAPE_COMMON, CAIRN_SCAN_MATCH_SHAPE_COLINEAR,
+                                                        CAIRN_SCAN_MATCH_SHAPE_SEGMENTS, CAIRN_SCAN_MATCH_SHAPE};
+    cairn_scan_match_params params = cairn_scan_match_default();
+    cairn_scan_match *match[STAGES];
+    void *memory[STAGES] = {NULL};
+    ablation all[STAGES];
+    int done = 1;
+
+    memset(all, 0, sizeof all);
+    params.max_target = (BEFORE + 1) * ABLATED_POINTS;
+    params.max_query = ABLATED_POINTS;
+    for (int k = 0; k < STAGES && done; k++) {
+        cairn_pool pool;
+        size_t bytes;
+
+        params.mode = modes[k];
+        bytes = cairn_scan_match_memory(&params) + CAIRN_ALIGN;
+        memory[k] = malloc(bytes);
+        done = memory[k] != NULL && cairn_pool_init(&pool, memory[k], bytes) == CAIRN_OK &&
+               cairn_scan_match_create(&match[k], &pool, &params) == CAIRN_OK;
+    }
+    for (int64_t i = 0; i < s->arenas && done; i++)
+        done = ablate_arena(s, (uint64_t)(s->seed + i), match, all);
+    if (done)
+        print_ablation(s, all);
+    for (int k = 0; k < STAGES; k++)
+        free(memory[k]);
     return done;
 }
 
@@ -497,7 +553,7 @@ static int run(const settings *s)
 
 int main(int argc, char **argv)
 {
-    settings s = {"consensus", "rescue", NULL, 20, 1, 16, 0, 0, {0, 0}, 0, 0, 0};
+    settings s = {"consensus", "rescue", NULL, 20, 1, 16, 0, 0, {0, 0}, 0, 0, 0, 0};
     const option table[] = {
         OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
@@ -509,8 +565,9 @@ int main(int argc, char **argv)
         OPTION_COUNT("--walkers", &s.walkers, 0, 100, "N", "people who walk about the arena"),
         OPTION_PAIR("--sub-error", s.sub_error, 0, 10, "M,DEG",
                     "scans within a place are off, uniform +-, m and degrees"),
-        OPTION_TEXT("--pictures", &s.pictures, "DIR", "draws match-SEED.svg into an existing folder"),
+        OPTION_TEXT("--pictures", &s.pictures, "DIR", "draws match-SEED.svg and errors-SEED.svg into a folder"),
         OPTION_FLAG("--decoupled", &s.decoupled, "at the end every scan is aligned by itself, all at once"),
+        OPTION_FLAG("--ablate", &s.ablate, "the method of chapter 6 after each of its stages instead"),
         OPTION_FLAG("--decoupled-icp", &s.by_icp, "the same one after the other by ICP"),
     };
     const option_set set = {"bench/match", "[options]", "Maps of places without odometry.", table,
@@ -527,5 +584,5 @@ int main(int argc, char **argv)
     }
     if (!check(&s))
         return 2;
-    return run(&s) ? 0 : 1;
+    return (s.ablate ? ablate(&s) : run(&s)) ? 0 : 1;
 }

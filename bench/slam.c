@@ -122,12 +122,28 @@ static int32_t read_relations(const char *path, const cairn_carmen_scans *log, r
     return count;
 }
 
+/* What one scan cost, in units of budget. */
+typedef struct scan_cost {
+    double median, worst;
+} scan_cost;
+
+static scan_cost cost_of(double *units, int32_t count)
+{
+    scan_cost out = {0, 0};
+
+    for (int32_t i = 0; i < count; i++)
+        out.worst = fmax(out.worst, units[i]);
+    out.median = bench_median(units, (size_t)count);
+    return out;
+}
+
 /* Maps the log; poses: [count], of the sensor, which is what relations are between. Returns the time that took, -1 on failure. */
 static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_pose *poses, size_t *pool_bytes,
-                      cairn_mapper_state *state)
+                      cairn_mapper_state *state, scan_cost *cost)
 {
     cairn_mapper_params params = cairn_mapper_default();
     int32_t *key = malloc((size_t)log->count * sizeof *key);
+    double *units = malloc((size_t)log->count * sizeof *units);
     cairn_mapper *mapper;
     cairn_pool pool;
     size_t bytes;
@@ -149,7 +165,7 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
         params.local_span = 0;
     bytes = cairn_mapper_memory(&params) + CAIRN_ALIGN;
     memory = malloc(bytes);
-    status = memory == NULL || key == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);
+    status = memory == NULL || key == NULL || units == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);
     if (status == CAIRN_OK)
         status = cairn_mapper_create(&mapper, &pool, &params);
     start = bench_seconds();
@@ -163,6 +179,7 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
         status = cairn_mapper_add(mapper, &input, s->no_odometry ? NULL : &log->record[i].robot, NULL);
         if (status == CAIRN_OK)
             status = cairn_mapper_step(mapper, &budget);
+        units[i] = (double)(CAIRN_UNBOUNDED - budget.left);
         if (status == CAIRN_OK) {
             cairn_mapper_result result = cairn_mapper_read(mapper);
 
@@ -185,11 +202,13 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
             poses[i] = cairn_pose_compose(cairn_pose_compose(cairn_mapper_key_pose(mapper, key[i]), poses[i]),
                                           s->no_odometry ? cairn_pose_identity() : log->record[i].scan.base_sensor);
         *state = cairn_mapper_measure(mapper);
+        *cost = cost_of(units, log->count);
         *pool_bytes = pool.peak;
     } else {
         fprintf(stderr, "mapper: %s\n", cairn_status_text(status));
     }
     free(key);
+    free(units);
     free(memory);
     return status == CAIRN_OK ? start : -1;
 }
@@ -210,7 +229,7 @@ static void overwrite_poses(cairn_carmen_scans *log, uint64_t seed)
 
 static void print_errors(const settings *s, const char *name, const cairn_carmen_scans *log, const cairn_pose *poses,
                          const relation *relations, int32_t count, double seconds, size_t pool_bytes,
-                         const cairn_mapper_state *state)
+                         const cairn_mapper_state *state, scan_cost cost)
 {
     double t = 0, tt = 0, r = 0, rr = 0, n = count > 0 ? (double)count : (double)NAN;
 
@@ -236,8 +255,13 @@ static void print_errors(const settings *s, const char *name, const cairn_carmen
     bench_json_number("rot_sd_deg", sqrt(fmax(rr / n - r / n * (r / n), 0)));
     bench_json_number("scans_per_second", (double)log->count / seconds);
     bench_json_integer("pool_bytes", (int64_t)pool_bytes);
+    bench_json_number("units_median", cost.median);
+    bench_json_number("ops_worst_over_median", cost.worst / cost.median);
     bench_json_integer("keys", state->keys);
     bench_json_integer("unmatched", state->predicted);
+    bench_json_integer("searched", state->searched);
+    bench_json_integer("doubtful", state->doubtful);
+    bench_json_integer("contradicted", state->odometry_contradicted);
     bench_json_integer("loops", state->loops);
     bench_json_integer("solutions", state->solutions);
     bench_json_integer("lacks_room", state->lacks_room);
@@ -253,6 +277,7 @@ static int run_log(const settings *s, const char *log_path, const char *relation
     relation *relations = NULL;
     cairn_pose *poses;
     size_t pool_bytes = 0;
+    scan_cost cost = {0, 0};
     int32_t count;
     double seconds = -1;
 
@@ -267,9 +292,9 @@ static int run_log(const settings *s, const char *log_path, const char *relation
     if (poses == NULL)
         fprintf(stderr, "%s: no memory for %" PRId32 " poses\n", log_path, log.count);
     if (count >= 0 && poses != NULL)
-        seconds = map_log(s, &log, poses, &pool_bytes, &state);
+        seconds = map_log(s, &log, poses, &pool_bytes, &state, &cost);
     if (seconds >= 0)
-        print_errors(s, cairn_path_name(log_path), &log, poses, relations, count, seconds, pool_bytes, &state);
+        print_errors(s, cairn_path_name(log_path), &log, poses, relations, count, seconds, pool_bytes, &state, cost);
     free(poses);
     free(relations);
     cairn_carmen_scans_free(&log);

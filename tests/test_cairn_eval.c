@@ -99,6 +99,20 @@ static void relations(void **state)
     o = programs_run("cairn eval relations @/two.log @/two.relations --json");
     assert_done(o);
     assert_near(number_of(o.out, "trans_mean_m"), 0.5, 1e-8);
+    /* Sensors 0.2 m ahead of a robot that turns on the spot by a right angle: they move by (-0.2, 0.2). */
+    write_text("ahead.log",
+               "FLASER 1 2 0.2 0 0 0 0 0 1 h 1\nFLASER 1 2 0 0.2 1.5707963267948966 0 0 1.5707963267948966 3 h 3\n");
+    write_text("ahead.csv", "index,x,y,theta\n0,0,0,0\n1,0,0,1.5707963267948966\n");
+    write_text("ahead.relations", "0 1 -0.2 0.2 1.5707963267948966\n");
+    o = programs_run("cairn eval relations @/ahead.log @/ahead.relations --json");
+    assert_done(o);
+    assert_near(number_of(o.out, "trans_mean_m"), 0, 1e-8);
+    o = programs_run("cairn eval relations @/ahead.csv @/ahead.relations --log @/ahead.log --json");
+    assert_done(o);
+    assert_near(number_of(o.out, "trans_mean_m"), 0, 1e-8);
+    o = programs_run("cairn eval relations @/ahead.csv @/ahead.relations --json");
+    assert_done(o);
+    assert_near(number_of(o.out, "trans_mean_m"), sqrt(0.08), 1e-8);
 }
 
 static void maps(void **state)
@@ -195,6 +209,7 @@ static void refusals(void **state)
          "cairn eval relations: ", "index -1, expected indices of scans from 0"},
         {"relations @/missing.csv @/far.relations", "/missing.csv: ", "cannot"},
         {"relations @/empty.log @/far.relations", "/empty.log: ", "expected"},
+        {"relations @/three.csv @/far.relations --log @/two.log", "cairn eval relations: ", "holds 2 scans, expected"},
         {"map", "cairn eval map: ", "no log, expected LOG [POSES.csv]"},
         {"map @/missing.log", "/missing.log: ", "cannot"},
         {

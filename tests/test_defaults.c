@@ -330,6 +330,7 @@ static void of_places(void **state)
     (void)state;
     assert_values(values);
     consensus.max_hypotheses = 4096;
+    consensus.ambiguous = CAIRN_REAL(1e-5);
     assert_memory_equal(&map.consensus, &consensus, sizeof consensus);
 }
 
@@ -347,6 +348,12 @@ static void of_the_mapper(void **state)
         VALUE(p.local_keys, 15),
         VALUE(p.local_recent, 3),
         VALUE(p.local_span, 25),
+        VALUE(p.search, 1),
+        VALUE(p.key_support, 0.6),
+        VALUE(p.motion_distance, 0.3),
+        VALUE(p.motion_turn, 0.3),
+        VALUE(p.motion_distance_min, 0.03),
+        VALUE(p.motion_turn_min, 0.02),
         VALUE(p.local_radius, 4),
         VALUE(p.loop.max_loops, 4096),
         VALUE(p.loop.max_fill, 32768),
@@ -397,6 +404,7 @@ static void of_the_mapper(void **state)
     };
 
     (void)state;
+    icp.weak_ratio = CAIRN_REAL(0.03);
     assert_values(values);
     scan.max_points = p.scan.max_points;
     assert_memory_equal(&p.scan, &scan, sizeof scan);

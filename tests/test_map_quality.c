@@ -104,6 +104,10 @@ static void a_beam_through_unequal_chords(void **state)
     assert_near(log_p, 0, CLOSE);
     assert_ok(cairn_map_beam_likelihood(grid, at(-3, -3), at(-9, -3), 1, (cairn_real)least, &log_p));
     assert_near(log_p, log(least), CLOSE);
+    /* Half a metre of beam, one hit. */
+    assert_ok(cairn_occupancy_grid_add_beam(grid, at(0.2, 2.5), at(0.7, 2.5), 1));
+    assert_ok(cairn_map_beam_likelihood(grid, at(0.1, 2.5), at(0.9, 2.5), 0, (cairn_real)least, &log_p));
+    assert_near(log_p, log(least + (1 - least) * exp(-0.8 / 0.5)), CLOSE);
     /* A hit without length stops every beam. */
     assert_ok(cairn_occupancy_grid_add_beam(grid, at(3.5, 2.5), at(3.5, 2.5), 1));
     assert_ok(cairn_map_beam_likelihood(grid, at(2.5, 2.5), at(3.5, 2.5), 1, (cairn_real)least, &log_p));
@@ -134,6 +138,9 @@ static void pose_errors(void **state)
     assert_near(e.x, 0.5 / 3, CLOSE);
     assert_near(e.y, 0.3 / 3, CLOSE);
     assert_near(e.theta, (2 * 3.14159265358979 - 6.1) / 3, CLOSE);
+    assert_ok(cairn_pose_errors_of(estimate, truth, 1, &e));
+    assert_true(e.x == 0 && e.y == 0 && e.theta == 0);
+    assert_ok(cairn_pose_errors_of(estimate, truth, 3, &e));
     assert_status(cairn_pose_errors_of(NULL, truth, 3, &e), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_pose_errors_of(estimate, NULL, 3, &e), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_pose_errors_of(estimate, truth, 3, NULL), CAIRN_BAD_ARGUMENT);
@@ -153,7 +160,8 @@ static void relations(void **state)
     (void)state;
     memset(&sums, 0, sizeof sums);
     e = cairn_relation_errors_of(&sums);
-    assert_near(e.distance_mean + e.angle_sd, 0, 0);
+    assert_true(e.distance_mean == 0 && e.distance_sd == 0 && e.distance_squared == 0);
+    assert_true(e.angle_mean == 0 && e.angle_sd == 0 && e.angle_squared == 0);
     for (int k = 0; k < 2; k++) {
         cairn_pose off = {(cairn_real)(0.6 * distance[k]), (cairn_real)(-0.8 * distance[k]), (cairn_real)angle[k]};
         cairn_pose second = cairn_pose_compose(first, cairn_pose_compose(reference, off));

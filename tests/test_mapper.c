@@ -345,6 +345,8 @@ static void memory_is_exact(void **state)
     test_every_pool_size(create, &params, cairn_mapper_memory(&params));
     params.loop.max_loops = 0;
     test_every_pool_size(create, &params, cairn_mapper_memory(&params));
+    params.search = 0;
+    test_every_pool_size(create, &params, cairn_mapper_memory(&params));
     params.window = 0;
     test_every_pool_size(create, &params, cairn_mapper_memory(&params));
 }
@@ -378,6 +380,19 @@ static void bad_params_are_refused(void **state)
     REFUSED(local_recent, good.local_keys + 1);
     REFUSED(local_span, good.local_recent - 1);
     REFUSED(local_span, -1);
+    REFUSED(search, -1);
+    REFUSED(search, 2);
+    REFUSED(key_support, CAIRN_REAL(-0.1));
+    REFUSED(key_support, CAIRN_REAL(1.1));
+    REFUSED(key_support, (cairn_real)NAN);
+    REFUSED(motion_distance, -1);
+    REFUSED(motion_distance, (cairn_real)NAN);
+    REFUSED(motion_turn, -1);
+    REFUSED(motion_turn, (cairn_real)NAN);
+    REFUSED(motion_distance_min, 0);
+    REFUSED(motion_distance_min, (cairn_real)NAN);
+    REFUSED(motion_turn_min, 0);
+    REFUSED(motion_turn_min, (cairn_real)NAN);
     REFUSED(local_radius, (cairn_real)NAN);
     REFUSED(loop.max_loops, -1);
     REFUSED(loop.max_loops, (1 << 22) + 1);
@@ -445,6 +460,11 @@ static void bad_params_are_refused(void **state)
     ALLOWED(local_keys, good.local_recent);
     ALLOWED(local_keys, CAIRN_MAPPER_LOCAL_MOST);
     ALLOWED(local_span, 0);
+    ALLOWED(search, 0);
+    ALLOWED(key_support, 0);
+    ALLOWED(key_support, 1);
+    ALLOWED(motion_distance, 0);
+    ALLOWED(motion_turn, 0);
     ALLOWED(local_span, good.local_recent);
     ALLOWED(loop.max_loops, 0);
     ALLOWED(loop.max_loops, 1 << 22);
@@ -564,10 +584,10 @@ static void results_stay_as_they_are(void **state)
     loops.local_span = loops.local_recent;
     loops.loop.gap = 6;
     loops.loop.agree = 2;
-    assert_golden(hash_of_round(&params, 1), UINT64_C(0x4df70856e532b650), UINT64_C(0x2ee8c1a3e133193a));
-    assert_golden(hash_of_round(&params, 0), UINT64_C(0x803a1fc96b872dec), UINT64_C(0x895e5fdc955dca68));
-    assert_golden(hash_of_round(&narrow, 1), UINT64_C(0x289a98f646dc2966), UINT64_C(0xf9ba080274d39509));
-    assert_golden(hash_of_round(&loops, 1), UINT64_C(0x841c33c7d638cbe3), UINT64_C(0x22b96a86127b2a90));
+    assert_golden(hash_of_round(&params, 1), UINT64_C(0xd1143d72df451072), UINT64_C(0xcef39c8a96cb011c));
+    assert_golden(hash_of_round(&params, 0), UINT64_C(0xb942bd5ce3ee9419), UINT64_C(0x1241f7cc6b40e28b));
+    assert_golden(hash_of_round(&narrow, 1), UINT64_C(0xf3c31c7aab9f09cc), UINT64_C(0x44fc1e50a3829816));
+    assert_golden(hash_of_round(&loops, 1), UINT64_C(0xa032c115043bbe66), UINT64_C(0xb101243789b9213d));
 }
 
 int main(void)

@@ -232,6 +232,7 @@ static int poses_of_table(const char *path, timed_poses *t)
     return code;
 }
 
+/* Relations are between sensors. */
 static int poses_of_log(const char *path, timed_poses *t)
 {
     cairn_carmen_scans log;
@@ -241,10 +242,28 @@ static int poses_of_log(const char *path, timed_poses *t)
         return code;
     code = new_timed(t, log.count);
     for (int32_t i = 0; i < log.count && code == TOOL_OK; i++) {
-        t->pose[i] = log.record[i].robot;
+        t->pose[i] = cairn_pose_compose(log.record[i].robot, log.record[i].scan.base_sensor);
         t->stamp_ns[i] = log.record[i].stamp_ns;
         t->known[i] = 1;
     }
+    cairn_carmen_scans_free(&log);
+    return code;
+}
+
+/* From the poses of the robot to those of the sensors, where the log has them on it. */
+static int move_to_sensors(const char *path, timed_poses *t)
+{
+    cairn_carmen_scans log;
+    int code = tool_load(&log, path, 0, 0);
+
+    if (code != TOOL_OK)
+        return code;
+    if (t->count > log.count)
+        code =
+            options_refuse(RELATIONS_PROGRAM, "%s holds %" PRId32 " scans, expected one for each of %" PRId32 " poses",
+                           path, log.count, t->count);
+    for (int32_t i = 0; i < t->count && code == TOOL_OK; i++)
+        t->pose[i] = cairn_pose_compose(t->pose[i], log.record[i].scan.base_sensor);
     cairn_carmen_scans_free(&log);
     return code;
 }
@@ -306,13 +325,18 @@ static int compare_relations(const char *const words[2], const timed_poses *t, c
 
 int eval_relations(int argc, char **argv)
 {
+    const char *log = NULL;
     int32_t json = 0;
-    const option table[] = {OPTION_FLAG("--json", &json, "one JSON object in place of words")};
+    const option table[] = {
+        OPTION_TEXT("--log", &log, "LOG", "the log of the table: where the sensor sat on the robot (at its origin)"),
+        OPTION_FLAG("--json", &json, "one JSON object in place of words"),
+    };
     const option_set set = {
         RELATIONS_PROGRAM, "POSES.csv|LOG FILE.relations [options]",
         "Errors of relative poses against reference relations (Kuemmerle et al. 2009): lines\n"
         "\"t1 t2 x y z roll pitch yaw\" or \"a b x y theta\". The poses are those of a table, found by its\n"
-        "times or indices, or those that a log has.",
+        "times or indices, or those that a log has. Relations are between sensors: poses of a robot\n"
+        "whose sensor sits elsewhere need --log.",
         table, sizeof table / sizeof *table};
     const char *words[2] = {NULL, NULL};
     timed_poses poses = {NULL, NULL, NULL, 0};
@@ -331,6 +355,8 @@ int eval_relations(int argc, char **argv)
     if (cairn_relation_table_read(&row, &rows, words[1], &error) != CAIRN_OK)
         return tool_report(&error);
     code = is_table(words[0]) ? poses_of_table(words[0], &poses) : poses_of_log(words[0], &poses);
+    if (code == TOOL_OK && log != NULL && is_table(words[0]))
+        code = move_to_sensors(log, &poses);
     if (code == TOOL_OK)
         code = compare_relations(words, &poses, row, rows, json);
     free_timed(&poses);

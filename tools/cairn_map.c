@@ -27,7 +27,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
 {
     const option table[] = {
         OPTION_TEXT("-o", &s->folder, "DIR", "folder for poses.csv, map.pgm, map.yaml and map.svg"),
-        OPTION_FLAG("--no-odometry", &s->no_odometry, "use the ranges alone"),
+        OPTION_FLAG("--no-odometry", &s->no_odometry, "use the ranges alone; poses are then the sensor's"),
         OPTION_INTEGER("--max-keys", &s->max_keys, 2, 1000000, "N", "key scans at most"),
         OPTION_INTEGER("--window", &s->window, 0, 64, "N", "key scans that the force field runs over, 0: none"),
         OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "side of a cell of the map, m"),
@@ -137,9 +137,12 @@ static int feed(const settings *s, const cairn_carmen_scans *log, cairn_mapper *
         const cairn_carmen_record *record = &log->record[i];
         cairn_fault fault = {-1, NULL};
         cairn_mapper_result result;
+        cairn_scan_input input = record->scan;
         cairn_scan_view view;
 
-        status = cairn_mapper_add(mapper, &record->scan, s->no_odometry ? NULL : &record->robot, &fault);
+        if (s->no_odometry)
+            input.base_sensor = cairn_pose_identity(); /* the mounting, too, follows from the log's poses */
+        status = cairn_mapper_add(mapper, &input, s->no_odometry ? NULL : &record->robot, &fault);
         while (status == CAIRN_OK || status == CAIRN_MORE) {
             cairn_budget budget = {CAIRN_UNBOUNDED};
 

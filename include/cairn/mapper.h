@@ -57,13 +57,19 @@ typedef struct cairn_mapper_params {
     cairn_real local_radius;      /* m, > 0: the nearest ones are at most so far (4) */
     cairn_real key_distance;      /* m, > 0, and ... (0.5) */
     cairn_real key_turn;          /* ... rad, > 0: what lies between key scans (0.5) */
+    cairn_real key_support;       /* a scan of less support is a key scan, too, in [0, 1] (0.6) */
     int32_t window;               /* key scans of the force field, 2 ... 64; 0: no force field (8) */
     int32_t window_free;          /* of these so many may move, 1 ... window - 1 (3) */
     cairn_real odometry_distance; /* odometry is wrong by this share of the way ... (0.3) */
     cairn_real odometry_turn;     /* ... and of the turn (0.3) */
     cairn_real odometry_distance_min; /* m, and at least by this (0.03) */
     cairn_real odometry_turn_min;     /* rad, and at least by this (0.02) */
-    cairn_real min_support;           /* a match counts when this share of the scan's points has partners (0.3) */
+    cairn_real motion_distance;     /* without odometry: of the motion before, the next one differs by this share ... */
+    cairn_real motion_turn;         /* ... likewise its turn (0.3 and 0.3) ... */
+    cairn_real motion_distance_min; /* m, > 0, and at least by this (0.03) */
+    cairn_real motion_turn_min;     /* rad, > 0 (0.02) */
+    cairn_real min_support;         /* a match counts when this share of the scan's points has partners (0.3) */
+    int32_t search; /* 1: where a match is in doubt, scan_match searches; 0: the match stays as it is (1) */
 } cairn_mapper_params;
 
 /* How the pose of a scan was found. */
@@ -89,8 +95,11 @@ typedef struct cairn_mapper_result {
 /* Measurements over the mapper's whole life. */
 typedef struct cairn_mapper_state {
     int64_t scans;
-    int64_t predicted;         /* scans that could not be matched, blind ones included */
-    int64_t odometry_rejected; /* scans whose match from the last motion was better than that from odometry */
+    int64_t predicted;             /* scans that could not be matched, blind ones included */
+    int64_t odometry_rejected;     /* scans whose match from the last motion was better than that from odometry */
+    int64_t odometry_contradicted; /* scans whose match is beyond two standard deviations of odometry */
+    int64_t searched;              /* scans whose match was in doubt ... */
+    int64_t doubtful;              /* ... and still is; their covariance says so */
     int32_t keys;
     int64_t units;        /* of budget */
     cairn_real potential; /* of the last run of the force field */

@@ -1,22 +1,23 @@
 /* Scan by scan: predict, fit, match, keep.
  *
- * Method. The pose of a scan is predicted from the odometry since the last scan (or by repeating the last motion). The
- * match starts there; when odometry and last motion disagree it is run from both, and the better result stands, so that
- * odometry which is wrong now and then does no harm. Points are evenly spaced along the surfaces, not one a beam: near
+ * Method. Where a scan is, is in mapper_front.c. Points are evenly spaced along the surfaces, not one a beam: near
  * walls would otherwise outvote all others, and their small systematic errors turn the map.
  *
- * The local map is made of the last key scans and of the nearest ones, so that a place seen before is recognised when the
- * robot comes back to it with an error below the match's gate.
+ * The local map is made of the last key scans and of the nearest ones among those of the last while: what is older is joined
+ * by loops (mapper_loop.c, mapper_graph.c), which spread the error over the path, while a match would put all of it into one
+ * link.
  *
  * Layout: key scans in a scan_set with a pose each; the local map in the icp object, made anew when a key scan was added or
  * moved, or the robot has left the place for which it was made.
  *
- * Limits: no search for loops that come back with a larger error; key scans are never forgotten. */
+ * Limits: key scans are never forgotten. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/mapper_work.h"
+
+enum { KEY_REST = 2 }; /* scans after a key scan that are none for want of support */
 
 cairn_mapper_params cairn_mapper_default(void)
 {
@@ -26,6 +27,7 @@ cairn_mapper_params cairn_mapper_default(void)
     params.scan = cairn_scan_default();
     params.scan.max_points = 1024;
     params.icp = cairn_icp_default();
+    params.icp.weak_ratio = CAIRN_REAL(0.03);
     params.field = cairn_force_field_default();
     params.field.sigma_start = CAIRN_REAL(0.04);
     params.field.sigma_end = CAIRN_REAL(0.02);
@@ -56,13 +58,19 @@ cairn_mapper_params cairn_mapper_default(void)
     params.local_radius = 4;
     params.key_distance = CAIRN_REAL(0.5);
     params.key_turn = CAIRN_REAL(0.5);
+    params.key_support = CAIRN_REAL(0.6);
     params.window = 8;
     params.window_free = 3;
     params.odometry_distance = CAIRN_REAL(0.3);
     params.odometry_turn = CAIRN_REAL(0.3);
     params.odometry_distance_min = CAIRN_REAL(0.03);
     params.odometry_turn_min = CAIRN_REAL(0.02);
+    params.motion_distance = CAIRN_REAL(0.3);
+    params.motion_turn = CAIRN_REAL(0.3);
+    params.motion_distance_min = CAIRN_REAL(0.03);
+    params.motion_turn_min = CAIRN_REAL(0.02);
     params.min_support = CAIRN_REAL(0.3);
+    params.search = 1;
     return params;
 }
 
@@ -92,16 +100,16 @@ static cairn_scan_set_params key_params(const cairn_mapper_params *params)
     return keys;
 }
 
-/* Only with loops. */
-static cairn_scan_match_params match_params(const cairn_mapper_params *params)
+/* Of scan_match against so many key scans. */
+static cairn_scan_match_params match_params(const cairn_mapper_params *params, int32_t keys)
 {
     cairn_scan_match_params match = cairn_scan_match_default();
 
-    match.max_target = params->loop.keys * params->scan.max_points;
+    match.max_target = keys * params->scan.max_points;
     if (match.max_target > 1 << 20)
         match.max_target = 1 << 20; /* what scan_match takes at most */
     match.max_dense = 0;
-    match.max_views = params->loop.keys;
+    match.max_views = keys;
     match.max_query = params->scan.max_points;
     match.spacing = params->scan.spacing;
     return match;
@@ -147,9 +155,10 @@ static int is_valid(const cairn_mapper_params *p)
         return 0;
     if (p->window != 0 && (p->window < 2 || p->window > 64 || p->window_free < 1 || p->window_free >= p->window))
         return 0;
-    return p->local_radius > 0 && p->key_distance > 0 && p->key_turn > 0 && p->odometry_distance >= 0 &&
-           p->odometry_turn >= 0 && p->odometry_distance_min > 0 && p->odometry_turn_min > 0 && p->min_support >= 0 &&
-           p->min_support <= 1;
+    return p->local_radius > 0 && p->key_distance > 0 && p->key_turn > 0 && p->key_support >= 0 &&
+           p->key_support <= 1 && p->odometry_distance >= 0 && p->odometry_turn >= 0 && p->odometry_distance_min > 0 &&
+           p->odometry_turn_min > 0 && p->motion_distance >= 0 && p->motion_turn >= 0 && p->motion_distance_min > 0 &&
+           p->motion_turn_min > 0 && p->min_support >= 0 && p->min_support <= 1 && (p->search == 0 || p->search == 1);
 }
 
 /* Counts the objects that the mapper creates. */
@@ -164,8 +173,13 @@ static void count_parts(cairn_pool *counting, const cairn_mapper_params *params)
     cairn_pool_count(counting, cairn_scan_set_memory(&keys));
     if (params->window)
         cairn_pool_count(counting, cairn_force_field_memory(&field));
+    if (params->search) {
+        cairn_scan_match_params match = match_params(params, params->local_keys);
+
+        cairn_pool_count(counting, cairn_scan_match_memory(&match));
+    }
     if (params->loop.max_loops > 0) {
-        cairn_scan_match_params match = match_params(params);
+        cairn_scan_match_params match = match_params(params, params->loop.keys);
         cairn_pose_graph_params graph = graph_params(params);
 
         cairn_pool_count(counting, cairn_scan_match_memory(&match));
@@ -180,27 +194,24 @@ static void carve_loop(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_p
     mapper_link *links = cairn_pool_take(pool, keys + (size_t)params->loop.max_loops, sizeof *links);
     int32_t *first_link = cairn_pool_take(pool, keys, sizeof *first_link);
     cairn_sym3 *covariance = cairn_pool_take(pool, keys, sizeof *covariance);
-    uint16_t *sight = cairn_pool_take(pool, keys * MAPPER_BEARINGS, sizeof *sight);
     cairn_real *variance = cairn_pool_take(pool, keys, sizeof *variance);
     cairn_real *turn_variance = cairn_pool_take(pool, keys, sizeof *turn_variance);
     int32_t *heap = cairn_pool_take(pool, keys, sizeof *heap);
     int32_t *heap_at = cairn_pool_take(pool, keys, sizeof *heap_at);
     cairn_oriented_point *points = cairn_pool_take(pool, (size_t)params->scan.max_points, sizeof *points);
-    cairn_beam *beams = cairn_pool_take(pool, (size_t)2 * MAPPER_BEARINGS, sizeof *beams);
+    cairn_beam *beams = cairn_pool_take(pool, MAPPER_BEARINGS, sizeof *beams);
 
     if (loop == NULL)
         return;
     loop->links = links;
     loop->first_link = first_link;
     loop->covariance = covariance;
-    loop->sight = sight;
     loop->variance = variance;
     loop->turn_variance = turn_variance;
     loop->heap = heap;
     loop->heap_at = heap_at;
     loop->query_points = points;
     loop->query_beams = beams;
-    loop->beams = beams == NULL ? NULL : beams + MAPPER_BEARINGS;
 }
 
 static cairn_mapper *carve(cairn_pool *pool, const cairn_mapper_params *params)
@@ -210,6 +221,9 @@ static cairn_mapper *carve(cairn_pool *pool, const cairn_mapper_params *params)
     cairn_oriented_point *oriented = cairn_pool_take(pool, (size_t)params->scan.max_points, sizeof *oriented);
     cairn_segment *segments = cairn_pool_take(pool, (size_t)params->scan.max_segments, sizeof *segments);
     int32_t *first_point = cairn_pool_take(pool, (size_t)params->scan.max_segments + 1, sizeof *first_point);
+    int32_t has_sight = params->search || params->loop.max_loops > 0;
+    uint16_t *sight = cairn_pool_take(pool, has_sight ? (size_t)params->max_keys * MAPPER_BEARINGS : 0, sizeof *sight);
+    cairn_beam *beams = cairn_pool_take(pool, has_sight ? MAPPER_BEARINGS : 0, sizeof *beams);
 
     if (mapper != NULL) {
         memset(mapper, 0, sizeof *mapper);
@@ -217,6 +231,9 @@ static cairn_mapper *carve(cairn_pool *pool, const cairn_mapper_params *params)
         mapper->oriented = oriented;
         mapper->segments = segments;
         mapper->first_point = first_point;
+        mapper->sight = has_sight ? sight : NULL;
+        mapper->beams = beams;
+        mapper->trust = 1;
     }
     if (params->loop.max_loops > 0)
         carve_loop(mapper != NULL ? &mapper->loop : NULL, pool, params);
@@ -261,8 +278,13 @@ cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool *pool, const 
     if (status == CAIRN_OK && params->window)
         status = cairn_force_field_create(&made->field, pool, &field);
     CAIRN_ASSERT(status == CAIRN_OK);
+    if (status == CAIRN_OK && params->search) {
+        cairn_scan_match_params match = match_params(params, params->local_keys);
+
+        status = cairn_scan_match_create(&made->search, pool, &match);
+    }
     if (status == CAIRN_OK && params->loop.max_loops > 0) {
-        cairn_scan_match_params match = match_params(params);
+        cairn_scan_match_params match = match_params(params, params->loop.keys);
         cairn_pose_graph_params graph = graph_params(params);
 
         status = cairn_scan_match_create(&made->loop.match, pool, &match);
@@ -287,8 +309,8 @@ static cairn_pose last_pose(const cairn_mapper *mapper)
 cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *input, const cairn_pose *odometry,
                               cairn_fault *fault)
 {
+    cairn_pose last, by_odometry = cairn_pose_identity();
     cairn_status status;
-    cairn_pose last;
 
     if (mapper == NULL)
         return CAIRN_BAD_ARGUMENT;
@@ -308,34 +330,18 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
         mapper->odometry = *odometry;
     if (mapper->state.scans == 0 && odometry != NULL)
         last = *odometry; /* the map's frame is that of the odometry */
-    mapper->motion = mapper->has_odometry && mapper->state.scans > 0
-                         ? cairn_pose_between(mapper->last_odometry, mapper->odometry)
-                         : mapper->last_motion;
-    mapper->predicted = cairn_pose_compose(last, mapper->motion);
-    mapper->repeated = cairn_pose_compose(last, mapper->last_motion);
+    if (mapper->has_odometry && mapper->state.scans > 0)
+        by_odometry = cairn_pose_between(mapper->last_odometry, mapper->odometry);
+    cairn_mapper_predict(mapper, last, by_odometry);
     mapper->had_odometry = odometry != NULL;
     if (odometry != NULL)
         mapper->last_odometry = *odometry;
-    mapper->has_match = 0;
     mapper->phase = FIT;
     mapper->cursor = 0;
     return CAIRN_OK;
 }
 
 /* ---- The match ---- */
-
-static cairn_status begin_match(cairn_mapper *mapper, cairn_pose start)
-{
-    const cairn_mapper_params *p = &mapper->params;
-    cairn_scan_view view = cairn_scan_read(mapper->scan);
-    cairn_real way = cairn_sqrt(mapper->motion.x * mapper->motion.x + mapper->motion.y * mapper->motion.y);
-    cairn_pose_prior prior;
-
-    prior.mean = start;
-    prior.sigma_x = prior.sigma_y = p->odometry_distance_min + p->odometry_distance * way;
-    prior.sigma_theta = p->odometry_turn_min + p->odometry_turn * (cairn_abs(mapper->motion.theta) + way / 10);
-    return cairn_icp_begin(mapper->icp, view.points, view.point_count, start, &prior, NULL);
-}
 
 /* The scan is fitted: what comes next for its pose. */
 static cairn_status begin_pose(cairn_mapper *mapper)
@@ -349,45 +355,19 @@ static cairn_status begin_pose(cairn_mapper *mapper)
         cairn_mapper_begin_local(mapper);
         return CAIRN_OK;
     }
-    mapper->phase = MATCH;
-    return begin_match(mapper, mapper->predicted);
-}
-
-/* A match is as good as its overlap, less for every 5 cm of mean distance. */
-static cairn_real quality(const cairn_icp_result *match)
-{
-    return match->overlap * cairn_exp(-match->mean_distance / CAIRN_REAL(0.05));
-}
-
-static void end_match(cairn_mapper *mapper, int32_t by_motion)
-{
-    cairn_icp_result match = cairn_icp_read(mapper->icp);
-
-    if (match.verdict == CAIRN_ICP_TOO_FEW_PAIRS || match.overlap < mapper->params.min_support)
-        return;
-    if (mapper->has_match && !(quality(&match) > CAIRN_REAL(1.05) * quality(&mapper->match)))
-        return;
-    mapper->match = match;
-    mapper->has_match = 1;
-    mapper->state.odometry_rejected += by_motion;
-}
-
-/* 1 when the last motion leads elsewhere than the odometry. */
-static int motions_differ(const cairn_mapper *mapper)
-{
-    cairn_pose d = cairn_pose_between(mapper->predicted, mapper->repeated);
-
-    return mapper->has_odometry &&
-           (d.x * d.x + d.y * d.y > CAIRN_REAL(0.0025) || cairn_abs(d.theta) > CAIRN_REAL(0.02));
+    return cairn_mapper_begin_match(mapper);
 }
 
 /* ---- The result ---- */
 
+/* 1 when the scan shows what the local map does not: it moved on, or most of it has no partners. */
 static int is_key_scan(const cairn_mapper *mapper, cairn_pose map_scan)
 {
     cairn_pose key_scan;
 
     if (mapper->keys->scan_count == 0)
+        return 1;
+    if (mapper->result.support < mapper->params.key_support && mapper->since_key >= KEY_REST)
         return 1;
     key_scan = cairn_pose_between(mapper->key_pose[mapper->keys->scan_count - 1], map_scan);
     return key_scan.x * key_scan.x + key_scan.y * key_scan.y >
@@ -404,8 +384,8 @@ static cairn_sym3 link_covariance(const cairn_mapper *mapper)
 
     if (mapper->has_match)
         return cairn_mapper_own_covariance(mapper, mapper->match.covariance, mapper->match.target_query.theta);
-    unmatched[0] = unmatched[4] = p->odometry_distance_min + p->odometry_distance * way;
-    unmatched[8] = p->odometry_turn_min + p->odometry_turn * cairn_abs(prediction.theta);
+    unmatched[0] = unmatched[4] = p->motion_distance_min + p->motion_distance * way;
+    unmatched[8] = p->motion_turn_min + p->motion_turn * cairn_abs(prediction.theta);
     for (int k = 0; k < 9; k += 4)
         unmatched[k] *= unmatched[k];
     return cairn_mapper_own_covariance(mapper, unmatched, 0);
@@ -422,6 +402,7 @@ static cairn_status keep(cairn_mapper *mapper)
 
     if (mapper->state.scans == 0)
         last = mapper->predicted;
+    cairn_mapper_learn(mapper);
     result->map_scan = mapper->has_match ? mapper->match.target_query : mapper->predicted;
     result->support = mapper->has_match ? mapper->match.overlap : 0;
     memset(result->covariance, 0, sizeof result->covariance);
@@ -444,10 +425,10 @@ static cairn_status keep(cairn_mapper *mapper)
 
             mapper->key_pose[key] = result->map_scan;
             mapper->target_stale = 1;
-            if (mapper->loop.graph != NULL) {
-                mapper->loop.covariance[key] = link_covariance(mapper);
+            if (mapper->sight != NULL)
                 cairn_mapper_keep_sight(mapper, key, &view);
-            }
+            if (mapper->loop.graph != NULL)
+                mapper->loop.covariance[key] = link_covariance(mapper);
         } else {
             result->is_key = 0;
             mapper->full = 1;
@@ -455,7 +436,8 @@ static cairn_status keep(cairn_mapper *mapper)
     }
     result->key = mapper->keys->scan_count - 1;
     result->key_scan = cairn_pose_between(mapper->key_pose[result->key], result->map_scan);
-    mapper->last_motion = cairn_pose_between(last, result->map_scan);
+    mapper->last_motion = cairn_mapper_next_motion(mapper, cairn_pose_between(last, result->map_scan));
+    mapper->since_key = result->is_key ? 0 : mapper->since_key + 1;
     mapper->state.scans++;
     mapper->state.keys = mapper->keys->scan_count;
     return status;
@@ -463,11 +445,11 @@ static cairn_status keep(cairn_mapper *mapper)
 
 /* ---- Steps ---- */
 
-/* The scan has its pose: loops and graph get their share. */
+/* The scan has its pose: loops and graph get their share, or what a search has left of it. */
 static void begin_share(cairn_mapper *mapper)
 {
-    mapper->loop.quota = mapper->params.loop.units;
-    mapper->phase = mapper->loop.graph != NULL ? LOOP : IDLE;
+    mapper->loop.quota = mapper->params.loop.units - mapper->spent;
+    mapper->phase = mapper->loop.graph != NULL && mapper->loop.quota > 0 ? LOOP : IDLE;
 }
 
 /* Goes on with loops and graph until there is nothing to do, or the scan's share of units is used up. */
@@ -488,6 +470,7 @@ static cairn_status take_share(cairn_mapper *mapper, cairn_budget *budget)
 static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
 {
     cairn_status status = CAIRN_OK;
+    int32_t before;
 
     switch (mapper->phase) {
     case FIT:
@@ -509,23 +492,28 @@ static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
         if (status == CAIRN_OK && mapper->cursor == mapper->local_count) {
             mapper->target_stale = 0;
             mapper->target_pose = mapper->predicted;
-            mapper->phase = cairn_icp_target_count(mapper->icp) > 0 ? MATCH : KEEP;
-            if (mapper->phase == MATCH)
-                status = begin_match(mapper, mapper->predicted);
+            mapper->search_count = 0;
+            mapper->phase = KEEP;
+            if (cairn_icp_target_count(mapper->icp) > 0)
+                status = cairn_mapper_begin_match(mapper);
         }
         break;
     case MATCH:
-    case MATCH_MOTION:
+    case MATCH_OTHER:
+    case MATCH_FOUND:
         status = cairn_icp_step(mapper->icp, budget);
-        if (status == CAIRN_OK) {
-            end_match(mapper, mapper->phase == MATCH_MOTION);
-            if (mapper->phase == MATCH && motions_differ(mapper)) {
-                mapper->phase = MATCH_MOTION;
-                status = begin_match(mapper, mapper->repeated);
-            } else {
-                mapper->phase = KEEP;
-            }
-        }
+        if (status == CAIRN_OK)
+            status = cairn_mapper_end_match(mapper);
+        break;
+    case SEARCH_TARGET:
+        status = cairn_mapper_search_target(mapper, budget);
+        break;
+    case SEARCH:
+        before = budget->left;
+        status = cairn_scan_match_step(mapper->search, budget);
+        mapper->spent += before - budget->left;
+        if (status == CAIRN_OK)
+            status = cairn_mapper_end_search(mapper);
         break;
     case KEEP:
         budget->left -= 4 + cairn_scan_read(mapper->scan).point_count / 4;

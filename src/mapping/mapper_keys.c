@@ -173,7 +173,7 @@ static cairn_vec2 bearing_direction(int32_t bearing)
 
 void cairn_mapper_keep_sight(cairn_mapper *mapper, int32_t key, const cairn_scan_view *view)
 {
-    uint16_t *sight = &mapper->loop.sight[(size_t)key * MAPPER_BEARINGS];
+    uint16_t *sight = &mapper->sight[(size_t)key * MAPPER_BEARINGS];
 
     memset(sight, 0, MAPPER_BEARINGS * sizeof *sight);
     for (int32_t i = 0; i < view->beam_count; i++) {
@@ -190,7 +190,7 @@ void cairn_mapper_keep_sight(cairn_mapper *mapper, int32_t key, const cairn_scan
 
 int32_t cairn_mapper_sight(const cairn_mapper *mapper, int32_t key, cairn_beam *beams)
 {
-    const uint16_t *sight = &mapper->loop.sight[(size_t)key * MAPPER_BEARINGS];
+    const uint16_t *sight = &mapper->sight[(size_t)key * MAPPER_BEARINGS];
     cairn_vec2 sensor = mapper->keys->scans[key].sensor;
     int32_t count = 0;
 
@@ -203,4 +203,17 @@ int32_t cairn_mapper_sight(const cairn_mapper *mapper, int32_t key, cairn_beam *
         count++;
     }
     return count;
+}
+
+cairn_scan_match_part cairn_mapper_key_part(const cairn_mapper *mapper, int32_t key, cairn_oriented_point *points,
+                                            cairn_beam *beams)
+{
+    cairn_scan_match_part part;
+
+    memset(&part, 0, sizeof part);
+    part.points = points;
+    part.count = cairn_mapper_key_points(mapper, key, points);
+    part.beams = beams;
+    part.beam_count = cairn_mapper_sight(mapper, key, beams);
+    return part;
 }

@@ -213,20 +213,16 @@ static void begin_candidate(cairn_mapper *mapper)
 static void target_item(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
-    cairn_scan_match_part part;
     int32_t key = loop->target_from++;
+    cairn_scan_match_part part = cairn_mapper_key_part(mapper, key, mapper->oriented, mapper->beams);
 
-    memset(&part, 0, sizeof part);
-    part.points = mapper->oriented;
-    part.count = cairn_mapper_key_points(mapper, key, mapper->oriented);
-    part.beams = loop->beams;
-    part.beam_count = cairn_mapper_sight(mapper, key, loop->beams);
     budget->left -= 2 + part.count / 2 + part.beam_count / 2;
     if (cairn_scan_match_add_target(loop->match, &part, mapper->key_pose[key], NULL) != CAIRN_OK)
         loop->target_from = loop->target_end;
 }
 
-static cairn_status begin_match(cairn_mapper *mapper, cairn_budget *budget)
+/* What lies too far away to be searched for has no result. */
+static void begin_match(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
     int32_t key = loop->candidates[loop->candidate].key;
@@ -236,7 +232,9 @@ static cairn_status begin_match(cairn_mapper *mapper, cairn_budget *budget)
     window.angle = 3 * cairn_sqrt(loop->turn_variance[key]) + CAIRN_REAL(0.1);
     loop->phase = LOOP_MATCH;
     budget->left -= 2 + loop->query_part.count / 4;
-    return cairn_scan_match_begin(loop->match, &loop->query_part, mapper->key_pose[loop->query], &window, NULL);
+    if (cairn_scan_match_begin(loop->match, &loop->query_part, mapper->key_pose[loop->query], &window, NULL) !=
+        CAIRN_OK)
+        cairn_scan_match_clear_target(loop->match);
 }
 
 /* ---- The verdict ---- */
@@ -304,8 +302,7 @@ static void weigh(cairn_mapper *mapper, const mapper_pending *closure)
     loop->pending_count++;
 }
 
-/* 1 when the second hypothesis is as good as the first. */
-static int32_t has_rival(const cairn_scan_match_result *result)
+int32_t cairn_mapper_has_rival(const cairn_scan_match_result *result)
 {
     return result->count > 1 && result->hypotheses[1].score > CAIRN_REAL(0.9) * result->hypotheses[0].score;
 }
@@ -326,9 +323,9 @@ static void judge(cairn_mapper *mapper)
         closure.first_second = cairn_pose_between(mapper->key_pose[key], h->target_query);
         closure.covariance = cairn_mapper_own_covariance(mapper, h->covariance, h->target_query.theta);
     }
-    if (result.verdict == CAIRN_SCAN_MATCH_NONE || h->evidence < p->evidence)
+    if (result.count == 0 || result.verdict == CAIRN_SCAN_MATCH_NONE || h->evidence < p->evidence)
         cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_NONE);
-    else if (has_rival(&result))
+    else if (cairn_mapper_has_rival(&result))
         cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_AMBIGUOUS);
     else if (h->contradiction > p->contradiction || h->target_contradiction > p->contradiction)
         cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_CONTRADICTED);
@@ -372,18 +369,6 @@ static cairn_status begin_next(cairn_mapper *mapper, cairn_budget *budget)
     return status;
 }
 
-static void take_query(cairn_mapper *mapper)
-{
-    mapper_loop *loop = &mapper->loop;
-    cairn_scan_match_part *part = &loop->query_part;
-
-    memset(part, 0, sizeof *part);
-    part->points = loop->query_points;
-    part->count = cairn_mapper_key_points(mapper, loop->query, loop->query_points);
-    part->beams = loop->query_beams;
-    part->beam_count = cairn_mapper_sight(mapper, loop->query, loop->query_beams);
-}
-
 static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
@@ -408,7 +393,7 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
         loop->candidate = 0;
         loop->phase = LOOP_IDLE;
         if (loop->candidate_count > 0) {
-            take_query(mapper);
+            loop->query_part = cairn_mapper_key_part(mapper, loop->query, loop->query_points, loop->query_beams);
             budget->left -= 2 + loop->query_part.count / 4 + loop->query_part.beam_count / 4;
             begin_candidate(mapper);
         }
@@ -417,7 +402,7 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
         if (loop->target_from < loop->target_end)
             target_item(mapper, budget);
         else
-            status = begin_match(mapper, budget);
+            begin_match(mapper, budget);
         break;
     case LOOP_MATCH:
         status = cairn_scan_match_step(loop->match, budget);

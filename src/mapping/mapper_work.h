@@ -1,4 +1,4 @@
-/* What the parts of mapper share: mapper.c (scan by scan), mapper_keys.c (key scans, local map, window of the force field),
+/* What the parts of mapper share: mapper.c (scan by scan), mapper_front.c (its match), mapper_keys.c (key scans, local map, window of the force field),
  * mapper_loop.c (loops that close), mapper_graph.c (correction of all key scans). */
 #ifndef CAIRN_MAPPING_MAPPER_WORK_H
 #define CAIRN_MAPPING_MAPPER_WORK_H
@@ -17,13 +17,16 @@ enum {
 typedef int32_t phase;
 enum {
     IDLE = 0,
-    FIT,          /* lines of the new scan */
-    SELECT,       /* key scans near the predicted pose */
-    TARGET,       /* local map out of them */
-    MATCH,        /* from the prediction */
-    MATCH_MOTION, /* from the last motion */
-    KEEP,         /* result, and a key scan if it is one */
-    WINDOW,       /* key scans into the force field */
+    FIT,           /* lines of the new scan */
+    SELECT,        /* key scans near the predicted pose */
+    TARGET,        /* local map out of them */
+    MATCH,         /* from the prediction */
+    MATCH_OTHER,   /* from another motion */
+    SEARCH_TARGET, /* local map of the search */
+    SEARCH,        /* of a match in doubt */
+    MATCH_FOUND,   /* from what it found */
+    KEEP,          /* result, and a key scan if it is one */
+    WINDOW,        /* key scans into the force field */
     FIELD,
     LOOP /* loops and graph, for their share of the scan */
 };
@@ -67,7 +70,6 @@ typedef struct mapper_loop {
     mapper_link *links;        /* [max_keys + max_loops] */
     int32_t *first_link;       /* [max_keys] of a key scan; -1: none */
     cairn_sym3 *covariance;    /* [max_keys] of the match with which a key scan came, in its own frame */
-    uint16_t *sight;           /* [max_keys * MAPPER_BEARINGS] cm by bearing; 0: nothing known */
     cairn_real *variance;      /* [max_keys] m^2, of the path to the query */
     cairn_real *turn_variance; /* [max_keys] rad^2 */
     int32_t *heap;             /* [max_keys] key scans by variance */
@@ -82,7 +84,6 @@ typedef struct mapper_loop {
     int32_t query;                      /* key scan that is looked for */
     cairn_oriented_point *query_points; /* [scan.max_points] */
     cairn_beam *query_beams;            /* [MAPPER_BEARINGS] */
-    cairn_beam *beams;                  /* [MAPPER_BEARINGS] of a key scan on its way into a match */
     cairn_scan_match_part query_part;
     mapper_candidate candidates[MAPPER_CANDIDATES];
     int32_t candidate_count, candidate;
@@ -111,16 +112,25 @@ struct cairn_mapper {
     cairn_oriented_point *oriented; /* [scan.max_points] */
     cairn_segment *segments;        /* [scan.max_segments] */
     int32_t *first_point;           /* [scan.max_segments + 1] */
+    cairn_beam *beams;              /* [MAPPER_BEARINGS] */
+    uint16_t *sight; /* [max_keys * MAPPER_BEARINGS] cm by bearing, 0: nothing known; NULL when nobody asks */
 
     phase phase;
     int32_t cursor; /* within the phase */
     int32_t full;
+    int32_t since_key; /* scans since the last key scan */
 
     int32_t has_odometry; /* of the scan at hand */
     cairn_pose odometry;
-    cairn_pose motion; /* predicted by odometry or by the last motion */
+    cairn_pose by_odometry;
+    cairn_pose last;   /* where the scan before is */
+    cairn_pose motion; /* that is predicted */
+    cairn_pose other;  /* that is tried, too */
     cairn_pose predicted;
-    cairn_pose repeated; /* pose by the last motion */
+    int32_t believed;        /* 1: the odometry is what is predicted */
+    cairn_real trust;        /* in odometry, 0 ... 1 */
+    cairn_vec2 pace;         /* m, a scan, in its own frame */
+    cairn_real mean_quality; /* of matches; 0: none yet */
 
     int32_t had_odometry; /* of the scan before */
     cairn_pose last_odometry;
@@ -133,6 +143,11 @@ struct cairn_mapper {
     cairn_pose target_pose;
     cairn_icp_result match; /* the better one so far */
     int32_t has_match;
+    int32_t doubtful;         /* 1: also after a search */
+    cairn_scan_match *search; /* NULL: matches in doubt stay as they are */
+    int32_t searches;         /* of this scan */
+    int32_t search_count;     /* key scans of the local map that it has */
+    int32_t spent;            /* units, by the search of this scan */
 
     mapper_loop loop; /* its graph is NULL without loops */
     cairn_mapper_result result;
@@ -167,7 +182,29 @@ int32_t cairn_mapper_key_points(const cairn_mapper *mapper, int32_t key, cairn_o
 void cairn_mapper_keep_sight(cairn_mapper *mapper, int32_t key, const cairn_scan_view *view);
 int32_t cairn_mapper_sight(const cairn_mapper *mapper, int32_t key, cairn_beam *beams);
 
+/* A key scan as a part of a match, its points and beams copied to the arrays. */
+cairn_scan_match_part cairn_mapper_key_part(const cairn_mapper *mapper, int32_t key, cairn_oriented_point *points,
+                                            cairn_beam *beams);
+
+/* ---- mapper_front.c ---- */
+
+/* Predicts the scan from where the one before is, and by how its odometry has moved. */
+void cairn_mapper_predict(cairn_mapper *mapper, cairn_pose last, cairn_pose by_odometry);
+cairn_status cairn_mapper_begin_match(cairn_mapper *mapper);
+
+/* A match has ended: chooses what comes next. */
+cairn_status cairn_mapper_end_match(cairn_mapper *mapper);
+cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budget);
+cairn_status cairn_mapper_end_search(cairn_mapper *mapper);
+
+/* The scan has its match, or none: how good are matches, can odometry be believed? */
+void cairn_mapper_learn(cairn_mapper *mapper);
+cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion);
+
 /* ---- mapper_loop.c ---- */
+
+/* 1 when the second hypothesis is as good as the first. */
+int32_t cairn_mapper_has_rival(const cairn_scan_match_result *result);
 
 /* Writes down what became of a closure. */
 void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,

@@ -48,6 +48,7 @@ cairn_place_map_params cairn_place_map_default(void)
     params.match.max_hypotheses = 12;
     params.consensus = cairn_pose_consensus_default();
     params.consensus.max_hypotheses = 4096;
+    params.consensus.ambiguous = CAIRN_REAL(1e-5); /* nats of points that hang together are worth less */
     params.aligner = cairn_aligner_default();
     params.aligner.max_segments = 4096;
     params.aligner.max_fill = 8192;

@@ -1,0 +1,353 @@
+/* Where is the scan, seen from the key scans of the last while?
+ *
+ * Method. The pose is predicted from the odometry since the last scan, or by repeating the last motion when there is none or
+ * when it is not believed. The match (icp) starts there. Where another motion (the other one of the two; standing still,
+ * without odometry) leads elsewhere, it is run from there, too, and the better result stands.
+ *
+ * A match is in doubt when it is clearly worse than those before it, when it would be a sudden motion, or when there is
+ * none. Then scan_match searches the window about the prediction, and the match is run from the hypothesis that fits best, of
+ * equal ones that with the least sudden motion. What stays in doubt gets a covariance that says so.
+ *
+ * Odometry that the matches contradict again and again is not believed any more until they agree with it again. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/mapper_work.h"
+
+static const cairn_real APART = CAIRN_REAL(0.05); /* m: motions that lead so far apart are tried both */
+static const cairn_real APART_TURN = CAIRN_REAL(0.02);
+/* Than the match from the prediction one from another motion must be: who lags behind overlaps more. */
+static const cairn_real BETTER = CAIRN_REAL(1.2);
+static const cairn_real SUDDEN = CAIRN_REAL(0.1); /* m beyond the prediction, ... */
+static const cairn_real SUDDEN_TURN = CAIRN_REAL(0.08);
+static const cairn_real SUDDEN_SHARE = CAIRN_REAL(0.2); /* ... and this share of the motion */
+static const cairn_real WORSE = CAIRN_REAL(0.8);        /* than the mean quality */
+static const cairn_real SEARCH_WINDOW = CAIRN_REAL(0.5), SEARCH_ANGLE = CAIRN_REAL(0.5); /* m and rad */
+static const cairn_real WIDE_WINDOW = 1, WIDE_ANGLE = CAIRN_REAL(1.6);          /* ... when nothing was found there */
+static const cairn_real STRANGE = CAIRN_REAL(0.1);                              /* m and rad out of the way */
+static const cairn_real STRANGE_COST = CAIRN_REAL(0.1);                         /* ... of the log of the quality */
+static const cairn_real DOUBT = CAIRN_REAL(0.3), DOUBT_TURN = CAIRN_REAL(0.15); /* standard deviations, m and rad */
+static const cairn_real SLIPPERY = CAIRN_REAL(0.05); /* share of information along the weak direction */
+static const cairn_real FADES = CAIRN_REAL(0.99);    /* pace, by each scan that does not tell it */
+static const cairn_real ADAPTS = CAIRN_REAL(0.1);    /* by each scan, of mean quality and trust */
+static const cairn_real TRUSTED = CAIRN_REAL(0.5);   /* odometry whose trust is above is believed */
+
+static cairn_real length(cairn_pose motion)
+{
+    return cairn_sqrt(motion.x * motion.x + motion.y * motion.y);
+}
+
+/* ---- Prediction ---- */
+
+void cairn_mapper_predict(cairn_mapper *mapper, cairn_pose last, cairn_pose by_odometry)
+{
+    mapper->last = last;
+    mapper->believed = mapper->has_odometry && mapper->trust > TRUSTED;
+    mapper->motion = mapper->believed ? by_odometry : mapper->last_motion;
+    mapper->other = cairn_pose_identity();
+    if (mapper->believed)
+        mapper->other = mapper->last_motion;
+    else if (mapper->has_odometry)
+        mapper->other = by_odometry;
+    mapper->by_odometry = by_odometry;
+    mapper->predicted = cairn_pose_compose(last, mapper->motion);
+    mapper->has_match = 0;
+    mapper->doubtful = 0;
+    mapper->spent = mapper->searches = 0;
+}
+
+/* Where the scan may be after a motion that is told by odometry (or by the motion before). */
+static cairn_pose_prior prior_of(const cairn_mapper *mapper, cairn_pose motion, int32_t is_odometry)
+{
+    const cairn_mapper_params *p = &mapper->params;
+    cairn_real way = length(motion);
+    cairn_pose_prior prior;
+
+    prior.mean = cairn_pose_compose(mapper->last, motion);
+    if (is_odometry) {
+        prior.sigma_x = p->odometry_distance_min + p->odometry_distance * way;
+        prior.sigma_theta = p->odometry_turn_min + p->odometry_turn * (cairn_abs(motion.theta) + way / 10);
+    } else {
+        prior.sigma_x = p->motion_distance_min + p->motion_distance * way;
+        prior.sigma_theta = p->motion_turn_min + p->motion_turn * cairn_abs(motion.theta);
+    }
+    prior.sigma_y = prior.sigma_x;
+    return prior;
+}
+
+cairn_status cairn_mapper_begin_match(cairn_mapper *mapper)
+{
+    cairn_scan_view view = cairn_scan_read(mapper->scan);
+    cairn_pose_prior prior = prior_of(mapper, mapper->motion, mapper->believed);
+
+    mapper->phase = MATCH;
+    return cairn_icp_begin(mapper->icp, view.points, view.point_count, mapper->predicted, &prior, NULL);
+}
+
+static cairn_status begin_other(cairn_mapper *mapper)
+{
+    cairn_scan_view view = cairn_scan_read(mapper->scan);
+    cairn_pose_prior prior = prior_of(mapper, mapper->other, mapper->has_odometry && !mapper->believed);
+
+    mapper->phase = MATCH_OTHER;
+    return cairn_icp_begin(mapper->icp, view.points, view.point_count, prior.mean, &prior, NULL);
+}
+
+/* ---- Matches ---- */
+
+/* A match is as good as its overlap, less for every 5 cm of mean distance. */
+static cairn_real quality(const cairn_icp_result *match)
+{
+    return match->overlap * cairn_exp(-match->mean_distance / CAIRN_REAL(0.05));
+}
+
+/* How much a motion to a pose is out of the way of both the prediction and standing still, squared, up to 4. */
+static cairn_real strangeness(const cairn_mapper *mapper, cairn_pose pose)
+{
+    cairn_pose a = cairn_pose_between(mapper->predicted, pose), b = cairn_pose_between(mapper->last, pose);
+    cairn_real by_prediction = a.x * a.x + a.y * a.y + a.theta * a.theta;
+    cairn_real by_rest = b.x * b.x + b.y * b.y + b.theta * b.theta;
+
+    return cairn_min(cairn_min(by_prediction, by_rest) / (STRANGE * STRANGE), 4);
+}
+
+/* What speaks for a pose: the log of a quality, less for a strange motion. */
+static cairn_real value_of(const cairn_mapper *mapper, cairn_real q, cairn_pose pose)
+{
+    return cairn_log(q + CAIRN_REAL(1e-3)) - STRANGE_COST * strangeness(mapper, pose);
+}
+
+static int32_t counts(const cairn_mapper *mapper, const cairn_icp_result *match)
+{
+    return match->verdict != CAIRN_ICP_TOO_FEW_PAIRS && match->overlap >= mapper->params.min_support;
+}
+
+/* Takes the match that has ended when it counts and is clearly better than what there is. 1: taken. */
+static int32_t take_match(cairn_mapper *mapper)
+{
+    cairn_icp_result match = cairn_icp_read(mapper->icp);
+
+    if (!counts(mapper, &match) || (mapper->has_match && !(quality(&match) > BETTER * quality(&mapper->match))))
+        return 0;
+    mapper->match = match;
+    mapper->has_match = 1;
+    return 1;
+}
+
+/* Takes the match from what the search found when more speaks for it; else what there is stays, in doubt when it is
+ * elsewhere. */
+static void take_found(cairn_mapper *mapper)
+{
+    cairn_icp_result match = cairn_icp_read(mapper->icp);
+    cairn_pose apart;
+
+    if (!counts(mapper, &match)) {
+        mapper->doubtful = 1;
+        return;
+    }
+    apart = cairn_pose_between(match.target_query, mapper->match.target_query);
+    if (mapper->has_match && value_of(mapper, quality(&match), match.target_query) <=
+                                 value_of(mapper, quality(&mapper->match), mapper->match.target_query)) {
+        mapper->doubtful |= length(apart) > APART || cairn_abs(apart.theta) > APART_TURN;
+        return;
+    }
+    mapper->match = match;
+    mapper->has_match = 1;
+}
+
+/* 1 when the two motions lead to different places. */
+static int32_t motions_differ(const cairn_mapper *mapper)
+{
+    cairn_pose d = cairn_pose_between(mapper->motion, mapper->other);
+
+    return d.x * d.x + d.y * d.y > APART * APART || cairn_abs(d.theta) > APART_TURN;
+}
+
+/* 1 when the scan found itself farther from the prediction than motions change from scan to scan. */
+static int32_t is_sudden(const cairn_mapper *mapper)
+{
+    cairn_pose d = cairn_pose_between(mapper->predicted, mapper->match.target_query);
+
+    return length(d) > SUDDEN + SUDDEN_SHARE * length(mapper->motion) ||
+           cairn_abs(d.theta) > SUDDEN_TURN + SUDDEN_SHARE * cairn_abs(mapper->motion.theta);
+}
+
+static int32_t is_doubtful(const cairn_mapper *mapper)
+{
+    return !mapper->has_match || is_sudden(mapper) || quality(&mapper->match) < WORSE * mapper->mean_quality;
+}
+
+/* ---- The search ---- */
+
+static cairn_status begin_search(cairn_mapper *mapper)
+{
+    cairn_scan_view view = cairn_scan_read(mapper->scan);
+    cairn_scan_match_part query = cairn_scan_match_part_of(&view);
+    cairn_scan_match_window window = {SEARCH_WINDOW + length(mapper->motion), SEARCH_ANGLE};
+
+    if (mapper->searches > 0) {
+        window.distance = WIDE_WINDOW + length(mapper->motion);
+        window.angle = WIDE_ANGLE;
+    }
+    mapper->state.searched += mapper->searches == 0;
+    mapper->searches++;
+    mapper->phase = SEARCH;
+    if (cairn_scan_match_begin(mapper->search, &query, mapper->predicted, &window, NULL) != CAIRN_OK) {
+        mapper->phase = KEEP; /* too far away to be searched for */
+        mapper->doubtful = 1;
+    }
+    return CAIRN_OK;
+}
+
+cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budget)
+{
+    cairn_scan_match_part part;
+    int32_t key;
+
+    if (mapper->search_count == mapper->local_count)
+        return begin_search(mapper);
+    if (mapper->search_count == 0)
+        cairn_scan_match_clear_target(mapper->search);
+    key = mapper->local[mapper->search_count++];
+    part = cairn_mapper_key_part(mapper, key, mapper->oriented, mapper->beams);
+    budget->left -= 2 + part.count / 2 + part.beam_count / 2;
+    if (cairn_scan_match_add_target(mapper->search, &part, mapper->key_pose[key], NULL) != CAIRN_OK)
+        mapper->search_count = mapper->local_count; /* full */
+    return CAIRN_OK;
+}
+
+/* The search is over: the match runs from what it found, or what there is stays, in doubt. */
+cairn_status cairn_mapper_end_search(cairn_mapper *mapper)
+{
+    cairn_scan_match_result result = cairn_scan_match_read(mapper->search);
+    cairn_scan_view view = cairn_scan_read(mapper->scan);
+    cairn_pose_prior prior = prior_of(mapper, mapper->motion, 0);
+    cairn_real best = 0;
+    int32_t chosen = -1;
+
+    if (result.verdict == CAIRN_SCAN_MATCH_NONE && mapper->searches == 1)
+        return begin_search(mapper);
+    mapper->phase = KEEP;
+    mapper->doubtful = 1;
+    if (result.verdict == CAIRN_SCAN_MATCH_NONE)
+        return CAIRN_OK;
+    for (int32_t i = 0; i < result.count; i++) {
+        cairn_pose pose = result.hypotheses[i].target_query;
+        cairn_real value =
+            cairn_log(result.hypotheses[i].score + CAIRN_REAL(1e-3)) - CAIRN_REAL(0.05) * strangeness(mapper, pose);
+
+        if (chosen < 0 || value > best) {
+            chosen = i;
+            best = value;
+        }
+    }
+    mapper->doubtful = cairn_mapper_has_rival(&result);
+    mapper->phase = MATCH_FOUND;
+    return cairn_icp_begin(mapper->icp, view.points, view.point_count, result.hypotheses[chosen].target_query, &prior,
+                           NULL);
+}
+
+/* ---- What comes after a match ---- */
+
+static cairn_status end_doubt(cairn_mapper *mapper)
+{
+    mapper->phase = KEEP;
+    if (mapper->search == NULL || !is_doubtful(mapper))
+        return CAIRN_OK;
+    mapper->phase = SEARCH_TARGET;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_mapper_end_match(cairn_mapper *mapper)
+{
+    int32_t taken;
+
+    switch (mapper->phase) {
+    case MATCH:
+        (void)take_match(mapper);
+        return motions_differ(mapper) ? begin_other(mapper) : end_doubt(mapper);
+    case MATCH_OTHER:
+        taken = take_match(mapper);
+        mapper->state.odometry_rejected += taken && mapper->believed;
+        return end_doubt(mapper);
+    default:
+        take_found(mapper);
+        mapper->phase = KEEP;
+        return CAIRN_OK;
+    }
+}
+
+/* ---- What is learnt ---- */
+
+/* Believes odometry more, or less, by how it foretold a match. */
+static void weigh_odometry(cairn_mapper *mapper)
+{
+    cairn_pose_prior prior = prior_of(mapper, mapper->by_odometry, 1);
+    cairn_pose e = cairn_pose_between(prior.mean, mapper->match.target_query);
+    int32_t contradicted = length(e) > 2 * prior.sigma_x || cairn_abs(e.theta) > 2 * prior.sigma_theta;
+
+    mapper->trust += ADAPTS * ((cairn_real)!contradicted - mapper->trust);
+    mapper->state.odometry_contradicted += contradicted;
+}
+
+/* Along a wall that tells little of it a scan slips unnoticed, unless odometry holds it. */
+static void doubt_weak_direction(cairn_icp_result *match)
+{
+    cairn_real x = DOUBT * match->weak[0], y = DOUBT * match->weak[1];
+
+    match->covariance[0] += x * x;
+    match->covariance[1] += x * y;
+    match->covariance[3] += x * y;
+    match->covariance[4] += y * y;
+}
+
+void cairn_mapper_learn(cairn_mapper *mapper)
+{
+    if (mapper->has_match && mapper->doubtful) {
+        mapper->match.covariance[0] += DOUBT * DOUBT;
+        mapper->match.covariance[4] += DOUBT * DOUBT;
+        mapper->match.covariance[8] += DOUBT_TURN * DOUBT_TURN;
+    }
+    if (mapper->has_match && !mapper->believed && mapper->match.weak_ratio < SLIPPERY)
+        doubt_weak_direction(&mapper->match);
+    mapper->state.doubtful += mapper->doubtful;
+    if (!mapper->has_match)
+        return;
+    if (mapper->mean_quality > 0)
+        mapper->mean_quality += ADAPTS * (quality(&mapper->match) - mapper->mean_quality);
+    else
+        mapper->mean_quality = quality(&mapper->match);
+    if (mapper->has_odometry && !mapper->doubtful)
+        weigh_odometry(mapper);
+}
+
+/* The motion that the next scan is expected to repeat. Of a sudden one half, which may have been a slip. Along a wall that
+ * tells little of it the pace of before, which fades: what such matches tell of it is mostly that of the prediction. */
+cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion)
+{
+    cairn_pose before = mapper->last_motion;
+    cairn_vec2 weak, lost;
+
+    if (!mapper->has_match)
+        return motion;
+    if (is_sudden(mapper)) {
+        motion.x = (motion.x + before.x) / 2;
+        motion.y = (motion.y + before.y) / 2;
+        motion.theta = cairn_wrap_angle(before.theta + cairn_wrap_angle(motion.theta - before.theta) / 2);
+    }
+    if (mapper->match.weak_ratio >= SLIPPERY) {
+        mapper->pace.x += ADAPTS * (motion.x - mapper->pace.x);
+        mapper->pace.y += ADAPTS * (motion.y - mapper->pace.y);
+        return motion;
+    }
+    weak.x = mapper->match.weak[0];
+    weak.y = mapper->match.weak[1];
+    weak = cairn_transform_direction(cairn_transform_of(cairn_pose_inverse(mapper->match.target_query)), weak);
+    lost.x = mapper->pace.x - motion.x;
+    lost.y = mapper->pace.y - motion.y;
+    motion.x += weak.x * cairn_vec2_dot(weak, lost);
+    motion.y += weak.y * cairn_vec2_dot(weak, lost);
+    mapper->pace = cairn_vec2_scale(mapper->pace, FADES);
+    return motion;
+}
