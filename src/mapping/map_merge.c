@@ -1,7 +1,7 @@
 /* Maps of many robots merged by a virtual robot.
  *
  * Method: maps are made ready one by one (map_merge_prepare.c), rival places of all pairs are found (map_merge_pairs.c), a
- * particle filter puts the maps together and the result is checked (map_merge_filter.c).
+ * particle filter puts the maps together (map_merge_filter.c) and the result is checked (map_merge_check.c).
  *
  * Layout: a packed cell of two bytes for each cell of all maps; points, free cells and corners of each map; a list of modes
  * for each pair of maps; the filter; a table of what pairs said about places.
@@ -384,33 +384,31 @@ typedef struct image_sums {
     int32_t known;
 } image_sums;
 
-static cairn_real kernel_of(const cairn_map_merge *m, int32_t cells)
+static cairn_real kernel_of(int32_t cells)
 {
-    (void)m;
     return cells > 20 ? 0 : cairn_exp(-(cairn_real)(cells * cells) / 8);
 }
 
-static void add_image(const cairn_map_merge *m, const merge_map *to, cairn_vec2 p, int32_t class, image_sums *s)
+static void add_image(const merge_map *to, cairn_vec2 p, int32_t class, image_sums *s)
 {
     uint16_t cell =
         merge_cell_at(to, (p.x - to->corner.x) / to->input.resolution, (p.y - to->corner.y) / to->input.resolution);
 
     s->known += merge_class(cell) != MERGE_UNKNOWN;
-    s->same += kernel_of(m, class == MERGE_OCCUPIED ? merge_to_occupied(cell) : merge_to_free(cell));
+    s->same += kernel_of(class == MERGE_OCCUPIED ? merge_to_occupied(cell) : merge_to_free(cell));
     s->other += merge_class(cell) != MERGE_UNKNOWN && merge_class(cell) != class;
 }
 
 /* Both classes of `from` in the grid of `to`: adds to psi and d; the known share of the free cells. */
-static cairn_real add_images(const cairn_map_merge *m, const merge_map *to, const merge_map *from, cairn_transform t,
-                             cairn_merge_score *score)
+static cairn_real add_images(const merge_map *to, const merge_map *from, cairn_transform t, cairn_merge_score *score)
 {
     image_sums walls = {0, 0, 0}, open = {0, 0, 0};
     cairn_real points = cairn_max((cairn_real)from->point_count, 1), cells = cairn_max((cairn_real)from->open_count, 1);
 
     for (int32_t i = 0; i < from->point_count; i++)
-        add_image(m, to, cairn_transform_point(t, from->points[i].at), MERGE_OCCUPIED, &walls);
+        add_image(to, cairn_transform_point(t, from->points[i].at), MERGE_OCCUPIED, &walls);
     for (int32_t i = 0; i < from->open_count; i++)
-        add_image(m, to, cairn_transform_point(t, from->open[i]), MERGE_FREE, &open);
+        add_image(to, cairn_transform_point(t, from->open[i]), MERGE_FREE, &open);
     score->psi += walls.same / points + open.same / cells;
     score->disagreement += walls.other / points + open.other / cells;
     return (cairn_real)open.known / cells;
@@ -429,8 +427,8 @@ void cairn_merge_score_at(const cairn_map_merge *m, int32_t a, int32_t b, cairn_
     score->agree = (s[0].agree * second->spacing + s[1].agree * first->spacing) / 2;
     score->conflict = s[0].conflict * second->spacing + s[1].conflict * first->spacing;
     score->evidence = cairn_merge_nats(m, score->agree, score->conflict);
-    share[0] = add_images(m, first, second, there, score);
-    share[1] = add_images(m, second, first, back, score);
+    share[0] = add_images(first, second, there, score);
+    share[1] = add_images(second, first, back, score);
     score->overlap = first->free < second->free ? share[1] : share[0];
     d = cairn_max(score->disagreement, CAIRN_REAL(1e-6));
     score->gamma = -cairn_log(d) - d;

@@ -26,6 +26,10 @@ enum {
 /* Side of a cell of the first map inside. */
 #define MERGE_CELL CAIRN_REAL(0.05)
 
+/* Places of one map that differ by less, m and rad, are the same. */
+#define MERGE_SAME_M   CAIRN_REAL(0.30)
+#define MERGE_SAME_RAD CAIRN_REAL(0.10)
+
 /* A packed cell: distance to the nearest occupied cell, to the nearest free one, and its class. */
 enum { MERGE_UNKNOWN = 0, MERGE_FREE = 1, MERGE_OCCUPIED = 2 };
 
@@ -311,6 +315,15 @@ void cairn_merge_score_at(const cairn_map_merge *m, int32_t a, int32_t b, cairn_
 cairn_particle_filter_params cairn_merge_filter_params(const cairn_map_merge_params *p);
 cairn_particle_model cairn_merge_model(cairn_map_merge *m);
 cairn_status cairn_merge_run_filter(cairn_map_merge *m, cairn_budget *budget);
+
+/* The maps that a particle has placed become near[]. 1 when it has come to its end. */
+int cairn_merge_gather(cairn_map_merge *m, const void *state);
+
+/* Rival places of a map beside all of near[], the best first; returns their number. */
+int32_t cairn_merge_places(const cairn_map_merge *m, int32_t map, merge_mode *list, int32_t most);
+
+/* ---- map_merge_check.c ---- */
+
 cairn_status cairn_merge_check(cairn_map_merge *m, cairn_budget *budget);
 
 #endif
