@@ -148,7 +148,7 @@ cairn_status cairn_rectangle_begin(cairn_rectangle_set *set, const cairn_segment
     set->best = -1;
     set->is_open = 0;
     set->paid = 0;
-    set->phase = LENGTHS;
+    set->phase = RECTANGLE_LENGTHS;
     return CAIRN_OK;
 }
 
@@ -393,26 +393,26 @@ static void begin_phase(cairn_rectangle_set *set)
     set->cursor = 0;
     set->against = 0;
     set->paid = 0;
-    if (set->phase == BY_LENGTH)
+    if (set->phase == RECTANGLE_BY_LENGTH)
         set->sort = sort_begin(set->order, set->key, set->ordered);
-    else if (set->phase == BY_SLOPE)
+    else if (set->phase == RECTANGLE_BY_SLOPE)
         set->sort = sort_begin(set->side_order, set->side_key, set->side_count);
-    else if (set->phase == BY_PAIR_SLOPE)
+    else if (set->phase == RECTANGLE_BY_PAIR_SLOPE)
         set->sort = sort_begin(set->pair_order, set->pair_key, set->pair_count);
 }
 
 static cairn_status step_phase(cairn_rectangle_set *set, cairn_budget *budget)
 {
     switch (set->phase) {
-    case LENGTHS:
+    case RECTANGLE_LENGTHS:
         return step_lengths(set, budget);
-    case MERGE:
+    case RECTANGLE_MERGE:
         return step_merge(set, budget);
-    case MEMBERS:
+    case RECTANGLE_MEMBERS:
         return step_members(set, budget);
-    case PAIRS:
+    case RECTANGLE_PAIRS:
         return step_pairs(set, budget);
-    case MATCH:
+    case RECTANGLE_MATCH:
         return cairn_rectangle_match(set, budget);
     default:
         return step_sort(&set->sort, &set->paid, budget);
@@ -433,18 +433,18 @@ cairn_status cairn_rectangle_step(cairn_rectangle_set *set, cairn_budget *budget
 {
     if (set == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (set->phase != IDLE) {
+    while (set->phase != RECTANGLE_IDLE) {
         cairn_status status = step_phase(set, budget);
 
         if (status == CAIRN_MORE)
             return status;
         if (status < 0) {
-            set->phase = IDLE;
+            set->phase = RECTANGLE_IDLE;
             return status;
         }
-        if (set->phase == MATCH)
+        if (set->phase == RECTANGLE_MATCH)
             finish(set);
-        set->phase = set->phase == MATCH ? IDLE : set->phase + 1;
+        set->phase = set->phase == RECTANGLE_MATCH ? RECTANGLE_IDLE : set->phase + 1;
         begin_phase(set);
     }
     return CAIRN_OK;

@@ -41,7 +41,17 @@ typedef struct candidate {
 } candidate;
 
 typedef int32_t search_phase;
-enum { IDLE, LENGTHS, BY_LENGTH, MERGE, MEMBERS, BY_SLOPE, PAIRS, BY_PAIR_SLOPE, MATCH };
+enum {
+    RECTANGLE_IDLE,
+    RECTANGLE_LENGTHS,
+    RECTANGLE_BY_LENGTH,
+    RECTANGLE_MERGE,
+    RECTANGLE_MEMBERS,
+    RECTANGLE_BY_SLOPE,
+    RECTANGLE_PAIRS,
+    RECTANGLE_BY_PAIR_SLOPE,
+    RECTANGLE_MATCH
+};
 
 struct cairn_rectangle_set {
     cairn_rectangle_params params;
@@ -63,9 +73,9 @@ struct cairn_rectangle_set {
     const cairn_segment *segments;
     search_phase phase;
     int32_t cursor, against; /* of the phase */
-    int32_t best;            /* MERGE: the side that fits best so far, or -1 */
+    int32_t best;            /* RECTANGLE_MERGE: the side that fits best so far, or -1 */
     cairn_real best_distance;
-    int32_t is_open; /* MATCH: `open` is to be laid on its sides */
+    int32_t is_open; /* RECTANGLE_MATCH: `open` is to be laid on its sides */
     candidate open;
     int32_t paid;
     sorter sort;
