@@ -173,8 +173,13 @@ static inline cairn_status add_strips(const cairn_force_kernel *kernel, const ca
     for (; cursor->row < a->count; cursor->row++) {
         cairn_vec2 p = a->position[cursor->row];
         cairn_real mass = a->mass[cursor->row];
-        cairn_force_pull pull = cursor->pull;
+        cairn_force_pull pull = none;
 
+        pull.x = cursor->pull.x;
+        pull.y = cursor->pull.y;
+        pull.potential = cursor->pull.potential;
+        if (with_springs)
+            pull = cursor->pull;
         if (!cursor->is_paid) {
             if (left <= 0)
                 break;
@@ -195,7 +200,9 @@ static inline cairn_status add_strips(const cairn_force_kernel *kernel, const ca
         sum->potential += mass * pull.potential;
         if (with_springs)
             add_springs(sum->springs, cairn_vec2_sub(p, sum->centre), mass, &pull);
-        cursor->pull = none;
+        cursor->pull.x = cursor->pull.y = cursor->pull.potential = 0;
+        if (with_springs)
+            cursor->pull = none;
         cursor->is_paid = 0;
     }
     budget->left = left;
