@@ -125,9 +125,12 @@ static void help_lists_all_with_defaults(void **state)
 
 static void version_says_the_library_s(void **state)
 {
+    char expected[64];
+
     (void)state;
+    snprintf(expected, sizeof expected, "cairn %s\n", cairn_version_text());
     assert_int_equal(parse("--flag --version --nonsense"), OPTIONS_HELPED);
-    assert_string_equal(said, "cairn " CAIRN_VERSION_STRING "\n");
+    assert_string_equal(said, expected);
     assert_int_equal(parse("-- --version"), OPTIONS_READ);
     assert_string_equal(words[0], "--version");
 }
