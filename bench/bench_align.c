@@ -77,6 +77,7 @@ static cairn_status count_room(fitter *f, const sim_scan *scans, int32_t count, 
 
     params->max_scans = count;
     params->max_segments = params->max_points = 1;
+    params->max_stubs = 4 * count;
     params->max_hypotheses = 24 * count;
     params->max_fill = 32 * count;
     for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {

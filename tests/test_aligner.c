@@ -221,8 +221,8 @@ static void aligns_an_arena(void **state)
     run(&bed, CAIRN_UNBOUNDED);
     out = compare(&bed, &s, 0);
     result = cairn_aligner_read(bed.aligner);
-    assert_true(out.aligned >= 0.9 * out.observable);
-    assert_true(out.flagged <= 0.1 * out.observable);
+    assert_true(out.aligned >= 0.93 * out.observable);
+    assert_true(out.flagged <= 0.08 * out.observable);
     assert_true(out.missed <= 1);
     assert_true(out.inside >= 0.6 * out.unflagged);
     assert_true(result.verdict != CAIRN_ALIGNER_RUNNING);
@@ -231,7 +231,7 @@ static void aligns_an_arena(void **state)
     assert_true(result.parts >= 1 && result.parts <= 60 - result.largest + 1);
     assert_true(result.walls > 60 && result.fill >= result.walls && result.merges > 30);
     assert_true(result.hypotheses > 500 && result.hypotheses <= params.max_hypotheses);
-    assert_true(result.rounds >= 7 && result.rounds <= params.max_rounds);
+    assert_true(result.rounds >= 7 && result.rounds <= 3 * params.max_rounds);
     assert_true(result.anchor >= 0 && result.anchor < 60);
     assert_near(result.spread, 0.3 / sqrt(3.0), 0.06);
     assert_near((double)result.spread_angle / DEGREE, 20 / sqrt(3.0), 4);
@@ -251,7 +251,8 @@ static void aligns_full_scans(void **state)
     add_all(&bed, &s, 0);
     run(&bed, CAIRN_UNBOUNDED);
     out = compare(&bed, &s, 0);
-    assert_true(out.aligned >= 0.85 * out.observable);
+    assert_true(out.aligned >= 0.95 * out.observable);
+    assert_true(out.flagged <= 0.05 * out.observable);
     end_bed(&bed);
     leave(&s);
 }
@@ -666,6 +667,80 @@ static void parts_that_do_not_meet(void **state)
     end_bed(&bed);
 }
 
+/* Only those hits of a sensor that lie within [x0, x1] x [y0, y1] or on the wall at the top, farther right than `right`. */
+struct kept {
+    double x0, x1, y0, y1, right;
+};
+
+static void keep_hits(float *ranges, sim_pose at, struct kept kept)
+{
+    for (int i = 0; i < BEAMS; i++) {
+        double a = at.theta + i * DEGREE - 180 * DEGREE, r = (double)ranges[i];
+        double x = at.x + r * cos(a), y = at.y + r * sin(a);
+
+        if (!(x > kept.x0 && x < kept.x1 && y > kept.y0 && y < kept.y1) && !(y > 7.9 && x > kept.right))
+            ranges[i] = (float)NAN;
+    }
+}
+
+/* Three scans of the lower left of a box, which also see its upper wall, and one of that wall and of what it keeps. */
+static cairn_aligner_pose slide(struct kept kept, int32_t max_stubs)
+{
+    static const sim_pose others[] = {{3, 3, 0}, {3.6, 3.4, 0.2}, {4, 2.8, -0.1}};
+    const struct kept low = {-1, 13, -1, 4, 0.6};
+    const sim_pose at = {1.5, 7, 0.1};
+    cairn_aligner_params params = room_for(4);
+    cairn_aligner_pose first, last;
+    cairn_pose between;
+    cairn_scan_input input;
+    float ranges[BEAMS];
+    struct bed bed;
+
+    params.max_stubs = max_stubs;
+    bed = make_bed(&params);
+    for (int k = 0; k < 3; k++) {
+        input = box_scan(ranges, 12, 8, others[k]);
+        keep_hits(ranges, others[k], low);
+        add(&bed, &input, start_at(others[k].x + 0.05 * k, others[k].y, others[k].theta / DEGREE));
+    }
+    input = box_scan(ranges, 12, 8, at);
+    keep_hits(ranges, at, kept);
+    add(&bed, &input, start_at(at.x + 0.25, at.y - 0.1, at.theta / DEGREE + 3));
+    run(&bed, CAIRN_UNBOUNDED);
+    first = cairn_aligner_pose_of(bed.aligner, 0);
+    last = cairn_aligner_pose_of(bed.aligner, 3);
+    between = cairn_pose_between(first.map_scan, last.map_scan);
+    last.map_scan.x = between.x - (cairn_real)(at.x - others[0].x);
+    last.map_scan.y = between.y - (cairn_real)(at.y - others[0].y);
+    last.map_scan.theta = between.theta - (cairn_real)at.theta;
+    assert_int_equal(last.part, 0);
+    end_bed(&bed);
+    return last;
+}
+
+/* A wall that nobody has seen at that place, but on the line of one that others see elsewhere, stops a scan. */
+static void a_scan_slides_until_its_walls_meet(void **state)
+{
+    const struct kept corner = {-0.1, 0.1, 6, 7.8, 0.1}, nothing = {0, 0, 0, 0, 0.6},
+                      reach = {-0.1, 0.1, 6.95, 7.05, 0.6};
+    cairn_aligner_pose p = slide(corner, 0);
+
+    (void)state;
+    assert_near(p.map_scan.x, 0, 5e-3);
+    assert_near(p.map_scan.y, 0, 5e-3);
+    assert_near(p.map_scan.theta, 0, 5e-3);
+    assert_int_equal(p.placed, 1);
+    assert_int_equal(p.observable, CAIRN_ALIGNER_X | CAIRN_ALIGNER_Y | CAIRN_ALIGNER_THETA);
+    p = slide(nothing, 8);
+    assert_int_equal(p.placed, 0);
+    assert_int_equal(p.observable, CAIRN_ALIGNER_Y | CAIRN_ALIGNER_THETA);
+    p = slide(reach, 8);
+    assert_near(p.map_scan.x, 0, 2e-2);
+    assert_int_equal(p.placed, 1);
+    p = slide(reach, 0);
+    assert_int_equal(p.placed, 0);
+}
+
 /* ---- Scans that say little or nothing ---- */
 
 static void check_ends(struct bed *bed)
@@ -775,6 +850,8 @@ static void params_are_refused(void **state)
     REFUSE(max_fill, (1 << 24) + 1);
     REFUSE(max_cells, 63);
     REFUSE(max_cells, (1 << 24) + 1);
+    REFUSE(max_stubs, -1);
+    REFUSE(max_stubs, (1 << 24) + 1);
     REFUSE(max_repairs, -1);
     REFUSE(max_rounds, -1);
     REFUSE(contradiction, -1);
@@ -1027,11 +1104,11 @@ static uint64_t hash_of_scene(const struct scene *scene)
 static void results_stay_as_they_are(void **state)
 {
     static const struct scene scenes[] = {
-        {12, 4, 0, 240, 1, 0.3, 20, UINT64_C(0x5d98ef1740119ea3), UINT64_C(0x4077418a1ac48a17)},
-        {16, 0, 0, 40, 1, 0.6, 40, UINT64_C(0x41625e78dc1ea6be), UINT64_C(0x3e2ad17ce08bf65d)},
-        {8, 0, 0, 100, 1, 1.2, 90, UINT64_C(0xabaa611178322500), UINT64_C(0x5abc8ff5a13ecbe1)},
-        {16, 0, 5, 300, 1, 0.1, 5, UINT64_C(0x16e3b168d80fe3cb), UINT64_C(0x5bc448572c95c23d)},
-        {10, 2, 4, 200, 0, 0.2, 10, UINT64_C(0x8b47854b8a703bf3), UINT64_C(0x04b18b3f9393eab4)},
+        {12, 4, 0, 240, 1, 0.3, 20, UINT64_C(0x6e461094259a25d5), UINT64_C(0x8cd8c8d71d13f1dd)},
+        {16, 0, 0, 40, 1, 0.6, 40, UINT64_C(0x7fbebf4c3329a10e), UINT64_C(0x6a27473cb896f981)},
+        {8, 0, 0, 100, 1, 1.2, 90, UINT64_C(0xaba8a854f8551a69), UINT64_C(0x1b075b19b746d40a)},
+        {16, 0, 5, 300, 1, 0.1, 5, UINT64_C(0x357f1ca1aef74c98), UINT64_C(0x941c1df746ff7bc0)},
+        {10, 2, 4, 200, 0, 0.2, 10, UINT64_C(0x8248689bc9580e42), UINT64_C(0x44e1b8c30202d3cb)},
     };
 
     (void)state;
@@ -1054,6 +1131,7 @@ int main(void)
         cmocka_unit_test(initial_poses_place_the_map),
         cmocka_unit_test(initial_poses_can_be_changed),
         cmocka_unit_test(a_flat_wall_is_not_observable),
+        cmocka_unit_test(a_scan_slides_until_its_walls_meet),
         cmocka_unit_test(parts_that_do_not_meet),
         cmocka_unit_test(degenerate_scans),
         cmocka_unit_test(memory_is_exact),

@@ -59,23 +59,12 @@ static void of_aligning(void **state)
 {
     cairn_aligner_params p = cairn_aligner_default();
     const value values[] = {
-        VALUE(p.max_scans, 64),
-        VALUE(p.max_segments, 1024),
-        VALUE(p.max_points, 4096),
-        VALUE(p.max_hypotheses, 1536),
-        VALUE(p.max_fill, 2048),
-        VALUE(p.max_cells, 25600),
-        VALUE(p.spread, 0.6),
-        VALUE(p.spread_angle, 35 * DEGREE),
-        VALUE(p.reach, 30),
-        VALUE(p.sigma, 0.01),
-        VALUE(p.contradiction, 1.5),
-        VALUE(p.oriented, 1),
-        VALUE(p.max_repairs, 2),
-        VALUE(p.max_rounds, 10),
-        VALUE(p.least_evidence, 1),
-        VALUE(p.observable, 0.05),
-        VALUE(p.observable_angle, DEGREE),
+        VALUE(p.max_scans, 64),     VALUE(p.max_segments, 1024),   VALUE(p.max_stubs, 256),
+        VALUE(p.max_points, 4096),  VALUE(p.max_hypotheses, 1536), VALUE(p.max_fill, 2048),
+        VALUE(p.max_cells, 25600),  VALUE(p.spread, 0.6),          VALUE(p.spread_angle, 35 * DEGREE),
+        VALUE(p.reach, 30),         VALUE(p.sigma, 0.01),          VALUE(p.contradiction, 1.5),
+        VALUE(p.oriented, 1),       VALUE(p.max_repairs, 2),       VALUE(p.max_rounds, 10),
+        VALUE(p.least_evidence, 1), VALUE(p.observable, 0.05),     VALUE(p.observable_angle, DEGREE),
     };
 
     (void)state;

@@ -105,6 +105,16 @@ static cairn_virtual_align_params small_params(void)
     return p;
 }
 
+/* An aligner that asks for more evidence than some of the scans have. */
+static cairn_virtual_align_params hesitant_params(void)
+{
+    cairn_virtual_align_params p = small_params();
+
+    p.aligner.least_evidence = 16;
+    p.aligner.max_repairs = 0;
+    return p;
+}
+
 static struct bed bed_with(const cairn_virtual_align_params *params)
 {
     struct bed bed = {test_pool(cairn_virtual_align_memory(params)), NULL};
@@ -193,8 +203,8 @@ static void rooms_come_together(void **state)
 /* What the aligner has settled stays where it is. */
 static void settled_scans_stay(void **state)
 {
-    cairn_virtual_align_params p = small_params();
-    struct rooms r = visit(3);
+    cairn_virtual_align_params p = hesitant_params();
+    struct rooms r = visit(5);
     struct bed bed;
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_pose at[SCANS];
@@ -237,8 +247,8 @@ static void settled_scans_stay(void **state)
 static void the_budget_does_not_matter(void **state)
 {
     static const int32_t budgets[] = {CAIRN_UNBOUNDED, 7, 1000};
-    cairn_virtual_align_params p = small_params();
-    struct rooms r = visit(3);
+    cairn_virtual_align_params p = hesitant_params();
+    struct rooms r = visit(5);
     struct bed bed;
     cairn_pose first[SCANS];
     int64_t units = 0;
@@ -271,8 +281,8 @@ static void the_budget_does_not_matter(void **state)
 /* Begun anew in the middle of an iteration, and with a scan more: as if nothing had been before. */
 static void can_be_begun_anew(void **state)
 {
-    cairn_virtual_align_params p = small_params();
-    struct rooms r = visit(3);
+    cairn_virtual_align_params p = hesitant_params();
+    struct rooms r = visit(5);
     struct bed bed, fresh;
 
     (void)state;
@@ -316,8 +326,8 @@ static void can_be_begun_anew(void **state)
 /* Without the aligner all scans move from where they are. */
 static void the_field_alone(void **state)
 {
-    cairn_virtual_align_params p = small_params();
-    struct rooms r = visit(3);
+    cairn_virtual_align_params p = hesitant_params();
+    struct rooms r = visit(5);
     struct bed bed;
     cairn_virtual_align_result result;
 

@@ -4,7 +4,7 @@
  *
  * Pairs of scans propose how they may lie to each other; parts that agree grow together, the surest first; scans that lie
  * badly are looked for anew in all the rest; last, all poses and all walls that they share are solved for together, which
- * also tells how well each pose is known. Evidence for a relative pose is what one scan shows where the other one shows the
+ * also tells how well each pose is known; scans that little holds are slid along their walls until others meet. Evidence for a relative pose is what one scan shows where the other one shows the
  * same, oriented, surface; evidence against it, and by far the sharper, is what one shows where the other looked through.
  *
  * The order of the scans tells nothing and does not matter, beyond ties. The result does not depend on the budgets. */
@@ -20,9 +20,10 @@ extern "C" {
 
 /* In brackets the defaults. */
 typedef struct cairn_aligner_params {
-    int32_t max_scans;      /* 1 ... 2^16 (64) */
-    int32_t max_segments;   /* of all scans, 1 ... 2^24 (1024) */
-    int32_t max_points;     /* of all scans, 1 ... 2^24 (4096) */
+    int32_t max_scans;    /* 1 ... 2^16 (64) */
+    int32_t max_segments; /* of all scans, 1 ... 2^24 (1024) */
+    int32_t max_stubs;    /* >= 0, <= 2^24: surfaces too short for a segment, of all scans; others are left out (256) */
+    int32_t max_points;   /* of all scans, 1 ... 2^24 (4096) */
     int32_t max_hypotheses; /* 1 ... 2^24: of more relative poses of pairs than these the best are kept (1536) */
     int32_t max_fill;       /* blocks of the joint solution, as in cairn_block_solver_params (2048) */
     int32_t max_cells; /* 64 ... 2^24, of the raster in which a scan is looked for; fewer make it coarser (25600) */
@@ -33,7 +34,7 @@ typedef struct cairn_aligner_params {
     cairn_real contradiction;  /* >= 0, nats: what a point costs that another scan looked through; 0: nothing (1.5) */
     int32_t oriented;          /* not 0: surfaces have a free side; 0: as lines, modulo half a turn (1) */
     int32_t max_repairs;       /* >= 0: times that scans which lie badly are looked for anew (2) */
-    int32_t max_rounds;        /* >= 0: iterations of the joint solution; 0: no walls, no covariances (10) */
+    int32_t max_rounds;        /* >= 0: iterations of the joint solution, each time; 0: no walls, no covariances (10) */
     cairn_real least_evidence; /* > 0, nats: parts grow together only above it, rivals taken into account (1) */
     cairn_real observable; /* m, > 0: a pose is observable when its standard deviation (x and y together) ... (0.05) */
     cairn_real observable_angle; /* rad, > 0: ... and that of its heading are below these (1 degree) */

@@ -2,7 +2,8 @@
  *
  * Method: aligner_merge.c finds relative poses of pairs of scans and merges clusters by the surest of them, aligner_cluster.c
  * looks at two clusters, aligner_repair.c looks for single scans in all the rest, aligner_joint.c solves for all poses and
- * shared walls; aligner_scan.c says what two scans tell of their relative pose.
+ * shared walls (aligner_wall.c), and aligner_slide.c moves along their walls the scans that nothing else holds. aligner_beams.c
+ * keeps scans, aligner_scan.c says what two of them tell of their relative pose.
  *
  * Layout: scans keep segments with the moments of their hits, points along them, and a table of bearings. The work is a
  * sequence of items, each of which charges its units; a debt is paid by the budgets that follow.
@@ -26,6 +27,7 @@ cairn_aligner_params cairn_aligner_default(void)
 {
     cairn_aligner_params params = {64,
                                    1024,
+                                   256,
                                    4096,
                                    1536,
                                    2048,
@@ -57,24 +59,27 @@ static int is_capacity(int32_t count, int32_t most)
 static int params_are_good(const cairn_aligner_params *p)
 {
     return p != NULL && is_capacity(p->max_scans, MAX_SCANS) && is_capacity(p->max_segments, MAX_COUNT) &&
-           is_capacity(p->max_points, MAX_COUNT) && is_capacity(p->max_hypotheses, MAX_COUNT) &&
-           is_capacity(p->max_fill, MAX_COUNT) && is_capacity(p->max_cells, MAX_COUNT) && p->max_cells >= LEAST_CELLS &&
-           is_positive(p->spread) && is_positive(p->spread_angle) && p->spread_angle <= CAIRN_PI &&
-           is_positive(p->reach) && p->reach <= EXTENT && is_positive(p->sigma) && p->contradiction >= 0 &&
-           p->contradiction <= CAIRN_REAL_MAX && p->max_repairs >= 0 && p->max_rounds >= 0 &&
-           is_positive(p->least_evidence) && is_positive(p->observable) && is_positive(p->observable_angle);
+           p->max_stubs >= 0 && p->max_stubs <= MAX_COUNT && is_capacity(p->max_points, MAX_COUNT) &&
+           is_capacity(p->max_hypotheses, MAX_COUNT) && is_capacity(p->max_fill, MAX_COUNT) &&
+           is_capacity(p->max_cells, MAX_COUNT) && p->max_cells >= LEAST_CELLS && is_positive(p->spread) &&
+           is_positive(p->spread_angle) && p->spread_angle <= CAIRN_PI && is_positive(p->reach) && p->reach <= EXTENT &&
+           is_positive(p->sigma) && p->contradiction >= 0 && p->contradiction <= CAIRN_REAL_MAX &&
+           p->max_repairs >= 0 && p->max_rounds >= 0 && is_positive(p->least_evidence) && is_positive(p->observable) &&
+           is_positive(p->observable_angle);
 }
 
 static cairn_block_solver_params solver_params(const cairn_aligner_params *p)
 {
-    cairn_block_solver_params params = {p->max_scans + (p->max_segments + 1) / 2, p->max_segments, p->max_fill};
+    int32_t segments = p->max_segments + p->max_stubs;
+    cairn_block_solver_params params = {p->max_scans + (segments + 1) / 2, segments, p->max_fill};
 
     return params;
 }
 
 static cairn_aligner *carve(cairn_pool *pool, const cairn_aligner_params *p)
 {
-    size_t scans = (size_t)p->max_scans, segments = (size_t)p->max_segments, cells = (size_t)p->max_cells;
+    size_t scans = (size_t)p->max_scans, segments = (size_t)p->max_segments + (size_t)p->max_stubs;
+    size_t cells = (size_t)p->max_cells;
     cairn_aligner *made = cairn_pool_take_one(pool, sizeof *made), arrays;
 
     memset(&arrays, 0, sizeof arrays);
@@ -252,7 +257,7 @@ cairn_status cairn_aligner_add_scan(cairn_aligner *aligner, const cairn_scan_vie
         return refuse(fault, -1, "the pose is farther than 1e6 m", CAIRN_BAD_ARGUMENT);
     if (aligner->scan_count == aligner->params.max_scans)
         return refuse(fault, -1, "more than max_scans scans", CAIRN_FULL);
-    if (view->segment_count > aligner->params.max_segments - aligner->segment_count)
+    if (view->segment_count > aligner->params.max_segments - (aligner->segment_count - aligner->stub_count))
         return refuse(fault, -1, "more than max_segments segments", CAIRN_FULL);
     if (view->point_count > aligner->params.max_points - aligner->point_count)
         return refuse(fault, -1, "more than max_points points", CAIRN_FULL);
@@ -283,7 +288,7 @@ cairn_status cairn_aligner_start_at(cairn_aligner *aligner, int32_t scan, cairn_
 
 void cairn_aligner_clear(cairn_aligner *aligner)
 {
-    aligner->scan_count = aligner->segment_count = aligner->point_count = 0;
+    aligner->scan_count = aligner->segment_count = aligner->stub_count = aligner->point_count = 0;
     forget_result(aligner);
 }
 
@@ -305,7 +310,7 @@ cairn_status cairn_aligner_begin(cairn_aligner *aligner)
     aligner->debt = 0;
     aligner->i = 1;
     aligner->j = aligner->k = aligner->l = 0;
-    aligner->trial_count = aligner->repairs = 0;
+    aligner->trial_count = aligner->repairs = aligner->slides = 0;
     return CAIRN_OK;
 }
 
@@ -321,6 +326,8 @@ static int32_t next_item(cairn_aligner *x)
         return cairn_aligner_merge_item(x);
     if (x->phase <= ALIGNER_PLACE)
         return cairn_aligner_repair_item(x);
+    if (x->phase == ALIGNER_SLIDE || x->phase == ALIGNER_SLIDE_TRY)
+        return cairn_aligner_slide_item(x);
     return cairn_aligner_joint_item(x);
 }
 

@@ -11,10 +11,10 @@
 #include "src/mapping/aligner_work.h"
 
 static const cairn_real COUNT_GATE = CAIRN_REAL(0.07);
-static const cairn_real BOX = CAIRN_REAL(1.25); /* of the params' spread: nothing lies farther off */
+static const cairn_real BOX = CAIRN_REAL(1.25); /* of the params' spread: hardly anything lies farther off */
 static const cairn_real EXPECTED_SCANS = 6;     /* what the params' spread weighs against what is learnt */
 static const cairn_real ARM = CAIRN_REAL(1.5);  /* m: makes turns comparable to shifts */
-static const cairn_real IMPOSSIBLE = CAIRN_REAL(-1e6);
+static const cairn_real BEYOND_NATS = 100;      /* a metre */
 
 void cairn_aligner_insert(cairn_aligner *x, int32_t scan, int32_t cluster)
 {
@@ -58,6 +58,7 @@ void cairn_aligner_begin_clusters(cairn_aligner *x)
     for (int32_t i = 0; i < x->scan_count; i++) {
         x->poses[i] = cairn_transform_of(x->scans[i].initial);
         x->scans[i].support = 0;
+        x->scans[i].weak = 0;
         cairn_aligner_insert(x, i, i);
     }
     cairn_aligner_learn_spread(x);
@@ -131,10 +132,11 @@ cairn_transform cairn_aligner_gauge(const cairn_aligner *x, int32_t first, int32
     return gauge;
 }
 
-/* Squares of what is left of the initial poses after the best common motion. */
+/* What is left of the initial poses after the best common motion. */
 typedef struct leftover {
     cairn_real squares, squares_angle;
-    int32_t count, possible;
+    cairn_real beyond; /* m outside the box; turns times ARM */
+    int32_t count;
 } leftover;
 
 static leftover leftover_of(const cairn_aligner *x, int32_t first, int32_t second, cairn_transform second_first)
@@ -142,7 +144,7 @@ static leftover leftover_of(const cairn_aligner *x, int32_t first, int32_t secon
     cairn_transform gauge = cairn_aligner_gauge(x, first, second, second_first), pose;
     cairn_real far = BOX * x->params.spread, turned = BOX * x->params.spread_angle;
     walk w = begin_walk(x, first, second, second_first);
-    leftover m = {0, 0, 0, 1};
+    leftover m = {0, 0, 0, 0};
     int32_t i;
 
     while ((i = walk_on(&w, &pose)) >= 0) {
@@ -152,16 +154,17 @@ static leftover leftover_of(const cairn_aligner *x, int32_t first, int32_t secon
 
         m.squares += dx * dx + dy * dy;
         m.squares_angle += turn * turn;
+        m.beyond += cairn_max(cairn_abs(dx) - far, 0) + cairn_max(cairn_abs(dy) - far, 0) +
+                    ARM * cairn_max(cairn_abs(turn) - turned, 0);
         m.count++;
-        if (cairn_abs(dx) > far || cairn_abs(dy) > far || cairn_abs(turn) > turned)
-            m.possible = 0;
     }
     return m;
 }
 
 static cairn_real chi_squared(const cairn_aligner *x, const leftover *m)
 {
-    return m->squares / (x->sigma * x->sigma) + m->squares_angle / (x->sigma_angle * x->sigma_angle);
+    return m->squares / (x->sigma * x->sigma) + m->squares_angle / (x->sigma_angle * x->sigma_angle) +
+           2 * BEYOND_NATS * m->beyond;
 }
 
 void cairn_aligner_learn_spread(cairn_aligner *x)
@@ -251,9 +254,8 @@ static void end_look(cairn_aligner *x)
     leftover m = leftover_of(x, look->moving, look->fixed, look->pose);
 
     look->active = 0;
+    look->evidence = cairn_aligner_evidence(x, look->count);
     look->prior = -(chi_squared(x, &m) - x->clusters[look->moving].misfit - x->clusters[look->fixed].misfit) / 2;
-    if (!m.possible)
-        look->prior = IMPOSSIBLE;
     x->debt += m.count / 2;
 }
 
@@ -285,7 +287,7 @@ int32_t cairn_aligner_look_item(cairn_aligner *x)
     if (look->round < look->rounds) {
         cairn_aligner_pull(x, i, j, pose_i, x->poses[j], refine_gate(look->round), 1, look->centre, &look->sums);
     } else {
-        look->evidence += cairn_aligner_pair_evidence(x, i, j, cairn_aligner_between(x->poses[j], pose_i), COUNT_GATE);
+        cairn_aligner_count_pair(x, i, j, cairn_aligner_between(x->poses[j], pose_i), COUNT_GATE, &look->count);
         points += cairn_aligner_points_of(x, j);
     }
     return 1 + points / ALIGNER_POINTS_OF_UNIT;

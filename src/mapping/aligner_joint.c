@@ -1,207 +1,31 @@
-/* The joint solution of the aligner: the poses of the largest cluster and the walls that its scans share.
- *
- * Segments of several scans on one line, with overlapping or neighbouring extents, are one wall of unknown offset and
- * angle. The hits of a segment enter by their moments alone: with the error e = n p - rho of a hit at p, the sums of J J^T
+/* The joint solution of the aligner: the poses of the largest cluster and the walls that its scans share (aligner_wall.c),
+ * each of unknown offset and angle. The hits of a segment enter by their moments alone: with the error e = n p - rho of a hit at p, the sums of J J^T
  * and J e over all hits of a segment follow from its weight, mean and spread about the mean, since J is linear in p; so
  * every beam counts and none is kept. Segments that fit their wall worse than noise can explain lose weight (Geman and
- * McClure), the sooner the further the iteration. The initial poses are a weak prior with the standard deviations learnt.
+ * McClure), the sooner the further the iteration. The standard deviations learnt of the initial poses hold, weakly, where it
+ * stands what nothing else does: evidence has put it there.
  *
  * The inverse of the same system, one scan held, is the Cramer-Rao bound of the poses at the solution, by which they are
- * judged observable; their covariance is that with a margin. */
+ * judged observable; their covariance is that times chi-squared per degree of freedom, since segments of two surfaces in one
+ * and walls that only look like one are no noise. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/aligner_work.h"
 
-static const cairn_real LEAST_COSINE = CAIRN_REAL(0.94); /* of the directions of one wall */
-static const cairn_real GAP = 1;                         /* m between the extents on one wall, ... */
-static const cairn_real GAP_LONG = 2;                    /* times the shorter extent, when that is more */
-static const cairn_real GAP_STRICT = CAIRN_REAL(0.6);    /* ... over which the gate is that share of itself */
-static const cairn_real GAP_COST = CAIRN_REAL(0.05);
-static const cairn_real SHORT = CAIRN_REAL(0.3), SHORT_EXTRA = CAIRN_REAL(0.01), SHORTEST = CAIRN_REAL(0.08); /* m */
-/* On the covariances: segments of two surfaces in one and walls that only look like one are no noise, and not in the bound. */
-static const cairn_real MARGIN = CAIRN_REAL(1.5);
 static const cairn_real HELD = CAIRN_REAL(1e10);
 static const cairn_real AT_REST = CAIRN_REAL(5e-4); /* m */
 static const cairn_real LEAST_SUPPORT = 2;          /* nats of a placed scan */
 
-/* Gates of the association in m, and chi-squared beyond which a segment loses weight. */
-static const cairn_real gates[] = {CAIRN_REAL(0.08), CAIRN_REAL(0.07), CAIRN_REAL(0.06),
-                                   CAIRN_REAL(0.05), CAIRN_REAL(0.04), CAIRN_REAL(0.03)};
+/* Chi-squared beyond which a segment loses weight. */
 static const cairn_real tolerances[] = {1000, 300, 100, 50, 25, 15, 12};
 
-static cairn_real gate_of(int32_t round)
-{
-    return gates[round < 5 ? round : 5];
-}
+enum { AGAIN_FROM = 3 }; /* round that follows when scans have slid */
 
 static cairn_real tolerance_of(int32_t round)
 {
     return tolerances[round < 6 ? round : 6];
-}
-
-static int is_used(const cairn_aligner *x, const aligner_segment *s)
-{
-    return s->weight > 0 && s->length > SHORTEST && x->scans[s->scan].part == x->home;
-}
-
-/* ---- The order of segments: those that say most first, by heap ---- */
-
-static int says_less(const cairn_aligner *x, int32_t a, int32_t b)
-{
-    cairn_real first = x->segments[a].weight * x->segments[a].length;
-    cairn_real second = x->segments[b].weight * x->segments[b].length;
-
-    return first < second || (!(second < first) && a > b);
-}
-
-/* Sinks entry `at` of a heap of `count` with the least on top. */
-static void sink(cairn_aligner *x, int32_t at, int32_t count)
-{
-    for (;;) {
-        int32_t child = 2 * at + 1, swap = x->order[at];
-
-        if (child >= count)
-            return;
-        if (child + 1 < count && says_less(x, x->order[child + 1], x->order[child]))
-            child++;
-        if (!says_less(x, x->order[child], x->order[at]))
-            return;
-        x->order[at] = x->order[child];
-        x->order[child] = swap;
-        at = child;
-    }
-}
-
-/* One entry: the heap is built (stage 0) and emptied from its end (stage 1). */
-static int32_t sort(cairn_aligner *x)
-{
-    if (x->stage == 0) {
-        if (x->at == 0)
-            for (int32_t i = 0; i < x->segment_count; i++)
-                x->order[i] = i;
-        sink(x, x->segment_count - 1 - x->at, x->segment_count);
-    } else {
-        int32_t last = x->segment_count - 1 - x->at, swap = x->order[0];
-
-        x->order[0] = x->order[last];
-        x->order[last] = swap;
-        sink(x, 0, last);
-    }
-    if (++x->at == x->segment_count) {
-        x->at = 0;
-        if (++x->stage == 2) {
-            x->phase = ALIGNER_ASSOCIATE;
-            x->stage = 0;
-        }
-    }
-    return 3;
-}
-
-/* ---- Walls ---- */
-
-static void fit_wall(aligner_wall *wall, cairn_vec2 direction)
-{
-    cairn_real values[2];
-    cairn_vec2 minor, major;
-
-    cairn_sym2_eigen(wall->spread, values, &minor, &major);
-    if (cairn_vec2_dot(minor, cairn_vec2_left(direction)) < 0)
-        minor = cairn_vec2_scale(minor, -1);
-    wall->normal = minor;
-    wall->offset = cairn_vec2_dot(minor, wall->middle);
-}
-
-/* The direction along a wall, free side on the left. */
-static cairn_vec2 along_wall(const aligner_wall *wall)
-{
-    cairn_vec2 along = {wall->normal.y, -wall->normal.x};
-
-    return along;
-}
-
-static void add_to_wall(cairn_aligner *x, aligner_wall *wall, const aligner_segment *s)
-{
-    cairn_transform pose = x->poses[s->scan];
-    cairn_vec2 mean = cairn_transform_point(pose, s->mean), along;
-    cairn_real c = pose.cosine, si = pose.sine, sum = wall->weight + s->weight, share = wall->weight * s->weight / sum;
-    cairn_real dx = mean.x - wall->middle.x, dy = mean.y - wall->middle.y, low, high;
-    cairn_sym2 m = s->spread;
-
-    wall->spread.xx += c * c * m.xx - 2 * c * si * m.xy + si * si * m.yy + share * dx * dx;
-    wall->spread.xy += c * si * (m.xx - m.yy) + (c * c - si * si) * m.xy + share * dx * dy;
-    wall->spread.yy += si * si * m.xx + 2 * c * si * m.xy + c * c * m.yy + share * dy * dy;
-    wall->middle.x += dx * s->weight / sum;
-    wall->middle.y += dy * s->weight / sum;
-    wall->weight = sum;
-    fit_wall(wall, cairn_transform_direction(pose, s->direction));
-    along = along_wall(wall);
-    low = cairn_vec2_dot(along, cairn_transform_point(pose, s->a));
-    high = low + s->length;
-    wall->low = cairn_min(wall->low, low);
-    wall->high = cairn_max(wall->high, high);
-    if (wall->scans == 0)
-        wall->first_scan = s->scan;
-    if (wall->scans < 2 && (wall->scans == 0 || wall->first_scan != s->scan))
-        wall->scans++;
-}
-
-/* How badly a segment (its ends in the map) fits a wall, m; negative: it does not. */
-static cairn_real fits_wall(const aligner_wall *wall, cairn_vec2 a, cairn_vec2 b, cairn_vec2 direction, cairn_real gate)
-{
-    cairn_vec2 along = along_wall(wall);
-    cairn_real error, low, gap, most;
-
-    if (cairn_vec2_dot(along, direction) < LEAST_COSINE)
-        return -1;
-    error = cairn_max(cairn_abs(cairn_vec2_dot(wall->normal, a) - wall->offset),
-                      cairn_abs(cairn_vec2_dot(wall->normal, b) - wall->offset));
-    low = cairn_vec2_dot(along, a);
-    gap = cairn_max(low - wall->high, wall->low - cairn_vec2_dot(along, b));
-    most = cairn_max(GAP, GAP_LONG * cairn_min(wall->high - wall->low, cairn_vec2_dot(along, b) - low));
-    if (gap > most || error > (gap > 0 ? GAP_STRICT * gate : gate))
-        return -1;
-    return error + GAP_COST * cairn_max(gap, 0);
-}
-
-/* Finds the wall of one segment, or makes a new one of it. */
-static int32_t associate(cairn_aligner *x)
-{
-    aligner_segment *s = &x->segments[x->order[x->at]];
-    cairn_transform pose;
-    cairn_vec2 a, b, direction;
-    cairn_real gate, best = CAIRN_REAL_MAX;
-
-    if (x->at == 0)
-        x->wall_count = 0;
-    s->wall = -1;
-    x->at++;
-    if (!is_used(x, s))
-        return 1;
-    pose = x->poses[s->scan];
-    direction = cairn_transform_direction(pose, s->direction);
-    a = cairn_transform_point(pose, s->a);
-    b = cairn_vec2_add(a, cairn_vec2_scale(direction, s->length));
-    gate = gate_of(x->round) + (s->length < SHORT ? SHORT_EXTRA : 0);
-    for (int32_t w = 0; w < x->wall_count; w++) {
-        cairn_real fit = fits_wall(&x->walls[w], a, b, direction, gate);
-
-        if (fit >= 0 && fit < best) {
-            best = fit;
-            s->wall = w;
-        }
-    }
-    if (s->wall < 0) {
-        aligner_wall *wall = &x->walls[x->wall_count];
-
-        memset(wall, 0, sizeof *wall);
-        wall->low = CAIRN_REAL_MAX;
-        wall->high = -CAIRN_REAL_MAX;
-        s->wall = x->wall_count++;
-    }
-    add_to_wall(x, &x->walls[s->wall], s);
-    return 2 + x->wall_count / 8;
 }
 
 /* ---- The system ---- */
@@ -228,72 +52,98 @@ static cairn_status begin_system(cairn_aligner *x)
     return status == CAIRN_OK ? cairn_block_solver_analyze(x->solver) : status;
 }
 
-/* Terms of a segment: those of its mean, and those of its spread about it, which move the angles only. */
-static cairn_status add_segment(cairn_aligner *x, const aligner_segment *s, int32_t link)
+/* A segment on its wall. */
+typedef struct term {
+    cairn_real error;          /* m, of the mean of its hits */
+    cairn_real row[3];         /* of the error over its scan's pose, ... */
+    cairn_real column[3];      /* ... and over its wall's offset and angle */
+    cairn_real along, oblique; /* spread along the wall, and of both directions; these move the angles only */
+    cairn_real chi, scale;     /* chi-squared, and what is left of the weight */
+} term;
+
+static term term_of(const cairn_aligner *x, const aligner_segment *s)
 {
     const aligner_wall *wall = &x->walls[s->wall];
     cairn_transform pose = x->poses[s->scan];
-    cairn_vec2 mean = cairn_transform_point(pose, s->mean), along = along_wall(wall), n, t;
+    cairn_vec2 mean = cairn_transform_point(pose, s->mean), along = cairn_aligner_along(wall), n, t;
     cairn_vec2 arm = {mean.x - pose.x, mean.y - pose.y};
-    cairn_real error = cairn_vec2_dot(wall->normal, mean) - wall->offset, st, sn, snn, chi, scale;
-    cairn_real row[3], column[3], *b = &x->rhs[3 * s->scan], *c = &x->rhs[3 * wall->node], block[9];
-    cairn_sym3 own = cairn_sym3_zero(), walls = cairn_sym3_zero();
-    cairn_status status;
+    cairn_real across;
+    term m;
 
-    /* Spread along the wall, across it, and of both, with the axes turned into the scan's frame. */
+    /* The wall's axes in the scan's frame. */
     n.x = pose.cosine * wall->normal.x + pose.sine * wall->normal.y;
     n.y = pose.cosine * wall->normal.y - pose.sine * wall->normal.x;
     t.x = n.y;
     t.y = -n.x;
-    st = s->spread.xx * t.x * t.x + 2 * s->spread.xy * t.x * t.y + s->spread.yy * t.y * t.y;
-    snn = s->spread.xx * n.x * n.x + 2 * s->spread.xy * n.x * n.y + s->spread.yy * n.y * n.y;
-    sn = s->spread.xx * t.x * n.x + s->spread.xy * (t.x * n.y + t.y * n.x) + s->spread.yy * t.y * n.y;
-    chi = s->weight * error * error + cairn_max(snn - s->least, 0);
-    scale = 1 / (1 + chi / tolerance_of(x->round));
-    scale *= scale;
-    row[0] = wall->normal.x;
-    row[1] = wall->normal.y;
-    row[2] = cairn_vec2_dot(along, arm);
-    column[0] = -1;
-    column[1] = -(cairn_vec2_dot(along, mean) - cairn_vec2_dot(along, wall->middle));
-    column[2] = 0;
-    cairn_sym3_add_outer(&own, row, scale * s->weight);
-    own.zz += scale * st;
-    cairn_sym3_add_outer(&walls, column, scale * s->weight);
-    walls.yy += scale * st;
+    m.along = s->spread.xx * t.x * t.x + 2 * s->spread.xy * t.x * t.y + s->spread.yy * t.y * t.y;
+    across = s->spread.xx * n.x * n.x + 2 * s->spread.xy * n.x * n.y + s->spread.yy * n.y * n.y;
+    m.oblique = s->spread.xx * t.x * n.x + s->spread.xy * (t.x * n.y + t.y * n.x) + s->spread.yy * t.y * n.y;
+    m.error = cairn_vec2_dot(wall->normal, mean) - wall->offset;
+    m.chi = s->weight * m.error * m.error + cairn_max(across - s->least, 0);
+    m.scale = 1 / (1 + m.chi / tolerance_of(x->round));
+    m.scale *= m.scale;
+    m.row[0] = wall->normal.x;
+    m.row[1] = wall->normal.y;
+    m.row[2] = cairn_vec2_dot(along, arm);
+    m.column[0] = -1;
+    m.column[1] = -(cairn_vec2_dot(along, mean) - cairn_vec2_dot(along, wall->middle));
+    m.column[2] = 0;
+    return m;
+}
+
+static cairn_status add_segment(cairn_aligner *x, const aligner_segment *s, int32_t link)
+{
+    int32_t node = x->walls[s->wall].node;
+    term m = term_of(x, s);
+    cairn_real *b = &x->rhs[3 * s->scan], *c = &x->rhs[3 * node], block[9], weight = m.scale * s->weight;
+    cairn_sym3 own = cairn_sym3_zero(), walls = cairn_sym3_zero();
+    cairn_status status;
+
+    cairn_sym3_add_outer(&own, m.row, weight);
+    own.zz += m.scale * m.along;
+    cairn_sym3_add_outer(&walls, m.column, weight);
+    walls.yy += m.scale * m.along;
     for (int r = 0; r < 3; r++) {
-        b[r] -= scale * s->weight * error * row[r];
-        c[r] -= scale * s->weight * error * column[r];
+        b[r] -= weight * m.error * m.row[r];
+        c[r] -= weight * m.error * m.column[r];
         for (int k = 0; k < 3; k++)
-            block[3 * r + k] = scale * s->weight * row[r] * column[k];
+            block[3 * r + k] = weight * m.row[r] * m.column[k];
     }
-    block[7] -= scale * st;
-    b[2] -= scale * sn;
-    c[1] += scale * sn;
+    block[7] -= m.scale * m.along;
+    b[2] -= m.scale * m.oblique;
+    c[1] += m.scale * m.oblique;
     status = cairn_block_solver_add_pose_block(x->solver, s->scan, own);
     if (status == CAIRN_OK)
-        status = cairn_block_solver_add_pose_block(x->solver, wall->node, walls);
+        status = cairn_block_solver_add_pose_block(x->solver, node, walls);
     return status == CAIRN_OK ? cairn_block_solver_add_link_block(x->solver, link, block) : status;
 }
 
-/* Initial poses, scans and walls that nothing else holds, and the anchor for covariances. */
+cairn_sym3 cairn_aligner_own_information(const cairn_aligner *x, int32_t scan)
+{
+    cairn_sym3 own = cairn_sym3_zero();
+
+    for (int32_t k = x->scans[scan].first_segment; k < x->scans[scan].end_segment; k++) {
+        const aligner_segment *s = &x->segments[k];
+        term m;
+
+        if (s->wall < 0 || x->walls[s->wall].node < 0)
+            continue;
+        m = term_of(x, s);
+        cairn_sym3_add_outer(&own, m.row, m.scale * s->weight);
+        own.zz += m.scale * m.along;
+    }
+    return own;
+}
+
+/* Scans and walls that nothing else holds, and the anchor for covariances. */
 static cairn_status add_priors(cairn_aligner *x, int32_t anchor)
 {
-    cairn_transform same = {0, 0, 1, 0}, gauge = cairn_aligner_inverse(cairn_aligner_gauge(x, x->home, -1, same));
     cairn_status status = CAIRN_OK;
 
     for (int32_t i = 0; i < x->scan_count && status == CAIRN_OK; i++) {
         cairn_real weight = 1 / (x->sigma * x->sigma), turn = 1 / (x->sigma_angle * x->sigma_angle);
         cairn_sym3 block = {weight, 0, 0, weight, 0, turn};
 
-        if (x->scans[i].part == x->home) {
-            cairn_transform initial = cairn_aligner_compose(gauge, cairn_transform_of(x->scans[i].initial));
-            cairn_transform off = cairn_aligner_between(initial, x->poses[i]);
-
-            x->rhs[3 * i] -= weight * (x->poses[i].x - initial.x);
-            x->rhs[3 * i + 1] -= weight * (x->poses[i].y - initial.y);
-            x->rhs[3 * i + 2] -= turn * cairn_atan2(off.sine, off.cosine);
-        }
         if (i == anchor)
             block.xx = block.yy = block.zz = HELD;
         status = cairn_block_solver_add_pose_block(x->solver, i, block);
@@ -349,22 +199,12 @@ static int32_t best_known(const cairn_aligner *x)
     cairn_real most = -1;
 
     for (int32_t i = 0; i < x->scan_count; i++) {
-        cairn_sym3 own = cairn_sym3_zero();
+        cairn_sym3 own;
         cairn_real determinant;
 
         if (x->scans[i].part != x->home)
             continue;
-        for (int32_t k = x->scans[i].first_segment; k < x->scans[i].end_segment; k++) {
-            const aligner_segment *s = &x->segments[k];
-            cairn_real row[3];
-
-            if (s->wall < 0 || x->walls[s->wall].node < 0)
-                continue;
-            row[0] = x->walls[s->wall].normal.x;
-            row[1] = x->walls[s->wall].normal.y;
-            row[2] = cairn_vec2_cross(cairn_transform_direction(x->poses[i], s->mean), x->walls[s->wall].normal);
-            cairn_sym3_add_outer(&own, row, s->weight * x->params.sigma * x->params.sigma);
-        }
+        own = cairn_aligner_own_information(x, i);
         determinant = own.xx * (own.yy * own.zz - own.yz * own.yz) - own.xy * (own.xy * own.zz - own.yz * own.xz) +
                       own.xz * (own.xy * own.yz - own.yy * own.xz);
         if (determinant > most) {
@@ -432,9 +272,28 @@ static void read_covariance(const cairn_aligner *x, int32_t i, cairn_transform g
         turn_covariance(gauge, block, covariance);
 }
 
+/* Chi-squared of the segments on shared walls, each by its mean and its direction, per degree of freedom. */
+static cairn_real misfit(const cairn_aligner *x)
+{
+    cairn_real sum = 0, freedom = (cairn_real)(-3 * x->clusters[x->home].size - 2 * x->result.walls);
+
+    for (int32_t k = 0; k < x->segment_count; k++) {
+        const aligner_segment *s = &x->segments[k];
+        term m;
+
+        if (s->wall < 0 || x->walls[s->wall].node < 0)
+            continue;
+        m = term_of(x, s);
+        sum += m.chi * m.scale;
+        freedom += 2;
+    }
+    return freedom > 0 ? cairn_max(sum / freedom, 1) : 1;
+}
+
 static int32_t finish(cairn_aligner *x)
 {
     cairn_transform same = {0, 0, 1, 0};
+    cairn_real margin = misfit(x);
 
     number_parts(x);
     x->result.placed = 0;
@@ -447,7 +306,7 @@ static int32_t finish(cairn_aligner *x)
         read_covariance(x, i, gauge, r->covariance);
         judge(x, i);
         for (int k = 0; k < 9; k++)
-            r->covariance[k] *= MARGIN;
+            r->covariance[k] *= margin;
         x->result.placed += r->placed;
     }
     x->result.largest = x->clusters[x->home].size;
@@ -507,7 +366,7 @@ static int32_t settle(cairn_aligner *x)
             return 1;
         }
     }
-    return sort(x);
+    return cairn_aligner_sort_item(x);
 }
 
 /* Builds and starts to factor; the anchor is held in the last round only. */
@@ -521,6 +380,17 @@ static int32_t begin_solution(cairn_aligner *x, int32_t anchor)
     if (status != CAIRN_OK)
         cairn_aligner_give_up(x, status);
     return x->segment_count / 2 + x->node_count;
+}
+
+void cairn_aligner_end_slides(cairn_aligner *x, int32_t changed)
+{
+    x->at = x->stage = 0;
+    x->phase = ALIGNER_ASSOCIATE;
+    x->round = AGAIN_FROM < x->params.max_rounds ? AGAIN_FROM : x->params.max_rounds - 1;
+    if (changed == 0) {
+        x->result.anchor = best_known(x);
+        x->phase = ALIGNER_MARGINALS;
+    }
 }
 
 /* The solver has done what it was told; what comes next. */
@@ -540,12 +410,12 @@ static int32_t solve(cairn_aligner *x)
         return 1 + x->node_count / 8;
     }
     move_scans(x);
-    x->result.rounds = ++x->round;
+    x->round++;
+    x->result.rounds++;
     x->result.fill = state.fill;
     x->at = x->stage = 0;
-    if (x->round == x->params.max_rounds || (x->round > 6 && x->moved <= AT_REST)) {
-        x->result.anchor = best_known(x);
-        x->phase = ALIGNER_MARGINALS;
+    if (x->round >= x->params.max_rounds || (x->round > 6 && x->moved <= AT_REST)) {
+        cairn_aligner_begin_slides(x);
     } else {
         x->phase = ALIGNER_ASSOCIATE;
     }
@@ -577,7 +447,7 @@ int32_t cairn_aligner_joint_item(cairn_aligner *x)
         return settle(x);
     case ALIGNER_ASSOCIATE:
         if (x->at < x->segment_count)
-            return associate(x);
+            return cairn_aligner_associate_item(x);
         x->phase = ALIGNER_SOLVE;
         x->stage = 0;
         {

@@ -3,7 +3,8 @@
  * The rest is drawn into a raster about the place where the scan is expected: a bit for each direction of a surface, one
  * for free space. For every turn, all shifts within the window are voted for at once, a point giving its vote to the shifts
  * that bring it onto a surface of its direction, and two votes against those that bring it into free space. The best few
- * are refined and compared by their evidence, also with where the scan was. A cluster beside the largest is looked for as a
+ * are refined and compared by their evidence, also with where the scan was. All scans are looked for once, later those that
+ * lie badly. A cluster beside the largest is looked for as a
  * whole, by each of its scans; in the last round its scans are looked for one by one. */
 #include "src/core/build.h"
 
@@ -122,7 +123,7 @@ static int take_out(cairn_aligner *x)
     return 1;
 }
 
-static void put_back(cairn_aligner *x, int32_t cluster, cairn_transform pose)
+void cairn_aligner_put_back(cairn_aligner *x, int32_t cluster, cairn_transform pose)
 {
     cairn_aligner_remove(x, x->i);
     x->poses[x->i] = pose;
@@ -259,8 +260,8 @@ static int32_t draw(cairn_aligner *x)
     if (x->stage == 0) {
         if (x->home < 0) {
             x->before_score = x->look.evidence + x->look.prior;
-            if (x->look.evidence > LIES_WELL) {
-                put_back(x, rest, x->before);
+            if (x->repairs > 0 && x->look.evidence > LIES_WELL) {
+                cairn_aligner_put_back(x, rest, x->before);
                 x->i++;
                 x->phase = ALIGNER_REPAIR;
                 return 1;
@@ -401,7 +402,7 @@ static int32_t place(cairn_aligner *x)
         if (better)
             (void)cairn_aligner_join(x, x->moving, rest, x->best);
     } else {
-        put_back(x, better || x->home < 0 ? rest : x->home, better ? x->best : x->before);
+        cairn_aligner_put_back(x, better || x->home < 0 ? rest : x->home, better ? x->best : x->before);
     }
     x->changed += better;
     x->result.moved += better;

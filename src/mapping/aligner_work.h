@@ -11,7 +11,8 @@ enum {
     ALIGNER_TRIALS = 12,      /* relative poses of one pair that are compared */
     ALIGNER_KEPT = 4,         /* of these enter the list at most */
     ALIGNER_VOTES = 4,        /* times as many cells as shifts */
-    ALIGNER_FINDS = 4         /* places of a scan in the raster that are tried */
+    ALIGNER_FINDS = 12,       /* places of a scan in the raster that are tried, ... */
+    ALIGNER_SLIDES = 16       /* ... and along its walls */
 };
 
 /* Units of budget: a unit is about three points looked up. */
@@ -26,6 +27,7 @@ typedef struct aligner_segment {
     cairn_sym2 spread;  /* weighted squares about the mean */
     cairn_real least;   /* of them across the hits' own best line */
     int32_t scan, wall; /* wall: -1 none */
+    int32_t stub;       /* 1: a few hits, too short for a direction of its own */
 } aligner_segment;
 
 typedef struct aligner_point {
@@ -47,6 +49,7 @@ typedef struct aligner_scan {
     cairn_real view_cosine, view_sine; /* of what is seen to either side of it; cosine <= 0: half a turn or more */
     cairn_pose initial;
     int32_t part, next; /* cluster; next member of it, -1 */
+    int32_t weak;       /* 1: it could be slid along what it shared with others */
     cairn_real support;
 } aligner_scan;
 
@@ -88,7 +91,8 @@ typedef struct aligner_look {
     int32_t i, j;          /* members at hand */
     cairn_vec2 centre;
     aligner_sums sums;
-    cairn_real evidence; /* nats of the scans */
+    aligner_count count; /* what the scans show of each other, ... */
+    cairn_real evidence; /* ... in nats */
     cairn_real prior;    /* nats of the initial poses */
     cairn_real weak[3];  /* unit motion about the centre that the points tell least of: m, m, rad */
 } aligner_look;
@@ -118,6 +122,8 @@ typedef enum aligner_phase {
     ALIGNER_ASSOCIATE,
     ALIGNER_BUILD,
     ALIGNER_SOLVE,
+    ALIGNER_SLIDE,
+    ALIGNER_SLIDE_TRY,
     ALIGNER_MARGINALS,
     ALIGNER_DONE
 } aligner_phase;
@@ -146,8 +152,8 @@ struct cairn_aligner {
     aligner_segment *segments;
     aligner_point *points;
     aligner_hypothesis *hypotheses;
-    aligner_wall *walls;         /* [max_segments] */
-    int32_t *order;              /* [max_segments] */
+    aligner_wall *walls;         /* [max_segments + max_stubs] */
+    int32_t *order;              /* [max_segments + max_stubs] */
     uint16_t *cells;             /* [max_cells] */
     int32_t *votes;              /* [max_cells / ALIGNER_VOTES] */
     cairn_real *rhs;             /* [3 * nodes] */
@@ -155,7 +161,7 @@ struct cairn_aligner {
     cairn_aligner_pose *results; /* [max_scans] */
     cairn_block_solver *solver;
 
-    int32_t scan_count, segment_count, point_count, hypothesis_count, wall_count, node_count;
+    int32_t scan_count, segment_count, stub_count, point_count, hypothesis_count, wall_count, node_count;
     cairn_real sigma, sigma_angle; /* of the initial poses, as learnt */
     int32_t changes;               /* gives stamps */
     int32_t shown;                 /* the commit point that iterate() returned at last */
@@ -173,11 +179,12 @@ struct cairn_aligner {
     cairn_real shift[3];
     cairn_vec2 shift_centre;
     /* Search. */
-    int32_t side_cells, half_window, turns, turn, repairs, changed;
+    int32_t side_cells, half_window, turns, turn, repairs, slides, changed;
+    cairn_vec2 along;  /* in which a scan slides */
     cairn_vec2 corner; /* of the raster */
     cairn_real cell;
     cairn_pose predicted;
-    aligner_find find[ALIGNER_FINDS];
+    aligner_find find[ALIGNER_SLIDES];
     int32_t find_count, find_at;
     cairn_transform before, best; /* of the scan looked for */
     cairn_real before_score, best_score;
@@ -188,9 +195,14 @@ struct cairn_aligner {
     cairn_aligner_result result;
 };
 
-/* ---- aligner_scan.c: scans and pairs of scans ---- */
+/* ---- aligner_beams.c: scans ---- */
 
 void cairn_aligner_fill_scan(cairn_aligner *x, const cairn_scan_view *view, cairn_pose initial);
+
+/* ---- aligner_scan.c: pairs of scans ---- */
+
+/* The bin of a bearing. */
+int32_t cairn_aligner_bin_of(cairn_real x, cairn_real y);
 cairn_transform cairn_aligner_between(cairn_transform a_b, cairn_transform a_c);
 cairn_transform cairn_aligner_compose(cairn_transform a_b, cairn_transform b_c);
 cairn_transform cairn_aligner_inverse(cairn_transform a_b);
@@ -201,7 +213,9 @@ void cairn_aligner_count_points(const cairn_aligner *x, int32_t from, int32_t to
                                 cairn_real gate, aligner_count *count);
 cairn_real cairn_aligner_evidence(const cairn_aligner *x, aligner_count count);
 
-/* Evidence of both, nats. */
+/* Both ways. */
+void cairn_aligner_count_pair(const cairn_aligner *x, int32_t first, int32_t second, cairn_transform second_first,
+                              cairn_real gate, aligner_count *count);
 cairn_real cairn_aligner_pair_evidence(const cairn_aligner *x, int32_t first, int32_t second,
                                        cairn_transform second_first, cairn_real gate);
 
@@ -231,6 +245,28 @@ int32_t cairn_aligner_relax_item(cairn_aligner *x);
 int32_t cairn_aligner_merge_item(cairn_aligner *x);
 int32_t cairn_aligner_repair_item(cairn_aligner *x);
 int32_t cairn_aligner_joint_item(cairn_aligner *x);
+
+int32_t cairn_aligner_slide_item(cairn_aligner *x);
+int32_t cairn_aligner_sort_item(cairn_aligner *x);
+int32_t cairn_aligner_associate_item(cairn_aligner *x);
+
+/* ---- aligner_wall.c ---- */
+
+/* The direction along a wall, free side on the left. */
+cairn_vec2 cairn_aligner_along(const aligner_wall *wall);
+
+/* 1 when a segment, with that direction in the map, may be part of a wall. */
+int cairn_aligner_same_line(const aligner_wall *wall, const aligner_segment *s, cairn_vec2 direction);
+
+/* ---- aligner_joint.c and aligner_slide.c ---- */
+
+/* What the walls, were they known, tell of the pose of a scan. */
+cairn_sym3 cairn_aligner_own_information(const cairn_aligner *x, int32_t scan);
+
+/* After the joint solution; slide_item goes on with more of it, or to the marginals. */
+void cairn_aligner_begin_slides(cairn_aligner *x);
+void cairn_aligner_end_slides(cairn_aligner *x, int32_t changed);
+void cairn_aligner_put_back(cairn_aligner *x, int32_t cluster, cairn_transform pose);
 
 /* The joint solution cannot be had: on without it. */
 void cairn_aligner_give_up(cairn_aligner *x, cairn_status status);

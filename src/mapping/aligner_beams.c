@@ -1,0 +1,309 @@
+/* What the aligner keeps of a scan: segments with the moments of their hits, points along them, a table of bearings.
+ *
+ * Hits that follow each other on no segment are a surface that is too short to be one, a stub: the few beams of a wall that
+ * the edge of the view just reaches. Its direction is poor, but it holds a scan that slides along another wall. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/aligner_work.h"
+
+static const cairn_real HIT_GATE_SIGMAS = 3;
+static const cairn_real LABEL_GATE = CAIRN_REAL(0.06); /* m */
+static const cairn_real LEAST_INCIDENCE = CAIRN_REAL(0.05);
+static const cairn_real RUN_GAP = CAIRN_REAL(0.1); /* m between hits that follow each other */
+static const cairn_real STRAIGHT = 3;              /* variances of a range, across a stub */
+enum { LEAST_HITS = 4 };
+
+/* ---- Segments of beams ---- */
+
+static void mark_bins(aligner_table *table, int32_t first, int32_t last, uint16_t range, uint8_t segment)
+{
+    for (int32_t bin = first;; bin = (bin + 1) & (ALIGNER_BINS - 1)) {
+        if (table->range[bin] == 0 || range < table->range[bin]) {
+            table->range[bin] = range;
+            table->segment[bin] = segment;
+        }
+        if (bin == last)
+            return;
+    }
+}
+
+/* The segment on which a hit lies, counted from the scan's first, and its distance. */
+static int32_t segment_of(const cairn_aligner *x, const aligner_scan *scan, cairn_vec2 hit, cairn_real *distance)
+{
+    int32_t best = ALIGNER_NO_SEGMENT;
+
+    *distance = LABEL_GATE;
+    for (int32_t k = scan->first_segment; k < scan->end_segment && k - scan->first_segment < ALIGNER_NO_SEGMENT; k++) {
+        const aligner_segment *s = &x->segments[k];
+        cairn_vec2 from = cairn_vec2_sub(hit, s->a);
+        cairn_real along = cairn_vec2_dot(s->direction, from);
+        cairn_real beyond = cairn_max(cairn_max(-along, along - s->length), 0);
+        cairn_real across = cairn_vec2_cross(s->direction, from), d;
+
+        if (cairn_abs(across) >= *distance || beyond >= *distance)
+            continue;
+        d = cairn_sqrt(across * across + beyond * beyond);
+        if (d < *distance) {
+            *distance = d;
+            best = k - scan->first_segment;
+        }
+    }
+    return best;
+}
+
+/* A hit on a segment: its weight is that of the error of its range across the line. Called twice, first for the mean. */
+static void add_hit(cairn_aligner *x, aligner_segment *s, const cairn_beam *beam, int32_t about_mean)
+{
+    cairn_vec2 ray = cairn_vec2_sub(beam->to, beam->from), d;
+    cairn_real incidence = cairn_abs(cairn_vec2_cross(s->direction, ray)) / cairn_vec2_norm(ray), deviation, weight;
+
+    deviation = x->params.sigma * cairn_max(incidence, LEAST_INCIDENCE);
+    weight = 1 / (deviation * deviation);
+    d = cairn_vec2_sub(beam->to, about_mean ? s->mean : s->a);
+    if (!about_mean) {
+        s->weight += weight;
+        s->spread.xx += weight * d.x;
+        s->spread.yy += weight * d.y;
+        return;
+    }
+    s->spread.xx += weight * d.x * d.x;
+    s->spread.xy += weight * d.x * d.y;
+    s->spread.yy += weight * d.y * d.y;
+}
+
+static void finish_means(cairn_aligner *x, const aligner_scan *scan)
+{
+    for (int32_t k = scan->first_segment; k < scan->end_segment; k++) {
+        aligner_segment *s = &x->segments[k];
+        cairn_sym2 none = {0, 0, 0};
+
+        if (s->weight > 0) {
+            s->mean.x = s->a.x + s->spread.xx / s->weight;
+            s->mean.y = s->a.y + s->spread.yy / s->weight;
+        }
+        s->spread = none;
+    }
+}
+
+static void finish_moments(cairn_aligner *x, const aligner_scan *scan)
+{
+    for (int32_t k = scan->first_segment; k < scan->end_segment; k++) {
+        cairn_real values[2];
+        cairn_vec2 minor, major;
+
+        cairn_sym2_eigen(x->segments[k].spread, values, &minor, &major);
+        x->segments[k].least = cairn_max(values[0], 0);
+    }
+}
+
+/* Hits that follow each other on no segment: a surface too short to be one. */
+typedef struct run {
+    cairn_vec2 first, last, sum;
+    cairn_sym2 squares; /* about the first */
+    int32_t count;
+} run;
+
+/* A new segment of a run that is straight and there is room for; its moments come with the second pass. */
+static void add_stub(cairn_aligner *x, aligner_scan *scan, const run *r)
+{
+    aligner_segment *s = &x->segments[x->segment_count];
+    cairn_real share = 1 / (cairn_real)r->count, values[2], half;
+    cairn_vec2 mean = cairn_vec2_scale(r->sum, share), minor, major;
+    cairn_sym2 spread = {r->squares.xx * share - mean.x * mean.x, r->squares.xy * share - mean.x * mean.y,
+                         r->squares.yy * share - mean.y * mean.y};
+
+    if (x->stub_count == x->params.max_stubs)
+        return;
+    cairn_sym2_eigen(spread, values, &minor, &major);
+    half = cairn_max(cairn_abs(cairn_vec2_dot(major, mean)),
+                     cairn_abs(cairn_vec2_dot(major, cairn_vec2_sub(cairn_vec2_sub(r->last, r->first), mean))));
+    if (values[0] > STRAIGHT * x->params.sigma * x->params.sigma || !(half > 0))
+        return;
+    mean = cairn_vec2_add(mean, r->first);
+    if (cairn_vec2_cross(major, cairn_vec2_sub(mean, scan->sensor)) > 0)
+        major = cairn_vec2_scale(major, -1);
+    memset(s, 0, sizeof *s);
+    s->direction = major;
+    s->length = 2 * half;
+    s->a = cairn_vec2_sub(mean, cairn_vec2_scale(major, half));
+    s->scan = x->scan_count;
+    s->wall = -1;
+    s->stub = 1;
+    x->segment_count++;
+    x->stub_count++;
+    scan->end_segment++;
+}
+
+/* The next beam's hit, or a beam that ends the run. */
+static void go_on_run(cairn_aligner *x, aligner_scan *scan, run *r, const cairn_beam *hit)
+{
+    cairn_vec2 d;
+
+    if (r->count > 0 && (hit == NULL || cairn_vec2_norm(cairn_vec2_sub(hit->to, r->last)) > RUN_GAP)) {
+        if (r->count >= LEAST_HITS)
+            add_stub(x, scan, r);
+        r->count = 0;
+    }
+    if (hit == NULL)
+        return;
+    if (r->count == 0) {
+        memset(r, 0, sizeof *r);
+        r->first = hit->to;
+    }
+    r->last = hit->to;
+    r->count++;
+    d = cairn_vec2_sub(hit->to, r->first);
+    r->sum = cairn_vec2_add(r->sum, d);
+    r->squares.xx += d.x * d.x;
+    r->squares.xy += d.x * d.y;
+    r->squares.yy += d.y * d.y;
+}
+
+static void find_stubs(cairn_aligner *x, aligner_scan *scan, const cairn_scan_view *view)
+{
+    cairn_real distance;
+    run r;
+
+    memset(&r, 0, sizeof r);
+    for (int32_t i = 0; i < view->beam_count; i++) {
+        const cairn_beam *beam = &view->beams[i];
+        int free_hit = beam->kind == CAIRN_BEAM_HIT && segment_of(x, scan, beam->to, &distance) == ALIGNER_NO_SEGMENT;
+
+        go_on_run(x, scan, &r, free_hit ? beam : NULL);
+    }
+    go_on_run(x, scan, &r, NULL);
+}
+
+/* Tables and moments. Bins between neighbouring beams belong to the later one, over gaps of up to a hundredth of a turn. */
+static void read_beams(cairn_aligner *x, int32_t index, const cairn_scan_view *view)
+{
+    aligner_scan *scan = &x->scans[index];
+    aligner_table *table = &x->tables[index];
+    cairn_real gate = HIT_GATE_SIGMAS * x->params.sigma, distance;
+
+    for (int32_t pass = 0; pass < 2; pass++) {
+        int32_t last = -1;
+
+        for (int32_t i = 0; i < view->beam_count; i++) {
+            const cairn_beam *beam = &view->beams[i];
+            cairn_vec2 ray = cairn_vec2_sub(beam->to, beam->from);
+            cairn_real range = cairn_vec2_norm(ray);
+            int32_t bin = cairn_aligner_bin_of(ray.x, ray.y), segment = ALIGNER_NO_SEGMENT, first = bin, gap;
+
+            if (beam->kind == CAIRN_BEAM_UNKNOWN || !(range > 0)) {
+                last = -1;
+                continue;
+            }
+            if (beam->kind == CAIRN_BEAM_HIT && range <= x->params.reach)
+                segment = segment_of(x, scan, beam->to, &distance);
+            if (segment != ALIGNER_NO_SEGMENT && distance < gate)
+                add_hit(x, &x->segments[scan->first_segment + segment], beam, pass);
+            if (pass == 0) {
+                uint16_t scaled = (uint16_t)cairn_real_to_int(
+                    cairn_max(1, cairn_min(range / x->params.reach, 1) * CAIRN_REAL(65535.0)));
+
+                gap = (bin - last) & (ALIGNER_BINS - 1);
+                if (last >= 0 && gap > 0 && gap <= 6)
+                    first = (last + 1) & (ALIGNER_BINS - 1);
+                gap = (last - bin) & (ALIGNER_BINS - 1);
+                if (last >= 0 && gap > 0 && gap <= 6)
+                    mark_bins(table, bin, (last - 1) & (ALIGNER_BINS - 1), scaled, (uint8_t)segment);
+                else
+                    mark_bins(table, first, bin, scaled, (uint8_t)segment);
+                last = bin;
+            }
+        }
+        if (pass == 0)
+            finish_means(x, scan);
+    }
+    finish_moments(x, scan);
+}
+
+/* The directions that a scan sees: between the ends of its widest blind gap. */
+static void measure_view(cairn_aligner *x, int32_t index)
+{
+    aligner_scan *scan = &x->scans[index];
+    const aligner_table *table = &x->tables[index];
+    int32_t widest = 0, end = 0, blind = 0;
+
+    for (int32_t k = 0; k < 2 * ALIGNER_BINS; k++) {
+        blind = table->range[k & (ALIGNER_BINS - 1)] == 0 ? blind + 1 : 0;
+        if (blind > widest) {
+            widest = blind;
+            end = k & (ALIGNER_BINS - 1);
+        }
+    }
+    scan->view_cosine = -1;
+    scan->view_sine = 0;
+    scan->axis.x = 1;
+    scan->axis.y = 0;
+    if (widest < ALIGNER_BINS / 2 || widest >= ALIGNER_BINS)
+        return;
+    /* Less than half a turn is seen: the axis halves it. */
+    scan->axis = cairn_vec2_unit(
+        cairn_vec2_add(x->bearings[(end + 1) & (ALIGNER_BINS - 1)], x->bearings[(end - widest) & (ALIGNER_BINS - 1)]));
+    scan->view_cosine = cairn_vec2_dot(scan->axis, x->bearings[(end + 1) & (ALIGNER_BINS - 1)]) - CAIRN_REAL(0.02);
+    scan->view_sine = cairn_sqrt(cairn_max(0, 1 - scan->view_cosine * scan->view_cosine));
+}
+
+static void measure_circle(cairn_aligner *x, aligner_scan *scan)
+{
+    int32_t count = scan->end_point - scan->first_point;
+    cairn_real share = 1 / ((cairn_real)count + 1);
+
+    scan->middle = cairn_vec2_scale(scan->sensor, share);
+    for (int32_t i = scan->first_point; i < scan->end_point; i++)
+        scan->middle = cairn_vec2_add(scan->middle, cairn_vec2_scale(x->points[i].position, share));
+    scan->radius = cairn_vec2_norm(cairn_vec2_sub(scan->sensor, scan->middle));
+    for (int32_t i = scan->first_point; i < scan->end_point; i++)
+        scan->radius = cairn_max(scan->radius, cairn_vec2_norm(cairn_vec2_sub(x->points[i].position, scan->middle)));
+}
+
+static void copy_surfaces(cairn_aligner *x, aligner_scan *scan, const cairn_scan_view *view)
+{
+    for (int32_t k = 0; k < view->segment_count; k++) {
+        aligner_segment *s = &x->segments[x->segment_count];
+        cairn_vec2 along = cairn_vec2_sub(view->segments[k].b, view->segments[k].a);
+
+        memset(s, 0, sizeof *s);
+        s->a = view->segments[k].a;
+        s->direction = cairn_vec2_unit(along);
+        s->length = cairn_vec2_norm(along);
+        s->scan = x->scan_count;
+        s->wall = -1;
+        for (int32_t i = view->first_point[k]; i < view->first_point[k + 1]; i++) {
+            aligner_point *point = &x->points[x->point_count];
+
+            point->position = view->points[i].position;
+            point->segment = x->segment_count;
+            if (cairn_vec2_norm(cairn_vec2_sub(point->position, scan->sensor)) <= x->params.reach)
+                x->point_count++;
+        }
+        x->segment_count++;
+    }
+}
+
+void cairn_aligner_fill_scan(cairn_aligner *x, const cairn_scan_view *view, cairn_pose initial)
+{
+    aligner_scan *scan = &x->scans[x->scan_count];
+    aligner_table *table = &x->tables[x->scan_count];
+
+    memset(scan, 0, sizeof *scan);
+    scan->sensor = view->sensor;
+    scan->initial = initial;
+    scan->first_segment = x->segment_count;
+    scan->first_point = x->point_count;
+    copy_surfaces(x, scan, view);
+    scan->end_segment = x->segment_count;
+    scan->end_point = x->point_count;
+    memset(table->range, 0, sizeof table->range);
+    memset(table->segment, ALIGNER_NO_SEGMENT, sizeof table->segment);
+    find_stubs(x, scan, view);
+    read_beams(x, x->scan_count, view);
+    measure_view(x, x->scan_count);
+    measure_circle(x, scan);
+    x->poses[x->scan_count] = cairn_transform_of(initial);
+    x->scan_count++;
+}

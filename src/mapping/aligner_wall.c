@@ -1,0 +1,217 @@
+/* The walls of the aligner: segments of several scans on one line, with overlapping or neighbouring extents.
+ *
+ * Segments are taken in the order of what they say, the most first; each goes to the wall that it fits best, or becomes a
+ * new one. A wall keeps the moments of all hits on it in the map. A scan that little else holds may have its surfaces on
+ * walls whose extent ends some metres away. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/aligner_work.h"
+
+static const cairn_real LEAST_COSINE = CAIRN_REAL(0.94); /* of the directions of one wall */
+static const cairn_real LEAST_COSINE_STUB = CAIRN_REAL(0.7);
+static const cairn_real LONG = CAIRN_REAL(0.3);       /* m, of a wall that gives a stub its direction */
+static const cairn_real GAP = 1;                      /* m between the extents on one wall, ... */
+static const cairn_real GAP_WEAK = 6;                 /* ... of one of a scan that little else holds */
+static const cairn_real GAP_LONG = 2;                 /* times the shorter extent, when that is more */
+static const cairn_real GAP_STRICT = CAIRN_REAL(0.6); /* ... over which the gate is that share of itself */
+static const cairn_real GAP_COST = CAIRN_REAL(0.05);
+static const cairn_real SHORT = CAIRN_REAL(0.3), SHORT_EXTRA = CAIRN_REAL(0.01), SHORTEST = CAIRN_REAL(0.08); /* m */
+
+/* m, of the association. */
+static const cairn_real gates[] = {CAIRN_REAL(0.08), CAIRN_REAL(0.07), CAIRN_REAL(0.06),
+                                   CAIRN_REAL(0.05), CAIRN_REAL(0.04), CAIRN_REAL(0.03)};
+
+enum { KEEP_FROM = 7 }; /* round */
+
+static cairn_real gate_of(int32_t round)
+{
+    return gates[round < 5 ? round : 5];
+}
+
+static int is_used(const cairn_aligner *x, const aligner_segment *s)
+{
+    return s->weight > 0 && (s->stub || s->length > SHORTEST) && x->scans[s->scan].part == x->home;
+}
+
+/* ---- The order of segments: those that say most first, by heap ---- */
+
+static int says_less(const cairn_aligner *x, int32_t a, int32_t b)
+{
+    cairn_real first = x->segments[a].weight * x->segments[a].length;
+    cairn_real second = x->segments[b].weight * x->segments[b].length;
+
+    return first < second || (!(second < first) && a > b);
+}
+
+/* Sinks entry `at` of a heap of `count` with the least on top. */
+static void sink(cairn_aligner *x, int32_t at, int32_t count)
+{
+    for (;;) {
+        int32_t child = 2 * at + 1, swap = x->order[at];
+
+        if (child >= count)
+            return;
+        if (child + 1 < count && says_less(x, x->order[child + 1], x->order[child]))
+            child++;
+        if (!says_less(x, x->order[child], x->order[at]))
+            return;
+        x->order[at] = x->order[child];
+        x->order[child] = swap;
+        at = child;
+    }
+}
+
+/* One entry: the heap is built (stage 0) and emptied from its end (stage 1). */
+int32_t cairn_aligner_sort_item(cairn_aligner *x)
+{
+    if (x->stage == 0) {
+        if (x->at == 0)
+            for (int32_t i = 0; i < x->segment_count; i++)
+                x->order[i] = i;
+        sink(x, x->segment_count - 1 - x->at, x->segment_count);
+    } else {
+        int32_t last = x->segment_count - 1 - x->at, swap = x->order[0];
+
+        x->order[0] = x->order[last];
+        x->order[last] = swap;
+        sink(x, 0, last);
+    }
+    if (++x->at == x->segment_count) {
+        x->at = 0;
+        if (++x->stage == 2) {
+            x->phase = ALIGNER_ASSOCIATE;
+            x->stage = 0;
+        }
+    }
+    return 3;
+}
+
+/* ---- Walls ---- */
+
+static void fit_wall(aligner_wall *wall, cairn_vec2 direction)
+{
+    cairn_real values[2];
+    cairn_vec2 minor, major;
+
+    cairn_sym2_eigen(wall->spread, values, &minor, &major);
+    if (cairn_vec2_dot(minor, cairn_vec2_left(direction)) < 0)
+        minor = cairn_vec2_scale(minor, -1);
+    wall->normal = minor;
+    wall->offset = cairn_vec2_dot(minor, wall->middle);
+}
+
+cairn_vec2 cairn_aligner_along(const aligner_wall *wall)
+{
+    cairn_vec2 along = {wall->normal.y, -wall->normal.x};
+
+    return along;
+}
+
+static void add_to_wall(cairn_aligner *x, aligner_wall *wall, const aligner_segment *s)
+{
+    cairn_transform pose = x->poses[s->scan];
+    cairn_vec2 mean = cairn_transform_point(pose, s->mean), along;
+    cairn_real c = pose.cosine, si = pose.sine, sum = wall->weight + s->weight, share = wall->weight * s->weight / sum;
+    cairn_real dx = mean.x - wall->middle.x, dy = mean.y - wall->middle.y, low, high;
+    cairn_sym2 m = s->spread;
+
+    wall->spread.xx += c * c * m.xx - 2 * c * si * m.xy + si * si * m.yy + share * dx * dx;
+    wall->spread.xy += c * si * (m.xx - m.yy) + (c * c - si * si) * m.xy + share * dx * dy;
+    wall->spread.yy += si * si * m.xx + 2 * c * si * m.xy + c * c * m.yy + share * dy * dy;
+    wall->middle.x += dx * s->weight / sum;
+    wall->middle.y += dy * s->weight / sum;
+    wall->weight = sum;
+    fit_wall(wall, cairn_transform_direction(pose, s->direction));
+    along = cairn_aligner_along(wall);
+    low = cairn_vec2_dot(along, cairn_transform_point(pose, s->a));
+    high = low + s->length;
+    wall->low = cairn_min(wall->low, low);
+    wall->high = cairn_max(wall->high, high);
+    if (wall->scans == 0)
+        wall->first_scan = s->scan;
+    if (wall->scans < 2 && (wall->scans == 0 || wall->first_scan != s->scan))
+        wall->scans++;
+}
+
+int cairn_aligner_same_line(const aligner_wall *wall, const aligner_segment *s, cairn_vec2 direction)
+{
+    cairn_real cosine = cairn_vec2_dot(cairn_aligner_along(wall), direction);
+
+    return s->stub ? cosine >= LEAST_COSINE_STUB && wall->high - wall->low >= LONG : cosine >= LEAST_COSINE;
+}
+
+/* How badly a segment at pose fits a wall, m, over a gap of up to `far`; negative: it does not. */
+static cairn_real fits_wall(const aligner_wall *wall, const aligner_segment *s, cairn_transform pose, cairn_real gate,
+                            cairn_real far)
+{
+    cairn_vec2 along = cairn_aligner_along(wall), direction = cairn_transform_direction(pose, s->direction);
+    cairn_vec2 a = cairn_transform_point(pose, s->a), b = cairn_vec2_add(a, cairn_vec2_scale(direction, s->length));
+    cairn_real error, low, high, gap, most;
+
+    if (!cairn_aligner_same_line(wall, s, direction))
+        return -1;
+    error = cairn_max(cairn_abs(cairn_vec2_dot(wall->normal, a) - wall->offset),
+                      cairn_abs(cairn_vec2_dot(wall->normal, b) - wall->offset));
+    low = cairn_vec2_dot(along, a);
+    high = cairn_vec2_dot(along, b);
+    gap = cairn_max(low - wall->high, wall->low - high);
+    most = cairn_max(far, GAP_LONG * cairn_min(wall->high - wall->low, high - low));
+    if (gap > most || error > (gap > 0 ? GAP_STRICT * gate : gate))
+        return -1;
+    return error + GAP_COST * cairn_max(gap, 0);
+}
+
+/* The wall of a segment; -1: none fits. */
+static int32_t find_wall(const cairn_aligner *x, const aligner_segment *s)
+{
+    cairn_real gate = gate_of(x->round) + (s->length < SHORT ? SHORT_EXTRA : 0), best = CAIRN_REAL_MAX;
+    cairn_real far = x->scans[s->scan].weak ? GAP_WEAK : GAP;
+    int32_t found = -1;
+
+    for (int32_t w = 0; w < x->wall_count; w++) {
+        cairn_real fit = fits_wall(&x->walls[w], s, x->poses[s->scan], gate, far);
+
+        if (fit >= 0 && fit < best) {
+            best = fit;
+            found = w;
+        }
+    }
+    return found;
+}
+
+static void clear_wall(aligner_wall *wall)
+{
+    memset(wall, 0, sizeof *wall);
+    wall->low = CAIRN_REAL_MAX;
+    wall->high = -CAIRN_REAL_MAX;
+}
+
+/* Walls are found anew, or, when the rounds near their end, keep their segments. */
+int32_t cairn_aligner_associate_item(cairn_aligner *x)
+{
+    aligner_segment *s = &x->segments[x->order[x->at]];
+    int32_t keep = x->round >= KEEP_FROM, cleared = 0;
+
+    if (x->at == 0) {
+        cleared = keep ? x->wall_count : 0;
+        for (int32_t w = 0; w < cleared; w++)
+            clear_wall(&x->walls[w]);
+        x->wall_count = cleared;
+    }
+    x->at++;
+    if (!keep) {
+        s->wall = -1;
+        if (!is_used(x, s))
+            return 1;
+        s->wall = find_wall(x, s);
+        if (s->wall < 0) {
+            s->wall = x->wall_count++;
+            clear_wall(&x->walls[s->wall]);
+        }
+    }
+    if (s->wall >= 0)
+        add_to_wall(x, &x->walls[s->wall], s);
+    return 2 + (keep ? cleared / 16 : x->wall_count / 8);
+}
