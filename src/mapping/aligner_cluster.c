@@ -12,7 +12,7 @@
 
 static const cairn_real COUNT_GATE = CAIRN_REAL(0.07);
 static const cairn_real BOX = CAIRN_REAL(1.25); /* of the params' spread: hardly anything lies farther off */
-static const cairn_real EXPECTED_SCANS = 6;     /* what the params' spread weighs against what is learnt */
+static const cairn_real EXPECTED_SCANS = 2;     /* what the params' spread weighs against what is learnt */
 static const cairn_real ARM = CAIRN_REAL(1.5);  /* m: makes turns comparable to shifts */
 static const cairn_real BEYOND_NATS = 100;      /* a metre */
 
