@@ -17,8 +17,8 @@ typedef struct frame {
 
 static void find_range(const bench_curves *c, const bench_curve_panel *panel, frame *f)
 {
-    f->low = INFINITY;
-    f->high = -INFINITY;
+    f->low = (double)INFINITY;
+    f->high = -(double)INFINITY;
     for (int32_t k = 0; k < c->methods * c->samples; k++)
         if (isfinite(panel->value[k])) {
             f->low = fmin(f->low, panel->value[k]);

@@ -593,8 +593,9 @@ static void medians(const study *all, size_t offset, double *value, double *work
             size_t count = 0;
 
             for (int32_t a = 0; a < all->arenas; a++) {
-                double v = *(const double *)((const char *)map_of(all, a, m, k) + offset);
+                double v;
 
+                memcpy(&v, (const char *)map_of(all, a, m, k) + offset, sizeof v);
                 if (isfinite(v))
                     work[count++] = v;
             }

@@ -94,7 +94,7 @@ static double slow_votes(const struct slow *s, int32_t row, int32_t column)
 
 static void slow_lay(struct slow *s)
 {
-    double low_x = INFINITY, low_y = INFINITY, high_x = -INFINITY, high_y = -INFINITY;
+    double low_x = (double)INFINITY, low_y = (double)INFINITY, high_x = -(double)INFINITY, high_y = -(double)INFINITY;
 
     for (int32_t i = 0; i < s->c->count; i++) {
         low_x = fmin(low_x, (double)s->c->points[i].position.x);
@@ -711,9 +711,11 @@ static void bad_points_are_refused(void **state)
         int field;
         double value;
         cairn_status status;
-    } bad[] = {{0, NAN, CAIRN_NOT_FINITE},      {1, INFINITY, CAIRN_NOT_FINITE}, {2, NAN, CAIRN_NOT_FINITE},
-               {3, INFINITY, CAIRN_NOT_FINITE}, {4, NAN, CAIRN_NOT_FINITE},      {0, -1.1e6, CAIRN_BAD_ARGUMENT},
-               {1, 1.1e6, CAIRN_BAD_ARGUMENT},  {4, -1e-3, CAIRN_BAD_ARGUMENT},  {4, 1.1e6, CAIRN_BAD_ARGUMENT}};
+    } bad[] = {{0, (double)NAN, CAIRN_NOT_FINITE}, {1, (double)INFINITY, CAIRN_NOT_FINITE},
+               {2, (double)NAN, CAIRN_NOT_FINITE}, {3, (double)INFINITY, CAIRN_NOT_FINITE},
+               {4, (double)NAN, CAIRN_NOT_FINITE}, {0, -1.1e6, CAIRN_BAD_ARGUMENT},
+               {1, 1.1e6, CAIRN_BAD_ARGUMENT},     {4, -1e-3, CAIRN_BAD_ARGUMENT},
+               {4, 1.1e6, CAIRN_BAD_ARGUMENT}};
     int32_t found;
 
     (void)state;

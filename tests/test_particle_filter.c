@@ -786,7 +786,7 @@ static void test_lost_and_extinct(void **state)
     assert_ptr_equal(cairn_particle_filter_particle(f.filter, 0).state, kept);
 
     c.move[2][0] = 1; /* impossible by its likelihood */
-    c.log_seen[0][0] = -INFINITY;
+    c.log_seen[0][0] = -(double)INFINITY;
     assert_ok(run(f.filter, CAIRN_UNBOUNDED));
     assert_int_equal(cairn_particle_filter_read(f.filter).extinct, 1);
     test_pool_free(&f.pool);

@@ -666,9 +666,10 @@ static void bad_segments_are_refused(void **state)
         int field;
         double value;
         cairn_status status;
-    } bad[] = {{0, NAN, CAIRN_NOT_FINITE},       {1, INFINITY, CAIRN_NOT_FINITE}, {2, NAN, CAIRN_NOT_FINITE},
-               {3, -INFINITY, CAIRN_NOT_FINITE}, {0, 1.1e6, CAIRN_BAD_ARGUMENT},  {1, -1.1e6, CAIRN_BAD_ARGUMENT},
-               {2, 1.1e6, CAIRN_BAD_ARGUMENT},   {3, -1.1e6, CAIRN_BAD_ARGUMENT}};
+    } bad[] = {{0, (double)NAN, CAIRN_NOT_FINITE}, {1, (double)INFINITY, CAIRN_NOT_FINITE},
+               {2, (double)NAN, CAIRN_NOT_FINITE}, {3, -(double)INFINITY, CAIRN_NOT_FINITE},
+               {0, 1.1e6, CAIRN_BAD_ARGUMENT},     {1, -1.1e6, CAIRN_BAD_ARGUMENT},
+               {2, 1.1e6, CAIRN_BAD_ARGUMENT},     {3, -1.1e6, CAIRN_BAD_ARGUMENT}};
     struct frame at = {0, 0, 0.5};
     struct scene s = {.count = 0};
     int32_t found;
