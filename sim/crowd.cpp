@@ -55,7 +55,7 @@ double Crowd::covered(sim_pose sensor) const
     return (double)hits / options.beams;
 }
 
-void Crowd::gather(sim_pose sensor)
+void Crowd::gather(const sim_pose &sensor)
 {
     size_t placed = 0;
     double share = 0;

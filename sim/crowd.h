@@ -16,7 +16,7 @@ class Crowd
 
     // Places people so that at least the share of the beams from this sensor end on them, and at most a quarter more where
     // there is room for that; sends all others away.
-    void gather(sim_pose sensor);
+    void gather(const sim_pose &sensor);
 
   private:
     bool place_one(sim_pose sensor, size_t who);

@@ -192,7 +192,7 @@ static int begin(merge_job *job)
 {
     const merge_settings *s = job->settings;
     double list[MERGE_TOOL_MAPS];
-    int32_t order[MERGE_TOOL_MAPS];
+    int32_t order[MERGE_TOOL_MAPS] = {0};
     int code;
 
     for (int32_t i = 0; i < s->count; i++) {

@@ -346,7 +346,7 @@ static int is_peak(const cairn_hough *hough, int32_t row, int32_t column)
         int32_t to = columns - 1 - about > hough->column_reach ? about + hough->column_reach : columns - 1;
 
         for (int32_t j = other * columns + from; j <= other * columns + to; j++)
-            if (hough->votes[j] > votes || (hough->votes[j] == votes && j < self))
+            if (hough->votes[j] > votes || (j < self && hough->votes[j] == votes))
                 return 0;
     }
     return 1;

@@ -151,7 +151,7 @@ static cairn_real of_outline(const cairn_rectangle *r, const cairn_real share[4]
 static int can_be_covered(const struct cairn_rectangle_set *set, const candidate *c)
 {
     cairn_vec2 centre = {c->rectangle.centre.x, c->rectangle.centre.y};
-    cairn_real share[4];
+    cairn_real share[4] = {0, 0, 0, 0};
 
     for (int32_t i = 0; i < 4; i++) {
         cairn_vec2 axis = i < 2 ? c->u : c->v;
@@ -269,7 +269,7 @@ static void keep(struct cairn_rectangle_set *set, const cairn_rectangle *r)
 static void judge(struct cairn_rectangle_set *set)
 {
     candidate *c = &set->open;
-    cairn_real share[4];
+    cairn_real share[4] = {0, 0, 0, 0};
 
     for (int32_t i = 0; i < 4; i++) {
         share[i] = (cairn_real)bits_of(c->cover[i]) / COVER_BITS;

@@ -138,28 +138,27 @@ static cairn_real link_of(const cairn_map_merge *m, int32_t a, int32_t b)
  * side[] of those maps is 1. Evidence against is none. Returns that evidence, or a huge number for a single map. */
 static cairn_real least_cut(const cairn_map_merge *m, int32_t *side)
 {
-    int32_t group[MERGE_MAPS_MOST], added[MERGE_MAPS_MOST], best_group[MERGE_MAPS_MOST];
+    int32_t group[MERGE_MAPS_MOST], added[MERGE_MAPS_MOST], best_group[MERGE_MAPS_MOST] = {0};
     cairn_real weight[MERGE_MAPS_MOST], least = CAIRN_REAL_MAX;
     int32_t left = 0;
 
     /* group[i]: the map that map i has been united with. */
     for (int32_t i = 0; i < m->map_count; i++) {
         group[i] = m->check.accepted[i] ? i : -1;
-        best_group[i] = 0;
         left += m->check.accepted[i];
     }
     for (; left > 1; left--) {
-        int32_t last = -1, before = -1;
+        int32_t last = 0, before = 0;
 
         for (int32_t i = 0; i < m->map_count; i++) {
             added[i] = group[i] != i;
             weight[i] = 0;
         }
         for (int32_t n = 0; n < left; n++) {
-            int32_t next = -1;
+            int32_t next = 0;
 
             for (int32_t i = 0; i < m->map_count; i++)
-                if (!added[i] && (next < 0 || weight[i] > weight[next]))
+                if (!added[i] && (added[next] || weight[i] > weight[next]))
                     next = i;
             added[next] = 1;
             before = last;
