@@ -79,8 +79,8 @@ static void draw_axes(cairn_output *out, const bench_curves *c, const frame *f)
 static void draw_panel(cairn_output *out, const bench_curves *c, int32_t index)
 {
     const bench_curve_panel *panel = &c->panel[index];
-    double corner_x = 12 + (double)(index % COLUMNS * PANEL_WIDTH),
-           corner_y = HEAD + (double)(index / COLUMNS * PANEL_HEIGHT);
+    int32_t row = index / COLUMNS;
+    double corner_x = 12 + (double)(index % COLUMNS * PANEL_WIDTH), corner_y = HEAD + (double)(row * PANEL_HEIGHT);
     frame f = {corner_x + LEFT, corner_y + TOP, PANEL_WIDTH - LEFT - RIGHT, PANEL_HEIGHT - TOP - BOTTOM, 0, 0};
 
     find_range(c, panel, &f);

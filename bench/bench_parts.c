@@ -116,7 +116,8 @@ static int draw_part(bench_part *part, const sim_survey *survey, double resoluti
     free(memory);
     for (size_t i = 0; ok && i < cells; i++) {
         double x = ((double)(i % (size_t)part->side) + 0.5 - part->side / 2.0) * resolution;
-        double y = ((double)(i / (size_t)part->side) + 0.5 - part->side / 2.0) * resolution;
+        size_t row = i / (size_t)part->side;
+        double y = ((double)row + 0.5 - part->side / 2.0) * resolution;
         double c = cos(part->world_map.theta), s = sin(part->world_map.theta);
         double wx = part->world_map.x + c * x - s * y, wy = part->world_map.y + s * x + c * y;
 
@@ -260,7 +261,8 @@ int bench_parts_make(const bench_parts_options *o, bench_parts *parts)
     if (!ok)
         fprintf(stderr, "parts: %s\n", fault);
     for (int32_t i = 0; ok && i < o->robots; i++) {
-        sim_point middle = {(i % columns - (columns - 1) / 2.0) * tile, (i / columns - (rows - 1) / 2.0) * tile};
+        int32_t row = i / columns;
+        sim_point middle = {(i % columns - (columns - 1) / 2.0) * tile, (row - (rows - 1) / 2.0) * tile};
 
         parts->count++;
         ok = make_part(arena, o, i, middle, half, o->pair ? margin : o->tile * o->overlap, &parts->list[i]);

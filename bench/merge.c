@@ -158,9 +158,9 @@ static int write_maps(const bench_parts *parts, const char *folder)
         file.origin.x = file.origin.y = -(cairn_real)(part->side * parts->resolution / 2);
         ok = path != NULL && cairn_map_file_allocate(&file, part->side, part->side) == CAIRN_OK;
         for (int32_t k = 0; ok && k < part->side * part->side; k++)
-            file.occupancy[k] = part->cells[k] == CAIRN_CELL_OCCUPIED ? 100
-                                : part->cells[k] == CAIRN_CELL_FREE   ? 0
-                                                                      : -1;
+            file.occupancy[k] = (int8_t)(part->cells[k] == CAIRN_CELL_OCCUPIED ? 100
+                                         : part->cells[k] == CAIRN_CELL_FREE   ? 0
+                                                                               : -1);
         ok = ok && cairn_map_file_draw(&file) == CAIRN_OK;
         if (ok && cairn_map_file_write(&file, path, CAIRN_MAP_PGM, &error) != CAIRN_OK) {
             fprintf(stderr, "%s\n", error.text);

@@ -127,7 +127,7 @@ static int open_scene(scene *s, const settings *set, uint64_t seed)
     if (!bench_problem_open(&s->problem, &set->kind, seed))
         return 0;
     n = (size_t)s->problem.count;
-    s->beams = calloc(n, sizeof *s->beams);
+    s->beams = calloc(n, sizeof(void *));
     s->beam_count = calloc(n, sizeof *s->beam_count);
     s->truth = calloc(n, sizeof *s->truth);
     if (s->beams != NULL && s->beam_count != NULL && s->truth != NULL)
@@ -151,8 +151,9 @@ static int open_scene(scene *s, const settings *set, uint64_t seed)
 
 static int quadrant_of(const scene *s, cairn_pose p)
 {
-    int east = p.x >= s->layout.origin.x + (cairn_real)(s->layout.width / 2) * s->layout.resolution;
-    int north = p.y >= s->layout.origin.y + (cairn_real)(s->layout.height / 2) * s->layout.resolution;
+    int32_t half_width = s->layout.width / 2, half_height = s->layout.height / 2;
+    int east = p.x >= s->layout.origin.x + (cairn_real)half_width * s->layout.resolution;
+    int north = p.y >= s->layout.origin.y + (cairn_real)half_height * s->layout.resolution;
 
     return north ? (east ? CAIRN_QUADRANT_NE : CAIRN_QUADRANT_NW) : east ? CAIRN_QUADRANT_SE : CAIRN_QUADRANT_SW;
 }

@@ -171,14 +171,16 @@ static void cover(candidate *c, cairn_segment segment)
 {
     cairn_vec2 axis = c->at < 2 ? c->u : c->v, centre = {c->rectangle.centre.x, c->rectangle.centre.y};
     cairn_real scale = COVER_BITS / (2 * half_of(&c->rectangle, c->at));
-    cairn_real a = cairn_vec2_dot(axis, cairn_vec2_sub(segment.a, centre)) * scale + COVER_BITS / 2;
-    cairn_real b = cairn_vec2_dot(axis, cairn_vec2_sub(segment.b, centre)) * scale + COVER_BITS / 2;
+    cairn_real a = cairn_vec2_dot(axis, cairn_vec2_sub(segment.a, centre)) * scale + CAIRN_REAL(0.5) * COVER_BITS;
+    cairn_real b = cairn_vec2_dot(axis, cairn_vec2_sub(segment.b, centre)) * scale + CAIRN_REAL(0.5) * COVER_BITS;
     cairn_real low = cairn_max(cairn_min(a, b), 0), high = cairn_min(cairn_max(a, b), COVER_BITS);
     int32_t from = cairn_real_to_int(cairn_floor(low + CAIRN_REAL(0.5)));
     int32_t to = cairn_real_to_int(cairn_floor(high + CAIRN_REAL(0.5))); /* one behind the last */
 
     if (to > from)
-        c->cover[c->at] |= (to - from == COVER_BITS ? ~(uint64_t)0 : (((uint64_t)1 << (to - from)) - 1) << from);
+        c->cover[c->at] |=
+            (to - from == COVER_BITS ? ~(uint64_t)0
+                                     : (((uint64_t)1 << ((to - from) % COVER_BITS)) - 1) << (from % COVER_BITS));
 }
 
 static int32_t bits_of(uint64_t bits)

@@ -154,11 +154,16 @@ static void see_images(cairn_map_merge *m, merge_state *s)
     }
 }
 
+static int is_same_pose(cairn_pose a, cairn_pose b)
+{
+    return a.x == b.x && a.y == b.y && a.theta == b.theta;
+}
+
 /* 1 when two particles have put the same maps at the same places. */
 static int is_same_history(const merge_state *a, const merge_state *b)
 {
     while (a != NULL && b != NULL && a != b) {
-        if (a->map != b->map || memcmp(&a->reference_map, &b->reference_map, sizeof a->reference_map) != 0)
+        if (a->map != b->map || !is_same_pose(a->reference_map, b->reference_map))
             return 0;
         a = cairn_particle_state_before(a);
         b = cairn_particle_state_before(b);
