@@ -177,10 +177,10 @@ static void cover(candidate *c, cairn_segment segment)
     int32_t from = cairn_real_to_int(cairn_floor(low + CAIRN_REAL(0.5)));
     int32_t to = cairn_real_to_int(cairn_floor(high + CAIRN_REAL(0.5))); /* one behind the last */
 
-    if (to > from)
-        c->cover[c->at] |=
-            (to - from == COVER_BITS ? ~(uint64_t)0
-                                     : (((uint64_t)1 << ((to - from) % COVER_BITS)) - 1) << (from % COVER_BITS));
+    if (to - from == COVER_BITS)
+        c->cover[c->at] = ~(uint64_t)0;
+    else if (to > from)
+        c->cover[c->at] |= (((uint64_t)1 << ((uint32_t)(to - from) % COVER_BITS)) - 1) << ((uint32_t)from % COVER_BITS);
 }
 
 static int32_t bits_of(uint64_t bits)

@@ -108,8 +108,8 @@ static int is_surface(uint16_t cell)
 
 static cairn_vec2 centre_of_cell(const merge_map *map, int32_t cell)
 {
-    cairn_real x = (cairn_real)(cell % width_of(map)) + CAIRN_REAL(0.5);
-    cairn_real y = (cairn_real)(cell / width_of(map)) + CAIRN_REAL(0.5);
+    int32_t column = cell % width_of(map), row = cell / width_of(map);
+    cairn_real x = (cairn_real)column + CAIRN_REAL(0.5), y = (cairn_real)row + CAIRN_REAL(0.5);
     cairn_vec2 p = {map->corner.x + x * map->input.resolution, map->corner.y + y * map->input.resolution};
 
     return p;
@@ -118,7 +118,7 @@ static cairn_vec2 centre_of_cell(const merge_map *map, int32_t cell)
 /* 1 for `most` of `count` things, evenly, when there are more. */
 static int is_chosen(int32_t index, int32_t count, int32_t most)
 {
-    return count <= most || (int64_t)(index + 1) * most / count > (int64_t)index * most / count;
+    return count <= most || count <= 0 || (int64_t)(index + 1) * most / count > (int64_t)index * most / count;
 }
 
 /* Two passes over the cells: counted, then chosen. Free cells are chosen on the way. */

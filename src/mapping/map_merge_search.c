@@ -160,9 +160,9 @@ static void look(const cairn_map_merge *m, const merge_map *to, const cairn_vec2
 static cairn_pose shift_at(const cairn_map_merge *m, int32_t index)
 {
     cairn_real stride = STRIDE * m->maps[m->map].input.resolution;
-    cairn_pose pose = {m->search.shifts.min.x + stride * (cairn_real)(index % m->search.columns),
-                       m->search.shifts.min.y + stride * (cairn_real)(index / m->search.columns),
-                       m->search.turns[m->search.at]};
+    int32_t column = index % m->search.columns, row = index / m->search.columns;
+    cairn_pose pose = {m->search.shifts.min.x + stride * (cairn_real)column,
+                       m->search.shifts.min.y + stride * (cairn_real)row, m->search.turns[m->search.at]};
 
     return pose;
 }
