@@ -386,7 +386,6 @@ static void nothing_better_is_found_by_trying_all(void **state)
         twin.placed[0] = 1;
         hang_rest(&twin);
         assert_true(twin.best > 0);
-        fprintf(stderr, "%g %g\n", (double)result.total, twin.best);
         assert_true((double)result.total > 0.98 * twin.best);
         if (result.placed == 5 && result.parts == 1) {
             for (int32_t i = 0; i < 5; i++)
@@ -759,6 +758,57 @@ static void results_stay_as_they_are(void **state)
         assert_golden(hash_of_scene(&scenes[k]), scenes[k].in_double, scenes[k].in_float);
 }
 
+/* Nodes on a grid without a turn, with scores that are whole numbers, hypotheses twice and bounds a metre wide: many of the
+ * choices are between equals, and much lies on the very limits. */
+static uint64_t hash_of_ties(uint64_t seed)
+{
+    cairn_random random = cairn_random_seed(seed, 2);
+    uint64_t hash = TEST_HASH_START;
+
+    for (int32_t k = 0; k < 40; k++) {
+        cairn_pose_consensus_params params = cairn_pose_consensus_default();
+        int32_t nodes = 3 + cairn_random_below(&random, 8), count = 3 * nodes + cairn_random_below(&random, 12);
+        cairn_pool pool;
+        cairn_pose_consensus *consensus;
+
+        params.min_support = 4;
+        params.max_starts = 1 + cairn_random_below(&random, 6);
+        params.max_rounds = cairn_random_below(&random, 4);
+        params.max_candidates = 1 + cairn_random_below(&random, 6);
+        params.max_alternatives = cairn_random_below(&random, 6);
+        params.contradiction = CAIRN_REAL(0.25) * (cairn_real)cairn_random_below(&random, 3);
+        consensus = new_consensus(&pool, &params);
+        assert_ok(cairn_pose_consensus_clear(consensus, nodes));
+        for (int32_t i = 0; i < count; i++) {
+            int32_t first = cairn_random_below(&random, nodes);
+            int32_t second = (first + 1 + cairn_random_below(&random, nodes - 1)) % nodes;
+            cairn_pose between = {(cairn_real)(second % 3 - first % 3), (cairn_real)(second / 3 - first / 3), 0};
+
+            if (cairn_random_below(&random, 3) == 0)
+                between.x += (cairn_real)(cairn_random_below(&random, 3) - 1);
+            add(consensus, first, second, between, (cairn_real)(2 << cairn_random_below(&random, 3)));
+        }
+        for (int32_t i = 0; i < nodes && k % 3 == 0; i += 2) {
+            cairn_pose centre = {(cairn_real)(i % 3), (cairn_real)(i / 3 + cairn_random_below(&random, 2)), 0};
+
+            assert_ok(cairn_pose_consensus_bound(consensus, i, centre, 1, CAIRN_REAL(0.5)));
+        }
+        if (k % 4 == 1)
+            cairn_pose_consensus_judge_by(consensus, likes_them_near, NULL);
+        (void)solve(consensus);
+        hash = test_hash(hash, &nodes, sizeof nodes) ^ hash_of(consensus, count);
+        test_pool_free(&pool);
+    }
+    return hash;
+}
+
+static void ties_go_by_the_index(void **state)
+{
+    (void)state;
+    assert_golden(hash_of_ties(1), UINT64_C(0xf82bc46f20961b5d), UINT64_C(0xd9c90d7225c58fdf));
+    assert_golden(hash_of_ties(2), UINT64_C(0x94658397c76a9c24), UINT64_C(0x49e586db82bd0398));
+}
+
 /* ---- Contracts ---- */
 
 static void the_result_does_not_depend_on_budgets(void **state)
@@ -980,6 +1030,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(results_stay_as_they_are),
+        cmocka_unit_test(ties_go_by_the_index),
         cmocka_unit_test(two_nodes),
         cmocka_unit_test(most_hypotheses_are_wrong),
         cmocka_unit_test(relaxation_averages),
