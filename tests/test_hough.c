@@ -585,7 +585,8 @@ static void places_do_not_matter(void **state)
 
     (void)state;
     for (int32_t i = 0; i < 9; i++) {
-        double x = 300 * (i % 3 - 1), y = 300 * (i / 3 - 1);
+        int32_t column = i % 3 - 1, row = i / 3 - 1;
+        double x = 300 * column, y = 300 * row;
 
         c.count = 0;
         lay(&c, x + 1, y + 1, 0.3, 60, 0.1);

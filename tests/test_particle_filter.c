@@ -50,12 +50,12 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
         return CAIRN_MORE;
     if (c->propose_status != CAIRN_OK)
         return c->propose_status;
-    for (uint8_t to = 0; to < SYMBOLS; to++) {
+    for (int to = 0; to < SYMBOLS; to++) {
         chain_state s;
         cairn_status status;
 
         memset(&s, 0, sizeof s);
-        s.path[0] = to;
+        s.path[0] = (uint8_t)to;
         status = cairn_particle_filter_offer(filter, &s, (cairn_real)log(c->move[from][to]));
         assert_true(status == CAIRN_OK || status == CAIRN_FULL);
     }

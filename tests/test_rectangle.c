@@ -473,7 +473,8 @@ static void scatter(struct scene *s, uint64_t seed)
     s->count = 0;
     for (int32_t i = 0; i < 24; i++) {
         struct frame wall = at;
-        double from = (double)cairn_random_uniform(&random, -4, 2), offset = -4 + 0.7 * (i / 2);
+        int32_t row = i / 2;
+        double from = (double)cairn_random_uniform(&random, -4, 2), offset = -4 + 0.7 * row;
         double length = (double)cairn_random_uniform(&random, 1, 5);
         double off = (double)cairn_random_uniform(&random, (cairn_real)-most, (cairn_real)most);
         double dx = length * cos(off), dy = length * sin(off);
