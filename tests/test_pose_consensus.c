@@ -853,6 +853,37 @@ static void the_result_does_not_depend_on_budgets(void **state)
     }
 }
 
+static struct world half_done_world;
+
+static cairn_status begin_world(void *context)
+{
+    return cairn_pose_consensus_begin(context);
+}
+
+static cairn_status step_world(void *context, cairn_budget *budget)
+{
+    return cairn_pose_consensus_step(context, budget);
+}
+
+static uint64_t tell_world(void *context)
+{
+    return hash_of(context, half_done_world.count);
+}
+
+static void begins_anew(void **state)
+{
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    cairn_pool pool;
+    cairn_pose_consensus *consensus = new_consensus(&pool, &params);
+    test_stepped object = {begin_world, step_world, tell_world, consensus};
+
+    (void)state;
+    make_world(&half_done_world, 36, 8, 4, CAIRN_REAL(0.6), 30);
+    load(consensus, &half_done_world);
+    test_begins_anew(&object, 60);
+    test_pool_free(&pool);
+}
+
 static cairn_status create(void *context, cairn_pool *pool)
 {
     cairn_pose_consensus *consensus;
@@ -1044,6 +1075,7 @@ int main(void)
         cmocka_unit_test(a_judge_decides),
         cmocka_unit_test(contradictions_cost),
         cmocka_unit_test(the_result_does_not_depend_on_budgets),
+        cmocka_unit_test(begins_anew),
         cmocka_unit_test(memory_is_exact),
         cmocka_unit_test(bad_params_are_refused),
         cmocka_unit_test(bad_hypotheses_are_refused),

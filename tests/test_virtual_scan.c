@@ -634,20 +634,16 @@ static uint64_t add_real(uint64_t hash, cairn_real x)
     return test_hash(hash, &x, sizeof x);
 }
 
-static uint64_t hash_of_detection(struct fixture *f, double sigma, uint64_t hash)
+static uint64_t add_found(const struct fixture *f, uint64_t hash)
 {
-    cairn_budget budget = {1 << 28};
     const cairn_hypothesis *h;
     const cairn_oriented_point *points;
     const cairn_real *weights;
     int32_t count, point_count, dropped;
 
-    give(f, sigma);
-    assert_ok(cairn_virtual_scan_step(f->v, &budget));
     h = cairn_virtual_scan_hypotheses(f->v, &count);
     points = cairn_virtual_scan_points(f->v, &weights, &point_count);
     dropped = cairn_virtual_scan_dropped(f->v);
-    hash = test_hash(hash, &budget.left, sizeof budget.left);
     hash = test_hash(hash, &dropped, sizeof dropped);
     for (int32_t i = 0; i < count; i++) {
         int32_t whole[4] = {h[i].kind, h[i].first_point, h[i].end_point, h[i].scans};
@@ -660,6 +656,15 @@ static uint64_t hash_of_detection(struct fixture *f, double sigma, uint64_t hash
         hash = add_real(hash, weights[i]);
     }
     return hash;
+}
+
+static uint64_t hash_of_detection(struct fixture *f, double sigma, uint64_t hash)
+{
+    cairn_budget budget = {1 << 28};
+
+    give(f, sigma);
+    assert_ok(cairn_virtual_scan_step(f->v, &budget));
+    return add_found(f, test_hash(hash, &budget.left, sizeof budget.left));
 }
 
 static uint64_t hash_of_maps(uint64_t seed)
@@ -682,6 +687,41 @@ static uint64_t hash_of_maps(uint64_t seed)
         end_fixture(&f);
     }
     return hash;
+}
+
+static cairn_status begin_map(void *context)
+{
+    give(context, 0.25);
+    return CAIRN_OK;
+}
+
+static cairn_status step_map(void *context, cairn_budget *budget)
+{
+    return cairn_virtual_scan_step(((struct fixture *)context)->v, budget);
+}
+
+static uint64_t tell_map(void *context)
+{
+    return add_found(context, TEST_HASH_START);
+}
+
+static void begins_anew(void **state)
+{
+    cairn_random random = cairn_random_seed(7, 0);
+    cairn_virtual_scan_params p = draw_params(&random);
+    struct fixture f;
+    struct discs discs = {5, 0, 0, 0, {NULL, NULL, NULL, NULL, 0, 0, 0}};
+    cairn_hypothesis_detector d = {&discs, begin_discs, step_discs, count_discs, outline_disc};
+    test_stepped object = {begin_map, step_map, tell_map, &f};
+
+    (void)state;
+    p.hough.angles = p.hough.distances = 16;
+    p.max_hypotheses = 5;
+    f = fixture_with(&p);
+    assert_ok(cairn_virtual_scan_add_detector(f.v, &d));
+    draw_quarters(&f, &random);
+    test_begins_anew(&object, 100);
+    end_fixture(&f);
 }
 
 static void all_bits_are_kept(void **state)
@@ -829,6 +869,7 @@ int main(void)
         cmocka_unit_test(what_finds_no_room),
         cmocka_unit_test(the_budget_does_not_matter),
         cmocka_unit_test(all_bits_are_kept),
+        cmocka_unit_test(begins_anew),
         cmocka_unit_test(bad_calls_are_refused),
         cmocka_unit_test(bad_params_are_refused),
     };
