@@ -782,14 +782,16 @@ static uint64_t hash_of_ties(uint64_t seed)
         for (int32_t i = 0; i < count; i++) {
             int32_t first = cairn_random_below(&random, nodes);
             int32_t second = (first + 1 + cairn_random_below(&random, nodes - 1)) % nodes;
-            cairn_pose between = {(cairn_real)(second % 3 - first % 3), (cairn_real)(second / 3 - first / 3), 0};
+            int32_t rows = second / 3 - first / 3;
+            cairn_pose between = {(cairn_real)(second % 3 - first % 3), (cairn_real)rows, 0};
 
             if (cairn_random_below(&random, 3) == 0)
                 between.x += (cairn_real)(cairn_random_below(&random, 3) - 1);
             add(consensus, first, second, between, (cairn_real)(2 << cairn_random_below(&random, 3)));
         }
         for (int32_t i = 0; i < nodes && k % 3 == 0; i += 2) {
-            cairn_pose centre = {(cairn_real)(i % 3), (cairn_real)(i / 3 + cairn_random_below(&random, 2)), 0};
+            int32_t row = i / 3 + cairn_random_below(&random, 2);
+            cairn_pose centre = {(cairn_real)(i % 3), (cairn_real)row, 0};
 
             assert_ok(cairn_pose_consensus_bound(consensus, i, centre, 1, CAIRN_REAL(0.5)));
         }

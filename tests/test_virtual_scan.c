@@ -591,7 +591,8 @@ static void draw_quarters(struct fixture *f, cairn_random *random)
             double at = 1.25 * cairn_random_below(random, 3);
             double from = 0.25 * cairn_random_below(random, 12);
             double to = from + 0.25 * (1 + cairn_random_below(random, 10));
-            double askew = 0.25 * (cairn_random_below(random, 9) / 4 - 1);
+            int32_t quarters = cairn_random_below(random, 9) / 4 - 1;
+            double askew = 0.25 * quarters;
             int32_t back = cairn_random_below(random, 4) == 0;
 
             askew = back || i > 1 ? 0 : askew;
