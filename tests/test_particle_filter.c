@@ -316,6 +316,7 @@ static void test_calls_out_of_turn(void **state)
     chain c = new_chain(1);
     cairn_particle_filter_params p = chain_params(2);
     struct fixture f = filter_with(&p, &c);
+    cairn_particle none;
     cairn_budget budget = {5};
     chain_state s = {1, {0}};
 
@@ -340,7 +341,10 @@ static void test_calls_out_of_turn(void **state)
     assert_status(cairn_particle_filter_offer(f.filter, &s, 0), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_particle_filter_offer(NULL, &s, 0), CAIRN_BAD_ARGUMENT);
     assert_null(cairn_particle_filter_particle(f.filter, -1).state);
-    assert_null(cairn_particle_filter_particle(f.filter, 2).state);
+    none = cairn_particle_filter_particle(f.filter, 2);
+    assert_null(none.state);
+    assert_int_equal(none.steps, 0);
+    assert_true(none.log_weight == 0 && none.log_likelihood == 0);
     assert_null(cairn_particle_state_before(cairn_particle_filter_particle(f.filter, 0).state));
     assert_ok(cairn_particle_filter_begin(f.filter));
     assert_status(cairn_particle_filter_begin(f.filter), CAIRN_BAD_ARGUMENT);
