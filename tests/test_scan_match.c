@@ -753,6 +753,20 @@ static void results_stay_as_they_are(void **state)
          UINT64_C(0xd351c36124c509c1)},
         {CAIRN_SCAN_MATCH_SHAPE_SEGMENTS, L_ROOM, L_ROOM, 6, 6, 0, 0.5, 0.2, UINT64_C(0x7bbdb93600b8f503),
          UINT64_C(0xb5fb68c85facc70b)},
+        {CAIRN_SCAN_MATCH_SHAPE, L_ROOM, OBLONG, 6, 4, 0, -1, -1, UINT64_C(0x86debcadd34000b2),
+         UINT64_C(0x0a0f37dbf8ace43c)},
+        {CAIRN_SCAN_MATCH_SHAPE, OBLONG, SQUARE, 4, 4, 0, 0.5, 0.3, UINT64_C(0xbbc0e8c90cbdaa97),
+         UINT64_C(0xfc79a2d975e6a1a5)},
+        {CAIRN_SCAN_MATCH_SHAPE_COMMON, SQUARE, L_ROOM, 4, 6, 0, -1, -1, UINT64_C(0x240189554da2e36d),
+         UINT64_C(0x9145c504c9081877)},
+        {CAIRN_SCAN_MATCH_SHAPE_COLINEAR, CORRIDOR, OBLONG, 4, 4, 0, -1, -1, UINT64_C(0xb4de3f07630eff89),
+         UINT64_C(0x1acadd4b1839caf1)},
+        {CAIRN_SCAN_MATCH_SHAPE_SEGMENTS, OBLONG, L_ROOM, 4, 6, 0, -1, -1, UINT64_C(0x8dc99461e7b2171e),
+         UINT64_C(0x850de41641c62181)},
+        {CAIRN_SCAN_MATCH_CORRELATIVE, SQUARE, SQUARE, 4, 4, 1, -1, -1, UINT64_C(0xa6994fec211838bc),
+         UINT64_C(0x166a0e224a085cc8)},
+        {CAIRN_SCAN_MATCH_CORRELATIVE, TRIANGLE, CORRIDOR, 3, 4, 0, 0.5, 0.5, UINT64_C(0xa2384520a1c1d69b),
+         UINT64_C(0xe5a04be54c9dd6aa)},
     };
 
     (void)state;
