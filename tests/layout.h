@@ -5,6 +5,7 @@
 #include "cairn/carmen_log.h"
 #include "cairn/corner.h"
 #include "cairn/csm_scan.h"
+#include "cairn/edge_chain.h"
 #include "cairn/file_error.h"
 #include "cairn/force_field.h"
 #include "cairn/force_kernel.h"
@@ -173,6 +174,29 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_csm_scans, scan, 0, 0)},
     {FIELD(cairn_csm_scans, count, 8, 8)},
     {FIELD(cairn_csm_scans, rays_most, 12, 12)},
+    {SIZE(cairn_edge_pixel, 4, 4)},
+    {FIELD(cairn_edge_pixel, x, 0, 0)},
+    {FIELD(cairn_edge_pixel, y, 2, 2)},
+    {SIZE(cairn_edge_chain, 24, 20)},
+    {FIELD(cairn_edge_chain, first, 0, 0)},
+    {FIELD(cairn_edge_chain, count, 4, 4)},
+    {FIELD(cairn_edge_chain, from, 8, 8)},
+    {FIELD(cairn_edge_chain, to, 12, 12)},
+    {FIELD(cairn_edge_chain, strength, 16, 16)},
+    {SIZE(cairn_edge_chain_params, 28, 28)},
+    {FIELD(cairn_edge_chain_params, max_width, 0, 0)},
+    {FIELD(cairn_edge_chain_params, max_height, 4, 4)},
+    {FIELD(cairn_edge_chain_params, max_edges, 8, 8)},
+    {FIELD(cairn_edge_chain_params, max_chains, 12, 12)},
+    {FIELD(cairn_edge_chain_params, min_strength, 16, 16)},
+    {FIELD(cairn_edge_chain_params, min_length, 20, 20)},
+    {SIZE(cairn_edge_chain_result, 32, 32)},
+    {FIELD(cairn_edge_chain_result, chains, 0, 0)},
+    {FIELD(cairn_edge_chain_result, pixels, 8, 8)},
+    {FIELD(cairn_edge_chain_result, chain_count, 16, 16)},
+    {FIELD(cairn_edge_chain_result, pixel_count, 20, 20)},
+    {FIELD(cairn_edge_chain_result, edge_count, 24, 24)},
+    {FIELD(cairn_edge_chain_result, short_count, 28, 28)},
     {SIZE(cairn_file_error, 1040, 1040)},
     {FIELD(cairn_file_error, status, 0, 0)},
     {FIELD(cairn_file_error, line, 8, 8)},

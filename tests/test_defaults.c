@@ -4,6 +4,7 @@
 #include "cairn/aligner.h"
 #include "cairn/block_solver.h"
 #include "cairn/carmen_log.h"
+#include "cairn/edge_chain.h"
 #include "cairn/hough.h"
 #include "cairn/lum.h"
 #include "cairn/scan_cover.h"
@@ -445,14 +446,33 @@ static void of_files(void **state)
     assert_values(values);
 }
 
+static void of_contours(void **state)
+{
+    cairn_edge_chain_params chain = cairn_edge_chain_default();
+    const value values[] = {
+        VALUE(chain.max_width, 640),    VALUE(chain.max_height, 480), VALUE(chain.max_edges, 100000),
+        VALUE(chain.max_chains, 10000), VALUE(chain.min_strength, 1), VALUE(chain.min_length, 5),
+        VALUE(chain.max_spur, 3),
+    };
+
+    (void)state;
+    assert_values(values);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(of_aligning),   cmocka_unit_test(of_lines_and_scans),
-        cmocka_unit_test(of_hypotheses), cmocka_unit_test(of_matches_and_corners),
-        cmocka_unit_test(of_consensus),  cmocka_unit_test(of_places),
-        cmocka_unit_test(of_the_mapper), cmocka_unit_test(of_grids),
-        cmocka_unit_test(of_files),      cmocka_unit_test(of_map_merging),
+        cmocka_unit_test(of_contours),
+        cmocka_unit_test(of_aligning),
+        cmocka_unit_test(of_lines_and_scans),
+        cmocka_unit_test(of_hypotheses),
+        cmocka_unit_test(of_matches_and_corners),
+        cmocka_unit_test(of_consensus),
+        cmocka_unit_test(of_places),
+        cmocka_unit_test(of_the_mapper),
+        cmocka_unit_test(of_grids),
+        cmocka_unit_test(of_files),
+        cmocka_unit_test(of_map_merging),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);
