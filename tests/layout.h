@@ -6,6 +6,7 @@
 #include "cairn/corner.h"
 #include "cairn/csm_scan.h"
 #include "cairn/edge_chain.h"
+#include "cairn/edge_segment.h"
 #include "cairn/file_error.h"
 #include "cairn/force_field.h"
 #include "cairn/force_kernel.h"
@@ -197,6 +198,24 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_edge_chain_result, pixel_count, 20, 20)},
     {FIELD(cairn_edge_chain_result, edge_count, 24, 24)},
     {FIELD(cairn_edge_chain_result, short_count, 28, 28)},
+    {SIZE(cairn_edge_segment, 56, 32)},
+    {FIELD(cairn_edge_segment, line, 0, 0)},
+    {FIELD(cairn_edge_segment, chain, 32, 16)},
+    {FIELD(cairn_edge_segment, strength, 48, 28)},
+    {SIZE(cairn_edge_segment_params, 48, 28)},
+    {FIELD(cairn_edge_segment_params, max_lines, 0, 0)},
+    {FIELD(cairn_edge_segment_params, max_segments, 4, 4)},
+    {FIELD(cairn_edge_segment_params, tolerance, 8, 8)},
+    {FIELD(cairn_edge_segment_params, min_piece, 16, 12)},
+    {FIELD(cairn_edge_segment_params, look_ahead, 24, 16)},
+    {FIELD(cairn_edge_segment_params, junction_turn, 40, 24)},
+    {SIZE(cairn_edge_segment_result, 40, 32)},
+    {FIELD(cairn_edge_segment_result, segments, 0, 0)},
+    {FIELD(cairn_edge_segment_result, count, 8, 8)},
+    {FIELD(cairn_edge_segment_result, virtual_count, 12, 12)},
+    {FIELD(cairn_edge_segment_result, line_count, 16, 16)},
+    {FIELD(cairn_edge_segment_result, look_ahead, 24, 20)},
+    {FIELD(cairn_edge_segment_result, mean_length, 32, 24)},
     {SIZE(cairn_file_error, 1040, 1040)},
     {FIELD(cairn_file_error, status, 0, 0)},
     {FIELD(cairn_file_error, line, 8, 8)},

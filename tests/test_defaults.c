@@ -5,6 +5,7 @@
 #include "cairn/block_solver.h"
 #include "cairn/carmen_log.h"
 #include "cairn/edge_chain.h"
+#include "cairn/edge_segment.h"
 #include "cairn/hough.h"
 #include "cairn/lum.h"
 #include "cairn/scan_cover.h"
@@ -449,10 +450,15 @@ static void of_files(void **state)
 static void of_contours(void **state)
 {
     cairn_edge_chain_params chain = cairn_edge_chain_default();
+    cairn_edge_segment_params segment = cairn_edge_segment_default();
     const value values[] = {
-        VALUE(chain.max_width, 640),    VALUE(chain.max_height, 480), VALUE(chain.max_edges, 100000),
-        VALUE(chain.max_chains, 10000), VALUE(chain.min_strength, 1), VALUE(chain.min_length, 5),
-        VALUE(chain.max_spur, 3),
+        VALUE(chain.max_width, 640),        VALUE(chain.max_height, 480),
+        VALUE(chain.max_edges, 100000),     VALUE(chain.max_chains, 10000),
+        VALUE(chain.min_strength, 1),       VALUE(chain.min_length, 5),
+        VALUE(chain.max_spur, 3),           VALUE(segment.max_lines, 10000),
+        VALUE(segment.max_segments, 40000), VALUE(segment.tolerance, 1.5),
+        VALUE(segment.min_piece, 4),        VALUE(segment.look_ahead, 0),
+        VALUE(segment.junction, 6),         VALUE(segment.junction_turn, 20 * DEGREE),
     };
 
     (void)state;

@@ -187,7 +187,7 @@ static uint32_t neighbours_of(const cairn_edge_chain_set *set, int32_t cell)
 
 static int has(uint32_t mask, int32_t k)
 {
-    return (mask >> (k & 7)) & 1U;
+    return ((mask >> (k & 7)) & 1U) != 0;
 }
 
 static int32_t count_of(uint32_t mask)
