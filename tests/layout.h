@@ -48,6 +48,7 @@
 #include "cairn/small_matrix.h"
 #include "cairn/sparse_solver.h"
 #include "cairn/status.h"
+#include "cairn/symmetric_point.h"
 #include "cairn/version.h"
 #include "cairn/virtual_align.h"
 #include "cairn/virtual_scan.h"
@@ -1199,6 +1200,22 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_fault, what, 8, 8)},
     {SIZE(cairn_budget, 4, 4)},
     {FIELD(cairn_budget, left, 0, 0)},
+    {SIZE(cairn_symmetric_point, 72, 40)},
+    {FIELD(cairn_symmetric_point, centre, 0, 0)},
+    {FIELD(cairn_symmetric_point, radius, 16, 8)},
+    {FIELD(cairn_symmetric_point, deviation, 24, 12)},
+    {FIELD(cairn_symmetric_point, touch, 32, 16)},
+    {FIELD(cairn_symmetric_point, first, 64, 32)},
+    {FIELD(cairn_symmetric_point, second, 68, 36)},
+    {SIZE(cairn_symmetric_point_params, 56, 32)},
+    {FIELD(cairn_symmetric_point_params, max_segments, 0, 0)},
+    {FIELD(cairn_symmetric_point_params, max_points, 4, 4)},
+    {FIELD(cairn_symmetric_point_params, samples, 8, 8)},
+    {FIELD(cairn_symmetric_point_params, sample_step, 16, 12)},
+    {FIELD(cairn_symmetric_point_params, min_radius, 24, 16)},
+    {FIELD(cairn_symmetric_point_params, max_radius, 32, 20)},
+    {FIELD(cairn_symmetric_point_params, max_angle, 40, 24)},
+    {FIELD(cairn_symmetric_point_params, max_deviation, 48, 28)},
     {SIZE(cairn_virtual_align_params, 592, 360)},
     {FIELD(cairn_virtual_align_params, aligner, 0, 0)},
     {FIELD(cairn_virtual_align_params, field, 112, 72)},

@@ -20,6 +20,7 @@
 #include "cairn/report.h"
 #include "cairn/scan_match.h"
 #include "cairn/sequence.h"
+#include "cairn/symmetric_point.h"
 #include "cairn/virtual_align.h"
 
 typedef struct value {
@@ -451,14 +452,30 @@ static void of_contours(void **state)
 {
     cairn_edge_chain_params chain = cairn_edge_chain_default();
     cairn_edge_segment_params segment = cairn_edge_segment_default();
+    cairn_symmetric_point_params sp = cairn_symmetric_point_default();
     const value values[] = {
-        VALUE(chain.max_width, 640),        VALUE(chain.max_height, 480),
-        VALUE(chain.max_edges, 100000),     VALUE(chain.max_chains, 10000),
-        VALUE(chain.min_strength, 1),       VALUE(chain.min_length, 5),
-        VALUE(chain.max_spur, 3),           VALUE(segment.max_lines, 10000),
-        VALUE(segment.max_segments, 40000), VALUE(segment.tolerance, 1.5),
-        VALUE(segment.min_piece, 4),        VALUE(segment.look_ahead, 0),
-        VALUE(segment.junction, 6),         VALUE(segment.junction_turn, 20 * DEGREE),
+        VALUE(chain.max_width, 640),
+        VALUE(chain.max_height, 480),
+        VALUE(chain.max_edges, 100000),
+        VALUE(chain.max_chains, 10000),
+        VALUE(chain.min_strength, 1),
+        VALUE(chain.min_length, 5),
+        VALUE(chain.max_spur, 3),
+        VALUE(segment.max_lines, 10000),
+        VALUE(segment.max_segments, 40000),
+        VALUE(segment.tolerance, 1.5),
+        VALUE(segment.min_piece, 4),
+        VALUE(segment.look_ahead, 0),
+        VALUE(segment.junction, 6),
+        VALUE(segment.junction_turn, 20 * DEGREE),
+        VALUE(sp.max_segments, 4096),
+        VALUE(sp.max_points, 8192),
+        VALUE(sp.samples, 5),
+        VALUE(sp.sample_step, 4),
+        VALUE(sp.min_radius, 2),
+        VALUE(sp.max_radius, 100),
+        VALUE(sp.max_angle, 60 * DEGREE),
+        VALUE(sp.max_deviation, 45 * DEGREE),
     };
 
     (void)state;

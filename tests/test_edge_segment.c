@@ -601,6 +601,7 @@ static void budgets_do_not_matter(void **state)
             cairn_budget budget = {budgets[k]};
 
             assert_int_equal(cairn_edge_segment_read(other.set).count, 0);
+            assert_null(cairn_edge_segment_read(other.set).segments);
             status = cairn_edge_segment_step(other.set, &budget);
             assert_true(budget.left >= 0 && (status != CAIRN_MORE || budget.left == 0));
         }

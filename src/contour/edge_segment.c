@@ -579,7 +579,7 @@ static cairn_status step_join(cairn_edge_segment_set *set, cairn_budget *budget)
         if (other < 0) {
             set->searching = 0;
             set->cursor++;
-        } else if (other > set->cursor && other / 2 != set->cursor / 2) {
+        } else if (other / 2 > set->cursor / 2) {
             status = join(set, set->cursor, other);
         }
         if (status != CAIRN_OK)
