@@ -5,6 +5,8 @@
 #include "cairn/carmen_log.h"
 #include "cairn/corner.h"
 #include "cairn/csm_scan.h"
+#include "cairn/edge_chain.h"
+#include "cairn/edge_segment.h"
 #include "cairn/file_error.h"
 #include "cairn/force_field.h"
 #include "cairn/force_kernel.h"
@@ -46,6 +48,7 @@
 #include "cairn/small_matrix.h"
 #include "cairn/sparse_solver.h"
 #include "cairn/status.h"
+#include "cairn/symmetric_point.h"
 #include "cairn/version.h"
 #include "cairn/virtual_align.h"
 #include "cairn/virtual_scan.h"
@@ -173,6 +176,47 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_csm_scans, scan, 0, 0)},
     {FIELD(cairn_csm_scans, count, 8, 8)},
     {FIELD(cairn_csm_scans, rays_most, 12, 12)},
+    {SIZE(cairn_edge_pixel, 4, 4)},
+    {FIELD(cairn_edge_pixel, x, 0, 0)},
+    {FIELD(cairn_edge_pixel, y, 2, 2)},
+    {SIZE(cairn_edge_chain, 24, 20)},
+    {FIELD(cairn_edge_chain, first, 0, 0)},
+    {FIELD(cairn_edge_chain, count, 4, 4)},
+    {FIELD(cairn_edge_chain, from, 8, 8)},
+    {FIELD(cairn_edge_chain, to, 12, 12)},
+    {FIELD(cairn_edge_chain, strength, 16, 16)},
+    {SIZE(cairn_edge_chain_params, 28, 28)},
+    {FIELD(cairn_edge_chain_params, max_width, 0, 0)},
+    {FIELD(cairn_edge_chain_params, max_height, 4, 4)},
+    {FIELD(cairn_edge_chain_params, max_edges, 8, 8)},
+    {FIELD(cairn_edge_chain_params, max_chains, 12, 12)},
+    {FIELD(cairn_edge_chain_params, min_strength, 16, 16)},
+    {FIELD(cairn_edge_chain_params, min_length, 20, 20)},
+    {SIZE(cairn_edge_chain_result, 32, 32)},
+    {FIELD(cairn_edge_chain_result, chains, 0, 0)},
+    {FIELD(cairn_edge_chain_result, pixels, 8, 8)},
+    {FIELD(cairn_edge_chain_result, chain_count, 16, 16)},
+    {FIELD(cairn_edge_chain_result, pixel_count, 20, 20)},
+    {FIELD(cairn_edge_chain_result, edge_count, 24, 24)},
+    {FIELD(cairn_edge_chain_result, short_count, 28, 28)},
+    {SIZE(cairn_edge_segment, 56, 32)},
+    {FIELD(cairn_edge_segment, line, 0, 0)},
+    {FIELD(cairn_edge_segment, chain, 32, 16)},
+    {FIELD(cairn_edge_segment, strength, 48, 28)},
+    {SIZE(cairn_edge_segment_params, 48, 28)},
+    {FIELD(cairn_edge_segment_params, max_lines, 0, 0)},
+    {FIELD(cairn_edge_segment_params, max_segments, 4, 4)},
+    {FIELD(cairn_edge_segment_params, tolerance, 8, 8)},
+    {FIELD(cairn_edge_segment_params, min_piece, 16, 12)},
+    {FIELD(cairn_edge_segment_params, look_ahead, 24, 16)},
+    {FIELD(cairn_edge_segment_params, junction_turn, 40, 24)},
+    {SIZE(cairn_edge_segment_result, 40, 32)},
+    {FIELD(cairn_edge_segment_result, segments, 0, 0)},
+    {FIELD(cairn_edge_segment_result, count, 8, 8)},
+    {FIELD(cairn_edge_segment_result, virtual_count, 12, 12)},
+    {FIELD(cairn_edge_segment_result, line_count, 16, 16)},
+    {FIELD(cairn_edge_segment_result, look_ahead, 24, 20)},
+    {FIELD(cairn_edge_segment_result, mean_length, 32, 24)},
     {SIZE(cairn_file_error, 1040, 1040)},
     {FIELD(cairn_file_error, status, 0, 0)},
     {FIELD(cairn_file_error, line, 8, 8)},
@@ -1158,6 +1202,22 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_fault, what, 8, 8)},
     {SIZE(cairn_budget, 4, 4)},
     {FIELD(cairn_budget, left, 0, 0)},
+    {SIZE(cairn_symmetric_point, 72, 40)},
+    {FIELD(cairn_symmetric_point, centre, 0, 0)},
+    {FIELD(cairn_symmetric_point, radius, 16, 8)},
+    {FIELD(cairn_symmetric_point, deviation, 24, 12)},
+    {FIELD(cairn_symmetric_point, touch, 32, 16)},
+    {FIELD(cairn_symmetric_point, first, 64, 32)},
+    {FIELD(cairn_symmetric_point, second, 68, 36)},
+    {SIZE(cairn_symmetric_point_params, 56, 32)},
+    {FIELD(cairn_symmetric_point_params, max_segments, 0, 0)},
+    {FIELD(cairn_symmetric_point_params, max_points, 4, 4)},
+    {FIELD(cairn_symmetric_point_params, samples, 8, 8)},
+    {FIELD(cairn_symmetric_point_params, sample_step, 16, 12)},
+    {FIELD(cairn_symmetric_point_params, min_radius, 24, 16)},
+    {FIELD(cairn_symmetric_point_params, max_radius, 32, 20)},
+    {FIELD(cairn_symmetric_point_params, max_angle, 40, 24)},
+    {FIELD(cairn_symmetric_point_params, max_deviation, 48, 28)},
     {SIZE(cairn_virtual_align_params, 600, 364)},
     {FIELD(cairn_virtual_align_params, aligner, 0, 0)},
     {FIELD(cairn_virtual_align_params, field, 112, 72)},
