@@ -336,6 +336,8 @@ static void refuses_params(void **state)
     bad[count++].max_dense = (1 << 20) + 1;
     bad[count++].max_views = -1;
     bad[count++].max_views = 4097;
+    bad[count++].max_cells = 24;
+    bad[count++].max_cells = 65537;
     bad[count++].max_candidates = 0;
     bad[count++].max_candidates = 1025;
     bad[count++].max_query = 0;
@@ -772,6 +774,48 @@ static void results_stay_as_they_are(void **state)
         assert_golden(hash_of_scene(&scenes[k]), scenes[k].in_double, scenes[k].in_float);
 }
 
+/* ---- Memory of the search ---- */
+
+/* A grid that just holds the window finds the same as the largest one, in less memory; what is too small holds its middle. */
+static void a_small_grid_finds_the_same(void **state)
+{
+    cairn_scan_match_params params = cairn_scan_match_default();
+    cairn_scan_match_window window = {1, CAIRN_REAL(0.4)};
+    cairn_pose a = {CAIRN_REAL(0.3), 0, 0}, b = {CAIRN_REAL(-0.5), CAIRN_REAL(0.4), CAIRN_REAL(0.2)};
+    size_t whole = cairn_scan_match_memory(&params);
+    cairn_scan_match_hypothesis best = {0};
+    int32_t sides[] = {0, 16, 5};
+
+    (void)state;
+    assert_int_equal(cairn_scan_match_cells(1, params.spacing), 256);
+    assert_int_equal(cairn_scan_match_cells(0, params.spacing), 36);
+    assert_int_equal(cairn_scan_match_cells(1000, params.spacing), 65536);
+    assert_int_equal(cairn_scan_match_cells(CAIRN_REAL(1e30), params.spacing), 65536);
+    assert_int_equal(cairn_scan_match_cells(-1, params.spacing), 25);
+    assert_int_equal(cairn_scan_match_cells((cairn_real)NAN, params.spacing), 25);
+    assert_int_equal(cairn_scan_match_cells(1, 0), 25);
+    for (int i = 0; i < 3; i++) {
+        cairn_random random = cairn_random_seed(3, 1);
+        cairn_scan_match_result result;
+        cairn_pool pool;
+        cairn_scan_match *match;
+
+        params.max_cells = i == 0 ? 65536 : sides[i] * sides[i];
+        match = make_match(&pool, params);
+        result = match_room(match, L_ROOM, 6, a, b, NULL, &window, &random);
+        if (i == 0) {
+            best = result.hypotheses[0];
+            assert_pose_near(best.target_query, cairn_pose_between(a, b), 0.05, 0.02);
+        } else if (i == 1) {
+            assert_memory_equal(&best, &result.hypotheses[0], sizeof best);
+            assert_int_equal(cairn_scan_match_memory(&params), whole - (65536 - 256) * 2 * sizeof(uint16_t));
+        } else {
+            assert_true(cairn_scan_match_measured(match).candidates < 25);
+        }
+        test_pool_free(&pool);
+    }
+}
+
 /* ---- Refusals ---- */
 
 static void refuses_input(void **state)
@@ -889,6 +933,7 @@ int main(void)
         cmocka_unit_test(is_sure_of_nothing_in_a_round_room),
         cmocka_unit_test(dense_points_have_the_direction_of_their_wall),
         cmocka_unit_test(four_pairs_are_enough),
+        cmocka_unit_test(a_small_grid_finds_the_same),
         cmocka_unit_test(refuses_input),
     };
 
