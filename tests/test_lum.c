@@ -593,7 +593,6 @@ static void capacities_are_told(void **state)
         lum = new_lum(&pool, &params);
         add_all(lum);
         assert_refused(&fault, cairn_lum_add_scan(lum, scans[0].at, 1, scans[0].start, &fault), CAIRN_FULL, -1);
-        assert_int_equal(fault.index, -1);
         assert_ok(cairn_lum_begin(lum));
         assert_status(run(lum, 50), CAIRN_FULL);
         assert_int_equal(cairn_lum_read(lum).iterations, 0);
@@ -821,7 +820,6 @@ static void refusals(void **state)
     point.position.y = 0;
     point.position.x = nan;
     assert_refused(&fault, cairn_lum_add_scan(lum, &point, 1, pose, &fault), CAIRN_NOT_FINITE, 0);
-    assert_int_equal(fault.index, 0);
     point.position.x = CAIRN_REAL(-2e6);
     assert_refused(&fault, cairn_lum_add_scan(lum, &point, 1, pose, &fault), CAIRN_BAD_ARGUMENT, 0);
     point.position.x = 0;

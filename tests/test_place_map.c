@@ -727,7 +727,6 @@ static void bad_scans_are_refused(void **state)
     assert_status(cairn_place_map_add_scan(m.map, -1, &view, pose, NULL), CAIRN_BAD_ARGUMENT);
     bad.theta = nan;
     assert_refused(&fault, cairn_place_map_add_scan(m.map, 0, &view, bad, &fault), CAIRN_NOT_FINITE, -1);
-    assert_int_equal(fault.index, -1);
     bad.theta = 0;
     bad.x = 2 * CAIRN_SCAN_EXTENT;
     assert_status(cairn_place_map_add_scan(m.map, 0, &view, bad, NULL), CAIRN_BAD_ARGUMENT);

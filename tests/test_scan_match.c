@@ -845,7 +845,6 @@ static void refuses_input(void **state)
     assert_refused(&fault, cairn_scan_match_add_target(NULL, &first.part, zero, &fault), CAIRN_BAD_ARGUMENT, -1);
     assert_status(cairn_scan_match_add_target(match, NULL, zero, NULL), CAIRN_BAD_ARGUMENT);
     assert_refused(&fault, cairn_scan_match_add_target(match, &first.part, lost, &fault), CAIRN_NOT_FINITE, -1);
-    assert_int_equal(fault.index, -1);
     assert_refused(&fault, cairn_scan_match_add_target(match, &first.part, far, &fault), CAIRN_NOT_FINITE, -1);
     part = first.part;
     part.count = -1;
@@ -859,7 +858,6 @@ static void refuses_input(void **state)
     kept = first.points[3];
     first.points[3].position.y = nan;
     assert_refused(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault), CAIRN_NOT_FINITE, 3);
-    assert_int_equal(fault.index, 3);
     first.points[3] = kept;
     first.points[3].direction.x *= CAIRN_REAL(1.1);
     first.points[3].direction.y *= CAIRN_REAL(1.1);
@@ -868,18 +866,15 @@ static void refuses_input(void **state)
     kept = first.dense[5];
     first.dense[5].direction.x = nan;
     assert_refused(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault), CAIRN_NOT_FINITE, 5);
-    assert_int_equal(fault.index, 5);
     first.dense[5] = kept;
     beam = first.beams[7];
     first.beams[7].to.x = nan;
     assert_refused(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault), CAIRN_NOT_FINITE, 7);
-    assert_int_equal(fault.index, 7);
     first.beams[7] = beam;
     /* Nothing came in so far, then just as much as there is room for. */
     assert_int_equal(run(match, &first.part, zero, NULL).verdict, CAIRN_SCAN_MATCH_NONE);
     assert_ok(cairn_scan_match_add_target(match, &first.part, zero, &fault));
     assert_refused(&fault, cairn_scan_match_add_target(match, &first.part, zero, &fault), CAIRN_FULL, -1);
-    assert_int_equal(fault.index, -1);
     part = first.part;
     part.count = 0;
     assert_ok(cairn_scan_match_add_target(match, &part, zero, &fault));
@@ -899,9 +894,7 @@ static void refuses_input(void **state)
     part = first.part;
     part.count++;
     first.points[count] = first.points[0];
-    fault.index = 0;
     assert_refused(&fault, cairn_scan_match_begin(match, &part, zero, NULL, &fault), CAIRN_FULL, -1);
-    assert_int_equal(fault.index, -1);
     assert_status(cairn_scan_match_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_scan_match_step(match, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_scan_match_step(match, &budget), CAIRN_MORE);

@@ -382,19 +382,17 @@ static void test_points_are_made(void **state)
     assert_non_null(strstr(fault.what, "mass"));
     w.points[7].position.x += CAIRN_REAL(1e-3);
     assert_refused(&fault, cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT, 7);
-    assert_int_equal(fault.index, 7);
     make_walls(&w, 1, 0.07);
     w.points[w.first_point[5] + 3].position.y += CAIRN_REAL(1e-3);
-    assert_refused(&fault, cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT, 137);
-    assert_int_equal(fault.index, w.first_point[5] + 3);
+    assert_refused(&fault, cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT, w.first_point[5] + 3);
     make_walls(&w, 1, 0.07);
     { /* out of order */
         cairn_oriented_point swap = w.points[w.first_point[4]];
 
         w.points[w.first_point[4]] = w.points[w.first_point[4] + 1];
         w.points[w.first_point[4] + 1] = swap;
-        assert_refused(&fault, cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT, 106);
-        assert_int_equal(fault.index, w.first_point[4] + 1);
+        assert_refused(&fault, cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT,
+                       w.first_point[4] + 1);
     }
     make_walls(&w, 1, 0.08);
     assert_refused(&fault, cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT, 0);
