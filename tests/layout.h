@@ -5,6 +5,7 @@
 #include "cairn/carmen_log.h"
 #include "cairn/corner.h"
 #include "cairn/csm_scan.h"
+#include "cairn/curve.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
 #include "cairn/file_error.h"
@@ -176,6 +177,10 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_csm_scans, scan, 0, 0)},
     {FIELD(cairn_csm_scans, count, 8, 8)},
     {FIELD(cairn_csm_scans, rays_most, 12, 12)},
+    {SIZE(cairn_curve, 16, 16)},
+    {FIELD(cairn_curve, points, 0, 0)},
+    {FIELD(cairn_curve, count, 8, 8)},
+    {FIELD(cairn_curve, closed, 12, 12)},
     {SIZE(cairn_edge_pixel, 4, 4)},
     {FIELD(cairn_edge_pixel, x, 0, 0)},
     {FIELD(cairn_edge_pixel, y, 2, 2)},
