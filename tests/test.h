@@ -25,7 +25,7 @@ void test_assert_near(double actual, double expected, double tolerance, const ch
 #define assert_status(call, status) assert_int_equal(call, status)
 
 /* A call that refuses with a status, and tells in *fault what is wrong and, unless `where` is -1, with which item. */
-#define assert_refused(fault, call, status, where)                                                                     \
+#define assert_fault(fault, call, status, where)                                                                       \
     do {                                                                                                               \
         (fault)->index = -7;                                                                                           \
         (fault)->what = NULL;                                                                                          \

@@ -897,7 +897,7 @@ static void scans_are_refused(void **state)
     assert_status(cairn_aligner_step(NULL, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_aligner_step(bed.aligner, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_aligner_add_scan(NULL, &view, at, NULL), CAIRN_BAD_ARGUMENT);
-    assert_refused(&fault, cairn_aligner_add_scan(bed.aligner, NULL, at, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_aligner_add_scan(bed.aligner, NULL, at, &fault), CAIRN_BAD_ARGUMENT, -1);
     assert_non_null(fault.what);
 #define REFUSE_VIEW(change, status, where)                                                                             \
     do {                                                                                                               \
@@ -949,7 +949,7 @@ static void scans_are_refused(void **state)
     view = good;
     assert_ok(cairn_aligner_add_scan(bed.aligner, &view, at, &fault));
     assert_ok(cairn_aligner_add_scan(bed.aligner, &view, at, NULL));
-    assert_refused(&fault, cairn_aligner_add_scan(bed.aligner, &view, at, &fault), CAIRN_FULL, -1);
+    assert_fault(&fault, cairn_aligner_add_scan(bed.aligner, &view, at, &fault), CAIRN_FULL, -1);
     assert_int_equal(cairn_aligner_scan_count(bed.aligner), 2);
     check_ends(&bed);
     assert_int_equal(cairn_aligner_pose_of(bed.aligner, 2).placed, 0);

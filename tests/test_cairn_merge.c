@@ -131,7 +131,7 @@ static void a_warm_start(void **state)
     assert_non_null(strstr(o.out, "maps       2, 1 placed"));
 }
 
-static void expect_refusal(const char *words, const char *piece)
+static void assert_refused(const char *words, const char *piece)
 {
     outcome o = programs_run("cairn merge %s", words);
 
@@ -145,18 +145,18 @@ static void expect_refusal(const char *words, const char *piece)
 static void command_lines_are_refused(void **state)
 {
     (void)state;
-    expect_refusal("", "no maps");
-    expect_refusal("@/a.yaml", "no -o DIR");
-    expect_refusal("@/a.yaml @/b.yaml -o @/no --reference 2", "--reference 2, expected at most 1");
-    expect_refusal("@/a.yaml @/b.yaml -o @/no --order 0", "--order 0, expected 2 numbers");
-    expect_refusal("@/a.yaml @/b.yaml -o @/no --order 0,0", "expected every map once");
-    expect_refusal("@/a.yaml @/b.yaml -o @/no --order 0,1.5", "expected every map once");
-    expect_refusal("@/a.yaml @/b.yaml -o @/no --scale 0.05,x", "--scale 0.05,x, expected 2 numbers");
-    expect_refusal("@/a.yaml @/b.yaml -o @/no --scale 0.05,0", "not a size of a cell");
-    expect_refusal("@/a.yaml @/missing.yaml -o @/no", "missing.yaml");
-    expect_refusal("@/a.yaml @/b.yaml -o @/no --start @/missing.csv", "missing.csv");
-    expect_refusal("@/a.yaml @/b.yaml -o @/no --pool 1K", "pool");
-    expect_refusal("@/a.yaml @/b.yaml -o @/a.yaml/no", "a.yaml");
+    assert_refused("", "no maps");
+    assert_refused("@/a.yaml", "no -o DIR");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --reference 2", "--reference 2, expected at most 1");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --order 0", "--order 0, expected 2 numbers");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --order 0,0", "expected every map once");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --order 0,1.5", "expected every map once");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --scale 0.05,x", "--scale 0.05,x, expected 2 numbers");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --scale 0.05,0", "not a size of a cell");
+    assert_refused("@/a.yaml @/missing.yaml -o @/no", "missing.yaml");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --start @/missing.csv", "missing.csv");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --pool 1K", "pool");
+    assert_refused("@/a.yaml @/b.yaml -o @/a.yaml/no", "a.yaml");
     assert_int_not_equal(access(files_path("no"), F_OK), 0); /* nothing was left */
 }
 

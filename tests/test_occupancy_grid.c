@@ -287,8 +287,8 @@ static void test_scan_matches_beams(void **state)
         assert_status(cairn_occupancy_grid_step(grid, &budget), CAIRN_MORE);
         assert_int_equal(budget.left, 0);
         assert_status(cairn_occupancy_grid_step(grid, &budget), CAIRN_MORE);
-        assert_refused(&fault, cairn_occupancy_grid_begin_scan(grid, beams, BEAMS, map_scan, &fault),
-                       CAIRN_BAD_ARGUMENT, -1);
+        assert_fault(&fault, cairn_occupancy_grid_begin_scan(grid, beams, BEAMS, map_scan, &fault), CAIRN_BAD_ARGUMENT,
+                     -1);
         assert_status(cairn_occupancy_grid_add_beam(grid, beams[1].from, beams[1].to, 1), CAIRN_BAD_ARGUMENT);
         cairn_occupancy_grid_clear(grid);
         assert_status(cairn_occupancy_grid_add_beam(grid, beams[1].from, beams[1].to, 1), CAIRN_BAD_ARGUMENT);
@@ -355,21 +355,21 @@ static void test_scan_refusals(void **state)
     assert_true(fault.what == NULL && fault.index == 7);
     assert_ok(cairn_occupancy_grid_step(grid, &budget));
     assert_int_equal(budget.left, 10);
-    assert_refused(&fault, cairn_occupancy_grid_begin_scan(NULL, beams, 3, identity, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_occupancy_grid_begin_scan(NULL, beams, 3, identity, &fault), CAIRN_BAD_ARGUMENT, -1);
     assert_true(fault.index == -1 && fault.what != NULL);
     assert_status(cairn_occupancy_grid_begin_scan(grid, NULL, 1, identity, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_occupancy_grid_begin_scan(grid, beams, -1, identity, NULL), CAIRN_BAD_ARGUMENT);
-    assert_refused(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, bad, &fault), CAIRN_NOT_FINITE, -1);
+    assert_fault(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, bad, &fault), CAIRN_NOT_FINITE, -1);
     beams[1].kind = 3;
-    assert_refused(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, identity, &fault), CAIRN_BAD_ARGUMENT, 1);
+    assert_fault(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, identity, &fault), CAIRN_BAD_ARGUMENT, 1);
     beams[1].kind = -1;
-    assert_refused(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, identity, &fault), CAIRN_BAD_ARGUMENT, 1);
+    assert_fault(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, identity, &fault), CAIRN_BAD_ARGUMENT, 1);
     beams[1].kind = CAIRN_BEAM_FREE;
     beams[0].from.y = (cairn_real)NAN;
-    assert_refused(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, identity, &fault), CAIRN_NOT_FINITE, 0);
+    assert_fault(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, identity, &fault), CAIRN_NOT_FINITE, 0);
     beams[0].kind = CAIRN_BEAM_UNKNOWN;
     beams[1].to.x = (cairn_real)INFINITY;
-    assert_refused(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, identity, &fault), CAIRN_NOT_FINITE, 1);
+    assert_fault(&fault, cairn_occupancy_grid_begin_scan(grid, beams, 3, identity, &fault), CAIRN_NOT_FINITE, 1);
     assert_ok(cairn_occupancy_grid_step(grid, &budget));
     assert_int_equal(budget.left, 10);
     assert_status(cairn_occupancy_grid_add_beam(NULL, beams[2].from, beams[2].to, 1), CAIRN_BAD_ARGUMENT);
