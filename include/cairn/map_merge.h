@@ -42,7 +42,7 @@ typedef struct cairn_map_merge_params {
 } cairn_map_merge_params;
 
 /* 16 maps of 400 x 400 cells, 2048 points, 256 segments, 48 corners, 6 modes, 100 particles, by evidence; correlation over 10
- * cells, least score 9 and margin 3 nats. */
+ * cells, least score 6 and margin 3 nats. */
 cairn_map_merge_params cairn_map_merge_default(void);
 
 /* 0 for params that create() would refuse. */
@@ -90,7 +90,7 @@ CAIRN_CHECKED cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_bu
 /* ---- What is known of one place of a map beside another ---- */
 
 typedef struct cairn_merge_score {
-    cairn_real evidence;     /* nats: (1.7 agree - 4 conflict) / correlation */
+    cairn_real evidence;     /* nats: (1.7 agree - 8 conflict) / correlation */
     cairn_real agree;        /* m of wall that both maps have; a long straight one counts by the root of its length */
     cairn_real conflict;     /* m of wall of either map that the other one has seen to be free */
     cairn_real overlap;      /* share of the smaller map's free cells that the other one knows */
