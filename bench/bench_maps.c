@@ -19,6 +19,9 @@ static const double SURE = 0.001;
 /* Maps are made coarser while they have more cells to a side than MOST_SIDE, or are not merged and keep LEAST_SIDE. */
 enum { LEAST_SIDE = 175, MOST_SIDE = 800, NAME_MOST = 64 };
 
+/* Pixels beyond which a wall is just far. */
+enum { FAR = 40 };
+
 typedef struct picture {
     char name[NAME_MOST];
     uint8_t *cells; /* row 0 lowest */
@@ -138,20 +141,59 @@ static int merge_pair(const picture *target, const picture *source, int particle
     }
 }
 
+/* Where the middle of a source's cell comes to lie. */
+static cairn_vec2 placed_at(cairn_pose found, int32_t x, int32_t y)
+{
+    cairn_vec2 p = {(cairn_real)(x + 0.5), (cairn_real)(y + 0.5)};
+
+    return cairn_pose_point(found, p);
+}
+
+/* Pixels from a point to the nearest wall of the target, at most FAR. */
+static double to_wall(const picture *target, cairn_vec2 p)
+{
+    int32_t u = (int32_t)floor((double)p.x), v = (int32_t)floor((double)p.y);
+    double least = FAR;
+
+    for (int32_t y = v - FAR; y <= v + FAR; y++)
+        for (int32_t x = u - FAR; x <= u + FAR; x++)
+            if (x >= 0 && y >= 0 && x < target->width && y < target->height &&
+                target->cells[(size_t)y * (size_t)target->width + (size_t)x] == CAIRN_CELL_OCCUPIED)
+                least = fmin(least, hypot(x - u, y - v));
+    return least;
+}
+
+/* Mean distance in pixels of the source's walls from those of the target: no truth is known of parts of a map. */
+static double distance_to_walls(const picture *target, const picture *source, cairn_pose found)
+{
+    double sum = 0;
+    int64_t count = 0;
+
+    for (int32_t y = 0; y < source->height; y++)
+        for (int32_t x = 0; x < source->width; x++) {
+            if (source->cells[(size_t)y * (size_t)source->width + (size_t)x] != CAIRN_CELL_OCCUPIED)
+                continue;
+            sum += to_wall(target, placed_at(found, x, y));
+            count++;
+        }
+    return count > 0 ? sum / (double)count : (double)NAN;
+}
+
 /* Mean distance in pixels of the source's walls from where the truth puts them. */
 static double displacement(const picture *source, shift truth, cairn_pose found)
 {
-    double sum = 0, c = cos((double)found.theta), s = sin((double)found.theta);
+    double sum = 0;
     int64_t count = 0;
 
     for (int32_t y = 0; y < source->height; y++)
         for (int32_t x = 0; x < source->width; x++) {
             double u = x + 0.5, v = y + 0.5;
+            cairn_vec2 p = placed_at(found, x, y);
 
             if (source->cells[(size_t)y * (size_t)source->width + (size_t)x] != CAIRN_CELL_OCCUPIED)
                 continue;
-            sum += hypot((double)found.x + c * u - s * v - truth.scale * (truth.cosine * u - truth.sine * v) - truth.x,
-                         (double)found.y + s * u + c * v - truth.scale * (truth.sine * u + truth.cosine * v) - truth.y);
+            sum += hypot((double)p.x - truth.scale * (truth.cosine * u - truth.sine * v) - truth.x,
+                         (double)p.y - truth.scale * (truth.sine * u + truth.cosine * v) - truth.y);
             count++;
         }
     return count > 0 ? sum / (double)count : (double)NAN;
@@ -161,7 +203,9 @@ typedef struct tally {
     int32_t pairs, right, wrong, refused;
 } tally;
 
-static void run_pair(const picture *target, const picture *source, shift truth, double right, int particles, tally *t)
+/* truth: NULL when only the target's walls tell. */
+static void run_pair(const picture *target, const picture *source, const shift *truth, double right, int particles,
+                     tally *t)
 {
     cairn_merge_placed found = {0, {0, 0, 0}, 0, 0, 0, 0, 0, 0, 0};
     double start = bench_seconds(), off = (double)NAN;
@@ -170,7 +214,8 @@ static void run_pair(const picture *target, const picture *source, shift truth, 
 
     t->pairs++;
     if (placed > 0)
-        off = displacement(source, truth, found.reference_map);
+        off = truth != NULL ? displacement(source, *truth, found.reference_map)
+                            : distance_to_walls(target, source, found.reference_map);
     t->right += off <= right;
     t->wrong += placed > 0 && !(off <= right);
     t->refused += placed <= 0;
@@ -207,7 +252,7 @@ static int run_halmstad(const char *folder, int particles, tally *t)
         if (load(folder, names[0], &source) && load(folder, names[1], &target)) {
             shift truth = {cos(theta), sin(theta), scale, x, y};
 
-            run_pair(&target, &source, truth, RIGHT_HALMSTAD, particles, t);
+            run_pair(&target, &source, &truth, RIGHT_HALMSTAD, particles, t);
         }
         free(source.cells);
         free(target.cells);
@@ -216,10 +261,9 @@ static int run_halmstad(const char *folder, int particles, tally *t)
     return 1;
 }
 
-/* Parts that were cut from the whole map: they lie where they were. */
+/* Parts of a map onto the whole. */
 static void run_parts(const char *folder, int particles, tally *t)
 {
-    const shift nowhere = {1, 0, 1, 0, 0};
     picture whole = {"", NULL, 0, 0};
 
     if (load(folder, "intel", &whole))
@@ -229,7 +273,7 @@ static void run_parts(const char *folder, int particles, tally *t)
 
             snprintf(name, sizeof name, "intel_local_%02d", i);
             if (load(folder, name, &part))
-                run_pair(&whole, &part, nowhere, RIGHT_PARTS, particles, t);
+                run_pair(&whole, &part, NULL, RIGHT_PARTS, particles, t);
             free(part.cells);
         }
     free(whole.cells);

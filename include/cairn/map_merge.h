@@ -90,7 +90,7 @@ CAIRN_CHECKED cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_bu
 /* ---- What is known of one place of a map beside another ---- */
 
 typedef struct cairn_merge_score {
-    cairn_real evidence;     /* nats: (1.7 agree - 8 conflict) / correlation */
+    cairn_real evidence;     /* nats: (1.7 agree - 4 conflict) / correlation */
     cairn_real agree;        /* m of wall that both maps have; a long straight one counts by the root of its length */
     cairn_real conflict;     /* m of wall of either map that the other one has seen to be free */
     cairn_real overlap;      /* share of the smaller map's free cells that the other one knows */

@@ -10,10 +10,9 @@
 
 #include "src/mapping/map_merge_work.h"
 
-/* Nats for a stretch of wall that agrees: log(0.85 / 0.15); against one that does not: at the right place there is hardly any, and
- * the best of many wrong places that have 5 nats of agreement have 0.1 to 1 m of it. */
+/* Nats for a stretch of wall that agrees: log(0.85 / 0.15); against one that does not: log(0.75 / 0.014). */
 #define FOR     CAIRN_REAL(1.7)
-#define AGAINST CAIRN_REAL(8.0)
+#define AGAINST CAIRN_REAL(4.0)
 /* Two corners match when their openings differ by at most so much, rad. */
 #define OPENING CAIRN_REAL(0.25)
 /* Places nearer than this are one while searching, and in the end. */
