@@ -74,7 +74,7 @@ static void assert_transforms(const char *name)
     cairn_pose_table_free(row);
 }
 
-/* Places of b beside a: their shares and products add up to 1, and the best one is where b was placed. */
+/* The places of a map: their shares and products add up to 1, and the one with most evidence is where it was placed. */
 static void assert_places(const char *name, int32_t map, double x, double y)
 {
     char *text = files_read(files_path(name), NULL);
@@ -96,8 +96,8 @@ static void assert_places(const char *name, int32_t map, double x, double y)
         rows++;
         for (int k = 0; k < 3; k++)
             sum[k] += v[6 + k];
-        if (v[8] > most) {
-            most = v[8];
+        if (v[3] > most) {
+            most = v[3];
             best[0] = v[0];
             best[1] = v[1];
         }
