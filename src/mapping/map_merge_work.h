@@ -178,9 +178,8 @@ struct cairn_map_merge {
     merge_mode *modes;           /* [pairs][max_modes] */
     int32_t *mode_count;         /* [pairs] */
     merge_mode kept[MERGE_KEPT]; /* of the pair under way, the best first */
-    int32_t kept_count;
     merge_mode refined[MERGE_REFINED];
-    int32_t refined_count;
+    int32_t kept_count, refined_count;
     struct {
         cairn_real bins[MERGE_BINS];
         cairn_real turns[MERGE_TURNS_MOST];
