@@ -5,6 +5,7 @@
 #include "cairn/carmen_log.h"
 #include "cairn/corner.h"
 #include "cairn/csm_scan.h"
+#include "cairn/curve.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
 #include "cairn/file_error.h"
@@ -176,6 +177,10 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_csm_scans, scan, 0, 0)},
     {FIELD(cairn_csm_scans, count, 8, 8)},
     {FIELD(cairn_csm_scans, rays_most, 12, 12)},
+    {SIZE(cairn_curve, 16, 16)},
+    {FIELD(cairn_curve, points, 0, 0)},
+    {FIELD(cairn_curve, count, 8, 8)},
+    {FIELD(cairn_curve, closed, 12, 12)},
     {SIZE(cairn_edge_pixel, 4, 4)},
     {FIELD(cairn_edge_pixel, x, 0, 0)},
     {FIELD(cairn_edge_pixel, y, 2, 2)},
@@ -1013,7 +1018,10 @@ static const layout OPEN_STRUCTS[] = {
     {SIZE(cairn_report_force, 32, 16)},
     {FIELD(cairn_report_force, at, 0, 0)},
     {FIELD(cairn_report_force, force, 16, 8)},
-    {SIZE(cairn_report_frame, 80, 80)},
+    {SIZE(cairn_report_guess, 40, 20)},
+    {FIELD(cairn_report_guess, segment, 0, 0)},
+    {FIELD(cairn_report_guess, strength, 32, 16)},
+    {SIZE(cairn_report_frame, 88, 88)},
     {FIELD(cairn_report_frame, step, 0, 0)},
     {FIELD(cairn_report_frame, label, 8, 8)},
     {FIELD(cairn_report_frame, pose, 16, 16)},
@@ -1022,9 +1030,11 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_report_frame, value, 40, 40)},
     {FIELD(cairn_report_frame, region, 48, 48)},
     {FIELD(cairn_report_frame, force, 56, 56)},
-    {FIELD(cairn_report_frame, pose_count, 64, 64)},
-    {FIELD(cairn_report_frame, region_count, 68, 68)},
-    {FIELD(cairn_report_frame, force_count, 72, 72)},
+    {FIELD(cairn_report_frame, guess, 64, 64)},
+    {FIELD(cairn_report_frame, pose_count, 72, 72)},
+    {FIELD(cairn_report_frame, region_count, 76, 76)},
+    {FIELD(cairn_report_frame, force_count, 80, 80)},
+    {FIELD(cairn_report_frame, guess_count, 84, 84)},
     {SIZE(cairn_rigid_motion, 80, 40)},
     {FIELD(cairn_rigid_motion, centre, 0, 0)},
     {FIELD(cairn_rigid_motion, radius, 16, 8)},
