@@ -24,6 +24,16 @@ void test_assert_near(double actual, double expected, double tolerance, const ch
 #define assert_ok(call)             assert_int_equal(call, CAIRN_OK)
 #define assert_status(call, status) assert_int_equal(call, status)
 
+/* A call that refuses with a status, and tells in *fault what is wrong and, unless `where` is -1, with which item. */
+#define assert_fault(fault, call, status, where)                                                                       \
+    do {                                                                                                               \
+        (fault)->index = -7;                                                                                           \
+        (fault)->what = NULL;                                                                                          \
+        assert_int_equal(call, status);                                                                                \
+        assert_non_null((fault)->what);                                                                                \
+        assert_int_equal((fault)->index, where);                                                                       \
+    } while (0)
+
 /* 1e-12 in double and 1e-5 in float, say: NUMBER(1e-12, 1e-5). */
 #ifdef CAIRN_FLOAT
 #define NUMBER(in_double, in_float) (in_float)
@@ -39,6 +49,18 @@ void test_pool_free(cairn_pool *pool);
  * CAIRN_NO_MEMORY and leave the pool as it was; the last must return CAIRN_OK and use exactly `need`. */
 typedef cairn_status (*test_create)(void *context, cairn_pool *pool);
 void test_every_pool_size(test_create create, void *context, size_t need);
+
+/* An object whose step() is called until it no longer returns CAIRN_MORE; `tell` hashes what it has found. */
+typedef struct test_stepped {
+    cairn_status (*begin)(void *context);
+    cairn_status (*step)(void *context, cairn_budget *budget);
+    uint64_t (*tell)(void *context);
+    void *context;
+} test_stepped;
+
+/* Begun anew at any of `stops` places on its way it finds the same, in as many units as from the start: nothing is left of
+ * what it was at. */
+void test_begins_anew(const test_stepped *object, int32_t stops);
 
 /* FNV-1a over bytes, for golden hashes. Start with TEST_HASH_START. */
 #define TEST_HASH_START UINT64_C(14695981039346656037)

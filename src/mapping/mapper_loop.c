@@ -9,8 +9,9 @@
  *    run of successive ones.
  * 3. scan_match against the union of the key scans around the candidate, in the window that 1. leaves.
  * 4. What has no rival and does not put points into free space is a closure, at once when the window is small and holds no
- *    other place. In a wide one closures wait until several of them agree with each other and outnumber those that do not
- *    (as Olson 2009 asks of loops: what is wrong is seldom wrong alike).
+ *    other place. In a wide one it needs evidence for the way that it leads from where the path led, too, as the variances have
+ *    that (buildings repeat themselves, and the true place may not be in the map), and closures wait until several of them agree
+ *    with each other and outnumber those that do not (as Olson 2009 asks of loops: what is wrong is seldom wrong alike).
  *
  * Limits: a place is recognised only where the uncertainty of the path reaches it. */
 #include "src/core/build.h"
@@ -201,7 +202,8 @@ static void begin_candidate(cairn_mapper *mapper)
     int32_t key = loop->candidates[loop->candidate].key, half = mapper->params.loop.keys / 2;
     int32_t last = loop->query - mapper->params.loop.gap;
 
-    cairn_scan_match_clear_target(loop->match);
+    mapper->search_count = 0;
+    cairn_scan_match_clear_target(mapper->search);
     loop->target_from = key > half ? key - half : 0;
     loop->target_end = loop->target_from + mapper->params.loop.keys;
     if (loop->target_end > last)
@@ -217,7 +219,7 @@ static void target_item(cairn_mapper *mapper, cairn_budget *budget)
     cairn_scan_match_part part = cairn_mapper_key_part(mapper, key, mapper->oriented, mapper->beams);
 
     budget->left -= 2 + part.count / 2 + part.beam_count / 2;
-    if (cairn_scan_match_add_target(loop->match, &part, mapper->key_pose[key], NULL) != CAIRN_OK)
+    if (cairn_scan_match_add_target(mapper->search, &part, mapper->key_pose[key], NULL) != CAIRN_OK)
         loop->target_from = loop->target_end;
 }
 
@@ -232,9 +234,15 @@ static void begin_match(cairn_mapper *mapper, cairn_budget *budget)
     window.angle = 3 * cairn_sqrt(loop->turn_variance[key]) + CAIRN_REAL(0.1);
     loop->phase = LOOP_MATCH;
     budget->left -= 2 + loop->query_part.count / 4;
-    if (cairn_scan_match_begin(loop->match, &loop->query_part, mapper->key_pose[loop->query], &window, NULL) !=
+    if (cairn_scan_match_begin(mapper->search, &loop->query_part, mapper->key_pose[loop->query], &window, NULL) !=
         CAIRN_OK)
-        cairn_scan_match_clear_target(loop->match);
+        cairn_scan_match_clear_target(mapper->search);
+}
+
+void cairn_mapper_yield_match(cairn_mapper *mapper)
+{
+    if (mapper->loop.phase == LOOP_TARGET || mapper->loop.phase == LOOP_MATCH)
+        mapper->loop.phase = LOOP_CANDIDATE;
 }
 
 /* ---- The verdict ---- */
@@ -307,11 +315,22 @@ int32_t cairn_mapper_has_rival(const cairn_scan_match_result *result)
     return result->count > 1 && result->hypotheses[1].score > CAIRN_REAL(0.9) * result->hypotheses[0].score;
 }
 
+/* What speaks against a closure before anything is seen, in log odds: it leads so far from where the path led. */
+static cairn_real distance_cost(const cairn_mapper *mapper, const mapper_pending *closure)
+{
+    const mapper_loop *loop = &mapper->loop;
+    cairn_pose now = cairn_pose_between(mapper->key_pose[closure->first], mapper->key_pose[closure->second]);
+    cairn_pose off = cairn_pose_between(closure->first_second, now);
+
+    return (off.x * off.x + off.y * off.y) / loop->variance[closure->first] +
+           off.theta * off.theta / (2 * loop->turn_variance[closure->first]);
+}
+
 static void judge(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
     const cairn_mapper_loop_params *p = &mapper->params.loop;
-    cairn_scan_match_result result = cairn_scan_match_read(loop->match);
+    cairn_scan_match_result result = cairn_scan_match_read(mapper->search);
     const cairn_scan_match_hypothesis *h = result.hypotheses;
     int32_t key = loop->candidates[loop->candidate].key;
     mapper_pending closure;
@@ -331,6 +350,8 @@ static void judge(cairn_mapper *mapper)
         cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_CONTRADICTED);
     else if (reach_of(mapper, key) < p->window_near)
         accept(mapper, &closure);
+    else if (h->evidence - distance_cost(mapper, &closure) < p->evidence)
+        cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_UNLIKELY);
     else
         weigh(mapper, &closure);
 }
@@ -395,8 +416,12 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
         if (loop->candidate_count > 0) {
             loop->query_part = cairn_mapper_key_part(mapper, loop->query, loop->query_points, loop->query_beams);
             budget->left -= 2 + loop->query_part.count / 4 + loop->query_part.beam_count / 4;
-            begin_candidate(mapper);
+            loop->phase = LOOP_CANDIDATE;
         }
+        break;
+    case LOOP_CANDIDATE:
+        budget->left -= 1;
+        begin_candidate(mapper);
         break;
     case LOOP_TARGET:
         if (loop->target_from < loop->target_end)
@@ -405,14 +430,14 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
             begin_match(mapper, budget);
         break;
     case LOOP_MATCH:
-        status = cairn_scan_match_step(loop->match, budget);
+        status = cairn_scan_match_step(mapper->search, budget);
         if (status != CAIRN_OK)
             break;
         judge(mapper);
         budget->left -= 8 + 4 * MAPPER_PENDING;
         loop->phase = LOOP_IDLE;
         if (++loop->candidate < loop->candidate_count)
-            begin_candidate(mapper);
+            loop->phase = LOOP_CANDIDATE;
         break;
     default:
         status = cairn_mapper_solve_step(mapper, budget);
