@@ -50,7 +50,7 @@ static void of_map_merging(void **state)
         VALUE(p.max_maps, 16),     VALUE(p.max_cells, 2560000), VALUE(p.max_map_cells, 160000),
         VALUE(p.max_points, 2048), VALUE(p.max_segments, 256),  VALUE(p.max_corners, 48),
         VALUE(p.max_modes, 6),     VALUE(p.particles, 100),     VALUE(p.perception, CAIRN_MERGE_EVIDENCE),
-        VALUE(p.correlation, 10),  VALUE(p.min_score, 9),       VALUE(p.min_margin, 3),
+        VALUE(p.correlation, 10),  VALUE(p.min_score, 6),       VALUE(p.min_margin, 3),
         VALUE(p.seed, 1),
     };
 
