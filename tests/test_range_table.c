@@ -162,7 +162,8 @@ static void bad_heads_and_files_are_refused(void **state)
         assert_null(s.record);
     }
     assert_status(load(&s, &has_odometry, "time,0\n1,2\n", CAIRN_RANGE_TABLE_CSV, -1, &error), CAIRN_BAD_ARGUMENT);
-    assert_status(load(&s, &has_odometry, "time,0\n1,2\n", CAIRN_RANGE_TABLE_CSV, NAN, &error), CAIRN_BAD_ARGUMENT);
+    assert_status(load(&s, &has_odometry, "time,0\n1,2\n", CAIRN_RANGE_TABLE_CSV, (double)NAN, &error),
+                  CAIRN_BAD_ARGUMENT);
     assert_status(load(&s, &has_odometry, "time,0\n1,2\n", CAIRN_RANGE_TABLE_CSV, 1e9, &error), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_range_table_load(&s, &has_odometry, files_path("none"), CAIRN_RANGE_TABLE_CSV, NULL, &error),
                   CAIRN_IO);

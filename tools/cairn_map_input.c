@@ -37,7 +37,7 @@ static int join(map_input *input)
 
     for (int32_t i = 0; i < input->log_count; i++)
         count += input->log[i].scans.count;
-    input->record = count <= INT32_MAX ? malloc((size_t)count * sizeof *input->record) : NULL;
+    input->record = count <= INT32_MAX ? malloc(((size_t)count + 1) * sizeof *input->record) : NULL;
     if (input->record == NULL)
         return 0;
     for (int32_t i = 0; i < input->log_count; i++) {
