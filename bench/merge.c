@@ -11,6 +11,7 @@
 #include "bench/bench_json.h"
 #include "bench/bench_maps.h"
 #include "bench/bench_parts.h"
+#include "bench/bench_repeat.h"
 #include "bench/bench_score.h"
 #include "cairn/map_file.h"
 #include "cairn/output.h"
@@ -26,7 +27,7 @@ typedef struct settings {
     double overlap;
     const char *write;
     const char *maps, *perception;
-    int32_t decoy, pair, modes;
+    int32_t decoy, pair, repeat, modes;
 } settings;
 
 typedef struct outcome {
@@ -187,7 +188,7 @@ static int run_seed(const settings *s, int64_t seed, outcome *out)
     memset(out, 0, sizeof *out);
     memset(&other, 0, sizeof other);
     options.seed = (uint64_t)seed;
-    ok = bench_parts_make(&options, &parts);
+    ok = s->repeat ? bench_repeat_make(options.seed, options.resolution, &parts) : bench_parts_make(&options, &parts);
     if (ok && s->decoy) {
         options.seed += seed % 2 == 0 ? 0 : 500009;
         ok = bench_parts_make(&options, &other);
@@ -296,8 +297,8 @@ int main(int argc, char **argv)
                   .particles = 100,
                   .overlap = 30,
                   .perception = "evidence",
-                  .parts = {.scene = "rescue", .tile = 8, .resolution = 0.05, .places = 6}};
-    int64_t places = 6;
+                  .parts = {.scene = "rescue", .tile = 12, .resolution = 0.05, .places = 12}};
+    int64_t places = 12;
     const option table[] = {
         OPTION_INTEGER("--robots", &s.robots, 2, 63, "R", "maps, one a robot"),
         OPTION_NUMBER("--overlap", &s.overlap, 1, 95, "PERCENT",
@@ -310,6 +311,8 @@ int main(int argc, char **argv)
         OPTION_NUMBER("--tile", &s.parts.tile, 3, 20, "M", "side of a robot's part, m"),
         OPTION_INTEGER("--places", &places, 1, 64, "P", "from which a robot scans"),
         OPTION_FLAG("--pair", &s.pair, "two robots in an arena of 20 by 16 m"),
+        OPTION_FLAG("--repeat", &s.repeat,
+                    "three maps of a building with two rooms alike, which the third one tells apart"),
         OPTION_FLAG("--decoy", &s.decoy, "one map more, of another arena or of this one in a mirror"),
         OPTION_FLAG("--modes", &s.modes, "also the best places of every pair, beside the truth"),
         OPTION_TEXT("--write", &s.write, "DIR", "writes the maps of the last seed there, for cairn merge"),

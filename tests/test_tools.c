@@ -369,11 +369,14 @@ static void a_pose_for_every_scan(void **state)
         double error;
     } sample[] = {{"drive/scans.log", "map/poses.csv", "drive/truth.csv", "first matched predicted blind ", 1, 0.1},
                   {"places/scans.log", "align/poses.csv", "places/truth.csv", "placed uncertain apart blind ", 0, 0.05},
-                  {"places/scans.log", "lum/poses.csv", "places/truth.csv", "aligned apart blind ", 1, 0.2}};
+                  {"places/scans.log", "lum/poses.csv", "places/truth.csv", "aligned apart blind ", 1, 0.2},
+                  {"places/scans.log", "virtual/poses.csv", "places/truth.csv", "placed uncertain apart guessed blind ",
+                   0, 0.05}};
 
     (void)state;
     assert_done(programs_run("cairn align @/places/scans.log --method lum -o @/lum"));
-    for (size_t k = 0; k < 3; k++) {
+    assert_done(programs_run("cairn align @/places/scans.log --virtual -o @/virtual"));
+    for (size_t k = 0; k < sizeof sample / sizeof *sample; k++) {
         char *bytes = files_read(files_path(sample[k].poses), NULL);
         cairn_carmen_scans scans;
         cairn_pose_row *row;
@@ -532,19 +535,20 @@ static void help_and_version(void **state)
 /* The page that --report asks for: beside the other files, in a folder that is made, or in that at hand. */
 static void pages(void **state)
 {
-    static const char *const commands[] = {"map @/drive/scans.log",
-                                           "align @/places/scans.log --method gradient --steps 20",
-                                           "align @/places/scans.log", "align @/places/scans.log --method lum"};
+    static const char *const commands[] = {
+        "map @/drive/scans.log", "align @/places/scans.log --method gradient --steps 20", "align @/places/scans.log",
+        "align @/places/scans.log --method lum", "align @/places/scans.log --virtual --spread 0.05,1"};
     static const char *const pieces[][3] = {
         {"{\"title\":\"scans.log, mapped\"", "\"step_name\":\"scan\"", "\n{\"step\":29,\"label\":\""},
         {"{\"title\":\"scans.log, aligned\"", "\"step_name\":\"step\"", "\n{\"step\":20,\"label\":\"end\""},
         {"{\"title\":\"scans.log, aligned\"", "\"label\":\"12 parts, the largest of 1 scans\"",
          "scans placed, the others in red\""},
-        {"\"label\":\"start\"", " scans registered one after the other\"", "\"label\":\"iteration 1\""}};
+        {"\"label\":\"start\"", " scans registered one after the other\"", "\"label\":\"iteration 1\""},
+        {"\"name\":\"hypotheses\"", " scans placed, the others in red\"", "\"label\":\"end: "}};
     outcome o;
 
     (void)state;
-    for (int k = 0; k < 4; k++) {
+    for (size_t k = 0; k < sizeof commands / sizeof *commands; k++) {
         char *page[2];
         size_t count[2];
 
@@ -1103,6 +1107,8 @@ static void command_lines(void **state)
         {"cairn align @/drive/scans.log -o @/refused -x", "cairn align: ", "unknown option '-x'"},
         {"cairn align @/drive/scans.log -o @/refused --method magic",
          "cairn align: ", "unknown method 'magic', expected default, gradient or lum"},
+        {"cairn align @/drive/scans.log -o @/refused --method lum --virtual",
+         "cairn align: ", "--virtual with method lum, expected with method default"},
         {"cairn align @/drive/scans.log -o @/refused --spread 0,1", "cairn align: ", "--spread is '0,1'"},
         {"cairn align @/drive/scans.log -o @/refused --steps 0",
          "cairn align: ", "--steps is '0', expected a whole number from 1 to 100000"},
