@@ -960,13 +960,15 @@ static void scans_are_refused(void **state)
     params.max_points = 5;
     bed = make_bed(&params);
     assert_ok(cairn_aligner_add_scan(bed.aligner, &view, at, NULL));
-    assert_status(cairn_aligner_add_scan(bed.aligner, &view, at, NULL), CAIRN_FULL);
+    assert_fault(&fault, cairn_aligner_add_scan(bed.aligner, &view, at, &fault), CAIRN_FULL, -1);
+    assert_non_null(strstr(fault.what, "max_points"));
     end_bed(&bed);
     params.max_points = 50;
     params.max_segments = 3;
     bed = make_bed(&params);
     assert_ok(cairn_aligner_add_scan(bed.aligner, &view, at, NULL));
-    assert_status(cairn_aligner_add_scan(bed.aligner, &view, at, NULL), CAIRN_FULL);
+    assert_fault(&fault, cairn_aligner_add_scan(bed.aligner, &view, at, &fault), CAIRN_FULL, -1);
+    assert_non_null(strstr(fault.what, "max_segments"));
     end_bed(&bed);
 }
 
