@@ -360,7 +360,7 @@ static sighting make_sighting(uint64_t seed)
         cairn_rectangle *r = &s.truth[i];
 
         r->centre.x = (cairn_real)(12 * (i % 2) + uniform(&random, -2, 2));
-        r->centre.y = (cairn_real)(12 * (i / 2) + uniform(&random, -2, 2));
+        r->centre.y = (cairn_real)((i < 2 ? 0 : 12) + uniform(&random, -2, 2));
         r->centre.theta = (cairn_real)uniform(&random, 0, (double)CAIRN_PI / 2);
         r->half_length = (cairn_real)uniform(&random, 0.75, 3);
         r->half_width = (cairn_real)uniform(&random, 0.75, 3);
