@@ -385,7 +385,7 @@ static int is_same(const cairn_rectangle *a, const cairn_rectangle *b)
     cairn_rectangle_corners(a, p);
     cairn_rectangle_corners(b, q);
     for (int i = 0; i < 4; i++) {
-        double nearest = INFINITY;
+        double nearest = (double)INFINITY;
 
         for (int k = 0; k < 4; k++)
             nearest = fmin(nearest, (double)cairn_vec2_norm(cairn_vec2_sub(p[i], q[k])));
