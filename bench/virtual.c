@@ -2,7 +2,11 @@
  *
  * rooms: four rooms on a hallway, turned at random, five places, poses off by up to 25 units of 0.03 m and 15 degrees. A seed
  * is right when every scan lies within 4 units and 1 degree after the best common motion. rubble and round: the arenas of
- * bench/align, and those without a straight wall; shares as there. Each with hypotheses and without, on the same starts. */
+ * bench/align, and those without a straight wall; shares as there. Each with hypotheses and without, on the same starts.
+ * Without: what the aligner alone finds, or the field.
+ *
+ * detector: scenes of rectangles turned at random, of whose outline 60 % is seen in pieces with noise, among single pieces of
+ * walls; a rectangle is found when all its corners are within 0.3 m. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -21,7 +25,7 @@
 #define UNIT   0.03 /* m */
 
 typedef struct settings {
-    int64_t seeds, seed, arenas;
+    int64_t seeds, seed, arenas, scenes;
     int32_t steps; /* --steps: prints every virtual scan */
 } settings;
 
@@ -167,7 +171,9 @@ static void print_hypotheses(const cairn_virtual_align *align)
     }
 }
 
-static cairn_status align(const settings *s, const problem *p, cairn_scan *scan, cairn_virtual_align *align, row *out)
+/* alone: the aligner, and no more. */
+static cairn_status align(const settings *s, const problem *p, cairn_scan *scan, cairn_virtual_align *align,
+                          int32_t alone, row *out)
 {
     double start = bench_seconds();
     cairn_virtual_align_result result;
@@ -187,6 +193,8 @@ static cairn_status align(const settings *s, const problem *p, cairn_scan *scan,
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
         status = cairn_virtual_align_iterate(align, &budget);
+        if (alone)
+            break;
         if (s->steps)
             print_hypotheses(align);
     }
@@ -236,7 +244,7 @@ static int run(const settings *s, const problem *p, const method *m, row *out)
     if (status == CAIRN_OK)
         status = cairn_virtual_align_create(&aligned, &pool, &params);
     if (status == CAIRN_OK)
-        status = align(s, p, scan, aligned, out);
+        status = align(s, p, scan, aligned, m->align && !m->hypotheses, out);
     if (bytes > out->pool_bytes)
         out->pool_bytes = bytes;
     if (status != CAIRN_OK)
@@ -298,6 +306,159 @@ static int run_scene(const settings *s, const scene *from, int64_t seeds, const 
     return 1;
 }
 
+/* ---- The detector of rectangles alone ---- */
+
+enum { RECTANGLES = 4, PIECES = 256, STRAYS = 12 };
+
+typedef struct sighting {
+    cairn_rectangle truth[RECTANGLES];
+    cairn_segment pieces[PIECES];
+    int32_t count;
+} sighting;
+
+static double uniform(cairn_random *random, double low, double high)
+{
+    return (double)cairn_random_uniform(random, (cairn_real)low, (cairn_real)high);
+}
+
+static void add_piece(sighting *s, cairn_vec2 a, cairn_vec2 b, cairn_random *random)
+{
+    const double noise = 0.015;
+    cairn_segment *piece = &s->pieces[s->count++];
+
+    piece->a.x = a.x + (cairn_real)(noise * (double)cairn_random_normal(random));
+    piece->a.y = a.y + (cairn_real)(noise * (double)cairn_random_normal(random));
+    piece->b.x = b.x + (cairn_real)(noise * (double)cairn_random_normal(random));
+    piece->b.y = b.y + (cairn_real)(noise * (double)cairn_random_normal(random));
+}
+
+/* Of every side 60 %: two pieces, with gaps between and beside them drawn at random. */
+static void see_rectangle(sighting *s, const cairn_rectangle *r, cairn_random *random)
+{
+    cairn_vec2 corner[4];
+
+    cairn_rectangle_corners(r, corner);
+    for (int i = 0; i < 4; i++) {
+        cairn_vec2 a = corner[i], way = cairn_vec2_sub(corner[(i + 1) % 4], a);
+        double first = uniform(random, 0.2, 0.4), gap[2] = {uniform(random, 0, 0.2), uniform(random, 0, 0.2)};
+        double at[4] = {gap[0], gap[0] + first, gap[0] + first + gap[1], gap[0] + gap[1] + 0.6};
+
+        for (int k = 0; k < 4; k += 2)
+            add_piece(s, cairn_vec2_add(a, cairn_vec2_scale(way, (cairn_real)at[k])),
+                      cairn_vec2_add(a, cairn_vec2_scale(way, (cairn_real)at[k + 1])), random);
+    }
+}
+
+/* Rooms in the quarters of a square of 24 m, and walls that belong to nothing. */
+static sighting make_sighting(uint64_t seed)
+{
+    cairn_random random = cairn_random_seed(seed, 81);
+    sighting s;
+
+    memset(&s, 0, sizeof s);
+    for (int i = 0; i < RECTANGLES; i++) {
+        cairn_rectangle *r = &s.truth[i];
+
+        r->centre.x = (cairn_real)(12 * (i % 2) + uniform(&random, -2, 2));
+        r->centre.y = (cairn_real)((i < 2 ? 0 : 12) + uniform(&random, -2, 2));
+        r->centre.theta = (cairn_real)uniform(&random, 0, (double)CAIRN_PI / 2);
+        r->half_length = (cairn_real)uniform(&random, 0.75, 3);
+        r->half_width = (cairn_real)uniform(&random, 0.75, 3);
+        see_rectangle(&s, r, &random);
+    }
+    for (int i = 0; i < STRAYS; i++) {
+        double angle = uniform(&random, 0, 2 * (double)CAIRN_PI), length = uniform(&random, 0.3, 3);
+        cairn_vec2 a = {(cairn_real)uniform(&random, -6, 18), (cairn_real)uniform(&random, -6, 18)}, b = a;
+
+        b.x += (cairn_real)(length * cos(angle));
+        b.y += (cairn_real)(length * sin(angle));
+        add_piece(&s, a, b, &random);
+    }
+    return s;
+}
+
+/* Every corner of one is near one of the other. */
+static int is_same(const cairn_rectangle *a, const cairn_rectangle *b)
+{
+    cairn_vec2 p[4], q[4];
+
+    cairn_rectangle_corners(a, p);
+    cairn_rectangle_corners(b, q);
+    for (int i = 0; i < 4; i++) {
+        double nearest = (double)INFINITY;
+
+        for (int k = 0; k < 4; k++)
+            nearest = fmin(nearest, (double)cairn_vec2_norm(cairn_vec2_sub(p[i], q[k])));
+        if (nearest > 0.3)
+            return 0;
+    }
+    return 1;
+}
+
+/* Adds how many of a scene's rectangles were found, and how many others. */
+static void count_found(const sighting *s, const cairn_rectangle *list, int32_t count, int32_t *found, int32_t *wrong)
+{
+    for (int i = 0; i < RECTANGLES; i++) {
+        int32_t k = 0;
+
+        while (k < count && !is_same(&s->truth[i], &list[k]))
+            k++;
+        *found += k < count;
+    }
+    for (int32_t k = 0; k < count; k++) {
+        int i = 0;
+
+        while (i < RECTANGLES && !is_same(&s->truth[i], &list[k]))
+            i++;
+        *wrong += i == RECTANGLES;
+    }
+}
+
+/* As virtual_scan asks for them. */
+static int run_detector(const settings *s, int64_t scenes)
+{
+    cairn_rectangle_params params = cairn_virtual_scan_default().rectangle;
+    cairn_rectangle_set *set = NULL;
+    int32_t found = 0, wrong = 0;
+    cairn_status status;
+    cairn_pool pool;
+    size_t bytes;
+    void *memory;
+
+    params.max_segments = PIECES;
+    bytes = cairn_rectangle_memory(&params) + CAIRN_ALIGN;
+    memory = malloc(bytes);
+    status = memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);
+    if (status == CAIRN_OK)
+        status = cairn_rectangle_create(&set, &pool, &params);
+    for (int64_t i = 0; i < scenes && status == CAIRN_OK; i++) {
+        sighting sight = make_sighting((uint64_t)(s->seed + i));
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+        int32_t count;
+
+        status = cairn_rectangle_begin(set, sight.pieces, sight.count);
+        if (status == CAIRN_OK)
+            status = cairn_rectangle_step(set, &budget);
+        if (status == CAIRN_OK) {
+            const cairn_rectangle *list = cairn_rectangle_list(set, &count);
+
+            count_found(&sight, list, count, &found, &wrong);
+        }
+    }
+    free(memory);
+    if (status != CAIRN_OK) {
+        fprintf(stderr, "bench/virtual: %s\n", cairn_status_text(status));
+        return 0;
+    }
+    bench_json_begin("virtual");
+    bench_json_text("scene", "detector");
+    bench_json_integer("seeds", scenes);
+    bench_json_number("found", (double)found / (double)(RECTANGLES * scenes));
+    bench_json_number("false_per_scene", (double)wrong / (double)scenes);
+    bench_json_end();
+    return 1;
+}
+
 int main(int argc, char **argv)
 {
     static const scene rooms = {"rooms", SIM_ROOMS, 5, 1, 360, 25 * UNIT, 15};
@@ -308,22 +469,25 @@ int main(int argc, char **argv)
         {"gradient with hypotheses", 0, 1, 30 * UNIT}, {"gradient without", 0, 0, 30 * UNIT},
         {"gradient without", 0, 0, 80 * UNIT},
     };
-    settings s = {100, 1, 20, 0};
+    settings s = {100, 1, 20, 200, 0};
     const option table[] = {
-        OPTION_INTEGER("--seeds", &s.seeds, 1, 1000, "N", "rooms to align"),
+        OPTION_INTEGER("--seeds", &s.seeds, 0, 1000, "N", "rooms to align"),
         OPTION_INTEGER("--arenas", &s.arenas, 0, 1000, "N", "arenas with rubble, and with round walls, to align"),
+        OPTION_INTEGER("--scenes", &s.scenes, 0, 100000, "N", "scenes for the detector of rectangles"),
         OPTION_INTEGER("--seed", &s.seed, 0, 1000000000, "N", "first seed"),
         OPTION_FLAG("--steps", &s.steps, "print the hypotheses of every step"),
     };
     const option_set set = {"bench/virtual", "[options]", "Measures what virtual scans are worth.", table,
                             sizeof table / sizeof *table};
-    row in_rooms[5], in_rubble[2] = {{0}}, in_round[2] = {{0}};
+    row in_rooms[5] = {{0}}, in_rubble[2] = {{0}}, in_round[2] = {{0}};
     size_t none = 0;
     option_result result = options_read(&set, argc, argv, NULL, &none);
 
     if (result != OPTIONS_READ)
         return (int)result;
-    if (!run_scene(&s, &rooms, s.seeds, rooms_methods, 5, 4 * UNIT, in_rooms))
+    if (s.scenes > 0 && !run_detector(&s, s.scenes))
+        return 1;
+    if (s.seeds > 0 && !run_scene(&s, &rooms, s.seeds, rooms_methods, 5, 4 * UNIT, in_rooms))
         return 1;
     if (s.arenas > 0 && (!run_scene(&s, &rubble, s.arenas, rooms_methods, 2, 0.05, in_rubble) ||
                          !run_scene(&s, &curved, s.arenas, rooms_methods, 2, 0.05, in_round)))

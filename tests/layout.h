@@ -35,6 +35,7 @@
 #include "cairn/pose_graph_file.h"
 #include "cairn/pose_table.h"
 #include "cairn/random.h"
+#include "cairn/range_table.h"
 #include "cairn/raster.h"
 #include "cairn/real.h"
 #include "cairn/rectangle.h"
@@ -584,6 +585,13 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_mapper_loop, second, 4, 4)},
     {FIELD(cairn_mapper_loop, first_second, 8, 8)},
     {FIELD(cairn_mapper_loop, verdict, 32, 20)},
+    {SIZE(cairn_mapper_link, 88, 52)},
+    {FIELD(cairn_mapper_link, first, 0, 0)},
+    {FIELD(cairn_mapper_link, second, 4, 4)},
+    {FIELD(cairn_mapper_link, first_second, 8, 8)},
+    {FIELD(cairn_mapper_link, information, 32, 20)},
+    {FIELD(cairn_mapper_link, is_loop, 80, 44)},
+    {FIELD(cairn_mapper_link, dropped, 84, 48)},
     {SIZE(cairn_point_grid_params, 16, 8)},
     {FIELD(cairn_point_grid_params, max_points, 0, 0)},
     {FIELD(cairn_point_grid_params, cell, 8, 4)},

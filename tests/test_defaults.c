@@ -118,7 +118,7 @@ static void of_hypotheses(void **state)
         VALUE(align.field.roi, 0),
         VALUE(align.hypotheses.spacing, 0.3),
         VALUE(align.hypotheses.weight, 3),
-        VALUE(align.every, 10),
+        VALUE(align.every, 15),
         VALUE(align.max_rounds, 2),
         VALUE(align.align, 1),
         VALUE(hough.max_lines, 32),

@@ -240,7 +240,7 @@ int tool_align(int argc, char **argv)
     result = read_settings(&s, argc, argv);
     if (result != OPTIONS_READ)
         return result;
-    if (map_output_check(s.folder, s.report, &error) != CAIRN_OK)
+    if (map_output_check(s.folder, 0, s.report, &error) != CAIRN_OK)
         return tool_report(&error);
     code = tool_load(&log, s.log, s.range_max, s.quiet);
     if (code != TOOL_OK)

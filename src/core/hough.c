@@ -189,7 +189,6 @@ cairn_status cairn_hough_begin(cairn_hough *hough, const cairn_oriented_point *p
     hough->weights = weights;
     hough->count = count;
     hough->cursor = 0;
-    hough->paid = 0;
     hough->box.min.x = hough->box.min.y = LIMIT;
     hough->box.max.x = hough->box.max.y = -LIMIT;
     hough->peak_count = 0;

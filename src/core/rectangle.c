@@ -144,10 +144,8 @@ cairn_status cairn_rectangle_begin(cairn_rectangle_set *set, const cairn_segment
     set->list_count = 0;
     set->dropped = 0;
     set->cursor = 0;
-    set->against = 0;
     set->best = -1;
     set->is_open = 0;
-    set->paid = 0;
     set->phase = RECTANGLE_LENGTHS;
     return CAIRN_OK;
 }
