@@ -45,15 +45,15 @@ typedef struct cairn_place_map_params {
     int32_t rounds;           /* >= 0: times at most that every place is matched again with the map of the others */
     int32_t sweeps;           /* >= 0: of the refinement */
     cairn_place_map_decoupling decoupled;
-    cairn_real sight_reach;  /* m, > 0: how far from a place what it saw is kept */
-    cairn_real sight_cell;   /* m, > 0: side of the cells that keep it */
-    cairn_real sight_margin; /* m, > 0: of a surface, within which another surface may lie */
-    cairn_real for_point;    /* nats, > 0, for a point on a surface of its direction of the other place, ... */
-    cairn_real
-        for_floating;     /* ... > 0, for one of a small body or with free space behind both ends of its surface, ... */
-    cairn_real for_rough; /* ... > 0, for one on a surface that is too rough to have a direction, ... */
+    cairn_real sight_reach;   /* m, > 0: how far from a place what it saw is kept */
+    cairn_real sight_cell;    /* m, > 0: side of the cells that keep it */
+    cairn_real sight_margin;  /* m, > 0: of a surface, within which another surface may lie */
+    cairn_real for_point;     /* nats, > 0, for a point on a surface of its direction of the other place, ... */
+    cairn_real for_floating;  /* ... > 0, for one of a small round body on such a body of the other place, ... */
+    cairn_real for_back;      /* ... > 0, for one on the other side of a wall, less when they are many, ... */
+    cairn_real for_rough;     /* ... > 0, for one on a surface that is too rough to have a direction, ... */
     cairn_real against_point; /* ... and, > 0, against the pose for one in space that the other saw free; ... */
-    cairn_real floating;      /* in [0, 1]: times this for small bodies and free ends, which may have moved meanwhile */
+    cairn_real floating;      /* in [0, 1]: times this for points of small bodies, which may have moved meanwhile */
     cairn_real chance;        /* nats, >= 0, that are taken off hypotheses, as the best of many reach them by chance */
     cairn_scan_match_params match;         /* its max_target ... max_query are not read */
     cairn_pose_consensus_params consensus; /* its max_nodes is not read */
@@ -61,8 +61,8 @@ typedef struct cairn_place_map_params {
 } cairn_place_map_params;
 
 /* Consensus; 16 places, 64 scans, 1024 points and 2048 beams a place; 3 recent; 4 rounds, 3 sweeps, coupled; sight
- * 8 m, 0.05 m, margin 0.10 m; 0.08, 0.14 and 0.6 nats for and 0.65 against, floating 0.15; chance 0; of the match 12
- * hypotheses of 512 candidates; of the consensus 4096 hypotheses, ambiguous from 1e-5. */
+ * 8 m, 0.05 m, margin 0.10 m; 0.05, 0.25, 0.3 and 0.65 nats for and 0.6 against, floating 0.05; chance 0; of the match 40
+ * hypotheses of 768 candidates; of the consensus 4096 hypotheses, ambiguous from 1e-5. */
 cairn_place_map_params cairn_place_map_default(void);
 
 /* 0 for params that create() would refuse. */

@@ -37,15 +37,16 @@ cairn_place_map_params cairn_place_map_default(void)
     params.sight_reach = 8;
     params.sight_cell = CAIRN_REAL(0.05);
     params.sight_margin = CAIRN_REAL(0.1);
-    params.for_point = CAIRN_REAL(0.08);
-    params.for_floating = CAIRN_REAL(0.14);
-    params.for_rough = CAIRN_REAL(0.6);
-    params.against_point = CAIRN_REAL(0.65);
-    params.floating = CAIRN_REAL(0.15);
+    params.for_point = CAIRN_REAL(0.05);
+    params.for_floating = CAIRN_REAL(0.25);
+    params.for_back = CAIRN_REAL(0.3);
+    params.for_rough = CAIRN_REAL(0.65);
+    params.against_point = CAIRN_REAL(0.6);
+    params.floating = CAIRN_REAL(0.05);
     params.chance = 0;
     params.match = cairn_scan_match_default();
-    params.match.max_candidates = 512;
-    params.match.max_hypotheses = 12;
+    params.match.max_candidates = 768;
+    params.match.max_hypotheses = 40;
     params.consensus = cairn_pose_consensus_default();
     params.consensus.max_hypotheses = 4096;
     params.consensus.ambiguous = CAIRN_REAL(1e-5); /* nats of points that hang together are worth less */
@@ -74,9 +75,9 @@ static int params_are_good(const cairn_place_map_params *p)
 {
     return p != NULL && counts_are_good(p) && is_positive(p->sight_reach) && is_positive(p->sight_cell) &&
            is_positive(p->sight_margin) && p->sight_margin <= 20 * p->sight_cell && is_positive(p->for_point) &&
-           is_positive(p->for_floating) && is_positive(p->for_rough) && is_positive(p->against_point) &&
-           p->floating >= 0 && p->floating <= 1 && p->chance >= 0 && p->chance <= CAIRN_REAL(1e6) &&
-           cairn_place_map_side(p) > 0;
+           is_positive(p->for_floating) && is_positive(p->for_back) && is_positive(p->for_rough) &&
+           is_positive(p->against_point) && p->floating >= 0 && p->floating <= 1 && p->chance >= 0 &&
+           p->chance <= CAIRN_REAL(1e6) && cairn_place_map_side(p) > 0;
 }
 
 /* Params of the objects within: the capacities follow from those of the map. */

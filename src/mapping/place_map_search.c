@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "cairn/small_matrix.h"
 #include "src/mapping/place_map_work.h"
 
 enum { POINTS_TO_UNIT = 16, CELLS_TO_UNIT = 1024, DECOUPLED_SWEEPS = 10 };
@@ -10,6 +11,12 @@ enum { POINTS_TO_UNIT = 16, CELLS_TO_UNIT = 1024, DECOUPLED_SWEEPS = 10 };
 /* What a scan may be off within its place, when it is aligned by itself. */
 static const cairn_real SUB_SIGMA = CAIRN_REAL(0.03);
 static const cairn_real SUB_SIGMA_ANGLE = CAIRN_REAL(0.02);
+
+/* Nats of a pair that are worth keeping: bodies that have walked speak against a pose until the map tells. */
+static const cairn_real LEAST_EVIDENCE = -3;
+
+/* Standard deviations within which evidence changes little, m and rad. */
+static const cairn_real WEIGHED = CAIRN_REAL(0.1), WEIGHED_ANGLE = CAIRN_REAL(0.03);
 
 static void enter(cairn_place_map *map, cairn_place_map_phase phase)
 {
@@ -42,19 +49,32 @@ static void see_item(cairn_place_map *map)
 
 /* ---- Matching ---- */
 
+/* The points of a scan that are worth matching: not those on bodies, until a map tells which of them have stayed. */
+static int32_t copy_points(const cairn_place_map *map, const cairn_place_scan *scan, cairn_pose pose,
+                           cairn_oriented_point *out)
+{
+    cairn_transform t = cairn_transform_of(pose);
+    int32_t count = 0;
+
+    for (int32_t i = scan->first_point; i < scan->first_point + scan->point_count; i++)
+        if (map->round > 0 ? map->doubt[i] < CAIRN_POINT_SUSPECT : map->doubt[i] == CAIRN_POINT_SOUND) {
+            out[count].position = cairn_transform_point(t, map->points[i].position);
+            out[count++].direction = cairn_transform_direction(t, map->points[i].direction);
+        }
+    return count;
+}
+
 static void add_to_target(cairn_place_map *map, int32_t place, cairn_pose target_place)
 {
     const cairn_place *here = &map->places[place];
 
     for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++) {
         const cairn_place_scan *scan = &map->scans[s];
-        cairn_scan_match_part part = {map->points + scan->first_point,
-                                      NULL,
-                                      map->beams + scan->first_beam,
-                                      scan->point_count,
-                                      0,
-                                      scan->beam_count};
-        cairn_status status =
+        cairn_scan_match_part part = {map->query_points, NULL, map->beams + scan->first_beam, 0, 0, scan->beam_count};
+        cairn_status status;
+
+        part.count = copy_points(map, scan, cairn_pose_identity(), map->query_points);
+        status =
             cairn_scan_match_add_target(map->match, &part, cairn_pose_compose(target_place, scan->place_scan), NULL);
 
         CAIRN_ASSERT(status == CAIRN_OK);
@@ -88,12 +108,7 @@ static void add_to_query(cairn_place_map *map, const cairn_place_scan *scan, cai
 {
     cairn_transform t = cairn_transform_of(query_scan);
 
-    for (int32_t i = 0; i < scan->point_count; i++) {
-        const cairn_oriented_point *point = &map->points[scan->first_point + i];
-
-        map->query_points[part->count].position = cairn_transform_point(t, point->position);
-        map->query_points[part->count++].direction = cairn_transform_direction(t, point->direction);
-    }
+    part->count += copy_points(map, scan, query_scan, map->query_points + part->count);
     for (int32_t i = 0; i < scan->beam_count && scan->place == map->query; i++) {
         cairn_beam beam = map->beams[scan->first_beam + i];
 
@@ -134,6 +149,28 @@ static cairn_scan_match_part query_part(cairn_place_map *map)
     return part;
 }
 
+/* The evidence of a hypothesis holds where it was weighed: directions in which the match left the pose open are bounded, so
+ * that it does not speak for poses along a wall or about a round body that were never looked at. */
+static void bound_covariance(const cairn_real in[9], cairn_real out[9])
+{
+    cairn_sym3 covariance = {in[0], in[1], in[2], in[4], in[5], in[8]}, information, bounded;
+
+    memcpy(out, in, 9 * sizeof *out);
+    if (!cairn_sym3_inverse(covariance, &information))
+        return;
+    information.xx += 1 / (WEIGHED * WEIGHED);
+    information.yy += 1 / (WEIGHED * WEIGHED);
+    information.zz += 1 / (WEIGHED_ANGLE * WEIGHED_ANGLE);
+    if (!cairn_sym3_inverse(information, &bounded))
+        return;
+    out[0] = bounded.xx;
+    out[1] = out[3] = bounded.xy;
+    out[2] = out[6] = bounded.xz;
+    out[4] = bounded.yy;
+    out[5] = out[7] = bounded.yz;
+    out[8] = bounded.zz;
+}
+
 /* When the store is full no more is taken: what came first came from better matches. */
 static void keep_hypothesis(cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second,
                             const cairn_real covariance[9])
@@ -145,7 +182,7 @@ static void keep_hypothesis(cairn_place_map *map, int32_t first, int32_t second,
     kept->first = first;
     kept->second = second;
     kept->first_second = first_second;
-    memcpy(kept->covariance, covariance, sizeof kept->covariance);
+    bound_covariance(covariance, kept->covariance);
     map->hypothesis_count++;
 }
 
@@ -204,11 +241,12 @@ static void take_result(cairn_place_map *map)
         return;
     }
     for (int32_t k = 0; k < found.count; k++) {
-        if (map->round == 0)
-            keep_hypothesis(map, map->place, map->query, found.hypotheses[k].target_query,
-                            found.hypotheses[k].covariance);
-        else
-            take_in_map(map, &found.hypotheses[k]);
+        const cairn_scan_match_hypothesis *h = &found.hypotheses[k];
+
+        if (map->round > 0)
+            take_in_map(map, h);
+        else if (weigh(map, map->place, map->query, h->target_query) > LEAST_EVIDENCE)
+            keep_hypothesis(map, map->place, map->query, h->target_query, h->covariance);
     }
 }
 

@@ -1,11 +1,14 @@
 /* place_map: what places saw, by cells, and what two of them say for a relative pose.
  *
  * A beam clears the cells that it crosses up to a margin before its end; cells within the margin of a hit are surface, with
- * the direction of the nearest line where there is one. A point of another place on a surface of its direction speaks for
- * the pose, one in a cell that was seen free against it: that is what tells true from false hypotheses of little
- * overlap, as walls cannot stand where another scan saw through. What a point weighs follows a logistic regression of right
- * against wrong hypotheses in simulated arenas, bare, with tilted scans and with people: walls lie on walls by chance, small
- * bodies less often, and rough surfaces hardly ever; small bodies may have walked away in the meantime. */
+ * the direction of the nearest line where there is one, and what no beam cleared just behind a surface may be the inside
+ * of a wall. A point of another place on a surface of its direction speaks for the pose, one in a cell that was seen free
+ * against it, as walls cannot stand where another scan saw through; what tells most between places that see little in
+ * common is the other side of a wall, which hardly ever comes to lie behind a surface by chance.
+ *
+ * Small round things with free space beside them may be people: in another place's free space they say next to nothing, on
+ * one another much, as those that stay are few and apart. What a point weighs follows a logistic regression of right
+ * against wrong hypotheses in simulated arenas, bare, with tilted scans and with people. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -14,12 +17,20 @@
 
 enum { MOST_CELLS = 4096, CELLS_TO_UNIT = 16, POINTS_TO_UNIT = 32 };
 
-/* Surfaces agree when their directions differ by less than this cosine and half a bin. */
-static const cairn_real LEAST_COSINE = CAIRN_REAL(-0.2);
+/* Surfaces agree when their directions differ by less than this cosine and half a bin, and are the two sides of a wall when
+ * one of them turned about would agree. */
+static const cairn_real LEAST_COSINE = CAIRN_REAL(0.8);
+/* Of so many points on other sides of walls each counts half: those of one wall tell no more than that there is one. */
+static const cairn_real MANY = 16;
+static const cairn_real BACKS_MOST = 4; /* times the rest that speaks for a pose */
+/* Walls may be so thick, m. */
+static const cairn_real THICKEST = CAIRN_REAL(0.25);
 /* Neighbouring beams that end farther apart in depth than this, m, are on different surfaces. */
 static const cairn_real JUMP = CAIRN_REAL(0.15);
-/* What is no broader than this, m, may be a body that walks. */
-static const cairn_real BODY = CAIRN_REAL(0.6);
+/* What is no broader than this, m, may be a body that walks, or two of them that stand together and are seen whole. */
+static const cairn_real BODY = CAIRN_REAL(0.6), PAIR = 1;
+/* A body bulges from its chord by this share, and what is smaller, m, has too few hits to tell. */
+static const cairn_real BULGE = CAIRN_REAL(0.1), SMALL = CAIRN_REAL(0.2);
 /* A hit with no evenly spaced point so near, m, is on a rough surface. */
 static const cairn_real ROUGH = CAIRN_REAL(0.12);
 /* An evenly spaced point belongs to the beams that end so near, m. */
@@ -63,24 +74,51 @@ static void clear_beam(cairn_place_map *map, int32_t place, const cairn_beam *be
     map->debt += steps / CELLS_TO_UNIT;
 }
 
-/* Cells within the margin of p become `value`, unless they are more than that already. */
+/* A cell shows the most telling of what was seen there; of surfaces of known direction the first. */
+static void mark(cairn_place_map *map, int32_t place, cairn_vec2 p, uint8_t value)
+{
+    int32_t at = cell_of(map, p);
+    uint8_t *cell = at >= 0 ? &sight_of(map, place)[at] : NULL;
+
+    if (cell != NULL && *cell < (value < CAIRN_SIGHT_DIRECTION ? value : CAIRN_SIGHT_DIRECTION))
+        *cell = value;
+}
+
+/* Cells within the margin of p become `value`. */
 static void mark_surface(cairn_place_map *map, int32_t place, cairn_vec2 p, uint8_t value)
 {
-    uint8_t *sight = sight_of(map, place);
     cairn_real cell = map->params.sight_cell, margin = map->params.sight_margin;
     int32_t reach = cairn_real_to_int(cairn_ceil(margin / cell));
 
     for (int32_t j = -reach; j <= reach; j++)
         for (int32_t i = -reach; i <= reach; i++) {
             cairn_vec2 off = {(cairn_real)i * cell, (cairn_real)j * cell};
-            int32_t at = cell_of(map, cairn_vec2_add(p, off));
 
-            if (at >= 0 && cairn_vec2_norm_squared(off) <= margin * margin && sight[at] < CAIRN_SIGHT_DIRECTION)
-                sight[at] = value;
+            if (cairn_vec2_norm_squared(off) <= margin * margin)
+                mark(map, place, cairn_vec2_add(p, off), value);
         }
     map->debt += 1 + (2 * reach + 1) * (2 * reach + 1) / CELLS_TO_UNIT;
 }
 
+/* What no beam cleared behind a surface may be the inside of a wall, whose other side another place sees. */
+static void mark_behind(cairn_place_map *map, int32_t place, const cairn_oriented_point *point, uint8_t value)
+{
+    cairn_vec2 back = cairn_vec2_scale(cairn_vec2_left(point->direction), -map->params.sight_cell / 2);
+    cairn_vec2 along = cairn_vec2_scale(point->direction, map->params.sight_cell / 2);
+    int32_t steps = cairn_real_to_int(cairn_ceil(THICKEST / map->params.sight_cell * 2));
+
+    for (int32_t k = 0; k < steps; k++)
+        for (int32_t i = -1; i <= 1; i++) {
+            cairn_vec2 p = cairn_vec2_add(point->position, cairn_vec2_scale(back, (cairn_real)k));
+
+            p = cairn_vec2_add(p, cairn_vec2_scale(along, (cairn_real)i));
+            if (cell_of(map, p) >= 0 && sight_of(map, place)[cell_of(map, p)] == CAIRN_SIGHT_UNKNOWN)
+                mark(map, place, p, value);
+        }
+    map->debt += 1 + 3 * steps / CELLS_TO_UNIT;
+}
+
+/* The nearest of the directions. */
 static uint8_t code_of(const cairn_place_map *map, cairn_vec2 direction)
 {
     int32_t best = 0;
@@ -88,7 +126,7 @@ static uint8_t code_of(const cairn_place_map *map, cairn_vec2 direction)
     for (int32_t k = 1; k < CAIRN_SIGHT_DIRECTIONS; k++)
         if (cairn_vec2_dot(map->directions[k], direction) > cairn_vec2_dot(map->directions[best], direction))
             best = k;
-    return (uint8_t)(CAIRN_SIGHT_DIRECTION + best);
+    return (uint8_t)best;
 }
 
 static cairn_beam placed_beam(cairn_transform transform, cairn_beam beam)
@@ -110,6 +148,20 @@ static int has_point_near(cairn_place_map *map, const cairn_place_scan *scan, ca
     return 0;
 }
 
+static void see_point(cairn_place_map *map, int32_t place, int32_t index, cairn_transform transform)
+{
+    cairn_oriented_point point = {cairn_transform_point(transform, map->points[index].position),
+                                  cairn_transform_direction(transform, map->points[index].direction)};
+    uint8_t code = code_of(map, point.direction);
+
+    if (map->doubt[index] & CAIRN_POINT_FLOATING) {
+        mark_surface(map, place, point.position, CAIRN_SIGHT_BODY);
+        return;
+    }
+    mark_surface(map, place, point.position, (uint8_t)(CAIRN_SIGHT_DIRECTION + code));
+    mark_behind(map, place, &point, (uint8_t)(CAIRN_SIGHT_BEHIND + code));
+}
+
 /* Items: all beams clear, then all points mark, then all hits mark that have no point near them. */
 int32_t cairn_place_map_see(cairn_place_map *map, int32_t place, int32_t item)
 {
@@ -125,28 +177,61 @@ int32_t cairn_place_map_see(cairn_place_map *map, int32_t place, int32_t item)
         index -= pass == 1 ? map->scans[s].point_count : map->scans[s].beam_count;
     transform = cairn_transform_of(map->scans[s].place_scan);
     if (pass == 1) {
-        const cairn_oriented_point *point = &map->points[map->scans[s].first_point + index];
-
-        mark_surface(map, place, cairn_transform_point(transform, point->position),
-                     code_of(map, cairn_transform_direction(transform, point->direction)));
+        see_point(map, place, map->scans[s].first_point + index, transform);
     } else {
         cairn_beam in_scan = map->beams[map->scans[s].first_beam + index], beam = placed_beam(transform, in_scan);
 
         if (pass == 0 && beam.kind != CAIRN_BEAM_UNKNOWN)
             clear_beam(map, place, &beam);
         if (pass == 2 && beam.kind == CAIRN_BEAM_HIT && !has_point_near(map, &map->scans[s], in_scan.to))
-            mark_surface(map, place, beam.to, CAIRN_SIGHT_SURFACE);
+            mark_surface(map, place, beam.to, CAIRN_SIGHT_ROUGH);
     }
     map->debt++;
     return 1;
 }
 
-/* Nats of the points of one place in the sight of another. */
-static cairn_real half_evidence(const cairn_place_map *map, int32_t seer, int32_t seen, cairn_pose seer_seen)
+/* What two places say for and against a relative pose. */
+struct evidence {
+    cairn_real pro, contra; /* nats */
+    int32_t backs;          /* points on the other sides of walls */
+};
+
+/* A point of known direction on a surface that stays, or just behind one. */
+static void weigh_on_surface(const cairn_place_map *map, uint8_t code, cairn_vec2 direction, struct evidence *evidence)
+{
+    int32_t is_behind = code < CAIRN_SIGHT_ROUGH;
+    cairn_vec2 seen = map->directions[code - (is_behind ? CAIRN_SIGHT_BEHIND : CAIRN_SIGHT_DIRECTION)];
+    cairn_real cosine = cairn_vec2_dot(seen, direction);
+
+    evidence->backs += cosine < -LEAST_COSINE;
+    if (cosine > LEAST_COSINE && !is_behind)
+        evidence->pro += map->params.for_point;
+}
+
+/* A point, by what the other place saw where it lies. */
+static void weigh_point(const cairn_place_map *map, uint8_t code, cairn_vec2 direction, int is_body,
+                        struct evidence *evidence)
+{
+    const cairn_place_map_params *params = &map->params;
+
+    if (code == CAIRN_SIGHT_FREE)
+        evidence->contra += params->against_point * (is_body ? params->floating : 1);
+    else if (code == CAIRN_SIGHT_ROUGH)
+        evidence->pro += params->for_rough;
+    else if (code == CAIRN_SIGHT_BODY)
+        evidence->pro += is_body ? params->for_floating : params->for_point;
+    else if (code != CAIRN_SIGHT_UNKNOWN && is_body)
+        evidence->pro += code >= CAIRN_SIGHT_DIRECTION ? params->for_point : 0;
+    else if (code != CAIRN_SIGHT_UNKNOWN)
+        weigh_on_surface(map, code, direction, evidence);
+}
+
+/* The points of one place in the sight of another. */
+static void weigh_half(const cairn_place_map *map, int32_t seer, int32_t seen, cairn_pose seer_seen,
+                       struct evidence *evidence)
 {
     const uint8_t *sight = sight_of(map, seer);
     const cairn_place *place = &map->places[seen];
-    cairn_real evidence = 0;
 
     for (int32_t s = place->first_scan; s < place->first_scan + place->scan_count; s++) {
         const cairn_oriented_point *points = &map->points[map->scans[s].first_point];
@@ -155,29 +240,25 @@ static cairn_real half_evidence(const cairn_place_map *map, int32_t seer, int32_
 
         for (int32_t i = 0; i < map->scans[s].point_count; i++) {
             int32_t cell = cell_of(map, cairn_transform_point(transform, points[i].position));
-            uint8_t code = cell >= 0 ? sight[cell] : CAIRN_SIGHT_UNKNOWN;
-            cairn_vec2 direction = cairn_transform_direction(transform, points[i].direction);
 
-            if (doubt[i] >= CAIRN_POINT_SUSPECT)
-                continue;
-            if (code == CAIRN_SIGHT_FREE)
-                evidence -= map->params.against_point * (doubt[i] == CAIRN_POINT_FLOATING ? map->params.floating : 1);
-            else if (code == CAIRN_SIGHT_SURFACE)
-                evidence += map->params.for_rough;
-            else if (code >= CAIRN_SIGHT_DIRECTION && doubt[i] == CAIRN_POINT_FLOATING)
-                evidence += map->params.for_floating;
-            else if (code >= CAIRN_SIGHT_DIRECTION &&
-                     cairn_vec2_dot(map->directions[code - CAIRN_SIGHT_DIRECTION], direction) > LEAST_COSINE)
-                evidence += map->params.for_point;
+            if (cell >= 0 && doubt[i] < CAIRN_POINT_SUSPECT)
+                weigh_point(map, sight[cell], cairn_transform_direction(transform, points[i].direction),
+                            doubt[i] == CAIRN_POINT_FLOATING, evidence);
         }
     }
-    return evidence;
 }
 
+/* Other sides of walls tell much where places see something in common, but whole rooms can be laid back to back: they count no
+ * more than the rest that speaks for the pose so many times. */
 cairn_real cairn_place_map_evidence(const cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second)
 {
-    return half_evidence(map, first, second, first_second) +
-           half_evidence(map, second, first, cairn_pose_inverse(first_second));
+    struct evidence evidence = {0, 0, 0};
+    cairn_real backs;
+
+    weigh_half(map, first, second, first_second, &evidence);
+    weigh_half(map, second, first, cairn_pose_inverse(first_second), &evidence);
+    backs = map->params.for_back * (cairn_real)evidence.backs / (1 + (cairn_real)evidence.backs / MANY);
+    return evidence.pro + cairn_min(backs, BACKS_MOST * evidence.pro) - evidence.contra;
 }
 
 /* ---- Doubt ---- */
@@ -196,13 +277,22 @@ static int is_open_beside(const cairn_scan_view *view, int32_t beside, cairn_rea
     return view->beams[beside].kind == CAIRN_BEAM_FREE || range_of(&view->beams[beside]) > range + JUMP;
 }
 
-/* 1 when the hits of a run, beams [from, to), all lie within a body's breadth of the first. */
-static int is_compact(const cairn_scan_view *view, int32_t from, int32_t to)
+/* 1 when the hits of a run, beams [from, to), all lie within a body's breadth of the first, and bulge towards the sensor or
+ * are too few to tell: flat ones are pieces of walls. */
+static int is_body(const cairn_scan_view *view, int32_t from, int32_t to, cairn_real breadth)
 {
-    for (int32_t b = from + 1; b < to; b++)
-        if (cairn_vec2_norm_squared(cairn_vec2_sub(view->beams[b].to, view->beams[from].to)) > BODY * BODY)
+    cairn_vec2 first = view->beams[from].to, chord = cairn_vec2_sub(view->beams[to - 1].to, first);
+    cairn_real length = cairn_vec2_norm(chord), bulge = 0;
+    cairn_real side = cairn_vec2_cross(chord, cairn_vec2_sub(view->beams[from].from, first)) > 0 ? 1 : -1;
+
+    for (int32_t b = from + 1; b < to; b++) {
+        cairn_vec2 off = cairn_vec2_sub(view->beams[b].to, first);
+
+        if (cairn_vec2_norm_squared(off) > breadth * breadth)
             return 0;
-    return 1;
+        bulge = cairn_max(bulge, side * cairn_vec2_cross(chord, off));
+    }
+    return length < SMALL || bulge > BULGE * length * length;
 }
 
 static void doubt_run(cairn_place_map *map, const cairn_place_scan *scan, const cairn_scan_view *view, int32_t from,
@@ -231,7 +321,7 @@ void cairn_place_map_find_floating(cairn_place_map *map, const cairn_place_scan 
         if (range < 0)
             continue;
         open = is_open_beside(view, from - 1, range) + is_open_beside(view, to, last);
-        if (open == 2 || (open == 1 && is_compact(view, from, to)))
+        if (open >= 1 && is_body(view, from, to, open == 1 ? BODY : PAIR))
             doubt_run(map, scan, view, from, to);
     }
 }
@@ -248,8 +338,10 @@ static int32_t balance_of(const cairn_place_map *map, int32_t place, cairn_vec2 
             continue;
         cell = cell_of(
             map, cairn_transform_point(cairn_transform_of(cairn_pose_inverse(map->places[k].map_place)), map_point));
-        if (cell >= 0 && sight_of(map, k)[cell] != CAIRN_SIGHT_UNKNOWN)
-            balance += sight_of(map, k)[cell] == CAIRN_SIGHT_FREE ? -1 : 1;
+        if (cell >= 0 && sight_of(map, k)[cell] == CAIRN_SIGHT_FREE)
+            balance--;
+        else if (cell >= 0 && sight_of(map, k)[cell] >= CAIRN_SIGHT_ROUGH)
+            balance++;
     }
     return balance;
 }

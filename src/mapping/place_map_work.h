@@ -23,15 +23,17 @@ typedef struct cairn_place {
 enum {
     CAIRN_SIGHT_UNKNOWN = 0,
     CAIRN_SIGHT_FREE = 1,
-    CAIRN_SIGHT_SURFACE = 2,   /* of no known direction */
-    CAIRN_SIGHT_DIRECTION = 3, /* a surface: this and its direction in sixteenths of a turn */
-    CAIRN_SIGHT_DIRECTIONS = 16
+    CAIRN_SIGHT_DIRECTIONS = 16, /* of a turn */
+    CAIRN_SIGHT_BEHIND = 2,      /* hidden just behind a surface: this and its direction */
+    CAIRN_SIGHT_ROUGH = 18,      /* a surface of no known direction */
+    CAIRN_SIGHT_BODY = 19,       /* a surface of a small body, which may have walked there */
+    CAIRN_SIGHT_DIRECTION = 20   /* a surface that stays: this and its direction */
 };
 
 /* What speaks against a point as a surface that stays. */
 enum {
     CAIRN_POINT_SOUND = 0,
-    CAIRN_POINT_FLOATING = 1, /* nothing is near it in depth on either side of its run of beams */
+    CAIRN_POINT_FLOATING = 1, /* it is on a small round thing with free space beside it */
     CAIRN_POINT_SUSPECT = 2   /* another place of the map saw through it: 2 or 3 */
 };
 

@@ -26,7 +26,7 @@ static const cairn_real MARGIN = 1;                      /* spacings by which a 
 
 enum { LEAST_PAIRS = 4 };
 
-/* Points, iterations, poses kept, dense, gates. */
+/* Points, iterations, poses kept (at least twice the hypotheses asked for; 0: those), dense, gates. */
 static const match_stage STAGES[MATCH_STAGES + 1] = {
     {48, 4, 24, 0, 5, 3},
     {200, 6, 0, 0, 3, CAIRN_REAL(1.5)},

@@ -144,10 +144,14 @@ static void tally_item(cairn_scan_match *x)
 /* The best go on to the next stage. */
 static void rank_item(cairn_scan_match *x)
 {
-    int32_t keep = cairn_match_stage_of(x)->keep;
+    int32_t most = x->params.max_hypotheses, keep = cairn_match_stage_of(x)->keep;
 
     cairn_match_charge(x, (8 + x->hypothesis_count / 2) * x->hypothesis_count);
-    cairn_match_thin(x, keep > 0 ? keep : x->params.max_hypotheses);
+    if (keep == 0)
+        keep = most;
+    else if (keep < 2 * most)
+        keep = 2 * most;
+    cairn_match_thin(x, keep);
     x->other = 0;
     x->stage++;
     if (x->hypothesis_count == 0 || x->stage >= MATCH_STAGES) {
