@@ -328,7 +328,7 @@ static int64_t solve_in(joint *x, const cairn_scan_set *set, const walk *w, int3
 
     for (int32_t i = 0; i < SWEEPS; i++)
         given[i] = w->sweep[i].pose;
-    assert_int_equal(joint_begin(x, set, given, count), CAIRN_OK);
+    assert_int_equal(joint_begin(x, set, given, NULL, count), CAIRN_OK);
     while (status == CAIRN_MORE) {
         cairn_budget budget = {units};
 
@@ -471,8 +471,8 @@ static void what_the_joint_solution_refuses(void **state)
     /* Links beyond the capacity are left out, those of neighbours in time come first. */
     params.max_links = SWEEPS;
     assert_int_equal(joint_create(&x, &pool, &params), CAIRN_OK);
-    assert_int_equal(joint_begin(&x, set, given, 0), CAIRN_EMPTY);
-    assert_int_equal(joint_begin(&x, set, given, SWEEPS + 1), CAIRN_FULL);
+    assert_int_equal(joint_begin(&x, set, given, NULL, 0), CAIRN_EMPTY);
+    assert_int_equal(joint_begin(&x, set, given, NULL, SWEEPS + 1), CAIRN_FULL);
     assert_int_equal(joint_step(&x, &budget), CAIRN_OK);
     (void)solve_in(&x, set, &w, SWEEPS, 1000);
     assert_true(cairn_pose_graph_read(x.graph).links == SWEEPS);
@@ -482,7 +482,7 @@ static void what_the_joint_solution_refuses(void **state)
     params = small_joint();
     params.max_fill = 1;
     assert_int_equal(joint_create(&x, &pool, &params), CAIRN_OK);
-    assert_int_equal(joint_begin(&x, set, given, SWEEPS), CAIRN_OK);
+    assert_int_equal(joint_begin(&x, set, given, NULL, SWEEPS), CAIRN_OK);
     budget.left = CAIRN_UNBOUNDED;
     assert_int_equal(joint_step(&x, &budget), CAIRN_FULL);
     /* One scan stays where it is. */
