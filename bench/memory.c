@@ -34,7 +34,7 @@ int main(void)
     cairn_particle_filter_params filter = cairn_particle_filter_default();
     cairn_force_field_params field = cairn_force_field_default();
     cairn_occupancy_grid_params grid = cairn_occupancy_grid_default();
-    cairn_mapper_params mapper = cairn_mapper_default();
+    cairn_mapper_params mapper = cairn_mapper_default_for(64, 181);
     cairn_aligner_params aligner = cairn_aligner_default();
     cairn_pose_consensus_params consensus = cairn_pose_consensus_default();
     cairn_place_map_params places = cairn_place_map_default();
@@ -76,12 +76,9 @@ int main(void)
     places.decoupled = CAIRN_PLACE_MAP_JOINTLY;
     print("place_map", "the same, scans aligned jointly", cairn_place_map_memory(&places));
     print("occupancy_grid", "400 x 400 cells", cairn_occupancy_grid_memory(&grid));
-    mapper.scan.max_beams = 181;
-    mapper.scan.max_points = 256;
-    mapper.max_keys = 64;
-    mapper.max_key_points = 8192;
-    mapper.max_key_segments = 1024;
-    print("mapper", "181 beams, 64 key scans, 8192 points", cairn_mapper_memory(&mapper));
+    print("mapper", "181 beams, 64 key scans", cairn_mapper_memory(&mapper));
+    mapper = cairn_mapper_default_for(1024, 181);
+    print("mapper", "181 beams, 1024 key scans", cairn_mapper_memory(&mapper));
     bench_json_begin("memory");
     bench_json_integer("real_bytes", (int64_t)sizeof(cairn_real));
     bench_json_true("summary");

@@ -141,7 +141,8 @@ static scan_cost cost_of(double *units, int32_t count)
 static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_pose *poses, size_t *pool_bytes,
                       cairn_mapper_state *state, scan_cost *cost)
 {
-    cairn_mapper_params params = cairn_mapper_default();
+    cairn_mapper_params params =
+        cairn_mapper_default_for(log->count < 8192 ? log->count + 1 : 8192, log->info.beams_most);
     int32_t *key = malloc((size_t)log->count * sizeof *key);
     double *units = malloc((size_t)log->count * sizeof *units);
     cairn_mapper *mapper;
@@ -152,17 +153,11 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
     cairn_status status;
     int live = isatty(STDERR_FILENO);
 
-    params.scan.max_beams = log->info.beams_most;
     params.window = (int32_t)s->window;
     if (params.window > 0 && params.window_free >= params.window)
         params.window_free = params.window - 1;
-    params.max_keys = log->count < 8192 ? log->count + 1 : 8192;
-    params.max_key_points = params.max_keys * 160;
-    params.max_key_segments = params.max_keys * 40;
-    params.loop.max_loops = s->no_loops ? 0 : 4 * params.max_keys;
-    params.loop.max_fill = 40 * params.max_keys;
     if (s->no_loops)
-        params.local_span = 0;
+        params.loop.max_loops = params.local_span = 0;
     bytes = cairn_mapper_memory(&params) + CAIRN_ALIGN;
     memory = malloc(bytes);
     status = memory == NULL || key == NULL || units == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);

@@ -55,6 +55,33 @@ void test_every_pool_size(test_create create, void *context, size_t need)
     test_pool_free(&whole);
 }
 
+static uint64_t run_to_end(const test_stepped *object, int64_t *units)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    assert_ok(object->begin(object->context));
+    assert_ok(object->step(object->context, &budget));
+    *units = CAIRN_UNBOUNDED - budget.left;
+    return object->tell(object->context);
+}
+
+void test_begins_anew(const test_stepped *object, int32_t stops)
+{
+    int64_t whole, again;
+    uint64_t hash;
+
+    (void)run_to_end(object, &whole); /* what is done once only is done */
+    hash = run_to_end(object, &whole);
+    for (int32_t k = 1; k <= stops; k++) {
+        cairn_budget budget = {(int32_t)(whole * k / (stops + 1))};
+
+        assert_ok(object->begin(object->context));
+        assert_int_equal(object->step(object->context, &budget), CAIRN_MORE);
+        assert_true(run_to_end(object, &again) == hash);
+        assert_int_equal(again, whole);
+    }
+}
+
 uint64_t test_hash(uint64_t hash, const void *data, size_t bytes)
 {
     const unsigned char *byte = data;

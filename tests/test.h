@@ -40,6 +40,18 @@ void test_pool_free(cairn_pool *pool);
 typedef cairn_status (*test_create)(void *context, cairn_pool *pool);
 void test_every_pool_size(test_create create, void *context, size_t need);
 
+/* An object whose step() is called until it no longer returns CAIRN_MORE; `tell` hashes what it has found. */
+typedef struct test_stepped {
+    cairn_status (*begin)(void *context);
+    cairn_status (*step)(void *context, cairn_budget *budget);
+    uint64_t (*tell)(void *context);
+    void *context;
+} test_stepped;
+
+/* Begun anew at any of `stops` places on its way it finds the same, in as many units as from the start: nothing is left of
+ * what it was at. */
+void test_begins_anew(const test_stepped *object, int32_t stops);
+
 /* FNV-1a over bytes, for golden hashes. Start with TEST_HASH_START. */
 #define TEST_HASH_START UINT64_C(14695981039346656037)
 uint64_t test_hash(uint64_t hash, const void *data, size_t bytes);

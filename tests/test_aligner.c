@@ -1080,8 +1080,9 @@ static uint64_t hash_of_scene(const struct scene *scene)
     params.oriented = scene->oriented;
     bed = make_bed(&params);
     for (int32_t i = 0; i < scene->scans; i++) {
-        cairn_real along = (cairn_real)(i / 2);
-        cairn_pose pose = {CAIRN_REAL(0.55) * along - CAIRN_REAL(2.2), CAIRN_REAL(0.3) * (cairn_real)(i / 2 % 3),
+        int32_t place = i / 2;
+        cairn_real along = (cairn_real)place;
+        cairn_pose pose = {CAIRN_REAL(0.55) * along - CAIRN_REAL(2.2), CAIRN_REAL(0.3) * (cairn_real)(place % 3),
                            CAIRN_REAL(0.8) * along + CAIRN_REAL(2.6) * (cairn_real)(i % 2)};
         cairn_pose start = pose;
         cairn_scan_input input =

@@ -20,8 +20,13 @@ static void write_view(const char *name, const view *v, cairn_map_file_mode mode
     file.mode = mode;
     file.negate = negate;
     assert_ok(cairn_map_file_allocate(&file, SIDE, SIDE));
-    for (int32_t i = 0; i < SIDE * SIDE; i++)
-        file.occupancy[i] = v->cells[i] == CAIRN_CELL_OCCUPIED ? 100 : v->cells[i] == CAIRN_CELL_FREE ? 0 : -1;
+    for (int32_t i = 0; i < SIDE * SIDE; i++) {
+        file.occupancy[i] = -1;
+        if (v->cells[i] == CAIRN_CELL_OCCUPIED)
+            file.occupancy[i] = 100;
+        else if (v->cells[i] == CAIRN_CELL_FREE)
+            file.occupancy[i] = 0;
+    }
     assert_ok(cairn_map_file_draw(&file));
     assert_ok(cairn_map_file_write(&file, files_path(name), format, &error));
     cairn_map_file_free(&file);

@@ -30,18 +30,23 @@ struct cloud {
     int32_t count;
 };
 
-/* `count` points from (ax, ay) on, `spacing` apart, on a wall of the direction `angle`. */
-static void lay(struct cloud *c, double ax, double ay, double angle, int32_t count, double spacing)
+/* `count` points from (ax, ay) on, `spacing` apart, on a wall of the unit direction (dx, dy). */
+static void lay_along(struct cloud *c, double ax, double ay, double dx, double dy, int32_t count, double spacing)
 {
     for (int32_t i = 0; i < count; i++) {
         cairn_oriented_point *p = &c->points[c->count];
 
-        p->position.x = (cairn_real)(ax + i * spacing * cos(angle));
-        p->position.y = (cairn_real)(ay + i * spacing * sin(angle));
-        p->direction.x = (cairn_real)cos(angle);
-        p->direction.y = (cairn_real)sin(angle);
+        p->position.x = (cairn_real)(ax + i * spacing * dx);
+        p->position.y = (cairn_real)(ay + i * spacing * dy);
+        p->direction.x = (cairn_real)dx;
+        p->direction.y = (cairn_real)dy;
         c->weights[c->count++] = 1;
     }
+}
+
+static void lay(struct cloud *c, double ax, double ay, double angle, int32_t count, double spacing)
+{
+    lay_along(c, ax, ay, cos(angle), sin(angle), count, spacing);
 }
 
 static const cairn_hough_line *search(cairn_hough *hough, const struct cloud *c, int32_t *found)
@@ -580,7 +585,8 @@ static void places_do_not_matter(void **state)
 
     (void)state;
     for (int32_t i = 0; i < 9; i++) {
-        double x = 300 * (i % 3 - 1), y = 300 * (i / 3 - 1);
+        int32_t column = i % 3 - 1, row = i / 3 - 1;
+        double x = 300 * column, y = 300 * row;
 
         c.count = 0;
         lay(&c, x + 1, y + 1, 0.3, 60, 0.1);
@@ -640,6 +646,122 @@ static void tolerances_can_be_adjusted(void **state)
     test_pool_free(&f.pool);
 }
 
+/* ---- The bits ---- */
+
+/* Walls on a grid of a quarter of a metre with weights in halves, so that votes tie and distances lie on the params' very
+ * limits; in every third scene turned, and with noise. */
+static void lay_quarters(struct cloud *c, cairn_random *random)
+{
+    static const double directions[8][2] = {{1, 0},  {0.8, 0.6},   {0, 1},  {-0.6, 0.8},
+                                            {-1, 0}, {-0.8, -0.6}, {0, -1}, {0.6, -0.8}};
+    int32_t walls = 2 + cairn_random_below(random, 6), turned = cairn_random_below(random, 3) == 0;
+    cairn_pose pose = {1, 2, turned ? cairn_random_uniform(random, 0, 2 * CAIRN_PI) : 0};
+    cairn_transform turn = cairn_transform_of(pose);
+
+    c->count = 0;
+    for (int32_t i = 0; i < walls; i++) {
+        const double *direction = directions[cairn_random_below(random, 8)];
+        double x = 0.25 * cairn_random_below(random, 24);
+        double y = 0.25 * cairn_random_below(random, 24);
+        double spacing = 0.125 * (1 + cairn_random_below(random, 4));
+
+        lay_along(c, x, y, direction[0], direction[1], 6 + cairn_random_below(random, 30), spacing);
+    }
+    for (int32_t i = 0; i < c->count; i++) {
+        cairn_oriented_point *p = &c->points[i];
+
+        c->weights[i] = CAIRN_REAL(0.5) * (cairn_real)cairn_random_below(random, 4);
+        if (turned) {
+            p->position.x += CAIRN_REAL(0.02) * cairn_random_normal(random);
+            p->position = cairn_transform_point(turn, p->position);
+            p->direction = cairn_transform_direction(turn, p->direction);
+        } else if (i % 16 == 0) {
+            p->direction.x = p->direction.y = 0;
+        }
+    }
+}
+
+static uint64_t add_real(uint64_t hash, cairn_real x)
+{
+    assert_true(x == x);
+    return test_hash(hash, &x, sizeof x);
+}
+
+static uint64_t add_found(const cairn_hough *hough, uint64_t hash)
+{
+    int32_t found, dropped;
+    const cairn_hough_line *l;
+
+    l = cairn_hough_list(hough, &found);
+    dropped = cairn_hough_dropped(hough);
+    hash = test_hash(hash, &found, sizeof found);
+    hash = test_hash(hash, &dropped, sizeof dropped);
+    for (int32_t i = 0; i < found; i++) {
+        cairn_segment s = cairn_hough_segment(&l[i]);
+
+        hash = add_real(add_real(add_real(add_real(hash, s.a.x), s.a.y), s.b.x), s.b.y);
+        hash = add_real(add_real(hash, l[i].point.x), l[i].point.y);
+        hash = add_real(add_real(hash, l[i].direction.x), l[i].direction.y);
+        hash = add_real(add_real(add_real(hash, l[i].covered), l[i].votes), l[i].rms);
+    }
+    return hash;
+}
+
+static uint64_t hash_of_search(cairn_hough *hough, const struct cloud *c, int32_t weighted, uint64_t hash)
+{
+    cairn_budget budget = {1 << 28};
+
+    assert_ok(cairn_hough_begin(hough, c->points, weighted ? c->weights : NULL, c->count));
+    assert_ok(cairn_hough_step(hough, &budget));
+    return add_found(hough, test_hash(hash, &budget.left, sizeof budget.left));
+}
+
+/* Params on whose limits the scenes' quarters lie, and few lines. */
+static cairn_hough_params draw_params(cairn_random *random)
+{
+    cairn_hough_params p = cairn_hough_default();
+
+    p.angles = 16 << cairn_random_below(random, 2);
+    p.distances = 31 + cairn_random_below(random, 40);
+    p.distance_step = CAIRN_REAL(0.25);
+    p.angle_tolerance = CAIRN_PI / (cairn_real)(8 + cairn_random_below(random, 8));
+    p.separation = CAIRN_REAL(0.25) * (cairn_real)(1 + cairn_random_below(random, 4));
+    p.separation_angle = CAIRN_PI / (cairn_real)(8 + cairn_random_below(random, 3));
+    p.support_distance = CAIRN_REAL(0.125) * (cairn_real)(1 + cairn_random_below(random, 3));
+    p.spacing = CAIRN_REAL(0.25) * (cairn_real)(1 + cairn_random_below(random, 2));
+    p.least_votes = (cairn_real)(4 + cairn_random_below(random, 8));
+    p.max_lines = 1 + cairn_random_below(random, 12);
+    return p;
+}
+
+static uint64_t hash_of_scenes(int32_t oriented)
+{
+    static struct cloud c;
+    uint64_t hash = TEST_HASH_START;
+    cairn_random random = cairn_random_seed(6, 0);
+
+    for (int32_t i = 0; i < 120; i++) {
+        cairn_hough_params p = draw_params(&random);
+        struct fixture f;
+
+        p.oriented = oriented;
+        f = hough_with(p);
+        for (int32_t k = 0; k < 2; k++) { /* the second is not to see the first */
+            lay_quarters(&c, &random);
+            hash = hash_of_search(f.hough, &c, i % 4, hash);
+        }
+        test_pool_free(&f.pool);
+    }
+    return hash;
+}
+
+static void all_bits_are_kept(void **state)
+{
+    (void)state;
+    assert_golden(hash_of_scenes(0), UINT64_C(0xf476b56edaa7faeb), UINT64_C(0x12b088ff0ceb9b0c));
+    assert_golden(hash_of_scenes(1), UINT64_C(0x26c9f579aee9991f), UINT64_C(0x6f262e076474a0c6));
+}
+
 /* ---- Steps, statuses, memory ---- */
 
 static void the_budget_does_not_matter(void **state)
@@ -677,6 +799,48 @@ static void the_budget_does_not_matter(void **state)
         assert_int_equal(units, NUMBER(0x73fe, 0x73a4));
         assert_ok(cairn_hough_step(f.hough, &budget)); /* nothing left to do */
     }
+    test_pool_free(&f.pool);
+}
+
+struct under_way {
+    cairn_hough *hough;
+    struct cloud *cloud;
+};
+
+static cairn_status begin_cloud(void *context)
+{
+    struct under_way *u = context;
+
+    return cairn_hough_begin(u->hough, u->cloud->points, u->cloud->weights, u->cloud->count);
+}
+
+static cairn_status step_cloud(void *context, cairn_budget *budget)
+{
+    return cairn_hough_step(((struct under_way *)context)->hough, budget);
+}
+
+static uint64_t tell_cloud(void *context)
+{
+    return add_found(((struct under_way *)context)->hough, TEST_HASH_START);
+}
+
+static void begins_anew(void **state)
+{
+    static struct cloud c;
+    cairn_hough_params p = cairn_hough_default();
+    struct fixture f;
+    struct under_way u;
+    test_stepped object = {begin_cloud, step_cloud, tell_cloud, &u};
+
+    (void)state;
+    p.angles = 32;
+    p.distances = 64;
+    p.max_lines = 4;
+    f = hough_with(p);
+    u.hough = f.hough;
+    u.cloud = &c;
+    scatter(&c, 3);
+    test_begins_anew(&object, 31);
     test_pool_free(&f.pool);
 }
 
@@ -840,7 +1004,9 @@ int main(void)
         cmocka_unit_test(far_points_fit),
         cmocka_unit_test(places_do_not_matter),
         cmocka_unit_test(tolerances_can_be_adjusted),
+        cmocka_unit_test(all_bits_are_kept),
         cmocka_unit_test(the_budget_does_not_matter),
+        cmocka_unit_test(begins_anew),
         cmocka_unit_test(nothing_gives_no_lines),
         cmocka_unit_test(bad_points_are_refused),
         cmocka_unit_test(memory_is_exact),

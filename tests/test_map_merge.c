@@ -372,6 +372,37 @@ static void test_budgets_do_not_matter(void **state)
     test_pool_free(&f.pool);
 }
 
+static cairn_status begin_merge(void *context)
+{
+    return cairn_map_merge_begin(context, 0, NULL);
+}
+
+static cairn_status step_merge(void *context, cairn_budget *budget)
+{
+    return cairn_map_merge_step(context, budget);
+}
+
+static uint64_t tell_merge(void *context)
+{
+    return hash_of(context, 3);
+}
+
+static void test_begun_anew(void **state)
+{
+    cairn_map_merge_params p = small_params();
+    struct fixture f = merge_with(&p);
+    world w = rooms(1);
+    view *views[3];
+    test_stepped object = {begin_merge, step_merge, tell_merge, f.merge};
+
+    (void)state;
+    three_views(&w, views);
+    merge_views(f.merge, views, 3, 0);
+    test_begins_anew(&object, 12);
+    free_views(views, 3);
+    test_pool_free(&f.pool);
+}
+
 static void test_a_guess_is_kept(void **state)
 {
     cairn_map_merge_params p = small_params();
@@ -654,6 +685,7 @@ int main(void)
         cmocka_unit_test(test_known_order_and_other_resolution),
         cmocka_unit_test(test_size_of_cells_is_only_a_unit),
         cmocka_unit_test(test_budgets_do_not_matter),
+        cmocka_unit_test(test_begun_anew),
         cmocka_unit_test(test_a_guess_is_kept),
         cmocka_unit_test(test_strangers_are_refused),
         cmocka_unit_test(test_coarser_cells),

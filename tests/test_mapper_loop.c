@@ -222,6 +222,7 @@ static void a_leap_is_searched_for(void **state)
     double found = 0;
 
     (void)state;
+    params.search_units = 200000;
     for (params.search = 0; params.search <= 1; params.search++) {
         double error = 0;
 

@@ -44,10 +44,10 @@ static twin new_twin(const cairn_mapper_params *params)
     t.trust = 1;
     t.keys = calloc(KEYS, sizeof *t.keys);
     assert_non_null(t.keys);
-    icp.max_target = params->local_keys * params->scan.max_points;
+    icp.max_target = params->max_local_points;
     field.max_scans = params->window;
     field.max_segments = params->window * params->scan.max_segments;
-    field.max_points = params->window * params->scan.max_points;
+    field.max_points = params->max_local_points;
     t.pool = test_pool(cairn_scan_memory(&params->scan) + cairn_icp_memory(&icp) + cairn_force_field_memory(&field));
     assert_ok(cairn_scan_create(&t.scan, &t.pool, &params->scan));
     assert_ok(cairn_icp_create(&t.icp, &t.pool, &icp));
@@ -101,11 +101,13 @@ static void make_map(twin *t, cairn_pose at)
         count = t->params.local_keys;
     cairn_icp_clear_target(t->icp);
     /* A unit for every key scan that was looked at, for 64 points of room and for two of each key scan. */
-    t->state.units += t->state.keys - oldest + 1 + t->params.local_keys * t->params.scan.max_points / 64;
-    for (int32_t i = 0; i < count; i++) {
+    t->state.units += t->state.keys - oldest + 1 + t->params.max_local_points / 64;
+    for (int32_t i = 0, points = 0; i < count && points <= t->params.max_local_points; i++) {
         const twin_key *k = &t->keys[places[i].key];
 
-        assert_ok(cairn_icp_add_target(t->icp, k->view.points, k->view.point_count, k->pose, NULL));
+        points += k->view.point_count;
+        if (points <= t->params.max_local_points)
+            assert_ok(cairn_icp_add_target(t->icp, k->view.points, k->view.point_count, k->pose, NULL));
         t->state.units += 1 + k->view.point_count / 2;
     }
     t->map_made = 1;
@@ -223,10 +225,16 @@ static void keep_key(twin *t, const cairn_scan_view *view, cairn_pose pose)
 /* The force field over the last key scans, of which the last `window_free` may move, but never the first. */
 static void run_field(twin *t)
 {
-    int32_t count = t->state.keys < t->params.window ? t->state.keys : t->params.window;
-    twin_key *window = &t->keys[t->state.keys - count];
+    int32_t count = 0, points = 0;
+    twin_key *window = &t->keys[t->state.keys];
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
+    while (count < t->params.window && count < t->state.keys &&
+           points + (window - 1)->view.point_count <= t->params.max_local_points) {
+        window--;
+        count++;
+        points += window->view.point_count;
+    }
     cairn_force_field_clear(t->field);
     for (int32_t i = 0; i < count; i++) {
         assert_ok(cairn_force_field_add_scan(t->field, &window[i].view, NULL, window[i].pose, NULL));
@@ -408,6 +416,8 @@ static void side_by_side(cairn_mapper_params *params, sim_scene scene, uint64_t 
 
     params->loop.max_loops = 0;
     params->search = 0;
+    params->max_local_points = 500;
+    params->window_units = CAIRN_UNBOUNDED; /* the force field is done before the next scan comes */
     mapper = new_mapper(&pool, params);
     t = new_twin(params);
 

@@ -19,6 +19,7 @@ typedef struct chain_state {
 typedef struct chain {
     double move[SYMBOLS][SYMBOLS]; /* prior mass from, to; rows need not add up to 1 */
     double log_seen[PATH_MOST][SYMBOLS];
+    int32_t in_halves; /* 1: masses are powers of exp(-1/2), so that many are equal; `move` is not read */
     int32_t time;
     int32_t lazy; /* units that a call of the model takes */
     int32_t waited;
@@ -50,13 +51,15 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
         return CAIRN_MORE;
     if (c->propose_status != CAIRN_OK)
         return c->propose_status;
-    for (uint8_t to = 0; to < SYMBOLS; to++) {
+    for (int to = 0; to < SYMBOLS; to++) {
         chain_state s;
         cairn_status status;
 
         memset(&s, 0, sizeof s);
-        s.path[0] = to;
-        status = cairn_particle_filter_offer(filter, &s, (cairn_real)log(c->move[from][to]));
+        s.path[0] = (uint8_t)to;
+        status = cairn_particle_filter_offer(filter, &s,
+                                             c->in_halves ? CAIRN_REAL(-0.5) * (cairn_real)((3 * from + to) % 3)
+                                                          : (cairn_real)log(c->move[from][to]));
         assert_true(status == CAIRN_OK || status == CAIRN_FULL);
     }
     return CAIRN_OK;
@@ -313,6 +316,7 @@ static void test_calls_out_of_turn(void **state)
     chain c = new_chain(1);
     cairn_particle_filter_params p = chain_params(2);
     struct fixture f = filter_with(&p, &c);
+    cairn_particle none;
     cairn_budget budget = {5};
     chain_state s = {1, {0}};
 
@@ -337,7 +341,10 @@ static void test_calls_out_of_turn(void **state)
     assert_status(cairn_particle_filter_offer(f.filter, &s, 0), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_particle_filter_offer(NULL, &s, 0), CAIRN_BAD_ARGUMENT);
     assert_null(cairn_particle_filter_particle(f.filter, -1).state);
-    assert_null(cairn_particle_filter_particle(f.filter, 2).state);
+    none = cairn_particle_filter_particle(f.filter, 2);
+    assert_null(none.state);
+    assert_int_equal(none.steps, 0);
+    assert_true(none.log_weight == 0 && none.log_likelihood == 0);
     assert_null(cairn_particle_state_before(cairn_particle_filter_particle(f.filter, 0).state));
     assert_ok(cairn_particle_filter_begin(f.filter));
     assert_status(cairn_particle_filter_begin(f.filter), CAIRN_BAD_ARGUMENT);
@@ -1001,6 +1008,80 @@ static void test_budgets_do_not_matter(void **state)
     }
 }
 
+static uint64_t hash_of_step(const cairn_particle_filter *filter, cairn_status status, uint64_t hash)
+{
+    cairn_particle_trace t = cairn_particle_filter_read(filter);
+
+    hash = test_hash(test_hash(hash, &status, sizeof status), &t,
+                     offsetof(cairn_particle_trace, resampled) + sizeof t.resampled);
+    hash = test_hash(hash, &t.n_eff, sizeof t.n_eff);
+    hash = test_hash(hash, &t.log_evidence, sizeof t.log_evidence);
+    hash = test_hash(hash, &t.blocks, sizeof t.blocks);
+    hash = test_hash(hash, &t.blocks_peak, sizeof t.blocks_peak);
+    for (int32_t i = 0; i < t.particles; i++) {
+        cairn_particle q = cairn_particle_filter_particle(filter, i);
+
+        hash = test_hash(hash, q.state, sizeof(chain_state));
+        hash = test_hash(hash, &q.log_weight, sizeof q.log_weight);
+        hash = test_hash(hash, &q.log_likelihood, sizeof q.log_likelihood);
+        hash = test_hash(hash, &q.steps, sizeof q.steps);
+    }
+    return hash;
+}
+
+/* Weights that are often equal, some candidates impossible, capacities that are too small for some steps. */
+static uint64_t hash_of_halves(uint64_t seed)
+{
+    cairn_random random = cairn_random_seed(seed, 4);
+    uint64_t hash = TEST_HASH_START;
+
+    for (int32_t k = 0; k < 24; k++) {
+        chain c = new_chain(seed);
+        cairn_particle_filter_params p = chain_params(2 + cairn_random_below(&random, 10));
+        struct fixture f;
+        chain_state first;
+
+        memset(&first, 0, sizeof first);
+        first.length = 1;
+        c.in_halves = 1;
+        for (int t = 0; t < 12; t++)
+            for (int i = 0; i < SYMBOLS; i++)
+                c.log_seen[t][i] =
+                    cairn_random_below(&random, 12) == 0 ? -(double)INFINITY : -0.5 * cairn_random_below(&random, 3);
+        p.proposal = k % 2 == 0 ? CAIRN_PROPOSAL_OPTIMAL : CAIRN_PROPOSAL_PRIOR;
+        p.by_entropy = cairn_random_below(&random, 2);
+        p.max_followers = 1 + cairn_random_below(&random, SYMBOLS);
+        p.max_particles += cairn_random_below(&random, 10);
+        p.max_candidates = SYMBOLS * p.max_particles - cairn_random_below(&random, 8);
+        p.max_blocks = 3 * p.max_particles + cairn_random_below(&random, 60);
+        p.resample_below = CAIRN_REAL(0.5) * (cairn_real)cairn_random_below(&random, 3);
+        f = filter_with(&p, &c);
+        for (int32_t i = cairn_random_below(&random, p.particles); i >= 0; i--)
+            assert_ok(cairn_particle_filter_start(f.filter, &first, CAIRN_REAL(-0.5) * (cairn_real)(i % 2)));
+        for (c.time = 0; c.time < 12; c.time++) {
+            cairn_budget budget = {1 << 28};
+            cairn_status status;
+
+            assert_ok(cairn_particle_filter_begin(f.filter));
+            status = cairn_particle_filter_step(f.filter, &budget);
+            assert_true(status == CAIRN_OK || status == CAIRN_FULL);
+            hash = test_hash(hash, &budget.left, sizeof budget.left);
+            hash = hash_of_step(f.filter, status, hash);
+            if (status != CAIRN_OK)
+                break;
+        }
+        test_pool_free(&f.pool);
+    }
+    return hash;
+}
+
+static void test_same_bits(void **state)
+{
+    (void)state;
+    assert_golden(hash_of_halves(1), UINT64_C(0xc6c792aa01f258c9), UINT64_C(0x639f62e8e40eaf1c));
+    assert_golden(hash_of_halves(2), UINT64_C(0x38855541294713b9), UINT64_C(0x1d6604e354421541));
+}
+
 /* What the header says that a step costs. */
 static void test_cost(void **state)
 {
@@ -1047,6 +1128,7 @@ int main(void)
         cmocka_unit_test(test_offers_beyond_the_capacity),
         cmocka_unit_test(test_bad_offers),
         cmocka_unit_test(test_budgets_do_not_matter),
+        cmocka_unit_test(test_same_bits),
         cmocka_unit_test(test_cost),
     };
 

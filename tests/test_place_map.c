@@ -536,7 +536,8 @@ static uint64_t hash_of_rooms(cairn_place_map_params params, int32_t strange)
     rooms_add_box(&rooms[1], 1.5, -1, 4, 2);
     scans.count = 0;
     for (int32_t i = 0; i < 8; i++) {
-        cairn_real k = (cairn_real)(i / 2);
+        int32_t place = i / 2;
+        cairn_real k = (cairn_real)place;
         cairn_pose pose = {CAIRN_REAL(0.5) * k - 1, CAIRN_REAL(0.3) * k - CAIRN_REAL(0.4), 2 * k};
         cairn_pose step = {CAIRN_REAL(0.2), CAIRN_REAL(0.1), CAIRN_REAL(1.5)}, off = step;
 

@@ -1109,6 +1109,105 @@ static void test_same_bits(void **state)
     test_pool_free(&own);
 }
 
+/* Walls of an eighth of a metre on a grid, with holes and some points twice, and params on which holes, lengths and
+ * distances lie exactly. */
+static void grid_scene(cloud *c, cairn_random *random)
+{
+    int32_t walls = 2 + cairn_random_below(random, 4);
+
+    c->count = 0;
+    for (int32_t k = 0; k < walls; k++) {
+        int32_t x = 2 * cairn_random_below(random, 16), y = 2 * cairn_random_below(random, 16);
+        int32_t dx = cairn_random_below(random, 3) - 1, dy = dx == 0;
+        int32_t count = 4 + cairn_random_below(random, 24);
+
+        for (int32_t i = 0; i < count && c->count < MAX_POINTS; i++) {
+            c->point[c->count].x = CAIRN_REAL(0.125) * (cairn_real)x;
+            c->point[c->count++].y = CAIRN_REAL(0.125) * (cairn_real)y;
+            if (cairn_random_below(random, 10) == 0) {
+                int32_t hole = 2 << cairn_random_below(random, 3);
+
+                x += hole * dx;
+                y += hole * dy;
+            } else if (cairn_random_below(random, 10) > 0) {
+                x += dx;
+                y += dy;
+            }
+        }
+    }
+}
+
+static uint64_t hash_of_grids(void)
+{
+    cairn_random random = cairn_random_seed(2009, 1);
+    uint64_t hash = TEST_HASH_START;
+
+    for (int32_t i = 0; i < 60; i++) {
+        cairn_polyline_params params = cairn_polyline_default();
+        cairn_polyline *x;
+        cairn_pool own;
+        cloud c;
+
+        params.max_points = MAX_POINTS;
+        params.max_segments = 16 + cairn_random_below(&random, 32);
+        params.min_points = 3 + cairn_random_below(&random, 3);
+        params.max_iterations = 4 + cairn_random_below(&random, 30);
+        params.min_length = CAIRN_REAL(0.25) * (cairn_real)cairn_random_below(&random, 3);
+        params.s_first = CAIRN_REAL(0.25);
+        params.s_last = CAIRN_REAL(0.0625);
+        params.shrink = CAIRN_REAL(0.5);
+        params.gap = CAIRN_REAL(0.25);
+        params.gap_factor = 2;
+        params.gap_max = CAIRN_REAL(0.5) * (cairn_real)(1 + cairn_random_below(&random, 2));
+        params.merge_distance = CAIRN_REAL(0.125);
+        own = test_pool(cairn_polyline_memory(&params));
+        assert_ok(cairn_polyline_create(&x, &own, &params));
+        for (int32_t k = 0; k < 3; k++) {
+            grid_scene(&c, &random);
+            (void)fit_with(x, &c, CAIRN_UNBOUNDED);
+            hash = hash_fit(hash, x);
+        }
+        test_pool_free(&own);
+    }
+    return hash;
+}
+
+static void test_same_bits_on_grids(void **state)
+{
+    (void)state;
+    assert_golden(hash_of_grids(), UINT64_C(0x6579c1e9ee9280a8), UINT64_C(0xcf6415a636986c4a));
+}
+
+static cairn_status begin_cloud(void *context)
+{
+    const cloud *c = context;
+
+    return cairn_polyline_begin(fitter, &c->point[0].x, c->count, NULL);
+}
+
+static cairn_status step_cloud(void *context, cairn_budget *budget)
+{
+    (void)context;
+    return cairn_polyline_step(fitter, budget);
+}
+
+static uint64_t tell_cloud(void *context)
+{
+    (void)context;
+    return hash_fit(TEST_HASH_START, fitter);
+}
+
+static void test_begun_anew(void **state)
+{
+    cairn_random random = cairn_random_seed(2010, 1);
+    cloud c;
+    test_stepped object = {begin_cloud, step_cloud, tell_cloud, &c};
+
+    (void)state;
+    random_scene(&c, &random);
+    test_begins_anew(&object, 100);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -1134,6 +1233,8 @@ int main(void)
         cmocka_unit_test(test_lines_in_space),
         cmocka_unit_test(test_space_agrees_with_plane),
         cmocka_unit_test(test_same_bits),
+        cmocka_unit_test(test_same_bits_on_grids),
+        cmocka_unit_test(test_begun_anew),
     };
 
     return cmocka_run_group_tests(tests, setup, teardown);

@@ -131,6 +131,58 @@ static void poses_come_from_the_edges(void **state)
     cairn_pose_graph_file_free(&file);
 }
 
+/* Trees of steps along the axes, their edges shuffled and some against their way, with ids that leave gaps; behind them edges
+ * from every vertex to the next, false unless their ids are consecutive, too, and they are taken first. */
+static void trees_are_chained(void **state)
+{
+    enum { MOST = 40 };
+    cairn_random random = cairn_random_seed(9, 0);
+
+    (void)state;
+    for (int32_t round = 0; round < 30; round++) {
+        int32_t count = 2 + cairn_random_below(&random, MOST - 1), id[MOST], x[MOST], y[MOST], order[MOST];
+        char *text = malloc(20000), *end = text;
+        cairn_pose_graph_file file;
+
+        id[0] = 3;
+        x[0] = y[0] = 0;
+        for (int32_t i = 1; i < count; i++) {
+            int32_t swap = 1 + cairn_random_below(&random, i);
+
+            id[i] = id[i - 1] + 1 + cairn_random_below(&random, 2);
+            order[i] = i;
+            order[i] = order[swap];
+            order[swap] = i;
+        }
+        for (int32_t k = 1; k < count; k++)
+            x[k] = cairn_random_below(&random, 50) - 25, y[k] = cairn_random_below(&random, 50) - 25;
+        for (int32_t twice = 0; twice < 2; twice++)
+            for (int32_t k = 1; k < count; k++) {
+                int32_t to = order[k], from = twice ? to - 1 : cairn_random_below(&random, to), sign = 1;
+
+                if (!twice && to % 3 == 0) {
+                    int32_t swapped = from;
+
+                    from = to;
+                    to = swapped;
+                }
+                if (twice)
+                    sign = id[to] == id[from] + 1 ? 1 : -1;
+                end += sprintf(end, "EDGE_SE2 %d %d %d %d 0" INFORMATION, (int)id[from], (int)id[to],
+                               (int)(sign * (x[to] - x[from])), (int)(sign * (y[to] - y[from])));
+            }
+        file = read_text(text);
+        assert_int_equal(file.vertex_count, count);
+        for (int32_t v = 0; v < count; v++) {
+            assert_int_equal(file.vertex[v].id, id[v]);
+            assert_near(file.vertex[v].pose.x, x[v], 1e-4);
+            assert_near(file.vertex[v].pose.y, y[v], 1e-4);
+        }
+        cairn_pose_graph_file_free(&file);
+        free(text);
+    }
+}
+
 /* A ring of 20 poses, a metre apart, with links to the next and the next but one, and `bad` wrong ones behind. */
 static char *a_ring(int32_t bad)
 {
@@ -224,6 +276,34 @@ static void the_picture_shows_dropped_links_in_red(void **state)
     free(text);
 }
 
+/* Graphs far from the origin, wide and tall: each fills its panels. */
+static void pictures_fit_their_panels(void **state)
+{
+    static const char *const texts[] = {
+        "VERTEX_SE2 0 10 -50 0\nVERTEX_SE2 1 17 -49 0\nVERTEX_SE2 2 12 -51 0\n"
+        "EDGE_SE2 0 1 7 1 0" INFORMATION "EDGE_SE2 1 2 -5 -2 0" INFORMATION,
+        "VERTEX_SE2 0 -10 50 0\nVERTEX_SE2 1 -11 43 0\nVERTEX_SE2 2 -12 44 0\n"
+        "EDGE_SE2 0 1 -1 -7 0" INFORMATION "EDGE_SE2 1 2 -1 1 0" INFORMATION,
+    };
+    static const uint64_t known[] = {UINT64_C(0x859b81739faa4a15), UINT64_C(0x31642c01d46fcf56)};
+
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        cairn_pose_graph_file file = read_text(texts[k]);
+        cairn_pose_graph_solution out;
+        char *picture;
+
+        memset(&out, 0, sizeof out);
+        assert_ok(cairn_pose_graph_file_solve(&file, &out));
+        assert_ok(cairn_pose_graph_file_draw(files_path("far.svg"), &file, &out, "far", NULL));
+        picture = files_read(files_path("far.svg"), NULL);
+        assert_golden(test_hash(TEST_HASH_START, picture, strlen(picture)), known[k], known[k]);
+        free(picture);
+        cairn_pose_graph_solution_free(&out);
+        cairn_pose_graph_file_free(&file);
+    }
+}
+
 static void the_command(void **state)
 {
     char *text = a_ring(4), *written;
@@ -270,12 +350,10 @@ static void the_command(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_fault_has_its_line),
-        cmocka_unit_test(files_come_back_as_they_were),
-        cmocka_unit_test(poses_come_from_the_edges),
-        cmocka_unit_test(bad_links_are_dropped),
-        cmocka_unit_test(the_picture_shows_dropped_links_in_red),
-        cmocka_unit_test(the_command),
+        cmocka_unit_test(every_fault_has_its_line),  cmocka_unit_test(files_come_back_as_they_were),
+        cmocka_unit_test(poses_come_from_the_edges), cmocka_unit_test(trees_are_chained),
+        cmocka_unit_test(bad_links_are_dropped),     cmocka_unit_test(the_picture_shows_dropped_links_in_red),
+        cmocka_unit_test(pictures_fit_their_panels), cmocka_unit_test(the_command),
     };
 
     programs_find(argc, argv);

@@ -473,7 +473,8 @@ static void scatter(struct scene *s, uint64_t seed)
     s->count = 0;
     for (int32_t i = 0; i < 24; i++) {
         struct frame wall = at;
-        double from = (double)cairn_random_uniform(&random, -4, 2), offset = -4 + 0.7 * (i / 2);
+        int32_t row = i / 2;
+        double from = (double)cairn_random_uniform(&random, -4, 2), offset = -4 + 0.7 * row;
         double length = (double)cairn_random_uniform(&random, 1, 5);
         double off = (double)cairn_random_uniform(&random, (cairn_real)-most, (cairn_real)most);
         double dx = length * cos(off), dy = length * sin(off);
@@ -532,6 +533,137 @@ static void finds_what_all_quadruples_give(void **state)
     assert_true(seen > 40);
 }
 
+/* ---- The bits ---- */
+
+/* Quarters of metres, so that lengths, gaps and distances tie and lie on the params' very limits. */
+static double quarter(cairn_random *random, int32_t below)
+{
+    return 0.25 * cairn_random_below(random, below);
+}
+
+/* Rooms and boxes in pieces, walls for themselves and twice, along the axes or all turned a little. */
+static void lay_quarters(struct scene *s, cairn_random *random)
+{
+    struct frame at = {0, 0, 0};
+    int32_t pieces = 12 + cairn_random_below(random, 20);
+    cairn_pose pose = {0, 0, cairn_random_below(random, 3) == 0 ? cairn_random_uniform(random, -4, 4) : 0};
+
+    s->count = 0;
+    for (int32_t i = 0; i < 3; i++) {
+        double w = 0.5 + quarter(random, 12);
+        double h = 0.5 + quarter(random, 12);
+        double to = 0.25 + quarter(random, 4);
+        struct frame room = at;
+
+        room.x = quarter(random, 17);
+        room.y = quarter(random, 17);
+        add_room(s, room, w, h, 0, to);
+        if (cairn_random_below(random, 2) == 0)
+            turn_about(s);
+    }
+    for (int32_t i = 0; i < pieces; i++) {
+        double x = quarter(random, 20);
+        double y = quarter(random, 20);
+        double length = quarter(random, 14) - 1.5;
+        double askew = cairn_random_below(random, 3) == 0 ? 0.25 * (cairn_random_below(random, 3) - 1) : 0;
+
+        if (cairn_random_below(random, 2) == 0)
+            add(s, at, x, y, x + length, y + askew);
+        else
+            add(s, at, x, y, x + askew, y + length);
+    }
+    for (int32_t i = 0; i < 4; i++, s->count++)
+        s->segments[s->count] = s->segments[cairn_random_below(random, s->count)];
+    for (int32_t i = 0; i < s->count; i++) {
+        s->segments[i].a = cairn_transform_point(cairn_transform_of(pose), s->segments[i].a);
+        s->segments[i].b = cairn_transform_point(cairn_transform_of(pose), s->segments[i].b);
+    }
+}
+
+static uint64_t add_real(uint64_t hash, cairn_real x)
+{
+    assert_true(x == x);
+    return test_hash(hash, &x, sizeof x);
+}
+
+static uint64_t add_found(const cairn_rectangle_set *set, uint64_t hash)
+{
+    int32_t found, dropped;
+    const cairn_rectangle *r;
+
+    r = cairn_rectangle_list(set, &found);
+    dropped = cairn_rectangle_dropped(set);
+    hash = test_hash(hash, &found, sizeof found);
+    hash = test_hash(hash, &dropped, sizeof dropped);
+    for (int32_t i = 0; i < found; i++) {
+        cairn_vec2 corners[4];
+
+        cairn_rectangle_corners(&r[i], corners);
+        for (int32_t k = 0; k < 4; k++)
+            hash = add_real(add_real(hash, corners[k].x), corners[k].y);
+        hash = add_real(add_real(hash, r[i].centre.theta), r[i].covered);
+        hash = add_real(hash, r[i].strength);
+        hash = test_hash(hash, r[i].side, sizeof r[i].side);
+        hash = test_hash(hash, &r[i].kind, sizeof r[i].kind);
+    }
+    return hash;
+}
+
+static uint64_t hash_of_search(cairn_rectangle_set *set, const struct scene *s, uint64_t hash)
+{
+    cairn_budget budget = {1 << 28};
+
+    assert_ok(cairn_rectangle_begin(set, s->segments, s->count));
+    assert_ok(cairn_rectangle_step(set, &budget));
+    return add_found(set, test_hash(hash, &budget.left, sizeof budget.left));
+}
+
+/* Params within which the scenes' quarters lie, and capacities that are too small for some. */
+static cairn_rectangle_params draw_params(cairn_random *random)
+{
+    cairn_rectangle_params p = cairn_rectangle_default();
+
+    p.merge_distance = CAIRN_REAL(0.125) * (cairn_real)(1 + cairn_random_below(random, 2));
+    p.merge_gap = CAIRN_REAL(0.25) * (cairn_real)cairn_random_below(random, 5);
+    p.min_side = CAIRN_REAL(0.5);
+    p.least_side = CAIRN_REAL(0.125) * (cairn_real)cairn_random_below(random, 3);
+    p.least_covered = CAIRN_REAL(0.125) * (cairn_real)(2 + cairn_random_below(random, 3));
+    p.separation = CAIRN_REAL(0.25) * (cairn_real)(1 + cairn_random_below(random, 3));
+    p.max_rectangles = 2 + cairn_random_below(random, 30);
+    p.max_sides = 24 + cairn_random_below(random, 16);
+    p.max_pairs = 60 + cairn_random_below(random, 200);
+    return p;
+}
+
+static uint64_t hash_of_scenes(int32_t oriented)
+{
+    uint64_t hash = TEST_HASH_START;
+    cairn_random random = cairn_random_seed(5, 0);
+
+    for (int32_t i = 0; i < 150; i++) {
+        cairn_rectangle_params p = draw_params(&random);
+        struct fixture f;
+
+        p.oriented = oriented;
+        f = set_with(p);
+        for (int32_t k = 0; k < 2; k++) { /* the second is not to see the first */
+            struct scene s;
+
+            lay_quarters(&s, &random);
+            hash = hash_of_search(f.set, &s, hash);
+        }
+        test_pool_free(&f.pool);
+    }
+    return hash;
+}
+
+static void all_bits_are_kept(void **state)
+{
+    (void)state;
+    assert_golden(hash_of_scenes(0), UINT64_C(0xdcf6ed3321ce8bc3), UINT64_C(0x0aae2396c984f286));
+    assert_golden(hash_of_scenes(1), UINT64_C(0xd9a1795573756b90), UINT64_C(0x7655974030bb6995));
+}
+
 /* ---- Steps, statuses, memory ---- */
 
 static void the_budget_does_not_matter(void **state)
@@ -572,6 +704,45 @@ static void the_budget_does_not_matter(void **state)
         assert_int_equal(units, NUMBER(0x10af, 0x11bc));
         assert_ok(cairn_rectangle_step(f.set, &budget)); /* nothing left to do */
     }
+    test_pool_free(&f.pool);
+}
+
+struct under_way {
+    cairn_rectangle_set *set;
+    struct scene scene;
+};
+
+static cairn_status begin_scene(void *context)
+{
+    struct under_way *u = context;
+
+    return cairn_rectangle_begin(u->set, u->scene.segments, u->scene.count);
+}
+
+static cairn_status step_scene(void *context, cairn_budget *budget)
+{
+    return cairn_rectangle_step(((struct under_way *)context)->set, budget);
+}
+
+static uint64_t tell_scene(void *context)
+{
+    return add_found(((struct under_way *)context)->set, TEST_HASH_START);
+}
+
+static void begins_anew(void **state)
+{
+    cairn_rectangle_params p = cairn_rectangle_default();
+    struct fixture f;
+    struct under_way u;
+    test_stepped object = {begin_scene, step_scene, tell_scene, &u};
+
+    (void)state;
+    p.max_pairs = 100;
+    p.max_sides = 22;
+    f = set_with(p);
+    u.set = f.set;
+    scatter(&u.scene, 2);
+    test_begins_anew(&object, 200);
     test_pool_free(&f.pool);
 }
 
@@ -797,7 +968,9 @@ int main(void)
         cmocka_unit_test(skew_costs_strength),
         cmocka_unit_test(near_ones_are_one),
         cmocka_unit_test(finds_what_all_quadruples_give),
+        cmocka_unit_test(all_bits_are_kept),
         cmocka_unit_test(the_budget_does_not_matter),
+        cmocka_unit_test(begins_anew),
         cmocka_unit_test(capacities),
         cmocka_unit_test(little_or_nothing),
         cmocka_unit_test(bad_segments_are_refused),

@@ -49,8 +49,7 @@ static void assert_picture(const char *svg, uint64_t expected)
     }
     hash = test_hash(hash, svg, strlen(svg));
     if (hash != expected)
-        fail_msg("the picture's hash is 0x%016llx, expected 0x%016llx", (unsigned long long)hash,
-                 (unsigned long long)expected);
+        fail_msg("the hash is 0x%016llx instead of 0x%016llx", (unsigned long long)hash, (unsigned long long)expected);
 #else
     (void)svg;
     (void)expected;
@@ -60,8 +59,8 @@ static void assert_picture(const char *svg, uint64_t expected)
 /* Two scans of one point each at (0, 0) and (10, 5), in two frames, and a panel for them. */
 typedef struct sample {
     cairn_vec2 point[2];
-    cairn_report_scan scan[2];
-    cairn_pose pose[2];
+    cairn_report_scan scan[3]; /* the last is beyond the map's count */
+    cairn_pose pose[3];
     cairn_report_panel panel[4];
     cairn_report_map map;
 } sample;
@@ -78,6 +77,10 @@ static void make_sample(sample *s)
     s->point[0].y = -1;
     s->point[1].x = 1; /* one ahead, one to the right of a robot that looks up: (10, 5) */
     s->point[1].y = -1;
+    s->scan[2].point = s->point;
+    s->scan[2].point_count = 2;
+    s->pose[2].x = 4;
+    s->pose[2].y = 3;
     for (int i = 0; i < 2; i++) {
         s->scan[i].point = &s->point[i];
         s->scan[i].point_count = 1;
@@ -125,7 +128,7 @@ static void test_places(void **state)
 
     /* Segments take the place of points. */
     {
-        cairn_segment segment = {{-1, -1}, {0, -1}};
+        cairn_segment segment = {{-1, -1}, {0, -1}}, oblique = {{CAIRN_REAL(-0.5), -1}, {CAIRN_REAL(0.25), 1}};
 
         s.scan[0].segment = &segment;
         s.scan[0].segment_count = 1;
@@ -134,6 +137,11 @@ static void test_places(void **state)
         assert_holds(svg, "L");
         assert_int_equal(count_of(svg, "h0"), 1);
         assert_picture(svg, UINT64_C(0x5d57aa45481fd52f));
+        free(svg);
+        s.scan[1].segment = &oblique;
+        s.scan[1].segment_count = 1;
+        svg = draw(&s.map);
+        assert_picture(svg, UINT64_C(0x5e44d606ff890270));
         free(svg);
     }
 }
@@ -340,6 +348,7 @@ static void test_many_points_become_an_image(void **state)
 {
     cairn_segment segment = {{2, 2}, {2, CAIRN_REAL(3.5)}}, endless = {{3, 3}, {CAIRN_REAL(1e9), 3}};
     cairn_image image;
+    uint64_t hash;
     sample s;
     char *svg;
 
@@ -414,6 +423,8 @@ static void test_many_points_become_an_image(void **state)
         assert_near(longest, 1.5 * 2 * 916 / 9, 3);
         assert_true(column > 0);
     }
+    hash = test_hash(TEST_HASH_START, image.pixel, (size_t)image.width * (size_t)image.height);
+    assert_golden(hash, UINT64_C(0xb49aeef81f132b57), UINT64_C(0xb49aeef81f132b57));
     cairn_image_free(&image);
     assert_picture(svg, UINT64_C(0x8fbb0a3afe6be983));
     free(svg);
@@ -421,6 +432,10 @@ static void test_many_points_become_an_image(void **state)
     s.scan[1].segment_count = 1;
     svg = draw(&s.map);
     assert_picture(svg, UINT64_C(0x78dc3db1cedb4c54));
+    take_image(svg, &image);
+    hash = test_hash(TEST_HASH_START, image.pixel, (size_t)image.width * (size_t)image.height);
+    assert_golden(hash, UINT64_C(0x38b5403c5163e496), UINT64_C(0xc164c86eed0f1ff3));
+    cairn_image_free(&image);
     free(svg);
 }
 

@@ -336,6 +336,8 @@ static void refuses_params(void **state)
     bad[count++].max_dense = (1 << 20) + 1;
     bad[count++].max_views = -1;
     bad[count++].max_views = 4097;
+    bad[count++].max_cells = 24;
+    bad[count++].max_cells = 65537;
     bad[count++].max_candidates = 0;
     bad[count++].max_candidates = 1025;
     bad[count++].max_query = 0;
@@ -751,11 +753,67 @@ static void results_stay_as_they_are(void **state)
          UINT64_C(0xd351c36124c509c1)},
         {CAIRN_SCAN_MATCH_SHAPE_SEGMENTS, L_ROOM, L_ROOM, 6, 6, 0, 0.5, 0.2, UINT64_C(0x7bbdb93600b8f503),
          UINT64_C(0xb5fb68c85facc70b)},
+        {CAIRN_SCAN_MATCH_SHAPE, L_ROOM, OBLONG, 6, 4, 0, -1, -1, UINT64_C(0x86debcadd34000b2),
+         UINT64_C(0x0a0f37dbf8ace43c)},
+        {CAIRN_SCAN_MATCH_SHAPE, OBLONG, SQUARE, 4, 4, 0, 0.5, 0.3, UINT64_C(0xbbc0e8c90cbdaa97),
+         UINT64_C(0xfc79a2d975e6a1a5)},
+        {CAIRN_SCAN_MATCH_SHAPE_COMMON, SQUARE, L_ROOM, 4, 6, 0, -1, -1, UINT64_C(0x240189554da2e36d),
+         UINT64_C(0x9145c504c9081877)},
+        {CAIRN_SCAN_MATCH_SHAPE_COLINEAR, CORRIDOR, OBLONG, 4, 4, 0, -1, -1, UINT64_C(0xb4de3f07630eff89),
+         UINT64_C(0x1acadd4b1839caf1)},
+        {CAIRN_SCAN_MATCH_SHAPE_SEGMENTS, OBLONG, L_ROOM, 4, 6, 0, -1, -1, UINT64_C(0x8dc99461e7b2171e),
+         UINT64_C(0x850de41641c62181)},
+        {CAIRN_SCAN_MATCH_CORRELATIVE, SQUARE, SQUARE, 4, 4, 1, -1, -1, UINT64_C(0xa6994fec211838bc),
+         UINT64_C(0x166a0e224a085cc8)},
+        {CAIRN_SCAN_MATCH_CORRELATIVE, TRIANGLE, CORRIDOR, 3, 4, 0, 0.5, 0.5, UINT64_C(0xa2384520a1c1d69b),
+         UINT64_C(0xe5a04be54c9dd6aa)},
     };
 
     (void)state;
     for (size_t k = 0; k < sizeof scenes / sizeof *scenes; k++)
         assert_golden(hash_of_scene(&scenes[k]), scenes[k].in_double, scenes[k].in_float);
+}
+
+/* ---- Memory of the search ---- */
+
+/* A grid that just holds the window finds the same as the largest one, in less memory; what is too small holds its middle. */
+static void a_small_grid_finds_the_same(void **state)
+{
+    cairn_scan_match_params params = cairn_scan_match_default();
+    cairn_scan_match_window window = {1, CAIRN_REAL(0.4)};
+    cairn_pose a = {CAIRN_REAL(0.3), 0, 0}, b = {CAIRN_REAL(-0.5), CAIRN_REAL(0.4), CAIRN_REAL(0.2)};
+    size_t whole = cairn_scan_match_memory(&params);
+    cairn_scan_match_hypothesis best = {0};
+    int32_t sides[] = {0, 16, 5};
+
+    (void)state;
+    assert_int_equal(cairn_scan_match_cells(1, params.spacing), 256);
+    assert_int_equal(cairn_scan_match_cells(0, params.spacing), 36);
+    assert_int_equal(cairn_scan_match_cells(1000, params.spacing), 65536);
+    assert_int_equal(cairn_scan_match_cells(CAIRN_REAL(1e30), params.spacing), 65536);
+    assert_int_equal(cairn_scan_match_cells(-1, params.spacing), 25);
+    assert_int_equal(cairn_scan_match_cells((cairn_real)NAN, params.spacing), 25);
+    assert_int_equal(cairn_scan_match_cells(1, 0), 25);
+    for (int i = 0; i < 3; i++) {
+        cairn_random random = cairn_random_seed(3, 1);
+        cairn_scan_match_result result;
+        cairn_pool pool;
+        cairn_scan_match *match;
+
+        params.max_cells = i == 0 ? 65536 : sides[i] * sides[i];
+        match = make_match(&pool, params);
+        result = match_room(match, L_ROOM, 6, a, b, NULL, &window, &random);
+        if (i == 0) {
+            best = result.hypotheses[0];
+            assert_pose_near(best.target_query, cairn_pose_between(a, b), 0.05, 0.02);
+        } else if (i == 1) {
+            assert_memory_equal(&best, &result.hypotheses[0], sizeof best);
+            assert_int_equal(cairn_scan_match_memory(&params), whole - (65536 - 256) * 2 * sizeof(uint16_t));
+        } else {
+            assert_true(cairn_scan_match_measured(match).candidates < 25);
+        }
+        test_pool_free(&pool);
+    }
 }
 
 /* ---- Refusals ---- */
@@ -875,6 +933,7 @@ int main(void)
         cmocka_unit_test(is_sure_of_nothing_in_a_round_room),
         cmocka_unit_test(dense_points_have_the_direction_of_their_wall),
         cmocka_unit_test(four_pairs_are_enough),
+        cmocka_unit_test(a_small_grid_finds_the_same),
         cmocka_unit_test(refuses_input),
     };
 

@@ -381,6 +381,187 @@ static void little_to_align(void **state)
     test_pool_free(&bed.pool);
 }
 
+/* ---- The obvious way: aligner, field and hypotheses by hand, each step to its end ---- */
+
+struct twin {
+    cairn_virtual_align_params p;
+    cairn_pool pool;
+    cairn_aligner *aligner;
+    cairn_force_field *field;
+    cairn_virtual_scan *hypotheses;
+    cairn_virtual_align_result result;
+    int32_t count, moves[SCANS];
+    cairn_pose found[SCANS];
+};
+
+static struct twin twin_of(const cairn_virtual_align_params *p, const struct rooms *r)
+{
+    struct twin t;
+
+    memset(&t, 0, sizeof t);
+    t.p = *p;
+    t.count = SCANS;
+    t.p.field.max_scans = t.p.hypotheses.max_scans = p->aligner.max_scans;
+    t.p.field.max_segments = t.p.hypotheses.max_segments = p->aligner.max_segments;
+    t.p.field.max_points = t.p.hypotheses.max_points = p->aligner.max_points;
+    t.p.field.max_extra = p->hypotheses.max_virtual;
+    t.pool = test_pool(cairn_aligner_memory(&t.p.aligner) + cairn_force_field_memory(&t.p.field) +
+                       cairn_virtual_scan_memory(&t.p.hypotheses));
+    assert_ok(cairn_aligner_create(&t.aligner, &t.pool, &t.p.aligner));
+    assert_ok(cairn_force_field_create(&t.field, &t.pool, &t.p.field));
+    assert_ok(cairn_virtual_scan_create(&t.hypotheses, &t.pool, &t.p.hypotheses));
+    for (int32_t i = 0; i < SCANS; i++) {
+        cairn_scan_view view = fit(&r->scans[i]);
+
+        assert_ok(cairn_aligner_add_scan(t.aligner, &view, r->start[i], NULL));
+        assert_ok(cairn_force_field_add_scan(t.field, &view, NULL, r->start[i], NULL));
+    }
+    return t;
+}
+
+static void twin_aligns(struct twin *t)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    assert_ok(cairn_aligner_begin(t->aligner));
+    assert_ok(cairn_aligner_step(t->aligner, &budget));
+    t->result.aligner = cairn_aligner_read(t->aligner);
+    t->result.align_units += CAIRN_UNBOUNDED - budget.left;
+}
+
+/* Fixed is what the aligner has placed together with another scan. */
+static void twin_places(struct twin *t)
+{
+    t->result.moved = 0;
+    for (int32_t i = 0; i < t->count; i++) {
+        cairn_aligner_pose at = cairn_aligner_pose_of(t->aligner, i);
+
+        t->moves[i] = !t->p.align || t->result.aligner.placed < 2 || !at.placed;
+        t->result.moved += t->moves[i];
+        assert_ok(cairn_force_field_place(t->field, i, at.map_scan));
+        assert_ok(cairn_force_field_fix(t->field, i, !t->moves[i]));
+        t->found[i] = at.map_scan;
+    }
+    t->result.field_units += 2 * (int64_t)t->count;
+    cairn_force_field_restart(t->field);
+}
+
+static void twin_makes_hypotheses(struct twin *t, cairn_real sigma)
+{
+    const cairn_scan_set *set = cairn_force_field_scans(t->field);
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    const cairn_oriented_point *points;
+    const cairn_real *weights;
+    int32_t count;
+
+    assert_ok(cairn_virtual_scan_begin(t->hypotheses, sigma));
+    for (int32_t i = 0; i < t->count; i++) {
+        assert_ok(cairn_virtual_scan_add_scan(t->hypotheses, set, i, cairn_force_field_pose(t->field, i)));
+        t->result.hypothesis_units += 1 + (set->scans[i].end_point - set->scans[i].first_point) / 4;
+    }
+    assert_ok(cairn_virtual_scan_step(t->hypotheses, &budget));
+    points = cairn_virtual_scan_points(t->hypotheses, &weights, &count);
+    assert_ok(cairn_force_field_set_extra(t->field, points, weights, count));
+    t->result.hypothesis_units += CAIRN_UNBOUNDED - budget.left + 1 + count / 8;
+    (void)cairn_virtual_scan_hypotheses(t->hypotheses, &t->result.hypotheses);
+}
+
+/* One round of the field; the scans that it moved are left where it put them. */
+static void twin_relaxes(struct twin *t)
+{
+    t->result.rounds++;
+    for (int32_t since = 0; since == 0 || cairn_force_field_read(t->field).verdict == CAIRN_FORCE_FIELD_RUNNING;
+         since++) {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        if (since % t->p.every == 0)
+            twin_makes_hypotheses(t, since == 0 ? t->p.field.sigma_start : cairn_force_field_read(t->field).sigma);
+        assert_ok(cairn_force_field_iterate(t->field, &budget));
+        t->result.field_units += CAIRN_UNBOUNDED - budget.left;
+        t->result.iterations++;
+        t->result.active += t->result.hypotheses > 0 && t->p.hypotheses.weight > 0;
+    }
+    for (int32_t i = 0; i < t->count; i++)
+        t->found[i] = cairn_force_field_pose(t->field, i);
+}
+
+static void twin_runs(struct twin *t)
+{
+    if (t->p.align)
+        twin_aligns(t);
+    for (;;) {
+        twin_places(t);
+        if (t->result.moved == 0)
+            return;
+        twin_relaxes(t);
+        if (!t->p.align)
+            return;
+        for (int32_t i = 0; i < t->count; i++)
+            assert_ok(cairn_aligner_start_at(t->aligner, i, t->found[i]));
+        t->result.field_units += 1 + (int64_t)t->count;
+        twin_aligns(t);
+        for (int32_t i = 0; i < t->count; i++)
+            t->found[i] = cairn_aligner_pose_of(t->aligner, i).map_scan;
+        if (t->result.rounds >= t->p.max_rounds)
+            return;
+    }
+}
+
+static void assert_same(const struct twin *t, const cairn_virtual_align *align)
+{
+    cairn_virtual_align_result result = cairn_virtual_align_read(align);
+
+    assert_int_equal(result.rounds, t->result.rounds);
+    assert_int_equal(result.moved, t->result.moved);
+    assert_int_equal(result.iterations, t->result.iterations);
+    assert_int_equal(result.active, t->result.active);
+    assert_int_equal(result.hypotheses, t->result.hypotheses);
+    assert_int_equal(result.align_units, t->result.align_units);
+    assert_int_equal(result.hypothesis_units, t->result.hypothesis_units);
+    assert_int_equal(result.field_units, t->result.field_units);
+    assert_int_equal(result.aligner.placed, t->result.aligner.placed);
+    for (int32_t i = 0; i < SCANS; i++) {
+        cairn_virtual_align_pose pose = cairn_virtual_align_pose_of(align, i);
+
+        assert_memory_equal(&pose.aligned.map_scan, &t->found[i], sizeof t->found[i]);
+        assert_int_equal(pose.moved, t->moves[i]);
+    }
+}
+
+static void does_what_is_done_by_hand(void **state)
+{
+    static const struct {
+        int32_t align, every, steps, rounds, hesitant;
+        double weight;
+    } cases[] = {{0, 1, 4, 1, 0, 3}, {0, 2, 5, 1, 0, 0}, {1, 3, 4, 1, 1, 3},
+                 {1, 2, 3, 3, 1, 2}, {1, 3, 4, 2, 0, 3}, {1, 4, 4, 2, 2, 1}};
+
+    (void)state;
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        cairn_virtual_align_params p = cases[k].hesitant > 0 ? hesitant_params() : small_params();
+        struct rooms r = visit(5);
+        struct bed bed;
+        struct twin t;
+
+        if (cases[k].hesitant == 2)
+            p.aligner.least_evidence = 1000; /* no scan is placed with another */
+        p.align = cases[k].align;
+        p.every = cases[k].every;
+        p.field.max_steps = cases[k].steps;
+        p.max_rounds = cases[k].rounds;
+        p.hypotheses.weight = (cairn_real)cases[k].weight;
+        t = twin_of(&p, &r);
+        twin_runs(&t);
+        bed = bed_with(&p);
+        add_rooms(&bed, &r);
+        run(bed.align, 1000);
+        assert_same(&t, bed.align);
+        test_pool_free(&t.pool);
+        test_pool_free(&bed.pool);
+        leave(&r);
+    }
+}
+
 /* ---- Refusals ---- */
 
 static cairn_status create(void *context, cairn_pool *pool)
@@ -454,6 +635,7 @@ int main(void)
         cmocka_unit_test(can_be_begun_anew),
         cmocka_unit_test(the_field_alone),
         cmocka_unit_test(little_to_align),
+        cmocka_unit_test(does_what_is_done_by_hand),
         cmocka_unit_test(bad_calls_are_refused),
     };
 

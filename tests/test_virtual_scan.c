@@ -542,7 +542,6 @@ static void the_budget_does_not_matter(void **state)
     const cairn_oriented_point *points;
     const cairn_real *weights;
     int32_t count, point_count, got;
-    int64_t first_units = 0;
 
     (void)state;
     assert_ok(cairn_virtual_scan_add_detector(f.v, &d));
@@ -570,10 +569,167 @@ static void the_budget_does_not_matter(void **state)
         points = cairn_virtual_scan_points(f.v, &weights, &got);
         assert_int_equal(got, point_count);
         assert_memory_equal(points, whole, (size_t)got * sizeof *whole);
-        assert_true(i == 0 || units == first_units);
-        first_units = units;
+        assert_int_equal(units, NUMBER(0x1919, 0x191c));
     }
     end_fixture(&f);
+}
+
+/* ---- The bits ---- */
+
+/* Rooms in pieces and walls for themselves on a grid of a quarter of a metre, each in one of the scans at hand. */
+static void draw_quarters(struct fixture *f, cairn_random *random)
+{
+    int32_t scans = 2 + cairn_random_below(random, 3);
+
+    for (int32_t k = 0; k < scans; k++) {
+        double x = 0.25 * cairn_random_below(random, 8);
+        double y = 0.25 * cairn_random_below(random, 8);
+        double theta = cairn_random_below(random, 2) == 0 ? (double)cairn_random_uniform(random, -3, 3) : 0;
+        struct drawing d = drawing_at(x, y, theta);
+
+        for (int32_t i = 0; i < 5; i++) {
+            double at = 1.25 * cairn_random_below(random, 3);
+            double from = 0.25 * cairn_random_below(random, 12);
+            double to = from + 0.25 * (1 + cairn_random_below(random, 10));
+            int32_t quarters = cairn_random_below(random, 9) / 4 - 1;
+            double askew = 0.25 * quarters;
+            int32_t back = cairn_random_below(random, 4) == 0;
+
+            askew = back || i > 1 ? 0 : askew;
+            if (cairn_random_below(random, 2) == 0)
+                wall(&d, back ? to : from, at, back ? from : to, at + askew);
+            else
+                wall(&d, at, back ? from : to, at + askew, back ? to : from);
+        }
+        put(f, &d);
+    }
+}
+
+/* A few points and segments, two thirds of what room there is. */
+static cairn_virtual_scan_params draw_params(cairn_random *random)
+{
+    cairn_virtual_scan_params p = cairn_virtual_scan_default();
+
+    p.max_hypotheses = 2 + cairn_random_below(random, 12);
+    p.max_virtual = 100 + cairn_random_below(random, 900);
+    p.max_scans = 64 * (1 + cairn_random_below(random, 2));
+    p.stride = 1 + cairn_random_below(random, 3);
+    p.spacing = CAIRN_REAL(0.125) * (cairn_real)(1 + cairn_random_below(random, 2));
+    p.weight = CAIRN_REAL(0.5) * (cairn_real)cairn_random_below(random, 4);
+    p.line_support = CAIRN_REAL(0.25);
+    p.line_angle = CAIRN_REAL(0.25);
+    p.least_scans = 1 + cairn_random_below(random, 2);
+    p.least_length = CAIRN_REAL(0.25) * (cairn_real)cairn_random_below(random, 4);
+    p.hough.angles = 32;
+    p.hough.spacing = CAIRN_REAL(0.125);
+    p.hough.least_votes = (cairn_real)(3 + cairn_random_below(random, 4));
+    p.hough.oriented = cairn_random_below(random, 2);
+    p.rectangle.min_side = CAIRN_REAL(0.5);
+    p.rectangle.oriented = cairn_random_below(random, 2);
+    return p;
+}
+
+static uint64_t add_real(uint64_t hash, cairn_real x)
+{
+    assert_true(x == x);
+    return test_hash(hash, &x, sizeof x);
+}
+
+static uint64_t add_found(const struct fixture *f, uint64_t hash)
+{
+    const cairn_hypothesis *h;
+    const cairn_oriented_point *points;
+    const cairn_real *weights;
+    int32_t count, point_count, dropped;
+
+    h = cairn_virtual_scan_hypotheses(f->v, &count);
+    points = cairn_virtual_scan_points(f->v, &weights, &point_count);
+    dropped = cairn_virtual_scan_dropped(f->v);
+    hash = test_hash(hash, &dropped, sizeof dropped);
+    for (int32_t i = 0; i < count; i++) {
+        int32_t whole[4] = {h[i].kind, h[i].first_point, h[i].end_point, h[i].scans};
+
+        hash = add_real(add_real(test_hash(hash, whole, sizeof whole), h[i].strength), h[i].weight);
+    }
+    for (int32_t i = 0; i < point_count; i++) {
+        hash = add_real(add_real(hash, points[i].position.x), points[i].position.y);
+        hash = add_real(add_real(hash, points[i].direction.x), points[i].direction.y);
+        hash = add_real(hash, weights[i]);
+    }
+    return hash;
+}
+
+static uint64_t hash_of_detection(struct fixture *f, double sigma, uint64_t hash)
+{
+    cairn_budget budget = {1 << 28};
+
+    give(f, sigma);
+    assert_ok(cairn_virtual_scan_step(f->v, &budget));
+    return add_found(f, test_hash(hash, &budget.left, sizeof budget.left));
+}
+
+static uint64_t hash_of_maps(uint64_t seed)
+{
+    uint64_t hash = TEST_HASH_START;
+    cairn_random random = cairn_random_seed(seed, 0);
+
+    for (int32_t i = 0; i < 30; i++) {
+        cairn_virtual_scan_params p = draw_params(&random);
+        struct fixture f = fixture_with(&p);
+        struct discs discs = {2, 0, 0, 0, {NULL, NULL, NULL, NULL, 0, 0, 0}};
+        cairn_hypothesis_detector d = {&discs, begin_discs, step_discs, count_discs, outline_disc};
+
+        if (i % 3 == 0)
+            assert_ok(cairn_virtual_scan_add_detector(f.v, &d));
+        draw_quarters(&f, &random);
+        hash = hash_of_detection(&f, 0.25 * cairn_random_below(&random, 4), hash);
+        f.poses[0].x += CAIRN_REAL(0.125);
+        hash = hash_of_detection(&f, cairn_random_below(&random, 8), hash);
+        end_fixture(&f);
+    }
+    return hash;
+}
+
+static cairn_status begin_map(void *context)
+{
+    give(context, 0.25);
+    return CAIRN_OK;
+}
+
+static cairn_status step_map(void *context, cairn_budget *budget)
+{
+    return cairn_virtual_scan_step(((struct fixture *)context)->v, budget);
+}
+
+static uint64_t tell_map(void *context)
+{
+    return add_found(context, TEST_HASH_START);
+}
+
+static void begins_anew(void **state)
+{
+    cairn_random random = cairn_random_seed(7, 0);
+    cairn_virtual_scan_params p = draw_params(&random);
+    struct fixture f;
+    struct discs discs = {5, 0, 0, 0, {NULL, NULL, NULL, NULL, 0, 0, 0}};
+    cairn_hypothesis_detector d = {&discs, begin_discs, step_discs, count_discs, outline_disc};
+    test_stepped object = {begin_map, step_map, tell_map, &f};
+
+    (void)state;
+    p.hough.angles = p.hough.distances = 16;
+    p.max_hypotheses = 5;
+    f = fixture_with(&p);
+    assert_ok(cairn_virtual_scan_add_detector(f.v, &d));
+    draw_quarters(&f, &random);
+    test_begins_anew(&object, 100);
+    end_fixture(&f);
+}
+
+static void all_bits_are_kept(void **state)
+{
+    (void)state;
+    assert_golden(hash_of_maps(1), UINT64_C(0x5c1f535cee663043), UINT64_C(0x19980fb5040decf2));
+    assert_golden(hash_of_maps(2), UINT64_C(0x25cf7a8b69d9e422), UINT64_C(0xe015069edfcf3fc0));
 }
 
 /* ---- Refusals ---- */
@@ -581,7 +737,8 @@ static void the_budget_does_not_matter(void **state)
 static void bad_calls_are_refused(void **state)
 {
     struct fixture f = default_fixture();
-    cairn_pose far = {CAIRN_REAL(6e5), 0, 0}, low = {0, CAIRN_REAL(-6e5), 0}, nan = {0, 0, (cairn_real)NAN};
+    cairn_pose far = {CAIRN_REAL(5.0001e5), 0, 0}, edge = {CAIRN_REAL(5e5), CAIRN_REAL(-5e5), 0},
+               low = {0, CAIRN_REAL(-5.0001e5), 0}, nan = {0, 0, (cairn_real)NAN};
     cairn_budget budget = {1};
     int32_t count;
 
@@ -595,6 +752,9 @@ static void bad_calls_are_refused(void **state)
     assert_status(cairn_virtual_scan_begin(f.v, CAIRN_REAL(-0.1)), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_virtual_scan_begin(f.v, (cairn_real)NAN), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_virtual_scan_begin(f.v, (cairn_real)INFINITY), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_virtual_scan_begin(f.v, CAIRN_REAL(5.0001e5)), CAIRN_BAD_ARGUMENT);
+    assert_ok(cairn_virtual_scan_begin(f.v, CAIRN_REAL(5e5)));
+    assert_ok(cairn_virtual_scan_add_scan(f.v, f.set, 0, edge));
     assert_ok(cairn_virtual_scan_begin(f.v, 0));
     assert_status(cairn_virtual_scan_add_scan(NULL, f.set, 0, f.poses[0]), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_virtual_scan_add_scan(f.v, NULL, 0, f.poses[0]), CAIRN_BAD_ARGUMENT);
@@ -672,6 +832,20 @@ static void bad_params_are_refused(void **state)
     assert_status(cairn_virtual_scan_create(NULL, &pool, &p), CAIRN_BAD_ARGUMENT);
     assert_ok(cairn_virtual_scan_create(&v, &pool, &p));
     test_pool_free(&pool);
+    /* The ends of the ranges are taken. */
+    p.max_scans = p.max_segments = 1 << 20;
+    p.max_points = p.max_virtual = 1 << 24;
+    p.max_hypotheses = 1024;
+    p.max_detectors = 16;
+    p.stride = 1;
+    p.spacing = p.weight = p.line_angle = p.least_length = CAIRN_REAL(1e6);
+    p.line_support = 1;
+    p.least_scans = 1;
+    assert_true(cairn_virtual_scan_memory(&p) > 0);
+    p.max_points = p.max_virtual = p.max_hypotheses = p.max_scans = p.max_segments = 1;
+    p.weight = p.least_length = 0;
+    assert_true(cairn_virtual_scan_memory(&p) > 0);
+    p = cairn_virtual_scan_default();
     p.max_scans = 3;
     p.max_points = 20;
     p.max_segments = 7;
@@ -695,6 +869,8 @@ int main(void)
         cmocka_unit_test(kinds_of_the_caller),
         cmocka_unit_test(what_finds_no_room),
         cmocka_unit_test(the_budget_does_not_matter),
+        cmocka_unit_test(all_bits_are_kept),
+        cmocka_unit_test(begins_anew),
         cmocka_unit_test(bad_calls_are_refused),
         cmocka_unit_test(bad_params_are_refused),
     };

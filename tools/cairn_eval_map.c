@@ -154,8 +154,9 @@ static int lay_out(const settings *s, const map_output *output, cairn_occupancy_
 
 static int quadrant_of(const cairn_occupancy_grid_params *grid, cairn_vec2 p)
 {
-    int east = p.x >= grid->origin.x + (cairn_real)(grid->width / 2) * grid->resolution;
-    int north = p.y >= grid->origin.y + (cairn_real)(grid->height / 2) * grid->resolution;
+    int32_t column = grid->width / 2, row = grid->height / 2;
+    int east = p.x >= grid->origin.x + (cairn_real)column * grid->resolution;
+    int north = p.y >= grid->origin.y + (cairn_real)row * grid->resolution;
 
     return north ? (east ? CAIRN_QUADRANT_NE : CAIRN_QUADRANT_NW) : east ? CAIRN_QUADRANT_SE : CAIRN_QUADRANT_SW;
 }

@@ -256,7 +256,7 @@ static int32_t least(int64_t a, int32_t b)
 static int map_with_room(const settings *s, const cairn_carmen_scans *log, map_scan *scans, place *places,
                          int32_t points, int32_t *full)
 {
-    cairn_mapper_params params = cairn_mapper_default();
+    cairn_mapper_params params = cairn_mapper_default_for(least(s->max_keys, log->count), log->info.beams_most);
     double start = tool_seconds(), fed;
     cairn_report_player *player = NULL;
     cairn_mapper *mapper = NULL;
@@ -265,17 +265,13 @@ static int map_with_room(const settings *s, const cairn_carmen_scans *log, map_s
     int code;
 
     *full = 0;
-    params.scan.max_beams = log->info.beams_most;
     params.window = (int32_t)s->window;
     params.field.potential = 1;
     if (params.window > 0 && params.window_free >= params.window)
         params.window_free = params.window - 1;
-    params.max_keys = least(s->max_keys, log->count);
     params.max_key_points = least((int64_t)params.max_keys * points + params.scan.max_points, KEY_CAPACITY_MOST);
     params.max_key_segments =
         least((int64_t)params.max_keys * points / 4 + params.scan.max_segments, KEY_CAPACITY_MOST);
-    params.loop.max_loops = 4 * params.max_keys;
-    params.loop.max_fill = 40 * params.max_keys;
     code = tool_pool_open(&pool, PROGRAM, s->pool, cairn_mapper_memory(&params));
     if (code != TOOL_OK)
         return code;

@@ -228,8 +228,8 @@ cairn_status map_grid_make(const map_output *output, const cairn_occupancy_grid_
 
 static cairn_status make_map(const map_output *output, cairn_map_file *map, cairn_file_error *error)
 {
-    cairn_occupancy_grid_params params;
-    map_grid made;
+    cairn_occupancy_grid_params params = cairn_occupancy_grid_default();
+    map_grid made = {0};
     cairn_status status;
 
     *map = cairn_map_file_default();

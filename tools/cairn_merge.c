@@ -122,7 +122,7 @@ static void coarsen(merge_job *job, int32_t k)
 static int load_maps(merge_job *job)
 {
     const merge_settings *s = job->settings;
-    double scale[MERGE_TOOL_MAPS];
+    double scale[MERGE_TOOL_MAPS] = {0};
     cairn_file_error error;
 
     if (s->scale != NULL && !read_list(s, "--scale", s->scale, scale))
@@ -380,7 +380,7 @@ int tool_merge(int argc, char **argv)
         code = write_files(&job);
     if (code == TOOL_OK && !s.quiet)
         print_summary(&job, tool_seconds() - start);
-    for (int32_t i = 0; i < s.count; i++) {
+    for (int32_t i = 0; i < MERGE_TOOL_MAPS; i++) {
         free(job.map[i].fine);
         free(job.map[i].cells);
         if (job.map[i].loaded)

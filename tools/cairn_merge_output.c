@@ -205,10 +205,12 @@ static cairn_vec2 *walls_of(const merge_tool_map *map, int32_t *count)
         walls += map->cells[i] == CAIRN_CELL_OCCUPIED;
     points = malloc((walls + 1) * sizeof *points);
     *count = 0;
-    for (size_t i = 0; i < cells && points != NULL; i++)
+    for (size_t i = 0; i < cells && points != NULL; i++) {
+        size_t column = i % (size_t)map->width, row = i / (size_t)map->width;
+
         if (map->cells[i] == CAIRN_CELL_OCCUPIED)
-            points[(*count)++] =
-                cell_in_reference(map, (double)(i % (size_t)map->width) + 0.5, (double)(i / (size_t)map->width) + 0.5);
+            points[(*count)++] = cell_in_reference(map, (double)column + 0.5, (double)row + 0.5);
+    }
     return points;
 }
 
@@ -229,6 +231,7 @@ cairn_status merge_write_picture(const merge_job *job, const char *path, cairn_f
     cairn_report_figure figure = cairn_report_figure_default();
     cairn_report_layer layer[MERGE_TOOL_MAPS];
     cairn_report_plot plot;
+    cairn_vec2 *points[MERGE_TOOL_MAPS] = {NULL};
     char colour[MERGE_TOOL_MAPS][8], note[1024];
     cairn_status status = CAIRN_OK;
 
@@ -246,9 +249,10 @@ cairn_status merge_write_picture(const merge_job *job, const char *path, cairn_f
         l->mark = CAIRN_REPORT_DOTS;
         l->width = 1.5;
         l->opacity = 0.8;
-        l->point = walls_of(&job->map[i], &l->count);
+        points[i] = walls_of(&job->map[i], &l->count);
+        l->point = points[i];
         plot.layer_count++;
-        if (l->point == NULL)
+        if (points[i] == NULL)
             status = cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0, "no memory for the picture");
     }
     plot.layer = layer;
@@ -259,7 +263,7 @@ cairn_status merge_write_picture(const merge_job *job, const char *path, cairn_f
     figure.plot_count = 1;
     if (status == CAIRN_OK)
         status = cairn_report_figure_write(path, &figure, error);
-    for (int32_t i = 0; i < plot.layer_count; i++)
-        free((void *)(uintptr_t)layer[i].point);
+    for (int32_t i = 0; i < MERGE_TOOL_MAPS; i++)
+        free(points[i]);
     return status;
 }

@@ -48,20 +48,24 @@ typedef struct cairn_mapper_params {
     cairn_icp_params icp;           /* its capacities are set by the mapper */
     cairn_force_field_params field; /* likewise max_scans */
     cairn_mapper_loop_params loop;
-    int32_t max_keys;             /* key scans in all, 1 ... 2^20 (1024) */
-    int32_t max_key_segments;     /* segments of all key scans, 1 ... 2^24 (32768) */
-    int32_t max_key_points;       /* points of all key scans, 1 ... 2^24 (131072) */
-    int32_t local_keys;           /* key scans to match against, 1 ... CAIRN_MAPPER_LOCAL_MOST (15) */
-    int32_t local_recent;         /* of these so many are the last ones, the others the nearest: 1 ... local_keys (3) */
-    int32_t local_span;           /* of the last so many, >= local_recent; 0: of all (25) */
-    cairn_real local_radius;      /* m, > 0: the nearest ones are at most so far (4) */
-    cairn_real key_distance;      /* m, > 0, and ... (0.5) */
-    cairn_real key_turn;          /* ... rad, > 0: what lies between key scans (0.5) */
-    cairn_real key_support;       /* a scan of less support is a key scan, too, in [0, 1] (0.6) */
-    int32_t window;               /* key scans of the force field, 2 ... 64; 0: no force field (8) */
-    int32_t window_free;          /* of these so many may move, 1 ... window - 1 (3) */
-    cairn_real odometry_distance; /* odometry is wrong by this share of the way ... (0.3) */
-    cairn_real odometry_turn;     /* ... and of the turn (0.3) */
+    int32_t max_keys;         /* key scans in all, 1 ... 2^20 (1024) */
+    int32_t max_key_segments; /* segments of all key scans, 1 ... 2^24 (32768) */
+    int32_t max_key_points;   /* points of all key scans, 1 ... 2^24 (131072) */
+    int32_t
+        max_local_points;    /* of all key scans of the local map, 1 ... 2^20, one key scan always has room; likewise of
+                                   * the force field's window. Where there are more, the farthest, or oldest, are left out (4096) */
+    int32_t local_keys;      /* key scans to match against, 1 ... CAIRN_MAPPER_LOCAL_MOST (15) */
+    int32_t local_recent;    /* of these so many are the last ones, the others the nearest: 1 ... local_keys (3) */
+    int32_t local_span;      /* of the last so many, >= local_recent; 0: of all (25) */
+    cairn_real local_radius; /* m, > 0: the nearest ones are at most so far (4) */
+    cairn_real key_distance; /* m, > 0, and ... (0.5) */
+    cairn_real key_turn;     /* ... rad, > 0: what lies between key scans (0.5) */
+    cairn_real key_support;  /* a scan of less support is a key scan, too, in [0, 1] (0.6) */
+    int32_t window;          /* key scans of the force field, 2 ... 64; 0: no force field (8) */
+    int32_t window_free;     /* of these so many may move, 1 ... window - 1 (3) */
+    int32_t window_units;    /* of budget that the force field may take of every scan, >= 1 (24000) */
+    cairn_real odometry_distance;     /* odometry is wrong by this share of the way ... (0.3) */
+    cairn_real odometry_turn;         /* ... and of the turn (0.3) */
     cairn_real odometry_distance_min; /* m, and at least by this (0.03) */
     cairn_real odometry_turn_min;     /* rad, and at least by this (0.02) */
     cairn_real motion_distance;     /* without odometry: of the motion before, the next one differs by this share ... */
@@ -69,7 +73,8 @@ typedef struct cairn_mapper_params {
     cairn_real motion_distance_min; /* m, > 0, and at least by this (0.03) */
     cairn_real motion_turn_min;     /* rad, > 0 (0.02) */
     cairn_real min_support;         /* a match counts when this share of the scan's points has partners (0.3) */
-    int32_t search; /* 1: where a match is in doubt, scan_match searches; 0: the match stays as it is (1) */
+    int32_t search;       /* 1: where a match is in doubt, scan_match searches; 0: the match stays as it is (1) */
+    int32_t search_units; /* of budget that a search may take, >= 1; one that takes more finds nothing (100000) */
 } cairn_mapper_params;
 
 /* How the pose of a scan was found. */
@@ -131,6 +136,11 @@ typedef struct cairn_mapper cairn_mapper;
 
 /* The values in brackets; scans, match and field as their own defaults but for a force field that starts small. */
 cairn_mapper_params cairn_mapper_default(void);
+
+/* The same for so many key scans of a scanner of so many beams: room for 160 points and 40 segments of each, and for 4 closures and
+ * 40 blocks of the graph's factor. What the mapper takes is then a part that does not depend on the key scans and so much for each
+ * of them, see docs/memory.md. */
+cairn_mapper_params cairn_mapper_default_for(int32_t max_keys, int32_t max_beams);
 
 /* 0 for params that create() would refuse. */
 size_t cairn_mapper_memory(const cairn_mapper_params *params);

@@ -38,13 +38,15 @@ typedef struct cairn_scan_match_params {
     int32_t
         max_candidates; /* 1 ... 1024: poses that the search hands on to be refined; the more, the smaller the overlap
                              * at which a match is still found, and the dearer */
+    int32_t max_cells;  /* 25 ... 65536, of 2 by 2 spacings: a window that has more is cut about its middle. See
+                        * cairn_scan_match_cells() */
     cairn_real spacing; /* m, > 0: of the evenly spaced points; lengths of the search are multiples of it */
     cairn_real sigma;   /* least standard deviation of a point across its line that is believed, m, > 0 */
     cairn_real weak_ratio; /* a direction is not observable when its information is less than this share of the best
                              * one's, in [0, 1) */
 } cairn_scan_match_params;
 
-/* Correlative; 2048 target points, 4096 dense ones, 16 views, 1024 query points, 8 hypotheses, 128 candidates, spacing
+/* Correlative; 2048 target points, 4096 dense ones, 16 views, 1024 query points, 8 hypotheses, 128 candidates, 65536 cells, spacing
  * 0.10 m, sigma 0.01 m, weak below 0.001. */
 cairn_scan_match_params cairn_scan_match_default(void);
 
@@ -112,6 +114,9 @@ typedef struct cairn_scan_match_measure {
 
 /* 0 for params that create() would refuse. */
 size_t cairn_scan_match_memory(const cairn_scan_match_params *params);
+
+/* max_cells for windows of half this side, m, at most 65536. */
+int32_t cairn_scan_match_cells(cairn_real distance, cairn_real spacing);
 
 /* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_scan_match_create(cairn_scan_match **match, cairn_pool *pool,

@@ -99,7 +99,7 @@ static cairn_status append(const place *p, cairn_relation_row **rows, int32_t *c
 cairn_status cairn_relation_table_read(cairn_relation_row **row, int32_t *count, const char *path,
                                        cairn_file_error *error)
 {
-    place p = {path, 0, error};
+    place p = {.path = path, .error = error};
     cairn_line_reader *lines;
     cairn_relation_row one;
     int32_t capacity = 0;

@@ -24,9 +24,9 @@ static const cairn_real SUDDEN_TURN = CAIRN_REAL(0.08);
 static const cairn_real SUDDEN_SHARE = CAIRN_REAL(0.2); /* ... and this share of the motion */
 static const cairn_real WORSE = CAIRN_REAL(0.8);        /* than the mean quality */
 static const cairn_real SEARCH_WINDOW = CAIRN_REAL(0.5), SEARCH_ANGLE = CAIRN_REAL(0.5); /* m and rad */
-static const cairn_real WIDE_WINDOW = 1, WIDE_ANGLE = CAIRN_REAL(1.6);          /* ... when nothing was found there */
-static const cairn_real STRANGE = CAIRN_REAL(0.1);                              /* m and rad out of the way */
-static const cairn_real STRANGE_COST = CAIRN_REAL(0.1);                         /* ... of the log of the quality */
+static const cairn_real WIDE_ANGLE = CAIRN_REAL(1.6);   /* ... when nothing was found there, in MAPPER_WIDE_WINDOW */
+static const cairn_real STRANGE = CAIRN_REAL(0.1);      /* m and rad out of the way */
+static const cairn_real STRANGE_COST = CAIRN_REAL(0.1); /* ... of the log of the quality */
 static const cairn_real DOUBT = CAIRN_REAL(0.3), DOUBT_TURN = CAIRN_REAL(0.15); /* standard deviations, m and rad */
 static const cairn_real SLIPPERY = CAIRN_REAL(0.05); /* share of information along the weak direction */
 static const cairn_real FADES = CAIRN_REAL(0.99);    /* pace, by each scan that does not tell it */
@@ -187,7 +187,7 @@ static cairn_status begin_search(cairn_mapper *mapper)
     cairn_scan_match_window window = {SEARCH_WINDOW + length(mapper->motion), SEARCH_ANGLE};
 
     if (mapper->searches > 0) {
-        window.distance = WIDE_WINDOW + length(mapper->motion);
+        window.distance = MAPPER_WIDE_WINDOW + length(mapper->motion);
         window.angle = WIDE_ANGLE;
     }
     mapper->state.searched += mapper->searches == 0;
@@ -200,25 +200,32 @@ static cairn_status begin_search(cairn_mapper *mapper)
     return CAIRN_OK;
 }
 
+static int32_t search_keys(const cairn_mapper *mapper)
+{
+    return mapper->local_count < MAPPER_SEARCH_KEYS ? mapper->local_count : MAPPER_SEARCH_KEYS;
+}
+
 cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budget)
 {
     cairn_scan_match_part part;
     int32_t key;
 
-    if (mapper->search_count == mapper->local_count)
+    if (mapper->search_count == search_keys(mapper))
         return begin_search(mapper);
-    if (mapper->search_count == 0)
+    if (mapper->search_count == 0) {
+        cairn_mapper_yield_match(mapper);
         cairn_scan_match_clear_target(mapper->search);
+    }
     key = mapper->local[mapper->search_count++];
     part = cairn_mapper_key_part(mapper, key, mapper->oriented, mapper->beams);
     budget->left -= 2 + part.count / 2 + part.beam_count / 2;
     if (cairn_scan_match_add_target(mapper->search, &part, mapper->key_pose[key], NULL) != CAIRN_OK)
-        mapper->search_count = mapper->local_count; /* full */
+        mapper->search_count = search_keys(mapper); /* full */
     return CAIRN_OK;
 }
 
 /* The search is over: the match runs from what it found, or what there is stays, in doubt. */
-cairn_status cairn_mapper_end_search(cairn_mapper *mapper)
+static cairn_status end_search(cairn_mapper *mapper)
 {
     cairn_scan_match_result result = cairn_scan_match_read(mapper->search);
     cairn_scan_view view = cairn_scan_read(mapper->scan);
@@ -248,12 +255,29 @@ cairn_status cairn_mapper_end_search(cairn_mapper *mapper)
                            NULL);
 }
 
+cairn_status cairn_mapper_search_step(cairn_mapper *mapper, cairn_budget *budget)
+{
+    int32_t quota = mapper->params.search_units - mapper->spent, most = budget->left < quota ? budget->left : quota;
+    cairn_budget share = {most};
+    cairn_status status = cairn_scan_match_step(mapper->search, &share);
+
+    budget->left -= most - share.left;
+    mapper->spent += most - share.left;
+    if (status == CAIRN_OK)
+        return end_search(mapper);
+    if (status == CAIRN_MORE && mapper->spent >= mapper->params.search_units) {
+        mapper->phase = KEEP;
+        mapper->doubtful = 1;
+    }
+    return status == CAIRN_MORE ? CAIRN_OK : status;
+}
+
 /* ---- What comes after a match ---- */
 
 static cairn_status end_doubt(cairn_mapper *mapper)
 {
     mapper->phase = KEEP;
-    if (mapper->search == NULL || !is_doubtful(mapper))
+    if (!mapper->params.search || !is_doubtful(mapper))
         return CAIRN_OK;
     mapper->phase = SEARCH_TARGET;
     return CAIRN_OK;

@@ -1,4 +1,4 @@
-/* Key scans on their way into the local map and into the force field. */
+/* Key scans on their way into the local map, into the force field and into a search. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -61,8 +61,7 @@ int32_t cairn_mapper_needs_local(const cairn_mapper *mapper)
     return mapper->target_stale || x * x + y * y > mapper->params.key_distance * mapper->params.key_distance;
 }
 
-/* A key scan as it was when it came, but without its beams; valid until the next call. */
-static cairn_scan_view key_view(cairn_mapper *mapper, int32_t key)
+cairn_scan_view cairn_mapper_key_view(cairn_mapper *mapper, int32_t key)
 {
     const cairn_scan_set_scan *scan = &mapper->keys->scans[key];
     cairn_scan_view view;
@@ -87,46 +86,16 @@ static cairn_scan_view key_view(cairn_mapper *mapper, int32_t key)
 cairn_status cairn_mapper_add_local(cairn_mapper *mapper, cairn_budget *budget)
 {
     int32_t key = mapper->local[mapper->cursor];
-    cairn_scan_view view = key_view(mapper, key);
+    cairn_scan_view view = cairn_mapper_key_view(mapper, key);
+
+    cairn_status status = cairn_icp_add_target(mapper->icp, view.points, view.point_count, mapper->key_pose[key], NULL);
 
     mapper->cursor++;
     budget->left -= 1 + view.point_count / 2;
-    return cairn_icp_add_target(mapper->icp, view.points, view.point_count, mapper->key_pose[key], NULL);
-}
-
-/* ---- The force field over the last key scans ---- */
-
-int32_t cairn_mapper_window_count(const cairn_mapper *mapper)
-{
-    int32_t keys = mapper->keys->scan_count;
-
-    return keys < mapper->params.window ? keys : mapper->params.window;
-}
-
-cairn_status cairn_mapper_add_window(cairn_mapper *mapper, cairn_budget *budget)
-{
-    int32_t count = cairn_mapper_window_count(mapper);
-    int32_t key = mapper->keys->scan_count - count + mapper->cursor;
-    cairn_scan_view view = key_view(mapper, key);
-    cairn_status status = cairn_force_field_add_scan(mapper->field, &view, NULL, mapper->key_pose[key], NULL);
-
-    /* The first one always stays: something must hold the window in its place. So do those whose links are measured. */
-    if (status == CAIRN_OK &&
-        (mapper->cursor == 0 || mapper->cursor < count - mapper->params.window_free || key < mapper->loop.entered))
-        status = cairn_force_field_fix(mapper->field, mapper->cursor, 1);
-    budget->left -= 2 + view.point_count / 2;
-    mapper->cursor++;
-    return status;
-}
-
-void cairn_mapper_read_window(cairn_mapper *mapper)
-{
-    int32_t count = cairn_mapper_window_count(mapper), first = mapper->keys->scan_count - count;
-
-    for (int32_t i = 0; i < count; i++)
-        mapper->key_pose[first + i] = cairn_force_field_pose(mapper->field, i);
-    mapper->result.map_scan = mapper->key_pose[mapper->keys->scan_count - 1];
-    mapper->state.potential = cairn_force_field_potential(mapper->field);
+    if (status != CAIRN_FULL)
+        return status;
+    mapper->cursor = mapper->local_count; /* the nearest ones are in */
+    return CAIRN_OK;
 }
 
 /* ---- Key scans as parts of a match ---- */

@@ -201,7 +201,8 @@ static void begin_candidate(cairn_mapper *mapper)
     int32_t key = loop->candidates[loop->candidate].key, half = mapper->params.loop.keys / 2;
     int32_t last = loop->query - mapper->params.loop.gap;
 
-    cairn_scan_match_clear_target(loop->match);
+    mapper->search_count = 0;
+    cairn_scan_match_clear_target(mapper->search);
     loop->target_from = key > half ? key - half : 0;
     loop->target_end = loop->target_from + mapper->params.loop.keys;
     if (loop->target_end > last)
@@ -217,7 +218,7 @@ static void target_item(cairn_mapper *mapper, cairn_budget *budget)
     cairn_scan_match_part part = cairn_mapper_key_part(mapper, key, mapper->oriented, mapper->beams);
 
     budget->left -= 2 + part.count / 2 + part.beam_count / 2;
-    if (cairn_scan_match_add_target(loop->match, &part, mapper->key_pose[key], NULL) != CAIRN_OK)
+    if (cairn_scan_match_add_target(mapper->search, &part, mapper->key_pose[key], NULL) != CAIRN_OK)
         loop->target_from = loop->target_end;
 }
 
@@ -232,9 +233,15 @@ static void begin_match(cairn_mapper *mapper, cairn_budget *budget)
     window.angle = 3 * cairn_sqrt(loop->turn_variance[key]) + CAIRN_REAL(0.1);
     loop->phase = LOOP_MATCH;
     budget->left -= 2 + loop->query_part.count / 4;
-    if (cairn_scan_match_begin(loop->match, &loop->query_part, mapper->key_pose[loop->query], &window, NULL) !=
+    if (cairn_scan_match_begin(mapper->search, &loop->query_part, mapper->key_pose[loop->query], &window, NULL) !=
         CAIRN_OK)
-        cairn_scan_match_clear_target(loop->match);
+        cairn_scan_match_clear_target(mapper->search);
+}
+
+void cairn_mapper_yield_match(cairn_mapper *mapper)
+{
+    if (mapper->loop.phase == LOOP_TARGET || mapper->loop.phase == LOOP_MATCH)
+        mapper->loop.phase = LOOP_CANDIDATE;
 }
 
 /* ---- The verdict ---- */
@@ -311,7 +318,7 @@ static void judge(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
     const cairn_mapper_loop_params *p = &mapper->params.loop;
-    cairn_scan_match_result result = cairn_scan_match_read(loop->match);
+    cairn_scan_match_result result = cairn_scan_match_read(mapper->search);
     const cairn_scan_match_hypothesis *h = result.hypotheses;
     int32_t key = loop->candidates[loop->candidate].key;
     mapper_pending closure;
@@ -395,8 +402,12 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
         if (loop->candidate_count > 0) {
             loop->query_part = cairn_mapper_key_part(mapper, loop->query, loop->query_points, loop->query_beams);
             budget->left -= 2 + loop->query_part.count / 4 + loop->query_part.beam_count / 4;
-            begin_candidate(mapper);
+            loop->phase = LOOP_CANDIDATE;
         }
+        break;
+    case LOOP_CANDIDATE:
+        budget->left -= 1;
+        begin_candidate(mapper);
         break;
     case LOOP_TARGET:
         if (loop->target_from < loop->target_end)
@@ -405,14 +416,14 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
             begin_match(mapper, budget);
         break;
     case LOOP_MATCH:
-        status = cairn_scan_match_step(loop->match, budget);
+        status = cairn_scan_match_step(mapper->search, budget);
         if (status != CAIRN_OK)
             break;
         judge(mapper);
         budget->left -= 8 + 4 * MAPPER_PENDING;
         loop->phase = LOOP_IDLE;
         if (++loop->candidate < loop->candidate_count)
-            begin_candidate(mapper);
+            loop->phase = LOOP_CANDIDATE;
         break;
     default:
         status = cairn_mapper_solve_step(mapper, budget);

@@ -1,5 +1,6 @@
-/* What the parts of mapper share: mapper.c (scan by scan), mapper_front.c (its match), mapper_keys.c (key scans, local map, window of the force field),
- * mapper_loop.c (loops that close), mapper_graph.c (correction of all key scans). */
+/* What the parts of mapper share: mapper.c (scan by scan), mapper_create.c (params and memory), mapper_front.c (its match),
+ * mapper_keys.c (key scans, local map), mapper_window.c (force field over the last key scans), mapper_loop.c (loops that close),
+ * mapper_graph.c (correction of all key scans). */
 #ifndef CAIRN_MAPPING_MAPPER_WORK_H
 #define CAIRN_MAPPING_MAPPER_WORK_H
 
@@ -8,11 +9,14 @@
 #include "cairn/scan_match.h"
 
 enum {
-    MAPPER_BEARINGS = 256,  /* of what a key scan saw free */
-    MAPPER_CANDIDATES = 3,  /* places at which a key scan is looked for */
-    MAPPER_PENDING = 32,    /* closures that wait for others to agree */
-    MAPPER_LOOP_EVENTS = 64 /* that can be read */
+    MAPPER_BEARINGS = 256,   /* of what a key scan saw free */
+    MAPPER_CANDIDATES = 3,   /* places at which a key scan is looked for */
+    MAPPER_PENDING = 32,     /* closures that wait for others to agree */
+    MAPPER_LOOP_EVENTS = 64, /* that can be read */
+    MAPPER_SEARCH_KEYS = 5   /* key scans of the local map in which a scan in doubt is searched for */
 };
+
+static const cairn_real MAPPER_WIDE_WINDOW = 1; /* m, of the widest search of a scan in doubt, beyond its motion */
 
 typedef int32_t phase;
 enum {
@@ -26,9 +30,14 @@ enum {
     SEARCH,        /* of a match in doubt */
     MATCH_FOUND,   /* from what it found */
     KEEP,          /* result, and a key scan if it is one */
-    WINDOW,        /* key scans into the force field */
-    FIELD,
-    LOOP /* loops and graph, for their share of the scan */
+    SHARE          /* force field, then loops and graph, for their share of the scan */
+};
+
+typedef int32_t window_phase;
+enum {
+    WINDOW_IDLE = 0,
+    WINDOW_FILL, /* key scans into the force field */
+    WINDOW_RUN
 };
 
 typedef int32_t loop_phase;
@@ -37,7 +46,8 @@ enum {
     LOOP_CLEAR,     /* of the distances */
     LOOP_DISTANCES, /* how far a path from the query can have gone astray, for every key scan */
     LOOP_CHOOSE,    /* candidates */
-    LOOP_TARGET,    /* the map around a candidate */
+    LOOP_CANDIDATE, /* the one at hand, from the beginning */
+    LOOP_TARGET,    /* the map around it */
     LOOP_MATCH,
     LOOP_SOLVE
 };
@@ -65,7 +75,6 @@ typedef struct mapper_pending {
 } mapper_pending;
 
 typedef struct mapper_loop {
-    cairn_scan_match *match;
     cairn_pose_graph *graph;
     mapper_link *links;        /* [max_keys + max_loops] */
     int32_t *first_link;       /* [max_keys] of a key scan; -1: none */
@@ -116,7 +125,11 @@ struct cairn_mapper {
     uint16_t *sight; /* [max_keys * MAPPER_BEARINGS] cm by bearing, 0: nothing known; NULL when nobody asks */
 
     phase phase;
-    int32_t cursor; /* within the phase */
+    int32_t cursor;       /* within the phase */
+    int32_t window_quota; /* units left of the force field's share of the scan */
+    window_phase window_phase;
+    int32_t window_first, window_end; /* key scans of the force field */
+    int32_t window_cursor;            /* of these, the next one to fill in */
     int32_t full;
     int32_t since_key; /* scans since the last key scan */
 
@@ -144,9 +157,9 @@ struct cairn_mapper {
     cairn_icp_result match; /* the better one so far */
     int32_t has_match;
     int32_t doubtful;         /* 1: also after a search */
-    cairn_scan_match *search; /* NULL: matches in doubt stay as they are */
+    cairn_scan_match *search; /* of the scan in doubt, and for loops; NULL when nobody searches */
     int32_t searches;         /* of this scan */
-    int32_t search_count;     /* key scans of the local map that it has */
+    int32_t search_count;     /* key scans of the local map that it has; 0: other things */
     int32_t spent;            /* units, by the search of this scan */
 
     mapper_loop loop; /* its graph is NULL without loops */
@@ -154,7 +167,15 @@ struct cairn_mapper {
     cairn_mapper_state state;
 };
 
+/* ---- mapper_create.c ---- */
+
+/* Room for the points of so many key scans together. */
+int32_t cairn_mapper_local_points(const cairn_mapper_params *params, int32_t keys);
+
 /* ---- mapper_keys.c ---- */
+
+/* A key scan as it was when it came, but without its beams; valid until the next call. */
+cairn_scan_view cairn_mapper_key_view(cairn_mapper *mapper, int32_t key);
 
 /* Begins to choose the key scans of the local map; one key scan a call then. 1 when all have been looked at. */
 void cairn_mapper_begin_local(cairn_mapper *mapper);
@@ -165,15 +186,6 @@ int32_t cairn_mapper_needs_local(const cairn_mapper *mapper);
 
 /* Adds the chosen key scan at the cursor to the local map. */
 cairn_status cairn_mapper_add_local(cairn_mapper *mapper, cairn_budget *budget);
-
-/* Key scans over which the force field runs now. */
-int32_t cairn_mapper_window_count(const cairn_mapper *mapper);
-
-/* Adds the key scan at the cursor to the force field. */
-cairn_status cairn_mapper_add_window(cairn_mapper *mapper, cairn_budget *budget);
-
-/* Takes over the poses that the force field found. */
-void cairn_mapper_read_window(cairn_mapper *mapper);
 
 /* Copies the points of a key scan, in its own frame; returns how many. */
 int32_t cairn_mapper_key_points(const cairn_mapper *mapper, int32_t key, cairn_oriented_point *points);
@@ -186,6 +198,17 @@ int32_t cairn_mapper_sight(const cairn_mapper *mapper, int32_t key, cairn_beam *
 cairn_scan_match_part cairn_mapper_key_part(const cairn_mapper *mapper, int32_t key, cairn_oriented_point *points,
                                             cairn_beam *beams);
 
+/* ---- mapper_window.c ---- */
+
+/* Lets the force field begin with the last key scans; what it is at is dropped. */
+void cairn_mapper_begin_window(cairn_mapper *mapper);
+
+/* Goes on with it. CAIRN_MORE: the budget is used up. CAIRN_OK: nothing is left to do. */
+cairn_status cairn_mapper_window_step(cairn_mapper *mapper, cairn_budget *budget);
+
+/* Takes over the poses that the force field has found so far. */
+void cairn_mapper_read_window(cairn_mapper *mapper);
+
 /* ---- mapper_front.c ---- */
 
 /* Predicts the scan from where the one before is, and by how its odometry has moved. */
@@ -195,7 +218,9 @@ cairn_status cairn_mapper_begin_match(cairn_mapper *mapper);
 /* A match has ended: chooses what comes next. */
 cairn_status cairn_mapper_end_match(cairn_mapper *mapper);
 cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budget);
-cairn_status cairn_mapper_end_search(cairn_mapper *mapper);
+
+/* Goes on with the search of a scan in doubt, which ends when it has taken its share of units. */
+cairn_status cairn_mapper_search_step(cairn_mapper *mapper, cairn_budget *budget);
 
 /* The scan has its match, or none: how good are matches, can odometry be believed? */
 void cairn_mapper_learn(cairn_mapper *mapper);
@@ -209,6 +234,9 @@ int32_t cairn_mapper_has_rival(const cairn_scan_match_result *result);
 /* Writes down what became of a closure. */
 void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
                             cairn_mapper_loop_verdict verdict);
+
+/* Gives the match to the search of a scan in doubt; that of a candidate begins anew later. */
+void cairn_mapper_yield_match(cairn_mapper *mapper);
 
 /* Goes on with what loops and graph have to do. CAIRN_OK: nothing for now. */
 cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget);

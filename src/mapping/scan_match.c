@@ -30,6 +30,7 @@ cairn_scan_match_params cairn_scan_match_default(void)
                                       1024,
                                       8,
                                       128,
+                                      MATCH_CELLS_MOST,
                                       CAIRN_REAL(0.1),
                                       CAIRN_REAL(0.01),
                                       CAIRN_REAL(0.001)};
@@ -52,7 +53,8 @@ static int params_are_good(const cairn_scan_match_params *p)
            is_within(p->max_target, 1, POINTS_MOST) && is_within(p->max_dense, 0, POINTS_MOST) &&
            is_within(p->max_views, 0, VIEWS_MOST) && is_within(p->max_query, 1, POINTS_MOST) &&
            is_within(p->max_hypotheses, 1, HYPOTHESES_MOST) && is_within(p->max_candidates, 1, CANDIDATES_MOST) &&
-           is_positive(p->spacing) && is_positive(p->sigma) && p->weak_ratio >= 0 && p->weak_ratio < 1;
+           is_within(p->max_cells, MATCH_CELLS_LEAST, MATCH_CELLS_MOST) && is_positive(p->spacing) &&
+           is_positive(p->sigma) && p->weak_ratio >= 0 && p->weak_ratio < 1;
 }
 
 static cairn_sequence_params sequence_params(const cairn_scan_match_params *p)
@@ -83,7 +85,7 @@ static match_shape *carve_shape(cairn_pool *pool, const cairn_scan_match_params 
 /* The object with its arrays; NULL from a counting pool. */
 static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *p)
 {
-    size_t cells = p->mode == CAIRN_SCAN_MATCH_CORRELATIVE ? MATCH_CELLS_MOST : 0;
+    size_t cells = p->mode == CAIRN_SCAN_MATCH_CORRELATIVE ? (size_t)p->max_cells : 0;
     cairn_scan_match *x = cairn_pool_take_one(pool, sizeof *x);
     cairn_scan_match made;
 
@@ -138,7 +140,7 @@ cairn_status cairn_scan_match_create(cairn_scan_match **match, cairn_pool *pool,
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     if (made->shape == NULL)
-        memset(made->votes.cell, 0, MATCH_CELLS_MOST * sizeof *made->votes.cell);
+        memset(made->votes.cell, 0, (size_t)params->max_cells * sizeof *made->votes.cell);
     cairn_scan_match_clear_target(made);
     *match = made;
     if (made->shape == NULL)

@@ -10,16 +10,31 @@
 
 #include "src/mapping/scan_match_work.h"
 
-enum { DIRECTION_REACH = 3 }; /* bins to both sides that agree */
+enum {
+    DIRECTION_REACH = 3, /* bins to both sides that agree */
+    MARGIN_CELLS = 5     /* of the grid about its window */
+};
 
 static const cairn_real CELL = 2; /* spacings */
 static const cairn_real LEAST_STEP = CAIRN_REAL(0.04), MOST_STEP = CAIRN_REAL(0.088);
+
+int32_t cairn_scan_match_cells(cairn_real distance, cairn_real spacing)
+{
+    int32_t side = MATCH_SIDE_MOST;
+
+    if (!(distance >= 0) || !(spacing > 0))
+        return MATCH_CELLS_LEAST;
+    if (distance < MATCH_SIDE_MOST * spacing)
+        side = cairn_real_to_int(2 * distance / (CELL * spacing)) + MARGIN_CELLS + 1;
+    return side < MATCH_SIDE_MOST ? side * side : MATCH_CELLS_MOST;
+}
 
 /* The translations of the window: about the start, or all that can bring the query to the target. */
 static void place_grid(cairn_scan_match *x)
 {
     match_votes *v = &x->votes;
-    cairn_real most = 256 * CELL * x->params.spacing; /* width * height <= MATCH_CELLS_MOST */
+    int32_t side = cairn_real_to_int(cairn_sqrt((cairn_real)x->params.max_cells));
+    cairn_real most = (cairn_real)side * CELL * x->params.spacing;
     cairn_vec2 low, high;
 
     if (!x->has_window) {
@@ -41,10 +56,10 @@ static void place_grid(cairn_scan_match *x)
     v->side = CELL * x->params.spacing;
     v->origin.x = low.x - 2 * v->side;
     v->origin.y = low.y - 2 * v->side;
-    v->width = cairn_real_to_int((high.x - low.x) / v->side) + 5;
-    v->height = cairn_real_to_int((high.y - low.y) / v->side) + 5;
-    v->width = v->width < 256 ? v->width : 256;
-    v->height = v->height < 256 ? v->height : 256;
+    v->width = cairn_real_to_int((high.x - low.x) / v->side) + MARGIN_CELLS;
+    v->height = cairn_real_to_int((high.y - low.y) / v->side) + MARGIN_CELLS;
+    v->width = v->width < side ? v->width : side;
+    v->height = v->height < side ? v->height : side;
 }
 
 static void place_headings(cairn_scan_match *x)

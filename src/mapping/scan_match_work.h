@@ -8,9 +8,11 @@
 enum {
     MATCH_DIRECTIONS = 72, /* bins of the full circle by which points vote */
     MATCH_BEARINGS = 256,  /* bins of a profile */
-    MATCH_CELLS_MOST = 65536,
-    MATCH_VOTERS = 256,    /* query points that vote, at most */
-    MATCH_WITNESSES = 192, /* target points that are looked for in the query's free space, at most */
+    MATCH_SIDE_MOST = 256,
+    MATCH_CELLS_MOST = MATCH_SIDE_MOST * MATCH_SIDE_MOST,
+    MATCH_CELLS_LEAST = 25, /* of a window without extent */
+    MATCH_VOTERS = 256,     /* query points that vote, at most */
+    MATCH_WITNESSES = 192,  /* target points that are looked for in the query's free space, at most */
     MATCH_STAGES = 3,
     MATCH_PART = 16 /* parts of a unit */
 };

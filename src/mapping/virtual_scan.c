@@ -246,7 +246,6 @@ cairn_status cairn_virtual_scan_begin(cairn_virtual_scan *virtual_scan, cairn_re
     v->map.segment_scan = v->segment_scan;
     v->map.sigma = sigma;
     v->work.count = v->work.point_count = v->work.dropped = 0;
-    v->paid = 0;
     v->phase = GATHER;
     adjust_lines(v, sigma);
     return CAIRN_OK;

@@ -1,0 +1,336 @@
+/* Params of the mapper and of the rooms that it uses, and its memory.
+ *
+ * Layout: what is needed once (the scan at hand, the local map, the search, the window of the force field) grows with the
+ * capacities of scan and local map; key scans, links and the factor of the graph grow with max_keys, max_loops and max_fill. One
+ * scan_match serves both the search of a scan in doubt and that for loops. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/mapper_work.h"
+
+enum { KEYS_MOST = 1 << 20, KEY_CAPACITY_MOST = 1 << 24, LOOPS_MOST = 1 << 22, FILL_MOST = 1 << 26 };
+
+cairn_mapper_params cairn_mapper_default(void)
+{
+    cairn_mapper_params params;
+
+    memset(&params, 0, sizeof params);
+    params.scan = cairn_scan_default();
+    params.scan.max_points = 1024;
+    params.icp = cairn_icp_default();
+    params.icp.weak_ratio = CAIRN_REAL(0.03);
+    params.field = cairn_force_field_default();
+    params.field.sigma_start = CAIRN_REAL(0.04);
+    params.field.sigma_end = CAIRN_REAL(0.02);
+    params.field.dt_start = CAIRN_REAL(0.01);
+    params.field.dt_end = CAIRN_REAL(0.005);
+    params.field.roi = 0;
+    params.field.max_steps = 10;
+    params.loop.max_loops = 4096;
+    params.loop.max_fill = 32768;
+    params.loop.units = 8000;
+    params.loop.keys = 9;
+    params.loop.gap = 25;
+    params.loop.agree = 3;
+    params.loop.radius = 3;
+    params.loop.window = 4;
+    params.loop.window_near = CAIRN_REAL(0.6);
+    params.loop.evidence = 2;
+    params.loop.contradiction = CAIRN_REAL(0.1);
+    params.loop.sigma = CAIRN_REAL(0.01);
+    params.loop.sigma_turn = CAIRN_REAL(0.004);
+    params.loop.outlier = 50;
+    params.max_keys = 1024;
+    params.max_key_segments = 32768;
+    params.max_key_points = 131072;
+    params.max_local_points = 4096;
+    params.local_keys = 15;
+    params.local_recent = 3;
+    params.local_span = 25;
+    params.local_radius = 4;
+    params.key_distance = CAIRN_REAL(0.5);
+    params.key_turn = CAIRN_REAL(0.5);
+    params.key_support = CAIRN_REAL(0.6);
+    params.window = 8;
+    params.window_free = 3;
+    params.window_units = 24000;
+    params.odometry_distance = CAIRN_REAL(0.3);
+    params.odometry_turn = CAIRN_REAL(0.3);
+    params.odometry_distance_min = CAIRN_REAL(0.03);
+    params.odometry_turn_min = CAIRN_REAL(0.02);
+    params.motion_distance = CAIRN_REAL(0.3);
+    params.motion_turn = CAIRN_REAL(0.3);
+    params.motion_distance_min = CAIRN_REAL(0.03);
+    params.motion_turn_min = CAIRN_REAL(0.02);
+    params.min_support = CAIRN_REAL(0.3);
+    params.search = 1;
+    params.search_units = 100000;
+    return params;
+}
+
+static int32_t in_proportion(int32_t keys, int32_t each, int32_t rest, int32_t most)
+{
+    int64_t all = (int64_t)keys * each + rest;
+
+    return all < most ? (int32_t)all : most;
+}
+
+cairn_mapper_params cairn_mapper_default_for(int32_t max_keys, int32_t max_beams)
+{
+    cairn_mapper_params params = cairn_mapper_default();
+
+    params.scan.max_beams = max_beams;
+    params.max_keys = max_keys;
+    params.max_key_points = in_proportion(max_keys, 160, params.scan.max_points, KEY_CAPACITY_MOST);
+    params.max_key_segments = in_proportion(max_keys, 40, params.scan.max_segments, KEY_CAPACITY_MOST);
+    params.loop.max_loops = in_proportion(max_keys, 4, 0, LOOPS_MOST);
+    params.loop.max_fill = in_proportion(max_keys, 40, 0, FILL_MOST);
+    return params;
+}
+
+int32_t cairn_mapper_local_points(const cairn_mapper_params *params, int32_t keys)
+{
+    int64_t most = (int64_t)keys * params->scan.max_points;
+    int32_t room = params->max_local_points;
+
+    if (room < params->scan.max_points)
+        room = params->scan.max_points;
+    return most < room ? (int32_t)most : room;
+}
+
+/* The rooms' params with the capacities that the mapper needs. */
+static cairn_icp_params icp_params(const cairn_mapper_params *params)
+{
+    cairn_icp_params icp = params->icp;
+
+    icp.max_target = cairn_mapper_local_points(params, params->local_keys);
+    return icp;
+}
+
+static cairn_force_field_params field_params(const cairn_mapper_params *params)
+{
+    cairn_force_field_params field = params->field;
+
+    field.max_scans = params->window;
+    field.max_segments = params->window * params->scan.max_segments;
+    field.max_points = cairn_mapper_local_points(params, params->window);
+    return field;
+}
+
+static cairn_scan_set_params key_params(const cairn_mapper_params *params)
+{
+    cairn_scan_set_params keys = {params->max_keys, params->max_key_segments, params->max_key_points, 0};
+
+    return keys;
+}
+
+static int32_t has_loops(const cairn_mapper_params *params)
+{
+    return params->loop.max_loops > 0;
+}
+
+static int32_t has_match(const cairn_mapper_params *params)
+{
+    return params->search || has_loops(params);
+}
+
+/* Of the search of a scan in doubt, and of that for loops. */
+static cairn_scan_match_params match_params(const cairn_mapper_params *params)
+{
+    cairn_scan_match_params match = cairn_scan_match_default();
+    int32_t keys = params->search ? MAPPER_SEARCH_KEYS : 1;
+    cairn_real half = MAPPER_WIDE_WINDOW;
+
+    if (has_loops(params) && params->loop.keys > keys)
+        keys = params->loop.keys;
+    if (has_loops(params))
+        half = cairn_max(half, params->loop.window);
+    match.max_target = cairn_mapper_local_points(params, keys);
+    match.max_dense = 0;
+    match.max_views = keys;
+    match.max_query = params->scan.max_points;
+    match.spacing = params->scan.spacing;
+    match.max_cells = cairn_scan_match_cells(half, match.spacing);
+    return match;
+}
+
+static cairn_pose_graph_params graph_params(const cairn_mapper_params *params)
+{
+    cairn_pose_graph_params graph = cairn_pose_graph_default();
+
+    graph.max_poses = params->max_keys;
+    graph.max_links = params->max_keys + params->loop.max_loops;
+    graph.max_fill = params->loop.max_fill;
+    graph.start = CAIRN_POSE_GRAPH_GIVEN;
+    graph.kernel = CAIRN_POSE_GRAPH_HUBER;
+    graph.max_iterations = 12;
+    graph.converged = CAIRN_REAL(1e-4);
+    return graph;
+}
+
+static int loop_is_valid(const cairn_mapper_params *params)
+{
+    const cairn_mapper_loop_params *p = &params->loop;
+
+    if (p->max_loops == 0)
+        return 1;
+    return p->max_loops > 0 && p->max_loops <= LOOPS_MOST && p->max_fill >= 0 && p->max_fill <= FILL_MOST &&
+           p->units >= 1 && p->keys >= 1 && p->keys <= 64 && p->gap >= 1 && p->agree >= 1 && p->agree <= 8 &&
+           p->radius > 0 && p->window > 0 && p->window_near > 0 && p->evidence == p->evidence &&
+           p->contradiction >= 0 && p->contradiction <= 1 && p->sigma > 0 && p->sigma_turn > 0 && p->outlier > 0;
+}
+
+static int is_valid(const cairn_mapper_params *p)
+{
+    if (p == NULL || p->max_keys < 1 || p->max_keys > KEYS_MOST)
+        return 0;
+    if (p->local_keys < 1 || p->local_keys > CAIRN_MAPPER_LOCAL_MOST || p->local_recent < 1 ||
+        p->local_recent > p->local_keys)
+        return 0;
+    if (!loop_is_valid(p) || p->local_span < 0 || (p->local_span > 0 && p->local_span < p->local_recent))
+        return 0;
+    if (p->scan.max_points < 1 || p->scan.max_points > 1 << 17 || p->scan.max_segments < 1 ||
+        p->scan.max_segments > 1 << 17)
+        return 0;
+    if (p->window != 0 &&
+        (p->window < 2 || p->window > 64 || p->window_free < 1 || p->window_free >= p->window || p->window_units < 1))
+        return 0;
+    if (p->max_local_points < 1 || p->max_local_points > 1 << 20)
+        return 0;
+    return p->local_radius > 0 && p->key_distance > 0 && p->key_turn > 0 && p->key_support >= 0 &&
+           p->key_support <= 1 && p->odometry_distance >= 0 && p->odometry_turn >= 0 && p->odometry_distance_min > 0 &&
+           p->odometry_turn_min > 0 && p->motion_distance >= 0 && p->motion_turn >= 0 && p->motion_distance_min > 0 &&
+           p->motion_turn_min > 0 && p->min_support >= 0 && p->min_support <= 1 &&
+           (p->search == 0 || (p->search == 1 && p->search_units >= 1));
+}
+
+/* Counts the objects that the mapper creates. */
+static void count_parts(cairn_pool *counting, const cairn_mapper_params *params)
+{
+    cairn_icp_params icp = icp_params(params);
+    cairn_force_field_params field = field_params(params);
+    cairn_scan_set_params keys = key_params(params);
+
+    cairn_pool_count(counting, cairn_scan_memory(&params->scan));
+    cairn_pool_count(counting, cairn_icp_memory(&icp));
+    cairn_pool_count(counting, cairn_scan_set_memory(&keys));
+    if (params->window)
+        cairn_pool_count(counting, cairn_force_field_memory(&field));
+    if (has_match(params)) {
+        cairn_scan_match_params match = match_params(params);
+
+        cairn_pool_count(counting, cairn_scan_match_memory(&match));
+    }
+    if (has_loops(params)) {
+        cairn_pose_graph_params graph = graph_params(params);
+
+        cairn_pool_count(counting, cairn_pose_graph_memory(&graph, NULL));
+    }
+}
+
+/* What only loops need; loop NULL: from a counting pool. */
+static void carve_loop(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_params *params)
+{
+    size_t keys = (size_t)params->max_keys;
+    mapper_link *links = cairn_pool_take(pool, keys + (size_t)params->loop.max_loops, sizeof *links);
+    int32_t *first_link = cairn_pool_take(pool, keys, sizeof *first_link);
+    cairn_sym3 *covariance = cairn_pool_take(pool, keys, sizeof *covariance);
+    cairn_real *variance = cairn_pool_take(pool, keys, sizeof *variance);
+    cairn_real *turn_variance = cairn_pool_take(pool, keys, sizeof *turn_variance);
+    int32_t *heap = cairn_pool_take(pool, keys, sizeof *heap);
+    int32_t *heap_at = cairn_pool_take(pool, keys, sizeof *heap_at);
+    cairn_oriented_point *points = cairn_pool_take(pool, (size_t)params->scan.max_points, sizeof *points);
+    cairn_beam *beams = cairn_pool_take(pool, MAPPER_BEARINGS, sizeof *beams);
+
+    if (loop == NULL)
+        return;
+    loop->links = links;
+    loop->first_link = first_link;
+    loop->covariance = covariance;
+    loop->variance = variance;
+    loop->turn_variance = turn_variance;
+    loop->heap = heap;
+    loop->heap_at = heap_at;
+    loop->query_points = points;
+    loop->query_beams = beams;
+}
+
+static cairn_mapper *carve(cairn_pool *pool, const cairn_mapper_params *params)
+{
+    cairn_mapper *mapper = cairn_pool_take_one(pool, sizeof *mapper);
+    cairn_pose *key_pose = cairn_pool_take(pool, (size_t)params->max_keys, sizeof *key_pose);
+    cairn_oriented_point *oriented = cairn_pool_take(pool, (size_t)params->scan.max_points, sizeof *oriented);
+    cairn_segment *segments = cairn_pool_take(pool, (size_t)params->scan.max_segments, sizeof *segments);
+    int32_t *first_point = cairn_pool_take(pool, (size_t)params->scan.max_segments + 1, sizeof *first_point);
+    size_t bearings = has_match(params) ? MAPPER_BEARINGS : 0;
+    uint16_t *sight = cairn_pool_take(pool, (size_t)params->max_keys * bearings, sizeof *sight);
+    cairn_beam *beams = cairn_pool_take(pool, bearings, sizeof *beams);
+
+    if (mapper != NULL) {
+        memset(mapper, 0, sizeof *mapper);
+        mapper->key_pose = key_pose;
+        mapper->oriented = oriented;
+        mapper->segments = segments;
+        mapper->first_point = first_point;
+        mapper->sight = has_match(params) ? sight : NULL;
+        mapper->beams = beams;
+        mapper->trust = 1;
+    }
+    if (has_loops(params))
+        carve_loop(mapper != NULL ? &mapper->loop : NULL, pool, params);
+    return mapper;
+}
+
+size_t cairn_mapper_memory(const cairn_mapper_params *params)
+{
+    cairn_pool counting;
+
+    if (!is_valid(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    count_parts(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool *pool, const cairn_mapper_params *params)
+{
+    size_t need = cairn_mapper_memory(params);
+    cairn_icp_params icp;
+    cairn_force_field_params field;
+    cairn_scan_set_params keys;
+    cairn_mapper *made;
+    cairn_status status;
+
+    if (mapper == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    icp = icp_params(params);
+    field = field_params(params);
+    keys = key_params(params);
+    made = carve(pool, params);
+    made->params = *params;
+    status = cairn_scan_create(&made->scan, pool, &params->scan);
+    if (status == CAIRN_OK)
+        status = cairn_icp_create(&made->icp, pool, &icp);
+    if (status == CAIRN_OK)
+        status = cairn_scan_set_create(&made->keys, pool, &keys);
+    if (status == CAIRN_OK && params->window)
+        status = cairn_force_field_create(&made->field, pool, &field);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    if (status == CAIRN_OK && has_match(params)) {
+        cairn_scan_match_params match = match_params(params);
+
+        status = cairn_scan_match_create(&made->search, pool, &match);
+    }
+    if (status == CAIRN_OK && has_loops(params)) {
+        cairn_pose_graph_params graph = graph_params(params);
+
+        status = cairn_pose_graph_create(&made->loop.graph, pool, &graph, NULL);
+    }
+    made->target_stale = 1;
+    *mapper = made;
+    return status;
+}

@@ -1,0 +1,79 @@
+/* The force field over the last key scans (Adluru 2008, section 7.3.6, online FFS).
+ *
+ * It starts with every new key scan and takes a share of the units of each scan that follows. Poses are taken over when it has
+ * stopped, or as far as it came when the next key scan is there. Loops rest meanwhile: no correction comes between.
+ *
+ * Limits: where the points of the window have no room together (max_local_points), its oldest key scans are left out. */
+#include "src/core/build.h"
+
+#include "src/mapping/mapper_work.h"
+
+/* Key scans of the window, the last ones, as far as there is room for their points. */
+static int32_t window_begin(const cairn_mapper *mapper)
+{
+    const cairn_scan_set_scan *scans = mapper->keys->scans;
+    int32_t end = mapper->keys->scan_count, first = end - 1, points = scans[first].end_point - scans[first].first_point;
+    int32_t room = cairn_mapper_local_points(&mapper->params, mapper->params.window);
+
+    for (; first > 0 && end - first < mapper->params.window; first--) {
+        points += scans[first - 1].end_point - scans[first - 1].first_point;
+        if (points > room)
+            break;
+    }
+    return first;
+}
+
+void cairn_mapper_begin_window(cairn_mapper *mapper)
+{
+    mapper->window_end = mapper->keys->scan_count;
+    mapper->window_first = mapper->window_cursor = window_begin(mapper);
+    mapper->window_phase = WINDOW_FILL;
+    cairn_force_field_clear(mapper->field);
+}
+
+/* Adds the key scan at the cursor. */
+static cairn_status fill_item(cairn_mapper *mapper, cairn_budget *budget)
+{
+    int32_t key = mapper->window_cursor++;
+    cairn_scan_view view = cairn_mapper_key_view(mapper, key);
+    cairn_status status = cairn_force_field_add_scan(mapper->field, &view, NULL, mapper->key_pose[key], NULL);
+
+    /* The first one always stays: something must hold the window in its place. So do those whose links are measured. */
+    if (status == CAIRN_OK && (key == mapper->window_first || key < mapper->window_end - mapper->params.window_free ||
+                               key < mapper->loop.entered))
+        status = cairn_force_field_fix(mapper->field, key - mapper->window_first, 1);
+    budget->left -= 2 + view.point_count / 2;
+    if (mapper->window_cursor == mapper->window_end)
+        mapper->window_phase = WINDOW_RUN;
+    return status;
+}
+
+void cairn_mapper_read_window(cairn_mapper *mapper)
+{
+    int32_t count = cairn_force_field_pose_count(mapper->field);
+
+    for (int32_t i = 0; i < count; i++)
+        mapper->key_pose[mapper->window_first + i] = cairn_force_field_pose(mapper->field, i);
+    mapper->state.potential = cairn_force_field_potential(mapper->field);
+    mapper->target_stale = 1;
+}
+
+cairn_status cairn_mapper_window_step(cairn_mapper *mapper, cairn_budget *budget)
+{
+    cairn_status status = CAIRN_OK;
+
+    while (status == CAIRN_OK && mapper->window_phase == WINDOW_FILL) {
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        status = fill_item(mapper, budget);
+    }
+    if (status != CAIRN_OK || mapper->window_phase == WINDOW_IDLE)
+        return status;
+    status = cairn_force_field_step(mapper->field, budget);
+    if (status != CAIRN_OK)
+        return status;
+    cairn_mapper_read_window(mapper);
+    mapper->result.map_scan = cairn_pose_compose(mapper->key_pose[mapper->result.key], mapper->result.key_scan);
+    mapper->window_phase = WINDOW_IDLE;
+    return CAIRN_OK;
+}
