@@ -26,6 +26,7 @@ static const struct {
     {"registered", golden_registered},
     {"hypotheses", golden_hypotheses},
     {"virtual_aligned", golden_virtual_aligned},
+    {"mapped", golden_mapped},
     {"places", golden_places},
     {"merged", golden_merged},
 };

@@ -105,6 +105,7 @@ uint64_t golden_particles(void);
 uint64_t golden_registered(void);
 uint64_t golden_hypotheses(void);
 uint64_t golden_virtual_aligned(void);
+uint64_t golden_mapped(void);
 uint64_t golden_places(void);
 uint64_t golden_merged(void);
 

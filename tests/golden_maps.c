@@ -5,6 +5,7 @@
 #include "cairn/hough.h"
 #include "cairn/lum.h"
 #include "cairn/map_merge.h"
+#include "cairn/mapper.h"
 #include "cairn/particle_filter.h"
 #include "cairn/place_map.h"
 #include "cairn/rectangle.h"
@@ -342,6 +343,39 @@ uint64_t golden_virtual_aligned(void)
         hash = add_covariance(add_pose(hash, pose.map_scan), pose.covariance);
     }
     return hash;
+}
+
+/* The mapper on a drive through the room, without odometry. */
+uint64_t golden_mapped(void)
+{
+    cairn_mapper_params params = cairn_mapper_default_for(4, GOLDEN_BEAMS);
+    cairn_random random = cairn_random_seed(18, 1);
+    cairn_mapper *mapper;
+    cairn_pool pool;
+    uint64_t hash = GOLDEN_START;
+
+    params.local_keys = params.window = 4;
+    params.local_recent = 2;
+    params.window_free = 2;
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        cairn_mapper_create(&mapper, &pool, &params) != CAIRN_OK)
+        return 0;
+    for (int32_t i = 0; i < 5; i++) {
+        static golden_sweep s;
+        cairn_pose pose = {1 + (cairn_real)i * CAIRN_REAL(0.25), CAIRN_REAL(2.5), (cairn_real)i * CAIRN_REAL(0.2)};
+        cairn_budget budget = unbounded();
+        cairn_mapper_result result;
+
+        golden_make_sweep(&s, &random, pose);
+        if (cairn_mapper_add(mapper, &s.input, NULL, NULL) != CAIRN_OK ||
+            cairn_mapper_step(mapper, &budget) != CAIRN_OK)
+            return 0;
+        result = cairn_mapper_read(mapper);
+        hash = add_covariance(add_pose(hash, result.map_scan), result.covariance);
+    }
+    for (int32_t i = 0; i < cairn_mapper_measure(mapper).keys; i++)
+        hash = add_pose(hash, cairn_mapper_key_pose(mapper, i));
+    return cairn_mapper_measure(mapper).keys > 1 ? hash : 0;
 }
 
 /* ---- Places and maps, with no guess ---- */
