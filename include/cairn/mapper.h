@@ -36,7 +36,7 @@ typedef struct cairn_mapper_loop_params {
     cairn_real radius;        /* m, > 0: candidates see things within so far of what the key scan sees (3) */
     cairn_real window;        /* m, > 0: half side of the widest search (4) */
     cairn_real window_near;   /* m, > 0: a search within so far is not wide (0.6) */
-    cairn_real evidence;      /* of scan_match, log odds, that a closure needs (2) */
+    cairn_real evidence;      /* of scan_match and the path, log odds, that a closure needs (2) */
     cairn_real contradiction; /* share of points in free space that a closure may have, in [0, 1] (0.1) */
     cairn_real sigma;         /* m, > 0: standard deviation that every link has at least ... (0.01) */
     cairn_real sigma_turn;    /* ... rad, > 0 (0.004) */
@@ -123,7 +123,8 @@ enum {
     CAIRN_MAPPER_LOOP_NONE = 2,         /* the match found nothing */
     CAIRN_MAPPER_LOOP_AMBIGUOUS = 3,    /* it found several places */
     CAIRN_MAPPER_LOOP_CONTRADICTED = 4, /* points stand in space that was seen free */
-    CAIRN_MAPPER_LOOP_DROPPED = 5       /* accepted once, but the graph as a whole speaks against it */
+    CAIRN_MAPPER_LOOP_DROPPED = 5,      /* accepted once, but the graph as a whole speaks against it */
+    CAIRN_MAPPER_LOOP_UNLIKELY = 6      /* it leads too far from where the path led for what speaks for it */
 };
 
 typedef struct cairn_mapper_loop {

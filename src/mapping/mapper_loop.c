@@ -9,8 +9,9 @@
  *    run of successive ones.
  * 3. scan_match against the union of the key scans around the candidate, in the window that 1. leaves.
  * 4. What has no rival and does not put points into free space is a closure, at once when the window is small and holds no
- *    other place. In a wide one closures wait until several of them agree with each other and outnumber those that do not
- *    (as Olson 2009 asks of loops: what is wrong is seldom wrong alike).
+ *    other place. In a wide one it needs evidence for the way that it leads from where the path led, too, as the variances have
+ *    that (buildings repeat themselves, and the true place may not be in the map), and closures wait until several of them agree
+ *    with each other and outnumber those that do not (as Olson 2009 asks of loops: what is wrong is seldom wrong alike).
  *
  * Limits: a place is recognised only where the uncertainty of the path reaches it. */
 #include "src/core/build.h"
@@ -314,6 +315,17 @@ int32_t cairn_mapper_has_rival(const cairn_scan_match_result *result)
     return result->count > 1 && result->hypotheses[1].score > CAIRN_REAL(0.9) * result->hypotheses[0].score;
 }
 
+/* What speaks against a closure before anything is seen, in log odds: it leads so far from where the path led. */
+static cairn_real distance_cost(const cairn_mapper *mapper, const mapper_pending *closure)
+{
+    const mapper_loop *loop = &mapper->loop;
+    cairn_pose now = cairn_pose_between(mapper->key_pose[closure->first], mapper->key_pose[closure->second]);
+    cairn_pose off = cairn_pose_between(closure->first_second, now);
+
+    return (off.x * off.x + off.y * off.y) / loop->variance[closure->first] +
+           off.theta * off.theta / (2 * loop->turn_variance[closure->first]);
+}
+
 static void judge(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
@@ -338,6 +350,8 @@ static void judge(cairn_mapper *mapper)
         cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_CONTRADICTED);
     else if (reach_of(mapper, key) < p->window_near)
         accept(mapper, &closure);
+    else if (h->evidence - distance_cost(mapper, &closure) < p->evidence)
+        cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_UNLIKELY);
     else
         weigh(mapper, &closure);
 }

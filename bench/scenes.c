@@ -1,0 +1,304 @@
+/* bench/scenes: do loops that close ever lead astray? Drives through buildings whose places look alike.
+ *
+ * Every arena is mapped twice, with loops and without. A closure is wrong when it is off the truth by more than 0.2 m or 2
+ * degrees. A pose is led astray when its error, seen from the first scan, is more than 0.2 m and with loops by more than 0.2 m
+ * larger than without. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "bench/bench_json.h"
+#include "cairn/mapper.h"
+#include "sim/arena.h"
+#include "tools/options.h"
+
+static const double ASTRAY = 0.2; /* m */
+static const double ASTRAY_TURN = 2 / 57.29577951308232;
+
+typedef struct settings {
+    const char *scene;
+    int64_t seeds, seed, scans;
+    int32_t no_odometry, verbose;
+} settings;
+
+/* A drive, mapped. */
+typedef struct outcome {
+    cairn_pose *poses;  /* [scans] */
+    int32_t *key_scans; /* [scans] number of the scan that a key scan is */
+    int32_t accepted, rejected, waiting, wrong;
+    double worst_closure;
+    cairn_mapper_state state;
+} outcome;
+
+static cairn_pose pose_of(sim_pose p)
+{
+    cairn_pose pose = {(cairn_real)p.x, (cairn_real)p.y, (cairn_real)p.theta};
+
+    return pose;
+}
+
+static double length(cairn_pose p)
+{
+    return hypot((double)p.x, (double)p.y);
+}
+
+/* ---- Closures ---- */
+
+static void count_closure(const settings *s, const cairn_mapper_loop *loop, const sim_scan *scans, outcome *out)
+{
+    cairn_pose truth = cairn_pose_between(pose_of(scans[out->key_scans[loop->first]].truth),
+                                          pose_of(scans[out->key_scans[loop->second]].truth));
+    cairn_pose error = cairn_pose_between(truth, loop->first_second);
+    double off = length(error), turn = fabs((double)error.theta);
+
+    out->waiting += loop->verdict == CAIRN_MAPPER_LOOP_WAITING;
+    out->rejected += loop->verdict != CAIRN_MAPPER_LOOP_ACCEPTED && loop->verdict != CAIRN_MAPPER_LOOP_WAITING;
+    if (loop->verdict != CAIRN_MAPPER_LOOP_ACCEPTED)
+        return;
+    out->accepted++;
+    out->worst_closure = fmax(out->worst_closure, off);
+    if (off <= ASTRAY && turn <= ASTRAY_TURN)
+        return;
+    out->wrong++;
+    if (s->verbose)
+        fprintf(stderr, "closure of key scans %" PRId32 " and %" PRId32 ": off by %.3f m, %.2f degrees\n", loop->first,
+                loop->second, off, turn * 57.29577951308232);
+}
+
+static void count_closures(const settings *s, const cairn_mapper *mapper, const sim_scan *scans, int32_t *seen,
+                           outcome *out)
+{
+    for (int32_t now = cairn_mapper_measure(mapper).loop_events; *seen < now; (*seen)++) {
+        cairn_mapper_loop loop = cairn_mapper_loop_at(mapper, *seen);
+
+        count_closure(s, &loop, scans, out);
+    }
+}
+
+/* ---- Mapping ---- */
+
+/* Events are read after every few units of work: no more happen meanwhile than can be read. */
+static cairn_status work(const settings *s, cairn_mapper *mapper, const sim_scan *scans, int32_t *seen, outcome *out,
+                         cairn_status (*step)(cairn_mapper *, cairn_budget *))
+{
+    cairn_status status = CAIRN_MORE;
+
+    while (status == CAIRN_MORE) {
+        cairn_budget budget = {5000};
+
+        status = step(mapper, &budget);
+        count_closures(s, mapper, scans, seen, out);
+    }
+    return status;
+}
+
+static cairn_status feed(const settings *s, cairn_mapper *mapper, const sim_scan *scans, int32_t count, outcome *out)
+{
+    int32_t *key = malloc((size_t)count * sizeof *key), seen = 0;
+    cairn_status status = key == NULL ? CAIRN_NO_MEMORY : CAIRN_OK;
+
+    for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {
+        cairn_scan_input input = sim_scan_input(&scans[i]);
+        cairn_pose odometry = pose_of(scans[i].odometry);
+        int32_t keys = cairn_mapper_measure(mapper).keys;
+
+        out->key_scans[keys] = i;
+        status = cairn_mapper_add(mapper, &input, s->no_odometry ? NULL : &odometry, NULL);
+        if (status == CAIRN_OK)
+            status = work(s, mapper, scans, &seen, out, cairn_mapper_step);
+        key[i] = cairn_mapper_read(mapper).key;
+        out->poses[i] = cairn_mapper_read(mapper).key_scan;
+    }
+    if (status == CAIRN_OK)
+        status = work(s, mapper, scans, &seen, out, cairn_mapper_settle);
+    for (int32_t i = 0; i < count && status == CAIRN_OK; i++)
+        out->poses[i] = cairn_pose_compose(cairn_mapper_key_pose(mapper, key[i]), out->poses[i]);
+    out->state = cairn_mapper_measure(mapper);
+    free(key);
+    return status;
+}
+
+static void free_outcome(outcome *out)
+{
+    free(out->poses);
+    free(out->key_scans);
+}
+
+static cairn_status map_drive(const settings *s, const sim_scan *scans, int32_t count, int32_t loops, outcome *out)
+{
+    cairn_mapper_params params = cairn_mapper_default_for(count, scans[0].count);
+    cairn_mapper *mapper = NULL;
+    cairn_pool pool;
+    void *memory;
+    size_t bytes;
+    cairn_status status = CAIRN_NO_MEMORY;
+
+    memset(out, 0, sizeof *out);
+    if (!loops)
+        params.loop.max_loops = 0;
+    bytes = cairn_mapper_memory(&params) + CAIRN_ALIGN;
+    memory = malloc(bytes);
+    out->poses = calloc((size_t)count + 1, sizeof *out->poses);
+    out->key_scans = calloc((size_t)count + 1, sizeof *out->key_scans);
+    if (memory != NULL && out->poses != NULL && out->key_scans != NULL)
+        status = cairn_pool_init(&pool, memory, bytes);
+    if (status == CAIRN_OK)
+        status = cairn_mapper_create(&mapper, &pool, &params);
+    if (status == CAIRN_OK)
+        status = feed(s, mapper, scans, count, out);
+    free(memory);
+    return status;
+}
+
+/* ---- Errors ---- */
+
+/* Errors of position seen from the first scan. */
+static double error_of(const sim_scan *scans, const outcome *out, int32_t i)
+{
+    cairn_pose truth = cairn_pose_between(pose_of(scans[0].truth), pose_of(scans[i].truth));
+
+    return length(cairn_pose_between(truth, cairn_pose_between(out->poses[0], out->poses[i])));
+}
+
+/* Over all arenas. */
+typedef struct totals {
+    int64_t arenas, closures, rejected, wrong, poses, poses_astray, arenas_astray;
+    double worst_closure, worst_led, worst_with, worst_without;
+} totals;
+
+static void add_up(const sim_scan *scans, int32_t count, const outcome *with, const outcome *without, totals *t)
+{
+    int64_t astray = 0;
+
+    for (int32_t i = 0; i < count; i++) {
+        double a = error_of(scans, with, i), b = error_of(scans, without, i);
+
+        t->worst_with = fmax(t->worst_with, a);
+        t->worst_without = fmax(t->worst_without, b);
+        t->worst_led = fmax(t->worst_led, a - b);
+        astray += a > ASTRAY && a - b > ASTRAY;
+    }
+    t->arenas++;
+    t->poses += count;
+    t->closures += with->accepted;
+    t->rejected += with->rejected;
+    t->wrong += with->wrong;
+    t->worst_closure = fmax(t->worst_closure, with->worst_closure);
+    t->poses_astray += astray;
+    t->arenas_astray += astray > 0;
+}
+
+static void merge(totals *all, const totals *one)
+{
+    all->arenas += one->arenas;
+    all->closures += one->closures;
+    all->rejected += one->rejected;
+    all->wrong += one->wrong;
+    all->poses += one->poses;
+    all->poses_astray += one->poses_astray;
+    all->arenas_astray += one->arenas_astray;
+    all->worst_closure = fmax(all->worst_closure, one->worst_closure);
+    all->worst_led = fmax(all->worst_led, one->worst_led);
+    all->worst_with = fmax(all->worst_with, one->worst_with);
+    all->worst_without = fmax(all->worst_without, one->worst_without);
+}
+
+static void print_totals(const settings *s, const totals *t, int64_t seed)
+{
+    bench_json_begin("scenes");
+    bench_json_text("scene", s->scene);
+    bench_json_text("odometry", s->no_odometry ? "none" : "log");
+    if (seed >= 0)
+        bench_json_integer("seed", seed);
+    else
+        bench_json_integer("arenas", t->arenas);
+    bench_json_integer("closures", t->closures);
+    bench_json_integer("rejected", t->rejected);
+    bench_json_integer("wrong", t->wrong);
+    bench_json_number("closure_worst_m", t->worst_closure);
+    bench_json_integer("poses", t->poses);
+    bench_json_integer("poses_astray", t->poses_astray);
+    if (seed < 0)
+        bench_json_integer("arenas_astray", t->arenas_astray);
+    bench_json_number("led_worst_m", t->worst_led);
+    bench_json_number("error_worst_m", t->worst_with);
+    bench_json_number("error_worst_without_m", t->worst_without);
+    if (seed < 0)
+        bench_json_true("summary");
+    bench_json_end();
+    fflush(stdout);
+}
+
+/* One arena; 0 after a line on standard error. */
+static int run_seed(const settings *s, uint64_t seed, totals *all)
+{
+    sim_arena_options arena_options = sim_arena_default();
+    sim_survey_options options = sim_survey_default();
+    sim_arena *arena;
+    sim_survey *survey = NULL;
+    char fault[256] = "no memory";
+    totals t = {0};
+    int done = 0;
+
+    arena_options.scene = sim_scene_find(s->scene);
+    arena_options.seed = options.seed = seed;
+    options.drive = (int32_t)s->scans;
+    options.drive_distance = options.drive_turn = 0.3;
+    options.beams = 181;
+    options.fov = 3.14159265358979;
+    arena = sim_arena_create(&arena_options, fault, sizeof fault);
+    if (arena != NULL)
+        survey = sim_survey_create(arena, &options, fault, sizeof fault);
+    if (survey != NULL) {
+        outcome with = {0}, without = {0};
+        int32_t count;
+        const sim_scan *scans = sim_survey_scans(survey, &count);
+
+        done = map_drive(s, scans, count, 1, &with) == CAIRN_OK && map_drive(s, scans, count, 0, &without) == CAIRN_OK;
+        if (done)
+            add_up(scans, count, &with, &without, &t);
+        else
+            snprintf(fault, sizeof fault, "the mapper failed");
+        free_outcome(&with);
+        free_outcome(&without);
+    }
+    if (done) {
+        print_totals(s, &t, (int64_t)seed);
+        merge(all, &t);
+    } else {
+        fprintf(stderr, "%s, seed %" PRIu64 ": %s\n", s->scene, seed, fault);
+    }
+    sim_survey_free(survey);
+    sim_arena_free(arena);
+    return done;
+}
+
+int main(int argc, char **argv)
+{
+    settings s = {"twins", 50, 1, 400, 0, 0};
+    const option table[] = {
+        OPTION_TEXT("--scene", &s.scene, "NAME", "twins, mirror, maze, office or another scene"),
+        OPTION_INTEGER("--seeds", &s.seeds, 1, 1000000, "N", "arenas"),
+        OPTION_INTEGER("--seed", &s.seed, 0, 1000000000, "N", "of the first one"),
+        OPTION_INTEGER("--scans", &s.scans, 2, 10000, "N", "of a drive, one every 0.3 m or 0.3 rad"),
+        OPTION_FLAG("--no-odometry", &s.no_odometry, "ranges alone"),
+        OPTION_FLAG("--verbose", &s.verbose, "tell every wrong closure"),
+    };
+    const option_set set = {"bench/scenes", "[options]", "Do loops that close ever lead astray?", table,
+                            sizeof table / sizeof *table};
+    totals all = {0};
+    size_t words = 0;
+    option_result result = options_read(&set, argc, argv, NULL, &words);
+
+    if (result != OPTIONS_READ)
+        return result;
+    if (sim_scene_find(s.scene) < 0)
+        return options_refuse("bench/scenes", "--scene is '%s', expected the name of a scene", s.scene);
+    for (int64_t i = 0; i < s.seeds; i++)
+        if (!run_seed(&s, (uint64_t)(s.seed + i), &all))
+            return 1;
+    print_totals(&s, &all, -1);
+    return 0;
+}
