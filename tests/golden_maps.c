@@ -26,7 +26,8 @@ enum { ROOMS = 2, WALLS = 4 * ROOMS, WALL_POINTS = 40 };
 static cairn_segment wall_of(int32_t i)
 {
     static const cairn_vec2 corner[4] = {{0, 0}, {4, 0}, {4, 3}, {0, 3}};
-    cairn_pose room = {5 * (cairn_real)(i / 4), 0, CAIRN_REAL(0.1) * (cairn_real)(i / 4)};
+    int32_t which = i / 4;
+    cairn_pose room = {5 * (cairn_real)which, 0, CAIRN_REAL(0.1) * (cairn_real)which};
     cairn_transform map_room = cairn_transform_of(room);
     cairn_segment wall = {cairn_transform_point(map_room, corner[i % 4]),
                           cairn_transform_point(map_room, corner[(i + 1) % 4])};
@@ -434,7 +435,8 @@ static void draw_map(cairn_pose hall_map, uint8_t *cells)
         box[k].theta = argument(&random, 1, 0);
     }
     for (int32_t i = 0; i < MAP_SIDE * MAP_SIDE; i++) {
-        cairn_vec2 cell = {(cairn_real)(i % MAP_SIDE) / 10 - 2, (cairn_real)(i / MAP_SIDE) / 10 - 2};
+        int32_t row = i / MAP_SIDE, column = i % MAP_SIDE;
+        cairn_vec2 cell = {(cairn_real)column / 10 - 2, (cairn_real)row / 10 - 2};
         cairn_vec2 p = cairn_transform_point(hall, cell);
 
         cells[i] = cairn_abs(p.y) > CAIRN_REAL(1.9)   ? CAIRN_CELL_UNKNOWN
