@@ -19,6 +19,13 @@ static const double SURE = 0.001;
 /* Maps are made coarser while they have more cells to a side than MOST_SIDE, or are not merged and keep LEAST_SIDE. */
 enum { LEAST_SIDE = 175, MOST_SIDE = 800, NAME_MOST = 64 };
 
+/* Pixels beyond which a wall is just far. */
+enum { FAR = 40 };
+
+/* By which a map may be larger than the other one. */
+enum { SIZES = 3 };
+static const double SIZE[SIZES] = {1, 0.97, 1.03};
+
 typedef struct picture {
     char name[NAME_MOST];
     uint8_t *cells; /* row 0 lowest */
@@ -57,7 +64,8 @@ static int load(const char *folder, const char *name, picture *p)
     return p->cells != NULL;
 }
 
-static cairn_status add_coarse(cairn_map_merge *merge, const picture *p, int32_t k, uint8_t *room)
+/* size: side of a pixel in those of the target. */
+static cairn_status add_coarse(cairn_map_merge *merge, const picture *p, int32_t k, double size, uint8_t *room)
 {
     cairn_raster_u8_view fine = {p->cells, p->width, p->height, p->width};
     cairn_raster_u8 coarse = {room, (p->width - 1) / k + 1, (p->height - 1) / k + 1, (p->width - 1) / k + 1};
@@ -65,13 +73,14 @@ static cairn_status add_coarse(cairn_map_merge *merge, const picture *p, int32_t
     cairn_status status = cairn_map_merge_coarsen(fine, k, coarse);
 
     map.cells = cairn_raster_u8_read(coarse);
-    map.resolution = (cairn_real)k; /* lengths in pixels */
+    map.resolution = (cairn_real)(k * size); /* lengths in pixels of the target */
     map.origin = cairn_pose_identity();
     return status == CAIRN_OK ? cairn_map_merge_add(merge, &map, NULL) : status;
 }
 
 /* Where `source` lies in `target`, in pixels. 1 and *found set when it was placed; -1 on failure. */
-static int merge_at(const picture *target, const picture *source, int32_t k, int particles, cairn_merge_placed *found)
+static int merge_at(const picture *target, const picture *source, int32_t k, double size, int particles,
+                    cairn_merge_placed *found)
 {
     cairn_map_merge_params params = cairn_map_merge_default();
     int32_t cells = target->width * target->height, own = source->width * source->height;
@@ -94,8 +103,8 @@ static int merge_at(const picture *target, const picture *source, int32_t k, int
     room[1] = malloc((size_t)own);
     ok = memory != NULL && room[0] != NULL && room[1] != NULL && cairn_pool_init(&pool, memory, bytes) == CAIRN_OK &&
          cairn_map_merge_create(&merge, &pool, &params) == CAIRN_OK &&
-         add_coarse(merge, target, k, room[0]) == CAIRN_OK && add_coarse(merge, source, k, room[1]) == CAIRN_OK &&
-         cairn_map_merge_begin(merge, 0, NULL) == CAIRN_OK;
+         add_coarse(merge, target, k, 1, room[0]) == CAIRN_OK &&
+         add_coarse(merge, source, k, size, room[1]) == CAIRN_OK && cairn_map_merge_begin(merge, 0, NULL) == CAIRN_OK;
     while (ok && status == CAIRN_MORE) {
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
@@ -116,42 +125,97 @@ static int32_t next_size(int32_t k)
     return k + (k + 1) / 2;
 }
 
-static int merge_pair(const picture *target, const picture *source, int particles, cairn_merge_placed *found,
-                      int32_t *k)
+/* Where a source was placed, and how. */
+typedef struct finding {
+    cairn_merge_placed placed;
+    int32_t k;   /* pixels to a side of a cell; 0: none yet */
+    double size; /* of its pixels in those of the target */
+} finding;
+
+/* Whether it was placed comes first, then the evidence. */
+static int is_better(int placed, const cairn_merge_placed *tried, int best, const finding *f)
+{
+    return f->k == 0 || placed > best || (placed == best && tried->support > f->placed.support);
+}
+
+/* Cells from fine to coarse until the place is sure; maps of several surveys differ in size by some percent. */
+static int merge_pair(const picture *target, const picture *source, int particles, finding *f)
 {
     int32_t side = target->width > target->height ? target->width : target->height;
     int best = 0;
 
-    for (int32_t size = side > MOST_SIDE ? (side - 1) / MOST_SIDE + 1 : 1;; size = next_size(size)) {
-        cairn_merge_placed tried = *found;
-        int placed = merge_at(target, source, size, particles, &tried);
+    for (int32_t k = side > MOST_SIDE ? (side - 1) / MOST_SIDE + 1 : 1;; k = next_size(k)) {
+        for (int i = 0; i < SIZES; i++) {
+            cairn_merge_placed tried;
+            int placed = merge_at(target, source, k, SIZE[i], particles, &tried);
 
-        if (placed < 0)
-            return placed;
-        if (*k == 0 || placed > best || (placed == best && tried.support > found->support)) {
-            *found = tried;
-            *k = size;
-            best = placed;
+            if (placed < 0)
+                return placed;
+            if (is_better(placed, &tried, best, f)) {
+                f->placed = tried;
+                f->k = k;
+                f->size = SIZE[i];
+                best = placed;
+            }
         }
-        if ((best && (double)found->wrong <= SURE) || side / next_size(size) < LEAST_SIDE)
+        if ((best && (double)f->placed.wrong <= SURE) || side / next_size(k) < LEAST_SIDE)
             return best;
     }
 }
 
-/* Mean distance in pixels of the source's walls from where the truth puts them. */
-static double displacement(const picture *source, shift truth, cairn_pose found)
+/* Where the middle of a source's cell comes to lie. */
+static cairn_vec2 placed_at(const finding *f, int32_t x, int32_t y)
 {
-    double sum = 0, c = cos((double)found.theta), s = sin((double)found.theta);
+    cairn_vec2 p = {(cairn_real)((x + 0.5) * f->size), (cairn_real)((y + 0.5) * f->size)};
+
+    return cairn_pose_point(f->placed.reference_map, p);
+}
+
+/* Pixels from a point to the nearest wall of the target, at most FAR. */
+static double to_wall(const picture *target, cairn_vec2 p)
+{
+    int32_t u = (int32_t)floor((double)p.x), v = (int32_t)floor((double)p.y);
+    double least = FAR;
+
+    for (int32_t y = v - FAR; y <= v + FAR; y++)
+        for (int32_t x = u - FAR; x <= u + FAR; x++)
+            if (x >= 0 && y >= 0 && x < target->width && y < target->height &&
+                target->cells[(size_t)y * (size_t)target->width + (size_t)x] == CAIRN_CELL_OCCUPIED)
+                least = fmin(least, hypot(x - u, y - v));
+    return least;
+}
+
+/* Mean distance in pixels of the source's walls from those of the target: no truth is known of parts of a map. */
+static double distance_to_walls(const picture *target, const picture *source, const finding *found)
+{
+    double sum = 0;
+    int64_t count = 0;
+
+    for (int32_t y = 0; y < source->height; y++)
+        for (int32_t x = 0; x < source->width; x++) {
+            if (source->cells[(size_t)y * (size_t)source->width + (size_t)x] != CAIRN_CELL_OCCUPIED)
+                continue;
+            sum += to_wall(target, placed_at(found, x, y));
+            count++;
+        }
+    return count > 0 ? sum / (double)count : (double)NAN;
+}
+
+/* Mean distance in pixels of the source's walls from where the truth puts them. */
+static double displacement(const picture *source, shift truth, const finding *found)
+{
+    double sum = 0;
     int64_t count = 0;
 
     for (int32_t y = 0; y < source->height; y++)
         for (int32_t x = 0; x < source->width; x++) {
             double u = x + 0.5, v = y + 0.5;
+            cairn_vec2 p = placed_at(found, x, y);
 
             if (source->cells[(size_t)y * (size_t)source->width + (size_t)x] != CAIRN_CELL_OCCUPIED)
                 continue;
-            sum += hypot((double)found.x + c * u - s * v - truth.scale * (truth.cosine * u - truth.sine * v) - truth.x,
-                         (double)found.y + s * u + c * v - truth.scale * (truth.sine * u + truth.cosine * v) - truth.y);
+            sum += hypot((double)p.x - truth.scale * (truth.cosine * u - truth.sine * v) - truth.x,
+                         (double)p.y - truth.scale * (truth.sine * u + truth.cosine * v) - truth.y);
             count++;
         }
     return count > 0 ? sum / (double)count : (double)NAN;
@@ -161,26 +225,28 @@ typedef struct tally {
     int32_t pairs, right, wrong, refused;
 } tally;
 
-static void run_pair(const picture *target, const picture *source, shift truth, double right, int particles, tally *t)
+/* truth: NULL when only the target's walls tell. */
+static void run_pair(const picture *target, const picture *source, const shift *truth, double right, int particles,
+                     tally *t)
 {
-    cairn_merge_placed found = {0, {0, 0, 0}, 0, 0, 0, 0, 0, 0, 0};
+    finding found = {{0, {0, 0, 0}, 0, 0, 0, 0, 0, 0, 0}, 0, 1};
     double start = bench_seconds(), off = (double)NAN;
-    int32_t k = 0;
-    int placed = merge_pair(target, source, particles, &found, &k);
+    int placed = merge_pair(target, source, particles, &found);
 
     t->pairs++;
     if (placed > 0)
-        off = displacement(source, truth, found.reference_map);
+        off = truth != NULL ? displacement(source, *truth, &found) : distance_to_walls(target, source, &found);
     t->right += off <= right;
     t->wrong += placed > 0 && !(off <= right);
     t->refused += placed <= 0;
     bench_json_begin("merge");
     bench_json_text("source", source->name);
     bench_json_text("target", target->name);
-    bench_json_text("verdict", placed < 0 ? "failed" : cairn_merge_verdict_text(found.verdict));
+    bench_json_text("verdict", placed < 0 ? "failed" : cairn_merge_verdict_text(found.placed.verdict));
     bench_json_number("off_px", off);
-    bench_json_number("wrong_probability", placed > 0 ? (double)found.wrong : (double)NAN);
-    bench_json_integer("cells", k);
+    bench_json_number("wrong_probability", placed > 0 ? (double)found.placed.wrong : (double)NAN);
+    bench_json_integer("cells", found.k);
+    bench_json_number("size", found.size);
     bench_json_number("seconds", bench_seconds() - start);
     bench_json_end();
     fflush(stdout);
@@ -207,7 +273,7 @@ static int run_halmstad(const char *folder, int particles, tally *t)
         if (load(folder, names[0], &source) && load(folder, names[1], &target)) {
             shift truth = {cos(theta), sin(theta), scale, x, y};
 
-            run_pair(&target, &source, truth, RIGHT_HALMSTAD, particles, t);
+            run_pair(&target, &source, &truth, RIGHT_HALMSTAD, particles, t);
         }
         free(source.cells);
         free(target.cells);
@@ -216,10 +282,9 @@ static int run_halmstad(const char *folder, int particles, tally *t)
     return 1;
 }
 
-/* Parts that were cut from the whole map: they lie where they were. */
+/* Parts of a map onto the whole. */
 static void run_parts(const char *folder, int particles, tally *t)
 {
-    const shift nowhere = {1, 0, 1, 0, 0};
     picture whole = {"", NULL, 0, 0};
 
     if (load(folder, "intel", &whole))
@@ -229,7 +294,7 @@ static void run_parts(const char *folder, int particles, tally *t)
 
             snprintf(name, sizeof name, "intel_local_%02d", i);
             if (load(folder, name, &part))
-                run_pair(&whole, &part, nowhere, RIGHT_PARTS, particles, t);
+                run_pair(&whole, &part, NULL, RIGHT_PARTS, particles, t);
             free(part.cells);
         }
     free(whole.cells);

@@ -10,7 +10,7 @@
 #include "cairn/random.h"
 
 /* Points drawn per place that is chosen: the farthest from those chosen before is taken. */
-enum { DRAWS = 12, BEAMS = 720, HALVINGS = 10 };
+enum { DRAWS = 12, BEAMS = 720, HALVINGS = 10, ROUNDS = 2 };
 
 static const double TURN = 6.283185307179586;
 
@@ -121,20 +121,22 @@ static int draw_part(bench_part *part, const sim_survey *survey, double resoluti
         double c = cos(part->world_map.theta), s = sin(part->world_map.theta);
         double wx = part->world_map.x + c * x - s * y, wy = part->world_map.y + s * x + c * y;
 
-        part->apart[i] =
-            (float)fmax(fabs(wx - part->middle.x) - part->half[0], fabs(wy - part->middle.y) - part->half[1]);
+        part->place[0][i] = (float)(wx - part->middle.x);
+        part->place[1][i] = (float)(wy - part->middle.y);
     }
     return ok;
 }
 
-/* Leaves of each part what lies within `margin` of its tile. */
-static void cut_parts(bench_parts *parts, double margin)
+/* Leaves of a part what lies within its margins of its tile. */
+static void cut_part(bench_part *p)
 {
-    for (int32_t k = 0; k < parts->count; k++) {
-        bench_part *p = &parts->list[k];
+    for (int32_t i = 0; i < p->side * p->side; i++) {
+        int inside = 1;
 
-        for (int32_t i = 0; i < p->side * p->side; i++)
-            p->cells[i] = (double)p->apart[i] <= margin ? p->seen[i] : CAIRN_CELL_UNKNOWN;
+        for (int k = 0; k < 2; k++)
+            inside &= (double)p->place[k][i] >= -p->half[k] - p->margin[k][0] &&
+                      (double)p->place[k][i] <= p->half[k] + p->margin[k][1];
+        p->cells[i] = inside ? p->seen[i] : CAIRN_CELL_UNKNOWN;
     }
 }
 
@@ -160,38 +162,63 @@ double bench_parts_shared(const bench_parts *parts, int32_t a, int32_t b)
     return (double)shared / (double)(known_p < known_q ? (known_p > 0 ? known_p : 1) : (known_q > 0 ? known_q : 1));
 }
 
-/* Median over the neighbours that share a whole side of their tiles. */
+/* The axis along which the tile of b follows that of a; -1 when they do not share a whole side. */
+static int neighbour_axis(const bench_part *a, const bench_part *b)
+{
+    double x = b->middle.x - a->middle.x, y = b->middle.y - a->middle.y;
+
+    if (fabs(y) < 0.1 && x > 0 && x < 2.1 * a->half[0])
+        return 0;
+    return fabs(x) < 0.1 && y > 0 && y < 2.1 * a->half[1] ? 1 : -1;
+}
+
 static double median_overlap(const bench_parts *parts)
 {
     double list[512];
     size_t count = 0;
 
     for (int32_t a = 0; a < parts->count; a++)
-        for (int32_t b = a + 1; b < parts->count && count < 512; b++) {
-            const bench_part *p = &parts->list[a], *q = &parts->list[b];
-            double x = fabs(p->middle.x - q->middle.x), y = fabs(p->middle.y - q->middle.y);
-
-            if ((x < 0.1 && y < 2.1 * p->half[1]) || (y < 0.1 && x < 2.1 * p->half[0]))
+        for (int32_t b = 0; b < parts->count && count < 512; b++)
+            if (neighbour_axis(&parts->list[a], &parts->list[b]) >= 0)
                 list[count++] = bench_parts_shared(parts, a, b);
-        }
     return bench_median(list, count);
 }
 
-/* The margin about the tiles at which neighbours share as much as they should. */
-static void set_overlap(bench_parts *parts, double overlap, double most)
+static void set_margin(bench_part *a, bench_part *b, int axis, double margin)
+{
+    a->margin[axis][1] = b->margin[axis][0] = margin;
+    cut_part(a);
+    cut_part(b);
+}
+
+/* The margin between two neighbours at which they share as much as they should. */
+static void set_pair(bench_parts *parts, int32_t a, int32_t b, int axis, double overlap, double most)
 {
     double low = 0, high = most;
 
     for (int k = 0; k < HALVINGS; k++) {
         double margin = (low + high) / 2;
 
-        cut_parts(parts, margin);
-        if (median_overlap(parts) < overlap)
+        set_margin(&parts->list[a], &parts->list[b], axis, margin);
+        if (bench_parts_shared(parts, a, b) < overlap)
             low = margin;
         else
             high = margin;
     }
-    cut_parts(parts, high);
+    set_margin(&parts->list[a], &parts->list[b], axis, high);
+}
+
+/* All pairs of neighbours in turn, and again: one margin has a little to say about the shares of the others. */
+static void set_overlap(bench_parts *parts, double overlap, double most)
+{
+    for (int round = 0; round < ROUNDS; round++)
+        for (int32_t a = 0; a < parts->count; a++)
+            for (int32_t b = 0; b < parts->count; b++) {
+                int axis = neighbour_axis(&parts->list[a], &parts->list[b]);
+
+                if (axis >= 0)
+                    set_pair(parts, a, b, axis, overlap, most);
+            }
     parts->overlap = median_overlap(parts);
 }
 
@@ -217,9 +244,12 @@ static int make_part(const sim_arena *arena, const bench_parts_options *o, int32
     cells = (size_t)part->side * (size_t)part->side;
     part->cells = malloc(cells);
     part->seen = malloc(cells);
-    part->apart = malloc(cells * sizeof *part->apart);
-    if (part->cells == NULL || part->seen == NULL || part->apart == NULL)
+    part->place[0] = malloc(cells * sizeof *part->place[0]);
+    part->place[1] = malloc(cells * sizeof *part->place[1]);
+    if (part->cells == NULL || part->seen == NULL || part->place[0] == NULL || part->place[1] == NULL)
         return 0;
+    for (int k = 0; k < 4; k++)
+        part->margin[k / 2][k % 2] = margin;
     grown = *part; /* places may lie in what is shared, too */
     grown.half[0] += margin / 2;
     grown.half[1] += margin / 2;
@@ -278,7 +308,8 @@ void bench_parts_free(bench_parts *parts)
     for (int32_t i = 0; i < parts->count; i++) {
         free(parts->list[i].cells);
         free(parts->list[i].seen);
-        free(parts->list[i].apart);
+        free(parts->list[i].place[0]);
+        free(parts->list[i].place[1]);
     }
     free(parts->list);
 }

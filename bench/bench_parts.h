@@ -6,20 +6,21 @@
 #include "sim/arena.h"
 
 typedef struct bench_part {
-    uint8_t *cells;     /* [side * side] as CAIRN_CELL_..., row 0 lowest */
-    float *apart;       /* [side * side] m by which a cell lies outside the part's own tile; below 0: inside */
-    uint8_t *seen;      /* [side * side] as `cells`, before what lies outside of the part was taken away */
-    int32_t side;       /* cells */
-    sim_pose world_map; /* truth */
-    sim_point middle;   /* of the tile */
-    double half[2];     /* m, of the tile in x and y */
+    uint8_t *cells;      /* [side * side] as CAIRN_CELL_..., row 0 lowest */
+    float *place[2];     /* [side * side] m, x and y of a cell from the middle of the part's own tile */
+    uint8_t *seen;       /* [side * side] as `cells`, before what lies outside of the part was taken away */
+    int32_t side;        /* cells */
+    sim_pose world_map;  /* truth */
+    sim_point middle;    /* of the tile */
+    double half[2];      /* m, of the tile in x and y */
+    double margin[2][2]; /* m, what it keeps beyond the tile: in x and y, below and above */
 } bench_part;
 
 typedef struct bench_parts_options {
     uint64_t seed;
     const char *scene;
     int32_t robots;
-    double overlap;    /* share of the smaller map's known cells */
+    double overlap;    /* share of the smaller map's known cells that neighbours share, each pair of them */
     double tile;       /* m, side of the part of one robot, overlap included */
     double resolution; /* m */
     int32_t places;    /* from which a robot scans */

@@ -12,7 +12,7 @@
 
 bench_problem_kind bench_problem_kind_default(void)
 {
-    bench_problem_kind kind = {"rescue", 15, 4, 401, 100, 0.30, 20, {(double)NAN, (double)NAN}};
+    bench_problem_kind kind = {"rescue", 15, 4, 401, 100, 0.30, 20, {(double)NAN, (double)NAN}, {0, 0}};
 
     return kind;
 }
@@ -48,6 +48,8 @@ static int visit(const bench_problem_kind *kind, uint64_t seed, bench_problem *p
 
     arena_options.seed = seed;
     arena_options.scene = sim_scene_find(kind->scene);
+    arena_options.width = kind->size[0];
+    arena_options.height = kind->size[1];
     survey_options.seed = seed;
     survey_options.places = (int32_t)kind->places;
     survey_options.headings = (int32_t)kind->headings;

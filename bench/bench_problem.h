@@ -10,6 +10,7 @@ typedef struct bench_problem_kind {
     double fov;             /* degrees */
     double metres, degrees; /* disturbance, uniform +- */
     double jitter[2];       /* m, degrees, of the sensors of one place; NaN: the survey's own */
+    double size[2];         /* m, of the arena; 0: the scene's own */
 } bench_problem_kind;
 
 /* 15 places with 4 headings of 100 degrees, 401 beams, in a rescue arena; 0.30 m and 20 degrees. */

@@ -5,6 +5,7 @@
  *   apartment  a drive of 200 scans whose loop is closed wrongly, 150 steps (section 7.4.3); met: the gap falls to a quarter
  *              and the potential rises in one of the first ten steps. A drive that does not come back is not judged
  *   rescue     60 scans of 100 degrees, 50 steps (section 7.4.2); met: no step raises the potential
+ *   corners    three scans of a corner each, 12 steps, with nearest neighbours beside (figure 7.6; bench_corners)
  *
  * Errors are those after the best common motion, by least squares over all scans. Potentials compare only for one sigma: a
  * step raises P when P of the poses after it is above that before it, both at the sigma of the step, without regions of
@@ -15,6 +16,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bench/bench_corners.h"
 #include "bench/bench_json.h"
 #include "bench/bench_score.h"
 #include "cairn/force_field.h"
@@ -560,7 +562,7 @@ int main(int argc, char **argv)
 {
     settings s = {"rescue", "thesis", NULL, 3, 1, 0.10, 0};
     const option table[] = {
-        OPTION_TEXT("--scene", &s.scene, "NAME", "rescue, maze or apartment (rescue)"),
+        OPTION_TEXT("--scene", &s.scene, "NAME", "rescue, maze, apartment or corners (rescue)"),
         OPTION_TEXT("--preset", &s.preset, "NAME",
                     "thesis: its own constants; spaced: dt for the spacing; springs (thesis)"),
         OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
@@ -581,13 +583,16 @@ int main(int argc, char **argv)
     default:
         break;
     }
-    if (strcmp(s.scene, "rescue") != 0 && strcmp(s.scene, "maze") != 0 && strcmp(s.scene, "apartment") != 0) {
-        fprintf(stderr, "bench/field: unknown scene '%s', expected rescue, maze or apartment\n", s.scene);
+    if (strcmp(s.scene, "rescue") != 0 && strcmp(s.scene, "maze") != 0 && strcmp(s.scene, "apartment") != 0 &&
+        strcmp(s.scene, "corners") != 0) {
+        fprintf(stderr, "bench/field: unknown scene '%s', expected rescue, maze, apartment or corners\n", s.scene);
         return 2;
     }
     if (strcmp(s.preset, "thesis") != 0 && strcmp(s.preset, "spaced") != 0 && strcmp(s.preset, "springs") != 0) {
         fprintf(stderr, "bench/field: unknown preset '%s', expected thesis, spaced or springs\n", s.preset);
         return 2;
     }
+    if (strcmp(s.scene, "corners") == 0)
+        return bench_corners(s.preset, s.spacing, s.svg) ? 0 : 1;
     return run_all(&s) ? 0 : 1;
 }

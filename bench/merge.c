@@ -11,6 +11,7 @@
 #include "bench/bench_json.h"
 #include "bench/bench_maps.h"
 #include "bench/bench_parts.h"
+#include "bench/bench_repeat.h"
 #include "bench/bench_score.h"
 #include "cairn/map_file.h"
 #include "cairn/output.h"
@@ -20,17 +21,20 @@
 
 static const double RIGHT_M = 0.10, RIGHT_RAD = 2 * DEGREE;
 
+/* A wrong map that lies within these is at its right place, but not well. */
+static const double PLACE_M = 0.30, PLACE_RAD = 5 * DEGREE;
+
 typedef struct settings {
     bench_parts_options parts;
     int64_t robots, seeds, seed, particles;
     double overlap;
     const char *write;
     const char *maps, *perception;
-    int32_t decoy, pair, modes;
+    int32_t decoy, pair, repeat, modes, order;
 } settings;
 
 typedef struct outcome {
-    int32_t maps, right, wrong, left_out, decoy_accepted;
+    int32_t maps, right, wrong, elsewhere, left_out, decoy_accepted;
     double overlap, seconds;
     int32_t corners; /* of the first map */
     size_t pool_bytes;
@@ -89,11 +93,15 @@ static void print_modes(const cairn_map_merge *merge, const bench_parts *parts)
         }
 }
 
-static int run_merge(cairn_map_merge *merge, const bench_parts *parts, const bench_part *decoy)
+/* ordered: 1: in the order of the parts, row by row. */
+static int run_merge(cairn_map_merge *merge, const bench_parts *parts, const bench_part *decoy, int ordered)
 {
+    int32_t order[64];
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_status status = CAIRN_OK;
 
+    for (int32_t i = 0; i < 64; i++)
+        order[i] = i;
     cairn_map_merge_clear(merge);
     for (int32_t i = 0; i < parts->count + (decoy != NULL) && status == CAIRN_OK; i++) {
         cairn_merge_map map = bench_part_map(i < parts->count ? &parts->list[i] : decoy, parts->resolution);
@@ -101,7 +109,7 @@ static int run_merge(cairn_map_merge *merge, const bench_parts *parts, const ben
         status = cairn_map_merge_add(merge, &map, NULL);
     }
     if (status == CAIRN_OK)
-        status = cairn_map_merge_begin(merge, 0, NULL);
+        status = cairn_map_merge_begin(merge, 0, ordered ? order : NULL);
     while (status == CAIRN_OK || status == CAIRN_MORE) {
         status = cairn_map_merge_step(merge, &budget);
         if (status != CAIRN_MORE)
@@ -113,31 +121,44 @@ static int run_merge(cairn_map_merge *merge, const bench_parts *parts, const ben
     return status == CAIRN_OK;
 }
 
+static int is_placed(const cairn_map_merge *merge, int32_t i)
+{
+    return cairn_map_merge_of(merge, i).verdict == CAIRN_MERGE_PLACED;
+}
+
+/* Maps placed that lie within so much of the truth, seen from map k. */
+static int32_t count_near(const cairn_map_merge *merge, const bench_parts *parts, int32_t k, double metres,
+                          double radians)
+{
+    int32_t near = 0;
+
+    for (int32_t i = 0; i < parts->count; i++) {
+        cairn_pose seen =
+            cairn_pose_between(cairn_map_merge_of(merge, k).reference_map, cairn_map_merge_of(merge, i).reference_map);
+        sim_pose truth = bench_pose_between(parts->list[k].world_map, parts->list[i].world_map);
+
+        near += is_placed(merge, i) && hypot((double)seen.x - truth.x, (double)seen.y - truth.y) <= metres &&
+                fabs(remainder((double)seen.theta - truth.theta, 360 * DEGREE)) <= radians;
+    }
+    return near;
+}
+
 /* Which placed maps are right: those that agree with the map that most agree with. */
 static void score(const cairn_map_merge *merge, const bench_parts *parts, outcome *out)
 {
-    int32_t placed = 0, most = 0;
+    int32_t placed = 0, most = 0, best = 0;
 
     for (int32_t k = 0; k < parts->count; k++) {
-        int32_t agree = 0;
+        int32_t agree = is_placed(merge, k) ? count_near(merge, parts, k, RIGHT_M, RIGHT_RAD) : 0;
 
-        if (cairn_map_merge_of(merge, k).verdict != CAIRN_MERGE_PLACED)
-            continue;
-        placed++;
-        for (int32_t i = 0; i < parts->count; i++) {
-            cairn_merge_placed p = cairn_map_merge_of(merge, i), q = cairn_map_merge_of(merge, k);
-            cairn_pose seen = cairn_pose_between(q.reference_map, p.reference_map);
-            sim_pose truth = bench_pose_between(parts->list[k].world_map, parts->list[i].world_map);
-
-            agree += p.verdict == CAIRN_MERGE_PLACED &&
-                     hypot((double)seen.x - truth.x, (double)seen.y - truth.y) <= RIGHT_M &&
-                     fabs(remainder((double)seen.theta - truth.theta, 360 * DEGREE)) <= RIGHT_RAD;
-        }
+        placed += is_placed(merge, k);
+        best = agree > most ? k : best;
         most = agree > most ? agree : most;
     }
     out->maps = parts->count;
     out->right = most;
     out->wrong = placed - most;
+    out->elsewhere = placed > 0 ? placed - count_near(merge, parts, best, PLACE_M, PLACE_RAD) : 0;
     out->left_out = parts->count - placed;
 }
 
@@ -187,7 +208,7 @@ static int run_seed(const settings *s, int64_t seed, outcome *out)
     memset(out, 0, sizeof *out);
     memset(&other, 0, sizeof other);
     options.seed = (uint64_t)seed;
-    ok = bench_parts_make(&options, &parts);
+    ok = s->repeat ? bench_repeat_make(options.seed, options.resolution, &parts) : bench_parts_make(&options, &parts);
     if (ok && s->decoy) {
         options.seed += seed % 2 == 0 ? 0 : 500009;
         ok = bench_parts_make(&options, &other);
@@ -207,7 +228,7 @@ static int run_seed(const settings *s, int64_t seed, outcome *out)
              cairn_map_merge_create(&merge, &pool, &params) == CAIRN_OK;
     }
     start = bench_seconds();
-    ok = ok && run_merge(merge, &parts, decoy);
+    ok = ok && run_merge(merge, &parts, decoy, s->order);
     out->seconds = bench_seconds() - start;
     if (ok) {
         out->overlap = parts.overlap;
@@ -233,6 +254,7 @@ static void print_seed(int64_t seed, const outcome *out)
     bench_json_integer("maps", out->maps);
     bench_json_integer("right", out->right);
     bench_json_integer("wrong", out->wrong);
+    bench_json_integer("elsewhere", out->elsewhere);
     bench_json_integer("left_out", out->left_out);
     bench_json_integer("decoy_accepted", out->decoy_accepted);
     bench_json_number("overlap", out->overlap);
@@ -248,7 +270,7 @@ static void print_seed(int64_t seed, const outcome *out)
 static int run_arenas(const settings *s)
 {
     double *seconds = calloc((size_t)s->seeds, sizeof *seconds);
-    int32_t all = 0, wrong = 0, left_out = 0, decoys = 0, right = 0, maps = 0;
+    int32_t all = 0, wrong = 0, elsewhere = 0, left_out = 0, decoys = 0, right = 0, maps = 0;
     size_t pool_bytes = 0;
     int ok = seconds != NULL;
 
@@ -264,6 +286,7 @@ static int run_arenas(const settings *s)
         right += out.right;
         maps += out.maps;
         wrong += out.wrong;
+        elsewhere += out.elsewhere;
         left_out += out.left_out;
         decoys += out.decoy_accepted;
         pool_bytes = out.pool_bytes > pool_bytes ? out.pool_bytes : pool_bytes;
@@ -277,6 +300,7 @@ static int run_arenas(const settings *s)
         bench_json_integer("all_right_count", all);
         bench_json_number("right_share", (double)right / (double)maps);
         bench_json_integer("wrong", wrong);
+        bench_json_integer("elsewhere", elsewhere);
         bench_json_integer("left_out", left_out);
         bench_json_integer("decoys_accepted", decoys);
         bench_json_number("seconds_median", bench_median(seconds, (size_t)s->seeds));
@@ -296,8 +320,8 @@ int main(int argc, char **argv)
                   .particles = 100,
                   .overlap = 30,
                   .perception = "evidence",
-                  .parts = {.scene = "rescue", .tile = 8, .resolution = 0.05, .places = 6}};
-    int64_t places = 6;
+                  .parts = {.scene = "rescue", .tile = 12, .resolution = 0.05, .places = 12}};
+    int64_t places = 12;
     const option table[] = {
         OPTION_INTEGER("--robots", &s.robots, 2, 63, "R", "maps, one a robot"),
         OPTION_NUMBER("--overlap", &s.overlap, 1, 95, "PERCENT",
@@ -310,6 +334,9 @@ int main(int argc, char **argv)
         OPTION_NUMBER("--tile", &s.parts.tile, 3, 20, "M", "side of a robot's part, m"),
         OPTION_INTEGER("--places", &places, 1, 64, "P", "from which a robot scans"),
         OPTION_FLAG("--pair", &s.pair, "two robots in an arena of 20 by 16 m"),
+        OPTION_FLAG("--repeat", &s.repeat,
+                    "three maps of a building with two rooms alike, which the third one tells apart"),
+        OPTION_FLAG("--order", &s.order, "in a known order, row by row"),
         OPTION_FLAG("--decoy", &s.decoy, "one map more, of another arena or of this one in a mirror"),
         OPTION_FLAG("--modes", &s.modes, "also the best places of every pair, beside the truth"),
         OPTION_TEXT("--write", &s.write, "DIR", "writes the maps of the last seed there, for cairn merge"),

@@ -7,15 +7,18 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 #include <unistd.h>
 
 #include "bench/bench_json.h"
 #include "cairn/carmen_log.h"
+#include "cairn/map_quality.h"
 #include "cairn/mapper.h"
 #include "cairn/output.h"
 #include "cairn/random.h"
+#include "cairn/relation_table.h"
 #include "tools/options.h"
+
+static const double DEGREES = 57.29577951308232;
 
 typedef struct settings {
     const char *log, *relations, *data;
@@ -23,103 +26,29 @@ typedef struct settings {
     int32_t no_odometry, no_loops;
 } settings;
 
-typedef struct relation {
-    int32_t first, second;
-    cairn_pose reference;
-} relation;
-
-typedef struct stamped {
-    int64_t stamp;
-    int32_t scan;
-} stamped;
-
-static int compare_stamped(const void *a, const void *b)
+/* The relations of a log's scans; says what is wrong. To be freed; NULL on failure. */
+static cairn_relation_row *read_relations(const char *path, const cairn_carmen_scans *log, int32_t *count)
 {
-    const stamped *x = a, *y = b;
+    int64_t *stamp = malloc(((size_t)log->count + 1) * sizeof *stamp);
+    cairn_relation_row *row = NULL;
+    cairn_file_error error;
 
-    if (x->stamp != y->stamp)
-        return x->stamp < y->stamp ? -1 : 1;
-    return (x->scan > y->scan) - (x->scan < y->scan);
-}
-
-/* The scan of a stamp to the microsecond; -1 when there is none. */
-static int32_t find_scan(const stamped *table, int32_t count, double seconds)
-{
-    int64_t stamp = (int64_t)llround(seconds * 1e6) * 1000;
-    int32_t low = 0, high = count;
-
-    while (low < high) {
-        int32_t middle = low + (high - low) / 2;
-
-        if (table[middle].stamp < stamp - 1000)
-            low = middle + 1;
-        else
-            high = middle;
+    if (stamp == NULL) {
+        fprintf(stderr, "%s: no memory for %" PRId32 " stamps\n", path, log->count);
+        return NULL;
     }
-    return low < count && llabs(table[low].stamp - stamp) <= 1000 ? table[low].scan : -1;
-}
-
-/* The number of a scan; -1 when it is none. */
-static int32_t index_of(double number, int32_t count)
-{
-    return number >= 0 && number < count ? (int32_t)number : -1;
-}
-
-/* Relations by time ("t1 t2 x y z roll pitch yaw") or by scan ("a b dx dy dtheta"). Returns how many, -1 on failure. */
-static int32_t read_relations(const char *path, const cairn_carmen_scans *log, relation **relations)
-{
-    stamped *table = malloc((size_t)log->count * sizeof *table);
-    FILE *file = fopen(path, "r");
-    char line[1024];
-    int32_t count = 0, capacity = 0, number = 0;
-
-    *relations = NULL;
-    if (file == NULL || table == NULL) {
-        fprintf(stderr, "%s: cannot be read\n", path);
-        free(table);
-        if (file != NULL)
-            fclose(file);
-        return -1;
+    for (int32_t i = 0; i < log->count; i++)
+        stamp[i] = log->record[i].stamp_ns;
+    if (cairn_relation_table_read(&row, count, path, &error) != CAIRN_OK) {
+        fprintf(stderr, "%s\n", error.text);
+        row = NULL;
+    } else if (cairn_relation_table_find(row, *count, stamp, log->count) < 0) {
+        fprintf(stderr, "%s: no memory for %" PRId32 " relations\n", path, *count);
+        cairn_relation_table_free(row);
+        row = NULL;
     }
-    for (int32_t i = 0; i < log->count; i++) {
-        table[i].stamp = log->record[i].stamp_ns;
-        table[i].scan = i;
-    }
-    qsort(table, (size_t)log->count, sizeof *table, compare_stamped);
-    while (fgets(line, sizeof line, file) != NULL) {
-        double v[8] = {0};
-        int n = sscanf(line, "%lf %lf %lf %lf %lf %lf %lf %lf", &v[0], &v[1], &v[2], &v[3], &v[4], &v[5], &v[6], &v[7]);
-        relation r;
-
-        number++;
-        if (line[0] == '#' || n <= 0)
-            continue;
-        r.first = n == 8 ? find_scan(table, log->count, v[0]) : index_of(v[0], log->count);
-        r.second = n == 8 ? find_scan(table, log->count, v[1]) : index_of(v[1], log->count);
-        if ((n != 8 && n != 5) || r.first < 0 || r.second < 0) {
-            fprintf(stderr, "%s:%d: no such relation, expected times of two scans and a pose\n", path, number);
-            continue;
-        }
-        r.reference.x = (cairn_real)v[2];
-        r.reference.y = (cairn_real)v[3];
-        r.reference.theta = (cairn_real)(n == 8 ? v[7] : v[4]);
-        if (count == capacity) {
-            relation *grown;
-
-            capacity = capacity ? 2 * capacity : 1024;
-            grown = realloc(*relations, (size_t)capacity * sizeof **relations);
-            if (grown == NULL) {
-                fprintf(stderr, "%s: no memory for %" PRId32 " relations\n", path, capacity);
-                count = -1;
-                break;
-            }
-            *relations = grown;
-        }
-        (*relations)[count++] = r;
-    }
-    fclose(file);
-    free(table);
-    return count;
+    free(stamp);
+    return row;
 }
 
 /* What one scan cost, in units of budget. */
@@ -222,32 +151,28 @@ static void overwrite_poses(cairn_carmen_scans *log, uint64_t seed)
     }
 }
 
+/* Relations whose scans the log does not have are left out. */
 static void print_errors(const settings *s, const char *name, const cairn_carmen_scans *log, const cairn_pose *poses,
-                         const relation *relations, int32_t count, double seconds, size_t pool_bytes,
+                         const cairn_relation_row *row, int32_t count, double seconds, size_t pool_bytes,
                          const cairn_mapper_state *state, scan_cost cost)
 {
-    double t = 0, tt = 0, r = 0, rr = 0, n = count > 0 ? (double)count : (double)NAN;
+    cairn_relation_sums sums = {0, 0, 0, 0, 0};
+    cairn_relation_errors errors;
 
-    for (int32_t i = 0; i < count; i++) {
-        cairn_pose estimate = cairn_pose_between(poses[relations[i].first], poses[relations[i].second]);
-        cairn_pose error = cairn_pose_between(relations[i].reference, estimate);
-        double translation = hypot((double)error.x, (double)error.y);
-        double rotation = fabs((double)error.theta) * 57.29577951308232;
-
-        t += translation;
-        tt += translation * translation;
-        r += rotation;
-        rr += rotation * rotation;
-    }
+    for (int32_t i = 0; i < count; i++)
+        if (row[i].first >= 0 &&
+            cairn_relation_add(&sums, row[i].reference, poses[row[i].first], poses[row[i].second]) != CAIRN_OK)
+            fprintf(stderr, "bench/slam: line %" PRId64 ": the relation cannot be compared\n", row[i].line);
+    errors = cairn_relation_errors_of(&sums);
     bench_json_begin("slam");
     bench_json_text("log", name);
     bench_json_text("odometry", s->no_odometry ? "none" : "log");
     bench_json_integer("scans", log->count);
-    bench_json_integer("relations", count);
-    bench_json_number("trans_mean_m", t / n);
-    bench_json_number("trans_sd_m", sqrt(fmax(tt / n - t / n * (t / n), 0)));
-    bench_json_number("rot_mean_deg", r / n);
-    bench_json_number("rot_sd_deg", sqrt(fmax(rr / n - r / n * (r / n), 0)));
+    bench_json_integer("relations", sums.count);
+    bench_json_number("trans_mean_m", (double)errors.distance_mean);
+    bench_json_number("trans_sd_m", (double)errors.distance_sd);
+    bench_json_number("rot_mean_deg", (double)errors.angle_mean * DEGREES);
+    bench_json_number("rot_sd_deg", (double)errors.angle_sd * DEGREES);
     bench_json_number("scans_per_second", (double)log->count / seconds);
     bench_json_integer("pool_bytes", (int64_t)pool_bytes);
     bench_json_number("units_median", cost.median);
@@ -269,29 +194,29 @@ static int run_log(const settings *s, const char *log_path, const char *relation
     cairn_carmen_scans log;
     cairn_file_error error;
     cairn_mapper_state state;
-    relation *relations = NULL;
+    cairn_relation_row *row;
     cairn_pose *poses;
     size_t pool_bytes = 0;
     scan_cost cost = {0, 0};
-    int32_t count;
+    int32_t count = 0;
     double seconds = -1;
 
     if (cairn_carmen_load(&log, log_path, NULL, &error) != CAIRN_OK) {
         fprintf(stderr, "%s\n", error.text);
         return 3;
     }
-    count = read_relations(relations_path, &log, &relations);
+    row = read_relations(relations_path, &log, &count);
     poses = malloc((size_t)log.count * sizeof *poses);
     if (s->no_odometry)
         overwrite_poses(&log, (uint64_t)s->seed);
     if (poses == NULL)
         fprintf(stderr, "%s: no memory for %" PRId32 " poses\n", log_path, log.count);
-    if (count >= 0 && poses != NULL)
+    if (row != NULL && poses != NULL)
         seconds = map_log(s, &log, poses, &pool_bytes, &state, &cost);
     if (seconds >= 0)
-        print_errors(s, cairn_path_name(log_path), &log, poses, relations, count, seconds, pool_bytes, &state, cost);
+        print_errors(s, cairn_path_name(log_path), &log, poses, row, count, seconds, pool_bytes, &state, cost);
     free(poses);
-    free(relations);
+    cairn_relation_table_free(row);
     cairn_carmen_scans_free(&log);
     return seconds >= 0 ? 0 : 3;
 }

@@ -24,6 +24,16 @@ void test_assert_near(double actual, double expected, double tolerance, const ch
 #define assert_ok(call)             assert_int_equal(call, CAIRN_OK)
 #define assert_status(call, status) assert_int_equal(call, status)
 
+/* A call that refuses with a status, and tells in *fault what is wrong and, unless `where` is -1, with which item. */
+#define assert_fault(fault, call, status, where)                                                                       \
+    do {                                                                                                               \
+        (fault)->index = -7;                                                                                           \
+        (fault)->what = NULL;                                                                                          \
+        assert_int_equal(call, status);                                                                                \
+        assert_non_null((fault)->what);                                                                                \
+        assert_int_equal((fault)->index, where);                                                                       \
+    } while (0)
+
 /* 1e-12 in double and 1e-5 in float, say: NUMBER(1e-12, 1e-5). */
 #ifdef CAIRN_FLOAT
 #define NUMBER(in_double, in_float) (in_float)

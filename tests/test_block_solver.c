@@ -329,6 +329,42 @@ static void random_graphs(void **state)
     assert_int_equal(units, NUMBER(224309, 242259)); /* other numbers are drawn */
 }
 
+/* Third unknowns that nothing couples are left out of the products; then one entry couples a pair. */
+static void third_unknowns_apart(void **state)
+{
+    enum { COUPLINGS = 7 };
+    static const int entry[] = {2, 5, 6, 7, 8};
+    cairn_random random = cairn_random_seed(3, 0);
+    const cairn_real some = CAIRN_REAL(0.4);
+    struct system *s = &the_system;
+    struct system apart;
+
+    (void)state;
+    begin_system(14);
+    for (int32_t i = 0; i < 14; i++)
+        for (int32_t step = 1; step < 8; step += 3)
+            link_poses(s, i, (i + step) % 14);
+    fill_values(s, &random, 1);
+    for (int32_t i = 0; i < s->poses; i++) {
+        s->diagonal[i].xz = s->diagonal[i].yz = 0;
+        s->diagonal[i].zz = 1 + (cairn_real)i / 8;
+    }
+    for (int32_t l = 0; l < s->links; l++)
+        for (int k = 0; k < 5; k++)
+            s->blocks[l][entry[k]] = 0;
+    apart = *s;
+    for (int k = 0; k <= COUPLINGS; k++) {
+        *s = apart;
+        if (k == 1)
+            s->diagonal[3].xz = some;
+        else if (k == 2)
+            s->diagonal[3].yz = -some;
+        else if (k > 2)
+            s->blocks[4][entry[k - 3]] = some;
+        (void)solve_and_compare(s, -1);
+    }
+}
+
 /* ---- Large grids: fill, residual ---- */
 
 struct grid {
@@ -886,6 +922,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(graphs_of_known_fill),
         cmocka_unit_test(random_graphs),
+        cmocka_unit_test(third_unknowns_apart),
         cmocka_unit_test(large_grids),
         cmocka_unit_test(fill_of_random_graphs),
         cmocka_unit_test(not_positive_is_told_with_the_pose),

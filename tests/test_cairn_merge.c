@@ -79,6 +79,42 @@ static void assert_transforms(const char *name)
     cairn_pose_table_free(row);
 }
 
+/* The places of a map: their shares and products add up to 1, and the one with most evidence is where it was placed. */
+static void assert_places(const char *name, int32_t map, double x, double y)
+{
+    char *text = files_read(files_path(name), NULL);
+    double sum[3] = {0, 0, 0}, most = -1, best[2] = {0, 0};
+    int rows = 0;
+
+    assert_int_equal(strncmp(text, "map,beside,x,y,theta,evidence,psi,gamma,psi_share,gamma_share,product\n", 70), 0);
+    for (const char *line = strchr(text, '\n') + 1; *line != 0; line = strchr(line, '\n') + 1) {
+        double v[9];
+        int32_t of, beside;
+
+        assert_int_equal(sscanf(line, "%" SCNd32 ",%" SCNd32 ",%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf,%lf", &of, &beside,
+                                &v[0], &v[1], &v[2], &v[3], &v[4], &v[5], &v[6], &v[7], &v[8]),
+                         11);
+        assert_true(of != beside && beside < 3); /* the stranger was placed nowhere */
+        assert_true(v[4] >= 0 && v[4] <= 4 && v[6] >= 0 && v[6] <= 1 && v[7] >= 0 && v[7] <= 1);
+        if (of != map)
+            continue;
+        rows++;
+        for (int k = 0; k < 3; k++)
+            sum[k] += v[6 + k];
+        if (v[3] > most) {
+            most = v[3];
+            best[0] = v[0];
+            best[1] = v[1];
+        }
+    }
+    assert_true(rows >= 1);
+    for (int k = 0; k < 3; k++)
+        assert_near(sum[k], 1, 1e-3);
+    assert_near(best[0], x, 0.06);
+    assert_near(best[1], y, 0.06);
+    free(text);
+}
+
 static void three_maps_and_a_stranger(void **state)
 {
     outcome o = programs_run("cairn merge @/a.yaml @/b.yaml @/c.yaml @/d.yaml -o @/merged");
@@ -94,6 +130,8 @@ static void three_maps_and_a_stranger(void **state)
     assert_non_null(strstr(o.out, "order      0 1 2"));
     assert_non_null(strstr(o.out, "refused: "));
     assert_transforms("merged/transforms.csv");
+    assert_places("merged/places.csv", 1, cos(0.3) * 4 + sin(0.3) * 0.2, -sin(0.3) * 4 + cos(0.3) * 0.2);
+    assert_places("merged/places.csv", 2, cos(0.3) * 8 + sin(0.3) * 0.3, -sin(0.3) * 8 + cos(0.3) * 0.3);
     assert_ok(cairn_map_file_read(&merged, files_path("merged/map.yaml"), &error));
     for (int64_t i = 0; i < (int64_t)merged.width * merged.height; i++) {
         walls += merged.occupancy[i] == 100;

@@ -4,6 +4,8 @@
 #include "cairn/aligner.h"
 #include "cairn/block_solver.h"
 #include "cairn/carmen_log.h"
+#include "cairn/edge_chain.h"
+#include "cairn/edge_segment.h"
 #include "cairn/hough.h"
 #include "cairn/lum.h"
 #include "cairn/scan_cover.h"
@@ -18,6 +20,7 @@
 #include "cairn/report.h"
 #include "cairn/scan_match.h"
 #include "cairn/sequence.h"
+#include "cairn/symmetric_point.h"
 #include "cairn/virtual_align.h"
 
 typedef struct value {
@@ -47,7 +50,7 @@ static void of_map_merging(void **state)
         VALUE(p.max_maps, 16),     VALUE(p.max_cells, 2560000), VALUE(p.max_map_cells, 160000),
         VALUE(p.max_points, 2048), VALUE(p.max_segments, 256),  VALUE(p.max_corners, 48),
         VALUE(p.max_modes, 6),     VALUE(p.particles, 100),     VALUE(p.perception, CAIRN_MERGE_EVIDENCE),
-        VALUE(p.correlation, 10),  VALUE(p.min_score, 9),       VALUE(p.min_margin, 3),
+        VALUE(p.correlation, 10),  VALUE(p.min_score, 6),       VALUE(p.min_margin, 3),
         VALUE(p.seed, 1),
     };
 
@@ -115,7 +118,7 @@ static void of_hypotheses(void **state)
         VALUE(align.field.roi, 0),
         VALUE(align.hypotheses.spacing, 0.3),
         VALUE(align.hypotheses.weight, 3),
-        VALUE(align.every, 3),
+        VALUE(align.every, 10),
         VALUE(align.max_rounds, 2),
         VALUE(align.align, 1),
         VALUE(hough.max_lines, 32),
@@ -449,14 +452,54 @@ static void of_files(void **state)
     assert_values(values);
 }
 
+static void of_contours(void **state)
+{
+    cairn_edge_chain_params chain = cairn_edge_chain_default();
+    cairn_edge_segment_params segment = cairn_edge_segment_default();
+    cairn_symmetric_point_params sp = cairn_symmetric_point_default();
+    const value values[] = {
+        VALUE(chain.max_width, 640),
+        VALUE(chain.max_height, 480),
+        VALUE(chain.max_edges, 100000),
+        VALUE(chain.max_chains, 10000),
+        VALUE(chain.min_strength, 1),
+        VALUE(chain.min_length, 5),
+        VALUE(chain.max_spur, 3),
+        VALUE(segment.max_lines, 10000),
+        VALUE(segment.max_segments, 40000),
+        VALUE(segment.tolerance, 1.5),
+        VALUE(segment.min_piece, 4),
+        VALUE(segment.look_ahead, 0),
+        VALUE(segment.junction, 6),
+        VALUE(segment.junction_turn, 20 * DEGREE),
+        VALUE(sp.max_segments, 4096),
+        VALUE(sp.max_points, 8192),
+        VALUE(sp.samples, 5),
+        VALUE(sp.sample_step, 4),
+        VALUE(sp.min_radius, 2),
+        VALUE(sp.max_radius, 100),
+        VALUE(sp.max_angle, 60 * DEGREE),
+        VALUE(sp.max_deviation, 45 * DEGREE),
+    };
+
+    (void)state;
+    assert_values(values);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(of_aligning),   cmocka_unit_test(of_lines_and_scans),
-        cmocka_unit_test(of_hypotheses), cmocka_unit_test(of_matches_and_corners),
-        cmocka_unit_test(of_consensus),  cmocka_unit_test(of_places),
-        cmocka_unit_test(of_the_mapper), cmocka_unit_test(of_grids),
-        cmocka_unit_test(of_files),      cmocka_unit_test(of_map_merging),
+        cmocka_unit_test(of_contours),
+        cmocka_unit_test(of_aligning),
+        cmocka_unit_test(of_lines_and_scans),
+        cmocka_unit_test(of_hypotheses),
+        cmocka_unit_test(of_matches_and_corners),
+        cmocka_unit_test(of_consensus),
+        cmocka_unit_test(of_places),
+        cmocka_unit_test(of_the_mapper),
+        cmocka_unit_test(of_grids),
+        cmocka_unit_test(of_files),
+        cmocka_unit_test(of_map_merging),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

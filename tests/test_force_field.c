@@ -1148,8 +1148,8 @@ static void test_bad_scans_are_refused(void **state)
     REFUSED(scan.points[3].position.y = nan, CAIRN_NOT_FINITE);
     assert_int_equal(fault.index, 3);
     scan_corner(&scan, 1, 1, 0.1);
-    assert_status(cairn_force_field_add_scan(NULL, &scan.view, NULL, bad, &fault), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_force_field_add_scan(f.field, NULL, NULL, bad, &fault), CAIRN_BAD_ARGUMENT);
+    assert_fault(&fault, cairn_force_field_add_scan(NULL, &scan.view, NULL, bad, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_force_field_add_scan(f.field, NULL, NULL, bad, &fault), CAIRN_BAD_ARGUMENT, -1);
     assert_int_equal(cairn_force_field_pose_count(f.field), 0);
     assert_int_equal(cairn_force_field_revision(f.field), revision);
     add(f.field, &scan, pose(0, 0, 0));

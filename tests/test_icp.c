@@ -953,12 +953,11 @@ static void test_bad_inputs(void **state)
         *value = bad[k / 4];
         fault.index = -2;
         if (k < 6) {
-            assert_status(cairn_icp_add_target(icp, world.at, 20, identity, &fault), CAIRN_NOT_FINITE);
-            assert_int_equal(fault.index, 7);
+            assert_fault(&fault, cairn_icp_add_target(icp, world.at, 20, identity, &fault), CAIRN_NOT_FINITE, 7);
         }
         if (k < 4) {
-            assert_status(cairn_icp_begin(icp, world.at, world.count, identity, NULL, &fault), CAIRN_NOT_FINITE);
-            assert_int_equal(fault.index, 7);
+            assert_fault(&fault, cairn_icp_begin(icp, world.at, world.count, identity, NULL, &fault), CAIRN_NOT_FINITE,
+                         7);
         }
         world.at[7] = kept;
     }
@@ -968,9 +967,9 @@ static void test_bad_inputs(void **state)
         world.at[3].direction = cairn_vec2_scale(kept.direction, k == 0   ? 0
                                                                  : k == 1 ? CAIRN_REAL(0.9)
                                                                           : CAIRN_REAL(1.1));
-        assert_status(cairn_icp_add_target(icp, world.at, 20, identity, &fault), CAIRN_BAD_ARGUMENT);
-        assert_int_equal(fault.index, 3);
-        assert_status(cairn_icp_begin(icp, world.at, world.count, identity, NULL, &fault), CAIRN_BAD_ARGUMENT);
+        assert_fault(&fault, cairn_icp_add_target(icp, world.at, 20, identity, &fault), CAIRN_BAD_ARGUMENT, 3);
+        assert_fault(&fault, cairn_icp_begin(icp, world.at, world.count, identity, NULL, &fault), CAIRN_BAD_ARGUMENT,
+                     3);
         assert_non_null(fault.what);
         world.at[3] = kept;
     }
@@ -979,19 +978,13 @@ static void test_bad_inputs(void **state)
         cairn_pose_prior prior = {identity, 1, 1, 1};
 
         *(k == 0 ? &pose.x : k == 1 ? &pose.y : &pose.theta) = (cairn_real)NAN;
-        fault.index = 4;
-        assert_status(cairn_icp_add_target(icp, world.at, 20, pose, &fault), CAIRN_NOT_FINITE);
-        assert_int_equal(fault.index, -1);
-        fault.index = 4;
-        assert_status(cairn_icp_begin(icp, world.at, 20, pose, NULL, &fault), CAIRN_NOT_FINITE);
-        assert_int_equal(fault.index, -1);
+        assert_fault(&fault, cairn_icp_add_target(icp, world.at, 20, pose, &fault), CAIRN_NOT_FINITE, -1);
+        assert_fault(&fault, cairn_icp_begin(icp, world.at, 20, pose, NULL, &fault), CAIRN_NOT_FINITE, -1);
         prior.mean = pose;
-        assert_status(cairn_icp_begin(icp, world.at, 20, identity, &prior, &fault), CAIRN_NOT_FINITE);
+        assert_fault(&fault, cairn_icp_begin(icp, world.at, 20, identity, &prior, &fault), CAIRN_NOT_FINITE, -1);
         prior.mean = identity;
         *(k == 0 ? &prior.sigma_x : k == 1 ? &prior.sigma_y : &prior.sigma_theta) = 0;
-        fault.index = 4;
-        assert_status(cairn_icp_begin(icp, world.at, 20, identity, &prior, &fault), CAIRN_BAD_ARGUMENT);
-        assert_int_equal(fault.index, -1);
+        assert_fault(&fault, cairn_icp_begin(icp, world.at, 20, identity, &prior, &fault), CAIRN_BAD_ARGUMENT, -1);
         assert_status(cairn_icp_begin(icp, world.at, 20, identity, &prior, NULL), CAIRN_BAD_ARGUMENT);
     }
     {
@@ -999,28 +992,22 @@ static void test_bad_inputs(void **state)
         cairn_oriented_point kept = world.at[9];
 
         world.at[9].position.x = CAIRN_REAL_MAX;
-        assert_status(cairn_icp_add_target(icp, world.at, 20, far, &fault), CAIRN_NOT_FINITE);
-        assert_int_equal(fault.index, 9);
+        assert_fault(&fault, cairn_icp_add_target(icp, world.at, 20, far, &fault), CAIRN_NOT_FINITE, 9);
         world.at[9] = kept;
     }
-    assert_status(cairn_icp_add_target(NULL, world.at, 20, identity, &fault), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_icp_add_target(icp, NULL, 1, identity, &fault), CAIRN_BAD_ARGUMENT);
-    assert_int_equal(fault.index, -1);
-    assert_status(cairn_icp_add_target(icp, world.at, -1, identity, &fault), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_icp_begin(NULL, world.at, 20, identity, NULL, &fault), CAIRN_BAD_ARGUMENT);
-    fault.index = 4;
-    assert_status(cairn_icp_begin(icp, NULL, 1, identity, NULL, &fault), CAIRN_BAD_ARGUMENT);
-    assert_int_equal(fault.index, -1);
-    assert_status(cairn_icp_begin(icp, world.at, -1, identity, NULL, &fault), CAIRN_BAD_ARGUMENT);
+    assert_fault(&fault, cairn_icp_add_target(NULL, world.at, 20, identity, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_icp_add_target(icp, NULL, 1, identity, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_icp_add_target(icp, world.at, -1, identity, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_icp_begin(NULL, world.at, 20, identity, NULL, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_icp_begin(icp, NULL, 1, identity, NULL, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_icp_begin(icp, world.at, -1, identity, NULL, &fault), CAIRN_BAD_ARGUMENT, -1);
     assert_int_equal(cairn_icp_target_count(icp), count);
     assert_ok(cairn_icp_step(icp, &budget));
     assert_int_equal(budget.left, 10);
 
     assert_ok(cairn_icp_add_target(icp, NULL, 0, identity, NULL));
     assert_ok(cairn_icp_begin(icp, world.at, 20, identity, NULL, NULL));
-    fault.index = 4;
-    assert_status(cairn_icp_add_target(icp, world.at, 20, identity, &fault), CAIRN_BAD_ARGUMENT);
-    assert_int_equal(fault.index, -1);
+    assert_fault(&fault, cairn_icp_add_target(icp, world.at, 20, identity, &fault), CAIRN_BAD_ARGUMENT, -1);
     cairn_icp_clear_target(icp);
     assert_ok(cairn_icp_step(icp, &budget));
     assert_int_equal(budget.left, 10);

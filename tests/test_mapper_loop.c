@@ -39,6 +39,28 @@ static void tell(const drive *d, cairn_real bias)
     }
 }
 
+/* Every key scan is linked to the one before, and there are as many closures as are said to be in the graph. */
+static void check_links(const cairn_mapper *mapper, const cairn_mapper_state *state)
+{
+    int32_t links = cairn_mapper_link_count(mapper), loops = 0, chained = 0;
+
+    for (int32_t i = 0; i < links; i++) {
+        cairn_mapper_link link = cairn_mapper_link_at(mapper, i);
+        cairn_sym3 covariance;
+
+        assert_true(link.first >= 0 && link.first < link.second && link.second < state->keys);
+        assert_true(cairn_pose_is_finite(link.first_second));
+        assert_true(cairn_sym3_inverse(link.information, &covariance));
+        assert_true(covariance.xx > 0 && covariance.yy > 0 && covariance.zz > 0);
+        if (link.is_loop)
+            loops += !link.dropped;
+        else
+            assert_true(link.first == chained && link.second == ++chained && !link.dropped);
+    }
+    assert_int_equal(loops, state->loops);
+    assert_int_equal(chained, links > 0 ? state->keys - 1 : 0);
+}
+
 /* Takes in all scans with the odometry that was told. */
 static void run(cairn_mapper *mapper, const drive *d, int32_t budget, outcome *out)
 {
@@ -72,6 +94,7 @@ static void run(cairn_mapper *mapper, const drive *d, int32_t budget, outcome *o
     for (int32_t i = 0; i < d->count; i++)
         out->poses[i] = cairn_pose_compose(cairn_mapper_key_pose(mapper, results[i].key), results[i].key_scan);
     out->state = cairn_mapper_measure(mapper);
+    check_links(mapper, &out->state);
 }
 
 static double distance(cairn_pose a, cairn_pose b)

@@ -719,15 +719,14 @@ static void bad_scans_are_refused(void **state)
     assert_status(cairn_place_map_begin(NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_place_map_step(NULL, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_place_map_step(m.map, NULL), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_place_map_add_scan(NULL, 0, &view, pose, &fault), CAIRN_BAD_ARGUMENT);
+    assert_fault(&fault, cairn_place_map_add_scan(NULL, 0, &view, pose, &fault), CAIRN_BAD_ARGUMENT, -1);
     assert_non_null(fault.what);
     assert_int_equal(fault.index, -1);
     assert_status(cairn_place_map_add_scan(m.map, 0, NULL, pose, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_place_map_add_scan(m.map, 1, &view, pose, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_place_map_add_scan(m.map, -1, &view, pose, NULL), CAIRN_BAD_ARGUMENT);
     bad.theta = nan;
-    assert_status(cairn_place_map_add_scan(m.map, 0, &view, bad, &fault), CAIRN_NOT_FINITE);
-    assert_int_equal(fault.index, -1);
+    assert_fault(&fault, cairn_place_map_add_scan(m.map, 0, &view, bad, &fault), CAIRN_NOT_FINITE, -1);
     bad.theta = 0;
     bad.x = 2 * CAIRN_SCAN_EXTENT;
     assert_status(cairn_place_map_add_scan(m.map, 0, &view, bad, NULL), CAIRN_BAD_ARGUMENT);

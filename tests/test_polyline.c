@@ -691,21 +691,17 @@ static void test_begin_statuses(void **state)
     lay(&c, truth, 30, 0, 0, &random);
     assert_int_equal(fit(&c).segment_count, 1);
 
-    assert_status(cairn_polyline_begin(NULL, &c.point[0].x, 1, &fault), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_polyline_begin(fitter, NULL, 1, &fault), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_polyline_begin(fitter, &c.point[0].x, -1, &fault), CAIRN_BAD_ARGUMENT);
-    assert_int_equal(fault.index, -1);
+    assert_fault(&fault, cairn_polyline_begin(NULL, &c.point[0].x, 1, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_polyline_begin(fitter, NULL, 1, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_polyline_begin(fitter, &c.point[0].x, -1, &fault), CAIRN_BAD_ARGUMENT, -1);
     assert_non_null(fault.what);
-    assert_status(cairn_polyline_begin(fitter, &c.point[0].x, MAX_POINTS + 1, &fault), CAIRN_FULL);
-    assert_int_equal(fault.index, MAX_POINTS);
+    assert_fault(&fault, cairn_polyline_begin(fitter, &c.point[0].x, MAX_POINTS + 1, &fault), CAIRN_FULL, MAX_POINTS);
     c.point[17].y = (cairn_real)INFINITY;
-    assert_status(cairn_polyline_begin(fitter, &c.point[0].x, c.count, &fault), CAIRN_NOT_FINITE);
-    assert_int_equal(fault.index, 17);
+    assert_fault(&fault, cairn_polyline_begin(fitter, &c.point[0].x, c.count, &fault), CAIRN_NOT_FINITE, 17);
     assert_non_null(fault.what);
     c.point[17].y = 0;
     c.point[9].x = CAIRN_REAL(-1.01) * CAIRN_POLYLINE_EXTENT;
-    assert_status(cairn_polyline_begin(fitter, &c.point[0].x, c.count, &fault), CAIRN_BAD_ARGUMENT);
-    assert_int_equal(fault.index, 9);
+    assert_fault(&fault, cairn_polyline_begin(fitter, &c.point[0].x, c.count, &fault), CAIRN_BAD_ARGUMENT, 9);
     assert_status(cairn_polyline_begin(fitter, &c.point[0].x, c.count, NULL), CAIRN_BAD_ARGUMENT);
     /* Nothing of that touched the last result. */
     assert_int_equal(cairn_polyline_read(fitter).segment_count, 1);

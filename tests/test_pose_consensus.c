@@ -994,10 +994,10 @@ static void bad_hypotheses_are_refused(void **state)
     assert_status(cairn_pose_consensus_clear(NULL, 1), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_pose_consensus_clear(consensus, 0), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_pose_consensus_clear(consensus, 4), CAIRN_FULL);
-    assert_status(cairn_pose_consensus_add(consensus, &good, &fault), CAIRN_BAD_ARGUMENT); /* no nodes yet */
+    assert_fault(&fault, cairn_pose_consensus_add(consensus, &good, &fault), CAIRN_BAD_ARGUMENT, -1); /* no nodes yet */
     assert_ok(cairn_pose_consensus_clear(consensus, 3));
-    assert_status(cairn_pose_consensus_add(NULL, &good, &fault), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_pose_consensus_add(consensus, NULL, &fault), CAIRN_BAD_ARGUMENT);
+    assert_fault(&fault, cairn_pose_consensus_add(NULL, &good, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_pose_consensus_add(consensus, NULL, &fault), CAIRN_BAD_ARGUMENT, -1);
 #define REFUSED_AS(field, value, status)                                                                               \
     do {                                                                                                               \
         bad = good;                                                                                                    \
@@ -1030,7 +1030,7 @@ static void bad_hypotheses_are_refused(void **state)
     assert_ok(cairn_pose_consensus_add(consensus, &good, &fault));
     good.first = 2;
     assert_ok(cairn_pose_consensus_add(consensus, &good, &fault));
-    assert_status(cairn_pose_consensus_add(consensus, &good, &fault), CAIRN_FULL);
+    assert_fault(&fault, cairn_pose_consensus_add(consensus, &good, &fault), CAIRN_FULL, -1);
     assert_int_equal(solve(consensus).placed, 3);
 
     assert_status(cairn_pose_consensus_bound(NULL, 0, pose, 1, 1), CAIRN_BAD_ARGUMENT);

@@ -95,9 +95,20 @@ static struct made make_graph(const struct problem *p, const cairn_pose_graph_pa
     assert_ok(cairn_pose_graph_create(&made.graph, &made.pool, params, solver));
     for (int32_t i = 0; i < p->poses; i++)
         assert_ok(cairn_pose_graph_add_pose(made.graph, p->guess[i]));
-    for (int32_t l = 0; l < p->links; l++)
-        assert_ok(cairn_pose_graph_add_link(made.graph, p->link[l].first, p->link[l].second, p->link[l].z,
-                                            p->link[l].information));
+    for (int32_t l = 0; l < p->links; l++) {
+        cairn_sym3 information, asked = p->link[l].information;
+        cairn_pose z;
+
+        assert_ok(cairn_pose_graph_add_link(made.graph, p->link[l].first, p->link[l].second, p->link[l].z, asked));
+        z = cairn_pose_graph_measured(made.graph, l, &information);
+        assert_memory_equal(&z, &p->link[l].z, sizeof z);
+        assert_near(information.xx, asked.xx, 1e-5 * (double)asked.xx);
+        assert_near(information.xy, asked.xy, 1e-5 * (double)asked.xx);
+        assert_near(information.xz, asked.xz, 1e-5 * (double)asked.xx);
+        assert_near(information.yy, asked.yy, 1e-5 * (double)asked.yy);
+        assert_near(information.yz, asked.yz, 1e-5 * (double)asked.yy);
+        assert_near(information.zz, asked.zz, 1e-5 * (double)asked.zz);
+    }
     return made;
 }
 
@@ -657,7 +668,7 @@ static void a_solver_of_ones_own(void **state)
     mine = make_graph(&p, &params, &face);
     t = solve(mine.graph);
     assert_memory_equal(&s, &t, sizeof s);
-    assert_true(outer.factors >= 4);
+    assert_in_range(outer.factors, 4, 2 + t.iterations - 1); /* headings, positions; one of them served twice */
     for (int32_t i = 0; i < POSES; i++) {
         cairn_pose a = cairn_pose_graph_pose(mine.graph, i), b = cairn_pose_graph_pose(builtin.graph, i);
 
@@ -676,7 +687,7 @@ static void a_solver_of_ones_own(void **state)
     t = solve(mine.graph);
     assert_int_equal(t.verdict, CAIRN_POSE_GRAPH_SINGULAR);
     assert_int_equal(t.pose, 11);
-    assert_in_range(outer.factors, 8, 20); /* more and more damping first */
+    assert_in_range(outer.factors, NUMBER(8, 7), NUMBER(8, 7)); /* more and more damping first */
     assert_status(cairn_pose_graph_marginals(mine.graph), CAIRN_BAD_ARGUMENT);
     outer.factors = 0; /* headings: then from the poses as they are */
     outer.refuse_from = 0;
@@ -738,7 +749,7 @@ static void budgets_do_not_matter(void **state)
     uint64_t hash = hash_with(CAIRN_UNBOUNDED);
 
     (void)state;
-    if (hash != NUMBER(UINT64_C(0xa362e5b94a8ad7b), UINT64_C(0xc929e3de6dabfc25)))
+    if (hash != NUMBER(UINT64_C(0xe6a65e3e3709f9bb), UINT64_C(0x4255dc3ce933edb0)))
         fail_msg("the hash is %#llx", (unsigned long long)hash);
     assert_true(hash_with(1) == hash);
     assert_true(hash_with(7) == hash);
@@ -802,18 +813,18 @@ static void paths_stay_as_they_are(void **state)
         int32_t graduated, fixed;
         uint64_t in_double, in_float;
     } known[] = {
-        {CAIRN_POSE_GRAPH_SQUARE, CAIRN_POSE_GRAPH_GIVEN, 3, 0.2, 0, 0, UINT64_C(0x844279c5e2a98e98),
-         UINT64_C(0x817f9630161076a9)},
-        {CAIRN_POSE_GRAPH_HUBER, CAIRN_POSE_GRAPH_CHORDAL, 2, 0.1, 0, 7, UINT64_C(0x65da40f6c3f0127c),
-         UINT64_C(0x216078180e8299ae)},
-        {CAIRN_POSE_GRAPH_CAUCHY, CAIRN_POSE_GRAPH_BEST, 1, 0.05, 0, 0, UINT64_C(0xf42e96a6dc320f29),
-         UINT64_C(0xb120e5bf76462407)},
-        {CAIRN_POSE_GRAPH_GEMAN_MCCLURE, CAIRN_POSE_GRAPH_GIVEN, 4, 0.1, 1, 0, UINT64_C(0xe886fabce861188c),
-         UINT64_C(0xb6320d0b44834d9f)},
-        {CAIRN_POSE_GRAPH_GEMAN_MCCLURE, CAIRN_POSE_GRAPH_BEST, 4, 0.4, 0, 20, UINT64_C(0xbb72613755ad3903),
-         UINT64_C(0x09dcc7569bb74b6e)},
-        {CAIRN_POSE_GRAPH_DCS, CAIRN_POSE_GRAPH_CHORDAL, 2, 0.1, 0, 0, UINT64_C(0xbcb2548d5b6d7042),
-         UINT64_C(0x96a8eea9aa505ce7)},
+        {CAIRN_POSE_GRAPH_SQUARE, CAIRN_POSE_GRAPH_GIVEN, 3, 0.2, 0, 0, UINT64_C(0xbe5be9d9703136da),
+         UINT64_C(0xb723d4ce5b924c72)},
+        {CAIRN_POSE_GRAPH_HUBER, CAIRN_POSE_GRAPH_CHORDAL, 2, 0.1, 0, 7, UINT64_C(0x784c9d1c71983842),
+         UINT64_C(0x8d9b8edd00cd498d)},
+        {CAIRN_POSE_GRAPH_CAUCHY, CAIRN_POSE_GRAPH_BEST, 1, 0.05, 0, 0, UINT64_C(0x6b82f187ca8d1560),
+         UINT64_C(0x3b77d4408ae037f8)},
+        {CAIRN_POSE_GRAPH_GEMAN_MCCLURE, CAIRN_POSE_GRAPH_GIVEN, 4, 0.1, 1, 0, UINT64_C(0x9e6700b3fb880676),
+         UINT64_C(0xc9b7c6323b7c60e1)},
+        {CAIRN_POSE_GRAPH_GEMAN_MCCLURE, CAIRN_POSE_GRAPH_BEST, 4, 0.4, 0, 20, UINT64_C(0xdc900cf7dc9e81c8),
+         UINT64_C(0x1040fe848a90854c)},
+        {CAIRN_POSE_GRAPH_DCS, CAIRN_POSE_GRAPH_CHORDAL, 2, 0.1, 0, 0, UINT64_C(0x6882187df820df87),
+         UINT64_C(0x452ec89230a4fe16)},
     };
 
     (void)state;

@@ -581,6 +581,9 @@ static void test_marks(void **state)
     static const cairn_vec2 region[2] = {{1, -2}, {CAIRN_REAL(1.05), 3}};
     static const cairn_report_force force[4] = {
         {{0, 1}, {0, 2}}, {{1, 1}, {-4, 0}}, {{1, 0}, {0, 0}}, {{2, 2}, {1, -1}}};
+    static const cairn_report_guess guess[2] = {{{{1, 2}, {3, CAIRN_REAL(-1.5)}}, CAIRN_REAL(0.5)},
+                                                {{{0, 0}, {1, 2}}, 1}};
+    static const int64_t ends[8] = {200, 400, 600, -300, 0, 0, 200, 400};
     static const uint64_t turns[4] = {32, 64, 0, 112}, sizes[4] = {64, 127, 0, 45};
     static const double at[8] = {0, 1, 1, 1, 1, 0, 2, 2};
     double value[3] = {-0.125, (double)INFINITY, 1e300};
@@ -607,6 +610,8 @@ static void test_marks(void **state)
     frame.region_count = 2;
     frame.force = force;
     frame.force_count = 4;
+    frame.guess = guess;
+    frame.guess_count = 2;
     assert_ok(cairn_report_player_add_frame(player, &frame));
     assert_ok(add_poses(player, 1, pose, 5));
     p = write_page(player);
@@ -633,7 +638,17 @@ static void test_marks(void **state)
         assert_int_equal(whole(&p->marks), turns[i]);
         assert_int_equal(whole(&p->marks), sizes[i]);
     }
-    for (int i = 0; i < 3; i++)
+    assert_int_equal(whole(&p->marks), 2);
+    x = y = 0;
+    for (int i = 0; i < 8; i += 2) {
+        x += signed_of(&p->marks);
+        y += signed_of(&p->marks);
+        assert_int_equal(x, ends[i]);
+        assert_int_equal(y, ends[i + 1]);
+        if (i == 2 || i == 6)
+            assert_int_equal(whole(&p->marks), i == 2 ? 64 : 127);
+    }
+    for (int i = 0; i < 4; i++)
         assert_int_equal(whole(&p->marks), 0);
     assert_int_equal(p->marks.at, p->marks.count);
     free_page(p);
@@ -850,6 +865,7 @@ static void test_thinned_points(void **state)
     cairn_vec2 point[EACH], region[EACH];
     cairn_segment segment[EACH];
     cairn_report_force force[EACH];
+    cairn_report_guess guess[EACH];
     cairn_report_scan scan = {point, segment, EACH, EACH};
     cairn_report_player_params params = cairn_report_player_default();
     cairn_report_player *player;
@@ -863,8 +879,12 @@ static void test_thinned_points(void **state)
         point[i].y = 0;
         segment[i].a = segment[i].b = region[i] = point[i];
         force[i].at = force[i].force = point[i];
+        guess[i].segment = segment[i];
+        guess[i].strength = 0;
     }
     memset(&frame, 0, sizeof frame);
+    frame.guess = guess;
+    frame.guess_count = EACH;
     frame.region = region;
     frame.region_count = EACH;
     frame.force = force;
@@ -878,7 +898,8 @@ static void test_thinned_points(void **state)
         assert_ok(cairn_report_player_add_frame(player, &frame));
     }
     p = write_page(player);
-    assert_int_equal(p->notes, 4);
+    assert_int_equal(p->notes, 5);
+    assert_string_equal(p->note[4], "Every 3rd of 22 hypotheses' sides is shown.");
     assert_string_equal(p->note[0], "Every 3rd of 22 points is shown.");
     assert_string_equal(p->note[1], "Every 3rd of 22 walls is shown.");
     assert_string_equal(p->note[2], "Every 2nd of 20 forces is shown.");
@@ -910,6 +931,12 @@ static void test_thinned_points(void **state)
             assert_int_equal(signed_of(&p->marks), 0);
             assert_int_equal(whole(&p->marks), 0);
             assert_int_equal(whole(&p->marks), llrint(127.0 * 2 * k / 9));
+        }
+        assert_int_equal(whole(&p->marks), 4);
+        for (int k = 0; k < 4; k++) {
+            assert_int_equal(signed_of(&p->marks), k > 0 ? 600 : 0);
+            for (int n = 0; n < 4; n++)
+                assert_int_equal(whole(&p->marks), 0);
         }
     }
     assert_int_equal(p->points.at, p->points.count);
@@ -1088,12 +1115,24 @@ static void test_frame_refusals(void **state)
     cairn_pose pose[2] = {{0, 0, 0}, {1, 1, 1}};
     cairn_vec2 region[1] = {{0, 0}};
     cairn_report_force force[1] = {{{0, 0}, {1, 1}}};
+    cairn_report_guess guess[1] = {{{{0, 0}, {1, 1}}, 1}};
     static const int32_t low[2] = {-1, -2}, high[2] = {0, 2};
     cairn_report_frame good, bad;
     cairn_report_player_params params = cairn_report_player_default();
     cairn_report_player *player = open_player(&params);
-    cairn_real *numbers[] = {&pose[1].x,     &pose[1].y,     &pose[1].theta,    &region[0].x,     &region[0].y,
-                             &force[0].at.x, &force[0].at.y, &force[0].force.x, &force[0].force.y};
+    cairn_real *numbers[] = {&pose[1].x,
+                             &pose[1].y,
+                             &pose[1].theta,
+                             &region[0].x,
+                             &region[0].y,
+                             &force[0].at.x,
+                             &force[0].at.y,
+                             &force[0].force.x,
+                             &force[0].force.y,
+                             &guess[0].segment.a.x,
+                             &guess[0].segment.a.y,
+                             &guess[0].segment.b.x,
+                             &guess[0].segment.b.y};
     page *p;
 
     (void)state;
@@ -1105,6 +1144,8 @@ static void test_frame_refusals(void **state)
     good.region_count = 1;
     good.force = force;
     good.force_count = 1;
+    good.guess = guess;
+    good.guess_count = 1;
     add_scans(player, 2);
     assert_status(cairn_report_player_add_frame(NULL, &good), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_report_player_add_frame(player, NULL), CAIRN_BAD_ARGUMENT);
@@ -1119,12 +1160,19 @@ static void test_frame_refusals(void **state)
     REFUSED(pose_count = 3);
     REFUSED(region_count = -1);
     REFUSED(force_count = -1);
+    REFUSED(guess_count = -1);
     REFUSED(pose = NULL);
     REFUSED(region = NULL);
     REFUSED(force = NULL);
+    REFUSED(guess = NULL);
     REFUSED(part = low);
     REFUSED(part = high);
 #undef REFUSED
+    guess[0].strength = CAIRN_REAL(1.01);
+    assert_status(cairn_report_player_add_frame(player, &good), CAIRN_BAD_ARGUMENT);
+    guess[0].strength = CAIRN_REAL(-0.01);
+    assert_status(cairn_report_player_add_frame(player, &good), CAIRN_BAD_ARGUMENT);
+    guess[0].strength = 0;
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
         cairn_real kept = *numbers[i];
 

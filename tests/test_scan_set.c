@@ -187,7 +187,7 @@ static void test_full(void **state)
 
         assert_ok(cairn_scan_set_create(&set, &pool, &small[i]));
         assert_ok(cairn_scan_set_add(set, &e.view, NULL, &fault));
-        assert_status(cairn_scan_set_add(set, &e.view, NULL, &fault), CAIRN_FULL);
+        assert_fault(&fault, cairn_scan_set_add(set, &e.view, NULL, &fault), CAIRN_FULL, -1);
         assert_non_null(strstr(fault.what, what[i]));
         assert_int_equal(fault.index, -1);
         assert_int_equal(set->scan_count, 1);
@@ -256,8 +256,8 @@ static void test_bad_scans_are_refused(void **state)
     REFUSED(e.mass[2] = far, CAIRN_BAD_ARGUMENT, 2);
 #undef REFUSED
     make_example(&e);
-    assert_status(cairn_scan_set_add(NULL, &e.view, NULL, &fault), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_scan_set_add(set, NULL, NULL, &fault), CAIRN_BAD_ARGUMENT);
+    assert_fault(&fault, cairn_scan_set_add(NULL, &e.view, NULL, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_scan_set_add(set, NULL, NULL, &fault), CAIRN_BAD_ARGUMENT, -1);
     test_pool_free(&pool);
 }
 
@@ -378,26 +378,23 @@ static void test_points_are_made(void **state)
     make_walls(&w, 1, 0.07);
     for (int i = 0; i < MOST; i++)
         mass[i] = 1;
-    assert_status(cairn_scan_set_add(made, &w.view, mass, &fault), CAIRN_BAD_ARGUMENT);
+    assert_fault(&fault, cairn_scan_set_add(made, &w.view, mass, &fault), CAIRN_BAD_ARGUMENT, -1);
     assert_non_null(strstr(fault.what, "mass"));
     w.points[7].position.x += CAIRN_REAL(1e-3);
-    assert_status(cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT);
-    assert_int_equal(fault.index, 7);
+    assert_fault(&fault, cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT, 7);
     make_walls(&w, 1, 0.07);
     w.points[w.first_point[5] + 3].position.y += CAIRN_REAL(1e-3);
-    assert_status(cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT);
-    assert_int_equal(fault.index, w.first_point[5] + 3);
+    assert_fault(&fault, cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT, w.first_point[5] + 3);
     make_walls(&w, 1, 0.07);
     { /* out of order */
         cairn_oriented_point swap = w.points[w.first_point[4]];
 
         w.points[w.first_point[4]] = w.points[w.first_point[4] + 1];
         w.points[w.first_point[4] + 1] = swap;
-        assert_status(cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT);
-        assert_int_equal(fault.index, w.first_point[4] + 1);
+        assert_fault(&fault, cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT, w.first_point[4] + 1);
     }
     make_walls(&w, 1, 0.08);
-    assert_status(cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT);
+    assert_fault(&fault, cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT, 0);
     assert_int_equal(made->scan_count + made->segment_count + made->point_count + made->word_count, 0);
     /* A wall with a place for every point but not for every place. */
     make_walls(&w, 1, 0.07);
@@ -406,7 +403,7 @@ static void test_points_are_made(void **state)
     for (int i = 2; i <= WALLS; i++)
         w.first_point[i] = 1;
     w.view.point_count = 1;
-    assert_status(cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_FULL);
+    assert_fault(&fault, cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_FULL, -1);
     assert_non_null(strstr(fault.what, "places"));
     test_pool_free(&pool);
 }

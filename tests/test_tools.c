@@ -8,11 +8,13 @@
 #include "cairn/json_text.h"
 #include "cairn/map_file.h"
 #include "cairn/output.h"
+#include "cairn/pose_graph_file.h"
 #include "cairn/pose_table.h"
 #include "tests/programs.h"
 
 static const char *const arena_files[] = {"scans.log", "truth.csv", "arena.json", "arena.svg"};
 static const char *const map_files[] = {"poses.csv", "map.pgm", "map.yaml", "map.svg"};
+static const char *const graph_files[] = {"poses.tum", "graph.g2o", "map.pgm", "map.yaml"};
 
 enum { FILES = 4 };
 
@@ -327,12 +329,13 @@ static void same_seed_same_bytes(void **state)
     assert_done(programs_run("cairn align @/places/scans.log -o @/align --seed 1 --steps 20"));
     assert_done(programs_run("cairn align @/places/scans.log -o @/align-again --seed 1 --steps=20 --pool 64M"));
     assert_same_files("align", "align-again", map_files);
-    assert_int_equal(count_in("map"), FILES);
+    assert_int_equal(count_in("map"), FILES + 2);
+    assert_same_files("map", "map-again/new/folder", graph_files);
     assert_int_equal(count_in("align"), FILES);
     /* Over what is there, once more. */
     assert_done(programs_run("cairn map @/drive/scans.log -o @/align-again"));
     assert_same_files("map", "align-again", map_files);
-    assert_int_equal(count_in("align-again"), FILES);
+    assert_int_equal(count_in("align-again"), FILES + 2);
     assert_int_equal(count_in("drive"), FILES);
 }
 
@@ -366,11 +369,14 @@ static void a_pose_for_every_scan(void **state)
         double error;
     } sample[] = {{"drive/scans.log", "map/poses.csv", "drive/truth.csv", "first matched predicted blind ", 1, 0.1},
                   {"places/scans.log", "align/poses.csv", "places/truth.csv", "placed uncertain apart blind ", 0, 0.05},
-                  {"places/scans.log", "lum/poses.csv", "places/truth.csv", "aligned apart blind ", 1, 0.2}};
+                  {"places/scans.log", "lum/poses.csv", "places/truth.csv", "aligned apart blind ", 1, 0.2},
+                  {"places/scans.log", "virtual/poses.csv", "places/truth.csv", "placed uncertain apart guessed blind ",
+                   0, 0.05}};
 
     (void)state;
     assert_done(programs_run("cairn align @/places/scans.log --method lum -o @/lum"));
-    for (size_t k = 0; k < 3; k++) {
+    assert_done(programs_run("cairn align @/places/scans.log --virtual -o @/virtual"));
+    for (size_t k = 0; k < sizeof sample / sizeof *sample; k++) {
         char *bytes = files_read(files_path(sample[k].poses), NULL);
         cairn_carmen_scans scans;
         cairn_pose_row *row;
@@ -529,26 +535,27 @@ static void help_and_version(void **state)
 /* The page that --report asks for: beside the other files, in a folder that is made, or in that at hand. */
 static void pages(void **state)
 {
-    static const char *const commands[] = {"map @/drive/scans.log",
-                                           "align @/places/scans.log --method gradient --steps 20",
-                                           "align @/places/scans.log", "align @/places/scans.log --method lum"};
+    static const char *const commands[] = {
+        "map @/drive/scans.log", "align @/places/scans.log --method gradient --steps 20", "align @/places/scans.log",
+        "align @/places/scans.log --method lum", "align @/places/scans.log --virtual --spread 0.05,1"};
     static const char *const pieces[][3] = {
         {"{\"title\":\"scans.log, mapped\"", "\"step_name\":\"scan\"", "\n{\"step\":29,\"label\":\""},
         {"{\"title\":\"scans.log, aligned\"", "\"step_name\":\"step\"", "\n{\"step\":20,\"label\":\"end\""},
         {"{\"title\":\"scans.log, aligned\"", "\"label\":\"12 parts, the largest of 1 scans\"",
          "scans placed, the others in red\""},
-        {"\"label\":\"start\"", " scans registered one after the other\"", "\"label\":\"iteration 1\""}};
+        {"\"label\":\"start\"", " scans registered one after the other\"", "\"label\":\"iteration 1\""},
+        {"\"name\":\"hypotheses\"", " scans placed, the others in red\"", "\"label\":\"end: "}};
     outcome o;
 
     (void)state;
-    for (int k = 0; k < 4; k++) {
+    for (size_t k = 0; k < sizeof commands / sizeof *commands; k++) {
         char *page[2];
         size_t count[2];
 
         o = programs_run("cairn %s -o @/paged --report @/paged/map.html", commands[k]);
         assert_done(o);
         assert_string_equal(o.err, "");
-        assert_int_equal(count_in("paged"), FILES + 1);
+        assert_int_equal(count_in("paged"), FILES + 3); /* the first command's graph and its other poses stay */
         assert_done(programs_run("cairn %s -o @/paged --quiet --report @/elsewhere/a/map.html", commands[k]));
         assert_int_equal(count_in("elsewhere/a"), 1);
         for (int i = 0; i < 2; i++) {
@@ -779,6 +786,89 @@ static void a_damaged_scan_is_left_out(void **state)
     o = programs_run("cairn align @/damaged.log -o @/damaged-align --steps 3 --quiet");
     assert_done(o);
     assert_string_equal(o.err, "");
+}
+
+/* One line in ten is damaged. */
+static void a_tenth_of_the_lines_is_damaged(void **state)
+{
+    char *whole = files_read(files_path("drive/scans.log"), NULL), *line = whole;
+    int32_t damaged = 0, scans = 0;
+    char summary[64];
+    outcome o;
+
+    (void)state;
+    for (; (line = strstr(line, "\nFLASER")) != NULL; line++) {
+        if (scans++ % 10 != 4)
+            continue;
+        line[40] = '?';
+        damaged++;
+    }
+    (void)files_write_text("tenth.log", whole);
+    free(whole);
+    o = programs_run("cairn map @/tenth.log -o @/tenth");
+    assert_done(o);
+    (void)snprintf(summary, sizeof summary, "(%d damaged lines left out", (int)damaged);
+    assert_true(damaged >= 3);
+    assert_holds(o.out, summary);
+    assert_int_equal(lines_of(o.err), damaged);
+}
+
+/* The drive once more as a table of ranges; and both one after another. */
+static void tables_of_ranges_and_several_logs(void **state)
+{
+    text t = {NULL, 0, 0};
+    cairn_carmen_scans log;
+    cairn_pose_row *row, *first;
+    cairn_pose_graph_file graph;
+    int32_t count, first_count;
+    outcome o;
+
+    (void)state;
+    assert_ok(cairn_carmen_load(&log, files_path("drive/scans.log"), NULL, NULL));
+    add(&t, "time,x,y,theta");
+    for (int32_t k = 0; k < log.record[0].count; k++)
+        add(&t, ",%.9g",
+            (double)(log.record[0].scan.angle_min + (float)k * log.record[0].scan.angle_step) * 57.29577951308232);
+    for (int32_t i = 0; i < log.count; i++) {
+        const cairn_carmen_record *r = &log.record[i];
+
+        add(&t, "\n%.6f,%.9g,%.9g,%.9g", (double)r->stamp_ns * 1e-9, (double)r->robot.x, (double)r->robot.y,
+            (double)r->robot.theta);
+        for (int32_t k = 0; k < r->count; k++)
+            add(&t, ",%.9g", (double)r->range[k]);
+    }
+    (void)files_write_text("drive.csv", t.bytes);
+    free(t.bytes);
+    assert_done(programs_run("cairn map @/drive.csv -o @/table"));
+    assert_ok(cairn_pose_table_read(&first, &first_count, files_path("map/poses.csv"), NULL));
+    assert_ok(cairn_pose_table_read(&row, &count, files_path("table/poses.csv"), NULL));
+    assert_int_equal(count, first_count);
+    for (int32_t i = 0; i < count; i++) {
+        assert_near(row[i].pose.x, first[i].pose.x, 0.02);
+        assert_near(row[i].pose.y, first[i].pose.y, 0.02);
+        assert_near(cairn_wrap_angle(row[i].pose.theta - first[i].pose.theta), 0, 0.01);
+    }
+    cairn_pose_table_free(row);
+    cairn_pose_table_free(first);
+    o = programs_run("cairn map @/drive/scans.log @/drive.csv -o @/both");
+    assert_done(o);
+    assert_ok(cairn_pose_table_read(&row, &count, files_path("both/poses.csv"), NULL));
+    assert_int_equal(count, 2 * first_count);
+    cairn_pose_table_free(row);
+    assert_ok(cairn_pose_graph_file_read(&graph, files_path("table/graph.g2o"), NULL));
+    assert_true(graph.vertex_count > 1 && graph.edge_count >= graph.vertex_count - 1);
+    cairn_pose_graph_file_free(&graph);
+    {
+        char *tum = files_read(files_path("table/poses.tum"), NULL);
+
+        assert_int_equal(lines_of(tum), log.count);
+        free(tum);
+    }
+    cairn_carmen_scans_free(&log);
+    o = programs_run("cairn map @/drive.csv @/missing.log -o @/refused");
+    assert_int_equal(o.code, 2);
+    assert_holds(o.err, "missing.log: cannot open");
+    assert_int_equal(count_in("refused"), -1);
 }
 
 static void damage_of_all_kinds_among_good_scans(void **state)
@@ -1013,11 +1103,12 @@ static void command_lines(void **state)
         {"cairn align @/drive/scans.log", "cairn align: ", "no folder to write to (-o)"},
         {"cairn map @/drive/scans.log -o", "cairn map: ", "nothing after '-o'"},
         {"cairn map @/drive/scans.log -o ''", "cairn map: ", "-o is ''"},
-        {"cairn map a b -o @/refused", "cairn map: ", "one word too many, 'b'"},
         {"cairn map @/drive/scans.log -o @/refused --fast", "cairn map: ", "unknown option '--fast'"},
         {"cairn align @/drive/scans.log -o @/refused -x", "cairn align: ", "unknown option '-x'"},
         {"cairn align @/drive/scans.log -o @/refused --method magic",
          "cairn align: ", "unknown method 'magic', expected default, gradient or lum"},
+        {"cairn align @/drive/scans.log -o @/refused --method lum --virtual",
+         "cairn align: ", "--virtual with method lum, expected with method default"},
         {"cairn align @/drive/scans.log -o @/refused --spread 0,1", "cairn align: ", "--spread is '0,1'"},
         {"cairn align @/drive/scans.log -o @/refused --steps 0",
          "cairn align: ", "--steps is '0', expected a whole number from 1 to 100000"},
@@ -1144,7 +1235,7 @@ static void folders_that_cannot_be_written(void **state)
         assert_int_equal(o.code, 2);
         assert_int_equal(lines_of(o.err), 1);
         assert_holds(o.err, "kept.html: cannot write: File too large\n");
-        assert_int_equal(count_in("unpaged"), FILES);
+        assert_int_equal(count_in("unpaged"), FILES + 2);
         kept = files_read(files_path("kept.html"), NULL);
         assert_string_equal(kept, "kept");
         free(kept);
@@ -1209,6 +1300,8 @@ int main(int argc, char **argv)
         cmocka_unit_test(quiet_and_pipes),
         cmocka_unit_test(help_and_version),
         cmocka_unit_test(a_damaged_scan_is_left_out),
+        cmocka_unit_test(a_tenth_of_the_lines_is_damaged),
+        cmocka_unit_test(tables_of_ranges_and_several_logs),
         cmocka_unit_test(damage_of_all_kinds_among_good_scans),
         cmocka_unit_test(a_log_without_walls),
         cmocka_unit_test(large_rooms_get_more_room),

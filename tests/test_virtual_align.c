@@ -384,6 +384,7 @@ static void little_to_align(void **state)
 /* ---- The obvious way: aligner, field and hypotheses by hand, each step to its end ---- */
 
 struct twin {
+    cairn_aligner_pose kept[SCANS];
     cairn_virtual_align_params p;
     cairn_pool pool;
     cairn_aligner *aligner;
@@ -425,8 +426,33 @@ static void twin_aligns(struct twin *t)
 
     assert_ok(cairn_aligner_begin(t->aligner));
     assert_ok(cairn_aligner_step(t->aligner, &budget));
-    t->result.aligner = cairn_aligner_read(t->aligner);
     t->result.align_units += CAIRN_UNBOUNDED - budget.left;
+}
+
+static void twin_keeps(struct twin *t)
+{
+    t->result.aligner = cairn_aligner_read(t->aligner);
+    for (int32_t i = 0; i < t->count; i++) {
+        t->kept[i] = cairn_aligner_pose_of(t->aligner, i);
+        t->found[i] = t->kept[i].map_scan;
+    }
+    t->result.field_units += 2 * (int64_t)t->count;
+}
+
+/* 1: the aligner has placed more than before; else what shares nothing with its largest part stays where the field left it. */
+static int twin_judges(struct twin *t)
+{
+    if (cairn_aligner_read(t->aligner).placed > t->result.aligner.placed) {
+        twin_keeps(t);
+        return 1;
+    }
+    for (int32_t i = 0; i < t->count; i++) {
+        t->moves[i] = t->moves[i] && (t->result.aligner.placed < 2 || t->kept[i].part != 0);
+        if (!t->moves[i])
+            t->found[i] = t->kept[i].map_scan;
+    }
+    t->result.field_units += 1 + t->count / 2;
+    return 0;
 }
 
 /* Fixed is what the aligner has placed together with another scan. */
@@ -434,7 +460,7 @@ static void twin_places(struct twin *t)
 {
     t->result.moved = 0;
     for (int32_t i = 0; i < t->count; i++) {
-        cairn_aligner_pose at = cairn_aligner_pose_of(t->aligner, i);
+        cairn_aligner_pose at = t->kept[i];
 
         t->moves[i] = !t->p.align || t->result.aligner.placed < 2 || !at.placed;
         t->result.moved += t->moves[i];
@@ -489,6 +515,7 @@ static void twin_runs(struct twin *t)
 {
     if (t->p.align)
         twin_aligns(t);
+    twin_keeps(t);
     for (;;) {
         twin_places(t);
         if (t->result.moved == 0)
@@ -500,9 +527,7 @@ static void twin_runs(struct twin *t)
             assert_ok(cairn_aligner_start_at(t->aligner, i, t->found[i]));
         t->result.field_units += 1 + (int64_t)t->count;
         twin_aligns(t);
-        for (int32_t i = 0; i < t->count; i++)
-            t->found[i] = cairn_aligner_pose_of(t->aligner, i).map_scan;
-        if (t->result.rounds >= t->p.max_rounds)
+        if (!twin_judges(t) || t->result.rounds >= t->p.max_rounds)
             return;
     }
 }

@@ -35,6 +35,8 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
                     "default, gradient (force field simulation as in the thesis) or lum (Lu and Milios)"),
         OPTION_PAIR("--spread", s->spread, 0.001, 360, "M,DEG",
                     "poses in the log are off by at most about so much, m in x and y, degrees (default)"),
+        OPTION_FLAG("--virtual", &s->by_hypotheses,
+                    "scans that find no place go by lines and rooms that the map suggests (default)"),
         OPTION_INTEGER("--steps", &s->steps, 1, 100000, "N", "iterations at most (gradient, lum)"),
         OPTION_INTEGER("--max-scans", &s->max_scans, 1, 100000, "N", "scans at most"),
         OPTION_NUMBER("--spacing", &s->spacing, 0.01, 1, "M",
@@ -59,6 +61,10 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
         return result;
     if (method_of(s) == NULL) {
         (void)options_refuse(ALIGN_PROGRAM, "unknown method '%s', expected default, gradient or lum", s->method);
+        return OPTIONS_BAD;
+    }
+    if (s->by_hypotheses && method_of(s) != methods) {
+        (void)options_refuse(ALIGN_PROGRAM, "--virtual with method %s, expected with method default", s->method);
         return OPTIONS_BAD;
     }
     if (isnan(s->spacing))
@@ -209,7 +215,7 @@ static int run(align_job *job)
     job->scan.spacing = (cairn_real)job->settings->spacing;
     code = measure(job);
     if (code == TOOL_OK)
-        code = method_of(job->settings)->run(job);
+        code = job->settings->by_hypotheses ? align_by_hypotheses(job) : method_of(job->settings)->run(job);
     if (code == TOOL_OK)
         code = write_all(job);
     if (code == TOOL_OK && !job->settings->quiet)
@@ -224,7 +230,7 @@ static int run(align_job *job)
 
 int tool_align(int argc, char **argv)
 {
-    align_settings s = {NULL, NULL, "default", NULL, NULL, 500, 50, 1, 0.05, 30, 0, (double)NAN, {0.6, 35}, 0};
+    align_settings s = {NULL, NULL, "default", NULL, NULL, 500, 50, 1, 0.05, 30, 0, (double)NAN, {0.6, 35}, 0, 0};
     cairn_file_error error;
     option_result result;
     cairn_carmen_scans log;
@@ -234,7 +240,7 @@ int tool_align(int argc, char **argv)
     result = read_settings(&s, argc, argv);
     if (result != OPTIONS_READ)
         return result;
-    if (map_output_check(s.folder, s.report, &error) != CAIRN_OK)
+    if (map_output_check(s.folder, 0, s.report, &error) != CAIRN_OK)
         return tool_report(&error);
     code = tool_load(&log, s.log, s.range_max, s.quiet);
     if (code != TOOL_OK)

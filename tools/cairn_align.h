@@ -2,6 +2,7 @@
 #ifndef CAIRN_TOOLS_CAIRN_ALIGN_H
 #define CAIRN_TOOLS_CAIRN_ALIGN_H
 
+#include "cairn/aligner.h"
 #include "tools/cairn_map_output.h"
 #include "tools/cairn_player.h"
 #include "tools/cairn_tool.h"
@@ -13,7 +14,7 @@ typedef struct align_settings {
     int64_t max_scans, steps, seed;
     double resolution, range, range_max, spacing;
     double spread[2]; /* m, degrees */
-    int32_t quiet;
+    int32_t quiet, by_hypotheses;
 } align_settings;
 
 typedef struct align_job {
@@ -24,7 +25,7 @@ typedef struct align_job {
     int32_t segments, points;    /* of all scans, above 0 */
     cairn_report_player *player; /* from align_open_player(); NULL: nobody watches */
     char subtitle[128];          /* for the picture: how it was done */
-    char summary[256];           /* whole lines: how it went */
+    char summary[384];           /* whole lines: how it went */
     size_t pool_bytes;           /* at most used */
 } align_job;
 
@@ -39,8 +40,18 @@ int align_add_scans(align_job *job, cairn_scan *scan, align_add add, void *align
 /* A line on standard error about a status; its exit code. */
 int align_refuse(const align_job *job, cairn_status status);
 
+/* The aligner's params with room for the job's scans. */
+cairn_aligner_params align_params_of(const align_job *job);
+
+/* Sets what the aligner tells of a scan. */
+void align_read_pose(align_job *job, int32_t i, const cairn_aligner_pose *pose);
+
+/* The last lines of the summary: how the alignment ended. */
+void align_summarize(align_job *job, const cairn_aligner_result *result);
+
 /* The methods, each with a pool of its own. TOOL_OK, or another exit code after a line on standard error. */
 int align_by_default(align_job *job);
+int align_by_hypotheses(align_job *job); /* default, and virtual scans for what it leaves */
 int align_by_field(align_job *job);
 int align_by_lum(align_job *job);
 

@@ -47,36 +47,44 @@ static const char *verdict_text(cairn_aligner_verdict verdict)
                                                    : "split";
 }
 
+void align_read_pose(align_job *job, int32_t i, const cairn_aligner_pose *pose)
+{
+    map_scan *scan = &job->scans[i];
+
+    scan->after = pose->map_scan;
+    memcpy(scan->covariance, pose->covariance, sizeof scan->covariance);
+    scan->support = pose->support;
+    scan->doubtful = !pose->placed;
+    scan->verdict = verdict_of(job, i, pose);
+}
+
+void align_summarize(align_job *job, const cairn_aligner_result *result)
+{
+    size_t used = strlen(job->summary);
+
+    snprintf(job->summary + used, sizeof job->summary - used,
+             "parts      %" PRId32 " (%s), the largest of %" PRId32 " scans, of which %" PRId32 " are placed\n"
+             "spread     %.3g m and %.3g degrees of the poses in the log (standard deviation)\n",
+             result->parts, verdict_text(result->verdict), result->largest, result->placed, (double)result->spread,
+             (double)result->spread_angle * DEGREES);
+}
+
 static void read_result(align_job *job, const cairn_aligner *aligner)
 {
     cairn_aligner_result result = cairn_aligner_read(aligner);
 
     for (int32_t i = 0; i < job->log->count; i++) {
         cairn_aligner_pose pose = cairn_aligner_pose_of(aligner, i);
-        map_scan *scan = &job->scans[i];
 
-        scan->after = pose.map_scan;
-        memcpy(scan->covariance, pose.covariance, sizeof scan->covariance);
-        scan->support = pose.support;
-        scan->doubtful = !pose.placed;
-        scan->verdict = verdict_of(job, i, &pose);
+        align_read_pose(job, i, &pose);
     }
     snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " placed", result.placed);
-    snprintf(job->summary, sizeof job->summary,
-             "parts      %" PRId32 " (%s), the largest of %" PRId32 " scans, of which %" PRId32 " are placed\n"
-             "spread     %.3g m and %.3g degrees of the poses in the log (standard deviation)\n",
-             result.parts, verdict_text(result.verdict), result.largest, result.placed, (double)result.spread,
-             (double)result.spread_angle * DEGREES);
+    align_summarize(job, &result);
 }
 
-int align_by_default(align_job *job)
+cairn_aligner_params align_params_of(const align_job *job)
 {
     cairn_aligner_params params = cairn_aligner_default();
-    cairn_aligner *aligner = NULL;
-    cairn_scan *scan = NULL;
-    cairn_status status;
-    cairn_pool pool;
-    int code;
 
     params.max_scans = job->log->count;
     params.max_segments = job->segments;
@@ -85,8 +93,18 @@ int align_by_default(align_job *job)
     params.max_fill = 32 * job->log->count;
     params.spread = (cairn_real)job->settings->spread[0];
     params.spread_angle = (cairn_real)fmin(job->settings->spread[1] / DEGREES, (double)CAIRN_PI);
-    code = tool_pool_open(&pool, ALIGN_PROGRAM, job->settings->pool,
-                          cairn_aligner_memory(&params) + cairn_scan_memory(&job->scan));
+    return params;
+}
+
+int align_by_default(align_job *job)
+{
+    cairn_aligner_params params = align_params_of(job);
+    cairn_aligner *aligner = NULL;
+    cairn_scan *scan = NULL;
+    cairn_status status;
+    cairn_pool pool;
+    int code = tool_pool_open(&pool, ALIGN_PROGRAM, job->settings->pool,
+                              cairn_aligner_memory(&params) + cairn_scan_memory(&job->scan));
     if (code != TOOL_OK)
         return code;
     status = cairn_scan_create(&scan, &pool, &job->scan);

@@ -7,6 +7,7 @@
 
 #include "cairn/mapper.h"
 #include "cairn/output.h"
+#include "tools/cairn_map_input.h"
 #include "tools/cairn_map_output.h"
 #include "tools/cairn_player.h"
 #include "tools/cairn_tool.h"
@@ -16,8 +17,14 @@
 /* The most points, and segments, of all key scans. */
 #define KEY_CAPACITY_MOST (1 << 24)
 
+/* In which fewer loops are judged than can be read. */
+#define FEW_UNITS 5000
+
 typedef struct settings {
-    const char *log, *folder, *pool, *report;
+    const char *log; /* the first one */
+    const char *logs[MAP_LOGS_MOST];
+    const char *folder, *pool, *report;
+    int32_t log_count;
     int64_t max_keys, window, seed;
     double resolution, range, range_max;
     int32_t no_odometry, quiet;
@@ -26,7 +33,7 @@ typedef struct settings {
 static option_result read_settings(settings *s, int argc, char **argv)
 {
     const option table[] = {
-        OPTION_TEXT("-o", &s->folder, "DIR", "folder for poses.csv, map.pgm, map.yaml and map.svg"),
+        OPTION_TEXT("-o", &s->folder, "DIR", "folder for poses.csv, poses.tum, graph.g2o, map.pgm, map.yaml, map.svg"),
         OPTION_FLAG("--no-odometry", &s->no_odometry, "use the ranges alone; poses are then the sensor's"),
         OPTION_INTEGER("--max-keys", &s->max_keys, 2, 1000000, "N", "key scans at most"),
         OPTION_INTEGER("--window", &s->window, 0, 64, "N", "key scans that the force field runs over, 0: none"),
@@ -40,14 +47,22 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
     };
     const option_set set = {
-        PROGRAM, "LOG -o DIR [options]",
-        "Maps a CARMEN log (plain or gzipped), scan by scan: every scan is matched against the key scans\n"
-        "near by, and force field simulation runs over a window of the last key scans.",
+        PROGRAM, "LOG [LOG ...] -o DIR [options]",
+        "Maps a log (CARMEN, or a table of ranges, plain or gzipped), scan by scan: every scan is matched\n"
+        "against the key scans near by, force field simulation runs over a window of the last key scans, and\n"
+        "loops are closed. Of several logs each goes on where the one before ended.",
         table, sizeof table / sizeof *table};
-    option_result result = tool_read_options(&set, argc, argv, &s->log, &s->folder);
+    size_t words = MAP_LOGS_MOST;
+    option_result result = options_read(&set, argc, argv, s->logs, &words);
 
     if (result != OPTIONS_READ)
         return result;
+    if (words == 0 || s->folder == NULL) {
+        (void)options_refuse(PROGRAM, "%s, expected LOG -o DIR", words == 0 ? "no log" : "no folder to write to (-o)");
+        return OPTIONS_BAD;
+    }
+    s->log = s->logs[0];
+    s->log_count = (int32_t)words;
     if (s->window == 1) {
         (void)options_refuse(PROGRAM, "--window is '1', expected 0 or 2 to 64");
         return OPTIONS_BAD;
@@ -96,6 +111,21 @@ static cairn_status add_frame(cairn_report_player *player, const cairn_mapper *m
     return status;
 }
 
+/* Shows the closures that came to be since the last time; what waits for others, and what found nothing, is not shown. */
+static cairn_status add_closures(cairn_report_player *player, const cairn_mapper *mapper, int32_t *shown)
+{
+    cairn_status status = CAIRN_OK;
+
+    for (; status == CAIRN_OK && *shown < cairn_mapper_measure(mapper).loop_events; (*shown)++) {
+        cairn_mapper_loop loop = cairn_mapper_loop_at(mapper, *shown);
+
+        if (loop.verdict != CAIRN_MAPPER_LOOP_WAITING && loop.verdict != CAIRN_MAPPER_LOOP_NONE)
+            status = cairn_report_player_add_link(player, loop.first, loop.second,
+                                                  loop.verdict == CAIRN_MAPPER_LOOP_ACCEPTED);
+    }
+    return status;
+}
+
 /* Records a key scan, and the map after it. */
 static cairn_status record_key(cairn_report_player *player, const cairn_mapper *mapper, const map_scan *scan,
                                int32_t index)
@@ -106,14 +136,17 @@ static cairn_status record_key(cairn_report_player *player, const cairn_mapper *
 }
 
 /* Lets the mapper finish its loops; the last frame shows what came of it. */
-static int settle(const settings *s, cairn_mapper *mapper, cairn_report_player *player, int32_t index)
+static int settle(const settings *s, cairn_mapper *mapper, cairn_report_player *player, int32_t shown, int32_t index)
 {
     cairn_status status;
 
     do {
-        cairn_budget budget = {CAIRN_UNBOUNDED};
+        cairn_budget budget = {FEW_UNITS};
 
         status = cairn_mapper_settle(mapper, &budget);
+        if (player != NULL && (status == CAIRN_OK || status == CAIRN_MORE) &&
+            add_closures(player, mapper, &shown) != CAIRN_OK)
+            status = CAIRN_NO_MEMORY;
     } while (status == CAIRN_MORE);
     if (status == CAIRN_OK && player != NULL)
         status = add_frame(player, mapper, index);
@@ -125,24 +158,24 @@ static int settle(const settings *s, cairn_mapper *mapper, cairn_report_player *
 
 /* Feeds all scans to the mapper; keeps what is drawn. TOOL_OK, or another exit code after a line on standard error; *full
  * is set, and no line printed, when the mapper had no room for a key scan. */
-static int feed(const settings *s, const cairn_carmen_scans *log, cairn_mapper *mapper, map_scan *scans, place *places,
+static int feed(const settings *s, const map_input *input, cairn_mapper *mapper, map_scan *scans, place *places,
                 cairn_report_player *player, int32_t *full)
 {
-    tool_progress progress = tool_progress_begin("map", log->count, s->quiet);
+    tool_progress progress = tool_progress_begin("map", input->count, s->quiet);
     cairn_status status = CAIRN_OK;
-    int32_t i;
+    int32_t i, shown = 0;
 
     *full = 0;
-    for (i = 0; i < log->count; i++) {
-        const cairn_carmen_record *record = &log->record[i];
+    for (i = 0; i < input->count; i++) {
+        const cairn_carmen_record *record = &input->record[i];
         cairn_fault fault = {-1, NULL};
         cairn_mapper_result result;
-        cairn_scan_input input = record->scan;
+        cairn_scan_input scan = record->scan;
         cairn_scan_view view;
 
         if (s->no_odometry)
-            input.base_sensor = cairn_pose_identity(); /* the mounting, too, follows from the log's poses */
-        status = cairn_mapper_add(mapper, &input, s->no_odometry ? NULL : &record->robot, &fault);
+            scan.base_sensor = cairn_pose_identity(); /* the mounting, too, follows from the log's poses */
+        status = cairn_mapper_add(mapper, &scan, s->no_odometry ? NULL : map_input_odometry(input, i), &fault);
         while (status == CAIRN_OK || status == CAIRN_MORE) {
             cairn_budget budget = {CAIRN_UNBOUNDED};
 
@@ -153,17 +186,19 @@ static int feed(const settings *s, const cairn_carmen_scans *log, cairn_mapper *
         if (status != CAIRN_OK) {
             tool_progress_end(&progress);
             *full = status == CAIRN_FULL;
-            return *full ? TOOL_BAD : tool_report_scan(s->log, record->line, status, &fault);
+            return *full ? TOOL_BAD : tool_report_scan(map_input_log(input, i)->path, record->line, status, &fault);
         }
         result = cairn_mapper_read(mapper);
         view = cairn_mapper_view(mapper);
         if (!map_scan_keep(&scans[i], &view))
             status = CAIRN_NO_MEMORY;
-        if (status == CAIRN_OK && player != NULL && (result.is_key || i == log->count - 1))
+        if (status == CAIRN_OK && player != NULL && (result.is_key || i == input->count - 1))
             status = result.is_key ? record_key(player, mapper, &scans[i], i) : add_frame(player, mapper, i);
+        if (status == CAIRN_OK && player != NULL)
+            status = add_closures(player, mapper, &shown);
         if (status != CAIRN_OK) {
             tool_progress_end(&progress);
-            return tool_report_scan(s->log, record->line, status, NULL);
+            return tool_report_scan(map_input_log(input, i)->path, record->line, status, NULL);
         }
         places[i].key = result.key;
         places[i].key_scan = result.key_scan;
@@ -176,11 +211,11 @@ static int feed(const settings *s, const cairn_carmen_scans *log, cairn_mapper *
         tool_progress_at(&progress, i);
     }
     tool_progress_end(&progress);
-    return settle(s, mapper, player, log->count);
+    return settle(s, mapper, player, shown, input->count);
 }
 
 /* The player for --report; NULL without it. */
-static cairn_status open_player(const settings *s, const cairn_carmen_scans *log, cairn_report_player **player)
+static cairn_status open_player(const settings *s, const map_input *input, cairn_report_player **player)
 {
     static const cairn_report_curve curves[] = {
         {"support", "", "share of the scan's points that found partners"},
@@ -193,7 +228,8 @@ static cairn_status open_player(const settings *s, const cairn_carmen_scans *log
     if (s->report == NULL)
         return CAIRN_OK;
     snprintf(title, sizeof title, "%s, mapped", cairn_path_name(s->log));
-    snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans%s", log->count, s->no_odometry ? ", without odometry" : "");
+    snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans%s", input->count,
+             s->no_odometry ? ", without odometry" : "");
     params.title = title;
     params.subtitle = subtitle;
     params.step_name = "scan";
@@ -203,48 +239,90 @@ static cairn_status open_player(const settings *s, const cairn_carmen_scans *log
     return cairn_report_player_open(player, &params);
 }
 
-static int write_all(const settings *s, const cairn_carmen_scans *log, const cairn_mapper *mapper, map_scan *scans,
+/* The graph of the key scans as it is now; links that were dropped are left out. 0 when there is no memory. */
+static int graph_of(const cairn_mapper *mapper, cairn_pose_graph_file *graph)
+{
+    int32_t keys = cairn_mapper_measure(mapper).keys, links = cairn_mapper_link_count(mapper);
+
+    memset(graph, 0, sizeof *graph);
+    graph->vertex = calloc((size_t)keys, sizeof *graph->vertex);
+    graph->edge = calloc((size_t)links + 1, sizeof *graph->edge);
+    if (graph->vertex == NULL || graph->edge == NULL) {
+        free(graph->vertex);
+        free(graph->edge);
+        return 0;
+    }
+    for (; graph->vertex_count < keys; graph->vertex_count++) {
+        graph->vertex[graph->vertex_count].id = graph->vertex_count;
+        graph->vertex[graph->vertex_count].pose = cairn_mapper_key_pose(mapper, graph->vertex_count);
+    }
+    for (int32_t i = 0; i < links; i++) {
+        cairn_mapper_link link = cairn_mapper_link_at(mapper, i);
+        cairn_pose_graph_edge *edge = &graph->edge[graph->edge_count];
+
+        if (link.dropped)
+            continue;
+        edge->first = link.first;
+        edge->second = link.second;
+        edge->first_second = link.first_second;
+        edge->information = link.information;
+        graph->edge_count++;
+    }
+    return 1;
+}
+
+static int write_all(const settings *s, const map_input *input, const cairn_mapper *mapper, map_scan *scans,
                      const place *places, cairn_report_player *player)
 {
     cairn_file_error error;
     map_output output;
+    cairn_pose_graph_file graph;
+    int code = TOOL_OK;
     char title[256], subtitle[256];
 
-    for (int32_t i = 0; i < log->count; i++)
+    if (!graph_of(mapper, &graph)) {
+        (void)options_refuse(PROGRAM, "no memory for the graph");
+        return TOOL_FAILED;
+    }
+    for (int32_t i = 0; i < input->count; i++)
         scans[i].after = cairn_pose_compose(cairn_mapper_key_pose(mapper, places[i].key), places[i].key_scan);
     snprintf(title, sizeof title, "%s, mapped", cairn_path_name(s->log));
-    snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans, %" PRId32 " key scans%s", log->count,
+    snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans, %" PRId32 " key scans%s", input->count,
              cairn_mapper_measure(mapper).keys, s->no_odometry ? ", without odometry" : "");
     memset(&output, 0, sizeof output);
     output.title = title;
     output.subtitle = subtitle;
     output.scan = scans;
-    output.count = log->count;
+    output.count = input->count;
     output.in_order = 1;
     output.grid_panel = 1;
     output.resolution = s->resolution;
     output.range = s->range;
     output.player = player;
     output.report = s->report;
+    output.graph = &graph;
     if (map_output_write(&output, s->folder, &error) != CAIRN_OK)
-        return tool_report(&error);
-    return TOOL_OK;
+        code = tool_report(&error);
+    free(graph.vertex);
+    free(graph.edge);
+    return code;
 }
 
-static void print_summary(const cairn_carmen_scans *log, const cairn_mapper *mapper, size_t pool_bytes, double seconds,
+static void print_summary(const map_input *input, const cairn_mapper *mapper, size_t pool_bytes, double seconds,
                           double seconds_to_map)
 {
     cairn_mapper_state state = cairn_mapper_measure(mapper);
 
-    printf("scans      %" PRId32 " (%" PRId64 " damaged lines left out)\n"
+    printf("scans      %" PRId32 " (%" PRId64 " damaged lines left out%s)\n"
            "seconds    %.3f, %.0f scans/s\n"
            "pool       %zu bytes at most\n"
            "key scans  %" PRId32 "\n"
            "loops      %" PRId32 " closed, %" PRId32 " corrections%s\n"
            "unmatched  %" PRId64 " (pose by prediction)\n"
            "potential  %.6g\n",
-           log->count, log->info.faults, seconds, log->count / seconds_to_map, pool_bytes, state.keys, state.loops,
-           state.solutions, state.lacks_room ? ", no room for more" : "", state.predicted, (double)state.potential);
+           input->count, input->faults, input->stamps_back > 0 ? ", some times run back" : "", seconds,
+           input->count / seconds_to_map, pool_bytes, state.keys, state.loops, state.solutions,
+           state.lacks_room ? ", no room for more" : "", state.predicted, (double)state.potential);
 }
 
 static int32_t least(int64_t a, int32_t b)
@@ -253,10 +331,10 @@ static int32_t least(int64_t a, int32_t b)
 }
 
 /* Maps and writes with room for so many points a key scan. *full is set, and no line printed, when that is too few. */
-static int map_with_room(const settings *s, const cairn_carmen_scans *log, map_scan *scans, place *places,
-                         int32_t points, int32_t *full)
+static int map_with_room(const settings *s, const map_input *input, map_scan *scans, place *places, int32_t points,
+                         int32_t *full)
 {
-    cairn_mapper_params params = cairn_mapper_default_for(least(s->max_keys, log->count), log->info.beams_most);
+    cairn_mapper_params params = cairn_mapper_default_for(least(s->max_keys, input->count), input->beams_most);
     double start = tool_seconds(), fed;
     cairn_report_player *player = NULL;
     cairn_mapper *mapper = NULL;
@@ -277,13 +355,13 @@ static int map_with_room(const settings *s, const cairn_carmen_scans *log, map_s
         return code;
     status = cairn_mapper_create(&mapper, &pool, &params);
     if (status == CAIRN_OK)
-        status = open_player(s, log, &player);
+        status = open_player(s, input, &player);
     if (status != CAIRN_OK) {
         tool_pool_close(&pool);
         (void)options_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
         return tool_exit_code(status);
     }
-    code = feed(s, log, mapper, scans, places, player, full);
+    code = feed(s, input, mapper, scans, places, player, full);
     fed = tool_seconds();
     if (*full && cairn_mapper_measure(mapper).keys == params.max_keys) {
         *full = 0;
@@ -292,9 +370,9 @@ static int map_with_room(const settings *s, const cairn_carmen_scans *log, map_s
                               s->log, params.max_keys);
     }
     if (code == TOOL_OK)
-        code = write_all(s, log, mapper, scans, places, player);
+        code = write_all(s, input, mapper, scans, places, player);
     if (code == TOOL_OK && !s->quiet)
-        print_summary(log, mapper, pool.peak, tool_seconds() - start, fed - start);
+        print_summary(input, mapper, pool.peak, tool_seconds() - start, fed - start);
     cairn_report_player_free(player);
     tool_pool_close(&pool);
     return code;
@@ -302,13 +380,13 @@ static int map_with_room(const settings *s, const cairn_carmen_scans *log, map_s
 
 /* Key scans in buildings have some 100 points and 30 segments each; where there are more, all begins anew with twice the
  * room. */
-static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans, place *places)
+static int run(const settings *s, const map_input *input, map_scan *scans, place *places)
 {
     int32_t most = cairn_mapper_default().scan.max_points, full = 1;
     int code = TOOL_OK;
 
     for (int32_t points = 160; full && points < 2 * most; points *= 2)
-        code = map_with_room(s, log, scans, places, points, &full);
+        code = map_with_room(s, input, scans, places, points, &full);
     if (full)
         code = options_refuse(PROGRAM, "%s: the key scans have more than %d points or segments, expected fewer", s->log,
                               KEY_CAPACITY_MOST);
@@ -317,32 +395,38 @@ static int run(const settings *s, const cairn_carmen_scans *log, map_scan *scans
 
 int tool_map(int argc, char **argv)
 {
-    settings s = {NULL, NULL, NULL, NULL, 4096, 8, 1, 0.05, 30, 0, 0, 0};
+    settings s = {0};
     cairn_file_error error;
     option_result result;
-    cairn_carmen_scans log;
+    map_input input;
     map_scan *scans;
     place *places;
     int code;
 
+    s.max_keys = 4096;
+    s.window = 8;
+    s.seed = 1;
+    s.resolution = 0.05;
+    s.range = 30;
     result = read_settings(&s, argc, argv);
     if (result != OPTIONS_READ)
         return result;
-    if (map_output_check(s.folder, s.report, &error) != CAIRN_OK)
+    if (map_output_check(s.folder, 1, s.report, &error) != CAIRN_OK)
         return tool_report(&error);
-    code = tool_load(&log, s.log, s.range_max, s.quiet);
+    code = map_input_load(&input, s.logs, s.log_count, s.range_max, s.quiet);
     if (code != TOOL_OK)
         return code;
-    scans = map_scans_new(log.count);
-    places = calloc((size_t)log.count, sizeof *places);
+    s.no_odometry |= !input.has_odometry;
+    scans = map_scans_new(input.count);
+    places = calloc((size_t)input.count, sizeof *places);
     if (scans == NULL || places == NULL) {
-        (void)options_refuse(PROGRAM, "no memory for %" PRId32 " scans", log.count);
+        (void)options_refuse(PROGRAM, "no memory for %" PRId32 " scans", input.count);
         code = TOOL_FAILED;
     } else {
-        code = run(&s, &log, scans, places);
+        code = run(&s, &input, scans, places);
     }
-    map_scans_free(scans, log.count);
+    map_scans_free(scans, input.count);
     free(places);
-    cairn_carmen_scans_free(&log);
+    map_input_free(&input);
     return code;
 }

@@ -6,6 +6,8 @@
 #include <string.h>
 
 #include "cairn/map_file.h"
+#include "cairn/number_text.h"
+#include "cairn/output.h"
 #include "cairn/output_set.h"
 #include "cairn/pose_table.h"
 #include "tools/cairn_player.h"
@@ -276,6 +278,28 @@ static cairn_status write_poses(const map_output *output, const char *path, cair
     return status;
 }
 
+/* A line a pose: time, position and quaternion, as the benchmarks of the Technical University of Munich have them. */
+static cairn_status write_tum(const map_output *output, const char *path, cairn_file_error *error)
+{
+    cairn_output *file;
+    cairn_status status = cairn_output_open(&file, path, error);
+
+    if (status != CAIRN_OK)
+        return status;
+    for (int32_t i = 0; i < output->count; i++) {
+        const map_scan *scan = &output->scan[i];
+        char time[CAIRN_NUMBER_TEXT_BYTES], x[CAIRN_NUMBER_TEXT_BYTES], y[CAIRN_NUMBER_TEXT_BYTES];
+        char z[CAIRN_NUMBER_TEXT_BYTES], w[CAIRN_NUMBER_TEXT_BYTES];
+        cairn_real s, c;
+
+        cairn_sincos(scan->after.theta / 2, &s, &c);
+        cairn_output_print(file, "%s %s %s 0 0 0 %s %s\n", cairn_number_write_stamp(time, scan->stamp_ns),
+                           cairn_number_write(x, scan->after.x), cairn_number_write(y, scan->after.y),
+                           cairn_number_write(z, s), cairn_number_write(w, c));
+    }
+    return cairn_output_commit(file, error);
+}
+
 static cairn_report_grid grid_of(const cairn_map_file *map)
 {
     cairn_report_grid grid;
@@ -340,12 +364,13 @@ static cairn_status write_picture(const map_output *output, const cairn_map_file
     return status;
 }
 
-enum { POSES, IMAGE, YAML, PICTURE, FILES };
-static const char *const file_names[FILES] = {"poses.csv", "map.pgm", "map.yaml", "map.svg"};
+enum { POSES, IMAGE, YAML, PICTURE, FILES, TUM = FILES, GRAPH, FILES_WITH_GRAPH };
+static const char *const file_names[FILES_WITH_GRAPH] = {"poses.csv", "map.pgm",   "map.yaml",
+                                                         "map.svg",   "poses.tum", "graph.g2o"};
 
-cairn_status map_output_check(const char *folder, const char *report, cairn_file_error *error)
+cairn_status map_output_check(const char *folder, int32_t with_graph, const char *report, cairn_file_error *error)
 {
-    cairn_status status = cairn_output_set_check(folder, file_names, FILES, error);
+    cairn_status status = cairn_output_set_check(folder, file_names, with_graph ? FILES_WITH_GRAPH : FILES, error);
 
     return status == CAIRN_OK && report != NULL ? player_check(report, error) : status;
 }
@@ -368,13 +393,17 @@ cairn_status map_output_write(const map_output *output, const char *folder, cair
 
     if (status != CAIRN_OK)
         return status;
-    status = cairn_output_set_open(&files, folder, file_names, FILES, error);
+    status = cairn_output_set_open(&files, folder, file_names, output->graph != NULL ? FILES_WITH_GRAPH : FILES, error);
     if (status == CAIRN_OK)
         status = write_poses(output, cairn_output_set_path(files, POSES), error);
     if (status == CAIRN_OK)
         status = cairn_map_file_write(&map, cairn_output_set_path(files, YAML), CAIRN_MAP_PGM, error);
     if (status == CAIRN_OK)
         status = write_picture(output, &map, cairn_output_set_path(files, PICTURE), error);
+    if (status == CAIRN_OK && output->graph != NULL)
+        status = write_tum(output, cairn_output_set_path(files, TUM), error);
+    if (status == CAIRN_OK && output->graph != NULL)
+        status = cairn_pose_graph_file_write(cairn_output_set_path(files, GRAPH), output->graph, error);
     if (status == CAIRN_OK)
         status = cairn_output_set_commit(files, error);
     else

@@ -1,11 +1,12 @@
-/* cairn_map_output: what cairn align and cairn map write: poses.csv, map.pgm with map.yaml, map.svg, and the page of
- * --report. */
+/* cairn_map_output: what cairn align and cairn map write: poses.csv, map.pgm with map.yaml, map.svg, the page of --report, and
+ * of a mapped log poses.tum and graph.g2o. */
 #ifndef CAIRN_TOOLS_CAIRN_MAP_OUTPUT_H
 #define CAIRN_TOOLS_CAIRN_MAP_OUTPUT_H
 
 #include "cairn/carmen_log.h"
 #include "cairn/file_error.h"
 #include "cairn/occupancy_grid.h"
+#include "cairn/pose_graph_file.h"
 #include "cairn/report.h"
 #include "cairn/scan.h"
 
@@ -31,12 +32,13 @@ typedef struct map_output {
     const char *title, *subtitle;
     map_scan *scan; /* [count] */
     int32_t count;
-    int32_t in_order;            /* 1: the poses are a path */
-    int32_t grid_panel;          /* 1: the picture after shows the grid, otherwise the walls of the scans */
-    double resolution;           /* m */
-    double range;                /* m, the grid takes beams up to here */
-    cairn_report_player *player; /* gets the grid; NULL: no page */
-    const char *report;          /* the page; may lie in the folder or elsewhere */
+    int32_t in_order;                   /* 1: the poses are a path */
+    int32_t grid_panel;                 /* 1: the picture after shows the grid, otherwise the walls of the scans */
+    double resolution;                  /* m */
+    double range;                       /* m, the grid takes beams up to here */
+    cairn_report_player *player;        /* gets the grid; NULL: no page */
+    const char *report;                 /* the page; may lie in the folder or elsewhere */
+    const cairn_pose_graph_file *graph; /* with it poses.tum and graph.g2o are written; NULL: they are not */
 } map_output;
 
 /* Arrays for `count` scans, all unknown; NULL when there is no memory. */
@@ -66,7 +68,8 @@ CAIRN_CHECKED cairn_status map_grid_make(const map_output *output, const cairn_o
                                          map_grid *made, cairn_file_error *error);
 
 /* Whether map_output_write could write there: to be asked before the work. Makes nothing. report: NULL for none. */
-CAIRN_CHECKED cairn_status map_output_check(const char *folder, const char *report, cairn_file_error *error);
+CAIRN_CHECKED cairn_status map_output_check(const char *folder, int32_t with_graph, const char *report,
+                                            cairn_file_error *error);
 
 /* Writes all files into the folder, which is made when it is missing; on failure it is as it was. Then writes the page; on
  * failure the files of the folder are new and the page is as it was. */

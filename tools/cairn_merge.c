@@ -11,14 +11,15 @@
 #include "cairn/pose_table.h"
 #include "tools/cairn_merge.h"
 
-enum { YAML, IMAGE, TRANSFORMS_YAML, TRANSFORMS_CSV, PICTURE, FILES };
-static const char *const file_names[FILES] = {"map.yaml", "map.pgm", "transforms.yaml", "transforms.csv", "map.svg"};
+enum { YAML, IMAGE, TRANSFORMS_YAML, TRANSFORMS_CSV, PLACES, PICTURE, FILES };
+static const char *const file_names[FILES] = {"map.yaml",       "map.pgm",    "transforms.yaml",
+                                              "transforms.csv", "places.csv", "map.svg"};
 
 static option_result read_settings(merge_settings *s, int argc, char **argv)
 {
     const option table[] = {
         OPTION_TEXT("-o", &s->folder, "DIR",
-                    "folder for map.pgm, map.yaml, transforms.yaml, transforms.csv and map.svg"),
+                    "folder for map.pgm, map.yaml, transforms.yaml, transforms.csv,\nplaces.csv and map.svg"),
         OPTION_INTEGER("--reference", &s->reference, 0, MERGE_TOOL_MAPS - 1, "I",
                        "the map, counted from 0, whose frame all others are placed in"),
         OPTION_TEXT("--order", &s->order, "I,I,...", "merge in this order, all maps, the reference first"),
@@ -272,6 +273,10 @@ static int merge_once(merge_job *job, int32_t k)
             job->map[i].placed = cairn_map_merge_of(job->merge, i);
         job->result = cairn_map_merge_read(job->merge);
         job->k = k;
+        if (!merge_take_places(job)) {
+            (void)options_refuse(MERGE_PROGRAM, "no memory");
+            code = TOOL_FAILED;
+        }
     }
     tool_pool_close(&pool);
     return code;
@@ -324,6 +329,8 @@ static int write_files(merge_job *job)
             status = merge_write_yaml(job, cairn_output_set_path(set, TRANSFORMS_YAML), &error);
         if (status == CAIRN_OK)
             status = merge_write_csv(job, cairn_output_set_path(set, TRANSFORMS_CSV), &error);
+        if (status == CAIRN_OK)
+            status = merge_write_places(job, cairn_output_set_path(set, PLACES), &error);
         if (status == CAIRN_OK)
             status = merge_write_picture(job, cairn_output_set_path(set, PICTURE), &error);
         if (status == CAIRN_OK)
@@ -380,6 +387,7 @@ int tool_merge(int argc, char **argv)
         code = write_files(&job);
     if (code == TOOL_OK && !s.quiet)
         print_summary(&job, tool_seconds() - start);
+    free(job.place);
     for (int32_t i = 0; i < MERGE_TOOL_MAPS; i++) {
         free(job.map[i].fine);
         free(job.map[i].cells);

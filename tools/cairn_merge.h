@@ -32,12 +32,24 @@ typedef struct merge_tool_map {
     cairn_merge_placed placed;
 } merge_tool_map;
 
+/* A place of a map beside one that was placed before. */
+typedef struct merge_place {
+    int32_t map, beside;
+    cairn_pose pose; /* of the map's frame in that of the reference */
+    cairn_real evidence;
+    cairn_merge_score score;
+    double psi_share, gamma_share; /* among all places of the map */
+    double product;                /* of both, over the sum of these products */
+} merge_place;
+
 typedef struct merge_job {
     const merge_settings *settings;
     merge_tool_map map[MERGE_TOOL_MAPS];
     cairn_map_merge *merge;
     cairn_merge_result result;
     size_t pool_bytes;
+    merge_place *place; /* [place_count] */
+    int32_t place_count;
     int32_t k; /* cells of the result: of k by k; 0: there is none */
 } merge_job;
 
@@ -45,6 +57,10 @@ typedef struct merge_job {
  * and a wall among equals. CAIRN_NO_MEMORY, CAIRN_FULL. */
 cairn_status merge_draw_map(const merge_job *job, cairn_map_file *merged, cairn_file_error *error);
 
+/* The places of all maps, from job->merge. 0: no memory. */
+int merge_take_places(merge_job *job);
+
+cairn_status merge_write_places(const merge_job *job, const char *path, cairn_file_error *error);
 cairn_status merge_write_yaml(const merge_job *job, const char *path, cairn_file_error *error);
 cairn_status merge_write_csv(const merge_job *job, const char *path, cairn_file_error *error);
 cairn_status merge_write_picture(const merge_job *job, const char *path, cairn_file_error *error);

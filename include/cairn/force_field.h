@@ -60,7 +60,7 @@ typedef struct cairn_force_field_params {
     cairn_real corner_distance;    /* m, > 0: a corner is at most so far from an end of both segments (0.30) */
     cairn_real corner_min_opening; /* rad, > 0 (80 degrees) */
     cairn_real corner_max_opening; /* rad, >= corner_min_opening, < pi (100 degrees) */
-    int32_t potential;             /* not 0: P(g) is computed, too (1) */
+    int32_t potential;             /* not 0: P(g) is computed, too (1); always with twist */
     int32_t max_steps;             /* >= 1: iterations from a start to the stop (50) */
     cairn_real stop_relocation;    /* m, >= 0: stops when the scans moved less than this in the mean (0.0001) */
     cairn_real spacing;            /* 0: the points of the scans are kept. > 0, m: they are made from the ends of their
@@ -72,6 +72,8 @@ typedef struct cairn_force_field_params {
     cairn_real slide;  /* 0 ... 1: stiffness of a spring along the lines of its points, of that across (0.1) */
     cairn_real grip;   /* m, >= 0: a shift of a scan is held back by (sigma / grip)^3 times its own stiffness, so
                                   that headings settle first; 0: it is not (0.35) */
+    cairn_real twist;  /* >= 0: how much lines turn each other parallel, each pair of points with the torque
+                                  twist/2 erfc(r / (sigma sqrt 2)) sin cos^3 of the angle between the lines; 0: not at all (0) */
     cairn_real max_relocation; /* m, > 0: root mean square way of the points of a scan in an iteration (0.3) */
 } cairn_force_field_params;
 
@@ -154,7 +156,8 @@ cairn_force_field_params cairn_force_field_spaced(cairn_real spacing);
 /* SPRINGS, for maps that the defaults hardly improve: scans that share little, headings far off, loops closed wrongly. What
  * differs from the thesis: the motion (see the mode); sigma falls by a factor, to 0.03 m in `steps` iterations (>= 1); the
  * first iterations overshoot, by 1/2 dt^2 from 5 down to 1 times the way to rest; faces of opposite sides attract only
- * while sigma is above 0.15 m; reach 2.5 sigma; no regions of interest. sigma_start, m, > 0, is to be about the distance by
+ * while sigma is above 0.15 m; reach 2.5 sigma; no regions of interest; lines turn each other parallel (twist 40), as P(g)
+ * asks for, which falls with the angle between directions, too. sigma_start, m, > 0, is to be about the distance by
  * which points are off: 0.15 for poses that are nearly right, as after a wrong loop closure, 0.8 for headings up to 20
  * degrees off. max_bonds is that of max_scans scans that are all near each other. */
 cairn_force_field_params cairn_force_field_springs(cairn_real sigma_start, int32_t steps);

@@ -42,7 +42,7 @@ typedef struct cairn_map_merge_params {
 } cairn_map_merge_params;
 
 /* 16 maps of 400 x 400 cells, 2048 points, 256 segments, 48 corners, 6 modes, 100 particles, by evidence; correlation over 10
- * cells, least score 9 and margin 3 nats. */
+ * cells, least score 6 and margin 3 nats. */
 cairn_map_merge_params cairn_map_merge_default(void);
 
 /* 0 for params that create() would refuse. */

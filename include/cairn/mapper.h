@@ -183,6 +183,20 @@ const cairn_scan_set *cairn_mapper_keys(const cairn_mapper *mapper);
 /* Event 0 <= index < loop_events, of which the last 64 can be read; older ones are those 64 later. */
 cairn_mapper_loop cairn_mapper_loop_at(const cairn_mapper *mapper, int32_t index);
 
+/* A link of the graph of key scans: to the one before, or a closure. */
+typedef struct cairn_mapper_link {
+    int32_t first, second;
+    cairn_pose first_second;
+    cairn_sym3 information; /* of first_second, in the frame of second */
+    int32_t is_loop, dropped;
+} cairn_mapper_link;
+
+/* Links so far; the last key scans have theirs after settle(). Without loops there are none. */
+int32_t cairn_mapper_link_count(const cairn_mapper *mapper);
+
+/* 0 <= index < link_count. */
+cairn_mapper_link cairn_mapper_link_at(const cairn_mapper *mapper, int32_t index);
+
 cairn_mapper_state cairn_mapper_measure(const cairn_mapper *mapper);
 
 #ifdef __cplusplus

@@ -163,6 +163,9 @@ cairn_pose cairn_pose_graph_pose(const cairn_pose_graph *graph, int32_t pose);
 /* Of an index below `links`. */
 cairn_pose_graph_link cairn_pose_graph_link_of(const cairn_pose_graph *graph, int32_t link);
 
+/* What a link measured, as it was added (the information up to rounding); of an index below `links`. */
+cairn_pose cairn_pose_graph_measured(const cairn_pose_graph *graph, int32_t link, cairn_sym3 *information);
+
 /* Covariance of two poses' errors, row-major over (x, y, theta) of the first and of the second, in the map; zero for
  * fixed ones. Of a pose with itself and of linked ones. CAIRN_EMPTY: no marginals. CAIRN_UNSUPPORTED: outside the
  * pattern. CAIRN_BAD_ARGUMENT: no such pose. */

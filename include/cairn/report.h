@@ -142,7 +142,7 @@ typedef struct cairn_report_player_params {
     int32_t frames_most;             /* 2 or more: of so many every second one goes (600) */
     int64_t poses_most;              /* of all frames together, 2 or more: likewise (2,000,000) */
     int64_t points_most;             /* of all scans, likewise walls, 1 or more (200,000) */
-    int64_t forces_most;             /* of all frames, likewise regions, 1 or more (150,000) */
+    int64_t forces_most;             /* of all frames, likewise regions and guesses, 1 or more (150,000) */
     cairn_real region_radius;        /* m, >= 0: of the regions of interest (0) */
 } cairn_report_player_params;
 
@@ -151,6 +151,12 @@ typedef struct cairn_report_force {
     cairn_vec2 at;
     cairn_vec2 force;
 } cairn_report_force;
+
+/* A straight piece of what the map is guessed to hold beside what scans show: a line, a side of a room. */
+typedef struct cairn_report_guess {
+    cairn_segment segment;
+    cairn_real strength; /* 0 ... 1 */
+} cairn_report_guess;
 
 /* The poses after a step, and what is known about them. Arrays are copied. */
 typedef struct cairn_report_frame {
@@ -163,9 +169,11 @@ typedef struct cairn_report_frame {
     const double *value;             /* [curve_count] NaN: not known. NULL: none is */
     const cairn_vec2 *region;        /* [region_count] centres of regions of interest in the map */
     const cairn_report_force *force; /* [force_count] */
+    const cairn_report_guess *guess; /* [guess_count] */
     int32_t pose_count;
     int32_t region_count;
     int32_t force_count;
+    int32_t guess_count;
 } cairn_report_frame;
 
 cairn_report_player_params cairn_report_player_default(void);
@@ -180,7 +188,8 @@ CAIRN_CHECKED cairn_status cairn_report_player_add_scan(cairn_report_player *pla
                                                         int64_t index);
 
 /* Adds a frame. The last one is always kept. CAIRN_BAD_ARGUMENT: NULL, a count that is negative or above the number of
- * scans, a part that is no scan, a step not above the last one; CAIRN_NOT_FINITE: a pose, region or force that is not finite or beyond 1e9;
+ * scans, a part that is no scan, a strength outside 0 ... 1, a step not above the last one; CAIRN_NOT_FINITE: a pose, region,
+ * force or guess that is not finite or beyond 1e9;
  * CAIRN_NO_MEMORY: nothing was added. Linear in the frame. */
 CAIRN_CHECKED cairn_status cairn_report_player_add_frame(cairn_report_player *player, const cairn_report_frame *frame);
 

@@ -161,6 +161,7 @@ static void clear_values(cairn_block_solver *s)
     memset(s->diagonal, 0, (size_t)s->result.poses * sizeof *s->diagonal);
     memset(s->blocks, 0, (size_t)s->result.fill * sizeof *s->blocks);
     s->solved = 0;
+    s->coupled = 0;
     s->result.pose = -1;
     s->result.state = CAIRN_BLOCK_SOLVER_ANALYZED;
 }
@@ -189,6 +190,7 @@ cairn_status cairn_block_solver_add_pose_block(cairn_block_solver *solver, int32
     to->yy += block.yy;
     to->yz += block.yz;
     to->zz += block.zz;
+    solver->coupled |= block.xz != 0 || block.yz != 0;
     return CAIRN_OK;
 }
 
@@ -209,6 +211,7 @@ cairn_status cairn_block_solver_add_link_block(cairn_block_solver *solver, int32
             return CAIRN_NOT_FINITE;
     add_block(solver->blocks[solver->slot[link]], block,
               solver->place[solver->first[link]] < solver->place[solver->second[link]]);
+    solver->coupled |= block[2] != 0 || block[5] != 0 || block[6] != 0 || block[7] != 0 || block[8] != 0;
     return CAIRN_OK;
 }
 

@@ -6,7 +6,8 @@
  *
  * Factor: H = L D L^T column by column (left-looking). In a column stands C = L D, so that nothing has to be scaled: column
  * k takes C_ik D_k^-1 C_jk^T from the block (i, j). The columns that are to be subtracted from j are in a list that hangs
- * on j; a column whose next block is in row j is moved on to the list of its next row (George and Liu 1981).
+ * on j; a column whose next block is in row j is moved on to the list of its next row (George and Liu 1981). When nothing
+ * couples third unknowns, the blocks' third rows and columns stay zero and are left out.
  *
  * Layout: columns of blocks, row-major 3 x 3, rows ascending; D^-1 in `diagonal`.
  *
@@ -186,6 +187,17 @@ static void subtract_product(cairn_real a[9], const cairn_real b[9], const cairn
     }
 }
 
+/* The same of blocks whose third rows and columns are zero. */
+static void subtract_plane_product(cairn_real a[9], const cairn_real b[9], const cairn_real m[9])
+{
+    for (int r = 0; r < 6; r += 3) {
+        cairn_real x = b[r], y = b[r + 1];
+
+        a[r] -= x * m[0] + y * m[3];
+        a[r + 1] -= x * m[1] + y * m[4];
+    }
+}
+
 /* Hangs a column on the row of its next block. */
 static void move_on(cairn_block_solver *s, int32_t k, int32_t block)
 {
@@ -267,8 +279,14 @@ static int32_t subtract(cairn_block_solver *s)
 {
     int32_t end = s->column[s->source + 1], count = 0;
 
-    for (; s->block < end && count < BLOCK_SOLVER_CHUNK; s->block++, count++)
-        subtract_product(s->blocks[s->o.mark[s->rows[s->block]]], s->blocks[s->block], s->factor);
+    for (; s->block < end && count < BLOCK_SOLVER_CHUNK; s->block++, count++) {
+        cairn_real *to = s->blocks[s->o.mark[s->rows[s->block]]];
+
+        if (s->coupled)
+            subtract_product(to, s->blocks[s->block], s->factor);
+        else
+            subtract_plane_product(to, s->blocks[s->block], s->factor);
+    }
     if (s->block == end)
         s->phase = BLOCK_SOLVER_COLUMN;
     return count;

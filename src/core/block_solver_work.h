@@ -60,6 +60,7 @@ struct cairn_block_solver {
     int32_t debt;         /* units of items done that are not yet paid for */
     int32_t closed;       /* 1: the structure takes no more links */
     int32_t solved;       /* 1: x holds a solution */
+    int32_t coupled;      /* 1: some pose's third unknown is coupled with another unknown */
     cairn_status outcome; /* for the step that ends the part */
 
     int32_t *first, *second; /* [max_links] */

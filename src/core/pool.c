@@ -16,8 +16,8 @@ void __asan_unpoison_memory_region(void const volatile *address, size_t size);
 #define POISON(address, size)   __asan_poison_memory_region(address, size)
 #define UNPOISON(address, size) __asan_unpoison_memory_region(address, size)
 #else
-#define POISON(address, size)   ((void)(address), (void)(size))
-#define UNPOISON(address, size) ((void)(address), (void)(size))
+#define POISON(address, size)   ((void)0)
+#define UNPOISON(address, size) ((void)0)
 #endif
 
 /* Bytes that a piece occupies with rounding and gap; false when that overflows. */

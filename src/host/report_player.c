@@ -78,6 +78,7 @@ static void free_frame(cairn_player_frame *frame)
     free(frame->part);
     free(frame->region);
     free(frame->force);
+    free(frame->guess);
 }
 
 static int copy_params(cairn_report_player *player, const cairn_report_player_params *params)
@@ -194,8 +195,9 @@ static cairn_status check_frame(const cairn_report_player *player, const cairn_r
     int32_t i;
 
     if (frame->pose_count < 0 || frame->pose_count > player->scan_count || frame->region_count < 0 ||
-        frame->force_count < 0 || (frame->pose_count > 0 && frame->pose == NULL) ||
+        frame->force_count < 0 || frame->guess_count < 0 || (frame->pose_count > 0 && frame->pose == NULL) ||
         (frame->region_count > 0 && frame->region == NULL) || (frame->force_count > 0 && frame->force == NULL) ||
+        (frame->guess_count > 0 && frame->guess == NULL) ||
         (player->frame_count > 0 && frame->step <= player->frame[player->frame_count - 1].step))
         return CAIRN_BAD_ARGUMENT;
     for (i = 0; i < frame->pose_count; i++) {
@@ -212,6 +214,12 @@ static cairn_status check_frame(const cairn_report_player *player, const cairn_r
     for (i = 0; i < frame->force_count; i++)
         if (!is_within(frame->force[i].at) || !is_within(frame->force[i].force))
             return CAIRN_NOT_FINITE;
+    for (i = 0; i < frame->guess_count; i++) {
+        if (!is_within(frame->guess[i].segment.a) || !is_within(frame->guess[i].segment.b))
+            return CAIRN_NOT_FINITE;
+        if (!(frame->guess[i].strength >= 0 && frame->guess[i].strength <= 1))
+            return CAIRN_BAD_ARGUMENT;
+    }
     return CAIRN_OK;
 }
 
@@ -226,10 +234,12 @@ static int copy_frame(cairn_player_frame *fresh, const cairn_report_player *play
     fresh->pose = copy_of(frame->pose, frame->pose_count, sizeof *frame->pose, &failed);
     fresh->region = copy_of(frame->region, frame->region_count, sizeof *frame->region, &failed);
     fresh->force = copy_of(frame->force, frame->force_count, sizeof *frame->force, &failed);
+    fresh->guess = copy_of(frame->guess, frame->guess_count, sizeof *frame->guess, &failed);
     fresh->part = frame->part != NULL ? copy_of(frame->part, frame->pose_count, sizeof *frame->part, &failed) : NULL;
     fresh->pose_count = frame->pose_count;
     fresh->region_count = frame->region_count;
     fresh->force_count = frame->force_count;
+    fresh->guess_count = frame->guess_count;
     fresh->doubtful_count = 0;
     for (i = 0; i < frame->pose_count && frame->doubtful != NULL; i++)
         fresh->doubtful_count += frame->doubtful[i] != 0;

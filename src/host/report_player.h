@@ -20,7 +20,8 @@ typedef struct cairn_player_frame {
     int32_t *part;     /* [pose_count], or NULL */
     cairn_vec2 *region;
     cairn_report_force *force;
-    int32_t pose_count, doubtful_count, region_count, force_count;
+    cairn_report_guess *guess;
+    int32_t pose_count, doubtful_count, region_count, force_count, guess_count;
     double value[CAIRN_REPORT_CURVES_MOST];
 } cairn_player_frame;
 

@@ -9,7 +9,7 @@
  *                   differences of x, y, theta to the frame before, of a new scan to the scan before
  *   marks           per frame: count of doubtful scans, differences of their indices; count of regions, differences of
  *                   x, y; count of forces, differences of x, y, then the angle in 1/128 turns and the size in 1/127 of
- *                   the largest of the frame
+ *                   the largest of the frame; count of guesses, differences of ax, ay, bx, by, strength in 1/127
  *   parts           per frame: count of scans whose part is another one than before (none at first); each: difference of its
  *                   index, part + 1
  *   links           count; each: frame, a, b, accepted */
@@ -246,15 +246,39 @@ static void put_forces(stream *s, const cairn_player_frame *frame, int64_t every
     }
 }
 
-static stream marks_of(const cairn_report_player *player, int64_t every_region, int64_t every_force)
+static void put_guesses(stream *s, const cairn_player_frame *frame, int64_t every)
+{
+    place last = {0, 0};
+    int32_t i;
+
+    put(s, (uint64_t)multiples(0, frame->guess_count, every));
+    for (i = 0; i < frame->guess_count; i++) {
+        const cairn_report_guess *guess = &frame->guess[i];
+
+        if (i % every != 0)
+            continue;
+        put_point(s, &last, guess->segment.a, MARK_UNIT);
+        put_point(s, &last, guess->segment.b, MARK_UNIT);
+        put(s, (uint64_t)rint((double)guess->strength * SIZE_PARTS));
+    }
+}
+
+/* Every how many-th of what there is in abundance stands on the page. */
+typedef struct thinning {
+    int64_t points, walls, regions, forces, guesses; /* in all */
+    int64_t every_point, every_wall, every_region, every_force, every_guess;
+} thinning;
+
+static stream marks_of(const cairn_report_player *player, const thinning *t)
 {
     stream s = {NULL, 0, 0, 0};
     int32_t i;
 
     for (i = 0; i < player->frame_count; i++) {
         put_doubtful(&s, &player->frame[i]);
-        put_regions(&s, &player->frame[i], every_region);
-        put_forces(&s, &player->frame[i], every_force);
+        put_regions(&s, &player->frame[i], t->every_region);
+        put_forces(&s, &player->frame[i], t->every_force);
+        put_guesses(&s, &player->frame[i], t->every_guess);
     }
     return s;
 }
@@ -318,12 +342,6 @@ static stream links_of(const cairn_report_player *player)
 
 /* ---- thinning ---- */
 
-/* Every how many-th of what there is in abundance stands on the page. */
-typedef struct thinning {
-    int64_t points, walls, regions, forces; /* in all */
-    int64_t every_point, every_wall, every_region, every_force;
-} thinning;
-
 static int64_t every_of(int64_t count, int64_t most)
 {
     return count > most ? (count + most - 1) / most : 1;
@@ -342,11 +360,13 @@ static thinning thinning_of(const cairn_report_player *player)
     for (i = 0; i < player->frame_count; i++) {
         t.regions += player->frame[i].region_count;
         t.forces += player->frame[i].force_count;
+        t.guesses += player->frame[i].guess_count;
     }
     t.every_point = every_of(t.points, player->params.points_most);
     t.every_wall = every_of(t.walls, player->params.points_most);
     t.every_region = every_of(t.regions, player->params.forces_most);
     t.every_force = every_of(t.forces, player->params.forces_most);
+    t.every_guess = every_of(t.guesses, player->params.forces_most);
     return t;
 }
 
@@ -379,6 +399,7 @@ static void print_notes(cairn_output *output, const cairn_report_player *player,
     print_note(output, &notes, t->every_wall, t->walls, "walls");
     print_note(output, &notes, t->every_force, t->forces, "forces");
     print_note(output, &notes, t->every_region, t->regions, "regions");
+    print_note(output, &notes, t->every_guess, t->guesses, "hypotheses' sides");
     cairn_output_print(output, "]");
 }
 
@@ -476,7 +497,7 @@ static int print_data(cairn_output *output, const cairn_report_player *player)
     whole = print_stream(output, "points", points_of(player, t.every_point));
     whole &= print_stream(output, "walls", walls_of(player, t.every_wall));
     whole &= print_stream(output, "poses", poses_of(player));
-    whole &= print_stream(output, "marks", marks_of(player, t.every_region, t.every_force));
+    whole &= print_stream(output, "marks", marks_of(player, &t));
     whole &= print_stream(output, "parts", parts_of(player));
     whole &= print_stream(output, "links", links_of(player));
     print_grid(output, player);

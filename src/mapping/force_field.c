@@ -191,6 +191,8 @@ cairn_status cairn_force_field_create(cairn_force_field **field, cairn_pool *poo
         return CAIRN_NO_MEMORY;
     made = carve(pool, params);
     made->params = *params;
+    if (made->balances != NULL && params->twist > 0)
+        made->params.potential = 1;
     cairn_force_kernel_init(&made->kernel);
     if (made->in_region != NULL)
         memset(made->in_region, 0, ((size_t)params->max_points / 32 + 1) * sizeof *made->in_region);

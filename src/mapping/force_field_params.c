@@ -3,6 +3,9 @@
  * Source: Adluru 2008, section 7.4.2. */
 #include "src/core/build.h"
 
+#include <stddef.h>
+#include <string.h>
+
 #include "src/mapping/force_field_iteration.h"
 
 enum { MAX_CORNERS = 1 << 24, MAX_EXTRA = 1 << 24, MAX_BONDS = 1 << 24 };
@@ -42,6 +45,7 @@ cairn_force_field_params cairn_force_field_default(void)
         .max_bonds = 0,
         .slide = CAIRN_REAL(0.1),
         .grip = CAIRN_REAL(0.35),
+        .twist = 0,
         .max_relocation = CAIRN_REAL(0.3),
     };
     return params;
@@ -74,40 +78,60 @@ cairn_force_field_params cairn_force_field_springs(cairn_real sigma_start, int32
     params.dt_end = cairn_sqrt(2);
     params.dt_factor = cairn_sqrt(CAIRN_REAL(0.7));
     params.reach = CAIRN_REAL(2.5);
+    params.twist = 40;
     params.roi = 0;
     params.max_steps = steps;
     return params;
 }
 
-static int is_positive(cairn_real x)
-{
-    return x > 0 && x <= MAX_VALUE;
-}
+/* What is asked of a value besides 0 ... MAX_VALUE, and when. */
+enum { POSITIVE = 1, SHARE = 2, OF_ROI = 4, OF_SPRINGS = 8 };
 
-static int is_not_negative(cairn_real x)
-{
-    return x >= 0 && x <= MAX_VALUE;
-}
+/* As a table, because comparisons one by one take three times the code. */
+#define AT(field) (uint16_t) offsetof(cairn_force_field_params, field)
+static const struct {
+    uint16_t at, asked;
+} ranges[] = {
+    {AT(sigma_start), POSITIVE},
+    {AT(sigma_end), POSITIVE},
+    {AT(sigma_step), 0},
+    {AT(sigma_factor), SHARE},
+    {AT(sides_below), 0},
+    {AT(dt_start), POSITIVE},
+    {AT(dt_end), POSITIVE},
+    {AT(dt_factor), SHARE},
+    {AT(reach), POSITIVE},
+    {AT(sensor_below), 0},
+    {AT(stop_relocation), 0},
+    {AT(spacing), 0},
+    {AT(roi_radius), OF_ROI | POSITIVE},
+    {AT(roi_mass), OF_ROI | POSITIVE},
+    {AT(slide), OF_SPRINGS | SHARE},
+    {AT(grip), OF_SPRINGS},
+    {AT(twist), OF_SPRINGS},
+    {AT(max_relocation), OF_SPRINGS | POSITIVE},
+};
 
-static int is_share(cairn_real x)
+static int are_in_range(const cairn_force_field_params *p)
 {
-    return x >= 0 && x <= 1;
-}
+    int32_t unused = (p->roi ? 0 : OF_ROI) | (p->mode == CAIRN_FORCE_FIELD_SPRINGS ? 0 : OF_SPRINGS);
 
-static int springs_are_valid(const cairn_force_field_params *p)
-{
-    return p->mode == CAIRN_FORCE_FIELD_SPRINGS && p->max_bonds >= 0 && p->max_bonds <= MAX_BONDS &&
-           is_share(p->slide) && is_not_negative(p->grip) && is_positive(p->max_relocation);
+    for (size_t i = 0; i < sizeof ranges / sizeof *ranges; i++) {
+        int32_t asked = ranges[i].asked;
+        cairn_real value, most = asked & SHARE ? 1 : MAX_VALUE;
+
+        memcpy(&value, (const unsigned char *)p + ranges[i].at, sizeof value);
+        if (!(asked & unused) && !((asked & POSITIVE ? value > 0 : value >= 0) && value <= most))
+            return 0;
+    }
+    return 1;
 }
 
 int32_t cairn_force_params_are_valid(const cairn_force_field_params *p)
 {
-    return p != NULL && (p->mode == CAIRN_FORCE_FIELD_GRADIENT || springs_are_valid(p)) &&
-           is_positive(p->sigma_start) && is_positive(p->sigma_end) && p->sigma_end <= p->sigma_start &&
-           is_not_negative(p->sigma_step) && is_share(p->sigma_factor) && is_not_negative(p->sides_below) &&
-           is_positive(p->dt_start) && is_positive(p->dt_end) && p->dt_end <= p->dt_start && is_share(p->dt_factor) &&
-           p->reach > 0 && p->reach <= CAIRN_FORCE_KERNEL_REACH && is_not_negative(p->sensor_below) &&
-           (!p->roi || (p->max_corners <= MAX_CORNERS && is_positive(p->roi_radius) && is_positive(p->roi_mass))) &&
-           p->max_steps >= 1 && is_not_negative(p->stop_relocation) && is_not_negative(p->spacing) &&
-           p->max_extra >= 0 && p->max_extra <= MAX_EXTRA;
+    return p != NULL && p->mode >= CAIRN_FORCE_FIELD_GRADIENT && p->mode <= CAIRN_FORCE_FIELD_SPRINGS &&
+           are_in_range(p) && p->sigma_end <= p->sigma_start && p->dt_end <= p->dt_start &&
+           p->reach <= CAIRN_FORCE_KERNEL_REACH && (!p->roi || p->max_corners <= MAX_CORNERS) && p->max_steps >= 1 &&
+           p->max_extra >= 0 && p->max_extra <= MAX_EXTRA &&
+           (p->mode == CAIRN_FORCE_FIELD_GRADIENT || (p->max_bonds >= 0 && p->max_bonds <= MAX_BONDS));
 }

@@ -92,6 +92,18 @@ static cairn_vec2 times(cairn_sym2 m, cairn_vec2 v)
     return product;
 }
 
+/* Turns the two lines parallel: P(g) falls with the angle between them, too, which eq. 7.7 leaves out. */
+static void add_twist(const cairn_force_field *field, struct cairn_force_bond *bond)
+{
+    const struct cairn_force_pair *pair = &field->pair;
+    cairn_vec2 a = pair->line[0].direction, b = pair->line[1].direction;
+    cairn_real cosine = cairn_vec2_dot(a, b);
+    cairn_real torque = field->params.twist / 2 * pair->sum.potential / field->kernel.norm * (cosine * cosine);
+
+    bond->stiffness.zz += torque * (cosine * cosine);
+    bond->pull[2] += torque * (cosine * cairn_vec2_cross(a, b));
+}
+
 void cairn_force_bind(cairn_force_field *field)
 {
     const struct cairn_force_pair *pair = &field->pair;
@@ -118,6 +130,7 @@ void cairn_force_bind(cairn_force_field *field)
     bond->pull[1] += weight * pull.y;
     bond->pull[2] += weight * (shape.xy * s->middle_pull_xx + shape.yy * s->middle_pull_xy -
                                shape.xx * s->middle_pull_yx - shape.xy * s->middle_pull_yy);
+    add_twist(field, bond);
 }
 
 /* ---- The system ---- */

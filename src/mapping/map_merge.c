@@ -34,7 +34,7 @@ cairn_map_merge_params cairn_map_merge_default(void)
         .particles = 100,
         .perception = CAIRN_MERGE_EVIDENCE,
         .correlation = 10,
-        .min_score = 9,
+        .min_score = 6,
         .min_margin = 3,
         .seed = 1,
     };

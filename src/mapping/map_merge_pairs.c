@@ -20,9 +20,13 @@
 #define COARSE_RAD CAIRN_REAL(0.10)
 #define FINE_M     CAIRN_REAL(0.20)
 #define FINE_RAD   CAIRN_REAL(0.06)
-/* Cells: first and last step of a refinement. */
+/* Cells: first and last step of a refinement by an even choice of points, and by all of them. */
 #define FIRST_STEP CAIRN_REAL(2.0)
 #define LAST_STEP  CAIRN_REAL(0.2)
+#define FINE_FIRST CAIRN_REAL(0.5)
+#define FINE_LAST  CAIRN_REAL(0.1)
+/* m of wall, as felt while searching, from which on a place is refined by all points. */
+#define WORTH_FINE CAIRN_REAL(0.3)
 /* Of what speaks against a place while searching. */
 #define WEIGHT CAIRN_REAL(1.5)
 /* Nats from which on a map supports another one. */
@@ -365,14 +369,17 @@ static void set_step(cairn_map_merge *m, cairn_real cells)
     m->climb.turn = m->climb.step / LEVER;
 }
 
-void cairn_merge_begin_climb(cairn_map_merge *m, int32_t map, cairn_pose start)
+static void begin_climb(cairn_map_merge *m, int32_t map, cairn_pose start, int32_t points, cairn_real first,
+                        cairn_real last)
 {
     m->climb.best = start;
+    m->climb.points = points;
+    m->climb.last = last;
     m->climb.direction = -1;
     m->climb.rounds = 0;
     m->climb.improved = 0;
-    cairn_merge_begin_total(m, map, start, MERGE_REFINE_POINTS);
-    set_step(m, FIRST_STEP);
+    cairn_merge_begin_total(m, map, start, points);
+    set_step(m, first);
 }
 
 /* Takes in the score of the pose that was tried; 1 when the search has ended. */
@@ -390,17 +397,17 @@ static int end_try(cairn_map_merge *m)
     if (!m->climb.improved)
         set_step(m, m->climb.cells / 2);
     m->climb.improved = 0;
-    return m->climb.cells < LAST_STEP || ++m->climb.rounds == MERGE_ROUNDS;
+    return m->climb.cells < m->climb.last || ++m->climb.rounds == MERGE_ROUNDS;
 }
 
-int cairn_merge_go_on_climbing(cairn_map_merge *m, cairn_budget *budget)
+static int go_on_climbing(cairn_map_merge *m, cairn_budget *budget)
 {
     for (;;) {
         if (!cairn_merge_go_on_total(m, budget))
             return 0;
         if (end_try(m))
             return 1;
-        cairn_merge_begin_total(m, m->total.map, moved(m, m->climb.direction), MERGE_REFINE_POINTS);
+        cairn_merge_begin_total(m, m->total.map, moved(m, m->climb.direction), m->climb.points);
     }
 }
 
@@ -439,20 +446,29 @@ static int step_place(cairn_map_merge *m, cairn_budget *budget)
         m->near[0] = m->map;
         m->near_pose[0] = cairn_pose_identity();
         m->near_count = 1;
-        cairn_merge_begin_climb(m, m->other, variant_of(m));
+        begin_climb(m, m->other, variant_of(m), MERGE_REFINE_POINTS, FIRST_STEP, LAST_STEP);
         m->inner = 1;
     }
     if (m->inner == 1) {
-        if (!cairn_merge_go_on_climbing(m, budget))
+        if (!go_on_climbing(m, budget))
             return 0;
-        cairn_merge_begin_lines(m, m->other, m->climb.best, m->climb.best, LINE_ROUNDS);
         m->inner = 2;
+        if (m->climb.score < WORTH_FINE)
+            m->inner = 3;
+        else
+            begin_climb(m, m->other, m->climb.best, m->params.max_points + 1, FINE_FIRST, FINE_LAST);
     }
-    if (m->inner == 2) {
+    if (m->inner == 2 && !go_on_climbing(m, budget))
+        return 0;
+    if (m->inner < 4) {
+        cairn_merge_begin_lines(m, m->other, m->climb.best, m->climb.best, LINE_ROUNDS);
+        m->inner = 4;
+    }
+    if (m->inner == 4) {
         if (!cairn_merge_go_on_lines(m, budget))
             return 0;
         cairn_merge_begin_total(m, m->other, m->climb.best, m->params.max_points);
-        m->inner = 3;
+        m->inner = 5;
     }
     return cairn_merge_go_on_total(m, budget);
 }

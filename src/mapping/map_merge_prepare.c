@@ -1,8 +1,8 @@
 /* A map made ready: distances to walls and to free space, points of its surface with normals, lines and corners.
  *
- * The surface is made of occupied cells beside free ones. A normal is the mean direction to the free cells around, near ones
- * first; lines grow from cell to neighbouring cell of the same normal, so that the two faces of a thin wall stay two; corners
- * are those of the room `corner`. */
+ * The surface is made of occupied cells beside free ones. A normal stands across the occupied cells around, on their free side; lines
+ * grow from cell to neighbouring cell of the same normal, so that the two faces of a thin wall stay two, and again beside their
+ * fit; corners are those of the room `corner`. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -15,6 +15,8 @@ enum { NORMAL_WINDOW = 3, LINE_WINDOW = 2, LINE_POINTS = 5 };
 
 /* Cosine of the angle by which normals of a line differ at most. */
 #define LINE_COSINE CAIRN_REAL(0.92)
+/* Occupied cells lie along a line when their spreads differ by such a share of their sum. */
+#define LONG CAIRN_REAL(0.5)
 /* Cells: a line's points lie at most so far beside its first one, and off it in the mean square. */
 #define LINE_WIDTH CAIRN_REAL(2.6)
 #define LINE_RMS   CAIRN_REAL(0.9)
@@ -101,6 +103,14 @@ static cairn_status step_pack(cairn_map_merge *m, int32_t shift, cairn_budget *b
     return CAIRN_OK;
 }
 
+/* MERGE_UNKNOWN outside. */
+static int32_t class_at(const merge_map *map, int32_t x, int32_t y)
+{
+    if (x < 0 || y < 0 || x >= width_of(map) || y >= height_of(map))
+        return MERGE_UNKNOWN;
+    return merge_class(map->grid[y * width_of(map) + x]);
+}
+
 static int is_surface(uint16_t cell)
 {
     return merge_class(cell) == MERGE_OCCUPIED && merge_to_free(cell) == 1;
@@ -152,22 +162,57 @@ static cairn_status step_surface(cairn_map_merge *m, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-static cairn_vec2 normal_at(const merge_map *map, int32_t cell)
+/* Mean direction to the free cells around, near ones first. */
+static cairn_vec2 free_side(const merge_map *map, int32_t x0, int32_t y0)
 {
-    int32_t x0 = cell % width_of(map), y0 = cell / width_of(map);
     cairn_vec2 sum = {0, 0};
 
     for (int32_t dy = -NORMAL_WINDOW; dy <= NORMAL_WINDOW; dy++)
         for (int32_t dx = -NORMAL_WINDOW; dx <= NORMAL_WINDOW; dx++) {
-            int32_t x = x0 + dx, y = y0 + dy, squared = dx * dx + dy * dy;
+            cairn_real squared = (cairn_real)(dx * dx + dy * dy);
 
-            if (x < 0 || y < 0 || x >= width_of(map) || y >= height_of(map) ||
-                merge_class(map->grid[y * width_of(map) + x]) != MERGE_FREE)
+            if (class_at(map, x0 + dx, y0 + dy) != MERGE_FREE)
                 continue;
-            sum.x += (cairn_real)dx / (cairn_real)(squared * squared);
-            sum.y += (cairn_real)dy / (cairn_real)(squared * squared);
+            sum.x += (cairn_real)dx / (squared * squared);
+            sum.y += (cairn_real)dy / (squared * squared);
         }
     return cairn_vec2_unit(sum);
+}
+
+/* Across the occupied cells around, when they lie along a line, on the side that is free. */
+static cairn_vec2 normal_at(const merge_map *map, int32_t cell)
+{
+    int32_t x0 = cell % width_of(map), y0 = cell / width_of(map), n = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0;
+    cairn_vec2 side = free_side(map, x0, y0), normal;
+    cairn_real a, b, c, spread;
+
+    for (int32_t dy = -NORMAL_WINDOW; dy <= NORMAL_WINDOW; dy++)
+        for (int32_t dx = -NORMAL_WINDOW; dx <= NORMAL_WINDOW; dx++) {
+            if (class_at(map, x0 + dx, y0 + dy) != MERGE_OCCUPIED)
+                continue;
+            n++;
+            x += dx;
+            y += dy;
+            xx += dx * dx;
+            xy += dx * dy;
+            yy += dy * dy;
+        }
+    a = (cairn_real)(n * xx - x * x);
+    b = (cairn_real)(n * xy - x * y);
+    c = (cairn_real)(n * yy - y * y);
+    spread = cairn_sqrt((a - c) * (a - c) + 4 * b * b);
+    if (!(spread > LONG * (a + c)))
+        return side;
+    /* The axis of the greater spread, turned by a right angle; of its two forms the one that does not cancel. */
+    if (a >= c) {
+        normal.x = -2 * b;
+        normal.y = a - c + spread;
+    } else {
+        normal.x = -(c - a + spread);
+        normal.y = 2 * b;
+    }
+    normal = cairn_vec2_unit(normal);
+    return cairn_vec2_dot(normal, side) < 0 ? cairn_vec2_scale(normal, -1) : normal;
 }
 
 static cairn_status step_normals(cairn_map_merge *m, cairn_budget *budget)
@@ -186,11 +231,11 @@ static cairn_status step_normals(cairn_map_merge *m, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* Takes the neighbours of the queue's next point into the line that began at point `seed`. */
-static void grow_line(cairn_map_merge *m, int32_t seed)
+/* Takes the neighbours of the queue's next point into the line. */
+static void grow_line(cairn_map_merge *m)
 {
     merge_map *map = current(m);
-    const merge_point *first = &map->points[seed], *p = &map->points[m->queue[m->inner++]];
+    const merge_point *p = &map->points[m->queue[m->inner++]];
     int32_t x0 = p->cell % width_of(map), y0 = p->cell / width_of(map);
 
     for (int32_t y = y0 - LINE_WINDOW; y <= y0 + LINE_WINDOW; y++)
@@ -204,8 +249,8 @@ static void grow_line(cairn_map_merge *m, int32_t seed)
             if (index < 0 || m->label[index] != 0)
                 continue;
             q = &map->points[index];
-            if (cairn_vec2_dot(q->normal, first->normal) < LINE_COSINE ||
-                cairn_abs(cairn_vec2_dot(cairn_vec2_sub(q->at, first->at), first->normal)) >
+            if (cairn_vec2_dot(q->normal, m->line_normal) < LINE_COSINE ||
+                cairn_abs(cairn_vec2_dot(cairn_vec2_sub(q->at, m->line_at), m->line_normal)) >
                     LINE_WIDTH * map->input.resolution)
                 continue;
             m->label[index] = 1;
@@ -260,6 +305,36 @@ static void end_line(cairn_map_merge *m, int32_t seed)
     }
 }
 
+static void begin_line(cairn_map_merge *m, int32_t seed)
+{
+    const merge_point *first = &current(m)->points[seed];
+
+    m->label[seed] = 1;
+    m->queue[0] = seed;
+    m->queued = 1;
+    m->fitted = LINE_POINTS;
+    m->inner = 0;
+    m->line_at = first->at;
+    m->line_normal = first->normal;
+}
+
+/* A line that has grown by half since it was fitted is fitted again and may go on growing beside the fit: the normal of its
+ * first point alone leads astray after a metre. 1 when it goes on. */
+static int refit_line(cairn_map_merge *m)
+{
+    cairn_line line;
+    cairn_vec2 normal;
+
+    if (m->queued < m->fitted + m->fitted / 2 || !fit_line(m, &line))
+        return 0;
+    normal = cairn_vec2_left(line.direction);
+    m->fitted = m->queued;
+    m->inner = 0;
+    m->line_at = line.mean;
+    m->line_normal = cairn_vec2_dot(normal, m->line_normal) < 0 ? cairn_vec2_scale(normal, -1) : normal;
+    return 1;
+}
+
 static cairn_status step_segments(cairn_map_merge *m, cairn_budget *budget)
 {
     merge_map *map = current(m);
@@ -272,18 +347,17 @@ static cairn_status step_segments(cairn_map_merge *m, cairn_budget *budget)
                 m->cursor++;
                 continue;
             }
-            m->label[m->cursor] = 1;
-            m->queue[0] = m->cursor;
-            m->queued = 1;
-            m->inner = 0;
+            begin_line(m, m->cursor);
         }
         for (; m->inner < m->queued;) {
             if (!cairn_budget_pay(budget, &m->paid, 2))
                 return CAIRN_MORE;
-            grow_line(m, m->cursor);
+            grow_line(m);
         }
         if (!cairn_budget_pay(budget, &m->paid, 1 + m->queued / 4))
             return CAIRN_MORE;
+        if (refit_line(m))
+            continue;
         end_line(m, m->cursor);
         m->queued = 0;
         m->cursor++;

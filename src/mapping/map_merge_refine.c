@@ -18,6 +18,9 @@
 /* m: error of a line, and the length of wall that has it once. */
 #define SIGMA  CAIRN_REAL(0.02)
 #define LENGTH CAIRN_REAL(0.2)
+/* rad: by which the two pictures of a straight wall differ in direction at least, and where they may be two walls. */
+#define STRAIGHT CAIRN_REAL(0.002)
+#define BENT     CAIRN_REAL(0.03)
 /* m and rad: how far the place at hand may be off. */
 #define START_M   CAIRN_REAL(0.03)
 #define START_RAD CAIRN_REAL(0.01)
@@ -54,6 +57,23 @@ static void add_end(line_fit *f, cairn_vec2 p, cairn_vec2 at, cairn_vec2 n, cair
         f->equations.gradient[i] += weight * row[i] * r;
 }
 
+/* Variance of the direction of a line that was fitted to so many m. */
+static cairn_real variance_of(cairn_real length)
+{
+    return 12 * SIGMA * SIGMA * LENGTH / (length * length * length);
+}
+
+/* The direction of the body's line on that of the map's: known far better of long walls than from what they share. */
+static void add_direction(line_fit *f, cairn_real turn, cairn_real length, cairn_real own_length)
+{
+    cairn_real row = 1 / f->motion.radius;
+    cairn_real weight = 1 / (variance_of(length) + variance_of(own_length) + STRAIGHT * STRAIGHT);
+
+    weight /= 1 + turn * turn / (BENT * BENT);
+    f->equations.information.zz += weight * row * row;
+    f->equations.gradient[2] += weight * row * turn;
+}
+
 /* Line `own` of the body on line `t` of the map. */
 static void add_lines(line_fit *f, cairn_segment own, cairn_segment t, cairn_real cell)
 {
@@ -62,6 +82,7 @@ static void add_lines(line_fit *f, cairn_segment own, cairn_segment t, cairn_rea
     cairn_real length = cairn_vec2_norm(along), own_length = cairn_vec2_norm(way), low, high, from, to, share, weight;
     cairn_vec2 u = cairn_vec2_scale(along, 1 / length), v = cairn_vec2_scale(way, 1 / own_length),
                n = cairn_vec2_left(u);
+    int near = 0;
 
     if (length < LEAST_LINE || own_length < LEAST_LINE)
         return;
@@ -80,10 +101,14 @@ static void add_lines(line_fit *f, cairn_segment own, cairn_segment t, cairn_rea
             cairn_vec2 body = cairn_vec2_add(own.a, cairn_vec2_scale(cairn_vec2_sub(own.b, own.a), share));
             cairn_vec2 p = cairn_transform_point(f->motion.transform, body);
 
-            if (cairn_abs(cairn_vec2_dot(n, cairn_vec2_sub(p, t.a))) < SAME_CELLS * cell)
-                add_end(f, p, t.a, n, body, weight, cell);
+            if (cairn_abs(cairn_vec2_dot(n, cairn_vec2_sub(p, t.a))) >= SAME_CELLS * cell)
+                continue;
+            add_end(f, p, t.a, n, body, weight, cell);
+            near++;
         }
     }
+    if (near == 2)
+        add_direction(f, cairn_vec2_cross(u, v), length, own_length);
 }
 
 /* All lines of the body on all of one neighbour. */

@@ -164,12 +164,13 @@ struct cairn_map_merge {
 
     /* Preparation of one map. */
     cairn_distance_map *distances;
-    int32_t *scratch;      /* [max_map_cells] distances, then 1 + index of the point in a cell */
-    int32_t *queue;        /* [max_points] the line that grows */
-    int32_t *label;        /* [max_points] */
-    cairn_vec2 *line;      /* [max_points] */
-    merge_point *shuffled; /* [max_points] */
-    int32_t queued;
+    int32_t *scratch;                         /* [max_map_cells] distances, then 1 + index of the point in a cell */
+    int32_t *queue;                           /* [max_points] the line that grows */
+    int32_t *label;                           /* [max_points] */
+    cairn_vec2 *line;                         /* [max_points] */
+    merge_point *shuffled;                    /* [max_points] */
+    int32_t queued, fitted;                   /* points of it, and so many when it was fitted last */
+    cairn_vec2 line_at, line_normal;          /* what the line's points are compared with */
     int32_t surface, seen_surface, seen_free; /* cells */
     cairn_corner_set *corners;
 
@@ -177,9 +178,8 @@ struct cairn_map_merge {
     merge_mode *modes;           /* [pairs][max_modes] */
     int32_t *mode_count;         /* [pairs] */
     merge_mode kept[MERGE_KEPT]; /* of the pair under way, the best first */
-    int32_t kept_count;
     merge_mode refined[MERGE_REFINED];
-    int32_t refined_count;
+    int32_t kept_count, refined_count;
     struct {
         cairn_real bins[MERGE_BINS];
         cairn_real turns[MERGE_TURNS_MOST];
@@ -198,6 +198,8 @@ struct cairn_map_merge {
     struct {
         cairn_pose best, start;
         cairn_real score, cells, step, turn;
+        cairn_real last; /* cells: the last step */
+        int32_t points;  /* of each map that are compared */
         cairn_vec2 pivot;
         int32_t direction, rounds, improved;
         int32_t variant; /* of a place that is refined: as it is, then turned to either side */
@@ -294,10 +296,6 @@ int cairn_merge_go_on_total(cairn_map_merge *m, cairn_budget *budget);
 
 /* 1 when two maps are too far apart to have anything in common. */
 int cairn_merge_is_apart(const cairn_map_merge *m, int32_t first, int32_t second, cairn_pose first_second);
-
-/* Refines a pose of `map` beside all of near[]; go_on returns 1 when m->climb.best is it. */
-void cairn_merge_begin_climb(cairn_map_merge *m, int32_t map, cairn_pose start);
-int cairn_merge_go_on_climbing(cairn_map_merge *m, cairn_budget *budget);
 
 /* Refines a pose of `map`, which is near `start`, beside near[] by lines, `rounds` times at most; go_on returns 1 when m->climb.best is it. */
 void cairn_merge_begin_lines(cairn_map_merge *m, int32_t map, cairn_pose start, cairn_pose pose, int32_t rounds);

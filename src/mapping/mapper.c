@@ -348,6 +348,25 @@ cairn_mapper_loop cairn_mapper_loop_at(const cairn_mapper *mapper, int32_t index
     return mapper->loop.events[index % MAPPER_LOOP_EVENTS];
 }
 
+int32_t cairn_mapper_link_count(const cairn_mapper *mapper)
+{
+    return mapper->loop.link_count;
+}
+
+cairn_mapper_link cairn_mapper_link_at(const cairn_mapper *mapper, int32_t index)
+{
+    const mapper_link *link = &mapper->loop.links[index];
+    cairn_mapper_link out;
+
+    memset(&out, 0, sizeof out);
+    out.first = link->first;
+    out.second = link->second;
+    out.first_second = cairn_pose_graph_measured(mapper->loop.graph, index, &out.information);
+    out.is_loop = link->is_loop;
+    out.dropped = link->dropped;
+    return out;
+}
+
 cairn_mapper_state cairn_mapper_measure(const cairn_mapper *mapper)
 {
     return mapper->state;

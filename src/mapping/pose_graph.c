@@ -339,6 +339,14 @@ cairn_pose_graph_link cairn_pose_graph_link_of(const cairn_pose_graph *graph, in
     return out;
 }
 
+cairn_pose cairn_pose_graph_measured(const cairn_pose_graph *graph, int32_t link, cairn_sym3 *information)
+{
+    const struct pose_graph_link *l = &graph->links[link];
+
+    *information = cairn_pose_graph_turned(l->information, -l->measured.theta);
+    return l->measured;
+}
+
 cairn_status cairn_pose_graph_covariance(const cairn_pose_graph *graph, int32_t first, int32_t second,
                                          cairn_real block[9])
 {

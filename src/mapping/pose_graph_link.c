@@ -104,30 +104,23 @@ static void multiply_transposed(const cairn_real m[9], const cairn_real a[9], ca
             product[3 * r + c] = m[3 * r] * a[3 * c] + m[3 * r + 1] * a[3 * c + 1] + m[3 * r + 2] * a[3 * c + 2];
 }
 
-/* Adds W, A^T W A and -A^T W of a link, and the right side, to the normal equations. */
-static void add_link(cairn_pose_graph *g, int32_t index, const cairn_real e[3], cairn_sym3 w, const cairn_real a[9])
+/* Adds W, A^T W A and -A^T W of a link to the normal equations. */
+static void add_blocks(cairn_pose_graph *g, int32_t index, cairn_sym3 w, const cairn_real a[9])
 {
     const struct pose_graph_link *link = &g->links[index];
     const cairn_real full[9] = {w.xx, w.xy, w.xz, w.xy, w.yy, w.yz, w.xz, w.yz, w.zz};
     const cairn_real turned[9] = {a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8]}; /* A^T */
-    cairn_real aw[9], awa[9], we[3];
+    cairn_real aw[9], awa[9];
     int moves_first = !cairn_pose_graph_stays(g, link->first), moves_second = !cairn_pose_graph_stays(g, link->second);
 
     multiply_transposed(turned, full, aw);
     multiply_transposed(aw, turned, awa);
-    for (int k = 0; k < 3; k++)
-        we[k] = full[3 * k] * e[0] + full[3 * k + 1] * e[1] + full[3 * k + 2] * e[2];
-    if (moves_second) {
+    if (moves_second)
         add(&g->diagonal[link->second], w);
-        for (int k = 0; k < 3; k++)
-            g->right[link->second][k] -= we[k];
-    }
     if (moves_first) {
         cairn_sym3 block = {awa[0], awa[1], awa[2], awa[4], awa[5], awa[8]};
 
         add(&g->diagonal[link->first], block);
-        for (int k = 0; k < 3; k++)
-            g->right[link->first][k] += a[k] * we[0] + a[3 + k] * we[1] + a[6 + k] * we[2];
     }
     if (moves_first && moves_second) {
         cairn_real block[9];
@@ -137,6 +130,23 @@ static void add_link(cairn_pose_graph *g, int32_t index, const cairn_real e[3], 
         if (g->solver.add_link_block(g->solver.context, index, block) != CAIRN_OK)
             g->outcome = CAIRN_NOT_FINITE;
     }
+}
+
+/* Adds a link to the right side, and to the matrix unless its factor serves again. */
+static void add_link(cairn_pose_graph *g, int32_t index, const cairn_real e[3], cairn_sym3 w, const cairn_real a[9])
+{
+    const struct pose_graph_link *link = &g->links[index];
+    const cairn_real we[3] = {w.xx * e[0] + w.xy * e[1] + w.xz * e[2], w.xy * e[0] + w.yy * e[1] + w.yz * e[2],
+                              w.xz * e[0] + w.yz * e[1] + w.zz * e[2]};
+
+    if (!cairn_pose_graph_stays(g, link->second))
+        for (int k = 0; k < 3; k++)
+            g->right[link->second][k] -= we[k];
+    if (!cairn_pose_graph_stays(g, link->first))
+        for (int k = 0; k < 3; k++)
+            g->right[link->first][k] += a[k] * we[0] + a[3 + k] * we[1] + a[6 + k] * we[2];
+    if (!g->reuse)
+        add_blocks(g, index, w, a);
 }
 
 const cairn_pose *cairn_pose_graph_base(const cairn_pose_graph *g)

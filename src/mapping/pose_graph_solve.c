@@ -23,10 +23,15 @@
 
 enum { UNITS_LINK = 4, UNITS_EQUATIONS = 9, UNITS_POSE = 1, POSES_A_UNIT = 8 };
 
-static const cairn_real FIRST_DAMPING = CAIRN_REAL(1e-6);
-static const cairn_real RAISED_DAMPING = CAIRN_REAL(1e-4); /* after a refused step, at least */
-static const cairn_real LEAST_DAMPING = CAIRN_REAL(1e-12);
+/* The weakest motions of large graphs have 1e-12 of the diagonal; in float that is below rounding. */
+static const cairn_real FIRST_DAMPING = CAIRN_REAL(1e-10) + CAIRN_REAL_EPSILON;
+static const cairn_real LEAST_DAMPING = CAIRN_REAL(1e-12) + CAIRN_REAL_EPSILON;
 static const cairn_real MOST_DAMPING = CAIRN_REAL(1e6);
+static const cairn_real RAISING = 1000;                /* of the damping after a refused step */
+static const cairn_real EASING = CAIRN_REAL(0.01);     /* ... after a step that was taken at once */
+static const cairn_real SHORTEST = CAIRN_REAL(0.25);   /* of a step, in parts of the whole, before it is damped */
+static const cairn_real SMALL_STEP = CAIRN_REAL(0.01); /* decrease of the cost after which the factor serves again */
+static const cairn_real SLOWING = CAIRN_REAL(0.1);     /* ... of such a step, by that of the step before */
 static const cairn_real NARROWING = CAIRN_REAL(1.4);
 
 /* ---- Stages ---- */
@@ -36,6 +41,8 @@ static void enter(cairn_pose_graph *g, int32_t mode, int32_t stage)
     g->mode = mode;
     g->stage = stage;
     g->at = 0;
+    if (mode != POSE_GRAPH_NEWTON)
+        g->reuse = 0;
     if (stage == POSE_GRAPH_CLEAR || stage == POSE_GRAPH_COST || stage == POSE_GRAPH_REPORT)
         g->chi2 = g->cost = g->largest = 0;
 }
@@ -65,6 +72,7 @@ static void begin_newton(cairn_pose_graph *g)
     cairn_real c2 = g->params.width * g->params.width;
 
     g->damping = FIRST_DAMPING;
+    g->refused = 0;
     g->widening = 1;
     if (g->params.graduated && g->params.kernel == CAIRN_POSE_GRAPH_GEMAN_MCCLURE)
         g->widening = cairn_max(1, 2 * g->largest / c2);
@@ -73,8 +81,26 @@ static void begin_newton(cairn_pose_graph *g)
 
 static int raise_damping(cairn_pose_graph *g)
 {
-    g->damping = cairn_max(RAISED_DAMPING, 10 * g->damping);
+    g->refused = 1;
+    g->length = 1;
+    g->damping *= RAISING;
     return g->damping <= MOST_DAMPING;
+}
+
+/* After a refused step the damping that served stays for one more. */
+static void lower_damping(cairn_pose_graph *g)
+{
+    if (!g->refused)
+        g->damping = cairn_max(LEAST_DAMPING, EASING * g->damping);
+    g->refused = 0;
+}
+
+/* Whether the factor serves the next step, too, after one that made the cost less by `better`. */
+static int serves_again(const cairn_pose_graph *g, cairn_real better)
+{
+    if (g->widening > 1 || g->length < 1)
+        return 0;
+    return g->reuse ? better <= SLOWING * g->better : better <= SMALL_STEP * g->base_cost;
 }
 
 /* A step has been tried: its cost is g->cost, that of the base g->base_cost, both with the same kernel. */
@@ -83,11 +109,21 @@ static void judge_step(cairn_pose_graph *g)
     cairn_real better = g->base_cost - g->cost;
     cairn_real little = g->params.converged * (g->base_cost + (cairn_real)g->state.links);
     int at_rest = cairn_abs(better) <= little && g->widening <= 1;
+    int32_t next = POSE_GRAPH_CLEAR;
 
     g->state.iterations++;
     if (better >= 0) {
         accept(g);
-        g->damping = cairn_max(LEAST_DAMPING, g->damping / 10);
+        if (!g->reuse)
+            lower_damping(g);
+        g->reuse = serves_again(g, better);
+        g->better = better;
+        g->length = 1;
+    } else if (g->reuse) {
+        g->reuse = 0;
+    } else if (g->length > SHORTEST) {
+        g->length /= 2;
+        next = POSE_GRAPH_MOVE;
     } else if (!raise_damping(g)) {
         at_rest = 1;
     }
@@ -96,8 +132,9 @@ static void judge_step(cairn_pose_graph *g)
     } else if (g->state.iterations >= g->params.max_iterations) {
         finish(g, CAIRN_POSE_GRAPH_OUT_OF_ITERATIONS);
     } else {
-        g->widening = cairn_max(1, g->widening / NARROWING);
-        enter(g, POSE_GRAPH_NEWTON, POSE_GRAPH_CLEAR);
+        if (next == POSE_GRAPH_CLEAR)
+            g->widening = cairn_max(1, g->widening / NARROWING);
+        enter(g, POSE_GRAPH_NEWTON, next);
     }
 }
 
@@ -130,9 +167,10 @@ static void end_cost(cairn_pose_graph *g)
     }
 }
 
-/* The factor does not exist: `pose` is free to move. */
+/* The factor does not exist, or solves nothing: `pose` is free to move. */
 static void not_positive(cairn_pose_graph *g, int32_t pose)
 {
+    g->reuse = 0;
     if (g->mode == POSE_GRAPH_COVARIANCE) {
         g->state.pose = pose;
         g->state.verdict = CAIRN_POSE_GRAPH_SINGULAR;
@@ -183,21 +221,26 @@ static void move_pose(cairn_pose_graph *g, int32_t index)
 
         pose.theta = cairn_atan2(t.sine + x[1], t.cosine + x[0]);
     } else {
-        pose.x += x[0];
-        pose.y += x[1];
-        pose.theta = cairn_wrap_angle(pose.theta + x[2]);
+        pose.x += g->length * x[0];
+        pose.y += g->length * x[1];
+        pose.theta = cairn_wrap_angle(pose.theta + g->length * x[2]);
     }
     g->trial[index] = pose;
 }
 
-static void clear_equations(cairn_pose_graph *g)
+/* Returns how many blocks and right sides were set to 0. */
+static int32_t clear_equations(cairn_pose_graph *g)
 {
-    cairn_status status = g->solver.clear(g->solver.context);
+    cairn_status status;
 
+    memset(g->right, 0, (size_t)g->state.poses * sizeof *g->right);
+    if (g->reuse)
+        return g->state.poses;
+    status = g->solver.clear(g->solver.context);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
     memset(g->diagonal, 0, (size_t)g->state.poses * sizeof *g->diagonal);
-    memset(g->right, 0, (size_t)g->state.poses * sizeof *g->right);
+    return g->state.poses + g->state.fill;
 }
 
 static void end_report(cairn_pose_graph *g)
@@ -206,6 +249,14 @@ static void end_report(cairn_pose_graph *g)
     g->state.chi2 = g->chi2;
     g->state.cost = g->cost;
     end(g, CAIRN_OK);
+}
+
+static void begin_solve(cairn_pose_graph *g)
+{
+    g->base_cost = g->cost;
+    g->stage = POSE_GRAPH_SOLVE;
+    if (g->solver.solve(g->solver.context, g->right[0]) != CAIRN_OK)
+        not_positive(g, -1);
 }
 
 /* The solver has ended a part. */
@@ -227,9 +278,7 @@ static void end_part(cairn_pose_graph *g, cairn_status status)
         CAIRN_ASSERT(status == CAIRN_OK);
         g->stage = POSE_GRAPH_INVERT;
     } else if (g->stage == POSE_GRAPH_FACTOR) {
-        g->stage = POSE_GRAPH_SOLVE;
-        if (g->solver.solve(g->solver.context, g->right[0]) != CAIRN_OK)
-            not_positive(g, -1);
+        begin_solve(g);
     } else if (g->stage == POSE_GRAPH_SOLVE) {
         enter(g, g->mode, POSE_GRAPH_MOVE);
     } else {
@@ -246,7 +295,6 @@ static void begin_factor(cairn_pose_graph *g)
         not_positive(g, -1);
         return;
     }
-    g->base_cost = g->cost;
     g->stage = POSE_GRAPH_FACTOR;
     if (g->solver.factor(g->solver.context) != CAIRN_OK)
         not_positive(g, -1);
@@ -259,15 +307,18 @@ static int32_t do_item(cairn_pose_graph *g)
 
     switch (g->stage) {
     case POSE_GRAPH_CLEAR:
-        clear_equations(g);
+        poses = clear_equations(g);
         enter(g, g->mode, POSE_GRAPH_LINKS);
-        return 1 + (poses + g->state.fill) / POSES_A_UNIT;
+        return 1 + poses / POSES_A_UNIT;
     case POSE_GRAPH_LINKS:
         if (g->at < links) {
             cairn_pose_graph_assemble_link(g, g->at++);
-            return UNITS_EQUATIONS;
+            return g->reuse ? UNITS_LINK : UNITS_EQUATIONS;
         }
-        enter(g, g->mode, POSE_GRAPH_POSES);
+        if (g->reuse)
+            begin_solve(g);
+        else
+            enter(g, g->mode, POSE_GRAPH_POSES);
         return UNITS_POSE;
     case POSE_GRAPH_POSES:
         if (g->at < poses)
@@ -418,6 +469,7 @@ cairn_status cairn_pose_graph_solve(cairn_pose_graph *graph)
     }
     graph->state = fresh;
     graph->widening = 1;
+    graph->length = 1;
     memcpy(graph->trial, graph->poses, (size_t)fresh.poses * sizeof *graph->trial);
     enter(graph, POSE_GRAPH_AS_GIVEN, graph->analyzed ? POSE_GRAPH_COST : POSE_GRAPH_ANALYZE);
     return CAIRN_OK;

@@ -55,6 +55,10 @@ struct cairn_pose_graph {
     int32_t mode, stage, at, debt;
     cairn_real widening;            /* of the kernel's c^2, >= 1 */
     cairn_real damping;             /* share of the diagonal that is added */
+    int32_t refused;                /* 1: it has been raised since the last step that was taken */
+    cairn_real length;              /* part of the step that is tried */
+    int32_t reuse;                  /* 1: the next step is made with the factor of the one before */
+    cairn_real better;              /* by so much the last step that was taken made the cost less */
     cairn_real base_cost;           /* of the base, with the kernel as it is */
     cairn_real chi2, cost, largest; /* of a pass over the links */
 };

@@ -1,9 +1,12 @@
 /* The aligner, then a force field of what it left over, with a virtual scan.
  *
- * Method: when the aligner has ended, the poses of all scans go to the field, those of its largest part fixed; then every few
- * iterations the hypotheses are made anew from the field's poses and go to it as points from outside.
+ * Method: when the aligner has ended, the poses of all scans go to the field, those that it has placed fixed; then every few
+ * iterations the hypotheses are made anew from the field's poses and go to it as points from outside. Where the field leaves
+ * them the aligner starts again. When it places more scans than before, that is the result; else its former result stands,
+ * and only what shares no surface with its largest part stays where the field has left it.
  *
  * Layout: the aligner, the field and the hypotheses in one pool; a scan has the same index in the aligner and in the field.
+ * The best result of the aligner is kept beside it.
  *
  * Limits: what the field has moved has no covariance but that of its initial pose.
  *
@@ -15,11 +18,12 @@
 #include "cairn/virtual_align.h"
 
 typedef int32_t align_phase;
-enum { IDLE, ALIGN, PLACE, GATHER, DETECT, ITERATE, HAND_BACK, ALIGN_AGAIN };
+enum { IDLE, ALIGN, KEEP, PLACE, GATHER, DETECT, ITERATE, HAND_BACK, ALIGN_AGAIN, JUDGE };
 
-/* How a scan comes in, and whether the field moves it. */
-struct start {
-    cairn_pose map_scan;
+/* How a scan comes in, where the aligner has placed it, and whether the field moves it. */
+struct place {
+    cairn_pose start;
+    cairn_aligner_pose aligned;
     int32_t moves;
 };
 
@@ -28,12 +32,13 @@ struct cairn_virtual_align {
     cairn_aligner *aligner;
     cairn_force_field *field;
     cairn_virtual_scan *hypotheses;
-    struct start *starts; /* [max_scans] */
+    struct place *places; /* [max_scans] */
     align_phase phase;
     int32_t cursor; /* scan */
     int32_t since;  /* iterations of the field since the last virtual scan */
     int32_t scan_count;
     int32_t is_under_way; /* an iteration of the field */
+    int32_t is_done;      /* the last round has not made the result better */
     cairn_virtual_align_result result;
     int32_t paid;
 };
@@ -44,7 +49,7 @@ cairn_virtual_align_params cairn_virtual_align_default(void)
         .aligner = cairn_aligner_default(),
         .field = cairn_force_field_default(),
         .hypotheses = cairn_virtual_scan_default(),
-        .every = 3,
+        .every = 10,
         .max_rounds = 2,
         .align = 1,
     };
@@ -96,7 +101,7 @@ static cairn_virtual_align *carve(cairn_pool *pool, const cairn_virtual_align_pa
     cairn_force_field_params field = field_of(params);
     cairn_virtual_scan_params hypotheses = hypotheses_of(params);
     cairn_virtual_align *align = cairn_pool_take_one(pool, sizeof *align);
-    struct start *starts = cairn_pool_take(pool, (size_t)params->aligner.max_scans, sizeof *starts);
+    struct place *places = cairn_pool_take(pool, (size_t)params->aligner.max_scans, sizeof *places);
 
     if (pool->base == NULL) {
         cairn_pool_count(pool, cairn_aligner_memory(&params->aligner));
@@ -105,7 +110,7 @@ static cairn_virtual_align *carve(cairn_pool *pool, const cairn_virtual_align_pa
         return NULL;
     }
     memset(align, 0, sizeof *align);
-    align->starts = starts;
+    align->places = places;
     must_be_ok(cairn_aligner_create(&align->aligner, pool, &params->aligner));
     must_be_ok(cairn_force_field_create(&align->field, pool, &field));
     must_be_ok(cairn_virtual_scan_create(&align->hypotheses, pool, &hypotheses));
@@ -142,6 +147,7 @@ cairn_status cairn_virtual_align_create(cairn_virtual_align **align, cairn_pool 
 cairn_status cairn_virtual_align_add_scan(cairn_virtual_align *align, const cairn_scan_view *view, cairn_pose map_scan,
                                           cairn_fault *fault)
 {
+    struct place *place;
     cairn_status status;
 
     if (align == NULL)
@@ -151,8 +157,10 @@ cairn_status cairn_virtual_align_add_scan(cairn_virtual_align *align, const cair
         return status;
     align->phase = IDLE;
     must_be_ok(cairn_force_field_add_scan(align->field, view, NULL, map_scan, fault));
-    align->starts[align->scan_count].map_scan = map_scan;
-    align->starts[align->scan_count++].moves = 0;
+    place = &align->places[align->scan_count];
+    place->start = map_scan;
+    place->aligned = cairn_aligner_pose_of(align->aligner, align->scan_count++);
+    place->moves = 0;
     return CAIRN_OK;
 }
 
@@ -174,11 +182,12 @@ cairn_status cairn_virtual_align_begin(cairn_virtual_align *align)
         return CAIRN_EMPTY;
     memset(&align->result, 0, sizeof align->result);
     for (int32_t i = 0; i < align->scan_count; i++) {
-        must_be_ok(cairn_aligner_start_at(align->aligner, i, align->starts[i].map_scan));
-        align->starts[i].moves = 0;
+        must_be_ok(cairn_aligner_start_at(align->aligner, i, align->places[i].start));
+        align->places[i].moves = 0;
     }
     must_be_ok(cairn_aligner_begin(align->aligner));
-    align->phase = align->params.align ? ALIGN : PLACE;
+    align->phase = align->params.align ? ALIGN : KEEP;
+    align->is_done = 0;
     align->cursor = 0;
     align->paid = 0;
     return CAIRN_OK;
@@ -186,15 +195,47 @@ cairn_status cairn_virtual_align_begin(cairn_virtual_align *align)
 
 /* ---- The steps ---- */
 
-static int stays(const cairn_virtual_align *align, int32_t scan)
+/* Whether the aligner has found any two scans that belong together. */
+static int has_ground(const cairn_virtual_align *align)
 {
-    return align->params.align && align->result.aligner.placed >= 2 &&
-           cairn_aligner_pose_of(align->aligner, scan).placed;
+    return align->params.align && align->result.aligner.placed >= 2;
+}
+
+/* Keeps what the aligner has found. */
+static cairn_status step_keep(cairn_virtual_align *align, cairn_budget *budget)
+{
+    for (; align->cursor < align->scan_count; align->cursor++) {
+        if (!cairn_budget_pay(budget, &align->paid, 2))
+            return CAIRN_MORE;
+        align->places[align->cursor].aligned = cairn_aligner_pose_of(align->aligner, align->cursor);
+    }
+    align->result.aligner = cairn_aligner_read(align->aligner);
+    return CAIRN_OK;
+}
+
+/* The result of the alignment from where the field has left the scans, if it is better. */
+static cairn_status step_judge(cairn_virtual_align *align, cairn_budget *budget)
+{
+    if (cairn_aligner_read(align->aligner).placed > align->result.aligner.placed)
+        return step_keep(align, budget);
+    if (!cairn_budget_pay(budget, &align->paid, 1 + align->scan_count / 2))
+        return CAIRN_MORE;
+    align->is_done = 1;
+    for (int32_t i = 0; i < align->scan_count; i++) {
+        struct place *place = &align->places[i];
+
+        place->moves = place->moves && (!has_ground(align) || place->aligned.part != 0);
+        if (place->moves)
+            place->aligned.map_scan = cairn_force_field_pose(align->field, i);
+    }
+    return CAIRN_OK;
 }
 
 /* All scans to where the aligner has put them. An iteration that an earlier alignment left is ended first. */
 static cairn_status step_place(cairn_virtual_align *align, cairn_budget *budget)
 {
+    struct place *place;
+
     if (align->is_under_way) {
         if (cairn_force_field_iterate(align->field, budget) == CAIRN_MORE)
             return CAIRN_MORE;
@@ -205,11 +246,11 @@ static cairn_status step_place(cairn_virtual_align *align, cairn_budget *budget)
     for (; align->cursor < align->scan_count; align->cursor++) {
         if (!cairn_budget_pay(budget, &align->paid, 2))
             return CAIRN_MORE;
-        must_be_ok(cairn_force_field_place(align->field, align->cursor,
-                                           cairn_aligner_pose_of(align->aligner, align->cursor).map_scan));
-        align->starts[align->cursor].moves = !stays(align, align->cursor);
-        align->result.moved += align->starts[align->cursor].moves;
-        must_be_ok(cairn_force_field_fix(align->field, align->cursor, !align->starts[align->cursor].moves));
+        place = &align->places[align->cursor];
+        place->moves = !(has_ground(align) && place->aligned.placed);
+        align->result.moved += place->moves;
+        must_be_ok(cairn_force_field_place(align->field, align->cursor, place->aligned.map_scan));
+        must_be_ok(cairn_force_field_fix(align->field, align->cursor, !place->moves));
     }
     cairn_force_field_restart(align->field);
     align->since = 0;
@@ -287,6 +328,10 @@ static cairn_status step_phase(cairn_virtual_align *align, cairn_budget *budget)
     case ALIGN:
     case ALIGN_AGAIN:
         return cairn_aligner_step(align->aligner, budget);
+    case KEEP:
+        return step_keep(align, budget);
+    case JUDGE:
+        return step_judge(align, budget);
     case PLACE:
         return step_place(align, budget);
     case GATHER:
@@ -302,6 +347,8 @@ static align_phase next_phase(const cairn_virtual_align *align)
 {
     switch (align->phase) {
     case ALIGN:
+        return KEEP;
+    case KEEP:
         return PLACE;
     case PLACE:
         return align->result.moved > 0 ? GATHER : IDLE;
@@ -312,7 +359,9 @@ static align_phase next_phase(const cairn_virtual_align *align)
     case HAND_BACK:
         return ALIGN_AGAIN;
     case ALIGN_AGAIN:
-        return align->result.rounds < align->params.max_rounds ? PLACE : IDLE;
+        return JUDGE;
+    case JUDGE:
+        return !align->is_done && align->result.rounds < align->params.max_rounds ? PLACE : IDLE;
     default:
         if (cairn_force_field_read(align->field).verdict != CAIRN_FORCE_FIELD_RUNNING)
             return align->params.align ? HAND_BACK : IDLE;
@@ -338,8 +387,6 @@ static cairn_status step_on(cairn_virtual_align *align, cairn_budget *budget)
     *units += left - budget->left;
     if (status != CAIRN_OK)
         return status;
-    if (align->phase == ALIGN || align->phase == ALIGN_AGAIN)
-        align->result.aligner = cairn_aligner_read(align->aligner);
     align->phase = next_phase(align);
     align->cursor = 0;
     align->paid = 0;
@@ -369,7 +416,7 @@ cairn_status cairn_virtual_align_iterate(cairn_virtual_align *align, cairn_budge
 
         if (status != CAIRN_OK)
             return status;
-        if (done == ALIGN || done == ITERATE)
+        if ((done == KEEP && align->params.align) || done == ITERATE)
             return CAIRN_OK;
     }
     return CAIRN_OK;
@@ -394,8 +441,9 @@ cairn_virtual_align_pose cairn_virtual_align_pose_of(const cairn_virtual_align *
     memset(&pose, 0, sizeof pose);
     if (scan < 0 || scan >= align->scan_count)
         return pose;
-    pose.aligned = cairn_aligner_pose_of(align->aligner, scan);
-    pose.moved = align->starts[scan].moves;
+    pose.aligned = align->phase == ALIGN || align->phase == KEEP ? cairn_aligner_pose_of(align->aligner, scan)
+                                                                 : align->places[scan].aligned;
+    pose.moved = align->places[scan].moves;
     if (pose.moved && (align->phase >= GATHER || !align->params.align))
         pose.aligned.map_scan = cairn_force_field_pose(align->field, scan);
     return pose;

@@ -1,0 +1,390 @@
+/* Symmetric points of edgels and of segments.
+ *
+ * Method: with u the direction of the chord from the first edgel to the second, v to the left of it and c its length, the
+ * normals, turned towards each other, make the angles a and b with the chord, to the side of v. The centre lies on the
+ * bisector at c/2 tan((a + b) / 2) from its middle: there both deviate by |a - b| / 2 from their way to it, as much as the
+ * printed mean of the two tangents deviates on average, but without its large share on one side and its poles. Boxes of the
+ * segments, grown by the largest radius, overlap wherever one disc can touch both; the sweep reports these pairs. The best
+ * points go through a heap with the least symmetric at its root.
+ *
+ * Layout: the boxes of the segments, the heap, the sweep.
+ *
+ * Limits: one SP for a pair of segments: a long pair that is symmetric in two places needs to be cut first.
+ *
+ * Source: Adluru 2008, section 2.3, equation 2.10. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "cairn/symmetric_point.h"
+
+enum { MAX_SEGMENTS = 1 << 26, MAX_POINTS = 1 << 28, MAX_SAMPLES = 16, UNITS_A_PAIR = 3, UNITS_A_SIFT = 4 };
+
+/* Relative growth of boxes beyond what exact arithmetic needs. */
+#define SLACK CAIRN_REAL(1.001)
+
+typedef int32_t search_phase;
+enum { IDLE, BOXES, PAIRS, SORT, DONE };
+
+struct cairn_symmetric_point_set {
+    cairn_symmetric_point_params params;
+    cairn_box_sweep *sweep;
+    cairn_box *boxes;            /* [max_segments] */
+    cairn_symmetric_point *heap; /* [max_points] */
+    const cairn_segment *segments;
+    int32_t segment_count, count, dropped;
+    int32_t cursor;        /* BOXES: segment; SORT: end of the heap */
+    int32_t first, second; /* PAIRS: the pair to be looked at; first -1: none */
+    search_phase phase;
+    int32_t paid;
+};
+
+cairn_symmetric_point_params cairn_symmetric_point_default(void)
+{
+    cairn_symmetric_point_params params = {
+        .max_segments = 4096,
+        .max_points = 8192,
+        .samples = 5,
+        .sample_step = 4,
+        .min_radius = 2,
+        .max_radius = 100,
+        .max_angle = 60 * (CAIRN_PI / 180),
+        .max_deviation = 45 * (CAIRN_PI / 180),
+    };
+    return params;
+}
+
+static int params_are_valid(const cairn_symmetric_point_params *p)
+{
+    return p != NULL && p->max_segments >= 1 && p->max_segments <= MAX_SEGMENTS && p->max_points >= 1 &&
+           p->max_points <= MAX_POINTS && p->samples >= 1 && p->samples <= MAX_SAMPLES && p->sample_step > 0 &&
+           cairn_is_finite(p->sample_step) && p->min_radius >= 0 && p->max_radius >= p->min_radius &&
+           cairn_is_finite(p->max_radius) && p->max_angle > 0 && p->max_angle < CAIRN_PI / 2 && p->max_deviation >= 0 &&
+           cairn_is_finite(p->max_deviation);
+}
+
+static cairn_box_sweep *carve_sweep(cairn_pool *pool, int32_t max_boxes)
+{
+    cairn_box_sweep_params params = {max_boxes};
+    size_t need = cairn_box_sweep_memory(&params);
+    cairn_box_sweep *sweep = NULL;
+    cairn_status status;
+
+    if (pool->base == NULL) {
+        cairn_pool_count(pool, need);
+        return NULL;
+    }
+    status = cairn_box_sweep_create(&sweep, pool, &params);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    return sweep;
+}
+
+static cairn_symmetric_point_set *carve(cairn_pool *pool, const cairn_symmetric_point_params *params)
+{
+    cairn_symmetric_point_set *set = cairn_pool_take_one(pool, sizeof *set);
+    cairn_box *boxes = cairn_pool_take(pool, (size_t)params->max_segments, sizeof *boxes);
+    cairn_symmetric_point *heap = cairn_pool_take(pool, (size_t)params->max_points, sizeof *heap);
+    cairn_box_sweep *sweep = carve_sweep(pool, params->max_segments);
+
+    if (set != NULL) {
+        memset(set, 0, sizeof *set);
+        set->boxes = boxes;
+        set->heap = heap;
+        set->sweep = sweep;
+    }
+    return set;
+}
+
+size_t cairn_symmetric_point_memory(const cairn_symmetric_point_params *params)
+{
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status cairn_symmetric_point_create(cairn_symmetric_point_set **set, cairn_pool *pool,
+                                          const cairn_symmetric_point_params *params)
+{
+    size_t need = cairn_symmetric_point_memory(params);
+    cairn_symmetric_point_set *made;
+
+    if (set == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    made = carve(pool, params);
+    made->params = *params;
+    *set = made;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_symmetric_point_begin(cairn_symmetric_point_set *set, const cairn_segment *segments, int32_t count)
+{
+    cairn_status status;
+
+    if (set == NULL || count < 0 || (segments == NULL && count > 0))
+        return CAIRN_BAD_ARGUMENT;
+    if (count > set->params.max_segments)
+        return CAIRN_FULL;
+    set->segments = segments;
+    set->segment_count = count;
+    set->count = set->dropped = 0;
+    set->cursor = 0;
+    set->first = -1;
+    set->paid = 0;
+    set->phase = BOXES;
+    /* The segments are others than those of the last search: their order is no start for this one. */
+    status = cairn_box_sweep_begin(set->sweep, NULL, 0);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    return CAIRN_OK;
+}
+
+/* ---- One pair ---- */
+
+/* The angle of an edgel's normal with the chord, from u towards v, in (-pi/2, pi/2). 0: it is beyond max_angle. */
+static int angle_with_chord(cairn_vec2 direction, cairn_vec2 u, cairn_real cos_max, cairn_real *angle)
+{
+    cairn_real across = cairn_vec2_cross(direction, u), beside = cairn_vec2_dot(direction, u);
+
+    /* Of the normal, which is the direction turned to the left: its part along u, and that along v. */
+    if (across < 0) {
+        across = -across;
+        beside = -beside;
+    }
+    if (across < cos_max)
+        return 0;
+    *angle = cairn_atan2(beside, across);
+    return 1;
+}
+
+static int point_of(cairn_oriented_point first, cairn_oriented_point second, cairn_real cos_max,
+                    cairn_symmetric_point *point)
+{
+    cairn_vec2 chord = cairn_vec2_sub(second.position, first.position), u, bisector;
+    cairn_real half = CAIRN_REAL(0.5) * cairn_vec2_norm(chord), a, b, sine, cosine, up;
+
+    if (half == 0)
+        return 0;
+    u = cairn_vec2_scale(chord, CAIRN_REAL(0.5) / half);
+    /* The second angle is measured from -u; turning its normal round turns that of u to v into one from v to u. */
+    if (!angle_with_chord(first.direction, u, cos_max, &a) || !angle_with_chord(second.direction, u, cos_max, &b))
+        return 0;
+    cairn_sincos(CAIRN_REAL(0.5) * (a - b), &sine, &cosine);
+    up = half * (sine / cosine);
+    bisector = cairn_vec2_left(u);
+    point->centre =
+        cairn_vec2_add(cairn_vec2_add(first.position, cairn_vec2_scale(u, half)), cairn_vec2_scale(bisector, up));
+    point->radius = cairn_sqrt(half * half + up * up);
+    point->deviation = CAIRN_REAL(0.5) * cairn_abs(a + b);
+    point->touch[0] = first.position;
+    point->touch[1] = second.position;
+    point->first = 0;
+    point->second = 1;
+    return 1;
+}
+
+int32_t cairn_symmetric_point_of(cairn_oriented_point first, cairn_oriented_point second, cairn_real max_angle,
+                                 cairn_symmetric_point *point)
+{
+    return point_of(first, second, cairn_cos(max_angle), point);
+}
+
+/* Samples that a segment gets: one for every sample_step, up to the most. 0: it has no length. */
+static int32_t sample_count(const cairn_symmetric_point_params *params, cairn_real length)
+{
+    int32_t most = params->samples;
+
+    if (!(length > 0))
+        return 0;
+    if (length > params->sample_step * (cairn_real)most)
+        return most;
+    return cairn_real_to_int(cairn_max(cairn_ceil(length / params->sample_step), 1));
+}
+
+/* The middle of part i of `count`. */
+static cairn_oriented_point sample(cairn_segment segment, cairn_real length, int32_t i, int32_t count)
+{
+    cairn_vec2 along = cairn_vec2_sub(segment.b, segment.a);
+    cairn_real share = ((cairn_real)i + CAIRN_REAL(0.5)) / (cairn_real)count;
+    cairn_oriented_point edgel = {cairn_vec2_add(segment.a, cairn_vec2_scale(along, share)),
+                                  cairn_vec2_scale(along, 1 / length)};
+
+    return edgel;
+}
+
+static cairn_real off_chord(const cairn_symmetric_point *p)
+{
+    cairn_vec2 middle = cairn_vec2_scale(cairn_vec2_add(p->touch[0], p->touch[1]), CAIRN_REAL(0.5));
+
+    return cairn_vec2_norm_squared(cairn_vec2_sub(p->centre, middle));
+}
+
+int32_t cairn_symmetric_point_of_segments(const cairn_symmetric_point_params *params, cairn_segment first,
+                                          cairn_segment second, cairn_symmetric_point *point)
+{
+    cairn_real length = cairn_segment_length(first), other_length = cairn_segment_length(second);
+    cairn_real cos_max = cairn_cos(params->max_angle);
+    int32_t count = sample_count(params, length), other_count = sample_count(params, other_length), found = 0;
+
+    for (int32_t i = 0; i < count; i++)
+        for (int32_t j = 0; j < other_count; j++) {
+            cairn_symmetric_point p;
+
+            if (!point_of(sample(first, length, i, count), sample(second, other_length, j, other_count), cos_max, &p) ||
+                p.radius < params->min_radius || p.radius > params->max_radius || p.deviation > params->max_deviation)
+                continue;
+            if (!found || p.deviation < point->deviation ||
+                (p.deviation == point->deviation && off_chord(&p) < off_chord(point)))
+                *point = p;
+            found = 1;
+        }
+    return found;
+}
+
+cairn_real cairn_symmetric_point_quality(const cairn_symmetric_point *point, cairn_real sigma)
+{
+    cairn_real scaled = point->deviation / sigma;
+
+    return cairn_exp(CAIRN_REAL(-0.5) * scaled * scaled);
+}
+
+/* ---- All pairs ---- */
+
+/* The order of the result, total because every pair of segments has one point at most. */
+static int is_better(const cairn_symmetric_point *a, const cairn_symmetric_point *b)
+{
+    if (a->deviation != b->deviation)
+        return a->deviation < b->deviation;
+    return a->first != b->first ? a->first < b->first : a->second < b->second;
+}
+
+/* Puts a point into the heap of `count` from the vacant place `hole` down; no point is worse than its parent. */
+static void sift_down(cairn_symmetric_point *heap, int32_t count, int32_t hole, const cairn_symmetric_point *point)
+{
+    for (int32_t child = 2 * hole + 1; child < count; child = 2 * hole + 1) {
+        if (child + 1 < count && is_better(&heap[child], &heap[child + 1]))
+            child++;
+        if (!is_better(point, &heap[child]))
+            break;
+        heap[hole] = heap[child];
+        hole = child;
+    }
+    heap[hole] = *point;
+}
+
+static void keep(cairn_symmetric_point_set *set, const cairn_symmetric_point *point)
+{
+    int32_t hole = set->count;
+
+    if (set->count == set->params.max_points) {
+        set->dropped++;
+        if (is_better(point, &set->heap[0]))
+            sift_down(set->heap, set->count, 0, point);
+        return;
+    }
+    for (; hole > 0 && is_better(&set->heap[(hole - 1) / 2], point); hole = (hole - 1) / 2)
+        set->heap[hole] = set->heap[(hole - 1) / 2];
+    set->heap[hole] = *point;
+    set->count++;
+}
+
+static cairn_status step_boxes(cairn_symmetric_point_set *set, cairn_budget *budget)
+{
+    for (; set->cursor < set->segment_count; set->cursor++) {
+        cairn_segment s = set->segments[set->cursor];
+        cairn_box box = {s.a, s.a};
+
+        if (budget->left <= 0)
+            return CAIRN_MORE;
+        budget->left--;
+        if (!cairn_is_finite(s.a.x) || !cairn_is_finite(s.a.y) || !cairn_is_finite(s.b.x) || !cairn_is_finite(s.b.y))
+            return CAIRN_NOT_FINITE;
+        set->boxes[set->cursor] = cairn_box_grow(cairn_box_extend(box, s.b), set->params.max_radius * SLACK);
+    }
+    set->cursor = 0;
+    return cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count);
+}
+
+static int32_t pair_cost(const cairn_symmetric_point_set *set)
+{
+    return UNITS_A_SIFT + UNITS_A_PAIR * sample_count(&set->params, cairn_segment_length(set->segments[set->first])) *
+                              sample_count(&set->params, cairn_segment_length(set->segments[set->second]));
+}
+
+static cairn_status step_pairs(cairn_symmetric_point_set *set, cairn_budget *budget)
+{
+    for (;;) {
+        cairn_symmetric_point point;
+
+        if (set->first < 0) {
+            cairn_status status = cairn_box_sweep_next(set->sweep, budget, &set->first, &set->second);
+
+            if (status != CAIRN_OK) {
+                set->first = -1;
+                return status == CAIRN_EMPTY ? CAIRN_OK : status;
+            }
+        }
+        if (!cairn_budget_pay(budget, &set->paid, pair_cost(set)))
+            return CAIRN_MORE;
+        if (cairn_symmetric_point_of_segments(&set->params, set->segments[set->first], set->segments[set->second],
+                                              &point)) {
+            point.first = set->first;
+            point.second = set->second;
+            keep(set, &point);
+        }
+        set->first = -1;
+    }
+}
+
+/* Takes the worst point of the heap out and puts it behind, until all are in order. */
+static cairn_status step_sort(cairn_symmetric_point_set *set, cairn_budget *budget)
+{
+    for (; set->cursor < set->count; set->cursor++) {
+        int32_t last = set->count - 1 - set->cursor;
+        cairn_symmetric_point worst = set->heap[0], moved = set->heap[last];
+
+        if (!cairn_budget_pay(budget, &set->paid, UNITS_A_SIFT))
+            return CAIRN_MORE;
+        sift_down(set->heap, last, 0, &moved);
+        set->heap[last] = worst;
+    }
+    return CAIRN_OK;
+}
+
+cairn_status cairn_symmetric_point_step(cairn_symmetric_point_set *set, cairn_budget *budget)
+{
+    if (set == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (set->phase != IDLE && set->phase != DONE) {
+        cairn_status status = set->phase == BOXES   ? step_boxes(set, budget)
+                              : set->phase == PAIRS ? step_pairs(set, budget)
+                                                    : step_sort(set, budget);
+
+        if (status < 0)
+            set->phase = IDLE;
+        if (status != CAIRN_OK)
+            return status;
+        set->phase++;
+    }
+    return CAIRN_OK;
+}
+
+const cairn_symmetric_point *cairn_symmetric_point_list(const cairn_symmetric_point_set *set, int32_t *count)
+{
+    int has = set != NULL && set->phase == DONE;
+
+    if (count != NULL)
+        *count = has ? set->count : 0;
+    return has ? set->heap : NULL;
+}
+
+int32_t cairn_symmetric_point_dropped(const cairn_symmetric_point_set *set)
+{
+    return set != NULL && set->phase == DONE ? set->dropped : 0;
+}

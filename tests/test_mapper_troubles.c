@@ -1,0 +1,179 @@
+/* Bad logs: what the mapper makes of scans that show nothing, come twice, run back in time, or begin elsewhere. */
+#include "tests/drive.h"
+
+#include <math.h>
+
+enum { SCANS = 300 };
+
+static cairn_mapper_result results[SCANS];
+static cairn_pose poses[SCANS];
+
+/* One scan, taken in whole, with odometry or none. */
+static cairn_mapper_result take(cairn_mapper *mapper, const cairn_scan_input *input, const cairn_pose *odometry)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    assert_ok(cairn_mapper_add(mapper, input, odometry, NULL));
+    assert_ok(cairn_mapper_step(mapper, &budget));
+    return cairn_mapper_read(mapper);
+}
+
+static void settle(cairn_mapper *mapper, int32_t count)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    assert_ok(cairn_mapper_settle(mapper, &budget));
+    for (int32_t i = 0; i < count; i++) {
+        poses[i] = cairn_pose_compose(cairn_mapper_key_pose(mapper, results[i].key), results[i].key_scan);
+        assert_true(cairn_pose_is_finite(poses[i]));
+    }
+}
+
+/* Largest error of position of scans from ... end - 1 seen from scan `from`. */
+static double worst_error(const drive *d, int32_t from, int32_t end)
+{
+    double worst = 0;
+
+    for (int32_t i = from; i < end; i++) {
+        cairn_pose truth = cairn_pose_between(pose_of(d->scans[from].truth), pose_of(d->scans[i].truth));
+        cairn_pose found = cairn_pose_between(poses[from], poses[i]);
+
+        worst = fmax(worst, hypot((double)(truth.x - found.x), (double)(truth.y - found.y)));
+    }
+    return worst;
+}
+
+static void an_empty_beginning(void **state)
+{
+    cairn_mapper_params params = small_params();
+    drive d = start_drive(SIM_APARTMENT, 3, 200, 0.02, 0.2);
+    cairn_pool pool;
+    cairn_mapper *mapper = new_mapper(&pool, &params);
+    static float nothing[181];
+
+    (void)state;
+    for (int i = 0; i < 181; i++)
+        nothing[i] = NAN;
+    for (int32_t i = 0; i < d.count; i++) {
+        cairn_scan_input input = sim_scan_input(&d.scans[i]);
+        cairn_pose odometry = pose_of(d.scans[i].odometry);
+
+        if (i < 100)
+            input.range = nothing;
+        results[i] = take(mapper, &input, &odometry);
+        if (i < 100)
+            assert_int_equal(results[i].verdict, CAIRN_MAPPER_BLIND);
+    }
+    settle(mapper, d.count);
+    assert_int_equal(results[101].verdict, CAIRN_MAPPER_MATCHED);
+    assert_true(cairn_mapper_measure(mapper).predicted >= 100 && cairn_mapper_measure(mapper).predicted <= 101);
+    assert_true(worst_error(&d, 100, d.count) < 0.15);
+    test_pool_free(&pool);
+    end_drive(&d);
+}
+
+static void every_scan_twice(void **state)
+{
+    cairn_mapper_params params = small_params();
+    drive d = start_drive(SIM_APARTMENT, 4, 150, 0.02, 0.2);
+    int32_t keys[2];
+
+    (void)state;
+    for (int32_t times = 1; times <= 2; times++) {
+        cairn_pool pool;
+        cairn_mapper *mapper = new_mapper(&pool, &params);
+
+        for (int32_t i = 0; i < d.count * times; i++) {
+            cairn_scan_input input = sim_scan_input(&d.scans[i / times]);
+            cairn_pose odometry = pose_of(d.scans[i / times].odometry);
+            cairn_mapper_result result = take(mapper, &input, &odometry);
+
+            results[i / times] = result;
+        }
+        settle(mapper, d.count);
+        keys[times - 1] = cairn_mapper_measure(mapper).keys;
+        assert_int_equal(cairn_mapper_measure(mapper).scans, d.count * times);
+        assert_int_equal(cairn_mapper_measure(mapper).predicted, 0);
+        assert_true(worst_error(&d, 0, d.count) < 0.15);
+        test_pool_free(&pool);
+    }
+    assert_true(abs(keys[1] - keys[0]) <= keys[0] / 8);
+    end_drive(&d);
+}
+
+/* Stamps tell nothing of where a scan was taken: their order does not matter. */
+static void time_that_runs_back(void **state)
+{
+    cairn_mapper_params params = small_params();
+    drive d = start_drive(SIM_APARTMENT, 5, 60, 0.02, 0.2);
+    cairn_pose forth[60];
+
+    (void)state;
+    for (int back = 0; back <= 1; back++) {
+        cairn_pool pool;
+        cairn_mapper *mapper = new_mapper(&pool, &params);
+
+        for (int32_t i = 0; i < d.count; i++) {
+            cairn_scan_input input = sim_scan_input(&d.scans[i]);
+            cairn_pose odometry = pose_of(d.scans[i].odometry);
+
+            input.stamp_ns = back ? -i : i;
+            results[i] = take(mapper, &input, &odometry);
+        }
+        settle(mapper, d.count);
+        if (back)
+            assert_memory_equal(forth, poses, sizeof forth);
+        memcpy(forth, poses, sizeof forth);
+        test_pool_free(&pool);
+    }
+    end_drive(&d);
+}
+
+/* The robot is carried to another room after its first scans, and odometry does not know. It says that it is in doubt, and maps
+ * where it is. */
+static void a_kidnapped_start(void **state)
+{
+    cairn_mapper_params params = small_params();
+    drive d = start_drive(SIM_APARTMENT, 6, 220, 0.02, 0.2);
+    cairn_pool pool;
+    cairn_mapper *mapper = new_mapper(&pool, &params);
+    cairn_pose left = pose_of(d.scans[9].odometry), found = pose_of(d.scans[120].odometry);
+    cairn_mapper_state before, after;
+
+    (void)state;
+    for (int32_t i = 0; i < 10; i++) {
+        cairn_scan_input input = sim_scan_input(&d.scans[i]);
+        cairn_pose odometry = pose_of(d.scans[i].odometry);
+
+        results[i] = take(mapper, &input, &odometry);
+    }
+    before = cairn_mapper_measure(mapper);
+    for (int32_t i = 120; i < d.count; i++) {
+        cairn_scan_input input = sim_scan_input(&d.scans[i]);
+        cairn_pose odometry = cairn_pose_compose(left, cairn_pose_between(found, pose_of(d.scans[i].odometry)));
+
+        results[i] = take(mapper, &input, &odometry);
+        if (i == 124)
+            after = cairn_mapper_measure(mapper);
+    }
+    for (int32_t i = 10; i < 120; i++)
+        results[i] = results[9];
+    settle(mapper, d.count);
+    assert_true(after.doubtful + after.predicted > before.doubtful + before.predicted);
+    assert_true(worst_error(&d, 130, 170) < 0.05);
+    assert_true(worst_error(&d, 130, d.count) < 0.3);
+    test_pool_free(&pool);
+    end_drive(&d);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(an_empty_beginning),
+        cmocka_unit_test(every_scan_twice),
+        cmocka_unit_test(time_that_runs_back),
+        cmocka_unit_test(a_kidnapped_start),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,259 @@
+/* Tables of ranges: every field, every way in which a line or a head can be wrong. */
+#include "tests/files.h"
+
+#include <math.h>
+
+#include "cairn/range_table.h"
+
+static cairn_file_error told[8];
+static int32_t told_count;
+
+static void on_fault(void *context, const cairn_file_error *fault)
+{
+    (void)context;
+    if (told_count < 8)
+        told[told_count] = *fault;
+    told_count++;
+}
+
+static cairn_status load(cairn_carmen_scans *scans, int32_t *has_odometry, const char *text,
+                         cairn_range_table_kind kind, double range_max, cairn_file_error *error)
+{
+    cairn_carmen_params params = cairn_carmen_default();
+
+    params.range_max = range_max;
+    params.on_fault = on_fault;
+    told_count = 0;
+    return cairn_range_table_load(scans, has_odometry, files_write_text("table", text), kind, &params, error);
+}
+
+static void csv_fields(void **state)
+{
+    cairn_carmen_scans s;
+    int32_t has_odometry;
+    const cairn_carmen_record *r;
+
+    (void)state;
+    assert_ok(load(&s, &has_odometry,
+                   "# a scanner\n\ntime, x,y,theta,-90,0,45.5\n"
+                   "1.5,1,2,0.5,1,2.25,3\n"
+                   "# between\n"
+                   " 2.5 ,1,3,-0.5, 4 ,,inf\r\n"
+                   "2,1,3,7,nan,80,79\n",
+                   CAIRN_RANGE_TABLE_CSV, 0, NULL));
+    assert_int_equal(told_count, 0);
+    assert_int_equal(has_odometry, 1);
+    assert_int_equal(s.count, 3);
+    assert_int_equal(s.info.scans, 3);
+    assert_int_equal(s.info.lines, 7);
+    assert_int_equal(s.info.beams, 9);
+    assert_int_equal(s.info.beams_least, 3);
+    assert_int_equal(s.info.beams_most, 3);
+    assert_int_equal(s.info.first_ns, 1500000000);
+    assert_int_equal(s.info.last_ns, 2000000000);
+    assert_int_equal(s.info.least_ns, 1500000000);
+    assert_int_equal(s.info.most_ns, 2500000000);
+    assert_int_equal(s.info.stamps_back, 1);
+    assert_int_equal(s.info.fixed_mounting, 1);
+    assert_near(s.info.range_max, 80, 0);
+    assert_near(s.info.odometry_length, 1, 1e-6);
+    assert_near(s.info.odometry_turn, 1 + 7.5 - 2 * 3.14159265358979, 1e-5);
+    r = &s.record[0];
+    assert_int_equal(r->kind, CAIRN_CARMEN_SCAN);
+    assert_int_equal(r->line, 4);
+    assert_int_equal(r->stamp_ns, 1500000000);
+    assert_int_equal(r->count, 3);
+    assert_int_equal(r->scan.count, 3);
+    assert_int_equal(r->scan.stamp_ns, r->stamp_ns);
+    assert_true(r->scan.range == r->range);
+    assert_near(r->scan.range_max, 80, 0);
+    assert_near(r->scan.range_sigma, 0.01, 1e-8);
+    assert_near(r->scan.angle[0], -1.5707963, 1e-6);
+    assert_near(r->scan.angle[1], 0, 0);
+    assert_near(r->scan.angle[2], 45.5 * 0.017453292519943295, 1e-6);
+    assert_near(r->range[0], 1, 0);
+    assert_near(r->range[1], 2.25, 0);
+    assert_near(r->range[2], 3, 0);
+    assert_near(r->robot.x, 1, 0);
+    assert_near(r->robot.y, 2, 0);
+    assert_near(r->robot.theta, 0.5, 1e-7);
+    assert_memory_equal(&r->robot, &r->laser, sizeof r->robot);
+    r = &s.record[1];
+    assert_int_equal(r->line, 6);
+    assert_near(r->range[0], 4, 0);
+    assert_near(r->range[1], 0, 0);
+    assert_true(isinf(r->range[2]));
+    r = &s.record[2];
+    assert_true(isnan(r->range[0]));
+    assert_true(isinf(r->range[1]));
+    assert_near(r->range[2], 79, 0);
+    assert_near(r->robot.theta, 7 - 2 * 3.14159265358979, 1e-5);
+    cairn_carmen_scans_free(&s);
+}
+
+/* Many scans, without time and odometry; the greatest range is the caller's. */
+static void csv_of_ranges_alone(void **state)
+{
+    char *text = malloc(100000), *at = text;
+    cairn_carmen_scans s;
+    int32_t has_odometry;
+
+    (void)state;
+    assert_non_null(text);
+    at += sprintf(at, "-1,1\n");
+    for (int i = 0; i < 1000; i++)
+        at += sprintf(at, "%d,5\n", i);
+    assert_ok(load(&s, &has_odometry, text, CAIRN_RANGE_TABLE_CSV, 500, NULL));
+    assert_int_equal(has_odometry, 0);
+    assert_int_equal(s.count, 1000);
+    for (int i = 0; i < 1000; i++) {
+        assert_int_equal(s.record[i].stamp_ns, (int64_t)i * 100000000);
+        assert_near(s.record[i].range[1], 5, 0);
+        assert_true(i < 500 ? s.record[i].range[0] == (float)i : isinf(s.record[i].range[0]));
+    }
+    cairn_carmen_scans_free(&s);
+    free(text);
+}
+
+static void damaged_lines_are_told_and_left_out(void **state)
+{
+    cairn_carmen_scans s;
+    int32_t has_odometry;
+
+    (void)state;
+    assert_ok(load(&s, &has_odometry, "time,0,1\n1,2,3\n2,3\n3,4,5,6\n4,x,5\ninf,1,1\n,1,1\n5,6,7\n",
+                   CAIRN_RANGE_TABLE_CSV, 0, NULL));
+    assert_int_equal(s.count, 2);
+    assert_int_equal(s.info.faults, 5);
+    assert_int_equal(told_count, 5);
+    for (int i = 0; i < 5; i++)
+        assert_int_equal(told[i].line, 3 + i);
+    assert_non_null(strstr(told[0].text, "too few fields, expected 3 numbers"));
+    assert_non_null(strstr(told[1].text, "too many fields"));
+    assert_non_null(strstr(told[2].text, "no number"));
+    assert_non_null(strstr(told[3].text, "not finite"));
+    assert_non_null(strstr(told[4].text, "no number"));
+    cairn_carmen_scans_free(&s);
+}
+
+static void bad_heads_and_files_are_refused(void **state)
+{
+    static const struct {
+        const char *text;
+        cairn_status status;
+    } bad[] = {
+        {"time,colour,0\n1,2,3\n", CAIRN_BAD_FORMAT},
+        {"time,time,0\n1,2,3\n", CAIRN_BAD_FORMAT},
+        {"time,x,y,0\n1,2,3,4\n", CAIRN_BAD_FORMAT},
+        {"time,x,y,theta\n1,2,3,4\n", CAIRN_BAD_FORMAT},
+        {"time,361\n1,2\n", CAIRN_BAD_FORMAT},
+        {"time,0\n", CAIRN_EMPTY},
+        {"time,0\n1\n", CAIRN_EMPTY},
+        {"", CAIRN_EMPTY},
+    };
+    cairn_carmen_scans s;
+    cairn_file_error error;
+    int32_t has_odometry;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        assert_status(load(&s, &has_odometry, bad[i].text, CAIRN_RANGE_TABLE_CSV, 0, &error), bad[i].status);
+        assert_non_null(strstr(error.text, "expected"));
+        assert_null(s.record);
+    }
+    assert_status(load(&s, &has_odometry, "time,0\n1,2\n", CAIRN_RANGE_TABLE_CSV, -1, &error), CAIRN_BAD_ARGUMENT);
+    assert_status(load(&s, &has_odometry, "time,0\n1,2\n", CAIRN_RANGE_TABLE_CSV, (double)NAN, &error),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(load(&s, &has_odometry, "time,0\n1,2\n", CAIRN_RANGE_TABLE_CSV, 1e9, &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_range_table_load(&s, &has_odometry, files_path("none"), CAIRN_RANGE_TABLE_CSV, NULL, &error),
+                  CAIRN_IO);
+}
+
+/* A line of the URG's of so many fields, the ranges growing by 1 mm. */
+static char *add_urg(char *at, int fields, int microseconds, int range)
+{
+    at += sprintf(at, "%d", microseconds);
+    for (int i = 1; i < fields; i++)
+        at += sprintf(at, " %d", i < 25 ? 7 : range == 0 ? 0 : range + i - 25);
+    *at++ = '\n';
+    *at = 0;
+    return at;
+}
+
+static void urg_fields(void **state)
+{
+    char *text = malloc(100000), *at = text;
+    cairn_carmen_scans s;
+    int32_t has_odometry;
+
+    (void)state;
+    assert_non_null(text);
+    at = add_urg(at, 707, 1500000, 5000);
+    at = add_urg(at, 706, 1600000, 1000);
+    at = add_urg(at, 708, 1700000, 1000);
+    (void)add_urg(at, 707, 1800000, 0);
+    assert_ok(load(&s, &has_odometry, text, CAIRN_RANGE_TABLE_URG, 0, NULL));
+    assert_int_equal(has_odometry, 0);
+    assert_int_equal(s.count, 2);
+    assert_int_equal(told_count, 2);
+    assert_int_equal(s.info.beams_most, 682);
+    assert_near(s.info.range_max, 5.6, 1e-12);
+    assert_int_equal(s.record[0].stamp_ns, 1500000000);
+    assert_near(s.record[0].range[0], 5, 1e-6);
+    assert_near(s.record[0].range[599], 5.599, 1e-5);
+    assert_true(isinf(s.record[0].range[600]));
+    assert_near(s.record[0].scan.angle[341], 0, 0);
+    assert_near(s.record[0].scan.angle[0], -341 * 2 * 3.14159265358979 / 1024, 1e-6);
+    assert_near(s.record[1].range[681], 0, 0);
+    assert_int_equal(s.record[1].line, 4);
+    assert_near(s.record[1].robot.x, 0, 0);
+    cairn_carmen_scans_free(&s);
+    free(text);
+}
+
+static cairn_range_table_kind kind_of(const char *text)
+{
+    cairn_range_table_kind kind = -1;
+
+    assert_ok(cairn_range_table_find_kind(&kind, files_write_text("kind", text), NULL));
+    return kind;
+}
+
+static void kinds_are_told_apart(void **state)
+{
+    char *text = malloc(100000), *at = text;
+    cairn_range_table_kind kind = CAIRN_RANGE_TABLE_URG;
+
+    (void)state;
+    assert_non_null(text);
+    assert_int_equal(kind_of("# x\ntime,0,1\n"), CAIRN_RANGE_TABLE_CSV);
+    assert_int_equal(kind_of("FLASER 2 1 1 0 0 0 0 0 0 1 h 1\n"), CAIRN_RANGE_TABLE_NONE);
+    assert_int_equal(kind_of("time,x,y,theta\n"), CAIRN_RANGE_TABLE_NONE);
+    assert_int_equal(kind_of("0\n"), CAIRN_RANGE_TABLE_NONE);
+    assert_int_equal(kind_of(""), CAIRN_RANGE_TABLE_NONE);
+    at = add_urg(at, 12, 1, 1);
+    at = add_urg(at, 707, 1, 1);
+    assert_int_equal(kind_of(text), CAIRN_RANGE_TABLE_URG);
+    for (at = text; at < text + 300; at += 3)
+        memcpy(at, "# \n", 4);
+    at += sprintf(at, "0,1\n");
+    assert_int_equal(kind_of(text), CAIRN_RANGE_TABLE_NONE);
+    assert_int_equal(kind_of(text + 3), CAIRN_RANGE_TABLE_CSV);
+    assert_status(cairn_range_table_find_kind(&kind, files_path("none"), NULL), CAIRN_IO);
+    assert_int_equal(kind, CAIRN_RANGE_TABLE_NONE);
+    free(text);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(csv_fields),
+        cmocka_unit_test(csv_of_ranges_alone),
+        cmocka_unit_test(damaged_lines_are_told_and_left_out),
+        cmocka_unit_test(bad_heads_and_files_are_refused),
+        cmocka_unit_test(urg_fields),
+        cmocka_unit_test(kinds_are_told_apart),
+    };
+
+    return cmocka_run_group_tests(tests, files_setup, files_teardown);
+}

@@ -1,0 +1,224 @@
+/* cairn align --virtual: method default, and virtual scans for what it finds no place for. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cairn/virtual_align.h"
+#include "tools/cairn_align.h"
+
+/* What the player shows of it. */
+typedef struct virtual_record {
+    cairn_report_player *player;
+    const cairn_virtual_align *align;
+    cairn_pose *pose;
+    uint8_t *doubtful;
+    cairn_report_guess *guess;
+    int32_t scans, guess_room;
+    int64_t step;
+} virtual_record;
+
+static cairn_status add_to_align(void *align, const cairn_scan_view *view, cairn_pose start, cairn_fault *fault)
+{
+    return cairn_virtual_align_add_scan(align, view, start, fault);
+}
+
+/* ---- What the player shows ---- */
+
+static cairn_report_player_params player_params(void)
+{
+    static const cairn_report_curve curves[] = {
+        {"hypotheses", "", "lines and rooms that the map suggests"},
+        {"sigma", "m", "how far off scans may still be"},
+        {"mean relocation", "mm", "of the scans that move, by the step that ends here"},
+    };
+    cairn_report_player_params params = cairn_report_player_default();
+
+    params.curve = curves;
+    params.curve_count = sizeof curves / sizeof *curves;
+    return params;
+}
+
+static cairn_status record_begin(virtual_record *record, const align_job *job, const cairn_virtual_align *align)
+{
+    size_t scans = (size_t)job->log->count + 1;
+
+    record->player = job->player;
+    record->align = align;
+    record->scans = job->log->count;
+    record->guess_room = cairn_virtual_align_default().hypotheses.max_virtual;
+    record->pose = malloc(scans * sizeof *record->pose);
+    record->doubtful = calloc(scans, 1);
+    record->guess = malloc((size_t)record->guess_room * sizeof *record->guess);
+    return record->pose != NULL && record->doubtful != NULL && record->guess != NULL ? CAIRN_OK : CAIRN_NO_MEMORY;
+}
+
+static void record_free(virtual_record *record)
+{
+    free(record->pose);
+    free(record->doubtful);
+    free(record->guess);
+}
+
+static int is_straight_on(const cairn_oriented_point *a, const cairn_oriented_point *b)
+{
+    return a->direction.x == b->direction.x && a->direction.y == b->direction.y;
+}
+
+/* The virtual scan as pieces: points of one direction are one, a lone one is as long as they are apart. */
+static int32_t take_guesses(virtual_record *record)
+{
+    const cairn_virtual_scan *from = cairn_virtual_align_hypotheses(record->align);
+    const cairn_real half = cairn_virtual_align_default().hypotheses.spacing / 2, *weights;
+    int32_t hypotheses, points, count = 0;
+    const cairn_hypothesis *h = cairn_virtual_scan_hypotheses(from, &hypotheses);
+    const cairn_oriented_point *p = cairn_virtual_scan_points(from, &weights, &points);
+
+    for (int32_t i = 0; i < hypotheses; i++)
+        for (int32_t first = h[i].first_point, end; first < h[i].end_point; first = end) {
+            cairn_report_guess *guess = &record->guess[count++];
+
+            for (end = first + 1; end < h[i].end_point && is_straight_on(&p[first], &p[end]);)
+                end++;
+            guess->strength = h[i].strength;
+            guess->segment.a = p[first].position;
+            guess->segment.b = p[end - 1].position;
+            if (end == first + 1) {
+                cairn_vec2 way = cairn_vec2_scale(p[first].direction, half);
+
+                guess->segment.a = cairn_vec2_sub(p[first].position, way);
+                guess->segment.b = cairn_vec2_add(p[first].position, way);
+            }
+        }
+    return count;
+}
+
+/* Poses as they are; returns how far those that move went, m, in the mean. */
+static double take_poses(virtual_record *record)
+{
+    double way = 0;
+    int32_t moving = 0;
+
+    for (int32_t i = 0; i < record->scans; i++) {
+        cairn_virtual_align_pose pose = cairn_virtual_align_pose_of(record->align, i);
+        cairn_pose last = record->pose[i];
+
+        record->pose[i] = pose.aligned.map_scan;
+        record->doubtful[i] = !pose.aligned.placed;
+        if (pose.moved && record->step > 0) {
+            way += hypot((double)(record->pose[i].x - last.x), (double)(record->pose[i].y - last.y));
+            moving++;
+        }
+    }
+    return moving > 0 ? way / moving : 0;
+}
+
+/* A frame of what there is now; nothing has moved yet in the first one. */
+static cairn_status record_frame(virtual_record *record)
+{
+    cairn_virtual_align_result result = cairn_virtual_align_read(record->align);
+    int in_field = result.iterations > 0 && cairn_virtual_align_running(record->align);
+    double sigma = (double)cairn_force_field_read(cairn_virtual_align_field(record->align)).sigma;
+    cairn_report_frame frame;
+    char label[96];
+    double value[3];
+
+    memset(&frame, 0, sizeof frame);
+    value[2] = 1000 * take_poses(record);
+    value[0] = in_field ? result.hypotheses : (double)NAN;
+    value[1] = in_field ? sigma : (double)NAN;
+    if (in_field) {
+        snprintf(label, sizeof label, "%" PRId32 " scans move with %" PRId32 " hypotheses, sigma %.2f m", result.moved,
+                 result.hypotheses, sigma);
+        frame.guess = record->guess;
+        frame.guess_count = take_guesses(record);
+    } else {
+        snprintf(label, sizeof label, "%s%" PRId32 " scans placed, the others in red",
+                 cairn_virtual_align_running(record->align) ? "" : "end: ", result.aligner.placed);
+    }
+    frame.step = record->step++;
+    frame.label = label;
+    frame.pose = record->pose;
+    frame.doubtful = record->doubtful;
+    frame.pose_count = record->scans;
+    frame.value = value;
+    return cairn_report_player_add_frame(record->player, &frame);
+}
+
+/* ---- The alignment ---- */
+
+static cairn_status run(align_job *job, cairn_virtual_align *align)
+{
+    cairn_status status = cairn_virtual_align_begin(align);
+    virtual_record record;
+
+    memset(&record, 0, sizeof record);
+    if (status == CAIRN_OK && job->player != NULL)
+        status = record_begin(&record, job, align);
+    while (status == CAIRN_OK && cairn_virtual_align_running(align)) {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        while ((status = cairn_virtual_align_iterate(align, &budget)) == CAIRN_MORE)
+            budget.left = CAIRN_UNBOUNDED;
+        if (status == CAIRN_OK && job->player != NULL)
+            status = record_frame(&record);
+    }
+    record_free(&record);
+    return status;
+}
+
+static void read_result(align_job *job, const cairn_virtual_align *align)
+{
+    cairn_virtual_align_result result = cairn_virtual_align_read(align);
+    int32_t guessed = 0;
+
+    for (int32_t i = 0; i < job->log->count; i++) {
+        cairn_virtual_align_pose pose = cairn_virtual_align_pose_of(align, i);
+
+        align_read_pose(job, i, &pose.aligned);
+        if (pose.moved && job->scans[i].doubtful && job->scans[i].point_count > 0) {
+            job->scans[i].verdict = "guessed";
+            guessed++;
+        }
+    }
+    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " placed, %" PRId32 " by hypotheses alone",
+             result.aligner.placed, guessed);
+    snprintf(job->summary, sizeof job->summary,
+             "virtual    %" PRId32 " scans went by hypotheses in %" PRId32 " iterations, %" PRId32
+             " of them found no other ground\n",
+             result.moved, result.iterations, guessed);
+    align_summarize(job, &result.aligner);
+}
+
+int align_by_hypotheses(align_job *job)
+{
+    cairn_virtual_align_params params = cairn_virtual_align_default();
+    cairn_virtual_align *align = NULL;
+    cairn_scan *scan = NULL;
+    cairn_status status;
+    cairn_pool pool;
+    int code;
+
+    params.aligner = align_params_of(job);
+    code = tool_pool_open(&pool, ALIGN_PROGRAM, job->settings->pool,
+                          cairn_virtual_align_memory(&params) + cairn_scan_memory(&job->scan));
+    if (code != TOOL_OK)
+        return code;
+    status = cairn_scan_create(&scan, &pool, &job->scan);
+    if (status == CAIRN_OK)
+        status = cairn_virtual_align_create(&align, &pool, &params);
+    if (status == CAIRN_OK)
+        status = align_open_player(job, player_params(), "scans without a place go by hypotheses");
+    if (status == CAIRN_OK)
+        code = align_add_scans(job, scan, add_to_align, align);
+    if (status == CAIRN_OK && code == TOOL_OK)
+        status = run(job, align);
+    if (status < 0)
+        code = align_refuse(job, status);
+    else if (code == TOOL_OK)
+        read_result(job, align);
+    job->pool_bytes = pool.peak;
+    tool_pool_close(&pool);
+    return code;
+}
