@@ -171,8 +171,9 @@ check:
 check-freestanding:
 	@sh tools/check.sh $(BUILD) freestanding
 
+GOLDEN    := $(wildcard tests/golden*.c)
 # Every object of everything, for the checks of warnings.
-ALL_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(TEST_SRC) $(wildcard tests/support.c tests/rooms.c tests/golden.c) $(FW_LOOP) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC)
+ALL_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(TEST_SRC) $(wildcard tests/support.c tests/rooms.c) $(GOLDEN) $(FW_LOOP) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC)
 objects: $(call object,double,$(ALL_SRC)) $(call object,float,$(ALL_SRC))
 
 # The firmware: the float library in the loop of a robot on bare Cortex-M7 and M4F, and tests/golden.c in float and double.
@@ -210,17 +211,17 @@ $(foreach real,float double,$(foreach cpu,$(FW_CPUS),$(eval $(call fw_objects,$(
 $(foreach real,float double,$(eval $(call fw_objects,host,$(CC) $(LIB_FLAGS) -I$(FW) $(CFLAGS),$(real))))
 fw_object = $(patsubst %,$(FW)/$(1)/$(2)/%.o,$(3))
 define fw_programs
-$(FW)/$(1)/golden-float.elf: $(call fw_object,$(1),float,tests/golden.c firmware/board_cortex_m.c $(LIB_SRC)) firmware/cortex-m.ld
+$(FW)/$(1)/golden-float.elf: $(call fw_object,$(1),float,$(GOLDEN) firmware/board_cortex_m.c $(LIB_SRC)) firmware/cortex-m.ld
 	$(FW_CC) $(FW_FLAGS) $(fw_$(1)) $(FW_LINK) -Wl,--defsym=ram_bytes=2M $$(filter %.o,$$^) -lm -o $$@
-$(FW)/$(1)/golden-double.elf: $(call fw_object,$(1),double,tests/golden.c firmware/board_cortex_m.c firmware/soft_double.c $(LIB_SRC)) firmware/cortex-m.ld
+$(FW)/$(1)/golden-double.elf: $(call fw_object,$(1),double,$(GOLDEN) firmware/board_cortex_m.c firmware/soft_double.c $(LIB_SRC)) firmware/cortex-m.ld
 	$(FW_CC) $(FW_FLAGS) $(fw_$(1)) $(FW_LINK) $(FW_DOUBLE) -Wl,--defsym=ram_bytes=2M $$(filter %.o,$$^) -lm -o $$@
 $(FW)/$(1)/%.elf: $(FW)/$(1)/float/firmware/mission_%.c.o $(call fw_object,$(1),float,$(FW_LOOP) firmware/board_cortex_m.c $(LIB_SRC)) firmware/cortex-m.ld
 	$(FW_CC) $(FW_FLAGS) $(fw_$(1)) $(FW_LINK) -Wl,-Map=$$@.map $$(filter %.o,$$^) -lm -o $$@
 endef
 $(foreach cpu,$(FW_CPUS),$(eval $(call fw_programs,$(cpu))))
-$(FW)/host/golden-float: $(call fw_object,host,float,tests/golden.c firmware/board_host.c) $(BUILD)/libcairn-float.a
+$(FW)/host/golden-float: $(call fw_object,host,float,$(GOLDEN) firmware/board_host.c) $(BUILD)/libcairn-float.a
 	$(CC) $(SAN) $^ -lm -o $@
-$(FW)/host/golden-double: $(call fw_object,host,double,tests/golden.c firmware/board_host.c) $(BUILD)/libcairn.a
+$(FW)/host/golden-double: $(call fw_object,host,double,$(GOLDEN) firmware/board_host.c) $(BUILD)/libcairn.a
 	$(CC) $(SAN) $^ -lm -o $@
 $(FW)/host/%: $(FW)/host/float/firmware/mission_%.c.o $(call fw_object,host,float,$(FW_LOOP) firmware/board_host.c) $(BUILD)/libcairn-float.a
 	$(CC) $(SAN) $^ -lm -o $@

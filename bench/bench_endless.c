@@ -29,6 +29,7 @@ typedef struct robot {
     cairn_pool pool;
     void *memory;
     cairn_pose *poses;       /* [kept + 1] by slot */
+    uint8_t *held;           /* [kept + 1] by slot: where the scan is is settled */
     int64_t *came;           /* [kept + 1]: number of the scan in a slot */
     sim_point *first_errors; /* [places]: of the first lap in full memory */
     sim_pose truth, found;   /* of the last scan */
@@ -67,9 +68,10 @@ static cairn_status create(robot *r)
             joint_memory(&solution) + CAIRN_ALIGN;
     r->memory = malloc(bytes);
     r->poses = calloc((size_t)kept, sizeof *r->poses);
+    r->held = calloc((size_t)kept, sizeof *r->held);
     r->came = calloc((size_t)kept, sizeof *r->came);
     r->first_errors = calloc((size_t)r->options->places, sizeof *r->first_errors);
-    if (r->memory == NULL || r->poses == NULL || r->came == NULL || r->first_errors == NULL)
+    if (r->memory == NULL || r->poses == NULL || r->held == NULL || r->came == NULL || r->first_errors == NULL)
         return CAIRN_NO_MEMORY;
     status = cairn_pool_init(&r->pool, r->memory, bytes);
     if (status == CAIRN_OK)
@@ -154,7 +156,7 @@ static cairn_status fit(robot *r, const sim_scan *from, cairn_scan_view *view)
 /* All poses at once, from where they are. */
 static cairn_status align(robot *r)
 {
-    cairn_status status = joint_begin(&r->joint, r->set, r->poses, r->present);
+    cairn_status status = joint_begin(&r->joint, r->set, r->poses, r->held, r->present);
 
     if (status == CAIRN_OK)
         IN_TICKS(r, joint_step(&r->joint, &budget));
@@ -221,9 +223,12 @@ static cairn_status take_in(robot *r, int64_t number, const sim_scan *scan, benc
         return status;
     r->came[slot] = number;
     r->poses[slot] = map_scan;
+    r->held[slot] = 0;
     r->present++;
     status = align(r);
     score(r, scan, r->poses[slot], lap);
+    if (r->present > r->options->kept)
+        memset(r->held, 1, (size_t)r->present * sizeof *r->held);
     if (status == CAIRN_OK && r->present > r->options->kept)
         status = release_one(r, slot, lap);
     lap->units += r->units;
@@ -285,6 +290,7 @@ int bench_endless_run(const bench_endless_options *options, void (*report)(void 
     sim_arena_free(r->arena);
     free(r->memory);
     free(r->poses);
+    free(r->held);
     free(r->came);
     free(r->first_errors);
     free(r);

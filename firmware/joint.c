@@ -85,6 +85,17 @@ static const cairn_scan_set_scan *later_scan(const joint *x)
     return &x->set->scans[x->first + x->apart];
 }
 
+static int is_held(const joint *x, int32_t scan)
+{
+    return x->held != NULL && x->held[scan];
+}
+
+/* 1 when neither scan of the pair at hand can move. */
+static int stands(const joint *x)
+{
+    return is_held(x, x->first) && is_held(x, x->first + x->apart);
+}
+
 static void begin_pair(joint *x)
 {
     x->first_second = cairn_pose_between(x->poses[x->first], x->poses[x->first + x->apart]);
@@ -103,8 +114,11 @@ static cairn_status begin_round(joint *x)
     cairn_status status = CAIRN_OK;
 
     cairn_pose_graph_clear(x->graph);
-    for (int32_t i = 0; i < x->count && status == CAIRN_OK; i++)
+    for (int32_t i = 0; i < x->count && status == CAIRN_OK; i++) {
         status = cairn_pose_graph_add_pose(x->graph, x->poses[i]);
+        if (status == CAIRN_OK && is_held(x, i))
+            status = cairn_pose_graph_fix(x->graph, i, 1);
+    }
     x->first = 0;
     x->apart = 1;
     x->phase = JOINT_LINKS;
@@ -113,7 +127,8 @@ static cairn_status begin_round(joint *x)
     return status;
 }
 
-cairn_status joint_begin(joint *x, const cairn_scan_set *set, const cairn_pose *map_scan, int32_t count)
+cairn_status joint_begin(joint *x, const cairn_scan_set *set, const cairn_pose *map_scan, const uint8_t *held,
+                         int32_t count)
 {
     if (count < 1)
         return CAIRN_EMPTY;
@@ -122,6 +137,7 @@ cairn_status joint_begin(joint *x, const cairn_scan_set *set, const cairn_pose *
     memcpy(x->poses, map_scan, (size_t)count * sizeof *map_scan);
     memset(x->covariances, 0, (size_t)count * sizeof *x->covariances);
     x->set = set;
+    x->held = held;
     x->count = count;
     x->round = 0;
     x->debt = 0;
@@ -228,19 +244,21 @@ static cairn_status add_link(joint *x)
 /* One item of the search for links. */
 static cairn_status find_links(joint *x)
 {
-    cairn_status status;
+    cairn_status status = CAIRN_OK;
 
     if (x->apart >= x->count) {
         x->debt = 1 + (x->count + cairn_pose_graph_read(x->graph).links) / 2;
         x->phase = JOINT_SOLVE;
         return cairn_pose_graph_solve(x->graph);
     }
-    if (x->segment < later_scan(x)->end_segment && first_scan(x)->first_segment < first_scan(x)->end_segment) {
+    if (!stands(x) && x->segment < later_scan(x)->end_segment &&
+        first_scan(x)->first_segment < first_scan(x)->end_segment) {
         x->debt = look(x);
         return CAIRN_OK;
     }
-    status = add_link(x);
-    x->debt = 8;
+    x->debt = stands(x) ? 2 : 8;
+    if (!stands(x))
+        status = add_link(x);
     if (++x->first + x->apart >= x->count) {
         x->first = 0;
         x->apart++;

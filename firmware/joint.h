@@ -36,6 +36,7 @@ typedef struct joint {
         *covariances)[9]; /* [count]: row-major over (x, y, theta) in the map; the first pose is held. Zero at first */
     int32_t count;
     const cairn_scan_set *set;
+    const uint8_t *held; /* [count] or NULL */
     joint_phase phase;
     int32_t round;
     int32_t first, apart;   /* the pair of scans at hand: `first` and the one that came `apart` later */
@@ -55,8 +56,10 @@ size_t joint_memory(const joint_params *params);
 CAIRN_CHECKED cairn_status joint_create(joint *x, cairn_pool *pool, const joint_params *params);
 
 /* Begins anew with the scans 0 ... count-1 of a set, which must stay as it is until step() returns CAIRN_OK, at these poses.
- * CAIRN_FULL: more than max_scans. CAIRN_EMPTY: none. */
-CAIRN_CHECKED cairn_status joint_begin(joint *x, const cairn_scan_set *set, const cairn_pose *map_scan, int32_t count);
+ * held: [count], which must stay, too, not 0: such scans stay where they are, and two of them are not compared; NULL: the first
+ * is held. CAIRN_FULL: more than max_scans. CAIRN_EMPTY: none. */
+CAIRN_CHECKED cairn_status joint_begin(joint *x, const cairn_scan_set *set, const cairn_pose *map_scan,
+                                       const uint8_t *held, int32_t count);
 
 /* CAIRN_OK: nothing left to do. CAIRN_MORE. CAIRN_FULL: max_links or max_fill are too small. Other negative ones as those of
  * the graph. Costs per pair of scans two units for eight pairs of segments, and one for two points near a wall. */

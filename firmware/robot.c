@@ -106,7 +106,7 @@ static cairn_status solve(robot *r, cairn_budget *budget)
 
         for (int32_t i = 0; i < count; i++)
             poses[i] = cairn_force_field_pose(r->field, i);
-        status = joint_begin(&r->joint, cairn_force_field_scans(r->field), poses, count);
+        status = joint_begin(&r->joint, cairn_force_field_scans(r->field), poses, NULL, count);
         r->solving = status == CAIRN_OK;
     }
     if (status == CAIRN_OK)

@@ -43,8 +43,8 @@ static void laps_are_all_alike(void **state)
             continue;
         assert_int_equal(lap->kept, options.kept);
         assert_int_equal(lap->released, options.places);
-        assert_true(lap->units < 13 * l.lap[2].units / 10);
-        assert_true(lap->mean < 0.06 && lap->away < 0.2);
+        assert_true(lap->units < 11 * l.lap[2].units / 10);
+        assert_true(lap->mean < 0.06 && lap->away < 0.05);
     }
     /* As many go as come, and age does not decide. */
     assert_int_equal(released, LAPS * options.places - options.kept);

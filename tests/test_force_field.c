@@ -778,7 +778,7 @@ static void test_budgets_are_equal(void **state)
         if (b == 3)
             last = s;
         /* As counted once: what a change of the charges or of the work done would change. */
-        assert_int_equal(s.units, NUMBER(209093, 209092));
+        assert_int_equal(s.units, NUMBER(286810, 286809));
         assert_int_equal(s.units, last.units);
         assert_true(calls >= s.units / budgets[b]);
         assert_int_equal(s.pairs, last.pairs);
@@ -1421,7 +1421,7 @@ static void test_nothing_moves(void **state)
     iterate(f.field);
     s = cairn_force_field_read(f.field);
     units = s.units - first.units;
-    assert_true(units <= 3 * SCENE);
+    assert_true(units <= 5 * SCENE);
     assert_int_equal(s.corners, first.corners);
     assert_true(s.potential == first.potential);
     test_pool_free(&f.pool);

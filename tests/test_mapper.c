@@ -636,10 +636,10 @@ static void results_stay_as_they_are(void **state)
     loops.local_span = loops.local_recent;
     loops.loop.gap = 6;
     loops.loop.agree = 2;
-    assert_golden(hash_of_round(&params, 1), UINT64_C(0x99f2435e59f3ad27), UINT64_C(0x7c42f389b49e8c2e));
-    assert_golden(hash_of_round(&params, 0), UINT64_C(0x34d8699b3850e5bf), UINT64_C(0x6365fea96c8b7471));
+    assert_golden(hash_of_round(&params, 1), UINT64_C(0x9162a0811f705df7), UINT64_C(0xea9ef7f159c922c6));
+    assert_golden(hash_of_round(&params, 0), UINT64_C(0xf65eb5e8ce356d5f), UINT64_C(0x0b81b21355aec277));
     assert_golden(hash_of_round(&narrow, 1), UINT64_C(0x5e1b0539d840896e), UINT64_C(0xbae95dd3ab4732));
-    assert_golden(hash_of_round(&loops, 1), UINT64_C(0x46e8681ee9d69996), UINT64_C(0x951abeaaafd9cc54));
+    assert_golden(hash_of_round(&loops, 1), UINT64_C(0x981b7accd3fbab71), UINT64_C(0xf45a22d0d5533bd1));
 }
 
 int main(void)

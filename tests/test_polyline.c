@@ -121,7 +121,7 @@ static cairn_polyline_view fit_with(cairn_polyline *x, const cloud *c, int32_t b
 
     assert_ok(cairn_polyline_begin(x, &c->point[0].x, c->count, NULL));
     while ((status = cairn_polyline_step(x, &left)) == CAIRN_MORE) {
-        assert_true(left.left > -5);
+        assert_true(left.left > -12);
         assert_int_equal(cairn_polyline_read(x).segment_count, 0);
         used += budget - left.left;
         left.left = budget;
@@ -1101,7 +1101,7 @@ static void test_same_bits(void **state)
         hash = hash_fit(hash, space);
     }
     print_message("hash 0x%016llx\n", (unsigned long long)hash);
-    assert_true(hash == NUMBER(UINT64_C(0x5febd2b1b0042653), UINT64_C(0x14da699a9d933a13)));
+    assert_true(hash == NUMBER(UINT64_C(0x47d998e7226f70b6), UINT64_C(0x6eaf27179cf41d77)));
     test_pool_free(&own);
 }
 
@@ -1171,7 +1171,7 @@ static uint64_t hash_of_grids(void)
 static void test_same_bits_on_grids(void **state)
 {
     (void)state;
-    assert_golden(hash_of_grids(), UINT64_C(0x6579c1e9ee9280a8), UINT64_C(0xcf6415a636986c4a));
+    assert_golden(hash_of_grids(), UINT64_C(0xd3d91f9101a9b04c), UINT64_C(0xdc4221fb50d62d67));
 }
 
 static cairn_status begin_cloud(void *context)

@@ -328,7 +328,7 @@ static int64_t solve_in(joint *x, const cairn_scan_set *set, const walk *w, int3
 
     for (int32_t i = 0; i < SWEEPS; i++)
         given[i] = w->sweep[i].pose;
-    assert_int_equal(joint_begin(x, set, given, count), CAIRN_OK);
+    assert_int_equal(joint_begin(x, set, given, NULL, count), CAIRN_OK);
     while (status == CAIRN_MORE) {
         cairn_budget budget = {units};
 
@@ -363,6 +363,62 @@ static void the_solution_does_not_depend_on_budgets(void **state)
         assert_true(solve_in(&x, set, &w, SWEEPS, units[k]) == used);
         assert_memory_equal(x.poses, known, sizeof known);
         assert_memory_equal(x.covariances, known_covariance, sizeof known_covariance);
+    }
+    test_pool_free(&pool);
+}
+
+/* Scans that are held stay to the bit and are not compared with each other; the one that is free comes to lie among them. */
+static void held_scans_stay(void **state)
+{
+    static const int32_t units[] = {CAIRN_UNBOUNDED, 1, 7};
+    cairn_pool pool = test_pool(MEMORY);
+    joint_params params = small_joint();
+    cairn_pose given[SWEEPS], found = {0, 0, 0};
+    uint8_t held[SWEEPS];
+    cairn_scan_set *set;
+    int64_t all;
+    joint x;
+    walk w;
+
+    (void)state;
+    make_walk(&w, 6);
+    set = make_set(&w, &pool);
+    assert_int_equal(joint_create(&x, &pool, &params), CAIRN_OK);
+    all = solve_in(&x, set, &w, SWEEPS, CAIRN_UNBOUNDED);
+    for (int32_t i = 0; i < SWEEPS; i++) {
+        given[i] = x.poses[i];
+        held[i] = i != 2;
+    }
+    for (int32_t b = 0; b < 3; b++) {
+        cairn_status status = CAIRN_MORE;
+        cairn_pose settled = given[2];
+        int64_t used = 0;
+
+        given[2].x += CAIRN_REAL(0.05);
+        given[2].y -= CAIRN_REAL(0.04);
+        assert_int_equal(joint_begin(&x, set, given, held, SWEEPS), CAIRN_OK);
+        given[2] = settled;
+        while (status == CAIRN_MORE) {
+            cairn_budget budget = {units[b]};
+
+            status = joint_step(&x, &budget);
+            used += units[b] - budget.left;
+        }
+        assert_int_equal(status, CAIRN_OK);
+        assert_true(used < all / 2);
+        assert_int_equal(cairn_pose_graph_read(x.graph).links, SWEEPS - 1);
+        for (int32_t i = 0; i < SWEEPS; i++) {
+            cairn_pose_graph_link link = cairn_pose_graph_link_of(x.graph, i < SWEEPS - 1 ? i : 0);
+
+            assert_true(link.first == 2 || link.second == 2);
+            assert_true((x.covariances[i][0] > 0) == (i == 2));
+            if (i != 2)
+                assert_memory_equal(&x.poses[i], &given[i], sizeof given[i]);
+        }
+        assert_true(fabs((double)(x.poses[2].x - settled.x)) < 0.01 && fabs((double)(x.poses[2].y - settled.y)) < 0.01);
+        if (b > 0)
+            assert_memory_equal(&x.poses[2], &found, sizeof found);
+        found = x.poses[2];
     }
     test_pool_free(&pool);
 }
@@ -471,8 +527,8 @@ static void what_the_joint_solution_refuses(void **state)
     /* Links beyond the capacity are left out, those of neighbours in time come first. */
     params.max_links = SWEEPS;
     assert_int_equal(joint_create(&x, &pool, &params), CAIRN_OK);
-    assert_int_equal(joint_begin(&x, set, given, 0), CAIRN_EMPTY);
-    assert_int_equal(joint_begin(&x, set, given, SWEEPS + 1), CAIRN_FULL);
+    assert_int_equal(joint_begin(&x, set, given, NULL, 0), CAIRN_EMPTY);
+    assert_int_equal(joint_begin(&x, set, given, NULL, SWEEPS + 1), CAIRN_FULL);
     assert_int_equal(joint_step(&x, &budget), CAIRN_OK);
     (void)solve_in(&x, set, &w, SWEEPS, 1000);
     assert_true(cairn_pose_graph_read(x.graph).links == SWEEPS);
@@ -482,7 +538,7 @@ static void what_the_joint_solution_refuses(void **state)
     params = small_joint();
     params.max_fill = 1;
     assert_int_equal(joint_create(&x, &pool, &params), CAIRN_OK);
-    assert_int_equal(joint_begin(&x, set, given, SWEEPS), CAIRN_OK);
+    assert_int_equal(joint_begin(&x, set, given, NULL, SWEEPS), CAIRN_OK);
     budget.left = CAIRN_UNBOUNDED;
     assert_int_equal(joint_step(&x, &budget), CAIRN_FULL);
     /* One scan stays where it is. */
@@ -627,6 +683,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(threads_do_not_meet),
         cmocka_unit_test(poses_and_covariances_are_right),
         cmocka_unit_test(the_solution_does_not_depend_on_budgets),
+        cmocka_unit_test(held_scans_stay),
         cmocka_unit_test(the_covariance_is_that_of_the_points),
         cmocka_unit_test(what_the_joint_solution_refuses),
     };

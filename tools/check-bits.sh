@@ -7,7 +7,7 @@
 work=$1/bits
 rm -rf "$work"
 mkdir -p "$work"
-sources="tests/golden.c firmware/board_host.c $(ls src/core/*.c src/contour/*.c src/mapping/*.c 2>/dev/null | tr '\n' ' ')"
+sources="firmware/board_host.c $(ls tests/golden*.c src/core/*.c src/contour/*.c src/mapping/*.c 2>/dev/null | tr '\n' ' ')"
 
 variants="gcc -std=gnu11 -O0
 gcc -std=c11 -O2

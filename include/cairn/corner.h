@@ -67,7 +67,7 @@ CAIRN_CHECKED cairn_status cairn_corner_begin(cairn_corner_set *set, const cairn
 
 /* Goes on with the search. CAIRN_MORE: the budget is used up. CAIRN_OK: the search has ended, or none was begun.
  * CAIRN_NOT_FINITE: a segment is not finite; the search is given up and the last result stays. Costs the sweep over the
- * segments, one unit for each pair of near segments, six for each corner found and, when corners are merged, one for
+ * segments, three units for each pair of near segments, eight for each corner found and, when corners are merged, one for
  * every eight pairs of them at most. */
 CAIRN_CHECKED cairn_status cairn_corner_step(cairn_corner_set *set, cairn_budget *budget);
 

@@ -207,11 +207,11 @@ void cairn_force_field_clear(cairn_force_field *field);
 
 /* Goes on with the simulation. CAIRN_MORE: the budget is used up. CAIRN_OK: the simulation has stopped, see the verdict.
  * CAIRN_EMPTY: there are no scans. Never uses more than the budget: what costs several units is paid first, over several
- * calls if need be. Costs per iteration about: three units for each scan, three for each segment and three for eight
- * points; with regions of interest the search for corners and five units for two points; the sweep over the segments; for
- * each pair of near segments two units, one for eight of their points, one for each point of the one that is within reach of
- * some of the other, and one for each pair of points within reach. Scans that stood still among scans that stood still cost
- * two units for each segment. */
+ * calls if need be. Costs per iteration about: six units for each scan, three for each segment and one for two
+ * points; with regions of interest the search for corners and three units for each point; the sweep over the segments; for
+ * each pair of near segments eleven units, of 16 of their points two more, and for each point of the one a unit, one more for
+ * eight of the points of the other when some may be within reach, and one for each pair of points within reach. Scans that
+ * stood still among scans that stood still cost two units for each segment. */
 CAIRN_CHECKED cairn_status cairn_force_field_step(cairn_force_field *field, cairn_budget *budget);
 
 /* As step(), but also returns CAIRN_OK at the next commit point, so that every iteration can be looked at. */

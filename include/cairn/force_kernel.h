@@ -90,15 +90,17 @@ typedef struct cairn_force_pull {
 /* How far a sum has come; all 0 before the first call. */
 typedef struct cairn_force_cursor {
     int32_t row, next;     /* point of the first strip; of the second */
-    int32_t is_paid;       /* the row has been begun */
+    int32_t is_begun;      /* the row has been */
+    int32_t paid;          /* units towards its begin */
     cairn_force_pull pull; /* of the row so far */
 } cairn_force_cursor;
 
 /* Adds to *sum what the points of strip a from the cursor on feel from strip b; potentials only when with_potential, springs
  * only when there is room for them. Relative
  * error of a force 3e-13 (float: 3e-6), of a potential 1e-13 (3e-7) of its value at distance 0. Returns CAIRN_OK when all
- * rows are done, CAIRN_MORE when the budget is used up. Costs a unit for each row, and one for each pair within reach; the
- * sums do not depend on how the budget is split. */
+ * rows are done, CAIRN_MORE when the budget is used up. Costs a unit for each row, one more for eight points of the
+ * second strip unless the row is outside of its zone, and one for each pair within reach; the sums do not depend on how the
+ * budget is split. */
 CAIRN_CHECKED cairn_status cairn_force_kernel_strips(const cairn_force_kernel *kernel, const cairn_force_strip *a,
                                                      const cairn_force_strip *b, cairn_force_cursor *cursor,
                                                      int32_t with_potential, cairn_force_sum *sum,

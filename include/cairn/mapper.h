@@ -63,7 +63,7 @@ typedef struct cairn_mapper_params {
     cairn_real key_support;  /* a scan of less support is a key scan, too, in [0, 1] (0.6) */
     int32_t window;          /* key scans of the force field, 2 ... 64; 0: no force field (8) */
     int32_t window_free;     /* of these so many may move, 1 ... window - 1 (3) */
-    int32_t window_units;    /* of budget that the force field may take of every scan, >= 1 (24000) */
+    int32_t window_units;    /* of budget that the force field may take of every scan, >= 1 (32000) */
     cairn_real odometry_distance;     /* odometry is wrong by this share of the way ... (0.3) */
     cairn_real odometry_turn;         /* ... and of the turn (0.3) */
     cairn_real odometry_distance_min; /* m, and at least by this (0.03) */

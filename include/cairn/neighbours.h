@@ -84,8 +84,8 @@ CAIRN_CHECKED cairn_status cairn_box_sweep_create(cairn_box_sweep **sweep, cairn
 CAIRN_CHECKED cairn_status cairn_box_sweep_begin(cairn_box_sweep *sweep, const cairn_box *boxes, int32_t count);
 
 /* The next pair, *first < *second. CAIRN_OK: here it is. CAIRN_MORE: the budget is used up before one was found.
- * CAIRN_EMPTY: there are no more. Costs one unit for two moves of the sort or two tests. The pairs and their order do
- * not depend on the budget. */
+ * CAIRN_EMPTY: there are no more. Costs three units for four moves of the sort, and one for four tests. The pairs and
+ * their order do not depend on the budget. */
 CAIRN_CHECKED cairn_status cairn_box_sweep_next(cairn_box_sweep *sweep, cairn_budget *budget, int32_t *first,
                                                 int32_t *second);
 

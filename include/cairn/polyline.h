@@ -67,9 +67,8 @@ CAIRN_CHECKED cairn_status cairn_polyline_clear(cairn_polyline *polyline, cairn_
 /* point: [dim]. Statuses as for begin(); CAIRN_BAD_ARGUMENT also after the first step. */
 CAIRN_CHECKED cairn_status cairn_polyline_add(cairn_polyline *polyline, const cairn_real *point);
 
-/* Goes on fitting. CAIRN_MORE, CAIRN_OK; CAIRN_BAD_ARGUMENT: NULL. The dearest item costs 8 units, and when
- * max_segments are in use one more for each 8 of them. The result does not
- * depend on the budgets. */
+/* Goes on fitting. CAIRN_MORE, CAIRN_OK; CAIRN_BAD_ARGUMENT: NULL. The dearest item costs 7 units, in space 12, and
+ * when max_segments are in use one more for each 8 of them. The result does not depend on the budgets. */
 CAIRN_CHECKED cairn_status cairn_polyline_step(cairn_polyline *polyline, cairn_budget *budget);
 
 typedef struct cairn_polyline_segment {

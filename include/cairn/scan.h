@@ -91,7 +91,7 @@ CAIRN_CHECKED cairn_status cairn_scan_create(cairn_scan **scan, cairn_pool *pool
 CAIRN_CHECKED cairn_status cairn_scan_begin(cairn_scan *scan, const cairn_scan_input *input, cairn_fault *fault);
 
 /* Goes on: beams, line fit, orientation, resampling. CAIRN_MORE, CAIRN_OK; CAIRN_BAD_ARGUMENT: NULL. The dearest
- * item costs 8 units. The result does not depend on the budgets. */
+ * item costs 7 units. The result does not depend on the budgets. */
 CAIRN_CHECKED cairn_status cairn_scan_step(cairn_scan *scan, cairn_budget *budget);
 
 /* The result. Empty from begin() until step() returns CAIRN_OK; a scan without a hit has beams and nothing else.

@@ -337,7 +337,8 @@ int32_t cairn_point_grid_next(const cairn_point_grid *grid, cairn_point_grid_cur
 
 /* ---- Sweep and prune ---- */
 
-enum { OPERATIONS_PER_UNIT = 2 };
+/* A test of two boxes is an operation, a move of the sort is several. */
+enum { OPERATIONS_PER_UNIT = 4, OPERATIONS_OF_MOVE = 3 };
 
 struct cairn_box_sweep {
     int32_t *order;         /* [capacity], a permutation */
@@ -513,7 +514,7 @@ cairn_status cairn_box_sweep_next(cairn_box_sweep *sweep, cairn_budget *budget, 
     int64_t most = sweep->credit + (int64_t)(budget->left > 0 ? budget->left : 0) * OPERATIONS_PER_UNIT, left = most;
     int found = 0;
 
-    for (; left > 0 && sweep->stride > 0; left--)
+    for (; left >= OPERATIONS_OF_MOVE && sweep->stride > 0; left -= OPERATIONS_OF_MOVE)
         sort_once(sweep);
     if (sweep->stride == 0) {
         for (; left > 0 && sweep->first < sweep->boxes_end && !is_box(sweep, sweep->order[sweep->boxes_end - 1]);

@@ -234,11 +234,11 @@ static int project(cairn_polyline *x, cairn_budget *budget)
     for (; x->at < x->count; x->at++) {
         cairn_real local[3];
 
-        if (!polyline_pay_four(x, budget, x->at, 4))
+        if (!polyline_pay_four(x, budget, x->at, x->count, 6))
             return 0;
         if (x->owner[x->at] < 0)
             continue;
-        polyline_local(&x->pieces[x->owner[x->at]], x->params.dim, x->point[x->at], local);
+        cairn_polyline_local(&x->pieces[x->owner[x->at]], x->params.dim, x->point[x->at], local);
         x->along[x->at] = local[0];
     }
     x->base = 0;
@@ -249,7 +249,7 @@ static int project(cairn_polyline *x, cairn_budget *budget)
 static int compact(cairn_polyline *x, cairn_budget *budget)
 {
     for (; x->at < x->next_count; x->at++) {
-        if (!polyline_pay(x, budget, 8))
+        if (!polyline_pay(x, budget, 24))
             return 0;
         if (x->next[x->at].count > 0)
             x->next[x->other++] = x->next[x->at];
@@ -265,7 +265,7 @@ static int write_result(cairn_polyline *x, cairn_budget *budget)
         for (; x->at < x->piece_count; x->at++) {
             cairn_polyline_segment *segment = &x->segments[x->at];
 
-            if (!polyline_pay(x, budget, 4))
+            if (!polyline_pay(x, budget, 12))
                 return 0;
             cairn_polyline_end(&x->pieces[x->at], 0, segment->a);
             cairn_polyline_end(&x->pieces[x->at], 1, segment->b);
@@ -280,12 +280,12 @@ static int write_result(cairn_polyline *x, cairn_budget *budget)
             int32_t owner = x->owner[x->at];
             cairn_real local[3];
 
-            if (!polyline_pay(x, budget, 5))
+            if (!polyline_pay(x, budget, 8))
                 return 0;
             x->label[x->source[x->at]] = owner;
             if (owner < 0)
                 continue;
-            polyline_local(&x->pieces[owner], x->params.dim, x->point[x->at], local);
+            cairn_polyline_local(&x->pieces[owner], x->params.dim, x->point[x->at], local);
             x->segments[owner].count++;
             x->segments[owner].rms += local[1] * local[1] + local[2] * local[2];
         }

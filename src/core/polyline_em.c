@@ -41,7 +41,7 @@ static void weigh(cairn_polyline *x, int32_t c, const cairn_real p[3])
     cairn_real *local = x->local[c], across, over, squared, limit = POLYLINE_CLAIM * x->s;
     cairn_real half = 1 / (2 * x->s * x->s);
 
-    polyline_local(k, x->params.dim, p, local);
+    cairn_polyline_local(k, x->params.dim, p, local);
     across = local[1] * local[1] + local[2] * local[2];
     over = cairn_max(cairn_max(k->low - local[0], local[0] - k->high), 0);
     squared = across + over * over;
@@ -88,7 +88,7 @@ int cairn_polyline_expect(cairn_polyline *x, cairn_budget *budget)
         }
         if (x->stage == 1) {
             for (; x->inner < x->piece_count; x->inner++) {
-                if (!polyline_pay_four(x, budget, x->inner, 2))
+                if (!polyline_pay_four(x, budget, x->inner, x->piece_count, 5))
                     return 0;
                 if (block_meets(x, x->at, &x->pieces[x->inner]))
                     x->candidate[x->candidates++] = x->inner;
@@ -104,7 +104,7 @@ int cairn_polyline_expect(cairn_polyline *x, cairn_budget *budget)
                 x->total = 0;
             }
             for (; x->inner < x->candidates; x->inner++) {
-                if (!polyline_pay_four(x, budget, x->inner, 8))
+                if (!polyline_pay_four(x, budget, x->inner, x->candidates, 10))
                     return 0;
                 weigh(x, x->inner, p);
             }
@@ -113,7 +113,7 @@ int cairn_polyline_expect(cairn_polyline *x, cairn_budget *budget)
                 x->weight[x->best] = x->total = 1;
             }
             for (; !final && x->inner < 2 * x->candidates; x->inner++) {
-                if (!polyline_pay_four(x, budget, x->inner - x->candidates, 4))
+                if (!polyline_pay_four(x, budget, x->inner - x->candidates, x->candidates, 4))
                     return 0;
                 share(x, x->inner - x->candidates);
             }
@@ -129,7 +129,7 @@ int cairn_polyline_maximize(cairn_polyline *x, cairn_budget *budget)
         polyline_piece *k = &x->pieces[x->at];
         cairn_real end[2][3], local[3];
 
-        if (!polyline_pay(x, budget, x->params.dim == 2 ? 20 : 48))
+        if (!polyline_pay(x, budget, x->params.dim == 2 ? 56 : 96))
             return 0;
         if (k->soft.n < 2) /* it will find no support */
             continue;
@@ -137,7 +137,7 @@ int cairn_polyline_maximize(cairn_polyline *x, cairn_budget *budget)
         cairn_polyline_end(k, 1, end[1]);
         cairn_polyline_fit(k, &k->soft, x->params.dim);
         for (int which = 0; which < 2; which++) {
-            polyline_local(k, x->params.dim, end[which], local);
+            cairn_polyline_local(k, x->params.dim, end[which], local);
             x->moved = cairn_max(x->moved, cairn_sqrt(local[1] * local[1] + local[2] * local[2]));
         }
     }

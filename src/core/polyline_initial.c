@@ -24,9 +24,9 @@ static int sum_cell(cairn_polyline *x, cairn_budget *budget)
     cairn_real local[3];
 
     for (; x->last < x->count && cell_of(x, x->last, x->level) == cell_of(x, x->first, x->level); x->last++) {
-        if (!polyline_pay_four(x, budget, x->last - x->first, 5))
+        if (!polyline_pay_four(x, budget, x->last - x->first, x->count - x->first, 9))
             return 0;
-        polyline_local(&x->made, x->params.dim, x->point[x->order[x->last]], local);
+        cairn_polyline_local(&x->made, x->params.dim, x->point[x->order[x->last]], local);
         cairn_polyline_sum(&x->sum, local, 1);
     }
     return 1;
@@ -38,7 +38,7 @@ static int fit_band(cairn_polyline *x, cairn_budget *budget)
     cairn_real local[3];
 
     if (x->other == x->first) {
-        if (!polyline_pay(x, budget, x->params.dim == 2 ? 16 : 48))
+        if (!polyline_pay(x, budget, x->params.dim == 2 ? 32 : 64))
             return 0;
         x->least = POLYLINE_CLAIM * x->sigma;
         if (x->stage == 2) /* far points may have turned the first line */
@@ -49,9 +49,9 @@ static int fit_band(cairn_polyline *x, cairn_budget *budget)
         x->made.high = -CAIRN_REAL_MAX;
     }
     for (; x->other < x->last; x->other++) {
-        if (x->other > x->first && !polyline_pay_four(x, budget, x->other - x->first, 6))
+        if (x->other > x->first && !polyline_pay_four(x, budget, x->other - x->first, x->last - x->first, 8))
             return 0;
-        polyline_local(&x->made, x->params.dim, x->point[x->order[x->other]], local);
+        cairn_polyline_local(&x->made, x->params.dim, x->point[x->order[x->other]], local);
         if (local[1] * local[1] + local[2] * local[2] > x->least * x->least)
             continue;
         cairn_polyline_sum(&x->sum, local, 1);

@@ -3,6 +3,21 @@
 
 #include "src/core/polyline_work.h"
 
+void cairn_polyline_local(const polyline_piece *k, int32_t dim, const cairn_real p[3], cairn_real local[3])
+{
+    cairn_real dx = p[0] - k->mid[0], dy = p[1] - k->mid[1], dz;
+
+    local[0] = k->axis[0][0] * dx + k->axis[0][1] * dy;
+    local[1] = k->axis[1][0] * dx + k->axis[1][1] * dy;
+    local[2] = 0;
+    if (dim == 2)
+        return;
+    dz = p[2] - k->mid[2];
+    local[0] += k->axis[0][2] * dz;
+    local[1] += k->axis[1][2] * dz;
+    local[2] = k->axis[2][0] * dx + k->axis[2][1] * dy + k->axis[2][2] * dz;
+}
+
 void cairn_polyline_sum(polyline_sums *m, const cairn_real v[3], cairn_real weight)
 {
     cairn_real t = weight * v[0], p = weight * v[1], q = weight * v[2];

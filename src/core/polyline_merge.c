@@ -48,8 +48,8 @@ static ends ends_in(const cairn_polyline *x, const polyline_piece *heavy, const 
 
     cairn_polyline_end(light, 0, low);
     cairn_polyline_end(light, 1, high);
-    polyline_local(heavy, x->params.dim, low, local[0]);
-    polyline_local(heavy, x->params.dim, high, local[1]);
+    cairn_polyline_local(heavy, x->params.dim, low, local[0]);
+    cairn_polyline_local(heavy, x->params.dim, high, local[1]);
     if (local[1][0] < local[0][0]) {
         e.reach_lower = light->reach_high;
         e.reach_upper = light->reach_low;
@@ -94,7 +94,7 @@ static int join(cairn_polyline *x, polyline_piece *a, polyline_piece *b)
     for (int i = 0; i < 3; i++)
         world[i] = light->mid[i] + light->own[0] * light->axis[0][i] + light->own[1] * light->axis[1][i] +
                    light->own[2] * light->axis[2][i];
-    polyline_local(heavy, x->params.dim, world, mean);
+    cairn_polyline_local(heavy, x->params.dim, world, mean);
     m = sums_of_both(heavy, light, along, mean);
     saved = cairn_polyline_residual(&m) - heavy->sse - light->sse;
     /* Of two pieces that lie in each other's noise, each has taken the points on its side: their sums say nothing. */

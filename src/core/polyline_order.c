@@ -41,7 +41,7 @@ static uint64_t morton(const cairn_polyline *x, const cairn_real p[3])
 int cairn_polyline_keys(cairn_polyline *x, cairn_budget *budget)
 {
     for (; x->at < x->count; x->at++) {
-        if (!polyline_pay(x, budget, 6))
+        if (!polyline_pay(x, budget, 12))
             return 0;
         x->key[x->at] = morton(x, x->raw[x->at]);
         x->order[x->at] = x->at;
@@ -56,7 +56,7 @@ int cairn_polyline_list(cairn_polyline *x, cairn_budget *budget)
     for (; x->base + x->at < x->count; x->at++) {
         int32_t i = x->order[x->base + x->at];
 
-        if (!polyline_pay(x, budget, 6))
+        if (!polyline_pay(x, budget, 12))
             return 0;
         x->key[i] = morton(x, x->point[i]);
     }
@@ -109,7 +109,7 @@ int cairn_polyline_sort(cairn_polyline *x, cairn_budget *budget)
 
         if (x->sort.stage == 0) {
             while (x->sort.middle < n && !before(x, from[x->sort.middle], from[x->sort.middle - 1])) {
-                if (!polyline_pay_four(x, budget, x->sort.middle, 3))
+                if (!polyline_pay_four(x, budget, x->sort.middle, n, 4))
                     return 0;
                 x->sort.middle++;
             }
@@ -118,7 +118,7 @@ int cairn_polyline_sort(cairn_polyline *x, cairn_budget *budget)
         }
         if (x->sort.stage == 1) {
             while (x->sort.end < n && !before(x, from[x->sort.end], from[x->sort.end - 1])) {
-                if (!polyline_pay_four(x, budget, x->sort.end, 3))
+                if (!polyline_pay_four(x, budget, x->sort.end, n, 4))
                     return 0;
                 x->sort.end++;
             }
@@ -130,7 +130,7 @@ int cairn_polyline_sort(cairn_polyline *x, cairn_budget *budget)
         while (x->sort.stage == 2 && x->sort.out < x->sort.end) {
             int32_t left = x->sort.left, right = x->sort.right;
 
-            if (!polyline_pay_four(x, budget, x->sort.out, 4))
+            if (!polyline_pay_four(x, budget, x->sort.out, x->sort.end, 6))
                 return 0;
             if (left < x->sort.middle && (right >= x->sort.end || !before(x, from[right], from[left]))) {
                 to[x->sort.out++] = from[left];
@@ -163,7 +163,7 @@ int cairn_polyline_gather(cairn_polyline *x, cairn_budget *budget)
     for (; x->at < x->count; x->at++) {
         int32_t block = x->at / POLYLINE_BLOCK, raw = x->order[x->at];
 
-        if (!polyline_pay(x, budget, 4))
+        if (!polyline_pay(x, budget, 8))
             return 0;
         x->source[x->at] = raw;
         for (int j = 0; j < 3; j++) {

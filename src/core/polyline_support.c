@@ -127,7 +127,7 @@ static int find_run(cairn_polyline *x, cairn_budget *budget, int32_t owner)
     for (; owner_at(x, x->last) == owner; x->last++) {
         int32_t known = x->last + 1; /* of the points to the right, as many as a gap looks at */
 
-        if (!polyline_pay(x, budget, 6))
+        if (!polyline_pay(x, budget, 9))
             return 0;
         while (known < x->last + 3 && owner_at(x, known) == owner)
             known++;
@@ -165,9 +165,9 @@ int cairn_polyline_support(cairn_polyline *x, cairn_budget *budget)
             }
         }
         for (; x->stage == 2 && x->inner < x->last; x->inner++) {
-            if (!polyline_pay_four(x, budget, x->inner - x->first, 5))
+            if (!polyline_pay_four(x, budget, x->inner - x->first, x->last - x->first, 8))
                 return 0;
-            polyline_local(&x->pieces[owner], x->params.dim, x->point[x->order[x->inner]], local);
+            cairn_polyline_local(&x->pieces[owner], x->params.dim, x->point[x->order[x->inner]], local);
             cairn_polyline_sum(&x->sum, local, 1);
         }
         sse = cairn_polyline_residual(&x->sum);
@@ -180,14 +180,14 @@ int cairn_polyline_support(cairn_polyline *x, cairn_budget *budget)
             x->inner = x->first;
         }
         for (; x->stage == 3 && x->inner < x->last; x->inner++) {
-            if (!polyline_pay(x, budget, 14))
+            if (!polyline_pay(x, budget, 21))
                 return 0;
-            polyline_local(&x->pieces[owner], x->params.dim, x->point[x->order[x->inner]], local);
+            cairn_polyline_local(&x->pieces[owner], x->params.dim, x->point[x->order[x->inner]], local);
             cairn_polyline_sum(&x->left, local, 1);
             try_cut(x);
         }
         x->stage = 4;
-        if (!polyline_pay(x, budget, 24))
+        if (!polyline_pay(x, budget, 52))
             return 0;
         if (x->best_at >= 0 && sse - x->best_sse > CUT * cairn_polyline_worth(x, x->sum.n, x->best_sse)) {
             polyline_sums rest = rest_of(&x->sum, &x->best_left);

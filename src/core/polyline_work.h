@@ -124,27 +124,15 @@ static inline int polyline_pay(cairn_polyline *x, cairn_budget *budget, int32_t 
     return 1;
 }
 
-/* The same for every fourth of items that cost so little that asking for each would show; `i` counts them. */
-static inline int polyline_pay_four(cairn_polyline *x, cairn_budget *budget, int32_t i, int32_t eighths)
+/* The same for up to four items, at every fourth of those that cost so little that asking for each would show: `i` is the
+ * one at hand, before `end`. */
+static inline int polyline_pay_four(cairn_polyline *x, cairn_budget *budget, int32_t i, int32_t end, int32_t eighths)
 {
-    return i % 4 != 0 || polyline_pay(x, budget, 4 * eighths);
+    return i % 4 != 0 || polyline_pay(x, budget, (end - i < 4 ? end - i : 4) * eighths);
 }
 
 /* Coordinates of a point in the frame of a piece. */
-static inline void polyline_local(const polyline_piece *k, int32_t dim, const cairn_real p[3], cairn_real local[3])
-{
-    cairn_real dx = p[0] - k->mid[0], dy = p[1] - k->mid[1], dz;
-
-    local[0] = k->axis[0][0] * dx + k->axis[0][1] * dy;
-    local[1] = k->axis[1][0] * dx + k->axis[1][1] * dy;
-    local[2] = 0;
-    if (dim == 2)
-        return;
-    dz = p[2] - k->mid[2];
-    local[0] += k->axis[0][2] * dz;
-    local[1] += k->axis[1][2] * dz;
-    local[2] = k->axis[2][0] * dx + k->axis[2][1] * dy + k->axis[2][2] * dz;
-}
+void cairn_polyline_local(const polyline_piece *k, int32_t dim, const cairn_real p[3], cairn_real local[3]);
 
 void cairn_polyline_sum(polyline_sums *m, const cairn_real v[3], cairn_real weight);
 

@@ -289,7 +289,7 @@ static cairn_status step_boxes(cairn_corner_set *set, cairn_budget *budget)
 static int finish_pair(cairn_corner_set *set, cairn_budget *budget)
 {
     if (set->first >= 0) {
-        if (!cairn_budget_pay(budget, &set->paid, 1))
+        if (!cairn_budget_pay(budget, &set->paid, 3))
             return 0;
         set->is_found = find_corner(set, set->first, set->second, &set->found);
         set->first = -1;
@@ -329,7 +329,7 @@ static cairn_status step_sort(cairn_corner_set *set, cairn_budget *budget)
     while (set->cursor > 1) {
         cairn_corner last = set->work[set->cursor - 1];
 
-        if (!cairn_budget_pay(budget, &set->paid, 2))
+        if (!cairn_budget_pay(budget, &set->paid, 4))
             return CAIRN_MORE;
         set->cursor--;
         set->work[set->cursor] = set->work[0];

@@ -197,7 +197,7 @@ static void place_points(cairn_force_field *field)
 /* Units for the next points of a segment, of which `left` are left. */
 static int32_t place_cost(int32_t left)
 {
-    return 1 + 3 * (left < CAIRN_FORCE_STRIP ? left : CAIRN_FORCE_STRIP) / 8;
+    return 1 + (left < CAIRN_FORCE_STRIP ? left : CAIRN_FORCE_STRIP) / 2;
 }
 
 static cairn_status step_place_extra(cairn_force_field *field, cairn_budget *budget)
@@ -258,7 +258,7 @@ static cairn_status step_place(cairn_force_field *field, cairn_budget *budget)
 static cairn_status step_ungrid(cairn_force_field *field, cairn_budget *budget)
 {
     while (cairn_point_grid_count(field->grid) > 0) {
-        if (!cairn_budget_pay(budget, &field->paid, 2))
+        if (!cairn_budget_pay(budget, &field->paid, 2 * FEW))
             return CAIRN_MORE;
         for (int32_t i = 0; i < FEW; i++)
             cairn_point_grid_remove_last(field->grid);
@@ -323,7 +323,7 @@ static cairn_status step_masses(cairn_force_field *field, cairn_budget *budget)
         int32_t count = segment->end_point - segment->first_point;
 
         while (field->point < count) {
-            if (!cairn_budget_pay(budget, &field->paid, 10))
+            if (!cairn_budget_pay(budget, &field->paid, 12))
                 return CAIRN_MORE;
             if (find_regions(field)) {
                 field->bodies[segment->scan].moved = 1;
@@ -339,7 +339,7 @@ static cairn_status step_reset(cairn_force_field *field, cairn_budget *budget)
     const cairn_vec2 none = {0, 0};
 
     while (field->scan < field->slots) {
-        if (!cairn_budget_pay(budget, &field->paid, cairn_force_has_springs(field) ? 4 : 2))
+        if (!cairn_budget_pay(budget, &field->paid, cairn_force_has_springs(field) ? GROUP : GROUP / 2))
             return CAIRN_MORE;
         for (int32_t i = 0; i < GROUP && field->scan < field->slots; i++, field->scan++) {
             struct cairn_force_body *body = &field->bodies[field->scan];
@@ -484,7 +484,7 @@ static cairn_status begin_phase(cairn_force_field *field)
         field->pair.is_begun = 0;
         return begin_sweep(field);
     case PHASE_PAIRS:
-        field->pair.is_begun = 0;
+        field->pair.is_begun = field->pair.due = 0;
         field->tiles[0].line = field->tiles[1].line = -1;
         field->bond_count = field->bonds_dropped = 0;
         return begin_sweep(field);

@@ -109,6 +109,7 @@ struct cairn_force_line {
 struct cairn_force_pair {
     struct cairn_force_line line[2];
     int32_t is_begun;
+    int32_t due;     /* units for finding and ending it, to be paid first */
     int32_t tile[2]; /* first points of the tiles at hand */
     int32_t loaded;  /* of these tiles */
     cairn_force_cursor cursor;
@@ -230,9 +231,6 @@ CAIRN_CHECKED cairn_status cairn_force_balance_step(cairn_force_field *field, ca
 /* points[0 ... count-1] = the points first ... of a segment in the map, where the last PLACE put their scan. */
 void cairn_force_points(const cairn_force_field *field, int32_t segment, int32_t first, int32_t count,
                         cairn_vec2 *points);
-
-/* Units for the next tile of a line, of which `left` points are left. */
-int32_t cairn_force_tile_cost(const cairn_force_field *field, int32_t left);
 
 /* Marks the scans that are near one that has moved. */
 CAIRN_CHECKED cairn_status cairn_force_mark(cairn_force_field *field, cairn_budget *budget);

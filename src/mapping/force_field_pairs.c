@@ -15,6 +15,9 @@
 
 #include "src/mapping/force_field_iteration.h"
 
+/* Units of a pair that is found and passed over, of one that is summed up, beside its tiles, and of a tile that is there. */
+enum { FOUND_COST = 2, PAIR_COST = 7, TILE_COST = 2 };
+
 static inline struct cairn_force_line line_of(const cairn_force_field *field, int32_t index)
 {
     const struct cairn_force_extra *extra = &field->extra[field->extra_front];
@@ -55,11 +58,13 @@ void cairn_force_points(const cairn_force_field *field, int32_t segment, int32_t
         points[i] = cairn_transform_point(transform, points[i]);
 }
 
-int32_t cairn_force_tile_cost(const cairn_force_field *field, int32_t left)
+/* Units for the tile of a line that begins at its point `first`: its points may have to be made, and to be boxed. */
+static int32_t tile_cost(const cairn_force_field *field, const struct cairn_force_line *line, int32_t first)
 {
-    int32_t points = left < CAIRN_FORCE_STRIP ? left : CAIRN_FORCE_STRIP;
+    int32_t left = line->count - first, points = left < CAIRN_FORCE_STRIP ? left : CAIRN_FORCE_STRIP;
+    int32_t is_long = line->count > CAIRN_FORCE_STRIP;
 
-    return 1 + points / (field->position != NULL ? 8 : 4);
+    return TILE_COST + (field->position != NULL ? 0 : points / 4) + (is_long ? points / 4 : 0);
 }
 
 /* The mass of a point of a scan in the forces (section 7.3.4). */
@@ -175,12 +180,14 @@ static void begin_pair(cairn_force_field *field, int32_t first, int32_t second)
 
     pair->line[0] = line_of(field, first);
     pair->line[1] = line_of(field, second);
+    pair->due = FOUND_COST;
     if (!do_attract(field, a, b) || !(is_dirty(field, a->scan) || is_dirty(field, b->scan)))
         return;
     pair->cosine = likeness(field, a, b);
     /* Faces of opposite sides. */
     if (pair->cosine == 0 && is_sided(field))
         return;
+    pair->due = PAIR_COST;
     pair->is_begun = 1;
     pair->is_summed = 0;
     pair->tile[0] = pair->tile[1] = pair->loaded = 0;
@@ -232,7 +239,7 @@ static int load_tiles(cairn_force_field *field, cairn_budget *budget)
         struct cairn_force_tile *tile = &field->tiles[pair->loaded];
         int32_t first = pair->tile[pair->loaded], is_there = tile->line == line->index && tile->first == first;
 
-        if (!cairn_budget_pay(budget, &field->paid, is_there ? 1 : cairn_force_tile_cost(field, line->count - first)))
+        if (!cairn_budget_pay(budget, &field->paid, is_there ? TILE_COST : tile_cost(field, line, first)))
             return 0;
         if (!is_there)
             load_tile(field, line, first, tile);
@@ -309,6 +316,9 @@ cairn_status cairn_force_pairs(cairn_force_field *field, cairn_budget *budget)
         int32_t first, second;
         cairn_status status;
 
+        if (field->pair.due > 0 && !cairn_budget_pay(budget, &field->paid, field->pair.due))
+            return CAIRN_MORE;
+        field->pair.due = 0;
         if (field->pair.is_begun) {
             status = step_pair(field, budget);
             if (status != CAIRN_OK)
@@ -350,7 +360,7 @@ cairn_status cairn_force_mark(cairn_force_field *field, cairn_budget *budget)
         cairn_status status;
 
         if (pair->is_begun) {
-            if (!cairn_budget_pay(budget, &field->paid, 1))
+            if (!cairn_budget_pay(budget, &field->paid, FOUND_COST))
                 return CAIRN_MORE;
             mark_pair(field);
         }

@@ -13,6 +13,9 @@
 
 enum { COARSE = 20, FINE = 64, NODES = 69 };
 
+/* So many points beyond reach cost as much as a pair within it. */
+enum { COMPARED = 8 };
+
 /* 1 / sqrt(2 pi), 1 / sqrt(2), 1 / sqrt(pi) */
 #define INVERSE_SQRT_2PI CAIRN_REAL(0.39894228040143267794)
 #define INVERSE_SQRT_2   CAIRN_REAL(0.70710678118654752440)
@@ -180,12 +183,20 @@ static inline cairn_status add_strips(const cairn_force_kernel *kernel, const ca
         pull.potential = cursor->pull.potential;
         if (with_springs)
             pull = cursor->pull;
-        if (!cursor->is_paid) {
-            if (left <= 0)
-                break;
-            left--;
-            cursor->is_paid = 1;
+        if (!cursor->is_begun) {
+            int32_t cost = 1;
+
             cursor->next = is_outside(&b->zone, p) ? b->count : 0;
+            if (cursor->next < b->count)
+                cost += (b->count + COMPARED - 1) / COMPARED;
+            if (left < cost - cursor->paid) {
+                cursor->paid += left;
+                left = 0;
+                break;
+            }
+            left -= cost - cursor->paid;
+            cursor->paid = 0;
+            cursor->is_begun = 1;
         }
         before = left;
         add_row(kernel, p, b, &cursor->next, &left, with_potential, with_springs, &pull);
@@ -203,7 +214,7 @@ static inline cairn_status add_strips(const cairn_force_kernel *kernel, const ca
         cursor->pull.x = cursor->pull.y = cursor->pull.potential = 0;
         if (with_springs)
             cursor->pull = none;
-        cursor->is_paid = 0;
+        cursor->is_begun = 0;
     }
     budget->left = left;
     return cursor->row < a->count ? CAIRN_MORE : CAIRN_OK;

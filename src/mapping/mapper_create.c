@@ -54,7 +54,7 @@ cairn_mapper_params cairn_mapper_default(void)
     params.key_support = CAIRN_REAL(0.6);
     params.window = 8;
     params.window_free = 3;
-    params.window_units = 24000;
+    params.window_units = 32000;
     params.odometry_distance = CAIRN_REAL(0.3);
     params.odometry_turn = CAIRN_REAL(0.3);
     params.odometry_distance_min = CAIRN_REAL(0.03);

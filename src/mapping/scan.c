@@ -267,7 +267,7 @@ static cairn_status make_beams(cairn_scan *x, cairn_budget *budget)
         cairn_real point[2];
         cairn_status status;
 
-        if (!scan_pay(x, budget, 32))
+        if (!scan_pay(x, budget, 42))
             return CAIRN_MORE;
         *beam = beam_of(x, x->at);
         (*kind_count(x, beam->kind))++;

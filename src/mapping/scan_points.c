@@ -68,7 +68,7 @@ cairn_status cairn_scan_turn(cairn_scan *x, cairn_budget *budget)
         scan_wall *w = &x->walls[x->at];
 
         if (x->stage == 0) {
-            if (!scan_pay(x, budget, 8))
+            if (!scan_pay(x, budget, 16))
                 return CAIRN_MORE;
             if (w->side < 0) {
                 cairn_vec2 swap = w->segment.a;
@@ -154,7 +154,7 @@ cairn_status cairn_scan_mark(cairn_scan *x, cairn_budget *budget)
         const scan_wall *w = &x->walls[label < 0 ? 0 : label];
         cairn_real along;
 
-        if (!scan_pay(x, budget, 8))
+        if (!scan_pay(x, budget, 12))
             return CAIRN_MORE;
         if (label < 0 || w->places == 0)
             continue;
@@ -179,14 +179,14 @@ cairn_status cairn_scan_emit(cairn_scan *x, cairn_budget *budget)
         const scan_wall *w = &x->walls[x->order[x->at]];
         cairn_vec2 direction;
 
-        if (x->stage == 0 && !scan_pay(x, budget, 8))
+        if (x->stage == 0 && !scan_pay(x, budget, 16))
             return CAIRN_MORE;
         x->stage = 1;
         direction = cairn_vec2_unit(cairn_vec2_sub(w->segment.b, w->segment.a));
         for (; x->other < w->places; x->other++) {
             cairn_oriented_point *point = &x->points[x->point_count];
 
-            if (!scan_pay(x, budget, 4))
+            if (!scan_pay(x, budget, 9))
                 return CAIRN_MORE;
             x->running += x->support[w->first_place + x->other];
             if (x->running <= 0)
