@@ -196,6 +196,7 @@ static void of_segments_the_best_pair_of_samples(void **state)
         cairn_symmetric_point fast, slow;
         int32_t has = cairn_symmetric_point_of_segments(&params, s, t, &fast);
 
+        memset(&slow, 0, sizeof slow);
         assert_int_equal(has, slow_pair(&params, s, t, &slow));
         if (!has)
             continue;
