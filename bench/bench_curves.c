@@ -5,7 +5,7 @@
 #include "cairn/output.h"
 
 /* Pixels. */
-enum { COLUMNS = 3, PANEL_WIDTH = 380, PANEL_HEIGHT = 230, LEFT = 62, RIGHT = 14, TOP = 34, BOTTOM = 34, HEAD = 96 };
+enum { PANEL_WIDTH = 380, PANEL_HEIGHT = 230, LEFT = 62, RIGHT = 14, TOP = 34, BOTTOM = 34, HEAD = 96 };
 
 static const char *const colours[] = {"#d97706", "#2563eb", "#059669", "#dc2626"};
 
@@ -79,8 +79,8 @@ static void draw_axes(cairn_output *out, const bench_curves *c, const frame *f)
 static void draw_panel(cairn_output *out, const bench_curves *c, int32_t index)
 {
     const bench_curve_panel *panel = &c->panel[index];
-    int32_t row = index / COLUMNS;
-    double corner_x = 12 + (double)(index % COLUMNS * PANEL_WIDTH), corner_y = HEAD + (double)(row * PANEL_HEIGHT);
+    int32_t row = index / c->columns;
+    double corner_x = 12 + (double)(index % c->columns * PANEL_WIDTH), corner_y = HEAD + (double)(row * PANEL_HEIGHT);
     frame f = {corner_x + LEFT, corner_y + TOP, PANEL_WIDTH - LEFT - RIGHT, PANEL_HEIGHT - TOP - BOTTOM, 0, 0};
 
     find_range(c, panel, &f);
@@ -103,7 +103,8 @@ static void draw_panel(cairn_output *out, const bench_curves *c, int32_t index)
 
 cairn_status bench_curves_write(const char *path, const bench_curves *c, cairn_file_error *error)
 {
-    int width = 24 + COLUMNS * PANEL_WIDTH, height = HEAD + 16 + (c->panels + COLUMNS - 1) / COLUMNS * PANEL_HEIGHT;
+    int width = 24 + c->columns * PANEL_WIDTH;
+    int height = HEAD + 16 + (c->panels + c->columns - 1) / c->columns * PANEL_HEIGHT;
     cairn_output *out;
     cairn_status status = cairn_output_open(&out, path, error);
 

@@ -14,8 +14,8 @@ typedef struct bench_curves {
     const char *title, *subtitle;
     const char *const *method; /* [methods] names */
     const int32_t *step;       /* [samples], growing: drawn at equal distances, so that the axis may change its scale */
-    const bench_curve_panel *panel; /* [panels], three in a row */
-    int32_t methods, samples, panels;
+    const bench_curve_panel *panel; /* [panels], row by row */
+    int32_t methods, samples, panels, columns;
 } bench_curves;
 
 /* Writes the picture, or nothing. CAIRN_IO, CAIRN_NO_MEMORY. */

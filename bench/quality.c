@@ -2,8 +2,9 @@
  *
  * Every method starts from the same disturbed poses of the same arenas. Of the poses after each step a map is drawn (moved
  * onto the truth by the best common motion, so that all maps have the same cells and quadrants), with its entropy, the
- * log-likelihood of its beams and the mean absolute errors E(x), E(y), E(theta); the error of a quadrant is the mean
- * distance of the scans that were taken in it. A method that has ended keeps its last map.
+ * log-likelihood of its beams and the mean absolute errors E(x), E(y), E(theta), of the whole and of its quadrants: the
+ * cells that lie in one, the beams and the poses of the scans that were taken in it. A method that has ended keeps its last
+ * map.
  *
  * How well a measure predicts the error: Spearman's rank correlation of entropy a cell, or likelihood a beam, with the mean
  * distance of the scans from the truth, over the maps of all arenas and methods after the same number of steps that are
@@ -33,12 +34,17 @@ typedef struct settings {
     const char *svg;
 } settings;
 
+/* Of a map, or of what lies in one quadrant of it: its cells, and the scans that were taken there. */
+typedef struct part {
+    double entropy, likelihood;
+    double x, y, theta, distance; /* m, degrees; NaN: no scan there */
+} part;
+
 /* Of one map. */
 typedef struct figures {
-    double entropy, entropy_of_cell, entropy_of[CAIRN_QUADRANTS];
-    double likelihood, likelihood_of_beam;
-    double x, y, theta, distance, distance_of[CAIRN_QUADRANTS]; /* m, degrees; NaN: no scan there */
-    double from_end;                                            /* m, mean distance from the method's own end */
+    part whole, quadrant[CAIRN_QUADRANTS];
+    double entropy_of_cell, likelihood_of_beam;
+    double from_end; /* m, mean distance from the method's own end */
 } figures;
 
 /* One arena: the beams of its scans and the grid that all maps of it share. */
@@ -158,7 +164,7 @@ static int quadrant_of(const scene *s, cairn_pose p)
     return north ? (east ? CAIRN_QUADRANT_NE : CAIRN_QUADRANT_NW) : east ? CAIRN_QUADRANT_SE : CAIRN_QUADRANT_SW;
 }
 
-/* Draws the map of the poses; its entropy and the likelihood of its beams. */
+/* Draws the map of the poses; adds its entropy and the likelihood of its beams to *f. */
 static cairn_status measure_map(scene *s, const cairn_pose *poses, double least, figures *f)
 {
     cairn_map_entropy entropy = {0};
@@ -175,13 +181,13 @@ static cairn_status measure_map(scene *s, const cairn_pose *poses, double least,
     }
     if (status == CAIRN_OK)
         status = cairn_map_entropy_add(s->grid, 0, s->layout.height, &entropy);
-    f->entropy = (double)entropy.whole;
-    f->entropy_of_cell = f->entropy / (double)entropy.cells;
+    f->whole.entropy = (double)entropy.whole;
+    f->entropy_of_cell = f->whole.entropy / (double)entropy.cells;
     for (int q = 0; q < CAIRN_QUADRANTS; q++)
-        f->entropy_of[q] = (double)entropy.quadrant[q];
-    f->likelihood = 0;
+        f->quadrant[q].entropy = (double)entropy.quadrant[q];
     for (int32_t i = 0; i < s->problem.count && status == CAIRN_OK; i++) {
         cairn_transform t = cairn_transform_of(poses[i]);
+        part *own = &f->quadrant[quadrant_of(s, s->truth[i])];
 
         for (int32_t k = 0; k < s->beam_count[i] && status == CAIRN_OK; k++) {
             const cairn_beam *beam = &s->beams[i][k];
@@ -192,11 +198,12 @@ static cairn_status measure_map(scene *s, const cairn_pose *poses, double least,
             status = cairn_map_beam_likelihood(s->grid, cairn_transform_point(t, beam->from),
                                                cairn_transform_point(t, beam->to), beam->kind == CAIRN_BEAM_HIT,
                                                (cairn_real)least, &value);
-            f->likelihood += (double)value;
+            f->whole.likelihood += (double)value;
+            own->likelihood += (double)value;
             beams++;
         }
     }
-    f->likelihood_of_beam = f->likelihood / (double)beams;
+    f->likelihood_of_beam = f->whole.likelihood / (double)beams;
     return status;
 }
 
@@ -205,26 +212,39 @@ static double distance_of(cairn_pose a, cairn_pose b)
     return hypot((double)(a.x - b.x), (double)(a.y - b.y));
 }
 
-/* Mean distances of the scans of each quadrant and of all. */
+static void add_errors(part *p, cairn_pose pose, cairn_pose truth)
+{
+    p->x += (double)cairn_abs(pose.x - truth.x);
+    p->y += (double)cairn_abs(pose.y - truth.y);
+    p->theta += (double)cairn_abs(cairn_wrap_angle(pose.theta - truth.theta)) / DEGREE;
+    p->distance += distance_of(pose, truth);
+}
+
+static void take_means(part *p, int32_t scans)
+{
+    double of = scans > 0 ? scans : (double)NAN;
+
+    p->x /= of;
+    p->y /= of;
+    p->theta /= of;
+    p->distance /= of;
+}
+
+/* Adds the mean errors of the scans of each quadrant and of all to *f. */
 static void measure_errors(const scene *s, const cairn_pose *poses, figures *f)
 {
     int32_t scans[CAIRN_QUADRANTS] = {0};
 
-    f->x = f->y = f->theta = f->distance = 0;
-    memset(f->distance_of, 0, sizeof f->distance_of);
     for (int32_t i = 0; i < s->problem.count; i++) {
-        cairn_pose truth = s->truth[i];
-        int q = quadrant_of(s, truth);
+        int q = quadrant_of(s, s->truth[i]);
 
-        f->x += (double)cairn_abs(poses[i].x - truth.x) / s->problem.count;
-        f->y += (double)cairn_abs(poses[i].y - truth.y) / s->problem.count;
-        f->theta += (double)cairn_abs(cairn_wrap_angle(poses[i].theta - truth.theta)) / DEGREE / s->problem.count;
-        f->distance += distance_of(poses[i], truth) / s->problem.count;
-        f->distance_of[q] += distance_of(poses[i], truth);
+        add_errors(&f->whole, poses[i], s->truth[i]);
+        add_errors(&f->quadrant[q], poses[i], s->truth[i]);
         scans[q]++;
     }
+    take_means(&f->whole, s->problem.count);
     for (int q = 0; q < CAIRN_QUADRANTS; q++)
-        f->distance_of[q] = scans[q] > 0 ? f->distance_of[q] / scans[q] : (double)NAN;
+        take_means(&f->quadrant[q], scans[q]);
 }
 
 /* Mean distance of two sets of poses after the best common motion; moved: [count], the first set after it. */
@@ -255,6 +275,7 @@ static int measure_track(scene *s, const settings *set, const cairn_pose *poses,
             map[k] = map[k - 1];
             continue;
         }
+        memset(&map[k], 0, sizeof map[k]);
         map[k].from_end = move_onto(now, poses + (SAMPLES - 1) * count, count, moved);
         (void)move_onto(now, s->truth, count, moved);
         measure_errors(s, moved, &map[k]);
@@ -288,12 +309,12 @@ static int run_arena(const settings *set, int32_t arena, study *all)
         bench_json_integer("arena", set->seed + arena);
         bench_json_text("method", bench_track_name(m));
         bench_json_integer("steps", all->steps[place]);
-        bench_json_number("entropy", end->entropy);
-        bench_json_number("log_likelihood", end->likelihood);
-        bench_json_number("e_x_m", end->x);
-        bench_json_number("e_y_m", end->y);
-        bench_json_number("e_theta_deg", end->theta);
-        bench_json_number("distance_m", end->distance);
+        bench_json_number("entropy", end->whole.entropy);
+        bench_json_number("log_likelihood", end->whole.likelihood);
+        bench_json_number("e_x_m", end->whole.x);
+        bench_json_number("e_y_m", end->whole.y);
+        bench_json_number("e_theta_deg", end->whole.theta);
+        bench_json_number("distance_m", end->whole.distance);
         bench_json_end();
     }
     free(poses);
@@ -402,10 +423,10 @@ static double predict(const study *all, measure of, double good, const int32_t *
             for (int32_t m = 0; m < METHODS; m++) {
                 const figures *map = map_of(all, drawn[a], m, k);
 
-                if (!(map->distance < good))
+                if (!(map->whole.distance < good))
                     continue;
                 r->measure[count] = of(map);
-                r->error[count++] = map->distance;
+                r->error[count++] = map->whole.distance;
             }
         if (count < MAPS_LEAST)
             continue;
@@ -481,7 +502,8 @@ static int32_t rising_steps(const study *all, int32_t arena, int32_t method)
     int32_t rising = 0;
 
     for (int32_t k = 1; k <= 50; k++)
-        rising += map_of(all, arena, method, k)->entropy > map_of(all, arena, method, k - 1)->entropy * (1 + 1e-9);
+        rising += map_of(all, arena, method, k)->whole.entropy >
+                  map_of(all, arena, method, k - 1)->whole.entropy * (1 + 1e-9);
     return rising;
 }
 
@@ -495,7 +517,8 @@ static void compare_quadrants(const study *all, int32_t arena, int32_t method, i
         const figures *b = map_of(all, arena, m, SAMPLES - 1);
 
         for (int q = 0; q < CAIRN_QUADRANTS && m != method; q++) {
-            double entropy = a->entropy_of[q] - b->entropy_of[q], error = a->distance_of[q] - b->distance_of[q];
+            double entropy = a->quadrant[q].entropy - b->quadrant[q].entropy;
+            double error = a->quadrant[q].distance - b->quadrant[q].distance;
 
             if (!(entropy * error != 0) || !isfinite(error))
                 continue;
@@ -530,9 +553,9 @@ static int print_methods(const study *all)
             const figures *end = map_of(all, a, m, SAMPLES - 1);
 
             values[a] = settled(all, a, m);
-            entropy[a] = end->entropy;
+            entropy[a] = end->whole.entropy;
             likelihood[a] = end->likelihood_of_beam;
-            distance[a] = end->distance;
+            distance[a] = end->whole.distance;
             rising += (double)rising_steps(all, a, m) / all->arenas;
             compare_quadrants(all, a, m, &agree, &compared);
         }
@@ -604,23 +627,29 @@ static void medians(const study *all, size_t offset, double *value, double *work
         }
 }
 
+/* A row of panels: a measure of the whole map and of its four quadrants. */
+#define ROW(title, field)                                                                                              \
+    {title, offsetof(figures, whole.field)},                                                                           \
+        {title ", north-west", offsetof(figures, quadrant[CAIRN_QUADRANT_NW].field)},                                  \
+        {title ", north-east", offsetof(figures, quadrant[CAIRN_QUADRANT_NE].field)},                                  \
+        {title ", south-west", offsetof(figures, quadrant[CAIRN_QUADRANT_SW].field)},                                  \
+    {                                                                                                                  \
+        title ", south-east", offsetof(figures, quadrant[CAIRN_QUADRANT_SE].field)                                     \
+    }
+
 static int draw(const study *all, const settings *set)
 {
     static const struct {
         const char *title;
         size_t offset;
     } panels[] = {
-        {"Entropy, nat", offsetof(figures, entropy)},
-        {"Log-likelihood of the beams", offsetof(figures, likelihood)},
-        {"Distance from the truth, m", offsetof(figures, distance)},
-        {"E(x), m", offsetof(figures, x)},
-        {"E(y), m", offsetof(figures, y)},
-        {"E(\xCE\xB8), degrees", offsetof(figures, theta)},
-        {"Entropy, north-west", offsetof(figures, entropy_of[CAIRN_QUADRANT_NW])},
-        {"Entropy, north-east", offsetof(figures, entropy_of[CAIRN_QUADRANT_NE])},
+        ROW("Entropy, nat", entropy),
+        ROW("Log-likelihood of the beams", likelihood),
+        ROW("E(x), m", x),
+        ROW("E(y), m", y),
+        ROW("E(\xCE\xB8), degrees", theta),
+        ROW("Distance from the truth, m", distance),
         {"Distance from its own end, m", offsetof(figures, from_end)},
-        {"Entropy, south-west", offsetof(figures, entropy_of[CAIRN_QUADRANT_SW])},
-        {"Entropy, south-east", offsetof(figures, entropy_of[CAIRN_QUADRANT_SE])},
     };
     enum { PANELS = sizeof panels / sizeof *panels };
     double *value = malloc(((size_t)PANELS * METHODS * SAMPLES + (size_t)all->arenas) * sizeof *value);
@@ -628,7 +657,7 @@ static int draw(const study *all, const settings *set)
     bench_curve_panel panel[PANELS];
     int32_t step[SAMPLES];
     char subtitle[256];
-    bench_curves curves = {"Alignment step by step", subtitle, method, step, panel, METHODS, SAMPLES, PANELS};
+    bench_curves curves = {"Alignment step by step", subtitle, method, step, panel, METHODS, SAMPLES, PANELS, 5};
     cairn_file_error error;
     int done = value != NULL;
 

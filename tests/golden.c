@@ -29,6 +29,7 @@ static const struct {
     {"mapped", golden_mapped},
     {"places", golden_places},
     {"merged", golden_merged},
+    {"contours", golden_contours},
 };
 
 static void print_line(const char *name, uint64_t hash)

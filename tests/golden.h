@@ -108,5 +108,6 @@ uint64_t golden_virtual_aligned(void);
 uint64_t golden_mapped(void);
 uint64_t golden_places(void);
 uint64_t golden_merged(void);
+uint64_t golden_contours(void);
 
 #endif
