@@ -2,7 +2,7 @@
 # What the library takes on a microcontroller: tools/footprint.sh [--check] BUILD FILE
 #
 # Measures what BUILD/firmware holds after `make firmware-test` (code, stack, instructions, memory; float, Cortex-M7, -Os) and
-# writes it between the two markers in FILE. With --check FILE stays as it is: exits with 1 when a figure has grown by more
+# tools/pool_formulas.c (with the float library of the desktop), and writes it between the two markers in FILE. With --check FILE stays as it is: exits with 1 when a figure has grown by more
 # than 5 % (and by more than 16) over the one in FILE, or when a row is not there.
 check=
 [ "$1" != --check ] || {
@@ -19,6 +19,7 @@ begin='<!-- measured: begin -->'
 end='<!-- measured: end -->'
 table=$fw/footprint.md
 export LC_ALL=C
+cc -std=c11 -DCAIRN_FLOAT -I. -Iinclude tools/pool_formulas.c "$1/libcairn-float.a" -lm -o "$fw/pool_formulas" || exit 1
 
 # name of the room of an object: the longest room whose name begins it (rooms.txt); parts belong to their rooms.
 {
@@ -59,6 +60,10 @@ export LC_ALL=C
     echo '| function | worst stack, bytes |'
     echo '|---|---|'
     sh tools/check-stack.sh --all "$fw/m7/float/src"
+    echo
+    echo '| object | bytes of the pool |'
+    echo '|---|---|'
+    "$fw/pool_formulas"
 } >"$table" || exit 1
 
 if [ -n "$check" ]; then
