@@ -55,6 +55,7 @@ TEST_COMMON := tests/support.c tests/rooms.c tests/kept.c bench/bench_bound.c be
 # What one test alone is linked with: NEEDS_<test>.
 GOLDEN      := $(wildcard tests/golden*.c)
 NEEDS_test_golden := $(filter-out tests/golden.c,$(GOLDEN))
+NEEDS_test_memory := tools/pool_objects.c
 HOST_LIBS   := -lyaml -lpng -lz
 SIM_LIBS    := -lbox2d
 
@@ -163,7 +164,7 @@ run-tests: all $(TEST_PROGRAMS)
 	@SANITIZE=$(SANITIZE) sh tests/run.sh $(BUILD) $(TEST_PROGRAMS)
 
 # What results and pools are kept to be, after a change that means to change them (tests/kept.h).
-KEPT = test_golden
+KEPT = test_golden test_memory
 golden:
 	@sh tools/deps.sh build test
 	@$(MAKE) $(PARALLEL) ASSERTIONS=1 BUILD=$(BUILD)/checked run-golden
