@@ -1,4 +1,4 @@
-/* The long scenes: X(name) for each. */
+/* The long scenes: LONG_SCENES(X) is X(name) for each. */
 #ifndef CAIRN_TESTS_LONG_SCENES_H
 #define CAIRN_TESTS_LONG_SCENES_H
 
@@ -28,7 +28,16 @@
     X(places)                                                                                                          \
     X(places_in_a_crowd)                                                                                               \
     X(places_in_order)                                                                                                 \
-    X(sequences)
+    X(sequences)                                                                                                       \
+    X(pose_graphs)                                                                                                     \
+    X(block_systems)                                                                                                   \
+    X(consensus)                                                                                                       \
+    X(particles)                                                                                                       \
+    X(polylines)                                                                                                       \
+    X(sweeps)                                                                                                          \
+    X(walls)                                                                                                           \
+    X(pictures)                                                                                                        \
+    X(neighbours)
 
 #define LONG_SCENE(name) uint64_t long_##name(void);
 LONG_SCENES(LONG_SCENE)
