@@ -198,7 +198,8 @@ enum { NODES = 40 };
 
 static cairn_pose node_of(int32_t i)
 {
-    cairn_pose pose = {(cairn_real)(i % 8) * 2, (cairn_real)(i / 8) * 2, (cairn_real)(i % 5)};
+    int32_t row = i / 8;
+    cairn_pose pose = {(cairn_real)(i % 8) * 2, (cairn_real)row * 2, (cairn_real)(i % 5)};
 
     return pose;
 }

@@ -210,7 +210,8 @@ static uint64_t place_all(uint64_t seed, const cairn_place_map_params *params, c
     long_build(&world, seed, 18);
     LONG_CREATE(&pool, place_map, &map, params);
     for (int32_t i = 0; i < PLACES * HEADINGS; i++) {
-        cairn_pose place = long_on_the_way((cairn_real)(i / HEADINGS) * CAIRN_REAL(1.3)), heading = {0, 0, 2};
+        int32_t stop = i / HEADINGS;
+        cairn_pose place = long_on_the_way((cairn_real)stop * CAIRN_REAL(1.3)), heading = {0, 0, 2};
         cairn_pose place_scan, slight;
         cairn_scan_view view;
 
