@@ -29,11 +29,17 @@ static void tell(const void *item, char text[KEPT_TEXT])
     int32_t third = q->capacity < 0 ? 0 : pool_object_default(q->object, q->capacity) / 3;
     size_t bytes = bytes_with(q, third + 1);
 
-    if (CAIRN_POOL_GAP > 0) /* between pieces, under AddressSanitizer */
-        skip();
     if (bytes == 0)
         bytes = bytes_with(q, -third);
     (void)snprintf(text, KEPT_TEXT, "%zu", bytes);
+}
+
+/* Under AddressSanitizer pieces have gaps, and bytes are others: only that there are any. */
+static void defaults_are_accepted(void **state)
+{
+    (void)state;
+    for (const pool_object *o = pool_objects; o->name != NULL; o++)
+        assert_true(pool_object_bytes(o, NULL, 0) > 0);
 }
 
 int main(int argc, char **argv)
@@ -41,8 +47,11 @@ int main(int argc, char **argv)
     static question questions[MOST];
     static kept_value values[MOST];
     static char names[MOST][NAME];
+    const struct CMUnitTest with_gaps[] = {cmocka_unit_test(defaults_are_accepted)};
     int32_t count = 0;
 
+    if (CAIRN_POOL_GAP > 0)
+        return cmocka_run_group_tests(with_gaps, NULL, NULL);
     for (const pool_object *o = pool_objects; o->name != NULL; o++)
         for (int32_t k = -1; k < POOL_CAPACITIES && (k < 0 || o->capacities[k].name != NULL) && count < MOST; k++) {
             questions[count].object = o;
