@@ -56,6 +56,8 @@ TEST_COMMON := tests/support.c tests/rooms.c tests/kept.c bench/bench_bound.c be
 # What one test alone is linked with: NEEDS_<test>.
 GOLDEN      := $(wildcard tests/golden*.c)
 NEEDS_test_golden := $(filter-out tests/golden.c,$(GOLDEN))
+NEEDS_test_memory := tools/pool_objects.c
+NEEDS_test_long   := $(wildcard tests/long_*.c)
 HOST_LIBS   := -lyaml -lpng -lz
 SIM_LIBS    := -lbox2d
 
@@ -164,12 +166,12 @@ run-tests: all $(TEST_PROGRAMS)
 	@SANITIZE=$(SANITIZE) sh tests/run.sh $(BUILD) $(TEST_PROGRAMS)
 
 # What results and pools are kept to be, after a change that means to change them (tests/kept.h).
-KEPT = test_golden
+KEPT = test_golden test_memory test_long
 golden:
 	@sh tools/deps.sh build test
 	@$(MAKE) $(PARALLEL) ASSERTIONS=1 BUILD=$(BUILD)/checked run-golden
 run-golden: $(KEPT:%=$(BUILD)/tests/%) $(KEPT:%=$(BUILD)/tests-float/%)
-	@for program in $^; do ./$$program --renew || exit 1; done
+	@for program in $^; do $$program --renew >$$program.log 2>&1 || { grep -v "OK\|RUN" $$program.log; exit 1; }; done
 
 demo:
 	@sh tools/deps.sh build
@@ -190,7 +192,7 @@ check-freestanding:
 	@sh tools/check.sh $(BUILD) freestanding
 
 # Every object of everything, for the checks of warnings.
-ALL_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(TEST_SRC) $(filter tests/%,$(TEST_COMMON)) $(GOLDEN) $(FW_LOOP) $(FW_SURVEY) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC)
+ALL_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(TEST_SRC) $(filter tests/%,$(TEST_COMMON)) $(GOLDEN) $(NEEDS_test_long) $(FW_LOOP) $(FW_SURVEY) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC)
 objects: $(call object,double,$(ALL_SRC)) $(call object,float,$(ALL_SRC))
 
 # The firmware: the float library in the loop of a robot on bare Cortex-M7 and M4F, and tests/golden.c in float and double.
