@@ -677,7 +677,7 @@ static void defaults(void **state)
 static void units_are_as_told(void **state)
 {
     static const int32_t units[3] = {12670, NUMBER(64844, 69339),
-                                     NUMBER(18124, 18204)}; /* without, with registration; without turns */
+                                     NUMBER(27208, 27439)}; /* without, with registration; without turns */
 
     (void)state;
     for (int32_t way = 0; way < 3; way++) {
