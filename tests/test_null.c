@@ -14,14 +14,14 @@
 #include "cairn/symmetric_point.h"
 #include "cairn/virtual_align.h"
 
-/* type: of the object. */
+/* type: of the object, without cairn_. */
 #define CREATES(room, type)                                                                                            \
     static void test_##room##_create(void **state)                                                                     \
     {                                                                                                                  \
         cairn_##room##_params params = room##_params();                                                                \
         cairn_pool pool = test_pool(cairn_##room##_memory(&params));                                                   \
         size_t before = pool.used;                                                                                     \
-        type *object;                                                                                                  \
+        cairn_##type *object;                                                                                          \
                                                                                                                        \
         (void)state;                                                                                                   \
         assert_status(cairn_##room##_create(NULL, &pool, &params), CAIRN_BAD_ARGUMENT);                                \
@@ -38,7 +38,7 @@
         cairn_##room##_params params = room##_params();                                                                \
         cairn_pool pool = test_pool(cairn_##room##_memory(&params));                                                   \
         cairn_budget budget = {100};                                                                                   \
-        type *object;                                                                                                  \
+        cairn_##type *object;                                                                                          \
                                                                                                                        \
         (void)state;                                                                                                   \
         assert_ok(cairn_##room##_create(&object, &pool, &params));                                                     \
@@ -82,42 +82,42 @@ static cairn_distance_map_params distance_map_params(void)
 }
 
 #define STEPPED(X)                                                                                                     \
-    X(aligner, cairn_aligner)                                                                                          \
-    X(corner, cairn_corner_set)                                                                                        \
-    X(edge_chain, cairn_edge_chain_set)                                                                                \
-    X(edge_segment, cairn_edge_segment_set)                                                                            \
-    X(force_field, cairn_force_field)                                                                                  \
-    X(hough, cairn_hough)                                                                                              \
-    X(map_merge, cairn_map_merge)                                                                                      \
-    X(mapper, cairn_mapper)                                                                                            \
-    X(place_map, cairn_place_map)                                                                                      \
-    X(polyline, cairn_polyline)                                                                                        \
-    X(pose_consensus, cairn_pose_consensus)                                                                            \
-    X(rectangle, cairn_rectangle_set)                                                                                  \
-    X(scan, cairn_scan)                                                                                                \
-    X(scan_cover, cairn_scan_cover)                                                                                    \
-    X(scan_match, cairn_scan_match)                                                                                    \
-    X(sequence, cairn_sequence)                                                                                        \
-    X(symmetric_point, cairn_symmetric_point_set)                                                                      \
-    X(virtual_align, cairn_virtual_align)                                                                              \
-    X(virtual_scan, cairn_virtual_scan)
+    X(aligner, aligner)                                                                                                \
+    X(corner, corner_set)                                                                                              \
+    X(edge_chain, edge_chain_set)                                                                                      \
+    X(edge_segment, edge_segment_set)                                                                                  \
+    X(force_field, force_field)                                                                                        \
+    X(hough, hough)                                                                                                    \
+    X(map_merge, map_merge)                                                                                            \
+    X(mapper, mapper)                                                                                                  \
+    X(place_map, place_map)                                                                                            \
+    X(polyline, polyline)                                                                                              \
+    X(pose_consensus, pose_consensus)                                                                                  \
+    X(rectangle, rectangle_set)                                                                                        \
+    X(scan, scan)                                                                                                      \
+    X(scan_cover, scan_cover)                                                                                          \
+    X(scan_match, scan_match)                                                                                          \
+    X(sequence, sequence)                                                                                              \
+    X(symmetric_point, symmetric_point_set)                                                                            \
+    X(virtual_align, virtual_align)                                                                                    \
+    X(virtual_scan, virtual_scan)
 
 /* Steps that say nothing about objects that are not there. */
 #define OTHERS(X)                                                                                                      \
-    X(block_solver, cairn_block_solver)                                                                                \
-    X(icp, cairn_icp)                                                                                                  \
-    X(lum, cairn_lum)                                                                                                  \
-    X(occupancy_grid, cairn_occupancy_grid)
+    X(block_solver, block_solver)                                                                                      \
+    X(icp, icp)                                                                                                        \
+    X(lum, lum)                                                                                                        \
+    X(occupancy_grid, occupancy_grid)
 
 #define DEFAULT_OF(room, type) DEFAULT(room)
 STEPPED(DEFAULT_OF)
 OTHERS(DEFAULT_OF)
 STEPPED(STEPS)
 OTHERS(CREATES)
-CREATES(distance_map, cairn_distance_map)
-CREATES(scan_set, cairn_scan_set)
-CREATES(point_grid, cairn_point_grid)
-CREATES(box_sweep, cairn_box_sweep)
+CREATES(distance_map, distance_map)
+CREATES(scan_set, scan_set)
+CREATES(point_grid, point_grid)
+CREATES(box_sweep, box_sweep)
 
 #define CREATE_TEST(room, type) cmocka_unit_test(test_##room##_create),
 #define STEP_TEST(room, type)   CREATE_TEST(room, type) cmocka_unit_test(test_##room##_step),
