@@ -28,7 +28,7 @@ typedef struct cairn_grouping_params {
     cairn_real symmetry;           /* rad, > 0: S, sigma of a loss of symmetry from one step to the next (45 degrees) */
     cairn_real missing;            /* 0 ... 1, > 0: likelihood of a side that is not seen (0.3) */
     cairn_real stop;      /* 0 ... 1: the walk ends when the best likelihood of a step, in the mean, is below (0.3) */
-    cairn_real min_score; /* 0 ... 1: objects below it are not reported (0.6) */
+    cairn_real min_score; /* 0 ... 1: objects below it are not reported (0.78) */
     uint64_t seed;
 } cairn_grouping_params;
 

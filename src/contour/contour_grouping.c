@@ -38,7 +38,7 @@ cairn_grouping_params cairn_grouping_default(void)
         .symmetry = 45 * (CAIRN_PI / 180),
         .missing = CAIRN_REAL(0.3),
         .stop = CAIRN_REAL(0.3),
-        .min_score = CAIRN_REAL(0.6),
+        .min_score = CAIRN_REAL(0.78),
         .seed = 1,
     };
     return params;

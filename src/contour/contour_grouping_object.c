@@ -7,7 +7,7 @@
 /* Of the last deviation from the model how much is expected of the next one. */
 #define CARRY CAIRN_REAL(0.8)
 /* Points that the similarity of the round before is worth in the fit. */
-#define HELD CAIRN_REAL(2)
+#define HELD 2
 /* Objects whose middles are closer than this, of their size, are one. */
 #define APART CAIRN_REAL(0.3)
 enum { UNITS_A_SAMPLE = 3 };
@@ -115,13 +115,21 @@ static int32_t list_segments(const cairn_grouping *g, int32_t *list)
     return count;
 }
 
-static int32_t sides_seen(const cairn_particle_filter *filter, int32_t index)
+/* Samples of the paths of which a side is seen in a pose. */
+static int32_t sides_seen(const cairn_grouping *g, const grouping_pose *pose)
 {
-    int32_t seen = 0;
+    cairn_real sigma = g->params.deform * grouping_size(pose), cost;
+    int32_t seen = 0, token;
 
-    for (const grouping_state *s = cairn_particle_filter_particle(filter, index).state; s != NULL;
-         s = cairn_particle_state_before(s))
-        seen += s->token[0] >= 0 || s->token[1] >= 0;
+    for (int32_t k = 0; k < g->input.model->sample_count; k++) {
+        const cairn_shape_sample *s = &g->input.model->samples[k];
+        int32_t sides = 0;
+
+        for (int32_t side = 0; side < 2; side++)
+            sides += cairn_grouping_near(g, grouping_place(pose, s->side[side].position),
+                                         grouping_direction(pose, s->side[side].direction), sigma, 1, &token, &cost);
+        seen += sides > 0;
+    }
     return seen;
 }
 
@@ -143,7 +151,7 @@ static void collect_one(cairn_grouping *g, int32_t index)
     object.origin = pose.t;
     object.size = grouping_size(&pose);
     object.turn = cairn_atan2(pose.b, pose.a);
-    object.seen = is_walk ? sides_seen(g->filter, index) : 0;
+    object.seen = sides_seen(g, &pose);
     object.start = is_walk ? s->start : g->starts[index - walks].sample;
     at = rank(g, &object);
     if (at >= 0)

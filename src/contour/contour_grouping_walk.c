@@ -15,7 +15,7 @@
 /* Of the last deviation from the model how much is expected of the next one. */
 #define CARRY CAIRN_REAL(0.8)
 /* Points that the first similarity is worth in the fit. */
-#define HELD CAIRN_REAL(4)
+#define HELD 4
 /* Loss of likelihood of the pair's discs, (2.13): sigmas in units of the deformation. */
 #define PLACE_SIGMA  CAIRN_REAL(1.5)
 #define RADIUS_SIGMA CAIRN_REAL(1.5)
