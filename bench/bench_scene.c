@@ -8,7 +8,12 @@
 
 #define PI 3.14159265358979323846
 
-enum { OUTLINE_SIDE = 280 };
+enum { OUTLINE_SIDE = 280, OUTLINE_MIDDLE = OUTLINE_SIDE / 2 };
+
+static int32_t row_of(int32_t pixel)
+{
+    return pixel / SCENE_WIDTH;
+}
 
 static double uniform(cairn_random *random, double low, double high)
 {
@@ -125,7 +130,7 @@ int32_t scene_outline(const scene_shape *shape, cairn_vec2 *vertices, int32_t mo
     int x = 0, y = 0, from_x, from_y, came = 4;
     int32_t count = 0;
 
-#define INSIDE(u, w) is_inside(shape, ((u)-OUTLINE_SIDE / 2) / 240.0, ((w)-OUTLINE_SIDE / 2) / 240.0)
+#define INSIDE(u, w) is_inside(shape, ((u)-OUTLINE_MIDDLE) / 240.0, ((w)-OUTLINE_MIDDLE) / 240.0)
     while (y < OUTLINE_SIDE && !INSIDE(x, y))
         if (++x == OUTLINE_SIDE) {
             x = 0;
@@ -162,7 +167,7 @@ static void add_background(scene *s, cairn_random *random)
         for (int32_t i = 0; knot != NULL && i < columns * rows; i++)
             knot[i] = uniform(random, -1, 1) * 25 * wave / 128;
         for (int32_t i = 0; knot != NULL && i < SCENE_PIXELS; i++) {
-            double x = (double)(i % SCENE_WIDTH) / wave, y = (double)(i / SCENE_WIDTH) / wave;
+            double x = (double)(i % SCENE_WIDTH) / wave, y = (double)row_of(i) / wave;
             int32_t u = (int32_t)x, v = (int32_t)y;
             double fx = x - u, fy = y - v;
             const double *k = &knot[v * columns + u];
@@ -184,7 +189,7 @@ static void add_clutter(scene *s, cairn_random *random)
     if (cairn_random_below(random, 2))
         contrast = -contrast;
     for (int32_t i = 0; i < SCENE_PIXELS; i++) {
-        double dx = i % SCENE_WIDTH - cx, dy = (double)(i / SCENE_WIDTH) - cy;
+        double dx = i % SCENE_WIDTH - cx, dy = (double)row_of(i) - cy;
         double x = (cosine * dx + sine * dy) / rx, y = (cosine * dy - sine * dx) / ry;
 
         if (kind == 0   ? x * x + y * y <= 1
@@ -203,7 +208,7 @@ static void add_object(scene *s, const scene_shape *shape, uint8_t *inside, cair
     double contrast = cairn_random_below(random, 2) ? 60 : -60;
 
     for (int32_t i = 0; i < SCENE_PIXELS; i++) {
-        double dx = (i % SCENE_WIDTH - cx) / size, dy = (i / SCENE_WIDTH - cy) / size;
+        double dx = (i % SCENE_WIDTH - cx) / size, dy = (row_of(i) - cy) / size;
 
         inside[i] = (uint8_t)is_inside(shape, cos(turn) * dx + sin(turn) * dy, cos(turn) * dy - sin(turn) * dx);
         s->grey[i] += inside[i] ? (float)contrast : 0;
@@ -243,11 +248,10 @@ static void hide(scene *s, double share, cairn_random *random)
     for (int32_t hidden = 0; at >= 0 && hidden < share * total; radius += 1) {
         hidden = 0;
         for (int32_t i = 0; i < SCENE_PIXELS; i++)
-            hidden += s->truth[i] > 0 &&
-                      hypot(i % SCENE_WIDTH - at % SCENE_WIDTH, i / SCENE_WIDTH - at / SCENE_WIDTH) <= radius;
+            hidden += s->truth[i] > 0 && hypot(i % SCENE_WIDTH - at % SCENE_WIDTH, row_of(i) - row_of(at)) <= radius;
     }
     for (int32_t i = 0; at >= 0 && i < SCENE_PIXELS; i++)
-        if (hypot(i % SCENE_WIDTH - at % SCENE_WIDTH, i / SCENE_WIDTH - at / SCENE_WIDTH) <= radius) {
+        if (hypot(i % SCENE_WIDTH - at % SCENE_WIDTH, row_of(i) - row_of(at)) <= radius) {
             s->truth[i] = s->truth[i] > 0;
             s->grey[i] = (float)(128 + contrast);
         }

@@ -352,6 +352,7 @@ static void bad_input_is_refused(void **state)
     cairn_grouping_input good, in;
     cairn_budget budget = {INT32_MAX};
     cairn_shape_model model = f.model;
+    cairn_shape_sample *many;
 
     (void)state;
     add_lamp(&s, 160, 120, 1, 0, 0, SIDES);
@@ -382,12 +383,13 @@ static void bad_input_is_refused(void **state)
     REFUSED(in.mean_length = 0, CAIRN_BAD_ARGUMENT);
     REFUSED(in.mean_length = (cairn_real)NAN, CAIRN_NOT_FINITE);
     model.sample_count = params.max_samples + 1;
-    model.samples = calloc((size_t)model.sample_count, sizeof *model.samples);
-    assert_non_null(model.samples);
+    many = calloc((size_t)model.sample_count, sizeof *many);
+    assert_non_null(many);
+    model.samples = many;
     for (int32_t i = 0; i < model.sample_count; i++)
-        ((cairn_shape_sample *)(uintptr_t)model.samples)[i] = f.model.samples[0];
+        many[i] = f.model.samples[0];
     REFUSED(in.model = &model, CAIRN_FULL);
-    free((void *)(uintptr_t)model.samples);
+    free(many);
 #undef REFUSED
     assert_status(cairn_grouping_begin(NULL, &good), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_grouping_begin(f.grouping, NULL), CAIRN_BAD_ARGUMENT);

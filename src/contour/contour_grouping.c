@@ -285,7 +285,7 @@ int32_t cairn_grouping_near(const cairn_grouping *g, cairn_vec2 at, cairn_vec2 d
         for (int32_t x = from % g->columns; x <= to % g->columns; x++)
             for (int32_t t = g->head[y * g->columns + x]; t >= 0; t = g->tokens[t].next) {
                 cairn_real c = cost_of(g, t, at, unit, cairn_max(sigma, CAIRN_REAL(1.5)));
-                int32_t i = count;
+                int32_t i;
 
                 if (c > limit || (count == most && c >= cost[count - 1]))
                     continue;
