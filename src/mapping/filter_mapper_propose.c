@@ -273,26 +273,34 @@ static cairn_real point_cost(const cairn_filter_mapper *m, const local_map *map,
     return cairn_min(across * across / 2, m->params.outlier);
 }
 
+/* Goes on with the candidate at hand. 1: it is weighed. */
+static int weigh_candidate(cairn_filter_mapper *m, cairn_scan_view view, cairn_budget *budget)
+{
+    proposing *at = &m->at;
+    path_state *s = &at->candidates[at->candidate];
+    cairn_transform map_scan = cairn_transform_of(s->map_key);
+    int32_t stride = stride_of(m, view.point_count), weighed = (view.point_count + stride - 1) / stride;
+
+    for (; at->cursor < view.point_count; at->cursor += stride) {
+        if (!pay(at, budget, 2 * LOCAL_MAPS))
+            return 0;
+        for (int which = 0; which < LOCAL_MAPS; which++)
+            at->cost += point_cost(m, &at->map[which], map_scan, view.points[at->cursor]);
+    }
+    s->log_weight -= at->cost * m->params.weight / (cairn_real)weighed;
+    at->cursor = 0;
+    at->cost = 0;
+    return 1;
+}
+
 /* 1: all candidates are weighed. */
 static int weigh_candidates(cairn_filter_mapper *m, cairn_budget *budget)
 {
-    proposing *at = &m->at;
     cairn_scan_view view = cairn_mapper_view(m->front);
-    int32_t stride = stride_of(m, view.point_count);
 
-    for (; at->candidate < m->params.candidates; at->candidate++, at->cursor = 0, at->cost = 0) {
-        path_state *s = &at->candidates[at->candidate];
-        cairn_transform map_scan = cairn_transform_of(s->map_key);
-        int32_t weighed = (view.point_count + stride - 1) / stride;
-
-        for (; at->cursor < view.point_count; at->cursor += stride) {
-            if (!pay(at, budget, 2 * LOCAL_MAPS))
-                return 0;
-            for (int which = 0; which < LOCAL_MAPS; which++)
-                at->cost += point_cost(m, &at->map[which], map_scan, view.points[at->cursor]);
-        }
-        s->log_weight -= at->cost * m->params.weight / (cairn_real)weighed;
-    }
+    for (; m->at.candidate < m->params.candidates; m->at.candidate++)
+        if (!weigh_candidate(m, view, budget))
+            return 0;
     return 1;
 }
 
