@@ -641,7 +641,7 @@ static void scans_that_just_meet(void **state)
 
             for (int side = 0; side < 2; side++)
                 for (int i = 0; i < COUNT; i++) {
-                    cairn_real along = side == 0 ? 1 : -1, across = CAIRN_REAL(0.01) * (cairn_real)(i - COUNT / 2);
+                    cairn_real along = side == 0 ? 1 : -1, across = CAIRN_REAL(0.01) * (cairn_real)i;
 
                     end[side][i].direction.x = x[turn];
                     end[side][i].direction.y = x[(turn + 3) % 4];
