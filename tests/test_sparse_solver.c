@@ -256,6 +256,7 @@ static void refusals(void **state)
         assert_ok(f.add_pose_block(f.context, i, one));
     assert_ok(f.factor(f.context));
     assert_ok(run(&f));
+    assert_int_equal(f.read(f.context).pose, -1);
     b[5] = nan;
     assert_status(f.solve(f.context, b), CAIRN_NOT_FINITE);
     assert_status(f.solution(f.context, 0, x), CAIRN_EMPTY);
