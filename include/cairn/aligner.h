@@ -77,7 +77,7 @@ typedef struct cairn_aligner_result {
     int32_t moved;           /* scans that were found elsewhere, or late */
     int32_t rounds;          /* of the joint solution */
     int32_t walls;           /* shared by two scans or more */
-    int32_t fill;            /* blocks of the joint solution */
+    int32_t fill;            /* blocks of the joint solution, at most */
     cairn_real spread;       /* m, standard deviation of x and of y of the initial poses, as learnt */
     cairn_real spread_angle; /* rad, of their headings */
     int64_t units;           /* of budget, by all steps */
