@@ -1176,17 +1176,17 @@ static uint64_t hash_of_scene(const struct scene *scene)
 static void results_stay_as_they_are(void **state)
 {
     static const struct scene scenes[] = {
-        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0x58ebd86c5b4cf0b0), UINT64_C(0x4f80c3235f03bb8e)},
-        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x90c1c2aee81281b5), UINT64_C(0xb8f6766cf350a646)},
-        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0xb05617bdd01db0d3), UINT64_C(0x4ffcaaa2b62e7cec)},
-        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x294a325e8abf96c3), UINT64_C(0xb3049d1b1419e3c7)},
-        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0xe272f13ab0144ce9), UINT64_C(0x36447d7d85cceb99)},
-        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x69a73bd277fbb4e5), UINT64_C(0x7960dfbb39a38303)},
-        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0x220ad2000dbcfedd), UINT64_C(0x60df7b4ce030e3c6)},
-        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x81bcccf0d2eb6c1e), UINT64_C(0xba734d78049b67bb)},
-        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0xf3a2b01444e251cc), UINT64_C(0xdce3dbc7f0459b87)},
-        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0xc083adb8ff4315af), UINT64_C(0xc25dfe084f8ef777)},
-        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0xf0bdb43d3efa9f94), UINT64_C(0x5f897035f1f59911)},
+        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0x7f303deb35aa3281), UINT64_C(0x5fa7ca04080b5c35)},
+        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x03207a969744b965), UINT64_C(0x73202c56510626f6)},
+        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0xfe2e699a5c007b2a), UINT64_C(0x3eef242378c4f8de)},
+        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x14796e13c166ecf2), UINT64_C(0x4b47d7b3e06d251f)},
+        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0xdcee76cf332efe0e), UINT64_C(0x2079965675048201)},
+        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0xfaedcfcf53036585), UINT64_C(0x2fa94216c6d9a75f)},
+        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0xc4f3d15073e90215), UINT64_C(0xbd2bee3ab97eb4af)},
+        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x65ec8c767aa1a539), UINT64_C(0x8cd79b550ca5b37e)},
+        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0xdda4db88693559c0), UINT64_C(0xbf4beec83b70820d)},
+        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x6944090a85105453), UINT64_C(0xfc1cd52c6e7c4462)},
+        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x58624d5ad585a96b), UINT64_C(0xcb65eec40979ac1e)},
     };
 
     (void)state;

@@ -169,7 +169,7 @@ static cairn_real chi_squared(const cairn_aligner *x, const leftover *m)
            2 * BEYOND_NATS * m->beyond;
 }
 
-void cairn_aligner_learn_misfit(cairn_aligner *x, int32_t cluster)
+static void learn_misfit(cairn_aligner *x, int32_t cluster)
 {
     cairn_transform same = {0, 0, 1, 0};
 
@@ -202,7 +202,7 @@ void cairn_aligner_learn_spread(cairn_aligner *x)
     x->sigma = cairn_min(x->sigma, cairn_sqrt(squares / (2 * count)));
     x->sigma_angle = cairn_min(x->sigma_angle, cairn_sqrt(squares_angle / count));
     for (int32_t c = 0; c < x->scan_count; c++)
-        cairn_aligner_learn_misfit(x, c);
+        learn_misfit(x, c);
 }
 
 /* ---- Looks ---- */

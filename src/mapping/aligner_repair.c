@@ -118,8 +118,8 @@ static int take_out(cairn_aligner *x)
     cairn_aligner_remove(x, x->i);
     x->poses[x->i] = single();
     cairn_aligner_insert(x, x->i, x->scan_count);
-    cairn_aligner_learn_misfit(x, home);
-    x->debt += x->clusters[home].size / 2;
+    cairn_aligner_learn_spread(x);
+    x->debt += x->scan_count;
     return 1;
 }
 

@@ -349,7 +349,6 @@ void cairn_aligner_insert(cairn_aligner *x, int32_t scan, int32_t cluster);
 void cairn_aligner_remove(cairn_aligner *x, int32_t scan);
 int32_t cairn_aligner_largest(const cairn_aligner *x);
 void cairn_aligner_learn_spread(cairn_aligner *x);
-void cairn_aligner_learn_misfit(cairn_aligner *x, int32_t cluster);
 cairn_transform cairn_aligner_gauge(const cairn_aligner *x, int32_t first, int32_t second,
                                     cairn_transform second_first);
 int32_t cairn_aligner_join(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose);
