@@ -112,6 +112,18 @@ CAIRN_CHECKED cairn_status cairn_icp_step(cairn_icp *icp, cairn_budget *budget);
 /* State after the last whole iteration. */
 cairn_icp_result cairn_icp_read(const cairn_icp *icp);
 
+/* Which part of the target tells what. A part is what one add_target() added; those beyond CAIRN_ICP_PARTS are one with the last. */
+#define CAIRN_ICP_PARTS 64
+
+typedef struct cairn_icp_parts {
+    cairn_rigid_motion motion; /* of the query as it was aligned: what the information is about */
+    int32_t count;
+    cairn_sym3 information[CAIRN_ICP_PARTS]; /* point-to-line, of the pairs with each part in the last whole iteration */
+} cairn_icp_parts;
+
+/* All zero while an alignment has no whole iteration with enough pairs. Cost: linear in the parts. */
+void cairn_icp_read_parts(const cairn_icp *icp, cairn_icp_parts *parts);
+
 #ifdef __cplusplus
 }
 #endif

@@ -98,22 +98,6 @@ static int is_key_scan(const cairn_mapper *mapper, cairn_pose map_scan)
            cairn_abs(key_scan.theta) > mapper->params.key_turn;
 }
 
-/* Covariance of the scan's pose seen from the key scan before, in the scan's own frame. */
-static cairn_sym3 link_covariance(const cairn_mapper *mapper)
-{
-    const cairn_mapper_params *p = &mapper->params;
-    cairn_pose prediction = mapper->motion;
-    cairn_real way = cairn_sqrt(prediction.x * prediction.x + prediction.y * prediction.y), unmatched[9] = {0};
-
-    if (mapper->has_match)
-        return cairn_mapper_own_covariance(mapper, mapper->match.covariance, mapper->match.target_query.theta);
-    unmatched[0] = unmatched[4] = p->motion_distance_min + p->motion_distance * way;
-    unmatched[8] = p->motion_turn_min + p->motion_turn * cairn_abs(prediction.theta);
-    for (int k = 0; k < 9; k += 4)
-        unmatched[k] *= unmatched[k];
-    return cairn_mapper_own_covariance(mapper, unmatched, 0);
-}
-
 /* Makes the scan at hand a key scan. The force field that is still at work on those before gives what it has, and the scan moves
  * along. */
 static cairn_status keep_key(cairn_mapper *mapper, const cairn_scan_view *view)
@@ -138,7 +122,7 @@ static cairn_status keep_key(cairn_mapper *mapper, const cairn_scan_view *view)
     if (mapper->sight != NULL)
         cairn_mapper_keep_sight(mapper, key, view);
     if (mapper->loop.graph != NULL)
-        mapper->loop.covariance[key] = link_covariance(mapper);
+        cairn_mapper_tie(mapper, &mapper->loop.ties[key]);
     if (mapper->params.window && key > 0)
         cairn_mapper_begin_window(mapper);
     return status;

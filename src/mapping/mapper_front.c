@@ -28,6 +28,7 @@ static const cairn_real WIDE_ANGLE = CAIRN_REAL(1.6);   /* ... when nothing was 
 static const cairn_real STRANGE = CAIRN_REAL(0.1);      /* m and rad out of the way */
 static const cairn_real STRANGE_COST = CAIRN_REAL(0.1); /* ... of the log of the quality */
 static const cairn_real DOUBT = CAIRN_REAL(0.3), DOUBT_TURN = CAIRN_REAL(0.15); /* standard deviations, m and rad */
+static const cairn_real LOCAL_EVIDENCE = -4;
 static const cairn_real SLIPPERY = CAIRN_REAL(0.05); /* share of information along the weak direction */
 static const cairn_real FADES = CAIRN_REAL(0.99);    /* pace, by each scan that does not tell it */
 static const cairn_real ADAPTS = CAIRN_REAL(0.1);    /* by each scan, of mean quality and trust */
@@ -76,6 +77,11 @@ static cairn_pose_prior prior_of(const cairn_mapper *mapper, cairn_pose motion, 
     return prior;
 }
 
+cairn_pose_prior cairn_mapper_prior(const cairn_mapper *mapper)
+{
+    return prior_of(mapper, mapper->motion, mapper->believed);
+}
+
 cairn_status cairn_mapper_begin_match(cairn_mapper *mapper)
 {
     cairn_scan_view view = cairn_scan_read(mapper->scan);
@@ -99,17 +105,17 @@ static cairn_status begin_other(cairn_mapper *mapper)
 /* A match is as good as its overlap, less for every 5 cm of mean distance. */
 static cairn_real quality(const cairn_icp_result *match)
 {
-    return match->overlap * cairn_exp(-match->mean_distance / CAIRN_REAL(0.05));
+    return match->overlap * cairn_exp(-match->sigma / CAIRN_REAL(0.05));
 }
 
 /* How much a motion to a pose is out of the way of both the prediction and standing still, squared, up to 4. */
 static cairn_real strangeness(const cairn_mapper *mapper, cairn_pose pose)
 {
     cairn_pose a = cairn_pose_between(mapper->predicted, pose), b = cairn_pose_between(mapper->last, pose);
-    cairn_real by_prediction = a.x * a.x + a.y * a.y + a.theta * a.theta;
-    cairn_real by_rest = b.x * b.x + b.y * b.y + b.theta * b.theta;
+    cairn_real way = cairn_min(a.x * a.x + a.y * a.y, b.x * b.x + b.y * b.y);
+    cairn_real turn = cairn_min(a.theta * a.theta, b.theta * b.theta);
 
-    return cairn_min(cairn_min(by_prediction, by_rest) / (STRANGE * STRANGE), 4);
+    return cairn_min((way + turn) / (STRANGE * STRANGE), 4);
 }
 
 /* What speaks for a pose: the log of a quality, less for a strange motion. */
@@ -132,6 +138,7 @@ static int32_t take_match(cairn_mapper *mapper)
         return 0;
     mapper->match = match;
     mapper->has_match = 1;
+    cairn_icp_read_parts(mapper->icp, &mapper->parts);
     return 1;
 }
 
@@ -154,6 +161,7 @@ static void take_found(cairn_mapper *mapper)
     }
     mapper->match = match;
     mapper->has_match = 1;
+    cairn_icp_read_parts(mapper->icp, &mapper->parts);
 }
 
 /* 1 when the two motions lead to different places. */
@@ -224,6 +232,24 @@ cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budg
     return CAIRN_OK;
 }
 
+#ifndef DBG_NONE
+#define DBG_NONE 0
+#endif
+static int32_t is_found(const cairn_scan_match_result *result)
+{
+    return result->count > 0 && result->hypotheses[0].evidence > LOCAL_EVIDENCE;
+}
+
+static int32_t confirms(const cairn_mapper *mapper, const cairn_scan_match_result *result)
+{
+    cairn_pose apart;
+
+    if (!mapper->has_match || result->count == 0)
+        return 0;
+    apart = cairn_pose_between(mapper->match.target_query, result->hypotheses[0].target_query);
+    return length(apart) <= 2 * APART && cairn_abs(apart.theta) <= 2 * APART_TURN;
+}
+
 /* The search is over: the match runs from what it found, or what there is stays, in doubt. */
 static cairn_status end_search(cairn_mapper *mapper)
 {
@@ -233,11 +259,16 @@ static cairn_status end_search(cairn_mapper *mapper)
     cairn_real best = 0;
     int32_t chosen = -1;
 
-    if (result.verdict == CAIRN_SCAN_MATCH_NONE && mapper->searches == 1)
+    if (DBG_NONE && result.verdict == CAIRN_SCAN_MATCH_NONE) { extern int printf(const char*,...); const cairn_scan_match_hypothesis*h=result.hypotheses; cairn_pose d={0,0,0}; if(result.count>0)d=cairn_pose_between(mapper->match.target_query,h->target_query); printf("  NONE %d spent %d n %d, h0 off match %.3f %.2f score %.3f fit %.2f ov %.2f contra %.3f %.3f ev %.1f\n",(int)mapper->searches,(int)mapper->spent,(int)result.count,length(d),d.theta*57.3,result.count?h->score:0,result.count?h->fit:0,result.count?h->overlap:0,result.count?h->contradiction:0,result.count?h->target_contradiction:0,result.count?h->evidence:0);}
+    if (!is_found(&result) && confirms(mapper, &result)) {
+        mapper->phase = KEEP;
+        return CAIRN_OK;
+    }
+    if (!is_found(&result) && mapper->searches == 1)
         return begin_search(mapper);
     mapper->phase = KEEP;
     mapper->doubtful = 1;
-    if (result.verdict == CAIRN_SCAN_MATCH_NONE)
+    if (!is_found(&result))
         return CAIRN_OK;
     for (int32_t i = 0; i < result.count; i++) {
         cairn_pose pose = result.hypotheses[i].target_query;
@@ -251,6 +282,7 @@ static cairn_status end_search(cairn_mapper *mapper)
     }
     mapper->doubtful = cairn_mapper_has_rival(&result);
     mapper->phase = MATCH_FOUND;
+    prior.mean = result.hypotheses[chosen].target_query;
     return cairn_icp_begin(mapper->icp, view.points, view.point_count, result.hypotheses[chosen].target_query, &prior,
                            NULL);
 }
@@ -316,25 +348,27 @@ static void weigh_odometry(cairn_mapper *mapper)
 }
 
 /* Along a wall that tells little of it a scan slips unnoticed, unless odometry holds it. */
-static void doubt_weak_direction(cairn_icp_result *match)
+static void doubt_weak_direction(cairn_mapper *mapper)
 {
-    cairn_real x = DOUBT * match->weak[0], y = DOUBT * match->weak[1];
+    cairn_real x = DOUBT * mapper->match.weak[0], y = DOUBT * mapper->match.weak[1];
 
-    match->covariance[0] += x * x;
-    match->covariance[1] += x * y;
-    match->covariance[3] += x * y;
-    match->covariance[4] += y * y;
+    mapper->doubt[0] += x * x;
+    mapper->doubt[1] += x * y;
+    mapper->doubt[3] += x * y;
+    mapper->doubt[4] += y * y;
 }
 
 void cairn_mapper_learn(cairn_mapper *mapper)
 {
+    memset(mapper->doubt, 0, sizeof mapper->doubt);
     if (mapper->has_match && mapper->doubtful) {
-        mapper->match.covariance[0] += DOUBT * DOUBT;
-        mapper->match.covariance[4] += DOUBT * DOUBT;
-        mapper->match.covariance[8] += DOUBT_TURN * DOUBT_TURN;
+        mapper->doubt[0] = mapper->doubt[4] = DOUBT * DOUBT;
+        mapper->doubt[8] = DOUBT_TURN * DOUBT_TURN;
     }
     if (mapper->has_match && !mapper->believed && mapper->match.weak_ratio < SLIPPERY)
-        doubt_weak_direction(&mapper->match);
+        doubt_weak_direction(mapper);
+    for (int k = 0; k < 9 && mapper->has_match; k++)
+        mapper->match.covariance[k] += mapper->doubt[k];
     mapper->state.doubtful += mapper->doubtful;
     if (!mapper->has_match)
         return;

@@ -6,11 +6,16 @@
  * outlier afterwards is dropped, and the correction repeated. */
 #include "src/core/build.h"
 
+#include <string.h>
+
 #include "src/mapping/mapper_work.h"
 
 /* A correction costs about as much as looking for so many key scans, in parts of those in the graph. */
 enum { SOLVE_SHARE = 48 };
 
+static const cairn_real LOOSE = 1; /* m and rad: of what a key scan of the local map tells nothing */
+static const cairn_real TELLS_MUCH = 4; /* times the information, of all directions together */
+static const cairn_real DOUBTFUL = CAIRN_REAL(0.3), DOUBTFUL_TURN = CAIRN_REAL(0.15);
 static const cairn_real STRAINED = 100; /* chi2 of a closure that asks for a correction at once */
 
 cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_real covariance[9], cairn_real theta)
@@ -31,6 +36,107 @@ cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_r
     own.zz += p->sigma_turn * p->sigma_turn;
     return own;
 }
+
+/* ---- Ties ---- */
+
+/* Covariance of the scan at hand seen from one key scan of the local map, by its pairs with that one and by the prior. Where the
+ * pairs tell little, that little is noise of their normals. */
+static cairn_sym3 part_covariance(const cairn_mapper *mapper, int32_t part, const cairn_pose_prior *prior)
+{
+    const cairn_icp_parts *parts = &mapper->parts;
+    cairn_normal_equations known = cairn_rigid_motion_prior(&parts->motion, prior);
+    cairn_real covariance[9];
+    cairn_motion_basis basis;
+    int32_t has_pairs = part >= 0 && parts->information[part].xx + parts->information[part].yy > 0;
+
+    if (has_pairs)
+        basis = cairn_motion_basis_of(parts->information[part], mapper->params.icp.weak_ratio);
+    cairn_rigid_motion_covariance(&parts->motion, has_pairs ? &basis : NULL,
+                                  has_pairs ? &parts->information[part] : NULL, &known, covariance);
+    return cairn_mapper_own_covariance(mapper, covariance, parts->motion.map_body.theta);
+}
+
+static cairn_real determinant(cairn_sym3 m)
+{
+    return m.xx * (m.yy * m.zz - m.yz * m.yz) - m.xy * (m.xy * m.zz - m.yz * m.xz) + m.xz * (m.xy * m.yz - m.yy * m.xz);
+}
+
+/* Information of both. */
+static cairn_sym3 joined(cairn_sym3 a, cairn_sym3 b)
+{
+    cairn_sym3 out = {a.xx + b.xx, a.xy + b.xy, a.xz + b.xz, a.yy + b.yy, a.yz + b.yz, a.zz + b.zz};
+
+    return out;
+}
+
+/* Hangs the scan at hand on one more key scan of its local map, that which tells most of what is not known; 0 when none tells
+ * much. known: information so far. */
+static int32_t add_anchor(const cairn_mapper *mapper, mapper_tie *tie, cairn_sym3 *known)
+{
+    cairn_pose_prior loose = {mapper->match.target_query, LOOSE, LOOSE, LOOSE};
+    cairn_real best = TELLS_MUCH * determinant(*known);
+    cairn_sym3 covariance, information, told = cairn_sym3_zero();
+    int32_t at = tie->anchor_count, found = 0;
+
+    for (int32_t part = 0; part < mapper->parts.count && part < mapper->local_count; part++) {
+        int32_t key = mapper->local[part];
+
+        if (key == mapper->keys->scan_count - 2 || mapper->loop.ties[key].doubtful)
+            continue;
+        covariance = part_covariance(mapper, part, &loose);
+        if (!cairn_sym3_inverse(covariance, &information) || !(determinant(joined(*known, information)) > best))
+            continue;
+        best = determinant(joined(*known, information));
+        told = information;
+        tie->anchors[at] = key;
+        tie->anchor_covariance[at] = covariance;
+        found = 1;
+    }
+    *known = joined(*known, told);
+    tie->anchor_count += found;
+    return found;
+}
+
+void cairn_mapper_tie(const cairn_mapper *mapper, mapper_tie *tie)
+{
+    int32_t before = mapper->keys->scan_count - 2, part = -1;
+    cairn_pose_prior prior = cairn_mapper_prior(mapper);
+    cairn_sym3 known;
+
+    memset(tie, 0, sizeof *tie);
+    tie->doubtful = mapper->doubtful;
+    if (before < 0)
+        return;
+    if (!mapper->has_match) {
+        cairn_real unmatched[9] = {0};
+
+        unmatched[0] = unmatched[4] = prior.sigma_x * prior.sigma_x;
+        unmatched[8] = prior.sigma_theta * prior.sigma_theta;
+        tie->covariance = cairn_mapper_own_covariance(mapper, unmatched, 0);
+        return;
+    }
+    for (int32_t i = 0; i < mapper->parts.count && i < mapper->local_count; i++)
+        if (mapper->local[i] == before)
+            part = i;
+    prior.mean = mapper->match.target_query;
+    tie->covariance = part_covariance(mapper, part, &prior);
+    {
+        cairn_sym3 doubt = cairn_mapper_own_covariance(mapper, mapper->doubt, mapper->match.target_query.theta);
+
+        tie->covariance = joined(tie->covariance, doubt);
+    }
+    if (mapper->loop.ties[before].doubtful) {
+        tie->covariance.xx += DOUBTFUL * DOUBTFUL;
+        tie->covariance.yy += DOUBTFUL * DOUBTFUL;
+        tie->covariance.zz += DOUBTFUL_TURN * DOUBTFUL_TURN;
+    }
+    if (tie->doubtful || !cairn_sym3_inverse(tie->covariance, &known))
+        return;
+    while (tie->anchor_count < MAPPER_ANCHORS && add_anchor(mapper, tie, &known))
+        continue;
+}
+
+/* ---- The graph ---- */
 
 static void hang_link(mapper_loop *loop, int32_t key, int32_t link, int32_t end)
 {
@@ -74,7 +180,15 @@ cairn_status cairn_mapper_enter(cairn_mapper *mapper)
     loop->entered++;
     if (key > 0)
         status = add_link(mapper, key - 1, key, cairn_pose_between(mapper->key_pose[key - 1], mapper->key_pose[key]),
-                          loop->covariance[key], 0);
+                          loop->ties[key].covariance, 0);
+    for (int32_t i = 0; i < loop->ties[key].anchor_count && status == CAIRN_OK; i++) {
+        int32_t anchor = loop->ties[key].anchors[i];
+
+        if (loop->link_count - loop->entered + 1 >= mapper->params.loop.max_loops)
+            break;
+        status = add_link(mapper, anchor, key, cairn_pose_between(mapper->key_pose[anchor], mapper->key_pose[key]),
+                          loop->ties[key].anchor_covariance[i], 0);
+    }
     return status;
 }
 

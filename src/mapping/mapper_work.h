@@ -11,9 +11,11 @@
 enum {
     MAPPER_BEARINGS = 256,   /* of what a key scan saw free */
     MAPPER_CANDIDATES = 3,   /* places at which a key scan is looked for */
+    MAPPER_ANCHORS = 2,      /* key scans on which one hangs besides the one before */
     MAPPER_PENDING = 32,     /* closures that wait for others to agree */
     MAPPER_LOOP_EVENTS = 64, /* that can be read */
-    MAPPER_SEARCH_KEYS = 5   /* key scans of the local map in which a scan in doubt is searched for */
+    MAPPER_SEARCH_KEYS = 5,  /* key scans of the local map in which a scan in doubt is searched for */
+    MAPPER_SEARCH_CANDIDATES = 32 /* places that a search refines */
 };
 
 static const cairn_real MAPPER_WIDE_WINDOW = 1; /* m, of the widest search of a scan in doubt, beyond its motion */
@@ -74,11 +76,21 @@ typedef struct mapper_pending {
     cairn_sym3 covariance; /* in the frame of second */
 } mapper_pending;
 
+/* How a key scan hangs on others: on the one before, and on those that tell what that one does not. Covariances are in its own
+ * frame. */
+typedef struct mapper_tie {
+    cairn_sym3 covariance; /* seen from the one before */
+    int32_t anchors[MAPPER_ANCHORS];
+    cairn_sym3 anchor_covariance[MAPPER_ANCHORS];
+    int32_t anchor_count;
+    int32_t doubtful;
+} mapper_tie;
+
 typedef struct mapper_loop {
     cairn_pose_graph *graph;
     mapper_link *links;        /* [max_keys + max_loops] */
     int32_t *first_link;       /* [max_keys] of a key scan; -1: none */
-    cairn_sym3 *covariance;    /* [max_keys] of the match with which a key scan came, in its own frame */
+    mapper_tie *ties;          /* [max_keys] by the match with which a key scan came */
     cairn_real *variance;      /* [max_keys] m^2, of the path to the query */
     cairn_real *turn_variance; /* [max_keys] rad^2 */
     int32_t *heap;             /* [max_keys] key scans by variance */
@@ -154,10 +166,12 @@ struct cairn_mapper {
     int32_t local_count;
     int32_t target_stale; /* 1: key scans were added or moved since the local map was made */
     cairn_pose target_pose;
-    cairn_icp_result match; /* the better one so far */
+    cairn_icp_result match; /* the better one so far ... */
+    cairn_icp_parts parts;  /* ... and which key scan of the local map told what of it */
     int32_t has_match;
     int32_t doubtful;         /* 1: also after a search */
     cairn_scan_match *search; /* of the scan in doubt, and for loops; NULL when nobody searches */
+    cairn_real doubt[9];      /* covariance in the map that the doubt adds */
     int32_t searches;         /* of this scan */
     int32_t search_count;     /* key scans of the local map that it has; 0: other things */
     int32_t spent;            /* units, by the search of this scan */
@@ -222,6 +236,9 @@ cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budg
 /* Goes on with the search of a scan in doubt, which ends when it has taken its share of units. */
 cairn_status cairn_mapper_search_step(cairn_mapper *mapper, cairn_budget *budget);
 
+/* What its motion tells of the scan at hand. */
+cairn_pose_prior cairn_mapper_prior(const cairn_mapper *mapper);
+
 /* The scan has its match, or none: how good are matches, can odometry be believed? */
 void cairn_mapper_learn(cairn_mapper *mapper);
 cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion);
@@ -245,6 +262,9 @@ cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget);
 
 /* Puts the next key scan into the graph, linked to the one before. */
 cairn_status cairn_mapper_enter(cairn_mapper *mapper);
+
+/* On what the scan at hand, which has its match, hangs as a key scan. */
+void cairn_mapper_tie(const cairn_mapper *mapper, mapper_tie *tie);
 
 /* Adds a link that closes a loop. covariance: of first_second, in the frame of second. CAIRN_FULL: no room for links. */
 cairn_status cairn_mapper_add_closure(cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
