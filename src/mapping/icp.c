@@ -279,6 +279,14 @@ cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, 
     return CAIRN_OK;
 }
 
+cairn_status cairn_icp_set_weak_ratio(cairn_icp *icp, cairn_real weak_ratio)
+{
+    if (icp == NULL || icp->running || !(weak_ratio >= 0 && weak_ratio < 1))
+        return CAIRN_BAD_ARGUMENT;
+    icp->params.weak_ratio = weak_ratio;
+    return CAIRN_OK;
+}
+
 /* ---- Pairs ---- */
 
 static int agrees(const cairn_icp *icp, int32_t target, cairn_vec2 direction)

@@ -158,7 +158,7 @@ static cairn_status keep(cairn_mapper *mapper)
     result->is_key = (first || view.point_count > 0) && is_key_scan(mapper, result->map_scan);
     if (result->is_key)
         status = keep_key(mapper, &view);
-    result->key = mapper->keys->scan_count - 1;
+    result->key = result->is_key ? mapper->keys->scan_count - 1 : cairn_mapper_hang_on(mapper);
     result->key_scan = cairn_pose_between(mapper->key_pose[result->key], result->map_scan);
     mapper->since_key = result->is_key ? 0 : mapper->since_key + 1;
     mapper->state.scans++;
@@ -233,6 +233,7 @@ static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
     case MATCH:
     case MATCH_OTHER:
     case MATCH_FOUND:
+    case MATCH_HELD:
         status = cairn_icp_step(mapper->icp, budget);
         if (status == CAIRN_OK)
             status = cairn_mapper_end_match(mapper);

@@ -14,6 +14,9 @@
 #include <string.h>
 
 #include "src/mapping/mapper_work.h"
+#ifndef DBG_HELD
+#define DBG_HELD 0
+#endif
 
 static const cairn_real APART = CAIRN_REAL(0.05); /* m: motions that lead so far apart are tried both */
 static const cairn_real APART_TURN = CAIRN_REAL(0.02);
@@ -29,6 +32,8 @@ static const cairn_real STRANGE = CAIRN_REAL(0.1);      /* m and rad out of the 
 static const cairn_real STRANGE_COST = CAIRN_REAL(0.1); /* ... of the log of the quality */
 static const cairn_real DOUBT = CAIRN_REAL(0.3), DOUBT_TURN = CAIRN_REAL(0.15); /* standard deviations, m and rad */
 static const cairn_real LOCAL_EVIDENCE = -4;
+static const cairn_real HELD = CAIRN_REAL(0.15);
+static const cairn_real FARTHEST = 10;
 static const cairn_real SLIPPERY = CAIRN_REAL(0.05); /* share of information along the weak direction */
 static const cairn_real FADES = CAIRN_REAL(0.99);    /* pace, by each scan that does not tell it */
 static const cairn_real ADAPTS = CAIRN_REAL(0.1);    /* by each scan, of mean quality and trust */
@@ -54,7 +59,7 @@ void cairn_mapper_predict(cairn_mapper *mapper, cairn_pose last, cairn_pose by_o
     mapper->by_odometry = by_odometry;
     mapper->predicted = cairn_pose_compose(last, mapper->motion);
     mapper->has_match = 0;
-    mapper->doubtful = 0;
+    mapper->doubtful = mapper->held = 0;
     mapper->spent = mapper->searches = 0;
 }
 
@@ -186,6 +191,55 @@ static int32_t is_doubtful(const cairn_mapper *mapper)
     return !mapper->has_match || is_sudden(mapper) || quality(&mapper->match) < WORSE * mapper->mean_quality;
 }
 
+/* ---- Few points against the odometry ---- */
+
+/* 1 when odometry is contradicted by what few points tell: somebody who walks along, say. */
+static int32_t is_outvoted(const cairn_mapper *mapper)
+{
+    return mapper->has_match && mapper->believed && is_sudden(mapper) && mapper->match.weak_ratio < HELD;
+}
+
+static cairn_status begin_held(cairn_mapper *mapper)
+{
+    cairn_scan_view view = cairn_scan_read(mapper->scan);
+    cairn_pose_prior prior = prior_of(mapper, mapper->motion, 1);
+    cairn_status status = cairn_icp_set_weak_ratio(mapper->icp, HELD);
+
+    mapper->phase = MATCH_HELD;
+    if (status != CAIRN_OK)
+        return status;
+    return cairn_icp_begin(mapper->icp, view.points, view.point_count, mapper->predicted, &prior, NULL);
+}
+
+/* Squared distance from where odometry leads, in standard deviations; wheels that slip may err by any. */
+static cairn_real off_odometry(const cairn_mapper *mapper, cairn_pose pose)
+{
+    cairn_pose_prior prior = prior_of(mapper, mapper->motion, 1);
+    cairn_pose off = cairn_pose_between(prior.mean, pose);
+
+    return cairn_min((off.x * off.x + off.y * off.y) / (prior.sigma_x * prior.sigma_x) +
+                         off.theta * off.theta / (prior.sigma_theta * prior.sigma_theta),
+                     FARTHEST);
+}
+
+/* The match that odometry holds stands when nearly as much speaks for it. */
+static void take_held(cairn_mapper *mapper)
+{
+    cairn_icp_result match = cairn_icp_read(mapper->icp);
+    cairn_real points;
+
+    if (DBG_HELD) { extern int printf(const char*,...); extern cairn_pose dbg_truth; cairn_pose a=cairn_pose_between(dbg_truth,mapper->match.target_query),b=cairn_pose_between(dbg_truth,match.target_query);
+       printf("HELD A err %.3f B err %.3f | A q %.2f sup %.2f ratio %.3f pairs %d sig %.3f | B q %.2f sup %.2f pairs %d sig %.3f jump %.2f\n",length(a),length(b),quality(&mapper->match),mapper->match.overlap,mapper->match.weak_ratio,mapper->match.pairs,mapper->match.sigma,quality(&match),match.overlap,match.pairs,match.sigma,length(cairn_pose_between(mapper->match.target_query,match.target_query)));}
+    points = (cairn_real)cairn_scan_read(mapper->scan).point_count;
+    if (!counts(mapper, &match) || points * (quality(&mapper->match) - quality(&match)) >
+                                       off_odometry(mapper, mapper->match.target_query) -
+                                           off_odometry(mapper, match.target_query))
+        return;
+    mapper->match = match;
+    mapper->held = 1;
+    cairn_icp_read_parts(mapper->icp, &mapper->parts);
+}
+
 /* ---- The search ---- */
 
 static cairn_status begin_search(cairn_mapper *mapper)
@@ -262,7 +316,7 @@ static cairn_status end_search(cairn_mapper *mapper)
     if (DBG_NONE && result.verdict == CAIRN_SCAN_MATCH_NONE) { extern int printf(const char*,...); const cairn_scan_match_hypothesis*h=result.hypotheses; cairn_pose d={0,0,0}; if(result.count>0)d=cairn_pose_between(mapper->match.target_query,h->target_query); printf("  NONE %d spent %d n %d, h0 off match %.3f %.2f score %.3f fit %.2f ov %.2f contra %.3f %.3f ev %.1f\n",(int)mapper->searches,(int)mapper->spent,(int)result.count,length(d),d.theta*57.3,result.count?h->score:0,result.count?h->fit:0,result.count?h->overlap:0,result.count?h->contradiction:0,result.count?h->target_contradiction:0,result.count?h->evidence:0);}
     if (!is_found(&result) && confirms(mapper, &result)) {
         mapper->phase = KEEP;
-        return CAIRN_OK;
+        return is_outvoted(mapper) ? begin_held(mapper) : CAIRN_OK;
     }
     if (!is_found(&result) && mapper->searches == 1)
         return begin_search(mapper);
@@ -327,10 +381,14 @@ cairn_status cairn_mapper_end_match(cairn_mapper *mapper)
         taken = take_match(mapper);
         mapper->state.odometry_rejected += taken && mapper->believed;
         return end_doubt(mapper);
-    default:
+    case MATCH_FOUND:
         take_found(mapper);
         mapper->phase = KEEP;
-        return CAIRN_OK;
+        return is_outvoted(mapper) ? begin_held(mapper) : CAIRN_OK;
+    default:
+        take_held(mapper);
+        mapper->phase = KEEP;
+        return cairn_icp_set_weak_ratio(mapper->icp, mapper->params.icp.weak_ratio);
     }
 }
 
@@ -365,7 +423,7 @@ void cairn_mapper_learn(cairn_mapper *mapper)
         mapper->doubt[0] = mapper->doubt[4] = DOUBT * DOUBT;
         mapper->doubt[8] = DOUBT_TURN * DOUBT_TURN;
     }
-    if (mapper->has_match && !mapper->believed && mapper->match.weak_ratio < SLIPPERY)
+    if (mapper->has_match && (mapper->held || (!mapper->believed && mapper->match.weak_ratio < SLIPPERY)))
         doubt_weak_direction(mapper);
     for (int k = 0; k < 9 && mapper->has_match; k++)
         mapper->match.covariance[k] += mapper->doubt[k];

@@ -15,6 +15,7 @@ enum { SOLVE_SHARE = 48 };
 
 static const cairn_real LOOSE = 1; /* m and rad: of what a key scan of the local map tells nothing */
 static const cairn_real TELLS_MUCH = 4; /* times the information, of all directions together */
+static const cairn_real LEAST_SHARE = CAIRN_REAL(0.1); /* of all information, of a key scan on which others hang */
 static const cairn_real DOUBTFUL = CAIRN_REAL(0.3), DOUBTFUL_TURN = CAIRN_REAL(0.15);
 static const cairn_real STRAINED = 100; /* chi2 of a closure that asks for a correction at once */
 
@@ -69,6 +70,17 @@ static cairn_sym3 joined(cairn_sym3 a, cairn_sym3 b)
     return out;
 }
 
+/* 1 when enough pairs are with a part: a few may be with somebody who walks there. */
+static int32_t tells_enough(const cairn_mapper *mapper, int32_t part)
+{
+    const cairn_icp_parts *parts = &mapper->parts;
+    cairn_real all = 0;
+
+    for (int32_t i = 0; i < parts->count; i++)
+        all += parts->information[i].xx + parts->information[i].yy;
+    return parts->information[part].xx + parts->information[part].yy > LEAST_SHARE * all;
+}
+
 /* Hangs the scan at hand on one more key scan of its local map, that which tells most of what is not known; 0 when none tells
  * much. known: information so far. */
 static int32_t add_anchor(const cairn_mapper *mapper, mapper_tie *tie, cairn_sym3 *known)
@@ -81,7 +93,7 @@ static int32_t add_anchor(const cairn_mapper *mapper, mapper_tie *tie, cairn_sym
     for (int32_t part = 0; part < mapper->parts.count && part < mapper->local_count; part++) {
         int32_t key = mapper->local[part];
 
-        if (key == mapper->keys->scan_count - 2 || mapper->loop.ties[key].doubtful)
+        if (key == mapper->keys->scan_count - 2 || mapper->loop.ties[key].doubtful || !tells_enough(mapper, part))
             continue;
         covariance = part_covariance(mapper, part, &loose);
         if (!cairn_sym3_inverse(covariance, &information) || !(determinant(joined(*known, information)) > best))
@@ -97,9 +109,45 @@ static int32_t add_anchor(const cairn_mapper *mapper, mapper_tie *tie, cairn_sym
     return found;
 }
 
+static int32_t part_of(const cairn_mapper *mapper, int32_t key)
+{
+    for (int32_t part = 0; part < mapper->parts.count && part < mapper->local_count; part++)
+        if (mapper->local[part] == key)
+            return part;
+    return -1;
+}
+
+int32_t cairn_mapper_hang_on(const cairn_mapper *mapper)
+{
+    int32_t last = mapper->keys->scan_count - 1, best = last;
+    cairn_pose_prior prior = cairn_mapper_prior(mapper);
+    cairn_real least;
+
+    if (!mapper->has_match || mapper->loop.graph == NULL || mapper->doubtful)
+        return last;
+    prior.mean = mapper->match.target_query;
+    least = determinant(part_covariance(mapper, part_of(mapper, last), &prior)) / TELLS_MUCH;
+    if (mapper->loop.ties[last].doubtful)
+        least = LOOSE;
+    prior.sigma_x = prior.sigma_y = prior.sigma_theta = LOOSE;
+    for (int32_t part = 0; part < mapper->parts.count && part < mapper->local_count; part++) {
+        cairn_real d;
+
+        if (mapper->local[part] == last || mapper->loop.ties[mapper->local[part]].doubtful ||
+            !tells_enough(mapper, part))
+            continue;
+        d = determinant(part_covariance(mapper, part, &prior));
+        if (!(d < least))
+            continue;
+        least = d;
+        best = mapper->local[part];
+    }
+    return best;
+}
+
 void cairn_mapper_tie(const cairn_mapper *mapper, mapper_tie *tie)
 {
-    int32_t before = mapper->keys->scan_count - 2, part = -1;
+    int32_t before = mapper->keys->scan_count - 2, part;
     cairn_pose_prior prior = cairn_mapper_prior(mapper);
     cairn_sym3 known;
 
@@ -115,9 +163,7 @@ void cairn_mapper_tie(const cairn_mapper *mapper, mapper_tie *tie)
         tie->covariance = cairn_mapper_own_covariance(mapper, unmatched, 0);
         return;
     }
-    for (int32_t i = 0; i < mapper->parts.count && i < mapper->local_count; i++)
-        if (mapper->local[i] == before)
-            part = i;
+    part = part_of(mapper, before);
     prior.mean = mapper->match.target_query;
     tie->covariance = part_covariance(mapper, part, &prior);
     {

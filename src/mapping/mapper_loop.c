@@ -22,6 +22,7 @@
 
 enum { KEYS_A_UNIT = 16 };
 
+static const cairn_real SLIPPERY = CAIRN_REAL(0.05), SLIP = CAIRN_REAL(0.3);
 static const cairn_real FAR = CAIRN_REAL(1e6); /* m^2: no path */
 
 void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
@@ -326,6 +327,21 @@ static cairn_real distance_cost(const cairn_mapper *mapper, const mapper_pending
            off.theta * off.theta / (2 * loop->turn_variance[closure->first]);
 }
 
+/* Along a wall of which few points tell the way, these may be of somebody who stands there. */
+static cairn_sym3 closure_covariance(const cairn_mapper *mapper, const cairn_scan_match_hypothesis *h)
+{
+    cairn_real covariance[9], x = SLIP * h->weak[0], y = SLIP * h->weak[1];
+
+    memcpy(covariance, h->covariance, sizeof covariance);
+    if (h->weak_ratio < SLIPPERY) {
+        covariance[0] += x * x;
+        covariance[1] += x * y;
+        covariance[3] += x * y;
+        covariance[4] += y * y;
+    }
+    return cairn_mapper_own_covariance(mapper, covariance, h->target_query.theta);
+}
+
 static void judge(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
@@ -340,7 +356,7 @@ static void judge(cairn_mapper *mapper)
     closure.second = loop->query;
     if (result.count > 0) {
         closure.first_second = cairn_pose_between(mapper->key_pose[key], h->target_query);
-        closure.covariance = cairn_mapper_own_covariance(mapper, h->covariance, h->target_query.theta);
+        closure.covariance = closure_covariance(mapper, h);
     }
     if (result.count == 0 || result.verdict == CAIRN_SCAN_MATCH_NONE || h->evidence < p->evidence)
         cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_NONE);

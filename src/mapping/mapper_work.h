@@ -31,6 +31,7 @@ enum {
     SEARCH_TARGET, /* local map of the search */
     SEARCH,        /* of a match in doubt */
     MATCH_FOUND,   /* from what it found */
+    MATCH_HELD,    /* from the prediction, which decides where few points tell otherwise */
     KEEP,          /* result, and a key scan if it is one */
     SHARE          /* force field, then loops and graph, for their share of the scan */
 };
@@ -169,6 +170,7 @@ struct cairn_mapper {
     cairn_icp_result match; /* the better one so far ... */
     cairn_icp_parts parts;  /* ... and which key scan of the local map told what of it */
     int32_t has_match;
+    int32_t held;     /* 1: few points spoke against the odometry, which stands */
     int32_t doubtful;         /* 1: also after a search */
     cairn_scan_match *search; /* of the scan in doubt, and for loops; NULL when nobody searches */
     cairn_real doubt[9];      /* covariance in the map that the doubt adds */
@@ -262,6 +264,9 @@ cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget);
 
 /* Puts the next key scan into the graph, linked to the one before. */
 cairn_status cairn_mapper_enter(cairn_mapper *mapper);
+
+/* The key scan that tells best where the scan at hand is, which is none itself. */
+int32_t cairn_mapper_hang_on(const cairn_mapper *mapper);
 
 /* On what the scan at hand, which has its match, hangs as a key scan. */
 void cairn_mapper_tie(const cairn_mapper *mapper, mapper_tie *tie);
