@@ -65,7 +65,7 @@ cairn_mapper_params cairn_mapper_default(void)
     params.motion_turn_min = CAIRN_REAL(0.02);
     params.min_support = CAIRN_REAL(0.3);
     params.search = 1;
-    params.search_units = 200000;
+    params.search_units = 140000;
     return params;
 }
 
@@ -276,7 +276,7 @@ static cairn_mapper *carve(cairn_pool *pool, const cairn_mapper_params *params)
         mapper->first_point = first_point;
         mapper->sight = has_match(params) ? sight : NULL;
         mapper->beams = beams;
-        mapper->trust = 1;
+        mapper->trust = mapper->slip = 1;
     }
     if (has_loops(params))
         carve_loop(mapper != NULL ? &mapper->loop : NULL, pool, params);

@@ -34,6 +34,7 @@ static const cairn_real DOUBT = CAIRN_REAL(0.3), DOUBT_TURN = CAIRN_REAL(0.15); 
 static const cairn_real LOCAL_EVIDENCE = -4;
 static const cairn_real HELD = CAIRN_REAL(0.15);
 static const cairn_real FARTHEST = 10;
+static const cairn_real SLIP_FADES = CAIRN_REAL(0.8), SLIP_MOST = 4;
 static const cairn_real SLIPPERY = CAIRN_REAL(0.05); /* share of information along the weak direction */
 static const cairn_real FADES = CAIRN_REAL(0.99);    /* pace, by each scan that does not tell it */
 static const cairn_real ADAPTS = CAIRN_REAL(0.1);    /* by each scan, of mean quality and trust */
@@ -72,8 +73,9 @@ static cairn_pose_prior prior_of(const cairn_mapper *mapper, cairn_pose motion, 
 
     prior.mean = cairn_pose_compose(mapper->last, motion);
     if (is_odometry) {
-        prior.sigma_x = p->odometry_distance_min + p->odometry_distance * way;
-        prior.sigma_theta = p->odometry_turn_min + p->odometry_turn * (cairn_abs(motion.theta) + way / 10);
+        prior.sigma_x = mapper->slip * (p->odometry_distance_min + p->odometry_distance * way);
+        prior.sigma_theta =
+            mapper->slip * (p->odometry_turn_min + p->odometry_turn * (cairn_abs(motion.theta) + way / 10));
     } else {
         prior.sigma_x = p->motion_distance_min + p->motion_distance * way;
         prior.sigma_theta = p->motion_turn_min + p->motion_turn * cairn_abs(motion.theta);
@@ -147,6 +149,20 @@ static int32_t take_match(cairn_mapper *mapper)
     return 1;
 }
 
+/* 1 when a pose is farther from the prediction than motions change from scan to scan. */
+static int32_t is_far(const cairn_mapper *mapper, cairn_pose pose)
+{
+    cairn_pose d = cairn_pose_between(mapper->predicted, pose);
+
+    return length(d) > SUDDEN + SUDDEN_SHARE * length(mapper->motion) ||
+           cairn_abs(d.theta) > SUDDEN_TURN + SUDDEN_SHARE * cairn_abs(mapper->motion.theta);
+}
+
+static int32_t is_sudden(const cairn_mapper *mapper)
+{
+    return is_far(mapper, mapper->match.target_query);
+}
+
 /* Takes the match from what the search found when more speaks for it; else what there is stays, in doubt when it is
  * elsewhere. */
 static void take_found(cairn_mapper *mapper)
@@ -161,7 +177,8 @@ static void take_found(cairn_mapper *mapper)
     apart = cairn_pose_between(match.target_query, mapper->match.target_query);
     if (mapper->has_match && value_of(mapper, quality(&match), match.target_query) <=
                                  value_of(mapper, quality(&mapper->match), mapper->match.target_query)) {
-        mapper->doubtful |= length(apart) > APART || cairn_abs(apart.theta) > APART_TURN;
+        mapper->doubtful |= (length(apart) > APART || cairn_abs(apart.theta) > APART_TURN) &&
+                            (!mapper->believed || is_sudden(mapper));
         return;
     }
     mapper->match = match;
@@ -175,15 +192,6 @@ static int32_t motions_differ(const cairn_mapper *mapper)
     cairn_pose d = cairn_pose_between(mapper->motion, mapper->other);
 
     return d.x * d.x + d.y * d.y > APART * APART || cairn_abs(d.theta) > APART_TURN;
-}
-
-/* 1 when the scan found itself farther from the prediction than motions change from scan to scan. */
-static int32_t is_sudden(const cairn_mapper *mapper)
-{
-    cairn_pose d = cairn_pose_between(mapper->predicted, mapper->match.target_query);
-
-    return length(d) > SUDDEN + SUDDEN_SHARE * length(mapper->motion) ||
-           cairn_abs(d.theta) > SUDDEN_TURN + SUDDEN_SHARE * cairn_abs(mapper->motion.theta);
 }
 
 static int32_t is_doubtful(const cairn_mapper *mapper)
@@ -334,7 +342,9 @@ static cairn_status end_search(cairn_mapper *mapper)
             best = value;
         }
     }
-    mapper->doubtful = cairn_mapper_has_rival(&result);
+    /* Between rivals odometry decides. */
+    mapper->doubtful = cairn_mapper_has_rival(&result) &&
+                       (!mapper->believed || is_far(mapper, result.hypotheses[chosen].target_query));
     mapper->phase = MATCH_FOUND;
     prior.mean = result.hypotheses[chosen].target_query;
     return cairn_icp_begin(mapper->icp, view.points, view.point_count, result.hypotheses[chosen].target_query, &prior,
@@ -399,7 +409,11 @@ static void weigh_odometry(cairn_mapper *mapper)
 {
     cairn_pose_prior prior = prior_of(mapper, mapper->by_odometry, 1);
     cairn_pose e = cairn_pose_between(prior.mean, mapper->match.target_query);
-    int32_t contradicted = length(e) > 2 * prior.sigma_x || cairn_abs(e.theta) > 2 * prior.sigma_theta;
+    cairn_real off = mapper->slip * cairn_max(length(e) / prior.sigma_x, cairn_abs(e.theta) / prior.sigma_theta);
+    int32_t contradicted = off > 2;
+
+    if (mapper->match.weak_ratio >= SLIPPERY && !mapper->held)
+        mapper->slip = cairn_max(1, cairn_max(mapper->slip * SLIP_FADES, cairn_min(off, SLIP_MOST)));
 
     mapper->trust += ADAPTS * ((cairn_real)!contradicted - mapper->trust);
     mapper->state.odometry_contradicted += contradicted;
@@ -416,8 +430,20 @@ static void doubt_weak_direction(cairn_mapper *mapper)
     mapper->doubt[4] += y * y;
 }
 
+/* How far odometry may have led astray since the last key scan. */
+static void add_gap(cairn_mapper *mapper)
+{
+    cairn_pose_prior prior = cairn_mapper_prior(mapper);
+
+    if (mapper->since_key == 0)
+        mapper->gap_variance = mapper->gap_turn_variance = 0;
+    mapper->gap_variance += prior.sigma_x * prior.sigma_x;
+    mapper->gap_turn_variance += prior.sigma_theta * prior.sigma_theta;
+}
+
 void cairn_mapper_learn(cairn_mapper *mapper)
 {
+    add_gap(mapper);
     memset(mapper->doubt, 0, sizeof mapper->doubt);
     if (mapper->has_match && mapper->doubtful) {
         mapper->doubt[0] = mapper->doubt[4] = DOUBT * DOUBT;

@@ -16,6 +16,7 @@ enum { SOLVE_SHARE = 48 };
 static const cairn_real LOOSE = 1; /* m and rad: of what a key scan of the local map tells nothing */
 static const cairn_real TELLS_MUCH = 4; /* times the information, of all directions together */
 static const cairn_real LEAST_SHARE = CAIRN_REAL(0.1); /* of all information, of a key scan on which others hang */
+static const cairn_real RIGID = CAIRN_REAL(0.05), RIGID_TURN = CAIRN_REAL(0.03);
 static const cairn_real DOUBTFUL = CAIRN_REAL(0.3), DOUBTFUL_TURN = CAIRN_REAL(0.15);
 static const cairn_real STRAINED = 100; /* chi2 of a closure that asks for a correction at once */
 
@@ -40,26 +41,14 @@ cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_r
 
 /* ---- Ties ---- */
 
-/* Covariance of the scan at hand seen from one key scan of the local map, by its pairs with that one and by the prior. Where the
- * pairs tell little, that little is noise of their normals. */
-static cairn_sym3 part_covariance(const cairn_mapper *mapper, int32_t part, const cairn_pose_prior *prior)
+static int32_t piece_of(const cairn_mapper *mapper, int32_t part)
 {
-    const cairn_icp_parts *parts = &mapper->parts;
-    cairn_normal_equations known = cairn_rigid_motion_prior(&parts->motion, prior);
-    cairn_real covariance[9];
-    cairn_motion_basis basis;
-    int32_t has_pairs = part >= 0 && parts->information[part].xx + parts->information[part].yy > 0;
-
-    if (has_pairs)
-        basis = cairn_motion_basis_of(parts->information[part], mapper->params.icp.weak_ratio);
-    cairn_rigid_motion_covariance(&parts->motion, has_pairs ? &basis : NULL,
-                                  has_pairs ? &parts->information[part] : NULL, &known, covariance);
-    return cairn_mapper_own_covariance(mapper, covariance, parts->motion.map_body.theta);
+    return mapper->loop.ties[mapper->local[part]].piece;
 }
 
-static cairn_real determinant(cairn_sym3 m)
+static int32_t part_count(const cairn_mapper *mapper)
 {
-    return m.xx * (m.yy * m.zz - m.yz * m.yz) - m.xy * (m.xy * m.zz - m.yz * m.xz) + m.xz * (m.xy * m.yz - m.yy * m.xz);
+    return mapper->parts.count < mapper->local_count ? mapper->parts.count : mapper->local_count;
 }
 
 /* Information of both. */
@@ -70,37 +59,93 @@ static cairn_sym3 joined(cairn_sym3 a, cairn_sym3 b)
     return out;
 }
 
-/* 1 when enough pairs are with a part: a few may be with somebody who walks there. */
-static int32_t tells_enough(const cairn_mapper *mapper, int32_t part)
+/* What the pairs with a piece of the map tell. */
+static cairn_sym3 told_by(const cairn_mapper *mapper, int32_t piece)
 {
-    const cairn_icp_parts *parts = &mapper->parts;
-    cairn_real all = 0;
+    cairn_sym3 told = cairn_sym3_zero();
 
-    for (int32_t i = 0; i < parts->count; i++)
-        all += parts->information[i].xx + parts->information[i].yy;
-    return parts->information[part].xx + parts->information[part].yy > LEAST_SHARE * all;
+    for (int32_t part = 0; part < part_count(mapper); part++)
+        if (piece_of(mapper, part) == piece)
+            told = joined(told, mapper->parts.information[part]);
+    return told;
 }
 
-/* Hangs the scan at hand on one more key scan of its local map, that which tells most of what is not known; 0 when none tells
+/* Covariance of the scan at hand seen from a piece of the map, by its pairs with that and by the prior, in its own frame. Where the
+ * pairs tell little, that little is noise of their normals. */
+static cairn_sym3 seen_from(const cairn_mapper *mapper, int32_t piece, const cairn_pose_prior *prior)
+{
+    cairn_sym3 told = told_by(mapper, piece);
+    const cairn_rigid_motion *motion = &mapper->parts.motion;
+    cairn_normal_equations known = cairn_rigid_motion_prior(motion, prior);
+    cairn_real covariance[9];
+    cairn_motion_basis basis;
+    int32_t has_pairs = told.xx + told.yy > 0;
+
+    if (has_pairs)
+        basis = cairn_motion_basis_of(told, mapper->params.icp.weak_ratio);
+    cairn_rigid_motion_covariance(motion, has_pairs ? &basis : NULL, has_pairs ? &told : NULL, &known, covariance);
+    return cairn_mapper_own_covariance(mapper, covariance, motion->map_body.theta);
+}
+
+static cairn_real determinant(cairn_sym3 m)
+{
+    return m.xx * (m.yy * m.zz - m.yz * m.yz) - m.xy * (m.xy * m.zz - m.yz * m.xz) + m.xz * (m.xy * m.yz - m.yy * m.xz);
+}
+
+/* The last key scan of the local map that is of a piece. */
+static int32_t last_of(const cairn_mapper *mapper, int32_t piece)
+{
+    int32_t last = piece;
+
+    for (int32_t part = 0; part < part_count(mapper); part++)
+        if (piece_of(mapper, part) == piece && mapper->local[part] > last)
+            last = mapper->local[part];
+    return last;
+}
+
+/* 1 when a part is the first one of its piece, which is none in doubt, and enough pairs are with that: a few may be with
+ * somebody who walks there. */
+static int32_t is_anchor(const cairn_mapper *mapper, int32_t part)
+{
+    int32_t piece = piece_of(mapper, part);
+    cairn_sym3 all = cairn_sym3_zero(), told = told_by(mapper, piece);
+
+    for (int32_t i = 0; i < part_count(mapper); i++) {
+        if (i < part && piece_of(mapper, i) == piece)
+            return 0;
+        all = joined(all, mapper->parts.information[i]);
+    }
+    return !mapper->loop.ties[piece].doubtful && told.xx + told.yy > LEAST_SHARE * (all.xx + all.yy);
+}
+
+static int32_t is_anchored(const mapper_tie *tie, int32_t key)
+{
+    for (int32_t i = 0; i < tie->anchor_count; i++)
+        if (tie->anchors[i] == key)
+            return 1;
+    return 0;
+}
+
+/* Hangs the scan at hand on one more piece of the map, that which tells most of what is not known; 0 when none tells
  * much. known: information so far. */
-static int32_t add_anchor(const cairn_mapper *mapper, mapper_tie *tie, cairn_sym3 *known)
+static int32_t add_anchor(const cairn_mapper *mapper, mapper_tie *tie, int32_t piece_before, cairn_sym3 *known)
 {
     cairn_pose_prior loose = {mapper->match.target_query, LOOSE, LOOSE, LOOSE};
     cairn_real best = TELLS_MUCH * determinant(*known);
     cairn_sym3 covariance, information, told = cairn_sym3_zero();
     int32_t at = tie->anchor_count, found = 0;
 
-    for (int32_t part = 0; part < mapper->parts.count && part < mapper->local_count; part++) {
-        int32_t key = mapper->local[part];
+    for (int32_t part = 0; part < part_count(mapper); part++) {
+        int32_t piece = piece_of(mapper, part);
 
-        if (key == mapper->keys->scan_count - 2 || mapper->loop.ties[key].doubtful || !tells_enough(mapper, part))
+        if (piece == piece_before || !is_anchor(mapper, part) || is_anchored(tie, last_of(mapper, piece)))
             continue;
-        covariance = part_covariance(mapper, part, &loose);
+        covariance = seen_from(mapper, piece, &loose);
         if (!cairn_sym3_inverse(covariance, &information) || !(determinant(joined(*known, information)) > best))
             continue;
         best = determinant(joined(*known, information));
         told = information;
-        tie->anchors[at] = key;
+        tie->anchors[at] = last_of(mapper, piece);
         tie->anchor_covariance[at] = covariance;
         found = 1;
     }
@@ -109,77 +154,100 @@ static int32_t add_anchor(const cairn_mapper *mapper, mapper_tie *tie, cairn_sym
     return found;
 }
 
-static int32_t part_of(const cairn_mapper *mapper, int32_t key)
+static cairn_real spread_of(cairn_sym3 covariance)
 {
-    for (int32_t part = 0; part < mapper->parts.count && part < mapper->local_count; part++)
-        if (mapper->local[part] == key)
-            return part;
+    return cairn_sqrt(covariance.xx + covariance.yy);
+}
+
+static int32_t is_rigid(cairn_sym3 covariance)
+{
+    return spread_of(covariance) < RIGID && covariance.zz < RIGID_TURN * RIGID_TURN;
+}
+
+/* The piece of the map to which the scan at hand is tied; -1: none, it begins one. */
+static int32_t piece_for(const cairn_mapper *mapper, const mapper_tie *tie, int32_t before)
+{
+    if (is_rigid(tie->covariance))
+        return mapper->loop.ties[before].piece;
+    for (int32_t i = 0; i < tie->anchor_count; i++)
+        if (is_rigid(tie->anchor_covariance[i]))
+            return mapper->loop.ties[tie->anchors[i]].piece;
     return -1;
 }
 
 int32_t cairn_mapper_hang_on(const cairn_mapper *mapper)
 {
-    int32_t last = mapper->keys->scan_count - 1, best = last;
+    int32_t last = mapper->keys->scan_count - 1, best = last, piece_last;
     cairn_pose_prior prior = cairn_mapper_prior(mapper);
     cairn_real least;
 
     if (!mapper->has_match || mapper->loop.graph == NULL || mapper->doubtful)
         return last;
+    piece_last = mapper->loop.ties[last].piece;
     prior.mean = mapper->match.target_query;
-    least = determinant(part_covariance(mapper, part_of(mapper, last), &prior)) / TELLS_MUCH;
+    least = determinant(seen_from(mapper, piece_last, &prior)) / TELLS_MUCH;
     if (mapper->loop.ties[last].doubtful)
         least = LOOSE;
     prior.sigma_x = prior.sigma_y = prior.sigma_theta = LOOSE;
-    for (int32_t part = 0; part < mapper->parts.count && part < mapper->local_count; part++) {
+    for (int32_t part = 0; part < part_count(mapper); part++) {
         cairn_real d;
 
-        if (mapper->local[part] == last || mapper->loop.ties[mapper->local[part]].doubtful ||
-            !tells_enough(mapper, part))
+        if (piece_of(mapper, part) == piece_last || !is_anchor(mapper, part))
             continue;
-        d = determinant(part_covariance(mapper, part, &prior));
+        d = determinant(seen_from(mapper, piece_of(mapper, part), &prior));
         if (!(d < least))
             continue;
         least = d;
-        best = mapper->local[part];
+        best = last_of(mapper, piece_of(mapper, part));
     }
     return best;
 }
 
+/* Without a match: only odometry tells. */
+static void tie_by_odometry(const cairn_mapper *mapper, mapper_tie *tie)
+{
+    cairn_real covariance[9] = {0};
+
+    covariance[0] = covariance[4] = mapper->gap_variance;
+    covariance[8] = mapper->gap_turn_variance;
+    tie->covariance = cairn_mapper_own_covariance(mapper, covariance, 0);
+    tie->spread = spread_of(tie->covariance);
+}
+
 void cairn_mapper_tie(const cairn_mapper *mapper, mapper_tie *tie)
 {
-    int32_t before = mapper->keys->scan_count - 2, part;
-    cairn_pose_prior prior = cairn_mapper_prior(mapper);
+    int32_t key = mapper->keys->scan_count - 1, before = key - 1, piece;
+    cairn_real gap = cairn_sqrt(mapper->gap_variance);
+    cairn_pose_prior prior = {mapper->match.target_query, gap, gap, cairn_sqrt(mapper->gap_turn_variance)};
     cairn_sym3 known;
 
     memset(tie, 0, sizeof *tie);
     tie->doubtful = mapper->doubtful;
+    tie->piece = key;
     if (before < 0)
         return;
     if (!mapper->has_match) {
-        cairn_real unmatched[9] = {0};
-
-        unmatched[0] = unmatched[4] = prior.sigma_x * prior.sigma_x;
-        unmatched[8] = prior.sigma_theta * prior.sigma_theta;
-        tie->covariance = cairn_mapper_own_covariance(mapper, unmatched, 0);
+        tie_by_odometry(mapper, tie);
         return;
     }
-    part = part_of(mapper, before);
-    prior.mean = mapper->match.target_query;
-    tie->covariance = part_covariance(mapper, part, &prior);
-    {
-        cairn_sym3 doubt = cairn_mapper_own_covariance(mapper, mapper->doubt, mapper->match.target_query.theta);
-
-        tie->covariance = joined(tie->covariance, doubt);
-    }
+    tie->covariance =
+        joined(seen_from(mapper, mapper->loop.ties[before].piece, &prior),
+               cairn_mapper_own_covariance(mapper, mapper->doubt, mapper->match.target_query.theta));
     if (mapper->loop.ties[before].doubtful) {
         tie->covariance.xx += DOUBTFUL * DOUBTFUL;
         tie->covariance.yy += DOUBTFUL * DOUBTFUL;
         tie->covariance.zz += DOUBTFUL_TURN * DOUBTFUL_TURN;
     }
+    tie->spread = spread_of(tie->covariance);
     if (tie->doubtful || !cairn_sym3_inverse(tie->covariance, &known))
         return;
-    while (tie->anchor_count < MAPPER_ANCHORS && add_anchor(mapper, tie, &known))
+    while (tie->anchor_count < MAPPER_ANCHORS && add_anchor(mapper, tie, mapper->loop.ties[before].piece, &known))
         continue;
+    if (cairn_sym3_inverse(known, &known))
+        tie->spread = spread_of(known);
+    piece = piece_for(mapper, tie, before);
+    if (piece >= 0)
+        tie->piece = piece;
 }
 
 /* ---- The graph ---- */

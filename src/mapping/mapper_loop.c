@@ -23,6 +23,8 @@
 enum { KEYS_A_UNIT = 16 };
 
 static const cairn_real SLIPPERY = CAIRN_REAL(0.05), SLIP = CAIRN_REAL(0.3);
+static const cairn_real LOOSELY = CAIRN_REAL(0.2);
+static const cairn_real SPREAD_COST = 5;
 static const cairn_real FAR = CAIRN_REAL(1e6); /* m^2: no path */
 
 void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
@@ -180,7 +182,8 @@ static int32_t choose_item(cairn_mapper *mapper)
 
     if (mapper->keys->scans[key].first_point < mapper->keys->scans[key].end_point &&
         distance < mapper->params.loop.radius + reach_of(mapper, key)) {
-        distance += cairn_sqrt(distance_squared(mapper->key_pose[key], mapper->key_pose[loop->query])) / 2;
+        distance += cairn_sqrt(distance_squared(mapper->key_pose[key], mapper->key_pose[loop->query])) / 2 +
+                    SPREAD_COST * loop->ties[key].spread;
         if (!loop->in_run || distance < loop->run.distance) {
             loop->run.key = key;
             loop->run.distance = distance;
@@ -217,9 +220,13 @@ static void target_item(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
     int32_t key = loop->target_from++;
-    cairn_scan_match_part part = cairn_mapper_key_part(mapper, key, mapper->oriented, mapper->beams);
+    cairn_scan_match_part part;
 
-    budget->left -= 2 + part.count / 2 + part.beam_count / 2;
+    budget->left -= 1;
+    if (loop->ties[key].spread > LOOSELY && key != loop->candidates[loop->candidate].key)
+        return;
+    part = cairn_mapper_key_part(mapper, key, mapper->oriented, mapper->beams);
+    budget->left -= 1 + part.count / 2 + part.beam_count / 2;
     if (cairn_scan_match_add_target(mapper->search, &part, mapper->key_pose[key], NULL) != CAIRN_OK)
         loop->target_from = loop->target_end;
 }

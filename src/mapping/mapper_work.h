@@ -85,6 +85,8 @@ typedef struct mapper_tie {
     cairn_sym3 anchor_covariance[MAPPER_ANCHORS];
     int32_t anchor_count;
     int32_t doubtful;
+    int32_t piece;     /* of the map, of key scans that are rigid among each other: its first one */
+    cairn_real spread; /* m, standard deviation of its place by all of them */
 } mapper_tie;
 
 typedef struct mapper_loop {
@@ -155,6 +157,8 @@ struct cairn_mapper {
     cairn_pose predicted;
     int32_t believed;        /* 1: the odometry is what is predicted */
     cairn_real trust;        /* in odometry, 0 ... 1 */
+    cairn_real slip;         /* >= 1: so many times what odometry may be wrong by, after it was */
+    cairn_real gap_variance, gap_turn_variance; /* m^2, rad^2: of the motion since the last key scan */
     cairn_vec2 pace;         /* m, a scan, in its own frame */
     cairn_real mean_quality; /* of matches; 0: none yet */
 
