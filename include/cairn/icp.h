@@ -121,7 +121,8 @@ cairn_icp_result cairn_icp_read(const cairn_icp *icp);
 typedef struct cairn_icp_parts {
     cairn_rigid_motion motion; /* of the query as it was aligned: what the information is about */
     int32_t count;
-    cairn_sym3 information[CAIRN_ICP_PARTS]; /* point-to-line, of the pairs with each part in the last whole iteration */
+    cairn_sym3
+        information[CAIRN_ICP_PARTS]; /* point-to-line, of the pairs with each part in the last whole iteration */
 } cairn_icp_parts;
 
 /* All zero while an alignment has no whole iteration with enough pairs. Cost: linear in the parts. */

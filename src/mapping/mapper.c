@@ -17,7 +17,10 @@
 
 #include "src/mapping/mapper_work.h"
 
-enum { KEY_REST = 2 }; /* scans after a key scan that are none for want of support */
+enum {
+    KEY_REST = 2, /* scans after a key scan that are none for want of support */
+    TIE_UNITS = 8 /* for each key scan of the local map */
+};
 
 /* ---- Input ---- */
 
@@ -245,7 +248,7 @@ static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
         status = cairn_mapper_search_step(mapper, budget);
         break;
     case KEEP:
-        budget->left -= 4 + cairn_scan_read(mapper->scan).point_count / 4;
+        budget->left -= 4 + cairn_scan_read(mapper->scan).point_count / 4 + TIE_UNITS * mapper->local_count;
         status = keep(mapper);
         begin_share(mapper);
         if (status != CAIRN_OK)

@@ -5,18 +5,21 @@
  * without odometry) leads elsewhere, it is run from there, too, and the better result stands.
  *
  * A match is in doubt when it is clearly worse than those before it, when it would be a sudden motion, or when there is
- * none. Then scan_match searches the window about the prediction, and the match is run from the hypothesis that fits best, of
- * equal ones that with the least sudden motion. What stays in doubt gets a covariance that says so.
+ * none. Then scan_match searches the window about the prediction. Where its best hypothesis is the match at hand, that stands;
+ * else the match is run from the hypothesis that fits best, of equal ones that with the least sudden motion, and held to it
+ * where the scan tells nothing. What stays in doubt gets a covariance that says so.
  *
- * Odometry that the matches contradict again and again is not believed any more until they agree with it again. */
+ * A sudden motion may be a collision, or people who push; or a few points may be on somebody who walks along. So where few
+ * points tell of it, the match is run once more with odometry deciding there, and the two compete: points that fit against
+ * standard deviations of odometry.
+ *
+ * Odometry that the matches contradict again and again is not believed any more until they agree with it again. After each
+ * contradiction it is believed less exactly for a while: who pushes goes on. */
 #include "src/core/build.h"
 
 #include <string.h>
 
 #include "src/mapping/mapper_work.h"
-#ifndef DBG_HELD
-#define DBG_HELD 0
-#endif
 
 static const cairn_real APART = CAIRN_REAL(0.05); /* m: motions that lead so far apart are tried both */
 static const cairn_real APART_TURN = CAIRN_REAL(0.02);
@@ -30,15 +33,15 @@ static const cairn_real SEARCH_WINDOW = CAIRN_REAL(0.5), SEARCH_ANGLE = CAIRN_RE
 static const cairn_real WIDE_ANGLE = CAIRN_REAL(1.6);   /* ... when nothing was found there, in MAPPER_WIDE_WINDOW */
 static const cairn_real STRANGE = CAIRN_REAL(0.1);      /* m and rad out of the way */
 static const cairn_real STRANGE_COST = CAIRN_REAL(0.1); /* ... of the log of the quality */
-static const cairn_real DOUBT = CAIRN_REAL(0.3), DOUBT_TURN = CAIRN_REAL(0.15); /* standard deviations, m and rad */
+/* Log odds, by scan_match, that a place is no chance likeness; here it is most likely in the window. */
 static const cairn_real LOCAL_EVIDENCE = -4;
-static const cairn_real HELD = CAIRN_REAL(0.15);
-static const cairn_real FARTHEST = 10;
-static const cairn_real SLIP_FADES = CAIRN_REAL(0.8), SLIP_MOST = 4;
-static const cairn_real SLIPPERY = CAIRN_REAL(0.05); /* share of information along the weak direction */
-static const cairn_real FADES = CAIRN_REAL(0.99);    /* pace, by each scan that does not tell it */
-static const cairn_real ADAPTS = CAIRN_REAL(0.1);    /* by each scan, of mean quality and trust */
-static const cairn_real TRUSTED = CAIRN_REAL(0.5);   /* odometry whose trust is above is believed */
+static const cairn_real HELD = CAIRN_REAL(0.15); /* share of information along a direction of which few points tell */
+static const cairn_real FARTHEST = 10;           /* squared standard deviations from odometry: wheels may slip by any */
+static const cairn_real SLIP_MOST = 4;           /* times what odometry may be wrong by, ... */
+static const cairn_real SLIP_FADES = CAIRN_REAL(0.8); /* ... and how that ends, by each scan that agrees */
+static const cairn_real FADES = CAIRN_REAL(0.99);     /* pace, by each scan that does not tell it */
+static const cairn_real ADAPTS = CAIRN_REAL(0.1);     /* by each scan, of mean quality and trust */
+static const cairn_real TRUSTED = CAIRN_REAL(0.5);    /* odometry whose trust is above is believed */
 
 static cairn_real length(cairn_pose motion)
 {
@@ -131,9 +134,9 @@ static cairn_real value_of(const cairn_mapper *mapper, cairn_real q, cairn_pose 
     return cairn_log(q + CAIRN_REAL(1e-3)) - STRANGE_COST * strangeness(mapper, pose);
 }
 
-static int32_t counts(const cairn_mapper *mapper, const cairn_icp_result *match)
+static int32_t counts(const cairn_icp_result *match, cairn_real support)
 {
-    return match->verdict != CAIRN_ICP_TOO_FEW_PAIRS && match->overlap >= mapper->params.min_support;
+    return match->verdict != CAIRN_ICP_TOO_FEW_PAIRS && match->overlap >= support;
 }
 
 /* Takes the match that has ended when it counts and is clearly better than what there is. 1: taken. */
@@ -141,7 +144,8 @@ static int32_t take_match(cairn_mapper *mapper)
 {
     cairn_icp_result match = cairn_icp_read(mapper->icp);
 
-    if (!counts(mapper, &match) || (mapper->has_match && !(quality(&match) > BETTER * quality(&mapper->match))))
+    if (!counts(&match, mapper->params.min_support) ||
+        (mapper->has_match && !(quality(&match) > BETTER * quality(&mapper->match))))
         return 0;
     mapper->match = match;
     mapper->has_match = 1;
@@ -163,6 +167,12 @@ static int32_t is_sudden(const cairn_mapper *mapper)
     return is_far(mapper, mapper->match.target_query);
 }
 
+/* What a search found needs only half the support when it is no sudden motion. */
+static cairn_real found_support(const cairn_mapper *mapper, const cairn_icp_result *match)
+{
+    return mapper->params.min_support / (is_far(mapper, match->target_query) ? 1 : 2);
+}
+
 /* Takes the match from what the search found when more speaks for it; else what there is stays, in doubt when it is
  * elsewhere. */
 static void take_found(cairn_mapper *mapper)
@@ -170,15 +180,15 @@ static void take_found(cairn_mapper *mapper)
     cairn_icp_result match = cairn_icp_read(mapper->icp);
     cairn_pose apart;
 
-    if (!counts(mapper, &match)) {
+    if (!counts(&match, found_support(mapper, &match))) {
         mapper->doubtful = 1;
         return;
     }
     apart = cairn_pose_between(match.target_query, mapper->match.target_query);
     if (mapper->has_match && value_of(mapper, quality(&match), match.target_query) <=
                                  value_of(mapper, quality(&mapper->match), mapper->match.target_query)) {
-        mapper->doubtful |= (length(apart) > APART || cairn_abs(apart.theta) > APART_TURN) &&
-                            (!mapper->believed || is_sudden(mapper));
+        mapper->doubtful |=
+            (length(apart) > APART || cairn_abs(apart.theta) > APART_TURN) && (!mapper->believed || is_sudden(mapper));
         return;
     }
     mapper->match = match;
@@ -219,7 +229,7 @@ static cairn_status begin_held(cairn_mapper *mapper)
     return cairn_icp_begin(mapper->icp, view.points, view.point_count, mapper->predicted, &prior, NULL);
 }
 
-/* Squared distance from where odometry leads, in standard deviations; wheels that slip may err by any. */
+/* Squared distance from where odometry leads, in standard deviations, up to FARTHEST. */
 static cairn_real off_odometry(const cairn_mapper *mapper, cairn_pose pose)
 {
     cairn_pose_prior prior = prior_of(mapper, mapper->motion, 1);
@@ -236,12 +246,10 @@ static void take_held(cairn_mapper *mapper)
     cairn_icp_result match = cairn_icp_read(mapper->icp);
     cairn_real points;
 
-    if (DBG_HELD) { extern int printf(const char*,...); extern cairn_pose dbg_truth; cairn_pose a=cairn_pose_between(dbg_truth,mapper->match.target_query),b=cairn_pose_between(dbg_truth,match.target_query);
-       printf("HELD A err %.3f B err %.3f | A q %.2f sup %.2f ratio %.3f pairs %d sig %.3f | B q %.2f sup %.2f pairs %d sig %.3f jump %.2f\n",length(a),length(b),quality(&mapper->match),mapper->match.overlap,mapper->match.weak_ratio,mapper->match.pairs,mapper->match.sigma,quality(&match),match.overlap,match.pairs,match.sigma,length(cairn_pose_between(mapper->match.target_query,match.target_query)));}
     points = (cairn_real)cairn_scan_read(mapper->scan).point_count;
-    if (!counts(mapper, &match) || points * (quality(&mapper->match) - quality(&match)) >
-                                       off_odometry(mapper, mapper->match.target_query) -
-                                           off_odometry(mapper, match.target_query))
+    if (!counts(&match, found_support(mapper, &match)) ||
+        points * (quality(&mapper->match) - quality(&match)) >
+            off_odometry(mapper, mapper->match.target_query) - off_odometry(mapper, match.target_query))
         return;
     mapper->match = match;
     mapper->held = 1;
@@ -294,14 +302,13 @@ cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budg
     return CAIRN_OK;
 }
 
-#ifndef DBG_NONE
-#define DBG_NONE 0
-#endif
+/* 1 when the search has found a place where the scan fits. */
 static int32_t is_found(const cairn_scan_match_result *result)
 {
     return result->count > 0 && result->hypotheses[0].evidence > LOCAL_EVIDENCE;
 }
 
+/* 1 when it found the match at hand. */
 static int32_t confirms(const cairn_mapper *mapper, const cairn_scan_match_result *result)
 {
     cairn_pose apart;
@@ -321,7 +328,6 @@ static cairn_status end_search(cairn_mapper *mapper)
     cairn_real best = 0;
     int32_t chosen = -1;
 
-    if (DBG_NONE && result.verdict == CAIRN_SCAN_MATCH_NONE) { extern int printf(const char*,...); const cairn_scan_match_hypothesis*h=result.hypotheses; cairn_pose d={0,0,0}; if(result.count>0)d=cairn_pose_between(mapper->match.target_query,h->target_query); printf("  NONE %d spent %d n %d, h0 off match %.3f %.2f score %.3f fit %.2f ov %.2f contra %.3f %.3f ev %.1f\n",(int)mapper->searches,(int)mapper->spent,(int)result.count,length(d),d.theta*57.3,result.count?h->score:0,result.count?h->fit:0,result.count?h->overlap:0,result.count?h->contradiction:0,result.count?h->target_contradiction:0,result.count?h->evidence:0);}
     if (!is_found(&result) && confirms(mapper, &result)) {
         mapper->phase = KEEP;
         return is_outvoted(mapper) ? begin_held(mapper) : CAIRN_OK;
@@ -412,7 +418,7 @@ static void weigh_odometry(cairn_mapper *mapper)
     cairn_real off = mapper->slip * cairn_max(length(e) / prior.sigma_x, cairn_abs(e.theta) / prior.sigma_theta);
     int32_t contradicted = off > 2;
 
-    if (mapper->match.weak_ratio >= SLIPPERY && !mapper->held)
+    if (mapper->match.weak_ratio >= MAPPER_SLIPPERY && !mapper->held)
         mapper->slip = cairn_max(1, cairn_max(mapper->slip * SLIP_FADES, cairn_min(off, SLIP_MOST)));
 
     mapper->trust += ADAPTS * ((cairn_real)!contradicted - mapper->trust);
@@ -422,7 +428,7 @@ static void weigh_odometry(cairn_mapper *mapper)
 /* Along a wall that tells little of it a scan slips unnoticed, unless odometry holds it. */
 static void doubt_weak_direction(cairn_mapper *mapper)
 {
-    cairn_real x = DOUBT * mapper->match.weak[0], y = DOUBT * mapper->match.weak[1];
+    cairn_real x = MAPPER_DOUBT * mapper->match.weak[0], y = MAPPER_DOUBT * mapper->match.weak[1];
 
     mapper->doubt[0] += x * x;
     mapper->doubt[1] += x * y;
@@ -446,10 +452,10 @@ void cairn_mapper_learn(cairn_mapper *mapper)
     add_gap(mapper);
     memset(mapper->doubt, 0, sizeof mapper->doubt);
     if (mapper->has_match && mapper->doubtful) {
-        mapper->doubt[0] = mapper->doubt[4] = DOUBT * DOUBT;
-        mapper->doubt[8] = DOUBT_TURN * DOUBT_TURN;
+        mapper->doubt[0] = mapper->doubt[4] = MAPPER_DOUBT * MAPPER_DOUBT;
+        mapper->doubt[8] = MAPPER_DOUBT_TURN * MAPPER_DOUBT_TURN;
     }
-    if (mapper->has_match && (mapper->held || (!mapper->believed && mapper->match.weak_ratio < SLIPPERY)))
+    if (mapper->has_match && (mapper->held || (!mapper->believed && mapper->match.weak_ratio < MAPPER_SLIPPERY)))
         doubt_weak_direction(mapper);
     for (int k = 0; k < 9 && mapper->has_match; k++)
         mapper->match.covariance[k] += mapper->doubt[k];
@@ -478,7 +484,7 @@ cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion)
         motion.y = (motion.y + before.y) / 2;
         motion.theta = cairn_wrap_angle(before.theta + cairn_wrap_angle(motion.theta - before.theta) / 2);
     }
-    if (mapper->match.weak_ratio >= SLIPPERY) {
+    if (mapper->match.weak_ratio >= MAPPER_SLIPPERY) {
         mapper->pace.x += ADAPTS * (motion.x - mapper->pace.x);
         mapper->pace.y += ADAPTS * (motion.y - mapper->pace.y);
         return motion;

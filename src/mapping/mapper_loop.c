@@ -7,6 +7,7 @@
  *    the key scan, where that error swings the rest of the path.
  * 2. Candidates: older key scans that may see the same things within three of these standard deviations, the nearest of each
  *    run of successive ones.
+ *    Those that hang loosely on others (mapper_tie.c) are avoided: what is found there says little of the rest.
  * 3. scan_match against the union of the key scans around the candidate, in the window that 1. leaves.
  * 4. What has no rival and does not put points into free space is a closure, at once when the window is small and holds no
  *    other place. In a wide one it needs evidence for the way that it leads from where the path led, too, as the variances have
@@ -22,9 +23,8 @@
 
 enum { KEYS_A_UNIT = 16 };
 
-static const cairn_real SLIPPERY = CAIRN_REAL(0.05), SLIP = CAIRN_REAL(0.3);
-static const cairn_real LOOSELY = CAIRN_REAL(0.2);
-static const cairn_real SPREAD_COST = 5;
+static const cairn_real LOOSELY = CAIRN_REAL(0.2); /* m: what hangs more loosely is not matched against, ... */
+static const cairn_real SPREAD_COST = 5; /* ... and so many metres farther away for every metre of standard deviation */
 static const cairn_real FAR = CAIRN_REAL(1e6); /* m^2: no path */
 
 void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
@@ -337,10 +337,10 @@ static cairn_real distance_cost(const cairn_mapper *mapper, const mapper_pending
 /* Along a wall of which few points tell the way, these may be of somebody who stands there. */
 static cairn_sym3 closure_covariance(const cairn_mapper *mapper, const cairn_scan_match_hypothesis *h)
 {
-    cairn_real covariance[9], x = SLIP * h->weak[0], y = SLIP * h->weak[1];
+    cairn_real covariance[9], x = MAPPER_DOUBT * h->weak[0], y = MAPPER_DOUBT * h->weak[1];
 
     memcpy(covariance, h->covariance, sizeof covariance);
-    if (h->weak_ratio < SLIPPERY) {
+    if (h->weak_ratio < MAPPER_SLIPPERY) {
         covariance[0] += x * x;
         covariance[1] += x * y;
         covariance[3] += x * y;
