@@ -37,7 +37,9 @@ static const cairn_real STRANGE_COST = CAIRN_REAL(0.1); /* ... of the log of the
 static const cairn_real LOCAL_EVIDENCE = -4;
 static const cairn_real HELD = CAIRN_REAL(0.15); /* share of information along a direction of which few points tell */
 static const cairn_real FARTHEST = 10;           /* squared standard deviations from odometry: wheels may slip by any */
-static const cairn_real SLIP_MOST = 4;           /* times what odometry may be wrong by, ... */
+static const cairn_real DRAGGED =
+    CAIRN_REAL(1.5);                   /* standard deviations: what odometry is off by beyond, it is off by again */
+static const cairn_real SLIP_MOST = 4; /* times what odometry may be wrong by, ... */
 static const cairn_real SLIP_FADES = CAIRN_REAL(0.8); /* ... and how that ends, by each scan that agrees */
 static const cairn_real FADES = CAIRN_REAL(0.99);     /* pace, by each scan that does not tell it */
 static const cairn_real ADAPTS = CAIRN_REAL(0.1);     /* by each scan, of mean quality and trust */
@@ -61,6 +63,10 @@ void cairn_mapper_predict(cairn_mapper *mapper, cairn_pose last, cairn_pose by_o
     else if (mapper->has_odometry)
         mapper->other = by_odometry;
     mapper->by_odometry = by_odometry;
+    if (mapper->believed) {
+        mapper->motion.x += mapper->drag.x;
+        mapper->motion.y += mapper->drag.y;
+    }
     mapper->predicted = cairn_pose_compose(last, mapper->motion);
     mapper->has_match = 0;
     mapper->doubtful = mapper->held = 0;
@@ -418,9 +424,12 @@ static void weigh_odometry(cairn_mapper *mapper)
     cairn_real off = mapper->slip * cairn_max(length(e) / prior.sigma_x, cairn_abs(e.theta) / prior.sigma_theta);
     int32_t contradicted = off > 2;
 
-    if (mapper->match.weak_ratio >= MAPPER_SLIPPERY && !mapper->held)
+    if (mapper->match.weak_ratio >= MAPPER_SLIPPERY && !mapper->held) {
         mapper->slip = cairn_max(1, cairn_max(mapper->slip * SLIP_FADES, cairn_min(off, SLIP_MOST)));
-
+        mapper->drag = cairn_vec2_scale((cairn_vec2){e.x, e.y}, off > DRAGGED);
+    } else {
+        mapper->drag = cairn_vec2_scale(mapper->drag, SLIP_FADES);
+    }
     mapper->trust += ADAPTS * ((cairn_real)!contradicted - mapper->trust);
     mapper->state.odometry_contradicted += contradicted;
 }

@@ -162,6 +162,7 @@ struct cairn_mapper {
     int32_t believed;                           /* 1: the odometry is what is predicted */
     cairn_real trust;                           /* in odometry, 0 ... 1 */
     cairn_real slip;                            /* >= 1: so many times what odometry may be wrong by, after it was */
+    cairn_vec2 drag;                            /* m: what is added to odometry, after it was wrong */
     cairn_real gap_variance, gap_turn_variance; /* m^2, rad^2: of the motion since the last key scan */
     cairn_vec2 pace;                            /* m, a scan, in its own frame */
     cairn_real mean_quality;                    /* of matches; 0: none yet */
