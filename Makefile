@@ -51,7 +51,12 @@ BENCH_COMMON := $(wildcard bench/bench_*.c) tools/options.c firmware/joint.c
 FW_ROBOT    := firmware/robot.c firmware/joint.c
 CAIRN_SRC   := $(if $(HAVE_HOST),$(filter-out tools/cairn_arena%,$(wildcard tools/cairn*.c)) tools/options.c $(FW_ROBOT))
 ARENA_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(wildcard tools/cairn_arena*.c) tools/options.c)
-TEST_COMMON := tests/support.c tests/rooms.c bench/bench_bound.c bench/bench_score.c bench/bench_endless.c bench/bench_json.c $(FW_ROBOT) firmware/recorder.c
+TEST_COMMON := tests/support.c tests/rooms.c tests/kept.c bench/bench_bound.c bench/bench_score.c bench/bench_endless.c bench/bench_json.c $(FW_ROBOT) firmware/recorder.c
+# What one test alone is linked with: NEEDS_<test>.
+GOLDEN      := $(wildcard tests/golden*.c)
+NEEDS_test_golden := $(filter-out tests/golden.c,$(GOLDEN))
+NEEDS_test_memory := tools/pool_objects.c
+NEEDS_test_long   := $(wildcard tests/long_*.c)
 HOST_LIBS   := -lyaml -lpng -lz
 SIM_LIBS    := -lbox2d
 
@@ -62,7 +67,7 @@ TOOLS    := $(if $(CAIRN_SRC),$(BUILD)/cairn $(BUILD)/cairn-float) $(if $(ARENA_
 TESTS    := $(TEST_SRC:tests/%.c=%)
 BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
-.PHONY: all help objects test run-tests demo run-demo bench run-bench check check-freestanding mutate amalgamation coverage
+.PHONY: all help objects test run-tests golden run-golden demo run-demo bench run-bench check check-freestanding mutate amalgamation coverage
 .PHONY: install clean format missing firmware run-firmware firmware-test run-firmware-test footprint
 .DELETE_ON_ERROR:
 .SECONDARY:
@@ -73,6 +78,7 @@ help:
 	@echo "make                library, float library, host library, tools"
 	@echo "make demo           arenas, their scans, maps (installs what it needs)"
 	@echo "make test           all tests, double and float (installs what it needs)"
+	@echo "make golden         renews the files of results that the tests compare with (after a change of results)"
 	@echo "make bench          the measuring programs, build/bench/*"
 	@echo "make check          warnings, formats, analyzers, freestanding proof, room order"
 	@echo "make mutate         plants faults in src/ and counts those that the tests find (N=40 SEED=1)"
@@ -141,6 +147,11 @@ $(BUILD)/tests/%: $(BUILD)/double/tests/%.c.o $(call object,double,$(TEST_COMMON
 	$(link) -lcmocka $(SYS_LIBS)
 $(BUILD)/tests-float/%: $(BUILD)/float/tests/%.c.o $(call object,float,$(TEST_COMMON)) $(FLOAT_LIBS)
 	$(link) -lcmocka $(SYS_LIBS)
+define test_needs
+$(BUILD)/tests/$(1): $(call object,double,$(NEEDS_$(1)))
+$(BUILD)/tests-float/$(1): $(call object,float,$(NEEDS_$(1)))
+endef
+$(foreach test,$(TESTS),$(if $(NEEDS_$(test)),$(eval $(call test_needs,$(test)))))
 
 # make test and make demo bring what they need, then run make again, which now sees it; on all processors unless the
 # caller said on how many.
@@ -152,6 +163,14 @@ test:
 TEST_PROGRAMS = $(TESTS:%=$(BUILD)/tests/%) $(TESTS:%=$(BUILD)/tests-float/%)
 run-tests: all $(TEST_PROGRAMS)
 	@SANITIZE=$(SANITIZE) sh tests/run.sh $(BUILD) $(TEST_PROGRAMS)
+
+# What results and pools are kept to be, after a change that means to change them (tests/kept.h).
+KEPT = test_golden test_memory test_long
+golden:
+	@sh tools/deps.sh build test
+	@$(MAKE) $(PARALLEL) ASSERTIONS=1 BUILD=$(BUILD)/checked run-golden
+run-golden: $(KEPT:%=$(BUILD)/tests/%) $(KEPT:%=$(BUILD)/tests-float/%)
+	@for program in $^; do $$program --renew >$$program.log 2>&1 || { grep -v "OK\|RUN" $$program.log; exit 1; }; done
 
 demo:
 	@sh tools/deps.sh build
@@ -171,9 +190,8 @@ check:
 check-freestanding:
 	@sh tools/check.sh $(BUILD) freestanding
 
-GOLDEN    := $(wildcard tests/golden*.c)
 # Every object of everything, for the checks of warnings.
-ALL_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(TEST_SRC) $(wildcard tests/support.c tests/rooms.c) $(GOLDEN) $(FW_LOOP) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC)
+ALL_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(TEST_SRC) $(filter tests/%,$(TEST_COMMON)) $(GOLDEN) $(NEEDS_test_long) $(FW_LOOP) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC)
 objects: $(call object,double,$(ALL_SRC)) $(call object,float,$(ALL_SRC))
 
 # The firmware: the float library in the loop of a robot on bare Cortex-M7 and M4F, and tests/golden.c in float and double.
