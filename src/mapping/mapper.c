@@ -248,7 +248,9 @@ static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
         status = cairn_mapper_search_step(mapper, budget);
         break;
     case KEEP:
-        budget->left -= 4 + cairn_scan_read(mapper->scan).point_count / 4 + TIE_UNITS * mapper->local_count;
+        budget->left -= 4 + cairn_scan_read(mapper->scan).point_count / 4;
+        if (mapper->loop.graph != NULL)
+            budget->left -= TIE_UNITS * mapper->local_count;
         status = keep(mapper);
         begin_share(mapper);
         if (status != CAIRN_OK)
