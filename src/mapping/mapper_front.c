@@ -35,6 +35,7 @@ static const cairn_real STRANGE = CAIRN_REAL(0.1);      /* m and rad out of the 
 static const cairn_real STRANGE_COST = CAIRN_REAL(0.1); /* ... of the log of the quality */
 /* Log odds, by scan_match, that a place is no chance likeness; here it is most likely in the window. */
 static const cairn_real LOCAL_EVIDENCE = -4;
+static const cairn_real MOST = CAIRN_REAL(0.5);
 static const cairn_real HELD = CAIRN_REAL(0.15); /* share of information along a direction of which few points tell */
 static const cairn_real FARTHEST = 10;           /* squared standard deviations from odometry: wheels may slip by any */
 static const cairn_real DRAGGED =
@@ -308,10 +309,15 @@ cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budg
     return CAIRN_OK;
 }
 
-/* 1 when the search has found a place where the scan fits. */
-static int32_t is_found(const cairn_scan_match_result *result)
+/* 1 when the search has found a place where the scan fits. In the wide window that must be no chance likeness, and most of the
+ * scan must fit. */
+static int32_t is_found(const cairn_mapper *mapper, const cairn_scan_match_result *result)
 {
-    return result->count > 0 && result->hypotheses[0].evidence > LOCAL_EVIDENCE;
+    const cairn_scan_match_hypothesis *best = result->hypotheses;
+
+    if (mapper->searches > 1)
+        return result->verdict != CAIRN_SCAN_MATCH_NONE && best->fit > MOST;
+    return result->count > 0 && best->evidence > LOCAL_EVIDENCE;
 }
 
 /* 1 when it found the match at hand. */
@@ -334,15 +340,15 @@ static cairn_status end_search(cairn_mapper *mapper)
     cairn_real best = 0;
     int32_t chosen = -1;
 
-    if (!is_found(&result) && confirms(mapper, &result)) {
+    if (!is_found(mapper, &result) && confirms(mapper, &result)) {
         mapper->phase = KEEP;
         return is_outvoted(mapper) ? begin_held(mapper) : CAIRN_OK;
     }
-    if (!is_found(&result) && mapper->searches == 1)
+    if (!is_found(mapper, &result) && mapper->searches == 1)
         return begin_search(mapper);
     mapper->phase = KEEP;
     mapper->doubtful = 1;
-    if (!is_found(&result))
+    if (!is_found(mapper, &result))
         return CAIRN_OK;
     for (int32_t i = 0; i < result.count; i++) {
         cairn_pose pose = result.hypotheses[i].target_query;
