@@ -47,6 +47,7 @@
 #include "cairn/scan_match.h"
 #include "cairn/scan_set.h"
 #include "cairn/sequence.h"
+#include "cairn/shape_model.h"
 #include "cairn/small_matrix.h"
 #include "cairn/sparse_solver.h"
 #include "cairn/status.h"
@@ -1206,6 +1207,35 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_sequence_result, pairs, 0, 0)},
     {FIELD(cairn_sequence_result, count, 8, 8)},
     {FIELD(cairn_sequence_result, score, 16, 12)},
+    {SIZE(cairn_shape_sample, 112, 56)},
+    {FIELD(cairn_shape_sample, centre, 0, 0)},
+    {FIELD(cairn_shape_sample, radius, 16, 8)},
+    {FIELD(cairn_shape_sample, deviation, 24, 12)},
+    {FIELD(cairn_shape_sample, side, 32, 16)},
+    {FIELD(cairn_shape_sample, share, 96, 48)},
+    {SIZE(cairn_shape_path, 24, 20)},
+    {FIELD(cairn_shape_path, first, 0, 0)},
+    {FIELD(cairn_shape_path, count, 4, 4)},
+    {FIELD(cairn_shape_path, parent, 8, 8)},
+    {FIELD(cairn_shape_path, branch, 12, 12)},
+    {FIELD(cairn_shape_path, share, 16, 16)},
+    {SIZE(cairn_shape_model, 64, 48)},
+    {FIELD(cairn_shape_model, samples, 0, 0)},
+    {FIELD(cairn_shape_model, paths, 8, 8)},
+    {FIELD(cairn_shape_model, outline, 16, 16)},
+    {FIELD(cairn_shape_model, sample_count, 24, 24)},
+    {FIELD(cairn_shape_model, path_count, 28, 28)},
+    {FIELD(cairn_shape_model, outline_count, 32, 32)},
+    {FIELD(cairn_shape_model, size, 40, 36)},
+    {FIELD(cairn_shape_model, origin, 48, 40)},
+    {SIZE(cairn_shape_builder_params, 48, 28)},
+    {FIELD(cairn_shape_builder_params, points, 0, 0)},
+    {FIELD(cairn_shape_builder_params, samples, 4, 4)},
+    {FIELD(cairn_shape_builder_params, max_paths, 8, 8)},
+    {FIELD(cairn_shape_builder_params, max_deviation, 16, 12)},
+    {FIELD(cairn_shape_builder_params, sigma, 24, 16)},
+    {FIELD(cairn_shape_builder_params, overlap, 32, 20)},
+    {FIELD(cairn_shape_builder_params, min_share, 40, 24)},
     {SIZE(cairn_sym2, 24, 12)},
     {FIELD(cairn_sym2, xx, 0, 0)},
     {FIELD(cairn_sym2, xy, 8, 4)},

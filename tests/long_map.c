@@ -44,6 +44,7 @@ static uint64_t add_whole_map(uint64_t hash, const cairn_mapper *mapper)
 typedef struct drive {
     int32_t scans, beams;
     cairn_real every, view, crowd;
+    int32_t boxes;
     int32_t odometry;          /* 0: none, 1: drifts, 2: jumps now and then, too */
     int32_t blind_from, blind; /* scans that see nothing */
     int32_t each;              /* units of a step */
@@ -59,7 +60,7 @@ static uint64_t map_drive(uint64_t seed, const cairn_mapper_params *params, cons
     cairn_mapper *mapper;
     cairn_pool pool;
 
-    long_build(&world, seed, 14);
+    long_build(&world, seed, d->boxes);
     LONG_CREATE(&pool, mapper, &mapper, params);
     for (int32_t i = 0; i < d->scans; i++) {
         cairn_pose pose = long_on_the_way((cairn_real)i * d->every);
@@ -103,7 +104,7 @@ static cairn_mapper_params small_mapper(int32_t keys)
 uint64_t long_drive(void)
 {
     cairn_mapper_params params = small_mapper(80);
-    drive d = {110, 181, CAIRN_REAL(0.3), CAIRN_REAL(3.14), 0, 1, 0, 0, 20000};
+    drive d = {110, 181, CAIRN_REAL(0.3), CAIRN_REAL(3.14), 0, 14, 1, 0, 0, 20000};
 
     return map_drive(31, &params, &d);
 }
@@ -112,7 +113,7 @@ uint64_t long_drive(void)
 uint64_t long_drive_blindly(void)
 {
     cairn_mapper_params params = small_mapper(80);
-    drive d = {90, 121, CAIRN_REAL(0.18), CAIRN_REAL(4.2), CAIRN_REAL(0.2), 0, 50, 2, 3000};
+    drive d = {90, 121, CAIRN_REAL(0.18), CAIRN_REAL(4.2), CAIRN_REAL(0.2), 14, 0, 50, 2, 3000};
 
     params.window = 5;
     params.window_free = 2;
@@ -129,7 +130,7 @@ uint64_t long_drive_blindly(void)
 uint64_t long_drive_astray(void)
 {
     cairn_mapper_params params = small_mapper(90);
-    drive d = {100, 101, CAIRN_REAL(0.35), CAIRN_REAL(2.4), CAIRN_REAL(0.05), 2, 40, 3, 100000};
+    drive d = {100, 101, CAIRN_REAL(0.35), CAIRN_REAL(2.4), CAIRN_REAL(0.05), 14, 2, 40, 3, 100000};
 
     params.max_local_points = 600;
     params.key_distance = CAIRN_REAL(0.6);
@@ -143,6 +144,29 @@ uint64_t long_drive_astray(void)
     params.loop.evidence = 1;
     params.loop.outlier = 12;
     return map_drive(33, &params, &d);
+}
+
+/* Through rooms that are bare and look alike, twice round, with closures that must agree. */
+uint64_t long_drive_among_twins(void)
+{
+    cairn_mapper_params params = small_mapper(120);
+    drive d = {130, 121, CAIRN_REAL(0.35), 2, 0, 0, 1, 0, 0, 50000};
+    uint64_t hash;
+
+    params.loop.agree = 2;
+    params.loop.window = 5;
+    params.loop.window_near = CAIRN_REAL(0.2);
+    params.loop.contradiction = CAIRN_REAL(0.2);
+    params.loop.units = 20000;
+    params.search = 0;
+    hash = map_drive(37, &params, &d);
+    d.boxes = 2;
+    d.crowd = CAIRN_REAL(0.1);
+    d.view = CAIRN_REAL(3.5);
+    params.loop.agree = 4;
+    params.loop.sigma = CAIRN_REAL(0.03);
+    params.loop.sigma_turn = CAIRN_REAL(0.02);
+    return add_int(hash, (int64_t)(map_drive(38, &params, &d) >> 1));
 }
 
 /* ---- Grids ---- */
@@ -317,6 +341,8 @@ static uint64_t merge_maps(uint64_t seed, cairn_map_merge_params *params, int32_
             {parts[i], PART, PART, PART}, CAIRN_REAL(0.08), {1, -2, CAIRN_REAL(0.3) * (cairn_real)i}};
 
         cut_part(flat, i, parts[i]);
+        if (i == 3 && params->max_corners < 15) /* one that shows nothing */
+            memset(parts[i], CAIRN_CELL_UNKNOWN, sizeof parts[i]);
         assert_ok(cairn_map_merge_add(merge, &map, NULL));
     }
     if (with_guess) {
@@ -338,6 +364,24 @@ uint64_t long_merged(void)
     params.particles = 20;
     params.max_points = 700;
     return merge_maps(35, &params, 0);
+}
+
+/* With few corners, so that walls must do, and an empty map. */
+uint64_t long_merged_by_walls(void)
+{
+    cairn_map_merge_params params = cairn_map_merge_default();
+    uint64_t hash;
+
+    params.particles = 5;
+    params.max_points = 400;
+    params.max_corners = 3;
+    params.max_segments = 30;
+    params.seed = 7;
+    hash = merge_maps(39, &params, 0);
+    params.max_corners = 12;
+    params.max_modes = 2;
+    params.min_margin = 40;
+    return add_int(hash, (int64_t)(merge_maps(35, &params, 1) >> 1));
 }
 
 uint64_t long_merged_by_images(void)

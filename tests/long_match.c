@@ -108,7 +108,7 @@ uint64_t long_match(void)
 {
     cairn_scan_match_params params = cairn_scan_match_default();
 
-    return match_all(41, &params, 0);
+    return add_int(match_all(41, &params, 0), (int64_t)(match_all(51, &params, CAIRN_REAL(0.1)) >> 1));
 }
 
 uint64_t long_match_in_a_crowd(void)
@@ -122,7 +122,7 @@ uint64_t long_match_in_a_crowd(void)
     params.max_views = 1;
     params.sigma = CAIRN_REAL(0.02);
     params.weak_ratio = CAIRN_REAL(0.01);
-    return match_all(42, &params, CAIRN_REAL(0.3));
+    return add_int(match_all(42, &params, CAIRN_REAL(0.3)), (int64_t)(match_all(52, &params, CAIRN_REAL(0.1)) >> 1));
 }
 
 uint64_t long_match_by_shape(void)
@@ -279,7 +279,7 @@ uint64_t long_places_in_a_crowd(void)
     params.sight_reach = 5;
     params.sight_cell = CAIRN_REAL(0.08);
     params.floating = CAIRN_REAL(0.3);
-    return place_all(46, &params, CAIRN_REAL(0.15));
+    return add_int(place_all(46, &params, CAIRN_REAL(0.15)), (int64_t)(place_all(56, &params, CAIRN_REAL(0.05)) >> 1));
 }
 
 uint64_t long_places_in_order(void)

@@ -18,8 +18,10 @@
     X(drive)                                                                                                           \
     X(drive_blindly)                                                                                                   \
     X(drive_astray)                                                                                                    \
+    X(drive_among_twins)                                                                                               \
     X(grid)                                                                                                            \
     X(merged)                                                                                                          \
+    X(merged_by_walls)                                                                                                 \
     X(merged_by_images)                                                                                                \
     X(match)                                                                                                           \
     X(match_in_a_crowd)                                                                                                \

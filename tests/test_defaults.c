@@ -20,6 +20,7 @@
 #include "cairn/report.h"
 #include "cairn/scan_match.h"
 #include "cairn/sequence.h"
+#include "cairn/shape_model.h"
 #include "cairn/symmetric_point.h"
 #include "cairn/virtual_align.h"
 
@@ -458,6 +459,7 @@ static void of_contours(void **state)
     cairn_edge_chain_params chain = cairn_edge_chain_default();
     cairn_edge_segment_params segment = cairn_edge_segment_default();
     cairn_symmetric_point_params sp = cairn_symmetric_point_default();
+    cairn_shape_builder_params shape = cairn_shape_builder_default();
     const value values[] = {
         VALUE(chain.max_width, 640),
         VALUE(chain.max_height, 480),
@@ -481,6 +483,13 @@ static void of_contours(void **state)
         VALUE(sp.max_radius, 100),
         VALUE(sp.max_angle, 60 * DEGREE),
         VALUE(sp.max_deviation, 45 * DEGREE),
+        VALUE(shape.points, 128),
+        VALUE(shape.samples, 32),
+        VALUE(shape.max_paths, 8),
+        VALUE(shape.max_deviation, 20 * DEGREE),
+        VALUE(shape.sigma, 10 * DEGREE),
+        VALUE(shape.overlap, 0.8),
+        VALUE(shape.min_share, 0.08),
     };
 
     (void)state;

@@ -22,15 +22,19 @@ static size_t bytes_with(const question *q, int32_t more)
     return pool_object_bytes(q->object, values, q->capacity + 1);
 }
 
-/* A third more than the default, which for a choice is the next one; where that is beyond the limit a third less. */
+/* The default; or the sum over sixteen numbers from a third more than the default on, which for a choice are the next ones,
+ * and where these are beyond the limit from a third less: pieces are rounded up, and one element more shows in one of them. */
 static void tell(const void *item, char text[KEPT_TEXT])
 {
     const question *q = item;
     int32_t third = q->capacity < 0 ? 0 : pool_object_default(q->object, q->capacity) / 3;
-    size_t bytes = bytes_with(q, third + 1);
+    size_t bytes = bytes_with(q, 0);
 
-    if (bytes == 0)
-        bytes = bytes_with(q, -third);
+    for (int32_t k = 1; k <= CAIRN_ALIGN && q->capacity >= 0; k++) {
+        size_t more = bytes_with(q, third + k);
+
+        bytes += more > 0 ? more : bytes_with(q, -third - k);
+    }
     (void)snprintf(text, KEPT_TEXT, "%zu", bytes);
 }
 

@@ -198,10 +198,10 @@ static int compare_halves(const void *a, const void *b)
     const struct half *x = a, *y = b;
 
     if (x->column != y->column)
-        return x->column < y->column ? -1 : 1;
+        return x->column - y->column;
     if (x->row != y->row)
-        return x->row < y->row ? -1 : 1;
-    return x->link < y->link ? -1 : x->link > y->link;
+        return x->row - y->row;
+    return x->link - y->link;
 }
 
 static struct half *sorted_halves(const cairn_sparse_solver *s)
