@@ -166,8 +166,13 @@ static void weigh_odometry(twin *t, const cairn_pose_prior *prior, const cairn_i
             t->slip = faded;
         if (t->slip < 1)
             t->slip = 1;
-        t->drag.x = off > CAIRN_REAL(1.5) ? e.x : 0;
-        t->drag.y = off > CAIRN_REAL(1.5) ? e.y : 0;
+        {
+            int32_t drags = t->slip * way_off > CAIRN_REAL(1.5) && way_of(e) > CAIRN_REAL(0.1) &&
+                            cairn_abs(e.theta) < CAIRN_REAL(0.08);
+
+            t->drag.x = drags ? e.x : 0;
+            t->drag.y = drags ? e.y : 0;
+        }
     } else {
         t->drag.x *= CAIRN_REAL(0.8);
         t->drag.y *= CAIRN_REAL(0.8);

@@ -35,12 +35,12 @@ static const cairn_real STRANGE = CAIRN_REAL(0.1);      /* m and rad out of the 
 static const cairn_real STRANGE_COST = CAIRN_REAL(0.1); /* ... of the log of the quality */
 /* Log odds, by scan_match, that a place is no chance likeness; here it is most likely in the window. */
 static const cairn_real LOCAL_EVIDENCE = -4;
-static const cairn_real MOST = CAIRN_REAL(0.5);
+static const cairn_real MOST = CAIRN_REAL(0.5);  /* of a scan */
 static const cairn_real HELD = CAIRN_REAL(0.15); /* share of information along a direction of which few points tell */
 static const cairn_real FARTHEST = 10;           /* squared standard deviations from odometry: wheels may slip by any */
-static const cairn_real DRAGGED =
-    CAIRN_REAL(1.5);                   /* standard deviations: what odometry is off by beyond, it is off by again */
-static const cairn_real SLIP_MOST = 4; /* times what odometry may be wrong by, ... */
+/* Standard deviations, fewer after it was wrong: what odometry is off by beyond, and not by turning, it is off by again. */
+static const cairn_real DRAGGED = CAIRN_REAL(1.5);
+static const cairn_real SLIP_MOST = 4;                /* times what odometry may be wrong by, ... */
 static const cairn_real SLIP_FADES = CAIRN_REAL(0.8); /* ... and how that ends, by each scan that agrees */
 static const cairn_real FADES = CAIRN_REAL(0.99);     /* pace, by each scan that does not tell it */
 static const cairn_real ADAPTS = CAIRN_REAL(0.1);     /* by each scan, of mean quality and trust */
@@ -309,13 +309,13 @@ cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budg
     return CAIRN_OK;
 }
 
-/* 1 when the search has found a place where the scan fits. In the wide window that must be no chance likeness, and most of the
- * scan must fit. */
+/* 1 when the search has found a place where the scan fits. Far from where odometry leads that must be no chance likeness, and most
+ * of the scan must fit. */
 static int32_t is_found(const cairn_mapper *mapper, const cairn_scan_match_result *result)
 {
     const cairn_scan_match_hypothesis *best = result->hypotheses;
 
-    if (mapper->searches > 1)
+    if (mapper->searches > 1 && mapper->believed)
         return result->verdict != CAIRN_SCAN_MATCH_NONE && best->fit > MOST;
     return result->count > 0 && best->evidence > LOCAL_EVIDENCE;
 }
@@ -428,11 +428,15 @@ static void weigh_odometry(cairn_mapper *mapper)
     cairn_pose_prior prior = prior_of(mapper, mapper->by_odometry, 1);
     cairn_pose e = cairn_pose_between(prior.mean, mapper->match.target_query);
     cairn_real off = mapper->slip * cairn_max(length(e) / prior.sigma_x, cairn_abs(e.theta) / prior.sigma_theta);
+    cairn_vec2 way = {e.x, e.y};
     int32_t contradicted = off > 2;
 
     if (mapper->match.weak_ratio >= MAPPER_SLIPPERY && !mapper->held) {
         mapper->slip = cairn_max(1, cairn_max(mapper->slip * SLIP_FADES, cairn_min(off, SLIP_MOST)));
-        mapper->drag = cairn_vec2_scale((cairn_vec2){e.x, e.y}, off > DRAGGED);
+        mapper->drag.x = mapper->drag.y = 0;
+        if (mapper->slip * length(e) > DRAGGED * prior.sigma_x && cairn_abs(e.theta) < SUDDEN_TURN &&
+            length(e) > SUDDEN)
+            mapper->drag = way;
     } else {
         mapper->drag = cairn_vec2_scale(mapper->drag, SLIP_FADES);
     }
