@@ -106,6 +106,7 @@ uint64_t golden_registered(void);
 uint64_t golden_hypotheses(void);
 uint64_t golden_virtual_aligned(void);
 uint64_t golden_mapped(void);
+uint64_t golden_filtered(void);
 uint64_t golden_places(void);
 uint64_t golden_merged(void);
 uint64_t golden_contours(void);

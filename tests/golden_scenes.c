@@ -19,6 +19,7 @@ const golden_scene golden_scenes[] = {
     {"hypotheses", golden_hypotheses},
     {"virtual_aligned", golden_virtual_aligned},
     {"mapped", golden_mapped},
+    {"filtered", golden_filtered},
     {"places", golden_places},
     {"merged", golden_merged},
     {"contours", golden_contours},

@@ -187,8 +187,9 @@ uint64_t long_aligned_parts(void)
     survey s;
 
     start_survey(&s, 3, 0);
-    for (int32_t fill = 0; fill < 2; fill++) {
-        params.max_fill = fill == 0 ? 6 : 400;
+    for (int32_t k = 0; k < 3; k++) {
+        params.max_fill = k == 0 ? 6 : 400;
+        params.max_rounds = k == 2 ? 0 : 10;
         LONG_CREATE(&pool, aligner, &aligner, &params);
         for (int32_t i = 0; i < 12; i++) {
             cairn_pose pose = {CAIRN_REAL(4.5) + (cairn_real)i / 4, 4, CAIRN_PI * (cairn_real)(i % 2)};

@@ -9,6 +9,7 @@
 #include "cairn/neighbours.h"
 #include "cairn/raster.h"
 #include "cairn/rectangle.h"
+#include "cairn/shape_model.h"
 #include "cairn/symmetric_point.h"
 #include "tests/long.h"
 #include "tests/long_scenes.h"
@@ -436,5 +437,58 @@ uint64_t long_neighbours(void)
     } while (status != CAIRN_EMPTY);
     for (int32_t i = 0; i < 2; i++)
         test_pool_free(&pool[i]);
+    return hash;
+}
+
+/* ---- Models of shapes ---- */
+
+uint64_t long_shape_models(void)
+{
+    enum { VERTICES = 60 };
+    uint64_t hash = GOLDEN_START;
+
+    for (int32_t k = 0; k < 6; k++) {
+        cairn_shape_builder_params params = cairn_shape_builder_default();
+        cairn_vec2 vertices[VERTICES];
+        cairn_curve outline = {vertices, VERTICES, 1};
+        cairn_shape_builder *builder;
+        cairn_shape_model model;
+        cairn_pool pool;
+
+        for (int32_t i = 0; i < VERTICES; i++) { /* a star with k + 2 soft arms, one longer than the others */
+            cairn_real turn = 2 * CAIRN_PI * (cairn_real)i / VERTICES, sine, cosine, radius;
+
+            radius = 60 + 25 * cairn_cos((cairn_real)(k + 2) * turn) + 12 * cairn_cos(turn);
+            cairn_sincos(k % 2 ? -turn : turn, &sine, &cosine);
+            vertices[i].x = 100 + radius * cosine;
+            vertices[i].y = 80 + radius * sine / 2;
+        }
+        params.points = k < 3 ? 96 : 64;
+        params.max_paths = k == 4 ? 1 : 8;
+        params.overlap = k == 5 ? CAIRN_REAL(0.5) : CAIRN_REAL(0.8);
+        LONG_CREATE(&pool, shape_builder, &builder, &params);
+        assert_ok(cairn_shape_builder_begin(builder, &outline, 1));
+        LONG_RUN(hash, cairn_shape_builder_step, builder, 3000);
+        model = cairn_shape_builder_read(builder);
+        assert_ok(cairn_shape_model_check(&model, NULL));
+        for (int32_t i = 0; i < model.sample_count; i++) {
+            const cairn_shape_sample *s = &model.samples[i];
+
+            hash = add_real(add_real(add_point(hash, s->centre), s->radius), s->deviation);
+            for (int32_t side = 0; side < 2; side++)
+                hash = add_real(add_point(add_point(hash, s->side[side].position), s->side[side].direction),
+                                s->share[side]);
+        }
+        for (int32_t i = 0; i < model.path_count; i++) {
+            const cairn_shape_path *p = &model.paths[i];
+
+            hash = add_int(add_int(add_int(hash, p->first), p->count), p->parent);
+            hash = add_real(add_int(hash, p->branch), p->share);
+        }
+        for (int32_t i = 0; i < model.outline_count; i++)
+            hash = add_point(add_point(hash, model.outline[i].position), model.outline[i].direction);
+        hash = add_real(add_point(hash, model.origin), model.size);
+        test_pool_free(&pool);
+    }
     return hash;
 }

@@ -39,7 +39,8 @@
     X(sweeps)                                                                                                          \
     X(walls)                                                                                                           \
     X(pictures)                                                                                                        \
-    X(neighbours)
+    X(neighbours)                                                                                                      \
+    X(shape_models)
 
 #define LONG_SCENE(name) uint64_t long_##name(void);
 LONG_SCENES(LONG_SCENE)

@@ -6,6 +6,7 @@
 #include "cairn/carmen_log.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
+#include "cairn/filter_mapper.h"
 #include "cairn/hough.h"
 #include "cairn/lum.h"
 #include "cairn/scan_cover.h"
@@ -329,6 +330,40 @@ static void of_places(void **state)
     assert_memory_equal(&map.consensus, &consensus, sizeof consensus);
 }
 
+static void of_the_mapper_by_particles(void **state)
+{
+    cairn_filter_mapper_params p = cairn_filter_mapper_default(), sized = cairn_filter_mapper_default_for(9, 181, 4);
+    const value values[] = {
+        VALUE(p.particles, 30),
+        VALUE(p.candidates, 6),
+        VALUE(p.points, 60),
+        VALUE(p.local_keys, 10),
+        VALUE(p.max_local_points, 2048),
+        VALUE(p.span, 25),
+        VALUE(p.local_radius, 4),
+        VALUE(p.motion_distance, 0.05),
+        VALUE(p.motion_turn, 0.05),
+        VALUE(p.motion_distance_min, 0.02),
+        VALUE(p.motion_turn_min, 0.01),
+        VALUE(p.match_sigma, 0.0025),
+        VALUE(p.match_sigma_turn, 0.001),
+        VALUE(p.min_support, 0.3),
+        VALUE(p.sigma, 0.07),
+        VALUE(p.outlier, 3),
+        VALUE(p.weight, 8),
+        VALUE(p.seed, 1),
+        VALUE(sized.particles, 4),
+        VALUE(sized.candidates, 6),
+        VALUE(p.front.max_keys, 1024),
+        VALUE(p.front.key_distance, 0.5),
+        VALUE(sized.front.max_keys, 9),
+        VALUE(sized.front.scan.max_beams, 181),
+    };
+
+    (void)state;
+    assert_values(values);
+}
+
 static void of_the_mapper(void **state)
 {
     cairn_mapper_params p = cairn_mapper_default();
@@ -507,6 +542,7 @@ int main(void)
         cmocka_unit_test(of_consensus),
         cmocka_unit_test(of_places),
         cmocka_unit_test(of_the_mapper),
+        cmocka_unit_test(of_the_mapper_by_particles),
         cmocka_unit_test(of_grids),
         cmocka_unit_test(of_files),
         cmocka_unit_test(of_map_merging),

@@ -636,10 +636,10 @@ static void results_stay_as_they_are(void **state)
     loops.local_span = loops.local_recent;
     loops.loop.gap = 6;
     loops.loop.agree = 2;
-    assert_golden(hash_of_round(&params, 1), UINT64_C(0x08194f1a2bde9853), UINT64_C(0x9700bf2bfc83a957));
+    assert_golden(hash_of_round(&params, 1), UINT64_C(0x2fcb1809ee9f05df), UINT64_C(0xd8497a036287505c));
     assert_golden(hash_of_round(&params, 0), UINT64_C(0x6eed624ec4010421), UINT64_C(0xc1f6b39553ad8808));
-    assert_golden(hash_of_round(&narrow, 1), UINT64_C(0x5b9b102aa86d54b7), UINT64_C(0x0c430b4ed1cbda57));
-    assert_golden(hash_of_round(&loops, 1), UINT64_C(0x7113b0fa08a1d2ef), UINT64_C(0x42b578f813697c20));
+    assert_golden(hash_of_round(&narrow, 1), UINT64_C(0x620e5e5880fad5bd), UINT64_C(0x2e27837324ad4b27));
+    assert_golden(hash_of_round(&loops, 1), UINT64_C(0x290a95d504917cab), UINT64_C(0x80291a92ad2b6d51));
 }
 
 int main(void)

@@ -11,6 +11,7 @@
 #include "cairn/place_map.h"
 #include "cairn/scan_cover.h"
 #include "cairn/sequence.h"
+#include "cairn/shape_model.h"
 #include "cairn/symmetric_point.h"
 #include "cairn/virtual_align.h"
 
@@ -98,6 +99,7 @@ static cairn_distance_map_params distance_map_params(void)
     X(scan_cover, scan_cover)                                                                                          \
     X(scan_match, scan_match)                                                                                          \
     X(sequence, sequence)                                                                                              \
+    X(shape_builder, shape_builder)                                                                                    \
     X(symmetric_point, symmetric_point_set)                                                                            \
     X(virtual_align, virtual_align)                                                                                    \
     X(virtual_scan, virtual_scan)

@@ -14,6 +14,7 @@
 #include "cairn/pose_graph.h"
 #include "cairn/scan_cover.h"
 #include "cairn/sequence.h"
+#include "cairn/shape_model.h"
 #include "cairn/symmetric_point.h"
 #include "cairn/virtual_align.h"
 
@@ -44,6 +45,7 @@ typedef union any_params {
     cairn_scan_match_params scan_match;
     cairn_scan_set_params scan_set;
     cairn_sequence_params sequence;
+    cairn_shape_builder_params shape_builder;
     cairn_symmetric_point_params symmetric_point;
     cairn_virtual_align_params virtual_align;
     cairn_virtual_scan_params virtual_scan;
@@ -81,6 +83,7 @@ ROOM(scan)
 ROOM(scan_cover)
 ROOM(scan_match)
 ROOM(sequence)
+ROOM(shape_builder)
 ROOM(symmetric_point)
 ROOM(virtual_align)
 ROOM(virtual_scan)
@@ -210,6 +213,10 @@ const pool_object pool_objects[] = {
     {OBJECT(symmetric_point),
      2,
      {HAS(symmetric_point, "segment", max_segments), HAS(symmetric_point, "point", max_points)}},
+    {OBJECT(shape_builder),
+     0,
+     {HAS(shape_builder, "point", points), HAS(shape_builder, "sample", samples),
+      HAS(shape_builder, "path", max_paths)}},
     {OBJECT(block_solver),
      0,
      {HAS(block_solver, "pose", max_poses), HAS(block_solver, "link", max_links),
