@@ -71,7 +71,17 @@ void long_look(long_sweep *out, const long_world *world, cairn_random *random, c
 cairn_scan *long_new_scan(cairn_pool *pool);
 cairn_scan_view long_fit(cairn_scan *scan, const long_sweep *sweep);
 
-/* `sigma` apart at most in each. */
+/* Within +-x and +-y; x is drawn first. */
+static inline cairn_vec2 long_point(cairn_random *random, cairn_real x, cairn_real y)
+{
+    cairn_vec2 point;
+
+    point.x = argument(random, x, 0);
+    point.y = argument(random, y, 0);
+    return point;
+}
+
+/* Off by at most so much in x, in y, and in theta. */
 cairn_pose long_disturbed(cairn_random *random, cairn_pose pose, cairn_real metres, cairn_real radians);
 
 #endif

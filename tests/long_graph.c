@@ -371,7 +371,7 @@ static uint64_t follow(uint64_t hash, const cairn_particle_filter_params *params
     assert_ok(cairn_particle_filter_create(&filter, &pool, params, &model));
     assert_ok(cairn_particle_filter_clear(filter, 5));
     for (int32_t i = 0; i < params->particles; i++) {
-        cairn_vec2 start = {argument(&w.random, CAIRN_REAL(0.5), 0), argument(&w.random, CAIRN_REAL(0.5), 0)};
+        cairn_vec2 start = long_point(&w.random, CAIRN_REAL(0.5), CAIRN_REAL(0.5));
 
         assert_ok(cairn_particle_filter_start(filter, &start, -(cairn_real)(i % 4) / 4));
     }

@@ -404,17 +404,18 @@ uint64_t long_neighbours(void)
     LONG_CREATE(&pool[0], point_grid, &grid, &grid_params);
     LONG_CREATE(&pool[1], box_sweep, &sweep, &sweep_params);
     for (int32_t i = 0; i < POINTS; i++) {
-        cairn_vec2 p = {argument(&random, 4, 0), argument(&random, i % 7 ? 3 : 30, 0)};
-        cairn_vec2 q = {p.x + cairn_random_unit(&random) / 3, p.y + cairn_random_unit(&random) / 3};
+        cairn_vec2 p = long_point(&random, 4, i % 7 ? 3 : 30),
+                   q = long_point(&random, CAIRN_REAL(0.2), CAIRN_REAL(0.2));
 
         assert_ok(cairn_point_grid_insert(grid, p));
         boxes[i].min = p;
-        boxes[i].max = q;
+        boxes[i].max.x = p.x + cairn_abs(q.x);
+        boxes[i].max.y = p.y + cairn_abs(q.y);
     }
     for (int32_t i = 0; i < POINTS; i++) {
         cairn_point_grid_cursor cursor;
         cairn_real radius = CAIRN_REAL(0.1) * (cairn_real)(1 + i % 20), squared = 0;
-        cairn_vec2 p = {argument(&random, 5, 0), argument(&random, 5, 0)};
+        cairn_vec2 p = long_point(&random, 5, 5);
         int32_t k = cairn_point_grid_nearest(grid, p, radius, &squared);
 
         hash = add_int(hash, k);

@@ -233,7 +233,7 @@ uint64_t long_grid(void)
     assert_ok(cairn_map_entropy_add(grid, 30, 70, &entropy));
     hash = add_int(add_vector(add_real(hash, entropy.whole), entropy.quadrant, CAIRN_QUADRANTS), entropy.cells);
     for (int32_t i = 0; i < 300; i++) {
-        cairn_vec2 from = {argument(&random, 6, 0), argument(&random, 5, 0)}, to;
+        cairn_vec2 from = long_point(&random, 6, 5), to;
         cairn_occupancy_walk walk;
         cairn_occupancy_chord chord;
         cairn_real likelihood;

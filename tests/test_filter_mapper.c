@@ -397,6 +397,11 @@ static void agrees_with_twin_where_room_is_short(void **state)
     params.min_support = CAIRN_REAL(0.9);
     params.local_radius = 2;
     along_twin(&params, SIM_RESCUE, 40, 0);
+    params.min_support = CAIRN_REAL(0.3);
+    params.max_local_points = 260;
+    along_twin(&params, SIM_RESCUE, 40, 1);
+    params.max_local_points = 190;
+    along_twin(&params, SIM_APARTMENT, 40, 1);
 }
 
 /* ---- Refusals ---- */
