@@ -739,6 +739,84 @@ static void test_budgets(void **state)
     test_pool_free(&pool);
 }
 
+/* A corridor's two walls and the wall at its end are parts of their own: each tells what is across it, all together what the whole
+ * target tells. */
+static void parts_tell_what_is_across_them(void **state)
+{
+    static const cairn_vec2 ends[3][2] = {{{-4, -1}, {4, -1}}, {{4, -1}, {4, 1}}, {{4, 1}, {-4, 1}}};
+    static struct points walls[3], all;
+    cairn_pool pool, other_pool;
+    cairn_icp *icp = make_icp(&pool, cairn_icp_default()), *whole = make_icp(&other_pool, cairn_icp_default());
+    cairn_pose start = {CAIRN_REAL(0.05), CAIRN_REAL(-0.03), CAIRN_REAL(0.02)};
+    static cairn_icp_parts parts, one;
+    cairn_sym3 sum = cairn_sym3_zero();
+
+    (void)state;
+    all.count = 0;
+    for (int k = 0; k < 3; k++) {
+        walls[k].count = 0;
+        add_wall(&walls[k], ends[k][0], ends[k][1], CAIRN_REAL(0.1));
+        add_wall(&all, ends[k][0], ends[k][1], CAIRN_REAL(0.1));
+        add_target(icp, &walls[k]);
+    }
+    add_target(whole, &all);
+    cairn_icp_read_parts(icp, &parts);
+    assert_int_equal(parts.count, 3);
+    assert_near(parts.information[0].yy, 0, 0);
+    (void)align(icp, &all, start, NULL);
+    (void)align(whole, &all, start, NULL);
+    cairn_icp_read_parts(icp, &parts);
+    cairn_icp_read_parts(whole, &one);
+    assert_int_equal(parts.count, 3);
+    assert_int_equal(one.count, 1);
+    for (int k = 0; k < 3; k++) {
+        sum.xx += parts.information[k].xx;
+        sum.yy += parts.information[k].yy;
+        sum.zz += parts.information[k].zz;
+    }
+    assert_near(sum.xx / one.information[0].xx, 1, 1e-4);
+    assert_near(sum.yy / one.information[0].yy, 1, 1e-4);
+    assert_near(sum.zz / one.information[0].zz, 1, 1e-4);
+    for (int k = 0; k < 3; k += 2)
+        assert_true(1000 * parts.information[k].xx < one.information[0].xx);
+    assert_true(1000 * parts.information[1].yy < one.information[0].yy);
+    assert_near(parts.information[1].xx / one.information[0].xx, 1, 1e-3);
+    cairn_icp_clear_target(icp);
+    for (int k = 0; k < CAIRN_ICP_PARTS + 3; k++)
+        assert_ok(cairn_icp_add_target(icp, &all.at[k], 1, cairn_pose_identity(), NULL));
+    cairn_icp_read_parts(icp, &parts);
+    assert_int_equal(parts.count, CAIRN_ICP_PARTS);
+    test_pool_free(&pool);
+    test_pool_free(&other_pool);
+}
+
+/* With a greater ratio the end of the corridor is not enough to tell the way along it, and the prior decides. */
+static void a_ratio_decides_what_is_weak(void **state)
+{
+    static const cairn_vec2 corners[] = {{-4, -1}, {4, -1}, {4, 1}, {-4, 1}};
+    static struct points target;
+    cairn_pool pool;
+    cairn_icp *icp = make_icp(&pool, cairn_icp_default());
+    cairn_pose start = {CAIRN_REAL(0.06), 0, 0};
+    cairn_pose_prior prior = {start, CAIRN_REAL(0.1), CAIRN_REAL(0.1), CAIRN_REAL(0.1)};
+
+    (void)state;
+    target.count = 0;
+    for (int k = 0; k < 3; k++)
+        add_wall(&target, corners[k], corners[k + 1], CAIRN_REAL(0.1));
+    add_target(icp, &target);
+    assert_near(align(icp, &target, start, &prior).target_query.x, 0, 0.01);
+    assert_status(cairn_icp_set_weak_ratio(NULL, 0), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_icp_set_weak_ratio(icp, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_icp_set_weak_ratio(icp, CAIRN_REAL(-0.1)), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_icp_set_weak_ratio(icp, (cairn_real)NAN), CAIRN_BAD_ARGUMENT);
+    assert_ok(cairn_icp_set_weak_ratio(icp, CAIRN_REAL(0.3)));
+    assert_near(align(icp, &target, start, &prior).target_query.x, start.x, 0.001);
+    assert_ok(cairn_icp_begin(icp, target.at, target.count, start, &prior, NULL));
+    assert_status(cairn_icp_set_weak_ratio(icp, 0), CAIRN_BAD_ARGUMENT);
+    test_pool_free(&pool);
+}
+
 static void test_few_points(void **state)
 {
     static struct points world, query;
@@ -1102,6 +1180,8 @@ int main(void)
         cmocka_unit_test(test_covariance_fits_the_errors),
         cmocka_unit_test(test_budgets),
         cmocka_unit_test(test_few_points),
+        cmocka_unit_test(parts_tell_what_is_across_them),
+        cmocka_unit_test(a_ratio_decides_what_is_weak),
         cmocka_unit_test(test_bad_params),
         cmocka_unit_test(test_bad_inputs),
         cmocka_unit_test(what_gets_worse_is_rolled_back),

@@ -363,9 +363,97 @@ static void the_same_drive_gives_the_same_bits(void **state)
     end_drive(&other);
 }
 
+/* ---- Mapper: among people ---- */
+
+enum { LONG_DRIVE = 400 };
+
+/* Mean distance of poses from the truth after the best common motion. */
+static double mean_error(const sim_scan *scans, const cairn_pose *poses, int32_t count)
+{
+    double mx = 0, my = 0, tx = 0, ty = 0, dot = 0, cross = 0, angle, sum = 0;
+
+    for (int32_t i = 0; i < count; i++) {
+        mx += (double)poses[i].x / count;
+        my += (double)poses[i].y / count;
+        tx += scans[i].truth.x / count;
+        ty += scans[i].truth.y / count;
+    }
+    for (int32_t i = 0; i < count; i++) {
+        double x = (double)poses[i].x - mx, y = (double)poses[i].y - my;
+
+        dot += x * (scans[i].truth.x - tx) + y * (scans[i].truth.y - ty);
+        cross += x * (scans[i].truth.y - ty) - y * (scans[i].truth.x - tx);
+    }
+    angle = atan2(cross, dot);
+    for (int32_t i = 0; i < count; i++) {
+        double x = (double)poses[i].x - mx, y = (double)poses[i].y - my;
+
+        sum += hypot(cos(angle) * x - sin(angle) * y - (scans[i].truth.x - tx),
+                     sin(angle) * x + cos(angle) * y - (scans[i].truth.y - ty));
+    }
+    return sum / count;
+}
+
+/* Two people walk about an apartment, are seen, get in the way, and push the robot, while half of its scans see a bare wall. */
+static double error_among_people(uint64_t seed)
+{
+    static cairn_pose poses[LONG_DRIVE];
+    static int32_t keys[LONG_DRIVE];
+    sim_arena_options arena_options = sim_arena_default();
+    sim_survey_options options = sim_survey_default();
+    cairn_mapper_params params = cairn_mapper_default_for(LONG_DRIVE, 181);
+    cairn_pool pool = test_pool(cairn_mapper_memory(&params));
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_mapper *mapper;
+    const sim_scan *scans;
+    sim_arena *arena;
+    sim_survey *survey;
+    int32_t count;
+    double error;
+
+    arena_options.scene = SIM_APARTMENT;
+    arena_options.seed = options.seed = seed;
+    arena = sim_arena_create(&arena_options, NULL, 0);
+    assert_non_null(arena);
+    options.drive = LONG_DRIVE;
+    options.movers = 2;
+    options.beams = 181;
+    options.fov = 3.14159265358979323846;
+    survey = sim_survey_create(arena, &options, NULL, 0);
+    assert_non_null(survey);
+    scans = sim_survey_scans(survey, &count);
+    assert_ok(cairn_mapper_create(&mapper, &pool, &params));
+    for (int32_t i = 0; i < count; i++) {
+        cairn_scan_input input = sim_scan_input(&scans[i]);
+        cairn_pose odometry = pose_of(scans[i].odometry);
+
+        assert_ok(cairn_mapper_add(mapper, &input, &odometry, NULL));
+        assert_ok(cairn_mapper_step(mapper, &budget));
+        keys[i] = cairn_mapper_read(mapper).key;
+        poses[i] = cairn_mapper_read(mapper).key_scan;
+        budget.left = CAIRN_UNBOUNDED;
+    }
+    assert_ok(cairn_mapper_settle(mapper, &budget));
+    for (int32_t i = 0; i < count; i++)
+        poses[i] = cairn_pose_compose(cairn_mapper_key_pose(mapper, keys[i]), poses[i]);
+    error = mean_error(scans, poses, count);
+    test_pool_free(&pool);
+    sim_survey_free(survey);
+    sim_arena_free(arena);
+    return error;
+}
+
+static void maps_among_people(void **state)
+{
+    (void)state;
+    assert_true(error_among_people(2) < 0.08);
+    assert_true(error_among_people(4) < 0.08);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(maps_among_people),
         cmocka_unit_test(a_drive_becomes_the_arena),
         cmocka_unit_test(the_same_drive_gives_the_same_bits),
     };

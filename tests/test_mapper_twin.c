@@ -15,6 +15,8 @@ typedef struct twin_key {
 
 typedef struct twin {
     cairn_real trust; /* in odometry */
+    cairn_real slip;  /* times its standard deviations */
+    cairn_vec2 drag;  /* added to it */
     cairn_vec2 pace;
     int32_t rest;       /* scans since the last key scan */
     int32_t weak_scans; /* that did not tell how far the robot went */
@@ -41,7 +43,7 @@ static twin new_twin(const cairn_mapper_params *params)
 
     memset(&t, 0, sizeof t);
     t.params = *params;
-    t.trust = 1;
+    t.trust = t.slip = 1;
     t.keys = calloc(KEYS, sizeof *t.keys);
     assert_non_null(t.keys);
     icp.max_target = params->max_local_points;
@@ -129,11 +131,12 @@ static cairn_pose_prior prior_of(const twin *t, cairn_pose last, cairn_pose moti
     cairn_pose_prior prior;
 
     prior.mean = cairn_pose_compose(last, motion);
-    prior.sigma_x = is_odometry ? p->odometry_distance_min + p->odometry_distance * way
+    prior.sigma_x = is_odometry ? t->slip * (p->odometry_distance_min + p->odometry_distance * way)
                                 : p->motion_distance_min + p->motion_distance * way;
     prior.sigma_y = prior.sigma_x;
-    prior.sigma_theta = is_odometry ? p->odometry_turn_min + p->odometry_turn * (cairn_abs(motion.theta) + way / 10)
-                                    : p->motion_turn_min + p->motion_turn * cairn_abs(motion.theta);
+    prior.sigma_theta = is_odometry
+                            ? t->slip * (p->odometry_turn_min + p->odometry_turn * (cairn_abs(motion.theta) + way / 10))
+                            : p->motion_turn_min + p->motion_turn * cairn_abs(motion.theta);
     return prior;
 }
 
@@ -148,14 +151,34 @@ static cairn_icp_result match(twin *t, const cairn_pose_prior *prior)
     return cairn_icp_read(t->icp);
 }
 
-/* Odometry that is two standard deviations off is believed less; what agrees is believed more, by a tenth each. */
-static void weigh_odometry(twin *t, const cairn_pose_prior *prior, cairn_pose found)
+/* Odometry that is two standard deviations off is believed less; what agrees is believed more, by a tenth each. Where the scan
+ * tells all of its motion: beyond one standard deviation it may be off by as much for a while, up to four, beyond one and a half by
+ * the same way. */
+static void weigh_odometry(twin *t, const cairn_pose_prior *prior, const cairn_icp_result *found)
 {
-    cairn_pose e = cairn_pose_between(prior->mean, found);
-    int32_t contradicted = way_of(e) > 2 * prior->sigma_x || cairn_abs(e.theta) > 2 * prior->sigma_theta;
+    cairn_pose e = cairn_pose_between(prior->mean, found->target_query);
+    cairn_real way_off = way_of(e) / prior->sigma_x, turn_off = cairn_abs(e.theta) / prior->sigma_theta;
+    cairn_real off = t->slip * (way_off > turn_off ? way_off : turn_off), faded = t->slip * CAIRN_REAL(0.8);
 
-    t->trust += CAIRN_REAL(0.1) * ((contradicted ? 0 : 1) - t->trust);
-    t->state.odometry_contradicted += contradicted;
+    if (found->weak_ratio >= CAIRN_REAL(0.05)) {
+        t->slip = off > 4 ? 4 : off;
+        if (t->slip < faded)
+            t->slip = faded;
+        if (t->slip < 1)
+            t->slip = 1;
+        {
+            int32_t drags = t->slip * way_off > CAIRN_REAL(1.5) && way_of(e) > CAIRN_REAL(0.1) &&
+                            cairn_abs(e.theta) < CAIRN_REAL(0.08);
+
+            t->drag.x = drags ? e.x : 0;
+            t->drag.y = drags ? e.y : 0;
+        }
+    } else {
+        t->drag.x *= CAIRN_REAL(0.8);
+        t->drag.y *= CAIRN_REAL(0.8);
+    }
+    t->trust += CAIRN_REAL(0.1) * ((off > 2 ? 0 : 1) - t->trust);
+    t->state.odometry_contradicted += off > 2;
 }
 
 /* What is expected next: half of a sudden motion; along walls that tell nothing of it the pace of before, which fades. */
@@ -195,7 +218,7 @@ static int counts(const twin *t, const cairn_icp_result *found)
 
 static cairn_real quality(const cairn_icp_result *found)
 {
-    return found->overlap * cairn_exp(-found->mean_distance / CAIRN_REAL(0.05));
+    return found->overlap * cairn_exp(-found->sigma / CAIRN_REAL(0.05));
 }
 
 /* ---- Key scans ---- */
@@ -274,6 +297,8 @@ static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *
     if (believed) {
         alternative = motion;
         motion = by_odometry;
+        motion.x += t->drag.x;
+        motion.y += t->drag.y;
     } else if (has_motion) {
         alternative = by_odometry;
     }
@@ -318,7 +343,7 @@ static void twin_scan(twin *t, const cairn_scan_input *input, const cairn_pose *
     if (matched && has_motion) {
         cairn_pose_prior told = prior_of(t, last, by_odometry, 1);
 
-        weigh_odometry(t, &told, best.target_query);
+        weigh_odometry(t, &told, &best);
     }
 
     memset(&t->result, 0, sizeof t->result);

@@ -104,12 +104,28 @@ int32_t cairn_icp_target_count(const cairn_icp *icp);
 CAIRN_CHECKED cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, int32_t count,
                                            cairn_pose start, const cairn_pose_prior *prior, cairn_fault *fault);
 
+/* weak_ratio of the alignments that begin from now on. CAIRN_BAD_ARGUMENT: not in [0, 1), or an alignment is running. */
+CAIRN_CHECKED cairn_status cairn_icp_set_weak_ratio(cairn_icp *icp, cairn_real weak_ratio);
+
 /* CAIRN_OK: nothing left to do, the verdict stands. CAIRN_MORE: go on. Costs 5 units for a query point, one more for every
  * 6 target points and cells that the search for its partner looks at, and 12 at the end of an iteration. */
 CAIRN_CHECKED cairn_status cairn_icp_step(cairn_icp *icp, cairn_budget *budget);
 
 /* State after the last whole iteration. */
 cairn_icp_result cairn_icp_read(const cairn_icp *icp);
+
+/* Which part of the target tells what. A part is what one add_target() added; those beyond CAIRN_ICP_PARTS are one with the last. */
+#define CAIRN_ICP_PARTS 64
+
+typedef struct cairn_icp_parts {
+    cairn_rigid_motion motion; /* of the query as it was aligned: what the information is about */
+    int32_t count;
+    cairn_sym3
+        information[CAIRN_ICP_PARTS]; /* point-to-line, of the pairs with each part in the last whole iteration */
+} cairn_icp_parts;
+
+/* All zero while an alignment has no whole iteration with enough pairs. Cost: linear in the parts. */
+void cairn_icp_read_parts(const cairn_icp *icp, cairn_icp_parts *parts);
 
 #ifdef __cplusplus
 }

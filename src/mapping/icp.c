@@ -38,6 +38,7 @@ struct sums {
     cairn_real point_weight, point_squares; /* of distances: w, w d^2 */
     cairn_real distance;
     int32_t pairs;
+    cairn_sym3 parts[CAIRN_ICP_PARTS]; /* lines, by parts of the target */
 };
 
 /* What an iteration found at the pose that it began with. */
@@ -50,6 +51,8 @@ struct iteration {
 struct cairn_icp {
     cairn_point_grid *grid;
     cairn_vec2 *directions; /* [max_target] of the target points */
+    int32_t part_end[CAIRN_ICP_PARTS];
+    int32_t part_count;
     cairn_icp_params params;
     cairn_real least_cosine; /* of the direction gate */
     const cairn_oriented_point *query;
@@ -160,6 +163,7 @@ cairn_status cairn_icp_create(cairn_icp **icp, cairn_pool *pool, const cairn_icp
 void cairn_icp_clear_target(cairn_icp *icp)
 {
     cairn_point_grid_clear(icp->grid);
+    icp->part_count = 0;
     icp->running = 0;
 }
 
@@ -207,6 +211,9 @@ cairn_status cairn_icp_add_target(cairn_icp *icp, const cairn_oriented_point *po
         CAIRN_ASSERT(status == CAIRN_OK);
         icp->directions[index] = cairn_transform_direction(transform, points[i].direction);
     }
+    if (icp->part_count < CAIRN_ICP_PARTS)
+        icp->part_count++;
+    icp->part_end[icp->part_count - 1] = cairn_point_grid_count(icp->grid);
     return status;
 }
 
@@ -272,6 +279,14 @@ cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, 
     return CAIRN_OK;
 }
 
+cairn_status cairn_icp_set_weak_ratio(cairn_icp *icp, cairn_real weak_ratio)
+{
+    if (icp == NULL || icp->running || !(weak_ratio >= 0 && weak_ratio < 1))
+        return CAIRN_BAD_ARGUMENT;
+    icp->params.weak_ratio = weak_ratio;
+    return CAIRN_OK;
+}
+
 /* ---- Pairs ---- */
 
 /* Nearest target point within the gate that points the same way; -1: none. */
@@ -312,6 +327,22 @@ static void add_point_terms(cairn_icp *icp, const cairn_oriented_point *q, cairn
     sums->point_squares += weight * squared;
 }
 
+/* The part of the target that has the point. */
+static int32_t part_of(const cairn_icp *icp, int32_t point)
+{
+    int32_t first = 0, last = icp->part_count - 1;
+
+    while (first < last) {
+        int32_t middle = (first + last) / 2;
+
+        if (point < icp->part_end[middle])
+            last = middle;
+        else
+            first = middle + 1;
+    }
+    return first;
+}
+
 static void add_query_point(cairn_icp *icp, const cairn_oriented_point *q)
 {
     struct sums *sums = &icp->sums;
@@ -328,6 +359,7 @@ static void add_query_point(cairn_icp *icp, const cairn_oriented_point *q)
     weight = cauchy_weight(error * error, icp->sigma);
     cairn_rigid_motion_row(&icp->motion, normal, q->position, row);
     cairn_sym3_add_outer(&sums->lines, row, weight);
+    cairn_sym3_add_outer(&sums->parts[part_of(icp, target)], row, weight);
     sums->weight += weight;
     sums->squares += weight * error * error;
     sums->psi_squares += weight * weight * error * error;
@@ -497,4 +529,16 @@ cairn_status cairn_icp_step(cairn_icp *icp, cairn_budget *budget)
 cairn_icp_result cairn_icp_read(const cairn_icp *icp)
 {
     return icp->result;
+}
+
+void cairn_icp_read_parts(const cairn_icp *icp, cairn_icp_parts *parts)
+{
+    int32_t has_sums = !icp->running && icp->result.pairs >= icp->params.min_pairs;
+    cairn_real by = has_sums ? information_scale(icp) : 0;
+
+    memset(parts, 0, sizeof *parts);
+    parts->motion = icp->motion;
+    parts->count = icp->part_count;
+    for (int32_t i = 0; i < parts->count; i++)
+        parts->information[i] = scaled(icp->sums.parts[i], by);
 }

@@ -17,7 +17,10 @@
 
 #include "src/mapping/mapper_work.h"
 
-enum { KEY_REST = 2 }; /* scans after a key scan that are none for want of support */
+enum {
+    KEY_REST = 2, /* scans after a key scan that are none for want of support */
+    TIE_UNITS = 8 /* for each key scan of the local map */
+};
 
 /* ---- Input ---- */
 
@@ -98,22 +101,6 @@ static int is_key_scan(const cairn_mapper *mapper, cairn_pose map_scan)
            cairn_abs(key_scan.theta) > mapper->params.key_turn;
 }
 
-/* Covariance of the scan's pose seen from the key scan before, in the scan's own frame. */
-static cairn_sym3 link_covariance(const cairn_mapper *mapper)
-{
-    const cairn_mapper_params *p = &mapper->params;
-    cairn_pose prediction = mapper->motion;
-    cairn_real way = cairn_sqrt(prediction.x * prediction.x + prediction.y * prediction.y), unmatched[9] = {0};
-
-    if (mapper->has_match)
-        return cairn_mapper_own_covariance(mapper, mapper->match.covariance, mapper->match.target_query.theta);
-    unmatched[0] = unmatched[4] = p->motion_distance_min + p->motion_distance * way;
-    unmatched[8] = p->motion_turn_min + p->motion_turn * cairn_abs(prediction.theta);
-    for (int k = 0; k < 9; k += 4)
-        unmatched[k] *= unmatched[k];
-    return cairn_mapper_own_covariance(mapper, unmatched, 0);
-}
-
 /* Makes the scan at hand a key scan. The force field that is still at work on those before gives what it has, and the scan moves
  * along. */
 static cairn_status keep_key(cairn_mapper *mapper, const cairn_scan_view *view)
@@ -138,7 +125,7 @@ static cairn_status keep_key(cairn_mapper *mapper, const cairn_scan_view *view)
     if (mapper->sight != NULL)
         cairn_mapper_keep_sight(mapper, key, view);
     if (mapper->loop.graph != NULL)
-        mapper->loop.covariance[key] = link_covariance(mapper);
+        cairn_mapper_tie(mapper, &mapper->loop.ties[key]);
     if (mapper->params.window && key > 0)
         cairn_mapper_begin_window(mapper);
     return status;
@@ -174,7 +161,7 @@ static cairn_status keep(cairn_mapper *mapper)
     result->is_key = (first || view.point_count > 0) && is_key_scan(mapper, result->map_scan);
     if (result->is_key)
         status = keep_key(mapper, &view);
-    result->key = mapper->keys->scan_count - 1;
+    result->key = result->is_key ? mapper->keys->scan_count - 1 : cairn_mapper_hang_on(mapper);
     result->key_scan = cairn_pose_between(mapper->key_pose[result->key], result->map_scan);
     mapper->since_key = result->is_key ? 0 : mapper->since_key + 1;
     mapper->state.scans++;
@@ -249,6 +236,7 @@ static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
     case MATCH:
     case MATCH_OTHER:
     case MATCH_FOUND:
+    case MATCH_HELD:
         status = cairn_icp_step(mapper->icp, budget);
         if (status == CAIRN_OK)
             status = cairn_mapper_end_match(mapper);
@@ -261,6 +249,8 @@ static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
         break;
     case KEEP:
         budget->left -= 4 + cairn_scan_read(mapper->scan).point_count / 4;
+        if (mapper->loop.graph != NULL)
+            budget->left -= TIE_UNITS * mapper->local_count;
         status = keep(mapper);
         begin_share(mapper);
         if (status != CAIRN_OK)

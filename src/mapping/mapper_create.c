@@ -65,7 +65,7 @@ cairn_mapper_params cairn_mapper_default(void)
     params.motion_turn_min = CAIRN_REAL(0.02);
     params.min_support = CAIRN_REAL(0.3);
     params.search = 1;
-    params.search_units = 100000;
+    params.search_units = 130000;
     return params;
 }
 
@@ -148,6 +148,7 @@ static cairn_scan_match_params match_params(const cairn_mapper_params *params)
         half = cairn_max(half, params->loop.window);
     match.max_target = cairn_mapper_local_points(params, keys);
     match.max_dense = 0;
+    match.max_candidates = MAPPER_SEARCH_CANDIDATES;
     match.max_views = keys;
     match.max_query = params->scan.max_points;
     match.spacing = params->scan.spacing;
@@ -235,7 +236,7 @@ static void carve_loop(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_p
     size_t keys = (size_t)params->max_keys;
     mapper_link *links = cairn_pool_take(pool, keys + (size_t)params->loop.max_loops, sizeof *links);
     int32_t *first_link = cairn_pool_take(pool, keys, sizeof *first_link);
-    cairn_sym3 *covariance = cairn_pool_take(pool, keys, sizeof *covariance);
+    mapper_tie *ties = cairn_pool_take(pool, keys, sizeof *ties);
     cairn_real *variance = cairn_pool_take(pool, keys, sizeof *variance);
     cairn_real *turn_variance = cairn_pool_take(pool, keys, sizeof *turn_variance);
     int32_t *heap = cairn_pool_take(pool, keys, sizeof *heap);
@@ -247,7 +248,7 @@ static void carve_loop(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_p
         return;
     loop->links = links;
     loop->first_link = first_link;
-    loop->covariance = covariance;
+    loop->ties = ties;
     loop->variance = variance;
     loop->turn_variance = turn_variance;
     loop->heap = heap;
@@ -275,7 +276,7 @@ static cairn_mapper *carve(cairn_pool *pool, const cairn_mapper_params *params)
         mapper->first_point = first_point;
         mapper->sight = has_match(params) ? sight : NULL;
         mapper->beams = beams;
-        mapper->trust = 1;
+        mapper->trust = mapper->slip = 1;
     }
     if (has_loops(params))
         carve_loop(mapper != NULL ? &mapper->loop : NULL, pool, params);

@@ -5,10 +5,16 @@
  * without odometry) leads elsewhere, it is run from there, too, and the better result stands.
  *
  * A match is in doubt when it is clearly worse than those before it, when it would be a sudden motion, or when there is
- * none. Then scan_match searches the window about the prediction, and the match is run from the hypothesis that fits best, of
- * equal ones that with the least sudden motion. What stays in doubt gets a covariance that says so.
+ * none. Then scan_match searches the window about the prediction. Where its best hypothesis is the match at hand, that stands;
+ * else the match is run from the hypothesis that fits best, of equal ones that with the least sudden motion, and held to it
+ * where the scan tells nothing. What stays in doubt gets a covariance that says so.
  *
- * Odometry that the matches contradict again and again is not believed any more until they agree with it again. */
+ * A sudden motion may be a collision, or people who push; or a few points may be on somebody who walks along. So where few
+ * points tell of it, the match is run once more with odometry deciding there, and the two compete: points that fit against
+ * standard deviations of odometry.
+ *
+ * Odometry that the matches contradict again and again is not believed any more until they agree with it again. After each
+ * contradiction it is believed less exactly for a while: who pushes goes on. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -27,11 +33,18 @@ static const cairn_real SEARCH_WINDOW = CAIRN_REAL(0.5), SEARCH_ANGLE = CAIRN_RE
 static const cairn_real WIDE_ANGLE = CAIRN_REAL(1.6);   /* ... when nothing was found there, in MAPPER_WIDE_WINDOW */
 static const cairn_real STRANGE = CAIRN_REAL(0.1);      /* m and rad out of the way */
 static const cairn_real STRANGE_COST = CAIRN_REAL(0.1); /* ... of the log of the quality */
-static const cairn_real DOUBT = CAIRN_REAL(0.3), DOUBT_TURN = CAIRN_REAL(0.15); /* standard deviations, m and rad */
-static const cairn_real SLIPPERY = CAIRN_REAL(0.05); /* share of information along the weak direction */
-static const cairn_real FADES = CAIRN_REAL(0.99);    /* pace, by each scan that does not tell it */
-static const cairn_real ADAPTS = CAIRN_REAL(0.1);    /* by each scan, of mean quality and trust */
-static const cairn_real TRUSTED = CAIRN_REAL(0.5);   /* odometry whose trust is above is believed */
+/* Log odds, by scan_match, that a place is no chance likeness; here it is most likely in the window. */
+static const cairn_real LOCAL_EVIDENCE = -4;
+static const cairn_real MOST = CAIRN_REAL(0.5);  /* of a scan */
+static const cairn_real HELD = CAIRN_REAL(0.15); /* share of information along a direction of which few points tell */
+static const cairn_real FARTHEST = 10;           /* squared standard deviations from odometry: wheels may slip by any */
+/* Standard deviations, fewer after it was wrong: what odometry is off by beyond, and not by turning, it is off by again. */
+static const cairn_real DRAGGED = CAIRN_REAL(1.5);
+static const cairn_real SLIP_MOST = 4;                /* times what odometry may be wrong by, ... */
+static const cairn_real SLIP_FADES = CAIRN_REAL(0.8); /* ... and how that ends, by each scan that agrees */
+static const cairn_real FADES = CAIRN_REAL(0.99);     /* pace, by each scan that does not tell it */
+static const cairn_real ADAPTS = CAIRN_REAL(0.1);     /* by each scan, of mean quality and trust */
+static const cairn_real TRUSTED = CAIRN_REAL(0.5);    /* odometry whose trust is above is believed */
 
 static cairn_real length(cairn_pose motion)
 {
@@ -51,9 +64,13 @@ void cairn_mapper_predict(cairn_mapper *mapper, cairn_pose last, cairn_pose by_o
     else if (mapper->has_odometry)
         mapper->other = by_odometry;
     mapper->by_odometry = by_odometry;
+    if (mapper->believed) {
+        mapper->motion.x += mapper->drag.x;
+        mapper->motion.y += mapper->drag.y;
+    }
     mapper->predicted = cairn_pose_compose(last, mapper->motion);
     mapper->has_match = 0;
-    mapper->doubtful = 0;
+    mapper->doubtful = mapper->held = 0;
     mapper->spent = mapper->searches = 0;
 }
 
@@ -66,14 +83,20 @@ static cairn_pose_prior prior_of(const cairn_mapper *mapper, cairn_pose motion, 
 
     prior.mean = cairn_pose_compose(mapper->last, motion);
     if (is_odometry) {
-        prior.sigma_x = p->odometry_distance_min + p->odometry_distance * way;
-        prior.sigma_theta = p->odometry_turn_min + p->odometry_turn * (cairn_abs(motion.theta) + way / 10);
+        prior.sigma_x = mapper->slip * (p->odometry_distance_min + p->odometry_distance * way);
+        prior.sigma_theta =
+            mapper->slip * (p->odometry_turn_min + p->odometry_turn * (cairn_abs(motion.theta) + way / 10));
     } else {
         prior.sigma_x = p->motion_distance_min + p->motion_distance * way;
         prior.sigma_theta = p->motion_turn_min + p->motion_turn * cairn_abs(motion.theta);
     }
     prior.sigma_y = prior.sigma_x;
     return prior;
+}
+
+cairn_pose_prior cairn_mapper_prior(const cairn_mapper *mapper)
+{
+    return prior_of(mapper, mapper->motion, mapper->believed);
 }
 
 cairn_status cairn_mapper_begin_match(cairn_mapper *mapper)
@@ -99,17 +122,17 @@ static cairn_status begin_other(cairn_mapper *mapper)
 /* A match is as good as its overlap, less for every 5 cm of mean distance. */
 static cairn_real quality(const cairn_icp_result *match)
 {
-    return match->overlap * cairn_exp(-match->mean_distance / CAIRN_REAL(0.05));
+    return match->overlap * cairn_exp(-match->sigma / CAIRN_REAL(0.05));
 }
 
 /* How much a motion to a pose is out of the way of both the prediction and standing still, squared, up to 4. */
 static cairn_real strangeness(const cairn_mapper *mapper, cairn_pose pose)
 {
     cairn_pose a = cairn_pose_between(mapper->predicted, pose), b = cairn_pose_between(mapper->last, pose);
-    cairn_real by_prediction = a.x * a.x + a.y * a.y + a.theta * a.theta;
-    cairn_real by_rest = b.x * b.x + b.y * b.y + b.theta * b.theta;
+    cairn_real way = cairn_min(a.x * a.x + a.y * a.y, b.x * b.x + b.y * b.y);
+    cairn_real turn = cairn_min(a.theta * a.theta, b.theta * b.theta);
 
-    return cairn_min(cairn_min(by_prediction, by_rest) / (STRANGE * STRANGE), 4);
+    return cairn_min((way + turn) / (STRANGE * STRANGE), 4);
 }
 
 /* What speaks for a pose: the log of a quality, less for a strange motion. */
@@ -118,9 +141,9 @@ static cairn_real value_of(const cairn_mapper *mapper, cairn_real q, cairn_pose 
     return cairn_log(q + CAIRN_REAL(1e-3)) - STRANGE_COST * strangeness(mapper, pose);
 }
 
-static int32_t counts(const cairn_mapper *mapper, const cairn_icp_result *match)
+static int32_t counts(const cairn_icp_result *match, cairn_real support)
 {
-    return match->verdict != CAIRN_ICP_TOO_FEW_PAIRS && match->overlap >= mapper->params.min_support;
+    return match->verdict != CAIRN_ICP_TOO_FEW_PAIRS && match->overlap >= support;
 }
 
 /* Takes the match that has ended when it counts and is clearly better than what there is. 1: taken. */
@@ -128,11 +151,33 @@ static int32_t take_match(cairn_mapper *mapper)
 {
     cairn_icp_result match = cairn_icp_read(mapper->icp);
 
-    if (!counts(mapper, &match) || (mapper->has_match && !(quality(&match) > BETTER * quality(&mapper->match))))
+    if (!counts(&match, mapper->params.min_support) ||
+        (mapper->has_match && !(quality(&match) > BETTER * quality(&mapper->match))))
         return 0;
     mapper->match = match;
     mapper->has_match = 1;
+    cairn_icp_read_parts(mapper->icp, &mapper->parts);
     return 1;
+}
+
+/* 1 when a pose is farther from the prediction than motions change from scan to scan. */
+static int32_t is_far(const cairn_mapper *mapper, cairn_pose pose)
+{
+    cairn_pose d = cairn_pose_between(mapper->predicted, pose);
+
+    return length(d) > SUDDEN + SUDDEN_SHARE * length(mapper->motion) ||
+           cairn_abs(d.theta) > SUDDEN_TURN + SUDDEN_SHARE * cairn_abs(mapper->motion.theta);
+}
+
+static int32_t is_sudden(const cairn_mapper *mapper)
+{
+    return is_far(mapper, mapper->match.target_query);
+}
+
+/* What a search found needs only half the support when it is no sudden motion. */
+static cairn_real found_support(const cairn_mapper *mapper, const cairn_icp_result *match)
+{
+    return mapper->params.min_support / (is_far(mapper, match->target_query) ? 1 : 2);
 }
 
 /* Takes the match from what the search found when more speaks for it; else what there is stays, in doubt when it is
@@ -142,18 +187,20 @@ static void take_found(cairn_mapper *mapper)
     cairn_icp_result match = cairn_icp_read(mapper->icp);
     cairn_pose apart;
 
-    if (!counts(mapper, &match)) {
+    if (!counts(&match, found_support(mapper, &match))) {
         mapper->doubtful = 1;
         return;
     }
     apart = cairn_pose_between(match.target_query, mapper->match.target_query);
     if (mapper->has_match && value_of(mapper, quality(&match), match.target_query) <=
                                  value_of(mapper, quality(&mapper->match), mapper->match.target_query)) {
-        mapper->doubtful |= length(apart) > APART || cairn_abs(apart.theta) > APART_TURN;
+        mapper->doubtful |=
+            (length(apart) > APART || cairn_abs(apart.theta) > APART_TURN) && (!mapper->believed || is_sudden(mapper));
         return;
     }
     mapper->match = match;
     mapper->has_match = 1;
+    cairn_icp_read_parts(mapper->icp, &mapper->parts);
 }
 
 /* 1 when the two motions lead to different places. */
@@ -164,18 +211,56 @@ static int32_t motions_differ(const cairn_mapper *mapper)
     return d.x * d.x + d.y * d.y > APART * APART || cairn_abs(d.theta) > APART_TURN;
 }
 
-/* 1 when the scan found itself farther from the prediction than motions change from scan to scan. */
-static int32_t is_sudden(const cairn_mapper *mapper)
-{
-    cairn_pose d = cairn_pose_between(mapper->predicted, mapper->match.target_query);
-
-    return length(d) > SUDDEN + SUDDEN_SHARE * length(mapper->motion) ||
-           cairn_abs(d.theta) > SUDDEN_TURN + SUDDEN_SHARE * cairn_abs(mapper->motion.theta);
-}
-
 static int32_t is_doubtful(const cairn_mapper *mapper)
 {
     return !mapper->has_match || is_sudden(mapper) || quality(&mapper->match) < WORSE * mapper->mean_quality;
+}
+
+/* ---- Few points against the odometry ---- */
+
+/* 1 when odometry is contradicted by what few points tell: somebody who walks along, say. */
+static int32_t is_outvoted(const cairn_mapper *mapper)
+{
+    return mapper->has_match && mapper->believed && is_sudden(mapper) && mapper->match.weak_ratio < HELD;
+}
+
+static cairn_status begin_held(cairn_mapper *mapper)
+{
+    cairn_scan_view view = cairn_scan_read(mapper->scan);
+    cairn_pose_prior prior = prior_of(mapper, mapper->motion, 1);
+    cairn_status status = cairn_icp_set_weak_ratio(mapper->icp, HELD);
+
+    mapper->phase = MATCH_HELD;
+    if (status != CAIRN_OK)
+        return status;
+    return cairn_icp_begin(mapper->icp, view.points, view.point_count, mapper->predicted, &prior, NULL);
+}
+
+/* Squared distance from where odometry leads, in standard deviations, up to FARTHEST. */
+static cairn_real off_odometry(const cairn_mapper *mapper, cairn_pose pose)
+{
+    cairn_pose_prior prior = prior_of(mapper, mapper->motion, 1);
+    cairn_pose off = cairn_pose_between(prior.mean, pose);
+
+    return cairn_min((off.x * off.x + off.y * off.y) / (prior.sigma_x * prior.sigma_x) +
+                         off.theta * off.theta / (prior.sigma_theta * prior.sigma_theta),
+                     FARTHEST);
+}
+
+/* The match that odometry holds stands when nearly as much speaks for it. */
+static void take_held(cairn_mapper *mapper)
+{
+    cairn_icp_result match = cairn_icp_read(mapper->icp);
+    cairn_real points;
+
+    points = (cairn_real)cairn_scan_read(mapper->scan).point_count;
+    if (!counts(&match, found_support(mapper, &match)) ||
+        points * (quality(&mapper->match) - quality(&match)) >
+            off_odometry(mapper, mapper->match.target_query) - off_odometry(mapper, match.target_query))
+        return;
+    mapper->match = match;
+    mapper->held = 1;
+    cairn_icp_read_parts(mapper->icp, &mapper->parts);
 }
 
 /* ---- The search ---- */
@@ -224,6 +309,28 @@ cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budg
     return CAIRN_OK;
 }
 
+/* 1 when the search has found a place where the scan fits. Far from where odometry leads that must be no chance likeness, and most
+ * of the scan must fit. */
+static int32_t is_found(const cairn_mapper *mapper, const cairn_scan_match_result *result)
+{
+    const cairn_scan_match_hypothesis *best = result->hypotheses;
+
+    if (mapper->searches > 1 && mapper->believed)
+        return result->verdict != CAIRN_SCAN_MATCH_NONE && best->fit > MOST;
+    return result->count > 0 && best->evidence > LOCAL_EVIDENCE;
+}
+
+/* 1 when it found the match at hand. */
+static int32_t confirms(const cairn_mapper *mapper, const cairn_scan_match_result *result)
+{
+    cairn_pose apart;
+
+    if (!mapper->has_match || result->count == 0)
+        return 0;
+    apart = cairn_pose_between(mapper->match.target_query, result->hypotheses[0].target_query);
+    return length(apart) <= 2 * APART && cairn_abs(apart.theta) <= 2 * APART_TURN;
+}
+
 /* The search is over: the match runs from what it found, or what there is stays, in doubt. */
 static cairn_status end_search(cairn_mapper *mapper)
 {
@@ -233,11 +340,15 @@ static cairn_status end_search(cairn_mapper *mapper)
     cairn_real best = 0;
     int32_t chosen = -1;
 
-    if (result.verdict == CAIRN_SCAN_MATCH_NONE && mapper->searches == 1)
+    if (!is_found(mapper, &result) && confirms(mapper, &result)) {
+        mapper->phase = KEEP;
+        return is_outvoted(mapper) ? begin_held(mapper) : CAIRN_OK;
+    }
+    if (!is_found(mapper, &result) && mapper->searches == 1)
         return begin_search(mapper);
     mapper->phase = KEEP;
     mapper->doubtful = 1;
-    if (result.verdict == CAIRN_SCAN_MATCH_NONE)
+    if (!is_found(mapper, &result))
         return CAIRN_OK;
     for (int32_t i = 0; i < result.count; i++) {
         cairn_pose pose = result.hypotheses[i].target_query;
@@ -249,8 +360,11 @@ static cairn_status end_search(cairn_mapper *mapper)
             best = value;
         }
     }
-    mapper->doubtful = cairn_mapper_has_rival(&result);
+    /* Between rivals odometry decides. */
+    mapper->doubtful = cairn_mapper_has_rival(&result) &&
+                       (!mapper->believed || is_far(mapper, result.hypotheses[chosen].target_query));
     mapper->phase = MATCH_FOUND;
+    prior.mean = result.hypotheses[chosen].target_query;
     return cairn_icp_begin(mapper->icp, view.points, view.point_count, result.hypotheses[chosen].target_query, &prior,
                            NULL);
 }
@@ -295,10 +409,14 @@ cairn_status cairn_mapper_end_match(cairn_mapper *mapper)
         taken = take_match(mapper);
         mapper->state.odometry_rejected += taken && mapper->believed;
         return end_doubt(mapper);
-    default:
+    case MATCH_FOUND:
         take_found(mapper);
         mapper->phase = KEEP;
-        return CAIRN_OK;
+        return is_outvoted(mapper) ? begin_held(mapper) : CAIRN_OK;
+    default:
+        take_held(mapper);
+        mapper->phase = KEEP;
+        return cairn_icp_set_weak_ratio(mapper->icp, mapper->params.icp.weak_ratio);
     }
 }
 
@@ -309,32 +427,57 @@ static void weigh_odometry(cairn_mapper *mapper)
 {
     cairn_pose_prior prior = prior_of(mapper, mapper->by_odometry, 1);
     cairn_pose e = cairn_pose_between(prior.mean, mapper->match.target_query);
-    int32_t contradicted = length(e) > 2 * prior.sigma_x || cairn_abs(e.theta) > 2 * prior.sigma_theta;
+    cairn_real off = mapper->slip * cairn_max(length(e) / prior.sigma_x, cairn_abs(e.theta) / prior.sigma_theta);
+    cairn_vec2 way = {e.x, e.y};
+    int32_t contradicted = off > 2;
 
+    if (mapper->match.weak_ratio >= MAPPER_SLIPPERY && !mapper->held) {
+        mapper->slip = cairn_max(1, cairn_max(mapper->slip * SLIP_FADES, cairn_min(off, SLIP_MOST)));
+        mapper->drag.x = mapper->drag.y = 0;
+        if (mapper->slip * length(e) > DRAGGED * prior.sigma_x && cairn_abs(e.theta) < SUDDEN_TURN &&
+            length(e) > SUDDEN)
+            mapper->drag = way;
+    } else {
+        mapper->drag = cairn_vec2_scale(mapper->drag, SLIP_FADES);
+    }
     mapper->trust += ADAPTS * ((cairn_real)!contradicted - mapper->trust);
     mapper->state.odometry_contradicted += contradicted;
 }
 
 /* Along a wall that tells little of it a scan slips unnoticed, unless odometry holds it. */
-static void doubt_weak_direction(cairn_icp_result *match)
+static void doubt_weak_direction(cairn_mapper *mapper)
 {
-    cairn_real x = DOUBT * match->weak[0], y = DOUBT * match->weak[1];
+    cairn_real x = MAPPER_DOUBT * mapper->match.weak[0], y = MAPPER_DOUBT * mapper->match.weak[1];
 
-    match->covariance[0] += x * x;
-    match->covariance[1] += x * y;
-    match->covariance[3] += x * y;
-    match->covariance[4] += y * y;
+    mapper->doubt[0] += x * x;
+    mapper->doubt[1] += x * y;
+    mapper->doubt[3] += x * y;
+    mapper->doubt[4] += y * y;
+}
+
+/* How far odometry may have led astray since the last key scan. */
+static void add_gap(cairn_mapper *mapper)
+{
+    cairn_pose_prior prior = cairn_mapper_prior(mapper);
+
+    if (mapper->since_key == 0)
+        mapper->gap_variance = mapper->gap_turn_variance = 0;
+    mapper->gap_variance += prior.sigma_x * prior.sigma_x;
+    mapper->gap_turn_variance += prior.sigma_theta * prior.sigma_theta;
 }
 
 void cairn_mapper_learn(cairn_mapper *mapper)
 {
+    add_gap(mapper);
+    memset(mapper->doubt, 0, sizeof mapper->doubt);
     if (mapper->has_match && mapper->doubtful) {
-        mapper->match.covariance[0] += DOUBT * DOUBT;
-        mapper->match.covariance[4] += DOUBT * DOUBT;
-        mapper->match.covariance[8] += DOUBT_TURN * DOUBT_TURN;
+        mapper->doubt[0] = mapper->doubt[4] = MAPPER_DOUBT * MAPPER_DOUBT;
+        mapper->doubt[8] = MAPPER_DOUBT_TURN * MAPPER_DOUBT_TURN;
     }
-    if (mapper->has_match && !mapper->believed && mapper->match.weak_ratio < SLIPPERY)
-        doubt_weak_direction(&mapper->match);
+    if (mapper->has_match && (mapper->held || (!mapper->believed && mapper->match.weak_ratio < MAPPER_SLIPPERY)))
+        doubt_weak_direction(mapper);
+    for (int k = 0; k < 9 && mapper->has_match; k++)
+        mapper->match.covariance[k] += mapper->doubt[k];
     mapper->state.doubtful += mapper->doubtful;
     if (!mapper->has_match)
         return;
@@ -360,7 +503,7 @@ cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion)
         motion.y = (motion.y + before.y) / 2;
         motion.theta = cairn_wrap_angle(before.theta + cairn_wrap_angle(motion.theta - before.theta) / 2);
     }
-    if (mapper->match.weak_ratio >= SLIPPERY) {
+    if (mapper->match.weak_ratio >= MAPPER_SLIPPERY) {
         mapper->pace.x += ADAPTS * (motion.x - mapper->pace.x);
         mapper->pace.y += ADAPTS * (motion.y - mapper->pace.y);
         return motion;

@@ -1,7 +1,7 @@
 /* The graph of key scans and their correction.
  *
- * Method. Every key scan is linked to the one before by how the local map and the force field left them, with the covariance
- * of its match; closures join those that are far apart in time. A correction solves for all key scans (pose_graph), is
+ * Method. Every key scan is linked to those on which it hangs (mapper_tie.c) by how the local map and the force field left them;
+ * closures join those that are far apart in time. A correction solves for all key scans (pose_graph), is
  * taken over as a whole, and moves the key scans that came since along with the last one that it knows. A closure that is an
  * outlier afterwards is dropped, and the correction repeated. */
 #include "src/core/build.h"
@@ -74,7 +74,15 @@ cairn_status cairn_mapper_enter(cairn_mapper *mapper)
     loop->entered++;
     if (key > 0)
         status = add_link(mapper, key - 1, key, cairn_pose_between(mapper->key_pose[key - 1], mapper->key_pose[key]),
-                          loop->covariance[key], 0);
+                          loop->ties[key].covariance, 0);
+    for (int32_t i = 0; i < loop->ties[key].anchor_count && status == CAIRN_OK; i++) {
+        int32_t anchor = loop->ties[key].anchors[i];
+
+        if (loop->link_count - loop->entered + 1 >= mapper->params.loop.max_loops)
+            break;
+        status = add_link(mapper, anchor, key, cairn_pose_between(mapper->key_pose[anchor], mapper->key_pose[key]),
+                          loop->ties[key].anchor_covariance[i], 0);
+    }
     return status;
 }
 

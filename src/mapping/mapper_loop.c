@@ -7,6 +7,7 @@
  *    the key scan, where that error swings the rest of the path.
  * 2. Candidates: older key scans that may see the same things within three of these standard deviations, the nearest of each
  *    run of successive ones.
+ *    Those that hang loosely on others (mapper_tie.c) are avoided: what is found there says little of the rest.
  * 3. scan_match against the union of the key scans around the candidate, in the window that 1. leaves.
  * 4. What has no rival and does not put points into free space is a closure, at once when the window is small and holds no
  *    other place. In a wide one it needs evidence for the way that it leads from where the path led, too, as the variances have
@@ -22,6 +23,8 @@
 
 enum { KEYS_A_UNIT = 16 };
 
+static const cairn_real LOOSELY = CAIRN_REAL(0.2); /* m: what hangs more loosely is not matched against, ... */
+static const cairn_real SPREAD_COST = 5; /* ... and so many metres farther away for every metre of standard deviation */
 static const cairn_real FAR = CAIRN_REAL(1e6); /* m^2: no path */
 
 void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
@@ -179,7 +182,8 @@ static int32_t choose_item(cairn_mapper *mapper)
 
     if (mapper->keys->scans[key].first_point < mapper->keys->scans[key].end_point &&
         distance < mapper->params.loop.radius + reach_of(mapper, key)) {
-        distance += cairn_sqrt(distance_squared(mapper->key_pose[key], mapper->key_pose[loop->query])) / 2;
+        distance += cairn_sqrt(distance_squared(mapper->key_pose[key], mapper->key_pose[loop->query])) / 2 +
+                    SPREAD_COST * loop->ties[key].spread;
         if (!loop->in_run || distance < loop->run.distance) {
             loop->run.key = key;
             loop->run.distance = distance;
@@ -216,9 +220,13 @@ static void target_item(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
     int32_t key = loop->target_from++;
-    cairn_scan_match_part part = cairn_mapper_key_part(mapper, key, mapper->oriented, mapper->beams);
+    cairn_scan_match_part part;
 
-    budget->left -= 2 + part.count / 2 + part.beam_count / 2;
+    budget->left -= 1;
+    if (loop->ties[key].spread > LOOSELY && key != loop->candidates[loop->candidate].key)
+        return;
+    part = cairn_mapper_key_part(mapper, key, mapper->oriented, mapper->beams);
+    budget->left -= 1 + part.count / 2 + part.beam_count / 2;
     if (cairn_scan_match_add_target(mapper->search, &part, mapper->key_pose[key], NULL) != CAIRN_OK)
         loop->target_from = loop->target_end;
 }
@@ -326,6 +334,21 @@ static cairn_real distance_cost(const cairn_mapper *mapper, const mapper_pending
            off.theta * off.theta / (2 * loop->turn_variance[closure->first]);
 }
 
+/* Along a wall of which few points tell the way, these may be of somebody who stands there. */
+static cairn_sym3 closure_covariance(const cairn_mapper *mapper, const cairn_scan_match_hypothesis *h)
+{
+    cairn_real covariance[9], x = MAPPER_DOUBT * h->weak[0], y = MAPPER_DOUBT * h->weak[1];
+
+    memcpy(covariance, h->covariance, sizeof covariance);
+    if (h->weak_ratio < MAPPER_SLIPPERY) {
+        covariance[0] += x * x;
+        covariance[1] += x * y;
+        covariance[3] += x * y;
+        covariance[4] += y * y;
+    }
+    return cairn_mapper_own_covariance(mapper, covariance, h->target_query.theta);
+}
+
 static void judge(cairn_mapper *mapper)
 {
     mapper_loop *loop = &mapper->loop;
@@ -340,7 +363,7 @@ static void judge(cairn_mapper *mapper)
     closure.second = loop->query;
     if (result.count > 0) {
         closure.first_second = cairn_pose_between(mapper->key_pose[key], h->target_query);
-        closure.covariance = cairn_mapper_own_covariance(mapper, h->covariance, h->target_query.theta);
+        closure.covariance = closure_covariance(mapper, h);
     }
     if (result.count == 0 || result.verdict == CAIRN_SCAN_MATCH_NONE || h->evidence < p->evidence)
         cairn_mapper_loop_tell(mapper, key, loop->query, closure.first_second, CAIRN_MAPPER_LOOP_NONE);

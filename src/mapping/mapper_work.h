@@ -1,6 +1,6 @@
 /* What the parts of mapper share: mapper.c (scan by scan), mapper_create.c (params and memory), mapper_front.c (its match),
  * mapper_keys.c (key scans, local map), mapper_window.c (force field over the last key scans), mapper_loop.c (loops that close),
- * mapper_graph.c (correction of all key scans). */
+ * mapper_tie.c (on what key scans hang), mapper_graph.c (correction of all key scans). */
 #ifndef CAIRN_MAPPING_MAPPER_WORK_H
 #define CAIRN_MAPPING_MAPPER_WORK_H
 
@@ -9,13 +9,19 @@
 #include "cairn/scan_match.h"
 
 enum {
-    MAPPER_BEARINGS = 256,   /* of what a key scan saw free */
-    MAPPER_CANDIDATES = 3,   /* places at which a key scan is looked for */
-    MAPPER_PENDING = 32,     /* closures that wait for others to agree */
-    MAPPER_LOOP_EVENTS = 64, /* that can be read */
-    MAPPER_SEARCH_KEYS = 5   /* key scans of the local map in which a scan in doubt is searched for */
+    MAPPER_BEARINGS = 256,        /* of what a key scan saw free */
+    MAPPER_CANDIDATES = 3,        /* places at which a key scan is looked for */
+    MAPPER_ANCHORS = 2,           /* key scans on which one hangs besides the one before */
+    MAPPER_PENDING = 32,          /* closures that wait for others to agree */
+    MAPPER_LOOP_EVENTS = 64,      /* that can be read */
+    MAPPER_SEARCH_KEYS = 5,       /* key scans of the local map in which a scan in doubt is searched for */
+    MAPPER_SEARCH_CANDIDATES = 32 /* places that a search refines */
 };
 
+/* Standard deviations of what is in doubt, m and rad. */
+static const cairn_real MAPPER_DOUBT = CAIRN_REAL(0.3), MAPPER_DOUBT_TURN = CAIRN_REAL(0.15);
+static const cairn_real MAPPER_SLIPPERY =
+    CAIRN_REAL(0.05);                           /* share of information along a direction that is hardly told */
 static const cairn_real MAPPER_WIDE_WINDOW = 1; /* m, of the widest search of a scan in doubt, beyond its motion */
 
 typedef int32_t phase;
@@ -29,6 +35,7 @@ enum {
     SEARCH_TARGET, /* local map of the search */
     SEARCH,        /* of a match in doubt */
     MATCH_FOUND,   /* from what it found */
+    MATCH_HELD,    /* from the prediction, which decides where few points tell otherwise */
     KEEP,          /* result, and a key scan if it is one */
     SHARE          /* force field, then loops and graph, for their share of the scan */
 };
@@ -74,11 +81,23 @@ typedef struct mapper_pending {
     cairn_sym3 covariance; /* in the frame of second */
 } mapper_pending;
 
+/* How a key scan hangs on others: on the one before, and on those that tell what that one does not. Covariances are in its own
+ * frame. See mapper_tie.c. */
+typedef struct mapper_tie {
+    cairn_sym3 covariance; /* seen from the one before */
+    int32_t anchors[MAPPER_ANCHORS];
+    cairn_sym3 anchor_covariance[MAPPER_ANCHORS];
+    int32_t anchor_count;
+    int32_t doubtful;
+    int32_t piece;     /* of the map, of key scans that are rigid among each other: its first one */
+    cairn_real spread; /* m, standard deviation of its place by all of them */
+} mapper_tie;
+
 typedef struct mapper_loop {
     cairn_pose_graph *graph;
     mapper_link *links;        /* [max_keys + max_loops] */
     int32_t *first_link;       /* [max_keys] of a key scan; -1: none */
-    cairn_sym3 *covariance;    /* [max_keys] of the match with which a key scan came, in its own frame */
+    mapper_tie *ties;          /* [max_keys] by the match with which a key scan came */
     cairn_real *variance;      /* [max_keys] m^2, of the path to the query */
     cairn_real *turn_variance; /* [max_keys] rad^2 */
     int32_t *heap;             /* [max_keys] key scans by variance */
@@ -140,10 +159,13 @@ struct cairn_mapper {
     cairn_pose motion; /* that is predicted */
     cairn_pose other;  /* that is tried, too */
     cairn_pose predicted;
-    int32_t believed;        /* 1: the odometry is what is predicted */
-    cairn_real trust;        /* in odometry, 0 ... 1 */
-    cairn_vec2 pace;         /* m, a scan, in its own frame */
-    cairn_real mean_quality; /* of matches; 0: none yet */
+    int32_t believed;                           /* 1: the odometry is what is predicted */
+    cairn_real trust;                           /* in odometry, 0 ... 1 */
+    cairn_real slip;                            /* >= 1: so many times what odometry may be wrong by, after it was */
+    cairn_vec2 drag;                            /* m: what is added to odometry, after it was wrong */
+    cairn_real gap_variance, gap_turn_variance; /* m^2, rad^2: of the motion since the last key scan */
+    cairn_vec2 pace;                            /* m, a scan, in its own frame */
+    cairn_real mean_quality;                    /* of matches; 0: none yet */
 
     int32_t had_odometry; /* of the scan before */
     cairn_pose last_odometry;
@@ -154,10 +176,13 @@ struct cairn_mapper {
     int32_t local_count;
     int32_t target_stale; /* 1: key scans were added or moved since the local map was made */
     cairn_pose target_pose;
-    cairn_icp_result match; /* the better one so far */
+    cairn_icp_result match; /* the better one so far ... */
+    cairn_icp_parts parts;  /* ... and which key scan of the local map told what of it */
     int32_t has_match;
+    int32_t held;             /* 1: few points spoke against the odometry, which stands */
     int32_t doubtful;         /* 1: also after a search */
     cairn_scan_match *search; /* of the scan in doubt, and for loops; NULL when nobody searches */
+    cairn_real doubt[9];      /* covariance in the map that the doubt adds */
     int32_t searches;         /* of this scan */
     int32_t search_count;     /* key scans of the local map that it has; 0: other things */
     int32_t spent;            /* units, by the search of this scan */
@@ -222,6 +247,9 @@ cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budg
 /* Goes on with the search of a scan in doubt, which ends when it has taken its share of units. */
 cairn_status cairn_mapper_search_step(cairn_mapper *mapper, cairn_budget *budget);
 
+/* What its motion tells of the scan at hand. */
+cairn_pose_prior cairn_mapper_prior(const cairn_mapper *mapper);
+
 /* The scan has its match, or none: how good are matches, can odometry be believed? */
 void cairn_mapper_learn(cairn_mapper *mapper);
 cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion);
@@ -240,6 +268,14 @@ void cairn_mapper_yield_match(cairn_mapper *mapper);
 
 /* Goes on with what loops and graph have to do. CAIRN_OK: nothing for now. */
 cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget);
+
+/* ---- mapper_tie.c ---- */
+
+/* The key scan that tells best where the scan at hand is, which is none itself. */
+int32_t cairn_mapper_hang_on(const cairn_mapper *mapper);
+
+/* On what the scan at hand, the last one kept, hangs as a key scan. */
+void cairn_mapper_tie(const cairn_mapper *mapper, mapper_tie *tie);
 
 /* ---- mapper_graph.c ---- */
 
