@@ -67,6 +67,7 @@ static cairn_pose_consensus *carve(cairn_pool *pool, const cairn_pose_consensus_
     made.chart = cairn_pool_take(pool, nodes, sizeof *made.chart);
     made.best = cairn_pool_take(pool, nodes, sizeof *made.best);
     made.rival = cairn_pool_take(pool, nodes, sizeof *made.rival);
+    made.tree = cairn_pool_take(pool, nodes, sizeof *made.tree);
     made.nodes = cairn_pool_take(pool, nodes, sizeof *made.nodes);
     made.alternatives = cairn_pool_take(pool, nodes * (size_t)params->max_alternatives, sizeof *made.alternatives);
     made.candidates = cairn_pool_take(pool, (size_t)params->max_candidates, sizeof *made.candidates);
@@ -281,6 +282,7 @@ cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)
         consensus->chart[i] = consensus->best[i] = consensus->rival[i] = unplaced;
     for (int32_t i = 0; i < consensus->hypothesis_count; i++)
         consensus->hypotheses[i].is_explained = 0;
+    consensus->passes = 0;
     consensus->phase = CAIRN_CONSENSUS_CYCLES;
     consensus->next = 0;
     consensus->end = consensus->hypothesis_count;
