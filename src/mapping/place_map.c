@@ -287,7 +287,7 @@ cairn_status cairn_place_map_begin(cairn_place_map *map)
     map->phase = CAIRN_PLACE_MAP_SIGHT;
     for (int32_t i = 0; i < map->point_count; i++)
         map->doubt[i] &= CAIRN_POINT_FLOATING;
-    map->hypothesis_count = 0;
+    map->hypothesis_count = map->polished = 0;
     map->next = map->place = map->query = map->round = map->sweep = map->running = map->debt = 0;
     for (int32_t i = 0; i < map->place_count; i++) {
         map->places[i].map_place = cairn_pose_identity();

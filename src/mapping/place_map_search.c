@@ -18,6 +18,8 @@ static const cairn_real LEAST_EVIDENCE = -3;
 /* Standard deviations within which evidence changes little, m and rad. */
 static const cairn_real WEIGHED = CAIRN_REAL(0.1), WEIGHED_ANGLE = CAIRN_REAL(0.03);
 
+static const cairn_real POLISH_STEP = CAIRN_REAL(0.08), POLISH_TURN = CAIRN_REAL(0.02);
+
 static void enter(cairn_place_map *map, cairn_place_map_phase phase)
 {
     map->phase = phase;
@@ -317,6 +319,40 @@ static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose
     return cairn_place_map_evidence(map, first, second, first_second);
 }
 
+/* A pose near a hypothesis that has more evidence: a match aligns faces of walls, and other sides of walls, rough surfaces
+ * and bodies tell as much. */
+static cairn_real polish(cairn_place_map *map, cairn_pose_hypothesis *h)
+{
+    cairn_real best = weigh(map, h->first, h->second, h->first_second);
+    cairn_real step = POLISH_STEP, turn = POLISH_TURN;
+
+    for (int32_t halvings = 0, moves = 0; halvings < 3 && moves < 10;) {
+        cairn_pose around = h->first_second, better = around;
+
+        for (int32_t k = 0; k < 6; k++) {
+            cairn_pose tried = around;
+            cairn_real evidence, sign = k % 2 == 0 ? 1 : -1;
+
+            tried.x += k / 2 == 0 ? sign * step : 0;
+            tried.y += k / 2 == 1 ? sign * step : 0;
+            tried.theta += k / 2 == 2 ? sign * turn : 0;
+            evidence = weigh(map, h->first, h->second, tried);
+            if (evidence > best) {
+                best = evidence;
+                better = tried;
+            }
+        }
+        h->first_second = better;
+        moves++;
+        if (better.x == around.x && better.y == around.y && better.theta == around.theta) {
+            halvings++;
+            step /= 2;
+            turn /= 2;
+        }
+    }
+    return best;
+}
+
 /* Everything is weighed anew in each round, as fewer points are trusted. */
 static void weigh_item(cairn_place_map *map)
 {
@@ -332,11 +368,13 @@ static void weigh_item(cairn_place_map *map)
         map->debt += 1 + map->place_count;
     }
     if (map->next == map->hypothesis_count) {
+        map->polished = map->hypothesis_count;
         enter(map, CAIRN_PLACE_MAP_AGREE);
         return;
     }
+    h->score = (map->next < map->polished ? weigh(map, h->first, h->second, h->first_second) : polish(map, h)) -
+               map->params.chance;
     map->next++;
-    h->score = weigh(map, h->first, h->second, h->first_second) - map->params.chance;
     if (h->score > 0 && cairn_pose_consensus_add(map->consensus, h, NULL) == CAIRN_OK)
         map->result.hypotheses++;
 }
