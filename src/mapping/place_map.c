@@ -33,7 +33,7 @@ cairn_place_map_params cairn_place_map_default(void)
     params.max_place_beams = 2048;
     params.recent = 3;
     params.rounds = 4;
-    params.sweeps = 3;
+    params.sweeps = 10;
     params.sight_reach = 8;
     params.sight_cell = CAIRN_REAL(0.05);
     params.sight_margin = CAIRN_REAL(0.1);

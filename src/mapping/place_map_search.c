@@ -20,6 +20,8 @@ static const cairn_real WEIGHED = CAIRN_REAL(0.1), WEIGHED_ANGLE = CAIRN_REAL(0.
 
 static const cairn_real POLISH_STEP = CAIRN_REAL(0.08), POLISH_TURN = CAIRN_REAL(0.02);
 
+static const cairn_real WORTH = 1, POLISHED = CAIRN_REAL(0.1), POLISHED_ANGLE = CAIRN_REAL(0.04);
+
 static void enter(cairn_place_map *map, cairn_place_map_phase phase)
 {
     map->phase = phase;
@@ -323,7 +325,8 @@ static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose
  * and bodies tell as much. */
 static cairn_real polish(cairn_place_map *map, cairn_pose_hypothesis *h)
 {
-    cairn_real best = weigh(map, h->first, h->second, h->first_second);
+    cairn_pose matched = h->first_second;
+    cairn_real before = weigh(map, h->first, h->second, matched), best = before;
     cairn_real step = POLISH_STEP, turn = POLISH_TURN;
 
     for (int32_t halvings = 0, moves = 0; halvings < 3 && moves < 10;) {
@@ -350,6 +353,13 @@ static cairn_real polish(cairn_place_map *map, cairn_pose_hypothesis *h)
             turn /= 2;
         }
     }
+    if (best < before + WORTH) {
+        h->first_second = matched;
+        return before;
+    }
+    h->covariance[0] += POLISHED * POLISHED;
+    h->covariance[4] += POLISHED * POLISHED;
+    h->covariance[8] += POLISHED_ANGLE * POLISHED_ANGLE;
     return best;
 }
 
