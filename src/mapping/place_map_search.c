@@ -16,11 +16,11 @@ static const cairn_real SUB_SIGMA_ANGLE = CAIRN_REAL(0.02);
 static const cairn_real LEAST_EVIDENCE = -3;
 
 /* Standard deviations within which evidence changes little, m and rad. */
-static const cairn_real WEIGHED = CAIRN_REAL(0.1), WEIGHED_ANGLE = CAIRN_REAL(0.03);
+static const cairn_real WEIGHED = CAIRN_REAL(0.05), WEIGHED_ANGLE = CAIRN_REAL(0.02);
 
 static const cairn_real POLISH_STEP = CAIRN_REAL(0.08), POLISH_TURN = CAIRN_REAL(0.02);
 
-static const cairn_real WORTH = 1, POLISHED = CAIRN_REAL(0.1), POLISHED_ANGLE = CAIRN_REAL(0.04);
+static const cairn_real WORTH = 1;
 
 static void enter(cairn_place_map *map, cairn_place_map_phase phase)
 {
@@ -357,9 +357,6 @@ static cairn_real polish(cairn_place_map *map, cairn_pose_hypothesis *h)
         h->first_second = matched;
         return before;
     }
-    h->covariance[0] += POLISHED * POLISHED;
-    h->covariance[4] += POLISHED * POLISHED;
-    h->covariance[8] += POLISHED_ANGLE * POLISHED_ANGLE;
     return best;
 }
 

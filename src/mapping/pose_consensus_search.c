@@ -110,7 +110,14 @@ static cairn_real rank_of(const cairn_candidate *candidate)
     return candidate->support + candidate->cycles;
 }
 
-void cairn_consensus_keep(cairn_pose_consensus *c, const cairn_candidate *candidate)
+/* 1 when a candidate stays in the list before another one: where a node lies already is always judged. */
+static int is_before(const cairn_candidate *a, const cairn_candidate *b)
+{
+    return a->current || (!b->current && rank_of(a) >= rank_of(b));
+}
+
+/* Into the list of the best; of two for one pose of a node the better stays, or the one where it lies already. */
+static void keep_candidate(cairn_pose_consensus *c, const cairn_candidate *candidate)
 {
     cairn_candidate *list = c->candidates;
     int32_t at = 0, same = -1;
@@ -119,13 +126,13 @@ void cairn_consensus_keep(cairn_pose_consensus *c, const cairn_candidate *candid
         if (list[i].node == candidate->node && list[i].part == candidate->part &&
             cairn_consensus_same(c, list[i].pose, candidate->pose))
             same = i;
-    if (same >= 0 && (list[same].current || rank_of(&list[same]) >= rank_of(candidate)))
+    if (same >= 0 && is_before(&list[same], candidate))
         return;
     if (same >= 0) {
         memmove(&list[same], &list[same + 1], (size_t)(c->candidate_count - same - 1) * sizeof *list);
         c->candidate_count--;
     }
-    while (at < c->candidate_count && rank_of(&list[at]) >= rank_of(candidate))
+    while (at < c->candidate_count && is_before(&list[at], candidate))
         at++;
     if (at == c->params.max_candidates)
         return;
@@ -144,7 +151,7 @@ static void vote(cairn_pose_consensus *c, cairn_candidate *candidate)
     candidate->support = support.sum;
     c->debt += support.units;
     if (cairn_consensus_within_bounds(c, candidate->part, candidate->node, candidate->pose, NULL))
-        cairn_consensus_keep(c, candidate);
+        keep_candidate(c, candidate);
     if (c->bound_count > 0)
         c->debt += c->node_count;
 }
@@ -197,7 +204,8 @@ static void search_item(cairn_pose_consensus *c)
     cairn_consensus_enter(c, CAIRN_CONSENSUS_JUDGE, c->candidate_count);
 }
 
-int32_t cairn_consensus_best(const cairn_pose_consensus *c)
+/* The candidate with the best rank and enough support; -1: none. */
+static int32_t best_candidate(const cairn_pose_consensus *c)
 {
     int32_t best = -1;
 
@@ -216,7 +224,7 @@ void cairn_consensus_begin_rounds(cairn_pose_consensus *c)
 
 static void choose_next(cairn_pose_consensus *c)
 {
-    int32_t best = cairn_consensus_best(c), hypothesis;
+    int32_t best = best_candidate(c), hypothesis;
 
     if (best >= 0) {
         place(c, c->candidates[best].node, c->candidates[best].pose, c->part);
@@ -232,7 +240,7 @@ static void choose_next(cairn_pose_consensus *c)
 
 static void choose_again(cairn_pose_consensus *c)
 {
-    int32_t best = cairn_consensus_best(c), current = -1;
+    int32_t best = best_candidate(c), current = -1;
     cairn_chart_node *node = &c->chart[c->subject];
 
     for (int32_t i = 0; i < c->candidate_count; i++)

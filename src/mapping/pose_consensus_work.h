@@ -168,12 +168,6 @@ void cairn_consensus_relax(cairn_pose_consensus *consensus, int32_t node);
 cairn_real cairn_consensus_evidence(const cairn_pose_consensus *consensus, int32_t node, cairn_turned_pose map_node,
                                     int32_t other, int32_t *link, int32_t *units);
 
-/* Into the list of the best; of two for one pose of a node the better stays, or the one where it lies already. */
-void cairn_consensus_keep(cairn_pose_consensus *consensus, const cairn_candidate *candidate);
-
-/* The candidate with the best rank and enough support; -1: none. */
-int32_t cairn_consensus_best(const cairn_pose_consensus *consensus);
-
 /* Support for laying part `merge->node` into `merge->part` by `merge->pose`. */
 cairn_real cairn_consensus_merged_support(cairn_pose_consensus *consensus, const cairn_candidate *merge,
                                           int32_t judged);
