@@ -21,6 +21,8 @@ static const cairn_real WEIGHED = CAIRN_REAL(0.05), WEIGHED_ANGLE = CAIRN_REAL(0
 static const cairn_real POLISH_STEP = CAIRN_REAL(0.08), POLISH_TURN = CAIRN_REAL(0.02);
 
 static const cairn_real WORTH = 1;
+/* m: a place that consensus moves farther has changed the map. */
+static const cairn_real MOVED = CAIRN_REAL(0.3);
 
 static void enter(cairn_place_map *map, cairn_place_map_phase phase)
 {
@@ -393,9 +395,13 @@ static void take_consensus(cairn_place_map *map)
     map->result.total = found.total;
     map->result.rival = found.rival;
     map->result.ambiguous = found.ambiguous;
+    map->moved = 0;
     for (int32_t i = 0; i < map->place_count; i++) {
         cairn_consensus_node node = cairn_pose_consensus_node(map->consensus, i);
+        cairn_pose before = map->places[i].map_place;
 
+        map->moved += node.part != map->places[i].part ||
+                      cairn_abs(node.map_node.x - before.x) + cairn_abs(node.map_node.y - before.y) > MOVED;
         map->places[i].map_place = node.map_node;
         map->places[i].part = node.part;
     }
@@ -427,14 +433,14 @@ static int32_t count_placed(const cairn_place_map *map)
     return placed;
 }
 
-/* Rounds go on while the map grows. */
+/* Rounds go on while the map changes. */
 static void doubt_item(cairn_place_map *map)
 {
     if (map->next < map->place_count) {
         cairn_place_map_doubt(map, map->next++);
         return;
     }
-    if (map->round < map->params.rounds && (map->round == 0 || count_placed(map) > map->result.placed))
+    if (map->round < map->params.rounds && map->moved > 0)
         enter(map, CAIRN_PLACE_MAP_TARGET);
     else
         enter(map, CAIRN_PLACE_MAP_REFINE);

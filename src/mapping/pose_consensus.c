@@ -6,7 +6,9 @@
  * third nodes say for the hypothesis that proposes it: with few nodes placed, that is what tells a true hypothesis from a
  * strong one. After each placement the poses are relaxed, node by node, so that errors do not add up along chains. Parts
  * that single nodes could not join are then laid together as wholes, and every node is chosen again given all others (iterated
- * conditional modes, Besag 1986) until nothing changes. A growth starts from the strongest hypothesis that
+ * conditional modes, Besag 1986) until nothing changes. At last the best map is cut at every pair that its strongest pairs alone hold it
+ * together by, and the smaller side is laid where all hypotheses and the judge give it most (pose_consensus_block.c), as
+ * nodes that hold each other never move alone. A growth starts from the strongest hypothesis that
  * no map found so far agrees with, so that the starts differ where it matters, and the sum of the map decides between them.
  *
  * Layout: hypotheses in the order of their coming; links sorted by node, other node and hypothesis, so that a node's evidence

@@ -16,8 +16,7 @@ void cairn_consensus_begin_blocks(cairn_pose_consensus *c)
 {
     const cairn_consensus_branch bare = {-1, 0, 0};
 
-    if (c->result.starts == 0 || c->passes >= c->params.max_rounds ||
-        (c->passes > 0 && c->total < c->result.total)) {
+    if (c->result.starts == 0 || c->passes >= c->params.max_rounds || (c->passes > 0 && c->total < c->result.total)) {
         cairn_consensus_begin_report(c);
         return;
     }
@@ -42,8 +41,8 @@ static int32_t next_branch(const cairn_pose_consensus *c)
 
         if (branch->is_in)
             continue;
-        if (best < 0 || (branch->parent >= 0 &&
-                         (c->tree[best].parent < 0 || branch->evidence > c->tree[best].evidence)))
+        if (best < 0 ||
+            (branch->parent >= 0 && (c->tree[best].parent < 0 || branch->evidence > c->tree[best].evidence)))
             best = i;
     }
     return best;

@@ -154,8 +154,7 @@ static void support_by_judge(const cairn_pose_consensus *consensus, int32_t node
 
     for (int32_t other = 0; other < consensus->node_count; other++)
         if (other != node && consensus->chart[other].part == part)
-            add_support(support,
-                        cairn_consensus_evidence(consensus, node, map_node, other, &link, &support->units));
+            add_support(support, cairn_consensus_evidence(consensus, node, map_node, other, &link, &support->units));
 }
 
 cairn_consensus_support cairn_consensus_support_of(const cairn_pose_consensus *consensus, int32_t node,

@@ -338,7 +338,8 @@ static void merge_item(cairn_pose_consensus *c)
         c->next++;
         if (first >= 0 && second >= 0 && first != second)
             propose_merge(c, h);
-    } else if (c->merge.support > 0 && cairn_consensus_merged_support(c, &c->merge, 1) >= c->params.min_support && cairn_consensus_lay(c, &c->merge)) {
+    } else if (c->merge.support > 0 && cairn_consensus_merged_support(c, &c->merge, 1) >= c->params.min_support &&
+               cairn_consensus_lay(c, &c->merge)) {
         cairn_consensus_begin_rounds(c);
     } else {
         c->changed = 0;
