@@ -18,10 +18,12 @@ static const cairn_real LEAST_EVIDENCE = -3;
 /* Standard deviations within which evidence changes little, m and rad. */
 static const cairn_real WEIGHED = CAIRN_REAL(0.05), WEIGHED_ANGLE = CAIRN_REAL(0.02);
 
-static const cairn_real POLISH_STEP = CAIRN_REAL(0.08), POLISH_TURN = CAIRN_REAL(0.02);
+/* A hypothesis is polished by steps of so much, m and rad, that are halved so often, in at most so many moves, and only for so
+ * many nats: where matches are good they are more exact than evidence. */
+static const cairn_real POLISH_STEP = CAIRN_REAL(0.08), POLISH_TURN = CAIRN_REAL(0.02), WORTH = 1;
+enum { POLISH_HALVINGS = 3, POLISH_MOVES = 10 };
 
-static const cairn_real WORTH = 1;
-/* m: a place that consensus moves farther has changed the map. */
+/* m: a place that the consensus moves farther has changed the map. */
 static const cairn_real MOVED = CAIRN_REAL(0.3);
 
 static void enter(cairn_place_map *map, cairn_place_map_phase phase)
@@ -331,7 +333,7 @@ static cairn_real polish(cairn_place_map *map, cairn_pose_hypothesis *h)
     cairn_real before = weigh(map, h->first, h->second, matched), best = before;
     cairn_real step = POLISH_STEP, turn = POLISH_TURN;
 
-    for (int32_t halvings = 0, moves = 0; halvings < 3 && moves < 10;) {
+    for (int32_t halvings = 0, moves = 0; halvings < POLISH_HALVINGS && moves < POLISH_MOVES;) {
         cairn_pose around = h->first_second, better = around;
 
         for (int32_t k = 0; k < 6; k++) {
