@@ -49,9 +49,15 @@ TEST_SRC    := $(if $(and $(HAVE_TEST),$(HAVE_SIM),$(HAVE_HOST)),$(wildcard test
 BENCH_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(filter-out bench/bench_%,$(wildcard bench/*.c)))
 BENCH_COMMON := $(wildcard bench/bench_*.c) tools/options.c firmware/joint.c
 FW_ROBOT    := firmware/robot.c firmware/joint.c
+FW_SURVEYOR := firmware/surveyor.c
 CAIRN_SRC   := $(if $(HAVE_HOST),$(filter-out tools/cairn_arena%,$(wildcard tools/cairn*.c)) tools/options.c $(FW_ROBOT))
 ARENA_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(wildcard tools/cairn_arena*.c) tools/options.c)
-TEST_COMMON := tests/support.c tests/rooms.c bench/bench_bound.c bench/bench_score.c bench/bench_endless.c bench/bench_json.c $(FW_ROBOT) firmware/recorder.c
+TEST_COMMON := tests/support.c tests/rooms.c tests/kept.c bench/bench_bound.c bench/bench_score.c bench/bench_endless.c bench/bench_json.c $(FW_ROBOT) $(FW_SURVEYOR) firmware/recorder.c
+# What one test alone is linked with: NEEDS_<test>.
+GOLDEN      := $(wildcard tests/golden*.c)
+NEEDS_test_golden := $(filter-out tests/golden.c,$(GOLDEN))
+NEEDS_test_memory := tools/pool_objects.c
+NEEDS_test_long   := $(wildcard tests/long_*.c)
 HOST_LIBS   := -lyaml -lpng -lz
 SIM_LIBS    := -lbox2d
 
@@ -62,7 +68,7 @@ TOOLS    := $(if $(CAIRN_SRC),$(BUILD)/cairn $(BUILD)/cairn-float) $(if $(ARENA_
 TESTS    := $(TEST_SRC:tests/%.c=%)
 BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
-.PHONY: all help objects test run-tests demo run-demo bench run-bench check check-freestanding mutate amalgamation coverage
+.PHONY: all help objects test run-tests golden run-golden demo run-demo bench run-bench check check-freestanding mutate amalgamation coverage
 .PHONY: install clean format missing firmware run-firmware firmware-test run-firmware-test footprint
 .DELETE_ON_ERROR:
 .SECONDARY:
@@ -73,6 +79,7 @@ help:
 	@echo "make                library, float library, host library, tools"
 	@echo "make demo           arenas, their scans, maps (installs what it needs)"
 	@echo "make test           all tests, double and float (installs what it needs)"
+	@echo "make golden         renews the files of results that the tests compare with (after a change of results)"
 	@echo "make bench          the measuring programs, build/bench/*"
 	@echo "make check          warnings, formats, analyzers, freestanding proof, room order"
 	@echo "make mutate         plants faults in src/ and counts those that the tests find (N=40 SEED=1)"
@@ -141,6 +148,11 @@ $(BUILD)/tests/%: $(BUILD)/double/tests/%.c.o $(call object,double,$(TEST_COMMON
 	$(link) -lcmocka $(SYS_LIBS)
 $(BUILD)/tests-float/%: $(BUILD)/float/tests/%.c.o $(call object,float,$(TEST_COMMON)) $(FLOAT_LIBS)
 	$(link) -lcmocka $(SYS_LIBS)
+define test_needs
+$(BUILD)/tests/$(1): $(call object,double,$(NEEDS_$(1)))
+$(BUILD)/tests-float/$(1): $(call object,float,$(NEEDS_$(1)))
+endef
+$(foreach test,$(TESTS),$(if $(NEEDS_$(test)),$(eval $(call test_needs,$(test)))))
 
 # make test and make demo bring what they need, then run make again, which now sees it; on all processors unless the
 # caller said on how many.
@@ -152,6 +164,14 @@ test:
 TEST_PROGRAMS = $(TESTS:%=$(BUILD)/tests/%) $(TESTS:%=$(BUILD)/tests-float/%)
 run-tests: all $(TEST_PROGRAMS)
 	@SANITIZE=$(SANITIZE) sh tests/run.sh $(BUILD) $(TEST_PROGRAMS)
+
+# What results and pools are kept to be, after a change that means to change them (tests/kept.h).
+KEPT = test_golden test_memory test_long
+golden:
+	@sh tools/deps.sh build test
+	@$(MAKE) $(PARALLEL) ASSERTIONS=1 BUILD=$(BUILD)/checked run-golden
+run-golden: $(KEPT:%=$(BUILD)/tests/%) $(KEPT:%=$(BUILD)/tests-float/%)
+	@for program in $^; do $$program --renew >$$program.log 2>&1 || { grep -v "OK\|RUN" $$program.log; exit 1; }; done
 
 demo:
 	@sh tools/deps.sh build
@@ -171,9 +191,8 @@ check:
 check-freestanding:
 	@sh tools/check.sh $(BUILD) freestanding
 
-GOLDEN    := $(wildcard tests/golden*.c)
 # Every object of everything, for the checks of warnings.
-ALL_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(TEST_SRC) $(wildcard tests/support.c tests/rooms.c) $(GOLDEN) $(FW_LOOP) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC)
+ALL_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(TEST_SRC) $(filter tests/%,$(TEST_COMMON)) $(GOLDEN) $(NEEDS_test_long) $(FW_LOOP) $(FW_SURVEY) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC)
 objects: $(call object,double,$(ALL_SRC)) $(call object,float,$(ALL_SRC))
 
 # The firmware: the float library in the loop of a robot on bare Cortex-M7 and M4F, and tests/golden.c in float and double.
@@ -183,19 +202,25 @@ FW_CPUS   := m7 m7d m4
 fw_m7     := -mcpu=cortex-m7 -mfpu=fpv5-sp-d16
 fw_m7d    := -mcpu=cortex-m7 -mfpu=fpv5-d16
 fw_m4     := -mcpu=cortex-m4 -mfpu=fpv4-sp-d16
+# Where the emulated boards have their external RAM.
+external_m7 := 0x60000000
+external_m4 := 0x21000000
 FW_FLAGS  := -std=c11 $(CWARN) $(WERROR) -Os -g -mthumb -mfloat-abi=hard -ffunction-sections -fdata-sections -fno-math-errno \
              -ffp-contract=off -I. -Iinclude -I$(FW) -MMD -MP
 FW_DOUBLE := -Wl,--wrap=__aeabi_dadd,--wrap=__aeabi_dsub,--wrap=__aeabi_drsub
 FW_LINK   := -nostartfiles -T firmware/cortex-m.ld -Wl,--gc-sections
 MISSIONS  := $(patsubst firmware/mission_%.c,%,$(wildcard firmware/mission_*.c))
-FW_LOOP   := firmware/loop.c $(FW_ROBOT) firmware/recorder.c
+SURVEYS   := $(patsubst firmware/survey_%.c,%,$(wildcard firmware/survey_*.c))
+FW_LOOP   := firmware/loop.c firmware/console.c $(FW_ROBOT) firmware/recorder.c
+FW_SURVEY := firmware/loop_survey.c firmware/console.c $(FW_SURVEYOR)
 FW_ELFS   := $(foreach cpu,$(FW_CPUS),$(FW)/$(cpu)/golden-float.elf $(FW)/$(cpu)/golden-double.elf) \
-             $(foreach cpu,m7 m4,$(MISSIONS:%=$(FW)/$(cpu)/%.elf))
-FW_HOST   := $(MISSIONS:%=$(FW)/host/%) $(FW)/host/golden-float $(FW)/host/golden-double
+             $(foreach cpu,m7 m4,$(MISSIONS:%=$(FW)/$(cpu)/%.elf) $(SURVEYS:%=$(FW)/$(cpu)/%.elf))
+FW_HOST   := $(MISSIONS:%=$(FW)/host/%) $(SURVEYS:%=$(FW)/host/%) $(FW)/host/golden-float $(FW)/host/golden-double
 
-# The scans of a mission are made by cairn-arena and stored in the image as they come from the scanner.
+# The scans of a mission or survey are made by cairn-arena and stored in the image as they come from the scanner.
 SCANS_maze  := maze --places 16 --headings 1 --fov 360 --beams 181 --disturb 0.10,5
 SCANS_arena := rescue --places 15 --headings 4 --disturb 0.10,5
+SCANS_apartment := apartment --drive 150 --fov 240 --beams 241
 $(FW)/%_scans.h: $(BUILD)/cairn-arena firmware/record.sh
 	@mkdir -p $(@D)
 	@$(BUILD)/cairn-arena $(SCANS_$*) --seed 7 -o $(FW)/$* >/dev/null
@@ -203,7 +228,7 @@ $(FW)/%_scans.h: $(BUILD)/cairn-arena firmware/record.sh
 
 # $(1) folder, $(2) compiler and flags, $(3) double or float
 define fw_objects
-$(FW)/$(1)/$(3)/%.c.o: %.c $(MISSIONS:%=$(FW)/%_scans.h)
+$(FW)/$(1)/$(3)/%.c.o: %.c $(MISSIONS:%=$(FW)/%_scans.h) $(SURVEYS:%=$(FW)/%_scans.h)
 	@mkdir -p $$(@D)
 	$(2) $(if $(filter float,$(3)),-DCAIRN_FLOAT) -c $$< -o $$@
 endef
@@ -215,6 +240,8 @@ $(FW)/$(1)/golden-float.elf: $(call fw_object,$(1),float,$(GOLDEN) firmware/boar
 	$(FW_CC) $(FW_FLAGS) $(fw_$(1)) $(FW_LINK) -Wl,--defsym=ram_bytes=2M $$(filter %.o,$$^) -lm -o $$@
 $(FW)/$(1)/golden-double.elf: $(call fw_object,$(1),double,$(GOLDEN) firmware/board_cortex_m.c firmware/soft_double.c $(LIB_SRC)) firmware/cortex-m.ld
 	$(FW_CC) $(FW_FLAGS) $(fw_$(1)) $(FW_LINK) $(FW_DOUBLE) -Wl,--defsym=ram_bytes=2M $$(filter %.o,$$^) -lm -o $$@
+$(SURVEYS:%=$(FW)/$(1)/%.elf): $(FW)/$(1)/%.elf: $(FW)/$(1)/float/firmware/survey_%.c.o $(call fw_object,$(1),float,$(FW_SURVEY) firmware/board_cortex_m.c $(LIB_SRC)) firmware/cortex-m.ld
+	$(FW_CC) $(FW_FLAGS) $(fw_$(1)) $(FW_LINK) -Wl,--defsym=external_origin=$(external_$(1)) -Wl,-Map=$$@.map $$(filter %.o,$$^) -lm -o $$@
 $(FW)/$(1)/%.elf: $(FW)/$(1)/float/firmware/mission_%.c.o $(call fw_object,$(1),float,$(FW_LOOP) firmware/board_cortex_m.c $(LIB_SRC)) firmware/cortex-m.ld
 	$(FW_CC) $(FW_FLAGS) $(fw_$(1)) $(FW_LINK) -Wl,-Map=$$@.map $$(filter %.o,$$^) -lm -o $$@
 endef
@@ -222,6 +249,8 @@ $(foreach cpu,$(FW_CPUS),$(eval $(call fw_programs,$(cpu))))
 $(FW)/host/golden-float: $(call fw_object,host,float,$(GOLDEN) firmware/board_host.c) $(BUILD)/libcairn-float.a
 	$(CC) $(SAN) $^ -lm -o $@
 $(FW)/host/golden-double: $(call fw_object,host,double,$(GOLDEN) firmware/board_host.c) $(BUILD)/libcairn.a
+	$(CC) $(SAN) $^ -lm -o $@
+$(SURVEYS:%=$(FW)/host/%): $(FW)/host/%: $(FW)/host/float/firmware/survey_%.c.o $(call fw_object,host,float,$(FW_SURVEY) firmware/board_host.c) $(BUILD)/libcairn-float.a
 	$(CC) $(SAN) $^ -lm -o $@
 $(FW)/host/%: $(FW)/host/float/firmware/mission_%.c.o $(call fw_object,host,float,$(FW_LOOP) firmware/board_host.c) $(BUILD)/libcairn-float.a
 	$(CC) $(SAN) $^ -lm -o $@
@@ -234,7 +263,7 @@ firmware-test:
 	@sh tools/deps.sh build firmware
 	@$(MAKE) run-firmware-test
 run-firmware-test: $(FW_ELFS) $(FW_HOST) $(TOOLS)
-	@sh tools/firmware-test.sh $(FW) $(MISSIONS)
+	@sh tools/firmware-test.sh $(FW) $(MISSIONS) $(SURVEYS)
 footprint:
 	@sh tools/deps.sh build firmware
 	@$(MAKE) run-firmware-test

@@ -18,11 +18,16 @@
 #include "bench/bench_lum.h"
 #include "bench/bench_problem.h"
 #include "bench/bench_score.h"
+#include "bench/bench_sequential.h"
 #include "cairn/force_field.h"
 #include "cairn/random.h"
 #include "tools/options.h"
 
 #define DEGREE 0.017453292519943295
+
+#define METHODS "default, gradient, icp, lum, lum-alone, sequential or filter"
+
+enum { PARTICLES = 30 };
 
 typedef struct settings {
     const char *method;
@@ -169,6 +174,10 @@ static int run_method(const settings *s, const sim_scan *scans, int32_t count, b
         done = bench_run_icp(scans, count, 20, poses, &run);
     else if (strncmp(s->method, "lum", 3) == 0)
         done = bench_run_lum(scans, count, (int32_t)s->steps, strcmp(s->method, "lum") == 0, poses, &run);
+    else if (strcmp(s->method, "sequential") == 0)
+        done = bench_run_sequential(scans, count, 0, poses, &run);
+    else if (strcmp(s->method, "filter") == 0)
+        done = bench_run_sequential(scans, count, PARTICLES, poses, &run);
     else
         done = bench_run_default(scans, count, s->without, poses, &run);
     out->steps = run.steps;
@@ -452,16 +461,24 @@ static void print_summary(const settings *s, const outcome *all, size_t count)
 }
 
 /* 1 when the settings can be run, or one line on standard error. */
+static int is_method(const char *name)
+{
+    static const char *const names[] = {"default", "gradient", "icp", "lum", "lum-alone", "sequential", "filter"};
+
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        if (strcmp(name, names[i]) == 0)
+            return 1;
+    return 0;
+}
+
 static int check(const settings *s)
 {
     if (sim_scene_find(s->kind.scene) < 0) {
         fprintf(stderr, "bench/align: unknown scene '%s', expected one of cairn-arena's\n", s->kind.scene);
         return 0;
     }
-    if (strcmp(s->method, "default") != 0 && strcmp(s->method, "gradient") != 0 && strcmp(s->method, "icp") != 0 &&
-        strcmp(s->method, "lum") != 0 && strcmp(s->method, "lum-alone") != 0) {
-        fprintf(stderr, "bench/align: unknown method '%s', expected default, gradient, icp, lum or lum-alone\n",
-                s->method);
+    if (!is_method(s->method)) {
+        fprintf(stderr, "bench/align: unknown method '%s', expected " METHODS "\n", s->method);
         return 0;
     }
     if (s->ablate && strcmp(s->method, "default") != 0) {
@@ -497,8 +514,10 @@ int main(int argc, char **argv)
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
         OPTION_NUMBER("--trans", &s.kind.metres, 0.001, 10, "M", "disturbance of x and y, uniform +-, m"),
         OPTION_NUMBER("--rot", &s.kind.degrees, 0.01, 180, "DEG", "disturbance of the heading, uniform +-, degrees"),
-        OPTION_TEXT("--method", &s.method, "NAME",
-                    "default, gradient (as in the thesis), icp, lum, lum-alone: without registration (default)"),
+        OPTION_TEXT(
+            "--method", &s.method, "NAME",
+            "default, gradient (as in the thesis), icp, lum, lum-alone: without registration, sequential: scan by "
+            "scan by the mapper, filter: by 30 particles (default)"),
         OPTION_TEXT("--scene", &s.kind.scene, "NAME", "scene of the arenas (rescue)"),
         OPTION_PAIR("--size", s.kind.size, 0, 60, "W,H", "of the arenas, m; 0: the scene's own (0,0)"),
         OPTION_INTEGER("--places", &s.kind.places, 1, 1000, "N", "places with scans"),

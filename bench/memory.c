@@ -4,6 +4,7 @@
 #include "bench/bench_json.h"
 #include "cairn/aligner.h"
 #include "cairn/block_solver.h"
+#include "cairn/filter_mapper.h"
 #include "cairn/hough.h"
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
@@ -35,6 +36,7 @@ int main(void)
     cairn_force_field_params field = cairn_force_field_default();
     cairn_occupancy_grid_params grid = cairn_occupancy_grid_default();
     cairn_mapper_params mapper = cairn_mapper_default_for(64, 181);
+    cairn_filter_mapper_params rao_blackwell;
     cairn_aligner_params aligner = cairn_aligner_default();
     cairn_pose_consensus_params consensus = cairn_pose_consensus_default();
     cairn_place_map_params places = cairn_place_map_default();
@@ -79,6 +81,8 @@ int main(void)
     print("mapper", "181 beams, 64 key scans", cairn_mapper_memory(&mapper));
     mapper = cairn_mapper_default_for(1024, 181);
     print("mapper", "181 beams, 1024 key scans", cairn_mapper_memory(&mapper));
+    rao_blackwell = cairn_filter_mapper_default_for(1024, 181, 30);
+    print("filter_mapper", "181 beams, 1024 key scans, 30 particles", cairn_filter_mapper_memory(&rao_blackwell));
     bench_json_begin("memory");
     bench_json_integer("real_bytes", (int64_t)sizeof(cairn_real));
     bench_json_true("summary");

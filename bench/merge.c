@@ -30,13 +30,14 @@ typedef struct settings {
     double overlap;
     const char *write;
     const char *maps, *perception;
-    int32_t decoy, pair, repeat, modes, order;
+    int32_t decoy, pair, repeat, modes, order, scaling;
+    int32_t corners; /* of a map at most; 0: as many as the default */
 } settings;
 
 typedef struct outcome {
     int32_t maps, right, wrong, elsewhere, left_out, decoy_accepted;
     double overlap, seconds;
-    int32_t corners; /* of the first map */
+    double corners; /* of a map, in the mean */
     size_t pool_bytes;
     cairn_merge_result result;
 } outcome;
@@ -48,6 +49,7 @@ static cairn_map_merge_params params_for(const settings *s, const bench_parts *p
 
     p.max_maps = parts->count + extra;
     p.particles = (int32_t)s->particles;
+    p.max_corners = s->corners > 0 ? s->corners : p.max_corners;
     p.perception = strcmp(s->perception, "images") == 0 ? CAIRN_MERGE_IMAGES : CAIRN_MERGE_EVIDENCE;
     for (int32_t i = 0; i < parts->count; i++) {
         int32_t own = parts->list[i].side * parts->list[i].side;
@@ -234,7 +236,8 @@ static int run_seed(const settings *s, int64_t seed, outcome *out)
         out->overlap = parts.overlap;
         out->result = cairn_map_merge_read(merge);
         score(merge, &parts, out);
-        out->corners = cairn_map_merge_of(merge, 0).corners;
+        for (int32_t i = 0; i < parts.count; i++)
+            out->corners += (double)cairn_map_merge_of(merge, i).corners / parts.count;
         out->decoy_accepted = decoy != NULL && cairn_map_merge_of(merge, parts.count).verdict == CAIRN_MERGE_PLACED;
         if (s->modes)
             print_modes(merge, &parts);
@@ -259,7 +262,7 @@ static void print_seed(int64_t seed, const outcome *out)
     bench_json_integer("decoy_accepted", out->decoy_accepted);
     bench_json_number("overlap", out->overlap);
     bench_json_number("seconds", out->seconds);
-    bench_json_integer("corners", out->corners);
+    bench_json_number("corners", out->corners);
     bench_json_integer("hypotheses", out->result.hypotheses);
     bench_json_integer("resamplings", out->result.resamplings);
     bench_json_integer("units", out->result.units);
@@ -312,6 +315,98 @@ static int run_arenas(const settings *s)
     return ok ? 0 : 1;
 }
 
+/* ---- How the work grows ---- */
+
+enum { SCALES = 5 };
+
+typedef struct growth {
+    double size[SCALES], units[SCALES];
+    int32_t count;
+} growth;
+
+/* One size: the mean units of all seeds. */
+static int grow(const settings *s, growth *g)
+{
+    double units = 0, corners = 0;
+
+    for (int64_t i = 0; i < s->seeds; i++) {
+        outcome out;
+
+        if (!run_seed(s, s->seed + i, &out))
+            return 0;
+        units += (double)out.result.units / (double)s->seeds;
+        corners += out.corners / (double)s->seeds;
+    }
+    g->size[g->count] = s->corners > 0 ? corners : (double)s->parts.robots;
+    g->units[g->count++] = units;
+    return 1;
+}
+
+/* The slope of the straight line through log units over log size. */
+static double exponent_of(const growth *g)
+{
+    double x = 0, y = 0, xx = 0, xy = 0;
+
+    for (int32_t i = 0; i < g->count; i++) {
+        x += log(g->size[i]) / g->count;
+        y += log(g->units[i]) / g->count;
+    }
+    for (int32_t i = 0; i < g->count; i++) {
+        xx += (log(g->size[i]) - x) * (log(g->size[i]) - x);
+        xy += (log(g->size[i]) - x) * (log(g->units[i]) - y);
+    }
+    return xy / xx;
+}
+
+static void print_growth(const settings *s, const growth *g, const char *over)
+{
+    for (int32_t i = 0; i < g->count; i++) {
+        bench_json_begin("merge");
+        bench_json_text("scaling", over);
+        bench_json_text("order", s->order ? "known" : "unknown");
+        bench_json_number(over, g->size[i]);
+        bench_json_number("units", g->units[i]);
+        bench_json_end();
+    }
+    bench_json_begin("merge");
+    bench_json_text("scaling", over);
+    bench_json_text("order", s->order ? "known" : "unknown");
+    bench_json_number("exponent", exponent_of(g));
+    bench_json_true("summary");
+    bench_json_end();
+    fflush(stdout);
+}
+
+/* Units over maps, with the order known and unknown, then over corners, with --robots maps. */
+static int run_scaling(settings s)
+{
+    static const int32_t robots[SCALES] = {3, 4, 6, 9, 12}, corners[SCALES] = {2, 4, 8, 16, 32};
+    int32_t maps = s.parts.robots;
+
+    for (s.order = 1; s.order >= 0; s.order--) {
+        growth g = {.count = 0};
+
+        for (int k = 0; k < SCALES; k++) {
+            s.parts.robots = robots[k];
+            if (!grow(&s, &g))
+                return 1;
+        }
+        print_growth(&s, &g, "maps");
+    }
+    s.parts.robots = maps;
+    for (s.order = 1; s.order >= 0; s.order--) {
+        growth g = {.count = 0};
+
+        for (int k = 0; k < SCALES; k++) {
+            s.corners = corners[k];
+            if (!grow(&s, &g))
+                return 1;
+        }
+        print_growth(&s, &g, "corners");
+    }
+    return 0;
+}
+
 int main(int argc, char **argv)
 {
     settings s = {.robots = 3,
@@ -339,6 +434,8 @@ int main(int argc, char **argv)
         OPTION_FLAG("--order", &s.order, "in a known order, row by row"),
         OPTION_FLAG("--decoy", &s.decoy, "one map more, of another arena or of this one in a mirror"),
         OPTION_FLAG("--modes", &s.modes, "also the best places of every pair, beside the truth"),
+        OPTION_FLAG("--scaling", &s.scaling,
+                    "how units grow with the maps and, for --robots of them, with their corners"),
         OPTION_TEXT("--write", &s.write, "DIR", "writes the maps of the last seed there, for cairn merge"),
         OPTION_TEXT("--maps", &s.maps, "DIR", "real maps instead: pairs of them as their annotators placed them"),
     };
@@ -357,5 +454,5 @@ int main(int argc, char **argv)
         return options_refuse("bench/merge", "unknown scene '%s'", s.parts.scene);
     if (s.maps != NULL)
         return bench_maps_run(s.maps, (int)s.particles);
-    return run_arenas(&s);
+    return s.scaling ? run_scaling(s) : run_arenas(&s);
 }

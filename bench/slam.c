@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <unistd.h>
 
+#include "bench/bench_filter.h"
 #include "bench/bench_json.h"
 #include "cairn/carmen_log.h"
 #include "cairn/map_quality.h"
@@ -22,7 +23,7 @@ static const double DEGREES = 57.29577951308232;
 
 typedef struct settings {
     const char *log, *relations, *data;
-    int64_t seed, window;
+    int64_t seed, window, particles;
     int32_t no_odometry, no_loops;
 } settings;
 
@@ -137,6 +138,25 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
     return status == CAIRN_OK ? start : -1;
 }
 
+/* The same by particles. */
+static double filter_log(const settings *s, const cairn_carmen_scans *log, cairn_pose *poses, bench_filter *filter,
+                         scan_cost *cost)
+{
+    double *units = malloc((size_t)log->count * sizeof *units);
+    int done;
+
+    filter->particles = (int32_t)s->particles;
+    filter->seed = (uint64_t)s->seed;
+    filter->no_odometry = s->no_odometry;
+    done = units != NULL && bench_filter_map(filter, log, poses, units);
+    for (int32_t i = 0; i < log->count && done && !s->no_odometry; i++)
+        poses[i] = cairn_pose_compose(poses[i], log->record[i].scan.base_sensor);
+    if (done)
+        *cost = cost_of(units, log->count);
+    free(units);
+    return done ? filter->seconds : -1;
+}
+
 /* Puts noise where the log has poses. */
 static void overwrite_poses(cairn_carmen_scans *log, uint64_t seed)
 {
@@ -154,7 +174,7 @@ static void overwrite_poses(cairn_carmen_scans *log, uint64_t seed)
 /* Relations whose scans the log does not have are left out. */
 static void print_errors(const settings *s, const char *name, const cairn_carmen_scans *log, const cairn_pose *poses,
                          const cairn_relation_row *row, int32_t count, double seconds, size_t pool_bytes,
-                         const cairn_mapper_state *state, scan_cost cost)
+                         const cairn_mapper_state *state, const bench_filter *filter, scan_cost cost)
 {
     cairn_relation_sums sums = {0, 0, 0, 0, 0};
     cairn_relation_errors errors;
@@ -166,6 +186,7 @@ static void print_errors(const settings *s, const char *name, const cairn_carmen
     errors = cairn_relation_errors_of(&sums);
     bench_json_begin("slam");
     bench_json_text("log", name);
+    bench_json_text("method", s->particles > 0 ? "filter" : "mapper");
     bench_json_text("odometry", s->no_odometry ? "none" : "log");
     bench_json_integer("scans", log->count);
     bench_json_integer("relations", sums.count);
@@ -185,6 +206,12 @@ static void print_errors(const settings *s, const char *name, const cairn_carmen
     bench_json_integer("loops", state->loops);
     bench_json_integer("solutions", state->solutions);
     bench_json_integer("lacks_room", state->lacks_room);
+    if (s->particles > 0) {
+        bench_json_integer("particles", s->particles);
+        bench_json_integer("resamplings", filter->state.resamplings);
+        bench_json_integer("returns", filter->state.returns);
+        bench_json_integer("nodes_peak", filter->state.nodes_peak);
+    }
     bench_json_true("summary");
     bench_json_end();
 }
@@ -193,7 +220,8 @@ static int run_log(const settings *s, const char *log_path, const char *relation
 {
     cairn_carmen_scans log;
     cairn_file_error error;
-    cairn_mapper_state state;
+    cairn_mapper_state state = {0};
+    bench_filter filter = {0};
     cairn_relation_row *row;
     cairn_pose *poses;
     size_t pool_bytes = 0;
@@ -211,10 +239,15 @@ static int run_log(const settings *s, const char *log_path, const char *relation
         overwrite_poses(&log, (uint64_t)s->seed);
     if (poses == NULL)
         fprintf(stderr, "%s: no memory for %" PRId32 " poses\n", log_path, log.count);
-    if (row != NULL && poses != NULL)
+    if (row != NULL && poses != NULL && s->particles > 0) {
+        seconds = filter_log(s, &log, poses, &filter, &cost);
+        pool_bytes = filter.pool_bytes;
+        state = filter.front;
+    } else if (row != NULL && poses != NULL) {
         seconds = map_log(s, &log, poses, &pool_bytes, &state, &cost);
+    }
     if (seconds >= 0)
-        print_errors(s, cairn_path_name(log_path), &log, poses, row, count, seconds, pool_bytes, &state, cost);
+        print_errors(s, cairn_path_name(log_path), &log, poses, row, count, seconds, pool_bytes, &state, &filter, cost);
     free(poses);
     cairn_relation_table_free(row);
     cairn_carmen_scans_free(&log);
@@ -224,7 +257,7 @@ static int run_log(const settings *s, const char *log_path, const char *relation
 int main(int argc, char **argv)
 {
     static const char *const names[] = {"intel", "fr079", "aces"};
-    settings s = {NULL, NULL, "../shared/data", 1, 8, 0, 0};
+    settings s = {NULL, NULL, "../shared/data", 1, 8, 0, 0, 0};
     const option table[] = {
         OPTION_TEXT("--log", &s.log, "FILE", "one CARMEN log (all of DIR/slam)"),
         OPTION_TEXT("--relations", &s.relations, "FILE", "its reference relations"),
@@ -232,7 +265,8 @@ int main(int argc, char **argv)
         OPTION_FLAG("--no-odometry", &s.no_odometry, "ranges alone; the log's poses are overwritten with noise"),
         OPTION_FLAG("--no-loops", &s.no_loops, "close no loops"),
         OPTION_INTEGER("--window", &s.window, 0, 64, "N", "key scans of the force field"),
-        OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of that noise"),
+        OPTION_INTEGER("--filter", &s.particles, 0, 4096, "N", "by a filter of N particles, 0: by the mapper"),
+        OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of that noise, and of what particles draw"),
     };
     const option_set set = {"bench/slam", "[--log FILE --relations FILE] [options]",
                             "Absolute errors of mapped logs over their reference relations.", table,

@@ -4,76 +4,17 @@
 #include "src/core/build.h"
 
 #include "firmware/board.h"
+#include "firmware/console.h"
 #include "firmware/mission.h"
 #include "firmware/recorder.h"
 
 static const char *const work_name[ROBOT_WORKS] = {"add", "fit", "pair", "solve", "grid", "idle"};
 
-typedef struct measure {
-    uint32_t ticks, worst; /* instructions */
-    uint64_t sum;
-    int32_t worst_units; /* of budget */
-} measure;
-
 static mission the_mission;
 static robot the_robot;
-static measure measures[ROBOT_WORKS];
+static console_measure measures[ROBOT_WORKS];
 
 /* ---- What is printed ---- */
-
-static char *put_text(char *at, const char *text)
-{
-    while (*text != '\0')
-        *at++ = *text++;
-    *at = '\0';
-    return at;
-}
-
-static char *put_number(char *at, int32_t value)
-{
-    char digits[10];
-    int count = 0;
-    uint32_t rest = value < 0 ? 0U - (uint32_t)value : (uint32_t)value;
-
-    if (value < 0)
-        *at++ = '-';
-    do
-        digits[count++] = (char)('0' + rest % 10);
-    while ((rest /= 10) > 0);
-    while (count > 0)
-        *at++ = digits[--count];
-    *at = '\0';
-    return at;
-}
-
-static char *put_hex(char *at, uint32_t value)
-{
-    for (int shift = 28; shift >= 0; shift -= 4)
-        *at++ = "0123456789abcdef"[value >> shift & 15];
-    *at = '\0';
-    return at;
-}
-
-/* A line "what number number ...". */
-static void print_numbers(const char *what, const char *of_what, const int32_t *number, int32_t count)
-{
-    char line[160], *at = put_text(put_text(put_text(line, what), " "), of_what);
-
-    for (int32_t i = 0; i < count; i++)
-        at = put_number(put_text(at, " "), number[i]);
-    (void)put_text(at, "\n");
-    board_print(line);
-}
-
-/* Ends the program and says why: there is nobody to hand a status to. */
-static _Noreturn void give_up(const char *what, cairn_status status)
-{
-    char line[160], *at = put_text(put_text(put_text(line, what), ": "), cairn_status_text(status));
-
-    (void)put_text(at, "\n");
-    board_print(line);
-    board_exit(1);
-}
 
 static void print_poses(const robot *r)
 {
@@ -88,22 +29,8 @@ static void print_poses(const robot *r)
                              cairn_real_to_int(cairn_sqrt(covariance[4]) * 10000),
                              cairn_real_to_int(cairn_sqrt(covariance[8]) * 10000)};
 
-        print_numbers("pose", "0.1mm,0.1mrad,sigmas", number, 7);
+        console_numbers("pose", "0.1mm,0.1mrad,sigmas", number, 7);
     }
-}
-
-/* Bit by bit: the compiler's 64-bit division is a tenth as long as all of the loop. */
-static uint32_t mean_of(const measure *m)
-{
-    uint64_t rest = m->sum, part = (uint64_t)m->ticks << 31;
-    uint32_t mean = 0;
-
-    for (int bit = 31; bit >= 0 && m->ticks > 0; bit--, part >>= 1)
-        if (rest >= part) {
-            rest -= part;
-            mean |= 1U << bit;
-        }
-    return mean;
 }
 
 static void print_measures(const robot *r)
@@ -114,14 +41,10 @@ static void print_measures(const robot *r)
     int32_t memory[4] = {(int32_t)r->pool.peak, (int32_t)r->pool.size, (int32_t)board_data_bytes(),
                          (int32_t)board_stack_peak()};
 
-    for (robot_work work = 0; work < ROBOT_IDLE; work++) {
-        const measure *m = &measures[work];
-        int32_t number[4] = {(int32_t)m->ticks, (int32_t)mean_of(m), (int32_t)m->worst, m->worst_units};
-
-        print_numbers("measure ticks,mean,worst,units", work_name[work], number, 4);
-    }
-    print_numbers("measure scans,points,segments,corners", "used", used, 4);
-    print_numbers("measure pool_peak,pool,data,stack", "bytes", memory, 4);
+    for (robot_work work = 0; work < ROBOT_IDLE; work++)
+        console_measured(work_name[work], &measures[work]);
+    console_numbers("measure scans,points,segments,corners", "used", used, 4);
+    console_numbers("measure pool_peak,pool,data,stack", "bytes", memory, 4);
 }
 
 /* ---- The loop ---- */
@@ -139,16 +62,11 @@ static int32_t timed_tick(robot *r, int32_t units)
     robot_work work;
     uint32_t begin = board_clock(), took;
     cairn_status status = robot_tick(r, &budget, &work);
-    measure *m;
 
     took = board_clock() - begin;
     if (status < 0)
-        give_up(work_name[work], status);
-    m = &measures[work];
-    m->ticks++;
-    m->sum += took;
-    m->worst = took > m->worst ? took : m->worst;
-    m->worst_units = units - budget.left > m->worst_units ? units - budget.left : m->worst_units;
+        console_give_up(work_name[work], status);
+    console_count(&measures[work], took, units - budget.left);
     return status == CAIRN_MORE;
 }
 
@@ -162,7 +80,7 @@ static void let_arrive(robot *r, recorder *recording, uint32_t *last)
         return;
     status = robot_offer(r, sweep);
     if (status < 0)
-        give_up("offer", status);
+        console_give_up("offer", status);
     if (status == CAIRN_MORE)
         return;
     recorder_sweep(recording, sweep);
@@ -177,15 +95,14 @@ int main(void)
 {
     robot *r = &the_robot;
     recorder recording;
-    uint32_t last = 0, hash = ROBOT_HASH_START;
+    uint32_t last = 0, hash = HASH_START;
     cairn_status status;
     int32_t more = 1;
-    char line[64], *at;
 
     mission_read(&the_mission);
     status = robot_create(r, the_mission.memory, the_mission.bytes, &the_mission.params);
     if (status != CAIRN_OK)
-        give_up("create", status);
+        console_give_up("create", status);
     recorder_begin(&recording, record, NULL, &the_mission.params, the_mission.bytes);
     while (more) {
         let_arrive(r, &recording, &last);
@@ -195,9 +112,7 @@ int main(void)
     }
     recorder_end(&recording, r->ticks, hash);
     print_poses(r);
-    at = put_hex(put_text(put_text(put_text(line, "hash "), the_mission.name), " "), hash);
-    (void)put_text(at, "\n");
-    board_print(line);
+    console_hash(the_mission.name, hash);
     print_measures(r);
     return 0;
 }

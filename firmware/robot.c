@@ -196,20 +196,6 @@ cairn_status robot_tick(robot *r, cairn_budget *budget, robot_work *work)
     return r->done ? CAIRN_OK : CAIRN_MORE;
 }
 
-/* FNV-1a over 32-bit words. */
-static uint32_t hash_words(uint32_t hash, const void *data, size_t bytes)
-{
-    const unsigned char *at = data;
-
-    for (size_t i = 0; i + 4 <= bytes; i += 4) {
-        uint32_t word;
-
-        memcpy(&word, at + i, 4);
-        hash = (hash ^ word) * UINT32_C(16777619);
-    }
-    return hash;
-}
-
 uint32_t robot_hash(const robot *r, uint32_t hash)
 {
     cairn_force_field_state state = cairn_force_field_read(r->field);

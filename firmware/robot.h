@@ -11,6 +11,7 @@
 #include "cairn/force_field.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/scan.h"
+#include "firmware/hash.h"
 #include "firmware/joint.h"
 
 /* Most scans of a robot. */
@@ -76,8 +77,8 @@ CAIRN_CHECKED cairn_status robot_tick(robot *r, cairn_budget *budget, robot_work
  * is one of all scans, else the field's. */
 cairn_pose robot_pose(const robot *r, int32_t scan);
 
-/* The hash so far with the raw bytes of all poses and covariances, the potential and all cells of the grid. */
+/* The hash so far, at first HASH_START, with the raw bytes of all poses and covariances, the potential and all cells of the
+ * grid. */
 uint32_t robot_hash(const robot *r, uint32_t hash);
-enum { ROBOT_HASH_START = INT32_C(0x1c9dc511) };
 
 #endif

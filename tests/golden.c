@@ -1,36 +1,11 @@
 /* One line per scene, "name hash": what tools/check-bits.sh compares between compilers and options, and
- * tools/firmware-test.sh between machines. A scene computes with seeded inputs and hashes all bits of its results; a NaN is
- * never hashed, and 0 is a scene that has failed. Prints through the board, so that it runs on a bare microcontroller, too. */
+ * tools/firmware-test.sh between machines; tests/test_golden.c runs the scenes, too. A scene computes with seeded inputs and
+ * hashes all bits of its results; a NaN is never hashed, and 0 is a scene that has failed. Prints through the board, so that
+ * it runs on a bare microcontroller, too. */
 #include "src/core/build.h"
 
 #include "firmware/board.h"
 #include "tests/golden.h"
-
-static const struct {
-    const char *name;
-    uint64_t (*run)(void);
-} SCENES[] = {
-    {"elementary_functions", golden_elementary_functions},
-    {"random_numbers", golden_random_numbers},
-    {"poses_and_segments", golden_poses_and_segments},
-    {"small_matrices", golden_small_matrices},
-    {"force_field", golden_force_field},
-    {"scans_and_grid", golden_scans_and_grid},
-    {"matches", golden_matches},
-    {"links_and_cover", golden_links_and_cover},
-    {"aligned", golden_aligned},
-    {"pose_graphs", golden_pose_graphs},
-    {"consensus", golden_consensus},
-    {"lines_and_rectangles", golden_lines_and_rectangles},
-    {"particles", golden_particles},
-    {"registered", golden_registered},
-    {"hypotheses", golden_hypotheses},
-    {"virtual_aligned", golden_virtual_aligned},
-    {"mapped", golden_mapped},
-    {"places", golden_places},
-    {"merged", golden_merged},
-    {"contours", golden_contours},
-};
 
 static void print_line(const char *name, uint64_t hash)
 {
@@ -56,10 +31,10 @@ int main(void)
         board_print("this build does not compute faithfully\n");
         return 1;
     }
-    for (size_t i = 0; i < sizeof SCENES / sizeof *SCENES; i++) {
-        uint64_t hash = SCENES[i].run();
+    for (const golden_scene *scene = golden_scenes; scene->name != NULL; scene++) {
+        uint64_t hash = scene->run();
 
-        print_line(SCENES[i].name, hash);
+        print_line(scene->name, hash);
         failed |= hash == 0;
     }
     return failed;

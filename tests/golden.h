@@ -106,8 +106,16 @@ uint64_t golden_registered(void);
 uint64_t golden_hypotheses(void);
 uint64_t golden_virtual_aligned(void);
 uint64_t golden_mapped(void);
+uint64_t golden_filtered(void);
 uint64_t golden_places(void);
 uint64_t golden_merged(void);
 uint64_t golden_contours(void);
+
+typedef struct golden_scene {
+    const char *name;
+    uint64_t (*run)(void);
+} golden_scene;
+
+extern const golden_scene golden_scenes[]; /* the one behind the last has no name */
 
 #endif

@@ -2,6 +2,7 @@
  * merged maps. */
 #include "src/core/build.h"
 
+#include "cairn/filter_mapper.h"
 #include "cairn/hough.h"
 #include "cairn/lum.h"
 #include "cairn/map_merge.h"
@@ -377,6 +378,40 @@ uint64_t golden_mapped(void)
     for (int32_t i = 0; i < cairn_mapper_measure(mapper).keys; i++)
         hash = add_pose(hash, cairn_mapper_key_pose(mapper, i));
     return cairn_mapper_measure(mapper).keys > 1 ? hash : 0;
+}
+
+/* By particles, there and back, so that what was seen first is an old map in the end. */
+uint64_t golden_filtered(void)
+{
+    cairn_filter_mapper_params params = cairn_filter_mapper_default_for(6, GOLDEN_BEAMS, 3);
+    cairn_random random = cairn_random_seed(19, 1);
+    cairn_filter_mapper *mapper;
+    cairn_pose path[6];
+    cairn_pool pool;
+    uint64_t hash = GOLDEN_START;
+
+    params.front.search = 0;
+    params.max_local_points = 512;
+    params.span = 2;
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        cairn_filter_mapper_create(&mapper, &pool, &params) != CAIRN_OK)
+        return 0;
+    for (int32_t i = 0; i < 6; i++) {
+        static golden_sweep s;
+        cairn_real along = CAIRN_REAL(0.6) * (cairn_real)(i < 3 ? i : 5 - i);
+        cairn_pose pose = {1 + along, CAIRN_REAL(2.5), along / 3};
+        cairn_budget budget = unbounded();
+
+        golden_make_sweep(&s, &random, pose);
+        if (cairn_filter_mapper_add(mapper, &s.input, &pose, NULL) != CAIRN_OK ||
+            cairn_filter_mapper_step(mapper, &budget) != CAIRN_OK)
+            return 0;
+    }
+    for (int32_t i = 0; i < cairn_filter_mapper_count(mapper); i++)
+        for (int32_t k = cairn_filter_mapper_path(mapper, i, path, 6) - 1; k >= 0; k--)
+            hash = add_pose(hash, path[k]);
+    return cairn_filter_mapper_measure(mapper).returns > 0 ? add_real(hash, cairn_filter_mapper_measure(mapper).n_eff)
+                                                           : 0;
 }
 
 /* ---- Places and maps, with no guess ---- */

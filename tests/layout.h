@@ -9,6 +9,7 @@
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
 #include "cairn/file_error.h"
+#include "cairn/filter_mapper.h"
 #include "cairn/force_field.h"
 #include "cairn/force_kernel.h"
 #include "cairn/geometry.h"
@@ -47,6 +48,7 @@
 #include "cairn/scan_match.h"
 #include "cairn/scan_set.h"
 #include "cairn/sequence.h"
+#include "cairn/shape_model.h"
 #include "cairn/small_matrix.h"
 #include "cairn/sparse_solver.h"
 #include "cairn/status.h"
@@ -227,6 +229,34 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_file_error, status, 0, 0)},
     {FIELD(cairn_file_error, line, 8, 8)},
     {FIELD(cairn_file_error, text, 16, 16)},
+    {SIZE(cairn_filter_mapper_params, 832, 504)},
+    {FIELD(cairn_filter_mapper_params, front, 0, 0)},
+    {FIELD(cairn_filter_mapper_params, particles, 712, 424)},
+    {FIELD(cairn_filter_mapper_params, candidates, 716, 428)},
+    {FIELD(cairn_filter_mapper_params, points, 720, 432)},
+    {FIELD(cairn_filter_mapper_params, local_keys, 724, 436)},
+    {FIELD(cairn_filter_mapper_params, max_local_points, 728, 440)},
+    {FIELD(cairn_filter_mapper_params, span, 732, 444)},
+    {FIELD(cairn_filter_mapper_params, local_radius, 736, 448)},
+    {FIELD(cairn_filter_mapper_params, motion_distance, 744, 452)},
+    {FIELD(cairn_filter_mapper_params, motion_turn, 752, 456)},
+    {FIELD(cairn_filter_mapper_params, motion_distance_min, 760, 460)},
+    {FIELD(cairn_filter_mapper_params, motion_turn_min, 768, 464)},
+    {FIELD(cairn_filter_mapper_params, match_sigma, 776, 468)},
+    {FIELD(cairn_filter_mapper_params, match_sigma_turn, 784, 472)},
+    {FIELD(cairn_filter_mapper_params, min_support, 792, 476)},
+    {FIELD(cairn_filter_mapper_params, sigma, 800, 480)},
+    {FIELD(cairn_filter_mapper_params, outlier, 808, 484)},
+    {FIELD(cairn_filter_mapper_params, weight, 816, 488)},
+    {FIELD(cairn_filter_mapper_params, seed, 824, 496)},
+    {SIZE(cairn_filter_mapper_state, 40, 40)},
+    {FIELD(cairn_filter_mapper_state, keys, 0, 0)},
+    {FIELD(cairn_filter_mapper_state, resamplings, 4, 4)},
+    {FIELD(cairn_filter_mapper_state, n_eff, 8, 8)},
+    {FIELD(cairn_filter_mapper_state, returns, 16, 16)},
+    {FIELD(cairn_filter_mapper_state, nodes, 24, 24)},
+    {FIELD(cairn_filter_mapper_state, nodes_peak, 28, 28)},
+    {FIELD(cairn_filter_mapper_state, units, 32, 32)},
     {SIZE(cairn_force_field_params, 216, 124)},
     {FIELD(cairn_force_field_params, mode, 0, 0)},
     {FIELD(cairn_force_field_params, max_scans, 4, 4)},
@@ -596,6 +626,10 @@ static const layout OPEN_STRUCTS[] = {
     {SIZE(cairn_point_grid_params, 16, 8)},
     {FIELD(cairn_point_grid_params, max_points, 0, 0)},
     {FIELD(cairn_point_grid_params, cell, 8, 4)},
+    {SIZE(cairn_point_grid_facing, 32, 24)},
+    {FIELD(cairn_point_grid_facing, directions, 0, 0)},
+    {FIELD(cairn_point_grid_facing, direction, 8, 8)},
+    {FIELD(cairn_point_grid_facing, least_cosine, 24, 16)},
     {SIZE(cairn_point_grid_cursor, 56, 40)},
     {FIELD(cairn_point_grid_cursor, centre, 0, 0)},
     {FIELD(cairn_point_grid_cursor, radius_squared, 16, 8)},
@@ -1206,6 +1240,35 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_sequence_result, pairs, 0, 0)},
     {FIELD(cairn_sequence_result, count, 8, 8)},
     {FIELD(cairn_sequence_result, score, 16, 12)},
+    {SIZE(cairn_shape_sample, 112, 56)},
+    {FIELD(cairn_shape_sample, centre, 0, 0)},
+    {FIELD(cairn_shape_sample, radius, 16, 8)},
+    {FIELD(cairn_shape_sample, deviation, 24, 12)},
+    {FIELD(cairn_shape_sample, side, 32, 16)},
+    {FIELD(cairn_shape_sample, share, 96, 48)},
+    {SIZE(cairn_shape_path, 24, 20)},
+    {FIELD(cairn_shape_path, first, 0, 0)},
+    {FIELD(cairn_shape_path, count, 4, 4)},
+    {FIELD(cairn_shape_path, parent, 8, 8)},
+    {FIELD(cairn_shape_path, branch, 12, 12)},
+    {FIELD(cairn_shape_path, share, 16, 16)},
+    {SIZE(cairn_shape_model, 64, 48)},
+    {FIELD(cairn_shape_model, samples, 0, 0)},
+    {FIELD(cairn_shape_model, paths, 8, 8)},
+    {FIELD(cairn_shape_model, outline, 16, 16)},
+    {FIELD(cairn_shape_model, sample_count, 24, 24)},
+    {FIELD(cairn_shape_model, path_count, 28, 28)},
+    {FIELD(cairn_shape_model, outline_count, 32, 32)},
+    {FIELD(cairn_shape_model, size, 40, 36)},
+    {FIELD(cairn_shape_model, origin, 48, 40)},
+    {SIZE(cairn_shape_builder_params, 48, 28)},
+    {FIELD(cairn_shape_builder_params, points, 0, 0)},
+    {FIELD(cairn_shape_builder_params, samples, 4, 4)},
+    {FIELD(cairn_shape_builder_params, max_paths, 8, 8)},
+    {FIELD(cairn_shape_builder_params, max_deviation, 16, 12)},
+    {FIELD(cairn_shape_builder_params, sigma, 24, 16)},
+    {FIELD(cairn_shape_builder_params, overlap, 32, 20)},
+    {FIELD(cairn_shape_builder_params, min_share, 40, 24)},
     {SIZE(cairn_sym2, 24, 12)},
     {FIELD(cairn_sym2, xx, 0, 0)},
     {FIELD(cairn_sym2, xy, 8, 4)},

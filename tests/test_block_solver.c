@@ -511,6 +511,34 @@ static void fill_of_random_graphs(void **state)
     }
 }
 
+/* Poses that are each linked with all others of theirs and with a leaf, beside a grid. The leaves go first and leave lists
+ * of one pose, which must stay when the grid's lists need room; both parts have the fill that they have alone. */
+static void lists_of_one_pose_are_kept(void **state)
+{
+    enum { SIDE = 30, GRID = SIDE * SIDE, CLIQUE = 8, LINKS = 2 * SIDE * (SIDE - 1) + CLIQUE * (CLIQUE + 1) / 2 };
+    cairn_pool pool;
+    cairn_block_solver *solver = make_solver(&pool, GRID + 2 * CLIQUE, LINKS, 0);
+
+    (void)state;
+    assert_ok(cairn_block_solver_begin(solver, GRID + 2 * CLIQUE));
+    for (int32_t i = 0; i < GRID; i++) {
+        if (i % SIDE + 1 < SIDE)
+            assert_ok(cairn_block_solver_add_link(solver, i, i + 1));
+        if (i / SIDE + 1 < SIDE)
+            assert_ok(cairn_block_solver_add_link(solver, i, i + SIDE));
+    }
+    for (int32_t i = GRID; i < GRID + CLIQUE; i++) {
+        for (int32_t j = GRID; j < i; j++)
+            assert_ok(cairn_block_solver_add_link(solver, i, j));
+        assert_ok(cairn_block_solver_add_link(solver, i, CLIQUE + i));
+    }
+    assert_ok(cairn_block_solver_analyze(solver));
+    assert_status(run(solver, CAIRN_UNBOUNDED), CAIRN_FULL);
+    assert_int_equal(cairn_block_solver_read(solver).fill, 9309 + CLIQUE * (CLIQUE + 1) / 2);
+    assert_int_equal(cairn_block_solver_read(solver).units, 21784);
+    test_pool_free(&pool);
+}
+
 /* ---- Not positive definite ---- */
 
 /* A chain without priors moves freely; one that is fixed at pose `fixed` does not. */
@@ -802,6 +830,18 @@ static void refused_params(void **state)
 
         assert_true(sizeof(size_t) == 4 || cairn_block_solver_memory(&largest) > 0);
     }
+    for (int k = 0; k < 3; k++) { /* what a pose, a link and a block of the factor take */
+        const size_t real = sizeof(cairn_real), bytes[3] = {18 * real + 64, 20, 9 * real + 4};
+        cairn_block_solver_params few = {1000, 1000, 1000}, more = few;
+
+        if (k == 0)
+            more.max_poses += 1000;
+        else if (k == 1)
+            more.max_links += 1000;
+        else
+            more.max_fill += 1000;
+        assert_int_equal(cairn_block_solver_memory(&more) - cairn_block_solver_memory(&few), 1000 * bytes[k]);
+    }
     test_pool_free(&pool);
 }
 
@@ -925,6 +965,7 @@ int main(void)
         cmocka_unit_test(third_unknowns_apart),
         cmocka_unit_test(large_grids),
         cmocka_unit_test(fill_of_random_graphs),
+        cmocka_unit_test(lists_of_one_pose_are_kept),
         cmocka_unit_test(not_positive_is_told_with_the_pose),
         cmocka_unit_test(nearly_singular_is_refused),
         cmocka_unit_test(overflow_is_told),

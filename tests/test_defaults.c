@@ -6,6 +6,7 @@
 #include "cairn/carmen_log.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
+#include "cairn/filter_mapper.h"
 #include "cairn/hough.h"
 #include "cairn/lum.h"
 #include "cairn/scan_cover.h"
@@ -20,6 +21,7 @@
 #include "cairn/report.h"
 #include "cairn/scan_match.h"
 #include "cairn/sequence.h"
+#include "cairn/shape_model.h"
 #include "cairn/symmetric_point.h"
 #include "cairn/virtual_align.h"
 
@@ -328,6 +330,40 @@ static void of_places(void **state)
     assert_memory_equal(&map.consensus, &consensus, sizeof consensus);
 }
 
+static void of_the_mapper_by_particles(void **state)
+{
+    cairn_filter_mapper_params p = cairn_filter_mapper_default(), sized = cairn_filter_mapper_default_for(9, 181, 4);
+    const value values[] = {
+        VALUE(p.particles, 30),
+        VALUE(p.candidates, 6),
+        VALUE(p.points, 60),
+        VALUE(p.local_keys, 10),
+        VALUE(p.max_local_points, 2048),
+        VALUE(p.span, 25),
+        VALUE(p.local_radius, 4),
+        VALUE(p.motion_distance, 0.05),
+        VALUE(p.motion_turn, 0.05),
+        VALUE(p.motion_distance_min, 0.02),
+        VALUE(p.motion_turn_min, 0.01),
+        VALUE(p.match_sigma, 0.0025),
+        VALUE(p.match_sigma_turn, 0.001),
+        VALUE(p.min_support, 0.3),
+        VALUE(p.sigma, 0.07),
+        VALUE(p.outlier, 3),
+        VALUE(p.weight, 8),
+        VALUE(p.seed, 1),
+        VALUE(sized.particles, 4),
+        VALUE(sized.candidates, 6),
+        VALUE(p.front.max_keys, 1024),
+        VALUE(p.front.key_distance, 0.5),
+        VALUE(sized.front.max_keys, 9),
+        VALUE(sized.front.scan.max_beams, 181),
+    };
+
+    (void)state;
+    assert_values(values);
+}
+
 static void of_the_mapper(void **state)
 {
     cairn_mapper_params p = cairn_mapper_default();
@@ -458,6 +494,7 @@ static void of_contours(void **state)
     cairn_edge_chain_params chain = cairn_edge_chain_default();
     cairn_edge_segment_params segment = cairn_edge_segment_default();
     cairn_symmetric_point_params sp = cairn_symmetric_point_default();
+    cairn_shape_builder_params shape = cairn_shape_builder_default();
     const value values[] = {
         VALUE(chain.max_width, 640),
         VALUE(chain.max_height, 480),
@@ -481,6 +518,13 @@ static void of_contours(void **state)
         VALUE(sp.max_radius, 100),
         VALUE(sp.max_angle, 60 * DEGREE),
         VALUE(sp.max_deviation, 45 * DEGREE),
+        VALUE(shape.points, 128),
+        VALUE(shape.samples, 32),
+        VALUE(shape.max_paths, 8),
+        VALUE(shape.max_deviation, 20 * DEGREE),
+        VALUE(shape.sigma, 10 * DEGREE),
+        VALUE(shape.overlap, 0.8),
+        VALUE(shape.min_share, 0.08),
     };
 
     (void)state;
@@ -498,6 +542,7 @@ int main(void)
         cmocka_unit_test(of_consensus),
         cmocka_unit_test(of_places),
         cmocka_unit_test(of_the_mapper),
+        cmocka_unit_test(of_the_mapper_by_particles),
         cmocka_unit_test(of_grids),
         cmocka_unit_test(of_files),
         cmocka_unit_test(of_map_merging),

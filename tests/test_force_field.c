@@ -282,7 +282,7 @@ static void test_params_are_refused(void **state)
     p = good;
     p.roi = 0;
     p.max_corners = 0;
-    p.roi_mass = nan;
+    p.roi_mass = p.roi_radius = nan;
     assert_true(cairn_force_field_memory(&p) > 0);
     assert_true(cairn_force_field_memory(&p) < cairn_force_field_memory(&good));
     assert_ok(cairn_force_field_create(&field, &pool, &p));

@@ -673,6 +673,85 @@ static void test_modes_can_be_read(void **state)
     test_pool_free(&f.pool);
 }
 
+static uint64_t hash_real(uint64_t hash, cairn_real x)
+{
+    return test_hash(hash, &x, sizeof x);
+}
+
+static uint64_t hash_pose(uint64_t hash, cairn_pose p)
+{
+    return hash_real(hash_real(hash_real(hash, p.x), p.y), p.theta);
+}
+
+/* All that can be read of a merging: places, rivals, scores at them and beside them. */
+static uint64_t hash_merging(const cairn_map_merge *merge, int32_t maps)
+{
+    cairn_merge_result result = cairn_map_merge_read(merge);
+    uint64_t hash = test_hash(TEST_HASH_START, &result.units, sizeof result.units);
+
+    hash = hash_real(test_hash(hash, &result.hypotheses, sizeof result.hypotheses), result.evidence);
+    for (int32_t b = 0; b < maps; b++) {
+        cairn_merge_placed placed = cairn_map_merge_of(merge, b);
+
+        hash =
+            test_hash(test_hash(hash, &placed.corners, sizeof placed.corners), &placed.verdict, sizeof placed.verdict);
+        hash = hash_real(hash_real(hash_real(hash_pose(hash, placed.reference_map), placed.support), placed.rival),
+                         placed.wrong);
+        for (int32_t a = 0; a < b; a++) {
+            cairn_pose a_b;
+            cairn_real evidence;
+
+            for (int32_t k = 0; cairn_map_merge_mode(merge, a, b, k, &a_b, &evidence); k++) {
+                cairn_merge_score score;
+
+                hash = hash_real(hash_pose(hash, a_b), evidence);
+                a_b.x += CAIRN_REAL(0.06);
+                assert_ok(cairn_map_merge_score(merge, a, b, a_b, &score));
+                hash = hash_real(hash_real(hash_real(hash, score.evidence), score.agree), score.conflict);
+                hash = hash_real(hash_real(hash_real(hash, score.overlap), score.psi), score.disagreement);
+            }
+        }
+    }
+    return hash;
+}
+
+/* Surfaces, normals, lines, corners and refinements to their last bit: as they are, with fewer points and lines than the maps have, and
+ * with a map of coarser cells, which is a part of a larger picture. */
+static void test_bits_stay(void **state)
+{
+    static const struct {
+        uint64_t in_double, in_float;
+    } golden[] = {{UINT64_C(0x4176341eda1b483a), UINT64_C(0x656c7e46419583a7)},
+                  {UINT64_C(0xe5c1105f67e8a2ee), UINT64_C(0x5eed97d5f1df8fdd)},
+                  {UINT64_C(0x211e02526856fc55), UINT64_C(0xe8fb4a507cc5e2c5)}};
+
+    (void)state;
+    for (int k = 0; k < 3; k++) {
+        cairn_map_merge_params p = small_params();
+        world w = rooms((uint64_t)k + 1);
+        struct fixture f;
+        view *views[3];
+
+        if (k == 1) {
+            p.max_points = 300;
+            p.max_segments = 24;
+            p.max_corners = 12;
+        }
+        f = merge_with(&p);
+        three_views(&w, views);
+        if (k == 2) {
+            free(views[1]);
+            views[1] = draw(&w, 0, 0.2, -2.1, -3.2, 3.2, 0.08, 0);
+        }
+        merge_views(f.merge, views, 3, k);
+        for (int32_t i = 0; i < 3; i++)
+            assert_placed(f.merge, i, truth_of(views[k], views[i]), k < 2 ? 0.03 : 0.06);
+        assert_golden(hash_merging(f.merge, 3), golden[k].in_double, golden[k].in_float);
+        free_views(views, 3);
+        test_pool_free(&f.pool);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -693,6 +772,7 @@ int main(void)
         cmocka_unit_test(test_images_equal_the_slow_way),
         cmocka_unit_test(test_images_as_perception),
         cmocka_unit_test(test_modes_can_be_read),
+        cmocka_unit_test(test_bits_stay),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -32,6 +32,25 @@ static int32_t slow_nearest(const cairn_vec2 *points, int32_t count, cairn_vec2 
     return best;
 }
 
+/* Of the points that look east, north, west and south in turn, the nearest one that looks north or east. */
+static void check_facing(const cairn_point_grid *grid, const cairn_vec2 *points, int32_t count, cairn_vec2 p,
+                         cairn_real radius)
+{
+    static const cairn_vec2 compass[] = {{1, 0}, {0, 1}, {-1, 0}, {0, -1}};
+    cairn_vec2 directions[POINTS];
+    cairn_point_grid_facing facing = {directions, {CAIRN_REAL(0.6), CAIRN_REAL(0.8)}, CAIRN_REAL(0.6)};
+    int32_t best = -1, looked_at = -1;
+
+    for (int32_t i = 0; i < count; i++) {
+        directions[i] = compass[i % 4];
+        if (i % 4 < 2 && distance_squared(points[i], p) <= radius * radius &&
+            (best < 0 || distance_squared(points[i], p) < distance_squared(points[best], p)))
+            best = i;
+    }
+    assert_int_equal(cairn_point_grid_nearest_facing(grid, p, radius, &facing, &looked_at), best);
+    assert_true(looked_at >= (best >= 0) && looked_at <= 3 * count + 2);
+}
+
 /* The cursor meets every point within the radius once and no other. */
 static void check_cursor(const cairn_point_grid *grid, const cairn_vec2 *points, int32_t count, cairn_vec2 p,
                          cairn_real radius)
@@ -58,6 +77,7 @@ static void check_query(const cairn_point_grid *grid, const cairn_vec2 *points, 
     assert_int_equal(cairn_point_grid_nearest(grid, p, radius, NULL), expected);
     assert_true(squared == (expected < 0 ? -1 : distance_squared(points[expected], p)));
     assert_int_equal(cairn_point_grid_has(grid, p, radius), expected >= 0);
+    check_facing(grid, points, count, p, radius);
     check_cursor(grid, points, count, p, radius);
 }
 
@@ -118,6 +138,35 @@ static void test_grid_matches_linear_search(void **state)
     check_random_points(3, CAIRN_REAL(0.1), 1, 1);
     check_random_points(4, 1, 1000000, 0);
     check_random_points(5, CAIRN_REAL(0.125), 1, CAIRN_REAL(0.25));
+}
+
+/* What a search looks at: a cell and the points in it, rings of cells until the next one is farther than the best point. */
+static void test_grid_counts_looks(void **state)
+{
+    static const cairn_vec2 points[] = {{CAIRN_REAL(0.5), CAIRN_REAL(0.5)}, {CAIRN_REAL(0.6), CAIRN_REAL(0.5)},
+                                        {CAIRN_REAL(1.5), CAIRN_REAL(0.5)}, {CAIRN_REAL(9.5), CAIRN_REAL(9.5)},
+                                        {CAIRN_REAL(9.5), CAIRN_REAL(8.5)}, {CAIRN_REAL(8.5), CAIRN_REAL(8.5)}};
+    static const cairn_vec2 directions[] = {{0, 1}, {0, 1}, {1, 0}, {1, 0}, {1, 0}, {1, 0}};
+    cairn_point_grid_facing facing = {directions, {0, 1}, CAIRN_REAL(0.5)};
+    cairn_pool pool;
+    cairn_point_grid *grid = make_grid(&pool, 6, 1);
+    int32_t looked_at = 0;
+
+    (void)state;
+    for (int32_t i = 0; i < 6; i++)
+        assert_ok(cairn_point_grid_insert(grid, points[i]));
+    assert_int_equal(cairn_point_grid_nearest_facing(grid, points[0], CAIRN_REAL(0.4), &facing, &looked_at), 0);
+    assert_int_equal(looked_at, 3);
+    facing.direction.x = 1;
+    facing.direction.y = 0;
+    assert_int_equal(cairn_point_grid_nearest_facing(grid, points[0], CAIRN_REAL(0.4), &facing, &looked_at), -1);
+    assert_int_equal(looked_at, 3);
+    /* More cells than points: all points in turn. */
+    assert_int_equal(cairn_point_grid_nearest_facing(grid, points[0], 6, &facing, &looked_at), 2);
+    assert_int_equal(looked_at, 6);
+    assert_int_equal(cairn_point_grid_nearest_facing(grid, points[0], (cairn_real)NAN, &facing, &looked_at), -1);
+    assert_int_equal(looked_at, 0);
+    test_pool_free(&pool);
 }
 
 /* Far beyond the range of cell numbers all points share the outermost cells and are still told apart. */
@@ -623,6 +672,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_grid_matches_linear_search),
+        cmocka_unit_test(test_grid_counts_looks),
         cmocka_unit_test(test_grid_far_points),
         cmocka_unit_test(test_grid_underflow),
         cmocka_unit_test(test_grid_huge_radius),

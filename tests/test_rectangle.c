@@ -951,6 +951,7 @@ static void bad_params_are_refused(void **state)
     p.max_pairs = 1 << 20;
     p.max_rectangles = 256;
     p.merge_gap = 0;
+    p.angle = p.merge_angle = CAIRN_REAL(0.78); /* below a quarter of pi */
     p.least_side = 0;
     p.least_covered = 1;
     assert_true(cairn_rectangle_memory(&p) > 0);

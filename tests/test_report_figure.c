@@ -215,6 +215,7 @@ static void refuse(const cairn_report_figure *figure, cairn_status status, const
     assert_status(cairn_report_figure_write(files_path("refused.svg"), figure, &error), status);
     if (strstr(error.text, piece) == NULL)
         fail_msg("\"%s\" does not hold \"%s\"", error.text, piece);
+    assert_int_equal(error.line, 0);
     assert_int_not_equal(access(files_path("refused.svg"), F_OK), 0);
 }
 

@@ -317,6 +317,10 @@ static page *read_page(const char *path)
     return p;
 }
 
+/* All that the page is told, as a hash. */
+#define assert_data(p, in_double, in_float)                                                                            \
+    assert_golden(test_hash(TEST_HASH_START, (p)->data, strlen((p)->data)), UINT64_C(in_double), UINT64_C(in_float))
+
 static void free_page(page *p)
 {
     free(p->html);
@@ -494,6 +498,7 @@ static void test_scans(void **state)
     assert_int_equal(whole(&p->walls), 0);
     assert_int_equal(whole(&p->walls), 0);
     assert_int_equal(p->walls.at, p->walls.count);
+    assert_data(p, 0x7fd2a256e5701b62, 0x7fd2a256e5701b62);
     free_page(p);
     cairn_report_player_free(player);
 }
@@ -546,6 +551,7 @@ static void test_poses(void **state)
             assert_int_equal(p->poses.at - before, 3);
     }
     assert_int_equal(p->poses.at, p->poses.count);
+    assert_data(p, 0x743def99716285f9, 0x1f9d3e8a108c242e);
     free_page(p);
     cairn_report_player_free(player);
 }
@@ -651,6 +657,7 @@ static void test_marks(void **state)
     for (int i = 0; i < 4; i++)
         assert_int_equal(whole(&p->marks), 0);
     assert_int_equal(p->marks.at, p->marks.count);
+    assert_data(p, 0x0174a883f880b1e3, 0xc65ecbac80e7012e);
     free_page(p);
     cairn_report_player_free(player);
 }
@@ -687,6 +694,7 @@ static void test_parts(void **state)
     for (size_t i = 0; i < sizeof expected / sizeof *expected; i++)
         assert_int_equal(whole(&p->parts), expected[i]);
     assert_int_equal(p->parts.at, p->parts.count);
+    assert_data(p, 0x53e5a226c8c2e96d, 0x53e5a226c8c2e96d);
     free_page(p);
     /* No parts any more, and frame 3 has gone. */
     assert_ok(add_poses(player, 4, pose, 4));
@@ -729,6 +737,7 @@ static void test_links(void **state)
     for (size_t i = 0; i < sizeof expected / sizeof *expected; i++)
         assert_int_equal(whole(&p->links), expected[i]);
     assert_int_equal(p->links.at, p->links.count);
+    assert_data(p, 0xa4875d529441c313, 0xa4875d529441c313);
     free_page(p);
     cairn_report_player_free(player);
 }
@@ -942,6 +951,7 @@ static void test_thinned_points(void **state)
     assert_int_equal(p->points.at, p->points.count);
     assert_int_equal(p->walls.at, p->walls.count);
     assert_int_equal(p->marks.at, p->marks.count);
+    assert_data(p, 0x0acfdee1ee7fff94, 0x0acfdee1ee7fff94);
     free_page(p);
     cairn_report_player_free(player);
 }
@@ -978,6 +988,7 @@ static void test_whole_log(void **state)
     assert_true(strlen(p->html) < 3000000);
     assert_int_equal(p->notes, 2);
     assert_string_equal(p->note[1], "Every 2nd of 300000 points is shown.");
+    assert_data(p, 0x51c4e65d647c32b4, 0xc04a26f01211bfd0);
     free_page(p);
     cairn_report_player_free(player);
     free(point);

@@ -112,7 +112,7 @@ static flown fly(const walk *w, int32_t arrival, int32_t first, int32_t second, 
     robot r = none;
     robot_params params = room_params();
     recorder recording;
-    flown result = {.hash = ROBOT_HASH_START};
+    flown result = {.hash = HASH_START};
     cairn_status status = CAIRN_MORE;
 
     assert_non_null(memory);

@@ -396,6 +396,14 @@ static void test_points_are_made(void **state)
     make_walls(&w, 1, 0.08);
     assert_fault(&fault, cairn_scan_set_add(made, &w.view, NULL, &fault), CAIRN_BAD_ARGUMENT, 0);
     assert_int_equal(made->scan_count + made->segment_count + made->point_count + made->word_count, 0);
+    /* A wall without a point takes no words. */
+    make_walls(&w, 1, 0.07);
+    w.view.segment_count = 1;
+    w.view.point_count = w.first_point[1] = 0;
+    assert_ok(cairn_scan_set_add(made, &w.view, NULL, NULL));
+    assert_int_equal(made->segment_count, 1);
+    assert_int_equal(made->word_count, 0);
+    cairn_scan_set_clear(made);
     /* A wall with a place for every point but not for every place. */
     make_walls(&w, 1, 0.07);
     w.segments[0].b.x = w.segments[0].a.x + 9000;

@@ -2,6 +2,7 @@
 #include "tests/test.h"
 
 #include <math.h>
+#include <sys/resource.h>
 
 #include "cairn/sparse_solver.h"
 
@@ -255,6 +256,7 @@ static void refusals(void **state)
         assert_ok(f.add_pose_block(f.context, i, one));
     assert_ok(f.factor(f.context));
     assert_ok(run(&f));
+    assert_int_equal(f.read(f.context).pose, -1);
     b[5] = nan;
     assert_status(f.solve(f.context, b), CAIRN_NOT_FINITE);
     assert_status(f.solution(f.context, 0, x), CAIRN_EMPTY);
@@ -264,11 +266,132 @@ static void refusals(void **state)
     cairn_sparse_solver_close(sparse);
 }
 
+/* One pose with a diagonal and nothing else: what factor() makes of it. */
+static cairn_block_solver_state state_of_pose(const cairn_pose_solver *f, cairn_sym3 block)
+{
+    assert_ok(f->begin(f->context, 1));
+    assert_ok(f->analyze(f->context));
+    assert_ok(run(f));
+    assert_ok(f->add_pose_block(f->context, 0, block));
+    assert_ok(f->factor(f->context));
+    assert_ok(run(f));
+    return f->read(f->context).state;
+}
+
+/* Every unknown is measured by its own diagonal, and a solution beyond what a cairn_real holds is told. */
+static void one_pose(void **state)
+{
+    const cairn_sym3 uneven = {CAIRN_REAL(1e-18), 0, 0, 1, 0, CAIRN_REAL(1e18)};
+    cairn_sparse_solver *sparse;
+    cairn_pose_solver f;
+    cairn_real x[3];
+
+    (void)state;
+    if (!open_or_say_so(&sparse))
+        return;
+    f = cairn_sparse_solver_face(sparse);
+    assert_int_equal(state_of_pose(&f, uneven), CAIRN_BLOCK_SOLVER_FACTORED);
+    for (int k = 0; k < 3; k++) {
+        const cairn_real tiny = (cairn_real)NUMBER(1e-300, 1e-30);
+        cairn_sym3 block = {k == 0 ? tiny : 1, 0, 0, k == 1 ? tiny : 1, 0, k == 2 ? tiny : 1};
+        cairn_real b[3] = {3, 4, 5};
+
+        assert_int_equal(state_of_pose(&f, block), CAIRN_BLOCK_SOLVER_FACTORED);
+        assert_ok(f.solve(f.context, b));
+        assert_ok(run(&f));
+        assert_ok(f.solution(f.context, 0, x));
+        assert_near(x[k] * tiny, b[k], 1e-6);
+        b[k] = k == 1 ? -1 / tiny : 1 / tiny;
+        assert_ok(f.solve(f.context, b));
+        assert_status(run(&f), CAIRN_NOT_FINITE);
+        assert_status(f.solution(f.context, 0, x), CAIRN_EMPTY);
+    }
+    cairn_sparse_solver_close(sparse);
+}
+
+/* Pivots of the second of two poses that are `left` rounding errors of its diagonal. */
+static void small_pivots(void **state)
+{
+    const cairn_sym3 one = {1, 0, 0, 1, 0, 1};
+    cairn_sparse_solver *sparse;
+    cairn_pose_solver f;
+
+    (void)state;
+    if (!open_or_say_so(&sparse))
+        return;
+    f = cairn_sparse_solver_face(sparse);
+    for (int k = 0; k < 6; k++) {
+        const cairn_real left = (cairn_real)(k < 3 ? 48 : 96) * (cairn_real)DBL_EPSILON;
+        const cairn_sym3 rest = {k % 3 == 0 ? left : 1, 0, 0, k % 3 == 1 ? left : 1, 0, k % 3 == 2 ? left : 1};
+        const cairn_real minus[9] = {-1, 0, 0, 0, -1, 0, 0, 0, -1};
+
+        assert_ok(f.begin(f.context, 2));
+        assert_ok(f.add_link(f.context, 0, 1));
+        assert_ok(f.analyze(f.context));
+        assert_ok(run(&f));
+        assert_ok(f.add_pose_block(f.context, 0, one));
+        assert_ok(f.add_pose_block(f.context, 1, one));
+        assert_ok(f.add_pose_block(f.context, 1, rest));
+        assert_ok(f.add_link_block(f.context, 0, minus));
+        assert_ok(f.factor(f.context));
+        assert_ok(run(&f));
+        assert_int_equal(f.read(f.context).state,
+                         k < 3 ? CAIRN_BLOCK_SOLVER_NOT_POSITIVE : CAIRN_BLOCK_SOLVER_FACTORED);
+    }
+    cairn_sparse_solver_close(sparse);
+}
+
+/* What is held, and that its lack is told. */
+static void memory(void **state)
+{
+    const size_t numbers = 8 * sizeof(int) + 3 * sizeof(double), entries = sizeof(int) + sizeof(double);
+    cairn_sparse_solver *sparse;
+    cairn_pose_solver f;
+    size_t empty;
+
+    (void)state;
+    if (!open_or_say_so(&sparse))
+        return;
+    f = cairn_sparse_solver_face(sparse);
+    empty = cairn_sparse_solver_memory(sparse);
+    for (int32_t poses = 1; poses < 8; poses++) {
+        size_t n = 3 * (size_t)poses;
+
+        assert_ok(f.begin(f.context, poses));
+        assert_ok(f.analyze(f.context));
+        assert_ok(run(&f));
+        assert_int_equal(f.read(f.context).fill, 0);
+        assert_int_equal(cairn_sparse_solver_memory(sparse) - empty,
+                         (n + 1) * numbers + (3 * n + 1) * entries + (n + 1) * entries);
+    }
+#ifndef __SANITIZE_ADDRESS__
+    {
+        struct rlimit all, little;
+
+        assert_int_equal(getrlimit(RLIMIT_AS, &all), 0);
+        little = all;
+        little.rlim_cur = (rlim_t)1 << 28;
+        assert_int_equal(setrlimit(RLIMIT_AS, &little), 0);
+        assert_ok(f.begin(f.context, 1 << 23));
+        assert_ok(f.analyze(f.context));
+        assert_status(run(&f), CAIRN_NO_MEMORY);
+        assert_int_equal(f.read(f.context).state, CAIRN_BLOCK_SOLVER_NEW);
+        assert_int_equal(setrlimit(RLIMIT_AS, &all), 0);
+    }
+#endif
+    assert_status(f.begin(f.context, INT32_MAX / 16 + 1), CAIRN_BAD_ARGUMENT);
+    assert_ok(f.begin(f.context, INT32_MAX / 16));
+    cairn_sparse_solver_close(sparse);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(same_solutions_and_covariances),
         cmocka_unit_test(same_poses),
+        cmocka_unit_test(one_pose),
+        cmocka_unit_test(small_pivots),
+        cmocka_unit_test(memory),
         cmocka_unit_test(refusals),
     };
 

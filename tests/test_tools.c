@@ -496,6 +496,46 @@ static void quiet_and_pipes(void **state)
     assert_string_equal(o.out, "");
 }
 
+/* With --filter: the same files but for the graph, the same bytes by the same seed and others by another, a page, refusals. */
+static void maps_by_particles(void **state)
+{
+    outcome o = programs_run("cairn map @/drive/scans.log -o @/filter --filter 3 --seed 5 --report @/filter.html");
+    cairn_file_error error;
+    cairn_pose_row *row;
+    int32_t count;
+    char *one, *two;
+
+    (void)state;
+    assert_done(o);
+    assert_holds(o.out, "scans      30 (0 damaged lines left out)\n");
+    assert_holds(o.out, "particles  3, resampled ");
+    assert_int_equal(lines_of(o.out), 7);
+    assert_int_equal(count_in("filter"), FILES);
+    assert_ok(cairn_pose_table_read(&row, &count, files_path("filter/poses.csv"), &error));
+    assert_true(mean_error(row, count, files_path("drive/truth.csv"), 1) < 0.1);
+    cairn_pose_table_free(row);
+    one = files_read(files_path("filter.html"), NULL);
+    assert_holds(one, "{\"name\":\"support\"");
+    assert_holds(one, "N_eff");
+    free(one);
+    assert_done(programs_run("cairn map @/drive/scans.log -o @/filter-again --filter 3 --seed 5 --quiet"));
+    assert_same_files("filter", "filter-again", map_files);
+    assert_done(programs_run("cairn map @/drive/scans.log -o @/filter-6 --filter 3 --seed 6 --quiet"));
+    one = files_read(in_folder("filter", "poses.csv"), NULL);
+    two = files_read(in_folder("filter-6", "poses.csv"), NULL);
+    assert_string_not_equal(one, two);
+    free(one);
+    free(two);
+    assert_done(programs_run("cairn map @/drive/scans.log -o @/filter-alone --filter 2 --no-odometry --quiet"));
+    assert_refused(programs_run("cairn map @/drive/scans.log -o @/filter-few --filter 2 --max-keys 2"),
+                   "cairn map: ", "scans.log: needs more than 2 key scans, expected at most that: raise --max-keys");
+    assert_refused(programs_run("cairn map @/drive/scans.log -o @/filter-few --filter 2 --pool 1K"),
+                   "cairn map: ", "--pool");
+    assert_refused(programs_run("cairn map @/drive/scans.log -o @/filter-few --filter 4097"),
+                   "cairn map: ", "--filter is '4097'");
+    assert_int_equal(access(files_path("filter-few"), F_OK), -1);
+}
+
 static void help_and_version(void **state)
 {
     static const char *const commands[] = {"align", "map", "info", "match"};
@@ -1298,6 +1338,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(matches_by_shape),
         cmocka_unit_test(names_of_logs_stay_text),
         cmocka_unit_test(quiet_and_pipes),
+        cmocka_unit_test(maps_by_particles),
         cmocka_unit_test(help_and_version),
         cmocka_unit_test(a_damaged_scan_is_left_out),
         cmocka_unit_test(a_tenth_of_the_lines_is_damaged),

@@ -7,12 +7,9 @@
 
 #include "cairn/mapper.h"
 #include "cairn/output.h"
-#include "tools/cairn_map_input.h"
-#include "tools/cairn_map_output.h"
+#include "tools/cairn_map_work.h"
 #include "tools/cairn_player.h"
 #include "tools/cairn_tool.h"
-
-#define PROGRAM "cairn map"
 
 /* The most points, and segments, of all key scans. */
 #define KEY_CAPACITY_MOST (1 << 24)
@@ -20,17 +17,7 @@
 /* In which fewer loops are judged than can be read. */
 #define FEW_UNITS 5000
 
-typedef struct settings {
-    const char *log; /* the first one */
-    const char *logs[MAP_LOGS_MOST];
-    const char *folder, *pool, *report;
-    int32_t log_count;
-    int64_t max_keys, window, seed;
-    double resolution, range, range_max;
-    int32_t no_odometry, quiet;
-} settings;
-
-static option_result read_settings(settings *s, int argc, char **argv)
+static option_result read_settings(map_settings *s, int argc, char **argv)
 {
     const option table[] = {
         OPTION_TEXT("-o", &s->folder, "DIR", "folder for poses.csv, poses.tum, graph.g2o, map.pgm, map.yaml, map.svg"),
@@ -41,16 +28,19 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the map up to here, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from here on are no return, m (by the log)"),
-        OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "for methods that draw at random; this one does not"),
+        OPTION_INTEGER("--filter", &s->particles, 0, 4096, "N",
+                       "by a Rao-Blackwellized filter of N particles: no loops, no graph (0: by the mapper)"),
+        OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "of what the particles draw; the mapper draws nothing"),
         OPTION_TEXT("--report", &s->report, "FILE", PLAYER_HELP),
         OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the mapper (just what it needs)"),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
     };
     const option_set set = {
-        PROGRAM, "LOG [LOG ...] -o DIR [options]",
+        MAP_PROGRAM, "LOG [LOG ...] -o DIR [options]",
         "Maps a log (CARMEN, or a table of ranges, plain or gzipped), scan by scan: every scan is matched\n"
         "against the key scans near by, force field simulation runs over a window of the last key scans, and\n"
-        "loops are closed. Of several logs each goes on where the one before ended.",
+        "loops are closed. Of several logs each goes on where the one before ended. With --filter every particle\n"
+        "has a map of its own, and the one whose path explains the scans best is written.",
         table, sizeof table / sizeof *table};
     size_t words = MAP_LOGS_MOST;
     option_result result = options_read(&set, argc, argv, s->logs, &words);
@@ -58,29 +48,52 @@ static option_result read_settings(settings *s, int argc, char **argv)
     if (result != OPTIONS_READ)
         return result;
     if (words == 0 || s->folder == NULL) {
-        (void)options_refuse(PROGRAM, "%s, expected LOG -o DIR", words == 0 ? "no log" : "no folder to write to (-o)");
+        (void)options_refuse(MAP_PROGRAM, "%s, expected LOG -o DIR",
+                             words == 0 ? "no log" : "no folder to write to (-o)");
         return OPTIONS_BAD;
     }
     s->log = s->logs[0];
     s->log_count = (int32_t)words;
     if (s->window == 1) {
-        (void)options_refuse(PROGRAM, "--window is '1', expected 0 or 2 to 64");
+        (void)options_refuse(MAP_PROGRAM, "--window is '1', expected 0 or 2 to 64");
         return OPTIONS_BAD;
     }
     return OPTIONS_READ;
 }
-
-/* Where a scan hangs, for its pose in the end. */
-typedef struct place {
-    cairn_pose key_scan;
-    int32_t key;
-} place;
 
 static const char *verdict_text(cairn_mapper_verdict verdict)
 {
     static const char *const texts[] = {"first", "matched", "predicted", "blind"};
 
     return texts[verdict];
+}
+
+int map_keep(const map_input *input, const cairn_mapper *mapper, int32_t index, map_scan *scan, map_place *place)
+{
+    const cairn_carmen_record *record = &input->record[index];
+    cairn_mapper_result result = cairn_mapper_read(mapper);
+    cairn_scan_view view = cairn_mapper_view(mapper);
+
+    if (!map_scan_keep(scan, &view))
+        return 0;
+    place->key = result.key;
+    place->key_scan = result.key_scan;
+    scan->line = record->line;
+    scan->stamp_ns = record->stamp_ns;
+    scan->before = record->robot;
+    scan->support = result.support;
+    scan->verdict = verdict_text(result.verdict);
+    scan->doubtful = result.verdict == CAIRN_MAPPER_PREDICTED;
+    return 1;
+}
+
+cairn_scan_input map_scan_input(const map_settings *s, const map_input *input, int32_t index)
+{
+    cairn_scan_input scan = input->record[index].scan;
+
+    if (s->no_odometry)
+        scan.base_sensor = cairn_pose_identity(); /* the mounting, too, follows from the log's poses */
+    return scan;
 }
 
 /* A frame of the player: the key scans after scan `index` of the log. */
@@ -136,7 +149,8 @@ static cairn_status record_key(cairn_report_player *player, const cairn_mapper *
 }
 
 /* Lets the mapper finish its loops; the last frame shows what came of it. */
-static int settle(const settings *s, cairn_mapper *mapper, cairn_report_player *player, int32_t shown, int32_t index)
+static int settle(const map_settings *s, cairn_mapper *mapper, cairn_report_player *player, int32_t shown,
+                  int32_t index)
 {
     cairn_status status;
 
@@ -152,13 +166,13 @@ static int settle(const settings *s, cairn_mapper *mapper, cairn_report_player *
         status = add_frame(player, mapper, index);
     if (status == CAIRN_OK)
         return TOOL_OK;
-    (void)options_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
+    (void)options_refuse(MAP_PROGRAM, "%s: %s", s->log, cairn_status_text(status));
     return tool_exit_code(status);
 }
 
 /* Feeds all scans to the mapper; keeps what is drawn. TOOL_OK, or another exit code after a line on standard error; *full
  * is set, and no line printed, when the mapper had no room for a key scan. */
-static int feed(const settings *s, const map_input *input, cairn_mapper *mapper, map_scan *scans, place *places,
+static int feed(const map_settings *s, const map_input *input, cairn_mapper *mapper, map_scan *scans, map_place *places,
                 cairn_report_player *player, int32_t *full)
 {
     tool_progress progress = tool_progress_begin("map", input->count, s->quiet);
@@ -170,11 +184,8 @@ static int feed(const settings *s, const map_input *input, cairn_mapper *mapper,
         const cairn_carmen_record *record = &input->record[i];
         cairn_fault fault = {-1, NULL};
         cairn_mapper_result result;
-        cairn_scan_input scan = record->scan;
-        cairn_scan_view view;
+        cairn_scan_input scan = map_scan_input(s, input, i);
 
-        if (s->no_odometry)
-            scan.base_sensor = cairn_pose_identity(); /* the mounting, too, follows from the log's poses */
         status = cairn_mapper_add(mapper, &scan, s->no_odometry ? NULL : map_input_odometry(input, i), &fault);
         while (status == CAIRN_OK || status == CAIRN_MORE) {
             cairn_budget budget = {CAIRN_UNBOUNDED};
@@ -189,8 +200,7 @@ static int feed(const settings *s, const map_input *input, cairn_mapper *mapper,
             return *full ? TOOL_BAD : tool_report_scan(map_input_log(input, i)->path, record->line, status, &fault);
         }
         result = cairn_mapper_read(mapper);
-        view = cairn_mapper_view(mapper);
-        if (!map_scan_keep(&scans[i], &view))
+        if (!map_keep(input, mapper, i, &scans[i], &places[i]))
             status = CAIRN_NO_MEMORY;
         if (status == CAIRN_OK && player != NULL && (result.is_key || i == input->count - 1))
             status = result.is_key ? record_key(player, mapper, &scans[i], i) : add_frame(player, mapper, i);
@@ -200,14 +210,6 @@ static int feed(const settings *s, const map_input *input, cairn_mapper *mapper,
             tool_progress_end(&progress);
             return tool_report_scan(map_input_log(input, i)->path, record->line, status, NULL);
         }
-        places[i].key = result.key;
-        places[i].key_scan = result.key_scan;
-        scans[i].line = record->line;
-        scans[i].stamp_ns = record->stamp_ns;
-        scans[i].before = record->robot;
-        scans[i].support = result.support;
-        scans[i].verdict = verdict_text(result.verdict);
-        scans[i].doubtful = result.verdict == CAIRN_MAPPER_PREDICTED;
         tool_progress_at(&progress, i);
     }
     tool_progress_end(&progress);
@@ -215,7 +217,7 @@ static int feed(const settings *s, const map_input *input, cairn_mapper *mapper,
 }
 
 /* The player for --report; NULL without it. */
-static cairn_status open_player(const settings *s, const map_input *input, cairn_report_player **player)
+static cairn_status open_player(const map_settings *s, const map_input *input, cairn_report_player **player)
 {
     static const cairn_report_curve curves[] = {
         {"support", "", "share of the scan's points that found partners"},
@@ -271,8 +273,23 @@ static int graph_of(const cairn_mapper *mapper, cairn_pose_graph_file *graph)
     return 1;
 }
 
-static int write_all(const settings *s, const map_input *input, const cairn_mapper *mapper, map_scan *scans,
-                     const place *places, cairn_report_player *player)
+map_output map_output_of(const map_settings *s, map_scan *scans, int32_t count)
+{
+    map_output output;
+
+    memset(&output, 0, sizeof output);
+    output.scan = scans;
+    output.count = count;
+    output.in_order = 1;
+    output.grid_panel = 1;
+    output.resolution = s->resolution;
+    output.range = s->range;
+    output.report = s->report;
+    return output;
+}
+
+static int write_all(const map_settings *s, const map_input *input, const cairn_mapper *mapper, map_scan *scans,
+                     const map_place *places, cairn_report_player *player)
 {
     cairn_file_error error;
     map_output output;
@@ -281,7 +298,7 @@ static int write_all(const settings *s, const map_input *input, const cairn_mapp
     char title[256], subtitle[256];
 
     if (!graph_of(mapper, &graph)) {
-        (void)options_refuse(PROGRAM, "no memory for the graph");
+        (void)options_refuse(MAP_PROGRAM, "no memory for the graph");
         return TOOL_FAILED;
     }
     for (int32_t i = 0; i < input->count; i++)
@@ -289,17 +306,10 @@ static int write_all(const settings *s, const map_input *input, const cairn_mapp
     snprintf(title, sizeof title, "%s, mapped", cairn_path_name(s->log));
     snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans, %" PRId32 " key scans%s", input->count,
              cairn_mapper_measure(mapper).keys, s->no_odometry ? ", without odometry" : "");
-    memset(&output, 0, sizeof output);
+    output = map_output_of(s, scans, input->count);
     output.title = title;
     output.subtitle = subtitle;
-    output.scan = scans;
-    output.count = input->count;
-    output.in_order = 1;
-    output.grid_panel = 1;
-    output.resolution = s->resolution;
-    output.range = s->range;
     output.player = player;
-    output.report = s->report;
     output.graph = &graph;
     if (map_output_write(&output, s->folder, &error) != CAIRN_OK)
         code = tool_report(&error);
@@ -330,11 +340,33 @@ static int32_t least(int64_t a, int32_t b)
     return a < b ? (int32_t)a : b;
 }
 
-/* Maps and writes with room for so many points a key scan. *full is set, and no line printed, when that is too few. */
-static int map_with_room(const settings *s, const map_input *input, map_scan *scans, place *places, int32_t points,
-                         int32_t *full)
+/* With room for so many points a key scan. */
+static cairn_mapper_params params_for(const map_settings *s, const map_input *input, int32_t points)
 {
     cairn_mapper_params params = cairn_mapper_default_for(least(s->max_keys, input->count), input->beams_most);
+
+    params.window = (int32_t)s->window;
+    params.field.potential = 1;
+    if (params.window > 0 && params.window_free >= params.window)
+        params.window_free = params.window - 1;
+    params.max_key_points = least((int64_t)params.max_keys * points + params.scan.max_points, KEY_CAPACITY_MOST);
+    params.max_key_segments =
+        least((int64_t)params.max_keys * points / 4 + params.scan.max_segments, KEY_CAPACITY_MOST);
+    return params;
+}
+
+int map_refuse_keys(const map_settings *s, int32_t max_keys)
+{
+    return options_refuse(MAP_PROGRAM,
+                          "%s: needs more than %" PRId32 " key scans, expected at most that: raise --max-keys", s->log,
+                          max_keys);
+}
+
+/* Maps and writes with room for so many points a key scan. *full is set, and no line printed, when that is too few. */
+static int map_with_room(const map_settings *s, const map_input *input, map_scan *scans, map_place *places,
+                         int32_t points, int32_t *full)
+{
+    cairn_mapper_params params = params_for(s, input, points);
     double start = tool_seconds(), fed;
     cairn_report_player *player = NULL;
     cairn_mapper *mapper = NULL;
@@ -343,14 +375,9 @@ static int map_with_room(const settings *s, const map_input *input, map_scan *sc
     int code;
 
     *full = 0;
-    params.window = (int32_t)s->window;
-    params.field.potential = 1;
-    if (params.window > 0 && params.window_free >= params.window)
-        params.window_free = params.window - 1;
-    params.max_key_points = least((int64_t)params.max_keys * points + params.scan.max_points, KEY_CAPACITY_MOST);
-    params.max_key_segments =
-        least((int64_t)params.max_keys * points / 4 + params.scan.max_segments, KEY_CAPACITY_MOST);
-    code = tool_pool_open(&pool, PROGRAM, s->pool, cairn_mapper_memory(&params));
+    if (s->particles > 0)
+        return map_by_filter(s, input, &params, scans, places, full);
+    code = tool_pool_open(&pool, MAP_PROGRAM, s->pool, cairn_mapper_memory(&params));
     if (code != TOOL_OK)
         return code;
     status = cairn_mapper_create(&mapper, &pool, &params);
@@ -358,16 +385,14 @@ static int map_with_room(const settings *s, const map_input *input, map_scan *sc
         status = open_player(s, input, &player);
     if (status != CAIRN_OK) {
         tool_pool_close(&pool);
-        (void)options_refuse(PROGRAM, "%s: %s", s->log, cairn_status_text(status));
+        (void)options_refuse(MAP_PROGRAM, "%s: %s", s->log, cairn_status_text(status));
         return tool_exit_code(status);
     }
     code = feed(s, input, mapper, scans, places, player, full);
     fed = tool_seconds();
     if (*full && cairn_mapper_measure(mapper).keys == params.max_keys) {
         *full = 0;
-        code = options_refuse(PROGRAM,
-                              "%s: needs more than %" PRId32 " key scans, expected at most that: raise --max-keys",
-                              s->log, params.max_keys);
+        code = map_refuse_keys(s, params.max_keys);
     }
     if (code == TOOL_OK)
         code = write_all(s, input, mapper, scans, places, player);
@@ -380,7 +405,7 @@ static int map_with_room(const settings *s, const map_input *input, map_scan *sc
 
 /* Key scans in buildings have some 100 points and 30 segments each; where there are more, all begins anew with twice the
  * room. */
-static int run(const settings *s, const map_input *input, map_scan *scans, place *places)
+static int run(const map_settings *s, const map_input *input, map_scan *scans, map_place *places)
 {
     int32_t most = cairn_mapper_default().scan.max_points, full = 1;
     int code = TOOL_OK;
@@ -388,19 +413,19 @@ static int run(const settings *s, const map_input *input, map_scan *scans, place
     for (int32_t points = 160; full && points < 2 * most; points *= 2)
         code = map_with_room(s, input, scans, places, points, &full);
     if (full)
-        code = options_refuse(PROGRAM, "%s: the key scans have more than %d points or segments, expected fewer", s->log,
-                              KEY_CAPACITY_MOST);
+        code = options_refuse(MAP_PROGRAM, "%s: the key scans have more than %d points or segments, expected fewer",
+                              s->log, KEY_CAPACITY_MOST);
     return code;
 }
 
 int tool_map(int argc, char **argv)
 {
-    settings s = {0};
+    map_settings s = {0};
     cairn_file_error error;
     option_result result;
     map_input input;
     map_scan *scans;
-    place *places;
+    map_place *places;
     int code;
 
     s.max_keys = 4096;
@@ -411,7 +436,7 @@ int tool_map(int argc, char **argv)
     result = read_settings(&s, argc, argv);
     if (result != OPTIONS_READ)
         return result;
-    if (map_output_check(s.folder, 1, s.report, &error) != CAIRN_OK)
+    if (map_output_check(s.folder, s.particles == 0, s.report, &error) != CAIRN_OK)
         return tool_report(&error);
     code = map_input_load(&input, s.logs, s.log_count, s.range_max, s.quiet);
     if (code != TOOL_OK)
@@ -420,7 +445,7 @@ int tool_map(int argc, char **argv)
     scans = map_scans_new(input.count);
     places = calloc((size_t)input.count, sizeof *places);
     if (scans == NULL || places == NULL) {
-        (void)options_refuse(PROGRAM, "no memory for %" PRId32 " scans", input.count);
+        (void)options_refuse(MAP_PROGRAM, "no memory for %" PRId32 " scans", input.count);
         code = TOOL_FAILED;
     } else {
         code = run(&s, &input, scans, places);

@@ -127,7 +127,7 @@ static int begin(run *r, recording *in, char **argv)
     status = robot_create(&r->robot, r->memory, memory, &params);
     if (status != CAIRN_OK)
         return refuse(in, cairn_status_text(status));
-    r->hash = ROBOT_HASH_START;
+    r->hash = HASH_START;
     return TOOL_OK;
 }
 

@@ -48,7 +48,7 @@ done
 for real in double float; do
     diff "tests/golden-$real.txt" "$work/$real-1.txt" >"$work/changed" || {
         failed=1
-        echo "FAILED same bits in $real: not those of tests/golden-$real.txt (if that is meant: cp $work/$real-1.txt there):"
+        echo "FAILED same bits in $real: not those of tests/golden-$real.txt (if that is meant: make golden):"
         cat "$work/changed"
     }
 done

@@ -58,7 +58,7 @@ step_tidy()
     export FLAGS='-std=c11 -D_POSIX_C_SOURCE=200809L -I. -Iinclude'
     export LOOSE='-cert-*,-clang-analyzer-*,-misc-no-recursion,-bugprone-not-null-terminated-result,-bugprone-suspicious-memory-comparison,-bugprone-suspicious-include'
     # Files of the board, of its compiler and of generated scans are for the other compiler.
-    host_files=$(echo "$c_files" | grep -v '^firmware/\(board_cortex_m\|soft_double\|mission_\)')
+    host_files=$(echo "$c_files" | grep -v '^firmware/\(board_cortex_m\|soft_double\|mission_\|survey_\)')
     echo "$cpp_files" "$host_files" | xargs -P 2 -n 1 sh -c '
         case $1 in
         *.cpp) clang-tidy --quiet "$1" -- -std=c++17 -I. -Iinclude ;;

@@ -20,7 +20,7 @@ begin='<!-- measured: begin -->'
 end='<!-- measured: end -->'
 table=$fw/footprint.md
 export LC_ALL=C
-cc -std=c11 -DCAIRN_FLOAT -I. -Iinclude tools/pool_formulas.c "$1/libcairn-float.a" -lm -o "$fw/pool_formulas" || exit 1
+cc -std=c11 -DCAIRN_FLOAT -I. -Iinclude tools/pool_formulas.c tools/pool_objects.c "$1/libcairn-float.a" -lm -o "$fw/pool_formulas" || exit 1
 
 # name of the room of an object: the longest room whose name begins it (rooms.txt); parts belong to their rooms.
 {

@@ -184,17 +184,22 @@ files_of() # a variable of the Makefile
     printf 'include Makefile\nshow:\n\t@echo "$(%s)"\n' "$1" | make -s -f - show
 }
 cairn=$(files_of CAIRN_SRC) arena=$(files_of ARENA_SRC) common=$(files_of TEST_COMMON)
+needs=$(printf 'include Makefile\nshow:\n\t@$(foreach test,$(TESTS),echo $(test) $(NEEDS_$(test));)\n' | make -s -f - show)
+needs_of() # the files that a test alone is linked with
+{
+    echo "$needs" | sed -n "s/^$1 //p"
+}
 mkdir -p "$work/uses/tests"
 (
     # shellcheck disable=SC2046,SC2086
-    mutate_make -j2 $libraries $(objects $common $(for t in $tests; do echo "tests/$t.c"; done) $cairn $arena) || exit 2
+    mutate_make -j2 $libraries $(objects $common $(for t in $tests; do echo "tests/$t.c"; needs_of "$t"; done) $cairn $arena) || exit 2
     # shellcheck disable=SC2086
     c++ -shared -o "$build/libfaulty.so" -Wl,--whole-archive $libraries -Wl,--no-whole-archive $system_libs || exit 2
     # shellcheck disable=SC2086
     program cairn $cairn && program cairn-arena $arena || exit 2
     for t in $tests; do
-        # shellcheck disable=SC2086
-        program "tests/$t" "tests/$t.c" $common || exit 2
+        # shellcheck disable=SC2046,SC2086
+        program "tests/$t" "tests/$t.c" $common $(needs_of "$t") || exit 2
     done
     grep -qx pool.c "$work/uses/tests/test_pool" || {
         echo "the linker does not tell what tests use" >&2

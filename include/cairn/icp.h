@@ -104,9 +104,8 @@ int32_t cairn_icp_target_count(const cairn_icp *icp);
 CAIRN_CHECKED cairn_status cairn_icp_begin(cairn_icp *icp, const cairn_oriented_point *query, int32_t count,
                                            cairn_pose start, const cairn_pose_prior *prior, cairn_fault *fault);
 
-/* CAIRN_OK: nothing left to do, the verdict stands. CAIRN_MORE: go on. Costs 2 units for a query point, 8 more when the
- * nearest target point points elsewhere and another is searched, and 12 at the end of an iteration (targets with up to
- * about 20 points to a search cell). */
+/* CAIRN_OK: nothing left to do, the verdict stands. CAIRN_MORE: go on. Costs 5 units for a query point, one more for every
+ * 6 target points and cells that the search for its partner looks at, and 12 at the end of an iteration. */
 CAIRN_CHECKED cairn_status cairn_icp_step(cairn_icp *icp, cairn_budget *budget);
 
 /* State after the last whole iteration. */

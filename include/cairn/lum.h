@@ -79,8 +79,8 @@ CAIRN_CHECKED cairn_status cairn_lum_create(cairn_lum **lum, cairn_pool *pool, c
 void cairn_lum_clear(cairn_lum *lum);
 
 /* Adds points[0 ... count-1] at the pose map_scan; they are copied. CAIRN_BAD_ARGUMENT: count < 0, NULL with count > 0, a
- * coordinate beyond 1e6 m, a direction whose length is not 1 within 1 %, or an alignment runs. CAIRN_NOT_FINITE. CAIRN_FULL: more scans or points than params allow.
- * *fault, when not NULL, tells the point. Linear in the points. */
+ * coordinate beyond 1e6 m, a direction whose length is not 1 within 1 %, or an alignment runs. CAIRN_NOT_FINITE.
+ * CAIRN_FULL: more scans or points than params allow. *fault, when not NULL, tells the point. Linear in the points. */
 CAIRN_CHECKED cairn_status cairn_lum_add_scan(cairn_lum *lum, const cairn_oriented_point *points, int32_t count,
                                               cairn_pose map_scan, cairn_fault *fault);
 

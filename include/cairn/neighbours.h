@@ -45,6 +45,18 @@ cairn_vec2 cairn_point_grid_point(const cairn_point_grid *grid, int32_t index);
 int32_t cairn_point_grid_nearest(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius,
                                  cairn_real *distance_squared);
 
+/* Which points count for a search: those whose direction is near the one asked for. */
+typedef struct cairn_point_grid_facing {
+    const cairn_vec2 *directions; /* [count] of the points, of length 1 */
+    cairn_vec2 direction;         /* of length 1 */
+    cairn_real least_cosine;      /* of the angle between the two */
+} cairn_point_grid_facing;
+
+/* As nearest() among the points that face as asked. *looked_at says how many points and cells were looked at, for a caller
+ * who charges for them. */
+int32_t cairn_point_grid_nearest_facing(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius,
+                                        const cairn_point_grid_facing *facing, int32_t *looked_at);
+
 /* 1 when a point lies within `radius` (inclusive) of p. Cost: as nearest() at most. */
 int32_t cairn_point_grid_has(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius);
 

@@ -190,13 +190,22 @@ struct nearest {
     cairn_vec2 p;
     cairn_real distance_squared;
     int32_t index;
+    const cairn_point_grid_facing *facing; /* of the points that count; NULL: all do */
+    int32_t looked_at;
 };
+
+static int faces(const cairn_point_grid_facing *facing, int32_t i)
+{
+    return facing == NULL || cairn_vec2_dot(facing->directions[i], facing->direction) >= facing->least_cosine;
+}
 
 static void try_point(const cairn_point_grid *grid, int32_t i, struct nearest *best)
 {
     cairn_real d = cairn_vec2_norm_squared(cairn_vec2_sub(grid->points[i], best->p));
 
-    if (d < best->distance_squared || (d == best->distance_squared && (best->index == NONE || i < best->index))) {
+    best->looked_at++;
+    if ((d < best->distance_squared || (d == best->distance_squared && (best->index == NONE || i < best->index))) &&
+        faces(best->facing, i)) {
         best->distance_squared = d;
         best->index = i;
     }
@@ -204,6 +213,7 @@ static void try_point(const cairn_point_grid *grid, int32_t i, struct nearest *b
 
 static void try_cell(const cairn_point_grid *grid, int32_t x, int32_t y, struct nearest *best)
 {
+    best->looked_at++;
     for (int32_t i = grid->heads[bucket_of(grid, x, y)]; i != NONE; i = grid->next[i])
         try_point(grid, i, best);
 }
@@ -234,28 +244,46 @@ static int32_t rings_within(struct cell_box box, int32_t cx, int32_t cy)
     return larger(larger(cx - box.min_x, box.max_x - cx), larger(cy - box.min_y, box.max_y - cy));
 }
 
+static void find_nearest(const cairn_point_grid *grid, cairn_real radius, struct nearest *best)
+{
+    struct cell_box box;
+    int32_t cx, cy;
+
+    if (!(radius >= 0) || !cairn_is_finite(best->p.x) || !cairn_is_finite(best->p.y))
+        return;
+    best->distance_squared = radius * radius;
+    box = cells_within(grid, best->p, radius);
+    if (touches_too_many(grid, box)) {
+        for (int32_t i = 0; i < grid->count; i++)
+            try_point(grid, i, best);
+        return;
+    }
+    cx = cell_of(grid, best->p.x);
+    cy = cell_of(grid, best->p.y);
+    for (int32_t k = 0; k <= rings_within(box, cx, cy); k++) {
+        try_ring(grid, cx, cy, k, box, best);
+        box = cells_within(grid, best->p, cairn_sqrt(best->distance_squared));
+    }
+}
+
 int32_t cairn_point_grid_nearest(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius,
                                  cairn_real *distance_squared)
 {
-    struct nearest best = {p, radius * radius, NONE};
-    struct cell_box box;
+    struct nearest best = {.p = p, .index = NONE};
 
-    if (!(radius >= 0) || !cairn_is_finite(p.x) || !cairn_is_finite(p.y))
-        return NONE;
-    box = cells_within(grid, p, radius);
-    if (touches_too_many(grid, box)) {
-        for (int32_t i = 0; i < grid->count; i++)
-            try_point(grid, i, &best);
-    } else {
-        int32_t cx = cell_of(grid, p.x), cy = cell_of(grid, p.y);
-
-        for (int32_t k = 0; k <= rings_within(box, cx, cy); k++) {
-            try_ring(grid, cx, cy, k, box, &best);
-            box = cells_within(grid, p, cairn_sqrt(best.distance_squared));
-        }
-    }
+    find_nearest(grid, radius, &best);
     if (best.index != NONE && distance_squared != NULL)
         *distance_squared = best.distance_squared;
+    return best.index;
+}
+
+int32_t cairn_point_grid_nearest_facing(const cairn_point_grid *grid, cairn_vec2 p, cairn_real radius,
+                                        const cairn_point_grid_facing *facing, int32_t *looked_at)
+{
+    struct nearest best = {.p = p, .index = NONE, .facing = facing};
+
+    find_nearest(grid, radius, &best);
+    *looked_at = best.looked_at;
     return best.index;
 }
 

@@ -267,8 +267,8 @@ static int write_result(cairn_polyline *x, cairn_budget *budget)
 
             if (!polyline_pay(x, budget, 12))
                 return 0;
-            cairn_polyline_end(&x->pieces[x->at], 0, segment->a);
-            cairn_polyline_end(&x->pieces[x->at], 1, segment->b);
+            cairn_polyline_place(&x->pieces[x->at], x->pieces[x->at].low, segment->a);
+            cairn_polyline_place(&x->pieces[x->at], x->pieces[x->at].high, segment->b);
             segment->count = 0;
             segment->rms = 0;
         }

@@ -133,8 +133,8 @@ int cairn_polyline_maximize(cairn_polyline *x, cairn_budget *budget)
             return 0;
         if (k->soft.n < 2) /* it will find no support */
             continue;
-        cairn_polyline_end(k, 0, end[0]);
-        cairn_polyline_end(k, 1, end[1]);
+        cairn_polyline_place(k, k->low, end[0]);
+        cairn_polyline_place(k, k->high, end[1]);
         cairn_polyline_fit(k, &k->soft, x->params.dim);
         for (int which = 0; which < 2; which++) {
             cairn_polyline_local(k, x->params.dim, end[which], local);

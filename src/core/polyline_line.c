@@ -149,12 +149,10 @@ void cairn_polyline_fit_own(polyline_piece *k, const polyline_sums *m, int32_t d
     k->high *= cairn_sqrt(stretch);
 }
 
-void cairn_polyline_end(const polyline_piece *k, int32_t which, cairn_real end[3])
+void cairn_polyline_place(const polyline_piece *k, cairn_real t, cairn_real place[3])
 {
-    cairn_real t = which == 0 ? k->low : k->high;
-
     for (int i = 0; i < 3; i++)
-        end[i] = k->mid[i] + t * k->axis[0][i];
+        place[i] = k->mid[i] + t * k->axis[0][i];
 }
 
 void cairn_polyline_box(polyline_piece *k)

@@ -46,8 +46,8 @@ static ends ends_in(const cairn_polyline *x, const polyline_piece *heavy, const 
     ends e = {{0, 0, 0}, {0, 0, 0}, light->reach_low, light->reach_high, 0};
     cairn_real low[3], high[3], local[2][3];
 
-    cairn_polyline_end(light, 0, low);
-    cairn_polyline_end(light, 1, high);
+    cairn_polyline_place(light, light->low, low);
+    cairn_polyline_place(light, light->high, high);
     cairn_polyline_local(heavy, x->params.dim, low, local[0]);
     cairn_polyline_local(heavy, x->params.dim, high, local[1]);
     if (local[1][0] < local[0][0]) {

@@ -149,8 +149,8 @@ void cairn_polyline_fit_own(polyline_piece *k, const polyline_sums *m, int32_t d
 /* Sets box_min and box_max. */
 void cairn_polyline_box(polyline_piece *k);
 
-/* The end of a piece, 0 at low and 1 at high. */
-void cairn_polyline_end(const polyline_piece *k, int32_t which, cairn_real end[3]);
+/* The place at t along the line of a piece; its ends are at low and high. */
+void cairn_polyline_place(const polyline_piece *k, cairn_real t, cairn_real place[3]);
 
 /* Sum of squares that a second line must save, for n points of which two lines leave `sse`. */
 cairn_real cairn_polyline_worth(const cairn_polyline *x, cairn_real n, cairn_real sse);

@@ -99,12 +99,11 @@ static int32_t read_decimal(const char *text, size_t length, decimal *number)
 /* The nearest double of a text that read_decimal has accepted. */
 static int32_t read_slowly(const char *text, size_t length, double *value)
 {
-    char copy[CAIRN_NUMBER_TEXT_LONGEST + 1];
+    char copy[CAIRN_NUMBER_TEXT_LONGEST + 1] = "";
     cairn_c_locale scope;
     double read;
 
     memcpy(copy, text, length);
-    copy[length] = 0;
     scope = cairn_c_locale_enter();
     read = strtod(copy, NULL);
     cairn_c_locale_leave(scope);

@@ -27,11 +27,10 @@ static cairn_status new_pool(cairn_pool *pool, void **memory, size_t bytes)
     return *memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(pool, *memory, bytes + CAIRN_ALIGN);
 }
 
-/* How many blocks the factor has, from a solver that has room for none. */
+/* How many blocks the factor has, from a solver that has room for none: a graph with links has some. */
 static cairn_status count_fill(const cairn_pose_graph_file *file, int32_t *fill)
 {
     cairn_block_solver_params params = {file->vertex_count, file->edge_count, 0};
-    cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_block_solver *solver = NULL;
     cairn_status status;
     cairn_pool pool;
@@ -46,18 +45,16 @@ static cairn_status count_fill(const cairn_pose_graph_file *file, int32_t *fill)
         status = cairn_block_solver_add_link(solver, file->edge[e].first, file->edge[e].second);
     if (status == CAIRN_OK)
         status = cairn_block_solver_analyze(solver);
-    while (status == CAIRN_OK && cairn_block_solver_read(solver).running) {
-        budget.left = CAIRN_UNBOUNDED;
-        status = cairn_block_solver_step(solver, &budget);
-        if (status == CAIRN_MORE)
-            status = CAIRN_OK;
-    }
-    if (solver != NULL && (status == CAIRN_OK || status == CAIRN_FULL)) {
+    if (status == CAIRN_OK) {
+        do {
+            cairn_budget budget = {CAIRN_UNBOUNDED};
+
+            status = cairn_block_solver_step(solver, &budget);
+        } while (status == CAIRN_MORE);
         *fill = cairn_block_solver_read(solver).fill;
-        status = CAIRN_OK;
     }
     free(memory);
-    return status;
+    return status == CAIRN_FULL ? CAIRN_OK : status;
 }
 
 static cairn_status make_graph(struct solving *s)

@@ -50,6 +50,7 @@ struct cairn_sparse_solver {
     int *l_row;
     double *l_value, *d, *y, *x;
     size_t bytes;
+    int32_t lacking; /* 1: an array could not be had */
 };
 
 /* ---- Libraries ---- */
@@ -112,6 +113,7 @@ static void free_arrays(cairn_sparse_solver *s)
     s->column = s->row = s->order = s->place = s->start = s->parent = s->count = s->flag = s->pattern = s->l_row = NULL;
     s->value = s->l_value = s->d = s->y = s->x = NULL;
     s->bytes = 0;
+    s->lacking = 0;
 }
 
 void cairn_sparse_solver_close(cairn_sparse_solver *solver)
@@ -128,10 +130,15 @@ size_t cairn_sparse_solver_memory(const cairn_sparse_solver *solver)
     return sizeof *solver + (size_t)solver->link_capacity * sizeof *solver->links + solver->bytes;
 }
 
+/* One entry more than asked for: that behind the last. */
 static void *new_array(cairn_sparse_solver *s, size_t count, size_t size)
 {
+    void *array = calloc(count + 1, size);
+
     s->bytes += (count + 1) * size;
-    return calloc(count + 1, size);
+    if (array == NULL)
+        s->lacking = 1;
+    return array;
 }
 
 /* ---- Structure ---- */
@@ -198,10 +205,10 @@ static int compare_halves(const void *a, const void *b)
     const struct half *x = a, *y = b;
 
     if (x->column != y->column)
-        return x->column < y->column ? -1 : 1;
+        return x->column - y->column;
     if (x->row != y->row)
-        return x->row < y->row ? -1 : 1;
-    return x->link < y->link ? -1 : x->link > y->link;
+        return x->row - y->row;
+    return x->link - y->link;
 }
 
 static struct half *sorted_halves(const cairn_sparse_solver *s)
@@ -274,12 +281,12 @@ static cairn_status allocate(cairn_sparse_solver *s)
 {
     size_t n = (size_t)s->n, entries = 18 * (size_t)s->result.links + 3 * n;
 
-    s->column = new_array(s, n + 1, sizeof(int));
+    s->column = new_array(s, n, sizeof(int));
     s->row = new_array(s, entries, sizeof(int));
     s->value = new_array(s, entries, sizeof(double));
     s->order = new_array(s, n, sizeof(int));
     s->place = new_array(s, n, sizeof(int));
-    s->start = new_array(s, n + 1, sizeof(int));
+    s->start = new_array(s, n, sizeof(int));
     s->parent = new_array(s, n, sizeof(int));
     s->count = new_array(s, n, sizeof(int));
     s->flag = new_array(s, n, sizeof(int));
@@ -287,11 +294,7 @@ static cairn_status allocate(cairn_sparse_solver *s)
     s->d = new_array(s, n, sizeof(double));
     s->y = new_array(s, n, sizeof(double));
     s->x = new_array(s, n, sizeof(double));
-    return s->column != NULL && s->row != NULL && s->value != NULL && s->order != NULL && s->place != NULL &&
-                   s->start != NULL && s->parent != NULL && s->count != NULL && s->flag != NULL && s->pattern != NULL &&
-                   s->d != NULL && s->y != NULL && s->x != NULL
-               ? CAIRN_OK
-               : CAIRN_NO_MEMORY;
+    return s->lacking ? CAIRN_NO_MEMORY : CAIRN_OK;
 }
 
 static cairn_status analyze(cairn_sparse_solver *s)
@@ -308,7 +311,7 @@ static cairn_status analyze(cairn_sparse_solver *s)
     s->l_row = new_array(s, (size_t)s->start[s->n], sizeof(int));
     s->l_value = new_array(s, (size_t)s->start[s->n], sizeof(double));
     s->result.fill = (s->start[s->n] - s->n) / 9; /* three scalars of each pose lie below its own diagonal */
-    return s->l_row != NULL && s->l_value != NULL ? CAIRN_OK : CAIRN_NO_MEMORY;
+    return s->lacking ? CAIRN_NO_MEMORY : CAIRN_OK;
 }
 
 /* ---- Values ---- */
@@ -410,13 +413,14 @@ static void factor(cairn_sparse_solver *s)
     s->result.state = bad >= 0 ? CAIRN_BLOCK_SOLVER_NOT_POSITIVE : CAIRN_BLOCK_SOLVER_FACTORED;
 }
 
+/* 0 when the solution is more than a cairn_real can tell. */
 static int substitute(const cairn_sparse_solver *s, double *x)
 {
     s->call.ldl_lsolve(s->n, x, s->start, s->l_row, s->l_value);
     s->call.ldl_dsolve(s->n, x, s->d);
     s->call.ldl_ltsolve(s->n, x, s->start, s->l_row, s->l_value);
     for (int k = 0; k < s->n; k++)
-        if (!isfinite(x[k]))
+        if (!(fabs(x[k]) <= (double)CAIRN_REAL_MAX))
             return 0;
     return 1;
 }

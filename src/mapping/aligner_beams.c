@@ -192,7 +192,7 @@ static void read_beams(cairn_aligner *x, int32_t index, const cairn_scan_view *v
             cairn_real range = cairn_vec2_norm(ray);
             int32_t bin = cairn_aligner_bin_of(ray.x, ray.y), segment = ALIGNER_NO_SEGMENT, first = bin, gap;
 
-            if (beam->kind == CAIRN_BEAM_UNKNOWN || !(range > 0)) {
+            if (!(range > 0)) { /* unknown */
                 last = -1;
                 continue;
             }

@@ -152,7 +152,7 @@ static int32_t choose(cairn_aligner *x)
 static int32_t try_shift(cairn_aligner *x)
 {
     if (x->find_at > 0) {
-        aligner_count count = {0, x->look.count.other, x->look.count.through};
+        aligner_count count = {.other = x->look.count.other, .through = x->look.count.through};
         cairn_real score = cairn_aligner_evidence(x, count) + x->look.prior + line_nats(x, x->look.pose);
 
         if (score > x->best_score) {

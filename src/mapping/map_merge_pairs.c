@@ -15,11 +15,9 @@
 #define AGAINST CAIRN_REAL(4.0)
 /* Two corners match when their openings differ by at most so much, rad. */
 #define OPENING CAIRN_REAL(0.25)
-/* Places nearer than this are one while searching, and in the end. */
-#define COARSE_M   CAIRN_REAL(0.25)
-#define COARSE_RAD CAIRN_REAL(0.10)
-#define FINE_M     CAIRN_REAL(0.20)
-#define FINE_RAD   CAIRN_REAL(0.06)
+/* Places nearer than this are one in the end; while searching: MERGE_COARSE_M. */
+#define FINE_M   CAIRN_REAL(0.20)
+#define FINE_RAD CAIRN_REAL(0.06)
 /* Cells: first and last step of a refinement by an even choice of points, and by all of them. */
 #define FIRST_STEP CAIRN_REAL(2.0)
 #define LAST_STEP  CAIRN_REAL(0.2)
@@ -222,7 +220,7 @@ static cairn_status step_hypotheses(cairn_map_merge *m, cairn_budget *budget)
         {
             merge_mode mode = {m->comparison.first_second, soft_score(m)};
 
-            cairn_merge_keep(m->kept, &m->kept_count, MERGE_KEPT, mode, COARSE_M, COARSE_RAD);
+            cairn_merge_keep(m->kept, &m->kept_count, MERGE_KEPT, mode, MERGE_COARSE_M, MERGE_COARSE_RAD);
         }
     }
     return CAIRN_OK;
@@ -425,7 +423,7 @@ static cairn_status step_sift(cairn_map_merge *m, cairn_budget *budget)
             return CAIRN_MORE;
         m->comparing = 0;
         mode.evidence = soft_score(m);
-        cairn_merge_keep(m->refined, &m->refined_count, MERGE_REFINED, mode, COARSE_M, COARSE_RAD);
+        cairn_merge_keep(m->refined, &m->refined_count, MERGE_REFINED, mode, MERGE_COARSE_M, MERGE_COARSE_RAD);
     }
     return CAIRN_OK;
 }

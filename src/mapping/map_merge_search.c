@@ -206,7 +206,7 @@ static cairn_status step_shifts(cairn_map_merge *m, cairn_budget *budget)
         m->inner = 0;
         m->tried++;
         if (mode.evidence > 0)
-            cairn_merge_keep(m->kept, &m->kept_count, MERGE_KEPT, mode, CAIRN_REAL(0.25), CAIRN_REAL(0.1));
+            cairn_merge_keep(m->kept, &m->kept_count, MERGE_KEPT, mode, MERGE_COARSE_M, MERGE_COARSE_RAD);
     }
     return CAIRN_OK;
 }

@@ -27,8 +27,11 @@ enum {
 #define MERGE_CELL CAIRN_REAL(0.05)
 
 /* Places of one map that differ by less, m and rad, are the same. */
-#define MERGE_SAME_M   CAIRN_REAL(0.30)
-#define MERGE_SAME_RAD CAIRN_REAL(0.10)
+/* Places nearer than this are one while searching. */
+#define MERGE_COARSE_M   CAIRN_REAL(0.25)
+#define MERGE_COARSE_RAD CAIRN_REAL(0.10)
+#define MERGE_SAME_M     CAIRN_REAL(0.30)
+#define MERGE_SAME_RAD   CAIRN_REAL(0.10)
 
 /* A packed cell: distance to the nearest occupied cell, to the nearest free one, and its class. */
 enum { MERGE_UNKNOWN = 0, MERGE_FREE = 1, MERGE_OCCUPIED = 2 };

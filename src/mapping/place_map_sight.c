@@ -57,6 +57,7 @@ static uint8_t *sight_of(const cairn_place_map *map, int32_t place)
     return map->sight + (size_t)place * (size_t)map->side * (size_t)map->side;
 }
 
+/* Before anything is marked. */
 static void clear_beam(cairn_place_map *map, int32_t place, const cairn_beam *beam)
 {
     uint8_t *sight = sight_of(map, place);
@@ -68,7 +69,7 @@ static void clear_beam(cairn_place_map *map, int32_t place, const cairn_beam *be
     for (int32_t k = 0; k < steps; k++) {
         int32_t cell = cell_of(map, cairn_vec2_add(beam->from, cairn_vec2_scale(unit, (cairn_real)k * step)));
 
-        if (cell >= 0 && sight[cell] == CAIRN_SIGHT_UNKNOWN)
+        if (cell >= 0)
             sight[cell] = CAIRN_SIGHT_FREE;
     }
     map->debt += steps / CELLS_TO_UNIT;

@@ -1,0 +1,25 @@
+/* survey: what the surveyor of a program is to map: the sweeps that arrive, how often, the capacities, the memory. */
+#ifndef CAIRN_FIRMWARE_SURVEY_H
+#define CAIRN_FIRMWARE_SURVEY_H
+
+#include "firmware/surveyor.h"
+
+/* Memory of a program goes here when it is too much for the microcontroller itself: the board's external RAM, which nothing
+ * clears. A desktop puts it with the rest. */
+#define SURVEY_EXTERNAL __attribute__((section(".bss.external")))
+
+typedef struct survey {
+    const char *name;
+    const robot_sweep *sweeps; /* [sweep_count] */
+    int32_t sweep_count;
+    int32_t arrival; /* ticks from one sweep to the next: the scanner does not wait */
+    int32_t budget;  /* units of a tick */
+    surveyor_params params;
+    unsigned char *memory; /* [bytes]: all that there is */
+    size_t bytes;
+} survey;
+
+/* Of the program's one survey. */
+void survey_read(survey *out);
+
+#endif

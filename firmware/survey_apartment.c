@@ -1,0 +1,24 @@
+/* A drive through an apartment: sweeps of 241 beams over 240 degrees with drifting odometry, mapped in external
+ * RAM. */
+#include "src/core/build.h"
+
+#include "apartment_scans.h"
+#include "firmware/survey.h"
+
+enum { KEYS = 112, BEAMS = 241 };
+
+static SURVEY_EXTERNAL _Alignas(CAIRN_ALIGN) unsigned char memory[2 * 1024 * 1024];
+
+void survey_read(survey *out)
+{
+    static const survey apartment = {.name = "apartment", .arrival = 250, .budget = 1000};
+
+    *out = apartment;
+    out->sweeps = recorded;
+    out->sweep_count = (int32_t)(sizeof recorded / sizeof *recorded);
+    out->memory = memory;
+    out->bytes = sizeof memory;
+    out->params.range_max = 8;
+    out->params.range_sigma = 0.01f;
+    out->params.mapper = cairn_mapper_default_for(KEYS, BEAMS);
+}

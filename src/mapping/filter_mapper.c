@@ -1,0 +1,360 @@
+/* Params and memory of the mapper by particles, and its way from scan to scan.
+ *
+ * Method. A mapper goes ahead and turns scans into key scans and motions between them: scan matching makes a better odometry
+ * (Haehnel et al. 2003). At every key scan the particle filter makes a step, as it is; what a particle proposes is in
+ * filter_mapper_propose.c. Of N particles that of the largest likelihood along its own path is the result.
+ *
+ * Layout. A particle's map is made of key scans and of nothing else: the points of a key scan are there once, for all
+ * particles, in the mapper that goes ahead; a particle adds one pose for each of them, and these are the filter's tree of
+ * histories, in which particles that share a past share it in memory. So nothing is copied when particles are resampled, a
+ * key scan costs N nodes at most, and all there can ever be fits into the pool beforehand. Grids, even with tiles
+ * that particles share, would need room for what N maps may differ in, which nobody knows before, and would have to be
+ * written anew for every candidate.
+ *
+ * Limits. The evidence of a key scan is used twice, for the motion and for the weight; the motion's covariance is wider
+ * for that. Paths are walked back to their beginning at every key scan, so that a step grows with the path. What no particle
+ * has drawn is not found: with too few of them a long loop stays open.
+ *
+ * Source: Murphy 1999; Grisetti, Stachniss and Burgard 2007 (improved proposals); Haehnel, Burgard, Fox and Thrun 2003; the filter
+ * is that of Adluru 2008, sections 2.3 and 9.2.2, the match against a map by shape and points its chapter 6. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/filter_mapper_work.h"
+
+enum { PARTICLES_MOST = 4096, NODES_MOST = 1 << 28, LOCAL_POINTS_MOST = 1 << 20 };
+
+cairn_filter_mapper_params cairn_filter_mapper_default(void)
+{
+    cairn_filter_mapper_params params;
+
+    memset(&params, 0, sizeof params);
+    params.front = cairn_mapper_default();
+    params.particles = 30;
+    params.candidates = 6;
+    params.points = 60;
+    params.local_keys = 10;
+    params.max_local_points = 2048;
+    params.span = 25;
+    params.local_radius = 4;
+    params.motion_distance = CAIRN_REAL(0.05);
+    params.motion_turn = CAIRN_REAL(0.05);
+    params.motion_distance_min = CAIRN_REAL(0.02);
+    params.motion_turn_min = CAIRN_REAL(0.01);
+    params.match_sigma = CAIRN_REAL(0.0025);
+    params.match_sigma_turn = CAIRN_REAL(0.001);
+    params.min_support = CAIRN_REAL(0.3);
+    params.sigma = CAIRN_REAL(0.07);
+    params.outlier = 3;
+    params.weight = 8;
+    params.seed = 1;
+    return params;
+}
+
+cairn_filter_mapper_params cairn_filter_mapper_default_for(int32_t max_keys, int32_t max_beams, int32_t particles)
+{
+    cairn_filter_mapper_params params = cairn_filter_mapper_default();
+
+    params.front = cairn_mapper_default_for(max_keys, max_beams);
+    params.particles = particles;
+    return params;
+}
+
+/* ---- The rooms' params ---- */
+
+static cairn_mapper_params front_params(const cairn_filter_mapper_params *params)
+{
+    cairn_mapper_params front = params->front;
+
+    front.window = 0;
+    front.loop.max_loops = 0;
+    return front;
+}
+
+static cairn_icp_params icp_params(const cairn_filter_mapper_params *params)
+{
+    cairn_icp_params icp = params->front.icp;
+
+    icp.max_target = params->max_local_points;
+    return icp;
+}
+
+static cairn_point_grid_params grid_params(const cairn_filter_mapper_params *params)
+{
+    cairn_point_grid_params grid = {params->max_local_points, 2 * params->sigma};
+
+    return grid;
+}
+
+/* One follower a particle; as many nodes as all particles can have in all steps. */
+static cairn_particle_filter_params filter_params(const cairn_filter_mapper_params *params)
+{
+    cairn_particle_filter_params filter = cairn_particle_filter_default();
+
+    filter.particles = filter.max_particles = params->particles;
+    filter.max_followers = 1;
+    filter.max_candidates = params->particles * params->candidates;
+    filter.max_blocks = params->particles * params->front.max_keys;
+    filter.state_bytes = (int32_t)sizeof(path_state);
+    filter.by_entropy = 0;
+    return filter;
+}
+
+/* What the rooms' own params are not asked for. */
+static int is_valid(const cairn_filter_mapper_params *p)
+{
+    return p != NULL && p->particles >= 1 && p->particles <= PARTICLES_MOST && p->front.max_keys >= 1 &&
+           p->front.max_keys <= NODES_MOST / p->particles && p->candidates >= 1 &&
+           p->candidates <= CAIRN_FILTER_MAPPER_CANDIDATES_MOST && p->points >= 1 && p->local_keys >= 1 &&
+           p->local_keys <= CAIRN_FILTER_MAPPER_LOCAL_MOST && p->max_local_points >= 1 &&
+           p->max_local_points <= LOCAL_POINTS_MOST && p->span >= 1 && p->local_radius > 0 && p->motion_distance >= 0 &&
+           p->motion_turn >= 0 && p->motion_distance_min > 0 && p->motion_turn_min > 0 && p->match_sigma > 0 &&
+           p->match_sigma_turn > 0 && p->min_support >= 0 && p->min_support <= 1 && p->sigma > 0 && p->outlier > 0 &&
+           p->weight > 0;
+}
+
+/* ---- Memory ---- */
+
+static void count_parts(cairn_pool *counting, const cairn_filter_mapper_params *params)
+{
+    cairn_mapper_params front = front_params(params);
+    cairn_icp_params icp = icp_params(params);
+    cairn_point_grid_params grid = grid_params(params);
+    cairn_particle_filter_params filter = filter_params(params);
+
+    cairn_pool_count(counting, cairn_mapper_memory(&front));
+    cairn_pool_count(counting, cairn_icp_memory(&icp));
+    for (int which = 0; which < LOCAL_MAPS; which++)
+        cairn_pool_count(counting, cairn_point_grid_memory(&grid));
+    cairn_pool_count(counting, cairn_particle_filter_memory(&filter));
+}
+
+static cairn_filter_mapper *carve(cairn_pool *pool, const cairn_filter_mapper_params *params)
+{
+    cairn_filter_mapper *mapper = cairn_pool_take_one(pool, sizeof *mapper);
+    cairn_oriented_point *oriented = cairn_pool_take(pool, (size_t)params->front.scan.max_points, sizeof *oriented);
+    cairn_vec2 *direction[LOCAL_MAPS];
+
+    for (int which = 0; which < LOCAL_MAPS; which++)
+        direction[which] = cairn_pool_take(pool, (size_t)params->max_local_points, sizeof *direction[which]);
+    if (mapper == NULL)
+        return NULL;
+    memset(mapper, 0, sizeof *mapper);
+    mapper->oriented = oriented;
+    for (int which = 0; which < LOCAL_MAPS; which++)
+        mapper->at.map[which].direction = direction[which];
+    return mapper;
+}
+
+size_t cairn_filter_mapper_memory(const cairn_filter_mapper_params *params)
+{
+    cairn_pool counting;
+
+    if (!is_valid(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    count_parts(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
+static cairn_status create_parts(cairn_filter_mapper *made, cairn_pool *pool, const cairn_filter_mapper_params *params)
+{
+    cairn_mapper_params front = front_params(params);
+    cairn_icp_params icp = icp_params(params);
+    cairn_point_grid_params grid = grid_params(params);
+    cairn_particle_filter_params filter = filter_params(params);
+    cairn_particle_model model = cairn_filter_mapper_model(made);
+    cairn_status status = cairn_mapper_create(&made->front, pool, &front);
+
+    if (status == CAIRN_OK)
+        status = cairn_icp_create(&made->icp, pool, &icp);
+    for (int which = 0; which < LOCAL_MAPS && status == CAIRN_OK; which++)
+        status = cairn_point_grid_create(&made->at.map[which].points, pool, &grid);
+    if (status == CAIRN_OK)
+        status = cairn_particle_filter_create(&made->filter, pool, &filter, &model);
+    if (status == CAIRN_OK)
+        status = cairn_particle_filter_clear(made->filter, params->seed);
+    return status;
+}
+
+cairn_status cairn_filter_mapper_create(cairn_filter_mapper **mapper, cairn_pool *pool,
+                                        const cairn_filter_mapper_params *params)
+{
+    size_t need = cairn_filter_mapper_memory(params);
+    cairn_filter_mapper *made;
+    cairn_status status;
+
+    if (mapper == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    made = carve(pool, params);
+    made->params = *params;
+    made->random = cairn_random_seed(params->seed, 1);
+    status = create_parts(made, pool, params);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    *mapper = made;
+    return status;
+}
+
+/* ---- Scan by scan ---- */
+
+cairn_status cairn_filter_mapper_add(cairn_filter_mapper *mapper, const cairn_scan_input *input,
+                                     const cairn_pose *odometry, cairn_fault *fault)
+{
+    cairn_status status;
+
+    if (mapper == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    if (mapper->in_front || mapper->at.stage != PROPOSE_IDLE)
+        return CAIRN_MORE;
+    status = cairn_mapper_add(mapper->front, input, odometry, fault);
+    mapper->in_front = status == CAIRN_OK;
+    return status;
+}
+
+/* The first key scan is where all paths begin. */
+static cairn_status start_paths(cairn_filter_mapper *mapper)
+{
+    path_state first = {cairn_mapper_key_pose(mapper->front, 0), 0, 0};
+    cairn_status status = CAIRN_OK;
+
+    for (int32_t i = 0; i < mapper->params.particles && status == CAIRN_OK; i++)
+        status = cairn_particle_filter_start(mapper->filter, &first, 0);
+    mapper->keys = 1;
+    return status;
+}
+
+/* How the robot came to the key scan at hand, and how far that may be wrong. */
+static void find_motion(cairn_filter_mapper *mapper, const cairn_mapper_result *result)
+{
+    const cairn_filter_mapper_params *p = &mapper->params;
+    cairn_pose motion = cairn_pose_between(cairn_mapper_key_pose(mapper->front, result->key - 1), result->map_scan);
+    cairn_real way = cairn_sqrt(motion.x * motion.x + motion.y * motion.y), turn = cairn_abs(motion.theta);
+
+    mapper->motion = motion;
+    mapper->sigma_distance = p->motion_distance_min + p->motion_distance * way;
+    mapper->sigma_turn = p->motion_turn_min + p->motion_turn * turn;
+    if (result->verdict != CAIRN_MAPPER_MATCHED) {
+        mapper->sigma_distance += p->front.motion_distance_min + p->front.motion_distance * way;
+        mapper->sigma_turn += p->front.motion_turn_min + p->front.motion_turn * turn;
+    }
+}
+
+/* The mapper that goes ahead is done with the scan: when it is a key scan, the filter makes a step. */
+static cairn_status begin_filter(cairn_filter_mapper *mapper)
+{
+    cairn_mapper_result result = cairn_mapper_read(mapper->front);
+
+    mapper->in_front = 0;
+    if (!result.is_key)
+        return CAIRN_OK;
+    if (result.key == 0)
+        return start_paths(mapper);
+    find_motion(mapper, &result);
+    mapper->at.stage = PROPOSE_BEGIN;
+    return cairn_particle_filter_begin(mapper->filter);
+}
+
+static cairn_status go_on(cairn_filter_mapper *mapper, cairn_budget *budget)
+{
+    cairn_status status = CAIRN_OK;
+
+    if (mapper->in_front) {
+        status = cairn_mapper_step(mapper->front, budget);
+        if (status == CAIRN_MORE)
+            return status;
+        if (status == CAIRN_OK)
+            status = begin_filter(mapper);
+        mapper->in_front = 0;
+    }
+    if (status != CAIRN_OK || mapper->at.stage == PROPOSE_IDLE)
+        return status;
+    status = cairn_particle_filter_step(mapper->filter, budget);
+    if (status == CAIRN_MORE)
+        return status;
+    CAIRN_ASSERT(status == CAIRN_OK);
+    mapper->at.stage = PROPOSE_IDLE;
+    mapper->keys++;
+    return status;
+}
+
+cairn_status cairn_filter_mapper_step(cairn_filter_mapper *mapper, cairn_budget *budget)
+{
+    cairn_status status;
+    int32_t before;
+
+    if (mapper == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    before = budget->left;
+    status = go_on(mapper, budget);
+    mapper->units += (int64_t)before - budget->left;
+    return status;
+}
+
+/* ---- Readers ---- */
+
+const cairn_mapper *cairn_filter_mapper_front(const cairn_filter_mapper *mapper)
+{
+    return mapper->front;
+}
+
+int32_t cairn_filter_mapper_count(const cairn_filter_mapper *mapper)
+{
+    return cairn_particle_filter_count(mapper->filter);
+}
+
+int32_t cairn_filter_mapper_best(const cairn_filter_mapper *mapper)
+{
+    int32_t count = cairn_particle_filter_count(mapper->filter), best = -1;
+    cairn_real most = 0;
+
+    for (int32_t i = 0; i < count; i++) {
+        cairn_real value = cairn_particle_filter_particle(mapper->filter, i).log_likelihood;
+
+        if (best < 0 || value > most) {
+            best = i;
+            most = value;
+        }
+    }
+    return best;
+}
+
+cairn_pose cairn_filter_mapper_last(const cairn_filter_mapper *mapper, int32_t particle)
+{
+    const path_state *state = cairn_particle_filter_particle(mapper->filter, particle).state;
+
+    return state == NULL ? cairn_pose_identity() : state->map_key;
+}
+
+int32_t cairn_filter_mapper_path(const cairn_filter_mapper *mapper, int32_t particle, cairn_pose *poses, int32_t room)
+{
+    const path_state *state = cairn_particle_filter_particle(mapper->filter, particle).state;
+    int32_t count = 0;
+
+    for (; state != NULL; state = cairn_particle_state_before(state)) {
+        if (state->key >= room)
+            continue;
+        poses[state->key] = state->map_key;
+        count++;
+    }
+    return count;
+}
+
+cairn_filter_mapper_state cairn_filter_mapper_measure(const cairn_filter_mapper *mapper)
+{
+    cairn_particle_trace trace = cairn_particle_filter_read(mapper->filter);
+    cairn_filter_mapper_state state;
+
+    memset(&state, 0, sizeof state);
+    state.keys = mapper->keys;
+    state.resamplings = trace.resamplings;
+    state.n_eff = trace.n_eff;
+    state.returns = mapper->returns;
+    state.nodes = trace.blocks;
+    state.nodes_peak = trace.blocks_peak;
+    state.units = mapper->units;
+    return state;
+}

@@ -1,0 +1,781 @@
+/* The mapper by particles beside a slow twin, its refusals, budgets, and drives with loops. */
+#include "cairn/filter_mapper.h"
+#include "tests/drive.h"
+
+#include <math.h>
+
+enum { KEYS_MOST = 200, CANDIDATES = 4, TWIN_POINTS = 4000 };
+
+static cairn_filter_mapper_params filter_params(int32_t particles)
+{
+    cairn_filter_mapper_params params = cairn_filter_mapper_default();
+
+    params.front = small_params();
+    params.particles = particles;
+    params.candidates = CANDIDATES;
+    return params;
+}
+
+static cairn_filter_mapper *new_filter_mapper(cairn_pool *pool, const cairn_filter_mapper_params *params)
+{
+    cairn_filter_mapper *mapper;
+
+    *pool = test_pool(cairn_filter_mapper_memory(params));
+    assert_ok(cairn_filter_mapper_create(&mapper, pool, params));
+    return mapper;
+}
+
+static void feed(cairn_filter_mapper *mapper, const sim_scan *scan, int32_t with_odometry, int32_t budget)
+{
+    cairn_scan_input input = sim_scan_input(scan);
+    cairn_pose odometry = pose_of(scan->odometry);
+    cairn_status status;
+
+    assert_ok(cairn_filter_mapper_add(mapper, &input, with_odometry ? &odometry : NULL, NULL));
+    do {
+        cairn_budget left = {budget};
+
+        status = cairn_filter_mapper_step(mapper, &left);
+    } while (status == CAIRN_MORE);
+    assert_ok(status);
+}
+
+static uint64_t hash_of(const cairn_filter_mapper *mapper)
+{
+    static cairn_pose path[KEYS_MOST];
+    uint64_t hash = TEST_HASH_START;
+
+    for (int32_t i = 0; i < cairn_filter_mapper_count(mapper); i++) {
+        int32_t keys = cairn_filter_mapper_path(mapper, i, path, KEYS_MOST);
+
+        hash = test_hash(hash, path, (size_t)keys * sizeof *path);
+    }
+    return hash;
+}
+
+/* ---- The slow twin: every particle keeps its path in an array, sorts all of it, and looks at all points ---- */
+
+typedef struct twin_state {
+    cairn_pose path[KEYS_MOST];
+    double padding; /* states of different size in mapper and twin */
+    cairn_real log_weight;
+    int32_t keys;
+} twin_state;
+
+typedef struct twin_near {
+    cairn_real distance;
+    int32_t key;
+} twin_near;
+
+typedef struct twin_map {
+    cairn_vec2 point[TWIN_POINTS], direction[TWIN_POINTS];
+    int32_t count;
+} twin_map;
+
+typedef struct twin {
+    cairn_filter_mapper_params params;
+    cairn_pool pool;
+    cairn_mapper *front;
+    cairn_particle_filter *filter;
+    cairn_icp *icp;
+    cairn_random random;
+    twin_map map[2];
+    cairn_pose motion, front_last;
+    cairn_real distance, turn;
+    int64_t returns;
+} twin;
+
+static twin t;
+
+static int compare_near(const void *a, const void *b)
+{
+    const twin_near *x = a, *y = b;
+
+    if (x->distance != y->distance)
+        return x->distance < y->distance ? -1 : 1;
+    return x->key < y->key ? 1 : -1; /* the later first */
+}
+
+static int32_t key_points(int32_t key, cairn_oriented_point *points)
+{
+    const cairn_scan_set *keys = cairn_mapper_keys(t.front);
+    int32_t count = 0;
+
+    for (int32_t s = 0; s < keys->segment_count; s++)
+        for (int32_t p = keys->segments[s].first_point;
+             keys->segments[s].scan == key && p < keys->segments[s].end_point; p++) {
+            points[count].position = keys->points[p];
+            points[count++].direction = keys->segments[s].direction;
+        }
+    return count;
+}
+
+/* Fills match and map with the key scans first ... end - 1 of the path that are near. */
+static void twin_fill(twin_map *map, const twin_state *s, cairn_pose expected, int32_t first, int32_t end)
+{
+    static cairn_oriented_point points[TWIN_POINTS];
+    twin_near near[KEYS_MOST];
+    int32_t count = 0;
+
+    map->count = 0;
+    cairn_icp_clear_target(t.icp);
+    for (int32_t key = first; key < end; key++) {
+        cairn_real x = s->path[key].x - expected.x, y = s->path[key].y - expected.y;
+
+        near[count].key = key;
+        near[count].distance = x * x + y * y;
+        count += near[count].distance <= t.params.local_radius * t.params.local_radius;
+    }
+    qsort(near, (size_t)count, sizeof *near, compare_near);
+    for (int32_t k = 0; k < count && k < t.params.local_keys; k++) {
+        cairn_transform map_key = cairn_transform_of(s->path[near[k].key]);
+        int32_t n = key_points(near[k].key, points);
+
+        if (map->count + n > t.params.max_local_points)
+            break;
+        assert_ok(cairn_icp_add_target(t.icp, points, n, s->path[near[k].key], NULL));
+        for (int32_t i = 0; i < n; i++, map->count++) {
+            map->point[map->count] = cairn_transform_point(map_key, points[i].position);
+            map->direction[map->count] = cairn_transform_direction(map_key, points[i].direction);
+        }
+    }
+}
+
+static cairn_real twin_cost(const twin_map *map, cairn_vec2 p, cairn_vec2 direction)
+{
+    cairn_real best = 3 * t.params.sigma * (3 * t.params.sigma), across;
+    int32_t nearest = -1;
+
+    for (int32_t i = 0; i < map->count; i++) {
+        cairn_real d = cairn_vec2_norm_squared(cairn_vec2_sub(map->point[i], p));
+
+        if (d < best || (d == best && nearest < 0)) {
+            best = d;
+            nearest = i;
+        }
+    }
+    if (nearest < 0 || cairn_vec2_dot(direction, map->direction[nearest]) < CAIRN_REAL(0.5))
+        return t.params.outlier;
+    across = cairn_vec2_cross(map->direction[nearest], cairn_vec2_sub(p, map->point[nearest])) / t.params.sigma;
+    return cairn_min(across * across / 2, t.params.outlier);
+}
+
+typedef struct twin_place {
+    cairn_pose mean;
+    cairn_real sigma[3], axis[3][3];
+} twin_place;
+
+static twin_place twin_place_of(cairn_pose mean, cairn_sym3 covariance)
+{
+    twin_place place = {.mean = mean};
+    cairn_real variance[3];
+
+    cairn_sym3_eigen(covariance, variance, place.axis);
+    for (int k = 0; k < 3; k++)
+        place.sigma[k] = cairn_sqrt(variance[k]);
+    return place;
+}
+
+static cairn_status twin_propose(void *context, cairn_particle_filter *filter, int32_t index, cairn_budget *budget)
+{
+    const cairn_filter_mapper_params *p = &t.params;
+    twin_state s = *(const twin_state *)cairn_particle_filter_particle(filter, index).state, drawn[CANDIDATES];
+    cairn_pose expected = cairn_pose_compose(s.path[s.keys - 1], t.motion);
+    cairn_pose_prior prior = {expected, t.distance, t.distance, t.turn};
+    cairn_real d = t.distance * t.distance;
+    cairn_scan_view view = cairn_mapper_view(t.front);
+    int32_t recent = s.keys > p->span ? s.keys - p->span : 0, places = 0;
+    int32_t every = (int32_t)ceil((double)view.point_count / p->points), weighed = 0;
+    twin_place place[2];
+
+    (void)context;
+    for (int which = 0; which < 2; which++) {
+        cairn_budget unbounded = {CAIRN_UNBOUNDED};
+        cairn_icp_result match;
+        cairn_sym3 c;
+
+        twin_fill(&t.map[which], &s, expected, which == 0 ? recent : 0, which == 0 ? s.keys : recent);
+        if (cairn_icp_begin(t.icp, view.points, view.point_count, expected, &prior, NULL) != CAIRN_OK)
+            continue;
+        assert_ok(cairn_icp_step(t.icp, &unbounded));
+        match = cairn_icp_read(t.icp);
+        if (match.verdict == CAIRN_ICP_TOO_FEW_PAIRS || match.overlap < p->min_support)
+            continue;
+        c.xx = match.covariance[0] + p->match_sigma * p->match_sigma;
+        c.xy = match.covariance[1];
+        c.xz = match.covariance[2];
+        c.yy = match.covariance[4] + p->match_sigma * p->match_sigma;
+        c.yz = match.covariance[5];
+        c.zz = match.covariance[8] + p->match_sigma_turn * p->match_sigma_turn;
+        place[places++] = twin_place_of(match.target_query, c);
+        t.returns += which;
+    }
+    if (places == 0) {
+        cairn_sym3 c = {d, 0, 0, d, 0, t.turn * t.turn};
+
+        place[places++] = twin_place_of(expected, c);
+    }
+    for (int32_t k = 0; k < CANDIDATES; k++) {
+        const twin_place *from = &place[k % places];
+        cairn_real e[3] = {0, 0, 0};
+
+        drawn[k] = s;
+        for (int a = 0; a < 3; a++) {
+            cairn_real step = from->sigma[a] * cairn_random_normal(&t.random);
+
+            for (int i = 0; i < 3; i++)
+                e[i] += step * from->axis[a][i];
+        }
+        drawn[k].path[s.keys].x = from->mean.x + e[0];
+        drawn[k].path[s.keys].y = from->mean.y + e[1];
+        drawn[k].path[s.keys].theta = cairn_wrap_angle(from->mean.theta + e[2]);
+        drawn[k].keys++;
+    }
+    for (int32_t i = 0; i < view.point_count; i += every)
+        weighed++;
+    for (int32_t k = 0; k < CANDIDATES; k++) {
+        cairn_pose x = drawn[k].path[s.keys], off = cairn_pose_between(expected, x);
+        cairn_transform map_scan = cairn_transform_of(x);
+        double cost = 0, sigma = (double)t.distance, turn = (double)(off.theta / t.turn);
+        double motion = ((double)(off.x * off.x + off.y * off.y) / (sigma * sigma) + turn * turn) / 2;
+
+        for (int32_t i = 0; i < view.point_count; i += every)
+            for (int which = 0; which < 2; which++)
+                cost += (double)twin_cost(&t.map[which], cairn_transform_point(map_scan, view.points[i].position),
+                                          cairn_transform_direction(map_scan, view.points[i].direction));
+        drawn[k].log_weight = (cairn_real)(-motion - cost * (double)p->weight / weighed);
+        assert_ok(cairn_particle_filter_offer(filter, &drawn[k], 0));
+    }
+    budget->left--;
+    return CAIRN_OK;
+}
+
+static cairn_status twin_likelihood(void *context, const cairn_particle_filter *filter, int32_t index,
+                                    const void *state, cairn_real *log_likelihood, cairn_budget *budget)
+{
+    (void)context;
+    (void)filter;
+    (void)index;
+    (void)budget;
+    *log_likelihood = ((const twin_state *)state)->log_weight;
+    return CAIRN_OK;
+}
+
+static void new_twin(const cairn_filter_mapper_params *params)
+{
+    cairn_particle_filter_params filter = cairn_particle_filter_default();
+    cairn_particle_model model = {NULL, twin_propose, twin_likelihood, NULL, NULL};
+    cairn_mapper_params front = params->front;
+    cairn_icp_params icp = front.icp;
+
+    t.params = *params;
+    t.returns = 0;
+    front.window = 0;
+    front.loop.max_loops = 0;
+    icp.max_target = params->max_local_points;
+    filter.particles = filter.max_particles = params->particles;
+    filter.max_followers = 1;
+    filter.by_entropy = 0;
+    filter.state_bytes = sizeof(twin_state);
+    filter.max_blocks = params->particles * KEYS_MOST;
+    t.pool = test_pool(cairn_mapper_memory(&front) + cairn_icp_memory(&icp) + cairn_particle_filter_memory(&filter));
+    assert_ok(cairn_mapper_create(&t.front, &t.pool, &front));
+    assert_ok(cairn_icp_create(&t.icp, &t.pool, &icp));
+    assert_ok(cairn_particle_filter_create(&t.filter, &t.pool, &filter, &model));
+    assert_ok(cairn_particle_filter_clear(t.filter, params->seed));
+    t.random = cairn_random_seed(params->seed, 1);
+}
+
+static void feed_twin(const sim_scan *scan, int32_t with_odometry)
+{
+    const cairn_filter_mapper_params *p = &t.params;
+    cairn_budget unbounded = {CAIRN_UNBOUNDED};
+    cairn_scan_input input = sim_scan_input(scan);
+    cairn_pose odometry = pose_of(scan->odometry);
+    cairn_mapper_result result;
+    double way, wide;
+
+    assert_ok(cairn_mapper_add(t.front, &input, with_odometry ? &odometry : NULL, NULL));
+    assert_ok(cairn_mapper_step(t.front, &unbounded));
+    result = cairn_mapper_read(t.front);
+    if (!result.is_key)
+        return;
+    if (result.key == 0) {
+        twin_state first = {.keys = 1};
+
+        first.path[0] = cairn_mapper_key_pose(t.front, 0);
+        for (int32_t i = 0; i < p->particles; i++)
+            assert_ok(cairn_particle_filter_start(t.filter, &first, 0));
+        return;
+    }
+    t.motion = cairn_pose_between(cairn_mapper_key_pose(t.front, result.key - 1), result.map_scan);
+    way = hypot((double)t.motion.x, (double)t.motion.y);
+    wide = (double)p->motion_distance_min + (double)p->motion_distance * way;
+    t.turn = p->motion_turn_min + p->motion_turn * cairn_abs(t.motion.theta);
+    if (result.verdict != CAIRN_MAPPER_MATCHED) {
+        wide += (double)p->front.motion_distance_min + (double)p->front.motion_distance * way;
+        t.turn += p->front.motion_turn_min + p->front.motion_turn * cairn_abs(t.motion.theta);
+    }
+    t.distance = (cairn_real)wide;
+    assert_ok(cairn_particle_filter_begin(t.filter));
+    unbounded.left = CAIRN_UNBOUNDED;
+    assert_ok(cairn_particle_filter_step(t.filter, &unbounded));
+}
+
+/* Both differ by roundings alone; in float these grow, and after some key scans other particles are drawn. */
+static void compare_with_twin(const cairn_filter_mapper *mapper, int32_t key_count)
+{
+    static cairn_pose path[KEYS_MOST];
+
+    assert_int_equal(cairn_filter_mapper_count(mapper), cairn_particle_filter_count(t.filter));
+    for (int32_t i = 0; i < cairn_filter_mapper_count(mapper); i++) {
+        const twin_state *s = cairn_particle_filter_particle(t.filter, i).state;
+
+        assert_int_equal(cairn_filter_mapper_path(mapper, i, path, KEYS_MOST), key_count);
+        assert_int_equal(s->keys, key_count);
+        for (int32_t k = 0; k < key_count; k++) {
+            assert_near(path[k].x, s->path[k].x, NUMBER(1e-7, 1e-3));
+            assert_near(path[k].y, s->path[k].y, NUMBER(1e-7, 1e-3));
+            assert_near(cairn_wrap_angle(path[k].theta - s->path[k].theta), 0, NUMBER(1e-7, 1e-3));
+        }
+        assert_near(cairn_filter_mapper_last(mapper, i).x, path[key_count - 1].x, 0);
+    }
+}
+
+static void along_twin(const cairn_filter_mapper_params *params, sim_scene scene, int32_t scans, int32_t with_odometry)
+{
+    drive d = start_drive(scene, 3, scans, 0.02, 0.3);
+    cairn_filter_mapper *mapper;
+    cairn_filter_mapper_state state;
+    cairn_pool pool;
+    int32_t most = NUMBER(scans, 12);
+    double best = -HUGE_VAL;
+
+    new_twin(params);
+    mapper = new_filter_mapper(&pool, params);
+    for (int32_t i = 0; i < most; i++) {
+        feed(mapper, &d.scans[i], with_odometry, 1000);
+        feed_twin(&d.scans[i], with_odometry);
+        compare_with_twin(mapper, cairn_mapper_read(t.front).key + 1);
+    }
+    state = cairn_filter_mapper_measure(mapper);
+    assert_int_equal(state.returns, t.returns);
+    assert_int_equal(state.keys, cairn_mapper_read(t.front).key + 1);
+    assert_int_equal(state.resamplings, cairn_particle_filter_read(t.filter).resamplings);
+    assert_near(state.n_eff, cairn_particle_filter_read(t.filter).n_eff, NUMBER(1e-5, 0.1));
+    assert_int_equal(state.nodes, cairn_particle_filter_read(t.filter).blocks);
+    assert_int_equal(state.nodes_peak, cairn_particle_filter_read(t.filter).blocks_peak);
+    for (int32_t i = 0; i < cairn_filter_mapper_count(mapper); i++)
+        best = fmax(best, (double)cairn_particle_filter_particle(t.filter, i).log_likelihood);
+    assert_near(cairn_particle_filter_particle(t.filter, cairn_filter_mapper_best(mapper)).log_likelihood, best,
+                NUMBER(1e-4, 1));
+    test_pool_free(&pool);
+    test_pool_free(&t.pool);
+    end_drive(&d);
+}
+
+static void agrees_with_twin(void **state)
+{
+    cairn_filter_mapper_params params = filter_params(4);
+
+    (void)state;
+    params.span = 6;
+    params.local_keys = 5;
+    along_twin(&params, SIM_APARTMENT, 60, 1);
+}
+
+/* So little room that the farthest key scans are left out, weak scans that match nothing, no odometry, another seed. */
+static void agrees_with_twin_where_room_is_short(void **state)
+{
+    cairn_filter_mapper_params params = filter_params(3);
+
+    (void)state;
+    params.span = 4;
+    params.max_local_points = 450;
+    params.points = 1000; /* all */
+    params.seed = 7;
+    params.min_support = CAIRN_REAL(0.9);
+    params.local_radius = 2;
+    along_twin(&params, SIM_RESCUE, 40, 0);
+    params.min_support = CAIRN_REAL(0.3);
+    params.max_local_points = 260;
+    along_twin(&params, SIM_RESCUE, 40, 1);
+    params.max_local_points = 190;
+    along_twin(&params, SIM_APARTMENT, 40, 1);
+}
+
+/* ---- Refusals ---- */
+
+static cairn_status create(void *context, cairn_pool *pool)
+{
+    cairn_filter_mapper *mapper;
+
+    return cairn_filter_mapper_create(&mapper, pool, context);
+}
+
+static void takes_just_its_memory(void **state)
+{
+    cairn_filter_mapper_params params = filter_params(2);
+
+    (void)state;
+    params.front.max_keys = 4;
+    params.front.max_key_points = 500;
+    params.front.max_key_segments = 100;
+    params.front.search = 0;
+    params.max_local_points = 64;
+    test_every_pool_size(create, &params, cairn_filter_mapper_memory(&params));
+}
+
+static void assert_refused(const cairn_filter_mapper_params *params)
+{
+    cairn_filter_mapper *mapper = NULL;
+    cairn_pool pool = test_pool(4096);
+
+    assert_int_equal(cairn_filter_mapper_memory(params), 0);
+    assert_status(cairn_filter_mapper_create(&mapper, &pool, params), CAIRN_BAD_ARGUMENT);
+    assert_null(mapper);
+    assert_int_equal(pool.used, 0);
+    test_pool_free(&pool);
+}
+
+#define REFUSED(field, value)                                                                                          \
+    do {                                                                                                               \
+        cairn_filter_mapper_params params = filter_params(2);                                                          \
+        params.field = (value);                                                                                        \
+        assert_refused(&params);                                                                                       \
+    } while (0)
+
+#define TAKEN(field, value)                                                                                            \
+    do {                                                                                                               \
+        cairn_filter_mapper_params params = filter_params(2);                                                          \
+        params.field = (value);                                                                                        \
+        assert_true(cairn_filter_mapper_memory(&params) > 0);                                                          \
+    } while (0)
+
+#define REFUSED_UNLESS_POSITIVE(field)                                                                                 \
+    do {                                                                                                               \
+        REFUSED(field, 0);                                                                                             \
+        REFUSED(field, -1);                                                                                            \
+        REFUSED(field, (cairn_real)NAN);                                                                               \
+    } while (0)
+
+static void refuses_bad_params(void **state)
+{
+    cairn_filter_mapper *mapper;
+    cairn_filter_mapper_params good = filter_params(2);
+    cairn_pool pool = test_pool(4096);
+
+    (void)state;
+    REFUSED(particles, 0);
+    REFUSED(particles, 4097);
+    REFUSED(candidates, 0);
+    REFUSED(candidates, CAIRN_FILTER_MAPPER_CANDIDATES_MOST + 1);
+    REFUSED(points, 0);
+    REFUSED(local_keys, 0);
+    REFUSED(local_keys, CAIRN_FILTER_MAPPER_LOCAL_MOST + 1);
+    REFUSED(max_local_points, 0);
+    REFUSED(max_local_points, (1 << 20) + 1);
+    REFUSED(span, 0);
+    REFUSED_UNLESS_POSITIVE(local_radius);
+    REFUSED(motion_distance, CAIRN_REAL(-0.1));
+    REFUSED(motion_distance, (cairn_real)NAN);
+    REFUSED(motion_turn, CAIRN_REAL(-0.1));
+    REFUSED(motion_turn, (cairn_real)NAN);
+    REFUSED_UNLESS_POSITIVE(motion_distance_min);
+    REFUSED_UNLESS_POSITIVE(motion_turn_min);
+    REFUSED_UNLESS_POSITIVE(match_sigma);
+    REFUSED_UNLESS_POSITIVE(match_sigma_turn);
+    REFUSED(min_support, CAIRN_REAL(-0.1));
+    REFUSED(min_support, CAIRN_REAL(1.1));
+    REFUSED(min_support, (cairn_real)NAN);
+    REFUSED_UNLESS_POSITIVE(sigma);
+    REFUSED_UNLESS_POSITIVE(outlier);
+    REFUSED_UNLESS_POSITIVE(weight);
+    REFUSED(front.max_keys, 0);
+    REFUSED(front.key_turn, -1);
+    REFUSED(front.icp.min_pairs, 0);
+    TAKEN(particles, 1);
+    TAKEN(particles, 4096);
+    TAKEN(candidates, 1);
+    TAKEN(candidates, CAIRN_FILTER_MAPPER_CANDIDATES_MOST);
+    TAKEN(points, 1);
+    TAKEN(local_keys, 1);
+    TAKEN(local_keys, CAIRN_FILTER_MAPPER_LOCAL_MOST);
+    TAKEN(max_local_points, 1);
+    TAKEN(max_local_points, 1 << 20);
+    TAKEN(span, 1);
+    TAKEN(motion_distance, 0);
+    TAKEN(motion_turn, 0);
+    TAKEN(min_support, 0);
+    TAKEN(min_support, 1);
+    /* What the mapper that goes ahead does without is not asked for. */
+    TAKEN(front.window, 1);
+    TAKEN(front.loop.max_loops, -1);
+    /* 2^28 nodes at most. */
+    good.particles = 4096;
+    good.front.max_keys = 1 << 16;
+    assert_true(cairn_filter_mapper_memory(&good) > 0);
+    good.front.max_keys++;
+    assert_refused(&good);
+    assert_refused(NULL);
+    good = filter_params(2);
+    assert_status(cairn_filter_mapper_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_filter_mapper_create(&mapper, NULL, &good), CAIRN_BAD_ARGUMENT);
+    test_pool_free(&pool);
+}
+
+static void refuses_bad_calls(void **state)
+{
+    cairn_filter_mapper_params params = filter_params(3);
+    drive d = start_drive(SIM_APARTMENT, 1, 8, 0, 0.6);
+    cairn_pool pool;
+    cairn_filter_mapper *mapper = new_filter_mapper(&pool, &params);
+    cairn_scan_input input = sim_scan_input(&d.scans[0]), bad = input;
+    cairn_pose not_finite = {(cairn_real)NAN, 0, 0}, path[2] = {{9, 9, 0}, {9, 9, 0}};
+    cairn_budget budget = {0};
+    cairn_fault fault;
+
+    (void)state;
+    assert_int_equal(cairn_filter_mapper_count(mapper), 0);
+    assert_int_equal(cairn_filter_mapper_best(mapper), -1);
+    assert_near(cairn_filter_mapper_last(mapper, 0).theta, 0, 0);
+    assert_int_equal(cairn_filter_mapper_path(mapper, 0, path, 2), 0);
+    assert_int_equal(cairn_filter_mapper_measure(mapper).keys, 0);
+
+    budget.left = 10;
+    assert_ok(cairn_filter_mapper_step(mapper, &budget)); /* nothing to do */
+    assert_int_equal(budget.left, 10);
+    bad.count = 0;
+    assert_fault(&fault, cairn_filter_mapper_add(mapper, &bad, NULL, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_status(cairn_filter_mapper_add(mapper, &input, &not_finite, NULL), CAIRN_NOT_FINITE);
+    assert_status(cairn_filter_mapper_add(NULL, &input, NULL, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_filter_mapper_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_filter_mapper_step(mapper, NULL), CAIRN_BAD_ARGUMENT);
+
+    assert_ok(cairn_filter_mapper_add(mapper, &input, NULL, NULL));
+    assert_status(cairn_filter_mapper_add(mapper, &input, NULL, NULL), CAIRN_MORE);
+    budget.left = 0;
+    assert_status(cairn_filter_mapper_step(mapper, &budget), CAIRN_MORE);
+    assert_status(cairn_filter_mapper_add(mapper, &input, NULL, NULL), CAIRN_MORE);
+    budget.left = CAIRN_UNBOUNDED;
+    assert_ok(cairn_filter_mapper_step(mapper, &budget));
+    assert_int_equal(cairn_filter_mapper_measure(mapper).keys, 1);
+    assert_int_equal(cairn_filter_mapper_measure(mapper).units, CAIRN_UNBOUNDED - budget.left);
+    assert_int_equal(cairn_filter_mapper_count(mapper), 3);
+    assert_int_equal(cairn_filter_mapper_best(mapper), 0);
+    /* While particles are at work, too, no scan is taken. */
+    for (int32_t i = 1; i < 8; i++) {
+        cairn_scan_input next = sim_scan_input(&d.scans[i]);
+
+        assert_ok(cairn_filter_mapper_add(mapper, &next, NULL, NULL));
+        do {
+            budget.left = 1;
+            assert_status(cairn_filter_mapper_add(mapper, &next, NULL, NULL), CAIRN_MORE);
+        } while (cairn_filter_mapper_step(mapper, &budget) == CAIRN_MORE);
+    }
+    assert_true(cairn_filter_mapper_measure(mapper).keys > 1);
+    assert_int_equal(cairn_filter_mapper_path(mapper, -1, path, 2), 0);
+    assert_int_equal(cairn_filter_mapper_path(mapper, 3, path, 2), 0);
+    assert_near(path[0].x, 9, 0);
+    assert_int_equal(cairn_filter_mapper_path(mapper, 2, path, 1), 1);
+    assert_near(path[0].x, 0, 0);
+    assert_near(path[1].x, 9, 0);
+    test_pool_free(&pool);
+    end_drive(&d);
+}
+
+static void says_when_it_is_full(void **state)
+{
+    cairn_filter_mapper_params params = filter_params(2);
+    drive d = start_drive(SIM_APARTMENT, 1, 8, 0, 0.6);
+    cairn_status status = CAIRN_OK;
+    cairn_filter_mapper *mapper;
+    cairn_pool pool;
+    int32_t i;
+
+    (void)state;
+    params.front.max_keys = 3;
+    mapper = new_filter_mapper(&pool, &params);
+    for (i = 0; i < 8 && status == CAIRN_OK; i++) {
+        cairn_scan_input input = sim_scan_input(&d.scans[i]);
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        assert_ok(cairn_filter_mapper_add(mapper, &input, NULL, NULL));
+        status = cairn_filter_mapper_step(mapper, &budget);
+    }
+    assert_status(status, CAIRN_FULL);
+    assert_int_equal(cairn_filter_mapper_measure(mapper).keys, 3);
+    {
+        cairn_scan_input input = sim_scan_input(&d.scans[0]);
+        cairn_pose path[3];
+
+        assert_status(cairn_filter_mapper_add(mapper, &input, NULL, NULL), CAIRN_FULL);
+        assert_int_equal(cairn_filter_mapper_path(mapper, 0, path, 3), 3);
+    }
+    test_pool_free(&pool);
+    end_drive(&d);
+}
+
+/* ---- Budgets, degenerate scans ---- */
+
+static void result_does_not_depend_on_budget(void **state)
+{
+    static const int32_t budgets[] = {CAIRN_UNBOUNDED, 1000, 7, 1};
+    drive d = start_drive(SIM_APARTMENT, 2, 16, 0.02, 0.6);
+    uint64_t hash = 0;
+    int64_t units = 0;
+
+    (void)state;
+    for (int k = 0; k < 4; k++) {
+        cairn_filter_mapper_params params = filter_params(3);
+        cairn_filter_mapper *mapper;
+        cairn_pool pool;
+
+        params.span = 4;
+        mapper = new_filter_mapper(&pool, &params);
+        for (int32_t i = 0; i < d.count; i++)
+            feed(mapper, &d.scans[i], 1, budgets[k]);
+        if (k == 0) {
+            hash = hash_of(mapper);
+            units = cairn_filter_mapper_measure(mapper).units;
+        }
+        assert_true(hash_of(mapper) == hash);
+        assert_true(cairn_filter_mapper_measure(mapper).units == units);
+        test_pool_free(&pool);
+    }
+    end_drive(&d);
+}
+
+/* No step takes more than its budget but for the last item of the mapper that goes ahead. */
+static void steps_are_bounded(void **state)
+{
+    cairn_filter_mapper_params params = filter_params(4);
+    drive d = start_drive(SIM_APARTMENT, 2, 10, 0.02, 0.6);
+    cairn_pool pool;
+    cairn_filter_mapper *mapper = new_filter_mapper(&pool, &params);
+
+    (void)state;
+    for (int32_t i = 0; i < d.count; i++) {
+        cairn_scan_input input = sim_scan_input(&d.scans[i]);
+        cairn_pose odometry = pose_of(d.scans[i].odometry);
+        cairn_budget budget;
+
+        assert_ok(cairn_filter_mapper_add(mapper, &input, &odometry, NULL));
+        do {
+            budget.left = 100;
+            assert_true(budget.left <= 100);
+        } while (cairn_filter_mapper_step(mapper, &budget) == CAIRN_MORE && budget.left > -300);
+        assert_true(budget.left > -300);
+    }
+    test_pool_free(&pool);
+    end_drive(&d);
+}
+
+/* Scans that show nothing at all: the first one is where the path begins, the others hang on it. */
+static void takes_scans_that_show_nothing(void **state)
+{
+    cairn_filter_mapper_params params = filter_params(2);
+    drive d = start_drive(SIM_APARTMENT, 1, 6, 0, 0.6);
+    cairn_pool pool;
+    cairn_filter_mapper *mapper = new_filter_mapper(&pool, &params);
+    static float nothing[181];
+    cairn_pose path[8];
+
+    (void)state;
+    for (int i = 0; i < 181; i++)
+        nothing[i] = (float)INFINITY;
+    for (int32_t i = 0; i < 3; i++) {
+        cairn_scan_input blind = sim_scan_input(&d.scans[0]);
+        cairn_pose odometry = {(cairn_real)i, 0, 0};
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        blind.range = nothing;
+        assert_ok(cairn_filter_mapper_add(mapper, &blind, &odometry, NULL));
+        assert_ok(cairn_filter_mapper_step(mapper, &budget));
+    }
+    assert_int_equal(cairn_filter_mapper_measure(mapper).keys, 1);
+    for (int32_t i = 0; i < d.count; i++)
+        feed(mapper, &d.scans[i], 1, CAIRN_UNBOUNDED);
+    assert_true(cairn_filter_mapper_measure(mapper).keys > 3);
+    for (int32_t p = 0; p < 2; p++) {
+        int32_t keys = cairn_filter_mapper_path(mapper, p, path, 8);
+
+        for (int32_t k = 0; k < keys; k++)
+            assert_true(cairn_pose_is_finite(path[k]));
+    }
+    test_pool_free(&pool);
+    end_drive(&d);
+}
+
+/* ---- Drives ---- */
+
+/* Mean error of position seen from the first scan, in m, along the best path, and along the motion alone. */
+static void drive_errors(uint64_t seed, int32_t particles, double errors[2], cairn_filter_mapper_state *measured)
+{
+    static cairn_pose path[KEYS_MOST];
+    cairn_filter_mapper_params params = filter_params(particles);
+    drive d = start_drive(SIM_OFFICE, seed, 150, 0.02, 0.5);
+    cairn_pool pool;
+    cairn_filter_mapper *mapper = new_filter_mapper(&pool, &params);
+    const cairn_mapper *front = cairn_filter_mapper_front(mapper);
+    cairn_mapper_result results[150];
+
+    for (int32_t i = 0; i < d.count; i++) {
+        feed(mapper, &d.scans[i], 1, CAIRN_UNBOUNDED);
+        results[i] = cairn_mapper_read(front);
+    }
+    (void)cairn_filter_mapper_path(mapper, cairn_filter_mapper_best(mapper), path, KEYS_MOST);
+    errors[0] = errors[1] = 0;
+    for (int32_t i = 0; i < d.count; i++) {
+        cairn_pose truth = cairn_pose_between(pose_of(d.scans[0].truth), pose_of(d.scans[i].truth));
+
+        for (int k = 0; k < 2; k++) {
+            cairn_pose key = k == 0 ? path[results[i].key] : cairn_mapper_key_pose(front, results[i].key);
+            cairn_pose found = cairn_pose_between(path[0], cairn_pose_compose(key, results[i].key_scan));
+
+            errors[k] += hypot((double)(truth.x - found.x), (double)(truth.y - found.y)) / d.count;
+        }
+    }
+    *measured = cairn_filter_mapper_measure(mapper);
+    test_pool_free(&pool);
+    end_drive(&d);
+}
+
+/* Around the corridors of an office. */
+static void closes_a_loop(void **state)
+{
+    double sum[2] = {0, 0};
+
+    (void)state;
+    for (uint64_t seed = 1; seed <= 3; seed++) {
+        cairn_filter_mapper_state measured;
+        double errors[2];
+
+        drive_errors(seed, 10, errors, &measured);
+        for (int k = 0; k < 2; k++)
+            sum[k] += errors[k];
+        assert_true(measured.returns > 0);
+        assert_true(errors[0] < 0.2);
+        assert_true(measured.resamplings > 0 && measured.resamplings < measured.keys / 4);
+        assert_true(measured.nodes >= measured.keys && measured.nodes < 10 * measured.keys);
+    }
+    assert_true(sum[0] < 0.27 && sum[1] < 0.27);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(agrees_with_twin),
+        cmocka_unit_test(agrees_with_twin_where_room_is_short),
+        cmocka_unit_test(takes_just_its_memory),
+        cmocka_unit_test(refuses_bad_params),
+        cmocka_unit_test(refuses_bad_calls),
+        cmocka_unit_test(says_when_it_is_full),
+        cmocka_unit_test(result_does_not_depend_on_budget),
+        cmocka_unit_test(steps_are_bounded),
+        cmocka_unit_test(takes_scans_that_show_nothing),
+        cmocka_unit_test(closes_a_loop),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

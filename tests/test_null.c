@@ -1,0 +1,133 @@
+/* Every object refuses what is not there: creation without a place for it, a pool or params; and steps, where
+ * they say so, without an object or a budget. */
+#include "tests/test.h"
+
+#include "cairn/edge_chain.h"
+#include "cairn/edge_segment.h"
+#include "cairn/lum.h"
+#include "cairn/map_merge.h"
+#include "cairn/mapper.h"
+#include "cairn/occupancy_grid.h"
+#include "cairn/place_map.h"
+#include "cairn/scan_cover.h"
+#include "cairn/sequence.h"
+#include "cairn/shape_model.h"
+#include "cairn/symmetric_point.h"
+#include "cairn/virtual_align.h"
+
+/* type: of the object, without cairn_. */
+#define CREATES(room, type)                                                                                            \
+    static void test_##room##_create(void **state)                                                                     \
+    {                                                                                                                  \
+        cairn_##room##_params params = room##_params();                                                                \
+        cairn_pool pool = test_pool(cairn_##room##_memory(&params));                                                   \
+        size_t before = pool.used;                                                                                     \
+        cairn_##type *object;                                                                                          \
+                                                                                                                       \
+        (void)state;                                                                                                   \
+        assert_status(cairn_##room##_create(NULL, &pool, &params), CAIRN_BAD_ARGUMENT);                                \
+        assert_status(cairn_##room##_create(&object, NULL, &params), CAIRN_BAD_ARGUMENT);                              \
+        assert_status(cairn_##room##_create(&object, &pool, NULL), CAIRN_BAD_ARGUMENT);                                \
+        assert_int_equal(cairn_##room##_memory(NULL), 0);                                                              \
+        assert_int_equal(pool.used, before);                                                                           \
+        test_pool_free(&pool);                                                                                         \
+    }
+#define STEPS(room, type)                                                                                              \
+    CREATES(room, type)                                                                                                \
+    static void test_##room##_step(void **state)                                                                       \
+    {                                                                                                                  \
+        cairn_##room##_params params = room##_params();                                                                \
+        cairn_pool pool = test_pool(cairn_##room##_memory(&params));                                                   \
+        cairn_budget budget = {100};                                                                                   \
+        cairn_##type *object;                                                                                          \
+                                                                                                                       \
+        (void)state;                                                                                                   \
+        assert_ok(cairn_##room##_create(&object, &pool, &params));                                                     \
+        assert_status(cairn_##room##_step(NULL, &budget), CAIRN_BAD_ARGUMENT);                                         \
+        assert_status(cairn_##room##_step(object, NULL), CAIRN_BAD_ARGUMENT);                                          \
+        assert_int_equal(budget.left, 100);                                                                            \
+        test_pool_free(&pool);                                                                                         \
+    }
+#define DEFAULT(room)                                                                                                  \
+    static cairn_##room##_params room##_params(void)                                                                   \
+    {                                                                                                                  \
+        return cairn_##room##_default();                                                                               \
+    }
+
+static cairn_scan_set_params scan_set_params(void)
+{
+    cairn_scan_set_params params = {4, 40, 400, 0};
+
+    return params;
+}
+
+static cairn_point_grid_params point_grid_params(void)
+{
+    cairn_point_grid_params params = {100, 1};
+
+    return params;
+}
+
+static cairn_box_sweep_params box_sweep_params(void)
+{
+    cairn_box_sweep_params params = {100};
+
+    return params;
+}
+
+static cairn_distance_map_params distance_map_params(void)
+{
+    cairn_distance_map_params params = {100};
+
+    return params;
+}
+
+#define STEPPED(X)                                                                                                     \
+    X(aligner, aligner)                                                                                                \
+    X(corner, corner_set)                                                                                              \
+    X(edge_chain, edge_chain_set)                                                                                      \
+    X(edge_segment, edge_segment_set)                                                                                  \
+    X(force_field, force_field)                                                                                        \
+    X(hough, hough)                                                                                                    \
+    X(map_merge, map_merge)                                                                                            \
+    X(mapper, mapper)                                                                                                  \
+    X(place_map, place_map)                                                                                            \
+    X(polyline, polyline)                                                                                              \
+    X(pose_consensus, pose_consensus)                                                                                  \
+    X(rectangle, rectangle_set)                                                                                        \
+    X(scan, scan)                                                                                                      \
+    X(scan_cover, scan_cover)                                                                                          \
+    X(scan_match, scan_match)                                                                                          \
+    X(sequence, sequence)                                                                                              \
+    X(shape_builder, shape_builder)                                                                                    \
+    X(symmetric_point, symmetric_point_set)                                                                            \
+    X(virtual_align, virtual_align)                                                                                    \
+    X(virtual_scan, virtual_scan)
+
+/* Steps that say nothing about objects that are not there. */
+#define OTHERS(X)                                                                                                      \
+    X(block_solver, block_solver)                                                                                      \
+    X(icp, icp)                                                                                                        \
+    X(lum, lum)                                                                                                        \
+    X(occupancy_grid, occupancy_grid)
+
+#define DEFAULT_OF(room, type) DEFAULT(room)
+STEPPED(DEFAULT_OF)
+OTHERS(DEFAULT_OF)
+STEPPED(STEPS)
+OTHERS(CREATES)
+CREATES(distance_map, distance_map)
+CREATES(scan_set, scan_set)
+CREATES(point_grid, point_grid)
+CREATES(box_sweep, box_sweep)
+
+#define CREATE_TEST(room, type) cmocka_unit_test(test_##room##_create),
+#define STEP_TEST(room, type)   CREATE_TEST(room, type) cmocka_unit_test(test_##room##_step),
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {STEPPED(STEP_TEST) OTHERS(CREATE_TEST) CREATE_TEST(distance_map, )
+                                           CREATE_TEST(scan_set, ) CREATE_TEST(point_grid, ) CREATE_TEST(box_sweep, )};
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

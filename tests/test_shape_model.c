@@ -1,0 +1,394 @@
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "cairn/shape_model.h"
+
+enum { MOST = 400 };
+
+static cairn_vec2 at(double x, double y)
+{
+    cairn_vec2 p = {(cairn_real)x, (cairn_real)y};
+
+    return p;
+}
+
+typedef struct shape {
+    cairn_pool pool;
+    cairn_shape_builder *builder;
+    cairn_shape_builder_params params;
+} shape;
+
+static shape new_shape(int32_t max_paths)
+{
+    shape s;
+
+    s.params = cairn_shape_builder_default();
+    s.params.points = 128;
+    s.params.max_paths = max_paths;
+    s.pool = test_pool(cairn_shape_builder_memory(&s.params));
+    assert_ok(cairn_shape_builder_create(&s.builder, &s.pool, &s.params));
+    return s;
+}
+
+static cairn_shape_model build(shape *s, const cairn_curve *outlines, int32_t count)
+{
+    cairn_budget budget = {INT32_MAX};
+    cairn_shape_model model;
+    cairn_fault fault;
+
+    assert_ok(cairn_shape_builder_begin(s->builder, outlines, count));
+    assert_ok(cairn_shape_builder_step(s->builder, &budget));
+    model = cairn_shape_builder_read(s->builder);
+    assert_ok(cairn_shape_model_check(&model, &fault));
+    return model;
+}
+
+/* 100 x 40 with a leg of 30 x 10 below it; without the leg when it has no length. */
+static int32_t box_with_leg(cairn_vec2 *v, double leg)
+{
+    int32_t n = 0;
+
+    v[n++] = at(0, 0);
+    v[n++] = at(100, 0);
+    v[n++] = at(100, 40);
+    if (leg > 0) {
+        v[n++] = at(75, 40);
+        v[n++] = at(75, 40 + leg);
+        v[n++] = at(63, 40 + leg);
+        v[n++] = at(63, 40);
+    }
+    v[n++] = at(0, 40);
+    return n;
+}
+
+/* A bar: its middle line, half as far from either side as it is wide, sides and shares as they are. */
+static void a_bar_has_its_middle_line(void **state)
+{
+    shape s = new_shape(1);
+    cairn_vec2 v[8];
+    cairn_curve outline = {v, box_with_leg(v, 0), 1};
+    cairn_shape_model m = build(&s, &outline, 1);
+    double size = hypot(100, 40);
+    int32_t on_middle = 0;
+
+    (void)state;
+    assert_int_equal(m.path_count, 1);
+    assert_near(m.size, size, 1e-4);
+    assert_near(m.origin.x, 50, 1e-4);
+    assert_near(m.origin.y, 20, 1e-4);
+    assert_int_equal(m.outline_count, 128);
+    assert_true(m.paths[0].count >= 8);
+    for (int32_t k = 0; k < m.paths[0].count; k++) {
+        const cairn_shape_sample *d = &m.samples[m.paths[0].first + k];
+
+        if (fabs((double)d->centre.x) * size > 25)
+            continue;
+        on_middle++;
+        assert_near(d->centre.y, 0, 0.01);
+        assert_near(d->radius, 20 / size, 0.01);
+        for (int32_t side = 0; side < 2; side++) {
+            assert_near(fabs((double)d->side[side].position.y), 20 / size, 1e-3);
+            assert_near(cairn_vec2_norm(cairn_vec2_sub(d->side[side].position, d->centre)), d->radius, 1e-3);
+        }
+        /* To the left with y down, and both in the sense of the walk. */
+        assert_true(cairn_vec2_cross(d->side[0].direction, cairn_vec2_sub(d->side[0].position, d->centre)) < 0);
+        assert_true(cairn_vec2_cross(d->side[1].direction, cairn_vec2_sub(d->side[1].position, d->centre)) > 0);
+        assert_true(cairn_vec2_dot(d->side[0].direction, d->side[1].direction) > (cairn_real)0.9);
+    }
+    assert_true(on_middle >= 3);
+    assert_near(cairn_shape_displacement(&m, 0, 0).x, 0, 0);
+    assert_near(cairn_shape_displacement(&m, 0, 3).x, m.samples[3].centre.x - m.samples[0].centre.x, 0);
+    test_pool_free(&s.pool);
+}
+
+/* The whole outline of a disc belongs to its path, at its one centre, sides opposite to each other in turn. */
+static void a_disc_is_swept_once(void **state)
+{
+    shape s = new_shape(8);
+    cairn_vec2 v[120];
+    cairn_curve outline = {v, 120, 1};
+    cairn_shape_model m;
+
+    (void)state;
+    for (int i = 0; i < 120; i++)
+        v[i] = at(30 + 10 * cos(i * 2 * 3.14159265 / 120), 40 - 10 * sin(i * 2 * 3.14159265 / 120));
+    m = build(&s, &outline, 1);
+    assert_int_equal(m.path_count, 1);
+    assert_true(m.paths[0].share > (cairn_real)0.8);
+    for (int32_t k = 0; k < m.sample_count; k++) {
+        assert_near(cairn_vec2_norm(m.samples[k].centre), 0, 0.01);
+        assert_near(m.samples[k].radius * m.size, 10, 0.1);
+    }
+    test_pool_free(&s.pool);
+}
+
+/* The longest path comes up the leg into the body; each corner that it leaves out has a path of its own, from where it branches
+ * off to its tip, and all together hold the outline but for the tips. */
+static void corners_are_branches(void **state)
+{
+    shape one = new_shape(1), s = new_shape(8);
+    cairn_vec2 v[8];
+    cairn_curve outline = {v, box_with_leg(v, 36), 1};
+    cairn_shape_model m = build(&one, &outline, 1);
+    cairn_real share = m.paths[0].share;
+    int32_t in_leg = 0;
+
+    (void)state;
+    assert_int_equal(m.path_count, 1);
+    m = build(&s, &outline, 1);
+    assert_near(m.paths[0].share, share, 0);
+    for (int32_t k = 0; k < m.paths[0].count; k++)
+        in_leg += fabs((double)(m.samples[k].radius * m.size) - 6) < 0.5 &&
+                  fabs((double)(m.samples[k].centre.x * m.size + m.origin.x) - 69) < 0.5;
+    assert_true(in_leg >= 4);
+    assert_int_equal(m.path_count, 4);
+    for (int32_t p = 1; p < m.path_count; p++) {
+        const cairn_shape_sample *from = &m.samples[m.paths[p].first], *to = from + m.paths[p].count - 1;
+        const cairn_shape_sample *root = &m.samples[m.paths[0].first + m.paths[p].branch];
+
+        assert_int_equal(m.paths[p].parent, 0);
+        assert_true(to->radius < from->radius / 2);
+        assert_true(cairn_vec2_norm(cairn_vec2_sub(root->centre, from->centre)) < root->radius);
+        share += m.paths[p].share;
+    }
+    assert_true(share > (cairn_real)0.85 && share <= (cairn_real)1.05);
+    test_pool_free(&one.pool);
+    test_pool_free(&s.pool);
+}
+
+/* Two outlines are one object: the second one's path hangs on the first's. */
+static void outlines_are_joined(void **state)
+{
+    shape s = new_shape(8);
+    cairn_vec2 v[2][4] = {{{0, 0}, {60, 0}, {60, 20}, {0, 20}}, {{80, 0}, {80, 30}, {70, 30}, {70, 0}}};
+    cairn_curve outlines[2] = {{v[0], 4, 1}, {v[1], 4, 1}};
+    cairn_shape_model m = build(&s, outlines, 2);
+    int32_t joined = 0;
+
+    (void)state;
+    assert_int_equal(m.paths[0].parent, -1);
+    for (int32_t p = 1; p < m.path_count; p++)
+        joined += m.samples[m.paths[p].first].centre.x * m.size > 25 && m.paths[p].parent == 0;
+    assert_int_equal(joined, 1);
+    test_pool_free(&s.pool);
+}
+
+/* Where an outline lies, how large it is and in which sense it runs makes no difference to the model. */
+static void size_place_and_sense_do_not_matter(void **state)
+{
+    shape s = new_shape(8), t = new_shape(8);
+    cairn_vec2 v[8], w[8];
+    cairn_curve outline = {v, box_with_leg(v, 36), 1}, other = {w, outline.count, 1};
+    cairn_shape_model m = build(&s, &outline, 1), n;
+
+    (void)state;
+    for (int32_t i = 0; i < other.count; i++)
+        w[i] = at(1000 + 4 * (double)v[i].x, -300 + 4 * (double)v[i].y);
+    n = build(&t, &other, 1);
+    assert_near(n.size, 4 * m.size, 1e-3);
+    assert_int_equal(n.path_count, m.path_count);
+    assert_int_equal(n.sample_count, m.sample_count);
+    for (int32_t i = 0; i < m.sample_count; i++) {
+        assert_near(n.samples[i].centre.x, m.samples[i].centre.x, NUMBER(1e-9, 1e-3));
+        assert_near(n.samples[i].radius, m.samples[i].radius, NUMBER(1e-9, 1e-3));
+    }
+    for (int32_t i = 0; i < other.count; i++)
+        w[i] = v[other.count - 1 - i];
+    n = build(&t, &other, 1);
+    assert_near(n.paths[0].share, m.paths[0].share, 0.1);
+    for (int32_t i = 0; i < n.outline_count; i++) {
+        cairn_vec2 in = cairn_vec2_left(n.outline[i].direction), p = n.outline[i].position;
+        cairn_vec2 probe = cairn_vec2_add(
+            n.origin, cairn_vec2_scale(cairn_vec2_add(p, cairn_vec2_scale(in, (cairn_real)0.03)), n.size));
+
+        assert_int_equal(cairn_polygon_contains(v, outline.count, probe), 1);
+    }
+    test_pool_free(&s.pool);
+    test_pool_free(&t.pool);
+}
+
+static uint64_t hash_of(shape *s)
+{
+    cairn_shape_model m = cairn_shape_builder_read(s->builder);
+
+    return test_hash(test_hash(TEST_HASH_START, m.samples, (size_t)m.sample_count * sizeof *m.samples), m.paths,
+                     (size_t)m.path_count * sizeof *m.paths);
+}
+
+static void budgets_do_not_matter(void **state)
+{
+    static const int32_t budgets[] = {1, 7, 1000};
+    shape s = new_shape(8);
+    cairn_vec2 v[8];
+    cairn_curve outline = {v, box_with_leg(v, 36), 1};
+    cairn_budget all = {INT32_MAX};
+    int32_t units;
+    uint64_t hash;
+
+    (void)state;
+    (void)build(&s, &outline, 1);
+    hash = hash_of(&s);
+    assert_ok(cairn_shape_builder_begin(s.builder, &outline, 1));
+    assert_int_equal(cairn_shape_builder_read(s.builder).path_count, 0);
+    assert_ok(cairn_shape_builder_step(s.builder, &all));
+    units = INT32_MAX - all.left;
+    for (int i = 0; i < 3; i++) {
+        int64_t used = 0;
+        cairn_status status;
+
+        assert_ok(cairn_shape_builder_begin(s.builder, &outline, 1));
+        do {
+            cairn_budget budget = {budgets[i]};
+
+            status = cairn_shape_builder_step(s.builder, &budget);
+            assert_true(budget.left >= 0);
+            used += budgets[i] - budget.left;
+        } while (status == CAIRN_MORE);
+        assert_ok(status);
+        assert_int_equal(used, units);
+        assert_true(hash_of(&s) == hash);
+    }
+    test_pool_free(&s.pool);
+}
+
+static void bad_outlines_are_refused(void **state)
+{
+    shape s = new_shape(8);
+    cairn_vec2 v[4] = {{0, 0}, {10, 0}, {10, 4}, {0, 4}}, flat[3] = {{0, 0}, {5, 5}, {9, 9}};
+    cairn_curve outline = {v, 4, 1}, open = {v, 4, 0}, two = {v, 2, 1}, none = {NULL, 4, 1}, line = {flat, 3, 1};
+    cairn_budget budget = {INT32_MAX};
+
+    (void)state;
+    (void)build(&s, &outline, 1);
+    assert_status(cairn_shape_builder_begin(NULL, &outline, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_builder_begin(s.builder, NULL, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_builder_begin(s.builder, &outline, 0), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_builder_begin(s.builder, &outline, CAIRN_SHAPE_OUTLINES + 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_builder_begin(s.builder, &open, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_builder_begin(s.builder, &two, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_builder_begin(s.builder, &none, 1), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_builder_begin(s.builder, &line, 1), CAIRN_EMPTY);
+    v[2].y = (cairn_real)NAN;
+    assert_status(cairn_shape_builder_begin(s.builder, &outline, 1), CAIRN_NOT_FINITE);
+    v[2].y = 4;
+    assert_true(cairn_shape_builder_read(s.builder).path_count > 0);
+    assert_status(cairn_shape_builder_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_builder_step(s.builder, NULL), CAIRN_BAD_ARGUMENT);
+    assert_ok(cairn_shape_builder_step(s.builder, &budget));
+    assert_int_equal(cairn_shape_builder_read(NULL).path_count, 0);
+    test_pool_free(&s.pool);
+}
+
+static cairn_status create(void *context, cairn_pool *pool)
+{
+    cairn_shape_builder *b;
+
+    return cairn_shape_builder_create(&b, pool, context);
+}
+
+static void bad_params_are_refused(void **state)
+{
+    cairn_shape_builder_params good = cairn_shape_builder_default(), p;
+    cairn_shape_builder *b;
+    cairn_pool pool = test_pool(64);
+
+    (void)state;
+#define REFUSED(field, bad)                                                                                            \
+    p = good;                                                                                                          \
+    p.field = bad;                                                                                                     \
+    assert_int_equal(cairn_shape_builder_memory(&p), 0);                                                               \
+    assert_status(cairn_shape_builder_create(&b, &pool, &p), CAIRN_BAD_ARGUMENT)
+    REFUSED(points, 15);
+    REFUSED(points, 1025);
+    REFUSED(samples, 3);
+    REFUSED(samples, 257);
+    REFUSED(max_paths, 0);
+    REFUSED(max_paths, 9);
+    REFUSED(max_deviation, 0);
+    REFUSED(max_deviation, (cairn_real)1.6);
+    REFUSED(sigma, 0);
+    REFUSED(sigma, (cairn_real)NAN);
+    REFUSED(sigma, (cairn_real)INFINITY);
+    REFUSED(overlap, (cairn_real)-0.1);
+    REFUSED(overlap, (cairn_real)1.1);
+    REFUSED(min_share, 0);
+    REFUSED(min_share, (cairn_real)1.1);
+#undef REFUSED
+    assert_int_equal(cairn_shape_builder_memory(NULL), 0);
+    assert_status(cairn_shape_builder_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_builder_create(&b, NULL, &good), CAIRN_BAD_ARGUMENT);
+    good.points = 16;
+    test_every_pool_size(create, &good, cairn_shape_builder_memory(&good));
+    test_pool_free(&pool);
+}
+
+static void models_are_checked(void **state)
+{
+    shape s = new_shape(8);
+    cairn_vec2 v[8];
+    cairn_curve outline = {v, box_with_leg(v, 36), 1};
+    cairn_shape_model good = build(&s, &outline, 1), m;
+    static cairn_shape_sample samples[MOST];
+    static cairn_oriented_point points[MOST];
+    cairn_shape_path paths[CAIRN_SHAPE_PATHS];
+    cairn_fault fault;
+
+    (void)state;
+    assert_true(good.path_count >= 2);
+#define CHANGED(change, status, where)                                                                                 \
+    memcpy(samples, good.samples, (size_t)good.sample_count * sizeof *samples);                                        \
+    memcpy(points, good.outline, (size_t)good.outline_count * sizeof *points);                                         \
+    memcpy(paths, good.paths, (size_t)good.path_count * sizeof *paths);                                                \
+    m = good;                                                                                                          \
+    m.samples = samples;                                                                                               \
+    m.paths = paths;                                                                                                   \
+    m.outline = points;                                                                                                \
+    change;                                                                                                            \
+    assert_fault(&fault, cairn_shape_model_check(&m, &fault), status, where)
+    CHANGED(m.samples = NULL, CAIRN_BAD_ARGUMENT, -1);
+    CHANGED(m.paths = NULL, CAIRN_BAD_ARGUMENT, -1);
+    CHANGED(m.outline = NULL, CAIRN_BAD_ARGUMENT, -1);
+    CHANGED(m.sample_count = 0, CAIRN_BAD_ARGUMENT, -1);
+    CHANGED(m.path_count = 0, CAIRN_BAD_ARGUMENT, -1);
+    CHANGED(m.path_count = 9, CAIRN_BAD_ARGUMENT, -1);
+    CHANGED(m.outline_count = 0, CAIRN_BAD_ARGUMENT, -1);
+    CHANGED(m.size = 0, CAIRN_BAD_ARGUMENT, -1);
+    CHANGED(m.origin.y = (cairn_real)NAN, CAIRN_BAD_ARGUMENT, -1);
+    CHANGED(samples[2].centre.x = (cairn_real)NAN, CAIRN_NOT_FINITE, 2);
+    CHANGED(samples[2].deviation = (cairn_real)NAN, CAIRN_NOT_FINITE, 2);
+    CHANGED(samples[1].radius = 0, CAIRN_BAD_ARGUMENT, 1);
+    CHANGED(samples[1].deviation = -1, CAIRN_BAD_ARGUMENT, 1);
+    CHANGED(samples[1].share[1] = 2, CAIRN_BAD_ARGUMENT, 1);
+    CHANGED(samples[1].share[0] = -1, CAIRN_BAD_ARGUMENT, 1);
+    CHANGED(samples[1].side[1].direction.x = 2, CAIRN_BAD_ARGUMENT, 1);
+    CHANGED(samples[1].side[0].position.y = (cairn_real)NAN, CAIRN_BAD_ARGUMENT, 1);
+    CHANGED(points[3].direction.x = (cairn_real)NAN, CAIRN_BAD_ARGUMENT, 3);
+    CHANGED(paths[0].first = -1, CAIRN_BAD_ARGUMENT, 0);
+    CHANGED(paths[0].count = 0, CAIRN_BAD_ARGUMENT, 0);
+    CHANGED(paths[1].count = MOST, CAIRN_BAD_ARGUMENT, 1);
+    CHANGED(paths[1].parent = 1, CAIRN_BAD_ARGUMENT, 1);
+    CHANGED(paths[1].branch = -1, CAIRN_BAD_ARGUMENT, 1);
+    CHANGED(paths[1].branch = paths[0].count, CAIRN_BAD_ARGUMENT, 1);
+    CHANGED(paths[0].share = 2, CAIRN_BAD_ARGUMENT, 0);
+#undef CHANGED
+    assert_fault(&fault, cairn_shape_model_check(NULL, &fault), CAIRN_BAD_ARGUMENT, -1);
+    test_pool_free(&s.pool);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_bar_has_its_middle_line),
+        cmocka_unit_test(a_disc_is_swept_once),
+        cmocka_unit_test(corners_are_branches),
+        cmocka_unit_test(outlines_are_joined),
+        cmocka_unit_test(size_place_and_sense_do_not_matter),
+        cmocka_unit_test(budgets_do_not_matter),
+        cmocka_unit_test(bad_outlines_are_refused),
+        cmocka_unit_test(bad_params_are_refused),
+        cmocka_unit_test(models_are_checked),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,197 @@
+/* cairn map --filter N: a log by the particles of filter_mapper. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cairn/filter_mapper.h"
+#include "cairn/output.h"
+#include "tools/cairn_map_work.h"
+#include "tools/cairn_player.h"
+#include "tools/cairn_tool.h"
+
+/* All that a run needs, to be freed by end(). */
+typedef struct filter_run {
+    const map_settings *settings;
+    const map_input *input;
+    cairn_filter_mapper *mapper;
+    cairn_pool pool;
+    cairn_report_player *player;
+    cairn_pose *path; /* [max_keys] of the best particle */
+    int32_t max_keys;
+} filter_run;
+
+/* The path of the best particle as it is now; how many key scans it has. */
+static int32_t read_best(filter_run *run)
+{
+    return cairn_filter_mapper_path(run->mapper, cairn_filter_mapper_best(run->mapper), run->path, run->max_keys);
+}
+
+/* A frame of the player: the best path after scan `index` of the log, which may be another one than before. */
+static cairn_status add_frame(filter_run *run, int32_t index)
+{
+    cairn_mapper_result result = cairn_mapper_read(cairn_filter_mapper_front(run->mapper));
+    cairn_filter_mapper_state state = cairn_filter_mapper_measure(run->mapper);
+    double value[2] = {result.verdict == CAIRN_MAPPER_FIRST ? (double)NAN : (double)result.support,
+                       state.keys > 1 ? (double)state.n_eff : (double)NAN};
+    cairn_report_frame frame;
+    char label[64];
+
+    memset(&frame, 0, sizeof frame);
+    snprintf(label, sizeof label, "%" PRId32 " key scans", state.keys);
+    frame.step = index;
+    frame.label = label;
+    frame.pose = run->path;
+    frame.pose_count = read_best(run);
+    frame.value = value;
+    return cairn_report_player_add_frame(run->player, &frame);
+}
+
+/* Maps one scan, and keeps what is drawn of it. */
+static cairn_status map_scan_at(filter_run *run, int32_t index, map_scan *scan, map_place *place, cairn_fault *fault)
+{
+    const map_settings *s = run->settings;
+    const cairn_mapper *front = cairn_filter_mapper_front(run->mapper);
+    cairn_scan_input input = map_scan_input(s, run->input, index);
+    cairn_status status = cairn_filter_mapper_add(run->mapper, &input,
+                                                  s->no_odometry ? NULL : map_input_odometry(run->input, index), fault);
+
+    if (status == CAIRN_OK) {
+        do {
+            cairn_budget budget = {CAIRN_UNBOUNDED};
+
+            status = cairn_filter_mapper_step(run->mapper, &budget);
+        } while (status == CAIRN_MORE);
+    }
+    if (status == CAIRN_OK && !map_keep(run->input, front, index, scan, place))
+        status = CAIRN_NO_MEMORY;
+    if (status == CAIRN_OK && run->player != NULL && cairn_mapper_read(front).is_key) {
+        status = player_add_scan(run->player, scan, index);
+        if (status == CAIRN_OK)
+            status = add_frame(run, index);
+    }
+    return status;
+}
+
+static int feed(filter_run *run, map_scan *scans, map_place *places, int32_t *full)
+{
+    const map_input *input = run->input;
+    tool_progress progress = tool_progress_begin("map", input->count, run->settings->quiet);
+    cairn_fault fault = {-1, NULL};
+    cairn_status status = CAIRN_OK;
+    int32_t i;
+
+    for (i = 0; i < input->count; i++) {
+        status = map_scan_at(run, i, &scans[i], &places[i], &fault);
+        if (status != CAIRN_OK)
+            break;
+        tool_progress_at(&progress, i);
+    }
+    tool_progress_end(&progress);
+    *full = status == CAIRN_FULL;
+    if (status == CAIRN_OK)
+        return TOOL_OK;
+    if (!*full)
+        return tool_report_scan(map_input_log(input, i)->path, input->record[i].line, status, &fault);
+    if (cairn_mapper_measure(cairn_filter_mapper_front(run->mapper)).keys < run->max_keys)
+        return TOOL_BAD;
+    *full = 0;
+    return map_refuse_keys(run->settings, run->max_keys);
+}
+
+/* The player for --report; NULL without it. */
+static cairn_status open_player(filter_run *run)
+{
+    static const cairn_report_curve curves[] = {
+        {"support", "", "share of the scan's points that found partners"},
+        {"N_eff", "", "particles that count, before they were resampled"},
+    };
+    cairn_report_player_params params = cairn_report_player_default();
+    char title[256], subtitle[256];
+
+    if (run->settings->report == NULL)
+        return CAIRN_OK;
+    snprintf(title, sizeof title, "%s, mapped", cairn_path_name(run->settings->log));
+    snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans, the best of %" PRId64 " particles", run->input->count,
+             run->settings->particles);
+    params.title = title;
+    params.subtitle = subtitle;
+    params.step_name = "scan";
+    params.connect = 1;
+    params.curve = curves;
+    params.curve_count = (int32_t)(sizeof curves / sizeof *curves);
+    return cairn_report_player_open(&run->player, &params);
+}
+
+static int write_all(filter_run *run, map_scan *scans, const map_place *places)
+{
+    int32_t count = run->input->count, keys = read_best(run);
+    map_output output = map_output_of(run->settings, scans, count);
+    char title[256], subtitle[256];
+    cairn_file_error error;
+
+    for (int32_t i = 0; i < count; i++)
+        scans[i].after = cairn_pose_compose(run->path[places[i].key], places[i].key_scan);
+    snprintf(title, sizeof title, "%s, mapped", cairn_path_name(run->settings->log));
+    snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans, %" PRId32 " key scans, the best of %" PRId64 " particles",
+             count, keys, run->settings->particles);
+    output.title = title;
+    output.subtitle = subtitle;
+    output.player = run->player;
+    return map_output_write(&output, run->settings->folder, &error) == CAIRN_OK ? TOOL_OK : tool_report(&error);
+}
+
+static void print_summary(const filter_run *run, double seconds, double seconds_to_map)
+{
+    cairn_mapper_state front = cairn_mapper_measure(cairn_filter_mapper_front(run->mapper));
+    cairn_filter_mapper_state state = cairn_filter_mapper_measure(run->mapper);
+
+    printf("scans      %" PRId32 " (%" PRId64 " damaged lines left out%s)\n"
+           "seconds    %.3f, %.0f scans/s\n"
+           "pool       %zu bytes at most\n"
+           "key scans  %" PRId32 "\n"
+           "particles  %" PRId32 ", resampled %" PRId32 " times\n"
+           "nodes      %" PRId32 " in all paths together, %" PRId32 " at most\n"
+           "unmatched  %" PRId64 " (pose by prediction)\n",
+           run->input->count, run->input->faults, run->input->stamps_back > 0 ? ", some times run back" : "", seconds,
+           run->input->count / seconds_to_map, run->pool.peak, state.keys, cairn_filter_mapper_count(run->mapper),
+           state.resamplings, state.nodes, state.nodes_peak, front.predicted);
+}
+
+int map_by_filter(const map_settings *s, const map_input *input, const cairn_mapper_params *front, map_scan *scans,
+                  map_place *places, int32_t *full)
+{
+    cairn_filter_mapper_params params = cairn_filter_mapper_default();
+    filter_run run = {s, input, NULL, {0}, NULL, NULL, front->max_keys};
+    double start = tool_seconds(), fed;
+    cairn_status status;
+    int code;
+
+    *full = 0;
+    params.front = *front;
+    params.particles = (int32_t)s->particles;
+    params.seed = (uint64_t)s->seed;
+    code = tool_pool_open(&run.pool, MAP_PROGRAM, s->pool, cairn_filter_mapper_memory(&params));
+    if (code != TOOL_OK)
+        return code;
+    run.path = malloc((size_t)front->max_keys * sizeof *run.path);
+    status = run.path == NULL ? CAIRN_NO_MEMORY : cairn_filter_mapper_create(&run.mapper, &run.pool, &params);
+    if (status == CAIRN_OK)
+        status = open_player(&run);
+    if (status == CAIRN_OK) {
+        code = feed(&run, scans, places, full);
+        fed = tool_seconds();
+        if (code == TOOL_OK)
+            code = write_all(&run, scans, places);
+        if (code == TOOL_OK && !s->quiet)
+            print_summary(&run, tool_seconds() - start, fed - start);
+    } else {
+        (void)options_refuse(MAP_PROGRAM, "%s: %s", s->log, cairn_status_text(status));
+        code = tool_exit_code(status);
+    }
+    cairn_report_player_free(run.player);
+    free(run.path);
+    tool_pool_close(&run.pool);
+    return code;
+}

@@ -1,0 +1,288 @@
+#include "tools/pool_objects.h"
+
+#include <string.h>
+
+#include "cairn/aligner.h"
+#include "cairn/edge_chain.h"
+#include "cairn/edge_segment.h"
+#include "cairn/lum.h"
+#include "cairn/map_merge.h"
+#include "cairn/mapper.h"
+#include "cairn/occupancy_grid.h"
+#include "cairn/particle_filter.h"
+#include "cairn/place_map.h"
+#include "cairn/pose_graph.h"
+#include "cairn/scan_cover.h"
+#include "cairn/sequence.h"
+#include "cairn/shape_model.h"
+#include "cairn/symmetric_point.h"
+#include "cairn/virtual_align.h"
+
+typedef union any_params {
+    cairn_aligner_params aligner;
+    cairn_block_solver_params block_solver;
+    cairn_box_sweep_params box_sweep;
+    cairn_corner_params corner;
+    cairn_distance_map_params distance_map;
+    cairn_edge_chain_params edge_chain;
+    cairn_edge_segment_params edge_segment;
+    cairn_force_field_params force_field;
+    cairn_hough_params hough;
+    cairn_icp_params icp;
+    cairn_lum_params lum;
+    cairn_map_merge_params map_merge;
+    cairn_mapper_params mapper;
+    cairn_occupancy_grid_params occupancy_grid;
+    cairn_particle_filter_params particle_filter;
+    cairn_place_map_params place_map;
+    cairn_point_grid_params point_grid;
+    cairn_polyline_params polyline;
+    cairn_pose_consensus_params pose_consensus;
+    cairn_pose_graph_params pose_graph;
+    cairn_rectangle_params rectangle;
+    cairn_scan_params scan;
+    cairn_scan_cover_params scan_cover;
+    cairn_scan_match_params scan_match;
+    cairn_scan_set_params scan_set;
+    cairn_sequence_params sequence;
+    cairn_shape_builder_params shape_builder;
+    cairn_symmetric_point_params symmetric_point;
+    cairn_virtual_align_params virtual_align;
+    cairn_virtual_scan_params virtual_scan;
+} any_params;
+
+#define MEMORY_OF(room)                                                                                                \
+    static size_t room##_memory(const void *params)                                                                    \
+    {                                                                                                                  \
+        return cairn_##room##_memory(params);                                                                          \
+    }
+#define ROOM(room)                                                                                                     \
+    static void room##_set_default(void *params)                                                                       \
+    {                                                                                                                  \
+        *(cairn_##room##_params *)params = cairn_##room##_default();                                                   \
+    }                                                                                                                  \
+    MEMORY_OF(room)
+
+ROOM(aligner)
+ROOM(block_solver)
+ROOM(corner)
+ROOM(edge_chain)
+ROOM(edge_segment)
+ROOM(force_field)
+ROOM(hough)
+ROOM(icp)
+ROOM(lum)
+ROOM(map_merge)
+ROOM(mapper)
+ROOM(particle_filter)
+ROOM(place_map)
+ROOM(polyline)
+ROOM(pose_consensus)
+ROOM(rectangle)
+ROOM(scan)
+ROOM(scan_cover)
+ROOM(scan_match)
+ROOM(sequence)
+ROOM(shape_builder)
+ROOM(symmetric_point)
+ROOM(virtual_align)
+ROOM(virtual_scan)
+
+/* Those without defaults: all capacities have to be set, or stay as here. */
+MEMORY_OF(point_grid)
+MEMORY_OF(box_sweep)
+MEMORY_OF(distance_map)
+MEMORY_OF(scan_set)
+MEMORY_OF(occupancy_grid)
+
+static void point_grid_set_default(void *params)
+{
+    cairn_point_grid_params grid = {1000, 1};
+
+    *(cairn_point_grid_params *)params = grid;
+}
+
+static void box_sweep_set_default(void *params)
+{
+    cairn_box_sweep_params sweep = {1000};
+
+    *(cairn_box_sweep_params *)params = sweep;
+}
+
+static void distance_map_set_default(void *params)
+{
+    cairn_distance_map_params map = {100};
+
+    *(cairn_distance_map_params *)params = map;
+}
+
+static void scan_set_set_default(void *params)
+{
+    cairn_scan_set_params set = {64, 1024, 8192, 0};
+
+    *(cairn_scan_set_params *)params = set;
+}
+
+/* One row of cells. */
+static void occupancy_grid_set_default(void *params)
+{
+    cairn_occupancy_grid_params grid = cairn_occupancy_grid_default();
+
+    grid.height = 1;
+    *(cairn_occupancy_grid_params *)params = grid;
+}
+
+static void pose_graph_set_default(void *params)
+{
+    *(cairn_pose_graph_params *)params = cairn_pose_graph_default();
+}
+
+static size_t pose_graph_memory(const void *params)
+{
+    return cairn_pose_graph_memory(params, NULL);
+}
+
+static void spaced_force_field_set_default(void *params)
+{
+    cairn_force_field_params field = cairn_force_field_spaced((cairn_real)0.125);
+
+    field.mode = CAIRN_FORCE_FIELD_SPRINGS;
+    field.max_bonds = 100;
+    *(cairn_force_field_params *)params = field;
+}
+
+#define OBJECT(room) .name = #room, .set_default = room##_set_default, .memory = room##_memory
+#define HAS(room, name, field)                                                                                         \
+    {                                                                                                                  \
+        name, #field, offsetof(cairn_##room##_params, field)                                                           \
+    }
+
+const pool_object pool_objects[] = {
+    {OBJECT(scan),
+     3,
+     {HAS(scan, "beam", max_beams), HAS(scan, "segment", max_segments), HAS(scan, "point", max_points)}},
+    {OBJECT(scan_set),
+     3,
+     {HAS(scan_set, "scan", max_scans), HAS(scan_set, "segment", max_segments), HAS(scan_set, "point", max_points)}},
+    {OBJECT(scan_cover), 2, {HAS(scan_cover, "scan", max_scans), HAS(scan_cover, "point", max_points)}},
+    {OBJECT(polyline),
+     2,
+     {HAS(polyline, "point", max_points), HAS(polyline, "segment", max_segments), HAS(polyline, "dimension", dim)}},
+    {OBJECT(sequence),
+     2,
+     {HAS(sequence, "element of the first", max_first), HAS(sequence, "element of the second", max_second)}},
+    {OBJECT(icp), 1, {HAS(icp, "point of the target", max_target)}},
+    {OBJECT(scan_match),
+     1,
+     {HAS(scan_match, "point of the target", max_target), HAS(scan_match, "dense point", max_dense),
+      HAS(scan_match, "view", max_views), HAS(scan_match, "point of the query", max_query),
+      HAS(scan_match, "hypothesis", max_hypotheses), HAS(scan_match, "candidate", max_candidates),
+      HAS(scan_match, "cell", max_cells)}},
+    {OBJECT(corner), 2, {HAS(corner, "segment", max_segments), HAS(corner, "corner", max_corners)}},
+    {OBJECT(pose_graph),
+     3,
+     {HAS(pose_graph, "pose", max_poses), HAS(pose_graph, "link", max_links),
+      HAS(pose_graph, "block of fill", max_fill)}},
+    {OBJECT(lum),
+     4,
+     {HAS(lum, "scan", max_scans), HAS(lum, "point", max_points), HAS(lum, "link", max_links),
+      HAS(lum, "block of fill", max_fill), HAS(lum, "registration", registers)}},
+    {OBJECT(pose_consensus),
+     2,
+     {HAS(pose_consensus, "node", max_nodes), HAS(pose_consensus, "hypothesis", max_hypotheses),
+      HAS(pose_consensus, "candidate", max_candidates), HAS(pose_consensus, "alternative", max_alternatives)}},
+    {OBJECT(force_field),
+     4,
+     {HAS(force_field, "scan", max_scans), HAS(force_field, "segment", max_segments),
+      HAS(force_field, "point", max_points), HAS(force_field, "corner", max_corners),
+      HAS(force_field, "bond", max_bonds), HAS(force_field, "extra point", max_extra)}},
+    {OBJECT(aligner),
+     5,
+     {HAS(aligner, "scan", max_scans), HAS(aligner, "segment", max_segments), HAS(aligner, "point", max_points),
+      HAS(aligner, "hypothesis", max_hypotheses), HAS(aligner, "block of fill", max_fill),
+      HAS(aligner, "stub", max_stubs), HAS(aligner, "cell", max_cells)}},
+    {OBJECT(occupancy_grid), 1, {HAS(occupancy_grid, "cell", width)}},
+    {OBJECT(mapper),
+     3,
+     {HAS(mapper, "key scan", max_keys), HAS(mapper, "key segment", max_key_segments),
+      HAS(mapper, "key point", max_key_points), HAS(mapper, "local point", max_local_points),
+      HAS(mapper, "closure", loop.max_loops), HAS(mapper, "block of fill", loop.max_fill),
+      HAS(mapper, "beam", scan.max_beams)}},
+    {OBJECT(edge_chain), 2, {HAS(edge_chain, "edge pixel", max_edges), HAS(edge_chain, "chain", max_chains)}},
+    {OBJECT(edge_segment), 2, {HAS(edge_segment, "line", max_lines), HAS(edge_segment, "segment", max_segments)}},
+    {OBJECT(symmetric_point),
+     2,
+     {HAS(symmetric_point, "segment", max_segments), HAS(symmetric_point, "point", max_points)}},
+    {OBJECT(shape_builder),
+     0,
+     {HAS(shape_builder, "point", points), HAS(shape_builder, "sample", samples),
+      HAS(shape_builder, "path", max_paths)}},
+    {OBJECT(block_solver),
+     0,
+     {HAS(block_solver, "pose", max_poses), HAS(block_solver, "link", max_links),
+      HAS(block_solver, "block of fill", max_fill)}},
+    {OBJECT(point_grid), 0, {HAS(point_grid, "point", max_points)}},
+    {OBJECT(box_sweep), 0, {HAS(box_sweep, "box", max_boxes)}},
+    {OBJECT(distance_map), 0, {HAS(distance_map, "column", max_width)}},
+    {OBJECT(hough), 0, {HAS(hough, "line", max_lines), HAS(hough, "angle", angles), HAS(hough, "distance", distances)}},
+    {OBJECT(rectangle),
+     0,
+     {HAS(rectangle, "segment", max_segments), HAS(rectangle, "side", max_sides), HAS(rectangle, "pair", max_pairs),
+      HAS(rectangle, "rectangle", max_rectangles)}},
+    {OBJECT(particle_filter),
+     0,
+     {HAS(particle_filter, "particle alive", max_particles), HAS(particle_filter, "follower", max_followers),
+      HAS(particle_filter, "candidate", max_candidates), HAS(particle_filter, "state", max_blocks),
+      HAS(particle_filter, "byte of a state", state_bytes)}},
+    {OBJECT(place_map),
+     0,
+     {HAS(place_map, "place", max_places), HAS(place_map, "scan", max_scans),
+      HAS(place_map, "point of a place", max_place_points), HAS(place_map, "beam of a place", max_place_beams),
+      HAS(place_map, "place to match with", recent), HAS(place_map, "hypothesis", consensus.max_hypotheses),
+      HAS(place_map, "decoupling", decoupled)}},
+    {OBJECT(virtual_scan),
+     0,
+     {HAS(virtual_scan, "scan", max_scans), HAS(virtual_scan, "point", max_points),
+      HAS(virtual_scan, "segment", max_segments), HAS(virtual_scan, "hypothesis", max_hypotheses),
+      HAS(virtual_scan, "virtual point", max_virtual), HAS(virtual_scan, "detector", max_detectors)}},
+    {OBJECT(virtual_align),
+     0,
+     {HAS(virtual_align, "scan", aligner.max_scans), HAS(virtual_align, "segment", aligner.max_segments),
+      HAS(virtual_align, "point", aligner.max_points), HAS(virtual_align, "virtual point", hypotheses.max_virtual)}},
+    {OBJECT(map_merge),
+     0,
+     {HAS(map_merge, "map", max_maps), HAS(map_merge, "cell", max_cells),
+      HAS(map_merge, "cell of a map", max_map_cells), HAS(map_merge, "point", max_points),
+      HAS(map_merge, "segment", max_segments), HAS(map_merge, "corner", max_corners), HAS(map_merge, "mode", max_modes),
+      HAS(map_merge, "particle", particles)}},
+    {.name = "force_field_spaced",
+     .set_default = spaced_force_field_set_default,
+     .memory = force_field_memory,
+     0,
+     {HAS(force_field, "scan", max_scans), HAS(force_field, "segment", max_segments),
+      HAS(force_field, "point", max_points), HAS(force_field, "corner", max_corners),
+      HAS(force_field, "bond", max_bonds), HAS(force_field, "extra point", max_extra)}},
+    {.name = NULL},
+};
+
+size_t pool_object_bytes(const pool_object *object, const int32_t *values, int32_t count)
+{
+    any_params params;
+
+    memset(&params, 0, sizeof params);
+    object->set_default(&params);
+    for (int32_t k = 0; k < count; k++)
+        memcpy((char *)&params + object->capacities[k].offset, &values[k], sizeof values[k]);
+    return object->memory(&params);
+}
+
+int32_t pool_object_default(const pool_object *object, int32_t capacity)
+{
+    any_params params;
+    int32_t value;
+
+    memset(&params, 0, sizeof params);
+    object->set_default(&params);
+    memcpy(&value, (const char *)&params + object->capacities[capacity].offset, sizeof value);
+    return value;
+}
