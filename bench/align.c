@@ -49,6 +49,8 @@ typedef struct outcome {
     double median_m, median_deg, median_ratio, area_ratio, start_m, start_deg;
     double seconds, step_ms;
     size_t pool_bytes;
+    int64_t units;
+    int32_t worst_step;
 } outcome;
 
 /* ---- The method ---- */
@@ -165,7 +167,7 @@ static int run_gradient(const settings *s, const sim_scan *scans, int32_t count,
 
 static int run_method(const settings *s, const sim_scan *scans, int32_t count, bench_pose *poses, outcome *out)
 {
-    bench_run run = {0, 0, 0, 0, 0};
+    bench_run run = {0, 0, 0, 0, 0, 0, 0};
     int done;
 
     if (strcmp(s->method, "gradient") == 0)
@@ -181,6 +183,8 @@ static int run_method(const settings *s, const sim_scan *scans, int32_t count, b
     else
         done = bench_run_default(scans, count, s->without, poses, &run);
     out->steps = run.steps;
+    out->units = run.units;
+    out->worst_step = run.worst_step;
     out->seconds = run.seconds;
     out->step_ms = run.step_ms;
     out->pool_bytes = run.pool_bytes;
@@ -404,6 +408,10 @@ static void print_common(const settings *s, const outcome *o)
         bench_json_number("inside95", share_of(o->inside, o->unflagged));
         bench_json_number("area_ratio", o->area_ratio);
     }
+    if (o->units > 0) {
+        bench_json_integer("units", o->units);
+        bench_json_integer("worst_step", o->worst_step);
+    }
     if (s->again)
         bench_json_number("returned", share_of(o->returned, o->observable));
 }
@@ -432,6 +440,8 @@ static void print_summary(const settings *s, const outcome *all, size_t count)
         sum.unflagged += all[i].unflagged;
         sum.inside += all[i].inside;
         sum.returned += all[i].returned;
+        sum.units += all[i].units;
+        sum.worst_step = all[i].worst_step > sum.worst_step ? all[i].worst_step : sum.worst_step;
         sum.flags |= all[i].flags;
         sum.pool_bytes = all[i].pool_bytes > sum.pool_bytes ? all[i].pool_bytes : sum.pool_bytes;
         shares += all[i].start_m / (double)count;

@@ -77,7 +77,7 @@ static cairn_status count_room(fitter *f, const sim_scan *scans, int32_t count, 
 
     params->max_scans = count;
     params->max_segments = params->max_points = 1;
-    params->max_stubs = 4 * count;
+    params->max_stubs = count;
     params->max_hypotheses = 24 * count;
     params->max_fill = 32 * count;
     for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {
@@ -140,6 +140,8 @@ static cairn_status align(fitter *f, cairn_aligner *aligner, const sim_scan *sca
     }
     run->seconds = bench_seconds() - start;
     run->steps = cairn_aligner_read(aligner).rounds;
+    run->units = cairn_aligner_read(aligner).units;
+    run->worst_step = cairn_aligner_read(aligner).worst_step;
     return status;
 }
 
@@ -167,7 +169,9 @@ int bench_run_default(const sim_scan *scans, int32_t count, bench_ingredient wit
         status = align(&f, aligner, scans, count, poses, run);
     if (status == CAIRN_OK) {
         read_poses(aligner, poses);
-        run->pool_bytes = pool.peak;
+        params.max_fill = cairn_aligner_read(aligner).fill;
+        params.max_hypotheses = cairn_aligner_read(aligner).hypotheses;
+        run->pool_bytes = cairn_aligner_memory(&params);
     }
     free(memory);
     free(f.memory);

@@ -29,6 +29,8 @@ typedef struct bench_run {
     int32_t steps, rising; /* rising: of a potential that should fall */
     double seconds, step_ms;
     size_t pool_bytes;
+    int64_t units;      /* of budget, and ... */
+    int32_t worst_step; /* ... of the dearest item; 0: of a method that counts none */
 } bench_run;
 
 /* Fits a scan's lines. */

@@ -4,6 +4,7 @@
 #include "cairn/aligner.h"
 #include "cairn/block_solver.h"
 #include "cairn/carmen_log.h"
+#include "cairn/contour_grouping.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
 #include "cairn/filter_mapper.h"
@@ -495,6 +496,7 @@ static void of_contours(void **state)
     cairn_edge_segment_params segment = cairn_edge_segment_default();
     cairn_symmetric_point_params sp = cairn_symmetric_point_default();
     cairn_shape_builder_params shape = cairn_shape_builder_default();
+    cairn_grouping_params group = cairn_grouping_default();
     const value values[] = {
         VALUE(chain.max_width, 640),
         VALUE(chain.max_height, 480),
@@ -525,6 +527,23 @@ static void of_contours(void **state)
         VALUE(shape.sigma, 10 * DEGREE),
         VALUE(shape.overlap, 0.8),
         VALUE(shape.min_share, 0.08),
+        VALUE(group.max_width, 1024),
+        VALUE(group.max_height, 1024),
+        VALUE(group.max_tokens, 8192),
+        VALUE(group.max_samples, 64),
+        VALUE(group.max_outline, 512),
+        VALUE(group.particles, 300),
+        VALUE(group.max_objects, 8),
+        VALUE(group.use_model, 1),
+        VALUE(group.use_skeleton, 1),
+        VALUE(group.token, 10),
+        VALUE(group.deform, 0.025),
+        VALUE(group.turn, 15 * DEGREE),
+        VALUE(group.symmetry, 45 * DEGREE),
+        VALUE(group.missing, 0.3),
+        VALUE(group.stop, 0.3),
+        VALUE(group.min_score, 0.78),
+        VALUE(group.seed, 1),
     };
 
     (void)state;

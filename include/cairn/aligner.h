@@ -77,7 +77,7 @@ typedef struct cairn_aligner_result {
     int32_t moved;           /* scans that were found elsewhere, or late */
     int32_t rounds;          /* of the joint solution */
     int32_t walls;           /* shared by two scans or more */
-    int32_t fill;            /* blocks of the joint solution */
+    int32_t fill;            /* blocks of the joint solution, at most */
     cairn_real spread;       /* m, standard deviation of x and of y of the initial poses, as learnt */
     cairn_real spread_angle; /* rad, of their headings */
     int64_t units;           /* of budget, by all steps */
@@ -116,8 +116,8 @@ void cairn_aligner_clear(cairn_aligner *aligner);
 CAIRN_CHECKED cairn_status cairn_aligner_begin(cairn_aligner *aligner);
 
 /* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: nothing left to do. An item is a pair of segments, a pair of
- * scans, or a line of the raster. Cost of the whole: near linear in scans of the same density but for looking at each pair
- * of them once. */
+ * scans, or a line of the raster. A scan is held against at most 48 others, the nearest by the initial
+ * poses. Cost of the whole: near linear in scans of the same density but for looking at the poses of each pair of them once. */
 CAIRN_CHECKED cairn_status cairn_aligner_step(cairn_aligner *aligner, cairn_budget *budget);
 
 /* As step(), but also returns CAIRN_OK at the next commit point, so that the alignment can be watched: parts have been

@@ -1,12 +1,14 @@
 /* Alignment of many scans at once.
  *
- * Method: aligner_merge.c finds relative poses of pairs of scans and merges clusters by the surest of them, aligner_cluster.c
+ * Method: aligner_partner.c finds which scans are held against which, aligner_merge.c finds relative poses of pairs of scans and merges clusters by the surest of them, aligner_cluster.c
  * looks at two clusters, aligner_repair.c looks for single scans in all the rest, aligner_joint.c solves for all poses and
  * shared walls (aligner_wall.c), and aligner_slide.c moves along their walls the scans that nothing else holds. aligner_beams.c
  * keeps scans, aligner_scan.c says what two of them tell of their relative pose.
  *
  * Layout: scans keep segments with the moments of their hits, points along them, and a table of bearings. The work is a
- * sequence of items, each of which charges its units; a debt is paid by the budgets that follow.
+ * sequence of items, each of which charges its units; a debt is paid by the budgets that follow. A scan is only ever held
+ * against its partners, the ones nearest to it by the initial poses (aligner_partner.c), so that the cost is near linear in
+ * the scans of one density.
  *
  * Limits: a scan without a segment is not aligned. Two scans that share neither a surface nor a view are joined by others
  * only. Segments beyond the 255th of a scan are not seen in its table.
@@ -76,10 +78,31 @@ static cairn_block_solver_params solver_params(const cairn_aligner_params *p)
     return params;
 }
 
+/* Bytes of an array, rounded up; those of two such cannot overflow. */
+static size_t bytes_of(size_t count, size_t size)
+{
+    return count > SIZE_MAX / 4 / size ? SIZE_MAX / 4 : (count * size + CAIRN_ALIGN - 1) / CAIRN_ALIGN * CAIRN_ALIGN;
+}
+
+/* The walls come when scans are no longer looked for: they lie where the raster was. */
+static void carve_shared(cairn_aligner *x, cairn_pool *pool, size_t segments, size_t cells)
+{
+    size_t drawn = bytes_of(cells, sizeof *x->cells), built = bytes_of(segments, sizeof *x->walls);
+    size_t raster = drawn + bytes_of(cells / ALIGNER_VOTES, sizeof *x->votes);
+    size_t walls = built + bytes_of(segments, sizeof *x->order);
+    unsigned char *shared = cairn_pool_take(pool, raster > walls ? raster : walls, 1);
+
+    if (shared == NULL)
+        return;
+    x->cells = (void *)shared;
+    x->votes = (void *)(shared + drawn);
+    x->walls = (void *)shared;
+    x->order = (void *)(shared + built);
+}
+
 static cairn_aligner *carve(cairn_pool *pool, const cairn_aligner_params *p)
 {
     size_t scans = (size_t)p->max_scans, segments = (size_t)p->max_segments + (size_t)p->max_stubs;
-    size_t cells = (size_t)p->max_cells;
     cairn_aligner *made = cairn_pool_take_one(pool, sizeof *made), arrays;
 
     memset(&arrays, 0, sizeof arrays);
@@ -89,11 +112,11 @@ static cairn_aligner *carve(cairn_pool *pool, const cairn_aligner_params *p)
     arrays.clusters = cairn_pool_take(pool, scans + 1, sizeof *arrays.clusters);
     arrays.segments = cairn_pool_take(pool, segments, sizeof *arrays.segments);
     arrays.points = cairn_pool_take(pool, (size_t)p->max_points, sizeof *arrays.points);
+    arrays.partners = cairn_pool_take(pool, scans * ALIGNER_PARTNERS, sizeof *arrays.partners);
+    arrays.patches = cairn_pool_take(pool, (size_t)p->max_points / ALIGNER_PATCH + scans, sizeof *arrays.patches);
     arrays.hypotheses = cairn_pool_take(pool, (size_t)p->max_hypotheses, sizeof *arrays.hypotheses);
-    arrays.walls = cairn_pool_take(pool, segments, sizeof *arrays.walls);
-    arrays.order = cairn_pool_take(pool, segments, sizeof *arrays.order);
-    arrays.cells = cairn_pool_take(pool, cells, sizeof *arrays.cells);
-    arrays.votes = cairn_pool_take(pool, cells / ALIGNER_VOTES, sizeof *arrays.votes);
+    arrays.surest = cairn_pool_take(pool, (size_t)p->max_hypotheses / ALIGNER_BLOCK + 1, sizeof *arrays.surest);
+    carve_shared(&arrays, pool, segments, (size_t)p->max_cells);
     arrays.rhs = cairn_pool_take(pool, 3 * (scans + (segments + 1) / 2), sizeof *arrays.rhs);
     arrays.bearings = cairn_pool_take(pool, ALIGNER_BINS, sizeof *arrays.bearings);
     arrays.results = cairn_pool_take(pool, scans, sizeof *arrays.results);
@@ -288,7 +311,8 @@ cairn_status cairn_aligner_start_at(cairn_aligner *aligner, int32_t scan, cairn_
 
 void cairn_aligner_clear(cairn_aligner *aligner)
 {
-    aligner->scan_count = aligner->segment_count = aligner->stub_count = aligner->point_count = 0;
+    aligner->scan_count = aligner->segment_count = aligner->stub_count = 0;
+    aligner->point_count = aligner->patch_count = 0;
     forget_result(aligner);
 }
 
@@ -306,10 +330,9 @@ cairn_status cairn_aligner_begin(cairn_aligner *aligner)
     aligner->changes = aligner->shown = 0;
     cairn_aligner_begin_clusters(aligner);
     aligner->look.active = aligner->relax.active = 0;
-    aligner->phase = ALIGNER_PAIRS;
+    aligner->phase = ALIGNER_NEAR;
     aligner->debt = 0;
-    aligner->i = 1;
-    aligner->j = aligner->k = aligner->l = 0;
+    aligner->i = aligner->j = aligner->k = aligner->l = aligner->nearest_count = 0;
     aligner->trial_count = aligner->repairs = aligner->slides = 0;
     return CAIRN_OK;
 }
@@ -320,9 +343,11 @@ static int32_t next_item(cairn_aligner *x)
         return cairn_aligner_look_item(x);
     if (x->relax.active)
         return cairn_aligner_relax_item(x);
+    if (x->phase <= ALIGNER_MUTUAL)
+        return cairn_aligner_partner_item(x);
     if (x->phase <= ALIGNER_TRIALS_OF_PAIR)
         return cairn_aligner_pairs_item(x);
-    if (x->phase <= ALIGNER_SHIFTED)
+    if (x->phase <= ALIGNER_CLOSE)
         return cairn_aligner_merge_item(x);
     if (x->phase <= ALIGNER_PLACE)
         return cairn_aligner_repair_item(x);

@@ -248,6 +248,39 @@ static void measure_view(cairn_aligner *x, int32_t index)
     scan->view_sine = cairn_sqrt(cairn_max(0, 1 - scan->view_cosine * scan->view_cosine));
 }
 
+/* The farthest that each sector and its neighbours show. */
+static void measure_sectors(aligner_table *table)
+{
+    enum { WIDTH = ALIGNER_BINS / ALIGNER_SECTORS };
+
+    for (int32_t k = 0; k < ALIGNER_SECTORS; k++) {
+        uint16_t farthest = 0;
+
+        for (int32_t bin = (k - 1) * WIDTH; bin < (k + 2) * WIDTH; bin++)
+            if (table->range[bin & (ALIGNER_BINS - 1)] > farthest)
+                farthest = table->range[bin & (ALIGNER_BINS - 1)];
+        table->farthest[k] = farthest;
+    }
+}
+
+/* Points that follow each other, in circles. */
+static void measure_patches(cairn_aligner *x, aligner_scan *scan)
+{
+    scan->first_patch = x->patch_count;
+    for (int32_t first = scan->first_point; first < scan->end_point; first += ALIGNER_PATCH) {
+        int32_t end = first + ALIGNER_PATCH < scan->end_point ? first + ALIGNER_PATCH : scan->end_point;
+        aligner_patch *patch = &x->patches[x->patch_count++];
+
+        patch->middle.x = patch->middle.y = patch->radius = 0;
+        for (int32_t i = first; i < end; i++)
+            patch->middle = cairn_vec2_add(patch->middle, x->points[i].position);
+        patch->middle = cairn_vec2_scale(patch->middle, 1 / (cairn_real)(end - first));
+        for (int32_t i = first; i < end; i++)
+            patch->radius =
+                cairn_max(patch->radius, cairn_vec2_norm(cairn_vec2_sub(x->points[i].position, patch->middle)));
+    }
+}
+
 static void measure_circle(cairn_aligner *x, aligner_scan *scan)
 {
     int32_t count = scan->end_point - scan->first_point;
@@ -304,6 +337,8 @@ void cairn_aligner_fill_scan(cairn_aligner *x, const cairn_scan_view *view, cair
     read_beams(x, x->scan_count, view);
     measure_view(x, x->scan_count);
     measure_circle(x, scan);
+    measure_sectors(table);
+    measure_patches(x, scan);
     x->poses[x->scan_count] = cairn_transform_of(initial);
     x->scan_count++;
 }

@@ -16,6 +16,8 @@ static const cairn_real EXPECTED_SCANS = 2;     /* what the params' spread weigh
 static const cairn_real ARM = CAIRN_REAL(1.5);  /* m: makes turns comparable to shifts */
 static const cairn_real BEYOND_NATS = 100;      /* a metre */
 
+static const cairn_real AT_REST = CAIRN_REAL(0.003); /* m: a scan that moves by less does not stir others */
+
 void cairn_aligner_insert(cairn_aligner *x, int32_t scan, int32_t cluster)
 {
     aligner_cluster *c = &x->clusters[cluster];
@@ -57,8 +59,8 @@ void cairn_aligner_begin_clusters(cairn_aligner *x)
         x->clusters[i].head = -1;
     for (int32_t i = 0; i < x->scan_count; i++) {
         x->poses[i] = cairn_transform_of(x->scans[i].initial);
-        x->scans[i].support = 0;
-        x->scans[i].weak = 0;
+        x->scans[i].support = x->scans[i].evidence = 0;
+        x->scans[i].weak = x->scans[i].stirred = 0;
         cairn_aligner_insert(x, i, i);
     }
     cairn_aligner_learn_spread(x);
@@ -167,6 +169,18 @@ static cairn_real chi_squared(const cairn_aligner *x, const leftover *m)
            2 * BEYOND_NATS * m->beyond;
 }
 
+static void learn_misfit(cairn_aligner *x, int32_t cluster)
+{
+    cairn_transform same = {0, 0, 1, 0};
+
+    x->clusters[cluster].misfit = 0;
+    if (x->clusters[cluster].size > 1) {
+        leftover m = leftover_of(x, cluster, -1, same);
+
+        x->clusters[cluster].misfit = chi_squared(x, &m);
+    }
+}
+
 void cairn_aligner_learn_spread(cairn_aligner *x)
 {
     cairn_transform same = {0, 0, 1, 0};
@@ -187,14 +201,8 @@ void cairn_aligner_learn_spread(cairn_aligner *x)
         }
     x->sigma = cairn_min(x->sigma, cairn_sqrt(squares / (2 * count)));
     x->sigma_angle = cairn_min(x->sigma_angle, cairn_sqrt(squares_angle / count));
-    for (int32_t c = 0; c < x->scan_count; c++) {
-        x->clusters[c].misfit = 0;
-        if (x->clusters[c].size > 1) {
-            leftover m = leftover_of(x, c, -1, same);
-
-            x->clusters[c].misfit = chi_squared(x, &m);
-        }
-    }
+    for (int32_t c = 0; c < x->scan_count; c++)
+        learn_misfit(x, c);
 }
 
 /* ---- Looks ---- */
@@ -210,8 +218,9 @@ void cairn_aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, c
     look->fixed = fixed;
     look->pose = pose;
     look->rounds = rounds;
-    look->i = first;
-    look->j = x->clusters[fixed].head;
+    look->outer = x->clusters[moving].size <= x->clusters[fixed].size ? moving : fixed;
+    look->inner = look->outer == moving ? fixed : moving;
+    look->at = x->clusters[look->outer].head;
     look->centre = cairn_transform_point(cairn_aligner_compose(pose, x->poses[first]), x->scans[first].middle);
 }
 
@@ -248,107 +257,179 @@ static void end_refinement(aligner_look *look)
     look->round++;
 }
 
+cairn_real cairn_aligner_prior(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose)
+{
+    leftover m = leftover_of(x, moving, fixed, pose);
+
+    x->debt += m.count;
+    return -(chi_squared(x, &m) - x->clusters[moving].misfit - x->clusters[fixed].misfit) / 2;
+}
+
 static void end_look(cairn_aligner *x)
 {
     aligner_look *look = &x->look;
-    leftover m = leftover_of(x, look->moving, look->fixed, look->pose);
 
     look->active = 0;
     look->evidence = cairn_aligner_evidence(x, look->count);
-    look->prior = -(chi_squared(x, &m) - x->clusters[look->moving].misfit - x->clusters[look->fixed].misfit) / 2;
-    x->debt += m.count / 2;
+    look->prior = cairn_aligner_prior(x, look->moving, look->fixed, look->pose);
 }
 
-/* One pair of scans. */
+/* The points of a pair, a of the outer cluster; returns how many were looked up. */
+static int32_t look_at_pair(cairn_aligner *x, int32_t a, int32_t b, cairn_transform pose_a, cairn_transform pose_b)
+{
+    aligner_look *look = &x->look;
+    int32_t turn = look->outer != look->moving, i = turn ? b : a, j = turn ? a : b;
+    cairn_transform pose_i = turn ? pose_b : pose_a, pose_j = turn ? pose_a : pose_b;
+
+    if (look->round < look->rounds)
+        return cairn_aligner_pull(x, i, j, pose_i, pose_j, refine_gate(look->round), 1, look->centre, &look->sums);
+    return cairn_aligner_count_pair(x, i, j, cairn_aligner_between(pose_j, pose_i), COUNT_GATE, &look->count);
+}
+
+/* A scan of the outer cluster from its partner at hand on, up to the next that it may meet. */
 int32_t cairn_aligner_look_item(cairn_aligner *x)
 {
     aligner_look *look = &x->look;
-    int32_t i = look->i, j = look->j, points;
-    cairn_transform pose_i;
+    cairn_transform same = {0, 0, 1, 0}, to_outer, to_inner, pose_a;
+    int32_t a = look->at, passed = 0, work = 0;
 
-    if (i < 0) {
+    if (a < 0) {
         if (look->round < look->rounds)
             end_refinement(look);
         else
             end_look(x);
-        look->i = x->clusters[look->moving].head;
-        look->j = x->clusters[look->fixed].head;
+        look->at = x->clusters[look->outer].head;
         return 4;
     }
-    look->j = x->scans[j].next;
-    if (look->j < 0) {
-        look->i = x->scans[i].next;
-        look->j = x->clusters[look->fixed].head;
+    to_outer = look->outer == look->moving ? look->pose : same;
+    to_inner = look->outer == look->moving ? same : look->pose;
+    pose_a = cairn_aligner_compose(to_outer, x->poses[a]);
+    while (work == 0 && look->partner < x->scans[a].partner_count) {
+        int32_t b = cairn_aligner_partner(x, a, look->partner++);
+        cairn_transform pose_b;
+
+        passed++;
+        if (x->scans[b].part != look->inner)
+            continue;
+        pose_b = cairn_aligner_compose(to_inner, x->poses[b]);
+        if (cairn_aligner_may_meet(x, a, b, pose_a, pose_b))
+            work = look_at_pair(x, a, b, pose_a, pose_b);
     }
-    pose_i = cairn_aligner_compose(look->pose, x->poses[i]);
-    if (!cairn_aligner_may_meet(x, i, j, pose_i, x->poses[j]))
-        return 1;
-    points = cairn_aligner_points_of(x, i);
-    if (look->round < look->rounds) {
-        cairn_aligner_pull(x, i, j, pose_i, x->poses[j], refine_gate(look->round), 1, look->centre, &look->sums);
-    } else {
-        cairn_aligner_count_pair(x, i, j, cairn_aligner_between(x->poses[j], pose_i), COUNT_GATE, &look->count);
-        points += cairn_aligner_points_of(x, j);
+    if (look->partner >= x->scans[a].partner_count) {
+        look->at = x->scans[a].next;
+        look->partner = 0;
     }
-    return 1 + points / ALIGNER_POINTS_OF_UNIT;
+    return 1 + passed / ALIGNER_FAR_OF_UNIT + work / ALIGNER_POINTS_OF_UNIT;
 }
 
 /* ---- Relaxation ---- */
 
-void cairn_aligner_begin_relax(cairn_aligner *x, int32_t cluster, cairn_real gate, int32_t rounds)
+void cairn_aligner_begin_relax(cairn_aligner *x, int32_t cluster, cairn_real gate, int32_t rounds, int32_t all)
 {
     aligner_relax *relax = &x->relax;
 
     memset(relax, 0, sizeof *relax);
     relax->active = rounds > 0 && x->clusters[cluster].size > 1;
+    relax->all = all;
     relax->cluster = cluster;
     relax->rounds = rounds;
     relax->gate = gate;
-    relax->i = relax->j = x->clusters[cluster].head;
+    relax->i = x->clusters[cluster].head;
+}
+
+static void end_round(cairn_aligner *x)
+{
+    aligner_relax *relax = &x->relax;
+
+    relax->i = x->clusters[relax->cluster].head;
+    relax->active = ++relax->round < relax->rounds;
+    relax->all = 0;
+    if (relax->active)
+        return;
+    x->clusters[relax->cluster].stamp = ++x->changes;
+    cairn_aligner_learn_spread(x);
+    x->debt += x->scan_count;
+}
+
+static int is_move(const cairn_real motion[3])
+{
+    return cairn_max(cairn_abs(motion[0]), cairn_abs(motion[1])) + ARM * cairn_abs(motion[2]) > AT_REST;
+}
+
+/* A scan that has moved stirs itself and its partners. */
+static void stir(cairn_aligner *x, int32_t i)
+{
+    x->scans[i].stirred = ALIGNER_MET;
+    for (int32_t k = 0; k < x->scans[i].partner_count; k++) {
+        aligner_scan *partner = &x->scans[cairn_aligner_partner(x, i, k)];
+
+        if (partner->part == x->relax.cluster && partner->stirred == 0)
+            partner->stirred = ALIGNER_MET;
+    }
 }
 
 static void end_scan(cairn_aligner *x)
 {
     aligner_relax *relax = &x->relax;
+    aligner_scan *scan = &x->scans[relax->i];
     cairn_transform *pose = &x->poses[relax->i];
-    cairn_vec2 centre = cairn_transform_point(*pose, x->scans[relax->i].middle);
+    cairn_vec2 centre = cairn_transform_point(*pose, scan->middle);
     cairn_real motion[3];
 
-    if (cairn_aligner_solve(&relax->sums, motion))
-        *pose = cairn_aligner_moved(*pose, centre, motion);
+    if (!cairn_aligner_solve(&relax->sums, motion))
+        memset(motion, 0, sizeof motion);
+    *pose = cairn_aligner_moved(*pose, centre, motion);
     memset(&relax->sums, 0, sizeof relax->sums);
-    relax->i = x->scans[relax->i].next;
-    if (relax->i < 0) {
-        relax->i = x->clusters[relax->cluster].head;
-        relax->round++;
-    }
-    relax->j = x->clusters[relax->cluster].head;
-    relax->active = relax->round < relax->rounds;
-    if (!relax->active) {
-        x->clusters[relax->cluster].stamp = ++x->changes;
-        cairn_aligner_learn_spread(x);
-        x->debt += x->scan_count;
-    }
+    scan->stirred = 0;
+    if (is_move(motion))
+        stir(x, relax->i);
+    relax->i = scan->next;
+    relax->partner = 0;
+    if (relax->i < 0)
+        end_round(x);
 }
 
-/* One pair of scans of the cluster. */
+/* Passes over scans of the cluster that are to stay; units. */
+static int32_t pass_still(cairn_aligner *x)
+{
+    aligner_relax *relax = &x->relax;
+    int32_t passed = 0;
+
+    while (relax->i >= 0 && x->scans[relax->i].stirred == 0 && passed < MOST_PASSED) {
+        relax->i = x->scans[relax->i].next;
+        passed++;
+    }
+    if (relax->i < 0)
+        end_round(x);
+    return 1 + passed / ALIGNER_FAR_OF_UNIT;
+}
+
+/* A scan of the cluster from its partner at hand on, up to the next that it may meet. */
 int32_t cairn_aligner_relax_item(cairn_aligner *x)
 {
     aligner_relax *relax = &x->relax;
-    int32_t i = relax->i, j = relax->j;
+    int32_t i = relax->i, passed = 0, work = 0, pairs = relax->sums.pairs;
     cairn_vec2 centre;
 
-    if (j < 0) {
+    if (!relax->all && x->scans[i].stirred == 0)
+        return pass_still(x);
+    if (relax->partner >= x->scans[i].partner_count) {
         end_scan(x);
         return 4;
     }
-    relax->j = x->scans[j].next;
-    if (i == j || !cairn_aligner_may_meet(x, i, j, x->poses[i], x->poses[j]))
-        return 1;
     centre = cairn_transform_point(x->poses[i], x->scans[i].middle);
-    cairn_aligner_pull(x, i, j, x->poses[i], x->poses[j], relax->gate, 1, centre, &relax->sums);
-    cairn_aligner_pull(x, j, i, x->poses[j], x->poses[i], relax->gate, -1, centre, &relax->sums);
-    return 1 + (cairn_aligner_points_of(x, i) + cairn_aligner_points_of(x, j)) / ALIGNER_POINTS_OF_UNIT;
+    while (work == 0 && relax->partner < x->scans[i].partner_count) {
+        int32_t j = cairn_aligner_partner(x, i, relax->partner++);
+
+        passed++;
+        if (x->scans[j].part != relax->cluster || !cairn_aligner_may_meet(x, i, j, x->poses[i], x->poses[j]))
+            continue;
+        work = cairn_aligner_pull(x, i, j, x->poses[i], x->poses[j], relax->gate, 1, centre, &relax->sums);
+        work += cairn_aligner_pull(x, j, i, x->poses[j], x->poses[i], relax->gate, -1, centre, &relax->sums);
+        if (x->scans[i].stirred == ALIGNER_JOINED && x->scans[j].stirred == 0 && relax->sums.pairs > pairs)
+            x->scans[j].stirred = ALIGNER_MET;
+    }
+    return 1 + passed / ALIGNER_FAR_OF_UNIT + work / ALIGNER_POINTS_OF_UNIT;
 }
 
 /* The smaller cluster enters the frame of the larger one; returns that. pose: fixed_moving. */
@@ -365,6 +446,7 @@ int32_t cairn_aligner_join(cairn_aligner *x, int32_t moving, int32_t fixed, cair
         int32_t scan = x->clusters[moving].head;
 
         x->poses[scan] = cairn_aligner_compose(pose, x->poses[scan]);
+        x->scans[scan].stirred = ALIGNER_JOINED;
         cairn_aligner_remove(x, scan);
         cairn_aligner_insert(x, scan, fixed);
     }

@@ -22,34 +22,64 @@ static const cairn_real LEAST_SUPPORT = 2;          /* nats of a placed scan */
 static const cairn_real tolerances[] = {1000, 300, 100, 50, 25, 15, 12};
 
 enum { AGAIN_FROM = 3 }; /* round that follows when scans have slid */
+enum { OF_ITEM = 64 };   /* segments, scans or walls that one item adds */
 
-static cairn_real tolerance_of(int32_t round)
+/* How far a segment may be from its wall before it loses weight: in standard deviations, and, as long as the poses are poor,
+ * in metres, however well a long segment is known. */
+static void set_tolerance(cairn_aligner *x, int32_t round)
 {
-    return tolerances[round < 6 ? round : 6];
+    static const cairn_real metres[] = {CAIRN_REAL(0.08), CAIRN_REAL(0.08), CAIRN_REAL(0.05), CAIRN_REAL(0.03)};
+
+    x->tolerance = tolerances[round < 6 ? round : 6];
+    x->loose = round < 4 ? metres[round] * metres[round] : 0;
 }
 
 /* ---- The system ---- */
 
-/* Numbers the walls that are shared behind the scans, and links them. */
+/* Numbers the walls that are shared behind the scans. */
 static cairn_status begin_system(cairn_aligner *x)
 {
-    cairn_status status;
-
     x->node_count = x->scan_count;
     x->result.walls = 0;
     for (int32_t w = 0; w < x->wall_count; w++) {
         x->walls[w].node = x->walls[w].scans > 1 ? x->node_count++ : -1;
         x->result.walls += x->walls[w].scans > 1;
     }
-    status = cairn_block_solver_begin(x->solver, x->node_count);
-    for (int32_t k = 0; k < x->segment_count && status == CAIRN_OK; k++) {
-        const aligner_segment *s = &x->segments[k];
+    memset(x->rhs, 0, 3 * (size_t)x->node_count * sizeof *x->rhs);
+    return cairn_block_solver_begin(x->solver, x->node_count);
+}
 
-        if (s->wall >= 0 && x->walls[s->wall].node >= 0)
+static int is_shared(const cairn_aligner *x, const aligner_segment *s)
+{
+    return s->wall >= 0 && x->walls[s->wall].node >= 0;
+}
+
+/* The numbers, then the links of some segments, then the order of elimination. */
+static int32_t link_some(cairn_aligner *x)
+{
+    cairn_status status = CAIRN_OK;
+    int32_t end = x->at + OF_ITEM < x->segment_count ? x->at + OF_ITEM : x->segment_count, units = 1;
+
+    if (x->at == 0) {
+        status = begin_system(x);
+        units += x->wall_count / 32 + x->node_count / 8;
+    }
+    for (; x->at < end && status == CAIRN_OK; x->at++) {
+        const aligner_segment *s = &x->segments[x->at];
+
+        if (is_shared(x, s))
             status = cairn_block_solver_add_link(x->solver, s->scan, x->walls[s->wall].node);
     }
-    memset(x->rhs, 0, 3 * (size_t)x->node_count * sizeof *x->rhs);
-    return status == CAIRN_OK ? cairn_block_solver_analyze(x->solver) : status;
+    if (end == x->segment_count) {
+        if (status == CAIRN_OK)
+            status = cairn_block_solver_analyze(x->solver);
+        units += cairn_block_solver_read(x->solver).links / 8 + x->node_count / 8;
+        x->phase = ALIGNER_SOLVE;
+        x->at = x->stage = 0;
+    }
+    if (status != CAIRN_OK)
+        cairn_aligner_give_up(x, status);
+    return units + OF_ITEM / 8;
 }
 
 /* A segment on its wall. */
@@ -80,7 +110,7 @@ static term term_of(const cairn_aligner *x, const aligner_segment *s)
     m.oblique = s->spread.xx * t.x * n.x + s->spread.xy * (t.x * n.y + t.y * n.x) + s->spread.yy * t.y * n.y;
     m.error = cairn_vec2_dot(wall->normal, mean) - wall->offset;
     m.chi = s->weight * m.error * m.error + cairn_max(across - s->least, 0);
-    m.scale = 1 / (1 + m.chi / tolerance_of(x->round));
+    m.scale = 1 / (1 + m.chi / cairn_max(x->tolerance, s->weight * x->loose));
     m.scale *= m.scale;
     m.row[0] = wall->normal.x;
     m.row[1] = wall->normal.y;
@@ -126,7 +156,7 @@ cairn_sym3 cairn_aligner_own_information(const cairn_aligner *x, int32_t scan)
         const aligner_segment *s = &x->segments[k];
         term m;
 
-        if (s->wall < 0 || x->walls[s->wall].node < 0)
+        if (!is_shared(x, s))
             continue;
         m = term_of(x, s);
         cairn_sym3_add_outer(&own, m.row, m.scale * s->weight);
@@ -135,44 +165,58 @@ cairn_sym3 cairn_aligner_own_information(const cairn_aligner *x, int32_t scan)
     return own;
 }
 
-/* Scans and walls that nothing else holds, and the anchor for covariances. */
-static cairn_status add_priors(cairn_aligner *x, int32_t anchor)
+/* What holds a scan that nothing else holds, and the anchor of covariances. */
+static cairn_status add_prior(cairn_aligner *x, int32_t i, int32_t anchor)
 {
-    cairn_status status = CAIRN_OK;
+    cairn_real weight = 1 / (x->sigma * x->sigma), turn = 1 / (x->sigma_angle * x->sigma_angle);
+    cairn_sym3 block = {weight, 0, 0, weight, 0, turn};
 
-    for (int32_t i = 0; i < x->scan_count && status == CAIRN_OK; i++) {
-        cairn_real weight = 1 / (x->sigma * x->sigma), turn = 1 / (x->sigma_angle * x->sigma_angle);
-        cairn_sym3 block = {weight, 0, 0, weight, 0, turn};
-
-        if (i == anchor)
-            block.xx = block.yy = block.zz = HELD;
-        status = cairn_block_solver_add_pose_block(x->solver, i, block);
-    }
-    for (int32_t w = 0; w < x->wall_count && status == CAIRN_OK; w++) {
-        const aligner_wall *wall = &x->walls[w];
-        cairn_real loose = CAIRN_REAL_EPSILON * 256 * wall->weight + CAIRN_REAL(0.01);
-        cairn_sym3 block = {loose, 0, 0, loose + 1, 0, 1};
-
-        if (wall->node >= 0)
-            status = cairn_block_solver_add_pose_block(x->solver, wall->node, block);
-    }
-    return status;
+    if (i == anchor)
+        block.xx = block.yy = block.zz = HELD;
+    return cairn_block_solver_add_pose_block(x->solver, i, block);
 }
 
-/* All values. */
-static cairn_status build(cairn_aligner *x, int32_t anchor)
+/* What holds a wall that nothing else holds, and its third unknown. */
+static cairn_status add_wall_prior(cairn_aligner *x, const aligner_wall *wall)
 {
-    cairn_status status = cairn_block_solver_clear(x->solver);
-    int32_t link = 0;
+    cairn_real loose = CAIRN_REAL_EPSILON * 256 * wall->weight + CAIRN_REAL(0.01);
+    cairn_sym3 block = {loose, 0, 0, loose + 1, 0, 1};
 
-    memset(x->rhs, 0, 3 * (size_t)x->node_count * sizeof *x->rhs);
-    for (int32_t k = 0; k < x->segment_count && status == CAIRN_OK; k++) {
-        const aligner_segment *s = &x->segments[k];
+    return wall->node >= 0 ? cairn_block_solver_add_pose_block(x->solver, wall->node, block) : CAIRN_OK;
+}
 
-        if (s->wall >= 0 && x->walls[s->wall].node >= 0)
-            status = add_segment(x, s, link++);
+/* The k-th of the values: segments, then scans, then walls. */
+static cairn_status add_value(cairn_aligner *x, int32_t k, int32_t anchor)
+{
+    if (k < x->segment_count)
+        return is_shared(x, &x->segments[k]) ? add_segment(x, &x->segments[k], x->link++) : CAIRN_OK;
+    k -= x->segment_count;
+    return k < x->scan_count ? add_prior(x, k, anchor) : add_wall_prior(x, &x->walls[k - x->scan_count]);
+}
+
+/* Some of the values; after the last the solver starts to factor. The anchor is held in the last round only. */
+static int32_t build_some(cairn_aligner *x, int32_t anchor)
+{
+    int32_t count = x->segment_count + x->scan_count + x->wall_count;
+    int32_t end = x->at + OF_ITEM < count ? x->at + OF_ITEM : count, units = 1;
+    cairn_status status = CAIRN_OK;
+
+    if (x->at == 0) {
+        status = cairn_block_solver_clear(x->solver);
+        memset(x->rhs, 0, 3 * (size_t)x->node_count * sizeof *x->rhs);
+        x->link = 0;
+        units += x->result.fill / 32 + x->node_count / 32;
     }
-    return status == CAIRN_OK ? add_priors(x, anchor) : status;
+    for (; x->at < end && status == CAIRN_OK; x->at++, units++)
+        status = add_value(x, x->at, anchor);
+    if (end == count && status == CAIRN_OK) {
+        status = cairn_block_solver_factor(x->solver);
+        x->at = 0;
+        x->stage = 1;
+    }
+    if (status != CAIRN_OK)
+        cairn_aligner_give_up(x, status);
+    return units;
 }
 
 static void move_scans(cairn_aligner *x)
@@ -240,21 +284,26 @@ static void judge(cairn_aligner *x, int32_t i)
         r->part == 0 && r->support >= LEAST_SUPPORT && cairn_sqrt(c[0] + c[4]) < far && cairn_sqrt(c[8]) < turned;
 }
 
-/* Numbers the clusters by size, ties by index; blind scans are no parts. */
-static void number_parts(cairn_aligner *x)
+/* The number of the cluster of a scan: by size, ties by index. */
+static int32_t number_of(const cairn_aligner *x, int32_t i)
 {
-    for (int32_t i = 0; i < x->scan_count; i++) {
-        int32_t own = x->scans[i].part, before = 0;
+    int32_t own = x->scans[i].part, before = 0;
 
-        for (int32_t c = 0; c < x->scan_count; c++)
-            before += x->clusters[c].size > x->clusters[own].size ||
-                      (x->clusters[c].size == x->clusters[own].size && x->clusters[c].size > 0 && c < own);
-        x->results[i].part = own == x->home ? 0 : before;
-    }
-    x->result.parts = 0;
     for (int32_t c = 0; c < x->scan_count; c++)
-        x->result.parts += x->clusters[c].size > 1 ||
-                           (x->clusters[c].size == 1 && cairn_aligner_points_of(x, x->clusters[c].head) > 0);
+        before += x->clusters[c].size > x->clusters[own].size ||
+                  (x->clusters[c].size == x->clusters[own].size && x->clusters[c].size > 0 && c < own);
+    return own == x->home ? 0 : before;
+}
+
+/* Clusters but for blind scans. */
+static int32_t count_parts(const cairn_aligner *x)
+{
+    int32_t parts = 0;
+
+    for (int32_t c = 0; c < x->scan_count; c++)
+        parts += x->clusters[c].size > 1 ||
+                 (x->clusters[c].size == 1 && cairn_aligner_points_of(x, x->clusters[c].head) > 0);
+    return parts;
 }
 
 static void read_covariance(const cairn_aligner *x, int32_t i, cairn_transform gauge, cairn_real covariance[9])
@@ -272,43 +321,35 @@ static void read_covariance(const cairn_aligner *x, int32_t i, cairn_transform g
         turn_covariance(gauge, block, covariance);
 }
 
-/* Chi-squared of the segments on shared walls, each by its mean and its direction, per degree of freedom. */
-static cairn_real misfit(const cairn_aligner *x)
+/* Chi-squared of some of the segments on shared walls, each by its mean and its direction; of all, per degree of freedom. */
+static int32_t add_misfits(cairn_aligner *x)
 {
-    cairn_real sum = 0, freedom = (cairn_real)(-3 * x->clusters[x->home].size - 2 * x->result.walls);
+    int32_t end = x->at + OF_ITEM < x->segment_count ? x->at + OF_ITEM : x->segment_count;
 
-    for (int32_t k = 0; k < x->segment_count; k++) {
-        const aligner_segment *s = &x->segments[k];
-        term m;
-
-        if (s->wall < 0 || x->walls[s->wall].node < 0)
-            continue;
-        m = term_of(x, s);
-        sum += m.chi * m.scale;
-        freedom += 2;
+    if (x->at == 0) {
+        x->margin = 0;
+        x->freedom = -3 * x->clusters[x->home].size - 2 * x->result.walls;
     }
-    return freedom > 0 ? cairn_max(sum / freedom, 1) : 1;
+    for (; x->at < end; x->at++)
+        if (is_shared(x, &x->segments[x->at])) {
+            term m = term_of(x, &x->segments[x->at]);
+
+            x->margin += m.chi * m.scale;
+            x->freedom += 2;
+        }
+    if (end == x->segment_count) {
+        x->margin = x->freedom > 0 ? cairn_max(x->margin / (cairn_real)x->freedom, 1) : 1;
+        x->gauge_part = -1;
+        x->result.placed = 0;
+        x->stage = 4;
+        x->i = 0;
+    }
+    return OF_ITEM;
 }
 
 static int32_t finish(cairn_aligner *x)
 {
-    cairn_transform same = {0, 0, 1, 0};
-    cairn_real margin = misfit(x);
-
-    number_parts(x);
-    x->result.placed = 0;
-    for (int32_t i = 0; i < x->scan_count; i++) {
-        cairn_transform gauge = cairn_aligner_gauge(x, x->scans[i].part, -1, same);
-        cairn_aligner_pose *r = &x->results[i];
-
-        r->map_scan = cairn_aligner_to_pose(cairn_aligner_compose(gauge, x->poses[i]));
-        r->support = x->scans[i].support;
-        read_covariance(x, i, gauge, r->covariance);
-        judge(x, i);
-        for (int k = 0; k < 9; k++)
-            r->covariance[k] *= margin;
-        x->result.placed += r->placed;
-    }
+    x->result.parts = count_parts(x);
     x->result.largest = x->clusters[x->home].size;
     x->result.spread = x->sigma;
     x->result.spread_angle = x->sigma_angle;
@@ -318,7 +359,30 @@ static int32_t finish(cairn_aligner *x)
             x->result.verdict = CAIRN_ALIGNER_SPLIT;
     }
     x->phase = ALIGNER_DONE;
-    return x->scan_count * (x->scan_count / 16 + 4);
+    return 1 + x->scan_count / 16;
+}
+
+/* The result of one scan. */
+static int32_t report_scan(cairn_aligner *x, int32_t i)
+{
+    cairn_transform same = {0, 0, 1, 0};
+    cairn_aligner_pose *r = &x->results[i];
+    int32_t units = 8 + x->scan_count / 16;
+
+    if (x->scans[i].part != x->gauge_part) {
+        x->gauge_part = x->scans[i].part;
+        x->gauge = cairn_aligner_gauge(x, x->gauge_part, -1, same);
+        units += x->clusters[x->gauge_part].size;
+    }
+    r->part = number_of(x, i);
+    r->map_scan = cairn_aligner_to_pose(cairn_aligner_compose(x->gauge, x->poses[i]));
+    r->support = x->scans[i].support;
+    read_covariance(x, i, x->gauge, r->covariance);
+    judge(x, i);
+    for (int k = 0; k < 9; k++)
+        r->covariance[k] *= x->margin;
+    x->result.placed += r->placed;
+    return units;
 }
 
 /* No joint solution: what is known of the poses are the initial ones. */
@@ -335,23 +399,28 @@ void cairn_aligner_give_up(cairn_aligner *x, cairn_status status)
 /* Evidence between one pair of scans of the part, then the end. */
 static int32_t support_item(cairn_aligner *x)
 {
+    aligner_count count = {0, 0, 0};
+    int32_t i = x->i, j, work;
     cairn_real evidence;
-    int32_t i = x->i, j = x->j;
 
-    if (i == x->scan_count)
-        return finish(x);
-    if (j >= i) {
+    if (i == x->scan_count) {
+        x->stage = 3;
+        x->at = 0;
+        return 1;
+    }
+    if (x->j == x->scans[i].partner_count) {
         x->i++;
         x->j = 0;
         return 1;
     }
-    x->j++;
-    if (x->scans[i].part != x->scans[j].part || !cairn_aligner_may_meet(x, i, j, x->poses[i], x->poses[j]))
+    j = cairn_aligner_partner(x, i, x->j++);
+    if (j > i || x->scans[i].part != x->scans[j].part || !cairn_aligner_may_meet(x, i, j, x->poses[i], x->poses[j]))
         return 1;
-    evidence = cairn_aligner_pair_evidence(x, i, j, cairn_aligner_between(x->poses[j], x->poses[i]), CAIRN_REAL(0.07));
+    work = cairn_aligner_count_pair(x, i, j, cairn_aligner_between(x->poses[j], x->poses[i]), CAIRN_REAL(0.07), &count);
+    evidence = cairn_aligner_evidence(x, count);
     x->scans[i].support += evidence;
     x->scans[j].support += evidence;
-    return 1 + (cairn_aligner_points_of(x, i) + cairn_aligner_points_of(x, j)) / ALIGNER_POINTS_OF_UNIT;
+    return 1 + work / ALIGNER_POINTS_OF_UNIT;
 }
 
 /* ---- Phases ---- */
@@ -369,25 +438,14 @@ static int32_t settle(cairn_aligner *x)
     return cairn_aligner_sort_item(x);
 }
 
-/* Builds and starts to factor; the anchor is held in the last round only. */
-static int32_t begin_solution(cairn_aligner *x, int32_t anchor)
-{
-    cairn_status status = build(x, anchor);
-
-    if (status == CAIRN_OK)
-        status = cairn_block_solver_factor(x->solver);
-    x->stage = 1;
-    if (status != CAIRN_OK)
-        cairn_aligner_give_up(x, status);
-    return x->segment_count / 2 + x->node_count;
-}
-
 void cairn_aligner_end_slides(cairn_aligner *x, int32_t changed)
 {
     x->at = x->stage = 0;
     x->phase = ALIGNER_ASSOCIATE;
     x->round = AGAIN_FROM < x->params.max_rounds ? AGAIN_FROM : x->params.max_rounds - 1;
     if (changed == 0) {
+        x->tolerance = tolerances[AGAIN_FROM];
+        x->loose = 0;
         x->result.anchor = best_known(x);
         x->phase = ALIGNER_MARGINALS;
     }
@@ -398,8 +456,10 @@ static int32_t solve(cairn_aligner *x)
 {
     cairn_block_solver_result state = cairn_block_solver_read(x->solver);
 
-    if (x->stage == 0)
-        return begin_solution(x, -1);
+    if (x->stage == 0) {
+        set_tolerance(x, x->round);
+        return build_some(x, -1);
+    }
     if (x->stage == 1) {
         cairn_status status = state.state == CAIRN_BLOCK_SOLVER_FACTORED ? cairn_block_solver_solve(x->solver, x->rhs)
                                                                          : CAIRN_UNSUPPORTED;
@@ -412,7 +472,8 @@ static int32_t solve(cairn_aligner *x)
     move_scans(x);
     x->round++;
     x->result.rounds++;
-    x->result.fill = state.fill;
+    if (state.fill > x->result.fill)
+        x->result.fill = state.fill;
     x->at = x->stage = 0;
     if (x->round >= x->params.max_rounds || (x->round > 6 && x->moved <= AT_REST)) {
         cairn_aligner_begin_slides(x);
@@ -425,7 +486,7 @@ static int32_t solve(cairn_aligner *x)
 static int32_t marginals(cairn_aligner *x)
 {
     if (x->stage == 0)
-        return begin_solution(x, x->result.anchor);
+        return build_some(x, x->result.anchor);
     if (x->stage == 1) {
         cairn_status status = cairn_block_solver_read(x->solver).state == CAIRN_BLOCK_SOLVER_FACTORED
                                   ? cairn_block_solver_invert(x->solver)
@@ -437,7 +498,13 @@ static int32_t marginals(cairn_aligner *x)
             cairn_aligner_give_up(x, status);
         return 1;
     }
-    return support_item(x);
+    if (x->stage == 2)
+        return support_item(x);
+    if (x->stage == 3)
+        return add_misfits(x);
+    if (x->i < x->scan_count)
+        return report_scan(x, x->i++);
+    return finish(x);
 }
 
 int32_t cairn_aligner_joint_item(cairn_aligner *x)
@@ -448,15 +515,11 @@ int32_t cairn_aligner_joint_item(cairn_aligner *x)
     case ALIGNER_ASSOCIATE:
         if (x->at < x->segment_count)
             return cairn_aligner_associate_item(x);
-        x->phase = ALIGNER_SOLVE;
-        x->stage = 0;
-        {
-            cairn_status status = begin_system(x);
-
-            if (status != CAIRN_OK)
-                cairn_aligner_give_up(x, status);
-        }
-        return x->segment_count / 4 + x->node_count / 8;
+        x->phase = ALIGNER_LINK;
+        x->at = 0;
+        return 1;
+    case ALIGNER_LINK:
+        return link_some(x);
     case ALIGNER_SOLVE:
         return solve(x);
     default:

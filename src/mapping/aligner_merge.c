@@ -14,12 +14,12 @@
 static const cairn_real TRIAL_GATE = CAIRN_REAL(0.15), COUNT_GATE = CAIRN_REAL(0.07);
 static const cairn_real LEAST_LENGTH = CAIRN_REAL(0.15);               /* m, of a segment that gives a direction */
 static const cairn_real LEAST_TRIAL = CAIRN_REAL(0.5), LEAST_KEPT = 1; /* nats */
-static const cairn_real HOPELESS = -15;                                /* nats */
+static const cairn_real HOPELESS = -15, FAR_OFF = -40;                 /* nats */
 static const cairn_real SAME_PLACE = CAIRN_REAL(0.15);                 /* m */
 static const cairn_real SAME_HEADING = CAIRN_REAL(0.9986);             /* cosine of 3 degrees */
 static const cairn_real SHIFT = CAIRN_REAL(0.25);                      /* m */
 static const cairn_real RIVAL = 8;                                     /* nats below which a rival does not matter */
-enum { TRIAL_ROUNDS = 4, LOOK_ROUNDS = 3 };
+enum { TRIAL_ROUNDS = 4, LOOK_ROUNDS = 3, UNKNOWN = -2, CLOSEST = 20 };
 
 /* ---- Pairs ---- */
 
@@ -44,7 +44,7 @@ static void keep_trial(cairn_aligner *x, cairn_transform pose, cairn_real score)
     }
     if (score > x->trial[i].score) {
         x->trial[i].first = x->i;
-        x->trial[i].second = x->j;
+        x->trial[i].second = x->second;
         x->trial[i].second_first = cairn_aligner_to_pose(pose);
         x->trial[i].score = score;
     }
@@ -60,7 +60,7 @@ static int32_t try_end(cairn_aligner *x, const aligner_segment *k, const aligner
                             cairn_vec2_cross(k->direction, l->direction)};
     cairn_real far = CAIRN_REAL(1.6) * x->params.spread +
                      x->params.spread_angle * cairn_sqrt(expected.x * expected.x + expected.y * expected.y);
-    int32_t first = x->i, second = x->j, points = cairn_aligner_points_of(x, first);
+    int32_t first = x->i, second = x->second, work;
     aligner_count count = {0, 0, 0};
     cairn_real score;
 
@@ -68,50 +68,58 @@ static int32_t try_end(cairn_aligner *x, const aligner_segment *k, const aligner
     pose.y = to.y - (pose.sine * from.x + pose.cosine * from.y);
     if (!cairn_aligner_near(pose, expected, far, -2))
         return 1;
-    cairn_aligner_count_points(x, first, second, pose, TRIAL_GATE, &count);
-    if (cairn_aligner_evidence(x, count) > -4) {
-        cairn_aligner_count_points(x, second, first, cairn_aligner_inverse(pose), TRIAL_GATE, &count);
-        points += cairn_aligner_points_of(x, second);
-    }
+    work = cairn_aligner_count_points(x, first, second, pose, TRIAL_GATE, &count);
+    if (cairn_aligner_evidence(x, count) > -4)
+        work += cairn_aligner_count_points(x, second, first, cairn_aligner_inverse(pose), TRIAL_GATE, &count);
     score = cairn_aligner_evidence(x, count);
     if (score > LEAST_TRIAL)
         keep_trial(x, pose, score);
-    return 1 + points / ALIGNER_POINTS_OF_UNIT;
+    return 1 + work / ALIGNER_POINTS_OF_UNIT;
 }
 
-static int may_ever_meet(const cairn_aligner *x, int32_t i, int32_t j)
-{
-    const aligner_scan *a = &x->scans[i], *b = &x->scans[j];
-    cairn_real dx = a->initial.x - b->initial.x, dy = a->initial.y - b->initial.y;
-    cairn_real reach = a->radius + cairn_vec2_norm(a->middle) + b->radius + cairn_vec2_norm(b->middle);
-
-    reach += 2 * x->params.spread;
-    return dx * dx + dy * dy <= reach * reach;
-}
-
+/* The next partner of scan i before it. */
 static void next_pair(cairn_aligner *x)
 {
     x->j++;
-    if (x->j >= x->i) {
-        x->i++;
-        x->j = 0;
-    }
     x->k = 0;
     x->l = 0;
     x->trial_count = 0;
 }
 
+/* 1 when two segments of the pair at hand are long enough and the headings that lay one on the other are expected. */
+static int may_fit(const cairn_aligner *x, const aligner_segment *k, const aligner_segment *l)
+{
+    cairn_real cosine = cairn_vec2_dot(k->direction, l->direction), sine = cairn_vec2_cross(k->direction, l->direction);
+
+    return k->length >= LEAST_LENGTH && l->length >= LEAST_LENGTH &&
+           cosine * x->expected.cosine + sine * x->expected.sine >= x->least_cosine;
+}
+
+/* The pair at hand; 0 when there is nothing to lay on each other. */
+static int begin_pair(cairn_aligner *x, int32_t second)
+{
+    const aligner_scan *a = &x->scans[x->i], *b = &x->scans[second];
+
+    x->second = second;
+    x->least_cosine = cairn_cos(cairn_min(CAIRN_REAL(1.6) * x->params.spread_angle, CAIRN_PI));
+    x->expected = cairn_transform_of(cairn_pose_between(b->initial, a->initial));
+    return second < x->i && (x->j < CLOSEST || cairn_aligner_has_partner(x, second, x->i, CLOSEST)) &&
+           a->end_segment > a->first_segment && b->end_segment > b->first_segment;
+}
+
 /* One pair of segments of a pair of scans. */
 static int32_t try_segments(cairn_aligner *x)
 {
-    const aligner_scan *first = &x->scans[x->i], *second = &x->scans[x->j];
+    const aligner_scan *first = &x->scans[x->i], *second;
     const aligner_segment *k, *l;
-    cairn_transform expected;
-    cairn_real turned, cosine, sine;
-    int32_t units = 1;
+    int32_t passed = 0, units = 1;
 
-    if ((x->k == 0 && x->l == 0 && !may_ever_meet(x, x->i, x->j)) || first->end_segment == first->first_segment ||
-        second->end_segment == second->first_segment) {
+    if (x->j == first->partner_count) {
+        x->i++;
+        x->j = 0;
+        return 1;
+    }
+    if (x->k == 0 && x->l == 0 && !begin_pair(x, cairn_aligner_partner(x, x->i, x->j))) {
         next_pair(x);
         return 1;
     }
@@ -120,48 +128,48 @@ static int32_t try_segments(cairn_aligner *x)
         x->trial_at = 0;
         return 1;
     }
+    second = &x->scans[x->second];
     k = &x->segments[first->first_segment + x->k];
-    l = &x->segments[second->first_segment + x->l];
-    if (++x->l == second->end_segment - second->first_segment) {
+    for (;;) {
+        l = &x->segments[second->first_segment + x->l++];
+        if (may_fit(x, k, l))
+            break;
+        passed++;
+        if (second->first_segment + x->l == second->end_segment)
+            break;
+    }
+    if (may_fit(x, k, l))
+        for (int32_t end = 0; end < 2; end++)
+            units += try_end(x, k, l, end, x->expected);
+    if (second->first_segment + x->l == second->end_segment) {
         x->l = 0;
         x->k++;
     }
-    if (k->length < LEAST_LENGTH || l->length < LEAST_LENGTH)
-        return 1;
-    expected = cairn_transform_of(cairn_pose_between(second->initial, first->initial));
-    turned = cairn_min(CAIRN_REAL(1.6) * x->params.spread_angle, CAIRN_PI);
-    cosine = cairn_vec2_dot(k->direction, l->direction) * expected.cosine +
-             cairn_vec2_cross(k->direction, l->direction) * expected.sine;
-    sine = cairn_vec2_cross(k->direction, l->direction) * expected.cosine -
-           cairn_vec2_dot(k->direction, l->direction) * expected.sine;
-    if (cairn_abs(cairn_atan2(sine, cosine)) > turned)
-        return 1;
-    for (int32_t end = 0; end < 2; end++)
-        units += try_end(x, k, l, end, expected);
-    return units;
+    return units + passed / ALIGNER_FAR_OF_UNIT;
 }
 
 /* Refines a trial of the pair at hand. */
 static int32_t refine_trial(cairn_aligner *x, aligner_hypothesis *trial)
 {
     cairn_transform pose = cairn_transform_of(trial->second_first), same = {0, 0, 1, 0};
-    int32_t points = cairn_aligner_points_of(x, trial->first) + cairn_aligner_points_of(x, trial->second);
+    aligner_count count = {0, 0, 0};
+    int32_t work = 0;
 
     for (int32_t round = 0; round < TRIAL_ROUNDS; round++) {
         cairn_real gate = TRIAL_GATE - CAIRN_REAL(0.03) * (cairn_real)round, motion[3];
+        cairn_vec2 centre = cairn_transform_point(pose, x->scans[trial->first].middle);
         aligner_sums sums;
 
         memset(&sums, 0, sizeof sums);
-        cairn_vec2 centre = cairn_transform_point(pose, x->scans[trial->first].middle);
-
-        cairn_aligner_pull(x, trial->first, trial->second, pose, same, gate, 1, centre, &sums);
+        work += cairn_aligner_pull(x, trial->first, trial->second, pose, same, gate, 1, centre, &sums);
         if (!cairn_aligner_solve(&sums, motion))
             break;
         pose = cairn_aligner_moved(pose, centre, motion);
     }
     trial->second_first = cairn_aligner_to_pose(pose);
-    trial->score = cairn_aligner_pair_evidence(x, trial->first, trial->second, pose, COUNT_GATE);
-    return (TRIAL_ROUNDS / 2 + 1) * points / ALIGNER_POINTS_OF_UNIT;
+    work += cairn_aligner_count_pair(x, trial->first, trial->second, pose, COUNT_GATE, &count);
+    trial->score = cairn_aligner_evidence(x, count);
+    return 4 + work / ALIGNER_POINTS_OF_UNIT;
 }
 
 /* Enters a hypothesis; when there is no room it takes the place of the worst that is worse. */
@@ -205,11 +213,18 @@ static void enter_best(cairn_aligner *x)
     }
 }
 
+static void forget_surest(cairn_aligner *x)
+{
+    for (int32_t i = 0; i < x->open_count; i += ALIGNER_BLOCK)
+        x->surest[i / ALIGNER_BLOCK] = UNKNOWN;
+}
+
 int32_t cairn_aligner_pairs_item(cairn_aligner *x)
 {
     if (x->phase == ALIGNER_PAIRS) {
         if (x->i == x->scan_count) {
-            x->result.hypotheses = x->hypothesis_count;
+            x->result.hypotheses = x->open_count = x->hypothesis_count;
+            forget_surest(x);
             x->phase = ALIGNER_PICK;
             return 1;
         }
@@ -236,6 +251,12 @@ static int is_fresh(const cairn_aligner *x, const aligner_hypothesis *h)
            h->second_stamp == x->clusters[cluster_of(x, h->second)].stamp;
 }
 
+/* What a block of hypotheses has is to be looked for again. */
+static void touch(cairn_aligner *x, const aligner_hypothesis *h)
+{
+    x->surest[(h - x->hypotheses) / ALIGNER_BLOCK] = UNKNOWN;
+}
+
 /* The pose of the cluster of the first scan as seen from that of the second. */
 static cairn_transform clusters_pose(const cairn_aligner *x, const aligner_hypothesis *h)
 {
@@ -244,12 +265,19 @@ static cairn_transform clusters_pose(const cairn_aligner *x, const aligner_hypot
     return cairn_aligner_compose(first, cairn_aligner_inverse(x->poses[h->first]));
 }
 
-static void look_at(cairn_aligner *x, int32_t index)
+/* Begins a look; 0, and the hypothesis is out, when the initial poses speak against it as no points could speak for it. */
+static int look_at(cairn_aligner *x, aligner_hypothesis *h)
 {
-    const aligner_hypothesis *h = &x->hypotheses[index];
+    int32_t first = cluster_of(x, h->first), second = cluster_of(x, h->second);
+    cairn_transform pose = clusters_pose(x, h);
 
-    cairn_aligner_begin_look(x, cluster_of(x, h->first), cluster_of(x, h->second), clusters_pose(x, h),
-                             h->first_stamp < 0 ? 1 : LOOK_ROUNDS);
+    if (cairn_aligner_prior(x, first, second, pose) < FAR_OFF) {
+        h->state = ALIGNER_OUT;
+        touch(x, h);
+        return 0;
+    }
+    cairn_aligner_begin_look(x, first, second, pose, h->first_stamp < 0 ? 1 : LOOK_ROUNDS);
+    return 1;
 }
 
 static void take_look(cairn_aligner *x, aligner_hypothesis *h)
@@ -261,6 +289,7 @@ static void take_look(cairn_aligner *x, aligner_hypothesis *h)
     h->first_stamp = x->clusters[cluster_of(x, h->first)].stamp;
     h->second_stamp = x->clusters[cluster_of(x, h->second)].stamp;
     h->state = h->score < HOPELESS ? ALIGNER_OUT : ALIGNER_LOOKED;
+    touch(x, h);
 }
 
 /* 1 when two hypotheses join the same clusters. */
@@ -287,7 +316,7 @@ static void compare(cairn_aligner *x)
     cairn_transform pose = cairn_aligner_compose(clusters_pose(x, h), x->poses[h->first]);
     cairn_real others = 1;
 
-    for (int32_t i = 0; i < x->hypothesis_count; i++) {
+    for (int32_t i = 0; i < x->open_count; i++) {
         aligner_hypothesis *g = &x->hypotheses[i];
         cairn_transform rival;
 
@@ -298,21 +327,23 @@ static void compare(cairn_aligner *x)
             others += cairn_exp(cairn_min(g->score, 60));
         else if (g->score <= h->score && cairn_aligner_near(pose, rival, SAME_PLACE / 3, CAIRN_REAL(0.9998)))
             g->state = ALIGNER_OUT;
+        touch(x, g);
     }
     h->key = h->score - cairn_log(others);
     h->state = ALIGNER_COMPARED;
+    touch(x, h);
 }
 
-/* Looks at the next rival that has to be; 0 when there is none. */
-static int32_t look_at_rival(cairn_aligner *x)
+/* Looks at the next rival that has to be; *found: it may still be one. 0 when there is none. */
+static int look_at_rival(cairn_aligner *x, int *found)
 {
     const aligner_hypothesis *h = &x->hypotheses[x->chosen];
 
-    for (; x->rival < x->hypothesis_count; x->rival++) {
-        const aligner_hypothesis *g = &x->hypotheses[x->rival];
+    while (x->rival < x->open_count) {
+        aligner_hypothesis *g = &x->hypotheses[x->rival++];
 
         if (is_rival(x, h, g) && !is_fresh(x, g) && g->score >= h->score - RIVAL) {
-            look_at(x, x->rival);
+            *found = look_at(x, g);
             return 1;
         }
     }
@@ -348,7 +379,43 @@ static void take_shifted(cairn_aligner *x)
     }
     h->key = cairn_min(h->key, h->score - x->rest);
     h->state = ALIGNER_SURE;
+    touch(x, h);
     x->phase = ALIGNER_PICK;
+}
+
+void cairn_aligner_begin_close(cairn_aligner *x, int32_t all)
+{
+    x->phase = ALIGNER_CLOSE;
+    x->stage = all;
+    x->k = x->l = 0;
+    if (all)
+        x->open_count = x->hypothesis_count;
+}
+
+/* Some hypotheses: those that are out, or join nothing any more, go behind the others. */
+static int32_t close_some(cairn_aligner *x)
+{
+    enum { OF_ITEM = 128 };
+    int32_t end = x->k + OF_ITEM < x->open_count ? x->k + OF_ITEM : x->open_count, units = 1 + (end - x->k) / 8;
+
+    for (; x->k < end; x->k++) {
+        aligner_hypothesis h = x->hypotheses[x->k];
+
+        if (x->stage == 1) {
+            h.state = ALIGNER_LOOKED;
+            h.key = cairn_max(h.score, x->params.least_evidence * 2);
+            h.first_stamp = -1;
+        }
+        x->hypotheses[x->k] = x->hypotheses[x->l];
+        x->hypotheses[x->l] = h;
+        x->l += h.state != ALIGNER_OUT && cluster_of(x, h.first) != cluster_of(x, h.second);
+    }
+    if (end == x->open_count) {
+        x->open_count = x->l;
+        forget_surest(x);
+        x->phase = ALIGNER_PICK;
+    }
+    return units;
 }
 
 static void carry_out(cairn_aligner *x)
@@ -358,31 +425,70 @@ static void carry_out(cairn_aligner *x)
 
     h->state = ALIGNER_OUT;
     x->result.merges++;
-    cairn_aligner_begin_relax(x, joined, CAIRN_REAL(0.08), x->clusters[joined].size < 6 ? 2 : 1);
+    cairn_aligner_begin_close(x, 0);
+    cairn_aligner_begin_relax(x, joined, CAIRN_REAL(0.08), x->clusters[joined].size < 6 ? 3 : 2, 0);
 }
 
-/* The hypothesis with the greatest key that joins two clusters; -1: none is sure enough. */
+static void find_surest_of(cairn_aligner *x, int32_t block)
+{
+    int32_t first = block * ALIGNER_BLOCK, end = first + ALIGNER_BLOCK, best = -1;
+
+    for (int32_t i = first; i < end && i < x->open_count; i++) {
+        const aligner_hypothesis *h = &x->hypotheses[i];
+
+        if (h->state != ALIGNER_OUT && h->key > x->params.least_evidence &&
+            (best < 0 || h->key > x->hypotheses[best].key))
+            best = i;
+    }
+    x->surest[block] = best;
+}
+
+static int32_t blocks_of(const cairn_aligner *x)
+{
+    return (x->open_count + ALIGNER_BLOCK - 1) / ALIGNER_BLOCK;
+}
+
+/* Finds the surest of some blocks; 0: all are known. */
+static int find_some(cairn_aligner *x)
+{
+    enum { OF_ITEM = 16 };
+    int32_t found = 0;
+
+    for (int32_t block = 0; block < blocks_of(x) && found < OF_ITEM; block++)
+        if (x->surest[block] == UNKNOWN) {
+            find_surest_of(x, block);
+            found++;
+        }
+    x->debt += blocks_of(x) / 32 + found * (ALIGNER_BLOCK / 16);
+    return found == OF_ITEM;
+}
+
+/* The hypothesis with the greatest key; -1: none is sure enough. */
 static int32_t surest(cairn_aligner *x)
 {
     int32_t best = -1;
 
-    for (int32_t i = 0; i < x->hypothesis_count; i++) {
-        aligner_hypothesis *h = &x->hypotheses[i];
+    for (int32_t block = 0; block < blocks_of(x); block++) {
+        int32_t own;
 
-        if (h->state == ALIGNER_OUT)
-            continue;
-        if (cluster_of(x, h->first) == cluster_of(x, h->second))
-            h->state = ALIGNER_OUT;
-        else if (h->key > x->params.least_evidence && (best < 0 || h->key > x->hypotheses[best].key))
-            best = i;
+        if (x->surest[block] == UNKNOWN) {
+            find_surest_of(x, block);
+            x->debt += ALIGNER_BLOCK / 16;
+        }
+        own = x->surest[block];
+        if (own >= 0 && (best < 0 || x->hypotheses[own].key > x->hypotheses[best].key))
+            best = own;
     }
+    x->debt += blocks_of(x) / 16;
     return best;
 }
 
 static void pick(cairn_aligner *x)
 {
-    const aligner_hypothesis *h;
+    aligner_hypothesis *h;
 
+    if (find_some(x))
+        return;
     x->chosen = surest(x);
     if (x->chosen < 0) {
         x->phase = ALIGNER_REPAIR;
@@ -392,8 +498,8 @@ static void pick(cairn_aligner *x)
     }
     h = &x->hypotheses[x->chosen];
     if (!is_fresh(x, h)) {
-        look_at(x, x->chosen);
-        x->phase = ALIGNER_LOOKED_AT;
+        if (look_at(x, h))
+            x->phase = ALIGNER_LOOKED_AT;
     } else if (h->state == ALIGNER_LOOKED) {
         x->rival = 0;
         x->phase = ALIGNER_RIVALS;
@@ -408,29 +514,34 @@ static void pick(cairn_aligner *x)
 
 int32_t cairn_aligner_merge_item(cairn_aligner *x)
 {
-    int32_t list = 1 + x->hypothesis_count / 16;
+    int32_t from;
+    int found;
 
     switch (x->phase) {
     case ALIGNER_PICK:
         pick(x);
-        return list;
+        return 1;
     case ALIGNER_LOOKED_AT:
         take_look(x, &x->hypotheses[x->chosen]);
         x->phase = ALIGNER_PICK;
         return 2;
     case ALIGNER_RIVALS:
-        if (x->rival > 0 && x->rival <= x->hypothesis_count && x->side == -1)
+        if (x->rival > 0 && x->rival <= x->open_count && x->side == -1)
             take_look(x, &x->hypotheses[x->rival - 1]);
         x->side = 0;
-        if (look_at_rival(x)) {
-            x->rival++;
-            x->side = -1;
-            return list;
+        from = x->rival;
+        if (look_at_rival(x, &found)) {
+            x->side = found ? -1 : 0;
+            return 1 + (x->rival - from) / 16;
         }
-        if (surest(x) == x->chosen)
-            compare(x);
+        x->phase = surest(x) == x->chosen ? ALIGNER_WEIGHED : ALIGNER_PICK;
+        return 1 + (x->open_count - from) / 16;
+    case ALIGNER_WEIGHED:
+        compare(x);
         x->phase = ALIGNER_PICK;
-        return 2 * list;
+        return 1 + x->open_count / 16;
+    case ALIGNER_CLOSE:
+        return close_some(x);
     default:
         take_shifted(x);
         return 2;

@@ -19,7 +19,8 @@ static const cairn_real CLEARANCE = CAIRN_REAL(0.2); /* m before a surface that 
 static const cairn_real TURN = CAIRN_REAL(0.0349);   /* rad: 2 degrees */
 static const cairn_real WINDOW = CAIRN_REAL(2.2);    /* standard deviations */
 static const cairn_real WIDEST = CAIRN_REAL(1.875);  /* of the params' spread */
-static const cairn_real LIES_WELL = 10, BETTER = 2, ATTACHED = -2, TORN_OFF = 4, JOINED = 4, CLEARLY = 3; /* nats */
+static const cairn_real LIES_WELL = 10, LIES_SURELY = 40, BETTER = 2, ATTACHED = -2, TORN_OFF = 4, JOINED = 4,
+                        CLEARLY = 3; /* nats */
 
 /* ---- Which scan ---- */
 
@@ -94,8 +95,7 @@ static void expect(cairn_aligner *x, int32_t rest)
     x->corner.x = x->predicted.x - (cairn_real)x->side_cells * x->cell / 2;
     x->corner.y = x->predicted.y - (cairn_real)x->side_cells * x->cell / 2;
     memset(x->cells, 0, (size_t)x->side_cells * (size_t)x->side_cells * sizeof *x->cells);
-    x->j = x->clusters[rest].head;
-    x->k = 0;
+    x->j = x->k = 0;
     x->turn = -x->turns;
     x->find_count = x->find_at = 0;
     keep_find(x, x->predicted, 0);
@@ -108,7 +108,7 @@ static int take_out(cairn_aligner *x)
     int32_t rest = cairn_aligner_largest(x), home = x->scans[x->i].part, points = cairn_aligner_points_of(x, x->i);
 
     x->home = home == rest ? -1 : home;
-    if (points == 0 || x->clusters[rest].size < 3)
+    if (points == 0 || x->clusters[rest].size < 3 || (x->home < 0 && x->scans[x->i].evidence > LIES_SURELY))
         return 0;
     x->before = x->poses[x->i];
     x->moving = home;
@@ -133,30 +133,20 @@ void cairn_aligner_put_back(cairn_aligner *x, int32_t cluster, cairn_transform p
 static void end_round(cairn_aligner *x)
 {
     x->repairs++;
-    cairn_aligner_begin_relax(x, cairn_aligner_largest(x), CAIRN_REAL(0.07), 3);
+    cairn_aligner_begin_relax(x, cairn_aligner_largest(x), CAIRN_REAL(0.07), 5, 1);
     if (x->changed == 0 || x->repairs >= x->params.max_repairs) {
         x->phase = ALIGNER_SETTLE;
         x->round = x->stage = x->at = 0;
         return;
     }
-    /* What has moved may let clusters join that could not before. */
-    for (int32_t i = 0; i < x->hypothesis_count; i++) {
-        aligner_hypothesis *h = &x->hypotheses[i];
-
-        if (x->scans[h->first].part == x->scans[h->second].part)
-            continue;
-        h->state = ALIGNER_LOOKED;
-        h->key = cairn_max(h->score, x->params.least_evidence * 2);
-        h->first_stamp = -1;
-    }
-    x->phase = ALIGNER_PICK;
+    cairn_aligner_begin_close(x, 1);
 }
 
 static int32_t choose_scan(cairn_aligner *x)
 {
     if (x->i == x->scan_count || x->params.max_repairs == 0) {
         end_round(x);
-        return 1 + x->hypothesis_count / 16;
+        return 1;
     }
     if (!take_out(x)) {
         x->i++;
@@ -194,73 +184,113 @@ static int32_t direction_bits(cairn_vec2 direction)
     return bits;
 }
 
-/* Free space of scan j along every bearing; returns units. */
+/* How many cells of a ray have been passed when it comes to within 0 ... side along one axis. */
+static cairn_real cells_to(cairn_real from, cairn_real step, cairn_real side)
+{
+    if (from < 0)
+        return step > 0 ? -from / step : CAIRN_REAL_MAX;
+    if (from >= side)
+        return step < 0 ? (side - from) / step : CAIRN_REAL_MAX;
+    return 0;
+}
+
+/* The cells of one ray from place (x, y) on, from the first-th to before the last-th of it; returns how many. */
+static int32_t draw_ray(cairn_aligner *x, cairn_vec2 from, cairn_vec2 step, int32_t first, int32_t last)
+{
+    cairn_real side = (cairn_real)x->side_cells;
+    cairn_real enter = cairn_max(cells_to(from.x, step.x, side), cells_to(from.y, step.y, side));
+    int32_t k = enter > (cairn_real)first ? cairn_real_to_int(cairn_ceil(enter)) : first, begin = k;
+    cairn_vec2 p;
+
+    if (k >= last)
+        return 0;
+    p = cairn_vec2_add(from, cairn_vec2_scale(step, (cairn_real)k));
+    for (; k < last && p.x >= 0 && p.y >= 0 && p.x < side && p.y < side; k++) {
+        int32_t at = (int32_t)p.y * x->side_cells + (int32_t)p.x;
+
+        x->cells[at] = (uint16_t)(x->cells[at] | FREE_CELL);
+        p = cairn_vec2_add(p, step);
+    }
+    return k - begin;
+}
+
+/* Free space of scan j along its bearings, near the sensor along every second or fourth; returns units. */
 static int32_t draw_free(cairn_aligner *x, int32_t j)
 {
-    const aligner_scan *scan = &x->scans[j];
+    static const int32_t first[4] = {0, 45, 22, 45}; /* cells: from there on, bearings are a cell apart */
     const aligner_table *table = &x->tables[j];
-    cairn_vec2 sensor = cairn_transform_point(x->poses[j], scan->sensor);
-    int32_t side = x->side_cells, units = 0;
+    cairn_vec2 sensor = cairn_transform_point(x->poses[j], x->scans[j].sensor);
+    cairn_vec2 from = {(sensor.x - x->corner.x) / x->cell, (sensor.y - x->corner.y) / x->cell};
+    cairn_real cells = x->params.reach / CAIRN_REAL(65535.0) / x->cell;
+    int32_t work = 0;
 
     for (int32_t bin = 0; bin < ALIGNER_BINS; bin++) {
         uint16_t before = table->range[(bin - 1) & (ALIGNER_BINS - 1)];
         uint16_t least = table->range[bin], after = table->range[(bin + 1) & (ALIGNER_BINS - 1)];
-        cairn_vec2 step = cairn_transform_direction(x->poses[j], x->bearings[bin]);
-        cairn_real px = (sensor.x - x->corner.x) / x->cell, py = (sensor.y - x->corner.y) / x->cell;
         int32_t steps;
 
         least = before < least ? before : least;
         least = after < least ? after : least;
-        steps = cairn_real_to_int((cairn_real)least * (x->params.reach / CAIRN_REAL(65535.0)) / x->cell -
-                                  CLEARANCE / x->cell);
-        for (int32_t k = 0; k < steps; k++) {
-            if (px >= 0 && py >= 0 && px < (cairn_real)side && py < (cairn_real)side) {
-                int32_t at = (int32_t)py * side + (int32_t)px;
-
-                x->cells[at] = (uint16_t)(x->cells[at] | FREE_CELL);
-            }
-            px += step.x;
-            py += step.y;
-        }
-        units += steps > 0 ? steps : 0;
+        if (least == 0)
+            continue;
+        steps = cairn_real_to_int((cairn_real)least * cells - CLEARANCE / x->cell);
+        work += 2;
+        if (steps > first[bin & 3])
+            work +=
+                2 + draw_ray(x, from, cairn_transform_direction(x->poses[j], x->bearings[bin]), first[bin & 3], steps);
     }
-    return 8 + units / 16;
+    return 8 + work / 16;
 }
 
 /* The points of scan j, each with its neighbouring cells; no surface is free. */
 static int32_t draw_points(cairn_aligner *x, int32_t j)
 {
-    int32_t side = x->side_cells;
+    int32_t side = x->side_cells, segment = -1, bits = 0;
 
     for (int32_t i = x->scans[j].first_point; i < x->scans[j].end_point; i++) {
         const aligner_point *point = &x->points[i];
         cairn_vec2 p = cairn_transform_point(x->poses[j], point->position);
-        cairn_vec2 direction = cairn_transform_direction(x->poses[j], x->segments[point->segment].direction);
-        int32_t bits = direction_bits(direction);
         int32_t ix = cairn_real_to_int(cairn_floor((p.x - x->corner.x) / x->cell));
         int32_t iy = cairn_real_to_int(cairn_floor((p.y - x->corner.y) / x->cell));
 
-        if (!x->params.oriented)
-            bits |= direction_bits(cairn_vec2_scale(direction, -1));
+        if (point->segment != segment) {
+            cairn_vec2 direction = cairn_transform_direction(x->poses[j], x->segments[point->segment].direction);
+
+            segment = point->segment;
+            bits = direction_bits(direction);
+            if (!x->params.oriented)
+                bits |= direction_bits(cairn_vec2_scale(direction, -1));
+        }
         for (int32_t v = iy > 0 ? iy - 1 : 0; v <= iy + 1 && v < side; v++)
             for (int32_t u = ix > 0 ? ix - 1 : 0; u <= ix + 1 && u < side; u++)
                 x->cells[v * side + u] = (uint16_t)((x->cells[v * side + u] & ~FREE_CELL) | bits);
     }
-    return 1 + cairn_aligner_points_of(x, j);
+    return 4 + cairn_aligner_points_of(x, j) / ALIGNER_POINTS_OF_UNIT;
+}
+
+/* 1 when scan j may lie where the points of the scan at hand may come to lie. */
+static int is_drawn(const cairn_aligner *x, int32_t j)
+{
+    const aligner_scan *scan = &x->scans[x->i], *other = &x->scans[j];
+    cairn_vec2 middle = cairn_transform_point(x->poses[j], other->middle);
+    cairn_real window = (cairn_real)x->half_window * x->cell;
+    cairn_real far = scan->radius + cairn_vec2_norm(scan->middle) + other->radius + window;
+
+    return cairn_abs(middle.x - x->predicted.x) <= far && cairn_abs(middle.y - x->predicted.y) <= far &&
+           cairn_aligner_may_see(scan, cairn_transform_of(x->predicted), (cairn_real)x->turns * TURN, middle,
+                                 other->radius + window * CAIRN_REAL(1.5));
 }
 
 /* One scan of the rest: first the free space of all, then the points of all. */
 static int32_t draw(cairn_aligner *x)
 {
-    const aligner_scan *scan = &x->scans[x->i], *other;
-    int32_t rest = cairn_aligner_largest(x), j = x->j;
-    cairn_real far;
-    cairn_vec2 middle;
+    int32_t rest = cairn_aligner_largest(x), passed = 0, count, j = 0;
 
     if (x->stage == 0) {
         if (x->home < 0) {
             x->before_score = x->look.evidence + x->look.prior;
-            if (x->repairs > 0 && x->look.evidence > LIES_WELL) {
+            x->scans[x->i].evidence = x->look.evidence;
+            if (x->look.evidence > (x->repairs > 0 ? LIES_WELL : LIES_SURELY)) {
                 cairn_aligner_put_back(x, rest, x->before);
                 x->i++;
                 x->phase = ALIGNER_REPAIR;
@@ -271,24 +301,25 @@ static int32_t draw(cairn_aligner *x)
         x->stage = 1;
         return 4 + x->side_cells * x->side_cells / 256 + x->clusters[rest].size / 4;
     }
-    if (j < 0) {
-        if (x->k == 1) {
-            x->phase = ALIGNER_SEARCH;
-            return 1;
-        }
+    count = x->scans[x->i].partner_count;
+    if (x->j == count) {
+        x->phase = x->k == 1 ? ALIGNER_SEARCH : x->phase;
         x->k = 1;
-        x->j = x->clusters[rest].head;
+        x->j = 0;
         return 1;
     }
-    other = &x->scans[j];
-    x->j = other->next;
-    middle = cairn_transform_point(x->poses[j], other->middle);
-    far = scan->radius + cairn_vec2_norm(scan->middle) + other->radius + (cairn_real)x->half_window * x->cell;
-    if (cairn_abs(middle.x - x->predicted.x) > far || cairn_abs(middle.y - x->predicted.y) > far)
-        return 1;
+    for (; x->j < count; x->j++, passed++) {
+        j = cairn_aligner_partner(x, x->i, x->j);
+        if (x->scans[j].part == rest && is_drawn(x, j))
+            break;
+    }
+    if (x->j == count)
+        return 1 + passed / ALIGNER_FAR_OF_UNIT;
+    x->j++;
+    passed /= ALIGNER_FAR_OF_UNIT;
     if (x->k == 0)
-        return x->params.contradiction > 0 ? draw_free(x, j) : 1;
-    return draw_points(x, j);
+        return passed + (x->params.contradiction > 0 ? draw_free(x, j) : 1);
+    return passed + draw_points(x, j);
 }
 
 /* ---- The search ---- */
@@ -404,6 +435,7 @@ static int32_t place(cairn_aligner *x)
     } else {
         cairn_aligner_put_back(x, better || x->home < 0 ? rest : x->home, better ? x->best : x->before);
     }
+    x->scans[x->i].evidence = 0;
     x->changed += better;
     x->result.moved += better;
     x->i++;

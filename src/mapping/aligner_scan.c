@@ -19,11 +19,14 @@ enum { UNSEEN = 0, SAME = 1, OTHER = 2, BEHIND = 3, THROUGH = 4 };
 
 static const cairn_real SAME_NATS = CAIRN_REAL(0.5), OTHER_NATS = CAIRN_REAL(0.15);
 static const cairn_real FULL_POINTS = 6, MORE_POINTS = CAIRN_REAL(0.1);
-static const cairn_real LEAST_COSINE = CAIRN_REAL(0.85); /* of the directions of one surface */
-static const cairn_real BEYOND_END = CAIRN_REAL(0.1);    /* m */
-static const cairn_real CLEAR = CAIRN_REAL(0.12);        /* m, and ... */
-static const cairn_real CLEAR_SHARE = CAIRN_REAL(0.02);  /* ... share of the range that must lie behind a point */
-static const cairn_real SURFACE = CAIRN_REAL(0.15);      /* m */
+static const cairn_real LEAST_COSINE = CAIRN_REAL(0.85);    /* of the directions of one surface */
+static const cairn_real BEYOND_END = CAIRN_REAL(0.1);       /* m */
+static const cairn_real CLEAR = CAIRN_REAL(0.12);           /* m, and ... */
+static const cairn_real CLEAR_SHARE = CAIRN_REAL(0.02);     /* ... share of the range that must lie behind a point */
+static const cairn_real SURFACE = CAIRN_REAL(0.15);         /* m */
+static const cairn_real SINE_OF_SECTOR = CAIRN_REAL(0.14);  /* of the width of the narrowest sector, ... */
+static const cairn_real SINE_OF_TWO = CAIRN_REAL(0.27);     /* ... and of two */
+static const cairn_real BEYOND_FARTHEST = CAIRN_REAL(0.35); /* m, at which nothing is on a surface any more */
 
 /* ---- Poses as transforms ---- */
 
@@ -111,15 +114,32 @@ int32_t cairn_aligner_points_of(const cairn_aligner *x, int32_t scan)
 
 /* ---- Pairs ---- */
 
-/* 0 when the circle of b (in the map) lies wholly outside what a sees. */
-static int may_see(const aligner_scan *a, cairn_transform map_a, cairn_vec2 middle, cairn_real radius)
+static int is_in_cone(const aligner_scan *scan, cairn_transform map_scan, cairn_real cosine, cairn_real sine,
+                      cairn_vec2 middle, cairn_real radius)
 {
-    cairn_vec2 sensor = cairn_transform_point(map_a, a->sensor), axis = cairn_transform_direction(map_a, a->axis);
-    cairn_vec2 to = cairn_vec2_sub(middle, sensor);
+    cairn_vec2 sensor = cairn_transform_point(map_scan, scan->sensor);
+    cairn_vec2 axis = cairn_transform_direction(map_scan, scan->axis), to = cairn_vec2_sub(middle, sensor);
     cairn_real along = cairn_vec2_dot(axis, to), across = cairn_abs(cairn_vec2_cross(axis, to));
 
     /* Distance from the side of the cone that is nearer to the middle. */
-    return a->view_cosine <= 0 || a->view_cosine * across - a->view_sine * along < radius;
+    return cosine <= 0 || cosine * across - sine * along < radius;
+}
+
+int cairn_aligner_may_see(const aligner_scan *scan, cairn_transform map_scan, cairn_real turned, cairn_vec2 middle,
+                          cairn_real radius)
+{
+    cairn_real cosine, sine;
+
+    if (scan->view_cosine <= 0 || turned >= CAIRN_PI / 2)
+        return 1;
+    cairn_sincos(turned, &sine, &cosine);
+    return is_in_cone(scan, map_scan, scan->view_cosine * cosine - scan->view_sine * sine,
+                      scan->view_sine * cosine + scan->view_cosine * sine, middle, radius);
+}
+
+static int may_see(const aligner_scan *a, cairn_transform map_a, cairn_vec2 middle, cairn_real radius)
+{
+    return is_in_cone(a, map_a, a->view_cosine, a->view_sine, middle, radius);
 }
 
 int32_t cairn_aligner_may_meet(const cairn_aligner *x, int32_t i, int32_t j, cairn_transform map_i,
@@ -202,6 +222,76 @@ static finding look_up(const cairn_aligner *x, int32_t scan, cairn_vec2 p, cairn
     return squared < range * range ? OTHER : BEHIND;
 }
 
+/* 1 when what lies in a circle, in the frame of scan, may be at or before something that it sees. */
+static int may_show(const cairn_aligner *x, int32_t scan, cairn_vec2 middle, cairn_real radius)
+{
+    cairn_vec2 ray = cairn_vec2_sub(middle, x->scans[scan].sensor);
+    cairn_real squared = cairn_vec2_norm_squared(ray), reach;
+    const uint16_t *sectors = x->tables[scan].farthest;
+    int32_t sector = cairn_aligner_bin_of(ray.x, ray.y) / (ALIGNER_BINS / ALIGNER_SECTORS);
+    uint16_t farthest = sectors[sector];
+
+    if (radius * radius > SINE_OF_SECTOR * SINE_OF_SECTOR * squared) {
+        uint16_t before = sectors[(sector - 1) & (ALIGNER_SECTORS - 1)];
+        uint16_t after = sectors[(sector + 1) & (ALIGNER_SECTORS - 1)];
+
+        if (radius * radius > SINE_OF_TWO * SINE_OF_TWO * squared)
+            return 1;
+        farthest = farthest > before ? farthest : before;
+        farthest = farthest > after ? farthest : after;
+    }
+    reach = range_of(x, farthest) + radius + BEYOND_FARTHEST;
+    return farthest > 0 && squared < reach * reach;
+}
+
+/* The points of a scan that another one may show, a patch at a time. */
+typedef struct patch_walk {
+    const cairn_aligner *x;
+    int32_t to, patch, at, end; /* at, end: points of the patch at hand */
+    int32_t last;               /* of the scan */
+    int32_t work;               /* points looked up, patches counted in part */
+} patch_walk;
+
+static patch_walk begin_patches(const cairn_aligner *x, int32_t from, int32_t to)
+{
+    const aligner_scan *scan = &x->scans[from];
+    patch_walk w = {x, to, scan->first_patch, scan->first_point, scan->first_point, scan->end_point, 0};
+
+    return w;
+}
+
+/* Goes on to the next patch in view; 0: no more. */
+static int next_patch(patch_walk *w, cairn_transform to_from)
+{
+    while (w->end < w->last) {
+        const aligner_patch *patch = &w->x->patches[w->patch++];
+
+        w->at = w->end;
+        w->end = w->at + ALIGNER_PATCH < w->last ? w->at + ALIGNER_PATCH : w->last;
+        w->work += w->patch & 1;
+        if (may_show(w->x, w->to, cairn_transform_point(to_from, patch->middle), patch->radius)) {
+            w->work += w->end - w->at;
+            return 1;
+        }
+    }
+    return 0;
+}
+
+static int32_t shown_of(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform to_from)
+{
+    int32_t first = x->scans[from].first_patch, shown = 0;
+    int32_t end = first + (cairn_aligner_points_of(x, from) + ALIGNER_PATCH - 1) / ALIGNER_PATCH;
+
+    for (int32_t k = first; k < end; k++)
+        shown += may_show(x, to, cairn_transform_point(to_from, x->patches[k].middle), x->patches[k].radius);
+    return shown;
+}
+
+int32_t cairn_aligner_shown(const cairn_aligner *x, int32_t i, int32_t j, cairn_transform i_j)
+{
+    return shown_of(x, j, i, i_j) + shown_of(x, i, j, cairn_aligner_inverse(i_j));
+}
+
 static cairn_real saturated(int32_t points)
 {
     cairn_real n = (cairn_real)points;
@@ -209,36 +299,39 @@ static cairn_real saturated(int32_t points)
     return n <= FULL_POINTS ? n : FULL_POINTS + MORE_POINTS * (n - FULL_POINTS);
 }
 
-void cairn_aligner_count_points(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform to_from,
-                                cairn_real gate, aligner_count *count)
+int32_t cairn_aligner_count_points(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform to_from,
+                                   cairn_real gate, aligner_count *count)
 {
+    patch_walk w = begin_patches(x, from, to);
     int32_t segment = -1, same = 0;
     cairn_vec2 direction = {0, 0};
 
-    for (int32_t i = x->scans[from].first_point; i < x->scans[from].end_point; i++) {
-        const aligner_point *point = &x->points[i];
+    while (next_patch(&w, to_from))
+        for (int32_t i = w.at; i < w.end; i++) {
+            const aligner_point *point = &x->points[i];
 
-        if (point->segment != segment) {
-            count->same += saturated(same);
-            same = 0;
-            segment = point->segment;
-            direction = cairn_transform_direction(to_from, x->segments[segment].direction);
+            if (point->segment != segment) {
+                count->same += saturated(same);
+                same = 0;
+                segment = point->segment;
+                direction = cairn_transform_direction(to_from, x->segments[segment].direction);
+            }
+            switch (look_up(x, to, cairn_transform_point(to_from, point->position), direction, gate)) {
+            case SAME:
+                same++;
+                break;
+            case OTHER:
+                count->other += 1;
+                break;
+            case THROUGH:
+                count->through += 1;
+                break;
+            default:
+                break;
+            }
         }
-        switch (look_up(x, to, cairn_transform_point(to_from, point->position), direction, gate)) {
-        case SAME:
-            same++;
-            break;
-        case OTHER:
-            count->other += 1;
-            break;
-        case THROUGH:
-            count->through += 1;
-            break;
-        default:
-            break;
-        }
-    }
     count->same += saturated(same);
+    return w.work;
 }
 
 cairn_real cairn_aligner_evidence(const cairn_aligner *x, aligner_count count)
@@ -246,50 +339,49 @@ cairn_real cairn_aligner_evidence(const cairn_aligner *x, aligner_count count)
     return SAME_NATS * count.same - OTHER_NATS * count.other - x->params.contradiction * count.through;
 }
 
-void cairn_aligner_count_pair(const cairn_aligner *x, int32_t first, int32_t second, cairn_transform second_first,
-                              cairn_real gate, aligner_count *count)
+int32_t cairn_aligner_count_pair(const cairn_aligner *x, int32_t first, int32_t second, cairn_transform second_first,
+                                 cairn_real gate, aligner_count *count)
 {
-    cairn_aligner_count_points(x, first, second, second_first, gate, count);
-    cairn_aligner_count_points(x, second, first, cairn_aligner_inverse(second_first), gate, count);
+    int32_t work = cairn_aligner_count_points(x, first, second, second_first, gate, count);
+
+    return work + cairn_aligner_count_points(x, second, first, cairn_aligner_inverse(second_first), gate, count);
 }
 
-cairn_real cairn_aligner_pair_evidence(const cairn_aligner *x, int32_t first, int32_t second,
-                                       cairn_transform second_first, cairn_real gate)
+/* Adds the row of a point of `from` against the surface of `to` that it lies on, if any. */
+static void pull_point(const cairn_aligner *x, const aligner_point *point, int32_t to, cairn_transform to_from,
+                       cairn_transform map_to, cairn_real gate, cairn_real sign, cairn_vec2 centre, aligner_sums *sums)
 {
-    aligner_count count = {0, 0, 0};
+    cairn_vec2 p = cairn_transform_point(to_from, point->position), normal, arm;
+    cairn_vec2 ray = cairn_vec2_sub(p, x->scans[to].sensor);
+    cairn_vec2 direction = cairn_transform_direction(to_from, x->segments[point->segment].direction);
+    cairn_real error, weight, row[3];
+    int32_t surface = surface_at(x, to, cairn_aligner_bin_of(ray.x, ray.y), p, direction, gate, &error);
 
-    cairn_aligner_count_pair(x, first, second, second_first, gate, &count);
-    return cairn_aligner_evidence(x, count);
+    if (surface < 0)
+        return;
+    normal = cairn_transform_direction(map_to, cairn_vec2_left(x->segments[surface].direction));
+    arm = cairn_vec2_sub(cairn_transform_point(map_to, p), centre);
+    weight = 1 / (1 + 4 / (gate * gate) * error * error);
+    row[0] = normal.x;
+    row[1] = normal.y;
+    row[2] = cairn_vec2_cross(arm, normal);
+    cairn_sym3_add_outer(&sums->equations.information, row, weight);
+    for (int k = 0; k < 3; k++)
+        sums->equations.gradient[k] += sign * weight * error * row[k];
+    sums->pairs++;
 }
 
-void cairn_aligner_pull(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform map_from,
-                        cairn_transform map_to, cairn_real gate, cairn_real sign, cairn_vec2 centre, aligner_sums *sums)
+int32_t cairn_aligner_pull(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform map_from,
+                           cairn_transform map_to, cairn_real gate, cairn_real sign, cairn_vec2 centre,
+                           aligner_sums *sums)
 {
     cairn_transform to_from = cairn_aligner_between(map_to, map_from);
-    cairn_real by = 4 / (gate * gate);
+    patch_walk w = begin_patches(x, from, to);
 
-    for (int32_t i = x->scans[from].first_point; i < x->scans[from].end_point; i++) {
-        const aligner_point *point = &x->points[i];
-        cairn_vec2 p = cairn_transform_point(to_from, point->position), ray, normal, arm;
-        cairn_vec2 direction = cairn_transform_direction(to_from, x->segments[point->segment].direction);
-        cairn_real error, weight, row[3];
-        int32_t surface;
-
-        ray = cairn_vec2_sub(p, x->scans[to].sensor);
-        surface = surface_at(x, to, cairn_aligner_bin_of(ray.x, ray.y), p, direction, gate, &error);
-        if (surface < 0)
-            continue;
-        normal = cairn_transform_direction(map_to, cairn_vec2_left(x->segments[surface].direction));
-        arm = cairn_vec2_sub(cairn_transform_point(map_to, p), centre);
-        weight = 1 / (1 + by * error * error);
-        row[0] = normal.x;
-        row[1] = normal.y;
-        row[2] = cairn_vec2_cross(arm, normal);
-        cairn_sym3_add_outer(&sums->equations.information, row, weight);
-        for (int k = 0; k < 3; k++)
-            sums->equations.gradient[k] += sign * weight * error * row[k];
-        sums->pairs++;
-    }
+    while (next_patch(&w, to_from))
+        for (int32_t i = w.at; i < w.end; i++)
+            pull_point(x, &x->points[i], to, to_from, map_to, gate, sign, centre, sums);
+    return w.work;
 }
 
 int32_t cairn_aligner_solve(const aligner_sums *sums, cairn_real motion[3])

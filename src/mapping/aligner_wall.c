@@ -23,7 +23,9 @@ static const cairn_real SHORT = CAIRN_REAL(0.3), SHORT_EXTRA = CAIRN_REAL(0.01),
 static const cairn_real gates[] = {CAIRN_REAL(0.08), CAIRN_REAL(0.07), CAIRN_REAL(0.06),
                                    CAIRN_REAL(0.05), CAIRN_REAL(0.04), CAIRN_REAL(0.03)};
 
-enum { KEEP_FROM = 7 }; /* round */
+enum { KEEP_FROM = 7 };                         /* round */
+enum { WAYS_OF_SEGMENT = 3, WAYS_OF_STUB = 6 }; /* to either side: LEAST_COSINE, and what a wall may turn */
+enum { WALLS_OF_UNIT = 12 };
 
 static cairn_real gate_of(int32_t round)
 {
@@ -152,6 +154,8 @@ static cairn_real fits_wall(const aligner_wall *wall, const aligner_segment *s, 
 
     if (!cairn_aligner_same_line(wall, s, direction))
         return -1;
+    if (cairn_abs(cairn_vec2_dot(wall->normal, a) - wall->offset) > gate)
+        return -1;
     error = cairn_max(cairn_abs(cairn_vec2_dot(wall->normal, a) - wall->offset),
                       cairn_abs(cairn_vec2_dot(wall->normal, b) - wall->offset));
     low = cairn_vec2_dot(along, a);
@@ -163,21 +167,30 @@ static cairn_real fits_wall(const aligner_wall *wall, const aligner_segment *s, 
     return error + GAP_COST * cairn_max(gap, 0);
 }
 
-/* The wall of a segment; -1: none fits. */
-static int32_t find_wall(const cairn_aligner *x, const aligner_segment *s)
+static int32_t way_of(cairn_vec2 direction)
 {
+    return cairn_aligner_bin_of(direction.x, direction.y) / (ALIGNER_BINS / ALIGNER_WAYS);
+}
+
+/* The wall of a segment; -1: none fits. *passed: walls that were looked at. */
+static int32_t find_wall(const cairn_aligner *x, const aligner_segment *s, int32_t *passed)
+{
+    int32_t way = way_of(cairn_transform_direction(x->poses[s->scan], s->direction));
+    int32_t most = s->stub ? WAYS_OF_STUB : WAYS_OF_SEGMENT;
     cairn_real gate = gate_of(x->round) + (s->length < SHORT ? SHORT_EXTRA : 0), best = CAIRN_REAL_MAX;
     cairn_real far = x->scans[s->scan].weak ? GAP_WEAK : GAP;
     int32_t found = -1;
 
-    for (int32_t w = 0; w < x->wall_count; w++) {
-        cairn_real fit = fits_wall(&x->walls[w], s, x->poses[s->scan], gate, far);
+    *passed = 0;
+    for (int32_t k = way - most; k <= way + most; k++)
+        for (int32_t w = x->ways[k & (ALIGNER_WAYS - 1)]; w >= 0; w = x->walls[w].next, ++*passed) {
+            cairn_real fit = fits_wall(&x->walls[w], s, x->poses[s->scan], gate, far);
 
-        if (fit >= 0 && fit < best) {
-            best = fit;
-            found = w;
+            if (fit >= 0 && fit < best) {
+                best = fit;
+                found = w;
+            }
         }
-    }
     return found;
 }
 
@@ -188,30 +201,42 @@ static void clear_wall(aligner_wall *wall)
     wall->high = -CAIRN_REAL_MAX;
 }
 
+/* A new wall. */
+static int32_t begin_wall(cairn_aligner *x, const aligner_segment *s)
+{
+    int32_t *last = &x->ways[way_of(cairn_transform_direction(x->poses[s->scan], s->direction))];
+    aligner_wall *wall = &x->walls[x->wall_count];
+
+    clear_wall(wall);
+    wall->next = *last;
+    *last = x->wall_count;
+    return x->wall_count++;
+}
+
 /* Walls are found anew, or, when the rounds near their end, keep their segments. */
 int32_t cairn_aligner_associate_item(cairn_aligner *x)
 {
     aligner_segment *s = &x->segments[x->order[x->at]];
-    int32_t keep = x->round >= KEEP_FROM, cleared = 0;
+    int32_t keep = x->round >= KEEP_FROM, cleared = 0, passed = 0;
 
     if (x->at == 0) {
         cleared = keep ? x->wall_count : 0;
         for (int32_t w = 0; w < cleared; w++)
             clear_wall(&x->walls[w]);
         x->wall_count = cleared;
+        for (int32_t k = 0; k < ALIGNER_WAYS; k++)
+            x->ways[k] = -1;
     }
     x->at++;
     if (!keep) {
         s->wall = -1;
         if (!is_used(x, s))
             return 1;
-        s->wall = find_wall(x, s);
-        if (s->wall < 0) {
-            s->wall = x->wall_count++;
-            clear_wall(&x->walls[s->wall]);
-        }
+        s->wall = find_wall(x, s, &passed);
+        if (s->wall < 0)
+            s->wall = begin_wall(x, s);
     }
     if (s->wall >= 0)
         add_to_wall(x, &x->walls[s->wall], s);
-    return 2 + (keep ? cleared / 16 : x->wall_count / 8);
+    return 3 + cleared / 16 + passed / WALLS_OF_UNIT;
 }

@@ -7,16 +7,24 @@
 
 enum {
     ALIGNER_BINS = 512,       /* bearings of a table, evenly over the diamond |x| + |y| = 1 */
+    ALIGNER_SECTORS = 32,     /* of them, as coarse bearings */
+    ALIGNER_WAYS = 32,        /* directions by which walls are found */
+    ALIGNER_BLOCK = 32,       /* hypotheses of which the surest is kept */
+    ALIGNER_PATCH = 8,        /* points of a scan that follow each other, in one circle */
     ALIGNER_NO_SEGMENT = 255, /* also the most segments of a scan that a table can name */
     ALIGNER_TRIALS = 12,      /* relative poses of one pair that are compared */
     ALIGNER_KEPT = 4,         /* of these enter the list at most */
+    ALIGNER_NEAREST = 32,     /* scans that one is held against, ... */
+    ALIGNER_PARTNERS = 48,    /* ... and with those that it is among the nearest of, at most */
     ALIGNER_VOTES = 4,        /* times as many cells as shifts */
     ALIGNER_FINDS = 12,       /* places of a scan in the raster that are tried, ... */
     ALIGNER_SLIDES = 16       /* ... and along its walls */
 };
 
-/* Units of budget: a unit is about three points looked up. */
-enum { ALIGNER_POINTS_OF_UNIT = 3 };
+/* Units of budget: a unit is about three points looked up, or eight pairs of scans that are far from each other. */
+enum { ALIGNER_POINTS_OF_UNIT = 3, ALIGNER_FAR_OF_UNIT = 8 };
+
+enum { MOST_PASSED = 64 }; /* scans far from the one at hand, in one item */
 
 /* A surface of a scan, in its frame, with the moments of the hits on it. */
 typedef struct aligner_segment {
@@ -35,14 +43,27 @@ typedef struct aligner_point {
     int32_t segment;
 } aligner_point;
 
+/* A circle about ALIGNER_PATCH points. */
+typedef struct aligner_patch {
+    cairn_vec2 middle;
+    cairn_real radius;
+} aligner_patch;
+
+/* A scan that may be a partner. */
+typedef struct aligner_near {
+    cairn_real nearness;
+    int32_t scan;
+} aligner_near;
+
 /* What is seen in each direction. */
 typedef struct aligner_table {
-    uint16_t range[ALIGNER_BINS];  /* in reach / 65535; 0: unknown */
-    uint8_t segment[ALIGNER_BINS]; /* counted from the scan's first; ALIGNER_NO_SEGMENT */
+    uint16_t range[ALIGNER_BINS];       /* in reach / 65535; 0: unknown */
+    uint16_t farthest[ALIGNER_SECTORS]; /* of the ranges in a sector and in both beside it */
+    uint8_t segment[ALIGNER_BINS];      /* counted from the scan's first; ALIGNER_NO_SEGMENT */
 } aligner_table;
 
 typedef struct aligner_scan {
-    int32_t first_point, end_point, first_segment, end_segment;
+    int32_t first_point, end_point, first_segment, end_segment, first_patch;
     cairn_vec2 sensor, middle; /* of the circle about sensor and points */
     cairn_real radius;
     cairn_vec2 axis;                   /* middle of the directions that are seen, from the sensor */
@@ -50,7 +71,10 @@ typedef struct aligner_scan {
     cairn_pose initial;
     int32_t part, next; /* cluster; next member of it, -1 */
     int32_t weak;       /* 1: it could be slid along what it shared with others */
+    int32_t stirred;    /* ALIGNER_JOINED, ... */
     cairn_real support;
+    cairn_real evidence; /* nats for its place in the largest cluster, when that was looked at last */
+    int32_t partner_count;
 } aligner_scan;
 
 /* A cluster: scans whose poses are known to each other. */
@@ -68,6 +92,9 @@ typedef struct aligner_hypothesis {
     int32_t first_stamp, second_stamp; /* of the clusters at that look; -1: none yet */
     int32_t state;
 } aligner_hypothesis;
+
+/* A scan that has joined another cluster, and one that meets such a scan. */
+enum { ALIGNER_JOINED = 1, ALIGNER_MET = 2 };
 
 /* States of a hypothesis whose look is fresh, and of one that is out. */
 enum { ALIGNER_LOOKED = 1, ALIGNER_COMPARED = 2, ALIGNER_SURE = 3, ALIGNER_OUT = 4 };
@@ -88,7 +115,8 @@ typedef struct aligner_look {
     int32_t moving, fixed; /* clusters */
     cairn_transform pose;  /* fixed_moving */
     int32_t round, rounds; /* of refinement, then one of counting */
-    int32_t i, j;          /* members at hand */
+    int32_t outer, inner;  /* the clusters, the smaller one first */
+    int32_t at, partner;   /* member of outer at hand, and which of its partners */
     cairn_vec2 centre;
     aligner_sums sums;
     aligner_count count; /* what the scans show of each other, ... */
@@ -97,22 +125,26 @@ typedef struct aligner_look {
     cairn_real weak[3];  /* unit motion about the centre that the points tell least of: m, m, rad */
 } aligner_look;
 
-/* Relaxation of the scans of a cluster, one by one. */
+/* Relaxation of the scans of a cluster, one by one: all, or those that have joined it and those that meet them. */
 typedef struct aligner_relax {
-    int32_t active;
+    int32_t active, all;
     int32_t cluster, round, rounds;
     cairn_real gate;
-    int32_t i, j;
+    int32_t i, partner; /* scan at hand, and which of its partners */
     aligner_sums sums;
 } aligner_relax;
 
 typedef enum aligner_phase {
+    ALIGNER_NEAR,
+    ALIGNER_MUTUAL,
     ALIGNER_PAIRS,
     ALIGNER_TRIALS_OF_PAIR,
     ALIGNER_PICK,
     ALIGNER_LOOKED_AT,
     ALIGNER_RIVALS,
+    ALIGNER_WEIGHED,
     ALIGNER_SHIFTED,
+    ALIGNER_CLOSE,
     ALIGNER_REPAIR,
     ALIGNER_DRAW,
     ALIGNER_SEARCH,
@@ -120,7 +152,7 @@ typedef enum aligner_phase {
     ALIGNER_PLACE,
     ALIGNER_SETTLE,
     ALIGNER_ASSOCIATE,
-    ALIGNER_BUILD,
+    ALIGNER_LINK,
     ALIGNER_SOLVE,
     ALIGNER_SLIDE,
     ALIGNER_SLIDE_TRY,
@@ -141,6 +173,7 @@ typedef struct aligner_wall {
     cairn_sym2 spread;
     int32_t scans; /* that see it; 2: two or more */
     int32_t first_scan, node;
+    int32_t next; /* wall that began with a similar direction, -1 */
 } aligner_wall;
 
 struct cairn_aligner {
@@ -151,17 +184,21 @@ struct cairn_aligner {
     aligner_cluster *clusters; /* [max_scans + 1] */
     aligner_segment *segments;
     aligner_point *points;
-    aligner_hypothesis *hypotheses;
-    aligner_wall *walls;         /* [max_segments + max_stubs] */
-    int32_t *order;              /* [max_segments + max_stubs] */
-    uint16_t *cells;             /* [max_cells] */
-    int32_t *votes;              /* [max_cells / ALIGNER_VOTES] */
-    cairn_real *rhs;             /* [3 * nodes] */
-    cairn_vec2 *bearings;        /* [ALIGNER_BINS] unit directions of the bins */
-    cairn_aligner_pose *results; /* [max_scans] */
+    uint16_t *partners;             /* [max_scans * ALIGNER_PARTNERS] */
+    aligner_patch *patches;         /* [max_points / ALIGNER_PATCH + max_scans] */
+    aligner_hypothesis *hypotheses; /* [max_hypotheses] the first open_count join clusters */
+    int32_t *surest;                /* [max_hypotheses / ALIGNER_BLOCK + 1] of each block, -1: none */
+    aligner_wall *walls;            /* [max_segments + max_stubs] */
+    int32_t *order;                 /* [max_segments + max_stubs] */
+    uint16_t *cells;                /* [max_cells] */
+    int32_t *votes;                 /* [max_cells / ALIGNER_VOTES] */
+    cairn_real *rhs;                /* [3 * nodes] */
+    cairn_vec2 *bearings;           /* [ALIGNER_BINS] unit directions of the bins */
+    cairn_aligner_pose *results;    /* [max_scans] */
     cairn_block_solver *solver;
 
-    int32_t scan_count, segment_count, stub_count, point_count, hypothesis_count, wall_count, node_count;
+    int32_t scan_count, segment_count, stub_count, point_count, patch_count, hypothesis_count, open_count, wall_count,
+        node_count;
     cairn_real sigma, sigma_angle; /* of the initial poses, as learnt */
     int32_t changes;               /* gives stamps */
     int32_t shown;                 /* the commit point that iterate() returned at last */
@@ -172,6 +209,11 @@ struct cairn_aligner {
     aligner_relax relax;
     /* Pairs, hypotheses, repairs: what is at hand. */
     int32_t i, j, k, l;
+    aligner_near nearest[ALIGNER_NEAREST]; /* nearness falls */
+    int32_t nearest_count;
+    int32_t second;           /* of the pair at hand */
+    cairn_transform expected; /* of it, by the initial poses, ... */
+    cairn_real least_cosine;  /* ... and of the headings that are off most */
     aligner_hypothesis trial[ALIGNER_TRIALS];
     int32_t trial_count, trial_at;
     int32_t chosen, rival, side;
@@ -191,7 +233,14 @@ struct cairn_aligner {
     int32_t home;   /* its cluster, -1: part of the rest */
     int32_t moving; /* the cluster that is moved: home as a whole, or scan_count for the scan alone */
     int32_t round, stage, at;
-    cairn_real moved; /* m, largest step of the joint solution */
+    int32_t ways[ALIGNER_WAYS]; /* last wall that began with a direction, -1 */
+    cairn_real moved;           /* m, largest step of the joint solution */
+    int32_t link;               /* of the segment that is added next */
+    cairn_transform gauge;      /* of the part gauge_part */
+    int32_t gauge_part;
+    cairn_real margin; /* chi-squared of the solution per degree of freedom, >= 1 */
+    int32_t freedom;
+    cairn_real tolerance, loose; /* chi-squared and m^2 beyond which a segment loses weight */
     cairn_aligner_result result;
 };
 
@@ -208,22 +257,20 @@ cairn_transform cairn_aligner_compose(cairn_transform a_b, cairn_transform b_c);
 cairn_transform cairn_aligner_inverse(cairn_transform a_b);
 cairn_pose cairn_aligner_to_pose(cairn_transform t);
 
-/* Points of `from` (its frame seen from `to` as to_from) in the view of `to`. */
-void cairn_aligner_count_points(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform to_from,
-                                cairn_real gate, aligner_count *count);
+/* Points of `from` (its frame seen from `to` as to_from) in the view of `to`; returns how many were looked up, those that
+ * were passed over counted in part. */
+int32_t cairn_aligner_count_points(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform to_from,
+                                   cairn_real gate, aligner_count *count);
 cairn_real cairn_aligner_evidence(const cairn_aligner *x, aligner_count count);
 
 /* Both ways. */
-void cairn_aligner_count_pair(const cairn_aligner *x, int32_t first, int32_t second, cairn_transform second_first,
-                              cairn_real gate, aligner_count *count);
-cairn_real cairn_aligner_pair_evidence(const cairn_aligner *x, int32_t first, int32_t second,
-                                       cairn_transform second_first, cairn_real gate);
-
+int32_t cairn_aligner_count_pair(const cairn_aligner *x, int32_t first, int32_t second, cairn_transform second_first,
+                                 cairn_real gate, aligner_count *count);
 /* Adds the rows of the points of `from`, which move with sign +1, against the surfaces of `to`; with sign -1 `to` moves.
- * Both poses in one frame, in which centre is, too. */
-void cairn_aligner_pull(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform map_from,
-                        cairn_transform map_to, cairn_real gate, cairn_real sign, cairn_vec2 centre,
-                        aligner_sums *sums);
+ * Both poses in one frame, in which centre is, too. Returns as count_points. */
+int32_t cairn_aligner_pull(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform map_from,
+                           cairn_transform map_to, cairn_real gate, cairn_real sign, cairn_vec2 centre,
+                           aligner_sums *sums);
 
 /* Moves a pose by (x, y, turn) about a centre. */
 cairn_transform cairn_aligner_moved(cairn_transform pose, cairn_vec2 centre, const cairn_real motion[3]);
@@ -231,18 +278,39 @@ cairn_transform cairn_aligner_moved(cairn_transform pose, cairn_vec2 centre, con
 /* Solves for the motion; 0 when there is too little. */
 int32_t cairn_aligner_solve(const aligner_sums *sums, cairn_real motion[3]);
 
+/* 0 when a circle in the map lies wholly outside of what a scan sees, also when it is turned by up to `turned` either way. */
+int cairn_aligner_may_see(const aligner_scan *scan, cairn_transform map_scan, cairn_real turned, cairn_vec2 middle,
+                          cairn_real radius);
+
+/* The k-th scan that a scan is held against; each is a partner of the other. */
+static inline int32_t cairn_aligner_partner(const cairn_aligner *x, int32_t scan, int32_t k)
+{
+    return x->partners[ALIGNER_PARTNERS * scan + k];
+}
+
+/* 1 when a scan is one of the first `most` partners of another. */
+int cairn_aligner_has_partner(const cairn_aligner *x, int32_t scan, int32_t partner, int32_t most);
+
 /* 1 when the circles of two scans meet and each may see into the other's. */
 int32_t cairn_aligner_may_meet(const cairn_aligner *x, int32_t i, int32_t j, cairn_transform map_i,
                                cairn_transform map_j);
+
+/* How many patches of two scans the other one may show, j seen from i as i_j. */
+int32_t cairn_aligner_shown(const cairn_aligner *x, int32_t i, int32_t j, cairn_transform i_j);
 int32_t cairn_aligner_points_of(const cairn_aligner *x, int32_t scan);
 int32_t cairn_aligner_near(cairn_transform a, cairn_transform b, cairn_real metres, cairn_real cosine);
 
 /* ---- Items: each does a bounded piece of work and returns its units ---- */
 
+int32_t cairn_aligner_partner_item(cairn_aligner *x);
 int32_t cairn_aligner_pairs_item(cairn_aligner *x);
 int32_t cairn_aligner_look_item(cairn_aligner *x);
 int32_t cairn_aligner_relax_item(cairn_aligner *x);
 int32_t cairn_aligner_merge_item(cairn_aligner *x);
+
+/* Hypotheses that join nothing any more are put aside, and then the surest is picked; all: what has moved may let clusters
+ * join that could not before, so that those put aside are open again. */
+void cairn_aligner_begin_close(cairn_aligner *x, int32_t all);
 int32_t cairn_aligner_repair_item(cairn_aligner *x);
 int32_t cairn_aligner_joint_item(cairn_aligner *x);
 
@@ -274,7 +342,9 @@ void cairn_aligner_give_up(cairn_aligner *x, cairn_status status);
 /* aligner_cluster.c */
 void cairn_aligner_begin_clusters(cairn_aligner *x);
 void cairn_aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose, int32_t rounds);
-void cairn_aligner_begin_relax(cairn_aligner *x, int32_t cluster, cairn_real gate, int32_t rounds);
+/* Nats of the initial poses for the pose of cluster `moving` in `fixed`; charges for it. */
+cairn_real cairn_aligner_prior(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose);
+void cairn_aligner_begin_relax(cairn_aligner *x, int32_t cluster, cairn_real gate, int32_t rounds, int32_t all);
 void cairn_aligner_insert(cairn_aligner *x, int32_t scan, int32_t cluster);
 void cairn_aligner_remove(cairn_aligner *x, int32_t scan);
 int32_t cairn_aligner_largest(const cairn_aligner *x);

@@ -1,0 +1,42 @@
+/* bench_scene: pictures of known objects in clutter, by seed, their edges and their outlines. */
+#ifndef CAIRN_BENCH_SCENE_H
+#define CAIRN_BENCH_SCENE_H
+
+#include "cairn/geometry.h"
+#include "cairn/random.h"
+
+enum { SCENE_WIDTH = 400, SCENE_HEIGHT = 300, SCENE_PIXELS = SCENE_WIDTH * SCENE_HEIGHT };
+enum { SCENE_FAMILIES = 5, SCENE_SHAPE = 6 };
+
+/* One member of a family. */
+typedef struct scene_shape {
+    int32_t family;
+    double vary[SCENE_SHAPE]; /* -1 ... 1 each */
+} scene_shape;
+
+typedef struct scene_options {
+    int32_t clutter; /* objects */
+    double noise;    /* sigma, grey levels */
+    double hidden;   /* share of the boundary, 0: none */
+    int32_t without; /* 1: the object is not there */
+} scene_options;
+
+typedef struct scene {
+    float grey[SCENE_PIXELS];
+    uint8_t edges[SCENE_PIXELS]; /* strength, 0: none */
+    uint8_t truth[SCENE_PIXELS]; /* 1: boundary of the object, hidden or not; 2: and not hidden */
+    double box[4];               /* of the object: least x, y, most x, y */
+} scene;
+
+const char *scene_family_name(int32_t family);
+
+/* A member of a family, by chance. */
+scene_shape scene_shape_draw(int32_t family, cairn_random *random);
+
+/* The outline of a member, 240 px high, at most `most` vertices; their number. */
+int32_t scene_outline(const scene_shape *shape, cairn_vec2 *vertices, int32_t most);
+
+/* Draws a scene with one object of this shape. */
+void scene_draw(scene *s, const scene_shape *shape, const scene_options *options, cairn_random *random);
+
+#endif

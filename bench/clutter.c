@@ -1,0 +1,421 @@
+/* bench/clutter: objects in generated clutter (chapter 2), with no data.
+ *
+ * A scene holds one object of a family, 120 px times 0.7 ... 1.3, turned by up to 10 degrees, among --k others, --noise grey levels,
+ * --hidden of its boundary behind a disc. The model is the object's own shape (--mode instance) or another member of its family
+ * (class). Found is what bench counts, of the best grouping: hit50, its box and the object's overlap by half; boundary80, 80 % of
+ * the whole boundary lie within 3 px of its segments, visible80 of that which is not hidden; boundary_f; labels: lengths of
+ * segments. false_per_image is counted on as many scenes without the object. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "bench/bench_json.h"
+#include "bench/bench_scene.h"
+#include "cairn/contour_grouping.h"
+#include "cairn/edge_segment.h"
+#include "tools/options.h"
+
+#define DEGREE 0.017453292519943295
+#define NEAR   3 /* px */
+
+enum { MOST_SEGMENTS = 40000, MOST_VERTICES = 4000 };
+
+typedef struct settings {
+    int64_t scenes, seed, k, particles, paths;
+    double noise, hidden, score;
+    const char *mode, *method, *draw;
+    int32_t no_model, no_skeleton, each;
+} settings;
+
+/* What the objects of a run share. */
+typedef struct finder {
+    cairn_pool pool;
+    void *memory;
+    cairn_edge_chain_set *chains;
+    cairn_edge_segment_set *segments;
+    cairn_shape_builder *builder;
+    cairn_grouping *grouping;
+    cairn_segment lines[MOST_SEGMENTS];
+    int32_t line_count;
+} finder;
+
+typedef struct sums {
+    int32_t scenes, hit, whole, visible, objects, absent;
+    double f, label_precision, label_recall;
+    double *seconds, *scores, *absent_scores;
+} sums;
+
+static size_t need_of(const cairn_edge_chain_params *chain, const cairn_edge_segment_params *segment,
+                      const cairn_shape_builder_params *shape, const cairn_grouping_params *group)
+{
+    return cairn_edge_chain_memory(chain) + cairn_edge_segment_memory(segment) + cairn_shape_builder_memory(shape) +
+           cairn_grouping_memory(group) + 64;
+}
+
+static int open_finder(finder *f, const settings *s)
+{
+    cairn_edge_chain_params chain = cairn_edge_chain_default();
+    cairn_edge_segment_params segment = cairn_edge_segment_default();
+    cairn_shape_builder_params shape = cairn_shape_builder_default();
+    cairn_grouping_params group = cairn_grouping_default();
+    size_t bytes;
+
+    group.max_width = SCENE_WIDTH;
+    group.max_height = SCENE_HEIGHT;
+    group.particles = (int32_t)s->particles;
+    group.use_model = !s->no_model;
+    group.use_skeleton = !s->no_skeleton;
+    shape.max_paths = (int32_t)s->paths;
+    if (s->score >= 0)
+        group.min_score = (cairn_real)s->score;
+    bytes = need_of(&chain, &segment, &shape, &group);
+    f->memory = malloc(bytes);
+    return f->memory != NULL && cairn_pool_init(&f->pool, f->memory, bytes) == CAIRN_OK &&
+           cairn_edge_chain_create(&f->chains, &f->pool, &chain) == CAIRN_OK &&
+           cairn_edge_segment_create(&f->segments, &f->pool, &segment) == CAIRN_OK &&
+           cairn_shape_builder_create(&f->builder, &f->pool, &shape) == CAIRN_OK &&
+           cairn_grouping_create(&f->grouping, &f->pool, &group) == CAIRN_OK;
+}
+
+static int make_model(finder *f, const scene_shape *shape)
+{
+    static cairn_vec2 vertices[MOST_VERTICES];
+    cairn_curve outline = {vertices, scene_outline(shape, vertices, MOST_VERTICES), 1};
+    cairn_budget budget = {INT32_MAX};
+
+    return cairn_shape_builder_begin(f->builder, &outline, 1) == CAIRN_OK &&
+           cairn_shape_builder_step(f->builder, &budget) == CAIRN_OK;
+}
+
+/* From edges to objects. */
+static int find(finder *f, const scene *s)
+{
+    cairn_raster_u8_view view = {s->edges, SCENE_WIDTH, SCENE_HEIGHT, SCENE_WIDTH};
+    cairn_shape_model model = cairn_shape_builder_read(f->builder);
+    cairn_budget budget = {INT32_MAX};
+    cairn_edge_chain_result chains;
+    cairn_edge_segment_result r;
+    cairn_grouping_input in;
+    cairn_status status;
+    double size = (double)model.size / 240;
+
+    if (cairn_edge_chain_begin(f->chains, view) != CAIRN_OK || cairn_edge_chain_step(f->chains, &budget) != CAIRN_OK)
+        return 0;
+    chains = cairn_edge_chain_read(f->chains);
+    if (cairn_edge_segment_begin(f->segments, &chains) != CAIRN_OK ||
+        cairn_edge_segment_step(f->segments, &budget) != CAIRN_OK)
+        return 0;
+    r = cairn_edge_segment_read(f->segments);
+    f->line_count = r.count - r.virtual_count;
+    for (int32_t i = 0; i < f->line_count; i++)
+        f->lines[i] = r.segments[i].line;
+    in.segments = f->lines;
+    in.count = f->line_count;
+    in.width = SCENE_WIDTH;
+    in.height = SCENE_HEIGHT;
+    in.model = &model;
+    in.min_size = (cairn_real)(0.65 * 120 * size);
+    in.max_size = (cairn_real)(1.35 * 120 * size);
+    in.max_turn = (cairn_real)(12 * DEGREE);
+    in.min_turn = -in.max_turn;
+    in.look_ahead = r.look_ahead;
+    in.mean_length = r.mean_length;
+    if (cairn_grouping_begin(f->grouping, &in) != CAIRN_OK)
+        return 0;
+    do {
+        budget.left = INT32_MAX;
+        status = cairn_grouping_step(f->grouping, &budget);
+    } while (status == CAIRN_MORE);
+    return status == CAIRN_OK;
+}
+
+/* ---- Measures ---- */
+
+static void mark_line(uint8_t *pixels, cairn_segment line)
+{
+    int32_t steps = 1 + (int32_t)cairn_segment_length(line);
+
+    for (int32_t i = 0; i <= steps; i++) {
+        int32_t x = (int32_t)lrint((double)line.a.x + (double)(line.b.x - line.a.x) * i / steps);
+        int32_t y = (int32_t)lrint((double)line.a.y + (double)(line.b.y - line.a.y) * i / steps);
+
+        if (x >= 0 && y >= 0 && x < SCENE_WIDTH && y < SCENE_HEIGHT)
+            pixels[y * SCENE_WIDTH + x] = 1;
+    }
+}
+
+/* 1 when a pixel of at least `least` lies within NEAR px. */
+static int has_near(const uint8_t *pixels, int32_t at, int32_t least)
+{
+    int32_t x = at % SCENE_WIDTH, y = at / SCENE_WIDTH;
+
+    for (int32_t v = y - NEAR; v <= y + NEAR; v++)
+        for (int32_t u = x - NEAR; u <= x + NEAR; u++)
+            if (u >= 0 && v >= 0 && u < SCENE_WIDTH && v < SCENE_HEIGHT &&
+                (u - x) * (u - x) + (v - y) * (v - y) <= NEAR * NEAR && pixels[v * SCENE_WIDTH + u] >= least)
+                return 1;
+    return 0;
+}
+
+/* The share of the pixels of at least `of` in one picture that lie near those of at least `to` in the other. */
+static double share_near(const uint8_t *pixels, int32_t of, const uint8_t *others, int32_t to)
+{
+    int32_t count = 0, near = 0;
+
+    for (int32_t i = 0; i < SCENE_PIXELS; i++)
+        if (pixels[i] >= of) {
+            count++;
+            near += has_near(others, i, to);
+        }
+    return count > 0 ? (double)near / count : 0;
+}
+
+static double overlap(const cairn_shape_model *m, const cairn_grouped_object *o, const double box[4])
+{
+    double b[4] = {1e9, 1e9, -1e9, -1e9}, w, h, both;
+
+    for (int32_t i = 0; i < m->outline_count; i++) {
+        double px = (double)m->outline[i].position.x, py = (double)m->outline[i].position.y;
+        double c = cos((double)o->turn) * (double)o->size, s = sin((double)o->turn) * (double)o->size;
+        double x = (double)o->origin.x + c * px - s * py, y = (double)o->origin.y + s * px + c * py;
+
+        b[0] = fmin(b[0], x);
+        b[1] = fmin(b[1], y);
+        b[2] = fmax(b[2], x);
+        b[3] = fmax(b[3], y);
+    }
+    w = fmax(0, fmin(b[2], box[2]) - fmax(b[0], box[0]));
+    h = fmax(0, fmin(b[3], box[3]) - fmax(b[1], box[1]));
+    both = w * h;
+    return both / ((b[2] - b[0]) * (b[3] - b[1]) + (box[2] - box[0]) * (box[3] - box[1]) - both);
+}
+
+/* Whether a segment lies along the boundary that is not hidden: its middle and both quarters. */
+static int is_true(const scene *s, cairn_segment line)
+{
+    for (int k = 1; k <= 3; k++) {
+        int32_t x = (int32_t)lrint((double)line.a.x + (double)(line.b.x - line.a.x) * k / 4);
+        int32_t y = (int32_t)lrint((double)line.a.y + (double)(line.b.y - line.a.y) * k / 4);
+
+        if (x < 0 || y < 0 || x >= SCENE_WIDTH || y >= SCENE_HEIGHT || !has_near(s->truth, y * SCENE_WIDTH + x, 2))
+            return 0;
+    }
+    return 1;
+}
+
+static void add_labels(sums *t, const finder *f, const scene *s, const uint8_t *chosen)
+{
+    double found = 0, right = 0, all = 0;
+
+    for (int32_t i = 0; i < f->line_count; i++) {
+        double length = (double)cairn_segment_length(f->lines[i]);
+        int true_one = is_true(s, f->lines[i]);
+
+        found += chosen[i] ? length : 0;
+        right += chosen[i] && true_one ? length : 0;
+        all += true_one ? length : 0;
+    }
+    t->label_precision += found > 0 ? right / found : 0;
+    t->label_recall += all > 0 ? right / all : 0;
+}
+
+/* Draws what was found over the edges: PPM. */
+static void draw(const char *folder, int64_t index, const scene *s, const uint8_t *grouped)
+{
+    char path[512];
+    FILE *file;
+
+    snprintf(path, sizeof path, "%s/%03" PRId64 ".ppm", folder, index);
+    file = fopen(path, "wb");
+    if (file == NULL)
+        return;
+    fprintf(file, "P6\n%d %d\n255\n", SCENE_WIDTH, SCENE_HEIGHT);
+    for (int32_t i = 0; i < SCENE_PIXELS; i++) {
+        double g = fmin(255, fmax(0, (double)s->grey[i]));
+        uint8_t v = (uint8_t)(s->edges[i] ? 255 : g / 2);
+        uint8_t pixel[3] = {v, v, v};
+
+        if (s->truth[i] > 0)
+            pixel[1] = 160;
+        if (grouped[i]) {
+            pixel[0] = 255;
+            pixel[1] = pixel[2] = 0;
+        }
+        (void)fwrite(pixel, 1, 3, file);
+    }
+    (void)fclose(file);
+}
+
+static void measure(const settings *set, sums *t, const finder *f, const scene *s, int64_t index)
+{
+    static uint8_t grouped[SCENE_PIXELS], chosen[MOST_SEGMENTS];
+    cairn_grouping_result r = cairn_grouping_read(f->grouping);
+    cairn_shape_model model = cairn_shape_builder_read(f->builder);
+    double coverage, precision, visible, box = 0;
+
+    memset(grouped, 0, sizeof grouped);
+    memset(chosen, 0, sizeof chosen);
+    if (r.object_count > 0) {
+        for (int32_t i = 0; i < r.objects[0].count; i++) {
+            int32_t segment = r.segments[r.objects[0].first + i];
+
+            chosen[segment] = 1;
+            mark_line(grouped, f->lines[segment]);
+        }
+        box = overlap(&model, &r.objects[0], s->box);
+    }
+    coverage = share_near(s->truth, 1, grouped, 1);
+    visible = share_near(s->truth, 2, grouped, 1);
+    precision = share_near(grouped, 1, s->truth, 1);
+    t->hit += box >= 0.5;
+    t->whole += coverage >= 0.8;
+    t->visible += visible >= 0.8;
+    t->f += coverage + precision > 0 ? 2 * coverage * precision / (coverage + precision) : 0;
+    add_labels(t, f, s, chosen);
+    t->scores[t->scenes] = (double)r.best;
+    if (set->draw != NULL)
+        draw(set->draw, index, s, grouped);
+    if (set->each) {
+        bench_json_begin("clutter");
+        bench_json_integer("scene", index);
+        bench_json_number("iou", box);
+        bench_json_number("coverage", coverage);
+        bench_json_number("precision", precision);
+        bench_json_number("score", (double)r.best);
+        bench_json_integer("tokens", r.token_count);
+        bench_json_integer("starts", r.starts);
+        bench_json_integer("objects", r.object_count);
+        bench_json_number("seconds", t->seconds[t->scenes]);
+        bench_json_end();
+    }
+}
+
+static int run_scene(const settings *set, sums *t, finder *f, int64_t index)
+{
+    static scene s;
+    int32_t family = (int32_t)(index % SCENE_FAMILIES);
+    cairn_random random = cairn_random_seed((uint64_t)(set->seed + index), 77);
+    scene_shape shape = scene_shape_draw(family, &random), other = scene_shape_draw(family, &random);
+    scene_options options = {(int32_t)set->k, set->noise, set->hidden, 0};
+    double start;
+
+    if (!make_model(f, strcmp(set->mode, "class") == 0 ? &other : &shape))
+        return 0;
+    scene_draw(&s, &shape, &options, &random);
+    start = bench_seconds();
+    if (!find(f, &s))
+        return 0;
+    t->seconds[t->scenes] = bench_seconds() - start;
+    measure(set, t, f, &s, index);
+    options.without = 1;
+    scene_draw(&s, &shape, &options, &random);
+    if (!find(f, &s))
+        return 0;
+    t->absent_scores[t->scenes] = (double)cairn_grouping_read(f->grouping).best;
+    t->objects += cairn_grouping_read(f->grouping).object_count;
+    t->scenes++;
+    return 1;
+}
+
+static int compare(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+
+    return (x > y) - (x < y);
+}
+
+static void print_summary(const settings *s, const sums *t, const finder *f)
+{
+    double n = t->scenes;
+
+    bench_json_begin("clutter");
+    bench_json_text("method", "group");
+    bench_json_text("mode", s->mode);
+    bench_json_integer("scenes", t->scenes);
+    bench_json_integer("seed", s->seed);
+    bench_json_integer("k", s->k);
+    bench_json_number("noise", s->noise);
+    bench_json_number("hidden", s->hidden);
+    bench_json_integer("particles", s->particles);
+    bench_json_number("hit50", t->hit / n);
+    bench_json_number("boundary80", t->whole / n);
+    bench_json_number("visible80", t->visible / n);
+    bench_json_number("boundary_f", t->f / n);
+    bench_json_number("label_precision", t->label_precision / n);
+    bench_json_number("label_recall", t->label_recall / n);
+    bench_json_number("false_per_image", t->objects / n);
+    bench_json_number("seconds_median", bench_median(t->seconds, (size_t)t->scenes));
+    bench_json_number("score_median", bench_median(t->scores, (size_t)t->scenes));
+    qsort(t->absent_scores, (size_t)t->scenes, sizeof *t->absent_scores, compare);
+    bench_json_number("absent_score_90", t->absent_scores[t->scenes * 9 / 10]);
+    bench_json_integer("pool_bytes", (int64_t)f->pool.peak);
+    bench_json_true("summary");
+    bench_json_end();
+}
+
+static option_result read_settings(settings *s, int argc, char **argv)
+{
+    const char *data = NULL;
+    const option table[] = {
+        OPTION_INTEGER("--scenes", &s->scenes, 1, 100000, "N", "scenes"),
+        OPTION_INTEGER("--seed", &s->seed, 0, 1e9, "S", "of the first scene"),
+        OPTION_INTEGER("--k", &s->k, 0, 1000, "K", "clutter objects"),
+        OPTION_NUMBER("--noise", &s->noise, 0, 100, "SIGMA", "grey levels"),
+        OPTION_NUMBER("--hidden", &s->hidden, 0, 0.9, "SHARE", "of the boundary"),
+        OPTION_TEXT("--mode", &s->mode, "NAME", "instance or class"),
+        OPTION_TEXT("--method", &s->method, "NAME", "group"),
+        OPTION_INTEGER("--particles", &s->particles, 1, 4096, "N", "of the filter"),
+        OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_PATHS, "N", "of a model at most"),
+        OPTION_NUMBER("--min-score", &s->score, 0, 1, "S", "of a grouping that is reported"),
+        OPTION_FLAG("--no-model", &s->no_model, "without the model term"),
+        OPTION_FLAG("--no-skeleton", &s->no_skeleton, "without the skeleton term"),
+        OPTION_FLAG("--each", &s->each, "a line for each scene, too"),
+        OPTION_TEXT("--draw", &s->draw, "DIR", "pictures of what was found"),
+        OPTION_TEXT("--data", &data, "DIR", "not used: scenes are generated"),
+    };
+    const option_set set = {"bench/clutter", "[options]", "Groups the contours of known objects in generated clutter.",
+                            table, sizeof table / sizeof *table};
+    size_t count = 0;
+    option_result result = options_read(&set, argc, argv, NULL, &count);
+
+    if (result != OPTIONS_READ)
+        return result;
+    if (strcmp(s->mode, "instance") != 0 && strcmp(s->mode, "class") != 0)
+        return (option_result)options_refuse("bench/clutter", "--mode %s, expected instance or class", s->mode);
+    if (strcmp(s->method, "group") != 0)
+        return (option_result)options_refuse("bench/clutter", "--method %s, expected group", s->method);
+    return OPTIONS_READ;
+}
+
+int main(int argc, char **argv)
+{
+    settings s = {20, 1, 25, 300, CAIRN_SHAPE_PATHS, 5, 0, -1, "instance", "group", NULL, 0, 0, 0};
+    option_result result = read_settings(&s, argc, argv);
+    finder *f;
+    sums t;
+    int ok;
+
+    if (result != OPTIONS_READ)
+        return (int)result;
+    memset(&t, 0, sizeof t);
+    f = calloc(1, sizeof *f);
+    t.seconds = calloc((size_t)s.scenes * 3, sizeof *t.seconds);
+    ok = f != NULL && t.seconds != NULL && open_finder(f, &s);
+    t.scores = ok ? t.seconds + s.scenes : NULL;
+    t.absent_scores = ok ? t.scores + s.scenes : NULL;
+    for (int64_t i = 0; i < s.scenes && ok; i++) {
+        fprintf(stderr, "scene %" PRId64 "\n", i);
+        ok = run_scene(&s, &t, f, i);
+    }
+    if (ok)
+        print_summary(&s, &t, f);
+    else
+        fprintf(stderr, "bench/clutter: a scene could not be grouped\n");
+    if (f != NULL)
+        free(f->memory);
+    free(f);
+    free(t.seconds);
+    return ok ? 0 : 1;
+}

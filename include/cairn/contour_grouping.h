@@ -1,0 +1,101 @@
+/* contour_grouping: the contour of an object among edge segments, found by a virtual robot that walks along its axis.
+ *
+ * Adluru 2008, chapter 2: a particle filter over walks through the symmetric points of an image. A step takes one edge segment
+ * on either side of the axis, or one, or none where the contour is hidden; the model of the shape weighs it. What is found
+ * is a list of edge segments of the image, never the model's own outline. Image coordinates, pixels, radians. */
+#ifndef CAIRN_CONTOUR_GROUPING_H
+#define CAIRN_CONTOUR_GROUPING_H
+
+#include "cairn/particle_filter.h"
+#include "cairn/shape_model.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct cairn_grouping_params {
+    int32_t max_width, max_height; /* px, of the image, 1 ... 8192 (1024 and 1024) */
+    int32_t max_tokens;            /* pieces of segments, 1 ... 2^20; of more every n-th is left out (8192) */
+    int32_t max_samples;           /* of a model's paths, 1 ... 1024 (64) */
+    int32_t max_outline;           /* samples of a model's outline, 1 ... 4096 (512) */
+    int32_t particles;             /* 1 ... 4096 (300) */
+    int32_t max_objects;           /* 1 ... 64 (8) */
+    int32_t use_model;             /* 0: steps are not weighed by the model (1) */
+    int32_t use_skeleton;          /* 0: steps are not drawn by the symmetry of their points (1) */
+    cairn_real token;              /* px, > 0: segments are cut into pieces so long (10) */
+    cairn_real deform;             /* > 0, of the object's size: sigma of places on the contour (0.025) */
+    cairn_real turn;               /* rad, > 0: sigma of its directions (15 degrees) */
+    cairn_real symmetry;           /* rad, > 0: S, sigma of a loss of symmetry from one step to the next (45 degrees) */
+    cairn_real missing;            /* 0 ... 1, > 0: likelihood of a side that is not seen (0.3) */
+    cairn_real stop;      /* 0 ... 1: the walk ends when the best likelihood of a step, in the mean, is below (0.3) */
+    cairn_real min_score; /* 0 ... 1: objects below it are not reported (0.78) */
+    uint64_t seed;
+} cairn_grouping_params;
+
+/* What is searched, and in what. */
+typedef struct cairn_grouping_input {
+    const cairn_segment *segments; /* [count] px, must stay until step() returns CAIRN_OK */
+    int32_t count;
+    int32_t width, height;              /* px */
+    const cairn_shape_model *model;     /* must stay, too */
+    cairn_real min_size, max_size;      /* px, > 0: of the diagonal of the object's box */
+    cairn_real min_turn, max_turn;      /* rad, within -pi ... pi: from the model to the object, from x to y */
+    cairn_real look_ahead, mean_length; /* px, > 0: L and G of Adluru 2008, as from edge_segment */
+} cairn_grouping_input;
+
+/* One object. image = origin + scale * (cosine, -sine; sine, cosine) * model. */
+typedef struct cairn_grouped_object {
+    cairn_real score;     /* 0 ... 1: how much of the outline was seen, and how well */
+    cairn_vec2 origin;    /* px */
+    cairn_real size;      /* px */
+    cairn_real turn;      /* rad */
+    int32_t first, count; /* segments[first ... first + count - 1] of the result */
+    int32_t seen;         /* samples of the paths of which a side was seen */
+    int32_t start;        /* the sample of the model at which its walk began */
+} cairn_grouped_object;
+
+/* One step of the walk. */
+typedef struct cairn_grouping_trace {
+    cairn_real n_eff, log_likelihood; /* of the best particle, mean over its steps */
+    int32_t followers, resampled, particles;
+} cairn_grouping_trace;
+
+typedef struct cairn_grouping_result {
+    const cairn_grouped_object *objects; /* [object_count] the best first */
+    const int32_t *segments; /* indices of the input's segments, object by object, in the order of the outline */
+    const cairn_grouping_trace *trace; /* [steps] */
+    int32_t object_count, segment_count, steps;
+    int32_t starts;      /* places that looked like the model at first sight */
+    int32_t token_count; /* pieces of segments */
+    cairn_real best;     /* the best score of all, reported or not */
+} cairn_grouping_result;
+
+typedef struct cairn_grouping cairn_grouping;
+
+/* The values in brackets above, seed 1. */
+cairn_grouping_params cairn_grouping_default(void);
+
+/* 0 for params that create() would refuse. About 200 bytes for every particle and sample of the model: histories share what they have in common, but need not. */
+size_t cairn_grouping_memory(const cairn_grouping_params *params);
+
+/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status cairn_grouping_create(cairn_grouping **grouping, cairn_pool *pool,
+                                                 const cairn_grouping_params *params);
+
+/* Starts on an image; what was found before is gone. CAIRN_BAD_ARGUMENT: NULL, a range that is not one, a bad model.
+ * CAIRN_FULL: an image or a model beyond the params. CAIRN_NOT_FINITE: a number of the input. Cost: linear in the model. */
+CAIRN_CHECKED cairn_status cairn_grouping_begin(cairn_grouping *grouping, const cairn_grouping_input *input);
+
+/* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the result stands, or nothing was begun. CAIRN_NOT_FINITE: a segment is
+ * not finite; given up. First sight costs a unit for every 16 pairs of tokens and for each pair and sample of the model
+ * that go together; the walk some 60 units a particle and sample; the rest some 200 a particle and sample of the outline. */
+CAIRN_CHECKED cairn_status cairn_grouping_step(cairn_grouping *grouping, cairn_budget *budget);
+
+/* All zero until step() returns CAIRN_OK; valid until the next begin(). */
+cairn_grouping_result cairn_grouping_read(const cairn_grouping *grouping);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

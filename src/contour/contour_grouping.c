@@ -1,0 +1,384 @@
+/* Contour grouping by contour-skeleton duality.
+ *
+ * Method: segments are cut into tokens. First sight (contour_grouping_sight.c) finds the places where a walk may begin: at any
+ * sample of the model, so that an object with both ends hidden can be found, and of any size within the range. The walk
+ * (contour_grouping_walk.c) is a particle filter; its particles are hypotheses about one object or several. In the end
+ * (contour_grouping_object.c) every particle's model is laid onto its segments, and the best that share no place are the objects.
+ *
+ * Layout: tokens in cells, the map of first sight, starts, the filter with its tree of histories, the segments found.
+ *
+ * Limits: objects of one image that lie closer than a third of their size to each other are one. A segment that is symmetric with
+ * itself is cut into tokens, and so is none that is shorter than a token.
+ *
+ * Source: Adluru 2008, chapter 2; the similarity in place of the displacement from the start, the search over sizes, and
+ * starts within the path are this project's. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/contour/contour_grouping_work.h"
+
+enum { IDLE, CUT, LOOK, WALK, COLLECT, DONE };
+
+cairn_grouping_params cairn_grouping_default(void)
+{
+    cairn_grouping_params params = {
+        .max_width = 1024,
+        .max_height = 1024,
+        .max_tokens = 8192,
+        .max_samples = 64,
+        .max_outline = 512,
+        .particles = 300,
+        .max_objects = 8,
+        .use_model = 1,
+        .use_skeleton = 1,
+        .token = 10,
+        .deform = CAIRN_REAL(0.025),
+        .turn = 15 * (CAIRN_PI / 180),
+        .symmetry = 45 * (CAIRN_PI / 180),
+        .missing = CAIRN_REAL(0.3),
+        .stop = CAIRN_REAL(0.3),
+        .min_score = CAIRN_REAL(0.78),
+        .seed = 1,
+    };
+    return params;
+}
+
+static int is_share(cairn_real x)
+{
+    return x > 0 && x <= 1;
+}
+
+static int params_are_valid(const cairn_grouping_params *p)
+{
+    return p != NULL && p->max_width >= 1 && p->max_width <= 8192 && p->max_height >= 1 && p->max_height <= 8192 &&
+           p->max_tokens >= 1 && p->max_tokens <= 1 << 20 && p->max_samples >= 1 && p->max_samples <= 1024 &&
+           p->max_outline >= 1 && p->max_outline <= 4096 && p->particles >= 1 && p->particles <= 4096 &&
+           p->max_objects >= 1 && p->max_objects <= 64 && p->token > 0 && cairn_is_finite(p->token) && p->deform > 0 &&
+           cairn_is_finite(p->deform) && p->turn > 0 && cairn_is_finite(p->turn) && p->symmetry > 0 &&
+           cairn_is_finite(p->symmetry) && is_share(p->missing) && is_share(p->stop) && p->min_score >= 0 &&
+           p->min_score <= 1;
+}
+
+static cairn_particle_filter_params filter_params(const cairn_grouping_params *p)
+{
+    cairn_particle_filter_params f = cairn_particle_filter_default();
+
+    f.particles = f.max_particles = p->particles;
+    f.max_followers = GROUPING_FOLLOWERS;
+    f.max_candidates = p->particles * GROUPING_CANDIDATES;
+    /* A past of its own for every particle, and the followers of one step. */
+    f.max_blocks = p->particles * (p->max_samples + GROUPING_FOLLOWERS + 1);
+    f.state_bytes = (int32_t)sizeof(grouping_state);
+    return f;
+}
+
+static int32_t cells(int32_t side, int32_t cell)
+{
+    return (side + cell - 1) / cell;
+}
+
+static cairn_particle_filter *carve_filter(cairn_pool *pool, const cairn_grouping_params *p, cairn_grouping *g)
+{
+    cairn_particle_filter_params f = filter_params(p);
+    cairn_particle_model model = cairn_grouping_model(g);
+    cairn_particle_filter *filter = NULL;
+    cairn_status status;
+
+    if (pool->base == NULL) {
+        cairn_pool_count(pool, cairn_particle_filter_memory(&f));
+        return NULL;
+    }
+    status = cairn_particle_filter_create(&filter, pool, &f, &model);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    return filter;
+}
+
+static cairn_grouping *carve(cairn_pool *pool, const cairn_grouping_params *p)
+{
+    size_t lists = (size_t)cells(p->max_width, GROUPING_CELL) * (size_t)cells(p->max_height, GROUPING_CELL);
+    size_t sights = (size_t)cells(p->max_width, GROUPING_SIGHT) * (size_t)cells(p->max_height, GROUPING_SIGHT);
+    cairn_grouping *g = cairn_pool_take_one(pool, sizeof *g);
+    grouping_token *tokens = cairn_pool_take(pool, (size_t)p->max_tokens, sizeof *tokens);
+    int32_t *head = cairn_pool_take(pool, lists, sizeof *head);
+    uint8_t *sight = cairn_pool_take(pool, sights, 1);
+    grouping_start *starts = cairn_pool_take(pool, (size_t)p->particles, sizeof *starts);
+    cairn_grouping_trace *trace = cairn_pool_take(pool, (size_t)p->max_samples, sizeof *trace);
+    int32_t *segments = cairn_pool_take(pool, (size_t)p->max_objects * (size_t)p->max_outline, sizeof *segments);
+    cairn_grouped_object *objects = cairn_pool_take(pool, (size_t)p->max_objects, sizeof *objects);
+    int32_t *match = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *match);
+    cairn_particle_filter *filter = carve_filter(pool, p, g);
+
+    if (g != NULL) {
+        memset(g, 0, sizeof *g);
+        g->tokens = tokens;
+        g->head = head;
+        g->sight = sight;
+        g->starts = starts;
+        g->trace = trace;
+        g->segments = segments;
+        g->objects = objects;
+        g->match = match;
+        g->filter = filter;
+    }
+    return g;
+}
+
+size_t cairn_grouping_memory(const cairn_grouping_params *params)
+{
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status cairn_grouping_create(cairn_grouping **grouping, cairn_pool *pool, const cairn_grouping_params *params)
+{
+    size_t need = cairn_grouping_memory(params);
+    cairn_grouping *made;
+
+    if (grouping == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    made = carve(pool, params);
+    made->params = *params;
+    *grouping = made;
+    return CAIRN_OK;
+}
+
+static cairn_status check_input(const cairn_grouping *g, const cairn_grouping_input *in)
+{
+    if (in->count < 0 || (in->segments == NULL && in->count > 0) || in->width < 1 || in->height < 1 ||
+        cairn_shape_model_check(in->model, NULL) != CAIRN_OK)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_is_finite(in->max_size) || !cairn_is_finite(in->look_ahead) || !cairn_is_finite(in->mean_length) ||
+        !cairn_is_finite(in->min_turn) || !cairn_is_finite(in->max_turn))
+        return CAIRN_NOT_FINITE;
+    if (!(in->min_size > 0) || !(in->max_size >= in->min_size) || !(in->look_ahead > 0) || !(in->mean_length > 0) ||
+        !(in->min_turn >= -CAIRN_PI) || !(in->max_turn <= CAIRN_PI) || !(in->max_turn >= in->min_turn))
+        return CAIRN_BAD_ARGUMENT;
+    if (in->width > g->params.max_width || in->height > g->params.max_height ||
+        in->model->sample_count > g->params.max_samples || in->model->outline_count > g->params.max_outline)
+        return CAIRN_FULL;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_grouping_begin(cairn_grouping *g, const cairn_grouping_input *input)
+{
+    cairn_status status;
+    cairn_real widest = 0, half, middle;
+
+    if (g == NULL || input == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    status = check_input(g, input);
+    if (status != CAIRN_OK)
+        return status;
+    g->input = *input;
+    g->columns = cells(input->width, GROUPING_CELL);
+    g->rows = cells(input->height, GROUPING_CELL);
+    g->sight_columns = cells(input->width, GROUPING_SIGHT);
+    g->sight_rows = cells(input->height, GROUPING_SIGHT);
+    middle = CAIRN_REAL(0.5) * (input->min_turn + input->max_turn);
+    half = CAIRN_REAL(0.5) * (input->max_turn - input->min_turn);
+    cairn_sincos(middle, &g->turn_axis.y, &g->turn_axis.x);
+    g->turn_cosine = cairn_cos(half);
+    for (int32_t i = 0; i < input->model->sample_count; i++) {
+        const cairn_shape_sample *s = &input->model->samples[i];
+
+        widest = cairn_max(widest, cairn_vec2_norm(cairn_vec2_sub(s->side[1].position, s->side[0].position)));
+    }
+    g->reach = widest * input->max_size + 1;
+    g->token_count = g->start_count = g->object_count = g->segment_count = g->steps = g->looked = 0;
+    g->best = 0;
+    g->cursor = g->other = g->paid = g->stage = 0;
+    g->phase = CUT;
+    return CAIRN_OK;
+}
+
+/* ---- Tokens ---- */
+
+static int32_t cell_of(const cairn_grouping *g, cairn_vec2 p)
+{
+    int32_t x = cairn_real_to_int(p.x / GROUPING_CELL), y = cairn_real_to_int(p.y / GROUPING_CELL);
+
+    x = x < 0 ? 0 : x >= g->columns ? g->columns - 1 : x;
+    y = y < 0 ? 0 : y >= g->rows ? g->rows - 1 : y;
+    return y * g->columns + x;
+}
+
+/* Cuts one segment into pieces. */
+static void cut(cairn_grouping *g, int32_t index)
+{
+    cairn_segment s = g->input.segments[index];
+    cairn_real length = cairn_segment_length(s);
+    int32_t parts = cairn_real_to_int(cairn_ceil(length / g->params.token));
+
+    for (int32_t i = 0; i < parts && g->token_count < g->params.max_tokens && length > 0; i++) {
+        grouping_token *t = &g->tokens[g->token_count];
+        cairn_vec2 along = cairn_vec2_sub(s.b, s.a);
+        int32_t cell;
+
+        t->at = cairn_vec2_add(s.a, cairn_vec2_scale(along, ((cairn_real)i + CAIRN_REAL(0.5)) / (cairn_real)parts));
+        t->direction = cairn_vec2_scale(along, 1 / length);
+        t->half = length / (2 * (cairn_real)parts);
+        t->segment = index;
+        cell = cell_of(g, t->at);
+        t->next = g->head[cell];
+        g->head[cell] = g->token_count++;
+    }
+}
+
+static cairn_status step_cut(cairn_grouping *g, cairn_budget *budget)
+{
+    int32_t lists = g->columns * g->rows;
+
+    for (; g->cursor < lists; g->cursor++) {
+        if (!cairn_budget_pay(budget, &g->paid, 1))
+            return CAIRN_MORE;
+        g->head[g->cursor] = -1;
+    }
+    for (; g->cursor - lists < g->input.count; g->cursor++) {
+        const cairn_segment *s = &g->input.segments[g->cursor - lists];
+
+        if (!cairn_budget_pay(budget, &g->paid, 4))
+            return CAIRN_MORE;
+        if (!cairn_is_finite(s->a.x) || !cairn_is_finite(s->a.y) || !cairn_is_finite(s->b.x) ||
+            !cairn_is_finite(s->b.y))
+            return CAIRN_NOT_FINITE;
+        cut(g, g->cursor - lists);
+    }
+    return CAIRN_OK;
+}
+
+cairn_vec2 cairn_grouping_touch(const cairn_grouping *g, int32_t token, cairn_vec2 p)
+{
+    const grouping_token *t = &g->tokens[token];
+    cairn_real along = cairn_vec2_dot(t->direction, cairn_vec2_sub(p, t->at));
+
+    return cairn_vec2_add(t->at, cairn_vec2_scale(t->direction, cairn_max(-t->half, cairn_min(along, t->half))));
+}
+
+/* Half the square of sigmas that a token lies off a place, and of its turn; sigmas of the gap are twice as wide. */
+static cairn_real cost_of(const cairn_grouping *g, int32_t token, cairn_vec2 at, cairn_vec2 unit, cairn_real sigma)
+{
+    cairn_vec2 off = cairn_vec2_sub(cairn_grouping_touch(g, token, at), at);
+    cairn_real across = cairn_vec2_cross(unit, off) / sigma, along = cairn_vec2_dot(unit, off) / (2 * sigma);
+    cairn_real sine = cairn_vec2_cross(unit, g->tokens[token].direction) / g->params.turn;
+
+    return CAIRN_REAL(0.5) * (across * across + along * along + sine * sine);
+}
+
+int32_t cairn_grouping_near(const cairn_grouping *g, cairn_vec2 at, cairn_vec2 direction, cairn_real sigma,
+                            int32_t most, int32_t *token, cairn_real *cost)
+{
+    cairn_real reach = cairn_min(cairn_max(3 * sigma, 4) + g->params.token / 2, 64), limit = CAIRN_REAL(4.5);
+    cairn_vec2 low = {at.x - reach, at.y - reach}, high = {at.x + reach, at.y + reach},
+               unit = cairn_vec2_unit(direction);
+    int32_t from = cell_of(g, low), to = cell_of(g, high), count = 0;
+
+    for (int32_t y = from / g->columns; y <= to / g->columns; y++)
+        for (int32_t x = from % g->columns; x <= to % g->columns; x++)
+            for (int32_t t = g->head[y * g->columns + x]; t >= 0; t = g->tokens[t].next) {
+                cairn_real c = cost_of(g, t, at, unit, cairn_max(sigma, CAIRN_REAL(1.5)));
+                int32_t i;
+
+                if (c > limit || (count == most && c >= cost[count - 1]))
+                    continue;
+                count += count < most;
+                for (i = count - 1; i > 0 && cost[i - 1] > c; i--) {
+                    cost[i] = cost[i - 1];
+                    token[i] = token[i - 1];
+                }
+                cost[i] = c;
+                token[i] = t;
+            }
+    return count;
+}
+
+/* ---- The fit ---- */
+
+void cairn_grouping_sum(grouping_sums *s, cairn_vec2 m, cairn_vec2 p, cairn_real weight)
+{
+    s->n += weight;
+    s->mm += weight * cairn_vec2_norm_squared(m);
+    s->dot += weight * cairn_vec2_dot(m, p);
+    s->cross += weight * cairn_vec2_cross(m, p);
+    s->m = cairn_vec2_add(s->m, cairn_vec2_scale(m, weight));
+    s->p = cairn_vec2_add(s->p, cairn_vec2_scale(p, weight));
+}
+
+grouping_pose cairn_grouping_fit(const grouping_sums *s, const grouping_pose *otherwise)
+{
+    cairn_real spread = s->mm - cairn_vec2_norm_squared(s->m) / cairn_max(s->n, CAIRN_REAL_MIN);
+    grouping_pose pose = *otherwise;
+
+    if (!(spread > CAIRN_REAL(1e-6)))
+        return pose;
+    pose.a = (s->dot - cairn_vec2_dot(s->m, s->p) / s->n) / spread;
+    pose.b = (s->cross - cairn_vec2_cross(s->m, s->p) / s->n) / spread;
+    if (!(pose.a * pose.a + pose.b * pose.b > 0))
+        return *otherwise;
+    pose.t = cairn_vec2_scale(cairn_vec2_sub(s->p, grouping_direction(&pose, s->m)), 1 / s->n);
+    return pose;
+}
+
+grouping_sums cairn_grouping_hold(const grouping_pose *pose, cairn_real weight)
+{
+    static const cairn_real corner = CAIRN_REAL(0.35);
+    grouping_sums sums = {0, 0, 0, 0, {0, 0}, {0, 0}};
+
+    for (int32_t i = 0; i < 4; i++) {
+        cairn_vec2 m = {i % 2 ? corner : -corner, i / 2 ? corner : -corner};
+
+        cairn_grouping_sum(&sums, m, grouping_place(pose, m), weight / 4);
+    }
+    return sums;
+}
+
+/* ---- Phases ---- */
+
+cairn_status cairn_grouping_step(cairn_grouping *g, cairn_budget *budget)
+{
+    if (g == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (g->phase != IDLE && g->phase != DONE) {
+        cairn_status status = g->phase == CUT    ? step_cut(g, budget)
+                              : g->phase == LOOK ? cairn_grouping_look(g, budget)
+                              : g->phase == WALK ? cairn_grouping_walk(g, budget)
+                                                 : cairn_grouping_collect(g, budget);
+
+        if (status == CAIRN_OK && g->phase == LOOK)
+            status = cairn_grouping_walk_begin(g);
+        if (status < 0)
+            g->phase = IDLE;
+        if (status != CAIRN_OK)
+            return status;
+        g->phase++;
+        g->cursor = g->other = 0;
+    }
+    return CAIRN_OK;
+}
+
+cairn_grouping_result cairn_grouping_read(const cairn_grouping *g)
+{
+    cairn_grouping_result r;
+
+    memset(&r, 0, sizeof r);
+    if (g == NULL || g->phase != DONE)
+        return r;
+    r.objects = g->objects;
+    r.segments = g->segments;
+    r.trace = g->trace;
+    r.object_count = g->object_count;
+    r.segment_count = g->segment_count;
+    r.steps = g->steps;
+    r.starts = g->looked;
+    r.token_count = g->token_count;
+    r.best = g->best;
+    return r;
+}

@@ -1,0 +1,172 @@
+/* First sight: where the model may lie at all.
+ *
+ * Two tokens with the touches of one sample of the model give a similarity: the chord between them its size, turn and place; the
+ * directions of both must agree. How much of the outline has an edge of its direction near it, looked up in a map of
+ * bits, ranks these places; of places that are nearly one the best is kept. They are the first particles. */
+#include "src/core/build.h"
+
+#include "src/contour/contour_grouping_work.h"
+
+/* Least cosine between a token and the direction that it should have. */
+#define LEAST_COSINE CAIRN_REAL(0.9)
+/* Places closer than this, of the size, and of sizes closer than this are one. */
+#define SAME_PLACE CAIRN_REAL(0.05)
+#define SAME_SIZE  CAIRN_REAL(0.12)
+
+/* The bin of a direction, 0 ... 7 over half a turn, by comparisons only. */
+static int32_t bin_of(cairn_vec2 d)
+{
+    cairn_real x = d.x, y = d.y;
+    int32_t bin;
+
+    if (y < 0 || (y == 0 && x < 0)) {
+        x = -x;
+        y = -y;
+    }
+    bin = x >= 0 ? 0 : 4;
+    if (bin == 4) {
+        cairn_real was = x;
+
+        x = y;
+        y = -was;
+    }
+    if (y > CAIRN_REAL(2.414213562) * x)
+        return bin + 3;
+    return bin + (y > x ? 2 : y > CAIRN_REAL(0.414213562) * x);
+}
+
+/* Marks a token's direction, and the bins beside it, in the cells around it. */
+static void mark(cairn_grouping *g, const grouping_token *t)
+{
+    int32_t bin = bin_of(t->direction), steps = 1 + cairn_real_to_int(t->half / GROUPING_SIGHT);
+    uint8_t bits = (uint8_t)(1 << bin | 1 << ((bin + 1) & 7) | 1 << ((bin + 7) & 7));
+
+    for (int32_t s = -steps; s <= steps; s++) {
+        cairn_vec2 p =
+            cairn_vec2_add(t->at, cairn_vec2_scale(t->direction, t->half * ((cairn_real)s / (cairn_real)steps)));
+        int32_t x = cairn_real_to_int(p.x) / GROUPING_SIGHT, y = cairn_real_to_int(p.y) / GROUPING_SIGHT;
+
+        for (int32_t v = y - 1; v <= y + 1; v++)
+            for (int32_t u = x - 1; u <= x + 1; u++)
+                if (u >= 0 && v >= 0 && u < g->sight_columns && v < g->sight_rows)
+                    g->sight[v * g->sight_columns + u] |= bits;
+    }
+}
+
+/* The share of the outline that has an edge near it. */
+static cairn_real sight_score(const cairn_grouping *g, const grouping_pose *pose)
+{
+    const cairn_shape_model *m = g->input.model;
+    int32_t stride = 1 + m->outline_count / 48, seen = 0, count = 0;
+
+    for (int32_t i = 0; i < m->outline_count; i += stride) {
+        cairn_vec2 p = grouping_place(pose, m->outline[i].position);
+        int32_t x = cairn_real_to_int(p.x) / GROUPING_SIGHT, y = cairn_real_to_int(p.y) / GROUPING_SIGHT;
+
+        count++;
+        if (p.x < 0 || p.y < 0 || x >= g->sight_columns || y >= g->sight_rows)
+            continue;
+        seen += g->sight[y * g->sight_columns + x] >> bin_of(grouping_direction(pose, m->outline[i].direction)) & 1;
+    }
+    return (cairn_real)seen / (cairn_real)count;
+}
+
+static int is_same(const grouping_pose *a, const grouping_pose *b)
+{
+    cairn_real size = grouping_size(a), other = grouping_size(b), da = a->a - b->a, db = a->b - b->b;
+
+    return cairn_vec2_norm_squared(cairn_vec2_sub(a->t, b->t)) < SAME_PLACE * SAME_PLACE * size * other &&
+           da * da + db * db < SAME_SIZE * SAME_SIZE * size * other;
+}
+
+/* Keeps a place among the best, in order; of those nearly at one place only the best. */
+static void keep(cairn_grouping *g, const grouping_start *start)
+{
+    int32_t at = g->start_count, same = -1;
+
+    if (at == g->params.particles && !(start->score > g->starts[at - 1].score))
+        return;
+    for (int32_t i = 0; i < g->start_count && same < 0; i++)
+        if (is_same(&g->starts[i].pose, &start->pose))
+            same = i;
+    if (same >= 0 && !(start->score > g->starts[same].score))
+        return;
+    if (same >= 0)
+        at = same;
+    else if (at == g->params.particles)
+        at--;
+    else
+        g->start_count++;
+    for (; at > 0 && g->starts[at - 1].score < start->score; at--)
+        g->starts[at] = g->starts[at - 1];
+    g->starts[at] = *start;
+}
+
+/* 1 when a token runs as a direction of the model would in a pose. */
+static int runs_so(const grouping_token *t, const grouping_pose *pose, cairn_vec2 d, cairn_real size)
+{
+    return cairn_abs(cairn_vec2_dot(t->direction, grouping_direction(pose, d))) >= LEAST_COSINE * size;
+}
+
+/* A pair of tokens as the sides 0 and 1 of a sample. */
+static void try_sample(cairn_grouping *g, const grouping_token *p, const grouping_token *q, int32_t sample)
+{
+    const cairn_shape_sample *s = &g->input.model->samples[sample];
+    cairn_vec2 m = cairn_vec2_sub(s->side[1].position, s->side[0].position), c = cairn_vec2_sub(q->at, p->at);
+    cairn_real mm = cairn_vec2_norm_squared(m), size;
+    grouping_start start;
+
+    if (mm == 0)
+        return;
+    start.pose.a = cairn_vec2_dot(m, c) / mm;
+    start.pose.b = cairn_vec2_cross(m, c) / mm;
+    size = grouping_size(&start.pose);
+    if (size < g->input.min_size || size > g->input.max_size || !runs_so(p, &start.pose, s->side[0].direction, size) ||
+        !runs_so(q, &start.pose, s->side[1].direction, size))
+        return;
+    if (start.pose.a * g->turn_axis.x + start.pose.b * g->turn_axis.y < g->turn_cosine * size)
+        return;
+    start.pose.t = cairn_vec2_sub(p->at, grouping_direction(&start.pose, s->side[0].position));
+    start.score = sight_score(g, &start.pose);
+    start.sample = sample;
+    g->looked += g->looked < INT32_MAX;
+    keep(g, &start);
+}
+
+/* Clears the map, marks all tokens; then pair by pair. */
+cairn_status cairn_grouping_look(cairn_grouping *g, cairn_budget *budget)
+{
+    int32_t cells = g->sight_columns * g->sight_rows, samples = g->input.model->sample_count;
+    cairn_real reach = g->reach * g->reach;
+
+    for (; g->cursor < cells; g->cursor++) {
+        if (!cairn_budget_pay(budget, &g->paid, 1))
+            return CAIRN_MORE;
+        g->sight[g->cursor] = 0;
+    }
+    for (; g->cursor < cells + g->token_count; g->cursor++) {
+        if (!cairn_budget_pay(budget, &g->paid, 4))
+            return CAIRN_MORE;
+        mark(g, &g->tokens[g->cursor - cells]);
+    }
+    for (; g->cursor < cells + 2 * g->token_count; g->cursor++) {
+        const grouping_token *p = &g->tokens[g->cursor - cells - g->token_count];
+
+        for (; g->other < g->token_count; g->other++) {
+            const grouping_token *q = &g->tokens[g->other];
+
+            if (budget->left <= 0)
+                return CAIRN_MORE;
+            if (p == q || cairn_vec2_norm_squared(cairn_vec2_sub(q->at, p->at)) > reach) {
+                budget->left -= g->other % 16 == 0;
+                continue;
+            }
+            if (!cairn_budget_pay(budget, &g->paid, samples))
+                return CAIRN_MORE;
+            for (int32_t k = 0; k < samples; k++)
+                try_sample(g, p, q, k);
+        }
+        g->other = 0;
+    }
+    return CAIRN_OK;
+}

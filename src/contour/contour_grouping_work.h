@@ -1,0 +1,125 @@
+/* What the parts of contour_grouping share. */
+#ifndef CAIRN_CONTOUR_CONTOUR_GROUPING_WORK_H
+#define CAIRN_CONTOUR_CONTOUR_GROUPING_WORK_H
+
+#include "cairn/contour_grouping.h"
+
+/* Sides of the cells: of the lists of tokens, and of the map of first sight. */
+enum { GROUPING_CELL = 8, GROUPING_SIGHT = 4, GROUPING_BINS = 8 };
+/* Tokens that a side may choose from, and what a step may choose from with no token as well. */
+enum {
+    GROUPING_CHOICE = 3,
+    GROUPING_FOLLOWERS = 4,
+    GROUPING_CANDIDATES = (GROUPING_CHOICE + 1) * (GROUPING_CHOICE + 1)
+};
+/* Rounds in which a found object is laid onto its segments. */
+enum { GROUPING_ROUNDS = 4 };
+
+/* image = t + (a, -b; b, a) * model. */
+typedef struct grouping_pose {
+    cairn_real a, b;
+    cairn_vec2 t;
+} grouping_pose;
+
+/* A piece of a segment. */
+typedef struct grouping_token {
+    cairn_vec2 at, direction; /* its middle */
+    cairn_real half;          /* px, half its length */
+    int32_t segment;
+    int32_t next; /* in its cell */
+} grouping_token;
+
+/* A place that looks like the model at first sight. */
+typedef struct grouping_start {
+    grouping_pose pose;
+    cairn_real score;
+    int32_t sample;
+} grouping_start;
+
+/* Sums for the similarity that lies best. */
+typedef struct grouping_sums {
+    cairn_real n, mm, dot, cross;
+    cairn_vec2 m, p;
+} grouping_sums;
+
+/* One step of a walk. */
+typedef struct grouping_state {
+    grouping_pose pose;
+    grouping_sums sums;
+    cairn_vec2 off[2];  /* px: how far the contour lies off the pose, on either side */
+    cairn_vec2 last[2]; /* px: where it was seen last */
+    cairn_vec2 centre;  /* of the symmetric point, px */
+    cairn_real radius, deviation;
+    cairn_real gap;   /* px */
+    int32_t token[2]; /* -1: not seen */
+    int32_t sample, start;
+} grouping_state;
+
+struct cairn_grouping {
+    cairn_grouping_params params;
+    cairn_grouping_input input;
+    cairn_particle_filter *filter;
+    grouping_token *tokens;
+    int32_t *head;               /* first token of each cell, -1: none */
+    uint8_t *sight;              /* bits of the directions near each cell */
+    grouping_start *starts;      /* [particles] */
+    cairn_grouping_trace *trace; /* [max_samples] */
+    int32_t *segments;           /* [max_objects * max_outline] */
+    cairn_grouped_object *objects;
+    int32_t *match;                /* [max_outline] token of each sample of the outline, -1: none */
+    cairn_vec2 turn_axis;          /* the middle of the turns that are searched, and the cosine of half their range */
+    cairn_real turn_cosine, reach; /* px, between two sides */
+    int32_t token_count, columns, rows, sight_columns, sight_rows;
+    int32_t start_count, object_count, segment_count, steps, looked;
+    cairn_real best;
+    int32_t cursor, other;
+    int32_t phase, paid;
+    int32_t stage; /* of a callback: 0: not paid */
+};
+
+static inline cairn_vec2 grouping_place(const grouping_pose *pose, cairn_vec2 m)
+{
+    cairn_vec2 p = {pose->t.x + pose->a * m.x - pose->b * m.y, pose->t.y + pose->b * m.x + pose->a * m.y};
+
+    return p;
+}
+
+static inline cairn_real grouping_size(const grouping_pose *pose)
+{
+    return cairn_sqrt(pose->a * pose->a + pose->b * pose->b);
+}
+
+/* A direction of the model in the image, not of length 1 but of the size. */
+static inline cairn_vec2 grouping_direction(const grouping_pose *pose, cairn_vec2 d)
+{
+    cairn_vec2 turned = {pose->a * d.x - pose->b * d.y, pose->b * d.x + pose->a * d.y};
+
+    return turned;
+}
+
+void cairn_grouping_sum(grouping_sums *sums, cairn_vec2 m, cairn_vec2 p, cairn_real weight);
+grouping_pose cairn_grouping_fit(const grouping_sums *sums, const grouping_pose *otherwise);
+
+/* Sums that hold a pose in place like `weight` points. */
+grouping_sums cairn_grouping_hold(const grouping_pose *pose, cairn_real weight);
+
+/* The tokens that fit best to a place and direction of the contour, at most `most`, the best first: their costs, half squares of
+ * sigmas. The number of them. */
+int32_t cairn_grouping_near(const cairn_grouping *g, cairn_vec2 at, cairn_vec2 direction, cairn_real sigma,
+                            int32_t most, int32_t *token, cairn_real *cost);
+
+/* The point of a token nearest to p. */
+cairn_vec2 cairn_grouping_touch(const cairn_grouping *g, int32_t token, cairn_vec2 p);
+
+/* First sight. */
+cairn_status cairn_grouping_look(cairn_grouping *g, cairn_budget *budget);
+
+/* The walk. */
+cairn_particle_model cairn_grouping_model(cairn_grouping *g);
+cairn_status cairn_grouping_walk_begin(cairn_grouping *g);
+cairn_status cairn_grouping_walk(cairn_grouping *g, cairn_budget *budget);
+
+/* The objects. */
+cairn_status cairn_grouping_collect(cairn_grouping *g, cairn_budget *budget);
+
+#endif
