@@ -299,7 +299,7 @@ static void of_places(void **state)
         VALUE(map.max_place_beams, 2048),
         VALUE(map.recent, 3),
         VALUE(map.rounds, 4),
-        VALUE(map.sweeps, 3),
+        VALUE(map.sweeps, 10),
         VALUE(map.decoupled, 0),
         VALUE(map.sight_reach, 8),
         VALUE(map.sight_cell, 0.05),

@@ -529,6 +529,93 @@ static void another_map_is_an_alternative(void **state)
     test_pool_free(&pool);
 }
 
+/* ---- Blocks ---- */
+
+/* Two nodes hold each other and hang by one strong false hypothesis; two weak true ones outweigh it, but no node alone can go
+ * there, and neither can the rest. */
+static void load_pair_gone_astray(cairn_pose_consensus *consensus, const cairn_pose truth[5])
+{
+    const cairn_pose astray = {-4, 0, 1};
+
+    assert_ok(cairn_pose_consensus_clear(consensus, 5));
+    for (int32_t i = 0; i < 3; i++)
+        for (int32_t j = i + 1; j < 3; j++)
+            add(consensus, i, j, cairn_pose_between(truth[i], truth[j]), 20);
+    add(consensus, 3, 4, cairn_pose_between(truth[3], truth[4]), 30);
+    add(consensus, 0, 3, astray, 9);
+    add(consensus, 1, 4, cairn_pose_between(truth[1], truth[4]), 5);
+    add(consensus, 2, 3, cairn_pose_between(truth[2], truth[3]), 6);
+}
+
+static void blocks_are_laid_anew(void **state)
+{
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    const cairn_pose truth[5] = {{0, 0, 0}, {2, 0, 1}, {1, 2, 2}, {6, 0, 3}, {8, 0, -2}};
+    cairn_pool pool;
+    cairn_pose_consensus *consensus;
+    cairn_consensus_result result;
+
+    (void)state;
+    params.max_starts = 1;
+    params.max_rounds = 0;
+    consensus = new_consensus(&pool, &params);
+    load_pair_gone_astray(consensus, truth);
+    result = solve(consensus);
+    assert_near(result.total, 60 + 30 + 9, 0.1);
+    assert_near(result.rival, 0, 0);
+    test_pool_free(&pool);
+
+    params.max_rounds = 4;
+    consensus = new_consensus(&pool, &params);
+    load_pair_gone_astray(consensus, truth);
+    result = solve(consensus);
+    assert_near(result.total, 60 + 30 + 11, 0.1);
+    assert_near(result.rival, 60 + 30 + 9, 0.1);
+    assert_int_equal(result.parts, 1);
+    assert_int_equal(result.starts, 1);
+    for (int32_t i = 0; i < 5; i++)
+        assert_pose_near(cairn_pose_consensus_node(consensus, i).map_node, truth[i], 1e-3, 1e-3);
+    test_pool_free(&pool);
+}
+
+/* A node whose true place each single vote speaks for less than for a false one: what the judge says of all decides. */
+struct jury {
+    cairn_pose truth[4];
+    cairn_real right;
+};
+
+static cairn_real likes_the_truth(void *context, int32_t first, int32_t second, cairn_pose first_second, int32_t *units)
+{
+    struct jury *jury = context;
+    cairn_pose seen = cairn_pose_between(jury->truth[first], jury->truth[second]);
+
+    *units = 3;
+    return hypot((double)(seen.x - first_second.x), (double)(seen.y - first_second.y)) < 0.1 ? jury->right : 0;
+}
+
+static void the_judge_may_say_more_than_a_hypothesis(void **state)
+{
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    struct jury jury = {{{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}}, 4};
+    cairn_pool pool;
+    cairn_pose_consensus *consensus = NULL;
+
+    (void)state;
+    params.max_candidates = 1; /* one false hypothesis fills the list of the best voted */
+    consensus = new_consensus(&pool, &params);
+    assert_ok(cairn_pose_consensus_clear(consensus, 4));
+    for (int32_t i = 0; i < 3; i++)
+        for (int32_t j = i + 1; j < 3; j++)
+            add(consensus, i, j, cairn_pose_between(jury.truth[i], jury.truth[j]), 10);
+    add(consensus, 0, 3, (cairn_pose){9, 9, 0}, 7);
+    add(consensus, 1, 3, cairn_pose_between(jury.truth[1], jury.truth[3]), 1);
+    cairn_pose_consensus_judge_by(consensus, likes_the_truth, &jury);
+    assert_near(solve(consensus).total, 30 + 3 * 4, 0.1);
+    assert_pose_near(cairn_pose_consensus_node(consensus, 3).map_node, jury.truth[3], 1e-2, 1e-2);
+    assert_near(cairn_pose_consensus_node(consensus, 3).support, 3 * 4, 0.1);
+    test_pool_free(&pool);
+}
+
 /* ---- Bounds ---- */
 
 /* Four nodes; the strongest hypotheses of node 3 are wrong in truth. */
@@ -746,11 +833,11 @@ static uint64_t hash_of_scene(const struct scene *scene)
 static void results_stay_as_they_are(void **state)
 {
     static const struct scene scenes[] = {
-        {31, 16, 600, 7, 0.8, 16, 10, 8, 4, 0, 0, UINT64_C(0x119eea26409e86e4), UINT64_C(0x0462b1875069fdd6)},
-        {32, 24, 60, 3.2, 0.7, 16, 3, 3, 2, 0.3, 0, UINT64_C(0xa8624d10db5233df), UINT64_C(0x66019b3339ea2d03)},
-        {33, 12, 120, 4, 0.5, 8, 4, 8, 8, 0, 3, UINT64_C(0x10226d4274e7a366), UINT64_C(0xb6aff51370ae87c6)},
+        {31, 16, 600, 7, 0.8, 16, 10, 8, 4, 0, 0, UINT64_C(0xd0ab95622df1fca6), UINT64_C(0xc0e63e332165437c)},
+        {32, 24, 60, 3.2, 0.7, 16, 3, 3, 2, 0.3, 0, UINT64_C(0x14b8c4a98c4e176c), UINT64_C(0x34fd1ef6414b9a62)},
+        {33, 12, 120, 4, 0.5, 8, 4, 8, 8, 0, 3, UINT64_C(0xb88de4532c463bae), UINT64_C(0xc503487b8abd3d08)},
         {34, 30, 30, 3, 0.4, 1, 0, 1, 1, 0, 0, UINT64_C(0x1580ef95e92f0c47), UINT64_C(0xb3d2799feea56752)},
-        {35, 6, 20, 20, 0.5, 16, 10, 8, 32, 0.1, 6, UINT64_C(0x5dcd2e02a866addd), UINT64_C(0xb7280504da8e7b31)},
+        {35, 6, 20, 20, 0.5, 16, 10, 8, 32, 0.1, 6, UINT64_C(0x29b110626b80d8b6), UINT64_C(0xcac7944b4c4e37cb)},
     };
 
     (void)state;
@@ -807,8 +894,8 @@ static uint64_t hash_of_ties(uint64_t seed)
 static void ties_go_by_the_index(void **state)
 {
     (void)state;
-    assert_golden(hash_of_ties(1), UINT64_C(0xf82bc46f20961b5d), UINT64_C(0xd9c90d7225c58fdf));
-    assert_golden(hash_of_ties(2), UINT64_C(0x94658397c76a9c24), UINT64_C(0x49e586db82bd0398));
+    assert_golden(hash_of_ties(1), UINT64_C(0x9f3bda90bfe12045), UINT64_C(0x2661d160440a336a));
+    assert_golden(hash_of_ties(2), UINT64_C(0xfec4dcd545bff61c), UINT64_C(0x4dcbef76d73b41a6));
 }
 
 /* ---- Contracts ---- */
@@ -1073,6 +1160,8 @@ int main(void)
         cmocka_unit_test(parts_are_joined_as_wholes),
         cmocka_unit_test(nothing_is_placed_on_weak_evidence),
         cmocka_unit_test(another_map_is_an_alternative),
+        cmocka_unit_test(blocks_are_laid_anew),
+        cmocka_unit_test(the_judge_may_say_more_than_a_hypothesis),
         cmocka_unit_test(bounds_forbid),
         cmocka_unit_test(a_judge_decides),
         cmocka_unit_test(contradictions_cost),

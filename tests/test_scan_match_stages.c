@@ -4,8 +4,9 @@
 #include <math.h>
 
 #include "cairn/scan_match.h"
+#include "src/mapping/scan_match_work.h"
 
-enum { MOST = 400 };
+enum { MOST = 400, MANY = 1024 };
 
 /* The corners of a room with a niche, counter-clockwise. */
 static const cairn_vec2 room[] = {{-2, -2}, {3, -2}, {3, 0},  {2, 0},  {2, 1},   {3, 1},
@@ -39,7 +40,7 @@ typedef struct bed {
 } bed;
 
 /* Target and query overlap in part; the query is turned by 0.02 rad and shifted beside that. */
-static void make_bed(bed *b, cairn_scan_match_mode mode)
+static void make_bed_of(bed *b, cairn_scan_match_mode mode, int32_t candidates)
 {
     static const cairn_pose from = {CAIRN_REAL(0.5), CAIRN_REAL(-0.05), CAIRN_REAL(0.32)};
     static const cairn_pose home = {0, 0, CAIRN_REAL(0.3)};
@@ -47,6 +48,7 @@ static void make_bed(bed *b, cairn_scan_match_mode mode)
 
     memset(b, 0, sizeof *b);
     params.mode = mode;
+    params.max_candidates = candidates;
     params.max_target = params.max_query = MOST;
     b->pool = test_pool(cairn_scan_match_memory(&params));
     assert_ok(cairn_scan_match_create(&b->match, &b->pool, &params));
@@ -55,6 +57,11 @@ static void make_bed(bed *b, cairn_scan_match_mode mode)
     b->query_part.points = b->query;
     b->query_part.count = see(b->query, from, 3, 9);
     assert_ok(cairn_scan_match_add_target(b->match, &b->target_part, cairn_pose_identity(), NULL));
+}
+
+static void make_bed(bed *b, cairn_scan_match_mode mode)
+{
+    make_bed_of(b, mode, cairn_scan_match_default().max_candidates);
 }
 
 static void run(bed *b)
@@ -200,6 +207,142 @@ static void nothing_to_show(void **state)
     test_pool_free(&b.pool);
 }
 
+/* ---- The vote, beside a plain twin ---- */
+
+/* The cell of the grid that a pair of points votes for; -1: none. */
+static int32_t plain_cell(const match_votes *v, cairn_transform turn, const cairn_oriented_point *query,
+                          const cairn_oriented_point *target)
+{
+    cairn_vec2 p = cairn_transform_point(turn, query->position);
+    cairn_vec2 d = cairn_transform_direction(turn, query->direction);
+    int32_t apart = cairn_match_direction_bin(cairn_atan2(d.y, d.x)) -
+                    cairn_match_direction_bin(cairn_atan2(target->direction.y, target->direction.x));
+    double x = floor((double)((target->position.x - p.x - v->origin.x) / v->side));
+    double y = floor((double)((target->position.y - p.y - v->origin.y) / v->side));
+
+    apart = (apart + MATCH_DIRECTIONS) % MATCH_DIRECTIONS;
+    if (apart > 3 && apart < MATCH_DIRECTIONS - 3)
+        return -1;
+    return x < 0 || y < 0 || x >= v->width || y >= v->height ? -1 : (int32_t)y * v->width + (int32_t)x;
+}
+
+/* Every query point that votes with every target point. */
+static void plain_votes(const bed *b, int32_t *cell)
+{
+    const match_votes *v = &b->match->votes;
+    cairn_pose turn = {0, 0, v->first_angle + (cairn_real)v->rotation * v->angle_step};
+
+    memset(cell, 0, (size_t)v->width * (size_t)v->height * sizeof *cell);
+    for (int32_t i = 0; i < b->query_part.count; i += v->stride)
+        for (int32_t k = 0; k < b->target_part.count; k++) {
+            int32_t at = plain_cell(v, cairn_transform_of(turn), &b->query[i], &b->target[k]);
+
+            if (at >= 0)
+                cell[at]++;
+        }
+}
+
+static int32_t plain_window(const match_votes *v, const int32_t *cell, int32_t column, int32_t row)
+{
+    int32_t sum = 0;
+
+    for (int32_t y = row; y < row + 2; y++)
+        for (int32_t x = column; x < column + 2; x++)
+            sum += x >= 0 && y >= 0 && x < v->width && y < v->height ? cell[y * v->width + x] : 0;
+    return sum;
+}
+
+/* Steps until the votes of a rotation are in; 0 when all have been. */
+static int next_rotation(bed *b)
+{
+    cairn_budget budget;
+
+    while (b->match->phase == MATCH_PEAKS || b->match->phase < MATCH_PEAKS) {
+        budget.left = 1;
+        assert_status(cairn_scan_match_step(b->match, &budget), CAIRN_MORE);
+        if (b->match->phase == MATCH_PEAKS && b->match->at == 0)
+            return 1;
+    }
+    return 0;
+}
+
+/* Steps through the peaks of a rotation. */
+static void pass_peaks(bed *b)
+{
+    cairn_budget budget;
+
+    while (b->match->phase == MATCH_PEAKS) {
+        budget.left = 1;
+        assert_status(cairn_scan_match_step(b->match, &budget), CAIRN_MORE);
+    }
+}
+
+/* Peaks of this rotation by the plain votes, which are all told: a cell with votes whose window of two by two cells has more
+ * votes than those about it, or as many and comes first. */
+static int32_t assert_peaks(const bed *b, const int32_t *cell, int32_t rotation, int32_t already)
+{
+    const match_votes *v = &b->match->votes;
+    int32_t peaks = 0;
+
+    for (int32_t at = 0; at < v->width * v->height; at++) {
+        int32_t column = at % v->width, row = at / v->width, own = plain_window(v, cell, column, row), told = 0;
+        int32_t is_peak = cell[at] > 0;
+
+        for (int32_t k = 0; k < 9 && is_peak; k++) {
+            int32_t x = column + k % 3 - 1, y = row + k / 3 - 1;
+            int32_t other = x < 0 || y < 0 || x >= v->width || y >= v->height ? 0 : plain_window(v, cell, x, y);
+
+            is_peak = k < 4 ? other < own : other <= own;
+        }
+        if (!is_peak)
+            continue;
+        peaks++;
+        for (int32_t i = 0; i < b->match->candidate_count; i++) {
+            const match_candidate *c = &b->match->candidates[i];
+
+            told +=
+                fabs((double)(c->pose.x - v->origin.x) / (double)v->side - column - 1) < 1e-3 &&
+                fabs((double)(c->pose.y - v->origin.y) / (double)v->side - row - 1) < 1e-3 &&
+                fabs((double)cairn_wrap_angle(c->pose.theta - v->first_angle - (cairn_real)rotation * v->angle_step)) <
+                    1e-3 &&
+                fabs((double)c->score - own) < 0.5;
+        }
+        assert_int_equal(told, 1);
+    }
+    assert_int_equal(b->match->candidate_count, already + peaks);
+    return peaks;
+}
+
+static void votes_are_those_of_all_pairs(void **state)
+{
+    static int32_t cell[MATCH_CELLS_MOST];
+    const cairn_scan_match_window window = {1, CAIRN_REAL(0.3)};
+    static bed b;
+    int32_t rotations = 0, peaks = 0, votes = 0;
+
+    (void)state;
+    make_bed_of(&b, CAIRN_SCAN_MATCH_CORRELATIVE, MANY);
+    assert_ok(cairn_scan_match_begin(b.match, &b.query_part, b.start, &window, NULL));
+    while (next_rotation(&b)) {
+        int32_t rotation = b.match->votes.rotation;
+
+        b.match->votes.most = MANY; /* all peaks are kept */
+        plain_votes(&b, cell);
+        for (int32_t at = 0; at < b.match->votes.width * b.match->votes.height; at++) {
+            assert_int_equal(b.match->votes.cell[at], cell[at]);
+            votes += cell[at];
+        }
+        rotations++;
+        if (rotation + 1 == b.match->votes.rotations) /* then the candidates are refined at once */
+            break;
+        pass_peaks(&b);
+        peaks += assert_peaks(&b, cell, rotation, peaks);
+    }
+    assert_int_equal(rotations, b.match->votes.rotations);
+    assert_true(rotations > 4 && votes > 1000 && peaks > 20);
+    test_pool_free(&b.pool);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -207,6 +350,7 @@ int main(void)
         cmocka_unit_test(modes_up_to_a_stage),
         cmocka_unit_test(histograms),
         cmocka_unit_test(nothing_to_show),
+        cmocka_unit_test(votes_are_those_of_all_pairs),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -60,7 +60,7 @@ typedef struct cairn_place_map_params {
     cairn_aligner_params aligner;          /* its max_scans and max_points are not read, nor any unless JOINTLY */
 } cairn_place_map_params;
 
-/* Consensus; 16 places, 64 scans, 1024 points and 2048 beams a place; 3 recent; 4 rounds, 3 sweeps, coupled; sight
+/* Consensus; 16 places, 64 scans, 1024 points and 2048 beams a place; 3 recent; 4 rounds, 10 sweeps, coupled; sight
  * 8 m, 0.05 m, margin 0.10 m; 0.05, 0.25, 0.3 and 0.65 nats for and 0.6 against, floating 0.05; chance 0; of the match 40
  * hypotheses of 768 candidates; of the consensus 4096 hypotheses, ambiguous from 1e-5. */
 cairn_place_map_params cairn_place_map_default(void);

@@ -28,7 +28,7 @@ typedef struct cairn_pose_consensus_params {
     int32_t max_nodes;      /* 1 ... 2^16 */
     int32_t max_hypotheses; /* 1 ... 2^20 */
     int32_t max_starts;     /* >= 1: growths, each from the strongest hypothesis that no map found so far agrees with */
-    int32_t max_rounds;     /* >= 0: times that every node is chosen again */
+    int32_t max_rounds;     /* >= 0: times that every node is chosen again, and that blocks of them are laid anew */
     int32_t max_candidates; /* 1 ... 32: of a choice, the best voted ones, that the judge sees */
     int32_t max_alternatives; /* 0 ... 32: reported of each node */
     cairn_real sigma; /* m, > 0, added in quadrature to the covariances, as nodes do not lie exactly either, ... */
@@ -69,8 +69,8 @@ CAIRN_CHECKED cairn_status cairn_pose_consensus_add(cairn_pose_consensus *consen
 CAIRN_CHECKED cairn_status cairn_pose_consensus_bound(cairn_pose_consensus *consensus, int32_t node,
                                                       cairn_pose map_node, cairn_real metres, cairn_real radians);
 
-/* Evidence in nats, positive or negative, of the data of two nodes for a relative pose that no hypothesis of theirs agrees
- * with; *units: what it cost. It is a function of its arguments alone. */
+/* Evidence in nats, positive or negative, of the data of two nodes for a relative pose; a pair earns it, or what its
+ * hypotheses earn where that is more. *units: what it cost. It is a function of its arguments alone. */
 typedef cairn_real (*cairn_pose_judge)(void *context, int32_t first, int32_t second, cairn_pose first_second,
                                        int32_t *units);
 
@@ -82,7 +82,8 @@ void cairn_pose_consensus_judge_by(cairn_pose_consensus *consensus, cairn_pose_j
 CAIRN_CHECKED cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus);
 
 /* CAIRN_OK: nothing left to do. CAIRN_MORE. CAIRN_BAD_ARGUMENT: NULL. An item costs a unit for every four hypotheses looked
- * at, and what the judge says. At most starts * (nodes + rounds) choices. */
+ * at, and what the judge says. At most starts * (nodes + rounds) choices, and `max_rounds` times a look at every hypothesis
+ * for every node and the choices that follow. */
 CAIRN_CHECKED cairn_status cairn_pose_consensus_step(cairn_pose_consensus *consensus, cairn_budget *budget);
 
 /* ---- The result: empty until step() returns CAIRN_OK ---- */

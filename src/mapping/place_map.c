@@ -3,7 +3,9 @@
  * Round 0 matches all pairs of places, the full circle and all positions. Every hypothesis is weighed by what the two places
  * saw (place_map_sight.c) and goes into the consensus as so many nats; the same evidence judges pairs for which no
  * hypothesis agrees with the poses that a map gives them, so that a place cannot come to lie where it contradicts others
- * that it was never matched with. In each further round every place is matched with the map of all others of its part, which
+ * that it was never matched with. Before it is weighed a hypothesis goes to the nearest pose of more evidence: matches align
+ * faces of walls, and their other sides, rough surfaces and bodies tell where the faces that are shared are few. In each further round, while the
+ * map changes, every place is matched with the map of all others of its part, which
  * shows more of what the place saw than any one of them, and every other part as a whole; what is found becomes hypotheses
  * of the pairs that support it, and the consensus is asked again. At the end the places are aligned by ICP, each with all
  * others, in turn, and on request their scans each by itself, one after the other or all at once.
@@ -33,7 +35,7 @@ cairn_place_map_params cairn_place_map_default(void)
     params.max_place_beams = 2048;
     params.recent = 3;
     params.rounds = 4;
-    params.sweeps = 3;
+    params.sweeps = 10;
     params.sight_reach = 8;
     params.sight_cell = CAIRN_REAL(0.05);
     params.sight_margin = CAIRN_REAL(0.1);
@@ -287,7 +289,7 @@ cairn_status cairn_place_map_begin(cairn_place_map *map)
     map->phase = CAIRN_PLACE_MAP_SIGHT;
     for (int32_t i = 0; i < map->point_count; i++)
         map->doubt[i] &= CAIRN_POINT_FLOATING;
-    map->hypothesis_count = 0;
+    map->hypothesis_count = map->polished = 0;
     map->next = map->place = map->query = map->round = map->sweep = map->running = map->debt = 0;
     for (int32_t i = 0; i < map->place_count; i++) {
         map->places[i].map_place = cairn_pose_identity();

@@ -16,7 +16,15 @@ static const cairn_real SUB_SIGMA_ANGLE = CAIRN_REAL(0.02);
 static const cairn_real LEAST_EVIDENCE = -3;
 
 /* Standard deviations within which evidence changes little, m and rad. */
-static const cairn_real WEIGHED = CAIRN_REAL(0.1), WEIGHED_ANGLE = CAIRN_REAL(0.03);
+static const cairn_real WEIGHED = CAIRN_REAL(0.05), WEIGHED_ANGLE = CAIRN_REAL(0.02);
+
+/* A hypothesis is polished by steps of so much, m and rad, that are halved so often, in at most so many moves, and only for so
+ * many nats: where matches are good they are more exact than evidence. */
+static const cairn_real POLISH_STEP = CAIRN_REAL(0.08), POLISH_TURN = CAIRN_REAL(0.02), WORTH = 1;
+enum { POLISH_HALVINGS = 3, POLISH_MOVES = 10 };
+
+/* m: a place that the consensus moves farther has changed the map. */
+static const cairn_real MOVED = CAIRN_REAL(0.3);
 
 static void enter(cairn_place_map *map, cairn_place_map_phase phase)
 {
@@ -317,6 +325,45 @@ static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose
     return cairn_place_map_evidence(map, first, second, first_second);
 }
 
+/* A pose near a hypothesis that has more evidence: a match aligns faces of walls, and other sides of walls, rough surfaces
+ * and bodies tell as much. */
+static cairn_real polish(cairn_place_map *map, cairn_pose_hypothesis *h)
+{
+    cairn_pose matched = h->first_second;
+    cairn_real before = weigh(map, h->first, h->second, matched), best = before;
+    cairn_real step = POLISH_STEP, turn = POLISH_TURN;
+
+    for (int32_t halvings = 0, moves = 0; halvings < POLISH_HALVINGS && moves < POLISH_MOVES;) {
+        cairn_pose around = h->first_second, better = around;
+
+        for (int32_t k = 0; k < 6; k++) {
+            cairn_pose tried = around;
+            cairn_real evidence, sign = k % 2 == 0 ? 1 : -1;
+
+            tried.x += k / 2 == 0 ? sign * step : 0;
+            tried.y += k / 2 == 1 ? sign * step : 0;
+            tried.theta += k / 2 == 2 ? sign * turn : 0;
+            evidence = weigh(map, h->first, h->second, tried);
+            if (evidence > best) {
+                best = evidence;
+                better = tried;
+            }
+        }
+        h->first_second = better;
+        moves++;
+        if (better.x == around.x && better.y == around.y && better.theta == around.theta) {
+            halvings++;
+            step /= 2;
+            turn /= 2;
+        }
+    }
+    if (best < before + WORTH) {
+        h->first_second = matched;
+        return before;
+    }
+    return best;
+}
+
 /* Everything is weighed anew in each round, as fewer points are trusted. */
 static void weigh_item(cairn_place_map *map)
 {
@@ -332,11 +379,13 @@ static void weigh_item(cairn_place_map *map)
         map->debt += 1 + map->place_count;
     }
     if (map->next == map->hypothesis_count) {
+        map->polished = map->hypothesis_count;
         enter(map, CAIRN_PLACE_MAP_AGREE);
         return;
     }
+    h->score = (map->next < map->polished ? weigh(map, h->first, h->second, h->first_second) : polish(map, h)) -
+               map->params.chance;
     map->next++;
-    h->score = weigh(map, h->first, h->second, h->first_second) - map->params.chance;
     if (h->score > 0 && cairn_pose_consensus_add(map->consensus, h, NULL) == CAIRN_OK)
         map->result.hypotheses++;
 }
@@ -348,9 +397,13 @@ static void take_consensus(cairn_place_map *map)
     map->result.total = found.total;
     map->result.rival = found.rival;
     map->result.ambiguous = found.ambiguous;
+    map->moved = 0;
     for (int32_t i = 0; i < map->place_count; i++) {
         cairn_consensus_node node = cairn_pose_consensus_node(map->consensus, i);
+        cairn_pose before = map->places[i].map_place;
 
+        map->moved += node.part != map->places[i].part ||
+                      cairn_abs(node.map_node.x - before.x) + cairn_abs(node.map_node.y - before.y) > MOVED;
         map->places[i].map_place = node.map_node;
         map->places[i].part = node.part;
     }
@@ -382,14 +435,14 @@ static int32_t count_placed(const cairn_place_map *map)
     return placed;
 }
 
-/* Rounds go on while the map grows. */
+/* Rounds go on while the map changes. */
 static void doubt_item(cairn_place_map *map)
 {
     if (map->next < map->place_count) {
         cairn_place_map_doubt(map, map->next++);
         return;
     }
-    if (map->round < map->params.rounds && (map->round == 0 || count_placed(map) > map->result.placed))
+    if (map->round < map->params.rounds && map->moved > 0)
         enter(map, CAIRN_PLACE_MAP_TARGET);
     else
         enter(map, CAIRN_PLACE_MAP_REFINE);

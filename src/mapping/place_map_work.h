@@ -77,8 +77,10 @@ struct cairn_place_map {
     int32_t query; /* place that is matched */
     int32_t round; /* 0: pairs; then with the map of all others */
     int32_t sweep;
-    int32_t running; /* icp or consensus has begun */
-    int32_t debt;    /* units of items done that are not yet paid for */
+    int32_t moved;    /* places that the last consensus laid elsewhere */
+    int32_t polished; /* hypotheses whose poses have been */
+    int32_t running;  /* icp or consensus has begun */
+    int32_t debt;     /* units of items done that are not yet paid for */
     cairn_place_map_result result;
 };
 

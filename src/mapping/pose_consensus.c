@@ -6,7 +6,9 @@
  * third nodes say for the hypothesis that proposes it: with few nodes placed, that is what tells a true hypothesis from a
  * strong one. After each placement the poses are relaxed, node by node, so that errors do not add up along chains. Parts
  * that single nodes could not join are then laid together as wholes, and every node is chosen again given all others (iterated
- * conditional modes, Besag 1986) until nothing changes. A growth starts from the strongest hypothesis that
+ * conditional modes, Besag 1986) until nothing changes. At last the best map is cut at every pair that its strongest pairs alone hold it
+ * together by, and the smaller side is laid where all hypotheses and the judge give it most (pose_consensus_block.c), as
+ * nodes that hold each other never move alone. A growth starts from the strongest hypothesis that
  * no map found so far agrees with, so that the starts differ where it matters, and the sum of the map decides between them.
  *
  * Layout: hypotheses in the order of their coming; links sorted by node, other node and hypothesis, so that a node's evidence
@@ -67,6 +69,7 @@ static cairn_pose_consensus *carve(cairn_pool *pool, const cairn_pose_consensus_
     made.chart = cairn_pool_take(pool, nodes, sizeof *made.chart);
     made.best = cairn_pool_take(pool, nodes, sizeof *made.best);
     made.rival = cairn_pool_take(pool, nodes, sizeof *made.rival);
+    made.tree = cairn_pool_take(pool, nodes, sizeof *made.tree);
     made.nodes = cairn_pool_take(pool, nodes, sizeof *made.nodes);
     made.alternatives = cairn_pool_take(pool, nodes * (size_t)params->max_alternatives, sizeof *made.alternatives);
     made.candidates = cairn_pool_take(pool, (size_t)params->max_candidates, sizeof *made.candidates);
@@ -281,6 +284,7 @@ cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)
         consensus->chart[i] = consensus->best[i] = consensus->rival[i] = unplaced;
     for (int32_t i = 0; i < consensus->hypothesis_count; i++)
         consensus->hypotheses[i].is_explained = 0;
+    consensus->passes = 0;
     consensus->phase = CAIRN_CONSENSUS_CYCLES;
     consensus->next = 0;
     consensus->end = consensus->hypothesis_count;

@@ -93,7 +93,7 @@ int32_t cairn_consensus_pair(const cairn_pose_consensus *consensus, int32_t node
     return best;
 }
 
-/* Evidence of the judge for a pair that no hypothesis agrees with. */
+/* Evidence of the judge. */
 static cairn_real judge_pair(const cairn_pose_consensus *consensus, int32_t node, cairn_turned_pose map_node,
                              int32_t other, int32_t *units)
 {
@@ -114,51 +114,59 @@ static void add_support(cairn_consensus_support *support, cairn_real evidence)
     support->contradicting += evidence < 0;
 }
 
-/* The pairs for which there are hypotheses. */
+/* What hypotheses alone say. */
 static void support_by_links(const cairn_pose_consensus *consensus, int32_t node, cairn_turned_pose map_node,
-                             int32_t part, int32_t judged, cairn_consensus_support *support)
+                             int32_t part, cairn_consensus_support *support)
 {
     for (int32_t l = consensus->first_link[node], to; l < consensus->first_link[node + 1]; l = to) {
         const cairn_chart_node *other = &consensus->chart[consensus->links[l].other];
         cairn_real earned, strongest;
 
         (void)cairn_consensus_pair(consensus, node, map_node, l, other->pose, &to, &earned, &strongest);
-        if (other->part != part)
-            continue;
-        if (earned > 0)
-            add_support(support, earned);
-        else if (!judged)
-            add_support(support, -consensus->params.contradiction * strongest);
+        if (other->part == part)
+            add_support(support, earned > 0 ? earned : -consensus->params.contradiction * strongest);
     }
 }
 
-/* The pairs that no hypothesis agrees with. */
+cairn_real cairn_consensus_evidence(const cairn_pose_consensus *consensus, int32_t node, cairn_turned_pose map_node,
+                                    int32_t other, int32_t *link, int32_t *units)
+{
+    cairn_real earned = 0, strongest;
+
+    while (*link < consensus->first_link[node + 1] && consensus->links[*link].other < other)
+        ++*link;
+    if (*link < consensus->first_link[node + 1] && consensus->links[*link].other == other)
+        (void)cairn_consensus_pair(consensus, node, map_node, *link, consensus->chart[other].pose, link, &earned,
+                                   &strongest);
+    if (consensus->judge != NULL) {
+        cairn_real judged = judge_pair(consensus, node, map_node, other, units);
+
+        earned = earned > 0 ? cairn_max(earned, judged) : judged;
+    }
+    return earned;
+}
+
+/* What hypotheses and the judge say. */
 static void support_by_judge(const cairn_pose_consensus *consensus, int32_t node, cairn_turned_pose map_node,
                              int32_t part, cairn_consensus_support *support)
 {
-    int32_t l = consensus->first_link[node];
+    int32_t link = consensus->first_link[node];
 
-    for (int32_t other = 0; other < consensus->node_count; other++) {
-        cairn_real earned = 0, strongest;
-
-        if (l < consensus->first_link[node + 1] && consensus->links[l].other == other)
-            (void)cairn_consensus_pair(consensus, node, map_node, l, consensus->chart[other].pose, &l, &earned,
-                                       &strongest);
-        if (other != node && consensus->chart[other].part == part && !(earned > 0))
-            add_support(support, judge_pair(consensus, node, map_node, other, &support->units));
-    }
+    for (int32_t other = 0; other < consensus->node_count; other++)
+        if (other != node && consensus->chart[other].part == part)
+            add_support(support, cairn_consensus_evidence(consensus, node, map_node, other, &link, &support->units));
 }
 
 cairn_consensus_support cairn_consensus_support_of(const cairn_pose_consensus *consensus, int32_t node,
                                                    cairn_turned_pose map_node, int32_t part, int32_t judged)
 {
     cairn_consensus_support support = {0, 0, 0, 1};
-    int32_t asks = judged && consensus->judge != NULL;
 
     support.units += (consensus->first_link[node + 1] - consensus->first_link[node]) / 4;
-    support_by_links(consensus, node, map_node, part, asks, &support);
-    if (asks)
+    if (judged && consensus->judge != NULL)
         support_by_judge(consensus, node, map_node, part, &support);
+    else
+        support_by_links(consensus, node, map_node, part, &support);
     return support;
 }
 

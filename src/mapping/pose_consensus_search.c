@@ -10,7 +10,7 @@ enum { SWEEPS_GROWTH = 1, SWEEPS_ROUND = 2, SWEEPS_END = 10 };
 /* A node moves only for more support than rounding makes. */
 static const cairn_real MOVE = CAIRN_REAL(1e-4);
 
-static void enter(cairn_pose_consensus *c, cairn_consensus_phase phase, int32_t end)
+void cairn_consensus_enter(cairn_pose_consensus *c, cairn_consensus_phase phase, int32_t end)
 {
     c->phase = phase;
     c->next = 0;
@@ -49,7 +49,7 @@ static void search(cairn_pose_consensus *c, cairn_consensus_choice choice, int32
 {
     int32_t all = choice == CAIRN_CHOOSE_NEXT;
 
-    enter(c, CAIRN_CONSENSUS_SEARCH, all ? c->first_link[c->node_count] : c->first_link[subject + 1]);
+    cairn_consensus_enter(c, CAIRN_CONSENSUS_SEARCH, all ? c->first_link[c->node_count] : c->first_link[subject + 1]);
     c->next = all ? 0 : c->first_link[subject];
     c->subject = subject;
     c->choice = choice;
@@ -72,13 +72,12 @@ static void begin_part(cairn_pose_consensus *c, int32_t hypothesis)
 
 static void relax(cairn_pose_consensus *c, int32_t sweeps, cairn_consensus_phase after)
 {
-    enter(c, CAIRN_CONSENSUS_RELAX, c->node_count);
+    cairn_consensus_enter(c, CAIRN_CONSENSUS_RELAX, c->node_count);
     c->sweeps = sweeps;
     c->after = after;
 }
 
-/* Poses of the best map are settled, and every node is reported. */
-static void begin_report(cairn_pose_consensus *c)
+void cairn_consensus_begin_report(cairn_pose_consensus *c)
 {
     memcpy(c->chart, c->best, (size_t)c->node_count * sizeof *c->chart);
     relax(c, SWEEPS_END, CAIRN_CONSENSUS_REPORT);
@@ -90,11 +89,11 @@ static void start(cairn_pose_consensus *c)
 
     for (int32_t i = 0; i < c->node_count; i++)
         c->chart[i].part = -1;
-    if (c->result.starts < c->params.max_starts)
+    if (c->result.starts < c->params.max_starts && c->passes == 0)
         hypothesis = strongest_hypothesis(c, 1);
     c->debt++;
     if (hypothesis < 0) {
-        begin_report(c);
+        cairn_consensus_begin_blocks(c);
         return;
     }
     c->hypotheses[hypothesis].is_explained = 1;
@@ -111,6 +110,12 @@ static cairn_real rank_of(const cairn_candidate *candidate)
     return candidate->support + candidate->cycles;
 }
 
+/* 1 when a candidate stays in the list before another one: where a node lies already is always judged. */
+static int is_before(const cairn_candidate *a, const cairn_candidate *b)
+{
+    return a->current || (!b->current && rank_of(a) >= rank_of(b));
+}
+
 /* Into the list of the best; of two for one pose of a node the better stays, or the one where it lies already. */
 static void keep_candidate(cairn_pose_consensus *c, const cairn_candidate *candidate)
 {
@@ -121,13 +126,13 @@ static void keep_candidate(cairn_pose_consensus *c, const cairn_candidate *candi
         if (list[i].node == candidate->node && list[i].part == candidate->part &&
             cairn_consensus_same(c, list[i].pose, candidate->pose))
             same = i;
-    if (same >= 0 && (list[same].current || rank_of(&list[same]) >= rank_of(candidate)))
+    if (same >= 0 && is_before(&list[same], candidate))
         return;
     if (same >= 0) {
         memmove(&list[same], &list[same + 1], (size_t)(c->candidate_count - same - 1) * sizeof *list);
         c->candidate_count--;
     }
-    while (at < c->candidate_count && rank_of(&list[at]) >= rank_of(candidate))
+    while (at < c->candidate_count && is_before(&list[at], candidate))
         at++;
     if (at == c->params.max_candidates)
         return;
@@ -196,10 +201,10 @@ static void search_item(cairn_pose_consensus *c)
         c->next++;
         return;
     }
-    enter(c, CAIRN_CONSENSUS_JUDGE, c->candidate_count);
+    cairn_consensus_enter(c, CAIRN_CONSENSUS_JUDGE, c->candidate_count);
 }
 
-/* The candidate with the best rank; -1: none. */
+/* The candidate with the best rank and enough support; -1: none. */
 static int32_t best_candidate(const cairn_pose_consensus *c)
 {
     int32_t best = -1;
@@ -211,10 +216,10 @@ static int32_t best_candidate(const cairn_pose_consensus *c)
     return best;
 }
 
-static void begin_rounds(cairn_pose_consensus *c)
+void cairn_consensus_begin_rounds(cairn_pose_consensus *c)
 {
     c->merge.support = 0;
-    enter(c, CAIRN_CONSENSUS_MERGE, c->hypothesis_count);
+    cairn_consensus_enter(c, CAIRN_CONSENSUS_MERGE, c->hypothesis_count);
 }
 
 static void choose_next(cairn_pose_consensus *c)
@@ -230,7 +235,7 @@ static void choose_next(cairn_pose_consensus *c)
     if (hypothesis >= 0)
         begin_part(c, hypothesis);
     else
-        begin_rounds(c);
+        cairn_consensus_begin_rounds(c);
 }
 
 static void choose_again(cairn_pose_consensus *c)
@@ -248,7 +253,7 @@ static void choose_again(cairn_pose_consensus *c)
         place(c, c->subject, c->candidates[best].pose, c->candidates[best].part);
         c->changed++;
     }
-    enter(c, CAIRN_CONSENSUS_AGAIN, c->node_count);
+    cairn_consensus_enter(c, CAIRN_CONSENSUS_AGAIN, c->node_count);
     c->next = c->subject + 1;
 }
 
@@ -275,8 +280,7 @@ static void judge_item(cairn_pose_consensus *c)
 
 /* ---- Rounds ---- */
 
-/* Support for laying part `merge->node` into `merge->part` by `merge->pose`. */
-static cairn_real merged_support(cairn_pose_consensus *c, const cairn_candidate *merge, int32_t judged)
+cairn_real cairn_consensus_merged_support(cairn_pose_consensus *c, const cairn_candidate *merge, int32_t judged)
 {
     cairn_real sum = 0;
 
@@ -301,26 +305,25 @@ static void propose_merge(cairn_pose_consensus *c, const cairn_kept_hypothesis *
     merge.part = first->part;
     merge.pose =
         cairn_turned_compose(cairn_turned_compose(first->pose, h->first_second), cairn_turned_inverse(second->pose));
-    merge.support = merged_support(c, &merge, 0);
+    merge.support = cairn_consensus_merged_support(c, &merge, 0);
     if (merge.support > c->merge.support)
         c->merge = merge;
 }
 
-/* Lays one part into the other; 0 and nothing changed when bounds forbid it. */
-static int merge_parts(cairn_pose_consensus *c)
+int32_t cairn_consensus_lay(cairn_pose_consensus *c, const cairn_candidate *merge)
 {
-    cairn_turned_pose back = cairn_turned_inverse(c->merge.pose);
+    cairn_turned_pose back = cairn_turned_inverse(merge->pose);
 
     for (int32_t i = 0; i < c->node_count; i++) {
         c->chart[i].part_before = c->chart[i].part;
-        if (c->chart[i].part == c->merge.node)
-            place(c, i, cairn_turned_compose(c->merge.pose, c->chart[i].pose), c->merge.part);
+        if (c->chart[i].part == merge->node)
+            place(c, i, cairn_turned_compose(merge->pose, c->chart[i].pose), merge->part);
     }
-    if (cairn_consensus_within_bounds(c, c->merge.part, -1, back, NULL))
+    if (cairn_consensus_within_bounds(c, merge->part, -1, back, NULL))
         return 1;
     for (int32_t i = 0; i < c->node_count; i++)
-        if (c->chart[i].part_before == c->merge.node)
-            place(c, i, cairn_turned_compose(back, c->chart[i].pose), c->merge.node);
+        if (c->chart[i].part_before == merge->node)
+            place(c, i, cairn_turned_compose(back, c->chart[i].pose), merge->node);
     return 0;
 }
 
@@ -335,11 +338,12 @@ static void merge_item(cairn_pose_consensus *c)
         c->next++;
         if (first >= 0 && second >= 0 && first != second)
             propose_merge(c, h);
-    } else if (c->merge.support > 0 && merged_support(c, &c->merge, 1) >= c->params.min_support && merge_parts(c)) {
-        begin_rounds(c);
+    } else if (c->merge.support > 0 && cairn_consensus_merged_support(c, &c->merge, 1) >= c->params.min_support &&
+               cairn_consensus_lay(c, &c->merge)) {
+        cairn_consensus_begin_rounds(c);
     } else {
         c->changed = 0;
-        enter(c, CAIRN_CONSENSUS_AGAIN, c->rounds < c->params.max_rounds ? c->node_count : 0);
+        cairn_consensus_enter(c, CAIRN_CONSENSUS_AGAIN, c->rounds < c->params.max_rounds ? c->node_count : 0);
         c->rounds++;
     }
 }
@@ -354,7 +358,7 @@ static void again_item(cairn_pose_consensus *c)
         relax(c, SWEEPS_ROUND, CAIRN_CONSENSUS_MERGE);
     } else {
         c->total = 0;
-        enter(c, CAIRN_CONSENSUS_TALLY, c->node_count);
+        cairn_consensus_enter(c, CAIRN_CONSENSUS_TALLY, c->node_count);
     }
 }
 
@@ -369,9 +373,9 @@ static void relax_item(cairn_pose_consensus *c)
     } else if (c->after == CAIRN_CONSENSUS_SEARCH) {
         search(c, CAIRN_CHOOSE_NEXT, 0);
     } else if (c->after == CAIRN_CONSENSUS_MERGE) {
-        begin_rounds(c);
+        cairn_consensus_begin_rounds(c);
     } else {
-        enter(c, c->after, c->node_count);
+        cairn_consensus_enter(c, c->after, c->node_count);
     }
 }
 
@@ -407,7 +411,7 @@ static void copy_map(const cairn_pose_consensus *c, cairn_chart_node *to, const 
 static void compare(cairn_pose_consensus *c)
 {
     cairn_consensus_result *result = &c->result;
-    int is_first = result->starts == 1, is_other = !is_first && !same_map(c, c->chart, c->best);
+    int is_first = result->starts == 1 && c->passes == 0, is_other = !is_first && !same_map(c, c->chart, c->best);
     int is_better = is_first || c->total > result->total;
 
     if (is_better && is_other) {
@@ -454,7 +458,7 @@ static void tally_item(cairn_pose_consensus *c)
     } else {
         compare(c);
         mark_explained(c);
-        enter(c, CAIRN_CONSENSUS_START, 0);
+        cairn_consensus_enter(c, CAIRN_CONSENSUS_START, 0);
     }
 }
 
@@ -466,7 +470,7 @@ static void report_item(cairn_pose_consensus *c)
     c->debt++;
     if (c->phase == CAIRN_CONSENSUS_JUDGE) {
         cairn_consensus_report_node(c);
-        enter(c, CAIRN_CONSENSUS_REPORT, c->node_count);
+        cairn_consensus_enter(c, CAIRN_CONSENSUS_REPORT, c->node_count);
         c->next = c->subject + 1;
         return;
     }
@@ -487,7 +491,7 @@ void cairn_consensus_item(cairn_pose_consensus *c)
         if (c->next < c->end)
             cairn_consensus_add_cycles(c);
         else
-            enter(c, CAIRN_CONSENSUS_START, 0);
+            cairn_consensus_enter(c, CAIRN_CONSENSUS_START, 0);
         break;
     case CAIRN_CONSENSUS_START:
         start(c);
@@ -509,6 +513,15 @@ void cairn_consensus_item(cairn_pose_consensus *c)
         break;
     case CAIRN_CONSENSUS_TALLY:
         tally_item(c);
+        break;
+    case CAIRN_CONSENSUS_TREE:
+        cairn_consensus_tree_item(c);
+        break;
+    case CAIRN_CONSENSUS_BLOCK:
+        cairn_consensus_block_item(c);
+        break;
+    case CAIRN_CONSENSUS_PROPOSE:
+        cairn_consensus_propose_item(c);
         break;
     default:
         report_item(c);

@@ -32,6 +32,13 @@ typedef struct cairn_chart_node {
     int32_t part_before; /* while a merge is tried */
 } cairn_chart_node;
 
+/* A node in the tree of the strongest pairs of its part. */
+typedef struct cairn_consensus_branch {
+    int32_t parent; /* -1: a root */
+    int32_t is_in;
+    cairn_real evidence; /* of the pair with the parent */
+} cairn_consensus_branch;
+
 typedef struct cairn_node_bound {
     cairn_pose centre;
     cairn_real metres, radians; /* metres 0: none */
@@ -63,6 +70,9 @@ enum {
     CAIRN_CONSENSUS_MERGE,
     CAIRN_CONSENSUS_AGAIN, /* every node is chosen again */
     CAIRN_CONSENSUS_TALLY,
+    CAIRN_CONSENSUS_TREE,  /* of the best map at last: where it hangs by single pairs, ... */
+    CAIRN_CONSENSUS_BLOCK, /* ... what hangs there is laid anew as a whole */
+    CAIRN_CONSENSUS_PROPOSE,
     CAIRN_CONSENSUS_REPORT
 };
 
@@ -82,6 +92,7 @@ struct cairn_pose_consensus {
     int32_t *fill;                             /* [max_nodes] for the links while they are built */
     cairn_node_bound *bounds;                  /* [max_nodes] */
     cairn_chart_node *chart, *best, *rival;    /* [max_nodes] */
+    cairn_consensus_branch *tree;              /* [max_nodes] */
     cairn_consensus_node *nodes;               /* [max_nodes] */
     cairn_consensus_alternative *alternatives; /* [max_nodes * max_alternatives] */
     cairn_candidate *candidates;               /* [max_candidates] of the search, the best first */
@@ -95,6 +106,9 @@ struct cairn_pose_consensus {
     int32_t subject;   /* node of the link, or the one that is chosen again or reported */
     int32_t part;      /* that grows */
     int32_t parts;     /* begun so far */
+    int32_t block;     /* node that the block hangs by, ... */
+    int32_t whole;     /* ... the part it is of, ... */
+    int32_t passes;    /* ... and how often all blocks have been laid */
     int32_t sweeps;    /* of relaxation that are left */
     int32_t rounds;    /* of this growth */
     int32_t changed;   /* nodes in this round */
@@ -148,6 +162,35 @@ cairn_sym3 cairn_consensus_information(const cairn_pose_consensus *consensus, in
 
 /* One Gauss-Newton step of a node given the others. */
 void cairn_consensus_relax(cairn_pose_consensus *consensus, int32_t node);
+
+/* Evidence of the pair of a node and another one, both placed: what a hypothesis earns or the judge says, whichever is more.
+ * *link: the first link of the node that is not to a lower node than `other`; it is moved on. */
+cairn_real cairn_consensus_evidence(const cairn_pose_consensus *consensus, int32_t node, cairn_turned_pose map_node,
+                                    int32_t other, int32_t *link, int32_t *units);
+
+/* Support for laying part `merge->node` into `merge->part` by `merge->pose`. */
+cairn_real cairn_consensus_merged_support(cairn_pose_consensus *consensus, const cairn_candidate *merge,
+                                          int32_t judged);
+
+/* Lays one part into the other as `merge` says; 0 and nothing changed when bounds forbid it. */
+int32_t cairn_consensus_lay(cairn_pose_consensus *consensus, const cairn_candidate *merge);
+
+/* Starts to merge parts and to choose every node again. */
+void cairn_consensus_begin_rounds(cairn_pose_consensus *consensus);
+
+/* Poses of the best map are settled, and every node is reported. */
+void cairn_consensus_begin_report(cairn_pose_consensus *consensus);
+
+/* Starts to lay the blocks of the best map anew. */
+void cairn_consensus_begin_blocks(cairn_pose_consensus *consensus);
+
+/* An item of the tree, of the blocks, of a block's proposals. */
+void cairn_consensus_tree_item(cairn_pose_consensus *consensus);
+void cairn_consensus_block_item(cairn_pose_consensus *consensus);
+void cairn_consensus_propose_item(cairn_pose_consensus *consensus);
+
+/* Goes to a phase of `end` items. */
+void cairn_consensus_enter(cairn_pose_consensus *consensus, cairn_consensus_phase phase, int32_t end);
 
 /* Does one item of the search and adds its cost to the debt. */
 void cairn_consensus_item(cairn_pose_consensus *consensus);

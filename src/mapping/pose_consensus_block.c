@@ -1,0 +1,180 @@
+/* pose_consensus: blocks of nodes that hang by a single pair are laid anew as wholes.
+ *
+ * Choosing node by node cannot move two nodes that hold each other where they are. The tree of the strongest pairs of the best
+ * map (Prim 1957) says where it could come apart: cut at any of its pairs, the smaller side is a block, every hypothesis
+ * between the block and the rest proposes where it could lie instead, and it goes where evidence of all pairs is most. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/pose_consensus_work.h"
+
+/* A block moves only for more support than rounding makes. */
+static const cairn_real MOVE = CAIRN_REAL(1e-4);
+
+void cairn_consensus_begin_blocks(cairn_pose_consensus *c)
+{
+    const cairn_consensus_branch bare = {-1, 0, 0};
+
+    if (c->result.starts == 0 || c->passes >= c->params.max_rounds || (c->passes > 0 && c->total < c->result.total)) {
+        cairn_consensus_begin_report(c);
+        return;
+    }
+    memcpy(c->chart, c->best, (size_t)c->node_count * sizeof *c->chart);
+    for (int32_t i = 0; i < c->node_count; i++)
+        c->tree[i] = bare;
+    c->parts = 0;
+    for (int32_t i = 0; i < c->node_count; i++)
+        c->parts = c->chart[i].part >= c->parts ? c->chart[i].part + 1 : c->parts;
+    c->debt += c->node_count / 2;
+    c->passes++;
+    cairn_consensus_enter(c, CAIRN_CONSENSUS_TREE, c->node_count);
+}
+
+/* The node outside the trees with the strongest pair to one of them, or else the first one. */
+static int32_t next_branch(const cairn_pose_consensus *c)
+{
+    int32_t best = -1;
+
+    for (int32_t i = 0; i < c->node_count; i++) {
+        const cairn_consensus_branch *branch = &c->tree[i];
+
+        if (branch->is_in)
+            continue;
+        if (best < 0 ||
+            (branch->parent >= 0 && (c->tree[best].parent < 0 || branch->evidence > c->tree[best].evidence)))
+            best = i;
+    }
+    return best;
+}
+
+/* Takes the next node into its tree. */
+void cairn_consensus_tree_item(cairn_pose_consensus *c)
+{
+    int32_t node, link, units = 1 + c->node_count / 4;
+
+    if (c->next == c->end) {
+        c->block = c->changed = 0;
+        cairn_consensus_enter(c, CAIRN_CONSENSUS_BLOCK, 0);
+        c->debt++;
+        return;
+    }
+    c->next++;
+    node = next_branch(c);
+    link = c->first_link[node];
+    c->tree[node].is_in = 1;
+    for (int32_t i = 0; i < c->node_count && c->chart[node].part >= 0; i++) {
+        cairn_consensus_branch *branch = &c->tree[i];
+        cairn_real evidence;
+
+        if (branch->is_in || c->chart[i].part != c->chart[node].part)
+            continue;
+        evidence = cairn_consensus_evidence(c, node, c->chart[node].pose, i, &link, &units);
+        if (branch->parent < 0 || evidence > branch->evidence) {
+            branch->parent = node;
+            branch->evidence = evidence;
+        }
+    }
+    c->debt += units + (c->first_link[node + 1] - c->first_link[node]) / 4;
+}
+
+/* 1 when the way from a node to the root of its tree leads through `branch`. */
+static int hangs_by(const cairn_pose_consensus *c, int32_t node, int32_t branch)
+{
+    while (node >= 0 && node != branch)
+        node = c->tree[node].parent;
+    return node == branch;
+}
+
+/* Makes the smaller side of the cut above a node a part of its own; of a root, its whole part unless that holds most nodes.
+ * Returns its size. */
+static int32_t cut_off(cairn_pose_consensus *c, int32_t branch)
+{
+    int32_t below = 0, all = 0, takes_below, size, is_root = c->tree[branch].parent < 0;
+
+    c->whole = c->chart[branch].part;
+    if (c->whole < 0) {
+        c->chart[branch].part = c->parts;
+        return 1;
+    }
+    for (int32_t i = 0; i < c->node_count; i++) {
+        all += c->chart[i].part == c->whole;
+        below += c->chart[i].part == c->whole && hangs_by(c, i, branch);
+    }
+    takes_below = 2 * below <= (is_root ? c->node_count : all);
+    size = takes_below ? below : all - below;
+    for (int32_t i = 0; i < c->node_count; i++)
+        if (c->chart[i].part == c->whole && hangs_by(c, i, branch) == takes_below)
+            c->chart[i].part = c->parts;
+    c->debt += c->node_count;
+    return size;
+}
+
+/* Goes on to the next block, or to what follows the last. */
+void cairn_consensus_block_item(cairn_pose_consensus *c)
+{
+    c->debt++;
+    while (c->block < c->node_count && cut_off(c, c->block) == 0)
+        c->block++;
+    if (c->block == c->node_count) {
+        c->rounds = 0;
+        if (c->changed > 0)
+            cairn_consensus_begin_rounds(c);
+        else
+            cairn_consensus_begin_report(c);
+        return;
+    }
+    memset(&c->merge, 0, sizeof c->merge);
+    c->merge.node = c->parts;
+    c->merge.part = c->whole;
+    c->merge.pose = cairn_turned_of(cairn_pose_identity());
+    c->merge.current = 1;
+    if (c->whole >= 0)
+        c->merge.support = cairn_consensus_merged_support(c, &c->merge, 1);
+    cairn_consensus_enter(c, CAIRN_CONSENSUS_PROPOSE, c->hypothesis_count);
+}
+
+/* Lays the block where it has most support, or back. */
+static void lay_block(cairn_pose_consensus *c)
+{
+    if (!c->merge.current && c->merge.support >= c->params.min_support)
+        c->changed += cairn_consensus_lay(c, &c->merge);
+    for (int32_t i = 0; i < c->node_count; i++)
+        if (c->chart[i].part == c->parts)
+            c->chart[i].part = c->whole;
+    c->block++;
+    cairn_consensus_enter(c, CAIRN_CONSENSUS_BLOCK, 0);
+}
+
+/* Where the next hypothesis would lay the block. All pairs of the block are weighed only when those of its own node speak for
+ * it. */
+void cairn_consensus_propose_item(cairn_pose_consensus *c)
+{
+    const cairn_kept_hypothesis *h = &c->hypotheses[c->next];
+    cairn_consensus_support own;
+    cairn_candidate merge;
+    int32_t inside, outside;
+
+    c->debt++;
+    if (c->next == c->end) {
+        lay_block(c);
+        return;
+    }
+    c->next++;
+    inside = c->chart[h->first].part == c->parts ? h->first : h->second;
+    outside = inside == h->first ? h->second : h->first;
+    if (c->chart[inside].part != c->parts || c->chart[outside].part < 0 || c->chart[outside].part == c->parts)
+        return;
+    memset(&merge, 0, sizeof merge);
+    merge.node = c->parts;
+    merge.part = c->chart[outside].part;
+    merge.pose = cairn_turned_compose(c->chart[outside].pose, cairn_consensus_seen_from(h, outside));
+    own = cairn_consensus_support_of(c, inside, merge.pose, merge.part, 1);
+    c->debt += own.units;
+    if (!(own.sum > 0))
+        return;
+    merge.pose = cairn_turned_compose(merge.pose, cairn_turned_inverse(c->chart[inside].pose));
+    merge.support = cairn_consensus_merged_support(c, &merge, 1);
+    if (merge.support > c->merge.support + MOVE)
+        c->merge = merge;
+}
