@@ -120,7 +120,6 @@ static int find(finder *f, const scene *s)
     in.max_size = (cairn_real)(1.35 * 120 * size);
     in.max_turn = (cairn_real)(12 * DEGREE);
     in.min_turn = -in.max_turn;
-    in.look_ahead = r.look_ahead;
     in.mean_length = r.mean_length;
     if (cairn_grouping_begin(f->grouping, &in) != CAIRN_OK)
         return 0;

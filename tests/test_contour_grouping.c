@@ -113,7 +113,6 @@ static cairn_grouping_input input_of(const finder *f, const scene *s)
         .max_size = (cairn_real)1.6 * f->model.size,
         .min_turn = (cairn_real)(-20 * DEGREE),
         .max_turn = (cairn_real)(20 * DEGREE),
-        .look_ahead = 15,
         .mean_length = 8,
     };
 
@@ -379,7 +378,6 @@ static void bad_input_is_refused(void **state)
     REFUSED(in.max_turn = in.min_turn - 1, CAIRN_BAD_ARGUMENT);
     REFUSED(in.min_turn = (cairn_real)NAN, CAIRN_NOT_FINITE);
     REFUSED(in.max_turn = (cairn_real)NAN, CAIRN_NOT_FINITE);
-    REFUSED(in.look_ahead = 0, CAIRN_BAD_ARGUMENT);
     REFUSED(in.mean_length = 0, CAIRN_BAD_ARGUMENT);
     REFUSED(in.mean_length = (cairn_real)NAN, CAIRN_NOT_FINITE);
     model.sample_count = params.max_samples + 1;

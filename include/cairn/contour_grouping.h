@@ -36,11 +36,11 @@ typedef struct cairn_grouping_params {
 typedef struct cairn_grouping_input {
     const cairn_segment *segments; /* [count] px, must stay until step() returns CAIRN_OK */
     int32_t count;
-    int32_t width, height;              /* px */
-    const cairn_shape_model *model;     /* must stay, too */
-    cairn_real min_size, max_size;      /* px, > 0: of the diagonal of the object's box */
-    cairn_real min_turn, max_turn;      /* rad, within -pi ... pi: from the model to the object, from x to y */
-    cairn_real look_ahead, mean_length; /* px, > 0: L and G of Adluru 2008, as from edge_segment */
+    int32_t width, height;          /* px */
+    const cairn_shape_model *model; /* must stay, too */
+    cairn_real min_size, max_size;  /* px, > 0: of the diagonal of the object's box */
+    cairn_real min_turn, max_turn;  /* rad, within -pi ... pi: from the model to the object, from x to y */
+    cairn_real mean_length;         /* px, > 0: G of Adluru 2008, mean length of segments, as from edge_segment */
 } cairn_grouping_input;
 
 /* One object. image = origin + scale * (cosine, -sine; sine, cosine) * model. */

@@ -156,10 +156,10 @@ static cairn_status check_input(const cairn_grouping *g, const cairn_grouping_in
     if (in->count < 0 || (in->segments == NULL && in->count > 0) || in->width < 1 || in->height < 1 ||
         cairn_shape_model_check(in->model, NULL) != CAIRN_OK)
         return CAIRN_BAD_ARGUMENT;
-    if (!cairn_is_finite(in->max_size) || !cairn_is_finite(in->look_ahead) || !cairn_is_finite(in->mean_length) ||
-        !cairn_is_finite(in->min_turn) || !cairn_is_finite(in->max_turn))
+    if (!cairn_is_finite(in->max_size) || !cairn_is_finite(in->mean_length) || !cairn_is_finite(in->min_turn) ||
+        !cairn_is_finite(in->max_turn))
         return CAIRN_NOT_FINITE;
-    if (!(in->min_size > 0) || !(in->max_size >= in->min_size) || !(in->look_ahead > 0) || !(in->mean_length > 0) ||
+    if (!(in->min_size > 0) || !(in->max_size >= in->min_size) || !(in->mean_length > 0) ||
         !(in->min_turn >= -CAIRN_PI) || !(in->max_turn <= CAIRN_PI) || !(in->max_turn >= in->min_turn))
         return CAIRN_BAD_ARGUMENT;
     if (in->width > g->params.max_width || in->height > g->params.max_height ||
