@@ -394,8 +394,8 @@ static double mean_error(const sim_scan *scans, const cairn_pose *poses, int32_t
     return sum / count;
 }
 
-/* Two people walk about an apartment, are seen, get in the way, and push the robot, while half of its scans see a bare wall. */
-static double error_among_people(uint64_t seed)
+/* Two people walk about, are seen, get in the way, and push the robot, while half of its scans see a bare wall. */
+static double error_among_people(sim_scene scene, uint64_t seed)
 {
     static cairn_pose poses[LONG_DRIVE];
     static int32_t keys[LONG_DRIVE];
@@ -411,7 +411,7 @@ static double error_among_people(uint64_t seed)
     int32_t count;
     double error;
 
-    arena_options.scene = SIM_APARTMENT;
+    arena_options.scene = scene;
     arena_options.seed = options.seed = seed;
     arena = sim_arena_create(&arena_options, NULL, 0);
     assert_non_null(arena);
@@ -446,8 +446,9 @@ static double error_among_people(uint64_t seed)
 static void maps_among_people(void **state)
 {
     (void)state;
-    assert_true(error_among_people(2) < 0.08);
-    assert_true(error_among_people(4) < 0.08);
+    assert_true(error_among_people(SIM_APARTMENT, 2) < 0.08);
+    assert_true(error_among_people(SIM_APARTMENT, 4) < 0.08);
+    assert_true(error_among_people(SIM_OFFICE, 11) < 0.08);
 }
 
 int main(void)

@@ -213,7 +213,8 @@ static cairn_pose expect(twin *t, cairn_pose motion, cairn_pose asked, cairn_pos
 
 static int counts(const twin *t, const cairn_icp_result *found)
 {
-    return found->verdict != CAIRN_ICP_TOO_FEW_PAIRS && found->overlap >= t->params.min_support;
+    return found->verdict != CAIRN_ICP_TOO_FEW_PAIRS && found->overlap >= t->params.min_support &&
+           found->sigma < CAIRN_REAL(0.1);
 }
 
 static cairn_real quality(const cairn_icp_result *found)

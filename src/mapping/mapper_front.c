@@ -35,6 +35,7 @@ static const cairn_real STRANGE = CAIRN_REAL(0.1);      /* m and rad out of the 
 static const cairn_real STRANGE_COST = CAIRN_REAL(0.1); /* ... of the log of the quality */
 /* Log odds, by scan_match, that a place is no chance likeness; here it is most likely in the window. */
 static const cairn_real LOCAL_EVIDENCE = -4;
+static const cairn_real LOOSE = CAIRN_REAL(0.1); /* m, deviation of the points of what is no match */
 static const cairn_real MOST = CAIRN_REAL(0.5);  /* of a scan */
 static const cairn_real HELD = CAIRN_REAL(0.15); /* share of information along a direction of which few points tell */
 static const cairn_real FARTHEST = 10;           /* squared standard deviations from odometry: wheels may slip by any */
@@ -143,7 +144,7 @@ static cairn_real value_of(const cairn_mapper *mapper, cairn_real q, cairn_pose 
 
 static int32_t counts(const cairn_icp_result *match, cairn_real support)
 {
-    return match->verdict != CAIRN_ICP_TOO_FEW_PAIRS && match->overlap >= support;
+    return match->verdict != CAIRN_ICP_TOO_FEW_PAIRS && match->overlap >= support && match->sigma < LOOSE;
 }
 
 /* Takes the match that has ended when it counts and is clearly better than what there is. 1: taken. */
