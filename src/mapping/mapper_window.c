@@ -3,7 +3,8 @@
  * It starts with every new key scan and takes a share of the units of each scan that follows. Poses are taken over when it has
  * stopped, or as far as it came when the next key scan is there. Loops rest meanwhile: no correction comes between.
  *
- * Limits: where the points of the window have no room together (max_local_points), its oldest key scans are left out. */
+ * Limits: where the points of the window have no room together (max_local_points), its oldest key scans are left out. Where a
+ * key scan lies farther away than the force field takes (1e6 m), the window rests. */
 #include "src/core/build.h"
 
 #include "src/mapping/mapper_work.h"
@@ -45,6 +46,10 @@ static cairn_status fill_item(cairn_mapper *mapper, cairn_budget *budget)
     budget->left -= 2 + view.point_count / 2;
     if (mapper->window_cursor == mapper->window_end)
         mapper->window_phase = WINDOW_RUN;
+    if (status == CAIRN_BAD_ARGUMENT) {
+        mapper->window_phase = WINDOW_IDLE;
+        return CAIRN_OK;
+    }
     return status;
 }
 
