@@ -55,7 +55,7 @@ static cairn_real half_square(cairn_real x)
 static void take_sides(const cairn_grouping *g, grouping_state *s, const cairn_vec2 at[2])
 {
     const cairn_shape_sample *d = &g->input.model->samples[s->sample];
-    cairn_oriented_point edgel[2];
+    cairn_oriented_point edgel[2] = {{{0, 0}, {0, 0}}, {{0, 0}, {0, 0}}};
     cairn_symmetric_point sp;
 
     s->gap = 0;
