@@ -36,7 +36,7 @@ static const cairn_real STRANGE_COST = CAIRN_REAL(0.1); /* ... of the log of the
 /* Log odds, by scan_match, that a place is no chance likeness; here it is most likely in the window. */
 static const cairn_real LOCAL_EVIDENCE = -4;
 static const cairn_real LOOSE = CAIRN_REAL(0.1); /* m, deviation of the points of what is no match */
-static const cairn_real MOST = CAIRN_REAL(0.5);  /* of a scan */
+static const cairn_real MOST = CAIRN_REAL(0.5);  /* of a scan, which must fit where odometry does not lead */
 static const cairn_real HELD = CAIRN_REAL(0.15); /* share of information along a direction of which few points tell */
 static const cairn_real FARTHEST = 10;           /* squared standard deviations from odometry: wheels may slip by any */
 /* Standard deviations, fewer after it was wrong: what odometry is off by beyond, and not by turning, it is off by again. */
@@ -120,7 +120,7 @@ static cairn_status begin_other(cairn_mapper *mapper)
 
 /* ---- Matches ---- */
 
-/* A match is as good as its overlap, less for every 5 cm of mean distance. */
+/* A match is as good as its overlap, less for every 5 cm by which its points deviate from their lines. */
 static cairn_real quality(const cairn_icp_result *match)
 {
     return match->overlap * cairn_exp(-match->sigma / CAIRN_REAL(0.05));
@@ -252,9 +252,8 @@ static cairn_real off_odometry(const cairn_mapper *mapper, cairn_pose pose)
 static void take_held(cairn_mapper *mapper)
 {
     cairn_icp_result match = cairn_icp_read(mapper->icp);
-    cairn_real points;
+    cairn_real points = (cairn_real)cairn_scan_read(mapper->scan).point_count;
 
-    points = (cairn_real)cairn_scan_read(mapper->scan).point_count;
     if (!counts(&match, found_support(mapper, &match)) ||
         points * (quality(&mapper->match) - quality(&match)) >
             off_odometry(mapper, mapper->match.target_query) - off_odometry(mapper, match.target_query))
