@@ -57,6 +57,7 @@
 #include "cairn/version.h"
 #include "cairn/virtual_align.h"
 #include "cairn/virtual_scan.h"
+#include "cairn/vision.h"
 
 static const layout OPEN_STRUCTS[] = {
     {SIZE(cairn_aligner_params, 112, 72)},
@@ -1419,4 +1420,14 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_virtual_scan_params, least_length, 80, 56)},
     {FIELD(cairn_virtual_scan_params, hough, 88, 60)},
     {FIELD(cairn_virtual_scan_params, rectangle, 168, 104)},
+    {SIZE(cairn_vision_image, 24, 24)},
+    {FIELD(cairn_vision_image, width, 0, 0)},
+    {FIELD(cairn_vision_image, height, 4, 4)},
+    {FIELD(cairn_vision_image, channels, 8, 8)},
+    {FIELD(cairn_vision_image, sample_bytes, 12, 12)},
+    {FIELD(cairn_vision_image, samples, 16, 16)},
+    {SIZE(cairn_vision_canny_params, 24, 24)},
+    {FIELD(cairn_vision_canny_params, sigma, 0, 0)},
+    {FIELD(cairn_vision_canny_params, low, 8, 8)},
+    {FIELD(cairn_vision_canny_params, high, 16, 16)},
 };
