@@ -256,7 +256,7 @@ static cairn_status trace_regions(const shape_picture *p, const region *regions,
         counts[i] = cairn_shape_image_outline(p, r->is_hole ? p->face : p->part, r->label, !r->is_hole, r->first, NULL);
         sum += counts[i];
     }
-    image->points = malloc((size_t)sum * sizeof *image->points);
+    image->points = malloc(((size_t)sum + 1) * sizeof *image->points);
     if (image->points == NULL)
         return cairn_file_error_system(p->error, p->path, "trace", ENOMEM);
     sum = 0;

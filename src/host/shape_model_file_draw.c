@@ -94,9 +94,10 @@ static void print_key(cairn_output *output, double y)
                 {"axis, from its dot on", "#dc2626"},
                 {"left side", "#2563eb"},
                 {"right side", "#d97706"}};
-    double x = CAIRN_REPORT_MARGIN + 2;
 
-    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++, x += 180) {
+    for (int i = 0; i < (int)(sizeof keys / sizeof *keys); i++) {
+        double x = CAIRN_REPORT_MARGIN + 2 + 180 * i;
+
         cairn_output_print(output, "<path stroke=\"%s\" stroke-width=\"3\" d=\"M%.1f %.1fh22\"/>\n", keys[i].colour, x,
                            y - 4);
         cairn_report_print_text(output, x + 30, y, "font-size=\"13\" fill=\"#334155\"", keys[i].words);
