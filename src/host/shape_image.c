@@ -274,7 +274,7 @@ static cairn_status trace_regions(const shape_picture *p, const region *regions,
 
 static cairn_status choose_and_trace(shape_picture *p, const cairn_shape_image_params *params, cairn_shape_image *image)
 {
-    region regions[CAIRN_SHAPE_OUTLINES];
+    region regions[CAIRN_SHAPE_OUTLINES] = {{0, 0, 0, 0}};
     int32_t parts, faces;
     cairn_status status;
     census *part, *face;
