@@ -435,17 +435,16 @@ static int32_t count_placed(const cairn_place_map *map)
     return placed;
 }
 
-/* Rounds go on while the map changes. */
+/* Rounds go on while the map changes. What is aligned at the end must have stayed where it was. */
 static void doubt_item(cairn_place_map *map)
 {
+    int32_t is_last = map->round >= map->params.rounds || map->moved == 0;
+
     if (map->next < map->place_count) {
-        cairn_place_map_doubt(map, map->next++);
+        cairn_place_map_doubt(map, map->next++, is_last);
         return;
     }
-    if (map->round < map->params.rounds && map->moved > 0)
-        enter(map, CAIRN_PLACE_MAP_TARGET);
-    else
-        enter(map, CAIRN_PLACE_MAP_REFINE);
+    enter(map, is_last ? CAIRN_PLACE_MAP_REFINE : CAIRN_PLACE_MAP_TARGET);
     map->result.placed = count_placed(map);
     map->round++;
     map->debt++;
@@ -453,19 +452,20 @@ static void doubt_item(cairn_place_map *map)
 
 /* ---- Refinement ---- */
 
-/* Points of all scans of a place's part become the target, but those of the place, or of the one scan. */
+/* Points of all scans of a place's part become the target, but those of the place, or of the one scan, and those in doubt. */
 static void target_others(cairn_place_map *map, int32_t place, int32_t only_scan)
 {
     cairn_icp_clear_target(map->icp);
     for (int32_t s = 0; s < map->scan_count; s++) {
         const cairn_place_scan *scan = &map->scans[s];
         cairn_status status;
+        int32_t count;
 
         if ((only_scan < 0 ? scan->place == place : s == only_scan) ||
             map->places[scan->place].part != map->places[place].part)
             continue;
-        status =
-            cairn_icp_add_target(map->icp, map->points + scan->first_point, scan->point_count, scan->map_scan, NULL);
+        count = copy_points(map, scan, cairn_pose_identity(), map->query_points);
+        status = cairn_icp_add_target(map->icp, map->query_points, count, scan->map_scan, NULL);
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
         map->debt += scan->point_count / POINTS_TO_UNIT;

@@ -90,8 +90,9 @@ int32_t cairn_place_map_side(const cairn_place_map_params *params);
 /* Marks the points of a scan, added last, that float. */
 void cairn_place_map_find_floating(cairn_place_map *map, const cairn_place_scan *scan, const cairn_scan_view *view);
 
-/* Marks the points of a place that other places of its part see through, and none that they see as surface as often. */
-void cairn_place_map_doubt(cairn_place_map *map, int32_t place);
+/* Marks the points of a place that other places of its part see through, and none that they see as surface as often; for
+ * is_last also those on bodies that no other place sees where they stood. */
+void cairn_place_map_doubt(cairn_place_map *map, int32_t place, int32_t is_last);
 
 /* One beam or point of a place into its sight; 0 when there are none left. */
 int32_t cairn_place_map_see(cairn_place_map *map, int32_t place, int32_t item);
