@@ -55,6 +55,7 @@ typedef struct cairn_contour_result {
     int32_t *segments;             /* indices of lines, object by object, in the order of the model's outline */
     cairn_contour_disc *discs;
     cairn_grouping_trace *trace[2]; /* of the model as it is, and mirrored */
+    int32_t *modes[2];              /* [steps] groups of particles after each step: their models lie apart */
     int32_t steps[2], starts[2];
     int32_t object_count, segment_count, disc_count;
     cairn_real best;   /* the best score of all, reported or not */
@@ -66,8 +67,8 @@ typedef struct cairn_contour_search_params {
     cairn_real min_size, max_size;  /* px, > 0 */
     cairn_real min_turn, max_turn;  /* rad (-15 ... 15 degrees) */
     int32_t mirror;                 /* 1: the mirrored model is looked for, too (1) */
-    /* Called after every step of the walk while its particles can be read; NULL: nobody asks. */
-    void (*on_step)(void *context, const cairn_grouping *grouping, int32_t mirrored, int32_t step);
+    /* Called with the particles after every step of the walk; NULL: nobody asks. */
+    void (*on_step)(void *context, const cairn_grouping_particle *particles, int32_t count, int32_t mirrored);
     void *context;
 } cairn_contour_search_params;
 

@@ -51,6 +51,8 @@ void cairn_contour_result_free(cairn_contour_result *result)
     free(result->discs);
     free(result->trace[0]);
     free(result->trace[1]);
+    free(result->modes[0]);
+    free(result->modes[1]);
     memset(result, 0, sizeof *result);
 }
 
@@ -191,18 +193,68 @@ static void keep_best(cairn_contour_result *r)
 
 /* ---- The search ---- */
 
-static cairn_status walk(const searcher *s, cairn_grouping *grouping, int32_t mirrored)
+/* Groups of particles whose models lie apart. */
+static int32_t count_modes(const cairn_grouping_particle *particles, int32_t count, int32_t *mode)
 {
-    cairn_status status;
-    int32_t step = 0;
+    int32_t modes = 0;
 
-    do {
-        cairn_budget budget = {s->params->on_step != NULL ? LOOK_EVERY : INT32_MAX};
+    for (int32_t i = 0; i < count; i++) {
+        const cairn_grouping_particle *p = &particles[i];
+        int32_t k = 0;
+
+        while (k < modes) {
+            const cairn_grouping_particle *q = &particles[mode[k]];
+
+            if (cairn_vec2_norm(cairn_vec2_sub(p->origin, q->origin)) <=
+                (cairn_real)APART * cairn_max(p->size, q->size))
+                break;
+            k++;
+        }
+        if (k == modes)
+            mode[modes++] = i;
+    }
+    return modes;
+}
+
+/* What a look at the walk needs. */
+typedef struct watcher {
+    cairn_grouping_particle *particles; /* [most] */
+    int32_t *mode;                      /* [most] */
+    int32_t most, seen;                 /* particles, steps */
+} watcher;
+
+static void look(const searcher *s, const cairn_grouping *grouping, int32_t mirrored, int32_t most_steps, watcher *w)
+{
+    int32_t steps, count = cairn_grouping_particles(grouping, w->particles, w->most, &steps);
+
+    if (steps == w->seen || steps > most_steps)
+        return;
+    w->seen = steps;
+    count = count < w->most ? count : w->most;
+    s->result->modes[mirrored][steps - 1] = count_modes(w->particles, count, w->mode);
+    if (s->params->on_step != NULL)
+        s->params->on_step(s->params->context, w->particles, count, mirrored);
+}
+
+static cairn_status walk(const searcher *s, cairn_grouping *grouping, int32_t mirrored, int32_t samples,
+                         int32_t particles)
+{
+    watcher w = {malloc((size_t)particles * sizeof *w.particles), malloc((size_t)particles * sizeof *w.mode), particles,
+                 0};
+    cairn_status status = CAIRN_MORE;
+
+    s->result->modes[mirrored] = calloc((size_t)samples, sizeof *s->result->modes[mirrored]);
+    if (w.particles == NULL || w.mode == NULL || s->result->modes[mirrored] == NULL)
+        status = CAIRN_NO_MEMORY;
+    while (status == CAIRN_MORE) {
+        cairn_budget budget = {LOOK_EVERY};
 
         status = cairn_grouping_step(grouping, &budget);
-        if (s->params->on_step != NULL && status >= 0)
-            s->params->on_step(s->params->context, grouping, mirrored, step++);
-    } while (status == CAIRN_MORE);
+        if (status >= 0)
+            look(s, grouping, mirrored, samples, &w);
+    }
+    free(w.particles);
+    free(w.mode);
     return status;
 }
 
@@ -245,7 +297,7 @@ static cairn_status search(searcher *s, const cairn_shape_model *model, int32_t 
     if (status == CAIRN_OK)
         status = cairn_grouping_begin(grouping, &input);
     if (status == CAIRN_OK)
-        status = walk(s, grouping, mirrored);
+        status = walk(s, grouping, mirrored, model->sample_count, params->particles);
     if (status == CAIRN_OK && !take_result(s, grouping, model, mirrored))
         status = CAIRN_NO_MEMORY;
     return status;
