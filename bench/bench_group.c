@@ -142,10 +142,12 @@ static group_box box_of(const group_image *image, const uint8_t *pixels)
 
     for (int32_t i = 0; i < image->width * image->height; i++)
         if (pixels[i]) {
-            b.left = fmin(b.left, i % image->width);
-            b.right = fmax(b.right, i % image->width);
-            b.top = fmin(b.top, (double)(i / image->width));
-            b.bottom = fmax(b.bottom, (double)(i / image->width));
+            int32_t x = i % image->width, y = i / image->width;
+
+            b.left = fmin(b.left, x);
+            b.right = fmax(b.right, x);
+            b.top = fmin(b.top, y);
+            b.bottom = fmax(b.bottom, y);
         }
     return b;
 }
