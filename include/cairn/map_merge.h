@@ -1,8 +1,8 @@
 /* map_merge: how the maps of many robots lie to each other, with no guess (Adluru 2008, chapter 9).
  *
  * A virtual robot visits one map after the other. Its pose at a map is that map's place among those merged so far; what
- * moves it is the registration of corners, of the directions of walls and of where walls bend; what it sees is the map itself. A particle filter follows the rival places. What
- * the maps do not support is refused and said so.
+ * moves it is the registration of corners, of the directions of walls and of where walls bend; what it sees is the map itself.
+ * A particle filter follows the rival places. What the maps do not support is refused and said so.
  *
  *     clear -> add() for each map -> begin() -> step(budget) until CAIRN_OK -> read(), of() */
 #ifndef CAIRN_MAP_MERGE_H
