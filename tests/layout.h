@@ -49,7 +49,9 @@
 #include "cairn/scan_match.h"
 #include "cairn/scan_set.h"
 #include "cairn/sequence.h"
+#include "cairn/shape_image.h"
 #include "cairn/shape_model.h"
+#include "cairn/shape_model_file.h"
 #include "cairn/small_matrix.h"
 #include "cairn/sparse_solver.h"
 #include "cairn/status.h"
@@ -57,6 +59,7 @@
 #include "cairn/version.h"
 #include "cairn/virtual_align.h"
 #include "cairn/virtual_scan.h"
+#include "cairn/vision.h"
 
 static const layout OPEN_STRUCTS[] = {
     {SIZE(cairn_aligner_params, 112, 72)},
@@ -1299,6 +1302,18 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_sequence_result, pairs, 0, 0)},
     {FIELD(cairn_sequence_result, count, 8, 8)},
     {FIELD(cairn_sequence_result, score, 16, 12)},
+    {SIZE(cairn_shape_image_params, 24, 24)},
+    {FIELD(cairn_shape_image_params, holes, 0, 0)},
+    {FIELD(cairn_shape_image_params, max_gap, 8, 8)},
+    {FIELD(cairn_shape_image_params, min_part, 16, 16)},
+    {SIZE(cairn_shape_image, 160, 160)},
+    {FIELD(cairn_shape_image, outlines, 0, 0)},
+    {FIELD(cairn_shape_image, count, 128, 128)},
+    {FIELD(cairn_shape_image, holes, 132, 132)},
+    {FIELD(cairn_shape_image, is_drawing, 136, 136)},
+    {FIELD(cairn_shape_image, joined, 140, 140)},
+    {FIELD(cairn_shape_image, specks, 144, 144)},
+    {FIELD(cairn_shape_image, points, 152, 152)},
     {SIZE(cairn_shape_sample, 112, 56)},
     {FIELD(cairn_shape_sample, centre, 0, 0)},
     {FIELD(cairn_shape_sample, radius, 16, 8)},
@@ -1328,6 +1343,11 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_shape_builder_params, sigma, 24, 16)},
     {FIELD(cairn_shape_builder_params, overlap, 32, 20)},
     {FIELD(cairn_shape_builder_params, min_share, 40, 24)},
+    {SIZE(cairn_shape_model_file, 88, 72)},
+    {FIELD(cairn_shape_model_file, model, 0, 0)},
+    {FIELD(cairn_shape_model_file, samples, 64, 48)},
+    {FIELD(cairn_shape_model_file, paths, 72, 56)},
+    {FIELD(cairn_shape_model_file, outline, 80, 64)},
     {SIZE(cairn_sym2, 24, 12)},
     {FIELD(cairn_sym2, xx, 0, 0)},
     {FIELD(cairn_sym2, xy, 8, 4)},
@@ -1419,4 +1439,14 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_virtual_scan_params, least_length, 80, 56)},
     {FIELD(cairn_virtual_scan_params, hough, 88, 60)},
     {FIELD(cairn_virtual_scan_params, rectangle, 168, 104)},
+    {SIZE(cairn_vision_image, 24, 24)},
+    {FIELD(cairn_vision_image, width, 0, 0)},
+    {FIELD(cairn_vision_image, height, 4, 4)},
+    {FIELD(cairn_vision_image, channels, 8, 8)},
+    {FIELD(cairn_vision_image, sample_bytes, 12, 12)},
+    {FIELD(cairn_vision_image, samples, 16, 16)},
+    {SIZE(cairn_vision_canny_params, 24, 24)},
+    {FIELD(cairn_vision_canny_params, sigma, 0, 0)},
+    {FIELD(cairn_vision_canny_params, low, 8, 8)},
+    {FIELD(cairn_vision_canny_params, high, 16, 16)},
 };

@@ -25,6 +25,7 @@
 #include "cairn/shape_model.h"
 #include "cairn/symmetric_point.h"
 #include "cairn/virtual_align.h"
+#include "cairn/vision.h"
 
 typedef struct value {
     const char *name;
@@ -497,6 +498,7 @@ static void of_contours(void **state)
     cairn_symmetric_point_params sp = cairn_symmetric_point_default();
     cairn_shape_builder_params shape = cairn_shape_builder_default();
     cairn_grouping_params group = cairn_grouping_default();
+    cairn_vision_canny_params canny = cairn_vision_canny_default();
     const value values[] = {
         VALUE(chain.max_width, 640),
         VALUE(chain.max_height, 480),
@@ -544,6 +546,9 @@ static void of_contours(void **state)
         VALUE(group.stop, 0.3),
         VALUE(group.min_score, 0.78),
         VALUE(group.seed, 1),
+        VALUE(canny.sigma, 1.4),
+        VALUE(canny.low, 3),
+        VALUE(canny.high, 8),
     };
 
     (void)state;
