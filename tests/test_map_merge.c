@@ -377,7 +377,7 @@ static void test_budgets_do_not_matter(void **state)
     three_views(&w, views);
     merge_views(f.merge, views, 3, 0);
     expected = hash_of(f.merge, 3);
-    assert_golden(expected, UINT64_C(0x395ae4f629d7f16b), UINT64_C(0x242711810607b8b7));
+    assert_golden(expected, UINT64_C(0xc3f2476deb2a4d1e), UINT64_C(0x5872f46a7b9e84d0));
     for (int k = 0; k < 3; k++) {
         assert_ok(cairn_map_merge_begin(f.merge, 0, NULL));
         run(f.merge, units[k]);
@@ -738,9 +738,9 @@ static void test_bits_stay(void **state)
 {
     static const struct {
         uint64_t in_double, in_float;
-    } golden[] = {{UINT64_C(0x1781ae5b33dc4f53), UINT64_C(0xdf0d01ea487c9e16)},
-                  {UINT64_C(0x6528ba98c41192f6), UINT64_C(0x7dd79c2c77e4c588)},
-                  {UINT64_C(0x34a49e9bdd7a71df), UINT64_C(0x3a3710d760087fc6)}};
+    } golden[] = {{UINT64_C(0xf5edf0bafa2303ae), UINT64_C(0xc74553485adf7e08)},
+                  {UINT64_C(0x4056ee4b87bc537a), UINT64_C(0xbb2bb3e8195d9953)},
+                  {UINT64_C(0xfe4931b9dc1ffaed), UINT64_C(0xfca23d0eba1b1d12)}};
 
     (void)state;
     for (int k = 0; k < 3; k++) {

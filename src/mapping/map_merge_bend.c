@@ -42,7 +42,7 @@ cairn_status cairn_merge_choose_bends(cairn_map_merge *m, merge_map *map, cairn_
 
         if (!cairn_budget_pay(budget, &m->paid, 2))
             return CAIRN_MORE;
-        if (!p->bent)
+        if (!p->bent || cairn_vec2_norm_squared(p->normal) < CAIRN_REAL(0.5))
             continue;
         map->bent += map->spacing;
         if (map->bend_count == MERGE_BENDS_MOST || !cairn_merge_surface_along(map, p->at, p->normal, &along))

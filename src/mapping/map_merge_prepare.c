@@ -147,7 +147,7 @@ static cairn_status step_surface(cairn_map_merge *m, cairn_budget *budget)
             m->surface += is_surface(map->grid[cell]);
         } else if (is_surface(map->grid[cell])) {
             if (is_chosen(m->seen_surface++, m->surface, m->params.max_points)) {
-                merge_point p = {centre_of_cell(map, cell), {0, 0}, {0, 0}, 1, cell, 0};
+                merge_point p = {centre_of_cell(map, cell), {0, 0}, {0, 0}, 1, cell, 1};
 
                 map->points[map->point_count++] = p;
                 m->scratch[cell] = map->point_count;
@@ -179,8 +179,8 @@ static cairn_vec2 free_side(const merge_map *map, int32_t x0, int32_t y0)
     return cairn_vec2_unit(sum);
 }
 
-/* Across the occupied cells around, when they lie along a line, on the side that is free; *sure: they do. */
-static cairn_vec2 normal_at(const merge_map *map, int32_t cell, int32_t *sure)
+/* Across the occupied cells around, when they lie along a line, on the side that is free. */
+static cairn_vec2 normal_at(const merge_map *map, int32_t cell)
 {
     int32_t x0 = cell % width_of(map), y0 = cell / width_of(map), n = 0, x = 0, y = 0, xx = 0, xy = 0, yy = 0;
     cairn_vec2 side = free_side(map, x0, y0), normal;
@@ -201,8 +201,7 @@ static cairn_vec2 normal_at(const merge_map *map, int32_t cell, int32_t *sure)
     b = (cairn_real)(n * xy - x * y);
     c = (cairn_real)(n * yy - y * y);
     spread = cairn_sqrt((a - c) * (a - c) + 4 * b * b);
-    *sure = spread > LONG * (a + c);
-    if (!*sure)
+    if (!(spread > LONG * (a + c)))
         return side;
     /* The axis of the greater spread, turned by a right angle; of its two forms the one that does not cancel. */
     if (a >= c) {
@@ -225,7 +224,7 @@ static cairn_status step_normals(cairn_map_merge *m, cairn_budget *budget)
 
         if (!cairn_budget_pay(budget, &m->paid, 4))
             return CAIRN_MORE;
-        p->normal = normal_at(map, p->cell, &p->bent);
+        p->normal = normal_at(map, p->cell);
         p->front = cairn_vec2_add(p->at, cairn_vec2_scale(p->normal, FRONT * map->input.resolution));
         m->label[m->cursor] = 0;
     }

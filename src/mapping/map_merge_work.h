@@ -62,7 +62,7 @@ typedef struct merge_point {
     cairn_vec2 front;  /* a little before it, where free space begins */
     cairn_real weight; /* as evidence: a long straight wall is soon known */
     int32_t cell;      /* index in the grid */
-    int32_t bent;      /* 1: its normal is sure, and it is on no line that is long enough to refine by */
+    int32_t bent;      /* 1: on no line that is long enough to refine by */
 } merge_point;
 
 /* The direction of a line and its length. */
