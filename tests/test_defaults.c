@@ -375,6 +375,7 @@ static void of_the_mapper(void **state)
     const value values[] = {
         VALUE(p.scan.max_points, 1024),
         VALUE(p.max_keys, 1024),
+        VALUE(p.release, 0),
         VALUE(p.max_key_segments, 32768),
         VALUE(p.max_key_points, 131072),
         VALUE(p.max_local_points, 4096),
@@ -440,6 +441,7 @@ static void of_the_mapper(void **state)
 
     (void)state;
     icp.weak_ratio = CAIRN_REAL(0.03);
+    icp.max_iterations = 25;
     assert_values(values);
     scan.max_points = p.scan.max_points;
     assert_memory_equal(&p.scan, &scan, sizeof scan);
