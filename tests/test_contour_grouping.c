@@ -264,7 +264,7 @@ static void what_is_not_there_is_not_found(void **state)
     in = input_of(&f, &s);
     r = group(&f, &in);
     assert_int_equal(r.object_count, 0);
-    assert_true(r.best < params.min_score);
+    assert_true(r.best_evidence < params.min_evidence);
     s.count = 0;
     add_lamp(&s, 160, 120, 1, PI, 0, SIDES);
     in = input_of(&f, &s);

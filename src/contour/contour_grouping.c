@@ -18,7 +18,9 @@
 
 #include "src/contour/contour_grouping_work.h"
 
-enum { IDLE, CUT, LOOK, WALK, COLLECT, DONE };
+enum { IDLE, CUT, LOOK, WEIGH, WALK, COLLECT, FINISH, DONE };
+/* Ends of segments that are so near to each other are of one chain, px. */
+enum { CHAIN_GAP = 3 };
 
 cairn_grouping_params cairn_grouping_default(void)
 {
@@ -38,7 +40,8 @@ cairn_grouping_params cairn_grouping_default(void)
         .symmetry = 45 * (CAIRN_PI / 180),
         .missing = CAIRN_REAL(0.3),
         .stop = CAIRN_REAL(0.3),
-        .min_score = CAIRN_REAL(0.78),
+        .min_score = CAIRN_REAL(0.2),
+        .min_evidence = 16,
         .seed = 1,
     };
     return params;
@@ -57,7 +60,7 @@ static int params_are_valid(const cairn_grouping_params *p)
            p->max_objects >= 1 && p->max_objects <= 64 && p->token > 0 && cairn_is_finite(p->token) && p->deform > 0 &&
            cairn_is_finite(p->deform) && p->turn > 0 && cairn_is_finite(p->turn) && p->symmetry > 0 &&
            cairn_is_finite(p->symmetry) && is_share(p->missing) && is_share(p->stop) && p->min_score >= 0 &&
-           p->min_score <= 1;
+           p->min_score <= 1 && p->min_evidence >= 0 && cairn_is_finite(p->min_evidence);
 }
 
 static cairn_particle_filter_params filter_params(const cairn_grouping_params *p)
@@ -107,7 +110,10 @@ static cairn_grouping *carve(cairn_pool *pool, const cairn_grouping_params *p)
     cairn_grouping_trace *trace = cairn_pool_take(pool, (size_t)p->max_samples, sizeof *trace);
     int32_t *segments = cairn_pool_take(pool, (size_t)p->max_objects * (size_t)p->max_outline, sizeof *segments);
     cairn_grouped_object *objects = cairn_pool_take(pool, (size_t)p->max_objects, sizeof *objects);
+    int32_t *along = cairn_pool_take(pool, (size_t)p->max_objects * (size_t)p->max_outline, sizeof *along);
     int32_t *match = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *match);
+    cairn_real *cost = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *cost);
+    grouping_cell *way = cairn_pool_take(pool, (size_t)p->max_outline * GROUPING_CELLS, sizeof *way);
     cairn_particle_filter *filter = carve_filter(pool, p, g);
 
     if (g != NULL) {
@@ -119,7 +125,10 @@ static cairn_grouping *carve(cairn_pool *pool, const cairn_grouping_params *p)
         g->trace = trace;
         g->segments = segments;
         g->objects = objects;
+        g->along = along;
         g->match = match;
+        g->cost = cost;
+        g->cells = way;
         g->filter = filter;
     }
     return g;
@@ -194,8 +203,9 @@ cairn_status cairn_grouping_begin(cairn_grouping *g, const cairn_grouping_input 
     }
     g->reach = widest * input->max_size + 1;
     g->token_count = g->start_count = g->object_count = g->segment_count = g->steps = g->looked = 0;
-    g->best = 0;
+    g->best = g->best_evidence = 0;
     g->cursor = g->other = g->paid = g->stage = 0;
+    cairn_grouping_outline_begin(g);
     g->phase = CUT;
     return CAIRN_OK;
 }
@@ -209,6 +219,18 @@ static int32_t cell_of(const cairn_grouping *g, cairn_vec2 p)
     x = x < 0 ? 0 : x >= g->columns ? g->columns - 1 : x;
     y = y < 0 ? 0 : y >= g->rows ? g->rows - 1 : y;
     return y * g->columns + x;
+}
+
+/* The chain of a segment's tokens: that of the token before where the one ends and the other begins. */
+static int32_t chain_of(const cairn_grouping *g, int32_t segment)
+{
+    const grouping_token *before = &g->tokens[g->token_count - 1];
+    cairn_vec2 gap;
+
+    if (g->token_count == 0 || before->segment == segment)
+        return g->token_count == 0 ? 0 : before->chain;
+    gap = cairn_vec2_sub(g->input.segments[segment].a, g->input.segments[before->segment].b);
+    return before->chain + (cairn_vec2_norm_squared(gap) > CHAIN_GAP * CHAIN_GAP);
 }
 
 /* Cuts one segment into pieces. */
@@ -227,6 +249,8 @@ static void cut(cairn_grouping *g, int32_t index)
         t->direction = cairn_vec2_scale(along, 1 / length);
         t->half = length / (2 * (cairn_real)parts);
         t->segment = index;
+        t->chain = chain_of(g, index);
+        t->taken = 0;
         cell = cell_of(g, t->at);
         t->next = g->head[cell];
         g->head[cell] = g->token_count++;
@@ -287,7 +311,7 @@ int32_t cairn_grouping_near(const cairn_grouping *g, cairn_vec2 at, cairn_vec2 d
                 cairn_real c = cost_of(g, t, at, unit, cairn_max(sigma, CAIRN_REAL(1.5)));
                 int32_t i;
 
-                if (c > limit || (count == most && c >= cost[count - 1]))
+                if (g->tokens[t].taken || c > limit || (count == most && c >= cost[count - 1]))
                     continue;
                 count += count < most;
                 for (i = count - 1; i > 0 && cost[i - 1] > c; i--) {
@@ -342,18 +366,34 @@ grouping_sums cairn_grouping_hold(const grouping_pose *pose, cairn_real weight)
 
 /* ---- Phases ---- */
 
+static cairn_status step_phase(cairn_grouping *g, cairn_budget *budget)
+{
+    cairn_status status;
+
+    switch (g->phase) {
+    case CUT:
+        return step_cut(g, budget);
+    case LOOK:
+        return cairn_grouping_look(g, budget);
+    case WEIGH:
+        status = cairn_grouping_weigh(g, budget);
+        return status == CAIRN_OK ? cairn_grouping_walk_begin(g) : status;
+    case WALK:
+        return cairn_grouping_walk(g, budget);
+    case COLLECT:
+        return cairn_grouping_collect(g, budget);
+    default:
+        return cairn_grouping_finish(g, budget);
+    }
+}
+
 cairn_status cairn_grouping_step(cairn_grouping *g, cairn_budget *budget)
 {
     if (g == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
     while (g->phase != IDLE && g->phase != DONE) {
-        cairn_status status = g->phase == CUT    ? step_cut(g, budget)
-                              : g->phase == LOOK ? cairn_grouping_look(g, budget)
-                              : g->phase == WALK ? cairn_grouping_walk(g, budget)
-                                                 : cairn_grouping_collect(g, budget);
+        cairn_status status = step_phase(g, budget);
 
-        if (status == CAIRN_OK && g->phase == LOOK)
-            status = cairn_grouping_walk_begin(g);
         if (status < 0)
             g->phase = IDLE;
         if (status != CAIRN_OK)
@@ -373,6 +413,7 @@ cairn_grouping_result cairn_grouping_read(const cairn_grouping *g)
         return r;
     r.objects = g->objects;
     r.segments = g->segments;
+    r.along = g->along;
     r.trace = g->trace;
     r.object_count = g->object_count;
     r.segment_count = g->segment_count;
@@ -380,5 +421,6 @@ cairn_grouping_result cairn_grouping_read(const cairn_grouping *g)
     r.starts = g->looked;
     r.token_count = g->token_count;
     r.best = g->best;
+    r.best_evidence = g->best_evidence;
     return r;
 }

@@ -12,6 +12,9 @@
 /* Places closer than this, of the size, and of sizes closer than this are one. */
 #define SAME_PLACE CAIRN_REAL(0.05)
 #define SAME_SIZE  CAIRN_REAL(0.12)
+/* Places closer than this, of the size, are a crowd, and no more of them are kept than one share in so many. */
+#define CLOSE CAIRN_REAL(0.3)
+enum { CROWDS = 8 };
 
 /* The bin of a direction, 0 ... 7 over half a turn, by comparisons only. */
 static int32_t bin_of(cairn_vec2 d)
@@ -79,20 +82,40 @@ static int is_same(const grouping_pose *a, const grouping_pose *b)
            da * da + db * db < SAME_SIZE * SAME_SIZE * size * other;
 }
 
-/* Keeps a place among the best, in order; of those nearly at one place only the best. */
+static int is_close(const grouping_pose *a, const grouping_pose *b)
+{
+    return cairn_vec2_norm_squared(cairn_vec2_sub(a->t, b->t)) < CLOSE * CLOSE * grouping_size(a) * grouping_size(b);
+}
+
+/* The place that a new one may only take the place of: one that is nearly the same, or the worst of a crowd; -1: none. */
+static int32_t rival(const cairn_grouping *g, const grouping_start *start)
+{
+    int32_t crowd = g->params.particles / CROWDS, close = 0, worst = -1;
+
+    for (int32_t i = 0; i < g->start_count; i++) {
+        if (is_same(&g->starts[i].pose, &start->pose))
+            return i;
+        if (is_close(&g->starts[i].pose, &start->pose)) {
+            close++;
+            worst = i;
+        }
+    }
+    return close > crowd ? worst : -1;
+}
+
+/* Keeps a place among the best, in order; of those nearly at one place only the best, and of those close to it not too many, so
+ * that there is room for the places of other objects. */
 static void keep(cairn_grouping *g, const grouping_start *start)
 {
-    int32_t at = g->start_count, same = -1;
+    int32_t at = g->start_count, other;
 
     if (at == g->params.particles && !(start->score > g->starts[at - 1].score))
         return;
-    for (int32_t i = 0; i < g->start_count && same < 0; i++)
-        if (is_same(&g->starts[i].pose, &start->pose))
-            same = i;
-    if (same >= 0 && !(start->score > g->starts[same].score))
+    other = rival(g, start);
+    if (other >= 0 && !(start->score > g->starts[other].score))
         return;
-    if (same >= 0)
-        at = same;
+    if (other >= 0)
+        at = other;
     else if (at == g->params.particles)
         at--;
     else
