@@ -84,10 +84,18 @@ static int open_finder(finder *f, const settings *s)
 static int make_model(finder *f, const scene_shape *shape)
 {
     static cairn_vec2 vertices[MOST_VERTICES];
-    cairn_curve outline = {vertices, scene_outline(shape, vertices, MOST_VERTICES), 1};
+    int32_t counts[SCENE_OUTLINES], outlines = scene_outlines(shape, vertices, MOST_VERTICES, counts);
+    cairn_curve curves[SCENE_OUTLINES];
     cairn_budget budget = {INT32_MAX};
+    cairn_vec2 *next = vertices;
 
-    return cairn_shape_builder_begin(f->builder, &outline, 1) == CAIRN_OK &&
+    for (int32_t i = 0; i < outlines; i++) {
+        cairn_curve curve = {next, counts[i], 1};
+
+        curves[i] = curve;
+        next += counts[i];
+    }
+    return cairn_shape_builder_begin(f->builder, curves, outlines) == CAIRN_OK &&
            cairn_shape_builder_step(f->builder, &budget) == CAIRN_OK;
 }
 

@@ -29,7 +29,7 @@ typedef struct cairn_grouping_params {
     cairn_real missing;            /* 0 ... 1, > 0: likelihood of a side that is not seen (0.3) */
     cairn_real stop;      /* 0 ... 1: the walk ends when the best likelihood of a step, in the mean, is below (0.3) */
     cairn_real min_score; /* 0 ... 1: objects of which less is seen are not reported (0.2) */
-    cairn_real min_evidence; /* >= 0: nor those with less evidence (16) */
+    cairn_real min_evidence; /* >= 0: nor those with less evidence (12) */
     uint64_t seed;
 } cairn_grouping_params;
 

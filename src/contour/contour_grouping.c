@@ -41,7 +41,7 @@ cairn_grouping_params cairn_grouping_default(void)
         .missing = CAIRN_REAL(0.3),
         .stop = CAIRN_REAL(0.3),
         .min_score = CAIRN_REAL(0.2),
-        .min_evidence = 16,
+        .min_evidence = 12,
         .seed = 1,
     };
     return params;

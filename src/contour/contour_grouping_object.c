@@ -138,24 +138,32 @@ static cairn_real score_of(const cairn_grouping *g)
     return sum / (cairn_real)g->input.model->outline_count;
 }
 
-/* The object at `cursor` with what the better ones have left; it goes when that is too little. */
-static void finish(cairn_grouping *g)
+/* The object at `cursor` with what the better ones have left: it goes when that is too little. */
+static void judge(cairn_grouping *g)
 {
     cairn_grouped_object *o = &g->objects[g->cursor];
 
     o->evidence = g->evidence;
     o->score = score_of(g);
-    if (g->cursor == 0 && g->segment_count == 0 && !(g->best_evidence > 0)) {
+    if (g->cursor == 0 && !(g->best_evidence > 0)) {
         g->best = o->score;
         g->best_evidence = o->evidence;
     }
-    if (o->evidence < g->params.min_evidence || o->score < g->params.min_score) {
+    if (o->evidence < g->params.min_evidence || o->score < g->params.min_score)
         take_out(g, g->cursor);
-        return;
-    }
+    else
+        g->is_listing = 1;
+}
+
+static void list(cairn_grouping *g)
+{
+    cairn_grouped_object *o = &g->objects[g->cursor];
+
     o->along = g->cursor * g->input.model->outline_count;
+    o->score = score_of(g);
     o->seen = sides_seen(g);
     list_segments(g, o);
+    g->is_listing = 0;
     g->cursor++;
 }
 
@@ -215,7 +223,10 @@ cairn_status cairn_grouping_finish(cairn_grouping *g, cairn_budget *budget)
         status = cairn_grouping_lay(g, budget);
         if (status != CAIRN_OK)
             return status;
-        finish(g);
+        if (g->is_listing)
+            list(g);
+        else
+            judge(g);
     }
     return CAIRN_OK;
 }

@@ -21,7 +21,7 @@
 #define SIMILAR CAIRN_REAL(0.5)
 #define WIDER   CAIRN_REAL(2.5)
 /* By how much a straight piece is worth less. */
-#define STRAIGHT CAIRN_REAL(0.4)
+#define STRAIGHT CAIRN_REAL(0.65)
 /* What it costs to hide a piece, to begin or end what is seen, to change to another chain, and to leave one that goes on. */
 #define HIDE   CAIRN_REAL(0.15)
 #define BORDER CAIRN_REAL(0.4)
@@ -64,7 +64,9 @@ static cairn_real cost_of_leaving(const cairn_grouping *g, int32_t token, cairn_
     int32_t sense = cairn_vec2_dot(g->tokens[token].direction, direction) >= 0 ? ahead : -ahead;
     int32_t next = token + LEFT_OVER * sense;
 
-    return next >= 0 && next < g->token_count && g->tokens[next].chain == g->tokens[token].chain ? LEAVE : 0;
+    return !g->is_listing && next >= 0 && next < g->token_count && g->tokens[next].chain == g->tokens[token].chain
+               ? LEAVE
+               : 0;
 }
 
 /* What it costs to come from one cell to another. */
@@ -92,7 +94,7 @@ static int32_t look_around(const cairn_grouping *g, const grouping_pose *pose, c
 {
     cairn_vec2 at = grouping_place(pose, o->position), direction = grouping_direction(pose, o->direction);
     cairn_real size = grouping_size(pose), sigma = g->params.deform * size, cost[GROUPING_CELLS - 1];
-    cairn_real pieces = g->spacing / PIECE, worth = 1 - STRAIGHT * (1 - bend);
+    cairn_real pieces = g->spacing / PIECE, worth = g->is_listing ? 1 : 1 - STRAIGHT * (1 - bend);
     int32_t token[GROUPING_CELLS - 1];
     int32_t count = cairn_grouping_near(g, at, direction, sigma, GROUPING_CELLS - 1, token, cost);
 
@@ -212,5 +214,5 @@ void cairn_grouping_outline_begin(cairn_grouping *g)
         sum += cairn_vec2_norm(cairn_vec2_sub(m->outline[i].position, m->outline[i - 1].position));
     g->spacing = sum / (cairn_real)m->outline_count;
     g->most = 0;
-    g->sample = g->round = g->cell_count = g->is_laying = 0;
+    g->sample = g->round = g->cell_count = g->is_laying = g->is_listing = 0;
 }

@@ -90,6 +90,7 @@ struct cairn_grouping {
     cairn_real evidence, most;
     cairn_real spacing;                           /* of the outline's samples, of the size */
     int32_t sample, round, cell_count, is_laying; /* cell_count: cells of the sample before */
+    int32_t is_listing;                           /* 1: it is there, and what matters is which tokens are its own */
     int32_t cursor, other;
     int32_t phase, paid;
     int32_t stage; /* of a callback: 0: not paid */
