@@ -542,7 +542,8 @@ static void of_contours(void **state)
         VALUE(group.symmetry, 45 * DEGREE),
         VALUE(group.missing, 0.3),
         VALUE(group.stop, 0.3),
-        VALUE(group.min_score, 0.78),
+        VALUE(group.min_score, 0.2),
+        VALUE(group.min_evidence, 12),
         VALUE(group.seed, 1),
     };
 

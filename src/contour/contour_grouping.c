@@ -5,7 +5,7 @@
  * (contour_grouping_walk.c) is a particle filter; its particles are hypotheses about one object or several. In the end
  * (contour_grouping_object.c) every particle's model is laid onto its segments, and the best that share no place are the objects.
  *
- * Layout: tokens in cells, the map of first sight, starts, the filter with its tree of histories, the segments found.
+ * Layout: tokens in cells, the map of first sight, starts, the filter with the last two states of each walk, the segments found.
  *
  * Limits: objects of one image that lie closer than a third of their size to each other are one. A segment that is symmetric with
  * itself is cut into tokens, and so is none that is shorter than a token.
@@ -70,8 +70,9 @@ static cairn_particle_filter_params filter_params(const cairn_grouping_params *p
     f.particles = f.max_particles = p->particles;
     f.max_followers = GROUPING_FOLLOWERS;
     f.max_candidates = p->particles * GROUPING_CANDIDATES;
-    /* A past of its own for every particle, and the followers of one step. */
-    f.max_blocks = p->particles * (p->max_samples + GROUPING_FOLLOWERS + 1);
+    /* Where a walk has been is in the sums of its state. */
+    f.past = 1;
+    f.max_blocks = 3 * p->particles;
     f.state_bytes = (int32_t)sizeof(grouping_state);
     return f;
 }

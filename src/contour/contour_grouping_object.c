@@ -161,6 +161,8 @@ static void list(cairn_grouping *g)
 
     o->along = g->cursor * g->input.model->outline_count;
     o->score = score_of(g);
+    if (g->cursor == 0 && o->evidence >= g->best_evidence)
+        g->best = o->score;
     o->seen = sides_seen(g);
     list_segments(g, o);
     g->is_listing = 0;
