@@ -543,7 +543,7 @@ static void of_contours(void **state)
         VALUE(group.missing, 0.3),
         VALUE(group.stop, 0.3),
         VALUE(group.min_score, 0.2),
-        VALUE(group.min_evidence, 12),
+        VALUE(group.min_evidence, 13),
         VALUE(group.seed, 1),
     };
 

@@ -29,7 +29,7 @@ typedef struct cairn_grouping_params {
     cairn_real missing;            /* 0 ... 1, > 0: likelihood of a side that is not seen (0.3) */
     cairn_real stop;      /* 0 ... 1: the walk ends when the best likelihood of a step, in the mean, is below (0.3) */
     cairn_real min_score; /* 0 ... 1: objects of which less is seen are not reported (0.2) */
-    cairn_real min_evidence; /* >= 0: nor those with less evidence (12) */
+    cairn_real min_evidence; /* >= 0: nor those with less evidence (13) */
     uint64_t seed;
 } cairn_grouping_params;
 
@@ -93,7 +93,7 @@ CAIRN_CHECKED cairn_status cairn_grouping_create(cairn_grouping **grouping, cair
 CAIRN_CHECKED cairn_status cairn_grouping_begin(cairn_grouping *grouping, const cairn_grouping_input *input);
 
 /* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the result stands, or nothing was begun. CAIRN_NOT_FINITE: a segment is
- * not finite; given up. First sight costs a unit for every 16 pairs of tokens and for each pair and sample of the model
+ * not finite; CAIRN_FULL: segments of more than 2^24 tokens; given up. First sight costs a unit for every 16 pairs of tokens and for each pair and sample of the model
  * that go together; the walk some 60 units a particle and sample; the rest some 200 a particle and sample of the outline. */
 CAIRN_CHECKED cairn_status cairn_grouping_step(cairn_grouping *grouping, cairn_budget *budget);
 

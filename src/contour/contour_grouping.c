@@ -21,6 +21,8 @@
 enum { IDLE, CUT, LOOK, WEIGH, WALK, COLLECT, FINISH, DONE };
 /* Ends of segments that are so near to each other are of one chain, px. */
 enum { CHAIN_GAP = 3 };
+/* Of a segment, and of all together before they are thinned out. */
+enum { MOST_PIECES = 1 << 24 };
 
 cairn_grouping_params cairn_grouping_default(void)
 {
@@ -41,7 +43,7 @@ cairn_grouping_params cairn_grouping_default(void)
         .missing = CAIRN_REAL(0.3),
         .stop = CAIRN_REAL(0.3),
         .min_score = CAIRN_REAL(0.2),
-        .min_evidence = 12,
+        .min_evidence = 13,
         .seed = 1,
     };
     return params;
@@ -203,7 +205,8 @@ cairn_status cairn_grouping_begin(cairn_grouping *g, const cairn_grouping_input 
         widest = cairn_max(widest, cairn_vec2_norm(cairn_vec2_sub(s->side[1].position, s->side[0].position)));
     }
     g->reach = widest * input->max_size + 1;
-    g->token_count = g->start_count = g->object_count = g->segment_count = g->steps = g->looked = 0;
+    g->piece_count = g->pieces_cut = g->token_count = g->start_count = g->object_count = g->segment_count = g->steps =
+        g->looked = 0;
     g->best = g->best_evidence = 0;
     g->cursor = g->other = g->paid = g->stage = 0;
     cairn_grouping_outline_begin(g);
@@ -234,18 +237,36 @@ static int32_t chain_of(const cairn_grouping *g, int32_t segment)
     return before->chain + (cairn_vec2_norm_squared(gap) > CHAIN_GAP * CHAIN_GAP);
 }
 
-/* Cuts one segment into pieces. */
-static void cut(cairn_grouping *g, int32_t index)
+/* Pieces of a segment. */
+static int32_t pieces_of(const cairn_grouping *g, int32_t segment)
+{
+    cairn_real length = cairn_segment_length(g->input.segments[segment]);
+
+    return cairn_real_to_int(cairn_min(cairn_ceil(length / g->params.token), MOST_PIECES));
+}
+
+/* 1 when piece number `piece` of all becomes a token: all of them, or as many as there is room for, evenly. */
+static int is_kept(const cairn_grouping *g, int32_t piece)
+{
+    int64_t most = g->params.max_tokens, all = g->piece_count;
+
+    return all <= most || (piece + 1) * most / all > piece * most / all;
+}
+
+/* Cuts one segment into pieces; `piece` is the number of the first. */
+static void cut(cairn_grouping *g, int32_t index, int32_t piece)
 {
     cairn_segment s = g->input.segments[index];
     cairn_real length = cairn_segment_length(s);
-    int32_t parts = cairn_real_to_int(cairn_ceil(length / g->params.token));
+    cairn_vec2 along = cairn_vec2_sub(s.b, s.a);
+    int32_t parts = pieces_of(g, index);
 
-    for (int32_t i = 0; i < parts && g->token_count < g->params.max_tokens && length > 0; i++) {
+    for (int32_t i = 0; i < parts; i++) {
         grouping_token *t = &g->tokens[g->token_count];
-        cairn_vec2 along = cairn_vec2_sub(s.b, s.a);
         int32_t cell;
 
+        if (!is_kept(g, piece + i))
+            continue;
         t->at = cairn_vec2_add(s.a, cairn_vec2_scale(along, ((cairn_real)i + CAIRN_REAL(0.5)) / (cairn_real)parts));
         t->direction = cairn_vec2_scale(along, 1 / length);
         t->half = length / (2 * (cairn_real)parts);
@@ -258,6 +279,12 @@ static void cut(cairn_grouping *g, int32_t index)
     }
 }
 
+static int is_finite_segment(const cairn_segment *s)
+{
+    return cairn_is_finite(s->a.x) && cairn_is_finite(s->a.y) && cairn_is_finite(s->b.x) && cairn_is_finite(s->b.y);
+}
+
+/* Empties the lists, counts the pieces, makes them. */
 static cairn_status step_cut(cairn_grouping *g, cairn_budget *budget)
 {
     int32_t lists = g->columns * g->rows;
@@ -268,15 +295,23 @@ static cairn_status step_cut(cairn_grouping *g, cairn_budget *budget)
         g->head[g->cursor] = -1;
     }
     for (; g->cursor - lists < g->input.count; g->cursor++) {
-        const cairn_segment *s = &g->input.segments[g->cursor - lists];
-
-        if (!cairn_budget_pay(budget, &g->paid, 4))
+        if (!cairn_budget_pay(budget, &g->paid, 1))
             return CAIRN_MORE;
-        if (!cairn_is_finite(s->a.x) || !cairn_is_finite(s->a.y) || !cairn_is_finite(s->b.x) ||
-            !cairn_is_finite(s->b.y))
+        if (!is_finite_segment(&g->input.segments[g->cursor - lists]))
             return CAIRN_NOT_FINITE;
-        cut(g, g->cursor - lists);
+        g->piece_count += pieces_of(g, g->cursor - lists);
+        if (g->piece_count > MOST_PIECES)
+            return CAIRN_FULL;
     }
+    for (; g->other < g->input.count; g->other++) {
+        int32_t pieces = pieces_of(g, g->other);
+
+        if (!cairn_budget_pay(budget, &g->paid, 1 + pieces))
+            return CAIRN_MORE;
+        cut(g, g->other, g->pieces_cut);
+        g->pieces_cut += pieces;
+    }
+    cairn_grouping_outline_chance(g);
     return CAIRN_OK;
 }
 

@@ -22,6 +22,9 @@
 #define WIDER   CAIRN_REAL(2.5)
 /* By how much a straight piece is worth less. */
 #define STRAIGHT CAIRN_REAL(0.65)
+/* Edges, in px a px^2, that are usual, and what a piece loses when there are e times as many. */
+#define USUAL CAIRN_REAL(0.035)
+#define DENSE CAIRN_REAL(0.25)
 /* What it costs to hide a piece, to begin or end what is seen, to change to another chain, and to leave one that goes on. */
 #define HIDE   CAIRN_REAL(0.15)
 #define BORDER CAIRN_REAL(0.4)
@@ -40,6 +43,16 @@ static const int32_t hope[ROUNDS] = {12, 6, 4, 3, 0};
 #define HELD 2
 /* Of one sample: its tokens, and its ways. */
 enum { UNITS_A_SAMPLE = 12 };
+
+/* How much less a piece is worth in an image with more edges than usual, where more is near any place by chance. */
+void cairn_grouping_outline_chance(cairn_grouping *g)
+{
+    cairn_real length = 0, area = (cairn_real)g->input.width * (cairn_real)g->input.height;
+
+    for (int32_t i = 0; i < g->token_count; i++)
+        length += 2 * g->tokens[i].half;
+    g->chance = DENSE * cairn_log(cairn_max(length / (area * USUAL), 1));
+}
 
 /* How much the outline bends about a sample: 0 not at all, 1 sharply. */
 static cairn_real bend_at(const cairn_shape_model *m, int32_t i)
@@ -107,7 +120,8 @@ static int32_t look_around(const cairn_grouping *g, const grouping_pose *pose, c
         row[k + 1].token = token[k];
         row[k + 1].cost = cost[k];
         row[k + 1].off = cairn_vec2_cross(direction, off) / (size * sigma);
-        row[k + 1].value = pieces * cairn_max(SAME * worth - WIDER * WIDER * cost[k], SIMILAR * worth - cost[k]);
+        row[k + 1].value =
+            pieces * (cairn_max(SAME * worth - WIDER * WIDER * cost[k], SIMILAR * worth - cost[k]) - g->chance);
     }
     return count + 1;
 }

@@ -76,18 +76,20 @@ struct cairn_grouping {
     cairn_grouping_trace *trace; /* [max_samples] */
     int32_t *segments;           /* [max_objects * max_outline] */
     cairn_grouped_object *objects;
-    int32_t *along;                /* [max_objects * max_outline] segment of each sample of an object's outline */
-    int32_t *match;                /* [max_outline] token of each sample of the outline, -1: none */
-    cairn_real *cost;              /* [max_outline] and how well it fits */
-    grouping_cell *cells;          /* [max_outline * GROUPING_CELLS] */
-    cairn_vec2 turn_axis;          /* the middle of the turns that are searched, and the cosine of half their range */
-    cairn_real turn_cosine, reach; /* px, between two sides */
+    int32_t *along;                  /* [max_objects * max_outline] segment of each sample of an object's outline */
+    int32_t *match;                  /* [max_outline] token of each sample of the outline, -1: none */
+    cairn_real *cost;                /* [max_outline] and how well it fits */
+    grouping_cell *cells;            /* [max_outline * GROUPING_CELLS] */
+    cairn_vec2 turn_axis;            /* the middle of the turns that are searched, and the cosine of half their range */
+    cairn_real turn_cosine, reach;   /* px, between two sides */
+    int32_t piece_count, pieces_cut; /* of all segments, more than tokens where there are too many */
     int32_t token_count, columns, rows, sight_columns, sight_rows;
     int32_t start_count, object_count, segment_count, steps, looked;
     cairn_real best, best_evidence;
     /* How the outline lies: the pose at hand, its evidence, the most of any so far. */
     grouping_pose pose;
     cairn_real evidence, most;
+    cairn_real chance;                            /* what a piece is worth less because edges are dense */
     cairn_real spacing;                           /* of the outline's samples, of the size */
     int32_t sample, round, cell_count, is_laying; /* cell_count: cells of the sample before */
     int32_t is_listing;                           /* 1: it is there, and what matters is which tokens are its own */
@@ -141,6 +143,7 @@ cairn_status cairn_grouping_walk(cairn_grouping *g, cairn_budget *budget);
 /* The outline: what is needed of the model; g->pose laid onto the tokens, match[], cost[] and evidence; and moved to where it
  * lies best, in a few rounds. */
 void cairn_grouping_outline_begin(cairn_grouping *g);
+void cairn_grouping_outline_chance(cairn_grouping *g);
 cairn_status cairn_grouping_lay(cairn_grouping *g, cairn_budget *budget);
 cairn_status cairn_grouping_refine(cairn_grouping *g, cairn_budget *budget);
 
