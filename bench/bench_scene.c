@@ -174,11 +174,10 @@ int32_t scene_outlines(const scene_shape *shape, cairn_vec2 *vertices, int32_t m
     int32_t outlines = 0, used = 0;
     uint8_t known = 2;
 
-    for (int32_t i = 0; i < OUTLINE_PIXELS; i++)
-        label[i] = is_inside(shape, (i % OUTLINE_SIDE - OUTLINE_MIDDLE) / 240.0,
-                             ((double)(i / OUTLINE_SIDE) - OUTLINE_MIDDLE) / 240.0)
-                       ? 1
-                       : 2;
+    for (int32_t y = 0; y < OUTLINE_SIDE; y++)
+        for (int32_t x = 0; x < OUTLINE_SIDE; x++)
+            label[y * OUTLINE_SIDE + x] =
+                is_inside(shape, (x - OUTLINE_MIDDLE) / 240.0, (y - OUTLINE_MIDDLE) / 240.0) ? 1 : 2;
     spread(label, 0, 0);
     for (int32_t i = 0; i < OUTLINE_PIXELS && outlines < SCENE_OUTLINES; i++) {
         if (label[i] == 2)
