@@ -208,7 +208,7 @@ cairn_status cairn_grouping_begin(cairn_grouping *g, const cairn_grouping_input 
     g->piece_count = g->pieces_cut = g->token_count = g->start_count = g->object_count = g->segment_count = g->steps =
         g->looked = 0;
     g->best = g->best_evidence = 0;
-    g->cursor = g->other = g->paid = g->stage = 0;
+    g->cursor = g->other = g->paid = g->stage = g->has_walked = 0;
     cairn_grouping_outline_begin(g);
     g->phase = CUT;
     return CAIRN_OK;

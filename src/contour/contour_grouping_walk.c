@@ -204,6 +204,7 @@ cairn_status cairn_grouping_walk_begin(cairn_grouping *g)
     cairn_status status = cairn_particle_filter_clear(g->filter, g->params.seed);
 
     g->steps = g->stage = 0;
+    g->has_walked = g->start_count > 0;
     for (int32_t i = 0; i < g->start_count && status == CAIRN_OK; i++) {
         const cairn_shape_sample *d = &g->input.model->samples[g->starts[i].sample];
         grouping_state s = {.pose = g->starts[i].pose, .sample = g->starts[i].sample, .start = g->starts[i].sample};

@@ -84,6 +84,7 @@ struct cairn_grouping {
     cairn_real turn_cosine, reach;   /* px, between two sides */
     int32_t piece_count, pieces_cut; /* of all segments, more than tokens where there are too many */
     int32_t token_count, columns, rows, sight_columns, sight_rows;
+    int32_t has_walked; /* 1: the filter holds the walks of this image */
     int32_t start_count, object_count, segment_count, steps, looked;
     cairn_real best, best_evidence;
     /* How the outline lies: the pose at hand, its evidence, the most of any so far. */
