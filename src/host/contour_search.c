@@ -163,8 +163,8 @@ static int compare_objects(const void *a, const void *b)
 {
     const cairn_contour_object *x = a, *y = b;
 
-    if (x->found.score != y->found.score)
-        return x->found.score < y->found.score ? 1 : -1;
+    if (x->found.evidence != y->found.evidence)
+        return x->found.evidence < y->found.evidence ? 1 : -1;
     return x->mirrored != y->mirrored ? x->mirrored - y->mirrored : x->first_disc - y->first_disc;
 }
 
