@@ -731,6 +731,75 @@ static void matches(void **state)
     assert_near(hypot(result.x, result.y) + fabs(result.theta), 0, 1e-3);
 }
 
+/* A copy of a log of FLASER lines in which every pose, the robot's and the laser's alike, is noise. */
+static void overwrite_poses(const char *from, const char *to)
+{
+    cairn_random random = cairn_random_seed(17, 1);
+    char *log = files_read(files_path(from), NULL);
+    text t = {NULL, 0, 0};
+
+    for (char *line = strtok(log, "\n"); line != NULL; line = strtok(NULL, "\n")) {
+        int32_t count = 0, at = 0;
+        char *field = line;
+
+        if (strncmp(line, "FLASER ", 7) == 0)
+            count = (int32_t)strtol(line + 7, NULL, 10);
+        while (count > 0 && at < count + 2) {
+            field = strchr(field, ' ') + 1;
+            at++;
+        }
+        for (char *c = line; c < (count > 0 ? field : line + strlen(line)); c++)
+            add(&t, "%c", *c);
+        if (count > 0) {
+            double x = (double)cairn_random_uniform(&random, -9, 9), y = (double)cairn_random_uniform(&random, -9, 9);
+            double theta = (double)cairn_random_uniform(&random, -3, 3);
+
+            for (int k = 0; k < 6; k++)
+                field = strchr(field, ' ') + 1;
+            add(&t, "%.6f %.6f %.6f %.6f %.6f %.6f %s", x, y, theta, x, y, theta, field);
+        }
+        add(&t, "\n");
+    }
+    write_text(to, &t);
+    free(t.bytes);
+    free(log);
+}
+
+/* Where a log says that its scans were taken is not looked at: noise there, the same bytes out. */
+static void poses_of_a_log_have_no_say(void **state)
+{
+    static const char *const methods[] = {"default", "shape"};
+    char *log = files_read(files_path("drive/scans.log"), NULL), *noise;
+
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        char *one, *two;
+        outcome o;
+
+        (void)files_write_text("told.log", log);
+        assert_done(programs_run("cairn match @/told.log:14 @/told.log:16 --method %s -o @/told --pictures --quiet",
+                                 methods[k]));
+        overwrite_poses("drive/scans.log", "told.log");
+        noise = files_read(files_path("told.log"), NULL);
+        assert_true(strcmp(log, noise) != 0);
+        free(noise);
+        o = programs_run("cairn match @/told.log:14 @/told.log:16 --method %s -o @/untold --pictures --json",
+                         methods[k]);
+        assert_done(o);
+        assert_true(read_match(o.out).hypotheses > 0);
+        for (int i = 0; i < 2; i++) {
+            static const char *const names[] = {"match.json", "match.svg"};
+
+            one = files_read(in_folder("told", names[i]), NULL);
+            two = files_read(in_folder("untold", names[i]), NULL);
+            assert_string_equal(one, two);
+            free(one);
+            free(two);
+        }
+    }
+    free(log);
+}
+
 /* By shape, with a picture of every stage; poor scans too. */
 static void matches_by_shape(void **state)
 {
@@ -1385,6 +1454,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(pages),
         cmocka_unit_test(matches),
         cmocka_unit_test(matches_of_poor_scans),
+        cmocka_unit_test(poses_of_a_log_have_no_say),
         cmocka_unit_test(matches_by_shape),
         cmocka_unit_test(names_of_logs_stay_text),
         cmocka_unit_test(quiet_and_pipes),
