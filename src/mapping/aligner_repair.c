@@ -133,6 +133,13 @@ void cairn_aligner_put_back(cairn_aligner *x, int32_t cluster, cairn_transform p
 static void end_round(cairn_aligner *x)
 {
     x->repairs++;
+    if (x->again && x->changed > 0)
+        x->result.verdict = CAIRN_ALIGNER_RUNNING;
+    if (x->again && x->result.verdict != CAIRN_ALIGNER_RUNNING) {
+        x->has_ended = 1;
+        x->phase = ALIGNER_DONE;
+        return;
+    }
     cairn_aligner_begin_relax(x, cairn_aligner_largest(x), CAIRN_REAL(0.07), 5, 1);
     if (x->changed == 0 || x->repairs >= x->params.max_repairs) {
         x->phase = ALIGNER_SETTLE;
@@ -148,7 +155,7 @@ static int32_t choose_scan(cairn_aligner *x)
         end_round(x);
         return 1;
     }
-    if (!take_out(x)) {
+    if ((x->again && x->scans[x->i].held) || !take_out(x)) {
         x->i++;
         return 1 + x->scan_count / 16;
     }

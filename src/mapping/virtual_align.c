@@ -1,9 +1,11 @@
 /* The aligner, then a force field of what it left over, with a virtual scan.
  *
- * Method: when the aligner has ended, the poses of all scans go to the field, those that it has placed fixed; then every few
+ * Method: when the aligner has ended, the poses of all scans go to the field, those that it has placed fixed; so are those
+ * that hypotheses could not help, since all that they show lies in one direction along which anything may slide. Then every few
  * iterations the hypotheses are made anew from the field's poses and go to it as points from outside. Where the field leaves
- * them the aligner starts again. When it places more scans than before, that is the result; else its former result stands,
- * and only what shares no surface with its largest part stays where the field has left it.
+ * them the aligner looks for what it had not placed; when it had placed next to nothing it starts anew. When it then places more
+ * scans than before, these enter the result, by the motion that brings the scans placed before to where they were, and those stay
+ * there; else its former result stands, and only what shares no surface with its largest part stays where the field has left it.
  *
  * Layout: the aligner, the field and the hypotheses in one pool; a scan has the same index in the aligner and in the field.
  * The best result of the aligner is kept beside it.
@@ -27,12 +29,19 @@ struct place {
     int32_t moves;
 };
 
+/* Scans in the aligner's largest part from which on others are looked for in it. */
+enum { LEAST_PART = 3 };
+
+/* m of wall across the main direction: with less, hypotheses cannot hold a scan. */
+static const cairn_real LEAST_ACROSS = CAIRN_REAL(0.1);
+
 struct cairn_virtual_align {
     cairn_virtual_align_params params;
     cairn_aligner *aligner;
     cairn_force_field *field;
     cairn_virtual_scan *hypotheses;
     struct place *places; /* [max_scans] */
+    cairn_pose *poses;    /* [max_scans] that the aligner starts again from */
     align_phase phase;
     int32_t cursor; /* scan */
     int32_t since;  /* iterations of the field since the last virtual scan */
@@ -102,6 +111,7 @@ static cairn_virtual_align *carve(cairn_pool *pool, const cairn_virtual_align_pa
     cairn_virtual_scan_params hypotheses = hypotheses_of(params);
     cairn_virtual_align *align = cairn_pool_take_one(pool, sizeof *align);
     struct place *places = cairn_pool_take(pool, (size_t)params->aligner.max_scans, sizeof *places);
+    cairn_pose *poses = cairn_pool_take(pool, (size_t)params->aligner.max_scans, sizeof *poses);
 
     if (pool->base == NULL) {
         cairn_pool_count(pool, cairn_aligner_memory(&params->aligner));
@@ -111,6 +121,7 @@ static cairn_virtual_align *carve(cairn_pool *pool, const cairn_virtual_align_pa
     }
     memset(align, 0, sizeof *align);
     align->places = places;
+    align->poses = poses;
     must_be_ok(cairn_aligner_create(&align->aligner, pool, &params->aligner));
     must_be_ok(cairn_force_field_create(&align->field, pool, &field));
     must_be_ok(cairn_virtual_scan_create(&align->hypotheses, pool, &hypotheses));
@@ -213,11 +224,76 @@ static cairn_status step_keep(cairn_virtual_align *align, cairn_budget *budget)
     return CAIRN_OK;
 }
 
+/* 1 when the aligner has gone on from what it had found, 0 when it has started anew. */
+static int goes_on(const cairn_virtual_align *align)
+{
+    return has_ground(align) && align->result.aligner.largest >= LEAST_PART;
+}
+
+/* The motion from the map of the aligner's new result to that of the former one: the mean one of the scans that both place. */
+static cairn_transform former_map(const cairn_virtual_align *align)
+{
+    cairn_vec2 from = {0, 0}, to = {0, 0};
+    cairn_real cosine = 0, sine = 0, count = 0;
+    cairn_pose turned = {0, 0, 0};
+    cairn_vec2 shift;
+
+    for (int32_t pass = 0; pass < 2; pass++)
+        for (int32_t i = 0; i < align->scan_count; i++) {
+            const cairn_aligner_pose *old = &align->places[i].aligned;
+            cairn_pose now = cairn_aligner_pose_of(align->aligner, i).map_scan;
+            cairn_vec2 p = {now.x, now.y}, q = {old->map_scan.x, old->map_scan.y};
+
+            if (!old->placed)
+                continue;
+            if (pass == 0) {
+                from = cairn_vec2_add(from, p);
+                to = cairn_vec2_add(to, q);
+                count += 1;
+            } else {
+                p = cairn_vec2_sub(p, cairn_vec2_scale(from, 1 / count));
+                q = cairn_vec2_sub(q, cairn_vec2_scale(to, 1 / count));
+                cosine += cairn_vec2_dot(p, q);
+                sine += cairn_vec2_cross(p, q);
+            }
+        }
+    turned.theta = cairn_atan2(sine, cosine);
+    shift = cairn_transform_point(cairn_transform_of(turned), cairn_vec2_scale(from, 1 / count));
+    turned.x = to.x / count - shift.x;
+    turned.y = to.y / count - shift.y;
+    return cairn_transform_of(turned);
+}
+
+/* What the aligner has placed beside what it had placed before, which stays where it is. */
+static cairn_status step_take_in(cairn_virtual_align *align, cairn_budget *budget)
+{
+    cairn_transform former;
+
+    if (!cairn_budget_pay(budget, &align->paid, 1 + align->scan_count))
+        return CAIRN_MORE;
+    former = former_map(align);
+    for (int32_t i = 0; i < align->scan_count; i++) {
+        cairn_aligner_pose *kept = &align->places[i].aligned, found = cairn_aligner_pose_of(align->aligner, i);
+        cairn_vec2 at = {found.map_scan.x, found.map_scan.y};
+
+        if (kept->placed)
+            continue;
+        at = cairn_transform_point(former, at);
+        found.map_scan.x = at.x;
+        found.map_scan.y = at.y;
+        found.map_scan.theta =
+            cairn_wrap_angle(found.map_scan.theta + cairn_atan2(former.sine, former.cosine));
+        *kept = found;
+    }
+    align->result.aligner = cairn_aligner_read(align->aligner);
+    return CAIRN_OK;
+}
+
 /* The result of the alignment from where the field has left the scans, if it is better. */
 static cairn_status step_judge(cairn_virtual_align *align, cairn_budget *budget)
 {
     if (cairn_aligner_read(align->aligner).placed > align->result.aligner.placed)
-        return step_keep(align, budget);
+        return goes_on(align) ? step_take_in(align, budget) : step_keep(align, budget);
     if (!cairn_budget_pay(budget, &align->paid, 1 + align->scan_count / 2))
         return CAIRN_MORE;
     align->is_done = 1;
@@ -229,6 +305,33 @@ static cairn_status step_judge(cairn_virtual_align *align, cairn_budget *budget)
             place->aligned.map_scan = cairn_force_field_pose(align->field, i);
     }
     return CAIRN_OK;
+}
+
+static int32_t segments_of(const cairn_virtual_align *align, int32_t scan)
+{
+    const cairn_scan_set_scan *of = &cairn_force_field_scans(align->field)->scans[scan];
+
+    return of->end_segment - of->first_segment;
+}
+
+/* m of wall that a scan shows across the direction of most of what it shows. */
+static cairn_real across_of(const cairn_virtual_align *align, int32_t scan)
+{
+    const cairn_scan_set *set = cairn_force_field_scans(align->field);
+    cairn_sym2 walls = {0, 0, 0};
+    cairn_real apart;
+
+    for (int32_t i = set->scans[scan].first_segment; i < set->scans[scan].end_segment; i++) {
+        cairn_segment s = set->segments[i].segment;
+        cairn_vec2 d = set->segments[i].direction;
+        cairn_real length = cairn_vec2_norm(cairn_vec2_sub(s.b, s.a));
+
+        walls.xx += length * d.x * d.x;
+        walls.xy += length * d.x * d.y;
+        walls.yy += length * d.y * d.y;
+    }
+    apart = walls.xx - walls.yy;
+    return (walls.xx + walls.yy - cairn_sqrt(apart * apart + 4 * walls.xy * walls.xy)) / 2;
 }
 
 /* All scans to where the aligner has put them. An iteration that an earlier alignment left is ended first. */
@@ -244,10 +347,11 @@ static cairn_status step_place(cairn_virtual_align *align, cairn_budget *budget)
     if (align->cursor == 0)
         align->result.moved = 0;
     for (; align->cursor < align->scan_count; align->cursor++) {
-        if (!cairn_budget_pay(budget, &align->paid, 2))
+        if (!cairn_budget_pay(budget, &align->paid, 2 + segments_of(align, align->cursor) / 4))
             return CAIRN_MORE;
         place = &align->places[align->cursor];
-        place->moves = !(has_ground(align) && place->aligned.placed);
+        place->moves =
+            !has_ground(align) || (!place->aligned.placed && across_of(align, align->cursor) >= LEAST_ACROSS);
         align->result.moved += place->moves;
         must_be_ok(cairn_force_field_place(align->field, align->cursor, place->aligned.map_scan));
         must_be_ok(cairn_force_field_fix(align->field, align->cursor, !place->moves));
@@ -314,8 +418,14 @@ static cairn_status step_hand_back(cairn_virtual_align *align, cairn_budget *bud
     if (!cairn_budget_pay(budget, &align->paid, 1 + align->scan_count))
         return CAIRN_MORE;
     for (int32_t i = 0; i < align->scan_count; i++)
-        must_be_ok(cairn_aligner_start_at(align->aligner, i, cairn_force_field_pose(align->field, i)));
-    status = cairn_aligner_begin(align->aligner);
+        align->poses[i] = cairn_force_field_pose(align->field, i);
+    if (goes_on(align)) {
+        status = cairn_aligner_begin_again(align->aligner, align->poses);
+    } else {
+        for (int32_t i = 0; i < align->scan_count; i++)
+            must_be_ok(cairn_aligner_start_at(align->aligner, i, align->poses[i]));
+        status = cairn_aligner_begin(align->aligner);
+    }
     CAIRN_ASSERT(status == CAIRN_OK);
     return status;
 }
