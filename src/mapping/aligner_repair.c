@@ -140,7 +140,7 @@ static void end_round(cairn_aligner *x)
         x->phase = ALIGNER_DONE;
         return;
     }
-    cairn_aligner_begin_relax(x, cairn_aligner_largest(x), CAIRN_REAL(0.07), 5, 1);
+    cairn_aligner_begin_relax(x, cairn_aligner_largest(x), CAIRN_REAL(0.07), 5, !x->again);
     if (x->changed == 0 || x->repairs >= x->params.max_repairs) {
         x->phase = ALIGNER_SETTLE;
         x->round = x->stage = x->at = 0;
@@ -441,6 +441,8 @@ static int32_t place(cairn_aligner *x)
             (void)cairn_aligner_join(x, x->moving, rest, x->best);
     } else {
         cairn_aligner_put_back(x, better || x->home < 0 ? rest : x->home, better ? x->best : x->before);
+        if (better && x->again)
+            x->scans[x->i].stirred = ALIGNER_JOINED;
     }
     x->scans[x->i].evidence = 0;
     x->changed += better;

@@ -58,18 +58,18 @@ cairn_virtual_align_params cairn_virtual_align_default(void)
         .aligner = cairn_aligner_default(),
         .field = cairn_force_field_default(),
         .hypotheses = cairn_virtual_scan_default(),
-        .every = 15,
+        .every = 10,
         .max_rounds = 2,
         .align = 1,
     };
 
     params.field.sigma_start = CAIRN_REAL(0.9);
     params.field.sigma_end = CAIRN_REAL(0.04);
-    params.field.sigma_step = CAIRN_REAL(0.0146);
+    params.field.sigma_step = CAIRN_REAL(0.0293);
     params.field.dt_start = CAIRN_REAL(0.2);
     params.field.dt_end = CAIRN_REAL(0.04);
-    params.field.dt_factor = CAIRN_REAL(0.9735);
-    params.field.max_steps = 60;
+    params.field.dt_factor = CAIRN_REAL(0.9477);
+    params.field.max_steps = 30;
     params.field.potential = 0;
     params.field.roi = 0;
     params.hypotheses.spacing = CAIRN_REAL(0.30);
@@ -281,8 +281,7 @@ static cairn_status step_take_in(cairn_virtual_align *align, cairn_budget *budge
         at = cairn_transform_point(former, at);
         found.map_scan.x = at.x;
         found.map_scan.y = at.y;
-        found.map_scan.theta =
-            cairn_wrap_angle(found.map_scan.theta + cairn_atan2(former.sine, former.cosine));
+        found.map_scan.theta = cairn_wrap_angle(found.map_scan.theta + cairn_atan2(former.sine, former.cosine));
         *kept = found;
     }
     align->result.aligner = cairn_aligner_read(align->aligner);
