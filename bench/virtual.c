@@ -149,13 +149,13 @@ static cairn_virtual_align_params params_of(const method *m)
         ((cairn_real)m->sigma - params.field.sigma_end) / (params.field.sigma_start - params.field.sigma_end);
     params.field.sigma_start = (cairn_real)m->sigma;
     if (!m->hypotheses)
-        params.hypotheses.lines = params.hypotheses.rectangles = 0;
+        params.hypotheses.lines = params.hypotheses.rectangles = params.hypotheses.ellipses = 0;
     return params;
 }
 
 static void print_hypotheses(const cairn_virtual_align *align)
 {
-    static const char *const kinds[] = {"line", "rectangle"};
+    static const char *const kinds[] = {"line", "rectangle", "ellipse", "of the caller"};
     cairn_virtual_align_result result = cairn_virtual_align_read(align);
     int32_t count;
     const cairn_hypothesis *h = cairn_virtual_scan_hypotheses(cairn_virtual_align_hypotheses(align), &count);

@@ -171,7 +171,7 @@ static void rooms_come_together(void **state)
     int32_t right_with = 0, right_without = 0;
 
     (void)state;
-    without.hypotheses.lines = without.hypotheses.rectangles = 0;
+    without.hypotheses.lines = without.hypotheses.rectangles = without.hypotheses.ellipses = 0;
     for (uint64_t seed = 1; seed <= 8; seed++) {
         struct rooms r = visit(seed);
         struct bed bed = bed_with(&with);
