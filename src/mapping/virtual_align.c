@@ -58,7 +58,7 @@ cairn_virtual_align_params cairn_virtual_align_default(void)
         .aligner = cairn_aligner_default(),
         .field = cairn_force_field_default(),
         .hypotheses = cairn_virtual_scan_default(),
-        .every = 10,
+        .every = 15,
         .max_rounds = 2,
         .align = 1,
     };

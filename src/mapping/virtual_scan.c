@@ -53,6 +53,7 @@ cairn_virtual_scan_params cairn_virtual_scan_default(void)
     params.rectangle.merge_gap = 3;
     params.rectangle.angle = 10 * (CAIRN_PI / 180);
     params.rectangle.min_side = 1;
+    params.rectangle.least_side = CAIRN_REAL(0.3);
     params.rectangle.least_covered = CAIRN_REAL(0.55);
     return params;
 }
