@@ -17,6 +17,7 @@
 
 #include <string.h>
 
+#include "cairn/small_matrix.h"
 #include "cairn/virtual_align.h"
 
 typedef int32_t align_phase;
@@ -41,7 +42,8 @@ struct cairn_virtual_align {
     cairn_force_field *field;
     cairn_virtual_scan *hypotheses;
     struct place *places; /* [max_scans] */
-    cairn_pose *poses;    /* [max_scans] that the aligner starts again from */
+    cairn_pose *poses;    /* [max_scans] that the aligner starts again from, or has come to, ... */
+    cairn_pose *kept;     /* [max_scans] ... and those that they stand for */
     align_phase phase;
     int32_t cursor; /* scan */
     int32_t since;  /* iterations of the field since the last virtual scan */
@@ -112,6 +114,7 @@ static cairn_virtual_align *carve(cairn_pool *pool, const cairn_virtual_align_pa
     cairn_virtual_align *align = cairn_pool_take_one(pool, sizeof *align);
     struct place *places = cairn_pool_take(pool, (size_t)params->aligner.max_scans, sizeof *places);
     cairn_pose *poses = cairn_pool_take(pool, (size_t)params->aligner.max_scans, sizeof *poses);
+    cairn_pose *kept = cairn_pool_take(pool, (size_t)params->aligner.max_scans, sizeof *kept);
 
     if (pool->base == NULL) {
         cairn_pool_count(pool, cairn_aligner_memory(&params->aligner));
@@ -122,6 +125,7 @@ static cairn_virtual_align *carve(cairn_pool *pool, const cairn_virtual_align_pa
     memset(align, 0, sizeof *align);
     align->places = places;
     align->poses = poses;
+    align->kept = kept;
     must_be_ok(cairn_aligner_create(&align->aligner, pool, &params->aligner));
     must_be_ok(cairn_force_field_create(&align->field, pool, &field));
     must_be_ok(cairn_virtual_scan_create(&align->hypotheses, pool, &hypotheses));
@@ -230,59 +234,37 @@ static int goes_on(const cairn_virtual_align *align)
     return has_ground(align) && align->result.aligner.largest >= LEAST_PART;
 }
 
-/* The motion from the map of the aligner's new result to that of the former one: the mean one of the scans that both place. */
-static cairn_transform former_map(const cairn_virtual_align *align)
+/* The motion from the map of the aligner's new result to that of the former one, by the scans that were placed before. */
+static cairn_pose former_map(cairn_virtual_align *align)
 {
-    cairn_vec2 from = {0, 0}, to = {0, 0};
-    cairn_real cosine = 0, sine = 0, count = 0;
-    cairn_pose turned = {0, 0, 0};
-    cairn_vec2 shift;
+    int32_t count = 0;
 
-    for (int32_t pass = 0; pass < 2; pass++)
-        for (int32_t i = 0; i < align->scan_count; i++) {
-            const cairn_aligner_pose *old = &align->places[i].aligned;
-            cairn_pose now = cairn_aligner_pose_of(align->aligner, i).map_scan;
-            cairn_vec2 p = {now.x, now.y}, q = {old->map_scan.x, old->map_scan.y};
+    for (int32_t i = 0; i < align->scan_count; i++) {
+        const cairn_aligner_pose *old = &align->places[i].aligned;
 
-            if (!old->placed)
-                continue;
-            if (pass == 0) {
-                from = cairn_vec2_add(from, p);
-                to = cairn_vec2_add(to, q);
-                count += 1;
-            } else {
-                p = cairn_vec2_sub(p, cairn_vec2_scale(from, 1 / count));
-                q = cairn_vec2_sub(q, cairn_vec2_scale(to, 1 / count));
-                cosine += cairn_vec2_dot(p, q);
-                sine += cairn_vec2_cross(p, q);
-            }
-        }
-    turned.theta = cairn_atan2(sine, cosine);
-    shift = cairn_transform_point(cairn_transform_of(turned), cairn_vec2_scale(from, 1 / count));
-    turned.x = to.x / count - shift.x;
-    turned.y = to.y / count - shift.y;
-    return cairn_transform_of(turned);
+        if (!old->placed)
+            continue;
+        align->poses[count] = cairn_aligner_pose_of(align->aligner, i).map_scan;
+        align->kept[count++] = old->map_scan;
+    }
+    return cairn_pose_fit(align->poses, align->kept, NULL, count, 1);
 }
 
 /* What the aligner has placed beside what it had placed before, which stays where it is. */
 static cairn_status step_take_in(cairn_virtual_align *align, cairn_budget *budget)
 {
-    cairn_transform former;
+    cairn_pose former;
 
     if (!cairn_budget_pay(budget, &align->paid, 1 + align->scan_count))
         return CAIRN_MORE;
     former = former_map(align);
     for (int32_t i = 0; i < align->scan_count; i++) {
-        cairn_aligner_pose *kept = &align->places[i].aligned, found = cairn_aligner_pose_of(align->aligner, i);
-        cairn_vec2 at = {found.map_scan.x, found.map_scan.y};
+        cairn_aligner_pose found = cairn_aligner_pose_of(align->aligner, i);
 
-        if (kept->placed)
+        if (align->places[i].aligned.placed)
             continue;
-        at = cairn_transform_point(former, at);
-        found.map_scan.x = at.x;
-        found.map_scan.y = at.y;
-        found.map_scan.theta = cairn_wrap_angle(found.map_scan.theta + cairn_atan2(former.sine, former.cosine));
-        *kept = found;
+        found.map_scan = cairn_pose_compose(former, found.map_scan);
+        align->places[i].aligned = found;
     }
     align->result.aligner = cairn_aligner_read(align->aligner);
     return CAIRN_OK;
@@ -318,7 +300,8 @@ static cairn_real across_of(const cairn_virtual_align *align, int32_t scan)
 {
     const cairn_scan_set *set = cairn_force_field_scans(align->field);
     cairn_sym2 walls = {0, 0, 0};
-    cairn_real apart;
+    cairn_real values[2];
+    cairn_vec2 minor, major;
 
     for (int32_t i = set->scans[scan].first_segment; i < set->scans[scan].end_segment; i++) {
         cairn_segment s = set->segments[i].segment;
@@ -329,8 +312,8 @@ static cairn_real across_of(const cairn_virtual_align *align, int32_t scan)
         walls.xy += length * d.x * d.y;
         walls.yy += length * d.y * d.y;
     }
-    apart = walls.xx - walls.yy;
-    return (walls.xx + walls.yy - cairn_sqrt(apart * apart + 4 * walls.xy * walls.xy)) / 2;
+    cairn_sym2_eigen(walls, values, &minor, &major);
+    return values[0];
 }
 
 /* All scans to where the aligner has put them. An iteration that an earlier alignment left is ended first. */
