@@ -25,6 +25,7 @@ int tool_info(int argc, char **argv);
 int tool_map(int argc, char **argv);
 int tool_match(int argc, char **argv);
 int tool_merge(int argc, char **argv);
+int tool_model(int argc, char **argv);
 int tool_replay(int argc, char **argv);
 
 /* Reads the command line "LOG -o DIR [options]"; `folder` is where the table's -o goes to. OPTIONS_READ: both were given. */
