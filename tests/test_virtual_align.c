@@ -696,6 +696,8 @@ static void bad_calls_are_refused(void **state)
     assert_ok(cairn_virtual_align_step(align, &budget)); /* nothing was begun */
     assert_ok(cairn_virtual_align_iterate(align, &budget));
     assert_status(cairn_virtual_align_begin(NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_virtual_align_add_detector(NULL, NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_virtual_align_add_detector(align, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_virtual_align_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_virtual_align_step(align, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_virtual_align_iterate(NULL, &budget), CAIRN_BAD_ARGUMENT);

@@ -220,9 +220,12 @@ static void vote_along(cairn_ellipse_set *set, int32_t square, cairn_vec2 from, 
     cairn_real x = (from.x - set->corner.x) / set->cell + CAIRN_REAL(0.5) + normal.x * least;
     cairn_real y = (from.y - set->corner.y) / set->cell + CAIRN_REAL(0.5) + normal.y * least;
 
-    for (int32_t k = 0; k < steps; k++, x += normal.x, y += normal.y)
+    for (int32_t k = 0; k < steps; k++) {
         if (x >= 0 && y >= 0 && x < (cairn_real)cells && y < (cairn_real)cells)
             votes[(int32_t)y * cells + (int32_t)x] += weight;
+        x += normal.x;
+        y += normal.y;
+    }
 }
 
 static cairn_status step_vote(cairn_ellipse_set *set, cairn_budget *budget)

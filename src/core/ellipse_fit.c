@@ -116,7 +116,7 @@ void cairn_conic_add(cairn_conic_sums *sums, const cairn_oriented_point *point, 
 /* x of matrix x = right by LDL^T; 0 when the matrix is not positive definite. */
 static int solve(const cairn_conic_sums *sums, cairn_real x[ELLIPSE_UNKNOWNS])
 {
-    cairn_real l[ELLIPSE_UNKNOWNS][ELLIPSE_UNKNOWNS], d[ELLIPSE_UNKNOWNS];
+    cairn_real l[ELLIPSE_UNKNOWNS][ELLIPSE_UNKNOWNS] = {{0}}, d[ELLIPSE_UNKNOWNS] = {0};
 
     for (int i = 0; i < ELLIPSE_UNKNOWNS; i++) {
         for (int k = 0; k <= i; k++) {
