@@ -164,8 +164,8 @@ static void see_box(bench_box *box, int scan, const double walls[BOX_WALLS][4], 
     s->range = box->range[scan];
     s->edge = NULL;
     s->count = BENCH_BOX_BEAMS;
-    s->angle_min = -55 * DEGREE;
-    s->angle_step = 110 * DEGREE / (BENCH_BOX_BEAMS - 1);
+    s->angle_min = -180 * DEGREE;
+    s->angle_step = 360 * DEGREE / BENCH_BOX_BEAMS;
     s->range_min = 0.1;
     s->range_max = 8;
     s->range_sigma = 0.01;

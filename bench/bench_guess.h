@@ -10,9 +10,9 @@
  * among walls that belong to nothing. Adds how many there were, how many were found, and how many others. 0 on failure. */
 int bench_guess_ellipses(uint64_t seed, int32_t *there, int32_t *found, int32_t *wrong);
 
-enum { BENCH_BOX_SCANS = 4, BENCH_BOX_BEAMS = 221 };
+enum { BENCH_BOX_SCANS = 4, BENCH_BOX_BEAMS = 361 };
 
-/* A flat box in a room, two scans from either side, none of which sees both of its long sides. */
+/* A flat box in a room, two scans all around from either side, none of which sees both of its long sides. */
 typedef struct bench_box {
     double thickness; /* m */
     float range[BENCH_BOX_SCANS][BENCH_BOX_BEAMS];

@@ -55,7 +55,7 @@ int main(void)
     print("scan_match", "the same, by shape", cairn_scan_match_memory(&match));
     print("hough", "360 x 256 bins, 32 lines", cairn_hough_memory(&hough));
     print("rectangle", "1024 segments, 256 sides, 2048 pairs, 32 rectangles", cairn_rectangle_memory(&rectangle));
-    print("ellipse", "2 x 96 x 96 cells, 16 ellipses", cairn_ellipse_memory(&ellipse));
+    print("ellipse", "2 x 96 x 96 cells, 32 ellipses", cairn_ellipse_memory(&ellipse));
     print("sequence", "1024 and 1024 elements", cairn_sequence_memory(&sequence));
     print("particle_filter", "100 particles, 4,096 candidates and blocks of 64 bytes",
           cairn_particle_filter_memory(&filter));

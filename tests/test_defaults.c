@@ -154,7 +154,7 @@ static void of_hypotheses(void **state)
         VALUE(rectangle.least_side, 0.15),
         VALUE(rectangle.least_covered, 0.5),
         VALUE(rectangle.separation, 0.3),
-        VALUE(ellipse.max_ellipses, 16),
+        VALUE(ellipse.max_ellipses, 32),
         VALUE(ellipse.cells, 96),
         VALUE(ellipse.cell, 0.15),
         VALUE(ellipse.oriented, 1),

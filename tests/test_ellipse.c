@@ -322,7 +322,7 @@ static void slow_measure(const struct slow *s, cairn_ellipse *e)
 
 static void slow_refine(struct slow *s, int32_t at)
 {
-    static const double shares[3] = {0.3, 0.15, 0.08};
+    static const double shares[3] = {0.5, 0.25, 0.1};
     int32_t cells = s->p->cells;
     double tolerance = (double)s->p->angle_tolerance, wide = asin(fmin(1, 2 * sin(tolerance)));
     cairn_ellipse e = ellipse(s->corner_x + at % cells * s->cell, s->corner_y + at / cells % cells * s->cell, 0, 0, 0,
@@ -634,7 +634,7 @@ static void the_budget_does_not_matter(void **state)
 {
     static const int32_t budgets[] = {CAIRN_UNBOUNDED, 1, 7, 1000};
     struct fixture f = set_with(cairn_ellipse_default());
-    cairn_ellipse truth[3], first[16];
+    cairn_ellipse truth[3], first[32];
     int ellipses;
     struct cloud c = scene(3, 0.01, truth, &ellipses);
     int64_t units[4];

@@ -36,7 +36,7 @@ typedef struct cairn_ellipse {
 
 /* In brackets the defaults. */
 typedef struct cairn_ellipse_params {
-    int32_t max_ellipses;        /* 1 ... 256; of more centres than these those with the most votes are kept (16) */
+    int32_t max_ellipses;        /* 1 ... 256; of more centres than these those with the most votes are kept (32) */
     int32_t cells;               /* 8 ... 1024: of a side of the square of centres (96) */
     cairn_real cell;             /* m, > 0: width of these, unless the points reach too far for them (0.15) */
     int32_t oriented;            /* not 0: points have their free side on the left of their direction (1) */

@@ -23,7 +23,7 @@
 cairn_ellipse_params cairn_ellipse_default(void)
 {
     cairn_ellipse_params params = {
-        .max_ellipses = 16,
+        .max_ellipses = 32,
         .cells = 96,
         .cell = CAIRN_REAL(0.15),
         .oriented = 1,

@@ -71,7 +71,7 @@ static void take_radius(cairn_ellipse_set *set)
 /* How far off the ellipse at hand a point may be in this pass. */
 static cairn_real gate(const cairn_ellipse_set *set)
 {
-    static const cairn_real shares[] = {0, CAIRN_REAL(0.3), CAIRN_REAL(0.15), CAIRN_REAL(0.08)};
+    static const cairn_real shares[] = {0, CAIRN_REAL(0.5), CAIRN_REAL(0.25), CAIRN_REAL(0.1)};
 
     return cairn_max(set->params.support_distance, shares[set->pass] * set->fit.half_width);
 }
