@@ -21,6 +21,7 @@ enum {
 int tool_align(int argc, char **argv);
 int tool_eval(int argc, char **argv);
 int tool_graph(int argc, char **argv);
+int tool_group(int argc, char **argv);
 int tool_info(int argc, char **argv);
 int tool_map(int argc, char **argv);
 int tool_match(int argc, char **argv);

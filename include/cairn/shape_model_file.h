@@ -62,6 +62,9 @@ CAIRN_CHECKED cairn_status cairn_shape_model_file_load(cairn_shape_model_file *f
                                                        const cairn_shape_builder_params *builder,
                                                        cairn_shape_image *traced, cairn_file_error *error);
 
+/* Copies a model that cairn_shape_model_check takes. CAIRN_NO_MEMORY: there is nothing to free. */
+CAIRN_CHECKED cairn_status cairn_shape_model_file_copy(cairn_shape_model_file *file, const cairn_shape_model *model);
+
 /* Turns a model into its mirror image, left and right exchanged. */
 void cairn_shape_model_file_mirror(cairn_shape_model_file *file);
 

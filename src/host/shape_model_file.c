@@ -41,10 +41,13 @@ static cairn_status no_memory(const char *path, const char *what, cairn_file_err
 
 /* ---- From outlines ---- */
 
-static int copy(cairn_shape_model_file *f, const cairn_shape_model *m)
+cairn_status cairn_shape_model_file_copy(cairn_shape_model_file *f, const cairn_shape_model *m)
 {
-    if (!allocate(f, (size_t)m->sample_count, (size_t)m->outline_count))
-        return 0;
+    memset(f, 0, sizeof *f);
+    if (!allocate(f, (size_t)m->sample_count, (size_t)m->outline_count)) {
+        cairn_shape_model_file_free(f);
+        return CAIRN_NO_MEMORY;
+    }
     memcpy(f->samples, m->samples, (size_t)m->sample_count * sizeof *f->samples);
     memcpy(f->paths, m->paths, (size_t)m->path_count * sizeof *f->paths);
     memcpy(f->outline, m->outline, (size_t)m->outline_count * sizeof *f->outline);
@@ -52,7 +55,7 @@ static int copy(cairn_shape_model_file *f, const cairn_shape_model *m)
     f->model.samples = f->samples;
     f->model.paths = f->paths;
     f->model.outline = f->outline;
-    return 1;
+    return CAIRN_OK;
 }
 
 static cairn_status build(cairn_shape_builder *builder, const cairn_curve *outlines, int32_t count)
@@ -94,10 +97,9 @@ cairn_status cairn_shape_model_file_build(cairn_shape_model_file *file, const ca
                                    status == CAIRN_EMPTY ? "an object with symmetric parts" : "outlines of one object");
     } else {
         model = cairn_shape_builder_read(builder);
-        if (!copy(file, &model)) {
-            cairn_shape_model_file_free(file);
-            status = no_memory(path, "make a model of", error);
-        }
+        status = cairn_shape_model_file_copy(file, &model);
+        if (status != CAIRN_OK)
+            (void)no_memory(path, "make a model of", error);
     }
     free(memory);
     return status;
