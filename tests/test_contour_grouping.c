@@ -214,7 +214,7 @@ static void two_are_found_and_told_apart(void **state)
     in = input_of(&f, &s);
     r = group(&f, &in);
     assert_int_equal(r.object_count, 2);
-    assert_true(r.objects[0].score >= r.objects[1].score);
+    assert_true(r.objects[0].evidence >= r.objects[1].evidence);
     for (int32_t i = 0; i < 2; i++) {
         int left = r.objects[i].origin.x < 150;
 

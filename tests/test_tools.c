@@ -686,9 +686,9 @@ static void matches(void **state)
 
     (void)state;
     assert_ok(cairn_pose_table_read(&truth, &count, files_path("drive/truth.csv"), NULL));
-    expected = cairn_pose_between(truth[14].pose, truth[16].pose);
+    expected = cairn_pose_between(truth[18].pose, truth[20].pose);
     cairn_pose_table_free(truth);
-    o = programs_run("cairn match @/drive/scans.log:14 @/drive/scans.log:16 --json -o @/match/new --pictures");
+    o = programs_run("cairn match @/drive/scans.log:18 @/drive/scans.log:20 --json -o @/match/new --pictures");
     assert_done(o);
     assert_string_equal(o.err, "");
     assert_int_equal(count_in("match/new"), 3);
@@ -697,7 +697,7 @@ static void matches(void **state)
     json = files_read(files_path("match/new/match.json"), NULL);
     assert_string_equal(o.out, json);
     free(json);
-    assert_holds(o.out, "/drive/scans.log\", \"index\": 14, \"line\": ");
+    assert_holds(o.out, "/drive/scans.log\", \"index\": 18, \"line\": ");
     result = read_match(o.out);
     assert_string_equal(result.verdict, "found");
     assert_near(result.x, expected.x, 0.03);
@@ -705,13 +705,13 @@ static void matches(void **state)
     assert_near(result.theta, expected.theta, 0.02);
 
     /* In words, with a start that is not far; the same bytes again; without a word. */
-    o = programs_run("cairn match @/drive/scans.log:14 @/drive/scans.log:16 --start %.2f,%.2f,%.1f --window 0.5,20",
+    o = programs_run("cairn match @/drive/scans.log:18 @/drive/scans.log:20 --start %.2f,%.2f,%.1f --window 0.5,20",
                      (double)expected.x + 0.1, (double)expected.y - 0.1, (double)expected.theta * 57.3 + 5);
     assert_done(o);
     assert_holds(o.out, "verdict    found\n");
     assert_holds(o.out, "\n   1  ");
     assert_done(
-        programs_run("cairn match @/drive/scans.log:14 @/drive/scans.log:16 -o @/match/again --pictures --quiet"));
+        programs_run("cairn match @/drive/scans.log:18 @/drive/scans.log:20 -o @/match/again --pictures --quiet"));
     for (int k = 0; k < 2; k++) {
         static const char *const names[] = {"match.json", "match.svg"};
         char *one = files_read(in_folder("match/new", names[k]), NULL);

@@ -81,7 +81,8 @@ typedef struct cairn_grouping cairn_grouping;
 /* The values in brackets above, seed 1. */
 cairn_grouping_params cairn_grouping_default(void);
 
-/* 0 for params that create() would refuse. About 200 bytes for every particle and sample of the model: histories share what they have in common, but need not. */
+/* 0 for params that create() would refuse. About 5 KB for every particle, whatever the length of the paths; 60 bytes for every
+ * token. */
 size_t cairn_grouping_memory(const cairn_grouping_params *params);
 
 /* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
@@ -93,8 +94,10 @@ CAIRN_CHECKED cairn_status cairn_grouping_create(cairn_grouping **grouping, cair
 CAIRN_CHECKED cairn_status cairn_grouping_begin(cairn_grouping *grouping, const cairn_grouping_input *input);
 
 /* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the result stands, or nothing was begun. CAIRN_NOT_FINITE: a segment is
- * not finite; CAIRN_FULL: segments of more than 2^24 tokens; given up. First sight costs a unit for every 16 pairs of tokens and for each pair and sample of the model
- * that go together; the walk some 60 units a particle and sample; the rest some 200 a particle and sample of the outline. */
+ * not finite; CAIRN_FULL: segments of more than 2^24 tokens; given up. First sight
+ * costs a unit for every 16 pairs of tokens, and for each pair and sample of the model that go together (of 2^22 pairs at
+ * most); the walk some 60 units a particle and sample; every start, every walk's end and nine times every object 12 units a
+ * sample of the outline, the first two up to five times. */
 CAIRN_CHECKED cairn_status cairn_grouping_step(cairn_grouping *grouping, cairn_budget *budget);
 
 /* All zero until step() returns CAIRN_OK; valid until the next begin(). */

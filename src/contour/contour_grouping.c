@@ -116,6 +116,9 @@ static cairn_grouping *carve(cairn_pool *pool, const cairn_grouping_params *p)
     int32_t *along = cairn_pool_take(pool, (size_t)p->max_objects * (size_t)p->max_outline, sizeof *along);
     int32_t *match = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *match);
     cairn_real *cost = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *cost);
+    cairn_vec2 *shift = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *shift);
+    cairn_vec2 *bent = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *bent);
+    int32_t *apart = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *apart);
     grouping_cell *way = cairn_pool_take(pool, (size_t)p->max_outline * GROUPING_CELLS, sizeof *way);
     cairn_particle_filter *filter = carve_filter(pool, p, g);
 
@@ -131,6 +134,9 @@ static cairn_grouping *carve(cairn_pool *pool, const cairn_grouping_params *p)
         g->along = along;
         g->match = match;
         g->cost = cost;
+        g->shift = shift;
+        g->bent = bent;
+        g->apart = apart;
         g->cells = way;
         g->filter = filter;
     }

@@ -3,12 +3,17 @@
  * to two of them: what the better one has taken is no evidence for the next. */
 #include "src/core/build.h"
 
+#include <string.h>
+
 #include "src/contour/contour_grouping_work.h"
 
 /* Objects whose middles are closer than this, of their size, are one. */
 #define APART CAIRN_REAL(0.3)
 /* Half squares of sigmas at which a sample counts by a third in the score. */
 #define SCORE_COST 3
+
+/* So often the outline follows what an object has been laid onto before its segments are listed. */
+enum { BENDS = 8 };
 
 /* Whether a pose is within what was asked for, but for a tenth. */
 static int is_wanted(const cairn_grouping *g, const grouping_pose *pose)
@@ -151,8 +156,10 @@ static void judge(cairn_grouping *g)
     }
     if (o->evidence < g->params.min_evidence || o->score < g->params.min_score)
         take_out(g, g->cursor);
-    else
+    else {
         g->is_listing = 1;
+        memset(g->shift, 0, (size_t)g->input.model->outline_count * sizeof *g->shift);
+    }
 }
 
 static void list(cairn_grouping *g)
@@ -165,7 +172,7 @@ static void list(cairn_grouping *g)
         g->best = o->score;
     o->seen = sides_seen(g);
     list_segments(g, o);
-    g->is_listing = 0;
+    g->is_listing = g->round = 0;
     g->cursor++;
 }
 
@@ -225,10 +232,12 @@ cairn_status cairn_grouping_finish(cairn_grouping *g, cairn_budget *budget)
         status = cairn_grouping_lay(g, budget);
         if (status != CAIRN_OK)
             return status;
-        if (g->is_listing)
-            list(g);
-        else
+        if (!g->is_listing)
             judge(g);
+        else if (g->round++ < BENDS)
+            cairn_grouping_bend(g);
+        else
+            list(g);
     }
     return CAIRN_OK;
 }

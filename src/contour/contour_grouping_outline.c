@@ -12,6 +12,8 @@
  * (2.13), which cannot tell a part that is hidden from an object that is not there. */
 #include "src/core/build.h"
 
+#include <string.h>
+
 #include "src/contour/contour_grouping_work.h"
 
 /* Of the object's size: pieces of the outline of this length are independent of each other. */
@@ -39,6 +41,10 @@ enum { STEPS_ON = 3, LEFT_OVER = 2 };
 /* Rounds; places with less than one part in so many of the most evidence so far get no further round. */
 enum { ROUNDS = 5 };
 static const int32_t hope[ROUNDS] = {12, 6, 4, 3, 0};
+/* Samples on either side that shift with a sample. */
+enum { AROUND = 3 };
+/* Of the shift of a sample what is expected of the next one. */
+#define CARRY CAIRN_REAL(0.95)
 /* Points that the pose of the round before is worth in the fit. */
 #define HELD 2
 /* Of one sample: its tokens, and its ways. */
@@ -109,7 +115,10 @@ static int32_t look_around(const cairn_grouping *g, const grouping_pose *pose, c
     cairn_real size = grouping_size(pose), sigma = g->params.deform * size, cost[GROUPING_CELLS - 1];
     cairn_real pieces = g->spacing / PIECE, worth = g->is_listing ? 1 : 1 - STRAIGHT * (1 - bend);
     int32_t token[GROUPING_CELLS - 1];
-    int32_t count = cairn_grouping_near(g, at, direction, sigma, GROUPING_CELLS - 1, token, cost);
+    int32_t count;
+
+    at = g->is_listing ? cairn_vec2_add(at, g->shift[o - g->input.model->outline]) : at;
+    count = cairn_grouping_near(g, at, direction, sigma, GROUPING_CELLS - 1, token, cost);
 
     row[0].token = -1;
     row[0].cost = row[0].off = 0;
@@ -217,6 +226,56 @@ cairn_status cairn_grouping_refine(cairn_grouping *g, cairn_budget *budget)
     g->round = g->is_laying = 0;
     g->most = cairn_max(g->most, g->evidence);
     return CAIRN_OK;
+}
+
+/* Sums of the shifts of the samples from i - AROUND to i + AROUND that are seen, and their number. */
+static int32_t shifts_around(const cairn_grouping *g, int32_t i, cairn_vec2 *sum)
+{
+    const cairn_shape_model *m = g->input.model;
+    int32_t count = 0;
+
+    sum->x = sum->y = 0;
+    for (int32_t k = i > AROUND ? i - AROUND : 0; k <= i + AROUND && k < m->outline_count; k++)
+        if (g->match[k] >= 0) {
+            cairn_vec2 place = grouping_place(&g->pose, m->outline[k].position);
+            cairn_vec2 from = cairn_vec2_add(place, g->shift[k]);
+
+            *sum = cairn_vec2_add(*sum, cairn_vec2_sub(cairn_grouping_touch(g, g->match[k], from), place));
+            count++;
+        }
+    return count;
+}
+
+/* Where nothing is seen around, the shift is that of the nearest sample where something is, the less the farther it is. */
+static void carry(cairn_vec2 *shift, int32_t *apart, int32_t count, int32_t step)
+{
+    int32_t at = step > 0 ? 0 : count - 1;
+
+    for (int32_t k = 1; k < 2 * count; k++) {
+        int32_t next = (at + step + count) % count;
+
+        if (apart[at] + 1 < apart[next]) {
+            apart[next] = apart[at] + 1;
+            shift[next] = cairn_vec2_scale(shift[at], CARRY);
+        }
+        at = next;
+    }
+}
+
+void cairn_grouping_bend(cairn_grouping *g)
+{
+    int32_t count = g->input.model->outline_count;
+    cairn_vec2 sum;
+
+    for (int32_t i = 0; i < count; i++) {
+        int32_t seen = shifts_around(g, i, &sum);
+
+        g->bent[i] = cairn_vec2_scale(sum, 1 / (cairn_real)(seen > 0 ? seen : 1));
+        g->apart[i] = seen > 0 ? 0 : 2 * count;
+    }
+    carry(g->bent, g->apart, count, 1);
+    carry(g->bent, g->apart, count, -1);
+    memcpy(g->shift, g->bent, (size_t)count * sizeof *g->bent);
 }
 
 void cairn_grouping_outline_begin(cairn_grouping *g)

@@ -79,6 +79,8 @@ struct cairn_grouping {
     int32_t *along;                  /* [max_objects * max_outline] segment of each sample of an object's outline */
     int32_t *match;                  /* [max_outline] token of each sample of the outline, -1: none */
     cairn_real *cost;                /* [max_outline] and how well it fits */
+    cairn_vec2 *shift, *bent;        /* [max_outline] px: how far the contour lies off the pose; the next ones */
+    int32_t *apart;                  /* [max_outline] samples to the nearest one that is seen */
     grouping_cell *cells;            /* [max_outline * GROUPING_CELLS] */
     cairn_vec2 turn_axis;            /* the middle of the turns that are searched, and the cosine of half their range */
     cairn_real turn_cosine, reach;   /* px, between two sides */
@@ -147,6 +149,9 @@ void cairn_grouping_outline_begin(cairn_grouping *g);
 void cairn_grouping_outline_chance(cairn_grouping *g);
 cairn_status cairn_grouping_lay(cairn_grouping *g, cairn_budget *budget);
 cairn_status cairn_grouping_refine(cairn_grouping *g, cairn_budget *budget);
+
+/* The outline follows what it was laid onto, sample by sample, for the next time that it is laid while listing. */
+void cairn_grouping_bend(cairn_grouping *g);
 
 /* The objects: at the starts, at the ends of the walks, and what is left of them side by side. */
 cairn_status cairn_grouping_weigh(cairn_grouping *g, cairn_budget *budget);
