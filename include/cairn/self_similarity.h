@@ -33,7 +33,7 @@ typedef struct cairn_self_similarity_params {
     int32_t least_vertices;   /* of the coarsest level, 4 ... 32 (5) */
     int32_t most_vertices;    /* of the finest, least_vertices ... 32, at most `points` (20) */
     cairn_real tie;           /* >= 0, of the best dissimilarity: axes no worse than that are as good (0.01) */
-    cairn_real tie_floor;     /* >= 0: so is what differs less than that (0.002) */
+    cairn_real tie_floor;     /* >= 0: so is what differs less than that (0.001) */
     cairn_real separation;    /* > 0 ... 0.25, of the outline: axes whose ends are all nearer are one (0.05) */
 } cairn_self_similarity_params;
 
@@ -69,12 +69,13 @@ typedef struct cairn_symmetry_axis {
     cairn_vec2 end[2];         /* where the axis leaves the outline */
     cairn_real place[2];       /* the same in shares of the outline's length, 0 ... 1; arc[0] begins at place[0] */
     cairn_symmetry_arc arc[2]; /* the two parts, what lies between critical points left out */
-    cairn_real dissimilarity;  /* >= 0, of the greatest inner distance */
-    cairn_real misfit, warp;
-    cairn_real bend;           /* rad, by which the axis turns from end[0] to end[1]; 0 as written */
-    cairn_real skew;           /* tangent of the angle by which ribs lean against the axis; 0 as written */
-    int32_t vertices;          /* of the level that it was found on; 0: between critical points */
-    int32_t division;          /* 1 ... 4 of the thesis; 0 when re-ranked */
+    cairn_real dissimilarity;  /* >= 0, of the greatest inner distance: by which axes are ranked */
+    cairn_real misfit; /* of that: how far one arc is from the mirror image of the other in the mean; 0 as written */
+    cairn_real warp;   /* and how unlike the arcs are by nearby inner distances; 0 where joints explain nothing */
+    cairn_real bend;   /* rad, by which the axis turns from end[0] to end[1]; 0 as written */
+    cairn_real skew;   /* tangent of the angle by which ribs lean against the axis; 0 as written */
+    int32_t vertices;  /* of the level that it was found on; 0: between critical points */
+    int32_t division;  /* 1 ... 4 of the thesis; 0 when re-ranked */
 } cairn_symmetry_axis;
 
 typedef int32_t cairn_symmetry_verdict;

@@ -32,7 +32,7 @@ cairn_self_similarity_params cairn_self_similarity_default(void)
         .least_vertices = 5,
         .most_vertices = 20,
         .tie = CAIRN_REAL(0.01),
-        .tie_floor = CAIRN_REAL(0.002),
+        .tie_floor = CAIRN_REAL(0.001),
         .separation = CAIRN_REAL(0.05),
     };
     return params;
@@ -63,6 +63,7 @@ static cairn_self_similarity *carve(cairn_pool *pool, const cairn_self_similarit
     cairn_vec2 *samples = cairn_pool_take(pool, n + (size_t)p->hole_points, sizeof *samples);
     cairn_vec2 *next = cairn_pool_take(pool, n + (size_t)p->hole_points, sizeof *next);
     cairn_vec2 *smooth = cairn_pool_take(pool, n, sizeof *smooth);
+    cairn_vec2 *flat_holes = cairn_pool_take(pool, (size_t)p->hole_points, sizeof *flat_holes);
     cairn_vec2 *flat = cairn_pool_take(pool, 3 * (n + FLAT_ENDS), sizeof *flat);
     cairn_real *unlike = cairn_pool_take(pool, n * n, sizeof *unlike);
     cairn_real *sum = cairn_pool_take(pool, 2 * n, sizeof *sum);
@@ -77,6 +78,7 @@ static cairn_self_similarity *carve(cairn_pool *pool, const cairn_self_similarit
         s->next = next;
         s->smooth = smooth;
         s->nudged = flat;
+        s->flat_holes = flat_holes;
         s->trial[0].room = flat + (n + FLAT_ENDS);
         s->trial[1].room = flat + 2 * (n + FLAT_ENDS);
         s->trial[0].near = near;
@@ -182,6 +184,7 @@ cairn_status cairn_self_similarity_begin(cairn_self_similarity *s, const cairn_c
 {
     cairn_curve sampled[CAIRN_SYMMETRY_OUTLINES];
     cairn_vec2 *to_swap;
+    int32_t holes = 1;
     cairn_status status;
 
     if (s == NULL || outlines == NULL || count < 1)
@@ -196,7 +199,9 @@ cairn_status cairn_self_similarity_begin(cairn_self_similarity *s, const cairn_c
     sampled[0].closed = 1;
     status = cairn_curve_resample(&outlines[0], s->next, NULL, s->params.points);
     if (status == CAIRN_OK)
-        status = cairn_inner_distance_begin(s->inner, sampled, sample_holes(s, outlines, count, sampled));
+        holes = sample_holes(s, outlines, count, sampled);
+    if (status == CAIRN_OK)
+        status = cairn_inner_distance_begin(s->inner, sampled, holes);
     if (status == CAIRN_OK)
         status = cairn_curve_evolution_begin(s->evolution, s->next, s->params.points);
     if (status != CAIRN_OK)
@@ -204,6 +209,9 @@ cairn_status cairn_self_similarity_begin(cairn_self_similarity *s, const cairn_c
     to_swap = s->samples;
     s->samples = s->next;
     s->next = to_swap;
+    s->holes = holes - 1;
+    for (int32_t i = 0; i < s->holes; i++)
+        s->hole_count[i] = sampled[i + 1].count;
     s->i = s->k = s->paid = 0;
     s->axis_count = s->ties = 0;
     s->comparisons = 0;

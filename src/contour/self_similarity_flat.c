@@ -11,8 +11,8 @@
 #define WINDOW CAIRN_REAL(0.2)
 /* An axis that bends less is straight. */
 #define STRAIGHT  CAIRN_REAL(1e-3)
-#define MOST_BEND CAIRN_REAL(3)
-#define MOST_SKEW CAIRN_REAL(1)
+#define MOST_BEND CAIRN_REAL(3.0)
+#define MOST_SKEW CAIRN_REAL(1.0)
 /* In spans: no sample counts for more. */
 #define MOST_MISFIT CAIRN_REAL(0.1)
 /* In spans a rad, and spans for ribs that lean by 45 degrees. */
@@ -141,6 +141,41 @@ static int32_t nearest_side(const similarity_flat *flat, int32_t arc, int32_t i,
     return best;
 }
 
+static int32_t hole_samples(const cairn_self_similarity *s)
+{
+    int32_t sum = 0;
+
+    for (int32_t h = 0; h < s->holes; h++)
+        sum += s->hole_count[h];
+    return sum;
+}
+
+/* The sum over the samples of all holes of the distance of their mirror images to the nearest side of any. *count grows by their
+ * number. */
+static cairn_real misfit_of_holes(cairn_self_similarity *s, const similarity_cut *cut, cairn_real most, int32_t *count)
+{
+    frame f = frame_of(cairn_similarity_point(s, s->smooth, cut->place[0]),
+                       cairn_similarity_point(s, s->smooth, cut->place[1]), cut->bend, cut->skew);
+    int32_t all = hole_samples(s);
+    cairn_real sum = 0;
+
+    for (int32_t i = 0; i < all; i++)
+        s->flat_holes[i] = flatten(&f, s->samples[s->params.points + i]);
+    for (int32_t i = 0; i < all; i++) {
+        cairn_vec2 mirrored = {s->flat_holes[i].x, -s->flat_holes[i].y};
+        const cairn_vec2 *hole = s->flat_holes;
+        cairn_real least = most * most;
+
+        for (int32_t h = 0; h < s->holes; hole += s->hole_count[h++])
+            for (int32_t k = 0; k < s->hole_count[h]; k++)
+                least =
+                    cairn_min(least, squared_distance(hole[k], hole[k + 1 < s->hole_count[h] ? k + 1 : 0], mirrored));
+        sum += cairn_sqrt(least);
+    }
+    *count += all;
+    return sum;
+}
+
 void cairn_similarity_try(cairn_self_similarity *s, similarity_trial *t, int32_t stride)
 {
     cairn_real sum = 0, most = MOST_MISFIT * s->span;
@@ -155,6 +190,7 @@ void cairn_similarity_try(cairn_self_similarity *s, similarity_trial *t, int32_t
             t->near[count++] = nearest_side(&t->flat, arc, i, &distance);
             sum += cairn_min(distance, most);
         }
+    sum += s->holes > 0 ? misfit_of_holes(s, &t->cut, most, &count) : 0;
     s->comparisons++;
     t->cut.misfit = count > 0 ? sum / ((cairn_real)count * s->span) : MOST_MISFIT;
     t->cut.cost = t->cut.misfit + BEND_COST * cairn_abs(t->cut.bend) + SKEW_COST * cairn_abs(t->cut.skew);
@@ -162,9 +198,9 @@ void cairn_similarity_try(cairn_self_similarity *s, similarity_trial *t, int32_t
 
 int32_t cairn_similarity_trial_units(const cairn_self_similarity *s, int32_t stride)
 {
-    int32_t n = s->params.points / stride;
+    int32_t n = s->params.points / stride, holes = hole_samples(s);
 
-    return 2 + n / 2 + n * (4 + n / 5) / 10;
+    return 2 + n / 2 + n * (4 + n / 5) / 10 + holes * (4 + holes) / 10;
 }
 
 void cairn_similarity_limit(const cairn_self_similarity *s, similarity_cut *cut)

@@ -72,12 +72,13 @@ struct cairn_self_similarity {
     cairn_self_similarity_params params;
     cairn_inner_distance *inner;
     cairn_curve_evolution *evolution;
-    cairn_vec2 *samples; /* [points + hole_points] */
-    cairn_vec2 *next;    /* the same, of a shape that may be refused yet */
-    cairn_real *unlike;  /* [points * points] c(i, k) of eq. 4.4 */
-    cairn_real *sum;     /* [2 * points] two rows of a warp */
-    int32_t *steps;      /* [2 * points] */
-    int32_t *walk;       /* [points] samples of both arcs as they are warped */
+    cairn_vec2 *samples;                                /* [points + hole_points] */
+    cairn_vec2 *next;                                   /* the same, of a shape that may be refused yet */
+    int32_t holes, hole_count[CAIRN_SYMMETRY_OUTLINES]; /* samples[points ...]: those of holes */
+    cairn_real *unlike;                                 /* [points * points] c(i, k) of eq. 4.4 */
+    cairn_real *sum;                                    /* [2 * points] two rows of a warp */
+    int32_t *steps;                                     /* [2 * points] */
+    int32_t *walk;                                      /* [points] samples of both arcs as they are warped */
     similarity_list list;
     similarity_phase phase;
     int32_t paid;
@@ -88,6 +89,7 @@ struct cairn_self_similarity {
     /* Re-ranked. */
     cairn_vec2 *smooth;      /* [points] */
     cairn_vec2 *nudged;      /* [points + 4] arcs laid flat a little off */
+    cairn_vec2 *flat_holes;  /* [hole_points] */
     cairn_real *residual;    /* [(1 + SIMILARITY_VARIABLES) * points] */
     similarity_list scanned; /* what is to be fitted */
     similarity_trial trial[2];
