@@ -175,7 +175,7 @@ static void normals_of_circles_beat_sobel(void **state)
         }
         assert_true(error <= 0.5 * sobel);
         assert_true(off / total < 0.07 + 0.03 * level);
-        assert_true(error / total < (0.6 + 0.6 * level) * DEGREE);
+        assert_true(error / total < (1 + 0.6 * level) * DEGREE);
     }
     test_pool_free(&f.pool);
 }
