@@ -66,7 +66,8 @@ static double share_inside(double x, double y, double r)
 static void draw_disc(int32_t side, double cx, double cy, double r, double noise, cairn_random *random)
 {
     for (int32_t i = 0; i < side * side; i++) {
-        double grey = 80 + 100 * share_inside(i % side - cx, i / side - cy, r);
+        int32_t y = i / side;
+        double grey = 80 + 100 * share_inside(i % side - cx, y - cy, r);
 
         grey += noise > 0 ? noise * (double)cairn_random_normal(random) : 0;
         picture[i] = (uint8_t)fmax(0, fmin(255, rint(grey)));
@@ -256,6 +257,7 @@ static void twin_sample(struct twin *t, double sigma, int32_t px, int32_t py)
 static int twin_between(const struct twin *t, int32_t a, int32_t b, const cairn_edgel_params *p, cairn_edgel *e,
                         int *doubt)
 {
+    int32_t row = a / SMALL;
     double from, share, fx, fy, x, y, f, slope, turn;
 
     *doubt = 0;
@@ -273,7 +275,7 @@ static int twin_between(const struct twin *t, int32_t a, int32_t b, const cairn_
     *doubt = fabs(slope - (double)p->min_slope) < 1e-3 || fabs(turn - cos((double)p->max_turn)) < 1e-3 ||
              fabs(fabs(fx) - fabs(fy)) < 1e-3 * f;
     e->position.x = (cairn_real)(a % SMALL + (b == a + 1 ? share : 0));
-    e->position.y = (cairn_real)((double)(a / SMALL) + (b == a + 1 ? 0 : share));
+    e->position.y = (cairn_real)(row + (b == a + 1 ? 0 : share));
     e->normal.x = (cairn_real)(-fx / f);
     e->normal.y = (cairn_real)(-fy / f);
     e->slope = (cairn_real)slope;
