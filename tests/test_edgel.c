@@ -57,8 +57,11 @@ static double share_inside(double x, double y, double r)
 {
     int32_t inside = 0;
 
-    for (int32_t i = 0; i < 64; i++)
-        inside += hypot(x + (i % 8 + 0.5) / 8 - 0.5, y + (i / 8 + 0.5) / 8 - 0.5) <= r;
+    for (int32_t i = 0; i < 64; i++) {
+        int32_t row = i / 8;
+
+        inside += hypot(x + (i % 8 + 0.5) / 8 - 0.5, y + (row + 0.5) / 8 - 0.5) <= r;
+    }
     return inside / 64.0;
 }
 

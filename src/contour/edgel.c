@@ -205,7 +205,7 @@ static edgel_sample *sample_row(const cairn_edgel_set *set, int32_t y)
 /* Along the row `next`, at pixel x. */
 static void smooth_pixel(const cairn_edgel_set *set)
 {
-    const uint8_t *row = &set->grey.data[set->grey.stride * set->next];
+    const uint8_t *row = set->grey.data + set->grey.stride * set->next;
     cairn_real sum[ORDERS] = {0, 0, 0, 0};
 
     for (int32_t i = 0; i < set->taps; i++) {
