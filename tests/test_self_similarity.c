@@ -325,7 +325,7 @@ static void takes_bends_and_skews_back(void **state)
             /* The axis may be found from either end. */
             assert_near(fabs((double)r.axes[0].bend), fabs(bend), 0.06);
             assert_near(fabs((double)r.axes[0].skew), fabs(skew), 0.04);
-            if (r.axes[0].place[0] < 0.1 || r.axes[0].place[0] > 0.9)
+            if ((double)r.axes[0].place[0] < 0.1 || (double)r.axes[0].place[0] > 0.9)
                 assert_true(i == 0 || (double)r.axes[0].bend * bend > 0);
             assert_true(i != 0 || (double)r.axes[0].skew * skew > 0);
         }
