@@ -132,8 +132,10 @@ static void star(cairn_vec2 *p, int32_t count, uint64_t seed)
 /* A band wound up, half its vertices on either side. */
 static void spiral(cairn_vec2 *p, int32_t count)
 {
-    for (int32_t i = 0; i < count / 2; i++) {
-        double turn = 12.0 * i / (count / 2);
+    int32_t half = count / 2;
+
+    for (int32_t i = 0; i < half; i++) {
+        double turn = 12.0 * i / half;
 
         p[i] = at((3 + turn) * cos(turn), (3 + turn) * sin(turn));
         p[count - 1 - i] = at((5 + turn) * cos(turn), (5 + turn) * sin(turn));

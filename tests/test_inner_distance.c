@@ -152,8 +152,10 @@ static cairn_curve star(cairn_vec2 *p, int32_t count, uint64_t seed, double scal
 
 static cairn_curve spiral(cairn_vec2 *p, int32_t count, double turns, int clockwise)
 {
-    for (int32_t i = 0; i < count / 2; i++) {
-        double turn = 6.2831853 * turns * i / (count / 2 - 1), inner = 3 + 2 * turn, outer = 7 + 2 * turn;
+    int32_t half = count / 2;
+
+    for (int32_t i = 0; i < half; i++) {
+        double turn = 6.2831853 * turns * i / (half - 1), inner = 3 + 2 * turn, outer = 7 + 2 * turn;
         int32_t low = clockwise ? count - 1 - i : i, high = clockwise ? i : count - 1 - i;
 
         p[high] = at(inner * cos(turn), inner * sin(turn));

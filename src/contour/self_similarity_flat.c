@@ -141,7 +141,7 @@ static int32_t nearest_side(const similarity_flat *flat, int32_t arc, int32_t i,
     return best;
 }
 
-static int32_t hole_samples(const cairn_self_similarity *s)
+int32_t cairn_similarity_hole_samples(const cairn_self_similarity *s)
 {
     int32_t sum = 0;
 
@@ -156,7 +156,7 @@ static cairn_real misfit_of_holes(cairn_self_similarity *s, const similarity_cut
 {
     frame f = frame_of(cairn_similarity_point(s, s->smooth, cut->place[0]),
                        cairn_similarity_point(s, s->smooth, cut->place[1]), cut->bend, cut->skew);
-    int32_t all = hole_samples(s);
+    int32_t all = cairn_similarity_hole_samples(s);
     cairn_real sum = 0;
 
     for (int32_t i = 0; i < all; i++)
@@ -198,7 +198,7 @@ void cairn_similarity_try(cairn_self_similarity *s, similarity_trial *t, int32_t
 
 int32_t cairn_similarity_trial_units(const cairn_self_similarity *s, int32_t stride)
 {
-    int32_t n = s->params.points / stride, holes = hole_samples(s);
+    int32_t n = s->params.points / stride, holes = cairn_similarity_hole_samples(s);
 
     return 2 + n / 2 + n * (4 + n / 5) / 10 + holes * (4 + holes) / 10;
 }

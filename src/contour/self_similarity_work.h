@@ -119,6 +119,9 @@ void cairn_similarity_offer(const cairn_self_similarity *s, similarity_list *lis
 /* Where the outline is at a place, 0 <= place < points; samples: [points], those of the outline or the smoothed ones. */
 cairn_vec2 cairn_similarity_point(const cairn_self_similarity *s, const cairn_vec2 *samples, cairn_real place);
 
+/* Samples of all holes together. */
+int32_t cairn_similarity_hole_samples(const cairn_self_similarity *s);
+
 /* The thesis's search over levels, pairs and divisions. */
 void cairn_similarity_split_begin(cairn_self_similarity *s);
 cairn_status cairn_similarity_split_step(cairn_self_similarity *s, cairn_budget *budget);

@@ -127,7 +127,9 @@ cairn_status cairn_curve_evolution_begin(cairn_curve_evolution *e, const cairn_v
 /* The order in which vertices go. */
 static int goes_before(const cairn_curve_evolution *e, int32_t i, int32_t k)
 {
-    return e->relevance[i] < e->relevance[k] || (e->relevance[i] <= e->relevance[k] && i < k);
+    cairn_real own = e->relevance[i], other = e->relevance[k];
+
+    return own < other || (own <= other && i < k);
 }
 
 /* The first in that order of those behind the one that was tried; -1: there is none. */
