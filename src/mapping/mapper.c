@@ -51,11 +51,11 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
     has_odometry = odometry != NULL && (mapper->had_odometry || mapper->state.scans == 0);
     if (has_odometry && mapper->state.scans > 0)
         by_odometry = cairn_pose_between(mapper->last_odometry, *odometry);
-    if (input != NULL) {
-        sweep = *input;
-        sweep.motion = cairn_mapper_sweep_motion(mapper, input, has_odometry ? &by_odometry : NULL);
-    }
-    status = cairn_scan_begin(mapper->scan, input != NULL ? &sweep : NULL, fault);
+    if (input == NULL)
+        return cairn_scan_begin(mapper->scan, NULL, fault);
+    sweep = *input;
+    sweep.motion = cairn_mapper_sweep_motion(mapper, input, has_odometry ? &by_odometry : NULL);
+    status = cairn_scan_begin(mapper->scan, &sweep, fault);
     if (status != CAIRN_OK)
         return status;
 
