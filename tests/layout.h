@@ -11,6 +11,7 @@
 #include "cairn/curve.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
+#include "cairn/edgel.h"
 #include "cairn/ellipse.h"
 #include "cairn/file_error.h"
 #include "cairn/filter_mapper.h"
@@ -348,6 +349,17 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_edge_segment_result, line_count, 16, 16)},
     {FIELD(cairn_edge_segment_result, look_ahead, 24, 20)},
     {FIELD(cairn_edge_segment_result, mean_length, 32, 24)},
+    {SIZE(cairn_edgel, 40, 20)},
+    {FIELD(cairn_edgel, position, 0, 0)},
+    {FIELD(cairn_edgel, normal, 16, 8)},
+    {FIELD(cairn_edgel, slope, 32, 16)},
+    {SIZE(cairn_edgel_params, 40, 24)},
+    {FIELD(cairn_edgel_params, max_width, 0, 0)},
+    {FIELD(cairn_edgel_params, max_height, 4, 4)},
+    {FIELD(cairn_edgel_params, max_edgels, 8, 8)},
+    {FIELD(cairn_edgel_params, sigma, 16, 12)},
+    {FIELD(cairn_edgel_params, min_slope, 24, 16)},
+    {FIELD(cairn_edgel_params, max_turn, 32, 20)},
     {SIZE(cairn_ellipse, 80, 40)},
     {FIELD(cairn_ellipse, centre, 0, 0)},
     {FIELD(cairn_ellipse, half_length, 24, 12)},
