@@ -186,8 +186,8 @@ cairn_status symmetry_draw_sheet(const symmetry_found *found, int32_t count, con
                             head + CAIRN_REPORT_MARGIN + rows * (step + FOOT), "Axes of self-similarity", subtitle);
     print_style(output);
     for (int32_t i = 0; i < count; i++) {
-        double left = CAIRN_REPORT_MARGIN + i % columns * step,
-               top = head + CAIRN_REPORT_MARGIN + i / columns * (step + FOOT);
+        int32_t row = i / columns, column = i % columns;
+        double left = CAIRN_REPORT_MARGIN + column * step, top = head + CAIRN_REPORT_MARGIN + row * (step + FOOT);
         view v = view_of(&found[i], left, top, SMALL);
         char text[160];
 
