@@ -57,7 +57,7 @@ static void of_map_merging(void **state)
     cairn_map_merge_params p = cairn_map_merge_default();
     const value values[] = {
         VALUE(p.max_maps, 16),     VALUE(p.max_cells, 2560000), VALUE(p.max_map_cells, 160000),
-        VALUE(p.max_points, 2048), VALUE(p.max_segments, 256),  VALUE(p.max_corners, 48),
+        VALUE(p.max_points, 4096), VALUE(p.max_segments, 256),  VALUE(p.max_corners, 48),
         VALUE(p.max_modes, 6),     VALUE(p.particles, 100),     VALUE(p.perception, CAIRN_MERGE_EVIDENCE),
         VALUE(p.correlation, 10),  VALUE(p.min_score, 6),       VALUE(p.min_margin, 3),
         VALUE(p.seed, 1),

@@ -27,7 +27,7 @@ cairn_map_merge_params cairn_map_merge_default(void)
         .max_maps = 16,
         .max_cells = 16 * 400 * 400,
         .max_map_cells = 400 * 400,
-        .max_points = 2048,
+        .max_points = 4096,
         .max_segments = 256,
         .max_corners = 48,
         .max_modes = 6,

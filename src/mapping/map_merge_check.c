@@ -43,6 +43,27 @@ static const void *best_of(const cairn_map_merge *m)
     return best;
 }
 
+/* near[] in the order of merging, but the reference first, in whose frame they are now; alone when it has not been merged. */
+static void begin_at_reference(cairn_map_merge *m)
+{
+    cairn_pose reference = cairn_pose_identity();
+    int32_t at = -1, count = 1;
+
+    for (int32_t i = 0; i < m->near_count; i++)
+        if (m->near[i] == m->reference)
+            at = i;
+    if (at >= 0)
+        reference = m->near_pose[at];
+    m->check.list[0] = m->reference;
+    m->check.pose[m->reference] = cairn_pose_identity();
+    for (int32_t i = m->near_count - 1; i >= 0 && at >= 0; i--)
+        if (i != at) {
+            m->check.list[count++] = m->near[i];
+            m->check.pose[m->near[i]] = cairn_pose_between(reference, m->near_pose[i]);
+        }
+    m->check.count = count;
+}
+
 static void begin_check(cairn_map_merge *m)
 {
     (void)cairn_merge_gather(m, best_of(m));
@@ -56,17 +77,15 @@ static void begin_check(cairn_map_merge *m)
         p->wrong = 1;
         p->rank = -1;
     }
-    for (int32_t i = 0; i < m->near_count; i++) {
-        int32_t map = m->near[m->near_count - 1 - i];
+    begin_at_reference(m);
+    for (int32_t i = 0; i < m->check.count; i++) {
+        int32_t map = m->check.list[i];
 
-        m->check.list[i] = map;
-        m->check.pose[map] = m->near_pose[m->near_count - 1 - i];
         m->check.start[map] = m->check.pose[map];
         m->check.accepted[map] = 1;
         m->placed[map].verdict = CAIRN_MERGE_PLACED;
         m->placed[map].rank = i;
     }
-    m->check.count = m->near_count;
     m->placed[m->reference].wrong = 0;
     m->check.stage = CHECK_REFINE;
     m->phase = MERGE_CHECK;

@@ -1,7 +1,8 @@
 /* The virtual robot: a particle filter over where maps lie.
  *
  * A state says where one map was put. A particle proposes the next map, the one whose best place has most evidence (or that
- * which the order names), at each of its rival places beside the maps placed so far, or that no more maps are put; evidence
+ * which the order names), at each of its rival places beside the maps placed so far, or that it is put aside until all others had
+ * their turn; evidence
  * against all placed maps is the likelihood, tempered because neighbouring walls are not independent. What one pair of maps
  * says about a place is remembered, since particles mostly agree. */
 #include "src/core/build.h"
@@ -16,6 +17,8 @@
 #define LEAST CAIRN_REAL(2.0)
 /* Rounds of a candidate's refinement by lines. */
 enum { LINE_ROUNDS = 4 };
+/* A map is put or put aside, and that twice: its place may be seen when others have theirs. */
+enum { STEPS_OF_A_MAP = 2 };
 
 cairn_particle_filter_params cairn_merge_filter_params(const cairn_map_merge_params *p)
 {
@@ -24,7 +27,7 @@ cairn_particle_filter_params cairn_merge_filter_params(const cairn_map_merge_par
     f.particles = f.max_particles = p->particles;
     f.max_followers = MERGE_FOLLOWERS;
     f.max_candidates = p->particles * MERGE_FOLLOWERS;
-    f.max_blocks = p->particles * (p->max_maps + 2) + 1;
+    f.max_blocks = p->particles * (STEPS_OF_A_MAP * p->max_maps + 2) + 1;
     f.state_bytes = (int32_t)sizeof(merge_state);
     f.by_entropy = 0;
     return f;
@@ -37,9 +40,12 @@ int cairn_merge_gather(cairn_map_merge *m, const void *state)
     int ended = 0;
 
     m->near_count = 0;
+    memset(m->aside, 0, sizeof m->aside);
     for (const merge_state *s = state; s != NULL; s = cairn_particle_state_before(s)) {
         if (s->map < 0) {
-            ended = 1;
+            ended |= s->map == MERGE_ENDED;
+            if (s->map != MERGE_ENDED)
+                m->aside[MERGE_ASIDE - s->map]++;
             continue;
         }
         m->near[m->near_count] = s->map;
@@ -70,8 +76,9 @@ static int mode_of(const cairn_map_merge *m, int32_t a, int32_t b, int32_t index
     return 1;
 }
 
-/* The map that comes next: by the order, or the one whose best mode beside any placed map is best. -1: none. */
-static int32_t next_map(const cairn_map_merge *m)
+/* The map that comes next, of those that were put aside so often: by the order, or the one whose best mode beside any placed map
+ * is best. -1: none. */
+static int32_t next_map(const cairn_map_merge *m, int32_t aside)
 {
     cairn_real best = 0;
     int32_t next = -1;
@@ -79,7 +86,7 @@ static int32_t next_map(const cairn_map_merge *m)
     for (int32_t n = 0; n < m->map_count && !(m->has_order && next >= 0); n++) {
         int32_t map = m->has_order ? m->order[n] : n;
 
-        for (int32_t i = 0; i < m->near_count && !is_near(m, map); i++) {
+        for (int32_t i = 0; i < m->near_count && m->aside[map] == aside && !is_near(m, map); i++) {
             merge_mode mode;
 
             if (mode_of(m, m->near[i], map, 0, &mode) && mode.evidence > best) {
@@ -114,8 +121,14 @@ int32_t cairn_merge_places(const cairn_map_merge *m, int32_t map, merge_mode *li
 static void list_candidates(cairn_map_merge *m, merge_offer *offer)
 {
     merge_mode places[MERGE_FOLLOWERS - 1];
-    int32_t map = next_map(m), count = map < 0 ? 0 : cairn_merge_places(m, map, places, MERGE_FOLLOWERS - 1);
-    const merge_state none = {-1, -1, {0, 0, 0}, LEAST, 0, 0};
+    merge_state none = {MERGE_ENDED, -1, {0, 0, 0}, LEAST, 0, 0};
+    int32_t map = next_map(m, 0), count;
+
+    if (map < 0)
+        map = next_map(m, 1);
+    if (map >= 0)
+        none.map = MERGE_ASIDE - map;
+    count = map < 0 ? 0 : cairn_merge_places(m, map, places, MERGE_FOLLOWERS - 1);
 
     for (int32_t i = 0; i < count; i++) {
         merge_state *s = &offer->list[i];
@@ -285,9 +298,31 @@ cairn_particle_model cairn_merge_model(cairn_map_merge *m)
     return model;
 }
 
+/* Where the merging starts: at a map of the pair that has most evidence, so that what is weak meets many maps at once; at the
+ * reference when an order or an earlier merging is given. */
+static int32_t first_map(const cairn_map_merge *m)
+{
+    int32_t first = m->reference;
+    cairn_real best = 0;
+
+    for (int32_t map = 0; map < m->map_count; map++)
+        if (m->has_order || m->maps[map].has_guess)
+            return m->reference;
+    for (int32_t b = 1; b < m->map_count; b++)
+        for (int32_t a = 0; a < b; a++) {
+            merge_mode mode;
+
+            if (mode_of(m, a, b, 0, &mode) && mode.evidence > best) {
+                best = mode.evidence;
+                first = b == m->reference ? b : a;
+            }
+        }
+    return first;
+}
+
 static void begin_filter(cairn_map_merge *m)
 {
-    const merge_state first = {m->reference, -1, {0, 0, 0}, 0, 0, 0};
+    const merge_state first = {first_map(m), -1, {0, 0, 0}, 0, 0, 0};
     cairn_status status = cairn_particle_filter_clear(m->filter, m->params.seed);
 
     CAIRN_ASSERT(status == CAIRN_OK);
@@ -303,7 +338,7 @@ cairn_status cairn_merge_run_filter(cairn_map_merge *m, cairn_budget *budget)
 {
     if (m->phase != MERGE_FILTER)
         begin_filter(m);
-    for (; m->merged < m->map_count - 1; m->merged++, m->cursor = 0) {
+    for (; m->merged < STEPS_OF_A_MAP * (m->map_count - 1); m->merged++, m->cursor = 0) {
         cairn_status status;
 
         if (m->cursor == 0) {

@@ -120,9 +120,11 @@ typedef struct merge_comparison {
     merge_sums sums[2];
 } merge_comparison;
 
+enum { MERGE_ENDED = -1, MERGE_ASIDE = -2 };
+
 /* A place that a particle filter's particle has put a map at. */
 typedef struct merge_state {
-    int32_t map;    /* -1: no more */
+    int32_t map;    /* MERGE_ENDED: no more; MERGE_ASIDE - map: that one is put aside */
     int32_t beside; /* the map that the proposal came from */
     cairn_pose reference_map;
     cairn_real evidence; /* given those before it */
@@ -241,6 +243,7 @@ struct cairn_map_merge {
     int32_t near[MERGE_MAPS_MOST];
     cairn_pose near_pose[MERGE_MAPS_MOST];
     int32_t near_count;
+    int32_t aside[MERGE_MAPS_MOST]; /* how often a map was put aside */
     struct {
         cairn_pose pose;
         int32_t map, near;
