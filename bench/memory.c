@@ -10,11 +10,11 @@
 #include "cairn/occupancy_grid.h"
 #include "cairn/place_map.h"
 #include "cairn/edgel.h"
-#include "cairn/ellipse.h"
 #include "cairn/rectangle.h"
 #include "cairn/scan_match.h"
 #include "cairn/particle_filter.h"
 #include "cairn/sequence.h"
+#include "cairn/skeleton_grouping.h"
 
 static void print(const char *object, const char *capacities, size_t bytes)
 {
@@ -34,6 +34,7 @@ int main(void)
     cairn_hough_params hough = cairn_hough_default();
     cairn_rectangle_params rectangle = cairn_rectangle_default();
     cairn_edgel_params edgel = cairn_edgel_default();
+    cairn_skeleton_params skeleton = cairn_skeleton_default();
     cairn_ellipse_params ellipse = cairn_ellipse_default();
     cairn_sequence_params sequence = cairn_sequence_default();
     cairn_particle_filter_params filter = cairn_particle_filter_default();
@@ -59,6 +60,7 @@ int main(void)
     print("rectangle", "1024 segments, 256 sides, 2048 pairs, 32 rectangles", cairn_rectangle_memory(&rectangle));
     print("ellipse", "2 x 96 x 96 cells, 32 ellipses", cairn_ellipse_memory(&ellipse));
     print("edgel", "640 x 480 pixels, 40000 edgels", cairn_edgel_memory(&edgel));
+    print("skeleton", "640 x 480 pixels, 40000 edgels, 4000 centres, 256 lines", cairn_skeleton_memory(&skeleton));
     print("sequence", "1024 and 1024 elements", cairn_sequence_memory(&sequence));
     print("particle_filter", "100 particles, 4,096 candidates and blocks of 64 bytes",
           cairn_particle_filter_memory(&filter));

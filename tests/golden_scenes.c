@@ -26,5 +26,6 @@ const golden_scene golden_scenes[] = {
     {"contours", golden_contours},
     {"edgels", golden_edgels},
     {"grouped", golden_grouped},
+    {"skeletons", golden_skeletons},
     {NULL, NULL},
 };
