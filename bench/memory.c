@@ -10,6 +10,7 @@
 #include "cairn/occupancy_grid.h"
 #include "cairn/place_map.h"
 #include "cairn/edgel.h"
+#include "cairn/ellipse.h"
 #include "cairn/rectangle.h"
 #include "cairn/scan_match.h"
 #include "cairn/particle_filter.h"

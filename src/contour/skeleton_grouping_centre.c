@@ -14,8 +14,9 @@
 #define OTHER_SENSE CAIRN_REAL(1.5)
 #define LARGE       CAIRN_REAL(1.0)
 #define COST_MOST   CAIRN_REAL(4.0)
-/* Radii that are looked for beyond the range, on both sides. */
-#define ROOM CAIRN_REAL(1.6)
+/* Radii that are looked for below and above the range: large discs are the ones that lie between objects. */
+#define ROOM       CAIRN_REAL(1.6)
+#define ROOM_ABOVE CAIRN_REAL(1.25)
 /* Radii where none are given, px and share of the image's shorter side. */
 #define LEAST_RADIUS CAIRN_REAL(3.0)
 #define MOST_RADIUS  CAIRN_REAL(0.15)
@@ -36,7 +37,7 @@ static void set_limits(cairn_skeleton *g)
     g->stride = (int32_t)((twice + g->params.max_centres - 1) / g->params.max_centres);
     g->stride = g->stride > 0 ? g->stride : 1;
     g->low = g->input.min_radius / ROOM;
-    g->high = g->input.max_radius * ROOM;
+    g->high = g->input.max_radius * ROOM_ABOVE;
     if (g->input.max_radius == 0) {
         g->low = LEAST_RADIUS;
         g->high = cairn_max(MOST_RADIUS * side, LEAST_RADIUS);
@@ -204,7 +205,7 @@ static void take_range(cairn_skeleton *g)
     g->input.min_radius = radius_of(g, low);
     g->input.max_radius = cairn_min(radius_of(g, high + 1), g->high);
     g->low = cairn_max(g->low, g->input.min_radius / ROOM);
-    g->high = cairn_min(g->high, g->input.max_radius * ROOM);
+    g->high = cairn_min(g->high, g->input.max_radius * ROOM_ABOVE);
 }
 
 cairn_status cairn_skeleton_propose_range(cairn_skeleton *g, cairn_budget *budget)
