@@ -1,6 +1,7 @@
 #include "bench/bench_sweep.h"
 
 #include <math.h>
+#include <string.h>
 
 #define PI 3.14159265358979323846
 
@@ -130,7 +131,7 @@ sweep_shape sweep_draw(int32_t family, cairn_random *random)
 {
     sweep_shape s;
 
-    s.limbs = 0;
+    memset(&s, 0, sizeof s);
     if (family < 3)
         add_rod(&s, family, random);
     else if (family == 3)
