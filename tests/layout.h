@@ -9,6 +9,7 @@
 #include "cairn/corner.h"
 #include "cairn/csm_scan.h"
 #include "cairn/curve.h"
+#include "cairn/curve_evolution.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
 #include "cairn/edgel.h"
@@ -20,6 +21,7 @@
 #include "cairn/geometry.h"
 #include "cairn/hough.h"
 #include "cairn/icp.h"
+#include "cairn/inner_distance.h"
 #include "cairn/json_text.h"
 #include "cairn/line.h"
 #include "cairn/lum.h"
@@ -52,10 +54,12 @@
 #include "cairn/scan_cover.h"
 #include "cairn/scan_match.h"
 #include "cairn/scan_set.h"
+#include "cairn/self_similarity.h"
 #include "cairn/sequence.h"
 #include "cairn/shape_image.h"
 #include "cairn/shape_model.h"
 #include "cairn/shape_model_file.h"
+#include "cairn/skeleton_file.h"
 #include "cairn/skeleton_grouping.h"
 #include "cairn/small_matrix.h"
 #include "cairn/sparse_solver.h"
@@ -144,7 +148,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_carmen_info, range_max, 112, 112)},
     {FIELD(cairn_carmen_info, fixed_mounting, 120, 120)},
     {FIELD(cairn_carmen_info, base_sensor, 128, 124)},
-    {SIZE(cairn_carmen_record, 176, 128)},
+    {SIZE(cairn_carmen_record, 184, 136)},
     {FIELD(cairn_carmen_record, kind, 0, 0)},
     {FIELD(cairn_carmen_record, count, 4, 4)},
     {FIELD(cairn_carmen_record, line, 8, 8)},
@@ -291,16 +295,16 @@ static const layout OPEN_STRUCTS[] = {
     {SIZE(cairn_csm_params, 16, 16)},
     {FIELD(cairn_csm_params, range_max, 0, 0)},
     {FIELD(cairn_csm_params, range_sigma, 8, 8)},
-    {SIZE(cairn_csm_scan, 192, 136)},
+    {SIZE(cairn_csm_scan, 200, 144)},
     {FIELD(cairn_csm_scan, line, 0, 0)},
     {FIELD(cairn_csm_scan, scan, 8, 8)},
-    {FIELD(cairn_csm_scan, odometry, 104, 80)},
-    {FIELD(cairn_csm_scan, estimate, 128, 92)},
-    {FIELD(cairn_csm_scan, true_pose, 152, 104)},
-    {FIELD(cairn_csm_scan, has_odometry, 176, 116)},
-    {FIELD(cairn_csm_scan, has_estimate, 180, 120)},
-    {FIELD(cairn_csm_scan, has_true_pose, 184, 124)},
-    {FIELD(cairn_csm_scan, has_stamp, 188, 128)},
+    {FIELD(cairn_csm_scan, odometry, 112, 88)},
+    {FIELD(cairn_csm_scan, estimate, 136, 100)},
+    {FIELD(cairn_csm_scan, true_pose, 160, 112)},
+    {FIELD(cairn_csm_scan, has_odometry, 184, 124)},
+    {FIELD(cairn_csm_scan, has_estimate, 188, 128)},
+    {FIELD(cairn_csm_scan, has_true_pose, 192, 132)},
+    {FIELD(cairn_csm_scan, has_stamp, 196, 136)},
     {SIZE(cairn_csm_scans, 16, 16)},
     {FIELD(cairn_csm_scans, scan, 0, 0)},
     {FIELD(cairn_csm_scans, count, 8, 8)},
@@ -309,6 +313,12 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_curve, points, 0, 0)},
     {FIELD(cairn_curve, count, 8, 8)},
     {FIELD(cairn_curve, closed, 12, 12)},
+    {SIZE(cairn_curve_evolution_params, 4, 4)},
+    {FIELD(cairn_curve_evolution_params, max_points, 0, 0)},
+    {SIZE(cairn_curve_evolution_result, 16, 16)},
+    {FIELD(cairn_curve_evolution_result, rank, 0, 0)},
+    {FIELD(cairn_curve_evolution_result, count, 8, 8)},
+    {FIELD(cairn_curve_evolution_result, least, 12, 12)},
     {SIZE(cairn_edge_pixel, 4, 4)},
     {FIELD(cairn_edge_pixel, x, 0, 0)},
     {FIELD(cairn_edge_pixel, y, 2, 2)},
@@ -532,6 +542,9 @@ static const layout OPEN_STRUCTS[] = {
     {SIZE(cairn_oriented_point, 32, 16)},
     {FIELD(cairn_oriented_point, position, 0, 0)},
     {FIELD(cairn_oriented_point, direction, 16, 8)},
+    {SIZE(cairn_twist, 24, 12)},
+    {FIELD(cairn_twist, velocity, 0, 0)},
+    {FIELD(cairn_twist, turn, 16, 8)},
     {SIZE(cairn_hough_params, 80, 44)},
     {FIELD(cairn_hough_params, max_lines, 0, 0)},
     {FIELD(cairn_hough_params, angles, 4, 4)},
@@ -583,6 +596,14 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_icp_parts, motion, 0, 0)},
     {FIELD(cairn_icp_parts, count, 80, 40)},
     {FIELD(cairn_icp_parts, information, 88, 44)},
+    {SIZE(cairn_inner_distance_params, 8, 8)},
+    {FIELD(cairn_inner_distance_params, max_points, 0, 0)},
+    {FIELD(cairn_inner_distance_params, fill_holes, 4, 4)},
+    {SIZE(cairn_inner_distance_result, 24, 24)},
+    {FIELD(cairn_inner_distance_result, distance, 0, 0)},
+    {FIELD(cairn_inner_distance_result, count, 8, 8)},
+    {FIELD(cairn_inner_distance_result, stride, 12, 12)},
+    {FIELD(cairn_inner_distance_result, greatest, 16, 16)},
     {SIZE(cairn_json_token, 40, 40)},
     {FIELD(cairn_json_token, kind, 0, 0)},
     {FIELD(cairn_json_token, line, 8, 8)},
@@ -1266,7 +1287,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_motion_basis, vectors, 0, 0)},
     {FIELD(cairn_motion_basis, ratio, 72, 36)},
     {FIELD(cairn_motion_basis, weak, 80, 40)},
-    {SIZE(cairn_scan_input, 96, 72)},
+    {SIZE(cairn_scan_input, 104, 80)},
     {FIELD(cairn_scan_input, range, 0, 0)},
     {FIELD(cairn_scan_input, angle, 8, 8)},
     {FIELD(cairn_scan_input, count, 16, 16)},
@@ -1275,9 +1296,10 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_scan_input, range_min, 28, 28)},
     {FIELD(cairn_scan_input, range_max, 32, 32)},
     {FIELD(cairn_scan_input, range_sigma, 36, 36)},
-    {FIELD(cairn_scan_input, stamp_ns, 40, 40)},
-    {FIELD(cairn_scan_input, base_sensor, 48, 48)},
-    {FIELD(cairn_scan_input, motion, 72, 60)},
+    {FIELD(cairn_scan_input, time_step, 40, 40)},
+    {FIELD(cairn_scan_input, stamp_ns, 48, 48)},
+    {FIELD(cairn_scan_input, base_sensor, 56, 56)},
+    {FIELD(cairn_scan_input, motion, 80, 68)},
     {SIZE(cairn_beam, 40, 20)},
     {FIELD(cairn_beam, from, 0, 0)},
     {FIELD(cairn_beam, to, 16, 8)},
@@ -1398,6 +1420,38 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_scan_set, to_word, 76, 76)},
     {FIELD(cairn_scan_set, paid, 80, 80)},
     {FIELD(cairn_scan_set, params, 88, 84)},
+    {SIZE(cairn_self_similarity_params, 48, 32)},
+    {FIELD(cairn_self_similarity_params, mode, 0, 0)},
+    {FIELD(cairn_self_similarity_params, points, 4, 4)},
+    {FIELD(cairn_self_similarity_params, hole_points, 8, 8)},
+    {FIELD(cairn_self_similarity_params, least_vertices, 12, 12)},
+    {FIELD(cairn_self_similarity_params, most_vertices, 16, 16)},
+    {FIELD(cairn_self_similarity_params, tie, 24, 20)},
+    {FIELD(cairn_self_similarity_params, tie_floor, 32, 24)},
+    {FIELD(cairn_self_similarity_params, separation, 40, 28)},
+    {SIZE(cairn_symmetry_arc, 16, 8)},
+    {FIELD(cairn_symmetry_arc, from, 0, 0)},
+    {FIELD(cairn_symmetry_arc, to, 8, 4)},
+    {SIZE(cairn_symmetry_axis, 128, 68)},
+    {FIELD(cairn_symmetry_axis, end, 0, 0)},
+    {FIELD(cairn_symmetry_axis, place, 32, 16)},
+    {FIELD(cairn_symmetry_axis, arc, 48, 24)},
+    {FIELD(cairn_symmetry_axis, dissimilarity, 80, 40)},
+    {FIELD(cairn_symmetry_axis, misfit, 88, 44)},
+    {FIELD(cairn_symmetry_axis, warp, 96, 48)},
+    {FIELD(cairn_symmetry_axis, bend, 104, 52)},
+    {FIELD(cairn_symmetry_axis, skew, 112, 56)},
+    {FIELD(cairn_symmetry_axis, vertices, 120, 60)},
+    {FIELD(cairn_symmetry_axis, division, 124, 64)},
+    {SIZE(cairn_self_similarity_result, 48, 48)},
+    {FIELD(cairn_self_similarity_result, axes, 0, 0)},
+    {FIELD(cairn_self_similarity_result, count, 8, 8)},
+    {FIELD(cairn_self_similarity_result, ties, 12, 12)},
+    {FIELD(cairn_self_similarity_result, verdict, 16, 16)},
+    {FIELD(cairn_self_similarity_result, rotations, 20, 20)},
+    {FIELD(cairn_self_similarity_result, samples, 24, 24)},
+    {FIELD(cairn_self_similarity_result, sample_count, 32, 32)},
+    {FIELD(cairn_self_similarity_result, comparisons, 40, 40)},
     {SIZE(cairn_sequence_params, 24, 16)},
     {FIELD(cairn_sequence_params, kind, 0, 0)},
     {FIELD(cairn_sequence_params, max_first, 4, 4)},
@@ -1456,6 +1510,14 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_shape_model_file, samples, 64, 48)},
     {FIELD(cairn_shape_model_file, paths, 72, 56)},
     {FIELD(cairn_shape_model_file, outline, 80, 64)},
+    {SIZE(cairn_skeleton_picture, 96, 88)},
+    {FIELD(cairn_skeleton_picture, image, 0, 0)},
+    {FIELD(cairn_skeleton_picture, grey, 8, 8)},
+    {FIELD(cairn_skeleton_picture, width, 16, 16)},
+    {FIELD(cairn_skeleton_picture, height, 20, 20)},
+    {FIELD(cairn_skeleton_picture, edgel_count, 24, 24)},
+    {FIELD(cairn_skeleton_picture, proposed, 28, 28)},
+    {FIELD(cairn_skeleton_picture, result, 32, 32)},
     {SIZE(cairn_skeleton_params, 120, 88)},
     {FIELD(cairn_skeleton_params, max_width, 0, 0)},
     {FIELD(cairn_skeleton_params, max_height, 4, 4)},
