@@ -16,7 +16,7 @@
 /* In spans: no sample counts for more. */
 #define MOST_MISFIT CAIRN_REAL(0.1)
 /* In spans a rad, and spans for ribs that lean by 45 degrees. */
-#define BEND_COST CAIRN_REAL(0.004)
+#define BEND_COST CAIRN_REAL(0.008)
 #define SKEW_COST CAIRN_REAL(0.008)
 
 enum { PAIRS = 12 };
