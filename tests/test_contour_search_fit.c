@@ -159,7 +159,8 @@ static void test_field_beside_its_twin(void **state)
         double sum = 0;
 
         for (int32_t at = 0; at < CONTOUR_FIELD_SIDE * CONTOUR_FIELD_SIDE; at++) {
-            double least = 30, x = at % CONTOUR_FIELD_SIDE + 0.5, y = at / CONTOUR_FIELD_SIDE + 0.5;
+            int32_t column = at % CONTOUR_FIELD_SIDE, row = at / CONTOUR_FIELD_SIDE;
+            double least = 30, x = column + 0.5, y = row + 0.5;
             double cost = (double)field->cost[(size_t)bin * CONTOUR_FIELD_SIDE * CONTOUR_FIELD_SIDE + (size_t)at];
 
             for (int32_t i = 0; i < tokens.count; i++) {

@@ -48,7 +48,7 @@ typedef struct bender {
     contour_fit *fit;
     cairn_vec2 *base;             /* [outline_count] px */
     cairn_real *value[2];         /* [LABELS_MOST] of the sample before and of this one */
-    int8_t (*from)[LABELS_MOST];  /* [2 * outline_count] the move that led to each label */
+    uint8_t (*from)[LABELS_MOST]; /* [2 * outline_count] the move that led to each label */
     cairn_real size, spacing;     /* px; of the size, of the samples */
     cairn_real bending;           /* what all moves have cost */
     int32_t reach, width, labels; /* of the round */
@@ -89,8 +89,8 @@ static cairn_real worth_of(const contour_field *f, cairn_vec2 at, int32_t bin)
 
 static cairn_vec2 shift_of(const bender *b, int32_t label)
 {
-    cairn_vec2 shift = {b->step * (cairn_real)(label % b->width - b->reach),
-                        b->step * (cairn_real)(label / b->width - b->reach)};
+    int32_t column = label % b->width - b->reach, row = label / b->width - b->reach;
+    cairn_vec2 shift = {b->step * (cairn_real)column, b->step * (cairn_real)row};
 
     return shift;
 }
@@ -98,7 +98,7 @@ static cairn_vec2 shift_of(const bender *b, int32_t label)
 /* ---- One outline ---- */
 
 /* The best way to each label of a sample; the first one has none. */
-static void take_ways(bender *b, const cairn_real *before, cairn_real *now, int8_t *from)
+static void take_ways(bender *b, const cairn_real *before, cairn_real *now, uint8_t *from)
 {
     cairn_real move = (cairn_real)STRETCH * b->step / b->size;
 
@@ -116,7 +116,7 @@ static void take_ways(bender *b, const cairn_real *before, cairn_real *now, int8
             value = before[v * b->width + u] - (k % 2 == 0 ? CAIRN_REAL(1.4142) : 1) * move;
             if (value > most) {
                 most = value;
-                from[label] = (int8_t)k;
+                from[label] = (uint8_t)k;
             }
         }
         now[label] = most;
