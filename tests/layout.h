@@ -9,6 +9,7 @@
 #include "cairn/corner.h"
 #include "cairn/csm_scan.h"
 #include "cairn/curve.h"
+#include "cairn/curve_evolution.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
 #include "cairn/edgel.h"
@@ -20,6 +21,7 @@
 #include "cairn/geometry.h"
 #include "cairn/hough.h"
 #include "cairn/icp.h"
+#include "cairn/inner_distance.h"
 #include "cairn/json_text.h"
 #include "cairn/line.h"
 #include "cairn/lum.h"
@@ -52,6 +54,7 @@
 #include "cairn/scan_cover.h"
 #include "cairn/scan_match.h"
 #include "cairn/scan_set.h"
+#include "cairn/self_similarity.h"
 #include "cairn/sequence.h"
 #include "cairn/shape_image.h"
 #include "cairn/shape_model.h"
@@ -320,6 +323,12 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_curve, points, 0, 0)},
     {FIELD(cairn_curve, count, 8, 8)},
     {FIELD(cairn_curve, closed, 12, 12)},
+    {SIZE(cairn_curve_evolution_params, 4, 4)},
+    {FIELD(cairn_curve_evolution_params, max_points, 0, 0)},
+    {SIZE(cairn_curve_evolution_result, 16, 16)},
+    {FIELD(cairn_curve_evolution_result, rank, 0, 0)},
+    {FIELD(cairn_curve_evolution_result, count, 8, 8)},
+    {FIELD(cairn_curve_evolution_result, least, 12, 12)},
     {SIZE(cairn_edge_pixel, 4, 4)},
     {FIELD(cairn_edge_pixel, x, 0, 0)},
     {FIELD(cairn_edge_pixel, y, 2, 2)},
@@ -597,6 +606,14 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_icp_parts, motion, 0, 0)},
     {FIELD(cairn_icp_parts, count, 80, 40)},
     {FIELD(cairn_icp_parts, information, 88, 44)},
+    {SIZE(cairn_inner_distance_params, 8, 8)},
+    {FIELD(cairn_inner_distance_params, max_points, 0, 0)},
+    {FIELD(cairn_inner_distance_params, fill_holes, 4, 4)},
+    {SIZE(cairn_inner_distance_result, 24, 24)},
+    {FIELD(cairn_inner_distance_result, distance, 0, 0)},
+    {FIELD(cairn_inner_distance_result, count, 8, 8)},
+    {FIELD(cairn_inner_distance_result, stride, 12, 12)},
+    {FIELD(cairn_inner_distance_result, greatest, 16, 16)},
     {SIZE(cairn_json_token, 40, 40)},
     {FIELD(cairn_json_token, kind, 0, 0)},
     {FIELD(cairn_json_token, line, 8, 8)},
@@ -1413,6 +1430,38 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_scan_set, to_word, 76, 76)},
     {FIELD(cairn_scan_set, paid, 80, 80)},
     {FIELD(cairn_scan_set, params, 88, 84)},
+    {SIZE(cairn_self_similarity_params, 48, 32)},
+    {FIELD(cairn_self_similarity_params, mode, 0, 0)},
+    {FIELD(cairn_self_similarity_params, points, 4, 4)},
+    {FIELD(cairn_self_similarity_params, hole_points, 8, 8)},
+    {FIELD(cairn_self_similarity_params, least_vertices, 12, 12)},
+    {FIELD(cairn_self_similarity_params, most_vertices, 16, 16)},
+    {FIELD(cairn_self_similarity_params, tie, 24, 20)},
+    {FIELD(cairn_self_similarity_params, tie_floor, 32, 24)},
+    {FIELD(cairn_self_similarity_params, separation, 40, 28)},
+    {SIZE(cairn_symmetry_arc, 16, 8)},
+    {FIELD(cairn_symmetry_arc, from, 0, 0)},
+    {FIELD(cairn_symmetry_arc, to, 8, 4)},
+    {SIZE(cairn_symmetry_axis, 128, 68)},
+    {FIELD(cairn_symmetry_axis, end, 0, 0)},
+    {FIELD(cairn_symmetry_axis, place, 32, 16)},
+    {FIELD(cairn_symmetry_axis, arc, 48, 24)},
+    {FIELD(cairn_symmetry_axis, dissimilarity, 80, 40)},
+    {FIELD(cairn_symmetry_axis, misfit, 88, 44)},
+    {FIELD(cairn_symmetry_axis, warp, 96, 48)},
+    {FIELD(cairn_symmetry_axis, bend, 104, 52)},
+    {FIELD(cairn_symmetry_axis, skew, 112, 56)},
+    {FIELD(cairn_symmetry_axis, vertices, 120, 60)},
+    {FIELD(cairn_symmetry_axis, division, 124, 64)},
+    {SIZE(cairn_self_similarity_result, 48, 48)},
+    {FIELD(cairn_self_similarity_result, axes, 0, 0)},
+    {FIELD(cairn_self_similarity_result, count, 8, 8)},
+    {FIELD(cairn_self_similarity_result, ties, 12, 12)},
+    {FIELD(cairn_self_similarity_result, verdict, 16, 16)},
+    {FIELD(cairn_self_similarity_result, rotations, 20, 20)},
+    {FIELD(cairn_self_similarity_result, samples, 24, 24)},
+    {FIELD(cairn_self_similarity_result, sample_count, 32, 32)},
+    {FIELD(cairn_self_similarity_result, comparisons, 40, 40)},
     {SIZE(cairn_sequence_params, 24, 16)},
     {FIELD(cairn_sequence_params, kind, 0, 0)},
     {FIELD(cairn_sequence_params, max_first, 4, 4)},
