@@ -74,7 +74,7 @@ static void keep_find(cairn_aligner *x, cairn_pose pose, cairn_real score)
 static void expect(cairn_aligner *x, int32_t rest)
 {
     const aligner_scan *scan = &x->scans[x->i];
-    cairn_transform gauge = cairn_aligner_inverse(cairn_aligner_gauge(x, rest, -1, single()));
+    cairn_transform gauge = cairn_aligner_inverse(cairn_aligner_gauge(x, rest));
     cairn_real factor =
         cairn_sqrt(1 / (cairn_real)x->clusters[x->moving].size + 1 / (cairn_real)x->clusters[rest].size);
     cairn_real window = cairn_min(WINDOW * x->sigma * factor, WIDEST * x->params.spread);
@@ -85,8 +85,7 @@ static void expect(cairn_aligner *x, int32_t rest)
     if (x->moving == x->scan_count)
         gauge = cairn_aligner_compose(gauge, cairn_transform_of(scan->initial));
     else
-        gauge = cairn_aligner_compose(
-            gauge, cairn_aligner_compose(cairn_aligner_gauge(x, x->moving, -1, single()), x->poses[x->i]));
+        gauge = cairn_aligner_compose(gauge, cairn_aligner_compose(cairn_aligner_gauge(x, x->moving), x->poses[x->i]));
     x->predicted = cairn_aligner_to_pose(gauge);
     x->cell = cairn_max(CELL, 2 * half / (cairn_real)(most - 1));
     x->side_cells = cairn_real_to_int(cairn_ceil(2 * half / x->cell));
@@ -119,7 +118,6 @@ static int take_out(cairn_aligner *x)
     x->poses[x->i] = single();
     cairn_aligner_insert(x, x->i, x->scan_count);
     cairn_aligner_learn_spread(x);
-    x->debt += x->scan_count;
     return 1;
 }
 
@@ -139,7 +137,7 @@ static void end_round(cairn_aligner *x)
         x->round = x->stage = x->at = 0;
         return;
     }
-    cairn_aligner_begin_close(x, 1);
+    cairn_aligner_begin_open(x, 1);
 }
 
 static int32_t choose_scan(cairn_aligner *x)

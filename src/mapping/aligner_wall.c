@@ -144,25 +144,42 @@ int cairn_aligner_same_line(const aligner_wall *wall, const aligner_segment *s, 
     return s->stub ? cosine >= LEAST_COSINE_STUB && wall->high - wall->low >= LONG : cosine >= LEAST_COSINE;
 }
 
-/* How badly a segment at pose fits a wall, m, over a gap of up to `far`; negative: it does not. */
-static cairn_real fits_wall(const aligner_wall *wall, const aligner_segment *s, cairn_transform pose, cairn_real gate,
-                            cairn_real far)
-{
-    cairn_vec2 along = cairn_aligner_along(wall), direction = cairn_transform_direction(pose, s->direction);
-    cairn_vec2 a = cairn_transform_point(pose, s->a), b = cairn_vec2_add(a, cairn_vec2_scale(direction, s->length));
-    cairn_real error, low, high, gap, most;
+/* A segment in the map. */
+typedef struct placed {
+    const aligner_segment *segment;
+    cairn_vec2 a, b, direction;
+    cairn_real gate, far; /* m: from a wall, and over a gap */
+} placed;
 
-    if (!cairn_aligner_same_line(wall, s, direction))
+static placed place_segment(const cairn_aligner *x, const aligner_segment *s)
+{
+    cairn_transform pose = x->poses[s->scan];
+    placed p;
+
+    p.segment = s;
+    p.direction = cairn_transform_direction(pose, s->direction);
+    p.a = cairn_transform_point(pose, s->a);
+    p.b = cairn_vec2_add(p.a, cairn_vec2_scale(p.direction, s->length));
+    p.gate = gate_of(x->round) + (s->length < SHORT ? SHORT_EXTRA : 0);
+    p.far = x->scans[s->scan].weak ? GAP_WEAK : GAP;
+    return p;
+}
+
+/* How badly a segment fits a wall, m; negative: it does not. */
+static cairn_real fits_wall(const aligner_wall *wall, const placed *p)
+{
+    cairn_real error = cairn_abs(cairn_vec2_dot(wall->normal, p->a) - wall->offset), low, high, gap, most;
+    cairn_vec2 along;
+
+    if (error > p->gate || !cairn_aligner_same_line(wall, p->segment, p->direction))
         return -1;
-    if (cairn_abs(cairn_vec2_dot(wall->normal, a) - wall->offset) > gate)
-        return -1;
-    error = cairn_max(cairn_abs(cairn_vec2_dot(wall->normal, a) - wall->offset),
-                      cairn_abs(cairn_vec2_dot(wall->normal, b) - wall->offset));
-    low = cairn_vec2_dot(along, a);
-    high = cairn_vec2_dot(along, b);
+    along = cairn_aligner_along(wall);
+    error = cairn_max(error, cairn_abs(cairn_vec2_dot(wall->normal, p->b) - wall->offset));
+    low = cairn_vec2_dot(along, p->a);
+    high = cairn_vec2_dot(along, p->b);
     gap = cairn_max(low - wall->high, wall->low - high);
-    most = cairn_max(far, GAP_LONG * cairn_min(wall->high - wall->low, high - low));
-    if (gap > most || error > (gap > 0 ? GAP_STRICT * gate : gate))
+    most = cairn_max(p->far, GAP_LONG * cairn_min(wall->high - wall->low, high - low));
+    if (gap > most || error > (gap > 0 ? GAP_STRICT * p->gate : p->gate))
         return -1;
     return error + GAP_COST * cairn_max(gap, 0);
 }
@@ -175,16 +192,14 @@ static int32_t way_of(cairn_vec2 direction)
 /* The wall of a segment; -1: none fits. *passed: walls that were looked at. */
 static int32_t find_wall(const cairn_aligner *x, const aligner_segment *s, int32_t *passed)
 {
-    int32_t way = way_of(cairn_transform_direction(x->poses[s->scan], s->direction));
-    int32_t most = s->stub ? WAYS_OF_STUB : WAYS_OF_SEGMENT;
-    cairn_real gate = gate_of(x->round) + (s->length < SHORT ? SHORT_EXTRA : 0), best = CAIRN_REAL_MAX;
-    cairn_real far = x->scans[s->scan].weak ? GAP_WEAK : GAP;
-    int32_t found = -1;
+    placed p = place_segment(x, s);
+    int32_t way = way_of(p.direction), most = s->stub ? WAYS_OF_STUB : WAYS_OF_SEGMENT, found = -1;
+    cairn_real best = CAIRN_REAL_MAX;
 
     *passed = 0;
     for (int32_t k = way - most; k <= way + most; k++)
         for (int32_t w = x->ways[k & (ALIGNER_WAYS - 1)]; w >= 0; w = x->walls[w].next, ++*passed) {
-            cairn_real fit = fits_wall(&x->walls[w], s, x->poses[s->scan], gate, far);
+            cairn_real fit = fits_wall(&x->walls[w], &p);
 
             if (fit >= 0 && fit < best) {
                 best = fit;

@@ -80,9 +80,22 @@ typedef struct aligner_scan {
 /* A cluster: scans whose poses are known to each other. */
 typedef struct aligner_cluster {
     int32_t head, size;
-    int32_t stamp;     /* changes with every change of its poses */
-    cairn_real misfit; /* chi-squared of its initial poses */
+    int32_t stamp; /* changes with every change of its poses */
 } aligner_cluster;
+
+/* What is left of the initial poses of a cluster after its motion as a whole: sums over its scans. */
+typedef struct aligner_fit {
+    int32_t stamp;         /* of the cluster then */
+    cairn_transform gauge; /* that motion: near the best, but not quite */
+    cairn_vec2 origin;     /* amid the scans after it */
+    cairn_real count;
+    cairn_vec2 u, e;            /* of places from the origin, and of errors */
+    cairn_real uu, ee, ue, uxe; /* of squares and products of these */
+    cairn_real turn, turns;     /* of errors of headings and of their squares */
+    cairn_real cosine, sine;    /* of these errors */
+    cairn_real far, turned;     /* the greatest error along an axis, and of a heading */
+    cairn_real radius;          /* of a place from the origin */
+} aligner_fit;
 
 /* A relative pose of two scans: `first` as seen from `second`. */
 typedef struct aligner_hypothesis {
@@ -91,6 +104,7 @@ typedef struct aligner_hypothesis {
     cairn_real score, key;             /* nats; by the last look, and with its rivals taken into account */
     int32_t first_stamp, second_stamp; /* of the clusters at that look; -1: none yet */
     int32_t state;
+    int32_t next[2]; /* links to more hypotheses of the first and of the second scan, -1; a link is 2 * index + side */
 } aligner_hypothesis;
 
 /* A scan that has joined another cluster, and one that meets such a scan. */
@@ -130,7 +144,8 @@ typedef struct aligner_relax {
     int32_t active, all;
     int32_t cluster, round, rounds;
     cairn_real gate;
-    int32_t i, partner; /* scan at hand, and which of its partners */
+    int32_t i, partner;               /* scan at hand, and which of its partners */
+    uint8_t shares[ALIGNER_PARTNERS]; /* 1: that partner has surfaces in common with it */
     aligner_sums sums;
 } aligner_relax;
 
@@ -139,6 +154,7 @@ typedef enum aligner_phase {
     ALIGNER_MUTUAL,
     ALIGNER_PAIRS,
     ALIGNER_TRIALS_OF_PAIR,
+    ALIGNER_OPEN,
     ALIGNER_PICK,
     ALIGNER_LOOKED_AT,
     ALIGNER_RIVALS,
@@ -182,11 +198,13 @@ struct cairn_aligner {
     cairn_transform *poses; /* [max_scans + 1] in the frame of the cluster; the last for a scan that is tried */
     aligner_table *tables;
     aligner_cluster *clusters; /* [max_scans + 1] */
+    aligner_fit *fits;         /* [max_scans + 1] */
     aligner_segment *segments;
     aligner_point *points;
     uint16_t *partners;             /* [max_scans * ALIGNER_PARTNERS] */
     aligner_patch *patches;         /* [max_points / ALIGNER_PATCH + max_scans] */
-    aligner_hypothesis *hypotheses; /* [max_hypotheses] the first open_count join clusters */
+    aligner_hypothesis *hypotheses; /* [max_hypotheses] */
+    int32_t *links;                 /* [max_scans] to the first hypothesis of a scan, -1 */
     int32_t *surest;                /* [max_hypotheses / ALIGNER_BLOCK + 1] of each block, -1: none */
     aligner_wall *walls;            /* [max_segments + max_stubs] */
     int32_t *order;                 /* [max_segments + max_stubs] */
@@ -197,8 +215,7 @@ struct cairn_aligner {
     cairn_aligner_pose *results;    /* [max_scans] */
     cairn_block_solver *solver;
 
-    int32_t scan_count, segment_count, stub_count, point_count, patch_count, hypothesis_count, open_count, wall_count,
-        node_count;
+    int32_t scan_count, segment_count, stub_count, point_count, patch_count, hypothesis_count, wall_count, node_count;
     cairn_real sigma, sigma_angle; /* of the initial poses, as learnt */
     int32_t changes;               /* gives stamps */
     int32_t shown;                 /* the commit point that iterate() returned at last */
@@ -216,8 +233,10 @@ struct cairn_aligner {
     cairn_real least_cosine;  /* ... and of the headings that are off most */
     aligner_hypothesis trial[ALIGNER_TRIALS];
     int32_t trial_count, trial_at;
-    int32_t chosen, rival, side;
-    cairn_real rest; /* evidence of the better of the shifted poses */
+    int32_t chosen, side;
+    int32_t rival_scan, rival_link, looked; /* rival at hand, and the one that is looked at, -1 */
+    cairn_real odds;                        /* of all that have been compared */
+    cairn_real rest;                        /* evidence of the better of the shifted poses */
     cairn_real shift[3];
     cairn_vec2 shift_centre;
     /* Search. */
@@ -308,9 +327,9 @@ int32_t cairn_aligner_look_item(cairn_aligner *x);
 int32_t cairn_aligner_relax_item(cairn_aligner *x);
 int32_t cairn_aligner_merge_item(cairn_aligner *x);
 
-/* Hypotheses that join nothing any more are put aside, and then the surest is picked; all: what has moved may let clusters
- * join that could not before, so that those put aside are open again. */
-void cairn_aligner_begin_close(cairn_aligner *x, int32_t all);
+/* All hypotheses that join clusters are open, and then the surest is picked; again: what has moved may let clusters join that
+ * could not before. */
+void cairn_aligner_begin_open(cairn_aligner *x, int32_t again);
 int32_t cairn_aligner_repair_item(cairn_aligner *x);
 int32_t cairn_aligner_joint_item(cairn_aligner *x);
 
@@ -342,15 +361,24 @@ void cairn_aligner_give_up(cairn_aligner *x, cairn_status status);
 /* aligner_cluster.c */
 void cairn_aligner_begin_clusters(cairn_aligner *x);
 void cairn_aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose, int32_t rounds);
-/* Nats of the initial poses for the pose of cluster `moving` in `fixed`; charges for it. */
-cairn_real cairn_aligner_prior(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose);
 void cairn_aligner_begin_relax(cairn_aligner *x, int32_t cluster, cairn_real gate, int32_t rounds, int32_t all);
 void cairn_aligner_insert(cairn_aligner *x, int32_t scan, int32_t cluster);
 void cairn_aligner_remove(cairn_aligner *x, int32_t scan);
 int32_t cairn_aligner_largest(const cairn_aligner *x);
-void cairn_aligner_learn_spread(cairn_aligner *x);
-cairn_transform cairn_aligner_gauge(const cairn_aligner *x, int32_t first, int32_t second,
-                                    cairn_transform second_first);
 int32_t cairn_aligner_join(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose);
+
+/* ---- aligner_prior.c ---- */
+
+/* Nats of the initial poses for the pose of cluster `moving` in `fixed`; charges for it. */
+cairn_real cairn_aligner_prior(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose);
+
+/* Learns the standard deviations of the initial poses from all clusters; charges for it. */
+void cairn_aligner_learn_spread(cairn_aligner *x);
+
+/* The motion of a cluster as a whole that brings its scans nearest to their initial poses. Linear in the cluster. */
+cairn_transform cairn_aligner_gauge(const cairn_aligner *x, int32_t cluster);
+
+/* Called before a scan enters a cluster (sign 1) or leaves it (-1). */
+void cairn_aligner_fit_scan(cairn_aligner *x, int32_t scan, int32_t cluster, int32_t sign);
 
 #endif
