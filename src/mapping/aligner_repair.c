@@ -13,6 +13,7 @@
 #include "src/mapping/aligner_work.h"
 
 enum { DIRECTIONS = 15, FREE_CELL = 1 << DIRECTIONS, TRY_ROUNDS = 3 };
+enum { VOTES_OF_ITEM = 20000, VOTES_OF_UNIT = 128 };
 
 static const cairn_real CELL = CAIRN_REAL(0.1);      /* m */
 static const cairn_real CLEARANCE = CAIRN_REAL(0.2); /* m before a surface that is not drawn free */
@@ -94,7 +95,7 @@ static void expect(cairn_aligner *x, int32_t rest)
     x->corner.x = x->predicted.x - (cairn_real)x->side_cells * x->cell / 2;
     x->corner.y = x->predicted.y - (cairn_real)x->side_cells * x->cell / 2;
     memset(x->cells, 0, (size_t)x->side_cells * (size_t)x->side_cells * sizeof *x->cells);
-    x->j = x->k = 0;
+    x->j = x->k = x->l = 0;
     x->turn = -x->turns;
     x->find_count = x->find_at = 0;
     keep_find(x, x->predicted, 0);
@@ -322,12 +323,12 @@ static int32_t draw(cairn_aligner *x)
 
 /* ---- The search ---- */
 
-static void vote(cairn_aligner *x, cairn_transform pose, int32_t width)
+/* The votes of some points of the scan at hand, from the first-th on. */
+static void vote(cairn_aligner *x, cairn_transform pose, int32_t width, int32_t first, int32_t end)
 {
     int32_t side = x->side_cells;
 
-    memset(x->votes, 0, (size_t)width * (size_t)width * sizeof *x->votes);
-    for (int32_t i = x->scans[x->i].first_point; i < x->scans[x->i].end_point; i++) {
+    for (int32_t i = first; i < end; i++) {
         const aligner_point *point = &x->points[i];
         cairn_vec2 p = cairn_transform_point(pose, point->position);
         cairn_vec2 direction = cairn_transform_direction(pose, x->segments[point->segment].direction);
@@ -348,24 +349,14 @@ static void vote(cairn_aligner *x, cairn_transform pose, int32_t width)
     }
 }
 
-/* All shifts at one turn. */
-static int32_t search_turn(cairn_aligner *x)
+/* The shifts that have found most votes at one turn, what the initial pose says weighed in. */
+static void count_votes(cairn_aligner *x, cairn_pose at, cairn_real turned, int32_t width)
 {
-    int32_t width = 2 * x->half_window + 1;
-    cairn_real turned = (cairn_real)x->turn * TURN;
-    cairn_pose at = x->predicted;
-
-    if (x->turn > x->turns) {
-        x->phase = ALIGNER_TRY;
-        return 1;
-    }
-    at.theta = cairn_wrap_angle(at.theta + turned);
-    vote(x, cairn_transform_of(at), width);
     for (int32_t v = 0; v < width; v++)
         for (int32_t u = 0; u < width; u++) {
             cairn_real dx = (cairn_real)(u - x->half_window) * x->cell, dy = (cairn_real)(v - x->half_window) * x->cell;
             cairn_real score = (cairn_real)x->votes[v * width + u] / 2;
-            cairn_pose pose = {x->predicted.x + dx, x->predicted.y + dy, at.theta};
+            cairn_pose pose = {at.x + dx, at.y + dy, at.theta};
 
             if (x->votes[v * width + u] < 3)
                 continue;
@@ -373,8 +364,32 @@ static int32_t search_turn(cairn_aligner *x)
                 ((dx * dx + dy * dy) / (x->sigma * x->sigma) + turned * turned / (x->sigma_angle * x->sigma_angle)) / 2;
             keep_find(x, pose, score);
         }
+}
+
+/* All shifts at one turn: some points, and after the last of them the votes. */
+static int32_t search_turn(cairn_aligner *x)
+{
+    int32_t width = 2 * x->half_window + 1, first = x->scans[x->i].first_point + x->l, last = x->scans[x->i].end_point;
+    int32_t end = first + 1 + VOTES_OF_ITEM / (width * width);
+    cairn_real turned = (cairn_real)x->turn * TURN;
+    cairn_pose at = x->predicted;
+
+    if (x->turn > x->turns) {
+        x->phase = ALIGNER_TRY;
+        return 1;
+    }
+    if (x->l == 0)
+        memset(x->votes, 0, (size_t)width * (size_t)width * sizeof *x->votes);
+    end = end < last ? end : last;
+    at.theta = cairn_wrap_angle(at.theta + turned);
+    vote(x, cairn_transform_of(at), width, first, end);
+    x->l += end - first;
+    if (end < last)
+        return 1 + (end - first) * width * width / VOTES_OF_UNIT;
+    count_votes(x, at, turned, width);
     x->turn++;
-    return 1 + (cairn_aligner_points_of(x, x->i) + 4) * width * width / 128;
+    x->l = 0;
+    return 1 + (end - first + 4) * width * width / VOTES_OF_UNIT;
 }
 
 /* The best of the finds, and the best score of another place. */
