@@ -12,7 +12,7 @@
 
 static const cairn_real COUNT_GATE = CAIRN_REAL(0.07);
 static const cairn_real ARM = CAIRN_REAL(1.5);       /* m: makes turns comparable to shifts */
-static const cairn_real AT_REST = CAIRN_REAL(0.003); /* m: a scan that moves by less does not stir others */
+static const cairn_real AT_REST = CAIRN_REAL(0.006); /* m: a scan that moves by less does not stir others */
 
 void cairn_aligner_insert(cairn_aligner *x, int32_t scan, int32_t cluster)
 {

@@ -13,7 +13,8 @@
 
 static const cairn_real TRIAL_GATE = CAIRN_REAL(0.15), COUNT_GATE = CAIRN_REAL(0.07);
 static const cairn_real LEAST_LENGTH = CAIRN_REAL(0.15);               /* m, of a segment that gives a direction */
-static const cairn_real LEAST_TRIAL = CAIRN_REAL(0.5), LEAST_KEPT = 1; /* nats */
+static const cairn_real LEAST_TRIAL = CAIRN_REAL(0.5), LEAST_KEPT = 1; /* nats, ... */
+static const cairn_real LEAST_HALF = -4;                               /* ... by the points of one scan of the two */
 static const cairn_real HOPELESS = -15, FAR_OFF = -40;                 /* nats */
 static const cairn_real SAME_PLACE = CAIRN_REAL(0.15);                 /* m */
 static const cairn_real SAME_HEADING = CAIRN_REAL(0.9986);             /* cosine of 3 degrees */
@@ -69,9 +70,10 @@ static int32_t try_end(cairn_aligner *x, const aligner_segment *k, const aligner
     pose.y = to.y - (pose.sine * from.x + pose.cosine * from.y);
     if (!cairn_aligner_near(pose, expected, far, -2))
         return 1;
-    work = cairn_aligner_count_points(x, first, second, pose, TRIAL_GATE, &count);
-    if (cairn_aligner_evidence(x, count) > -4)
-        work += cairn_aligner_count_points(x, second, first, cairn_aligner_inverse(pose), TRIAL_GATE, &count);
+    work = cairn_aligner_count_points(x, first, second, pose, TRIAL_GATE, LEAST_HALF, &count);
+    if (cairn_aligner_evidence(x, count) > LEAST_HALF)
+        work +=
+            cairn_aligner_count_points(x, second, first, cairn_aligner_inverse(pose), TRIAL_GATE, LEAST_TRIAL, &count);
     score = cairn_aligner_evidence(x, count);
     if (score > LEAST_TRIAL)
         keep_trial(x, pose, score);
@@ -388,19 +390,30 @@ static aligner_hypothesis *next_rival(cairn_aligner *x, int32_t *passed, int32_t
     return NULL;
 }
 
-/* Looks at rivals that have to be, one after the other. */
+/* The pose of the chosen one's first scan, in the other cluster's frame, by that hypothesis and by a rival. */
+static cairn_transform pose_by(const cairn_aligner *x, const aligner_hypothesis *g)
+{
+    const aligner_hypothesis *h = &x->hypotheses[x->chosen];
+
+    return cairn_aligner_compose(rival_pose(x, h, g), x->poses[h->first]);
+}
+
+/* Looks at rivals that have to be, one after the other; a look at one that says the same as the chosen one would tell
+ * nothing new. */
 static int32_t look_at_rivals(cairn_aligner *x)
 {
     const aligner_hypothesis *h = &x->hypotheses[x->chosen];
+    cairn_transform pose = pose_by(x, h);
     aligner_hypothesis *g;
-    int32_t passed = 0;
+    int32_t passed = 0, compared = 0;
 
     if (x->looked >= 0)
         take_look(x, &x->hypotheses[x->looked]);
     x->looked = -1;
-    while ((g = next_rival(x, &passed, LINKS_OF_ITEM)) != NULL)
-        if (!is_fresh(x, g) && g->score >= h->score - RIVAL && look_at(x, g)) {
-            x->looked = (int32_t)(g - x->hypotheses);
+    for (; (g = next_rival(x, &passed, LINKS_OF_ITEM)) != NULL; compared++)
+        if (!is_fresh(x, g) && g->score >= h->score - RIVAL &&
+            !cairn_aligner_near(pose, pose_by(x, g), SAME_PLACE, SAME_HEADING)) {
+            x->looked = look_at(x, g) ? (int32_t)(g - x->hypotheses) : -1;
             break;
         }
     if (g == NULL && x->rival_scan < 0) {
@@ -408,23 +421,20 @@ static int32_t look_at_rivals(cairn_aligner *x)
         x->odds = 1;
         begin_rivals(x);
     }
-    return 2 + passed / LINKS_OF_UNIT;
+    return 2 + compared + passed / LINKS_OF_UNIT;
 }
 
 /* The odds of the chosen one against its rivals; those that are the same as it are out. */
 static int32_t compare(cairn_aligner *x)
 {
     aligner_hypothesis *h = &x->hypotheses[x->chosen], *g;
-    cairn_transform pose = cairn_aligner_compose(clusters_pose(x, h), x->poses[h->first]);
+    cairn_transform pose = pose_by(x, h);
     int32_t passed = 0, compared = 0;
 
     for (; (g = next_rival(x, &passed, LINKS_OF_ITEM)) != NULL; compared++) {
-        cairn_transform rival;
+        cairn_transform rival = pose_by(x, g);
 
-        if (!is_fresh(x, g))
-            continue;
-        rival = cairn_aligner_compose(rival_pose(x, h, g), x->poses[h->first]);
-        if (!cairn_aligner_near(pose, rival, SAME_PLACE, SAME_HEADING)) {
+        if (is_fresh(x, g) && !cairn_aligner_near(pose, rival, SAME_PLACE, SAME_HEADING)) {
             x->odds += cairn_exp(cairn_min(g->score, 60));
         } else if (g->score <= h->score && cairn_aligner_near(pose, rival, SAME_PLACE / 3, CAIRN_REAL(0.9998))) {
             g->state = ALIGNER_OUT;

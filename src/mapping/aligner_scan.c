@@ -299,14 +299,21 @@ static cairn_real saturated(int32_t points)
     return n <= FULL_POINTS ? n : FULL_POINTS + MORE_POINTS * (n - FULL_POINTS);
 }
 
+/* 1 when the evidence cannot come above `least` any more, whatever `left` more points say. */
+static int is_hopeless(const cairn_aligner *x, aligner_count count, int32_t left, cairn_real least)
+{
+    count.same += (cairn_real)left;
+    return cairn_aligner_evidence(x, count) <= least;
+}
+
 int32_t cairn_aligner_count_points(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform to_from,
-                                   cairn_real gate, aligner_count *count)
+                                   cairn_real gate, cairn_real least, aligner_count *count)
 {
     patch_walk w = begin_patches(x, from, to);
     int32_t segment = -1, same = 0;
     cairn_vec2 direction = {0, 0};
 
-    while (next_patch(&w, to_from))
+    while (!is_hopeless(x, *count, same + w.last - w.end, least) && next_patch(&w, to_from))
         for (int32_t i = w.at; i < w.end; i++) {
             const aligner_point *point = &x->points[i];
 
@@ -342,9 +349,10 @@ cairn_real cairn_aligner_evidence(const cairn_aligner *x, aligner_count count)
 int32_t cairn_aligner_count_pair(const cairn_aligner *x, int32_t first, int32_t second, cairn_transform second_first,
                                  cairn_real gate, aligner_count *count)
 {
-    int32_t work = cairn_aligner_count_points(x, first, second, second_first, gate, count);
+    const cairn_real least = -CAIRN_REAL_MAX;
+    int32_t work = cairn_aligner_count_points(x, first, second, second_first, gate, least, count);
 
-    return work + cairn_aligner_count_points(x, second, first, cairn_aligner_inverse(second_first), gate, count);
+    return work + cairn_aligner_count_points(x, second, first, cairn_aligner_inverse(second_first), gate, least, count);
 }
 
 /* Adds the row of a point of `from` against the surface of `to` that it lies on, if any. */

@@ -14,8 +14,8 @@ enum {
     ALIGNER_NO_SEGMENT = 255, /* also the most segments of a scan that a table can name */
     ALIGNER_TRIALS = 12,      /* relative poses of one pair that are compared */
     ALIGNER_KEPT = 4,         /* of these enter the list at most */
-    ALIGNER_NEAREST = 32,     /* scans that one is held against, ... */
-    ALIGNER_PARTNERS = 48,    /* ... and with those that it is among the nearest of, at most */
+    ALIGNER_NEAREST = 24,     /* scans that one is held against, ... */
+    ALIGNER_PARTNERS = 36,    /* ... and with those that it is among the nearest of, at most */
     ALIGNER_VOTES = 4,        /* times as many cells as shifts */
     ALIGNER_FINDS = 12,       /* places of a scan in the raster that are tried, ... */
     ALIGNER_SLIDES = 16       /* ... and along its walls */
@@ -277,9 +277,9 @@ cairn_transform cairn_aligner_inverse(cairn_transform a_b);
 cairn_pose cairn_aligner_to_pose(cairn_transform t);
 
 /* Points of `from` (its frame seen from `to` as to_from) in the view of `to`; returns how many were looked up, those that
- * were passed over counted in part. */
+ * were passed over counted in part. Stops when the evidence cannot come above `least` any more. */
 int32_t cairn_aligner_count_points(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform to_from,
-                                   cairn_real gate, aligner_count *count);
+                                   cairn_real gate, cairn_real least, aligner_count *count);
 cairn_real cairn_aligner_evidence(const cairn_aligner *x, aligner_count count);
 
 /* Both ways. */
