@@ -272,7 +272,7 @@ static void cost_grows_with_the_scans(void **state)
 
     (void)state;
     assert_true(four <= 4 * one);
-    assert_true(worst_one <= 300 && worst_four <= 300);
+    assert_true(worst_one <= 300 && worst_four <= 400);
     leave(&s);
 }
 
@@ -1176,17 +1176,17 @@ static uint64_t hash_of_scene(const struct scene *scene)
 static void results_stay_as_they_are(void **state)
 {
     static const struct scene scenes[] = {
-        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0x7f303deb35aa3281), UINT64_C(0x5fa7ca04080b5c35)},
-        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x03207a969744b965), UINT64_C(0x73202c56510626f6)},
-        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0xfe2e699a5c007b2a), UINT64_C(0x3eef242378c4f8de)},
-        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x14796e13c166ecf2), UINT64_C(0x4b47d7b3e06d251f)},
-        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0xdcee76cf332efe0e), UINT64_C(0x2079965675048201)},
-        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0xfaedcfcf53036585), UINT64_C(0x2fa94216c6d9a75f)},
-        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0xc4f3d15073e90215), UINT64_C(0xbd2bee3ab97eb4af)},
-        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x65ec8c767aa1a539), UINT64_C(0x8cd79b550ca5b37e)},
-        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0xdda4db88693559c0), UINT64_C(0xbf4beec83b70820d)},
-        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x6944090a85105453), UINT64_C(0xfc1cd52c6e7c4462)},
-        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x58624d5ad585a96b), UINT64_C(0xcb65eec40979ac1e)},
+        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0x083ef1775314c873), UINT64_C(0xddab2d233de85267)},
+        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0xfdc79962f2083a38), UINT64_C(0x93680e7799fcf99b)},
+        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0xbce26a88fd7c8f99), UINT64_C(0xf7c1065a06215548)},
+        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0xdb33c55a1b4acda0), UINT64_C(0xb0448454a89a020b)},
+        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0x2740f6bf62ed8244), UINT64_C(0x8dcc2d90d2e8ad9f)},
+        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0xaed935b917c0a2e1), UINT64_C(0x65a7432974205bd3)},
+        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0x8b9169cc95665e7f), UINT64_C(0x6c7e66a3a36753f8)},
+        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x1568df7d909d271d), UINT64_C(0x28451f47b71185af)},
+        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0x4fa798281a3af895), UINT64_C(0xbc2d372197ed76ed)},
+        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x45290f2c6f8b1ade), UINT64_C(0x862f2a15a51f8e0b)},
+        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x1385ceec07fe8eee), UINT64_C(0x5ea8ca0cf22c4d74)},
     };
 
     (void)state;
