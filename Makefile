@@ -33,7 +33,7 @@ LIB_FLAGS  = -std=c11 $(CWARN) $(WERROR) $(COMMON) -fno-math-errno $(if $(ASSERT
 HOST_FLAGS = -std=c11 -D_POSIX_C_SOURCE=200809L $(CWARN) $(WERROR) $(COMMON) $(TRAPS)
 CXX_FLAGS  = -std=c++17 $(WARN) $(WERROR) $(COMMON)
 
-# Rooms. Box2D, libyaml, zlib, libpng and cmocka are looked for where Debian puts them; what is missing switches off what
+# Rooms. Box2D, libyaml, zlib, libpng, OpenCV and cmocka are looked for where Debian puts them; what is missing switches off what
 # needs it (tools/deps.sh brings it).
 has        = $(or $(wildcard /usr/include/$(1)),$(wildcard /usr/local/include/$(1)))
 CORE_SRC    := $(wildcard src/core/*.c)
@@ -43,7 +43,9 @@ LIB_SRC     := $(CORE_SRC) $(CONTOUR_SRC) $(MAPPING_SRC)
 HAVE_HOST   := $(and $(call has,yaml.h),$(call has,zlib.h),$(call has,png.h))
 HAVE_SIM    := $(call has,box2d/box2d.h)
 HAVE_TEST   := $(call has,cmocka.h)
+VISION_INC  := $(patsubst %/opencv2/imgcodecs.hpp,%,$(firstword $(call has,opencv4/opencv2/imgcodecs.hpp)))
 HOST_SRC    := $(if $(HAVE_HOST),$(wildcard src/host/*.c))
+VISION_SRC  := $(if $(VISION_INC),src/host/vision_shim.cpp)
 SIM_SRC     := $(if $(HAVE_SIM),$(wildcard sim/*.cpp))
 TEST_SRC    := $(if $(and $(HAVE_TEST),$(HAVE_SIM),$(HAVE_HOST)),$(wildcard tests/test_*.c))
 BENCH_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(filter-out bench/bench_%,$(wildcard bench/*.c)))
@@ -60,15 +62,16 @@ NEEDS_test_memory := tools/pool_objects.c
 NEEDS_test_long   := $(wildcard tests/long_*.c)
 HOST_LIBS   := -lyaml -lpng -lz
 SIM_LIBS    := -lbox2d
+VISION_LIBS := -lopencv_imgcodecs -lopencv_imgproc -lopencv_core
 
 object = $(patsubst %,$(BUILD)/$(1)/%.o,$(2))
 LIBS     := $(BUILD)/libcairn.a $(BUILD)/libcairn-float.a $(BUILD)/libcairn.so.$(SOVERSION) \
-            $(if $(HOST_SRC),$(BUILD)/libcairn-host.a)
+            $(if $(HOST_SRC),$(BUILD)/libcairn-host.a) $(if $(VISION_SRC),$(BUILD)/libcairn-vision.so)
 TOOLS    := $(if $(CAIRN_SRC),$(BUILD)/cairn $(BUILD)/cairn-float) $(if $(ARENA_SRC),$(BUILD)/cairn-arena)
 TESTS    := $(TEST_SRC:tests/%.c=%)
 BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
-.PHONY: all help objects test run-tests golden run-golden demo run-demo bench run-bench check check-freestanding mutate amalgamation coverage
+.PHONY: all help objects test run-tests golden run-golden demo run-demo bench run-bench vision check check-freestanding mutate amalgamation coverage
 .PHONY: install clean format missing firmware run-firmware firmware-test run-firmware-test footprint
 .DELETE_ON_ERROR:
 .SECONDARY:
@@ -81,6 +84,7 @@ help:
 	@echo "make test           all tests, double and float (installs what it needs)"
 	@echo "make golden         renews the files of results that the tests compare with (after a change of results)"
 	@echo "make bench          the measuring programs, build/bench/*"
+	@echo "make vision         libcairn-vision, through which images are read (installs OpenCV, some 130 packages)"
 	@echo "make check          warnings, formats, analyzers, freestanding proof, room order"
 	@echo "make mutate         plants faults in src/ and counts those that the tests find (N=40 SEED=1)"
 	@echo "make firmware       the library in a robot's loop on Cortex-M7 and M4F"
@@ -93,6 +97,7 @@ help:
 missing:
 	@$(if $(HAVE_HOST),:,echo "cairn: no libyaml, zlib or libpng: libcairn-host and the tools are left out (tools/deps.sh build)")
 	@$(if $(HAVE_SIM),:,echo "cairn: no Box2D: sim and cairn-arena are left out (tools/deps.sh build)")
+	@$(if $(VISION_INC),:,echo "cairn: no OpenCV: libcairn-vision is left out, images are read as PGM and PNG only (tools/deps.sh vision)")
 
 # Library objects, double and float.
 $(BUILD)/double/src/%.c.o: src/%.c
@@ -130,6 +135,11 @@ $(BUILD)/float/libcairn-sim.a: $(call object,float,$(SIM_SRC))
 	$(archive)
 $(BUILD)/libcairn.so.$(SOVERSION): $(call object,double,$(LIB_SRC))
 	$(CC) -shared -Wl,-soname,$(@F) $(SAN) $(LDFLAGS) -o $@ $^ -lm
+
+# OpenCV's own headers are not held to our warnings.
+$(BUILD)/double/src/host/vision_shim.cpp.o: CXXFLAGS += -isystem $(VISION_INC)
+$(BUILD)/libcairn-vision.so: $(call object,double,$(VISION_SRC))
+	$(CXX) -shared -Wl,-soname,$(@F) $(SAN) $(LDFLAGS) -o $@ $^ $(VISION_LIBS)
 
 link = @mkdir -p $(@D); $(CXX) $(SAN) $(if $(COVERAGE),--coverage) $(LDFLAGS) -o $@ -Wl,--start-group $^ -Wl,--end-group
 DOUBLE_LIBS := $(if $(SIM_SRC),$(BUILD)/libcairn-sim.a) $(BUILD)/libcairn-host.a $(BUILD)/libcairn.a
@@ -184,6 +194,10 @@ bench:
 	@$(MAKE) $(PARALLEL) run-bench
 run-bench: all $(BENCHES)
 
+vision:
+	@sh tools/deps.sh build vision
+	@$(MAKE) $(PARALLEL) $(BUILD)/libcairn-vision.so
+
 check:
 	@sh tools/deps.sh build test check
 	@sh tools/check.sh $(BUILD)
@@ -193,7 +207,7 @@ check-freestanding:
 
 # Every object of everything, for the checks of warnings.
 ALL_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(TEST_SRC) $(filter tests/%,$(TEST_COMMON)) $(GOLDEN) $(NEEDS_test_long) $(FW_LOOP) $(FW_SURVEY) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC)
-objects: $(call object,double,$(ALL_SRC)) $(call object,float,$(ALL_SRC))
+objects: $(call object,double,$(ALL_SRC) $(VISION_SRC)) $(call object,float,$(ALL_SRC))
 
 # The firmware: the float library in the loop of a robot on bare Cortex-M7 and M4F, and tests/golden.c in float and double.
 FW        := $(BUILD)/firmware

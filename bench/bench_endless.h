@@ -1,5 +1,5 @@
 /* A robot that drives round and round through an arena with room for so many scans: every scan that comes is aligned with
- * those that are kept, and the one whose place is best covered by others goes. */
+ * those that are kept, and the one whose place is best covered by others goes. Or one that maps as it drives to and fro. */
 #ifndef CAIRN_BENCH_ENDLESS_H
 #define CAIRN_BENCH_ENDLESS_H
 
@@ -31,13 +31,19 @@ typedef struct bench_endless_lap {
     int32_t newest;    /* ... those that had just come */
     double mean, most; /* m */
     double most_degrees;
-    double away; /* m: the most that the error at a place differs from that of the first lap in full memory */
+    int32_t loops, links; /* of the mapper's graph, in the end */
+    double away;          /* m: the most that the error at a place differs from that of the first lap in full memory */
     double seconds;
     uint64_t pool_used; /* bytes */
 } bench_endless_lap;
 
 /* Calls report for every lap. 0 on failure, with a line on standard error. */
 int bench_endless_run(const bench_endless_options *options, void (*report)(void *context, const bench_endless_lap *lap),
+                      void *context);
+
+/* The same with the mapper, which releases the best covered key scans: a lap is a drive of places / 2 scans, one every 0.3 m or
+ * 0.3 rad, and the same backwards; `kept` key scans at most; per step of 0.3 m the odometry is off by up to `metres` and `degrees`. */
+int bench_endless_map(const bench_endless_options *options, void (*report)(void *context, const bench_endless_lap *lap),
                       void *context);
 
 #endif

@@ -1,4 +1,5 @@
-/* bench/endless: a robot that drives round and round through an arena, in memory for a few scans (bench_endless).
+/* bench/endless: a robot that drives round and round through an arena, in memory for a few scans (bench_endless), or with the
+ * mapper, which releases key scans.
  *
  * One line for each of a few laps, spread over the run, and one for the whole run: units and time of a scan in the first
  * laps after the memory was full and in the last ones, and how far the poses of the last lap are from those of the first. */
@@ -26,14 +27,16 @@ typedef struct totals {
     stretch early, late;
     int64_t scans, released, oldest, newest, worst;
     double most, away_most;
-    bench_endless_lap last;
+    bench_endless_lap first, last; /* the first one in full memory */
+    const char *method;
     uint64_t pool_first;
     int64_t grown; /* laps after which another number of bytes was in use than after the first */
 } totals;
 
-static void print_lap(const bench_endless_lap *lap)
+static void print_lap(const totals *t, const bench_endless_lap *lap)
 {
     bench_json_begin("endless");
+    bench_json_text("method", t->method);
     bench_json_integer("lap", lap->lap);
     bench_json_integer("kept", lap->kept);
     bench_json_number("units_scan", (double)lap->units / lap->scans);
@@ -64,8 +67,10 @@ static void count(void *context, const bench_endless_lap *lap)
     if (lap->lap == 0)
         t->pool_first = lap->pool_used;
     t->grown += lap->pool_used != t->pool_first;
-    if (lap->is_first)
+    if (lap->is_first) {
         t->full = lap->lap;
+        t->first = *lap;
+    }
     if (t->full >= 0 && lap->lap < t->full + EDGE)
         add(&t->early, lap);
     if (lap->lap >= t->laps - EDGE)
@@ -79,12 +84,13 @@ static void count(void *context, const bench_endless_lap *lap)
     t->away_most = fmax(t->away_most, lap->away);
     t->last = *lap;
     if (lap->lap % t->every == 0 || lap->lap == t->laps - 1)
-        print_lap(lap);
+        print_lap(t, lap);
 }
 
 static void print_totals(const totals *t, const bench_endless_options *options)
 {
     bench_json_begin("endless");
+    bench_json_text("method", t->method);
     bench_json_true("total");
     bench_json_text("scene", sim_scene_name(options->scene));
     bench_json_integer("seed", (int64_t)options->seed);
@@ -103,6 +109,11 @@ static void print_totals(const totals *t, const bench_endless_options *options)
     bench_json_integer("released", t->released);
     bench_json_integer("released_oldest", t->oldest);
     bench_json_integer("released_newest", t->newest);
+    bench_json_integer("loops", t->last.loops);
+    bench_json_integer("links", t->last.links);
+    bench_json_number("first_mean_m", t->first.mean);
+    bench_json_number("last_mean_m", t->last.mean);
+    bench_json_number("first_most_m", t->first.most);
     bench_json_number("most_m", t->most);
     bench_json_number("last_most_m", t->last.most);
     bench_json_number("last_from_first_m", t->last.away);
@@ -114,21 +125,25 @@ int main(int argc, char **argv)
 {
     bench_endless_options options = bench_endless_default();
     totals t = {.full = -1};
-    const char *scene = "rescue", *data = NULL;
+    const char *scene = NULL, *data = NULL;
+    int32_t maps = 0;
     int64_t every = 0;
+    int32_t places = 0, kept = 0;
     const option table[] = {
         OPTION_INTEGER("--scans", &options.scans, 1, 1e9, "N", "in all"),
-        OPTION_TEXT("--scene", &scene, "NAME", "of cairn-arena (rescue)"),
+        OPTION_FLAG("--mapper", &maps, "maps, to and fro; --places and --kept are then 600 and 120"),
+        OPTION_TEXT("--scene", &scene, "NAME", "of cairn-arena (rescue; of the mapper apartment)"),
         OPTION_SEED("--seed", &options.seed, "of the arena and of all noise"),
-        OPTION_COUNT("--places", &options.places, 2, 1000, "N", "of a lap"),
-        OPTION_COUNT("--kept", &options.kept, 2, 1000, "N", "scans in memory"),
+        OPTION_COUNT("--places", &places, 2, 10000, "N", "of a lap (30)"),
+        OPTION_COUNT("--kept", &kept, 2, 1000, "N", "scans, or key scans, in memory (32)"),
         OPTION_INTEGER("--every", &every, 0, 1e9, "N", "laps from one printed line to the next, 0: a tenth of all"),
         OPTION_TEXT("--data", &data, "DIR", "not needed"),
     };
     const option_set set = {
         PROGRAM, "[options]",
         "Drives round and round through a simulated arena, with fresh noise in every lap; each scan\n"
-        "is aligned with those kept, and the one whose place is best covered by others goes.",
+        "is aligned with those kept, and the one whose place is best covered by others goes.\n"
+        "With --mapper it drives to and fro, and the mapper releases key scans.",
         table, sizeof table / sizeof *table};
     size_t words = 0;
 
@@ -140,6 +155,15 @@ int main(int argc, char **argv)
     default:
         break;
     }
+    if (scene == NULL)
+        scene = maps ? "apartment" : "rescue";
+    if (maps) {
+        options.places = 600;
+        options.kept = 120;
+    }
+    t.method = maps ? "mapper" : "aligner";
+    options.places = places > 0 ? places / (1 + maps) * (1 + maps) : options.places;
+    options.kept = kept > 0 ? kept : options.kept;
     options.scene = sim_scene_find(scene);
     if (options.scene < 0)
         return options_refuse(PROGRAM, "unknown scene '%s', expected one of cairn-arena", scene);
@@ -147,7 +171,7 @@ int main(int argc, char **argv)
     if (t.laps < 1)
         return options_refuse(PROGRAM, "--scans: fewer than a lap of %d places", options.places);
     t.every = every > 0 ? every : t.laps / 10 > 0 ? t.laps / 10 : 1;
-    if (!bench_endless_run(&options, count, &t))
+    if (!(maps ? bench_endless_map : bench_endless_run)(&options, count, &t))
         return 1;
     print_totals(&t, &options);
     return 0;

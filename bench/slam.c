@@ -23,7 +23,7 @@ static const double DEGREES = 57.29577951308232;
 
 typedef struct settings {
     const char *log, *relations, *data;
-    int64_t seed, window, particles;
+    int64_t seed, window, particles, max_keys;
     int32_t no_odometry, no_loops;
 } settings;
 
@@ -67,12 +67,21 @@ static scan_cost cost_of(double *units, int32_t count)
     return out;
 }
 
+/* Takes scans 0 ... count - 1 through the releases since the last time. */
+static void rehang(const cairn_mapper *mapper, int32_t *seen, int32_t *key, cairn_pose *poses, int32_t count)
+{
+    for (int32_t now = cairn_mapper_measure(mapper).releases; *seen < now; (*seen)++)
+        for (int32_t i = 0; i < count; i++)
+            cairn_mapper_rehang(cairn_mapper_release_at(mapper, *seen), &key[i], &poses[i]);
+}
+
 /* Maps the log; poses: [count], of the sensor, which is what relations are between. Returns the time that took, -1 on failure. */
 static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_pose *poses, size_t *pool_bytes,
                       cairn_mapper_state *state, scan_cost *cost)
 {
+    int32_t most = log->count < 8192 ? log->count + 1 : 8192;
     cairn_mapper_params params =
-        cairn_mapper_default_for(log->count < 8192 ? log->count + 1 : 8192, log->info.beams_most);
+        cairn_mapper_default_for(s->max_keys > 0 ? (int32_t)s->max_keys : most, log->info.beams_most);
     int32_t *key = malloc((size_t)log->count * sizeof *key);
     double *units = malloc((size_t)log->count * sizeof *units);
     cairn_mapper *mapper;
@@ -82,7 +91,9 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
     double start;
     cairn_status status;
     int live = isatty(STDERR_FILENO);
+    int32_t seen = 0;
 
+    params.release = s->max_keys > 0;
     params.window = (int32_t)s->window;
     if (params.window > 0 && params.window_free >= params.window)
         params.window_free = params.window - 1;
@@ -108,6 +119,7 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
         if (status == CAIRN_OK) {
             cairn_mapper_result result = cairn_mapper_read(mapper);
 
+            rehang(mapper, &seen, key, poses, i);
             key[i] = result.key;
             poses[i] = result.key_scan;
         }
@@ -118,6 +130,7 @@ static double map_log(const settings *s, const cairn_carmen_scans *log, cairn_po
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
         status = cairn_mapper_settle(mapper, &budget);
+        rehang(mapper, &seen, key, poses, log->count);
     }
     if (live)
         fprintf(stderr, "\r%*s\r", 40, "");
@@ -199,7 +212,9 @@ static void print_errors(const settings *s, const char *name, const cairn_carmen
     bench_json_number("units_median", cost.median);
     bench_json_number("ops_worst_over_median", cost.worst / cost.median);
     bench_json_integer("keys", state->keys);
+    bench_json_integer("releases", state->releases);
     bench_json_integer("unmatched", state->predicted);
+    bench_json_number("unobservable_share", (double)state->unobservable / log->count);
     bench_json_integer("searched", state->searched);
     bench_json_integer("doubtful", state->doubtful);
     bench_json_integer("contradicted", state->odometry_contradicted);
@@ -257,7 +272,7 @@ static int run_log(const settings *s, const char *log_path, const char *relation
 int main(int argc, char **argv)
 {
     static const char *const names[] = {"intel", "fr079", "aces"};
-    settings s = {NULL, NULL, "../shared/data", 1, 8, 0, 0, 0};
+    settings s = {NULL, NULL, "../shared/data", 1, 8, 0, 0, 0, 0};
     const option table[] = {
         OPTION_TEXT("--log", &s.log, "FILE", "one CARMEN log (all of DIR/slam)"),
         OPTION_TEXT("--relations", &s.relations, "FILE", "its reference relations"),
@@ -265,6 +280,8 @@ int main(int argc, char **argv)
         OPTION_FLAG("--no-odometry", &s.no_odometry, "ranges alone; the log's poses are overwritten with noise"),
         OPTION_FLAG("--no-loops", &s.no_loops, "close no loops"),
         OPTION_INTEGER("--window", &s.window, 0, 64, "N", "key scans of the force field"),
+        OPTION_INTEGER("--max-keys", &s.max_keys, 0, 1 << 20, "N",
+                       "room for N key scans, the best covered ones are released (0: for all)"),
         OPTION_INTEGER("--filter", &s.particles, 0, 4096, "N", "by a filter of N particles, 0: by the mapper"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of that noise, and of what particles draw"),
     };

@@ -25,6 +25,7 @@
 #include "cairn/shape_model.h"
 #include "cairn/symmetric_point.h"
 #include "cairn/virtual_align.h"
+#include "cairn/vision.h"
 
 typedef struct value {
     const char *name;
@@ -374,6 +375,7 @@ static void of_the_mapper(void **state)
     const value values[] = {
         VALUE(p.scan.max_points, 1024),
         VALUE(p.max_keys, 1024),
+        VALUE(p.release, 0),
         VALUE(p.max_key_segments, 32768),
         VALUE(p.max_key_points, 131072),
         VALUE(p.max_local_points, 4096),
@@ -439,6 +441,7 @@ static void of_the_mapper(void **state)
 
     (void)state;
     icp.weak_ratio = CAIRN_REAL(0.03);
+    icp.max_iterations = 25;
     assert_values(values);
     scan.max_points = p.scan.max_points;
     assert_memory_equal(&p.scan, &scan, sizeof scan);
@@ -497,6 +500,7 @@ static void of_contours(void **state)
     cairn_symmetric_point_params sp = cairn_symmetric_point_default();
     cairn_shape_builder_params shape = cairn_shape_builder_default();
     cairn_grouping_params group = cairn_grouping_default();
+    cairn_vision_canny_params canny = cairn_vision_canny_default();
     const value values[] = {
         VALUE(chain.max_width, 640),
         VALUE(chain.max_height, 480),
@@ -544,6 +548,9 @@ static void of_contours(void **state)
         VALUE(group.stop, 0.3),
         VALUE(group.min_score, 0.78),
         VALUE(group.seed, 1),
+        VALUE(canny.sigma, 1.4),
+        VALUE(canny.low, 3),
+        VALUE(canny.high, 8),
     };
 
     (void)state;

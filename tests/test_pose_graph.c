@@ -945,11 +945,22 @@ static void refused_graphs(void **state)
             assert_status(cairn_pose_graph_add_link(graph, 0, 1, zero, information), CAIRN_NOT_FINITE);
             *parts[k / 2 % 3] = bad[k % 2];
             assert_status(cairn_pose_graph_add_link(graph, 0, 1, pose, one), CAIRN_NOT_FINITE);
+            assert_status(cairn_pose_graph_set_link(graph, 0, 0, 1, pose, one), CAIRN_NOT_FINITE);
             assert_status(cairn_pose_graph_set_pose(graph, 0, pose), CAIRN_NOT_FINITE);
             assert_status(cairn_pose_graph_add_pose(graph, pose), CAIRN_NOT_FINITE);
         }
+        assert_status(cairn_pose_graph_set_link(graph, 0, 0, 1, zero, one), CAIRN_BAD_ARGUMENT);
         assert_ok(cairn_pose_graph_add_link(graph, 0, 1, zero, one));
         assert_ok(cairn_pose_graph_add_link(graph, 1, 2, zero, one));
+        assert_status(cairn_pose_graph_set_link(NULL, 0, 0, 1, zero, one), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_pose_graph_set_link(graph, 2, 0, 1, zero, one), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_pose_graph_set_link(graph, -1, 0, 1, zero, one), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_pose_graph_set_link(graph, 0, 0, 3, zero, one), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_pose_graph_set_link(graph, 0, 2, 2, zero, one), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_pose_graph_set_link(graph, 0, 0, 1, zero, flat), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_pose_graph_remove_pose(NULL, 0), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_pose_graph_remove_pose(graph, -1), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_pose_graph_remove_pose(graph, 3), CAIRN_BAD_ARGUMENT);
         assert_status(cairn_pose_graph_add_link(graph, 0, 2, zero, one), CAIRN_FULL);
         assert_status(cairn_pose_graph_drop_link(graph, 2, 1), CAIRN_BAD_ARGUMENT);
         assert_status(cairn_pose_graph_drop_link(graph, -1, 1), CAIRN_BAD_ARGUMENT);
@@ -967,6 +978,8 @@ static void refused_graphs(void **state)
             assert_status(cairn_pose_graph_set_kernel(graph, 0, 1), CAIRN_BAD_ARGUMENT);
             assert_status(cairn_pose_graph_add_link(graph, 0, 1, zero, one), CAIRN_BAD_ARGUMENT);
             assert_status(cairn_pose_graph_add_pose(graph, zero), CAIRN_BAD_ARGUMENT);
+            assert_status(cairn_pose_graph_set_link(graph, 0, 0, 1, zero, one), CAIRN_BAD_ARGUMENT);
+            assert_status(cairn_pose_graph_remove_pose(graph, 0), CAIRN_BAD_ARGUMENT);
             budget.left = 1;
             assert_status(cairn_pose_graph_step(graph, &budget), CAIRN_MORE);
         }
@@ -980,6 +993,76 @@ static void refused_graphs(void **state)
     assert_status(cairn_pose_graph_covariance(graph, 0, -1, block), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_pose_graph_covariance(graph, 0, 0, NULL), CAIRN_BAD_ARGUMENT);
     test_pool_free(&pool);
+}
+
+/* Links and poses that are taken away or changed leave the graph that has always been without them, or with them so. */
+static void what_goes_leaves_no_trace(void **state)
+{
+    static struct problem p, without;
+    cairn_pose_graph_params params = small_params();
+
+    (void)state;
+    for (int32_t gone = 0; gone < POSES; gone += 8) {
+        cairn_random random = cairn_random_seed(11, 1);
+        struct made made, plain;
+
+        p = without = a_problem(11, 0.05);
+        measure(&p, 2, 17, 0.05, &random);
+        without.poses = POSES - 1;
+        without.links = 0;
+        for (int32_t i = gone; i < POSES - 1; i++)
+            without.guess[i] = p.guess[i + 1];
+        p.link[3].first = 20; /* it is given other ends later */
+        p.link[3].second = 5;
+        for (int32_t l = 0; l < p.links; l++) {
+            struct measurement m = p.link[l];
+
+            if (l == 3) {
+                m.first = 23;
+                m.second = 3;
+                m.z = p.link[4].z;
+                m.information = p.link[5].information;
+            }
+            if (m.first == gone || m.second == gone)
+                continue;
+            m.first -= m.first > gone;
+            m.second -= m.second > gone;
+            without.link[without.links++] = m;
+        }
+        made = make_graph(&p, &params, NULL);
+        plain = make_graph(&without, &params, NULL);
+        assert_ok(cairn_pose_graph_fix(made.graph, 9, 1));
+        assert_ok(cairn_pose_graph_fix(made.graph, 16, 1));
+        assert_ok(cairn_pose_graph_drop_link(made.graph, p.links - 2, 1));
+        if (gone != 24) /* whose link that is */
+            assert_ok(cairn_pose_graph_drop_link(plain.graph, without.links - 2, 1));
+        if (gone != 16)
+            assert_ok(cairn_pose_graph_fix(plain.graph, 16 - (gone < 16), 1));
+        assert_ok(cairn_pose_graph_fix(plain.graph, 9 - (gone < 9), 1));
+        (void)solve(made.graph);
+        assert_ok(cairn_pose_graph_set_link(made.graph, 3, 23, 3, p.link[4].z, p.link[5].information));
+        assert_ok(cairn_pose_graph_remove_pose(made.graph, gone));
+        assert_int_equal(cairn_pose_graph_read(made.graph).poses, without.poses);
+        assert_int_equal(cairn_pose_graph_read(made.graph).links, without.links);
+        assert_status(cairn_pose_graph_marginals(made.graph), CAIRN_BAD_ARGUMENT);
+        for (int32_t i = 0; i < without.poses; i++)
+            assert_ok(cairn_pose_graph_set_pose(made.graph, i, without.guess[i]));
+        assert_memory_equal(&(cairn_real){solve(made.graph).chi2}, &(cairn_real){solve(plain.graph).chi2},
+                            sizeof(cairn_real));
+        for (int32_t i = 0; i < without.poses; i++) {
+            cairn_pose a = cairn_pose_graph_pose(made.graph, i), b = cairn_pose_graph_pose(plain.graph, i);
+
+            assert_memory_equal(&a, &b, sizeof a);
+        }
+        for (int32_t l = 0; l < without.links; l++) {
+            cairn_pose_graph_link a = cairn_pose_graph_link_of(made.graph, l);
+            cairn_pose_graph_link b = cairn_pose_graph_link_of(plain.graph, l);
+
+            assert_memory_equal(&a, &b, sizeof a);
+        }
+        test_pool_free(&made.pool);
+        test_pool_free(&plain.pool);
+    }
 }
 
 static void overflow_is_told(void **state)
@@ -1031,6 +1114,7 @@ int main(void)
         cmocka_unit_test(refused_params),
         cmocka_unit_test(every_pool_size),
         cmocka_unit_test(refused_graphs),
+        cmocka_unit_test(what_goes_leaves_no_trace),
         cmocka_unit_test(overflow_is_told),
     };
 

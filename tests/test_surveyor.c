@@ -223,6 +223,83 @@ static void what_is_refused(void **state)
     tick(&s, 1000, SURVEYOR_IDLE);
 }
 
+/* To and fro in the room, lap after lap. */
+enum { LAPS = 40, LAP = 24, FEW_KEYS = 36 };
+
+typedef struct shuttle {
+    float range[BEAMS];
+    robot_sweep sweep;
+    cairn_pose truth;
+    cairn_random random;
+} shuttle;
+
+static void drive_on(shuttle *d, int32_t turn)
+{
+    int32_t at = turn % LAP < LAP / 2 ? turn % LAP : LAP - 1 - turn % LAP;
+    cairn_pose next = {1 + CAIRN_REAL(0.15) * (cairn_real)at, CAIRN_REAL(1.2), CAIRN_REAL(0.1) * (cairn_real)at}, step;
+    cairn_vec2 from = {next.x, next.y};
+
+    step = cairn_pose_between(turn > 0 ? d->truth : next, next);
+    step.x += cairn_random_uniform(&d->random, -CAIRN_REAL(0.02), CAIRN_REAL(0.02));
+    step.theta += cairn_random_uniform(&d->random, -CAIRN_REAL(0.02), CAIRN_REAL(0.02));
+    d->sweep.pose = turn > 0 ? cairn_pose_compose(d->sweep.pose, step) : next;
+    d->truth = next;
+    d->sweep.range = d->range;
+    d->sweep.count = BEAMS;
+    d->sweep.angle_min = -3.0f;
+    d->sweep.angle_step = 0.05f;
+    for (int32_t k = 0; k < BEAMS; k++)
+        d->range[k] = (float)(range_to_wall(from, next.theta - 3 + CAIRN_REAL(0.05) * (cairn_real)k) +
+                              cairn_random_uniform(&d->random, -CAIRN_REAL(0.01), CAIRN_REAL(0.01)));
+}
+
+/* The loop of the firmware, in fixed memory: no sweep is refused, and laps are all alike. */
+static void it_goes_on_and_on(void **state)
+{
+    static shuttle d;
+    surveyor_params params = room_params();
+    double off[LAPS] = {0}, sum[2] = {0, 0}; /* units of the earlier and of the later laps in full memory */
+    int64_t units[LAPS] = {0};
+    int32_t full = LAPS;
+    surveyor s;
+
+    (void)state;
+    params.mapper = cairn_mapper_default_for(FEW_KEYS, BEAMS);
+    params.mapper.release = 1;
+    d.random = cairn_random_seed(7, 1);
+    assert_int_equal(surveyor_create(&s, memory, sizeof memory, &params), CAIRN_OK);
+    for (int32_t turn = 0; turn < LAPS * LAP; turn++) {
+        size_t used = s.pool.used;
+        cairn_pose found;
+
+        drive_on(&d, turn);
+        assert_int_equal(surveyor_offer(&s, &d.sweep), CAIRN_OK);
+        while (s.waits || s.mapping) {
+            cairn_budget budget = {1000};
+            surveyor_work work;
+
+            assert_int_equal(surveyor_tick(&s, &budget, &work), CAIRN_MORE);
+            units[turn / LAP] += 1000 - budget.left;
+        }
+        found = cairn_mapper_read(s.mapper).map_scan;
+        off[turn / LAP] += hypot((double)(found.x - d.truth.x), (double)(found.y - d.truth.y)) / LAP;
+        assert_int_equal(s.pool.used, used);
+        assert_true(cairn_mapper_measure(s.mapper).keys < FEW_KEYS);
+        if (full == LAPS && cairn_mapper_measure(s.mapper).releases > 0)
+            full = turn / LAP + 1;
+    }
+    assert_int_equal(s.taken, LAPS * LAP);
+    assert_true(full < LAPS / 4);
+    assert_true(cairn_mapper_measure(s.mapper).releases > 3 * FEW_KEYS);
+    for (int32_t lap = full; lap < LAPS; lap++) {
+        assert_true(off[lap] < 0.02);
+        sum[lap >= (full + LAPS) / 2] +=
+            (double)units[lap] / (lap >= (full + LAPS) / 2 ? LAPS - (full + LAPS) / 2 : (full + LAPS) / 2 - full);
+    }
+    assert_near(sum[1] / sum[0], 1, 0.05);
+    assert_true(off[LAPS - 1] < off[full] + 0.005);
+}
+
 static void a_full_map_stays(void **state)
 {
     static drive d;
@@ -261,6 +338,7 @@ int main(void)
         cmocka_unit_test(one_sweep_may_wait),
         cmocka_unit_test(the_hash_is_of_result_and_keys),
         cmocka_unit_test(what_is_refused),
+        cmocka_unit_test(it_goes_on_and_on),
         cmocka_unit_test(a_full_map_stays),
     };
 

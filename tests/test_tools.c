@@ -1003,7 +1003,7 @@ static void large_rooms_get_more_room(void **state)
     write_text("large.log", &t);
     o = programs_run("cairn map @/large.log -o @/large");
     assert_done(o);
-    assert_holds(o.out, "key scans  12\n");
+    assert_holds(o.out, "key scans  12 (0 released)\n");
     assert_ok(cairn_pose_table_read(&row, &count, files_path("large/poses.csv"), NULL));
     assert_int_equal(count, 12);
     for (int i = 0; i < 12; i++)
@@ -1012,6 +1012,46 @@ static void large_rooms_get_more_room(void **state)
     assert_refused(programs_run("cairn map @/large.log -o @/too-few --max-keys 5"),
                    "cairn map: ", "large.log: needs more than 5 key scans, expected at most that: raise --max-keys");
     assert_int_equal(count_in("too-few"), -1);
+    free(t.bytes);
+}
+
+/* To and fro in a room, with room for fewer key scans than come. */
+static void key_scans_that_go_leave_their_scans(void **state)
+{
+    enum { TO_AND_FRO = 90 };
+    text t = {NULL, 0, 0};
+    cairn_pose_graph_file graph;
+    cairn_pose_row *row;
+    int32_t count;
+    outcome o;
+    char *page;
+
+    (void)state;
+    for (int i = 0; i < TO_AND_FRO; i++)
+        add_room_scan(&t, 8, 181, 0.55 * abs(i % 18 - 9) - 2.5, NULL, i);
+    write_text("to-and-fro.log", &t);
+    assert_refused(programs_run("cairn map @/to-and-fro.log -o @/goes --max-keys 40"),
+                   "cairn map: ", "needs more than 40 key scans");
+    o = programs_run("cairn map @/to-and-fro.log -o @/goes --max-keys 40 --release --report @/goes.html");
+    assert_done(o);
+    assert_null(strstr(o.out, "(0 released)"));
+    assert_ok(cairn_pose_table_read(&row, &count, files_path("goes/poses.csv"), NULL));
+    assert_int_equal(count, TO_AND_FRO);
+    for (int i = 0; i < TO_AND_FRO; i++) {
+        assert_near(row[i].pose.x - row[0].pose.x, 0.55 * (abs(i % 18 - 9) - 9), 0.05);
+        assert_near(row[i].pose.y - row[0].pose.y, 0, 0.05);
+    }
+    cairn_pose_table_free(row);
+    assert_ok(cairn_pose_graph_file_read(&graph, files_path("goes/graph.g2o"), NULL));
+    assert_true(graph.vertex_count < 40 && graph.vertex_count > 30);
+    assert_true(graph.edge_count >= graph.vertex_count - 1);
+    cairn_pose_graph_file_free(&graph);
+    page = files_read(files_path("goes.html"), NULL);
+    assert_holds(page, "key scans\"");
+    free(page);
+    assert_refused(programs_run("cairn map @/to-and-fro.log -o @/goes-not --max-keys 20 --release"),
+                   "cairn map: ", "--max-keys is '20', expected more with --release");
+    assert_int_equal(count_in("goes-not"), -1);
     free(t.bytes);
 }
 
@@ -1169,6 +1209,7 @@ static void command_lines(void **state)
         {"cairn map @/drive/scans.log -o @/refused --resolution 1e-3x", "cairn map: ", "--resolution is '1e-3x'"},
         {"cairn map @/drive/scans.log -o @/refused --range inf", "cairn map: ", "--range is 'inf'"},
         {"cairn map @/drive/scans.log -o @/refused --max-keys 1", "cairn map: ", "--max-keys is '1'"},
+        {"cairn map @/drive/scans.log -o @/refused --filter 3 --release", "cairn map: ", "--release with --filter"},
         {"cairn map @/drive/scans.log -o @/refused --seed=-1", "cairn map: ", "--seed is '-1'"},
         {"cairn map @/drive/scans.log -o @/refused --quiet=yes", "cairn map: ", "'--quiet=yes'"},
         {"cairn map @/drive/scans.log -o @/refused --pool 64", "cairn map: ", "--pool is '64', expected at least "},
@@ -1355,6 +1396,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(damage_of_all_kinds_among_good_scans),
         cmocka_unit_test(a_log_without_walls),
         cmocka_unit_test(large_rooms_get_more_room),
+        cmocka_unit_test(key_scans_that_go_leave_their_scans),
         cmocka_unit_test(poses_far_away),
         cmocka_unit_test(logs_that_are_none),
         cmocka_unit_test(scans_that_are_none),

@@ -18,6 +18,8 @@ static const tool_command commands[] = {
     {"graph", "solve a pose graph (g2o), bad links named", tool_graph},
     {"match", "find where one scan was taken, as seen from another", tool_match},
     {"merge", "put the maps of many robots together, with no guess", tool_merge},
+    {"group", "the contours of a known object in images", tool_group},
+    {"model", "the model of a shape, from a silhouette or a drawing", tool_model},
     {"info", "what a CARMEN log holds: scans, beams, time, path, damage", tool_info},
     {"replay", "a robot's recorded run once more, bit by bit", tool_replay},
 };

@@ -23,6 +23,7 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
         OPTION_TEXT("-o", &s->folder, "DIR", "folder for poses.csv, poses.tum, graph.g2o, map.pgm, map.yaml, map.svg"),
         OPTION_FLAG("--no-odometry", &s->no_odometry, "use the ranges alone; poses are then the sensor's"),
         OPTION_INTEGER("--max-keys", &s->max_keys, 2, 1000000, "N", "key scans at most"),
+        OPTION_FLAG("--release", &s->release, "when these are not enough, the best covered ones are released"),
         OPTION_INTEGER("--window", &s->window, 0, 64, "N", "key scans that the force field runs over, 0: none"),
         OPTION_NUMBER("--resolution", &s->resolution, 0.001, 10, "M", "side of a cell of the map, m"),
         OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the map up to here, m"),
@@ -54,6 +55,10 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
     }
     s->log = s->logs[0];
     s->log_count = (int32_t)words;
+    if (s->release && s->particles > 0) {
+        (void)options_refuse(MAP_PROGRAM, "--release with --filter, expected one of them: particles release nothing");
+        return OPTIONS_BAD;
+    }
     if (s->window == 1) {
         (void)options_refuse(MAP_PROGRAM, "--window is '1', expected 0 or 2 to 64");
         return OPTIONS_BAD;
@@ -87,6 +92,12 @@ int map_keep(const map_input *input, const cairn_mapper *mapper, int32_t index, 
     return 1;
 }
 
+/* The pose of a scan as the key scans are now. */
+static cairn_pose place_now(const cairn_mapper *mapper, const map_place *place)
+{
+    return cairn_pose_compose(cairn_mapper_key_pose(mapper, place->key), place->key_scan);
+}
+
 cairn_scan_input map_scan_input(const map_settings *s, const map_input *input, int32_t index)
 {
     cairn_scan_input scan = input->record[index].scan;
@@ -96,28 +107,77 @@ cairn_scan_input map_scan_input(const map_settings *s, const map_input *input, i
     return scan;
 }
 
+/* ---- Key scans ---- */
+
+/* The key scans that ever were, by number, and those that there are. */
+typedef struct key_list {
+    int32_t *scan;   /* of the log, by number */
+    int32_t *number; /* of the key scans of the mapper */
+    int32_t ever, present, releases;
+} key_list;
+
+static int key_list_new(key_list *keys, int32_t scans)
+{
+    memset(keys, 0, sizeof *keys);
+    keys->scan = malloc(((size_t)scans + 1) * sizeof *keys->scan);
+    keys->number = malloc(((size_t)scans + 1) * sizeof *keys->number);
+    return keys->scan != NULL && keys->number != NULL;
+}
+
+static void key_list_free(key_list *keys)
+{
+    free(keys->scan);
+    free(keys->number);
+}
+
+/* Takes scans 0 ... count - 1 through the releases since the last time. */
+static void follow_releases(key_list *keys, const cairn_mapper *mapper, map_place *places, int32_t count)
+{
+    cairn_mapper_state state = cairn_mapper_measure(mapper);
+
+    for (; keys->releases < state.releases; keys->releases++) {
+        cairn_mapper_release release = cairn_mapper_release_at(mapper, keys->releases);
+
+        for (int32_t i = 0; i < count; i++)
+            cairn_mapper_rehang(release, &places[i].key, &places[i].key_scan);
+        keys->present--;
+        memmove(&keys->number[release.key], &keys->number[release.key + 1],
+                (size_t)(keys->present - release.key) * sizeof *keys->number);
+    }
+}
+
+/* Scan `index` of the log has become the last key scan. */
+static void list_key(key_list *keys, int32_t index)
+{
+    keys->scan[keys->ever] = index;
+    keys->number[keys->present++] = keys->ever++;
+}
+
+/* ---- The player ---- */
+
 /* A frame of the player: the key scans after scan `index` of the log. */
-static cairn_status add_frame(cairn_report_player *player, const cairn_mapper *mapper, int32_t index)
+static cairn_status add_frame(cairn_report_player *player, const cairn_mapper *mapper, const key_list *keys,
+                              const map_place *places, int32_t index)
 {
     cairn_mapper_state state = cairn_mapper_measure(mapper);
     cairn_mapper_result result = cairn_mapper_read(mapper);
     double value[2] = {result.verdict == CAIRN_MAPPER_FIRST ? (double)NAN : (double)result.support,
                        (double)state.potential};
     cairn_report_frame frame;
-    cairn_pose *pose = malloc(((size_t)state.keys + 1) * sizeof *pose);
+    cairn_pose *pose = malloc(((size_t)keys->ever + 1) * sizeof *pose);
     cairn_status status;
     char label[64];
 
     if (pose == NULL)
         return CAIRN_NO_MEMORY;
-    for (int32_t i = 0; i < state.keys; i++)
-        pose[i] = cairn_mapper_key_pose(mapper, i);
+    for (int32_t i = 0; i < keys->ever; i++)
+        pose[i] = place_now(mapper, &places[keys->scan[i]]);
     memset(&frame, 0, sizeof frame);
     snprintf(label, sizeof label, "%" PRId32 " key scans", state.keys);
     frame.step = index;
     frame.label = label;
     frame.pose = pose;
-    frame.pose_count = state.keys;
+    frame.pose_count = keys->ever;
     frame.value = value;
     status = cairn_report_player_add_frame(player, &frame);
     free(pose);
@@ -125,7 +185,8 @@ static cairn_status add_frame(cairn_report_player *player, const cairn_mapper *m
 }
 
 /* Shows the closures that came to be since the last time; what waits for others, and what found nothing, is not shown. */
-static cairn_status add_closures(cairn_report_player *player, const cairn_mapper *mapper, int32_t *shown)
+static cairn_status add_closures(cairn_report_player *player, const cairn_mapper *mapper, const key_list *keys,
+                                 int32_t *shown)
 {
     cairn_status status = CAIRN_OK;
 
@@ -133,24 +194,24 @@ static cairn_status add_closures(cairn_report_player *player, const cairn_mapper
         cairn_mapper_loop loop = cairn_mapper_loop_at(mapper, *shown);
 
         if (loop.verdict != CAIRN_MAPPER_LOOP_WAITING && loop.verdict != CAIRN_MAPPER_LOOP_NONE)
-            status = cairn_report_player_add_link(player, loop.first, loop.second,
+            status = cairn_report_player_add_link(player, keys->number[loop.first], keys->number[loop.second],
                                                   loop.verdict == CAIRN_MAPPER_LOOP_ACCEPTED);
     }
     return status;
 }
 
 /* Records a key scan, and the map after it. */
-static cairn_status record_key(cairn_report_player *player, const cairn_mapper *mapper, const map_scan *scan,
-                               int32_t index)
+static cairn_status record_key(cairn_report_player *player, const cairn_mapper *mapper, const key_list *keys,
+                               const map_scan *scan, const map_place *places, int32_t index)
 {
     cairn_status status = player_add_scan(player, scan, index);
 
-    return status == CAIRN_OK ? add_frame(player, mapper, index) : status;
+    return status == CAIRN_OK ? add_frame(player, mapper, keys, places, index) : status;
 }
 
 /* Lets the mapper finish its loops; the last frame shows what came of it. */
-static int settle(const map_settings *s, cairn_mapper *mapper, cairn_report_player *player, int32_t shown,
-                  int32_t index)
+static int settle(const map_settings *s, cairn_mapper *mapper, cairn_report_player *player, key_list *keys,
+                  map_place *places, int32_t shown, int32_t index)
 {
     cairn_status status;
 
@@ -158,12 +219,13 @@ static int settle(const map_settings *s, cairn_mapper *mapper, cairn_report_play
         cairn_budget budget = {FEW_UNITS};
 
         status = cairn_mapper_settle(mapper, &budget);
+        follow_releases(keys, mapper, places, index);
         if (player != NULL && (status == CAIRN_OK || status == CAIRN_MORE) &&
-            add_closures(player, mapper, &shown) != CAIRN_OK)
+            add_closures(player, mapper, keys, &shown) != CAIRN_OK)
             status = CAIRN_NO_MEMORY;
     } while (status == CAIRN_MORE);
     if (status == CAIRN_OK && player != NULL)
-        status = add_frame(player, mapper, index);
+        status = add_frame(player, mapper, keys, places, index);
     if (status == CAIRN_OK)
         return TOOL_OK;
     (void)options_refuse(MAP_PROGRAM, "%s: %s", s->log, cairn_status_text(status));
@@ -173,7 +235,7 @@ static int settle(const map_settings *s, cairn_mapper *mapper, cairn_report_play
 /* Feeds all scans to the mapper; keeps what is drawn. TOOL_OK, or another exit code after a line on standard error; *full
  * is set, and no line printed, when the mapper had no room for a key scan. */
 static int feed(const map_settings *s, const map_input *input, cairn_mapper *mapper, map_scan *scans, map_place *places,
-                cairn_report_player *player, int32_t *full)
+                key_list *keys, cairn_report_player *player, int32_t *full)
 {
     tool_progress progress = tool_progress_begin("map", input->count, s->quiet);
     cairn_status status = CAIRN_OK;
@@ -200,12 +262,16 @@ static int feed(const map_settings *s, const map_input *input, cairn_mapper *map
             return *full ? TOOL_BAD : tool_report_scan(map_input_log(input, i)->path, record->line, status, &fault);
         }
         result = cairn_mapper_read(mapper);
+        follow_releases(keys, mapper, places, i);
+        if (result.is_key)
+            list_key(keys, i);
         if (!map_keep(input, mapper, i, &scans[i], &places[i]))
             status = CAIRN_NO_MEMORY;
         if (status == CAIRN_OK && player != NULL && (result.is_key || i == input->count - 1))
-            status = result.is_key ? record_key(player, mapper, &scans[i], i) : add_frame(player, mapper, i);
+            status = result.is_key ? record_key(player, mapper, keys, &scans[i], places, i)
+                                   : add_frame(player, mapper, keys, places, i);
         if (status == CAIRN_OK && player != NULL)
-            status = add_closures(player, mapper, &shown);
+            status = add_closures(player, mapper, keys, &shown);
         if (status != CAIRN_OK) {
             tool_progress_end(&progress);
             return tool_report_scan(map_input_log(input, i)->path, record->line, status, NULL);
@@ -213,7 +279,7 @@ static int feed(const map_settings *s, const map_input *input, cairn_mapper *map
         tool_progress_at(&progress, i);
     }
     tool_progress_end(&progress);
-    return settle(s, mapper, player, shown, input->count);
+    return settle(s, mapper, player, keys, places, shown, input->count);
 }
 
 /* The player for --report; NULL without it. */
@@ -302,7 +368,7 @@ static int write_all(const map_settings *s, const map_input *input, const cairn_
         return TOOL_FAILED;
     }
     for (int32_t i = 0; i < input->count; i++)
-        scans[i].after = cairn_pose_compose(cairn_mapper_key_pose(mapper, places[i].key), places[i].key_scan);
+        scans[i].after = place_now(mapper, &places[i]);
     snprintf(title, sizeof title, "%s, mapped", cairn_path_name(s->log));
     snprintf(subtitle, sizeof subtitle, "%" PRId32 " scans, %" PRId32 " key scans%s", input->count,
              cairn_mapper_measure(mapper).keys, s->no_odometry ? ", without odometry" : "");
@@ -326,12 +392,12 @@ static void print_summary(const map_input *input, const cairn_mapper *mapper, si
     printf("scans      %" PRId32 " (%" PRId64 " damaged lines left out%s)\n"
            "seconds    %.3f, %.0f scans/s\n"
            "pool       %zu bytes at most\n"
-           "key scans  %" PRId32 "\n"
+           "key scans  %" PRId32 " (%" PRId32 " released)\n"
            "loops      %" PRId32 " closed, %" PRId32 " corrections%s\n"
            "unmatched  %" PRId64 " (pose by prediction)\n"
            "potential  %.6g\n",
            input->count, input->faults, input->stamps_back > 0 ? ", some times run back" : "", seconds,
-           input->count / seconds_to_map, pool_bytes, state.keys, state.loops, state.solutions,
+           input->count / seconds_to_map, pool_bytes, state.keys, state.releases, state.loops, state.solutions,
            state.lacks_room ? ", no room for more" : "", state.predicted, (double)state.potential);
 }
 
@@ -345,6 +411,7 @@ static cairn_mapper_params params_for(const map_settings *s, const map_input *in
 {
     cairn_mapper_params params = cairn_mapper_default_for(least(s->max_keys, input->count), input->beams_most);
 
+    params.release = s->release && s->max_keys < input->count;
     params.window = (int32_t)s->window;
     params.field.potential = 1;
     if (params.window > 0 && params.window_free >= params.window)
@@ -370,25 +437,29 @@ static int map_with_room(const map_settings *s, const map_input *input, map_scan
     double start = tool_seconds(), fed;
     cairn_report_player *player = NULL;
     cairn_mapper *mapper = NULL;
+    key_list keys = {0};
     cairn_status status;
     cairn_pool pool;
     int code;
 
     *full = 0;
+    if (params.release && cairn_mapper_memory(&params) == 0)
+        return options_refuse(MAP_PROGRAM, "--max-keys is '%" PRId64 "', expected more with --release", s->max_keys);
     if (s->particles > 0)
         return map_by_filter(s, input, &params, scans, places, full);
     code = tool_pool_open(&pool, MAP_PROGRAM, s->pool, cairn_mapper_memory(&params));
     if (code != TOOL_OK)
         return code;
-    status = cairn_mapper_create(&mapper, &pool, &params);
+    status = key_list_new(&keys, input->count) ? cairn_mapper_create(&mapper, &pool, &params) : CAIRN_NO_MEMORY;
     if (status == CAIRN_OK)
         status = open_player(s, input, &player);
     if (status != CAIRN_OK) {
+        key_list_free(&keys);
         tool_pool_close(&pool);
         (void)options_refuse(MAP_PROGRAM, "%s: %s", s->log, cairn_status_text(status));
         return tool_exit_code(status);
     }
-    code = feed(s, input, mapper, scans, places, player, full);
+    code = feed(s, input, mapper, scans, places, &keys, player, full);
     fed = tool_seconds();
     if (*full && cairn_mapper_measure(mapper).keys == params.max_keys) {
         *full = 0;
@@ -399,6 +470,7 @@ static int map_with_room(const map_settings *s, const map_input *input, map_scan
     if (code == TOOL_OK && !s->quiet)
         print_summary(input, mapper, pool.peak, tool_seconds() - start, fed - start);
     cairn_report_player_free(player);
+    key_list_free(&keys);
     tool_pool_close(&pool);
     return code;
 }

@@ -15,7 +15,7 @@ typedef struct map_settings {
     int32_t log_count;
     int64_t max_keys, window, seed, particles;
     double resolution, range, range_max;
-    int32_t no_odometry, quiet;
+    int32_t no_odometry, quiet, release;
 } map_settings;
 
 /* Where a scan hangs, for its pose in the end. */

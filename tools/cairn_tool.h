@@ -21,10 +21,12 @@ enum {
 int tool_align(int argc, char **argv);
 int tool_eval(int argc, char **argv);
 int tool_graph(int argc, char **argv);
+int tool_group(int argc, char **argv);
 int tool_info(int argc, char **argv);
 int tool_map(int argc, char **argv);
 int tool_match(int argc, char **argv);
 int tool_merge(int argc, char **argv);
+int tool_model(int argc, char **argv);
 int tool_replay(int argc, char **argv);
 
 /* Reads the command line "LOG -o DIR [options]"; `folder` is where the table's -o goes to. OPTIONS_READ: both were given. */

@@ -12,7 +12,7 @@ unset MAKEFLAGS MFLAGS MAKELEVEL
 
 library=$(ls src/core/*.c src/contour/*.c src/mapping/*.c 2>/dev/null)
 c_files=$(ls src/*/*.c tools/*.c tests/*.c bench/*.c firmware/*.c 2>/dev/null)
-cpp_files=$(ls sim/*.cpp 2>/dev/null)
+cpp_files=$(ls sim/*.cpp src/host/*.cpp 2>/dev/null)
 headers=$(ls src/*/*.h include/cairn/*.h sim/*.h tools/*.h tests/*.h bench/*.h firmware/*.h 2>/dev/null)
 
 # said NAME STATUS LOG: the line of a step, with what its tools said when it failed.
@@ -59,8 +59,13 @@ step_tidy()
     export LOOSE='-cert-*,-clang-analyzer-*,-misc-no-recursion,-bugprone-not-null-terminated-result,-bugprone-suspicious-memory-comparison,-bugprone-suspicious-include'
     # Files of the board, of its compiler and of generated scans are for the other compiler.
     host_files=$(echo "$c_files" | grep -v '^firmware/\(board_cortex_m\|soft_double\|mission_\|survey_\)')
+    # Without OpenCV its headers cannot be read.
+    opencv=$(ls -d /usr/include/opencv4 /usr/local/include/opencv4 2>/dev/null | head -1)
+    [ -n "$opencv" ] || cpp_files=$(echo "$cpp_files" | grep -v /vision_shim)
+    export OPENCV="$opencv"
     echo "$cpp_files" "$host_files" | xargs -P 2 -n 1 sh -c '
         case $1 in
+        */vision_shim.cpp) clang-tidy --quiet "$1" -- -std=c++17 -I. -Iinclude -isystem "$OPENCV" ;;
         *.cpp) clang-tidy --quiet "$1" -- -std=c++17 -I. -Iinclude ;;
         tests/* | bench/*) clang-tidy --quiet --checks="$LOOSE" "$1" -- $FLAGS ;;
         *) clang-tidy --quiet "$1" -- $FLAGS ;;

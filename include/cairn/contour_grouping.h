@@ -94,6 +94,23 @@ CAIRN_CHECKED cairn_status cairn_grouping_step(cairn_grouping *grouping, cairn_b
 /* All zero until step() returns CAIRN_OK; valid until the next begin(). */
 cairn_grouping_result cairn_grouping_read(const cairn_grouping *grouping);
 
+/* A particle of the walk: the model where it lies now, and the disc of the step that was last. */
+typedef struct cairn_grouping_particle {
+    cairn_vec2 origin; /* px */
+    cairn_real size;   /* px */
+    cairn_real turn;   /* rad */
+    cairn_vec2 centre; /* px */
+    cairn_real radius; /* px */
+    cairn_real log_weight;
+    int32_t sample; /* of the model */
+    int32_t sides;  /* 0 ... 2: how many of the disc's were seen */
+} cairn_grouping_particle;
+
+/* The particles after the last step of the walk that ended, the first `most` of them into particles[]; their number, 0 before the walk and
+ * where there was none. *steps, when not NULL: steps that have ended. Cost: linear. */
+int32_t cairn_grouping_particles(const cairn_grouping *grouping, cairn_grouping_particle *particles, int32_t most,
+                                 int32_t *steps);
+
 #ifdef __cplusplus
 }
 #endif

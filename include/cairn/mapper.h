@@ -7,7 +7,12 @@
  *
  * Key scans are linked in a pose_graph. Each one is looked for (scan_match) at the older ones that it may have come back to;
  * what is found, agrees with what else is known, and has no rival, closes a loop, and all key scans are corrected. That
- * takes a fixed share of every scan's steps, so that no scan costs much more than another:
+ * takes a fixed share of every scan's steps, so that no scan costs much more than another.
+ *
+ * A mapper that runs on and on can release key scans (params.release): before one more has no room, the one goes of whose free
+ * space and surfaces the key scans before it show most. Its links pass to a neighbour, with what they know, and so do the scans
+ * that hang on it.
+ *
  *
  *     add(scan) -> step(budget) until CAIRN_OK -> read(), key_pose() ... ; after the last one settle(budget) until CAIRN_OK */
 #ifndef CAIRN_MAPPER_H
@@ -51,6 +56,9 @@ typedef struct cairn_mapper_params {
     int32_t max_keys;         /* key scans in all, 1 ... 2^20 (1024) */
     int32_t max_key_segments; /* segments of all key scans, 1 ... 2^24 (32768) */
     int32_t max_key_points;   /* points of all key scans, 1 ... 2^24 (131072) */
+    int32_t release;          /* 1: before these have no room for one more, the best covered key scan is released. That
+                                 * needs loops, a local_span, and more key scans than local_span, gap and window and one more.
+                                 * 0: then the mapper is full (0) */
     int32_t
         max_local_points;    /* of all key scans of the local map, 1 ... 2^20, one key scan always has room; likewise of
                                    * the force field's window. Where there are more, the farthest, or oldest, are left out (4096) */
@@ -102,6 +110,7 @@ typedef struct cairn_mapper_result {
 typedef struct cairn_mapper_state {
     int64_t scans;
     int64_t predicted;             /* scans that could not be matched, blind ones included */
+    int64_t unobservable;          /* scans that hardly tell where they are along some direction, these included */
     int64_t odometry_rejected;     /* scans whose match from the last motion was better than that from odometry */
     int64_t odometry_contradicted; /* scans whose match is beyond two standard deviations of odometry */
     int64_t searched;              /* scans whose match was in doubt ... */
@@ -114,6 +123,7 @@ typedef struct cairn_mapper_state {
     int32_t waiting;      /* key scans that have not been looked for yet */
     int32_t solutions;    /* corrections of all key scans */
     int32_t lacks_room;   /* 1: the graph has no room for links, 2: ... nor its factor for blocks */
+    int32_t releases;     /* of cairn_mapper_release_at() */
 } cairn_mapper_state;
 
 /* What became of a closure. */
@@ -178,13 +188,31 @@ cairn_scan_view cairn_mapper_view(const cairn_mapper *mapper);
 /* Pose of key scan 0 <= key < keys now. */
 cairn_pose cairn_mapper_key_pose(const cairn_mapper *mapper, int32_t key);
 
-/* Segments and points of the key scans, each in its own frame. */
+/* Segments and points of the key scans, each in its own frame; and which of its scans key scan 0 <= key < keys is: the one of its
+ * own number as long as none was released. */
 const cairn_scan_set *cairn_mapper_keys(const cairn_mapper *mapper);
+int32_t cairn_mapper_key_slot(const cairn_mapper *mapper, int32_t key);
+
+/* A key scan that was released. Those after it count one less from then on; results, loops and links that are read later are in
+ * the numbers of that time. */
+typedef struct cairn_mapper_release {
+    int32_t key;         /* as it counted before */
+    int32_t onto;        /* what hung on it hangs on this one, as it counts afterwards, ... */
+    cairn_pose onto_key; /* ... from which it was seen there */
+} cairn_mapper_release;
+
+/* Release 0 <= index < state.releases, of which the last 64 can be read; older ones are those 64 later. One step() releases
+ * few: who reads them after each misses none. */
+cairn_mapper_release cairn_mapper_release_at(const cairn_mapper *mapper, int32_t index);
+
+/* Takes what hangs on a key scan, and is seen from there, through a release. */
+void cairn_mapper_rehang(cairn_mapper_release release, int32_t *key, cairn_pose *key_scan);
 
 /* Event 0 <= index < loop_events, of which the last 64 can be read; older ones are those 64 later. */
 cairn_mapper_loop cairn_mapper_loop_at(const cairn_mapper *mapper, int32_t index);
 
-/* A link of the graph of key scans: to the one before, or a closure. */
+/* A link of the graph of key scans: to the one before, to others of its local map, or a closure; or what such links say together
+ * by way of key scans that were released. */
 typedef struct cairn_mapper_link {
     int32_t first, second;
     cairn_pose first_second;
@@ -192,7 +220,7 @@ typedef struct cairn_mapper_link {
     int32_t is_loop, dropped;
 } cairn_mapper_link;
 
-/* Links so far; the last key scans have theirs after settle(). Without loops there are none. */
+/* Links there are; the last key scans have theirs after settle(). Without loops there are none. */
 int32_t cairn_mapper_link_count(const cairn_mapper *mapper);
 
 /* 0 <= index < link_count. */

@@ -137,6 +137,14 @@ CAIRN_CHECKED cairn_status cairn_pose_graph_add_link(cairn_pose_graph *graph, in
 /* Leaves a link out (yes not 0), or takes it in again; its chi2 is still told. CAIRN_BAD_ARGUMENT: no such link. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_drop_link(cairn_pose_graph *graph, int32_t link, int32_t yes);
 
+/* Gives a link another measurement, between these poses. Statuses of add_link(); CAIRN_BAD_ARGUMENT also: no such link. */
+CAIRN_CHECKED cairn_status cairn_pose_graph_set_link(cairn_pose_graph *graph, int32_t link, int32_t first,
+                                                     int32_t second, cairn_pose first_second, cairn_sym3 information);
+
+/* Removes a pose and all its links. Those that come later move up: poses and links keep their order. CAIRN_BAD_ARGUMENT: no such pose.
+ * Cost: a linear pass over poses and links. */
+CAIRN_CHECKED cairn_status cairn_pose_graph_remove_pose(cairn_pose_graph *graph, int32_t pose);
+
 /* Another kernel for the next solution. CAIRN_BAD_ARGUMENT: no such kernel, or width is not > 0. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_set_kernel(cairn_pose_graph *graph, cairn_pose_graph_kernel kernel,
                                                        cairn_real width);

@@ -10,7 +10,7 @@
  * Layout: key scans in a scan_set with a pose each; the local map in the icp object, made anew when a key scan was added or
  * moved, or the robot has left the place for which it was made.
  *
- * Limits: key scans are never forgotten. */
+ * Limits: key scans are forgotten only when they are released (mapper_release.c). */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -91,11 +91,11 @@ static int is_key_scan(const cairn_mapper *mapper, cairn_pose map_scan)
 {
     cairn_pose key_scan;
 
-    if (mapper->keys->scan_count == 0)
+    if (mapper->key_count == 0)
         return 1;
     if (mapper->result.support < mapper->params.key_support && mapper->since_key >= KEY_REST)
         return 1;
-    key_scan = cairn_pose_between(mapper->key_pose[mapper->keys->scan_count - 1], map_scan);
+    key_scan = cairn_pose_between(mapper->key_pose[mapper->key_count - 1], map_scan);
     return key_scan.x * key_scan.x + key_scan.y * key_scan.y >
                mapper->params.key_distance * mapper->params.key_distance ||
            cairn_abs(key_scan.theta) > mapper->params.key_turn;
@@ -106,7 +106,7 @@ static int is_key_scan(const cairn_mapper *mapper, cairn_pose map_scan)
 static cairn_status keep_key(cairn_mapper *mapper, const cairn_scan_view *view)
 {
     cairn_mapper_result *result = &mapper->result;
-    int32_t key = mapper->keys->scan_count;
+    int32_t key = mapper->key_count, slot = cairn_scan_set_next(mapper->keys);
     cairn_status status = cairn_scan_set_add(mapper->keys, view, NULL, NULL);
 
     if (status != CAIRN_OK) {
@@ -120,13 +120,18 @@ static cairn_status keep_key(cairn_mapper *mapper, const cairn_scan_view *view)
         cairn_mapper_read_window(mapper);
         result->map_scan = cairn_pose_compose(mapper->key_pose[key - 1], key_scan);
     }
+    mapper->slot[key] = slot;
+    mapper->key_count++;
     mapper->key_pose[key] = result->map_scan;
     mapper->target_stale = 1;
     if (mapper->sight != NULL)
         cairn_mapper_keep_sight(mapper, key, view);
     if (mapper->loop.graph != NULL)
         cairn_mapper_tie(mapper, &mapper->loop.ties[key]);
-    if (mapper->params.window && key > 0)
+    if (mapper->params.release)
+        mapper->loop.cover.loss[key] = -1;
+    mapper->window_phase = WINDOW_IDLE;
+    if (mapper->params.window && key > 0 && !cairn_mapper_is_behind(mapper))
         cairn_mapper_begin_window(mapper);
     return status;
 }
@@ -138,7 +143,7 @@ static cairn_status keep(cairn_mapper *mapper)
     cairn_mapper_result *result = &mapper->result;
     cairn_pose last = last_pose(mapper);
     cairn_status status = CAIRN_OK;
-    int32_t first = mapper->keys->scan_count == 0;
+    int32_t first = mapper->key_count == 0;
 
     if (mapper->state.scans == 0)
         last = mapper->predicted;
@@ -161,19 +166,22 @@ static cairn_status keep(cairn_mapper *mapper)
     result->is_key = (first || view.point_count > 0) && is_key_scan(mapper, result->map_scan);
     if (result->is_key)
         status = keep_key(mapper, &view);
-    result->key = result->is_key ? mapper->keys->scan_count - 1 : cairn_mapper_hang_on(mapper);
+    result->key = result->is_key ? mapper->key_count - 1 : cairn_mapper_hang_on(mapper);
     result->key_scan = cairn_pose_between(mapper->key_pose[result->key], result->map_scan);
     mapper->since_key = result->is_key ? 0 : mapper->since_key + 1;
     mapper->state.scans++;
-    mapper->state.keys = mapper->keys->scan_count;
+    mapper->state.keys = mapper->key_count;
     return status;
 }
 
 /* ---- Steps ---- */
 
-/* The units that are left for what is to be done next: the force field goes first. */
+/* The units that are left for what is to be done next: the force field goes first. Until there is room for one more key scan loops
+ * go on, item by item. */
 static int32_t quota_left(const cairn_mapper *mapper)
 {
+    if (cairn_mapper_must_release(mapper))
+        return 1;
     if (mapper->window_phase != WINDOW_IDLE)
         return mapper->window_quota;
     return mapper->loop.graph != NULL ? mapper->loop.quota : 0;
@@ -184,6 +192,10 @@ static void begin_share(cairn_mapper *mapper)
 {
     mapper->window_quota = mapper->params.window_units - mapper->spent;
     mapper->loop.quota = mapper->params.loop.units - mapper->spent;
+    if (cairn_mapper_is_behind(mapper))
+        mapper->loop.quota = mapper->window_quota;
+    if (cairn_mapper_must_release(mapper))
+        cairn_mapper_end_window(mapper);
     mapper->phase = quota_left(mapper) > 0 ? SHARE : IDLE;
 }
 
@@ -341,6 +353,16 @@ cairn_mapper_loop cairn_mapper_loop_at(const cairn_mapper *mapper, int32_t index
 int32_t cairn_mapper_link_count(const cairn_mapper *mapper)
 {
     return mapper->loop.link_count;
+}
+
+int32_t cairn_mapper_key_slot(const cairn_mapper *mapper, int32_t key)
+{
+    return mapper->slot[key];
+}
+
+cairn_mapper_release cairn_mapper_release_at(const cairn_mapper *mapper, int32_t index)
+{
+    return mapper->releases[index % MAPPER_RELEASES];
 }
 
 cairn_mapper_link cairn_mapper_link_at(const cairn_mapper *mapper, int32_t index)

@@ -20,6 +20,7 @@ cairn_mapper_params cairn_mapper_default(void)
     params.scan.max_points = 1024;
     params.icp = cairn_icp_default();
     params.icp.weak_ratio = CAIRN_REAL(0.03);
+    params.icp.max_iterations = 25;
     params.field = cairn_force_field_default();
     params.field.sigma_start = CAIRN_REAL(0.04);
     params.field.sigma_end = CAIRN_REAL(0.02);
@@ -87,6 +88,14 @@ cairn_mapper_params cairn_mapper_default_for(int32_t max_keys, int32_t max_beams
     params.loop.max_loops = in_proportion(max_keys, 4, 0, LOOPS_MOST);
     params.loop.max_fill = in_proportion(max_keys, 40, 0, FILL_MOST);
     return params;
+}
+
+int32_t cairn_mapper_last_kept(const cairn_mapper_params *params)
+{
+    int32_t kept = params->local_span > params->window ? params->local_span : params->window;
+    int32_t of_loops = params->loop.gap + (params->window > 0 ? params->window_free : 0);
+
+    return kept > of_loops ? kept : of_loops;
 }
 
 int32_t cairn_mapper_local_points(const cairn_mapper_params *params, int32_t keys)
@@ -182,6 +191,14 @@ static int loop_is_valid(const cairn_mapper_params *params)
            p->contradiction >= 0 && p->contradiction <= 1 && p->sigma > 0 && p->sigma_turn > 0 && p->outlier > 0;
 }
 
+/* What goes is joined to what stays by the graph, and the last key scans, which the mapper works with, stay. */
+static int release_is_valid(const cairn_mapper_params *p)
+{
+    if (p->release == 0)
+        return 1;
+    return p->release == 1 && has_loops(p) && p->local_span > 0 && p->max_keys > cairn_mapper_last_kept(p) + 1;
+}
+
 static int is_valid(const cairn_mapper_params *p)
 {
     if (p == NULL || p->max_keys < 1 || p->max_keys > KEYS_MOST)
@@ -199,10 +216,10 @@ static int is_valid(const cairn_mapper_params *p)
         return 0;
     if (p->max_local_points < 1 || p->max_local_points > 1 << 20)
         return 0;
-    return p->local_radius > 0 && p->key_distance > 0 && p->key_turn > 0 && p->key_support >= 0 &&
-           p->key_support <= 1 && p->odometry_distance >= 0 && p->odometry_turn >= 0 && p->odometry_distance_min > 0 &&
-           p->odometry_turn_min > 0 && p->motion_distance >= 0 && p->motion_turn >= 0 && p->motion_distance_min > 0 &&
-           p->motion_turn_min > 0 && p->min_support >= 0 && p->min_support <= 1 &&
+    return release_is_valid(p) && p->local_radius > 0 && p->key_distance > 0 && p->key_turn > 0 &&
+           p->key_support >= 0 && p->key_support <= 1 && p->odometry_distance >= 0 && p->odometry_turn >= 0 &&
+           p->odometry_distance_min > 0 && p->odometry_turn_min > 0 && p->motion_distance >= 0 && p->motion_turn >= 0 &&
+           p->motion_distance_min > 0 && p->motion_turn_min > 0 && p->min_support >= 0 && p->min_support <= 1 &&
            (p->search == 0 || (p->search == 1 && p->search_units >= 1));
 }
 
@@ -233,7 +250,7 @@ static void count_parts(cairn_pool *counting, const cairn_mapper_params *params)
 /* What only loops need; loop NULL: from a counting pool. */
 static void carve_loop(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_params *params)
 {
-    size_t keys = (size_t)params->max_keys;
+    size_t keys = (size_t)params->max_keys, covered = params->release ? keys : 0;
     mapper_link *links = cairn_pool_take(pool, keys + (size_t)params->loop.max_loops, sizeof *links);
     int32_t *first_link = cairn_pool_take(pool, keys, sizeof *first_link);
     mapper_tie *ties = cairn_pool_take(pool, keys, sizeof *ties);
@@ -243,9 +260,13 @@ static void carve_loop(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_p
     int32_t *heap_at = cairn_pool_take(pool, keys, sizeof *heap_at);
     cairn_oriented_point *points = cairn_pool_take(pool, (size_t)params->scan.max_points, sizeof *points);
     cairn_beam *beams = cairn_pool_take(pool, MAPPER_BEARINGS, sizeof *beams);
+    cairn_real *loss = cairn_pool_take(pool, covered, sizeof *loss);
+    cairn_real *reach = cairn_pool_take(pool, covered, sizeof *reach);
 
     if (loop == NULL)
         return;
+    loop->cover.loss = loss;
+    loop->cover.reach = reach;
     loop->links = links;
     loop->first_link = first_link;
     loop->ties = ties;
@@ -260,6 +281,7 @@ static void carve_loop(mapper_loop *loop, cairn_pool *pool, const cairn_mapper_p
 static cairn_mapper *carve(cairn_pool *pool, const cairn_mapper_params *params)
 {
     cairn_mapper *mapper = cairn_pool_take_one(pool, sizeof *mapper);
+    int32_t *slot = cairn_pool_take(pool, (size_t)params->max_keys, sizeof *slot);
     cairn_pose *key_pose = cairn_pool_take(pool, (size_t)params->max_keys, sizeof *key_pose);
     cairn_oriented_point *oriented = cairn_pool_take(pool, (size_t)params->scan.max_points, sizeof *oriented);
     cairn_segment *segments = cairn_pool_take(pool, (size_t)params->scan.max_segments, sizeof *segments);
@@ -270,6 +292,7 @@ static cairn_mapper *carve(cairn_pool *pool, const cairn_mapper_params *params)
 
     if (mapper != NULL) {
         memset(mapper, 0, sizeof *mapper);
+        mapper->slot = slot;
         mapper->key_pose = key_pose;
         mapper->oriented = oriented;
         mapper->segments = segments;

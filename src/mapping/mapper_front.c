@@ -479,6 +479,7 @@ void cairn_mapper_learn(cairn_mapper *mapper)
     for (int k = 0; k < 9 && mapper->has_match; k++)
         mapper->match.covariance[k] += mapper->doubt[k];
     mapper->state.doubtful += mapper->doubtful;
+    mapper->state.unobservable += !mapper->has_match || mapper->match.weak_ratio < MAPPER_SLIPPERY;
     if (!mapper->has_match)
         return;
     if (mapper->mean_quality > 0)

@@ -32,8 +32,10 @@ cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_r
     return own;
 }
 
-static void hang_link(mapper_loop *loop, int32_t key, int32_t link, int32_t end)
+void cairn_mapper_hang_link(mapper_loop *loop, int32_t link, int32_t end)
 {
+    int32_t key = end ? loop->links[link].second : loop->links[link].first;
+
     loop->links[link].next[end] = loop->first_link[key];
     loop->first_link[key] = link;
 }
@@ -57,8 +59,8 @@ static cairn_status add_link(cairn_mapper *mapper, int32_t first, int32_t second
     link->turn_variance = covariance.zz;
     link->is_loop = is_loop;
     link->dropped = 0;
-    hang_link(loop, first, loop->link_count, 0);
-    hang_link(loop, second, loop->link_count, 1);
+    cairn_mapper_hang_link(loop, loop->link_count, 0);
+    cairn_mapper_hang_link(loop, loop->link_count, 1);
     loop->link_count++;
     return CAIRN_OK;
 }
@@ -86,9 +88,8 @@ cairn_status cairn_mapper_enter(cairn_mapper *mapper)
     return status;
 }
 
-/* e^T Omega e of a measured pose at the poses as they are. */
-static cairn_real strain_of(const cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
-                            cairn_sym3 covariance)
+cairn_real cairn_mapper_strain_of(const cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
+                                  cairn_sym3 covariance)
 {
     cairn_pose e =
         cairn_pose_between(first_second, cairn_pose_between(mapper->key_pose[first], mapper->key_pose[second]));
@@ -113,7 +114,7 @@ cairn_status cairn_mapper_add_closure(cairn_mapper *mapper, int32_t first, int32
     status = add_link(mapper, first, second, first_second, covariance, 1);
     if (status != CAIRN_OK)
         return status;
-    loop->strain = cairn_max(loop->strain, strain_of(mapper, first, second, first_second, covariance));
+    loop->strain = cairn_max(loop->strain, cairn_mapper_strain_of(mapper, first, second, first_second, covariance));
     loop->fresh++;
     mapper->state.loops++;
     return CAIRN_OK;
@@ -137,9 +138,11 @@ static void correct_keys(cairn_mapper *mapper)
 
     for (int32_t key = 0; key <= last; key++)
         mapper->key_pose[key] = cairn_pose_graph_pose(loop->graph, key);
-    for (int32_t key = last + 1; key < mapper->keys->scan_count; key++)
+    for (int32_t key = last + 1; key < mapper->key_count; key++)
         mapper->key_pose[key] = cairn_pose_compose(after, cairn_pose_between(before, mapper->key_pose[key]));
     mapper->target_stale = 1;
+    if (mapper->params.release)
+        cairn_mapper_forget_cover(mapper);
     mapper->state.solutions++;
 }
 
@@ -186,7 +189,7 @@ cairn_status cairn_mapper_solve_step(cairn_mapper *mapper, cairn_budget *budget)
         mapper->state.lacks_room = 2;
         return CAIRN_OK;
     }
-    budget->left -= 1 + mapper->keys->scan_count / 4 + loop->link_count / 8;
+    budget->left -= 1 + mapper->key_count / 4 + loop->link_count / 8;
     correct_keys(mapper);
     if (drop_outliers(mapper) > 0)
         loop->fresh = 1;

@@ -35,13 +35,13 @@ void cairn_mapper_begin_local(cairn_mapper *mapper)
 /* 1 when a key scan is old enough to be left out of the local map. */
 static int32_t is_old(const cairn_mapper *mapper, int32_t key)
 {
-    return mapper->params.local_span > 0 && key < mapper->keys->scan_count - mapper->params.local_span;
+    return mapper->params.local_span > 0 && key < mapper->key_count - mapper->params.local_span;
 }
 
 /* The last key scans count as at distance -1. */
 int32_t cairn_mapper_select_local(cairn_mapper *mapper)
 {
-    int32_t key = mapper->keys->scan_count - 1 - mapper->cursor;
+    int32_t key = mapper->key_count - 1 - mapper->cursor;
     cairn_real x = mapper->key_pose[key].x - mapper->predicted.x;
     cairn_real y = mapper->key_pose[key].y - mapper->predicted.y;
     cairn_real distance = cairn_sqrt(x * x + y * y);
@@ -51,7 +51,7 @@ int32_t cairn_mapper_select_local(cairn_mapper *mapper)
     else if (distance <= mapper->params.local_radius)
         take_local(mapper, key, distance);
     mapper->cursor++;
-    return mapper->cursor == mapper->keys->scan_count || is_old(mapper, mapper->keys->scan_count - 1 - mapper->cursor);
+    return mapper->cursor == mapper->key_count || is_old(mapper, mapper->key_count - 1 - mapper->cursor);
 }
 
 int32_t cairn_mapper_needs_local(const cairn_mapper *mapper)
@@ -63,7 +63,7 @@ int32_t cairn_mapper_needs_local(const cairn_mapper *mapper)
 
 cairn_scan_view cairn_mapper_key_view(cairn_mapper *mapper, int32_t key)
 {
-    const cairn_scan_set_scan *scan = &mapper->keys->scans[key];
+    const cairn_scan_set_scan *scan = cairn_mapper_key_scan(mapper, key);
     cairn_scan_view view;
 
     memset(&view, 0, sizeof view);
@@ -102,7 +102,7 @@ cairn_status cairn_mapper_add_local(cairn_mapper *mapper, cairn_budget *budget)
 
 int32_t cairn_mapper_key_points(const cairn_mapper *mapper, int32_t key, cairn_oriented_point *points)
 {
-    const cairn_scan_set_scan *scan = &mapper->keys->scans[key];
+    const cairn_scan_set_scan *scan = cairn_mapper_key_scan(mapper, key);
     int32_t count = 0;
 
     for (int32_t s = scan->first_segment; s < scan->end_segment; s++) {
@@ -118,7 +118,7 @@ int32_t cairn_mapper_key_points(const cairn_mapper *mapper, int32_t key, cairn_o
 }
 
 /* Bearings by the pseudo angle y / (|x| + |y|), which grows with the angle and needs no arc tangent. */
-static int32_t bearing_of(cairn_vec2 d)
+int32_t cairn_mapper_bearing_of(cairn_vec2 d)
 {
     cairn_real sum = cairn_abs(d.x) + cairn_abs(d.y), turn; /* 0 ... 4 */
 
@@ -128,8 +128,7 @@ static int32_t bearing_of(cairn_vec2 d)
     return cairn_real_to_int(turn / 4 * MAPPER_BEARINGS) & (MAPPER_BEARINGS - 1);
 }
 
-/* The direction of the middle of a bearing. */
-static cairn_vec2 bearing_direction(int32_t bearing)
+cairn_vec2 cairn_mapper_bearing_direction(int32_t bearing)
 {
     cairn_real turn = 4 * ((cairn_real)bearing + CAIRN_REAL(0.5)) / MAPPER_BEARINGS, within = turn - cairn_floor(turn);
     cairn_vec2 d = {1 - within, within};
@@ -142,12 +141,12 @@ static cairn_vec2 bearing_direction(int32_t bearing)
 
 void cairn_mapper_keep_sight(cairn_mapper *mapper, int32_t key, const cairn_scan_view *view)
 {
-    uint16_t *sight = &mapper->sight[(size_t)key * MAPPER_BEARINGS];
+    uint16_t *sight = &mapper->sight[(size_t)mapper->slot[key] * MAPPER_BEARINGS];
 
     memset(sight, 0, MAPPER_BEARINGS * sizeof *sight);
     for (int32_t i = 0; i < view->beam_count; i++) {
         cairn_vec2 d = cairn_vec2_sub(view->beams[i].to, view->sensor);
-        int32_t bearing = bearing_of(d), range;
+        int32_t bearing = cairn_mapper_bearing_of(d), range;
 
         if (view->beams[i].kind == CAIRN_BEAM_UNKNOWN)
             continue;
@@ -159,15 +158,16 @@ void cairn_mapper_keep_sight(cairn_mapper *mapper, int32_t key, const cairn_scan
 
 int32_t cairn_mapper_sight(const cairn_mapper *mapper, int32_t key, cairn_beam *beams)
 {
-    const uint16_t *sight = &mapper->sight[(size_t)key * MAPPER_BEARINGS];
-    cairn_vec2 sensor = mapper->keys->scans[key].sensor;
+    const uint16_t *sight = &mapper->sight[(size_t)mapper->slot[key] * MAPPER_BEARINGS];
+    cairn_vec2 sensor = cairn_mapper_key_scan(mapper, key)->sensor;
     int32_t count = 0;
 
     for (int32_t i = 0; i < MAPPER_BEARINGS; i++) {
         if (sight[i] == 0)
             continue;
         beams[count].from = sensor;
-        beams[count].to = cairn_vec2_add(sensor, cairn_vec2_scale(bearing_direction(i), (cairn_real)sight[i] / 100));
+        beams[count].to =
+            cairn_vec2_add(sensor, cairn_vec2_scale(cairn_mapper_bearing_direction(i), (cairn_real)sight[i] / 100));
         beams[count].kind = CAIRN_BEAM_HIT;
         count++;
     }

@@ -144,7 +144,7 @@ static int32_t distance_item(cairn_mapper *mapper, cairn_budget *budget)
 /* Where the middle of what a key scan sees is in the map. */
 static cairn_vec2 seen(const cairn_mapper *mapper, int32_t key)
 {
-    return cairn_pose_point(mapper->key_pose[key], mapper->keys->scans[key].centroid);
+    return cairn_pose_point(mapper->key_pose[key], cairn_mapper_key_scan(mapper, key)->centroid);
 }
 
 static void end_run(mapper_loop *loop)
@@ -180,8 +180,7 @@ static int32_t choose_item(cairn_mapper *mapper)
     cairn_vec2 apart = cairn_vec2_sub(seen(mapper, key), seen(mapper, loop->query));
     cairn_real distance = cairn_vec2_norm(apart);
 
-    if (mapper->keys->scans[key].first_point < mapper->keys->scans[key].end_point &&
-        distance < mapper->params.loop.radius + reach_of(mapper, key)) {
+    if (cairn_mapper_point_count(mapper, key) > 0 && distance < mapper->params.loop.radius + reach_of(mapper, key)) {
         distance += cairn_sqrt(distance_squared(mapper->key_pose[key], mapper->key_pose[loop->query])) / 2 +
                     SPREAD_COST * loop->ties[key].spread;
         if (!loop->in_run || distance < loop->run.distance) {
@@ -215,15 +214,23 @@ static void begin_candidate(cairn_mapper *mapper)
     loop->phase = LOOP_TARGET;
 }
 
+/* Farther from the candidate than the path goes there: those between were released, or the path was broken. */
+static int32_t is_elsewhere(const cairn_mapper *mapper, int32_t key, int32_t candidate)
+{
+    cairn_real most = (cairn_real)mapper->params.loop.keys * mapper->params.key_distance;
+
+    return distance_squared(mapper->key_pose[key], mapper->key_pose[candidate]) > most * most;
+}
+
 /* Adds a key scan to the map around the candidate, which is full when scan_match says so. */
 static void target_item(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
-    int32_t key = loop->target_from++;
+    int32_t key = loop->target_from++, candidate = loop->candidates[loop->candidate].key;
     cairn_scan_match_part part;
 
     budget->left -= 1;
-    if (loop->ties[key].spread > LOOSELY && key != loop->candidates[loop->candidate].key)
+    if (key != candidate && (loop->ties[key].spread > LOOSELY || is_elsewhere(mapper, key, candidate)))
         return;
     part = cairn_mapper_key_part(mapper, key, mapper->oriented, mapper->beams);
     budget->left -= 1 + part.count / 2 + part.beam_count / 2;
@@ -384,7 +391,7 @@ static void judge(cairn_mapper *mapper)
 /* Key scans that the force field does not move any more. */
 static int32_t settled_keys(const cairn_mapper *mapper)
 {
-    int32_t keys = mapper->keys->scan_count;
+    int32_t keys = mapper->key_count;
 
     if (mapper->params.window == 0 || mapper->loop.closing)
         return keys;
@@ -396,18 +403,23 @@ static cairn_status begin_next(cairn_mapper *mapper, cairn_budget *budget)
 {
     mapper_loop *loop = &mapper->loop;
     int32_t has_next = loop->entered < settled_keys(mapper);
+    int32_t may_release = cairn_mapper_may_release(mapper);
     cairn_status status = CAIRN_OK;
 
     loop->cursor = 0;
-    if (cairn_mapper_wants_solution(mapper) || (!has_next && loop->closing && loop->fresh > 0 && !loop->unsolvable)) {
+    if (may_release && (loop->fresh == 0 || loop->unsolvable)) {
+        cairn_mapper_begin_cover(mapper);
+        budget->left -= 1;
+        loop->phase = LOOP_COVER;
+    } else if (may_release || cairn_mapper_wants_solution(mapper) ||
+               (!has_next && loop->closing && loop->fresh > 0 && !loop->unsolvable)) {
         loop->phase = LOOP_SOLVE;
     } else if (has_next) {
         loop->query = loop->entered;
         status = cairn_mapper_enter(mapper);
         budget->left -= 4;
         loop->searched++;
-        if (loop->query > mapper->params.loop.gap &&
-            mapper->keys->scans[loop->query].first_point < mapper->keys->scans[loop->query].end_point)
+        if (loop->query > mapper->params.loop.gap && cairn_mapper_point_count(mapper, loop->query) > 0)
             loop->phase = LOOP_CLEAR;
     }
     return status;
@@ -461,6 +473,18 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
         loop->phase = LOOP_IDLE;
         if (++loop->candidate < loop->candidate_count)
             loop->phase = LOOP_CANDIDATE;
+        break;
+    case LOOP_COVER:
+        if (!cairn_mapper_cover_item(mapper, cairn_mapper_release_end(mapper), budget))
+            break;
+        status = cairn_mapper_release_key(mapper, cairn_mapper_best_covered(mapper, cairn_mapper_release_end(mapper)),
+                                          budget);
+        loop->phase = LOOP_PACK;
+        break;
+    case LOOP_PACK:
+        status = cairn_scan_set_pack(mapper->keys, budget);
+        if (status == CAIRN_OK)
+            loop->phase = LOOP_IDLE;
         break;
     default:
         status = cairn_mapper_solve_step(mapper, budget);

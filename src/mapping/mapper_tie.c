@@ -158,7 +158,7 @@ static int32_t piece_for(const cairn_mapper *mapper, const mapper_tie *tie, int3
 
 int32_t cairn_mapper_hang_on(const cairn_mapper *mapper)
 {
-    int32_t last = mapper->keys->scan_count - 1, best = last, piece_last;
+    int32_t last = mapper->key_count - 1, best = last, piece_last;
     cairn_pose_prior prior = cairn_mapper_prior(mapper);
     cairn_real least;
 
@@ -197,7 +197,7 @@ static void tie_by_odometry(const cairn_mapper *mapper, mapper_tie *tie)
 
 void cairn_mapper_tie(const cairn_mapper *mapper, mapper_tie *tie)
 {
-    int32_t key = mapper->keys->scan_count - 1, before = key - 1, piece;
+    int32_t key = mapper->key_count - 1, before = key - 1, piece;
     cairn_real gap = cairn_sqrt(mapper->gap_variance);
     cairn_pose_prior prior = {mapper->match.target_query, gap, gap, cairn_sqrt(mapper->gap_turn_variance)};
     cairn_sym3 known;

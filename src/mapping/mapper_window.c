@@ -12,12 +12,11 @@
 /* Key scans of the window, the last ones, as far as there is room for their points. */
 static int32_t window_begin(const cairn_mapper *mapper)
 {
-    const cairn_scan_set_scan *scans = mapper->keys->scans;
-    int32_t end = mapper->keys->scan_count, first = end - 1, points = scans[first].end_point - scans[first].first_point;
+    int32_t end = mapper->key_count, first = end - 1, points = cairn_mapper_point_count(mapper, first);
     int32_t room = cairn_mapper_local_points(&mapper->params, mapper->params.window);
 
     for (; first > 0 && end - first < mapper->params.window; first--) {
-        points += scans[first - 1].end_point - scans[first - 1].first_point;
+        points += cairn_mapper_point_count(mapper, first - 1);
         if (points > room)
             break;
     }
@@ -26,7 +25,7 @@ static int32_t window_begin(const cairn_mapper *mapper)
 
 void cairn_mapper_begin_window(cairn_mapper *mapper)
 {
-    mapper->window_end = mapper->keys->scan_count;
+    mapper->window_end = mapper->key_count;
     mapper->window_first = mapper->window_cursor = window_begin(mapper);
     mapper->window_phase = WINDOW_FILL;
     cairn_force_field_clear(mapper->field);
@@ -63,6 +62,15 @@ void cairn_mapper_read_window(cairn_mapper *mapper)
     mapper->target_stale = 1;
 }
 
+void cairn_mapper_end_window(cairn_mapper *mapper)
+{
+    if (mapper->window_phase == WINDOW_RUN) {
+        cairn_mapper_read_window(mapper);
+        mapper->result.map_scan = cairn_pose_compose(mapper->key_pose[mapper->result.key], mapper->result.key_scan);
+    }
+    mapper->window_phase = WINDOW_IDLE;
+}
+
 cairn_status cairn_mapper_window_step(cairn_mapper *mapper, cairn_budget *budget)
 {
     cairn_status status = CAIRN_OK;
@@ -77,8 +85,6 @@ cairn_status cairn_mapper_window_step(cairn_mapper *mapper, cairn_budget *budget
     status = cairn_force_field_step(mapper->field, budget);
     if (status != CAIRN_OK)
         return status;
-    cairn_mapper_read_window(mapper);
-    mapper->result.map_scan = cairn_pose_compose(mapper->key_pose[mapper->result.key], mapper->result.key_scan);
-    mapper->window_phase = WINDOW_IDLE;
+    cairn_mapper_end_window(mapper);
     return CAIRN_OK;
 }

@@ -1,6 +1,7 @@
 /* What the parts of mapper share: mapper.c (scan by scan), mapper_create.c (params and memory), mapper_front.c (its match),
  * mapper_keys.c (key scans, local map), mapper_window.c (force field over the last key scans), mapper_loop.c (loops that close),
- * mapper_tie.c (on what key scans hang), mapper_graph.c (correction of all key scans). */
+ * mapper_tie.c (on what key scans hang), mapper_graph.c (correction of all key scans), mapper_cover.c (how well key scans are
+ * covered by others), mapper_release.c (key scans that go). */
 #ifndef CAIRN_MAPPING_MAPPER_WORK_H
 #define CAIRN_MAPPING_MAPPER_WORK_H
 
@@ -14,6 +15,9 @@ enum {
     MAPPER_ANCHORS = 2,           /* key scans on which one hangs besides the one before */
     MAPPER_PENDING = 32,          /* closures that wait for others to agree */
     MAPPER_LOOP_EVENTS = 64,      /* that can be read */
+    MAPPER_RELEASES = 64,         /* likewise */
+    MAPPER_COVERING = 8,          /* key scans by which one may be covered */
+    MAPPER_SAMPLES = 128,         /* of what a key scan saw, free and surfaces */
     MAPPER_SEARCH_KEYS = 5,       /* key scans of the local map in which a scan in doubt is searched for */
     MAPPER_SEARCH_CANDIDATES = 32 /* places that a search refines */
 };
@@ -56,7 +60,9 @@ enum {
     LOOP_CANDIDATE, /* the one at hand, from the beginning */
     LOOP_TARGET,    /* the map around it */
     LOOP_MATCH,
-    LOOP_SOLVE
+    LOOP_SOLVE,
+    LOOP_COVER, /* how well key scans are covered; one of them goes then */
+    LOOP_PACK   /* the room that it leaves */
 };
 
 /* A link of the graph as the search for loops sees it; its number is that in the graph. */
@@ -93,6 +99,17 @@ typedef struct mapper_tie {
     cairn_real spread; /* m, standard deviation of its place by all of them */
 } mapper_tie;
 
+/* How well key scans are covered by others, and which one is being looked at. See mapper_cover.c. */
+typedef struct mapper_cover {
+    cairn_real *loss;  /* [max_keys] of what a key scan shows, what would go with it; -1: not known */
+    cairn_real *reach; /* [max_keys] m^2, to the farthest key scan that may cover it */
+    int32_t key;
+    int32_t near[MAPPER_COVERING]; /* key scans before it, the nearest first */
+    cairn_real distance[MAPPER_COVERING];
+    int32_t near_count, at;
+    uint8_t covered[MAPPER_SAMPLES]; /* by so many of them */
+} mapper_cover;
+
 typedef struct mapper_loop {
     cairn_pose_graph *graph;
     mapper_link *links;        /* [max_keys + max_loops] */
@@ -126,6 +143,8 @@ typedef struct mapper_loop {
     cairn_real strain;     /* the largest chi2 of these closures */
     int32_t closing;       /* 1: the last scan is in, all is to be settled */
     int32_t unsolvable;    /* 1: the factor has no room */
+    int32_t releasing;     /* 1: key scans go until there is some room again */
+    mapper_cover cover;
     cairn_mapper_loop events[MAPPER_LOOP_EVENTS];
 } mapper_loop;
 
@@ -135,13 +154,15 @@ struct cairn_mapper {
     cairn_icp *icp;
     cairn_force_field *field;
     cairn_scan_set *keys;
+    int32_t key_count;
+    int32_t *slot;        /* [max_keys] of a key scan in the set */
     cairn_pose *key_pose; /* [max_keys] map_key */
     /* One key scan on its way into the local map or the force field. */
     cairn_oriented_point *oriented; /* [scan.max_points] */
     cairn_segment *segments;        /* [scan.max_segments] */
     int32_t *first_point;           /* [scan.max_segments + 1] */
     cairn_beam *beams;              /* [MAPPER_BEARINGS] */
-    uint16_t *sight; /* [max_keys * MAPPER_BEARINGS] cm by bearing, 0: nothing known; NULL when nobody asks */
+    uint16_t *sight; /* [max_keys * MAPPER_BEARINGS] by slot, cm by bearing, 0: nothing known; NULL when nobody asks */
 
     phase phase;
     int32_t cursor;       /* within the phase */
@@ -190,6 +211,7 @@ struct cairn_mapper {
     mapper_loop loop; /* its graph is NULL without loops */
     cairn_mapper_result result;
     cairn_mapper_state state;
+    cairn_mapper_release releases[MAPPER_RELEASES];
 };
 
 /* ---- mapper_create.c ---- */
@@ -197,7 +219,22 @@ struct cairn_mapper {
 /* Room for the points of so many key scans together. */
 int32_t cairn_mapper_local_points(const cairn_mapper_params *params, int32_t keys);
 
+/* So many of the last key scans are never released. */
+int32_t cairn_mapper_last_kept(const cairn_mapper_params *params);
+
 /* ---- mapper_keys.c ---- */
+
+static inline const cairn_scan_set_scan *cairn_mapper_key_scan(const cairn_mapper *mapper, int32_t key)
+{
+    return &mapper->keys->scans[mapper->slot[key]];
+}
+
+static inline int32_t cairn_mapper_point_count(const cairn_mapper *mapper, int32_t key)
+{
+    const cairn_scan_set_scan *scan = cairn_mapper_key_scan(mapper, key);
+
+    return scan->end_point - scan->first_point;
+}
 
 /* A key scan as it was when it came, but without its beams; valid until the next call. */
 cairn_scan_view cairn_mapper_key_view(cairn_mapper *mapper, int32_t key);
@@ -219,6 +256,10 @@ int32_t cairn_mapper_key_points(const cairn_mapper *mapper, int32_t key, cairn_o
 void cairn_mapper_keep_sight(cairn_mapper *mapper, int32_t key, const cairn_scan_view *view);
 int32_t cairn_mapper_sight(const cairn_mapper *mapper, int32_t key, cairn_beam *beams);
 
+/* The bearing in which something is seen, and the direction of its middle. */
+int32_t cairn_mapper_bearing_of(cairn_vec2 d);
+cairn_vec2 cairn_mapper_bearing_direction(int32_t bearing);
+
 /* A key scan as a part of a match, its points and beams copied to the arrays. */
 cairn_scan_match_part cairn_mapper_key_part(const cairn_mapper *mapper, int32_t key, cairn_oriented_point *points,
                                             cairn_beam *beams);
@@ -230,6 +271,9 @@ void cairn_mapper_begin_window(cairn_mapper *mapper);
 
 /* Goes on with it. CAIRN_MORE: the budget is used up. CAIRN_OK: nothing is left to do. */
 cairn_status cairn_mapper_window_step(cairn_mapper *mapper, cairn_budget *budget);
+
+/* Ends it with the poses that it has found so far. */
+void cairn_mapper_end_window(cairn_mapper *mapper);
 
 /* Takes over the poses that the force field has found so far. */
 void cairn_mapper_read_window(cairn_mapper *mapper);
@@ -290,7 +334,44 @@ cairn_status cairn_mapper_add_closure(cairn_mapper *mapper, int32_t first, int32
 int32_t cairn_mapper_wants_solution(const cairn_mapper *mapper);
 cairn_status cairn_mapper_solve_step(cairn_mapper *mapper, cairn_budget *budget);
 
+/* Hangs an end (0: first, 1: second) of a link on its key scan. */
+void cairn_mapper_hang_link(mapper_loop *loop, int32_t link, int32_t end);
+
+/* e^T Omega e of a measured pose at the poses as they are. */
+cairn_real cairn_mapper_strain_of(const cairn_mapper *mapper, int32_t first, int32_t second, cairn_pose first_second,
+                                  cairn_sym3 covariance);
+
 /* Row-major covariance of a pose in the map, turned into the pose's own frame, with what all measurements share added. */
 cairn_sym3 cairn_mapper_own_covariance(const cairn_mapper *mapper, const cairn_real covariance[9], cairn_real theta);
+
+/* ---- mapper_cover.c ---- */
+
+/* Begins with the first key scan; goes on with the next item of work. 1 when all key scans before `end` have their loss. */
+void cairn_mapper_begin_cover(cairn_mapper *mapper);
+int32_t cairn_mapper_cover_item(cairn_mapper *mapper, int32_t end, cairn_budget *budget);
+
+/* The key scan before `end` that is covered best; the first one never is. */
+int32_t cairn_mapper_best_covered(const cairn_mapper *mapper, int32_t end);
+
+/* What is known of the cover is wrong: of all key scans, and where one of them goes. */
+void cairn_mapper_forget_cover(cairn_mapper *mapper);
+void cairn_mapper_uncover(cairn_mapper *mapper, int32_t gone);
+
+/* ---- mapper_release.c ---- */
+
+/* 1 when key scans are released and there is no room for one more. */
+int32_t cairn_mapper_must_release(const cairn_mapper *mapper);
+
+/* 1 when there is little room and some may go; once some go, until there is more of it. */
+int32_t cairn_mapper_may_release(cairn_mapper *mapper);
+
+/* 1 when key scans may soon lack room: little is left, or loops are so far behind that no others may go. */
+int32_t cairn_mapper_is_behind(const cairn_mapper *mapper);
+
+/* Key scans before this one may go. */
+int32_t cairn_mapper_release_end(const cairn_mapper *mapper);
+
+/* Releases a key scan; what it takes of the set is room again after packing. */
+cairn_status cairn_mapper_release_key(cairn_mapper *mapper, int32_t key, cairn_budget *budget);
 
 #endif

@@ -265,11 +265,11 @@ cairn_status cairn_pose_graph_fix(cairn_pose_graph *graph, int32_t pose, int32_t
     return CAIRN_OK;
 }
 
-cairn_status cairn_pose_graph_add_link(cairn_pose_graph *graph, int32_t first, int32_t second, cairn_pose first_second,
-                                       cairn_sym3 information)
+/* What speaks against a link with such a measurement. */
+static cairn_status check_link(const cairn_pose_graph *graph, int32_t first, int32_t second, cairn_pose first_second,
+                               cairn_sym3 information)
 {
     cairn_sym3 inverse;
-    struct pose_graph_link *link;
 
     if (!may_change(graph) || !has_pose(graph, first) || !has_pose(graph, second) || first == second)
         return CAIRN_BAD_ARGUMENT;
@@ -277,11 +277,15 @@ cairn_status cairn_pose_graph_add_link(cairn_pose_graph *graph, int32_t first, i
         !cairn_is_finite(information.xz) || !cairn_is_finite(information.yy) || !cairn_is_finite(information.yz) ||
         !cairn_is_finite(information.zz))
         return CAIRN_NOT_FINITE;
-    if (!cairn_sym3_inverse(information, &inverse))
-        return CAIRN_BAD_ARGUMENT;
-    if (graph->state.links == graph->params.max_links)
-        return CAIRN_FULL;
-    link = &graph->links[graph->state.links++];
+    return cairn_sym3_inverse(information, &inverse) ? CAIRN_OK : CAIRN_BAD_ARGUMENT;
+}
+
+/* Links that are there may get other ends: the solver has to begin anew. */
+static void put_link(cairn_pose_graph *graph, int32_t index, int32_t first, int32_t second, cairn_pose first_second,
+                     cairn_sym3 information)
+{
+    struct pose_graph_link *link = &graph->links[index];
+
     link->first = first;
     link->second = second;
     link->measured = first_second;
@@ -289,6 +293,58 @@ cairn_status cairn_pose_graph_add_link(cairn_pose_graph *graph, int32_t first, i
     link->chi2 = 0;
     link->weight = 1;
     link->dropped = 0;
+    graph->analyzed = 0;
+    changed(graph);
+}
+
+cairn_status cairn_pose_graph_add_link(cairn_pose_graph *graph, int32_t first, int32_t second, cairn_pose first_second,
+                                       cairn_sym3 information)
+{
+    cairn_status status = check_link(graph, first, second, first_second, information);
+
+    if (status != CAIRN_OK)
+        return status;
+    if (graph->state.links == graph->params.max_links)
+        return CAIRN_FULL;
+    put_link(graph, graph->state.links++, first, second, first_second, information);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_pose_graph_set_link(cairn_pose_graph *graph, int32_t link, int32_t first, int32_t second,
+                                       cairn_pose first_second, cairn_sym3 information)
+{
+    cairn_status status = check_link(graph, first, second, first_second, information);
+
+    if (status != CAIRN_OK)
+        return status;
+    if (link < 0 || link >= graph->state.links)
+        return CAIRN_BAD_ARGUMENT;
+    put_link(graph, link, first, second, first_second, information);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_pose_graph_remove_pose(cairn_pose_graph *graph, int32_t pose)
+{
+    int32_t kept = 0;
+
+    if (!may_change(graph) || !has_pose(graph, pose))
+        return CAIRN_BAD_ARGUMENT;
+    graph->fixed_count -= graph->fixed[pose];
+    graph->state.poses--;
+    for (int32_t i = pose; i < graph->state.poses; i++) {
+        graph->poses[i] = graph->poses[i + 1];
+        graph->fixed[i] = graph->fixed[i + 1];
+    }
+    for (int32_t i = 0; i < graph->state.links; i++) {
+        struct pose_graph_link link = graph->links[i];
+
+        if (link.first == pose || link.second == pose)
+            continue;
+        link.first -= link.first > pose;
+        link.second -= link.second > pose;
+        graph->links[kept++] = link;
+    }
+    graph->state.links = kept;
     graph->analyzed = 0;
     changed(graph);
     return CAIRN_OK;

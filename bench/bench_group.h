@@ -1,0 +1,71 @@
+/* bench_group: images of the ETHZ shape classes with their truth, and what groupings on them are worth. */
+#ifndef CAIRN_BENCH_GROUP_H
+#define CAIRN_BENCH_GROUP_H
+
+#include "cairn/contour_search.h"
+#include "cairn/shape_model_file.h"
+
+enum { GROUP_INSTANCES = 16, GROUP_GROUPINGS = 64 };
+
+/* Names of a folder's images without .jpg, in the order of bytes. */
+typedef struct group_names {
+    char **name;
+    int32_t count;
+} group_names;
+
+/* 0: there are none. */
+int group_names_read(group_names *names, const char *folder);
+void group_names_free(group_names *names);
+
+typedef struct group_box {
+    double left, top, right, bottom;
+} group_box;
+
+typedef struct group_image {
+    char name[256];
+    int32_t width, height;
+    uint8_t *edges;     /* strengths */
+    uint8_t *near_edge; /* 1: an edge pixel within a pixel */
+    uint8_t *with_edge; /* 1: an edge pixel within 3 px */
+    group_box box[GROUP_INSTANCES];
+    uint8_t *outline[GROUP_INSTANCES]; /* 1: on the outline of the instance */
+    int32_t instances, has_outline;
+} group_image;
+
+/* Reads an image's edges and, with a class, its truth. 0: a line was printed. */
+int group_image_read(group_image *image, const char *folder, const char *name, const char *class_name);
+void group_image_free(group_image *image);
+
+/* A grouping: the edge pixels that its segments run along. */
+typedef struct group_grouping {
+    double score, left, top, right, bottom; /* box of the model where it was laid */
+    uint8_t *pixels;
+    int32_t pixel_count;
+    cairn_grouped_object object;
+    int32_t mirrored;
+} group_grouping;
+
+typedef struct group_found {
+    group_grouping grouping[GROUP_GROUPINGS];
+    int32_t count;
+    double best;
+} group_found;
+
+void group_found_clear(group_found *found);
+void group_found_add(group_found *found, const group_image *image, const cairn_contour_tokens *tokens,
+                     const cairn_contour_result *result);
+/* The best first; of those at one place the best. */
+void group_found_sort(group_found *found);
+
+typedef struct group_score {
+    int32_t instance, hit;
+    double coverage, precision, present, iou;
+} group_score;
+
+/* Scores of all instances: each by the best of the first I groupings for it, no grouping for two. The number of groupings that were hits. */
+int32_t group_measure(const group_image *image, const group_found *found, group_score score[GROUP_INSTANCES]);
+
+/* DIR/name.ppm: edges grey, outlines green, the best groupings red, those behind them orange, their models blue. */
+void group_draw(const char *folder, const group_image *image, const group_found *found, const cairn_shape_model *model);
+
+#endif

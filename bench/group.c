@@ -1,0 +1,328 @@
+/* bench/group: objects in the images of the ETHZ shape classes (chapter 2), from their supplied edge images and one drawn model a class.
+ *
+ * --class NAME: all images of the class's folder with its model, then, unless --no-others, those of the other classes for false
+ * groupings. A grouping counts where it lies along an edge of the image: of its segments only pixels of edges within a pixel. Hit:
+ * of the outline's pixels that have an edge within 3 px, 80 % have the grouping within 3 px, and 60 % of the grouping lie within 4 %
+ * of the box's diagonal of the outline; only the best I groupings of an image with I instances. --scale given: the size of each
+ * instance's box, within a tenth; searched: a tenth of the image's diagonal to the whole. The original distribution's folders are
+ * read as they are: images with .jpg, edges with _edges.tif, boxes with _CLASS.groundtruth, outlines with _CLASS_outlines.pgm or
+ * .png, or masks with .mask.N.png, whose border is the outline; an image without either counts by its box alone, and is told apart. */
+#include <dirent.h>
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "bench/bench_group.h"
+#include "bench/bench_json.h"
+#include "tools/options.h"
+
+#define SIZE_SLACK 0.1
+#define WILSON_Z   1.96
+
+typedef struct settings {
+    const char *class_name, *scale, *data, *draw, *tokens;
+    int64_t most, particles, paths, strength, seed, others;
+    double score;
+    int32_t no_model, no_skeleton, no_mirror, no_others, each;
+} settings;
+
+typedef struct sums {
+    int32_t images, instances, hits, false_groupings, own_false, other_images, without_outline, fragments;
+    double coverage, precision;
+    double *seconds;
+    size_t pool_bytes;
+    int32_t timed;
+} sums;
+
+static const struct {
+    const char *folder, *model;
+} classes[] = {
+    {"Applelogos", "applelogo"}, {"Bottles", "bottle"}, {"Giraffes", "giraffe"}, {"Mugs", "mug"}, {"Swans", "swan"}};
+
+enum { CLASSES = sizeof classes / sizeof *classes, SECONDS_MOST = 4096 };
+
+static cairn_contour_search_params params_of(const settings *s, const group_image *image)
+{
+    cairn_contour_search_params p = cairn_contour_search_default(image->width, image->height);
+
+    p.mirror = !s->no_mirror;
+    p.grouping.particles = (int32_t)s->particles;
+    p.grouping.use_model = !s->no_model;
+    p.grouping.use_skeleton = !s->no_skeleton;
+    p.grouping.seed = (uint64_t)s->seed;
+    if (s->score >= 0)
+        p.grouping.min_score = (cairn_real)s->score;
+    return p;
+}
+
+/* Runs the search on an image; 0: a line was printed. */
+static int search(const settings *s, sums *t, const group_image *image, const cairn_shape_model *model,
+                  const cairn_contour_search_params *params, group_found *found)
+{
+    cairn_contour_tokens tokens;
+    cairn_contour_result result;
+    cairn_file_error error;
+    cairn_raster_u8_view view = {image->edges, image->width, image->height, image->width};
+    double start = bench_seconds();
+
+    if (cairn_contour_tokens_find(&tokens, view, (int32_t)s->strength, s->tokens[0] == 'e', image->name, &error) !=
+            CAIRN_OK ||
+        cairn_contour_search_run(&result, &tokens, model, params, image->name, &error) != CAIRN_OK) {
+        fprintf(stderr, "bench/group: %s\n", error.text);
+        return 0;
+    }
+    if (t->timed < SECONDS_MOST)
+        t->seconds[t->timed++] = bench_seconds() - start;
+    t->pool_bytes =
+        t->pool_bytes > result.pool_bytes + tokens.pool_bytes ? t->pool_bytes : result.pool_bytes + tokens.pool_bytes;
+    group_found_add(found, image, &tokens, &result);
+    cairn_contour_result_free(&result);
+    cairn_contour_tokens_free(&tokens);
+    return 1;
+}
+
+/* All groupings of an image of the class. */
+static int search_own(const settings *s, sums *t, const group_image *image, const cairn_shape_model *model,
+                      group_found *found)
+{
+    cairn_contour_search_params params = params_of(s, image);
+
+    if (s->scale[0] == 's')
+        return search(s, t, image, model, &params, found);
+    for (int32_t i = 0; i < image->instances; i++) {
+        const group_box *box = &image->box[i];
+        double size = hypot(box->right - box->left, box->bottom - box->top);
+
+        params.min_size = (cairn_real)fmax(4, size * (1 - SIZE_SLACK));
+        params.max_size = (cairn_real)fmax(4, size * (1 + SIZE_SLACK));
+        if (!search(s, t, image, model, &params, found))
+            return 0;
+    }
+    return 1;
+}
+
+static void print_each(const group_image *image, const group_found *found, const group_score *score)
+{
+    bench_json_begin("group");
+    bench_json_text("image", image->name);
+    bench_json_integer("instance", score->instance);
+    bench_json_integer("hit", score->hit);
+    bench_json_number("coverage", score->coverage);
+    bench_json_number("precision", score->precision);
+    bench_json_number("present", score->present);
+    bench_json_number("box_iou", score->iou);
+    bench_json_integer("groupings", found->count);
+    bench_json_number("score", found->count > 0 ? found->grouping[0].score : 0);
+    bench_json_number("best", found->best);
+    bench_json_end();
+}
+
+static int run_own(const settings *s, sums *t, const char *folder, const char *name, const cairn_shape_model *model)
+{
+    static group_found found;
+    group_image image;
+    group_score score[GROUP_INSTANCES];
+    int32_t taken;
+
+    if (!group_image_read(&image, folder, name, s->class_name))
+        return 0;
+    group_found_clear(&found);
+    if (!search_own(s, t, &image, model, &found)) {
+        group_image_free(&image);
+        return 0;
+    }
+    group_found_sort(&found);
+    taken = group_measure(&image, &found, score);
+    t->images++;
+    t->own_false += found.count - taken;
+    t->without_outline += !image.has_outline;
+    for (int32_t i = 0; i < image.instances; i++) {
+        t->instances++;
+        t->hits += score[i].hit;
+        t->coverage += score[i].coverage;
+        t->precision += score[i].precision;
+        if (s->each)
+            print_each(&image, &found, &score[i]);
+    }
+    if (s->draw != NULL)
+        group_draw(s->draw, &image, &found, model);
+    group_found_clear(&found);
+    group_image_free(&image);
+    return 1;
+}
+
+/* An image of another class: whatever is found is false. */
+static int run_other(const settings *s, sums *t, const char *folder, const char *name, const cairn_shape_model *model)
+{
+    static group_found found;
+    cairn_contour_search_params params;
+    group_image image;
+    int ok;
+
+    if (!group_image_read(&image, folder, name, NULL))
+        return 0;
+    params = params_of(s, &image);
+    group_found_clear(&found);
+    ok = search(s, t, &image, model, &params, &found);
+    t->other_images++;
+    t->false_groupings += found.count;
+    if (s->each && ok) {
+        bench_json_begin("group");
+        bench_json_text("other", image.name);
+        bench_json_integer("groupings", found.count);
+        bench_json_number("best", found.best);
+        bench_json_end();
+    }
+    group_found_clear(&found);
+    group_image_free(&image);
+    return ok;
+}
+
+/* Every n-th of a folder's images, so that there are at most `most`. */
+static int run_folder(const settings *s, sums *t, const char *class_folder, int64_t most, int own,
+                      const cairn_shape_model *model)
+{
+    char folder[4096];
+    group_names names;
+    int ok = 1;
+
+    (void)snprintf(folder, sizeof folder, "%s/ethz/%s", s->data, class_folder);
+    if (!group_names_read(&names, folder)) {
+        (void)snprintf(folder, sizeof folder, "%s/%s", s->data, class_folder);
+        if (!group_names_read(&names, folder)) {
+            fprintf(stderr, "bench/group: %s/ethz/%s: no images, expected the ETHZ shape classes (--data)\n", s->data,
+                    class_folder);
+            return 0;
+        }
+    }
+    for (int64_t k = 0, count = most < names.count ? most : names.count; k < count && ok; k++) {
+        const char *name = names.name[k * names.count / count];
+
+        fprintf(stderr, "%s/%s\n", class_folder, name);
+        ok = own ? run_own(s, t, folder, name, model) : run_other(s, t, folder, name, model);
+    }
+    group_names_free(&names);
+    return ok;
+}
+
+static void print_summary(const settings *s, sums *t)
+{
+    double n = t->instances > 0 ? t->instances : 1, p = t->hits / n, z2 = WILSON_Z * WILSON_Z;
+    double middle = (p + z2 / (2 * n)) / (1 + z2 / n);
+    double half = WILSON_Z / (1 + z2 / n) * sqrt(p * (1 - p) / n + z2 / (4 * n * n));
+
+    bench_json_begin("group");
+    bench_json_text("class", s->class_name);
+    bench_json_text("scale", s->scale);
+    bench_json_text("tokens", s->tokens);
+    bench_json_integer("particles", s->particles);
+    bench_json_integer("images", t->images);
+    bench_json_integer("without_outline", t->without_outline);
+    bench_json_integer("instances", t->instances);
+    bench_json_integer("hits", t->hits);
+    bench_json_number("hit_rate", p);
+    bench_json_number("hit_rate_low", fmax(0, middle - half));
+    bench_json_number("hit_rate_high", fmin(1, middle + half));
+    bench_json_number("own_false_per_image", (double)t->own_false / (t->images > 0 ? t->images : 1));
+    bench_json_integer("other_images", t->other_images);
+    bench_json_number("false_per_image",
+                      t->other_images > 0 ? (double)t->false_groupings / t->other_images : (double)NAN);
+    bench_json_number("coverage", t->coverage / n);
+    bench_json_number("precision", t->precision / n);
+    bench_json_number("seconds_median", bench_median(t->seconds, (size_t)t->timed));
+    bench_json_integer("pool_bytes", (int64_t)t->pool_bytes);
+    bench_json_true("summary");
+    bench_json_end();
+}
+
+static option_result read_settings(settings *s, int argc, char **argv)
+{
+    const option table[] = {
+        OPTION_TEXT("--class", &s->class_name, "NAME", "Applelogos, Bottles, Giraffes, Mugs or Swans"),
+        OPTION_TEXT("--scale", &s->scale, "NAME", "given or searched"),
+        OPTION_TEXT("--tokens", &s->tokens, "NAME", "segments or edgels"),
+        OPTION_INTEGER("--images", &s->most, 1, 100000, "N", "of the class at most, evenly chosen"),
+        OPTION_INTEGER("--others", &s->others, 1, 100000, "N", "of each other class at most"),
+        OPTION_FLAG("--no-others", &s->no_others, "no images of other classes"),
+        OPTION_INTEGER("--particles", &s->particles, 1, 4096, "N", "of the filter"),
+        OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_PATHS, "N", "of a model at most"),
+        OPTION_INTEGER("--min-strength", &s->strength, 1, 255, "N", "of edges"),
+        OPTION_NUMBER("--min-score", &s->score, 0, 1, "S", "of a grouping that is reported"),
+        OPTION_INTEGER("--seed", &s->seed, 0, 1e9, "S", "of the filter"),
+        OPTION_FLAG("--no-model", &s->no_model, "without the model term"),
+        OPTION_FLAG("--no-skeleton", &s->no_skeleton, "without the skeleton term"),
+        OPTION_FLAG("--no-mirror", &s->no_mirror, "not the mirrored model"),
+        OPTION_FLAG("--each", &s->each, "a line for each instance, too"),
+        OPTION_TEXT("--draw", &s->draw, "DIR", "pictures of what was found (PPM)"),
+        OPTION_TEXT("--data", &s->data, "DIR", "where ethz/ is, or the folders of the classes"),
+    };
+    const option_set set = {"bench/group", "--class NAME [options]",
+                            "Groups the contours of known objects in the images of the ETHZ shape classes.", table,
+                            sizeof table / sizeof *table};
+    size_t count = 0;
+    option_result result = options_read(&set, argc, argv, NULL, &count);
+
+    if (result != OPTIONS_READ)
+        return result;
+    if (strcmp(s->scale, "given") != 0 && strcmp(s->scale, "searched") != 0)
+        return (option_result)options_refuse("bench/group", "--scale %s, expected given or searched", s->scale);
+    if (strcmp(s->tokens, "segments") != 0 && strcmp(s->tokens, "edgels") != 0)
+        return (option_result)options_refuse("bench/group", "--tokens %s, expected segments or edgels", s->tokens);
+    return OPTIONS_READ;
+}
+
+/* The class's model, from its drawing; 0: a line was printed. */
+static int load_model(const settings *s, int which, cairn_shape_model_file *model)
+{
+    cairn_shape_image_params image = cairn_shape_image_default();
+    cairn_shape_builder_params builder = cairn_shape_builder_default();
+    cairn_file_error error;
+    char path[4096];
+    DIR *inner;
+
+    builder.max_paths = (int32_t)s->paths;
+    (void)snprintf(path, sizeof path, "%s/ethz/models", s->data);
+    inner = opendir(path);
+    (void)snprintf(path, sizeof path, "%s%s/models/%s.tif", s->data, inner != NULL ? "/ethz" : "",
+                   classes[which].model);
+    if (inner != NULL)
+        (void)closedir(inner);
+    if (cairn_shape_model_file_load(model, path, &image, &builder, NULL, &error) == CAIRN_OK)
+        return 1;
+    fprintf(stderr, "bench/group: %s\n", error.text);
+    return 0;
+}
+
+int main(int argc, char **argv)
+{
+    settings s = {"Swans", "searched", "../shared/data", NULL, "segments", 100000, 300, CAIRN_SHAPE_PATHS,
+                  1,       1,          100000,           -1,   0,          0,      0,   0,
+                  0};
+    option_result result = read_settings(&s, argc, argv);
+    cairn_shape_model_file model;
+    int which = 0, ok;
+    sums t;
+
+    if (result != OPTIONS_READ)
+        return (int)result;
+    while (which < CLASSES && strcmp(classes[which].folder, s.class_name) != 0)
+        which++;
+    if (which == CLASSES)
+        return options_refuse("bench/group", "--class %s, expected Applelogos, Bottles, Giraffes, Mugs or Swans",
+                              s.class_name);
+    if (!load_model(&s, which, &model))
+        return 3;
+    memset(&t, 0, sizeof t);
+    t.seconds = calloc(SECONDS_MOST, sizeof *t.seconds);
+    ok = t.seconds != NULL && run_folder(&s, &t, s.class_name, s.most, 1, &model.model);
+    for (int other = 0; other < CLASSES && ok && !s.no_others; other++)
+        if (other != which)
+            ok = run_folder(&s, &t, classes[other].folder, s.others, 0, &model.model);
+    if (ok)
+        print_summary(&s, &t);
+    cairn_shape_model_file_free(&model);
+    free(t.seconds);
+    return ok ? 0 : 3;
+}

@@ -1,0 +1,90 @@
+/* contour_search: from a picture of edge strengths to the contours of an object that is known by its model.
+ *
+ * What edge_chain, edge_segment and contour_grouping do, one after the other, with memory from the heap that fits the picture: first
+ * its tokens, then objects among them, the model as it is and, on request, mirrored. Image coordinates, pixels. */
+#ifndef CAIRN_CONTOUR_SEARCH_H
+#define CAIRN_CONTOUR_SEARCH_H
+
+#include "cairn/contour_grouping.h"
+#include "cairn/edge_segment.h"
+#include "cairn/file_error.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* More pixels of edges than these are refused; so are sides beyond CAIRN_CONTOUR_SIDE_MOST. Of more tokens some are left out. */
+#define CAIRN_CONTOUR_EDGES_MOST  (INT32_C(1) << 20)
+#define CAIRN_CONTOUR_SIDE_MOST   8192
+#define CAIRN_CONTOUR_TOKENS_MOST 32768
+
+/* What is grouped: straight pieces of edges. */
+typedef struct cairn_contour_tokens {
+    cairn_segment *lines; /* [count] */
+    int32_t *chain;       /* [count] of which chain each is a piece */
+    int32_t count, chains;
+    int32_t width, height;  /* px, of the picture */
+    cairn_real mean_length; /* px */
+    size_t pool_bytes;      /* that it took to find them */
+} cairn_contour_tokens;
+
+/* Finds the edges' segments; edgels: 1: edgels, short straight pieces at even steps along the chains, in their place. min_strength:
+ * 1 ... 255. CAIRN_FULL: beyond the limits above; CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. On failure there is nothing to free. `path`
+ * is named by the error. */
+CAIRN_CHECKED cairn_status cairn_contour_tokens_find(cairn_contour_tokens *tokens, cairn_raster_u8_view strengths,
+                                                     int32_t min_strength, int32_t edgels, const char *path,
+                                                     cairn_file_error *error);
+void cairn_contour_tokens_free(cairn_contour_tokens *tokens);
+
+/* One disc of an object's axis. */
+typedef struct cairn_contour_disc {
+    cairn_vec2 centre; /* px; of the symmetric point of both sides where both were seen, else where the model has it */
+    cairn_real radius; /* px */
+    int32_t side[2];   /* the segment on the left and on the right, -1: not seen */
+    int32_t sample;    /* of the model */
+} cairn_contour_disc;
+
+typedef struct cairn_contour_object {
+    cairn_grouped_object found; /* first: the index of its first segment in segments[] below */
+    int32_t mirrored;           /* 1: it is the mirrored model */
+    int32_t first_disc;         /* discs[first_disc ... + the model's samples - 1], path by path */
+} cairn_contour_object;
+
+typedef struct cairn_contour_result {
+    cairn_contour_object *objects; /* [object_count] the best first */
+    int32_t *segments;             /* indices of lines, object by object, in the order of the model's outline */
+    cairn_contour_disc *discs;
+    cairn_grouping_trace *trace[2]; /* of the model as it is, and mirrored */
+    int32_t *modes[2];              /* [steps] groups of particles after each step: their models lie apart */
+    int32_t steps[2], starts[2];
+    int32_t object_count, segment_count, disc_count;
+    cairn_real best;   /* the best score of all, reported or not */
+    size_t pool_bytes; /* the larger of both searches' */
+} cairn_contour_result;
+
+typedef struct cairn_contour_search_params {
+    cairn_grouping_params grouping; /* its capacities are set by the search */
+    cairn_real min_size, max_size;  /* px, > 0 */
+    cairn_real min_turn, max_turn;  /* rad (-15 ... 15 degrees) */
+    int32_t mirror;                 /* 1: the mirrored model is looked for, too (1) */
+    /* Called with the particles after every step of the walk; NULL: nobody asks. */
+    void (*on_step)(void *context, const cairn_grouping_particle *particles, int32_t count, int32_t mirrored);
+    void *context;
+} cairn_contour_search_params;
+
+/* The values in brackets above; sizes from a tenth of the picture's diagonal, at least 24 px, to the whole. */
+cairn_contour_search_params cairn_contour_search_default(int32_t width, int32_t height);
+
+/* Looks for the objects. CAIRN_BAD_ARGUMENT: params, a model that cannot be searched (statuses of cairn_grouping_begin);
+ * CAIRN_NO_MEMORY. On failure there is nothing to free. `path` is named by the error. */
+CAIRN_CHECKED cairn_status cairn_contour_search_run(cairn_contour_result *result, const cairn_contour_tokens *tokens,
+                                                    const cairn_shape_model *model,
+                                                    const cairn_contour_search_params *params, const char *path,
+                                                    cairn_file_error *error);
+void cairn_contour_result_free(cairn_contour_result *result);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,27 @@
+/* The walk as it goes on, for those who watch it. */
+#include "src/core/build.h"
+
+#include "src/contour/contour_grouping_work.h"
+
+int32_t cairn_grouping_particles(const cairn_grouping *g, cairn_grouping_particle *particles, int32_t most,
+                                 int32_t *steps)
+{
+    int32_t count = g != NULL && g->start_count > 0 ? cairn_particle_filter_count(g->filter) : 0;
+
+    if (steps != NULL)
+        *steps = count > 0 ? g->steps : 0;
+    for (int32_t i = 0; i < count && i < most && particles != NULL; i++) {
+        cairn_particle p = cairn_particle_filter_particle(g->filter, i);
+        const grouping_state *s = p.state;
+
+        particles[i].origin = s->pose.t;
+        particles[i].size = grouping_size(&s->pose);
+        particles[i].turn = cairn_atan2(s->pose.b, s->pose.a);
+        particles[i].centre = s->centre;
+        particles[i].radius = s->radius;
+        particles[i].log_weight = p.log_weight;
+        particles[i].sample = s->sample;
+        particles[i].sides = (s->token[0] >= 0) + (s->token[1] >= 0);
+    }
+    return count;
+}

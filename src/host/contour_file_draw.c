@@ -1,0 +1,164 @@
+/* Contours over their image, as SVG. */
+#include "src/core/build.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "cairn/contour_file.h"
+#include "src/host/map_file_image.h"
+#include "src/host/report_text.h"
+
+#define PICTURE 1000.0 /* px, the longer side */
+#define FOOT    50.0
+
+static const char *const side_names[3] = {"left", "right", "other"};
+
+static cairn_status print_image(cairn_output *output, const cairn_contour_picture *p)
+{
+    uint8_t *png;
+    size_t count;
+    cairn_status status = cairn_image_encode_png(&png, &count, p->grey, p->tokens->width, p->tokens->height, 1);
+
+    if (status != CAIRN_OK)
+        return status;
+    cairn_output_print(
+        output,
+        "<image x=\"-0.5\" y=\"-0.5\" width=\"%d\" height=\"%d\" opacity=\"0.55\" href=\"data:image/png;base64,",
+        (int)p->tokens->width, (int)p->tokens->height);
+    cairn_report_print_base64(output, png, count);
+    cairn_output_print(output, "\"/>\n");
+    free(png);
+    return CAIRN_OK;
+}
+
+/* 0 left, 1 right, 2 neither. */
+static int32_t side_of(const cairn_contour_picture *p, const cairn_contour_object *o, int32_t segment)
+{
+    for (int32_t k = 0; k < p->model->sample_count; k++)
+        for (int32_t side = 0; side < 2; side++)
+            if (p->result->discs[o->first_disc + k].side[side] == segment)
+                return side;
+    return 2;
+}
+
+static void print_segments(cairn_output *output, const cairn_contour_picture *p, const cairn_contour_object *o)
+{
+    for (int32_t side = 0; side < 3; side++) {
+        cairn_output_print(output, "<path class=\"%s\" d=\"", side_names[side]);
+        for (int32_t i = 0; i < o->found.count; i++) {
+            int32_t segment = p->result->segments[o->found.first + i];
+            cairn_segment line = p->tokens->lines[segment];
+
+            if (side_of(p, o, segment) == side)
+                cairn_output_print(output, "M%.1f %.1fL%.1f %.1f", (double)line.a.x, (double)line.a.y, (double)line.b.x,
+                                   (double)line.b.y);
+        }
+        cairn_output_print(output, "\"/>\n");
+    }
+}
+
+static void print_skeleton(cairn_output *output, const cairn_contour_picture *p, const cairn_contour_object *o)
+{
+    for (int32_t i = 0; i < p->model->path_count; i++) {
+        const cairn_shape_path *path = &p->model->paths[i];
+        const cairn_contour_disc *discs = &p->result->discs[o->first_disc + path->first];
+
+        cairn_output_print(output, "<path class=\"axis\" d=\"");
+        for (int32_t k = 0; k < path->count; k++)
+            cairn_output_print(output, "%s%.1f %.1f", k == 0 ? "M" : "L", (double)discs[k].centre.x,
+                               (double)discs[k].centre.y);
+        cairn_output_print(output, "\"/>\n");
+        for (int32_t k = 0; k < path->count; k++)
+            if (discs[k].side[0] >= 0 && discs[k].side[1] >= 0)
+                cairn_output_print(output, "<circle class=\"disc\" cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\"/>\n",
+                                   (double)discs[k].centre.x, (double)discs[k].centre.y, (double)discs[k].radius);
+    }
+}
+
+/* Where the model lies: never part of the result, for the eye alone. */
+static void print_model(cairn_output *output, const cairn_contour_picture *p, const cairn_contour_object *o)
+{
+    double c = (double)o->found.size * cos((double)o->found.turn),
+           s = (double)o->found.size * sin((double)o->found.turn);
+
+    cairn_output_print(output, "<path class=\"model\" d=\"");
+    for (int32_t i = 0; i < p->model->outline_count; i++) {
+        double x = (double)p->model->outline[i].position.x * (o->mirrored ? -1 : 1);
+        double y = (double)p->model->outline[i].position.y;
+
+        cairn_output_print(output, "M%.1f %.1fh0", (double)o->found.origin.x + c * x - s * y,
+                           (double)o->found.origin.y + s * x + c * y);
+    }
+    cairn_output_print(output, "\"/>\n");
+}
+
+static void print_object(cairn_output *output, const cairn_contour_picture *p, const cairn_contour_object *o)
+{
+    print_skeleton(output, p, o);
+    print_model(output, p, o);
+    print_segments(output, p, o);
+    cairn_output_print(output, "<text class=\"score\" x=\"%.1f\" y=\"%.1f\">%.2f</text>\n", (double)o->found.origin.x,
+                       (double)o->found.origin.y, (double)o->found.score);
+}
+
+static void print_key(cairn_output *output, double y)
+{
+    static const struct {
+        const char *words, *colour;
+    } keys[] = {{"left side", "#2563eb"},
+                {"right side", "#ea580c"},
+                {"ends and others", "#16a34a"},
+                {"skeleton", "#dc2626"},
+                {"model", "#7c3aed"}};
+
+    for (int i = 0; i < (int)(sizeof keys / sizeof *keys); i++) {
+        double x = CAIRN_REPORT_MARGIN + 2 + 160 * i;
+
+        cairn_output_print(output, "<path stroke=\"%s\" stroke-width=\"3\" d=\"M%.1f %.1fh22\"/>\n", keys[i].colour, x,
+                           y - 4);
+        cairn_report_print_text(output, x + 30, y, "font-size=\"13\" fill=\"#334155\"", keys[i].words);
+    }
+}
+
+cairn_status cairn_contour_file_draw(const cairn_contour_picture *p, const char *path, cairn_file_error *error)
+{
+    double scale = PICTURE / fmax(p->tokens->width, p->tokens->height), head, width, height;
+    char subtitle[256];
+    cairn_output *output;
+    cairn_status status = cairn_output_open(&output, path, error);
+
+    if (status != CAIRN_OK)
+        return status;
+    (void)snprintf(subtitle, sizeof subtitle, "%d of %.120s, best score %.2f; %d segments of %d chains",
+                   (int)p->result->object_count, p->model_name, (double)p->result->best, (int)p->tokens->count,
+                   (int)p->tokens->chains);
+    head = cairn_report_head_height(p->image, subtitle);
+    width = fmax(860, 2 * CAIRN_REPORT_MARGIN + scale * p->tokens->width);
+    height = head + scale * p->tokens->height + FOOT;
+    cairn_report_print_head(output, width, height, p->image, subtitle);
+    cairn_output_print(
+        output,
+        "<style>path{fill:none}.left,.right,.other{stroke-width:%.2f;stroke-linecap:round}"
+        ".left{stroke:#2563eb}.right{stroke:#ea580c}.other{stroke:#16a34a}.axis{stroke:#dc2626;stroke-width:%.2f}"
+        ".disc{fill:none;stroke:#dc2626;stroke-width:%.2f;opacity:.35}.model{stroke:#7c3aed;stroke-width:%.2f;"
+        "stroke-linecap:round}.score{font-size:%.1fpx;fill:#dc2626}</style>\n",
+        2.6 / scale, 2 / scale, 1 / scale, 2 / scale, 18 / scale);
+    cairn_output_print(output, "<g transform=\"translate(%.1f %.1f) scale(%.6f)\">\n",
+                       CAIRN_REPORT_MARGIN + 0.5 * scale, head + 0.5 * scale, scale);
+    cairn_output_print(output, "<rect x=\"-0.5\" y=\"-0.5\" width=\"%d\" height=\"%d\" fill=\"#fff\"/>\n",
+                       (int)p->tokens->width, (int)p->tokens->height);
+    if (p->grey != NULL)
+        status = print_image(output, p);
+    for (int32_t i = 0; i < p->result->object_count; i++)
+        print_object(output, p, &p->result->objects[i]);
+    cairn_output_print(output, "</g>\n");
+    print_key(output, height - CAIRN_REPORT_MARGIN);
+    cairn_output_print(output, "</svg>\n");
+    if (status != CAIRN_OK) {
+        cairn_output_discard(output);
+        return cairn_file_error_system(error, path, "draw", ENOMEM);
+    }
+    return cairn_output_commit(output, error);
+}

@@ -1,0 +1,169 @@
+/* Tokens of a picture: chains of its edges, then their segments, or edgels along them. */
+#include "src/core/build.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cairn/contour_search.h"
+
+/* Edgels stand so many pixels apart, each with the direction between the pixels so far before and behind it. */
+enum { EDGEL_STEP = 3, EDGEL_REACH = 3 };
+
+void cairn_contour_tokens_free(cairn_contour_tokens *tokens)
+{
+    free(tokens->lines);
+    free(tokens->chain);
+    memset(tokens, 0, sizeof *tokens);
+}
+
+static int allocate(cairn_contour_tokens *t, int32_t count)
+{
+    t->lines = malloc(((size_t)count + 1) * sizeof *t->lines);
+    t->chain = malloc(((size_t)count + 1) * sizeof *t->chain);
+    return t->lines != NULL && t->chain != NULL;
+}
+
+static cairn_vec2 place_of(const cairn_edge_pixel *p)
+{
+    cairn_vec2 place = {(cairn_real)p->x, (cairn_real)p->y};
+
+    return place;
+}
+
+static cairn_status take_edgels(cairn_contour_tokens *t, const cairn_edge_chain_result *r)
+{
+    const cairn_real half = CAIRN_REAL(0.5) * EDGEL_STEP;
+
+    if (!allocate(t, r->pixel_count / EDGEL_STEP + r->chain_count))
+        return CAIRN_NO_MEMORY;
+    for (int32_t c = 0; c < r->chain_count; c++) {
+        const cairn_edge_pixel *pixels = &r->pixels[r->chains[c].first];
+        int32_t last = r->chains[c].count - 1;
+
+        for (int32_t i = EDGEL_STEP / 2; i <= last; i += EDGEL_STEP) {
+            int32_t from = i < EDGEL_REACH ? 0 : i - EDGEL_REACH, to = i + EDGEL_REACH > last ? last : i + EDGEL_REACH;
+            cairn_vec2 at = place_of(&pixels[i]),
+                       along = cairn_vec2_scale(
+                           cairn_vec2_unit(cairn_vec2_sub(place_of(&pixels[to]), place_of(&pixels[from]))), half);
+
+            if (!(cairn_vec2_norm_squared(along) > 0))
+                continue;
+            t->lines[t->count].a = cairn_vec2_sub(at, along);
+            t->lines[t->count].b = cairn_vec2_add(at, along);
+            t->chain[t->count++] = c;
+        }
+    }
+    t->mean_length = 5;
+    return CAIRN_OK;
+}
+
+/* Segments but the virtual ones: those lie on no edge. */
+static cairn_status take_segments(cairn_contour_tokens *t, cairn_edge_segment_set *set,
+                                  const cairn_edge_chain_result *r)
+{
+    cairn_status status = cairn_edge_segment_begin(set, r);
+    cairn_edge_segment_result found;
+    cairn_budget budget;
+
+    if (status != CAIRN_OK)
+        return status;
+    do {
+        budget.left = INT32_MAX;
+        status = cairn_edge_segment_step(set, &budget);
+    } while (status == CAIRN_MORE);
+    if (status != CAIRN_OK)
+        return status;
+    found = cairn_edge_segment_read(set);
+    if (!allocate(t, found.count))
+        return CAIRN_NO_MEMORY;
+    t->count = found.count - found.virtual_count;
+    for (int32_t i = 0; i < t->count; i++) {
+        t->lines[i] = found.segments[i].line;
+        t->chain[i] = found.segments[i].chain;
+    }
+    t->mean_length = found.mean_length;
+    return CAIRN_OK;
+}
+
+static cairn_status find(cairn_contour_tokens *t, cairn_raster_u8_view strengths, int32_t edgels,
+                         const cairn_edge_chain_params *chain, const cairn_edge_segment_params *segment,
+                         cairn_pool *pool)
+{
+    cairn_edge_segment_set *segments;
+    cairn_edge_chain_set *chains;
+    cairn_edge_chain_result r;
+    cairn_budget budget;
+    cairn_status status = cairn_edge_chain_create(&chains, pool, chain);
+
+    if (status == CAIRN_OK)
+        status = cairn_edge_segment_create(&segments, pool, segment);
+    if (status == CAIRN_OK)
+        status = cairn_edge_chain_begin(chains, strengths);
+    if (status != CAIRN_OK)
+        return status;
+    do {
+        budget.left = INT32_MAX;
+        status = cairn_edge_chain_step(chains, &budget);
+    } while (status == CAIRN_MORE);
+    if (status != CAIRN_OK)
+        return status;
+    r = cairn_edge_chain_read(chains);
+    t->chains = r.chain_count;
+    return edgels ? take_edgels(t, &r) : take_segments(t, segments, &r);
+}
+
+static int32_t count_edges(cairn_raster_u8_view strengths, int32_t min_strength)
+{
+    int32_t count = 0;
+
+    for (int32_t y = 0; y < strengths.height; y++)
+        for (int32_t x = 0; x < strengths.width; x++)
+            count += strengths.data[y * strengths.stride + x] >= min_strength;
+    return count;
+}
+
+cairn_status cairn_contour_tokens_find(cairn_contour_tokens *tokens, cairn_raster_u8_view strengths,
+                                       int32_t min_strength, int32_t edgels, const char *path, cairn_file_error *error)
+{
+    cairn_edge_chain_params chain = cairn_edge_chain_default();
+    cairn_edge_segment_params segment = cairn_edge_segment_default();
+    cairn_status status;
+    cairn_pool pool;
+    int32_t edges;
+    void *memory;
+
+    memset(tokens, 0, sizeof *tokens);
+    if (cairn_raster_u8_check(strengths) != CAIRN_OK || min_strength < 1 || min_strength > 255)
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
+                                    "no picture of edges, expected strengths from 1 to 255");
+    edges = count_edges(strengths, min_strength);
+    if (strengths.width > CAIRN_CONTOUR_SIDE_MOST || strengths.height > CAIRN_CONTOUR_SIDE_MOST ||
+        edges > CAIRN_CONTOUR_EDGES_MOST)
+        return cairn_file_error_set(error, CAIRN_FULL, path, 0,
+                                    "%d x %d pixels, %d of them edges, expected at most %d a side and %d of edges",
+                                    (int)strengths.width, (int)strengths.height, (int)edges, CAIRN_CONTOUR_SIDE_MOST,
+                                    (int)CAIRN_CONTOUR_EDGES_MOST);
+    chain.max_width = strengths.width;
+    chain.max_height = strengths.height;
+    chain.max_edges = chain.max_chains = edges + 1;
+    chain.min_strength = min_strength;
+    segment.max_lines = edgels ? 1 : edges + 1;
+    segment.max_segments = edgels ? 1 : 3 * (edges + 1);
+    tokens->pool_bytes = cairn_edge_chain_memory(&chain) + cairn_edge_segment_memory(&segment) + CAIRN_ALIGN;
+    memory = malloc(tokens->pool_bytes);
+    if (memory == NULL)
+        return cairn_file_error_system(error, path, "find edges of", ENOMEM);
+    status = cairn_pool_init(&pool, memory, tokens->pool_bytes);
+    if (status == CAIRN_OK)
+        status = find(tokens, strengths, edgels, &chain, &segment, &pool);
+    free(memory);
+    tokens->width = strengths.width;
+    tokens->height = strengths.height;
+    if (status != CAIRN_OK) {
+        cairn_contour_tokens_free(tokens);
+        return cairn_file_error_set(error, status, path, 0, "%s, expected edges that can be followed",
+                                    cairn_status_text(status));
+    }
+    return CAIRN_OK;
+}

@@ -1,0 +1,415 @@
+/* Key scans that go, so that others have room.
+ *
+ * Method. When little room is left, closures that no correction knows yet get theirs, and then the best covered key scan goes
+ * (mapper_cover.c), one after the other until there is some room again. It is contracted into a neighbour of the graph: that
+ * to which its best link leads. Each other link of it becomes one of that neighbour, by way of the best one: measurements are
+ * composed, and their covariances added in the frame of the far end, which is what marginalising a key scan of two links gives, and
+ * for more differs by the best link's covariance, the least there is. A link that is there already takes the other
+ * one in, weighted by their information, but gets no better than `sigma` and `sigma_turn`, which all measurements share. Of
+ * two that contradict each other the one stands that agrees with the poses as they are.
+ *
+ * Layout: key scans count from 0 in the order in which they came, so those after the one that goes count one less in all
+ * that numbers them. Only slots of the set keep their numbers.
+ *
+ * Only what has been looked for at older ones may go. So when loops are far behind, or little room is left, the force field rests,
+ * and loops take its share of the units.
+ *
+ * Limits: the first key scan, which holds the map, and the last ones never go. Where links have little room, closures are
+ * taken in by links that are there, but add no others. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/mapper_work.h"
+
+enum { FEW_PARTS = 32, SOME_PARTS = 16 };
+
+static const cairn_real MANY_SHARE = CAIRN_REAL(0.01); /* of the variance of one measurement, what many have at least */
+
+/* ---- Room ---- */
+
+/* 1 when the largest scan has room, and so many others like those that are there. */
+static int32_t has_room(const cairn_mapper *mapper, int32_t others)
+{
+    const cairn_mapper_params *p = &mapper->params;
+    const cairn_scan_set *set = mapper->keys;
+    int64_t keys = mapper->key_count > 0 ? mapper->key_count : 1;
+
+    return mapper->key_count + others < p->max_keys &&
+           set->segment_count + others * set->segment_count / keys <= p->max_key_segments - p->scan.max_segments &&
+           set->point_count + others * set->point_count / keys <= p->max_key_points - p->scan.max_points;
+}
+
+int32_t cairn_mapper_release_end(const cairn_mapper *mapper)
+{
+    int32_t end = mapper->key_count - cairn_mapper_last_kept(&mapper->params);
+    int32_t of_loops = mapper->loop.entered - mapper->params.loop.gap;
+
+    return end < of_loops ? end : of_loops;
+}
+
+int32_t cairn_mapper_must_release(const cairn_mapper *mapper)
+{
+    return mapper->params.release && !has_room(mapper, 0);
+}
+
+int32_t cairn_mapper_may_release(cairn_mapper *mapper)
+{
+    mapper_loop *loop = &mapper->loop;
+    int32_t parts = loop->releasing ? SOME_PARTS : FEW_PARTS;
+
+    loop->releasing = mapper->params.release && !has_room(mapper, mapper->params.max_keys / parts);
+    return loop->releasing && cairn_mapper_release_end(mapper) > 1 &&
+           mapper->key_count - loop->entered <= cairn_mapper_last_kept(&mapper->params);
+}
+
+int32_t cairn_mapper_is_behind(const cairn_mapper *mapper)
+{
+    return mapper->params.release &&
+           (mapper->key_count - mapper->loop.entered > cairn_mapper_last_kept(&mapper->params) / 2 ||
+            !has_room(mapper, mapper->params.max_keys / FEW_PARTS));
+}
+
+/* ---- Measurements ---- */
+
+/* A pose seen from another one, with its covariance in its own frame. */
+typedef struct measured {
+    cairn_pose pose;
+    cairn_sym3 covariance;
+} measured;
+
+/* The covariance of a motion in the frame that is seen from there as `a_b`: Ad C Ad^T, Ad = (R, (y, -x)^T; 0, 1) of a_b. */
+static cairn_sym3 carried(cairn_pose a_b, cairn_sym3 m)
+{
+    cairn_sym3 out;
+    cairn_real s, c, x = a_b.x, y = a_b.y, xx, xy, yy, xz, yz;
+
+    cairn_sincos(a_b.theta, &s, &c);
+    xx = c * c * m.xx - 2 * c * s * m.xy + s * s * m.yy;
+    yy = s * s * m.xx + 2 * c * s * m.xy + c * c * m.yy;
+    xy = c * s * (m.xx - m.yy) + (c * c - s * s) * m.xy;
+    xz = c * m.xz - s * m.yz;
+    yz = s * m.xz + c * m.yz;
+    out.xx = xx + 2 * y * xz + y * y * m.zz;
+    out.yy = yy - 2 * x * yz + x * x * m.zz;
+    out.xy = xy - x * xz + y * yz - x * y * m.zz;
+    out.xz = xz + y * m.zz;
+    out.yz = yz - x * m.zz;
+    out.zz = m.zz;
+    return out;
+}
+
+static cairn_sym3 sum(cairn_sym3 a, cairn_sym3 b)
+{
+    cairn_sym3 out = {a.xx + b.xx, a.xy + b.xy, a.xz + b.xz, a.yy + b.yy, a.yz + b.yz, a.zz + b.zz};
+
+    return out;
+}
+
+static measured inverse(measured m)
+{
+    measured out = {cairn_pose_inverse(m.pose), carried(m.pose, m.covariance)};
+
+    return out;
+}
+
+static measured composed(measured a, measured b)
+{
+    measured out = {cairn_pose_compose(a.pose, b.pose),
+                    sum(carried(cairn_pose_inverse(b.pose), a.covariance), b.covariance)};
+
+    return out;
+}
+
+/* What a link measures of its other end, seen from one of its ends. 0: it cannot be inverted. */
+static int32_t seen_from(const cairn_mapper *mapper, int32_t link, int32_t from, measured *out)
+{
+    cairn_sym3 information;
+
+    out->pose = cairn_pose_graph_measured(mapper->loop.graph, link, &information);
+    if (!cairn_sym3_inverse(information, &out->covariance))
+        return 0;
+    if (mapper->loop.links[link].second == from)
+        *out = inverse(*out);
+    return 1;
+}
+
+/* No better than what many measurements share. */
+static cairn_sym3 floored(const cairn_mapper *mapper, cairn_sym3 m)
+{
+    cairn_real least = mapper->params.loop.sigma * mapper->params.loop.sigma * MANY_SHARE;
+    cairn_real turn = mapper->params.loop.sigma_turn * mapper->params.loop.sigma_turn * MANY_SHARE;
+    cairn_real by = cairn_max(cairn_max(1, turn / m.zz), cairn_max(least / m.xx, least / m.yy));
+    cairn_sym3 out = {by * m.xx, by * m.xy, by * m.xz, by * m.yy, by * m.yz, by * m.zz};
+
+    return out;
+}
+
+/* The mean of two measurements of the same, weighted by their information, up to first order. 0: they contradict each other, or
+ * there is none. */
+static int32_t fuse(const cairn_mapper *mapper, measured a, measured b, measured *out)
+{
+    cairn_pose off = cairn_pose_between(a.pose, b.pose);
+    cairn_real e[3], w[3];
+    cairn_sym3 ia, ib, c = a.covariance;
+
+    e[0] = off.x;
+    e[1] = off.y;
+    e[2] = off.theta;
+    if (!cairn_sym3_solve(sum(a.covariance, b.covariance), e, w) ||
+        e[0] * w[0] + e[1] * w[1] + e[2] * w[2] > mapper->params.loop.outlier ||
+        !cairn_sym3_inverse(a.covariance, &ia) || !cairn_sym3_inverse(b.covariance, &ib) ||
+        !cairn_sym3_inverse(sum(ia, ib), &out->covariance))
+        return 0;
+    off.x = c.xx * w[0] + c.xy * w[1] + c.xz * w[2];
+    off.y = c.xy * w[0] + c.yy * w[1] + c.yz * w[2];
+    off.theta = c.xz * w[0] + c.yz * w[1] + c.zz * w[2];
+    out->pose = cairn_pose_compose(a.pose, off);
+    out->covariance = floored(mapper, out->covariance);
+    return 1;
+}
+
+/* ---- The graph ---- */
+
+static int32_t other_end(const mapper_link *link, int32_t key)
+{
+    return link->first == key ? link->second : link->first;
+}
+
+/* The link of a key scan that tells best, and that the map strains least. */
+static int32_t best_link(const cairn_mapper *mapper, int32_t key)
+{
+    const mapper_loop *loop = &mapper->loop;
+    cairn_real least = 0;
+    int32_t best = -1;
+
+    for (int32_t link = loop->first_link[key]; link >= 0;
+         link = loop->links[link].next[loop->links[link].second == key]) {
+        const mapper_link *l = &loop->links[link];
+        cairn_real strain = cairn_max(1, cairn_pose_graph_link_of(loop->graph, link).chi2);
+        cairn_real cost = strain * (l->variance + l->turn_variance);
+
+        if (l->dropped || (best >= 0 && !(cost < least)))
+            continue;
+        best = link;
+        least = cost;
+    }
+    return best;
+}
+
+/* The link between two key scans that is in use; -1: none. */
+static int32_t link_between(const mapper_loop *loop, int32_t a, int32_t b)
+{
+    for (int32_t link = loop->first_link[a]; link >= 0; link = loop->links[link].next[loop->links[link].second == a])
+        if (other_end(&loop->links[link], a) == b && !loop->links[link].dropped)
+            return link;
+    return -1;
+}
+
+/* Gives a link a measurement; its first end is the older one. */
+static cairn_status set_link(cairn_mapper *mapper, int32_t link, int32_t from, int32_t to, measured m)
+{
+    mapper_link *l = &mapper->loop.links[link];
+    measured forth = from < to ? m : inverse(m);
+    cairn_sym3 information;
+
+    if (!cairn_sym3_inverse(forth.covariance, &information))
+        return CAIRN_BAD_ARGUMENT;
+    l->first = from < to ? from : to;
+    l->second = from < to ? to : from;
+    l->variance = forth.covariance.xx + forth.covariance.yy;
+    l->turn_variance = forth.covariance.zz;
+    return cairn_pose_graph_set_link(mapper->loop.graph, link, l->first, l->second, forth.pose, information);
+}
+
+/* A link takes in one that measures the same. */
+static cairn_status take_in(cairn_mapper *mapper, int32_t link, int32_t from, int32_t to, measured m, int32_t is_loop)
+{
+    mapper_link *l = &mapper->loop.links[link];
+    measured there, both;
+
+    if (!seen_from(mapper, link, from, &there))
+        return CAIRN_BAD_ARGUMENT;
+    if (!fuse(mapper, there, m, &both)) {
+        cairn_real of_there = cairn_mapper_strain_of(mapper, from, to, there.pose, there.covariance);
+
+        both = cairn_mapper_strain_of(mapper, from, to, m.pose, m.covariance) < of_there ? m : there;
+    }
+    l->is_loop &= is_loop;
+    return set_link(mapper, link, from, to, both);
+}
+
+/* A link from the key scan that goes leads from its neighbour now, which is hung on it in the other's place. */
+static cairn_status bend_link(cairn_mapper *mapper, int32_t link, int32_t key, int32_t onto, measured onto_key)
+{
+    mapper_loop *loop = &mapper->loop;
+    mapper_link *l = &loop->links[link];
+    int32_t far = other_end(l, key), next = l->next[l->first == key], there = link_between(loop, onto, far);
+    measured key_far, onto_far;
+    cairn_status status;
+
+    if (far == onto)
+        return CAIRN_OK;
+    if (!seen_from(mapper, link, key, &key_far))
+        return CAIRN_BAD_ARGUMENT;
+    onto_far = composed(onto_key, key_far);
+    if (there >= 0)
+        return take_in(mapper, there, onto, far, onto_far, l->is_loop);
+    if (l->is_loop && loop->link_count >= 2 * loop->entered)
+        return CAIRN_OK;
+    status = set_link(mapper, link, onto, far, onto_far);
+    l->next[l->second == far] = next;
+    cairn_mapper_hang_link(loop, link, l->second == onto);
+    return status;
+}
+
+/* Takes away the links that the key scan still has; those that stay are counted, and hung up, anew. */
+static void remove_links(cairn_mapper *mapper, int32_t key)
+{
+    mapper_loop *loop = &mapper->loop;
+    int32_t kept = 0;
+
+    mapper->state.loops = 0;
+    for (int32_t i = 0; i < loop->entered; i++)
+        loop->first_link[i] = -1;
+    for (int32_t i = 0; i < loop->link_count; i++) {
+        mapper_link link = loop->links[i];
+
+        if (link.first == key || link.second == key)
+            continue;
+        link.first -= link.first > key;
+        link.second -= link.second > key;
+        loop->links[kept] = link;
+        cairn_mapper_hang_link(loop, kept, 0);
+        cairn_mapper_hang_link(loop, kept, 1);
+        mapper->state.loops += link.is_loop && !link.dropped;
+        kept++;
+    }
+    loop->link_count = kept;
+}
+
+/* ---- Numbers ---- */
+
+/* What was the key scan that goes is the one on which it hangs; those after it move up. */
+static void rename_key(const cairn_mapper_release *release, int32_t *key)
+{
+    if (*key == release->key)
+        *key = release->onto;
+    else
+        *key -= *key > release->key;
+}
+
+void cairn_mapper_rehang(cairn_mapper_release release, int32_t *key, cairn_pose *key_scan)
+{
+    if (*key == release.key)
+        *key_scan = cairn_pose_compose(release.onto_key, *key_scan);
+    rename_key(&release, key);
+}
+
+/* A piece of the map whose first key scan goes is named by the next one of it. */
+static void rename_pieces(cairn_mapper *mapper, int32_t gone)
+{
+    mapper_tie *ties = mapper->loop.ties;
+    int32_t heir = -1;
+
+    for (int32_t key = gone + 1; key < mapper->key_count; key++) {
+        if (ties[key].piece == gone) {
+            if (heir < 0)
+                ties[key].doubtful = ties[gone].doubtful;
+            heir = heir < 0 ? key : heir;
+            ties[key].piece = heir;
+        }
+    }
+}
+
+static void move_up(cairn_mapper *mapper, const cairn_mapper_release *release)
+{
+    mapper_loop *loop = &mapper->loop;
+
+    mapper->key_count--;
+    for (int32_t key = 0; key < mapper->key_count; key++) {
+        int32_t from = key + (key >= release->key);
+
+        mapper->slot[key] = mapper->slot[from];
+        mapper->key_pose[key] = mapper->key_pose[from];
+        loop->ties[key] = loop->ties[from];
+        loop->ties[key].piece -= loop->ties[key].piece > release->key;
+        for (int32_t i = 0; i < loop->ties[key].anchor_count; i++)
+            rename_key(release, &loop->ties[key].anchors[i]);
+        loop->cover.loss[key] = loop->cover.loss[from];
+        loop->cover.reach[key] = loop->cover.reach[from];
+    }
+}
+
+/* Closures that wait hang on the neighbour now. Those that lead to the key scan itself are long past. */
+static void rename_pending(mapper_loop *loop, const cairn_mapper_release *release)
+{
+    int32_t count = loop->pending_count < MAPPER_PENDING ? loop->pending_count : MAPPER_PENDING;
+
+    for (int32_t i = 0; i < count; i++) {
+        mapper_pending *waits = &loop->pending[i];
+
+        cairn_mapper_rehang(*release, &waits->first, &waits->first_second);
+        waits->second -= waits->second >= release->key;
+    }
+}
+
+static void rename_all(cairn_mapper *mapper, const cairn_mapper_release *release)
+{
+    mapper_loop *loop = &mapper->loop;
+
+    rename_pieces(mapper, release->key);
+    move_up(mapper, release);
+    rename_pending(loop, release);
+    for (int32_t i = 0; i < MAPPER_LOOP_EVENTS; i++) {
+        rename_key(release, &loop->events[i].first);
+        rename_key(release, &loop->events[i].second);
+    }
+    for (int32_t i = 0; i < mapper->local_count; i++)
+        rename_key(release, &mapper->local[i]);
+    cairn_mapper_rehang(*release, &mapper->result.key, &mapper->result.key_scan);
+    mapper->window_first--;
+    mapper->window_end--;
+    mapper->window_cursor--;
+    loop->entered--;
+    loop->cover.key = 1;
+    mapper->state.keys = mapper->key_count;
+}
+
+/* ---- The release ---- */
+
+cairn_status cairn_mapper_release_key(cairn_mapper *mapper, int32_t key, cairn_budget *budget)
+{
+    mapper_loop *loop = &mapper->loop;
+    int32_t best = best_link(mapper, key), onto, degree = 0, next;
+    cairn_mapper_release *release = &mapper->releases[mapper->state.releases % MAPPER_RELEASES];
+    measured onto_key;
+    cairn_status status;
+
+    CAIRN_ASSERT(best >= 0); /* the graph is in one piece without its closures */
+    onto = other_end(&loop->links[best], key);
+    status = seen_from(mapper, best, onto, &onto_key) ? CAIRN_OK : CAIRN_BAD_ARGUMENT;
+
+    for (int32_t link = loop->first_link[key]; link >= 0 && status == CAIRN_OK; link = next) {
+        next = loop->links[link].next[loop->links[link].second == key];
+        if (link != best && !loop->links[link].dropped)
+            status = bend_link(mapper, link, key, onto, onto_key);
+        degree++;
+    }
+    if (status == CAIRN_OK)
+        status = cairn_pose_graph_remove_pose(loop->graph, key);
+    if (status == CAIRN_OK)
+        status = cairn_scan_set_remove(mapper->keys, mapper->slot[key]);
+    if (status != CAIRN_OK)
+        return status;
+    budget->left -= 1 + 16 * degree + (mapper->key_count + loop->link_count) / 8;
+    release->key = key;
+    release->onto = onto - (onto > key);
+    release->onto_key = cairn_pose_between(mapper->key_pose[onto], mapper->key_pose[key]);
+    mapper->state.releases = mapper->state.releases == INT32_MAX ? 0 : mapper->state.releases + 1;
+    cairn_mapper_uncover(mapper, key);
+    remove_links(mapper, key);
+    rename_all(mapper, release);
+    loop->unsolvable = 0;
+    return CAIRN_OK;
+}

@@ -1,0 +1,378 @@
+/* Contours of known shapes in drawn pictures of edges: found where they are, as they are and mirrored, with both kinds of tokens; the
+ * walk watched; pictures with nothing, with edges everywhere, and those that are too large. */
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "cairn/contour_search.h"
+#include "cairn/shape_model_file.h"
+
+enum { WIDTH = 300, HEIGHT = 220, PIXELS = WIDTH * HEIGHT };
+
+static uint8_t edges[PIXELS];
+static cairn_file_error error;
+static int32_t samples; /* of the model that was searched last */
+
+/* A flag: a pole with a cloth to the right, 120 px high. */
+static const cairn_vec2 flag[] = {{0, 0}, {14, 0}, {60, 8}, {80, 4}, {78, 48}, {56, 52}, {14, 44}, {14, 120}, {0, 120}};
+enum { CORNERS = sizeof flag / sizeof *flag };
+
+static cairn_shape_model_file make_model(void)
+{
+    cairn_curve outline = {flag, CORNERS, 1};
+    cairn_shape_builder_params params = cairn_shape_builder_default();
+    cairn_shape_model_file file;
+
+    assert_ok(cairn_shape_model_file_build(&file, &outline, 1, &params, "flag", &error));
+    return file;
+}
+
+static void draw_line(cairn_vec2 a, cairn_vec2 b)
+{
+    int32_t steps = 1 + (int32_t)(2 * cairn_vec2_norm(cairn_vec2_sub(b, a)));
+
+    for (int32_t i = 0; i <= steps; i++) {
+        int32_t x = (int32_t)lrint((double)a.x + (double)(b.x - a.x) * i / steps);
+        int32_t y = (int32_t)lrint((double)a.y + (double)(b.y - a.y) * i / steps);
+
+        if (x >= 0 && y >= 0 && x < WIDTH && y < HEIGHT)
+            edges[y * WIDTH + x] = 200;
+    }
+}
+
+/* The flag at (x, y), `scale` times as large, mirrored or not. */
+static void draw_flag(double x, double y, double scale, int mirrored)
+{
+    for (int32_t i = 0; i < CORNERS; i++) {
+        cairn_vec2 p = flag[i], q = flag[(i + 1) % CORNERS];
+        cairn_vec2 a = {(cairn_real)(x + scale * (mirrored ? -1 : 1) * (double)p.x),
+                        (cairn_real)(y + scale * (double)p.y)};
+        cairn_vec2 b = {(cairn_real)(x + scale * (mirrored ? -1 : 1) * (double)q.x),
+                        (cairn_real)(y + scale * (double)q.y)};
+
+        draw_line(a, b);
+    }
+}
+
+static void draw_clutter(void)
+{
+    cairn_random random = cairn_random_seed(9, 2);
+
+    for (int32_t i = 0; i < 30; i++) {
+        cairn_vec2 a, b;
+
+        a.x = (cairn_real)cairn_random_below(&random, WIDTH);
+        a.y = (cairn_real)cairn_random_below(&random, HEIGHT);
+        b.x = a.x + (cairn_real)(cairn_random_below(&random, 61) - 30);
+        b.y = a.y + (cairn_real)(cairn_random_below(&random, 61) - 30);
+        draw_line(a, b);
+    }
+}
+
+static cairn_contour_tokens find_tokens(int32_t edgels)
+{
+    cairn_raster_u8_view view = {edges, WIDTH, HEIGHT, WIDTH};
+    cairn_contour_tokens tokens;
+
+    assert_ok(cairn_contour_tokens_find(&tokens, view, 1, edgels, "edges", &error));
+    return tokens;
+}
+
+static cairn_contour_result run(const cairn_contour_tokens *tokens, const cairn_contour_search_params *params)
+{
+    cairn_shape_model_file model = make_model();
+    cairn_contour_result result;
+
+    assert_ok(cairn_contour_search_run(&result, tokens, &model.model, params, "edges", &error));
+    samples = model.model.sample_count;
+    cairn_shape_model_file_free(&model);
+    return result;
+}
+
+/* Every index is one of the list it points into. */
+static void assert_whole(const cairn_contour_result *r, const cairn_contour_tokens *t)
+{
+    for (int32_t i = 0; i < r->object_count; i++) {
+        const cairn_contour_object *o = &r->objects[i];
+
+        assert_in_range(o->found.first, 0, r->segment_count);
+        assert_in_range(o->found.first + o->found.count, o->found.first, r->segment_count);
+        assert_in_range(o->first_disc, 0, r->disc_count - 1);
+        if (i > 0)
+            assert_true(o->found.score <= r->objects[i - 1].found.score);
+    }
+    for (int32_t i = 0; i < r->segment_count; i++)
+        assert_in_range(r->segments[i], 0, t->count - 1);
+    for (int32_t i = 0; i < r->disc_count; i++)
+        for (int32_t side = 0; side < 2; side++)
+            assert_true(r->discs[i].side[side] >= -1 && r->discs[i].side[side] < t->count);
+}
+
+/* A search that always reports its best. */
+static cairn_contour_search_params generous(void)
+{
+    cairn_contour_search_params params = cairn_contour_search_default(WIDTH, HEIGHT);
+
+    params.grouping.min_score = CAIRN_REAL(0.3);
+    return params;
+}
+
+static void check_found(double x, double y, double scale, int mirrored, int32_t edgels)
+{
+    cairn_contour_search_params params = generous();
+    double size = scale * hypot(80, 120);
+    cairn_contour_tokens tokens;
+    cairn_contour_result r;
+    const cairn_contour_object *o;
+    int32_t sides = 0;
+
+    memset(edges, 0, sizeof edges);
+    draw_clutter();
+    draw_flag(x, y, scale, mirrored);
+    tokens = find_tokens(edgels);
+    params.min_size = (cairn_real)(0.7 * size);
+    params.max_size = (cairn_real)(1.4 * size);
+    r = run(&tokens, &params);
+    assert_whole(&r, &tokens);
+    assert_true(r.object_count >= 1);
+    o = &r.objects[0];
+    assert_int_equal(o->mirrored, mirrored);
+    assert_near(o->found.size, size, 0.06 * size);
+    assert_near(o->found.origin.x, x + (mirrored ? -40 : 40) * scale, 0.06 * size);
+    assert_near(o->found.origin.y, y + 60 * scale, 0.06 * size);
+    assert_true(r.best >= o->found.score);
+    /* Of the axis most discs have both sides, and lie inside the flag. */
+    for (int32_t k = 0; k < samples; k++) {
+        const cairn_contour_disc *d = &r.discs[o->first_disc + k];
+
+        assert_int_equal(d->sample, k);
+        assert_true(d->radius > 0);
+        sides += (d->side[0] >= 0) + (d->side[1] >= 0);
+    }
+    assert_true(sides >= 12 * samples / 10);
+    cairn_contour_result_free(&r);
+    assert_null(r.objects);
+    cairn_contour_tokens_free(&tokens);
+}
+
+static void test_found_as_it_is_and_mirrored(void **state)
+{
+    (void)state;
+    check_found(60, 40, 1, 0, 0);
+    check_found(180, 60, 1.2, 1, 0);
+}
+
+static void test_found_among_edgels(void **state)
+{
+    (void)state;
+    check_found(60, 40, 1, 0, 1);
+}
+
+/* Without the mirror there is one trace, and the mirrored flag is not the best. */
+static void test_without_mirror(void **state)
+{
+    cairn_contour_search_params params = generous();
+    cairn_contour_tokens tokens;
+    cairn_contour_result r;
+
+    (void)state;
+    memset(edges, 0, sizeof edges);
+    draw_flag(180, 60, 1, 1);
+    tokens = find_tokens(0);
+    params.mirror = 0;
+    r = run(&tokens, &params);
+    assert_null(r.trace[1]);
+    assert_null(r.modes[1]);
+    assert_int_equal(r.steps[1] + r.starts[1], 0);
+    for (int32_t i = 0; i < r.object_count; i++)
+        assert_int_equal(r.objects[i].mirrored, 0);
+    cairn_contour_result_free(&r);
+    cairn_contour_tokens_free(&tokens);
+}
+
+static void test_both_of_two(void **state)
+{
+    cairn_contour_search_params params = generous();
+    cairn_contour_tokens tokens;
+    cairn_contour_result r;
+    int32_t found[2] = {0, 0};
+
+    (void)state;
+    memset(edges, 0, sizeof edges);
+    draw_flag(20, 50, 1, 0);
+    draw_flag(280, 50, 1, 1);
+    tokens = find_tokens(0);
+    params.min_size = 120;
+    params.max_size = 170;
+    r = run(&tokens, &params);
+    assert_true(r.object_count >= 2);
+    for (int32_t i = 0; i < 2; i++)
+        found[r.objects[i].mirrored]++;
+    assert_int_equal(found[0], 1);
+    assert_int_equal(found[1], 1);
+    assert_near(r.objects[0].mirrored ? r.objects[1].found.origin.x : r.objects[0].found.origin.x, 60, 6);
+    cairn_contour_result_free(&r);
+    cairn_contour_tokens_free(&tokens);
+}
+
+/* ---- The walk watched ---- */
+
+typedef struct watch {
+    int32_t calls[2], last;
+    double weight;
+} watch;
+
+static void on_step(void *context, const cairn_grouping_particle *particles, int32_t count, int32_t mirrored)
+{
+    watch *w = context;
+
+    assert_in_range(count, 1, 100);
+    assert_true(mirrored >= w->last);
+    w->last = mirrored;
+    w->calls[mirrored]++;
+    w->weight = 0;
+    for (int32_t i = 0; i < count; i++) {
+        w->weight += exp((double)particles[i].log_weight);
+        assert_true(particles[i].size > 0 && cairn_is_finite(particles[i].origin.x));
+        assert_true(cairn_is_finite(particles[i].centre.y) && particles[i].radius > 0);
+        assert_in_range(particles[i].sides, 0, 2);
+    }
+    assert_near(w->weight, 1, 1e-3);
+}
+
+static void test_the_walk_is_watched(void **state)
+{
+    cairn_contour_search_params params = generous();
+    cairn_contour_tokens tokens;
+    cairn_contour_result r, silent;
+    watch w = {{0, 0}, 0, 0};
+
+    (void)state;
+    memset(edges, 0, sizeof edges);
+    draw_clutter();
+    draw_flag(60, 40, 1, 0);
+    tokens = find_tokens(0);
+    params.grouping.particles = 100;
+    silent = run(&tokens, &params);
+    params.on_step = on_step;
+    params.context = &w;
+    r = run(&tokens, &params);
+    for (int32_t m = 0; m < 2; m++) {
+        assert_int_equal(w.calls[m], r.steps[m]);
+        for (int32_t i = 0; i < r.steps[m]; i++)
+            assert_in_range(r.modes[m][i], 1, r.trace[m][i].particles);
+    }
+    /* Who watches changes nothing. */
+    assert_int_equal(r.object_count, silent.object_count);
+    assert_memory_equal(r.segments, silent.segments, (size_t)r.segment_count * sizeof *r.segments);
+    cairn_contour_result_free(&silent);
+    cairn_contour_result_free(&r);
+    cairn_contour_tokens_free(&tokens);
+}
+
+static void test_no_walk_no_particles(void **state)
+{
+    cairn_grouping_particle particle;
+    int32_t steps = 7;
+
+    (void)state;
+    assert_int_equal(cairn_grouping_particles(NULL, &particle, 1, &steps), 0);
+    assert_int_equal(steps, 0);
+    assert_int_equal(cairn_grouping_particles(NULL, NULL, 0, NULL), 0);
+}
+
+/* ---- Pictures with nothing in them, or too much ---- */
+
+static void test_empty_and_full(void **state)
+{
+    cairn_contour_search_params params = cairn_contour_search_default(WIDTH, HEIGHT);
+    static const uint8_t one[1] = {255};
+    cairn_raster_u8_view dot = {one, 1, 1, 1};
+
+    (void)state;
+    for (int k = 0; k < 3; k++) {
+        cairn_contour_tokens tokens;
+        cairn_contour_result r;
+
+        memset(edges, k == 0 ? 0 : 255, sizeof edges);
+        if (k < 2)
+            tokens = find_tokens(0);
+        else
+            assert_ok(cairn_contour_tokens_find(&tokens, dot, 1, 0, "dot", &error));
+        assert_int_equal(tokens.width, k < 2 ? WIDTH : 1);
+        r = run(&tokens, &params);
+        assert_int_equal(r.object_count, 0);
+        assert_true(r.best < params.grouping.min_score);
+        cairn_contour_result_free(&r);
+        cairn_contour_tokens_free(&tokens);
+    }
+}
+
+static void test_limits(void **state)
+{
+    int32_t wide = CAIRN_CONTOUR_SIDE_MOST + 1, many = 1100;
+    uint8_t *pixels = malloc((size_t)many * (size_t)many);
+    cairn_raster_u8_view row = {pixels, wide, 1, wide}, full = {pixels, many, many, many}, none = {NULL, 1, 1, 1};
+    cairn_contour_tokens tokens;
+
+    (void)state;
+    assert_non_null(pixels);
+    memset(pixels, 9, (size_t)many * (size_t)many);
+    assert_status(cairn_contour_tokens_find(&tokens, row, 1, 0, "row", &error), CAIRN_FULL);
+    assert_non_null(strstr(error.text, "row: 8193 x 1 pixels"));
+    assert_status(cairn_contour_tokens_find(&tokens, full, 1, 0, "full", &error), CAIRN_FULL);
+    assert_non_null(strstr(error.text, "1210000 of them edges, expected"));
+    assert_ok(cairn_contour_tokens_find(&tokens, full, 10, 0, "full", &error));
+    assert_int_equal(tokens.count, 0);
+    cairn_contour_tokens_free(&tokens);
+    assert_status(cairn_contour_tokens_find(&tokens, none, 1, 0, "none", &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_contour_tokens_find(&tokens, full, 0, 0, "full", &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_contour_tokens_find(&tokens, full, 256, 0, "full", &error), CAIRN_BAD_ARGUMENT);
+    assert_null(tokens.lines);
+    free(pixels);
+}
+
+static void test_refused_searches(void **state)
+{
+    cairn_shape_model_file model = make_model();
+    cairn_contour_tokens tokens;
+    cairn_contour_result r;
+
+    (void)state;
+    memset(edges, 0, sizeof edges);
+    draw_flag(60, 40, 1, 0);
+    tokens = find_tokens(0);
+    for (int k = 0; k < 6; k++) {
+        cairn_contour_search_params bad = cairn_contour_search_default(WIDTH, HEIGHT);
+
+        bad.min_size = k == 0 ? 0 : k == 1 ? (cairn_real)NAN : bad.min_size;
+        bad.max_size = k == 2 ? bad.min_size / 2 : bad.max_size;
+        bad.min_turn = k == 3 ? 4 : bad.min_turn;
+        bad.grouping.particles = k == 4 ? 0 : bad.grouping.particles;
+        bad.grouping.token = k == 5 ? 0 : bad.grouping.token;
+        memset(&error, 0, sizeof error);
+        assert_status(cairn_contour_search_run(&r, &tokens, &model.model, &bad, "name", &error), CAIRN_BAD_ARGUMENT);
+        assert_non_null(strstr(error.text, "name: "));
+        assert_null(r.objects);
+        assert_null(r.trace[0]);
+    }
+    cairn_shape_model_file_free(&model);
+    cairn_contour_tokens_free(&tokens);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_found_as_it_is_and_mirrored),
+        cmocka_unit_test(test_found_among_edgels),
+        cmocka_unit_test(test_without_mirror),
+        cmocka_unit_test(test_both_of_two),
+        cmocka_unit_test(test_the_walk_is_watched),
+        cmocka_unit_test(test_no_walk_no_particles),
+        cmocka_unit_test(test_empty_and_full),
+        cmocka_unit_test(test_limits),
+        cmocka_unit_test(test_refused_searches),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

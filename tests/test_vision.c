@@ -1,0 +1,461 @@
+/* Images through OpenCV: what is written comes back, edges and slopes of known pictures; damaged, giant and foreign files; and life
+ * without OpenCV. */
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "cairn/vision.h"
+#include "src/host/map_file_image.h"
+#include "tests/files.h"
+
+enum { WIDTH = 23, HEIGHT = 17, PIXELS = WIDTH * HEIGHT, CHANNELS_MOST = 4 };
+
+static cairn_file_error error;
+
+/* Tests of what needs OpenCV are skipped without it. */
+static void need_opencv(void)
+{
+    cairn_status status = cairn_vision_load(&error);
+
+    if (status == CAIRN_UNSUPPORTED) {
+        print_message("%s: skipped\n", error.text);
+        skip();
+    }
+    assert_ok(status);
+}
+
+static void assert_said(const char *path, const char *piece)
+{
+    if (strstr(error.text, path) == NULL || strstr(error.text, piece) == NULL ||
+        (error.status != CAIRN_IO && strstr(error.text, "expected") == NULL))
+        fail_msg("\"%s\" does not say \"%s ... %s ... expected\"", error.text, path, piece);
+}
+
+static void assert_refused(const char *path, cairn_status status, const char *piece)
+{
+    cairn_vision_image image;
+
+    memset(&error, 0, sizeof error);
+    assert_status(cairn_vision_read(&image, path, &error), status);
+    assert_status(error.status, status);
+    assert_null(image.samples);
+    assert_said(path, piece);
+}
+
+/* Samples that no two neighbours share. */
+static cairn_vision_image make(int32_t channels, int32_t bytes)
+{
+    static uint16_t samples[PIXELS * CHANNELS_MOST];
+    cairn_vision_image image = {WIDTH, HEIGHT, channels, bytes, samples};
+
+    for (int32_t i = 0; i < PIXELS * channels; i++)
+        if (bytes == 1)
+            ((uint8_t *)samples)[i] = (uint8_t)(i * 37 + i / 11);
+        else
+            samples[i] = (uint16_t)(i * 9973 + i / 11);
+    return image;
+}
+
+/* ---- Files ---- */
+
+static void test_what_is_written_comes_back(void **state)
+{
+    static const struct {
+        const char *name;
+        int32_t channels, bytes;
+    } cases[] = {{"a.tif", 1, 1}, {"a.tif", 1, 2}, {"a.tiff", 3, 1}, {"a.tif", 3, 2}, {"a.tif", 4, 1}, {"a.png", 1, 1},
+                 {"a.png", 1, 2}, {"a.png", 3, 1}, {"a.png", 3, 2},  {"a.png", 4, 1}, {"a.pgm", 1, 1}, {"a.pgm", 1, 2}};
+
+    (void)state;
+    need_opencv();
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        cairn_vision_image made = make(cases[i].channels, cases[i].bytes), got;
+        const char *path = files_path(cases[i].name);
+
+        assert_ok(cairn_vision_write(&made, path, &error));
+        assert_ok(cairn_vision_read(&got, path, &error));
+        assert_int_equal(got.width, WIDTH);
+        assert_int_equal(got.height, HEIGHT);
+        assert_int_equal(got.channels, cases[i].channels);
+        assert_int_equal(got.sample_bytes, cases[i].bytes);
+        assert_memory_equal(got.samples, made.samples, (size_t)(PIXELS * cases[i].channels * cases[i].bytes));
+        cairn_vision_free(&got);
+        assert_null(got.samples);
+        assert_int_equal(remove(path), 0);
+    }
+}
+
+static void test_jpeg_comes_back_nearly(void **state)
+{
+    uint8_t samples[PIXELS];
+    cairn_vision_image made = {WIDTH, HEIGHT, 1, 1, samples}, got;
+    const char *path = files_path("a.jpg");
+
+    (void)state;
+    need_opencv();
+    for (int32_t i = 0; i < PIXELS; i++)
+        samples[i] = (uint8_t)(5 * (i % WIDTH) + 7 * (i / WIDTH));
+    assert_ok(cairn_vision_write(&made, path, &error));
+    assert_ok(cairn_vision_read_grey(&got, path, &error));
+    for (int32_t i = 0; i < PIXELS; i++)
+        assert_near(((uint8_t *)got.samples)[i], samples[i], 4);
+    cairn_vision_free(&got);
+}
+
+static void test_nothing_half_written(void **state)
+{
+    cairn_vision_image image = make(1, 1), deep = make(1, 2), colour = make(3, 1);
+    int before;
+
+    (void)state;
+    before = files_count();
+    assert_status(cairn_vision_write(&image, files_path("a.bmp"), &error), CAIRN_BAD_ARGUMENT);
+    assert_said("a.bmp", ".tif");
+    assert_status(cairn_vision_write(&image, files_path("png"), &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_vision_write(&deep, files_path("a.jpg"), &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_vision_write(&colour, files_path("a.pgm"), &error), CAIRN_BAD_ARGUMENT);
+    for (int k = 0; k < 6; k++) {
+        cairn_vision_image bad = make(1, 1);
+
+        bad.width = k == 0 ? 0 : bad.width;
+        bad.height = k == 1 ? 0 : bad.height;
+        bad.channels = k == 2 ? 2 : bad.channels;
+        bad.sample_bytes = k == 3 ? 4 : bad.sample_bytes;
+        bad.samples = k == 4 ? NULL : bad.samples;
+        bad.width = k == 5 ? CAIRN_VISION_SIDE_MOST + 1 : bad.width;
+        assert_status(cairn_vision_write(&bad, files_path("a.png"), &error), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_vision_make_grey(&bad), CAIRN_BAD_ARGUMENT);
+    }
+    assert_status(cairn_vision_write(NULL, files_path("a.png"), NULL), CAIRN_BAD_ARGUMENT);
+    need_opencv();
+    assert_status(cairn_vision_write(&image, files_path("none/a.png"), &error), CAIRN_IO);
+    assert_int_equal(files_count(), before);
+}
+
+/* ---- Grey ---- */
+
+static void test_grey(void **state)
+{
+    static const uint8_t colours[5][3] = {{255, 0, 0}, {0, 255, 0}, {0, 0, 255}, {255, 255, 255}, {10, 20, 30}};
+    static const int32_t wanted[5] = {29, 150, 76, 255, 22};
+
+    (void)state;
+    for (int32_t channels = 3; channels <= 4; channels++)
+        for (int32_t bytes = 1; bytes <= 2; bytes++) {
+            cairn_vision_image image = {5, 1, channels, bytes, calloc(40, 2)};
+
+            for (int32_t i = 0; i < 5; i++)
+                for (int32_t k = 0; k < 3; k++)
+                    if (bytes == 1)
+                        ((uint8_t *)image.samples)[i * channels + k] = colours[i][k];
+                    else
+                        ((uint16_t *)image.samples)[i * channels + k] = (uint16_t)(257 * colours[i][k]);
+            assert_ok(cairn_vision_make_grey(&image));
+            assert_int_equal(image.channels, 1);
+            assert_int_equal(image.sample_bytes, 1);
+            for (int32_t i = 0; i < 5; i++)
+                assert_int_equal(((uint8_t *)image.samples)[i], wanted[i] - (i == 4 && bytes == 2));
+            assert_ok(cairn_vision_make_grey(&image));
+            assert_int_equal(((uint8_t *)image.samples)[1], wanted[1]);
+            cairn_vision_free(&image);
+        }
+    assert_status(cairn_vision_make_grey(NULL), CAIRN_BAD_ARGUMENT);
+}
+
+/* ---- Edges ---- */
+
+/* A step of `rise` between columns 9 and 10. */
+static void make_step(uint8_t *grey, int32_t rise)
+{
+    for (int32_t i = 0; i < PIXELS; i++)
+        grey[i] = (uint8_t)(50 + (i % WIDTH >= 10 ? rise : 0));
+}
+
+static void test_edges_of_a_step(void **state)
+{
+    cairn_vision_canny_params params = cairn_vision_canny_default();
+    uint8_t grey[PIXELS], strengths[PIXELS];
+    cairn_vision_image image = {WIDTH, HEIGHT, 1, 1, grey};
+
+    (void)state;
+    need_opencv();
+    make_step(grey, 100);
+    assert_ok(cairn_vision_canny(&image, &params, strengths, "step", &error));
+    for (int32_t y = 1; y < HEIGHT - 1; y++) {
+        int32_t found = 0;
+
+        for (int32_t x = 0; x < WIDTH; x++)
+            if (strengths[y * WIDTH + x] > 0) {
+                found++;
+                assert_in_range(x, 9, 10);
+                /* 100 / (1.4 sqrt(2 pi)), twice; between two columns it is a little less. */
+                assert_near(strengths[y * WIDTH + x], 200 / (1.4 * 2.5066), 12);
+            }
+        assert_int_equal(found, 1);
+    }
+    /* The slope of this step is 20 / (1.4 sqrt(2 pi)) = 5.7. */
+    make_step(grey, 20);
+    params.high = 4;
+    assert_ok(cairn_vision_canny(&image, &params, strengths, "step", &error));
+    assert_int_not_equal(strengths[5 * WIDTH + 9] + strengths[5 * WIDTH + 10], 0);
+    params.high = 8;
+    assert_ok(cairn_vision_canny(&image, &params, strengths, "step", &error));
+    for (int32_t i = 0; i < PIXELS; i++)
+        assert_int_equal(strengths[i], 0);
+    params.sigma = 0;
+    assert_ok(cairn_vision_canny(&image, &params, strengths, "step", &error));
+    assert_int_not_equal(strengths[5 * WIDTH + 9] + strengths[5 * WIDTH + 10], 0);
+}
+
+static void test_slopes_of_a_ramp(void **state)
+{
+    static const double sigmas[] = {0, 1, 2};
+    uint8_t grey[PIXELS];
+    float x[PIXELS], y[PIXELS];
+    cairn_vision_image image = {WIDTH, HEIGHT, 1, 1, grey};
+
+    (void)state;
+    need_opencv();
+    for (int32_t i = 0; i < PIXELS; i++)
+        grey[i] = (uint8_t)(3 * (i % WIDTH) + 5 * (i / WIDTH));
+    for (int k = 0; k < 3; k++) {
+        assert_ok(cairn_vision_gradients(&image, sigmas[k], x, y, "ramp", &error));
+        assert_near(x[8 * WIDTH + 11], 3, 0.01);
+        assert_near(y[8 * WIDTH + 11], 5, 0.01);
+    }
+}
+
+static void test_refused_edges(void **state)
+{
+    uint8_t grey[PIXELS] = {0}, strengths[PIXELS];
+    float x[PIXELS];
+    cairn_vision_image image = {WIDTH, HEIGHT, 1, 1, grey}, deep = make(1, 2), colour = make(3, 1);
+    static const cairn_vision_canny_params bad[] = {{-1, 3, 8},          {51, 3, 8},          {(double)NAN, 3, 8},
+                                                    {1, 0, 8},           {1, (double)NAN, 8}, {1, 3, 2.9},
+                                                    {1, 3, (double)NAN}, {1, 3, 1001}};
+    cairn_vision_canny_params good = cairn_vision_canny_default();
+
+    (void)state;
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        assert_status(cairn_vision_canny(&image, &bad[i], strengths, "name", &error), CAIRN_BAD_ARGUMENT);
+        assert_said("name", "sigma");
+    }
+    assert_status(cairn_vision_canny(&deep, &good, strengths, "name", NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_vision_canny(&colour, &good, strengths, "name", NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_vision_canny(NULL, &good, strengths, "name", NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_vision_canny(&image, NULL, strengths, "name", NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_vision_canny(&image, &good, NULL, "name", NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_vision_gradients(&image, -1, x, x, "name", NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_vision_gradients(&image, 51, x, x, "name", NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_vision_gradients(&image, (double)NAN, x, x, "name", NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_vision_gradients(&image, 1, NULL, x, "name", NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_vision_gradients(&image, 1, x, NULL, "name", NULL), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_vision_gradients(&deep, 1, x, x, "name", &error), CAIRN_BAD_ARGUMENT);
+    assert_said("name", "grey");
+}
+
+/* ---- Files that are no good ---- */
+
+static void test_every_cut_is_told(void **state)
+{
+    static const char *const names[] = {"a.tif", "a.png", "a.jpg", "a.pgm"};
+
+    (void)state;
+    need_opencv();
+    for (size_t i = 0; i < 4; i++) {
+        cairn_vision_image made = make(1, 1), got;
+        const char *path = files_path(names[i]);
+        size_t count = 0;
+        char *bytes;
+
+        assert_ok(cairn_vision_write(&made, path, &error));
+        bytes = files_read(path, &count);
+        for (size_t cut = 0; cut < count; cut++) {
+            const char *shorter = files_write("cut", bytes, cut);
+            cairn_status status = cairn_vision_read(&got, shorter, &error);
+
+            /* What lies behind the pixels of a TIFF may go, and a reader of TIFF may keep the rows that are there. */
+            if (status == CAIRN_OK && i == 0)
+                cairn_vision_free(&got);
+            else if (status != CAIRN_TRUNCATED && status != CAIRN_BAD_FORMAT)
+                fail_msg("%s cut to %zu of %zu bytes: %d", names[i], cut, count, status);
+            else
+                assert_said("cut", "");
+        }
+        free(bytes);
+    }
+}
+
+/* Bytes changed at random: an image or an error, never anything else. */
+static void test_damage_is_survived(void **state)
+{
+    static const char *const names[] = {"a.tif", "a.png", "a.pgm"};
+    cairn_random random = cairn_random_seed(5, 1);
+
+    (void)state;
+    need_opencv();
+    for (size_t i = 0; i < 3; i++) {
+        cairn_vision_image made = make(3 - 2 * (i == 2), 1), got;
+        const char *path = files_path(names[i]);
+        size_t count = 0;
+        char *bytes;
+
+        assert_ok(cairn_vision_write(&made, path, &error));
+        bytes = files_read(path, &count);
+        for (int32_t round = 0; round < 40; round++) {
+            size_t at = (size_t)cairn_random_below(&random, (int32_t)(count < 400 ? count : 400));
+            char was = bytes[at];
+
+            bytes[at] = (char)cairn_random_below(&random, 256);
+            if (cairn_vision_read(&got, files_write("damaged", bytes, count), &error) == CAIRN_OK) {
+                assert_true(got.width >= 1 && got.height >= 1 && got.samples != NULL);
+                cairn_vision_free(&got);
+            }
+            bytes[at] = was;
+        }
+        free(bytes);
+    }
+}
+
+/* Heads of images beyond the limits, with nothing behind them. */
+static void test_giants_are_refused_unread(void **state)
+{
+    static const uint8_t png[] =
+        "\x89PNG\r\n\x1A\n\0\0\0\x0DIHDR\0\0\x80\x01\0\0\0\x01\x08\0\0\0\0\0\0\0\0\0\0\0\0IEND\0\0\0\0";
+    static const uint8_t jpeg[] =
+        "\xFF\xD8\xFF\xE0\0\x04xx\xFF\xFF\xC0\0\x0B\x08\xFF\xFF\xFF\xFE\x01\x01\x11\0\xFF\xDA\0\x02xx\xFF\xD9";
+    static const uint8_t little[] =
+        "II*\0\x08\0\0\0\x02\0\0\x01\x03\0\x01\0\0\0\x10\x80\0\0\x01\x01\x04\0\x01\0\0\0\x05\0\0\0\0\0\0\0";
+    static const uint8_t big[] =
+        "MM\0*\0\0\0\x08\0\x02\x01\0\0\x04\0\0\0\x01\0\0\x40\0\x01\x01\0\x03\0\0\0\x01\x40\0\0\0\0\0\0\0";
+
+    (void)state;
+    assert_refused(files_write("a.png", png, sizeof png - 1), CAIRN_FULL, "32769 x 1");
+    assert_refused(files_write("a.jpg", jpeg, sizeof jpeg - 1), CAIRN_FULL, "65534 x 65535");
+    assert_refused(files_write("a.tif", little, sizeof little - 1), CAIRN_FULL, "32784 x 5");
+    assert_refused(files_write("b.tif", big, sizeof big - 1), CAIRN_FULL, "16384 x 16384");
+    assert_refused(files_write_text("a.pgm", "P5 # wide\n 99999999999999 1\n255\nxxxx"), CAIRN_FULL, "9999999999 x 1");
+    assert_refused(files_write_text("b.pgm", "P5\n1 32769\n255\nxxxxx"), CAIRN_FULL, "1 x 32769");
+}
+
+static void test_what_is_no_image(void **state)
+{
+    static const uint8_t none[] = "II*\0\x08\0\0\0\x01\0\0\x01\x03\0\x01\0\0\0\x10\0\0\0\0\0\0\0";
+    static const uint8_t long_entries[] = "II*\0\x08\0\0\0\xFF\xFF\0\x01";
+
+    (void)state;
+    assert_refused(files_path("missing.png"), CAIRN_IO, "open");
+    assert_refused(files_folder, CAIRN_UNSUPPORTED, "folder");
+    assert_refused(files_write_text("empty", ""), CAIRN_TRUNCATED, "0 bytes");
+    assert_refused(files_write_text("text", "hello, world"), CAIRN_BAD_FORMAT, "0x6865");
+    assert_refused(files_write_text("p4", "P4\n8 8\n00000000"), CAIRN_BAD_FORMAT, "0x5034");
+    assert_refused(files_write_text("p7", "P7\n8 8\n00000000"), CAIRN_BAD_FORMAT, "0x5037");
+    assert_refused(files_write_text("a.pgm", "P5\nwide 4\n255\n"), CAIRN_BAD_FORMAT, "0x77");
+    assert_refused(files_write_text("b.pgm", "P5\n# long"), CAIRN_TRUNCATED, "PGM");
+    assert_refused(files_write_text("c.pgm", "P5\n0 4\n255\nxxxx"), CAIRN_BAD_FORMAT, "0 x 4");
+    assert_refused(files_write("a.tif", none, sizeof none - 1), CAIRN_BAD_FORMAT, "16 x 0");
+    assert_refused(files_write("b.tif", long_entries, sizeof long_entries - 1), CAIRN_TRUNCATED, "TIFF");
+    assert_refused(files_write("c.tif", "II*\0\0\0\0\0\0\0", 10), CAIRN_TRUNCATED, "TIFF");
+    assert_refused(files_write("a.jpg", "\xFF\xD8\xFF\xE0\0\x04xx\xFF\xDA\0\x02xxxx", 16), CAIRN_TRUNCATED, "JPEG");
+    assert_refused(files_write("b.jpg", "\xFF\xD8xxxxxxxxxx", 12), CAIRN_TRUNCATED, "JPEG");
+    assert_refused(files_write("c.jpg", "\xFF\xD8\xFF\xE0\0\x01xx\xFF\xD9", 10), CAIRN_TRUNCATED, "JPEG");
+}
+
+static void test_refusals_in_the_words_of_opencv(void **state)
+{
+    static const uint8_t png[] =
+        "\x89PNG\r\n\x1A\n\0\0\0\x0DIHDR\0\0\0\x01\0\0\0\x01\x08\0\0\0\0\0\0\0\0\0\0\0\0IEND\0\0\0\0";
+
+    (void)state;
+    need_opencv();
+    assert_refused(files_write("a.png", png, sizeof png - 1), CAIRN_BAD_FORMAT, "OpenCV: ");
+}
+
+/* ---- Without OpenCV ---- */
+
+static void test_without_the_library(void **state)
+{
+    static const uint8_t tiff[] =
+        "II*\0\x08\0\0\0\x02\0\0\x01\x03\0\x01\0\0\0\x01\0\0\0\x01\x01\x03\0\x01\0\0\0\x01\0\0\0\0\0\0\0";
+    uint8_t grey[PIXELS] = {0}, strengths[PIXELS];
+    float x[PIXELS];
+    cairn_vision_image image = {WIDTH, HEIGHT, 1, 1, grey}, got;
+    cairn_vision_canny_params params = cairn_vision_canny_default();
+
+    (void)state;
+    assert_int_equal(setenv("CAIRN_VISION", files_path("nowhere.so"), 1), 0);
+    assert_status(cairn_vision_load(&error), CAIRN_UNSUPPORTED);
+    assert_said("libcairn-vision.so", "make vision");
+    assert_refused(files_write("a.tif", tiff, sizeof tiff - 1), CAIRN_UNSUPPORTED, "image reading needs");
+    assert_status(cairn_vision_canny(&image, &params, strengths, "name", &error), CAIRN_UNSUPPORTED);
+    assert_said("name", "OpenCV 4");
+    assert_status(cairn_vision_gradients(&image, 1, x, x, "name", &error), CAIRN_UNSUPPORTED);
+    assert_status(cairn_vision_write(&image, files_path("a.png"), &error), CAIRN_UNSUPPORTED);
+    /* PGM and PNG can be read all the same. */
+    assert_ok(cairn_vision_read(&got, files_write_text("a.pgm", "P2\n2 1\n255\n7 9\n"), &error));
+    assert_int_equal(got.width, 2);
+    assert_int_equal(got.height, 1);
+    assert_int_equal(got.channels, 1);
+    assert_int_equal(got.sample_bytes, 1);
+    assert_int_equal(((uint8_t *)got.samples)[1], 9);
+    cairn_vision_free(&got);
+    grey[3] = 77;
+    assert_ok(cairn_image_write_png(files_path("b.png"), grey, WIDTH, HEIGHT, &error));
+    assert_ok(cairn_vision_read_grey(&got, files_path("b.png"), &error));
+    assert_memory_equal(got.samples, grey, PIXELS);
+    cairn_vision_free(&got);
+    assert_refused(files_write_text("b.pgm", "P2\n2 1\n255\n7 x\n"), CAIRN_BAD_FORMAT, "a pixel");
+    assert_int_equal(unsetenv("CAIRN_VISION"), 0);
+}
+
+/* A library that is none of ours is not taken for it. */
+static void test_a_foreign_library(void **state)
+{
+    (void)state;
+    assert_int_equal(setenv("CAIRN_VISION", "libm.so.6", 1), 0);
+    assert_status(cairn_vision_load(NULL), CAIRN_UNSUPPORTED);
+    assert_int_equal(unsetenv("CAIRN_VISION"), 0);
+}
+
+static void test_nothing_is_lost(void **state)
+{
+    cairn_vision_image got, made = make(1, 1);
+    size_t before = 0;
+
+    (void)state;
+    need_opencv();
+    assert_ok(cairn_vision_write(&made, files_path("a.tif"), &error));
+    for (int round = 0; round < FILES_HEAP_ROUNDS; round++) {
+        assert_ok(cairn_vision_read_grey(&got, files_path("a.tif"), &error));
+        cairn_vision_free(&got);
+        assert_status(cairn_vision_read_grey(&got, files_write_text("a.pgm", "P5\n9 9\n255\nx"), &error),
+                      CAIRN_BAD_FORMAT);
+        assert_ok(cairn_vision_write(&made, files_path("b.png"), &error));
+        if (round == 4)
+            before = files_heap();
+    }
+    assert_true(files_heap() <= before + FILES_HEAP_NOISE);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_what_is_written_comes_back),
+        cmocka_unit_test(test_jpeg_comes_back_nearly),
+        cmocka_unit_test(test_nothing_half_written),
+        cmocka_unit_test(test_grey),
+        cmocka_unit_test(test_edges_of_a_step),
+        cmocka_unit_test(test_slopes_of_a_ramp),
+        cmocka_unit_test(test_refused_edges),
+        cmocka_unit_test(test_every_cut_is_told),
+        cmocka_unit_test(test_damage_is_survived),
+        cmocka_unit_test(test_giants_are_refused_unread),
+        cmocka_unit_test(test_what_is_no_image),
+        cmocka_unit_test(test_refusals_in_the_words_of_opencv),
+        cmocka_unit_test(test_without_the_library),
+        cmocka_unit_test(test_a_foreign_library),
+        cmocka_unit_test(test_nothing_is_lost),
+    };
+
+    return cmocka_run_group_tests(tests, files_setup, files_teardown);
+}

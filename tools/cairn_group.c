@@ -1,0 +1,347 @@
+/* cairn group: contours of a known object in images. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cairn/number_text.h"
+#include "cairn/output.h"
+#include "cairn/output_set.h"
+#include "cairn/shape_model_file.h"
+#include "tools/cairn_group.h"
+#include "tools/cairn_tool.h"
+
+#define PROGRAM "cairn group"
+#define DEGREE  0.017453292519943295
+
+enum { IMAGES_MOST = 4096, NAME_BYTES = 256, FILES = 3 };
+
+typedef struct settings {
+    const char *images[IMAGES_MOST];
+    size_t count;
+    const char *model, *edges, *scale, *rotation, *tokens, *folder;
+    int64_t particles, strength, side, paths;
+    double score, sigma, low, high;
+    uint64_t seed;
+    double least_size, most_size, least_turn, most_turn;
+    int32_t no_mirror, report, quiet;
+} settings;
+
+/* "A:B" or "A". 0: it is none, or A is above B. */
+static int read_range(const char *text, double *least, double *most)
+{
+    const char *colon = strchr(text, ':');
+    size_t length = colon != NULL ? (size_t)(colon - text) : strlen(text);
+
+    if (!cairn_number_read(text, length, least))
+        return 0;
+    *most = *least;
+    if (colon != NULL && !cairn_number_read(colon + 1, strlen(colon + 1), most))
+        return 0;
+    return isfinite(*least) && isfinite(*most) && *least <= *most;
+}
+
+static option_result check_settings(settings *s)
+{
+    if (s->count < 1 || s->model == NULL || s->folder == NULL)
+        return (option_result)options_refuse(PROGRAM, "%s, expected IMAGE... --model SHAPE -o DIR",
+                                             s->count < 1       ? "no image"
+                                             : s->model == NULL ? "no model (--model)"
+                                                                : "no folder to write to (-o)");
+    if (s->edges != NULL && s->count > 1)
+        return (option_result)options_refuse(PROGRAM, "--edges with %zu images, expected one", s->count);
+    if (s->scale != NULL && (!read_range(s->scale, &s->least_size, &s->most_size) || s->least_size < 1))
+        return (option_result)options_refuse(PROGRAM, "--scale %s, expected A:B in pixels, 1 <= A <= B", s->scale);
+    if (s->rotation != NULL &&
+        (!read_range(s->rotation, &s->least_turn, &s->most_turn) || s->least_turn < -180 || s->most_turn > 180))
+        return (option_result)options_refuse(PROGRAM, "--rotation %s, expected A:B in degrees, -180 <= A <= B <= 180",
+                                             s->rotation);
+    if (strcmp(s->tokens, "segments") != 0 && strcmp(s->tokens, "edgels") != 0)
+        return (option_result)options_refuse(PROGRAM, "--tokens %s, expected segments or edgels", s->tokens);
+    if (s->low > s->high)
+        return (option_result)options_refuse(PROGRAM, "--low %g is above --high %g, expected it below", s->low,
+                                             s->high);
+    return OPTIONS_READ;
+}
+
+static option_result read_settings(settings *s, int argc, char **argv)
+{
+    const option table[] = {
+        OPTION_TEXT("--model", &s->model, "SHAPE",
+                    "what to look for: a model (cairn model), a silhouette or a drawing"),
+        OPTION_TEXT("-o", &s->folder, "DIR", "folder to write NAME.svg and NAME.json to, for each image NAME.*"),
+        OPTION_TEXT("--edges", &s->edges, "FILE",
+                    "the image's edges, strengths 0 ... 255, from a detector of your own; of one image only"),
+        OPTION_TEXT("--scale", &s->scale, "A:B",
+                    "pixels: of the diagonal of the object's box; without it a tenth of the\n"
+                    "image's diagonal to all of it"),
+        OPTION_TEXT("--rotation", &s->rotation, "A:B", "degrees: from the model to the object, clockwise (-15:15)"),
+        OPTION_INTEGER("--particles", &s->particles, 1, 4096, "N", "of the filter"),
+        OPTION_TEXT("--tokens", &s->tokens, "NAME", "what is grouped: segments, or edgels"),
+        OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_PATHS, "N",
+                       "of a model that is made from a picture, at most"),
+        OPTION_FLAG("--no-mirror", &s->no_mirror, "the model only as it is, not its mirror image"),
+        OPTION_NUMBER("--min-score", &s->score, 0, 1, "S", "of an object that is reported; without it the library's"),
+        OPTION_INTEGER("--min-strength", &s->strength, 1, 255, "N", "of edges: weaker ones are passed over"),
+        OPTION_NUMBER("--sigma", &s->sigma, 0, 50, "PX", "blur before edges are looked for (Canny)"),
+        OPTION_NUMBER("--low", &s->low, 0.01, 1000, "G",
+                      "grey levels per pixel: an edge goes on while its slope is above"),
+        OPTION_NUMBER("--high", &s->high, 0.01, 1000, "G", "and has this slope once"),
+        OPTION_INTEGER("--max-side", &s->side, 16, 8192, "PX", "larger images are halved until they fit"),
+        {"--seed", OPTION_IS_SEED, &s->seed, 0, 0, "N", "of the filter", NULL},
+        OPTION_FLAG("--report", &s->report, "also NAME.html, a page that plays every step of the particles"),
+        OPTION_FLAG("--quiet", &s->quiet, "no summary"),
+    };
+    const option_set set = {
+        PROGRAM, "IMAGE... --model SHAPE -o DIR [options]",
+        "Finds the contours of a known object in images (TIFF, PNG, JPEG, PGM): edge segments of the image\n"
+        "on both sides of the object's axis, grouped by particles that walk along it.",
+        table, sizeof table / sizeof *table};
+    option_result result;
+
+    s->count = IMAGES_MOST;
+    result = options_read(&set, argc, argv, s->images, &s->count);
+    return result == OPTIONS_READ ? check_settings(s) : result;
+}
+
+/* ---- Pictures ---- */
+
+void group_halve(cairn_vision_image *grey, int32_t take_most)
+{
+    uint8_t *p = grey->samples;
+    int32_t w = grey->width, width = w > 1 ? w / 2 : 1, height = grey->height > 1 ? grey->height / 2 : 1;
+
+    for (int32_t y = 0; y < height; y++)
+        for (int32_t x = 0; x < width; x++) {
+            int32_t sum = 0, most = 0;
+
+            for (int32_t k = 0; k < 4; k++) {
+                int32_t u = 2 * x + k % 2 < w ? 2 * x + k % 2 : w - 1;
+                int32_t v = 2 * y + k / 2 < grey->height ? 2 * y + k / 2 : grey->height - 1;
+                int32_t value = p[v * w + u];
+
+                sum += value;
+                most = value > most ? value : most;
+            }
+            p[y * width + x] = (uint8_t)(take_most ? most : (sum + 2) / 4);
+        }
+    grey->width = width;
+    grey->height = height;
+}
+
+/* One image on its way. */
+typedef struct work {
+    const char *path;
+    char stem[NAME_BYTES];
+    cairn_vision_image grey, edges;
+    int32_t shrink;
+    cairn_contour_tokens tokens;
+    cairn_contour_result result;
+    group_record record;
+} work;
+
+static void free_work(work *w)
+{
+    cairn_vision_free(&w->grey);
+    cairn_vision_free(&w->edges);
+    cairn_contour_tokens_free(&w->tokens);
+    cairn_contour_result_free(&w->result);
+    group_record_free(&w->record);
+}
+
+/* The image and its edges, no larger than wanted. */
+static cairn_status read_pictures(const settings *s, work *w, cairn_file_error *error)
+{
+    cairn_vision_canny_params canny = {s->sigma, s->low, s->high};
+    cairn_status status = cairn_vision_read_grey(&w->grey, w->path, error);
+
+    if (status == CAIRN_OK && s->edges != NULL)
+        status = cairn_vision_read_grey(&w->edges, s->edges, error);
+    if (status != CAIRN_OK)
+        return status;
+    if (s->edges != NULL && (w->edges.width != w->grey.width || w->edges.height != w->grey.height))
+        return cairn_file_error_set(error, CAIRN_BAD_FORMAT, s->edges, 0,
+                                    "%" PRId32 " x %" PRId32 " pixels, expected %" PRId32 " x %" PRId32
+                                    " as of the image",
+                                    w->edges.width, w->edges.height, w->grey.width, w->grey.height);
+    for (w->shrink = 1; w->grey.width > s->side || w->grey.height > s->side; w->shrink *= 2) {
+        group_halve(&w->grey, 0);
+        if (s->edges != NULL)
+            group_halve(&w->edges, 1);
+    }
+    if (s->edges != NULL)
+        return CAIRN_OK;
+    w->edges = w->grey;
+    w->edges.samples = malloc((size_t)w->grey.width * (size_t)w->grey.height);
+    if (w->edges.samples == NULL)
+        return cairn_file_error_set(error, CAIRN_NO_MEMORY, w->path, 0, "no memory for the edges");
+    return cairn_vision_canny(&w->grey, &canny, w->edges.samples, w->path, error);
+}
+
+static cairn_status search(const settings *s, work *w, const cairn_shape_model *model, cairn_file_error *error)
+{
+    cairn_raster_u8_view view = {w->edges.samples, w->edges.width, w->edges.height, w->edges.width};
+    cairn_contour_search_params p = cairn_contour_search_default(w->edges.width, w->edges.height);
+    cairn_status status =
+        cairn_contour_tokens_find(&w->tokens, view, (int32_t)s->strength, s->tokens[0] == 'e', w->path, error);
+
+    if (status != CAIRN_OK)
+        return status;
+    if (s->scale != NULL) {
+        p.min_size = (cairn_real)(s->least_size / w->shrink);
+        p.max_size = (cairn_real)(s->most_size / w->shrink);
+    }
+    if (s->rotation != NULL) {
+        p.min_turn = cairn_max(-CAIRN_PI, (cairn_real)(s->least_turn * DEGREE));
+        p.max_turn = cairn_min(CAIRN_PI, (cairn_real)(s->most_turn * DEGREE));
+    }
+    p.mirror = !s->no_mirror;
+    p.grouping.particles = (int32_t)s->particles;
+    p.grouping.seed = s->seed;
+    if (s->score >= 0)
+        p.grouping.min_score = (cairn_real)s->score;
+    if (s->report) {
+        p.on_step = group_record_step;
+        p.context = &w->record;
+    }
+    return cairn_contour_search_run(&w->result, &w->tokens, model, &p, w->path, error);
+}
+
+/* ---- Output ---- */
+
+static cairn_status write_all(const settings *s, const work *w, const cairn_shape_model *model, cairn_file_error *error)
+{
+    static const char *const endings[FILES] = {"svg", "json", "html"};
+    cairn_contour_picture picture = {
+        cairn_path_name(w->path), cairn_path_name(s->model), w->grey.samples, w->shrink, &w->tokens, model, &w->result};
+    char name[FILES][NAME_BYTES + 8];
+    const char *names[FILES];
+    cairn_output_set *set;
+    cairn_status status;
+
+    for (int32_t i = 0; i < FILES; i++) {
+        (void)snprintf(name[i], sizeof name[i], "%s.%s", w->stem, endings[i]);
+        names[i] = name[i];
+    }
+    status = cairn_output_set_open(&set, s->folder, names, s->report ? 3 : 2, error);
+    if (status != CAIRN_OK)
+        return status;
+    status = cairn_contour_file_draw(&picture, cairn_output_set_path(set, 0), error);
+    if (status == CAIRN_OK)
+        status = cairn_contour_file_write(&picture, cairn_output_set_path(set, 1), error);
+    if (status == CAIRN_OK && s->report)
+        status = group_record_write(&w->record, &picture, cairn_output_set_path(set, 2), error);
+    if (status == CAIRN_OK)
+        return cairn_output_set_commit(set, error);
+    cairn_output_set_discard(set);
+    return status;
+}
+
+static void print_summary(const work *w, double seconds)
+{
+    const cairn_contour_result *r = &w->result;
+
+    if (r->object_count == 0)
+        printf("%s: no object, best score %.2f", w->path, (double)r->best);
+    else
+        printf("%s: %" PRId32 " object%s, best score %.2f", w->path, r->object_count, r->object_count > 1 ? "s" : "",
+               (double)r->best);
+    printf("; %" PRId32 " segments of %" PRId32 " chains, %zu bytes, %.2f s\n", w->tokens.count, w->tokens.chains,
+           r->pool_bytes, seconds);
+    for (int32_t i = 0; i < r->object_count; i++) {
+        const cairn_contour_object *o = &r->objects[i];
+
+        printf("  %.2f  at (%.0f, %.0f), size %.0f px, turned %.0f degrees%s, %" PRId32 " segments\n",
+               (double)o->found.score, (double)o->found.origin.x * w->shrink, (double)o->found.origin.y * w->shrink,
+               (double)o->found.size * w->shrink, (double)o->found.turn / DEGREE, o->mirrored ? ", mirrored" : "",
+               o->found.count);
+    }
+}
+
+/* "folder/swan.jpg" -> "swan"; 0: there is no such name. */
+static int stem_of(const char *path, char stem[NAME_BYTES])
+{
+    const char *name = cairn_path_name(path), *dot = strrchr(name, '.');
+    size_t length = dot != NULL && dot > name ? (size_t)(dot - name) : strlen(name);
+
+    if (length < 1 || length >= NAME_BYTES)
+        return 0;
+    memcpy(stem, name, length);
+    stem[length] = '\0';
+    return 1;
+}
+
+static int run_image(const settings *s, const char *path, const cairn_shape_model *model)
+{
+    double start = tool_seconds();
+    cairn_file_error error;
+    cairn_status status;
+    work w;
+
+    memset(&w, 0, sizeof w);
+    w.path = path;
+    (void)stem_of(path, w.stem);
+    status = read_pictures(s, &w, &error);
+    if (status == CAIRN_OK)
+        status = search(s, &w, model, &error);
+    if (status == CAIRN_OK)
+        status = write_all(s, &w, model, &error);
+    if (status == CAIRN_OK && !s->quiet)
+        print_summary(&w, tool_seconds() - start);
+    free_work(&w);
+    return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
+}
+
+/* Names that would overwrite each other are refused before anything is written. */
+static int check_names(const settings *s)
+{
+    char stem[NAME_BYTES], other[NAME_BYTES];
+
+    for (size_t i = 0; i < s->count; i++) {
+        if (!stem_of(s->images[i], stem))
+            return options_refuse(PROGRAM, "'%s', expected the name of an image", s->images[i]);
+        for (size_t k = 0; k < i; k++)
+            if (stem_of(s->images[k], other) && strcmp(stem, other) == 0)
+                return options_refuse(PROGRAM, "%s and %s are both named '%s', expected different names", s->images[k],
+                                      s->images[i], stem);
+    }
+    return TOOL_OK;
+}
+
+int tool_group(int argc, char **argv)
+{
+    static settings s;
+    cairn_shape_image_params image = cairn_shape_image_default();
+    cairn_shape_builder_params builder = cairn_shape_builder_default();
+    cairn_vision_canny_params canny = cairn_vision_canny_default();
+    cairn_shape_model_file model;
+    cairn_file_error error;
+    option_result result;
+    int code;
+
+    memset(&s, 0, sizeof s);
+    s.tokens = "segments";
+    s.particles = cairn_grouping_default().particles;
+    s.strength = 1;
+    s.side = 1600;
+    s.paths = builder.max_paths;
+    s.score = -1;
+    s.sigma = canny.sigma;
+    s.low = canny.low;
+    s.high = canny.high;
+    s.seed = 1;
+    result = read_settings(&s, argc, argv);
+    if (result != OPTIONS_READ)
+        return (int)result;
+    code = check_names(&s);
+    if (code != TOOL_OK)
+        return code;
+    builder.max_paths = (int32_t)s.paths;
+    if (cairn_shape_model_file_load(&model, s.model, &image, &builder, NULL, &error) != CAIRN_OK)
+        return tool_report(&error);
+    for (size_t i = 0; i < s.count && code == TOOL_OK; i++)
+        code = run_image(&s, s.images[i], &model.model);
+    cairn_shape_model_file_free(&model);
+    return code;
+}

@@ -1,0 +1,243 @@
+/* The page that plays a search: edges as walls, every particle a robot on the axis, the model of the heaviest one. Lengths are pixels,
+ * y up, as the page has it. */
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cairn/report.h"
+#include "tools/cairn_group.h"
+
+/* Strengths of the dashes of the model; of a group's other models. */
+#define BEST_STRENGTH  1
+#define OTHER_STRENGTH 0.25
+enum { MODELS_SHOWN = 6 };
+
+void group_record_step(void *context, const cairn_grouping_particle *particles, int32_t count, int32_t mirrored)
+{
+    group_record *r = context;
+    int32_t used = r->steps > 0 ? r->first[r->steps] : 0;
+
+    if (r->steps + 2 > r->room) {
+        int32_t *grown = realloc(r->first, (size_t)(2 * r->room + 64) * sizeof *grown);
+
+        r->lacking |= grown == NULL;
+        if (grown == NULL)
+            return;
+        r->first = grown;
+        r->room = 2 * r->room + 64;
+        r->first[0] = 0;
+    }
+    if (used + count > r->particle_room) {
+        int32_t room = 2 * r->particle_room + count + 1024;
+        cairn_grouping_particle *grown = realloc(r->particles, (size_t)room * sizeof *grown);
+
+        r->lacking |= grown == NULL;
+        if (grown == NULL)
+            return;
+        r->particles = grown;
+        r->particle_room = room;
+    }
+    memcpy(&r->particles[used], particles, (size_t)count * sizeof *particles);
+    r->mirrored_from = mirrored ? r->mirrored_from : r->steps + 1;
+    r->first[++r->steps] = used + count;
+}
+
+void group_record_free(group_record *record)
+{
+    free(record->particles);
+    free(record->first);
+    memset(record, 0, sizeof *record);
+}
+
+static cairn_vec2 flipped(cairn_vec2 p)
+{
+    cairn_vec2 up = {p.x, -p.y};
+
+    return up;
+}
+
+/* The edges, which do not move, as scan 0; the others are the particles. */
+static cairn_status add_scans(cairn_report_player *player, const cairn_contour_tokens *tokens, int32_t most)
+{
+    cairn_segment *lines = malloc(((size_t)tokens->count + 1) * sizeof *lines);
+    cairn_report_scan scan = {NULL, lines, 0, tokens->count};
+    cairn_status status = lines != NULL ? CAIRN_OK : CAIRN_NO_MEMORY;
+
+    for (int32_t i = 0; i < tokens->count && status == CAIRN_OK; i++) {
+        lines[i].a = flipped(tokens->lines[i].a);
+        lines[i].b = flipped(tokens->lines[i].b);
+    }
+    if (status == CAIRN_OK)
+        status = cairn_report_player_add_scan(player, &scan, 0);
+    free(lines);
+    memset(&scan, 0, sizeof scan);
+    for (int32_t i = 1; i <= most && status == CAIRN_OK; i++)
+        status = cairn_report_player_add_scan(player, &scan, i);
+    return status;
+}
+
+static cairn_vec2 place(const cairn_grouping_particle *p, cairn_vec2 m, int mirrored)
+{
+    double c = (double)p->size * cos((double)p->turn), s = (double)p->size * sin((double)p->turn);
+    double x = mirrored ? -(double)m.x : (double)m.x, y = (double)m.y;
+    cairn_vec2 out = {p->origin.x + (cairn_real)(c * x - s * y), -(p->origin.y + (cairn_real)(s * x + c * y))};
+
+    return out;
+}
+
+/* A model's outline as dashes; their number. */
+static int32_t add_outline(const cairn_shape_model *m, const cairn_grouping_particle *p, int mirrored, double strength,
+                           cairn_report_guess *guesses)
+{
+    int32_t count = 0;
+
+    for (int32_t i = 0; i + 1 < m->outline_count; i += 2) {
+        guesses[count].segment.a = place(p, m->outline[i].position, mirrored);
+        guesses[count].segment.b = place(p, m->outline[i + 1].position, mirrored);
+        guesses[count++].strength = (cairn_real)strength;
+    }
+    return count;
+}
+
+static cairn_pose pose_of(const cairn_shape_model *m, const cairn_grouping_particle *p, int mirrored)
+{
+    int32_t before = p->sample > 0 ? p->sample - 1 : 0,
+            after = p->sample + 1 < m->sample_count ? p->sample + 1 : p->sample;
+    cairn_vec2 a = place(p, m->samples[before].centre, mirrored), b = place(p, m->samples[after].centre, mirrored);
+    cairn_pose pose = {p->centre.x, -p->centre.y, (cairn_real)atan2((double)(b.y - a.y), (double)(b.x - a.x))};
+
+    return pose;
+}
+
+typedef struct frame_room {
+    cairn_pose *pose;
+    uint8_t *doubtful;
+    cairn_report_guess *guess;
+} frame_room;
+
+static cairn_status add_frame(cairn_report_player *player, const group_record *r, const cairn_contour_picture *p,
+                              int32_t step, frame_room *room)
+{
+    int mirrored = step >= r->mirrored_from;
+    int32_t own = mirrored ? step - r->mirrored_from : step, count = r->first[step + 1] - r->first[step], best = 0;
+    const cairn_grouping_particle *particles = &r->particles[r->first[step]];
+    const cairn_grouping_trace *t = &p->result->trace[mirrored][own];
+    double values[4] = {(double)t->n_eff, exp((double)t->log_likelihood), (double)p->result->modes[mirrored][own],
+                        (double)t->followers};
+    cairn_report_frame frame = {.step = step + 1,
+                                .pose = room->pose,
+                                .doubtful = room->doubtful,
+                                .value = values,
+                                .guess = room->guess,
+                                .pose_count = count + 1};
+    char label[96];
+
+    memset(&room->pose[0], 0, sizeof room->pose[0]);
+    room->doubtful[0] = 0;
+    for (int32_t i = 0; i < count; i++) {
+        room->pose[i + 1] = pose_of(p->model, &particles[i], mirrored);
+        room->doubtful[i + 1] = particles[i].sides == 0;
+        best = particles[i].log_weight > particles[best].log_weight ? i : best;
+    }
+    for (int32_t k = 1; k < MODELS_SHOWN && count > MODELS_SHOWN; k++)
+        frame.guess_count += add_outline(p->model, &particles[k * (count / MODELS_SHOWN)], mirrored, OTHER_STRENGTH,
+                                         &room->guess[frame.guess_count]);
+    if (count > 0)
+        frame.guess_count +=
+            add_outline(p->model, &particles[best], mirrored, BEST_STRENGTH, &room->guess[frame.guess_count]);
+    (void)snprintf(label, sizeof label, "%s, sample %d%s", mirrored ? "mirrored model" : "model",
+                   count > 0 ? (int)particles[best].sample : 0, t->resampled ? ", resampled" : "");
+    frame.label = label;
+    return cairn_report_player_add_frame(player, &frame);
+}
+
+static cairn_status add_frames(cairn_report_player *player, const group_record *r, const cairn_contour_picture *p,
+                               int32_t most)
+{
+    frame_room room = {malloc(((size_t)most + 1) * sizeof *room.pose), malloc((size_t)most + 1),
+                       malloc((size_t)MODELS_SHOWN * (size_t)p->model->outline_count * sizeof *room.guess)};
+    cairn_status status = room.pose != NULL && room.doubtful != NULL && room.guess != NULL ? CAIRN_OK : CAIRN_NO_MEMORY;
+
+    for (int32_t step = 0; step < r->steps && status == CAIRN_OK; step++)
+        status = add_frame(player, r, p, step, &room);
+    /* Where no walk was begun there are the edges to see. */
+    if (r->steps == 0 && status == CAIRN_OK) {
+        cairn_report_frame frame = {
+            .step = 1, .label = "nothing looks like the model", .pose = room.pose, .pose_count = 1};
+
+        memset(room.pose, 0, sizeof *room.pose);
+        status = cairn_report_player_add_frame(player, &frame);
+    }
+    free(room.pose);
+    free(room.doubtful);
+    free(room.guess);
+    return status;
+}
+
+/* The searched picture, its rows from below. */
+static cairn_status set_grid(cairn_report_player *player, const cairn_contour_picture *p)
+{
+    int32_t w = p->tokens->width, h = p->tokens->height;
+    uint8_t *pixel = malloc((size_t)w * (size_t)h);
+    cairn_report_grid grid = {pixel, w, h, 1, {(cairn_real)-0.5, (cairn_real)(0.5 - h), 0}};
+    cairn_status status = pixel != NULL ? CAIRN_OK : CAIRN_NO_MEMORY;
+
+    /* The page takes black for walls and what is nearly white for free. */
+    for (int32_t y = 0; y < h && pixel != NULL; y++)
+        for (int32_t x = 0; x < w; x++)
+            pixel[(h - 1 - y) * w + x] = (uint8_t)(90 + p->grey[y * w + x] / 2);
+    if (status == CAIRN_OK)
+        status = cairn_report_player_set_grid(player, &grid);
+    free(pixel);
+    return status;
+}
+
+static cairn_status record(cairn_report_player *player, const group_record *r, const cairn_contour_picture *p)
+{
+    int32_t most = 0;
+    cairn_status status;
+
+    for (int32_t i = 0; i < r->steps; i++)
+        most = r->first[i + 1] - r->first[i] > most ? r->first[i + 1] - r->first[i] : most;
+    status = r->lacking ? CAIRN_NO_MEMORY : add_scans(player, p->tokens, most);
+    if (status == CAIRN_OK)
+        status = add_frames(player, r, p, most);
+    return status == CAIRN_OK && p->grey != NULL ? set_grid(player, p) : status;
+}
+
+cairn_status group_record_write(const group_record *r, const cairn_contour_picture *picture, const char *path,
+                                cairn_file_error *error)
+{
+    static const cairn_report_curve curves[] = {
+        {"N_eff", NULL, "particles that carry the weight"},
+        {"best likelihood", NULL, "of a step, in the mean"},
+        {"modes", NULL, "groups of particles whose models lie apart"},
+        {"followers", NULL, NULL},
+    };
+    cairn_report_player_params params = cairn_report_player_default();
+    cairn_report_player *player;
+    char subtitle[256];
+    cairn_status status;
+
+    (void)snprintf(subtitle, sizeof subtitle,
+                   "%.120s: each robot a particle on the axis of the object; 1 m stands for %d px", picture->model_name,
+                   (int)picture->shrink);
+    params.title = picture->image;
+    params.subtitle = subtitle;
+    params.curve = curves;
+    params.curve_count = 4;
+    status = cairn_report_player_open(&player, &params);
+    if (status == CAIRN_OK) {
+        status = record(player, r, picture);
+        if (status == CAIRN_OK)
+            status = cairn_report_player_write(player, path, error);
+        else
+            (void)cairn_file_error_set(error, status, path, 0, "the page cannot be made: %s",
+                                       cairn_status_text(status));
+        cairn_report_player_free(player);
+        return status;
+    }
+    return cairn_file_error_system(error, path, "write", ENOMEM);
+}

@@ -1,0 +1,116 @@
+/* cairn model: the model of a shape, from a picture of it. */
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "cairn/output.h"
+#include "cairn/shape_model_file.h"
+#include "tools/cairn_tool.h"
+
+#define PROGRAM "cairn model"
+
+typedef struct settings {
+    const char *shape, *output, *picture, *holes;
+    int64_t points, samples, paths;
+    double gap, part;
+    int32_t mirror, quiet;
+} settings;
+
+static option_result read_settings(settings *s, int argc, char **argv)
+{
+    const option table[] = {
+        OPTION_TEXT("-o", &s->output, "FILE", "the model, a text file"),
+        OPTION_TEXT("--svg", &s->picture, "FILE", "draws it: outline, axes, radii"),
+        OPTION_INTEGER("--points", &s->points, 16, 1024, "N", "samples of the outline"),
+        OPTION_INTEGER("--samples", &s->samples, 4, 256, "N", "of a path that holds all of the outline"),
+        OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_PATHS, "N", "at most; 1: the longest alone"),
+        OPTION_TEXT("--holes", &s->holes, "NAME", "keep: outlines of their own; fill, or refuse"),
+        OPTION_NUMBER("--gap", &s->gap, 0, 1, "SHARE",
+                      "of the drawing's diagonal: loose ends of lines so near are joined"),
+        OPTION_NUMBER("--part", &s->part, 0, 1, "SHARE", "of the largest part's area: smaller ones are left out"),
+        OPTION_FLAG("--mirror", &s->mirror, "left and right exchanged"),
+        OPTION_FLAG("--quiet", &s->quiet, "no summary"),
+    };
+    const option_set set = {
+        PROGRAM, "SHAPE -o FILE [options]",
+        "Makes the model of a shape from a picture of one object, a silhouette or a drawing of its\n"
+        "outline (TIFF, PNG, JPEG, PGM): the axes of its symmetry with the radii along them. SHAPE may be a\n"
+        "model as well, to be drawn or mirrored.",
+        table, sizeof table / sizeof *table};
+    const char *words[1] = {NULL};
+    size_t count = 1;
+    option_result result = options_read(&set, argc, argv, words, &count);
+
+    if (result != OPTIONS_READ)
+        return result;
+    if (count < 1 || s->output == NULL)
+        return (option_result)options_refuse(PROGRAM, "%s, expected %s",
+                                             count < 1 ? "no picture" : "no file to write to (-o)", set.synopsis);
+    if (strcmp(s->holes, "keep") != 0 && strcmp(s->holes, "fill") != 0 && strcmp(s->holes, "refuse") != 0)
+        return (option_result)options_refuse(PROGRAM, "--holes %s, expected keep, fill or refuse", s->holes);
+    s->shape = words[0];
+    return OPTIONS_READ;
+}
+
+static cairn_status load(const settings *s, cairn_shape_model_file *file, cairn_shape_image *traced,
+                         cairn_file_error *error)
+{
+    cairn_shape_image_params image = cairn_shape_image_default();
+    cairn_shape_builder_params builder = cairn_shape_builder_default();
+
+    image.holes = s->holes[0] == 'k'   ? CAIRN_SHAPE_HOLES_KEEP
+                  : s->holes[0] == 'f' ? CAIRN_SHAPE_HOLES_FILL
+                                       : CAIRN_SHAPE_HOLES_REFUSE;
+    image.max_gap = s->gap;
+    image.min_part = s->part;
+    builder.points = (int32_t)s->points;
+    builder.samples = (int32_t)s->samples;
+    builder.max_paths = (int32_t)s->paths;
+    return cairn_shape_model_file_load(file, s->shape, &image, &builder, traced, error);
+}
+
+static void print_summary(const cairn_shape_model *m, const cairn_shape_image *traced)
+{
+    double share = 0;
+
+    for (int32_t i = 0; i < m->path_count; i++)
+        share += (double)m->paths[i].share;
+    if (traced->count > 0)
+        printf("picture    %s, outlines %" PRId32 ", holes %" PRId32 "\n"
+               "gaps       %" PRId32 " joined\n"
+               "specks     %" PRId32 " left out\n",
+               traced->is_drawing ? "a drawing" : "a silhouette", traced->count, traced->holes, traced->joined,
+               traced->specks);
+    printf("size       %.6g\n"
+           "outline    %" PRId32 " samples, %.0f %% of it on the sides of paths\n"
+           "paths      %" PRId32 ", %" PRId32 " samples\n",
+           (double)m->size, m->outline_count, 100 * share, m->path_count, m->sample_count);
+    for (int32_t i = 0; i < m->path_count; i++)
+        printf("  %" PRId32 "        %" PRId32 " samples, %.0f %% of the outline%s\n", i, m->paths[i].count,
+               100 * (double)m->paths[i].share, m->paths[i].parent < 0 ? "" : ", a branch");
+}
+
+int tool_model(int argc, char **argv)
+{
+    settings s = {NULL, NULL, NULL, "keep", 128, 32, CAIRN_SHAPE_PATHS, 0.1, 0.01, 0, 0};
+    option_result result = read_settings(&s, argc, argv);
+    cairn_shape_model_file file;
+    cairn_shape_image traced;
+    cairn_file_error error;
+    cairn_status status;
+
+    if (result != OPTIONS_READ)
+        return (int)result;
+    if (load(&s, &file, &traced, &error) != CAIRN_OK)
+        return tool_report(&error);
+    if (s.mirror)
+        cairn_shape_model_file_mirror(&file);
+    status = s.picture == NULL ? CAIRN_OK
+                               : cairn_shape_model_file_draw(&file.model, cairn_path_name(s.shape), s.picture, &error);
+    if (status == CAIRN_OK)
+        status = cairn_shape_model_file_write(&file.model, s.output, &error);
+    if (status == CAIRN_OK && !s.quiet)
+        print_summary(&file.model, &traced);
+    cairn_shape_model_file_free(&file);
+    return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
+}
