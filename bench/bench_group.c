@@ -253,12 +253,41 @@ static void read_outlines(group_image *image, const char *folder, const char *cl
     }
 }
 
+/* Marks the middle of the drawn strokes, some of which are as wide as what coverage allows. */
+static void mark_middle(group_image *image, uint8_t *outline)
+{
+    cairn_raster_u8_view view = {outline, image->width, image->height, image->width};
+    cairn_edge_chain_params params = cairn_edge_chain_default();
+    cairn_edge_chain_set *set;
+    cairn_budget budget = {INT32_MAX};
+    cairn_edge_chain_result r;
+    cairn_pool pool;
+    size_t bytes;
+    void *memory;
+
+    params.max_width = image->width;
+    params.max_height = image->height;
+    params.max_edges = params.max_chains = image->width * image->height;
+    bytes = cairn_edge_chain_memory(&params) + CAIRN_ALIGN;
+    memory = malloc(bytes);
+    if (memory != NULL && cairn_pool_init(&pool, memory, bytes) == CAIRN_OK &&
+        cairn_edge_chain_create(&set, &pool, &params) == CAIRN_OK && cairn_edge_chain_begin(set, view) == CAIRN_OK &&
+        cairn_edge_chain_step(set, &budget) == CAIRN_OK) {
+        r = cairn_edge_chain_read(set);
+        for (int32_t i = 0; i < r.pixel_count; i++)
+            outline[r.pixels[i].y * image->width + r.pixels[i].x] = 2;
+    }
+    free(memory);
+}
+
 /* An instance without an outline is as large as its box. */
-static void outline_boxes(group_image *image)
+static void finish_outlines(group_image *image)
 {
     for (int32_t i = 0; i < image->instances; i++)
         if (image->outline[i] == NULL)
             image->outline[i] = empty_picture(image);
+        else
+            mark_middle(image, image->outline[i]);
 }
 
 int group_image_read(group_image *image, const char *folder, const char *name, const char *class_name)
@@ -282,7 +311,7 @@ int group_image_read(group_image *image, const char *folder, const char *name, c
     if (class_name != NULL) {
         read_boxes(image, folder, class_name);
         read_outlines(image, folder, class_name);
-        outline_boxes(image);
+        finish_outlines(image);
     }
     return image->near_edge != NULL && image->with_edge != NULL;
 }
@@ -376,30 +405,44 @@ void group_found_sort(group_found *found)
 
 /* ---- Scores ---- */
 
+/* The share of an outline that has edges; 0 where there is no outline. */
+static double present_share(const group_image *image, int32_t instance)
+{
+    int32_t outline = 0, present = 0;
+
+    for (int32_t i = 0; i < image->width * image->height; i++) {
+        outline += image->outline[instance][i] > 0;
+        present += image->outline[instance][i] && image->with_edge[i];
+    }
+    return outline > 0 ? (double)present / outline : 0;
+}
+
 /* What a grouping is worth for an instance. */
 static group_score score_of(const group_image *image, const group_grouping *g, int32_t instance)
 {
     const group_box *b = &image->box[instance];
     double far = fmax(1, FAR_SHARE * hypot(b->right - b->left, b->bottom - b->top));
     uint8_t *near = grown(image, g->pixels, NEAR), *along = grown(image, image->outline[instance], far);
-    group_score s = {instance, 0, 0, 0, 0, 0};
-    int32_t outline = 0, present = 0, covered = 0, right = 0;
+    group_score s = {instance, 0, 0, 0, 0, 0, 0};
+    int32_t present = 0, covered = 0, thin_present = 0, thin_covered = 0, right = 0;
     group_box box = box_of(image, g->pixels);
 
     for (int32_t i = 0; i < image->width * image->height && near != NULL && along != NULL; i++) {
-        outline += image->outline[instance][i];
         if (image->outline[instance][i] && image->with_edge[i]) {
             present++;
             covered += near[i];
+            thin_present += image->outline[instance][i] == 2;
+            thin_covered += image->outline[instance][i] == 2 && near[i];
         }
         right += g->pixels[i] && along[i];
     }
     free(near);
     free(along);
-    s.present = outline > 0 ? (double)present / outline : 0;
+    s.present = present_share(image, instance);
     s.coverage = present > 0 ? (double)covered / present : 0;
     s.precision = g->pixel_count > 0 ? (double)right / g->pixel_count : 0;
     s.iou = g->pixel_count > 0 ? overlap(&box, b) : 0;
+    s.thin = thin_present > 0 && thin_covered >= HIT_COVERAGE * thin_present && s.precision >= HIT_PRECISION;
     s.hit = s.coverage >= HIT_COVERAGE && s.precision >= HIT_PRECISION;
     return s;
 }
@@ -413,6 +456,7 @@ int32_t group_measure(const group_image *image, const group_found *found, group_
 
         memset(&score[i], 0, sizeof score[i]);
         score[i].instance = i;
+        score[i].present = present_share(image, i);
         for (int32_t k = 0; k < found->count && k < image->instances; k++) {
             group_score s = score_of(image, &found->grouping[k], i);
 

@@ -28,7 +28,8 @@ typedef struct group_image {
     uint8_t *near_edge; /* 1: an edge pixel within a pixel */
     uint8_t *with_edge; /* 1: an edge pixel within 3 px */
     group_box box[GROUP_INSTANCES];
-    uint8_t *outline[GROUP_INSTANCES]; /* 1: on the outline of the instance */
+    uint8_t
+        *outline[GROUP_INSTANCES]; /* 1: on the outline of the instance; 2: on the line in the middle of its stroke */
     int32_t instances, has_outline;
 } group_image;
 
@@ -59,6 +60,7 @@ void group_found_sort(group_found *found);
 
 typedef struct group_score {
     int32_t instance, hit;
+    int32_t thin; /* 1: a hit when the outline is the line in the middle of its stroke */
     double coverage, precision, present, iou;
 } group_score;
 

@@ -8,7 +8,7 @@
 
 #define PI 3.14159265358979323846
 
-enum { OUTLINE_SIDE = 280, OUTLINE_MIDDLE = OUTLINE_SIDE / 2 };
+enum { OUTLINE_SIDE = 280, OUTLINE_MIDDLE = OUTLINE_SIDE / 2, OUTLINE_PIXELS = OUTLINE_SIDE * OUTLINE_SIDE };
 
 static int32_t row_of(int32_t pixel)
 {
@@ -123,37 +123,71 @@ static int is_inside(const scene_shape *s, double x, double y)
     return inside[s->family](s->vary, x, y);
 }
 
-/* Goes round the pixels of the shape (Moore's neighbours), from the topmost. */
-int32_t scene_outline(const scene_shape *shape, cairn_vec2 *vertices, int32_t most)
+/* What a pixel of the square is: 0 background, 1 the shape, 2 not yet known, 3 and above a hole. */
+static void spread(uint8_t *label, int32_t from, uint8_t as)
+{
+    static int32_t stack[OUTLINE_PIXELS];
+    int32_t depth = 0;
+
+    label[from] = as;
+    stack[depth++] = from;
+    while (depth > 0) {
+        int32_t at = stack[--depth], x = at % OUTLINE_SIDE, y = at / OUTLINE_SIDE;
+        int32_t beside[4] = {x > 0 ? at - 1 : at, x < OUTLINE_SIDE - 1 ? at + 1 : at, y > 0 ? at - OUTLINE_SIDE : at,
+                             y < OUTLINE_SIDE - 1 ? at + OUTLINE_SIDE : at};
+
+        for (int k = 0; k < 4; k++)
+            if (label[beside[k]] == 2) {
+                label[beside[k]] = as;
+                stack[depth++] = beside[k];
+            }
+    }
+}
+
+/* Goes round the pixels of a label (Moore's neighbours), from the topmost. */
+static int32_t go_round(const uint8_t *label, uint8_t of, int32_t from, cairn_vec2 *vertices, int32_t most)
 {
     static const int dx[8] = {1, 1, 0, -1, -1, -1, 0, 1}, dy[8] = {0, 1, 1, 1, 0, -1, -1, -1};
-    int x = 0, y = 0, from_x, from_y, came = 4;
-    int32_t count = 0;
+    int32_t x = from % OUTLINE_SIDE, y = from / OUTLINE_SIDE, count = 0;
+    int came = 4;
 
-#define INSIDE(u, w) is_inside(shape, ((u)-OUTLINE_MIDDLE) / 240.0, ((w)-OUTLINE_MIDDLE) / 240.0)
-    while (y < OUTLINE_SIDE && !INSIDE(x, y))
-        if (++x == OUTLINE_SIDE) {
-            x = 0;
-            y++;
-        }
-    from_x = x;
-    from_y = y;
     do {
         vertices[count].x = (cairn_real)x;
         vertices[count++].y = (cairn_real)y;
         for (int turn = 1; turn <= 8; turn++) {
             int way = (came + turn) & 7;
 
-            if (INSIDE(x + dx[way], y + dy[way])) {
+            if (label[(y + dy[way]) * OUTLINE_SIDE + x + dx[way]] == of) {
                 x += dx[way];
                 y += dy[way];
                 came = (way + 4) & 7;
                 break;
             }
         }
-    } while (count < most && (x != from_x || y != from_y));
-#undef INSIDE
+    } while (count < most && y * OUTLINE_SIDE + x != from);
     return count;
+}
+
+int32_t scene_outlines(const scene_shape *shape, cairn_vec2 *vertices, int32_t most, int32_t counts[SCENE_OUTLINES])
+{
+    static uint8_t label[OUTLINE_PIXELS];
+    int32_t outlines = 0, used = 0;
+    uint8_t known = 2;
+
+    for (int32_t y = 0; y < OUTLINE_SIDE; y++)
+        for (int32_t x = 0; x < OUTLINE_SIDE; x++)
+            label[y * OUTLINE_SIDE + x] =
+                is_inside(shape, (x - OUTLINE_MIDDLE) / 240.0, (y - OUTLINE_MIDDLE) / 240.0) ? 1 : 2;
+    spread(label, 0, 0);
+    for (int32_t i = 0; i < OUTLINE_PIXELS && outlines < SCENE_OUTLINES; i++) {
+        if (label[i] == 2)
+            spread(label, i, ++known);
+        else if (outlines > 0 || label[i] != 1)
+            continue;
+        counts[outlines] = go_round(label, label[i], i, &vertices[used], most - used);
+        used += counts[outlines++];
+    }
+    return outlines;
 }
 
 /* ---- The picture ---- */

@@ -6,7 +6,7 @@
 #include "cairn/random.h"
 
 enum { SCENE_WIDTH = 400, SCENE_HEIGHT = 300, SCENE_PIXELS = SCENE_WIDTH * SCENE_HEIGHT };
-enum { SCENE_FAMILIES = 5, SCENE_SHAPE = 6 };
+enum { SCENE_FAMILIES = 5, SCENE_SHAPE = 6, SCENE_OUTLINES = 4 };
 
 /* One member of a family. */
 typedef struct scene_shape {
@@ -33,8 +33,9 @@ const char *scene_family_name(int32_t family);
 /* A member of a family, by chance. */
 scene_shape scene_shape_draw(int32_t family, cairn_random *random);
 
-/* The outline of a member, 240 px high, at most `most` vertices; their number. */
-int32_t scene_outline(const scene_shape *shape, cairn_vec2 *vertices, int32_t most);
+/* The outlines of a member, 240 px high: its own, then those of its holes, at most `most` vertices one after another; counts: of
+ * each. The number of outlines. */
+int32_t scene_outlines(const scene_shape *shape, cairn_vec2 *vertices, int32_t most, int32_t counts[SCENE_OUTLINES]);
 
 /* Draws a scene with one object of this shape. */
 void scene_draw(scene *s, const scene_shape *shape, const scene_options *options, cairn_random *random);

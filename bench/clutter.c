@@ -3,7 +3,8 @@
  * A scene holds one object of a family, 120 px times 0.7 ... 1.3, turned by up to 10 degrees, among --k others, --noise grey levels,
  * --hidden of its boundary behind a disc. The model is the object's own shape (--mode instance) or another member of its family
  * (class). Found is what bench counts, of the best grouping: hit50, its box and the object's overlap by half; boundary80, 80 % of
- * the whole boundary lie within 3 px of its segments, visible80 of that which is not hidden; boundary_f; labels: lengths of
+ * the whole boundary lie within 3 px of its segments, visible80 of that which is not hidden, completed80 of its segments and, where
+ * there are none, of the model's outline as it was laid; boundary_f; labels: lengths of
  * segments. false_per_image is counted on as many scenes without the object. */
 #include <inttypes.h>
 #include <math.h>
@@ -19,13 +20,14 @@
 
 #define DEGREE 0.017453292519943295
 #define NEAR   3 /* px */
+#define EDGEL  5 /* px */
 
 enum { MOST_SEGMENTS = 40000, MOST_VERTICES = 4000 };
 
 typedef struct settings {
     int64_t scenes, seed, k, particles, paths;
-    double noise, hidden, score;
-    const char *mode, *method, *draw;
+    double noise, hidden, evidence, smallest, largest;
+    const char *mode, *method, *tokens, *draw;
     int32_t no_model, no_skeleton, each;
 } settings;
 
@@ -42,9 +44,9 @@ typedef struct finder {
 } finder;
 
 typedef struct sums {
-    int32_t scenes, hit, whole, visible, objects, absent;
+    int32_t scenes, hit, whole, visible, completed, objects, absent;
     double f, label_precision, label_recall;
-    double *seconds, *scores, *absent_scores;
+    double *seconds, *evidence, *absent_evidence;
 } sums;
 
 static size_t need_of(const cairn_edge_chain_params *chain, const cairn_edge_segment_params *segment,
@@ -68,8 +70,8 @@ static int open_finder(finder *f, const settings *s)
     group.use_model = !s->no_model;
     group.use_skeleton = !s->no_skeleton;
     shape.max_paths = (int32_t)s->paths;
-    if (s->score >= 0)
-        group.min_score = (cairn_real)s->score;
+    if (s->evidence >= 0)
+        group.min_evidence = (cairn_real)s->evidence;
     bytes = need_of(&chain, &segment, &shape, &group);
     f->memory = malloc(bytes);
     return f->memory != NULL && cairn_pool_init(&f->pool, f->memory, bytes) == CAIRN_OK &&
@@ -82,15 +84,39 @@ static int open_finder(finder *f, const settings *s)
 static int make_model(finder *f, const scene_shape *shape)
 {
     static cairn_vec2 vertices[MOST_VERTICES];
-    cairn_curve outline = {vertices, scene_outline(shape, vertices, MOST_VERTICES), 1};
+    int32_t counts[SCENE_OUTLINES], outlines = scene_outlines(shape, vertices, MOST_VERTICES, counts);
+    cairn_curve curves[SCENE_OUTLINES];
     cairn_budget budget = {INT32_MAX};
+    cairn_vec2 *next = vertices;
 
-    return cairn_shape_builder_begin(f->builder, &outline, 1) == CAIRN_OK &&
+    for (int32_t i = 0; i < outlines; i++) {
+        cairn_curve curve = {next, counts[i], 1};
+
+        curves[i] = curve;
+        next += counts[i];
+    }
+    return cairn_shape_builder_begin(f->builder, curves, outlines) == CAIRN_OK &&
            cairn_shape_builder_step(f->builder, &budget) == CAIRN_OK;
 }
 
+/* In place of segments: pieces of the chains of EDGEL px each. */
+static void take_edgels(finder *f, const cairn_edge_chain_result *r)
+{
+    f->line_count = 0;
+    for (int32_t c = 0; c < r->chain_count; c++)
+        for (int32_t i = 0; i + EDGEL < r->chains[c].count && f->line_count < MOST_SEGMENTS; i += EDGEL) {
+            const cairn_edge_pixel *a = &r->pixels[r->chains[c].first + i], *b = a + EDGEL;
+            cairn_segment *line = &f->lines[f->line_count++];
+
+            line->a.x = (cairn_real)a->x;
+            line->a.y = (cairn_real)a->y;
+            line->b.x = (cairn_real)b->x;
+            line->b.y = (cairn_real)b->y;
+        }
+}
+
 /* From edges to objects. */
-static int find(finder *f, const scene *s)
+static int find(const settings *set, finder *f, const scene *s)
 {
     cairn_raster_u8_view view = {s->edges, SCENE_WIDTH, SCENE_HEIGHT, SCENE_WIDTH};
     cairn_shape_model model = cairn_shape_builder_read(f->builder);
@@ -111,13 +137,15 @@ static int find(finder *f, const scene *s)
     f->line_count = r.count - r.virtual_count;
     for (int32_t i = 0; i < f->line_count; i++)
         f->lines[i] = r.segments[i].line;
+    if (strcmp(set->tokens, "edgels") == 0)
+        take_edgels(f, &chains);
     in.segments = f->lines;
     in.count = f->line_count;
     in.width = SCENE_WIDTH;
     in.height = SCENE_HEIGHT;
     in.model = &model;
-    in.min_size = (cairn_real)(0.65 * 120 * size);
-    in.max_size = (cairn_real)(1.35 * 120 * size);
+    in.min_size = (cairn_real)(set->smallest * size);
+    in.max_size = (cairn_real)(set->largest * size);
     in.max_turn = (cairn_real)(12 * DEGREE);
     in.min_turn = -in.max_turn;
     in.mean_length = r.mean_length;
@@ -189,6 +217,29 @@ static double overlap(const cairn_shape_model *m, const cairn_grouped_object *o,
     h = fmax(0, fmin(b[3], box[3]) - fmax(b[1], box[1]));
     both = w * h;
     return both / ((b[2] - b[0]) * (b[3] - b[1]) + (box[2] - box[0]) * (box[3] - box[1]) - both);
+}
+
+/* What an object's segments leave of its contour: the model's outline from where it was seen last to where it is again. */
+static void complete(uint8_t *pixels, const cairn_shape_model *m, const cairn_grouped_object *o, const int32_t *along)
+{
+    double c = cos((double)o->turn) * (double)o->size, s = sin((double)o->turn) * (double)o->size;
+
+    for (int32_t i = 0; i < m->outline_count; i++) {
+        const cairn_oriented_point *p[2] = {&m->outline[i], &m->outline[(i + 1) % m->outline_count]};
+        cairn_vec2 v[2];
+
+        for (int e = 0; e < 2; e++) {
+            double x = (double)p[e]->position.x, y = (double)p[e]->position.y;
+
+            v[e].x = o->origin.x + (cairn_real)(c * x - s * y);
+            v[e].y = o->origin.y + (cairn_real)(s * x + c * y);
+        }
+        if (along[i] < 0 && cairn_vec2_norm(cairn_vec2_sub(v[1], v[0])) < 20) {
+            cairn_segment line = {v[0], v[1]};
+
+            mark_line(pixels, line);
+        }
+    }
 }
 
 /* Whether a segment lies along the boundary that is not hidden: its middle and both quarters. */
@@ -268,14 +319,17 @@ static void measure(const settings *set, sums *t, const finder *f, const scene *
     coverage = share_near(s->truth, 1, grouped, 1);
     visible = share_near(s->truth, 2, grouped, 1);
     precision = share_near(grouped, 1, s->truth, 1);
+    if (set->draw != NULL)
+        draw(set->draw, index, s, grouped);
+    if (r.object_count > 0)
+        complete(grouped, &model, &r.objects[0], &r.along[r.objects[0].along]);
+    t->completed += share_near(s->truth, 1, grouped, 1) >= 0.8;
     t->hit += box >= 0.5;
     t->whole += coverage >= 0.8;
     t->visible += visible >= 0.8;
     t->f += coverage + precision > 0 ? 2 * coverage * precision / (coverage + precision) : 0;
     add_labels(t, f, s, chosen);
-    t->scores[t->scenes] = (double)r.best;
-    if (set->draw != NULL)
-        draw(set->draw, index, s, grouped);
+    t->evidence[t->scenes] = (double)r.best_evidence;
     if (set->each) {
         bench_json_begin("clutter");
         bench_json_integer("scene", index);
@@ -283,6 +337,7 @@ static void measure(const settings *set, sums *t, const finder *f, const scene *
         bench_json_number("coverage", coverage);
         bench_json_number("precision", precision);
         bench_json_number("score", (double)r.best);
+        bench_json_number("evidence", (double)r.best_evidence);
         bench_json_integer("tokens", r.token_count);
         bench_json_integer("starts", r.starts);
         bench_json_integer("objects", r.object_count);
@@ -304,16 +359,22 @@ static int run_scene(const settings *set, sums *t, finder *f, int64_t index)
         return 0;
     scene_draw(&s, &shape, &options, &random);
     start = bench_seconds();
-    if (!find(f, &s))
+    if (!find(set, f, &s))
         return 0;
     t->seconds[t->scenes] = bench_seconds() - start;
     measure(set, t, f, &s, index);
     options.without = 1;
     scene_draw(&s, &shape, &options, &random);
-    if (!find(f, &s))
+    if (!find(set, f, &s))
         return 0;
-    t->absent_scores[t->scenes] = (double)cairn_grouping_read(f->grouping).best;
+    t->absent_evidence[t->scenes] = (double)cairn_grouping_read(f->grouping).best_evidence;
     t->objects += cairn_grouping_read(f->grouping).object_count;
+    if (set->each) {
+        bench_json_begin("clutter");
+        bench_json_integer("without", index);
+        bench_json_number("evidence", t->absent_evidence[t->scenes]);
+        bench_json_end();
+    }
     t->scenes++;
     return 1;
 }
@@ -341,14 +402,15 @@ static void print_summary(const settings *s, const sums *t, const finder *f)
     bench_json_number("hit50", t->hit / n);
     bench_json_number("boundary80", t->whole / n);
     bench_json_number("visible80", t->visible / n);
+    bench_json_number("completed80", t->completed / n);
     bench_json_number("boundary_f", t->f / n);
     bench_json_number("label_precision", t->label_precision / n);
     bench_json_number("label_recall", t->label_recall / n);
     bench_json_number("false_per_image", t->objects / n);
     bench_json_number("seconds_median", bench_median(t->seconds, (size_t)t->scenes));
-    bench_json_number("score_median", bench_median(t->scores, (size_t)t->scenes));
-    qsort(t->absent_scores, (size_t)t->scenes, sizeof *t->absent_scores, compare);
-    bench_json_number("absent_score_90", t->absent_scores[t->scenes * 9 / 10]);
+    bench_json_number("evidence_median", bench_median(t->evidence, (size_t)t->scenes));
+    qsort(t->absent_evidence, (size_t)t->scenes, sizeof *t->absent_evidence, compare);
+    bench_json_number("absent_evidence_90", t->absent_evidence[t->scenes * 9 / 10]);
     bench_json_integer("pool_bytes", (int64_t)f->pool.peak);
     bench_json_true("summary");
     bench_json_end();
@@ -367,7 +429,10 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_TEXT("--method", &s->method, "NAME", "group"),
         OPTION_INTEGER("--particles", &s->particles, 1, 4096, "N", "of the filter"),
         OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_PATHS, "N", "of a model at most"),
-        OPTION_NUMBER("--min-score", &s->score, 0, 1, "S", "of a grouping that is reported"),
+        OPTION_NUMBER("--min-evidence", &s->evidence, 0, 1000, "E", "of a grouping that is reported"),
+        OPTION_NUMBER("--smallest", &s->smallest, 1, 1000, "PX", "height of an object that is searched"),
+        OPTION_NUMBER("--largest", &s->largest, 1, 1000, "PX", "height of an object that is searched"),
+        OPTION_TEXT("--tokens", &s->tokens, "NAME", "segments or edgels"),
         OPTION_FLAG("--no-model", &s->no_model, "without the model term"),
         OPTION_FLAG("--no-skeleton", &s->no_skeleton, "without the skeleton term"),
         OPTION_FLAG("--each", &s->each, "a line for each scene, too"),
@@ -383,6 +448,11 @@ static option_result read_settings(settings *s, int argc, char **argv)
         return result;
     if (strcmp(s->mode, "instance") != 0 && strcmp(s->mode, "class") != 0)
         return (option_result)options_refuse("bench/clutter", "--mode %s, expected instance or class", s->mode);
+    if (strcmp(s->tokens, "segments") != 0 && strcmp(s->tokens, "edgels") != 0)
+        return (option_result)options_refuse("bench/clutter", "--tokens %s, expected segments or edgels", s->tokens);
+    if (s->smallest > s->largest)
+        return (option_result)options_refuse("bench/clutter", "--smallest %g, expected at most --largest %g",
+                                             s->smallest, s->largest);
     if (strcmp(s->method, "group") != 0)
         return (option_result)options_refuse("bench/clutter", "--method %s, expected group", s->method);
     return OPTIONS_READ;
@@ -390,7 +460,18 @@ static option_result read_settings(settings *s, int argc, char **argv)
 
 int main(int argc, char **argv)
 {
-    settings s = {20, 1, 25, 300, CAIRN_SHAPE_PATHS, 5, 0, -1, "instance", "group", NULL, 0, 0, 0};
+    settings s = {.scenes = 20,
+                  .seed = 1,
+                  .k = 25,
+                  .particles = 300,
+                  .paths = CAIRN_SHAPE_PATHS,
+                  .noise = 5,
+                  .evidence = -1,
+                  .smallest = 78,
+                  .largest = 162,
+                  .mode = "instance",
+                  .method = "group",
+                  .tokens = "segments"};
     option_result result = read_settings(&s, argc, argv);
     finder *f;
     sums t;
@@ -402,8 +483,8 @@ int main(int argc, char **argv)
     f = calloc(1, sizeof *f);
     t.seconds = calloc((size_t)s.scenes * 3, sizeof *t.seconds);
     ok = f != NULL && t.seconds != NULL && open_finder(f, &s);
-    t.scores = ok ? t.seconds + s.scenes : NULL;
-    t.absent_scores = ok ? t.scores + s.scenes : NULL;
+    t.evidence = ok ? t.seconds + s.scenes : NULL;
+    t.absent_evidence = ok ? t.evidence + s.scenes : NULL;
     for (int64_t i = 0; i < s.scenes && ok; i++) {
         fprintf(stderr, "scene %" PRId64 "\n", i);
         ok = run_scene(&s, &t, f, i);

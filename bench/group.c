@@ -6,7 +6,9 @@
  * of the box's diagonal of the outline; only the best I groupings of an image with I instances. --scale given: the size of each
  * instance's box, within a tenth; searched: a tenth of the image's diagonal to the whole. The original distribution's folders are
  * read as they are: images with .jpg, edges with _edges.tif, boxes with _CLASS.groundtruth, outlines with _CLASS_outlines.pgm or
- * .png, or masks with .mask.N.png, whose border is the outline; an image without either counts by its box alone, and is told apart. */
+ * .png, or masks with .mask.N.png, whose border is the outline; instances with neither, or none
+ * with edges, are left out and counted. hit_rate_thin: the same against the line in the middle of the outlines' strokes, some of which are
+ * as wide as what coverage allows. */
 #include <dirent.h>
 #include <inttypes.h>
 #include <math.h>
@@ -29,7 +31,7 @@ typedef struct settings {
 } settings;
 
 typedef struct sums {
-    int32_t images, instances, hits, false_groupings, own_false, other_images, without_outline, fragments;
+    int32_t images, instances, hits, thin_hits, false_groupings, own_false, other_images, without_outline;
     double coverage, precision;
     double *seconds;
     size_t pool_bytes;
@@ -137,10 +139,14 @@ static int run_own(const settings *s, sums *t, const char *folder, const char *n
     taken = group_measure(&image, &found, score);
     t->images++;
     t->own_false += found.count - taken;
-    t->without_outline += !image.has_outline;
     for (int32_t i = 0; i < image.instances; i++) {
+        if (score[i].present == 0) {
+            t->without_outline++;
+            continue;
+        }
         t->instances++;
         t->hits += score[i].hit;
+        t->thin_hits += score[i].thin;
         t->coverage += score[i].coverage;
         t->precision += score[i].precision;
         if (s->each)
@@ -223,6 +229,7 @@ static void print_summary(const settings *s, sums *t)
     bench_json_integer("instances", t->instances);
     bench_json_integer("hits", t->hits);
     bench_json_number("hit_rate", p);
+    bench_json_number("hit_rate_thin", t->thin_hits / n);
     bench_json_number("hit_rate_low", fmax(0, middle - half));
     bench_json_number("hit_rate_high", fmin(1, middle + half));
     bench_json_number("own_false_per_image", (double)t->own_false / (t->images > 0 ? t->images : 1));

@@ -4,7 +4,8 @@
  * match is right within 0.10 m in x and in y and 0.03 rad. The start is the truth disturbed uniformly: E 0.1 m 10 degrees, T
  * 0.3 m 20, X 0.5 m 45; `none` starts at the identity and searches everything. The ceiling is the share of pairs that
  * point-to-line ICP at full resolution, started at the truth, leaves there. Strangers are pairs of scans that share
- * nothing: of two arenas, or of places far apart in a log. */
+ * nothing: of two arenas, or of places far apart in a log. With --union a place is matched with all others of its arena: where
+ * scenes repeat themselves (twins, mirror, corridor) the verdict must say so. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -29,7 +30,7 @@ typedef struct settings {
     const char *log, *truth, *data, *start, *method, *scene;
     int64_t pairs, seed, partners, strangers;
     double overlap;
-    int32_t simulated, places, noise, each, ablate;
+    int32_t simulated, places, unions, noise, each, ablate;
     cairn_scan_match_mode mode;
 } settings;
 
@@ -47,6 +48,7 @@ static const start_kind STARTS[] = {
 
 typedef struct pair {
     int32_t target, query; /* of the views */
+    int32_t first, end;    /* the target is the union of these but the query, in the frame of `target` */
     double bound[9];       /* covariance of the relative pose; 0: not known */
 } pair;
 
@@ -76,6 +78,13 @@ static int is_pair(cairn_pose a, cairn_pose b)
     return d < 1.5 && angle < 0.7 && (d >= 0.1 || angle >= 5 * DEGREE);
 }
 
+static pair pair_of(int32_t target, int32_t query)
+{
+    pair p = {target, query, target, target + 1, {0}};
+
+    return p;
+}
+
 /* Draws pairs among views[first ... end-1]. */
 static void draw_pairs(collection *c, int32_t first, int32_t end, int64_t partners, int32_t most, cairn_random *random)
 {
@@ -87,17 +96,13 @@ static void draw_pairs(collection *c, int32_t first, int32_t end, int64_t partne
 
         if (b >= end || !is_pair(c->views.at[a].truth, c->views.at[b].truth))
             continue;
-        memset(&c->pairs[c->pair_count], 0, sizeof *c->pairs);
-        c->pairs[c->pair_count].target = a;
-        c->pairs[c->pair_count++].query = b;
+        c->pairs[c->pair_count++] = pair_of(a, b);
     }
 }
 
 static void add_stranger(collection *c, int32_t target, int32_t query)
 {
-    pair p = {target, query, {0}};
-
-    c->strangers[c->stranger_count++] = p;
+    c->strangers[c->stranger_count++] = pair_of(target, query);
 }
 
 /* ---- Simulated ---- */
@@ -173,13 +178,23 @@ static void pair_places(const settings *s, collection *c, int32_t first, int32_t
                 continue;
             overlap = true_overlap(&c->views.at[a], &c->views.at[b]);
             if (overlap >= s->overlap && (size_t)c->pair_count < room) {
-                memset(&c->pairs[c->pair_count], 0, sizeof *c->pairs);
-                c->pairs[c->pair_count].target = a;
-                c->pairs[c->pair_count++].query = b;
+                c->pairs[c->pair_count++] = pair_of(a, b);
             } else if (overlap < 0.02 && (size_t)c->stranger_count < room) {
                 add_stranger(c, a, b);
             }
         }
+}
+
+/* Every view of views[first ... end-1] with the union of the others. */
+static void pair_with_others(collection *c, int32_t first, int32_t end, size_t room)
+{
+    for (int32_t query = first; query < end && (size_t)c->pair_count < room; query++) {
+        pair *p = &c->pairs[c->pair_count++];
+
+        *p = pair_of(query > first ? first : first + 1, query);
+        p->first = first;
+        p->end = end;
+    }
 }
 
 static int add_arena(const settings *s, collection *c, uint64_t seed, int32_t number)
@@ -212,11 +227,14 @@ static int add_arena(const settings *s, collection *c, uint64_t seed, int32_t nu
 
             done = bench_views_add(&c->views, &input, pose_of(scans[i].truth), i);
         }
-        if (s->places)
+        if (s->unions)
+            pair_with_others(c, first, c->views.count, (size_t)s->pairs + PAIRS_PER_ARENA);
+        else if (s->places)
             pair_places(s, c, first, c->views.count, (size_t)s->pairs + PAIRS_PER_ARENA);
         else
             draw_pairs(c, first, c->views.count, s->partners, PAIRS_PER_ARENA, &random);
-        bound_pairs(c, arena, scans, first_pair);
+        if (!s->unions)
+            bound_pairs(c, arena, scans, first_pair);
         for (int32_t i = 0; i < PAIRS_PER_ARENA && first > 0 && !s->places; i++)
             add_stranger(c, first + cairn_random_below(&random, count), first - 1 - cairn_random_below(&random, count));
     } else {
@@ -330,15 +348,16 @@ static int start_matcher(const settings *s, const bench_views *views, matcher *m
     cairn_scan_match_params params = cairn_scan_match_default();
     cairn_icp_params icp = cairn_icp_default();
     cairn_pool pool;
-    int32_t points, dense;
+    int32_t points, dense, parts = s->unions ? PLACES : 1;
     size_t bytes;
 
     bench_views_most(views, &points, &dense);
     params.mode = s->mode;
-    params.max_target = params.max_query = points;
-    params.max_dense = dense;
-    params.max_views = 1;
-    icp.max_target = dense;
+    params.max_query = points;
+    params.max_target = parts * points;
+    params.max_dense = parts * dense;
+    params.max_views = parts;
+    icp.max_target = parts * dense;
     icp.gate_start = CAIRN_REAL(0.2);
     bytes = cairn_scan_match_memory(&params) + cairn_icp_memory(&icp) + CAIRN_ALIGN;
     m->pool_bytes = cairn_scan_match_memory(&params);
@@ -354,15 +373,28 @@ static int is_right(cairn_pose truth, cairn_pose estimate)
            fabs((double)cairn_wrap_angle(estimate.theta - truth.theta)) < 0.03;
 }
 
-/* Point-to-line ICP at full resolution from the truth: 1 when it stays. */
-static int stays(matcher *m, const bench_view *target, const bench_view *query, cairn_pose truth)
+/* The frame of the pair's target and a view in it. */
+static cairn_pose seen_from_target(const collection *c, const pair *p, int32_t view)
 {
+    return cairn_pose_between(c->views.at[p->target].truth, c->views.at[view].truth);
+}
+
+/* Point-to-line ICP at full resolution from the truth: 1 when it stays. */
+static int stays(matcher *m, const collection *c, const pair *p)
+{
+    const cairn_scan_match_part *query = &c->views.at[p->query].part;
+    cairn_pose truth = seen_from_target(c, p, p->query);
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
     cairn_icp_clear_target(m->icp);
-    if (cairn_icp_add_target(m->icp, target->part.dense, target->part.dense_count, cairn_pose_identity(), NULL) !=
-            CAIRN_OK ||
-        cairn_icp_begin(m->icp, query->part.dense, query->part.dense_count, truth, NULL, NULL) != CAIRN_OK ||
+    for (int32_t i = p->first; i < p->end; i++) {
+        const cairn_scan_match_part *part = &c->views.at[i].part;
+
+        if (i != p->query &&
+            cairn_icp_add_target(m->icp, part->dense, part->dense_count, seen_from_target(c, p, i), NULL) != CAIRN_OK)
+            return 0;
+    }
+    if (cairn_icp_begin(m->icp, query->dense, query->dense_count, truth, NULL, NULL) != CAIRN_OK ||
         cairn_icp_step(m->icp, &budget) != CAIRN_OK)
         return 0;
     return is_right(truth, cairn_icp_read(m->icp).target_query);
@@ -404,12 +436,23 @@ static void compare(const pair *p, cairn_pose truth, const cairn_scan_match_resu
     out->ratio = p->bound[0] > 0 ? out->metres / sqrt(p->bound[0] + p->bound[4]) : (double)NAN;
 }
 
+static cairn_status set_target(matcher *m, const collection *c, const pair *p)
+{
+    cairn_status status = CAIRN_OK;
+
+    cairn_scan_match_clear_target(m->match);
+    for (int32_t i = p->first; i < p->end && status == CAIRN_OK; i++)
+        if (i != p->query)
+            status = cairn_scan_match_add_target(m->match, &c->views.at[i].part, seen_from_target(c, p, i), NULL);
+    return status;
+}
+
 /* Matches a pair; 0 on failure. */
 static int run_pair(matcher *m, const collection *c, const pair *p, const start_kind *kind, cairn_random *random,
                     outcome *out)
 {
-    const bench_view *target = &c->views.at[p->target], *query = &c->views.at[p->query];
-    cairn_pose truth = cairn_pose_between(target->truth, query->truth), start = cairn_pose_identity();
+    const bench_view *query = &c->views.at[p->query];
+    cairn_pose truth = seen_from_target(c, p, p->query), start = cairn_pose_identity();
     cairn_scan_match_window window = {(cairn_real)kind->metres, (cairn_real)kind->radians};
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_scan_match_result result;
@@ -423,8 +466,7 @@ static int run_pair(matcher *m, const collection *c, const pair *p, const start_
         start.theta = cairn_wrap_angle(truth.theta + cairn_random_uniform(random, -window.angle, window.angle));
     }
     begun = bench_seconds();
-    cairn_scan_match_clear_target(m->match);
-    if (cairn_scan_match_add_target(m->match, &target->part, cairn_pose_identity(), NULL) != CAIRN_OK ||
+    if (set_target(m, c, p) != CAIRN_OK ||
         cairn_scan_match_begin(m->match, &query->part, start, kind->metres >= 0 ? &window : NULL, NULL) != CAIRN_OK ||
         cairn_scan_match_step(m->match, &budget) != CAIRN_OK)
         return 0;
@@ -560,8 +602,7 @@ static int run_start(const settings *s, const char *name, const collection *c, c
     }
     for (int32_t i = 0; i < c->pair_count && done; i++) {
         const pair *p = &c->pairs[i];
-        const bench_view *target = &c->views.at[p->target], *query = &c->views.at[p->query];
-        int ceiling = stays(&m, target, query, cairn_pose_between(target->truth, query->truth));
+        int ceiling = stays(&m, c, p);
         cairn_scan_match_result result;
         outcome o;
 
@@ -653,6 +694,7 @@ int main(int argc, char **argv)
         OPTION_FLAG("--places", &s.places, "simulated: full circles at 16 places an arena, pairs that overlap enough"),
         OPTION_NUMBER("--overlap", &s.overlap, 0, 1, "SHARE",
                       "... share of the points of the second that the first sees"),
+        OPTION_FLAG("--union", &s.unions, "simulated: every one of the 16 places with all others of its arena"),
         OPTION_TEXT("--scene", &s.scene, "NAME", "scene of the arenas (rescue, apartment and office in turn)"),
         OPTION_TEXT("--log", &s.log, "FILE", "one CARMEN log (all of DIR/slam)"),
         OPTION_TEXT("--truth", &s.truth, "FILE", "its reference poses, \"scan x y theta\" a line"),
@@ -682,6 +724,7 @@ int main(int argc, char **argv)
         s.method = "shape";
     if (strcmp(s.method, "shape") == 0)
         s.mode = CAIRN_SCAN_MATCH_SHAPE;
+    s.places |= s.unions;
     if ((s.log == NULL) != (s.truth == NULL))
         return options_refuse("bench/pairs", "--log or --truth alone, expected both or neither");
     if (s.start != NULL && !is_start(s.start))
@@ -692,7 +735,10 @@ int main(int argc, char **argv)
         return options_refuse("bench/pairs", "--scene is '%s', expected one of cairn-arena's", s.scene);
     if (s.simulated || s.places || s.log != NULL) {
         s.partners = s.partners > 0 ? s.partners : 10;
-        return run_data(&s, s.places ? "places" : s.simulated ? "simulated" : cairn_path_name(s.log));
+        return run_data(&s, s.unions      ? "unions"
+                            : s.places    ? "places"
+                            : s.simulated ? "simulated"
+                                          : cairn_path_name(s.log));
     }
     for (size_t i = 0; i < sizeof names / sizeof *names && code == 0; i++) {
         char log[4096], truth[4096];

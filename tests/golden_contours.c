@@ -1,6 +1,7 @@
-/* Golden scenes of contours: from edges to symmetric points. */
+/* Golden scenes of contours: from edges to symmetric points, from an outline to grouped segments. */
 #include "src/core/build.h"
 
+#include "cairn/contour_grouping.h"
 #include "cairn/curve.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
@@ -127,4 +128,139 @@ uint64_t golden_contours(void)
         return 0;
     points = cairn_symmetric_point_list(finder, &count);
     return add_samples(add_symmetric_points(add_segments(GOLDEN_START, &segments), points, count), points, count);
+}
+
+/* ---- A jug in clutter, one whole and one in part ---- */
+
+enum { JUG = 9, MOST_LINES = 400, GROUP_WIDTH = 240, GROUP_HEIGHT = 160 };
+
+static const cairn_real jug[JUG][2] = {{-14, -30}, {10, -30}, {14, -20}, {10, -8}, {26, 4},
+                                       {20, 30},   {-16, 30}, {-22, 2},  {-10, -8}};
+
+static int32_t add_jug(cairn_segment *lines, int32_t count, cairn_vec2 at, cairn_real size, int32_t sides)
+{
+    for (int32_t i = 0; i < sides; i++) {
+        const cairn_real *a = jug[i], *b = jug[(i + 1) % JUG];
+
+        for (int32_t k = 0; k < 3; k++) {
+            cairn_real from = (cairn_real)k / 3, to = (cairn_real)(k + 1) / 3;
+            cairn_segment line = {
+                {at.x + size * (a[0] + from * (b[0] - a[0])), at.y + size * (a[1] + from * (b[1] - a[1]))},
+                {at.x + size * (a[0] + to * (b[0] - a[0])), at.y + size * (a[1] + to * (b[1] - a[1]))}};
+
+            lines[count++] = line;
+        }
+    }
+    return count;
+}
+
+static int32_t add_clutter(cairn_segment *lines, int32_t count, int32_t more, cairn_random *random)
+{
+    for (int32_t i = 0; i < more; i++) {
+        cairn_vec2 at = {cairn_random_uniform(random, 0, GROUP_WIDTH), cairn_random_uniform(random, 0, GROUP_HEIGHT)};
+        cairn_vec2 half = {cairn_random_uniform(random, -14, 14), cairn_random_uniform(random, -14, 14)};
+        cairn_segment line = {cairn_vec2_sub(at, half), cairn_vec2_add(at, half)};
+
+        lines[count++] = line;
+    }
+    return count;
+}
+
+static uint64_t add_model(uint64_t hash, const cairn_shape_model *m)
+{
+    for (int32_t i = 0; i < m->sample_count; i++) {
+        const cairn_shape_sample *d = &m->samples[i];
+
+        hash = add_real(add_real(add_point(hash, d->centre), d->radius), d->deviation);
+        for (int32_t side = 0; side < 2; side++)
+            hash =
+                add_real(add_point(add_point(hash, d->side[side].position), d->side[side].direction), d->share[side]);
+    }
+    for (int32_t i = 0; i < m->path_count; i++) {
+        hash = add_bytes(hash, &m->paths[i].first, sizeof m->paths[i].first);
+        hash = add_bytes(hash, &m->paths[i].branch, sizeof m->paths[i].branch);
+    }
+    return add_point(add_real(hash, m->size), m->origin);
+}
+
+static uint64_t add_grouping(uint64_t hash, const cairn_grouping_result *r, const cairn_shape_model *m)
+{
+    hash = add_real(add_real(hash, r->best), r->best_evidence);
+    hash = add_bytes(add_bytes(hash, &r->starts, sizeof r->starts), &r->token_count, sizeof r->token_count);
+    hash = add_bytes(hash, r->segments, (size_t)r->segment_count * sizeof *r->segments);
+    hash = add_bytes(hash, r->along, (size_t)(r->object_count * m->outline_count) * sizeof *r->along);
+    for (int32_t i = 0; i < r->object_count; i++) {
+        const cairn_grouped_object *o = &r->objects[i];
+
+        hash = add_point(add_real(add_real(hash, o->evidence), o->score), o->origin);
+        hash = add_real(add_real(hash, o->size), o->turn);
+        hash = add_bytes(add_bytes(hash, &o->seen, sizeof o->seen), &o->start, sizeof o->start);
+    }
+    for (int32_t i = 0; i < r->steps; i++) {
+        hash = add_real(add_real(hash, r->trace[i].n_eff), r->trace[i].log_likelihood);
+        hash = add_bytes(hash, &r->trace[i].followers, sizeof r->trace[i].followers);
+    }
+    return hash;
+}
+
+/* 0: it cannot be grouped. The units that it took go into the hash. */
+static uint64_t group(uint64_t hash, cairn_grouping *g, const cairn_grouping_input *in)
+{
+    cairn_budget budget = {INT32_MAX};
+    cairn_grouping_result r;
+
+    if (cairn_grouping_begin(g, in) != CAIRN_OK || cairn_grouping_step(g, &budget) != CAIRN_OK)
+        return 0;
+    r = cairn_grouping_read(g);
+    return add_bytes(add_grouping(hash, &r, in->model), &budget.left, sizeof budget.left);
+}
+
+uint64_t golden_grouped(void)
+{
+    cairn_shape_builder_params shape = cairn_shape_builder_default();
+    cairn_grouping_params params = cairn_grouping_default();
+    static cairn_segment lines[MOST_LINES];
+    cairn_random random = cairn_random_seed(31, 1);
+    cairn_vec2 corners[JUG], at[2] = {{70, 80}, {180, 70}};
+    cairn_curve outline = {corners, JUG, 1};
+    cairn_budget budget = {INT32_MAX};
+    cairn_shape_builder *builder;
+    cairn_grouping *grouping;
+    cairn_shape_model model;
+    cairn_pool pool;
+    uint64_t hash;
+
+    shape.points = 64;
+    params.max_width = GROUP_WIDTH;
+    params.max_height = GROUP_HEIGHT;
+    params.max_tokens = 300;
+    params.max_outline = 100;
+    params.particles = 40;
+    params.max_objects = 3;
+    for (int32_t i = 0; i < JUG; i++) {
+        corners[i].x = jug[i][0];
+        corners[i].y = jug[i][1];
+    }
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        cairn_shape_builder_create(&builder, &pool, &shape) != CAIRN_OK ||
+        cairn_grouping_create(&grouping, &pool, &params) != CAIRN_OK ||
+        cairn_shape_builder_begin(builder, &outline, 1) != CAIRN_OK ||
+        cairn_shape_builder_step(builder, &budget) != CAIRN_OK)
+        return 0;
+    model = cairn_shape_builder_read(builder);
+    hash = add_model(GOLDEN_START, &model);
+    for (int32_t part = 0; part < 2; part++) {
+        cairn_grouping_input in = {.segments = lines, .width = GROUP_WIDTH, .height = GROUP_HEIGHT, .model = &model};
+
+        in.count = add_jug(lines, 0, at[0], 1, JUG);
+        in.count = add_jug(lines, in.count, at[1], CAIRN_REAL(1.25), part ? 6 : JUG);
+        in.count = add_clutter(lines, in.count, part ? 220 : 60, &random);
+        in.min_size = CAIRN_REAL(0.7) * model.size;
+        in.max_size = CAIRN_REAL(1.4) * model.size;
+        in.min_turn = CAIRN_REAL(-0.2);
+        in.max_turn = CAIRN_REAL(0.3);
+        in.mean_length = 9;
+        hash = group(hash, grouping, &in);
+    }
+    return hash;
 }

@@ -23,5 +23,6 @@ const golden_scene golden_scenes[] = {
     {"places", golden_places},
     {"merged", golden_merged},
     {"contours", golden_contours},
+    {"grouped", golden_grouped},
     {NULL, NULL},
 };

@@ -251,6 +251,8 @@ static void test_params_are_refused(void **state)
     REFUSED(proposal, 2);
     REFUSED(by_entropy, -1);
     REFUSED(by_entropy, 2);
+    REFUSED(past, -1);
+    REFUSED(past, (1 << 20) + 1);
     REFUSED(resample_below, CAIRN_REAL(-0.01));
     REFUSED(resample_below, CAIRN_REAL(1.01));
     REFUSED(resample_below, nan);
@@ -569,6 +571,55 @@ static int32_t compare_tree_with_copies(cairn_particle_proposal way, int32_t fol
     assert_true(cairn_particle_filter_read(f.filter).blocks_peak < 40 * 60);
     test_pool_free(&f.pool);
     return resampled;
+}
+
+/* Beside a filter that keeps the whole past: the same particles, so many states behind each, in as many blocks as promised. */
+static void compare_short_past(int32_t past)
+{
+    chain c = new_chain(9);
+    cairn_particle_filter_params p = chain_params(40);
+    struct fixture whole, cut;
+
+    p.max_particles = 60;
+    p.max_followers = 3;
+    p.max_candidates = 240;
+    p.max_blocks = 6000;
+    whole = filter_with(&p, &c);
+    p.past = past;
+    p.max_blocks = (past + 2) * p.max_particles;
+    cut = filter_with(&p, &c);
+    start_at(whole.filter, 3, 40);
+    start_at(cut.filter, 3, 40);
+    for (c.time = 0; c.time < 60; c.time++) {
+        assert_ok(run(whole.filter, 5000));
+        assert_ok(run(cut.filter, 7));
+        assert_int_equal(cairn_particle_filter_count(cut.filter), cairn_particle_filter_count(whole.filter));
+        for (int32_t i = 0; i < cairn_particle_filter_count(cut.filter); i++) {
+            cairn_particle a = cairn_particle_filter_particle(whole.filter, i);
+            cairn_particle b = cairn_particle_filter_particle(cut.filter, i);
+            const chain_state *node = b.state;
+
+            assert_memory_equal(a.state, b.state, sizeof(chain_state));
+            assert_near(a.log_weight, b.log_weight, 0);
+            assert_int_equal(b.steps, c.time + 1);
+            for (int32_t k = 0; k < past && k <= c.time; k++) {
+                node = cairn_particle_state_before(node);
+                assert_non_null(node);
+                assert_int_equal(node->length, c.time + 1 - k);
+            }
+            assert_null(cairn_particle_state_before(node));
+        }
+        assert_int_equal(cairn_particle_filter_read(cut.filter).blocks, distinct_nodes(cut.filter));
+    }
+    test_pool_free(&whole.pool);
+    test_pool_free(&cut.pool);
+}
+
+static void test_a_short_past_changes_nothing_else(void **state)
+{
+    (void)state;
+    compare_short_past(1);
+    compare_short_past(4);
 }
 
 static void test_tree_equals_copies(void **state)
@@ -1126,6 +1177,7 @@ int main(void)
         cmocka_unit_test(test_failures_undo_the_step),
         cmocka_unit_test(test_blocks_run_out_in_a_full_population),
         cmocka_unit_test(test_clear_in_the_middle),
+        cmocka_unit_test(test_a_short_past_changes_nothing_else),
         cmocka_unit_test(test_offers_beyond_the_capacity),
         cmocka_unit_test(test_bad_offers),
         cmocka_unit_test(test_budgets_do_not_matter),

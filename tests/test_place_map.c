@@ -581,13 +581,13 @@ static void results_stay_as_they_are(void **state)
     decoupled.decoupled = 1;
     decoupled.rounds = 1;
     decoupled.sweeps = 1;
-    assert_golden(hash_of_rooms(params, 0), UINT64_C(0x0c5532f3b3a7e2d1), UINT64_C(0x5d8ffdc34216aae2));
+    assert_golden(hash_of_rooms(params, 0), UINT64_C(0x5b574982a1a1f8d1), UINT64_C(0xe63441c01356464c));
     assert_golden(hash_of_rooms(params, 1), UINT64_C(0xb75be7f60ef2c761), UINT64_C(0x6c6834047e5d0b64));
     assert_golden(hash_of_rooms(sequential, 0), UINT64_C(0x33ab8f8329ca2202), UINT64_C(0xd338b7435c55244f));
     jointly.decoupled = CAIRN_PLACE_MAP_JOINTLY;
-    assert_golden(hash_of_crowd(crowded), UINT64_C(0x60c8a4a6ca74ef42), UINT64_C(0x0fa7dd773e53e8b6));
-    assert_golden(hash_of_crowd(jointly), UINT64_C(0x34024ff01ce1bbcb), UINT64_C(0x6d1e83173395045a));
-    assert_golden(hash_of_rooms(decoupled, 0), UINT64_C(0x079739879f681820), UINT64_C(0x3d492fdd78ebe9a7));
+    assert_golden(hash_of_crowd(crowded), UINT64_C(0xa71d6a54e831e3c0), UINT64_C(0x9919c261e8138513));
+    assert_golden(hash_of_crowd(jointly), UINT64_C(0x9f7468b235caba10), UINT64_C(0xa051ecd6f64a7a76));
+    assert_golden(hash_of_rooms(decoupled, 0), UINT64_C(0xafef2d515352388d), UINT64_C(0xedfa2c9fdd4e170e));
 }
 
 /* ---- Contracts ---- */

@@ -1,4 +1,4 @@
-/* A world of walls and boxes, and what maps of parts of it look like. */
+/* A world of walls, boxes and round things, and what maps of parts of it look like. */
 #ifndef CAIRN_TESTS_WORLD_H
 #define CAIRN_TESTS_WORLD_H
 
@@ -7,12 +7,13 @@
 #include "cairn/occupancy_grid.h"
 #include "tests/test.h"
 
-enum { BOXES_MOST = 40, SIDE = 120 };
+enum { BOXES_MOST = 120, SIDE = 120 };
 
 static const double PI = 3.14159265358979323846;
 
 typedef struct box {
     double x, y, half_x, half_y, angle;
+    int32_t round; /* 1: a disc, half_x its radius */
 } box;
 
 typedef struct world {
@@ -36,10 +37,16 @@ static inline double uniform(cairn_random *random, double low, double high)
 
 static inline void add_box(world *w, double x, double y, double half_x, double half_y, double angle)
 {
-    box b = {x, y, half_x, half_y, angle};
+    box b = {x, y, half_x, half_y, angle, 0};
 
     assert_true(w->count < BOXES_MOST);
     w->box[w->count++] = b;
+}
+
+static inline void add_disc(world *w, double x, double y, double radius)
+{
+    add_box(w, x, y, radius, radius, 0);
+    w->box[w->count - 1].round = 1;
 }
 
 /* Rooms of different sizes, doors, and boxes at all angles. */
@@ -70,6 +77,34 @@ static inline world rooms(uint64_t seed)
     return w;
 }
 
+/* A cave: no wall is straight. */
+static inline world cave(uint64_t seed)
+{
+    cairn_random random = cairn_random_seed(seed, 6);
+    double bend = uniform(&random, 0.9, 1.6), phase = uniform(&random, 0, 2 * PI);
+    world w;
+
+    memset(&w, 0, sizeof w);
+    w.top = 4;
+    w.bottom = -4;
+    for (int i = 0; i <= 28; i++) {
+        double x = -7 + 0.5 * i;
+
+        add_disc(&w, x, 3.3 + 0.4 * sin(bend * x + phase), uniform(&random, 0.3, 0.55));
+        add_disc(&w, x, -3.3 + 0.4 * cos(bend * x + 2 * phase), uniform(&random, 0.3, 0.55));
+    }
+    for (int i = 0; i < 13; i++) {
+        add_disc(&w, -7, -3 + 0.5 * i, uniform(&random, 0.3, 0.55));
+        add_disc(&w, 7, -3 + 0.5 * i, uniform(&random, 0.3, 0.55));
+    }
+    for (int i = 0; i < 10; i++) {
+        double x = uniform(&random, -6, 6), y = uniform(&random, -2.3, 2.3);
+
+        add_disc(&w, x, y, uniform(&random, 0.12, 0.5));
+    }
+    return w;
+}
+
 /* Distance of a point to the border of a box, negative inside. */
 static inline double outside(const box *b, double x, double y)
 {
@@ -77,6 +112,8 @@ static inline double outside(const box *b, double x, double y)
            v = c * (y - b->y) - s * (x - b->x);
     double du = fabs(u) - b->half_x, dv = fabs(v) - b->half_y;
 
+    if (b->round)
+        return hypot(u, v) - b->half_x;
     return du > 0 && dv > 0 ? hypot(du, dv) : fmax(du, dv);
 }
 

@@ -28,7 +28,8 @@ typedef struct cairn_grouping_params {
     cairn_real symmetry;           /* rad, > 0: S, sigma of a loss of symmetry from one step to the next (45 degrees) */
     cairn_real missing;            /* 0 ... 1, > 0: likelihood of a side that is not seen (0.3) */
     cairn_real stop;      /* 0 ... 1: the walk ends when the best likelihood of a step, in the mean, is below (0.3) */
-    cairn_real min_score; /* 0 ... 1: objects below it are not reported (0.78) */
+    cairn_real min_score; /* 0 ... 1: objects of which less is seen are not reported (0.2) */
+    cairn_real min_evidence; /* >= 0: nor those with less evidence (13) */
     uint64_t seed;
 } cairn_grouping_params;
 
@@ -45,13 +46,15 @@ typedef struct cairn_grouping_input {
 
 /* One object. image = origin + scale * (cosine, -sine; sine, cosine) * model. */
 typedef struct cairn_grouped_object {
+    cairn_real evidence;  /* about the logarithm of how much likelier its segments are with the object than by chance */
     cairn_real score;     /* 0 ... 1: how much of the outline was seen, and how well */
     cairn_vec2 origin;    /* px */
     cairn_real size;      /* px */
     cairn_real turn;      /* rad */
     int32_t first, count; /* segments[first ... first + count - 1] of the result */
-    int32_t seen;         /* samples of the paths of which a side was seen */
-    int32_t start;        /* the sample of the model at which its walk began */
+    int32_t along; /* along[along ... along + outline_count - 1]: which part of the model was seen, and by what */
+    int32_t seen;  /* samples of the paths of which a side was seen */
+    int32_t start; /* the sample of the model at which its walk began */
 } cairn_grouped_object;
 
 /* One step of the walk. */
@@ -61,13 +64,16 @@ typedef struct cairn_grouping_trace {
 } cairn_grouping_trace;
 
 typedef struct cairn_grouping_result {
-    const cairn_grouped_object *objects; /* [object_count] the best first */
+    const cairn_grouped_object *objects; /* [object_count] that of most evidence first */
     const int32_t *segments; /* indices of the input's segments, object by object, in the order of the outline */
+    const int32_t
+        *along; /* index of the segment at each sample of the model's outline, -1: not seen; object by object */
     const cairn_grouping_trace *trace; /* [steps] */
     int32_t object_count, segment_count, steps;
     int32_t starts;      /* places that looked like the model at first sight */
     int32_t token_count; /* pieces of segments */
-    cairn_real best;     /* the best score of all, reported or not */
+    cairn_real best;     /* the score of the place with most evidence, reported or not */
+    cairn_real best_evidence;
 } cairn_grouping_result;
 
 typedef struct cairn_grouping cairn_grouping;
@@ -75,7 +81,8 @@ typedef struct cairn_grouping cairn_grouping;
 /* The values in brackets above, seed 1. */
 cairn_grouping_params cairn_grouping_default(void);
 
-/* 0 for params that create() would refuse. About 200 bytes for every particle and sample of the model: histories share what they have in common, but need not. */
+/* 0 for params that create() would refuse. About 5 KB for every particle, whatever the length of the paths; 60 bytes for every
+ * token. */
 size_t cairn_grouping_memory(const cairn_grouping_params *params);
 
 /* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
@@ -87,8 +94,10 @@ CAIRN_CHECKED cairn_status cairn_grouping_create(cairn_grouping **grouping, cair
 CAIRN_CHECKED cairn_status cairn_grouping_begin(cairn_grouping *grouping, const cairn_grouping_input *input);
 
 /* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the result stands, or nothing was begun. CAIRN_NOT_FINITE: a segment is
- * not finite; given up. First sight costs a unit for every 16 pairs of tokens and for each pair and sample of the model
- * that go together; the walk some 60 units a particle and sample; the rest some 200 a particle and sample of the outline. */
+ * not finite; CAIRN_FULL: segments of more than 2^24 tokens; given up. First sight
+ * costs a unit for every 16 pairs of tokens, and for each pair and sample of the model that go together (of 2^22 pairs at
+ * most); the walk some 60 units a particle and sample; every start, every walk's end and nine times every object 12 units a
+ * sample of the outline, the first two up to five times. */
 CAIRN_CHECKED cairn_status cairn_grouping_step(cairn_grouping *grouping, cairn_budget *budget);
 
 /* All zero until step() returns CAIRN_OK; valid until the next begin(). */

@@ -1,8 +1,8 @@
 /* map_merge: how the maps of many robots lie to each other, with no guess (Adluru 2008, chapter 9).
  *
  * A virtual robot visits one map after the other. Its pose at a map is that map's place among those merged so far; what
- * moves it is the registration of corners, what it sees is the map itself. A particle filter follows the rival places. What
- * the maps do not support is refused and said so.
+ * moves it is the registration of corners, of the directions of walls and of where walls bend; what it sees is the map itself.
+ * A particle filter follows the rival places. What the maps do not support is refused and said so.
  *
  *     clear -> add() for each map -> begin() -> step(budget) until CAIRN_OK -> read(), of() */
 #ifndef CAIRN_MAP_MERGE_H
@@ -82,8 +82,8 @@ CAIRN_CHECKED cairn_status cairn_map_merge_guess(cairn_map_merge *merge, int32_t
 CAIRN_CHECKED cairn_status cairn_map_merge_begin(cairn_map_merge *merge, int32_t reference, const int32_t *order);
 
 /* CAIRN_OK: the result stands. CAIRN_MORE: go on. Per map about 3 units a cell; per pair of maps 2 to 16 units
- * for each translation that is tried (two cells apart, in at most six rotations: some 100,000 for maps of 200 by 200 cells), and
- * about 100,000 to refine its best places; in the filter mostly what was not yet remembered of a pair. So it grows with the square of
+ * for each translation that is tried (two cells apart, in at most six rotations: some 100,000 for maps of 200 by 200 cells), as many
+ * for each pair of points where walls bend (256 of a map at most), and about 200,000 to refine its best places; in the filter mostly what was not yet remembered of a pair. So it grows with the square of
  * the maps. */
 CAIRN_CHECKED cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_budget *budget);
 

@@ -37,11 +37,13 @@ typedef struct cairn_particle_filter_params {
     int32_t
         by_entropy; /* 1: a particle has exp(H) followers, rounded up, at most max_followers, where H is the entropy of
                          * what they are drawn from: as many as it has modes */
+    int32_t past;   /* states of a history that are kept behind its last one, 1 ... 2^20; 0: all of them */
     cairn_real resample_below; /* share of N, 0 ... 1: resampled when N_eff is below it */
 } cairn_particle_filter_params;
 
 /* 100 particles, as many at most, 8 followers, 4096 candidates, 4096 blocks of 64 bytes, optimal proposal, followers by
- * entropy, resampled below one half. */
+ * entropy, the whole past, resampled below one half. (past + 2) max_particles blocks are enough for any number of steps, if past
+ * is not 0. */
 cairn_particle_filter_params cairn_particle_filter_default(void);
 
 /* Offers the candidates of particle `index`. CAIRN_OK: all are offered. CAIRN_MORE: the budget is used up, call again.
@@ -117,7 +119,7 @@ int32_t cairn_particle_filter_count(const cairn_particle_filter *filter);
 /* All zero when there is no such particle. */
 cairn_particle cairn_particle_filter_particle(const cairn_particle_filter *filter, int32_t index);
 
-/* The state before a given one of a history; NULL before the first. Constant time. */
+/* The state before a given one of a history; NULL before the first that is kept. Constant time. */
 const void *cairn_particle_state_before(const void *state);
 
 /* What the last step was. */

@@ -94,7 +94,8 @@ typedef int32_t cairn_scan_match_verdict;
 enum {
     CAIRN_SCAN_MATCH_RUNNING = 0,   /* or nothing begun */
     CAIRN_SCAN_MATCH_FOUND = 1,     /* the first hypothesis is it */
-    CAIRN_SCAN_MATCH_AMBIGUOUS = 2, /* others are as good, or a direction of motion is not observable: see them all */
+    CAIRN_SCAN_MATCH_AMBIGUOUS = 2, /* others are as good, or would do by themselves, or a direction of motion is not
+                                     * observable: see them all */
     CAIRN_SCAN_MATCH_NONE = 3       /* nothing fits well enough; hypotheses, if any, are the best of the bad */
 };
 

@@ -5,7 +5,7 @@
  * (contour_grouping_walk.c) is a particle filter; its particles are hypotheses about one object or several. In the end
  * (contour_grouping_object.c) every particle's model is laid onto its segments, and the best that share no place are the objects.
  *
- * Layout: tokens in cells, the map of first sight, starts, the filter with its tree of histories, the segments found.
+ * Layout: tokens in cells, the map of first sight, starts, the filter with the last two states of each walk, the segments found.
  *
  * Limits: objects of one image that lie closer than a third of their size to each other are one. A segment that is symmetric with
  * itself is cut into tokens, and so is none that is shorter than a token.
@@ -18,7 +18,11 @@
 
 #include "src/contour/contour_grouping_work.h"
 
-enum { IDLE, CUT, LOOK, WALK, COLLECT, DONE };
+enum { IDLE, CUT, LOOK, WEIGH, WALK, COLLECT, FINISH, DONE };
+/* Ends of segments that are so near to each other are of one chain, px. */
+enum { CHAIN_GAP = 3 };
+/* Of a segment, and of all together before they are thinned out. */
+enum { MOST_PIECES = 1 << 24 };
 
 cairn_grouping_params cairn_grouping_default(void)
 {
@@ -38,7 +42,8 @@ cairn_grouping_params cairn_grouping_default(void)
         .symmetry = 45 * (CAIRN_PI / 180),
         .missing = CAIRN_REAL(0.3),
         .stop = CAIRN_REAL(0.3),
-        .min_score = CAIRN_REAL(0.78),
+        .min_score = CAIRN_REAL(0.2),
+        .min_evidence = 13,
         .seed = 1,
     };
     return params;
@@ -57,7 +62,7 @@ static int params_are_valid(const cairn_grouping_params *p)
            p->max_objects >= 1 && p->max_objects <= 64 && p->token > 0 && cairn_is_finite(p->token) && p->deform > 0 &&
            cairn_is_finite(p->deform) && p->turn > 0 && cairn_is_finite(p->turn) && p->symmetry > 0 &&
            cairn_is_finite(p->symmetry) && is_share(p->missing) && is_share(p->stop) && p->min_score >= 0 &&
-           p->min_score <= 1;
+           p->min_score <= 1 && p->min_evidence >= 0 && cairn_is_finite(p->min_evidence);
 }
 
 static cairn_particle_filter_params filter_params(const cairn_grouping_params *p)
@@ -67,8 +72,9 @@ static cairn_particle_filter_params filter_params(const cairn_grouping_params *p
     f.particles = f.max_particles = p->particles;
     f.max_followers = GROUPING_FOLLOWERS;
     f.max_candidates = p->particles * GROUPING_CANDIDATES;
-    /* A past of its own for every particle, and the followers of one step. */
-    f.max_blocks = p->particles * (p->max_samples + GROUPING_FOLLOWERS + 1);
+    /* Where a walk has been is in the sums of its state. */
+    f.past = 1;
+    f.max_blocks = 3 * p->particles;
     f.state_bytes = (int32_t)sizeof(grouping_state);
     return f;
 }
@@ -107,7 +113,13 @@ static cairn_grouping *carve(cairn_pool *pool, const cairn_grouping_params *p)
     cairn_grouping_trace *trace = cairn_pool_take(pool, (size_t)p->max_samples, sizeof *trace);
     int32_t *segments = cairn_pool_take(pool, (size_t)p->max_objects * (size_t)p->max_outline, sizeof *segments);
     cairn_grouped_object *objects = cairn_pool_take(pool, (size_t)p->max_objects, sizeof *objects);
+    int32_t *along = cairn_pool_take(pool, (size_t)p->max_objects * (size_t)p->max_outline, sizeof *along);
     int32_t *match = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *match);
+    cairn_real *cost = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *cost);
+    cairn_vec2 *shift = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *shift);
+    cairn_vec2 *bent = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *bent);
+    int32_t *apart = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *apart);
+    grouping_cell *way = cairn_pool_take(pool, (size_t)p->max_outline * GROUPING_CELLS, sizeof *way);
     cairn_particle_filter *filter = carve_filter(pool, p, g);
 
     if (g != NULL) {
@@ -119,7 +131,13 @@ static cairn_grouping *carve(cairn_pool *pool, const cairn_grouping_params *p)
         g->trace = trace;
         g->segments = segments;
         g->objects = objects;
+        g->along = along;
         g->match = match;
+        g->cost = cost;
+        g->shift = shift;
+        g->bent = bent;
+        g->apart = apart;
+        g->cells = way;
         g->filter = filter;
     }
     return g;
@@ -193,9 +211,11 @@ cairn_status cairn_grouping_begin(cairn_grouping *g, const cairn_grouping_input 
         widest = cairn_max(widest, cairn_vec2_norm(cairn_vec2_sub(s->side[1].position, s->side[0].position)));
     }
     g->reach = widest * input->max_size + 1;
-    g->token_count = g->start_count = g->object_count = g->segment_count = g->steps = g->looked = 0;
-    g->best = 0;
-    g->cursor = g->other = g->paid = g->stage = 0;
+    g->piece_count = g->pieces_cut = g->token_count = g->start_count = g->object_count = g->segment_count = g->steps =
+        g->looked = 0;
+    g->best = g->best_evidence = 0;
+    g->cursor = g->other = g->paid = g->stage = g->has_walked = 0;
+    cairn_grouping_outline_begin(g);
     g->phase = CUT;
     return CAIRN_OK;
 }
@@ -211,28 +231,66 @@ static int32_t cell_of(const cairn_grouping *g, cairn_vec2 p)
     return y * g->columns + x;
 }
 
-/* Cuts one segment into pieces. */
-static void cut(cairn_grouping *g, int32_t index)
+/* The chain of a segment's tokens: that of the token before where the one ends and the other begins. */
+static int32_t chain_of(const cairn_grouping *g, int32_t segment)
+{
+    const grouping_token *before = &g->tokens[g->token_count - 1];
+    cairn_vec2 gap;
+
+    if (g->token_count == 0 || before->segment == segment)
+        return g->token_count == 0 ? 0 : before->chain;
+    gap = cairn_vec2_sub(g->input.segments[segment].a, g->input.segments[before->segment].b);
+    return before->chain + (cairn_vec2_norm_squared(gap) > CHAIN_GAP * CHAIN_GAP);
+}
+
+/* Pieces of a segment. */
+static int32_t pieces_of(const cairn_grouping *g, int32_t segment)
+{
+    cairn_real length = cairn_segment_length(g->input.segments[segment]);
+
+    return cairn_real_to_int(cairn_min(cairn_ceil(length / g->params.token), MOST_PIECES));
+}
+
+/* 1 when piece number `piece` of all becomes a token: all of them, or as many as there is room for, evenly. */
+static int is_kept(const cairn_grouping *g, int32_t piece)
+{
+    int64_t most = g->params.max_tokens, all = g->piece_count;
+
+    return all <= most || (piece + 1) * most / all > piece * most / all;
+}
+
+/* Cuts one segment into pieces; `piece` is the number of the first. */
+static void cut(cairn_grouping *g, int32_t index, int32_t piece)
 {
     cairn_segment s = g->input.segments[index];
     cairn_real length = cairn_segment_length(s);
-    int32_t parts = cairn_real_to_int(cairn_ceil(length / g->params.token));
+    cairn_vec2 along = cairn_vec2_sub(s.b, s.a);
+    int32_t parts = pieces_of(g, index);
 
-    for (int32_t i = 0; i < parts && g->token_count < g->params.max_tokens && length > 0; i++) {
+    for (int32_t i = 0; i < parts; i++) {
         grouping_token *t = &g->tokens[g->token_count];
-        cairn_vec2 along = cairn_vec2_sub(s.b, s.a);
         int32_t cell;
 
+        if (!is_kept(g, piece + i))
+            continue;
         t->at = cairn_vec2_add(s.a, cairn_vec2_scale(along, ((cairn_real)i + CAIRN_REAL(0.5)) / (cairn_real)parts));
         t->direction = cairn_vec2_scale(along, 1 / length);
         t->half = length / (2 * (cairn_real)parts);
         t->segment = index;
+        t->chain = chain_of(g, index);
+        t->taken = 0;
         cell = cell_of(g, t->at);
         t->next = g->head[cell];
         g->head[cell] = g->token_count++;
     }
 }
 
+static int is_finite_segment(const cairn_segment *s)
+{
+    return cairn_is_finite(s->a.x) && cairn_is_finite(s->a.y) && cairn_is_finite(s->b.x) && cairn_is_finite(s->b.y);
+}
+
+/* Empties the lists, counts the pieces, makes them. */
 static cairn_status step_cut(cairn_grouping *g, cairn_budget *budget)
 {
     int32_t lists = g->columns * g->rows;
@@ -243,15 +301,23 @@ static cairn_status step_cut(cairn_grouping *g, cairn_budget *budget)
         g->head[g->cursor] = -1;
     }
     for (; g->cursor - lists < g->input.count; g->cursor++) {
-        const cairn_segment *s = &g->input.segments[g->cursor - lists];
-
-        if (!cairn_budget_pay(budget, &g->paid, 4))
+        if (!cairn_budget_pay(budget, &g->paid, 1))
             return CAIRN_MORE;
-        if (!cairn_is_finite(s->a.x) || !cairn_is_finite(s->a.y) || !cairn_is_finite(s->b.x) ||
-            !cairn_is_finite(s->b.y))
+        if (!is_finite_segment(&g->input.segments[g->cursor - lists]))
             return CAIRN_NOT_FINITE;
-        cut(g, g->cursor - lists);
+        g->piece_count += pieces_of(g, g->cursor - lists);
+        if (g->piece_count > MOST_PIECES)
+            return CAIRN_FULL;
     }
+    for (; g->other < g->input.count; g->other++) {
+        int32_t pieces = pieces_of(g, g->other);
+
+        if (!cairn_budget_pay(budget, &g->paid, 1 + pieces))
+            return CAIRN_MORE;
+        cut(g, g->other, g->pieces_cut);
+        g->pieces_cut += pieces;
+    }
+    cairn_grouping_outline_chance(g);
     return CAIRN_OK;
 }
 
@@ -287,7 +353,7 @@ int32_t cairn_grouping_near(const cairn_grouping *g, cairn_vec2 at, cairn_vec2 d
                 cairn_real c = cost_of(g, t, at, unit, cairn_max(sigma, CAIRN_REAL(1.5)));
                 int32_t i;
 
-                if (c > limit || (count == most && c >= cost[count - 1]))
+                if (g->tokens[t].taken || c > limit || (count == most && c >= cost[count - 1]))
                     continue;
                 count += count < most;
                 for (i = count - 1; i > 0 && cost[i - 1] > c; i--) {
@@ -342,18 +408,34 @@ grouping_sums cairn_grouping_hold(const grouping_pose *pose, cairn_real weight)
 
 /* ---- Phases ---- */
 
+static cairn_status step_phase(cairn_grouping *g, cairn_budget *budget)
+{
+    cairn_status status;
+
+    switch (g->phase) {
+    case CUT:
+        return step_cut(g, budget);
+    case LOOK:
+        return cairn_grouping_look(g, budget);
+    case WEIGH:
+        status = cairn_grouping_weigh(g, budget);
+        return status == CAIRN_OK ? cairn_grouping_walk_begin(g) : status;
+    case WALK:
+        return cairn_grouping_walk(g, budget);
+    case COLLECT:
+        return cairn_grouping_collect(g, budget);
+    default:
+        return cairn_grouping_finish(g, budget);
+    }
+}
+
 cairn_status cairn_grouping_step(cairn_grouping *g, cairn_budget *budget)
 {
     if (g == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
     while (g->phase != IDLE && g->phase != DONE) {
-        cairn_status status = g->phase == CUT    ? step_cut(g, budget)
-                              : g->phase == LOOK ? cairn_grouping_look(g, budget)
-                              : g->phase == WALK ? cairn_grouping_walk(g, budget)
-                                                 : cairn_grouping_collect(g, budget);
+        cairn_status status = step_phase(g, budget);
 
-        if (status == CAIRN_OK && g->phase == LOOK)
-            status = cairn_grouping_walk_begin(g);
         if (status < 0)
             g->phase = IDLE;
         if (status != CAIRN_OK)
@@ -373,6 +455,7 @@ cairn_grouping_result cairn_grouping_read(const cairn_grouping *g)
         return r;
     r.objects = g->objects;
     r.segments = g->segments;
+    r.along = g->along;
     r.trace = g->trace;
     r.object_count = g->object_count;
     r.segment_count = g->segment_count;
@@ -380,5 +463,6 @@ cairn_grouping_result cairn_grouping_read(const cairn_grouping *g)
     r.starts = g->looked;
     r.token_count = g->token_count;
     r.best = g->best;
+    r.best_evidence = g->best_evidence;
     return r;
 }

@@ -1,60 +1,19 @@
-/* From walks to objects: every particle's model is laid onto its segments along the whole outline, ends and tips included, and the
- * best ones that share no place are reported, each with the segments that it goes along. */
+/* From walks to objects: the outline is laid onto the tokens where the walks have ended and where they began, and the places with
+ * most evidence that are apart from each other are the objects, each with the segments that it goes along. No token belongs
+ * to two of them: what the better one has taken is no evidence for the next. */
 #include "src/core/build.h"
+
+#include <string.h>
 
 #include "src/contour/contour_grouping_work.h"
 
-/* Of the last deviation from the model how much is expected of the next one. */
-#define CARRY CAIRN_REAL(0.8)
-/* Points that the similarity of the round before is worth in the fit. */
-#define HELD 2
 /* Objects whose middles are closer than this, of their size, are one. */
 #define APART CAIRN_REAL(0.3)
-enum { UNITS_A_SAMPLE = 3 };
-/* The best starts, which are tried in the end as well. */
-enum { STARTS = 60 };
+/* Half squares of sigmas at which a sample counts by a third in the score. */
+#define SCORE_COST 3
 
-/* Goes along the outline in a pose and matches a token to each sample. The score; *sums: for the next fit. */
-static cairn_real go_round(cairn_grouping *g, const grouping_pose *pose, grouping_sums *sums)
-{
-    const cairn_shape_model *m = g->input.model;
-    cairn_real sigma = g->params.deform * grouping_size(pose), score = 0;
-    cairn_vec2 off = {0, 0};
-
-    for (int32_t i = 0; i < m->outline_count; i++) {
-        cairn_vec2 place = grouping_place(pose, m->outline[i].position), at, touch, direction;
-        cairn_real cost, across;
-
-        off = cairn_vec2_scale(off, CARRY);
-        at = cairn_vec2_add(place, off);
-        direction = grouping_direction(pose, m->outline[i].direction);
-        if (cairn_grouping_near(g, at, direction, sigma, 1, &g->match[i], &cost) == 0) {
-            g->match[i] = -1;
-            continue;
-        }
-        touch = cairn_grouping_touch(g, g->match[i], at);
-        off = cairn_vec2_sub(touch, place);
-        cairn_grouping_sum(sums, m->outline[i].position, touch, cairn_exp(-cost));
-        across = cairn_vec2_norm(off) / (4 * sigma);
-        score += cairn_exp(-cost / 3 - CAIRN_REAL(0.5) * across * across);
-    }
-    return score / (cairn_real)m->outline_count;
-}
-
-static cairn_real refine(cairn_grouping *g, grouping_pose *pose)
-{
-    cairn_real score = 0;
-
-    for (int32_t round = 0; round < GROUPING_ROUNDS; round++) {
-        grouping_sums sums = cairn_grouping_hold(pose, HELD);
-        grouping_pose was = *pose;
-
-        score = go_round(g, pose, &sums);
-        if (round + 1 < GROUPING_ROUNDS)
-            *pose = cairn_grouping_fit(&sums, &was);
-    }
-    return score;
-}
+/* So often the outline follows what an object has been laid onto before its segments are listed. */
+enum { BENDS = 8 };
 
 /* Whether a pose is within what was asked for, but for a tenth. */
 static int is_wanted(const cairn_grouping *g, const grouping_pose *pose)
@@ -64,135 +23,221 @@ static int is_wanted(const cairn_grouping *g, const grouping_pose *pose)
     return size >= CAIRN_REAL(0.9) * g->input.min_size && size <= CAIRN_REAL(1.1) * g->input.max_size;
 }
 
-/* Puts an object where it belongs by its score; its place among the objects, -1: none. The place of its segments goes with it. */
-static int32_t rank(cairn_grouping *g, const cairn_grouped_object *object)
+static int are_one(const cairn_grouped_object *a, const cairn_grouped_object *b)
 {
-    int32_t at = g->object_count, slot = g->object_count * g->params.max_outline;
+    cairn_real apart = APART * cairn_max(a->size, b->size);
 
-    for (int32_t i = 0; i < g->object_count; i++) {
-        cairn_real apart = APART * cairn_max(g->objects[i].size, object->size);
+    return cairn_vec2_norm_squared(cairn_vec2_sub(a->origin, b->origin)) <= apart * apart;
+}
 
-        if (cairn_vec2_norm_squared(cairn_vec2_sub(g->objects[i].origin, object->origin)) > apart * apart)
+/* Takes the object at a place out of the list. */
+static void take_out(cairn_grouping *g, int32_t at)
+{
+    g->object_count--;
+    for (; at < g->object_count; at++)
+        g->objects[at] = g->objects[at + 1];
+}
+
+/* Puts a place among the objects by its evidence, unless a better one is the same; worse ones that are the same go. */
+static void consider(cairn_grouping *g, const grouping_pose *pose, cairn_real evidence, int32_t start)
+{
+    cairn_grouped_object o = {.evidence = evidence, .origin = pose->t, .size = grouping_size(pose), .start = start};
+    int32_t at;
+
+    if (!(evidence > 0) || !is_wanted(g, pose))
+        return;
+    o.turn = cairn_atan2(pose->b, pose->a);
+    for (int32_t i = g->object_count - 1; i >= 0; i--) {
+        if (!are_one(&o, &g->objects[i]))
             continue;
-        if (object->score <= g->objects[i].score)
-            return -1;
-        at = i;
-        slot = g->objects[i].first;
-        break;
+        if (g->objects[i].evidence >= evidence)
+            return;
+        take_out(g, i);
     }
-    if (at == g->object_count) {
-        if (at == g->params.max_objects) {
-            if (object->score <= g->objects[at - 1].score)
-                return -1;
-            at--;
-            slot = g->objects[at].first;
-        } else {
-            g->object_count++;
+    if (g->object_count == g->params.max_objects) {
+        if (g->objects[g->object_count - 1].evidence >= evidence)
+            return;
+        g->object_count--;
+    }
+    for (at = g->object_count++; at > 0 && g->objects[at - 1].evidence < evidence; at--)
+        g->objects[at] = g->objects[at - 1];
+    g->objects[at] = o;
+}
+
+/* 1 when at least half of a token's segment is taken. */
+static int is_grouped(const cairn_grouping *g, int32_t token)
+{
+    int32_t segment = g->tokens[token].segment, all = 0, taken = 0;
+
+    while (token > 0 && g->tokens[token - 1].segment == segment)
+        token--;
+    for (; token < g->token_count && g->tokens[token].segment == segment; token++) {
+        all++;
+        taken += g->tokens[token].taken;
+    }
+    return 2 * taken >= all;
+}
+
+/* The segments of match[], each once, in the order of the outline; the segment of each sample. */
+static void list_segments(cairn_grouping *g, cairn_grouped_object *o)
+{
+    int32_t *list = &g->segments[g->segment_count];
+
+    o->first = g->segment_count;
+    o->count = 0;
+    for (int32_t i = 0; i < g->input.model->outline_count; i++)
+        if (g->match[i] >= 0)
+            g->tokens[g->match[i]].taken = 1;
+    for (int32_t i = 0; i < g->input.model->outline_count; i++) {
+        int32_t known = 0, segment;
+
+        g->along[o->along + i] = -1;
+        if (g->match[i] < 0 || !is_grouped(g, g->match[i]))
+            continue;
+        segment = g->tokens[g->match[i]].segment;
+        g->along[o->along + i] = segment;
+        for (int32_t k = 0; k < o->count && !known; k++)
+            known = list[k] == segment;
+        if (!known)
+            list[o->count++] = segment;
+    }
+    g->segment_count += o->count;
+}
+
+/* The sample of the outline nearest to a place of the model. */
+static int32_t nearest_sample(const cairn_shape_model *m, cairn_vec2 place)
+{
+    cairn_real least = CAIRN_REAL_MAX;
+    int32_t nearest = 0;
+
+    for (int32_t i = 0; i < m->outline_count; i++) {
+        cairn_real apart = cairn_vec2_norm_squared(cairn_vec2_sub(m->outline[i].position, place));
+
+        if (apart < least) {
+            least = apart;
+            nearest = i;
         }
     }
-    for (; at > 0 && g->objects[at - 1].score < object->score; at--)
-        g->objects[at] = g->objects[at - 1];
-    g->objects[at] = *object;
-    g->objects[at].first = slot;
-    return at;
+    return nearest;
 }
 
-/* The segments of match[], each once, in the order of the outline. */
-static int32_t list_segments(const cairn_grouping *g, int32_t *list)
+/* Samples of the paths of which a side is seen. */
+static int32_t sides_seen(const cairn_grouping *g)
 {
-    int32_t count = 0;
+    const cairn_shape_model *m = g->input.model;
+    int32_t seen = 0;
 
-    for (int32_t i = 0; i < g->input.model->outline_count; i++) {
-        int32_t known = 0;
-
-        if (g->match[i] < 0)
-            continue;
-        for (int32_t k = 0; k < count && !known; k++)
-            known = list[k] == g->tokens[g->match[i]].segment;
-        if (!known)
-            list[count++] = g->tokens[g->match[i]].segment;
-    }
-    return count;
-}
-
-/* Samples of the paths of which a side is seen in a pose. */
-static int32_t sides_seen(const cairn_grouping *g, const grouping_pose *pose)
-{
-    cairn_real sigma = g->params.deform * grouping_size(pose), cost;
-    int32_t seen = 0, token;
-
-    for (int32_t k = 0; k < g->input.model->sample_count; k++) {
-        const cairn_shape_sample *s = &g->input.model->samples[k];
-        int32_t sides = 0;
-
-        for (int32_t side = 0; side < 2; side++)
-            sides += cairn_grouping_near(g, grouping_place(pose, s->side[side].position),
-                                         grouping_direction(pose, s->side[side].direction), sigma, 1, &token, &cost);
-        seen += sides > 0;
-    }
+    for (int32_t k = 0; k < m->sample_count; k++)
+        seen += g->match[nearest_sample(m, m->samples[k].side[0].position)] >= 0 ||
+                g->match[nearest_sample(m, m->samples[k].side[1].position)] >= 0;
     return seen;
 }
 
-/* A walk's end, or, for an index behind the last walk, a start: walks that died early may have been on an object. */
-static void collect_one(cairn_grouping *g, int32_t index)
+/* How much of the outline is seen, and how well. */
+static cairn_real score_of(const cairn_grouping *g)
 {
-    int32_t walks = cairn_particle_filter_count(g->filter), is_walk = index < walks;
-    const grouping_state *s = is_walk ? cairn_particle_filter_particle(g->filter, index).state : NULL;
-    grouping_pose pose = is_walk ? s->pose : g->starts[index - walks].pose;
-    cairn_grouped_object object = {0, {0, 0}, 0, 0, 0, 0, 0, 0};
-    int32_t at;
+    cairn_real sum = 0;
 
-    object.score = refine(g, &pose);
-    if (!is_wanted(g, &pose))
-        return;
-    g->best = cairn_max(g->best, object.score);
-    if (object.score < g->params.min_score)
-        return;
-    object.origin = pose.t;
-    object.size = grouping_size(&pose);
-    object.turn = cairn_atan2(pose.b, pose.a);
-    object.seen = sides_seen(g, &pose);
-    object.start = is_walk ? s->start : g->starts[index - walks].sample;
-    at = rank(g, &object);
-    if (at >= 0)
-        g->objects[at].count = list_segments(g, &g->segments[g->objects[at].first]);
+    for (int32_t i = 0; i < g->input.model->outline_count; i++)
+        sum += g->match[i] >= 0 ? cairn_exp(-g->cost[i] / SCORE_COST) : 0;
+    return sum / (cairn_real)g->input.model->outline_count;
 }
 
-/* Objects that have come to lie on better ones go; the lists of segments close up. */
-static void close_up(cairn_grouping *g)
+/* The object at `cursor` with what the better ones have left: it goes when that is too little. */
+static void judge(cairn_grouping *g)
 {
-    int32_t kept = 0;
+    cairn_grouped_object *o = &g->objects[g->cursor];
 
-    for (int32_t i = 0; i < g->object_count; i++) {
-        int32_t apart = 1;
-
-        for (int32_t k = 0; k < kept && apart; k++) {
-            cairn_real least = APART * cairn_max(g->objects[k].size, g->objects[i].size);
-
-            apart = cairn_vec2_norm_squared(cairn_vec2_sub(g->objects[k].origin, g->objects[i].origin)) > least * least;
-        }
-        if (apart)
-            g->objects[kept++] = g->objects[i];
+    o->evidence = g->evidence;
+    o->score = score_of(g);
+    if (g->cursor == 0 && !(g->best_evidence > 0)) {
+        g->best = o->score;
+        g->best_evidence = o->evidence;
     }
-    g->object_count = kept;
-    for (int32_t i = 0; i < kept; i++) {
-        int32_t end = g->objects[i].first + g->objects[i].count;
-
-        g->segment_count = end > g->segment_count ? end : g->segment_count;
+    if (o->evidence < g->params.min_evidence || o->score < g->params.min_score)
+        take_out(g, g->cursor);
+    else {
+        g->is_listing = 1;
+        memset(g->shift, 0, (size_t)g->input.model->outline_count * sizeof *g->shift);
     }
+}
+
+static void list(cairn_grouping *g)
+{
+    cairn_grouped_object *o = &g->objects[g->cursor];
+
+    o->along = g->cursor * g->input.model->outline_count;
+    o->score = score_of(g);
+    if (g->cursor == 0 && o->evidence >= g->best_evidence)
+        g->best = o->score;
+    o->seen = sides_seen(g);
+    list_segments(g, o);
+    g->is_listing = g->round = 0;
+    g->cursor++;
+}
+
+static grouping_pose pose_of(const cairn_grouped_object *o)
+{
+    grouping_pose pose = {.t = o->origin};
+
+    cairn_sincos(o->turn, &pose.b, &pose.a);
+    pose.a *= o->size;
+    pose.b *= o->size;
+    return pose;
+}
+
+cairn_status cairn_grouping_weigh(cairn_grouping *g, cairn_budget *budget)
+{
+    for (; g->cursor < g->start_count; g->cursor++) {
+        grouping_start *start = &g->starts[g->cursor];
+        cairn_status status;
+
+        if (!g->is_laying)
+            g->pose = start->pose;
+        status = cairn_grouping_refine(g, budget);
+        if (status != CAIRN_OK)
+            return status;
+        start->pose = g->pose;
+        start->score = g->evidence;
+        consider(g, &g->pose, g->evidence, start->sample);
+    }
+    return CAIRN_OK;
 }
 
 cairn_status cairn_grouping_collect(cairn_grouping *g, cairn_budget *budget)
 {
-    int32_t starts = g->start_count < STARTS ? g->start_count : STARTS;
-    int32_t count = starts > 0 ? cairn_particle_filter_count(g->filter) + starts : 0;
-    int32_t cost = GROUPING_ROUNDS * UNITS_A_SAMPLE * g->input.model->outline_count;
+    int32_t count = g->start_count > 0 ? cairn_particle_filter_count(g->filter) : 0;
 
     for (; g->cursor < count; g->cursor++) {
-        if (!cairn_budget_pay(budget, &g->paid, cost))
-            return CAIRN_MORE;
-        collect_one(g, g->cursor);
+        const grouping_state *s = cairn_particle_filter_particle(g->filter, g->cursor).state;
+        cairn_status status;
+
+        if (!g->is_laying)
+            g->pose = s->pose;
+        status = cairn_grouping_refine(g, budget);
+        if (status != CAIRN_OK)
+            return status;
+        consider(g, &g->pose, g->evidence, s->start);
     }
-    close_up(g);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_grouping_finish(cairn_grouping *g, cairn_budget *budget)
+{
+    while (g->cursor < g->object_count) {
+        cairn_status status;
+
+        if (!g->is_laying)
+            g->pose = pose_of(&g->objects[g->cursor]);
+        status = cairn_grouping_lay(g, budget);
+        if (status != CAIRN_OK)
+            return status;
+        if (!g->is_listing)
+            judge(g);
+        else if (g->round++ < BENDS)
+            cairn_grouping_bend(g);
+        else
+            list(g);
+    }
     return CAIRN_OK;
 }

@@ -12,6 +12,10 @@
 /* Places closer than this, of the size, and of sizes closer than this are one. */
 #define SAME_PLACE CAIRN_REAL(0.05)
 #define SAME_SIZE  CAIRN_REAL(0.12)
+/* Places closer than this, of the size, are a crowd, and no more of them are kept than one share in so many. */
+#define CLOSE CAIRN_REAL(0.3)
+enum { CROWDS = 8 };
+enum { MOST_PAIRS = 1 << 22 };
 
 /* The bin of a direction, 0 ... 7 over half a turn, by comparisons only. */
 static int32_t bin_of(cairn_vec2 d)
@@ -79,20 +83,40 @@ static int is_same(const grouping_pose *a, const grouping_pose *b)
            da * da + db * db < SAME_SIZE * SAME_SIZE * size * other;
 }
 
-/* Keeps a place among the best, in order; of those nearly at one place only the best. */
+static int is_close(const grouping_pose *a, const grouping_pose *b)
+{
+    return cairn_vec2_norm_squared(cairn_vec2_sub(a->t, b->t)) < CLOSE * CLOSE * grouping_size(a) * grouping_size(b);
+}
+
+/* The place that a new one may only take the place of: one that is nearly the same, or the worst of a crowd; -1: none. */
+static int32_t rival(const cairn_grouping *g, const grouping_start *start)
+{
+    int32_t crowd = g->params.particles / CROWDS, close = 0, worst = -1;
+
+    for (int32_t i = 0; i < g->start_count; i++) {
+        if (is_same(&g->starts[i].pose, &start->pose))
+            return i;
+        if (is_close(&g->starts[i].pose, &start->pose)) {
+            close++;
+            worst = i;
+        }
+    }
+    return close > crowd ? worst : -1;
+}
+
+/* Keeps a place among the best, in order; of those nearly at one place only the best, and of those close to it not too many, so
+ * that there is room for the places of other objects. */
 static void keep(cairn_grouping *g, const grouping_start *start)
 {
-    int32_t at = g->start_count, same = -1;
+    int32_t at = g->start_count, other;
 
     if (at == g->params.particles && !(start->score > g->starts[at - 1].score))
         return;
-    for (int32_t i = 0; i < g->start_count && same < 0; i++)
-        if (is_same(&g->starts[i].pose, &start->pose))
-            same = i;
-    if (same >= 0 && !(start->score > g->starts[same].score))
+    other = rival(g, start);
+    if (other >= 0 && !(start->score > g->starts[other].score))
         return;
-    if (same >= 0)
-        at = same;
+    if (other >= 0)
+        at = other;
     else if (at == g->params.particles)
         at--;
     else
@@ -113,24 +137,28 @@ static void try_sample(cairn_grouping *g, const grouping_token *p, const groupin
 {
     const cairn_shape_sample *s = &g->input.model->samples[sample];
     cairn_vec2 m = cairn_vec2_sub(s->side[1].position, s->side[0].position), c = cairn_vec2_sub(q->at, p->at);
-    cairn_real mm = cairn_vec2_norm_squared(m), size;
+    cairn_real mm = cairn_vec2_norm_squared(m), cc = cairn_vec2_norm_squared(c), size;
     grouping_start start;
 
-    if (mm == 0)
+    if (mm == 0 || cc < mm * g->input.min_size * g->input.min_size || cc > mm * g->input.max_size * g->input.max_size)
         return;
     start.pose.a = cairn_vec2_dot(m, c) / mm;
     start.pose.b = cairn_vec2_cross(m, c) / mm;
     size = grouping_size(&start.pose);
-    if (size < g->input.min_size || size > g->input.max_size || !runs_so(p, &start.pose, s->side[0].direction, size) ||
-        !runs_so(q, &start.pose, s->side[1].direction, size))
-        return;
-    if (start.pose.a * g->turn_axis.x + start.pose.b * g->turn_axis.y < g->turn_cosine * size)
+    if (start.pose.a * g->turn_axis.x + start.pose.b * g->turn_axis.y < g->turn_cosine * size ||
+        !runs_so(p, &start.pose, s->side[0].direction, size) || !runs_so(q, &start.pose, s->side[1].direction, size))
         return;
     start.pose.t = cairn_vec2_sub(p->at, grouping_direction(&start.pose, s->side[0].position));
     start.score = sight_score(g, &start.pose);
     start.sample = sample;
     g->looked += g->looked < INT32_MAX;
     keep(g, &start);
+}
+
+/* Of so many tokens one is looked at with all others, so that the pairs stay within bounds. */
+static int32_t stride_of(const cairn_grouping *g)
+{
+    return 1 + cairn_real_to_int((cairn_real)g->token_count * (cairn_real)g->token_count / MOST_PAIRS);
 }
 
 /* Clears the map, marks all tokens; then pair by pair. */
@@ -149,7 +177,7 @@ cairn_status cairn_grouping_look(cairn_grouping *g, cairn_budget *budget)
             return CAIRN_MORE;
         mark(g, &g->tokens[g->cursor - cells]);
     }
-    for (; g->cursor < cells + 2 * g->token_count; g->cursor++) {
+    for (; g->cursor < cells + 2 * g->token_count; g->cursor += stride_of(g)) {
         const grouping_token *p = &g->tokens[g->cursor - cells - g->token_count];
 
         for (; g->other < g->token_count; g->other++) {

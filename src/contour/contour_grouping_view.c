@@ -6,7 +6,7 @@
 int32_t cairn_grouping_particles(const cairn_grouping *g, cairn_grouping_particle *particles, int32_t most,
                                  int32_t *steps)
 {
-    int32_t count = g != NULL && g->start_count > 0 ? cairn_particle_filter_count(g->filter) : 0;
+    int32_t count = g != NULL && g->has_walked ? cairn_particle_filter_count(g->filter) : 0;
 
     if (steps != NULL)
         *steps = count > 0 ? g->steps : 0;

@@ -19,6 +19,8 @@
 /* Loss of likelihood of the pair's discs, (2.13): sigmas in units of the deformation. */
 #define PLACE_SIGMA  CAIRN_REAL(1.5)
 #define RADIUS_SIGMA CAIRN_REAL(1.5)
+/* The weight of a start is the root of this degree of how much likelier it is. */
+#define TEMPER 8
 enum { UNITS_A_PROPOSAL = 60 };
 
 /* The sample that step `step` of a walk from `start` looks for; -1: the walk is over. */
@@ -196,12 +198,13 @@ cairn_particle_model cairn_grouping_model(cairn_grouping *g)
     return model;
 }
 
-/* The first particles: the starts, weighed by what they saw. */
+/* The first particles: the starts, weighed by their evidence. */
 cairn_status cairn_grouping_walk_begin(cairn_grouping *g)
 {
     cairn_status status = cairn_particle_filter_clear(g->filter, g->params.seed);
 
     g->steps = g->stage = 0;
+    g->has_walked = g->start_count > 0;
     for (int32_t i = 0; i < g->start_count && status == CAIRN_OK; i++) {
         const cairn_shape_sample *d = &g->input.model->samples[g->starts[i].sample];
         grouping_state s = {.pose = g->starts[i].pose, .sample = g->starts[i].sample, .start = g->starts[i].sample};
@@ -213,7 +216,7 @@ cairn_status cairn_grouping_walk_begin(cairn_grouping *g)
         s.token[0] = s.token[1] = -1;
         for (int32_t side = 0; side < 2; side++)
             s.last[side] = grouping_place(&s.pose, d->side[side].position);
-        status = cairn_particle_filter_start(g->filter, &s, 0);
+        status = cairn_particle_filter_start(g->filter, &s, (g->starts[i].score - g->most) / TEMPER);
     }
     if (status == CAIRN_OK && g->start_count > 0)
         status = cairn_particle_filter_begin(g->filter);

@@ -12,8 +12,8 @@ enum {
     GROUPING_FOLLOWERS = 4,
     GROUPING_CANDIDATES = (GROUPING_CHOICE + 1) * (GROUPING_CHOICE + 1)
 };
-/* Rounds in which a found object is laid onto its segments. */
-enum { GROUPING_ROUNDS = 4 };
+/* What a sample of the outline may be: hidden, or along one of so many tokens near it. */
+enum { GROUPING_CELLS = 5 };
 
 /* image = t + (a, -b; b, a) * model. */
 typedef struct grouping_pose {
@@ -26,13 +26,23 @@ typedef struct grouping_token {
     cairn_vec2 at, direction; /* its middle */
     cairn_real half;          /* px, half its length */
     int32_t segment;
-    int32_t next; /* in its cell */
+    int32_t next;  /* in its cell */
+    int32_t chain; /* those of one chain follow each other, along it */
+    int32_t taken; /* 1: by an object */
 } grouping_token;
+
+/* One way in which a sample of the outline may be seen. */
+typedef struct grouping_cell {
+    cairn_real value;     /* evidence of the best way to here */
+    cairn_real cost, off; /* half squares of sigmas; sigmas across the outline */
+    int32_t token;        /* -1: hidden */
+    int32_t from;         /* cell of the sample before */
+} grouping_cell;
 
 /* A place that looks like the model at first sight. */
 typedef struct grouping_start {
     grouping_pose pose;
-    cairn_real score;
+    cairn_real score; /* at first sight the share of the outline that is seen, then its evidence */
     int32_t sample;
 } grouping_start;
 
@@ -66,12 +76,26 @@ struct cairn_grouping {
     cairn_grouping_trace *trace; /* [max_samples] */
     int32_t *segments;           /* [max_objects * max_outline] */
     cairn_grouped_object *objects;
-    int32_t *match;                /* [max_outline] token of each sample of the outline, -1: none */
-    cairn_vec2 turn_axis;          /* the middle of the turns that are searched, and the cosine of half their range */
-    cairn_real turn_cosine, reach; /* px, between two sides */
+    int32_t *along;                  /* [max_objects * max_outline] segment of each sample of an object's outline */
+    int32_t *match;                  /* [max_outline] token of each sample of the outline, -1: none */
+    cairn_real *cost;                /* [max_outline] and how well it fits */
+    cairn_vec2 *shift, *bent;        /* [max_outline] px: how far the contour lies off the pose; the next ones */
+    int32_t *apart;                  /* [max_outline] samples to the nearest one that is seen */
+    grouping_cell *cells;            /* [max_outline * GROUPING_CELLS] */
+    cairn_vec2 turn_axis;            /* the middle of the turns that are searched, and the cosine of half their range */
+    cairn_real turn_cosine, reach;   /* px, between two sides */
+    int32_t piece_count, pieces_cut; /* of all segments, more than tokens where there are too many */
     int32_t token_count, columns, rows, sight_columns, sight_rows;
+    int32_t has_walked; /* 1: the filter holds the walks of this image */
     int32_t start_count, object_count, segment_count, steps, looked;
-    cairn_real best;
+    cairn_real best, best_evidence;
+    /* How the outline lies: the pose at hand, its evidence, the most of any so far. */
+    grouping_pose pose;
+    cairn_real evidence, most;
+    cairn_real chance;                            /* what a piece is worth less because edges are dense */
+    cairn_real spacing;                           /* of the outline's samples, of the size */
+    int32_t sample, round, cell_count, is_laying; /* cell_count: cells of the sample before */
+    int32_t is_listing;                           /* 1: it is there, and what matters is which tokens are its own */
     int32_t cursor, other;
     int32_t phase, paid;
     int32_t stage; /* of a callback: 0: not paid */
@@ -119,7 +143,19 @@ cairn_particle_model cairn_grouping_model(cairn_grouping *g);
 cairn_status cairn_grouping_walk_begin(cairn_grouping *g);
 cairn_status cairn_grouping_walk(cairn_grouping *g, cairn_budget *budget);
 
-/* The objects. */
+/* The outline: what is needed of the model; g->pose laid onto the tokens, match[], cost[] and evidence; and moved to where it
+ * lies best, in a few rounds. */
+void cairn_grouping_outline_begin(cairn_grouping *g);
+void cairn_grouping_outline_chance(cairn_grouping *g);
+cairn_status cairn_grouping_lay(cairn_grouping *g, cairn_budget *budget);
+cairn_status cairn_grouping_refine(cairn_grouping *g, cairn_budget *budget);
+
+/* The outline follows what it was laid onto, sample by sample, for the next time that it is laid while listing. */
+void cairn_grouping_bend(cairn_grouping *g);
+
+/* The objects: at the starts, at the ends of the walks, and what is left of them side by side. */
+cairn_status cairn_grouping_weigh(cairn_grouping *g, cairn_budget *budget);
 cairn_status cairn_grouping_collect(cairn_grouping *g, cairn_budget *budget);
+cairn_status cairn_grouping_finish(cairn_grouping *g, cairn_budget *budget);
 
 #endif

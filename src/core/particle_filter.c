@@ -52,8 +52,8 @@ static int params_are_valid(const cairn_particle_filter_params *p)
     return p != NULL && p->particles >= 1 && is_count(p->max_particles) && p->particles <= p->max_particles &&
            is_count(p->max_followers) && is_count(p->max_candidates) && p->max_blocks >= 1 &&
            p->max_blocks <= BLOCKS_MOST && is_count(p->state_bytes) && p->proposal >= CAIRN_PROPOSAL_PRIOR &&
-           p->proposal <= CAIRN_PROPOSAL_OPTIMAL && p->by_entropy >= 0 && p->by_entropy <= 1 &&
-           p->resample_below >= 0 && p->resample_below <= 1;
+           p->proposal <= CAIRN_PROPOSAL_OPTIMAL && p->by_entropy >= 0 && p->by_entropy <= 1 && p->past >= 0 &&
+           p->past <= COUNT_MOST && p->resample_below >= 0 && p->resample_below <= 1;
 }
 
 static size_t stride_of(const cairn_particle_filter_params *p)
@@ -175,6 +175,19 @@ static void drop_history(cairn_particle_filter *f, filter_node *n)
         n = cairn_particle_node_drop(f, n);
 }
 
+/* Cuts a history off behind the states that are kept of it. */
+static void forget(cairn_particle_filter *f, filter_node *leaf)
+{
+    filter_node *n = leaf;
+
+    for (int32_t k = 0; k < f->params.past && n != NULL; k++)
+        n = n->parent;
+    if (n != NULL && f->params.past > 0) {
+        drop_history(f, n->parent);
+        n->parent = NULL;
+    }
+}
+
 /* ---- Populations ---- */
 
 int cairn_particle_is_lighter(const filter_particle *a, const filter_particle *b)
@@ -230,6 +243,7 @@ cairn_status cairn_particle_follow(cairn_particle_filter *f, filter_particle fol
         }
         return CAIRN_FULL;
     }
+    forget(f, follower.leaf);
     if (f->model.append != NULL)
         f->model.append(f->model.context, f, f->index, filter_state(follower.leaf));
     if (full)

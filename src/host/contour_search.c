@@ -1,7 +1,7 @@
 /* Objects among the edges of a picture.
  *
  * Method: the grouping runs with the model, and with its mirror image when that is asked for; of objects of both that lie on each
- * other the better one stays. Each sample of the model's axis then looks among the object's own segments for the one on either
+ * other the better one stays. An object is completed along its chains of edges (contour_search_complete.c). Each sample of the model's axis then looks among the object's own segments for the one on either
  * side of it, and where there are both the disc is that of their symmetric point. */
 #include "src/core/build.h"
 
@@ -10,9 +10,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "cairn/contour_search.h"
 #include "cairn/shape_model_file.h"
 #include "cairn/symmetric_point.h"
+#include "src/host/contour_search_work.h"
 
 /* Objects whose middles are closer, of their size, are one. */
 #define APART 0.3
@@ -58,7 +58,7 @@ void cairn_contour_result_free(cairn_contour_result *result)
 
 /* ---- Discs ---- */
 
-static cairn_vec2 turned(const cairn_grouped_object *o, cairn_vec2 m)
+cairn_vec2 cairn_contour_turned(const cairn_grouped_object *o, cairn_vec2 m)
 {
     cairn_real c = o->size * (cairn_real)cos((double)o->turn), s = o->size * (cairn_real)sin((double)o->turn);
     cairn_vec2 p = {c * m.x - s * m.y, s * m.x + c * m.y};
@@ -66,7 +66,7 @@ static cairn_vec2 turned(const cairn_grouped_object *o, cairn_vec2 m)
     return p;
 }
 
-static cairn_real distance_to(cairn_segment line, cairn_vec2 p)
+cairn_real cairn_contour_distance(cairn_segment line, cairn_vec2 p)
 {
     cairn_vec2 along = cairn_vec2_sub(line.b, line.a), to = cairn_vec2_sub(p, line.a);
     cairn_real share = cairn_vec2_dot(along, to) / cairn_max(cairn_vec2_norm_squared(along), CAIRN_REAL(1e-6));
@@ -78,15 +78,15 @@ static cairn_real distance_to(cairn_segment line, cairn_vec2 p)
 /* The object's segment nearest to where a side of the model should be, -1: none is near. */
 static int32_t side_of(const searcher *s, const cairn_grouped_object *o, const cairn_oriented_point *side)
 {
-    cairn_vec2 at = cairn_vec2_add(o->origin, turned(o, side->position));
-    cairn_vec2 wanted = cairn_vec2_unit(turned(o, side->direction));
+    cairn_vec2 at = cairn_vec2_add(o->origin, cairn_contour_turned(o, side->position));
+    cairn_vec2 wanted = cairn_vec2_unit(cairn_contour_turned(o, side->direction));
     cairn_real nearest = (cairn_real)REACH_SHARE * o->size;
     int32_t found = -1;
 
     for (int32_t i = 0; i < o->count; i++) {
         int32_t index = s->result->segments[o->first + i];
         cairn_segment line = s->tokens->lines[index];
-        cairn_real distance = distance_to(line, at);
+        cairn_real distance = cairn_contour_distance(line, at);
 
         if (distance < nearest && cairn_abs(cairn_vec2_dot(cairn_vec2_unit(cairn_vec2_sub(line.b, line.a)), wanted)) >=
                                       (cairn_real)TURN_COSINE) {
@@ -102,7 +102,7 @@ static cairn_contour_disc disc_of(const searcher *s, const cairn_grouped_object 
 {
     cairn_symmetric_point_params params = cairn_symmetric_point_default();
     cairn_contour_disc disc = {
-        cairn_vec2_add(o->origin, turned(o, sample->centre)), o->size * sample->radius, {-1, -1}, index};
+        cairn_vec2_add(o->origin, cairn_contour_turned(o, sample->centre)), o->size * sample->radius, {-1, -1}, index};
     cairn_symmetric_point sp;
 
     for (int32_t side = 0; side < 2; side++)
@@ -140,19 +140,24 @@ static int add_object(searcher *s, const cairn_grouping_result *found, int32_t i
 {
     cairn_contour_result *r = s->result;
     cairn_contour_object o = {found->objects[index], mirrored, r->disc_count};
-    void *segments = r->segments, *discs = r->discs, *objects;
+    void *segments = r->segments, *discs = r->discs, *objects = r->objects;
+    int32_t first = r->segment_count;
 
-    o.found.first = r->segment_count;
-    if (!append(&segments, &r->segment_count, &found->segments[found->objects[index].first], o.found.count,
-                sizeof *r->segments))
+    /* Room for all there are: it may grow. */
+    if (!append(&segments, &r->segment_count, NULL, s->tokens->count, sizeof *r->segments))
         return 0;
     r->segments = segments;
+    if (o.found.count > 0)
+        memcpy(&r->segments[first], &found->segments[o.found.first], (size_t)o.found.count * sizeof *r->segments);
+    o.found.first = first;
+    if (!cairn_contour_complete(s->tokens, model, &o.found, &r->segments[first], &o.found.count))
+        return 0;
+    r->segment_count = first + o.found.count;
     if (!append(&discs, &r->disc_count, NULL, model->sample_count, sizeof *r->discs))
         return 0;
     r->discs = discs;
     for (int32_t k = 0; k < model->sample_count; k++)
         r->discs[o.first_disc + k] = disc_of(s, &o.found, &model->samples[k], k);
-    objects = r->objects;
     if (!append(&objects, &r->object_count, &o, 1, sizeof *r->objects))
         return 0;
     r->objects = objects;
@@ -163,8 +168,8 @@ static int compare_objects(const void *a, const void *b)
 {
     const cairn_contour_object *x = a, *y = b;
 
-    if (x->found.score != y->found.score)
-        return x->found.score < y->found.score ? 1 : -1;
+    if (x->found.evidence != y->found.evidence)
+        return x->found.evidence < y->found.evidence ? 1 : -1;
     return x->mirrored != y->mirrored ? x->mirrored - y->mirrored : x->first_disc - y->first_disc;
 }
 

@@ -3,11 +3,11 @@
  * Method: maps are made ready one by one (map_merge_prepare.c), rival places of all pairs are found (map_merge_pairs.c), a
  * particle filter puts the maps together (map_merge_filter.c) and the result is checked (map_merge_check.c).
  *
- * Layout: a packed cell of two bytes for each cell of all maps; points, free cells and corners of each map; a list of modes
+ * Layout: a packed cell of two bytes for each cell of all maps; points, free cells, corners, lines and bends of each map; a list of modes
  * for each pair of maps; the filter; a table of what pairs said about places.
  *
- * Limits: a pair needs a corner in its overlap that both maps show; maps of one scale; walls that are bent by more than a few
- * cells between the maps do not agree.
+ * Limits: a pair needs some metres of wall in its overlap that are not one straight line; maps of one scale; walls that are bent by
+ * more than a few cells between the maps do not agree.
  *
  * Source: Adluru 2008, chapter 9. */
 #include "src/core/build.h"
@@ -121,6 +121,7 @@ static cairn_map_merge *carve(cairn_pool *pool, const cairn_map_merge_params *p)
     merge_way *ways = cairn_pool_take(pool, maps * (size_t)p->max_segments, sizeof *ways);
     int32_t *queue = cairn_pool_take(pool, 2 * points, sizeof *queue);
     cairn_vec2 *line = cairn_pool_take(pool, points, sizeof *line);
+    merge_bend *bends = cairn_pool_take(pool, maps * MERGE_BENDS_MOST, sizeof *bends);
     cairn_segment *lines = cairn_pool_take(pool, maps * (size_t)p->max_segments, sizeof *lines);
     merge_mode *modes = cairn_pool_take(pool, pairs_of(p) * (size_t)p->max_modes, sizeof *modes);
     int32_t *mode_count = cairn_pool_take(pool, pairs_of(p), sizeof *mode_count);
@@ -145,6 +146,7 @@ static cairn_map_merge *carve(cairn_pool *pool, const cairn_map_merge_params *p)
             list[i].open = open + i * (points / 2);
             list[i].corners = corners + i * (size_t)p->max_corners;
             list[i].lines = lines + i * (size_t)p->max_segments;
+            list[i].bends = bends + i * MERGE_BENDS_MOST;
             list[i].ways = ways + i * (size_t)p->max_segments;
         }
     }

@@ -519,6 +519,8 @@ static cairn_status step_phase(cairn_map_merge *m, cairn_budget *budget)
     case MERGE_TURNS:
     case MERGE_SHIFTS:
         return cairn_merge_correlate(m, budget);
+    case MERGE_BENDS:
+        return cairn_merge_try_bends(m, budget);
     case MERGE_SIFT:
         return step_sift(m, budget);
     default:

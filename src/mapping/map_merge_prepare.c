@@ -147,7 +147,7 @@ static cairn_status step_surface(cairn_map_merge *m, cairn_budget *budget)
             m->surface += is_surface(map->grid[cell]);
         } else if (is_surface(map->grid[cell])) {
             if (is_chosen(m->seen_surface++, m->surface, m->params.max_points)) {
-                merge_point p = {centre_of_cell(map, cell), {0, 0}, {0, 0}, 1, cell};
+                merge_point p = {centre_of_cell(map, cell), {0, 0}, {0, 0}, 1, cell, 1};
 
                 map->points[map->point_count++] = p;
                 m->scratch[cell] = map->point_count;
@@ -288,8 +288,12 @@ static void end_line(cairn_map_merge *m, int32_t seed)
     if (!fit_line(m, &line) || line.high - line.low < LINE_LENGTH || line.rms > LINE_RMS * map->input.resolution)
         return;
     segment = cairn_line_segment(&line);
-    for (int32_t i = 0; i < m->queued; i++)
-        map->points[m->queue[i]].weight = 1 / cairn_sqrt(cairn_max(1, (line.high - line.low) / WALL));
+    for (int32_t i = 0; i < m->queued; i++) {
+        merge_point *p = &map->points[m->queue[i]];
+
+        p->weight = 1 / cairn_sqrt(cairn_max(1, (line.high - line.low) / WALL));
+        p->bent &= line.high - line.low < MERGE_LINE_M;
+    }
     if (cairn_vec2_dot(cairn_vec2_left(line.direction), map->points[seed].normal) < 0) {
         cairn_vec2 a = segment.a;
 
@@ -435,6 +439,9 @@ static void begin_phase(cairn_map_merge *m, merge_phase phase)
     } else if (phase == MERGE_SEGMENTS) {
         map->line_count = 0;
         m->queued = 0;
+    } else if (phase == MERGE_BENT) {
+        map->bend_count = 0;
+        map->bent = 0;
     }
 }
 
@@ -457,6 +464,8 @@ static cairn_status step_phase(cairn_map_merge *m, cairn_budget *budget)
         return step_segments(m, budget);
     case MERGE_CORNERS:
         return step_corners(m, budget);
+    case MERGE_BENT:
+        return cairn_merge_choose_bends(m, current(m), budget);
     default:
         if (!cairn_budget_pay(budget, &m->paid, 1 + (current(m)->point_count + current(m)->open_count) / 8))
             return CAIRN_MORE;
@@ -475,7 +484,7 @@ cairn_status cairn_merge_prepare(cairn_map_merge *m, cairn_budget *budget)
         status = step_phase(m, budget);
         if (status != CAIRN_OK)
             return status;
-        if (m->phase < MERGE_SHUFFLE) {
+        if (m->phase < MERGE_BENT) {
             begin_phase(m, m->phase + 1);
         } else {
             m->map++;

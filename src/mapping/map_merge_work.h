@@ -6,6 +6,7 @@
 #define CAIRN_MAPPING_MAP_MERGE_WORK_H
 
 #include "cairn/map_merge.h"
+#include "cairn/rigid_motion.h"
 
 enum {
     MERGE_MAPS_MOST = 64,
@@ -14,6 +15,7 @@ enum {
     MERGE_REFINE_POINTS = 320, /* by which a place is refined */
     MERGE_KEPT = 96,           /* hypotheses of a pair that are looked at again */
     MERGE_REFINED = 20,        /* ... and refined */
+    MERGE_BENDS_MOST = 256,    /* points of a map off all lines */
     MERGE_TURNS_MOST = 6,      /* rotations in which a pair is correlated */
     MERGE_BINS = 360,          /* of the circle */
     MERGE_POINTS_PER_UNIT = 8,
@@ -25,6 +27,9 @@ enum {
 
 /* Side of a cell of the first map inside. */
 #define MERGE_CELL CAIRN_REAL(0.05)
+
+/* m: shorter lines are not straight enough to refine by. */
+#define MERGE_LINE_M CAIRN_REAL(0.35)
 
 /* Places of one map that differ by less, m and rad, are the same. */
 /* Places nearer than this are one while searching. */
@@ -57,12 +62,18 @@ typedef struct merge_point {
     cairn_vec2 front;  /* a little before it, where free space begins */
     cairn_real weight; /* as evidence: a long straight wall is soon known */
     int32_t cell;      /* index in the grid */
+    int32_t bent;      /* 1: on no line that is long enough to refine by */
 } merge_point;
 
 /* The direction of a line and its length. */
 typedef struct merge_way {
     cairn_real angle, length; /* rad, free space on the left; m */
 } merge_way;
+
+/* Where the surface of a wall that is not straight lies, off all lines. */
+typedef struct merge_bend {
+    cairn_vec2 at, normal; /* between free and occupied cells; unit, into free space */
+} merge_bend;
 
 typedef struct merge_map {
     cairn_merge_map input;
@@ -74,7 +85,9 @@ typedef struct merge_map {
     cairn_corner *corners; /* [corner_count] */
     cairn_segment *lines;  /* [line_count] with free space on their left */
     merge_way *ways;       /* likewise: their directions */
-    int32_t point_count, open_count, corner_count, line_count;
+    merge_bend *bends;     /* [bend_count], an even choice */
+    cairn_real bent;       /* m of wall off all lines */
+    int32_t point_count, open_count, corner_count, line_count, bend_count;
     int32_t occupied, free; /* cells */
     cairn_real spacing;     /* m of wall for each point */
     cairn_real clearing;    /* share of a free cell */
@@ -123,6 +136,16 @@ typedef struct merge_offer {
     int32_t count;
 } merge_offer;
 
+/* One step of Gauss and Newton of a body's place beside its neighbours. */
+typedef struct merge_fit {
+    cairn_rigid_motion motion;
+    cairn_normal_equations equations;
+    cairn_transform at, there, here; /* of the neighbour at hand; body to neighbour; neighbour to body */
+    cairn_real cell;                 /* m: the larger of both maps' */
+    int32_t near, item;              /* the neighbour, and its lines and bends that are done */
+    int32_t under_way;
+} merge_fit;
+
 typedef struct merge_memory {
     int32_t first, second; /* maps; first -1: free */
     int32_t x, y, theta;   /* rounded */
@@ -144,9 +167,11 @@ enum {
     MERGE_SEGMENTS,
     MERGE_CORNERS,
     MERGE_SHUFFLE,
+    MERGE_BENT,
     MERGE_HYPOTHESES,
     MERGE_TURNS,
     MERGE_SHIFTS,
+    MERGE_BENDS,
     MERGE_SIFT,
     MERGE_REFINE,
     MERGE_FILTER,
@@ -209,6 +234,8 @@ struct cairn_map_merge {
         cairn_pose base;
         cairn_vec2 base_pivot;
     } climb;
+
+    merge_fit fit;
 
     /* The maps that the one under way is compared with, and where they lie. */
     int32_t near[MERGE_MAPS_MOST];
@@ -282,6 +309,17 @@ cairn_status cairn_merge_prepare(cairn_map_merge *m, cairn_budget *budget);
 /* A map placed beside another one by all rotations that their lines suggest and all translations. */
 cairn_status cairn_merge_correlate(cairn_map_merge *m, cairn_budget *budget);
 
+/* ---- map_merge_bend.c ---- */
+
+/* Points off all lines, from the even order in which they are; a phase of the preparation. */
+cairn_status cairn_merge_choose_bends(cairn_map_merge *m, merge_map *map, cairn_budget *budget);
+
+/* How far along a normal from p free cells end at occupied ones, within 2.5 cells; 1 when they do. */
+int cairn_merge_surface_along(const merge_map *map, cairn_vec2 p, cairn_vec2 normal, cairn_real *along);
+
+/* A map placed beside another one by all pairs of such points. */
+cairn_status cairn_merge_try_bends(cairn_map_merge *m, cairn_budget *budget);
+
 cairn_status cairn_merge_find_modes(cairn_map_merge *m, cairn_budget *budget);
 void cairn_merge_sum(const cairn_map_merge *m, const merge_map *to, const merge_map *from, const cairn_transform *t,
                      int32_t begin, int32_t end, merge_sums *s);
@@ -300,7 +338,7 @@ int cairn_merge_go_on_total(cairn_map_merge *m, cairn_budget *budget);
 /* 1 when two maps are too far apart to have anything in common. */
 int cairn_merge_is_apart(const cairn_map_merge *m, int32_t first, int32_t second, cairn_pose first_second);
 
-/* Refines a pose of `map`, which is near `start`, beside near[] by lines, `rounds` times at most; go_on returns 1 when m->climb.best is it. */
+/* Refines a pose of `map`, which is near `start`, beside near[] by lines and bends, `rounds` times at most; go_on returns 1 when m->climb.best is it. */
 void cairn_merge_begin_lines(cairn_map_merge *m, int32_t map, cairn_pose start, cairn_pose pose, int32_t rounds);
 int cairn_merge_go_on_lines(cairn_map_merge *m, cairn_budget *budget);
 

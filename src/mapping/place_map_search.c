@@ -1,9 +1,8 @@
-/* place_map: matching, weighing, agreeing and refining, item by item. */
+/* place_map: matching, agreeing and refining, item by item. */
 #include "src/core/build.h"
 
 #include <string.h>
 
-#include "cairn/small_matrix.h"
 #include "src/mapping/place_map_work.h"
 
 enum { POINTS_TO_UNIT = 16, CELLS_TO_UNIT = 1024, DECOUPLED_SWEEPS = 10 };
@@ -14,14 +13,6 @@ static const cairn_real SUB_SIGMA_ANGLE = CAIRN_REAL(0.02);
 
 /* Nats of a pair that are worth keeping: bodies that have walked speak against a pose until the map tells. */
 static const cairn_real LEAST_EVIDENCE = -3;
-
-/* Standard deviations within which evidence changes little, m and rad. */
-static const cairn_real WEIGHED = CAIRN_REAL(0.05), WEIGHED_ANGLE = CAIRN_REAL(0.02);
-
-/* A hypothesis is polished by steps of so much, m and rad, that are halved so often, in at most so many moves, and only for so
- * many nats: where matches are good they are more exact than evidence. */
-static const cairn_real POLISH_STEP = CAIRN_REAL(0.08), POLISH_TURN = CAIRN_REAL(0.02), WORTH = 1;
-enum { POLISH_HALVINGS = 3, POLISH_MOVES = 10 };
 
 /* m: a place that the consensus moves farther has changed the map. */
 static const cairn_real MOVED = CAIRN_REAL(0.3);
@@ -157,63 +148,6 @@ static cairn_scan_match_part query_part(cairn_place_map *map)
     return part;
 }
 
-/* The evidence of a hypothesis holds where it was weighed: directions in which the match left the pose open are bounded, so
- * that it does not speak for poses along a wall or about a round body that were never looked at. */
-static void bound_covariance(const cairn_real in[9], cairn_real out[9])
-{
-    cairn_sym3 covariance = {in[0], in[1], in[2], in[4], in[5], in[8]}, information, bounded;
-
-    memcpy(out, in, 9 * sizeof *out);
-    if (!cairn_sym3_inverse(covariance, &information))
-        return;
-    information.xx += 1 / (WEIGHED * WEIGHED);
-    information.yy += 1 / (WEIGHED * WEIGHED);
-    information.zz += 1 / (WEIGHED_ANGLE * WEIGHED_ANGLE);
-    if (!cairn_sym3_inverse(information, &bounded))
-        return;
-    out[0] = bounded.xx;
-    out[1] = out[3] = bounded.xy;
-    out[2] = out[6] = bounded.xz;
-    out[4] = bounded.yy;
-    out[5] = out[7] = bounded.yz;
-    out[8] = bounded.zz;
-}
-
-/* When the store is full no more is taken: what came first came from better matches. */
-static void keep_hypothesis(cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second,
-                            const cairn_real covariance[9])
-{
-    cairn_pose_hypothesis *kept = &map->hypotheses[map->hypothesis_count];
-
-    if (map->hypothesis_count == map->params.consensus.max_hypotheses)
-        return;
-    kept->first = first;
-    kept->second = second;
-    kept->first_second = first_second;
-    bound_covariance(covariance, kept->covariance);
-    map->hypothesis_count++;
-}
-
-static cairn_real weigh(cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second)
-{
-    map->debt += 1 + (map->places[first].point_count + map->places[second].point_count) / 6;
-    return cairn_place_map_evidence(map, first, second, first_second);
-}
-
-/* Covariance of map_query seen from a place that is turned by theta in the map. */
-static void turn_covariance(const cairn_real in[9], cairn_real theta, cairn_real out[9])
-{
-    cairn_real c, s;
-
-    cairn_sincos(-theta, &s, &c);
-    out[0] = c * c * in[0] - 2 * c * s * in[1] + s * s * in[4];
-    out[4] = s * s * in[0] + 2 * c * s * in[1] + c * c * in[4];
-    out[1] = out[3] = c * s * (in[0] - in[4]) + (c * c - s * s) * in[1];
-    out[2] = out[6] = c * in[2] - s * in[5];
-    out[5] = out[7] = s * in[2] + c * in[5];
-    out[8] = in[8];
-}
-
 /* Of a match with a map: what it says about two places, one of the map and one that was asked for, if they have evidence for
  * it. */
 static void take_pair(cairn_place_map *map, int32_t target, int32_t asked, const cairn_scan_match_hypothesis *h)
@@ -224,10 +158,10 @@ static void take_pair(cairn_place_map *map, int32_t target, int32_t asked, const
     cairn_pose seen = cairn_pose_between(map_target, map_asked);
     cairn_real covariance[9];
 
-    if (!(weigh(map, target, asked, seen) > 0))
+    if (!(cairn_place_map_weigh(map, target, asked, seen) > 0))
         return;
-    turn_covariance(h->covariance, map_target.theta, covariance);
-    keep_hypothesis(map, target, asked, seen, covariance);
+    cairn_place_map_turn(h->covariance, map_target.theta, covariance);
+    cairn_place_map_keep(map, target, asked, seen, covariance);
 }
 
 static void take_in_map(cairn_place_map *map, const cairn_scan_match_hypothesis *h)
@@ -253,8 +187,8 @@ static void take_result(cairn_place_map *map)
 
         if (map->round > 0)
             take_in_map(map, h);
-        else if (weigh(map, map->place, map->query, h->target_query) > LEAST_EVIDENCE)
-            keep_hypothesis(map, map->place, map->query, h->target_query, h->covariance);
+        else if (cairn_place_map_weigh(map, map->place, map->query, h->target_query) > LEAST_EVIDENCE)
+            cairn_place_map_keep(map, map->place, map->query, h->target_query, h->covariance);
     }
 }
 
@@ -325,45 +259,6 @@ static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose
     return cairn_place_map_evidence(map, first, second, first_second);
 }
 
-/* A pose near a hypothesis that has more evidence: a match aligns faces of walls, and other sides of walls, rough surfaces
- * and bodies tell as much. */
-static cairn_real polish(cairn_place_map *map, cairn_pose_hypothesis *h)
-{
-    cairn_pose matched = h->first_second;
-    cairn_real before = weigh(map, h->first, h->second, matched), best = before;
-    cairn_real step = POLISH_STEP, turn = POLISH_TURN;
-
-    for (int32_t halvings = 0, moves = 0; halvings < POLISH_HALVINGS && moves < POLISH_MOVES;) {
-        cairn_pose around = h->first_second, better = around;
-
-        for (int32_t k = 0; k < 6; k++) {
-            cairn_pose tried = around;
-            cairn_real evidence, sign = k % 2 == 0 ? 1 : -1;
-
-            tried.x += k / 2 == 0 ? sign * step : 0;
-            tried.y += k / 2 == 1 ? sign * step : 0;
-            tried.theta += k / 2 == 2 ? sign * turn : 0;
-            evidence = weigh(map, h->first, h->second, tried);
-            if (evidence > best) {
-                best = evidence;
-                better = tried;
-            }
-        }
-        h->first_second = better;
-        moves++;
-        if (better.x == around.x && better.y == around.y && better.theta == around.theta) {
-            halvings++;
-            step /= 2;
-            turn /= 2;
-        }
-    }
-    if (best < before + WORTH) {
-        h->first_second = matched;
-        return before;
-    }
-    return best;
-}
-
 /* Everything is weighed anew in each round, as fewer points are trusted. */
 static void weigh_item(cairn_place_map *map)
 {
@@ -383,7 +278,8 @@ static void weigh_item(cairn_place_map *map)
         enter(map, CAIRN_PLACE_MAP_AGREE);
         return;
     }
-    h->score = (map->next < map->polished ? weigh(map, h->first, h->second, h->first_second) : polish(map, h)) -
+    h->score = (map->next < map->polished ? cairn_place_map_weigh(map, h->first, h->second, h->first_second)
+                                          : cairn_place_map_polish(map, h)) -
                map->params.chance;
     map->next++;
     if (h->score > 0 && cairn_pose_consensus_add(map->consensus, h, NULL) == CAIRN_OK)
@@ -435,17 +331,16 @@ static int32_t count_placed(const cairn_place_map *map)
     return placed;
 }
 
-/* Rounds go on while the map changes. */
+/* Rounds go on while the map changes. What is aligned at the end must have stayed where it was. */
 static void doubt_item(cairn_place_map *map)
 {
+    int32_t is_last = map->round >= map->params.rounds || map->moved == 0;
+
     if (map->next < map->place_count) {
-        cairn_place_map_doubt(map, map->next++);
+        cairn_place_map_doubt(map, map->next++, is_last);
         return;
     }
-    if (map->round < map->params.rounds && map->moved > 0)
-        enter(map, CAIRN_PLACE_MAP_TARGET);
-    else
-        enter(map, CAIRN_PLACE_MAP_REFINE);
+    enter(map, is_last ? CAIRN_PLACE_MAP_REFINE : CAIRN_PLACE_MAP_TARGET);
     map->result.placed = count_placed(map);
     map->round++;
     map->debt++;
@@ -453,19 +348,20 @@ static void doubt_item(cairn_place_map *map)
 
 /* ---- Refinement ---- */
 
-/* Points of all scans of a place's part become the target, but those of the place, or of the one scan. */
+/* Points of all scans of a place's part become the target, but those of the place, or of the one scan, and those in doubt. */
 static void target_others(cairn_place_map *map, int32_t place, int32_t only_scan)
 {
     cairn_icp_clear_target(map->icp);
     for (int32_t s = 0; s < map->scan_count; s++) {
         const cairn_place_scan *scan = &map->scans[s];
         cairn_status status;
+        int32_t count;
 
         if ((only_scan < 0 ? scan->place == place : s == only_scan) ||
             map->places[scan->place].part != map->places[place].part)
             continue;
-        status =
-            cairn_icp_add_target(map->icp, map->points + scan->first_point, scan->point_count, scan->map_scan, NULL);
+        count = copy_points(map, scan, cairn_pose_identity(), map->query_points);
+        status = cairn_icp_add_target(map->icp, map->query_points, count, scan->map_scan, NULL);
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
         map->debt += scan->point_count / POINTS_TO_UNIT;

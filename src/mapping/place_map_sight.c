@@ -347,7 +347,7 @@ static int32_t balance_of(const cairn_place_map *map, int32_t place, cairn_vec2 
     return balance;
 }
 
-void cairn_place_map_doubt(cairn_place_map *map, int32_t place)
+void cairn_place_map_doubt(cairn_place_map *map, int32_t place, int32_t is_last)
 {
     const cairn_place *here = &map->places[place];
 
@@ -358,7 +358,8 @@ void cairn_place_map_doubt(cairn_place_map *map, int32_t place)
         for (int32_t i = 0; i < scan->point_count; i++) {
             const cairn_oriented_point *point = &map->points[scan->first_point + i];
             uint8_t *doubt = &map->doubt[scan->first_point + i];
-            int is_suspect = balance_of(map, place, cairn_transform_point(transform, point->position)) < 0;
+            int32_t least = is_last && (*doubt & CAIRN_POINT_FLOATING) ? 1 : 0;
+            int is_suspect = balance_of(map, place, cairn_transform_point(transform, point->position)) < least;
 
             *doubt = (uint8_t)((*doubt & CAIRN_POINT_FLOATING) | (is_suspect ? CAIRN_POINT_SUSPECT : 0));
         }

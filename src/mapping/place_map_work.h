@@ -90,14 +90,29 @@ int32_t cairn_place_map_side(const cairn_place_map_params *params);
 /* Marks the points of a scan, added last, that float. */
 void cairn_place_map_find_floating(cairn_place_map *map, const cairn_place_scan *scan, const cairn_scan_view *view);
 
-/* Marks the points of a place that other places of its part see through, and none that they see as surface as often. */
-void cairn_place_map_doubt(cairn_place_map *map, int32_t place);
+/* Marks the points of a place that other places of its part see through, and none that they see as surface as often; for
+ * is_last also those on bodies that no other place sees where they stood. */
+void cairn_place_map_doubt(cairn_place_map *map, int32_t place, int32_t is_last);
 
 /* One beam or point of a place into its sight; 0 when there are none left. */
 int32_t cairn_place_map_see(cairn_place_map *map, int32_t place, int32_t item);
 
 /* Nats for two places to lie so: of the points of each on surfaces of the other, less those in the other's free space. */
 cairn_real cairn_place_map_evidence(const cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second);
+
+/* The same, charged. */
+cairn_real cairn_place_map_weigh(cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second);
+
+/* Covariance of map_query seen from a place that is turned by theta in the map. */
+void cairn_place_map_turn(const cairn_real in[9], cairn_real theta, cairn_real out[9]);
+
+/* Keeps a hypothesis, its covariance bounded to where its evidence holds. When the store is full no more is taken: what came
+ * first came from better matches. */
+void cairn_place_map_keep(cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second,
+                          const cairn_real covariance[9]);
+
+/* Moves a hypothesis to a pose near it that has more evidence, if there is one, and returns the evidence. */
+cairn_real cairn_place_map_polish(cairn_place_map *map, cairn_pose_hypothesis *hypothesis);
 
 /* Does one item and adds its cost to the debt; items of the match, the consensus and icp take from the budget instead. */
 void cairn_place_map_item(cairn_place_map *map, cairn_budget *budget);

@@ -136,6 +136,13 @@ static cairn_real evidence_of(const cairn_scan_match *x, int32_t i)
            BY_RIVAL * cairn_min(rival_of(x, i) / (h->score + least), 1);
 }
 
+/* 1 when the second is nearly as good, or good enough by itself: the target may have seen less of where it is than of its
+ * double, and fewer points explained are no points contradicted. */
+static int is_as_good(const cairn_scan_match_hypothesis *second, const cairn_scan_match_hypothesis *best)
+{
+    return second->score > ALIKE * best->score || second->evidence >= LEAST_EVIDENCE;
+}
+
 void cairn_match_judge(cairn_scan_match *x)
 {
     cairn_scan_match_hypothesis *h = x->hypotheses;
@@ -147,7 +154,7 @@ void cairn_match_judge(cairn_scan_match *x)
     x->result.count = x->hypothesis_count;
     if (x->hypothesis_count == 0 || h[0].evidence < LEAST_EVIDENCE)
         x->result.verdict = CAIRN_SCAN_MATCH_NONE;
-    else if (h[0].observable < 3 || (x->hypothesis_count > 1 && h[1].score > ALIKE * h[0].score))
+    else if (h[0].observable < 3 || (x->hypothesis_count > 1 && is_as_good(&h[1], &h[0])))
         x->result.verdict = CAIRN_SCAN_MATCH_AMBIGUOUS;
     else
         x->result.verdict = CAIRN_SCAN_MATCH_FOUND;

@@ -1,0 +1,108 @@
+/* place_map: hypotheses of pairs of places, bounded, kept, weighed and polished. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "cairn/small_matrix.h"
+#include "src/mapping/place_map_work.h"
+
+/* Standard deviations within which evidence changes little, m and rad. */
+static const cairn_real WEIGHED = CAIRN_REAL(0.05), WEIGHED_ANGLE = CAIRN_REAL(0.02);
+
+/* A hypothesis is polished by steps of so much, m and rad, that are halved so often, in at most so many moves, and only for so
+ * many nats: where matches are good they are more exact than evidence. */
+static const cairn_real POLISH_STEP = CAIRN_REAL(0.08), POLISH_TURN = CAIRN_REAL(0.02), WORTH = 1;
+enum { POLISH_HALVINGS = 3, POLISH_MOVES = 10 };
+
+/* The evidence of a hypothesis holds where it was weighed: directions in which the match left the pose open are bounded, so
+ * that it does not speak for poses along a wall or about a round body that were never looked at. */
+static void bound_covariance(const cairn_real in[9], cairn_real out[9])
+{
+    cairn_sym3 covariance = {in[0], in[1], in[2], in[4], in[5], in[8]}, information, bounded;
+
+    memcpy(out, in, 9 * sizeof *out);
+    if (!cairn_sym3_inverse(covariance, &information))
+        return;
+    information.xx += 1 / (WEIGHED * WEIGHED);
+    information.yy += 1 / (WEIGHED * WEIGHED);
+    information.zz += 1 / (WEIGHED_ANGLE * WEIGHED_ANGLE);
+    if (!cairn_sym3_inverse(information, &bounded))
+        return;
+    out[0] = bounded.xx;
+    out[1] = out[3] = bounded.xy;
+    out[2] = out[6] = bounded.xz;
+    out[4] = bounded.yy;
+    out[5] = out[7] = bounded.yz;
+    out[8] = bounded.zz;
+}
+
+void cairn_place_map_keep(cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second,
+                          const cairn_real covariance[9])
+{
+    cairn_pose_hypothesis *kept = &map->hypotheses[map->hypothesis_count];
+
+    if (map->hypothesis_count == map->params.consensus.max_hypotheses)
+        return;
+    kept->first = first;
+    kept->second = second;
+    kept->first_second = first_second;
+    bound_covariance(covariance, kept->covariance);
+    map->hypothesis_count++;
+}
+
+cairn_real cairn_place_map_weigh(cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second)
+{
+    map->debt += 1 + (map->places[first].point_count + map->places[second].point_count) / 6;
+    return cairn_place_map_evidence(map, first, second, first_second);
+}
+
+void cairn_place_map_turn(const cairn_real in[9], cairn_real theta, cairn_real out[9])
+{
+    cairn_real c, s;
+
+    cairn_sincos(-theta, &s, &c);
+    out[0] = c * c * in[0] - 2 * c * s * in[1] + s * s * in[4];
+    out[4] = s * s * in[0] + 2 * c * s * in[1] + c * c * in[4];
+    out[1] = out[3] = c * s * (in[0] - in[4]) + (c * c - s * s) * in[1];
+    out[2] = out[6] = c * in[2] - s * in[5];
+    out[5] = out[7] = s * in[2] + c * in[5];
+    out[8] = in[8];
+}
+
+/* A match aligns faces of walls; other sides of walls, rough surfaces and bodies tell as much. */
+cairn_real cairn_place_map_polish(cairn_place_map *map, cairn_pose_hypothesis *h)
+{
+    cairn_pose matched = h->first_second;
+    cairn_real before = cairn_place_map_weigh(map, h->first, h->second, matched), best = before;
+    cairn_real step = POLISH_STEP, turn = POLISH_TURN;
+
+    for (int32_t halvings = 0, moves = 0; halvings < POLISH_HALVINGS && moves < POLISH_MOVES;) {
+        cairn_pose around = h->first_second, better = around;
+
+        for (int32_t k = 0; k < 6; k++) {
+            cairn_pose tried = around;
+            cairn_real evidence, sign = k % 2 == 0 ? 1 : -1;
+
+            tried.x += k / 2 == 0 ? sign * step : 0;
+            tried.y += k / 2 == 1 ? sign * step : 0;
+            tried.theta += k / 2 == 2 ? sign * turn : 0;
+            evidence = cairn_place_map_weigh(map, h->first, h->second, tried);
+            if (evidence > best) {
+                best = evidence;
+                better = tried;
+            }
+        }
+        h->first_second = better;
+        moves++;
+        if (better.x == around.x && better.y == around.y && better.theta == around.theta) {
+            halvings++;
+            step /= 2;
+            turn /= 2;
+        }
+    }
+    if (best < before + WORTH) {
+        h->first_second = matched;
+        return before;
+    }
+    return best;
+}
