@@ -2,8 +2,15 @@
  *
  * rooms: four rooms on a hallway, turned at random, five places, poses off by up to 25 units of 0.03 m and 15 degrees. A seed
  * is right when every scan lies within 4 units and 1 degree after the best common motion. rubble and round: the arenas of
- * bench/align, and those without a straight wall; shares as there. Each with hypotheses and without, on the same starts.
- * Without: what the aligner alone finds, or the field.
+ * bench/align, and those without a straight wall; shares as there. rescue110: the first, seen by scans of 110 degrees. Each with
+ * hypotheses and without, on the same starts. Without: what the aligner alone finds, or the field. wall_rms_m: of the hits on
+ * walls that lie in one line about their common line.
+ *
+ * box: a flat box in a room, two scans from either side, none of which sees both of its long sides; it has collapsed when
+ * these end up nearer to each other than half its thickness.
+ *
+ * planted: rooms, by the field alone, with a false rectangle among the hypotheses of step 5. How many of the seeds it is still
+ * believed in at step 15, and how many come out worse for it.
  *
  * detector: scenes of rectangles turned at random, of whose outline 60 % is seen in pieces with noise, among single pieces of
  * walls; a rectangle is found when all its corners are within 0.3 m. */
@@ -12,9 +19,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include "bench/bench_align.h"
 #include "bench/bench_bound.h"
+#include "bench/bench_guess.h"
 #include "bench/bench_json.h"
 #include "bench/bench_score.h"
 #include "cairn/random.h"
@@ -25,7 +34,7 @@
 #define UNIT   0.03 /* m */
 
 typedef struct settings {
-    int64_t seeds, seed, arenas, scenes;
+    int64_t seeds, seed, arenas, scenes, boxes, lies;
     int32_t steps; /* --steps: prints every virtual scan */
 } settings;
 
@@ -33,7 +42,8 @@ typedef struct settings {
 typedef struct method {
     const char *name;
     int32_t align, hypotheses;
-    double sigma; /* m, of the field at its start */
+    double sigma;  /* m, of the field at its start */
+    int32_t every; /* steps of the field from one virtual scan to the next; 0: as ever */
 } method;
 
 /* What a scene is seen like. */
@@ -49,6 +59,8 @@ typedef struct problem {
     sim_survey *survey;
     const sim_scan *scans;
     sim_pose *truth, *start, *result;
+    bench_lie *lie;   /* that is told; NULL: none */
+    int32_t believed; /* it was, at step 15 or later */
     int32_t *use;
     int32_t count, observable;
 } problem;
@@ -56,7 +68,7 @@ typedef struct problem {
 /* Sums over the seeds of a row. */
 typedef struct row {
     int32_t seeds, right, scans, observable, aligned, iterations, active, moved;
-    double seconds;
+    double seconds, squares, hits;
     int64_t align_units, hypothesis_units, field_units;
     size_t pool_bytes;
 } row;
@@ -69,6 +81,13 @@ static void close_problem(problem *p)
     free(p->use);
     sim_survey_free(p->survey);
     sim_arena_free(p->arena);
+}
+
+static void disturb(sim_pose *pose, cairn_random *random, double metres, double degrees)
+{
+    pose->x += (double)cairn_random_uniform(random, -1, 1) * metres;
+    pose->y += (double)cairn_random_uniform(random, -1, 1) * metres;
+    pose->theta += (double)cairn_random_uniform(random, -1, 1) * degrees * DEGREE;
 }
 
 static int open_problem(const scene *from, uint64_t seed, problem *p)
@@ -100,9 +119,7 @@ static int open_problem(const scene *from, uint64_t seed, problem *p)
         return 0;
     for (int32_t i = 0; i < p->count; i++) {
         p->truth[i] = p->start[i] = p->scans[i].truth;
-        p->start[i].x += (double)cairn_random_uniform(&random, -1, 1) * from->metres;
-        p->start[i].y += (double)cairn_random_uniform(&random, -1, 1) * from->metres;
-        p->start[i].theta += (double)cairn_random_uniform(&random, -1, 1) * from->degrees * DEGREE;
+        disturb(&p->start[i], &random, from->metres, from->degrees);
     }
     return 1;
 }
@@ -148,14 +165,16 @@ static cairn_virtual_align_params params_of(const method *m)
     params.field.sigma_step *=
         ((cairn_real)m->sigma - params.field.sigma_end) / (params.field.sigma_start - params.field.sigma_end);
     params.field.sigma_start = (cairn_real)m->sigma;
+    if (m->every > 0)
+        params.every = m->every;
     if (!m->hypotheses)
-        params.hypotheses.lines = params.hypotheses.rectangles = 0;
+        params.hypotheses.lines = params.hypotheses.rectangles = params.hypotheses.ellipses = 0;
     return params;
 }
 
 static void print_hypotheses(const cairn_virtual_align *align)
 {
-    static const char *const kinds[] = {"line", "rectangle"};
+    static const char *const kinds[] = {"line", "rectangle", "ellipse", "of the caller"};
     cairn_virtual_align_result result = cairn_virtual_align_read(align);
     int32_t count;
     const cairn_hypothesis *h = cairn_virtual_scan_hypotheses(cairn_virtual_align_hypotheses(align), &count);
@@ -171,11 +190,17 @@ static void print_hypotheses(const cairn_virtual_align *align)
     }
 }
 
-/* alone: the aligner, and no more. */
-static cairn_status align(const settings *s, const problem *p, cairn_scan *scan, cairn_virtual_align *align,
-                          int32_t alone, row *out)
+/* Of this thread, whatever else the machine does. */
+static double processor_seconds(void)
 {
-    double start = bench_seconds();
+    return (double)clock() / CLOCKS_PER_SEC;
+}
+
+/* alone: the aligner, and no more. */
+static cairn_status align(const settings *s, problem *p, cairn_scan *scan, cairn_virtual_align *align, int32_t alone,
+                          row *out)
+{
+    double start = processor_seconds();
     cairn_virtual_align_result result;
     cairn_status status = CAIRN_OK;
 
@@ -197,9 +222,11 @@ static cairn_status align(const settings *s, const problem *p, cairn_scan *scan,
             break;
         if (s->steps)
             print_hypotheses(align);
+        if (p->lie != NULL && cairn_virtual_align_read(align).iterations >= 15)
+            p->believed |= bench_lie_is_believed(p->lie, cairn_virtual_align_hypotheses(align));
     }
     result = cairn_virtual_align_read(align);
-    out->seconds += bench_seconds() - start;
+    out->seconds += processor_seconds() - start;
     out->iterations += result.iterations;
     out->active += result.active;
     out->moved += result.moved;
@@ -216,7 +243,7 @@ static cairn_status align(const settings *s, const problem *p, cairn_scan *scan,
     return status < 0 ? status : CAIRN_OK;
 }
 
-static int run(const settings *s, const problem *p, const method *m, row *out)
+static int run(const settings *s, problem *p, const method *m, row *out)
 {
     cairn_scan_params scan_params = cairn_scan_default();
     cairn_virtual_align_params params = params_of(m);
@@ -243,6 +270,11 @@ static int run(const settings *s, const problem *p, const method *m, row *out)
     }
     if (status == CAIRN_OK)
         status = cairn_virtual_align_create(&aligned, &pool, &params);
+    if (status == CAIRN_OK && p->lie != NULL) {
+        cairn_hypothesis_detector detector = bench_lie_detector(p->lie);
+
+        status = cairn_virtual_align_add_detector(aligned, &detector);
+    }
     if (status == CAIRN_OK)
         status = align(s, p, scan, aligned, m->align && !m->hypotheses, out);
     if (bytes > out->pool_bytes)
@@ -271,7 +303,8 @@ static void print_row(const scene *from, const method *m, const row *r)
     bench_json_number("share", (double)r->aligned / r->observable);
     bench_json_number("moved", (double)r->moved / r->scans);
     bench_json_number("active", r->iterations > 0 ? (double)r->active / r->iterations : (double)NAN);
-    bench_json_number("seconds_mean", r->seconds / r->seeds);
+    bench_json_number("wall_rms_m", sqrt(r->squares / r->hits));
+    bench_json_number("processor_seconds_mean", r->seconds / r->seeds);
     bench_json_number("hypothesis_units_over_align", (double)r->hypothesis_units / (double)r->align_units);
     bench_json_integer("pool_bytes", (int64_t)r->pool_bytes);
     bench_json_end();
@@ -290,6 +323,8 @@ static int run_scene(const settings *s, const scene *from, int64_t seeds, const 
             int32_t right;
 
             done = run(s, &p, &methods[k], &rows[k]);
+            if (done)
+                bench_guess_straightness(p.arena, p.scans, p.result, p.count, &rows[k].squares, &rows[k].hits);
             right = done ? score(&p, metres) : 0;
             rows[k].seeds++;
             rows[k].right += right == p.observable;
@@ -306,7 +341,109 @@ static int run_scene(const settings *s, const scene *from, int64_t seeds, const 
     return 1;
 }
 
-/* ---- The detector of rectangles alone ---- */
+/* ---- A box, and a lie ---- */
+
+/* Each method on the same starts; how many boxes it has collapsed. */
+static int run_boxes(const settings *s)
+{
+    static const method methods[] = {{"default with hypotheses", 1, 1, 30 * UNIT, 0},
+                                     {"default without", 1, 0, 30 * UNIT, 0},
+                                     {"gradient with hypotheses", 0, 1, 30 * UNIT, 0},
+                                     {"gradient without", 0, 0, 30 * UNIT, 0}};
+
+    for (size_t k = 0; k < sizeof methods / sizeof *methods; k++) {
+        int32_t collapsed = 0;
+        double off = 0;
+
+        for (int64_t i = 0; i < s->boxes; i++) {
+            static bench_box box;
+            sim_pose truth[BENCH_BOX_SCANS], start[BENCH_BOX_SCANS], result[BENCH_BOX_SCANS];
+            cairn_random random = cairn_random_seed((uint64_t)(s->seed + i), 84);
+            problem p;
+            row out;
+            double thickness;
+
+            memset(&p, 0, sizeof p);
+            memset(&out, 0, sizeof out);
+            bench_box_draw(&box, (uint64_t)(s->seed + i));
+            p.scans = box.scans;
+            p.count = BENCH_BOX_SCANS;
+            p.truth = truth;
+            p.start = start;
+            p.result = result;
+            for (int32_t j = 0; j < BENCH_BOX_SCANS; j++) {
+                truth[j] = start[j] = box.scans[j].truth;
+                disturb(&start[j], &random, 0.3, 15);
+            }
+            if (!run(s, &p, &methods[k], &out))
+                return 0;
+            thickness = bench_box_thickness(&box, result);
+            collapsed += !(thickness > box.thickness / 2);
+            off += fabs(thickness - box.thickness);
+        }
+        bench_json_begin("virtual");
+        bench_json_text("scene", "box");
+        bench_json_text("method", methods[k].name);
+        bench_json_integer("seeds", s->boxes);
+        bench_json_integer("collapsed", collapsed);
+        bench_json_number("thickness_off_mean_m", off / (double)s->boxes);
+        bench_json_end();
+    }
+    return 1;
+}
+
+/* Somewhere among the scans, as large as a room. */
+static bench_lie draw_lie(const problem *p, uint64_t seed)
+{
+    cairn_random random = cairn_random_seed(seed, 85);
+    bench_lie lie;
+
+    memset(&lie, 0, sizeof lie);
+    lie.when = 1;
+    lie.rectangle.centre.x = (cairn_real)p->start[seed % (uint64_t)p->count].x + cairn_random_uniform(&random, -1, 1);
+    lie.rectangle.centre.y = (cairn_real)p->start[seed % (uint64_t)p->count].y + cairn_random_uniform(&random, -1, 1);
+    lie.rectangle.centre.theta = cairn_random_uniform(&random, 0, CAIRN_PI / 2);
+    lie.rectangle.half_length = cairn_random_uniform(&random, 1, 3);
+    lie.rectangle.half_width = cairn_random_uniform(&random, 1, 3);
+    return lie;
+}
+
+static int run_lies(const settings *s, const scene *rooms)
+{
+    static const method gradient = {"gradient with hypotheses", 0, 1, 30 * UNIT, 5};
+    int32_t believed = 0, right[2] = {0, 0};
+
+    for (int64_t i = 0; i < s->lies; i++)
+        for (int told = 0; told < 2; told++) {
+            problem p;
+            bench_lie lie;
+            row out;
+            int done = open_problem(rooms, (uint64_t)(s->seed + i), &p) && find_observable(rooms, &p);
+
+            memset(&out, 0, sizeof out);
+            if (done) {
+                lie = draw_lie(&p, (uint64_t)(s->seed + i));
+                p.lie = told ? &lie : NULL;
+                done = run(s, &p, &gradient, &out);
+            }
+            if (done)
+                right[told] += score(&p, 4 * UNIT);
+            believed += p.believed;
+            close_problem(&p);
+            if (!done)
+                return 0;
+        }
+    bench_json_begin("virtual");
+    bench_json_text("scene", "planted");
+    bench_json_integer("seeds", s->lies);
+    bench_json_integer("believed_at_15", believed);
+    bench_json_integer("right_scans_without_it", right[0]);
+    bench_json_integer("right_scans_with_it", right[1]);
+    bench_json_end();
+    return 1;
+}
+
+/* ---- The detectors alone ---- */
 
 enum { RECTANGLES = 4, PIECES = 256, STRAYS = 12 };
 
@@ -451,9 +588,27 @@ static int run_detector(const settings *s, int64_t scenes)
         return 0;
     }
     bench_json_begin("virtual");
-    bench_json_text("scene", "detector");
+    bench_json_text("scene", "detector of rectangles");
     bench_json_integer("seeds", scenes);
     bench_json_number("found", (double)found / (double)(RECTANGLES * scenes));
+    bench_json_number("false_per_scene", (double)wrong / (double)scenes);
+    bench_json_end();
+    return 1;
+}
+
+static int run_ellipses(const settings *s, int64_t scenes)
+{
+    int32_t there = 0, found = 0, wrong = 0;
+
+    for (int64_t i = 0; i < scenes; i++)
+        if (!bench_guess_ellipses((uint64_t)(s->seed + i), &there, &found, &wrong)) {
+            fprintf(stderr, "bench/virtual: no memory\n");
+            return 0;
+        }
+    bench_json_begin("virtual");
+    bench_json_text("scene", "detector of ellipses");
+    bench_json_integer("seeds", scenes);
+    bench_json_number("found", (double)found / there);
     bench_json_number("false_per_scene", (double)wrong / (double)scenes);
     bench_json_end();
     return 1;
@@ -463,33 +618,39 @@ int main(int argc, char **argv)
 {
     static const scene rooms = {"rooms", SIM_ROOMS, 5, 1, 360, 25 * UNIT, 15};
     static const scene rubble = {"rubble", SIM_RESCUE, 15, 4, 100, 0.3, 20};
+    static const scene narrow = {"rescue110", SIM_RESCUE, 15, 4, 110, 0.3, 20};
     static const scene curved = {"round", SIM_ROUND, 15, 4, 100, 0.3, 20};
     static const method rooms_methods[] = {
-        {"default with hypotheses", 1, 1, 30 * UNIT},  {"default without", 1, 0, 30 * UNIT},
-        {"gradient with hypotheses", 0, 1, 30 * UNIT}, {"gradient without", 0, 0, 30 * UNIT},
-        {"gradient without", 0, 0, 80 * UNIT},
+        {"default with hypotheses", 1, 1, 30 * UNIT, 0},  {"default without", 1, 0, 30 * UNIT, 0},
+        {"gradient with hypotheses", 0, 1, 30 * UNIT, 0}, {"gradient without", 0, 0, 30 * UNIT, 0},
+        {"gradient without", 0, 0, 80 * UNIT, 0},
     };
-    settings s = {100, 1, 20, 200, 0};
+    settings s = {100, 1, 20, 200, 20, 20, 0};
     const option table[] = {
         OPTION_INTEGER("--seeds", &s.seeds, 0, 1000, "N", "rooms to align"),
         OPTION_INTEGER("--arenas", &s.arenas, 0, 1000, "N", "arenas with rubble, and with round walls, to align"),
-        OPTION_INTEGER("--scenes", &s.scenes, 0, 100000, "N", "scenes for the detector of rectangles"),
+        OPTION_INTEGER("--scenes", &s.scenes, 0, 100000, "N", "scenes for the detectors alone"),
+        OPTION_INTEGER("--boxes", &s.boxes, 0, 1000, "N", "boxes seen from two sides"),
+        OPTION_INTEGER("--lies", &s.lies, 0, 1000, "N", "rooms with a false hypothesis"),
         OPTION_INTEGER("--seed", &s.seed, 0, 1000000000, "N", "first seed"),
         OPTION_FLAG("--steps", &s.steps, "print the hypotheses of every step"),
     };
     const option_set set = {"bench/virtual", "[options]", "Measures what virtual scans are worth.", table,
                             sizeof table / sizeof *table};
-    row in_rooms[5] = {{0}}, in_rubble[2] = {{0}}, in_round[2] = {{0}};
+    row in_rooms[5] = {{0}}, in_rubble[2] = {{0}}, in_narrow[2] = {{0}}, in_round[2] = {{0}};
     size_t none = 0;
     option_result result = options_read(&set, argc, argv, NULL, &none);
 
     if (result != OPTIONS_READ)
         return (int)result;
-    if (s.scenes > 0 && !run_detector(&s, s.scenes))
+    if (s.scenes > 0 && (!run_detector(&s, s.scenes) || !run_ellipses(&s, s.scenes)))
+        return 1;
+    if ((s.boxes > 0 && !run_boxes(&s)) || (s.lies > 0 && !run_lies(&s, &rooms)))
         return 1;
     if (s.seeds > 0 && !run_scene(&s, &rooms, s.seeds, rooms_methods, 5, 4 * UNIT, in_rooms))
         return 1;
     if (s.arenas > 0 && (!run_scene(&s, &rubble, s.arenas, rooms_methods, 2, 0.05, in_rubble) ||
+                         !run_scene(&s, &narrow, s.arenas, rooms_methods, 2, 0.05, in_narrow) ||
                          !run_scene(&s, &curved, s.arenas, rooms_methods, 2, 0.05, in_round)))
         return 1;
     bench_json_begin("virtual");
@@ -503,9 +664,12 @@ int main(int argc, char **argv)
     bench_json_number("rubble_share_without", (double)in_rubble[1].aligned / in_rubble[1].observable);
     bench_json_number("round_share_with", (double)in_round[0].aligned / in_round[0].observable);
     bench_json_number("round_share_without", (double)in_round[1].aligned / in_round[1].observable);
-    bench_json_number("active", (double)(in_rooms[0].active + in_rubble[0].active) /
-                                    (in_rooms[0].iterations + in_rubble[0].iterations));
+    bench_json_number("rescue110_rms_with_m", sqrt(in_narrow[0].squares / in_narrow[0].hits));
+    bench_json_number("rescue110_rms_without_m", sqrt(in_narrow[1].squares / in_narrow[1].hits));
+    bench_json_number("active", (double)(in_rooms[0].active + in_rooms[2].active + in_rubble[0].active) /
+                                    (in_rooms[0].iterations + in_rooms[2].iterations + in_rubble[0].iterations));
     bench_json_number("cost_ratio", (in_rubble[0].seconds - in_rubble[1].seconds) / in_rubble[1].seconds);
+    bench_json_number("rooms_cost_ratio", (in_rooms[0].seconds - in_rooms[1].seconds) / in_rooms[1].seconds);
     bench_json_end();
     return 0;
 }

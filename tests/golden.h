@@ -101,6 +101,7 @@ uint64_t golden_aligned(void);
 uint64_t golden_pose_graphs(void);
 uint64_t golden_consensus(void);
 uint64_t golden_lines_and_rectangles(void);
+uint64_t golden_ellipses(void);
 uint64_t golden_particles(void);
 uint64_t golden_registered(void);
 uint64_t golden_hypotheses(void);

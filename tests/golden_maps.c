@@ -9,6 +9,7 @@
 #include "cairn/mapper.h"
 #include "cairn/particle_filter.h"
 #include "cairn/place_map.h"
+#include "cairn/ellipse.h"
 #include "cairn/rectangle.h"
 #include "cairn/virtual_align.h"
 #include "tests/golden.h"
@@ -112,6 +113,52 @@ uint64_t golden_lines_and_rectangles(void)
         return 0;
     for (int32_t i = 0; i < count; i++)
         hash = add_rectangle(hash, &rectangles[i]);
+    return hash;
+}
+
+/* ---- Ellipses ---- */
+
+enum { ROUND = 2, ROUND_POINTS = 60 };
+
+static uint64_t add_ellipse(uint64_t hash, const cairn_ellipse *e)
+{
+    hash = add_real(add_real(add_pose(hash, e->centre), e->half_length), e->half_width);
+    hash = add_real(add_real(add_real(add_real(hash, e->covered), e->strength), e->votes), e->rms);
+    return add_bytes(hash, &e->kind, sizeof e->kind);
+}
+
+/* An oval room and a column in it, of each three quarters. */
+uint64_t golden_ellipses(void)
+{
+    static const cairn_ellipse truth[ROUND] = {
+        {{1, 2, CAIRN_REAL(0.4)}, CAIRN_REAL(2.6), 2, 0, 0, 0, 0, CAIRN_ELLIPSE_ROOM},
+        {{2, CAIRN_REAL(1.5), 0}, CAIRN_REAL(0.5), CAIRN_REAL(0.5), 0, 0, 0, 0, CAIRN_ELLIPSE_COLUMN}};
+    static cairn_oriented_point points[ROUND * ROUND_POINTS];
+    cairn_ellipse_params params = cairn_ellipse_default();
+    cairn_random random = cairn_random_seed(15, 1);
+    cairn_budget budget = unbounded();
+    const cairn_ellipse *ellipses;
+    cairn_ellipse_set *set;
+    cairn_pool pool;
+    uint64_t hash = GOLDEN_START;
+    int32_t count;
+
+    for (int32_t i = 0; i < ROUND * ROUND_POINTS; i++) {
+        points[i] = cairn_ellipse_point(&truth[i / ROUND_POINTS],
+                                        CAIRN_REAL(4.7) * (cairn_real)(i % ROUND_POINTS) / ROUND_POINTS);
+        points[i].position.x += argument(&random, CAIRN_REAL(0.02), 0);
+    }
+    params.cells = 48;
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        cairn_ellipse_create(&set, &pool, &params) != CAIRN_OK ||
+        cairn_ellipse_begin(set, points, NULL, ROUND * ROUND_POINTS) != CAIRN_OK ||
+        cairn_ellipse_step(set, &budget) != CAIRN_OK)
+        return 0;
+    ellipses = cairn_ellipse_list(set, &count);
+    if (count < ROUND)
+        return 0;
+    for (int32_t i = 0; i < count; i++)
+        hash = add_ellipse(hash, &ellipses[i]);
     return hash;
 }
 
@@ -259,6 +306,7 @@ static cairn_virtual_scan_params small_hypotheses(void)
     params.hough.distances = 64;
     params.rectangle.max_pairs = 256;
     params.rectangle.max_sides = 64;
+    params.ellipse.cells = 48;
     return params;
 }
 

@@ -14,6 +14,7 @@ const golden_scene golden_scenes[] = {
     {"pose_graphs", golden_pose_graphs},
     {"consensus", golden_consensus},
     {"lines_and_rectangles", golden_lines_and_rectangles},
+    {"ellipses", golden_ellipses},
     {"particles", golden_particles},
     {"registered", golden_registered},
     {"hypotheses", golden_hypotheses},

@@ -1032,6 +1032,97 @@ static void initial_poses_are_shown(void **state)
     end_bed(&bed);
 }
 
+/* A scan that starts too far off is not placed; looked for again where it is, it is, and the others hardly move. */
+static void what_was_not_placed_is_looked_for_again(void **state)
+{
+    enum { LOST = 4, PLACES = 8 };
+    static const int32_t budgets[] = {CAIRN_UNBOUNDED, 1, 1000};
+    struct survey s = visit(3, PLACES, 1, 360, 0.1, 5);
+    cairn_aligner_params params = room_for(PLACES);
+    cairn_pose near[PLACES], truth = {0, 0, 0}, first[PLACES], bad[PLACES];
+    int64_t units = 0;
+
+    (void)state;
+    truth.x = (cairn_real)s.scans[LOST].truth.x;
+    truth.y = (cairn_real)s.scans[LOST].truth.y;
+    truth.theta = (cairn_real)s.scans[LOST].truth.theta;
+    s.start[LOST].x = truth.x + 4;
+    s.start[LOST].theta = cairn_wrap_angle(truth.theta + 2);
+    for (int k = 0; k < 3; k++) {
+        struct bed bed = make_bed(&params);
+        cairn_budget left = {budgets[k]};
+        cairn_aligner_pose before[PLACES], now;
+        cairn_aligner_result result;
+
+        assert_status(cairn_aligner_begin_again(bed.aligner, near), CAIRN_EMPTY);
+        add_all(&bed, &s, 0);
+        assert_status(cairn_aligner_begin_again(bed.aligner, near), CAIRN_EMPTY);
+        run(&bed, CAIRN_UNBOUNDED);
+        result = cairn_aligner_read(bed.aligner);
+        assert_int_equal(result.placed, PLACES - 1);
+        for (int32_t i = 0; i < PLACES; i++) {
+            before[i] = cairn_aligner_pose_of(bed.aligner, i);
+            assert_int_equal(before[i].placed, i != LOST);
+            near[i].x = near[i].y = near[i].theta = (cairn_real)NAN; /* not read of those that are placed */
+        }
+        near[LOST] = s.start[LOST];
+        memcpy(bad, near, sizeof bad);
+        assert_status(cairn_aligner_begin_again(NULL, near), CAIRN_BAD_ARGUMENT);
+        assert_status(cairn_aligner_begin_again(bed.aligner, NULL), CAIRN_BAD_ARGUMENT);
+        bad[LOST].theta = (cairn_real)NAN;
+        assert_status(cairn_aligner_begin_again(bed.aligner, bad), CAIRN_NOT_FINITE);
+        bad[LOST] = start_at(2e6, 0, 0);
+        assert_status(cairn_aligner_begin_again(bed.aligner, bad), CAIRN_BAD_ARGUMENT);
+        assert_false(cairn_aligner_running(bed.aligner));
+
+        /* Where it was it is not found, and the result stays bit by bit. */
+        assert_ok(cairn_aligner_begin_again(bed.aligner, near));
+        assert_true(cairn_aligner_running(bed.aligner));
+        assert_status(cairn_aligner_begin_again(bed.aligner, near), CAIRN_EMPTY);
+        while (cairn_aligner_step(bed.aligner, &left) == CAIRN_MORE)
+            left.left = budgets[k];
+        assert_true(cairn_aligner_read(bed.aligner).units > result.units);
+        assert_true(cairn_aligner_read(bed.aligner).units < 2 * result.units);
+        assert_int_equal(cairn_aligner_read(bed.aligner).verdict, result.verdict);
+        for (int32_t i = 0; i < PLACES; i++) {
+            now = cairn_aligner_pose_of(bed.aligner, i);
+            assert_memory_equal(&now, &before[i], sizeof now);
+        }
+
+        near[LOST] = truth;
+        near[LOST].x += (cairn_real)0.15;
+        near[LOST].theta += (cairn_real)0.1 + 2 * CAIRN_PI;
+        assert_ok(cairn_aligner_begin_again(bed.aligner, near));
+        left.left = budgets[k];
+        while (cairn_aligner_step(bed.aligner, &left) == CAIRN_MORE)
+            left.left = budgets[k];
+        result = cairn_aligner_read(bed.aligner);
+        assert_int_equal(result.placed, PLACES);
+        assert_int_equal(result.largest, PLACES);
+        assert_int_equal(compare(&bed, &s, 0).aligned, compare(&bed, &s, 0).observable);
+        for (int32_t i = 0; i < PLACES; i++) {
+            cairn_pose apart;
+
+            now = cairn_aligner_pose_of(bed.aligner, i);
+            apart =
+                cairn_pose_between(cairn_pose_between(before[0].map_scan, before[i].map_scan),
+                                   cairn_pose_between(cairn_aligner_pose_of(bed.aligner, 0).map_scan, now.map_scan));
+            if (i != LOST)
+                assert_true(hypot((double)apart.x, (double)apart.y) < 0.02 && fabs((double)apart.theta) < 0.005);
+            if (k == 0)
+                first[i] = now.map_scan;
+            assert_memory_equal(&now.map_scan, &first[i], sizeof now.map_scan);
+        }
+        if (k == 0)
+            units = result.units;
+        assert_int_equal(result.units, units);
+        assert_ok(cairn_aligner_start_at(bed.aligner, 0, truth)); /* forgets what has ended */
+        assert_status(cairn_aligner_begin_again(bed.aligner, near), CAIRN_EMPTY);
+        end_bed(&bed);
+    }
+    leave(&s);
+}
+
 /* Given late, initial poses do the same as given at once. */
 static void initial_poses_can_be_given_again(void **state)
 {
@@ -1218,6 +1309,7 @@ int main(void)
         cmocka_unit_test(scans_are_refused),
         cmocka_unit_test(initial_poses_are_shown),
         cmocka_unit_test(initial_poses_can_be_given_again),
+        cmocka_unit_test(what_was_not_placed_is_looked_for_again),
     };
 
     return cmocka_run_group_tests(tests, open_scan, close_scan);

@@ -18,6 +18,7 @@
 #include "cairn/place_map.h"
 #include "cairn/pose_consensus.h"
 #include "cairn/pose_graph.h"
+#include "cairn/ellipse.h"
 #include "cairn/rectangle.h"
 #include "cairn/report.h"
 #include "cairn/scan_match.h"
@@ -82,6 +83,7 @@ static void of_hypotheses(void **state)
 {
     cairn_hough_params hough = cairn_hough_default();
     cairn_rectangle_params rectangle = cairn_rectangle_default();
+    cairn_ellipse_params ellipse = cairn_ellipse_default();
     cairn_virtual_scan_params v = cairn_virtual_scan_default();
     cairn_virtual_align_params align = cairn_virtual_align_default();
     const value values[] = {
@@ -93,6 +95,7 @@ static void of_hypotheses(void **state)
         VALUE(v.max_detectors, 2),
         VALUE(v.lines, 1),
         VALUE(v.rectangles, 1),
+        VALUE(v.ellipses, 1),
         VALUE(v.stride, 2),
         VALUE(v.spacing, 0.1),
         VALUE(v.weight, 1),
@@ -111,13 +114,15 @@ static void of_hypotheses(void **state)
         VALUE(v.rectangle.merge_gap, 3),
         VALUE(v.rectangle.angle, 10 * DEGREE),
         VALUE(v.rectangle.min_side, 1),
+        VALUE(v.rectangle.least_side, 0.3),
+        VALUE(v.ellipse.cells, 96),
         VALUE(align.field.sigma_start, 0.9),
         VALUE(align.field.sigma_end, 0.04),
-        VALUE(align.field.sigma_step, 0.0146),
+        VALUE(align.field.sigma_step, 0.0293),
         VALUE(align.field.dt_start, 0.2),
         VALUE(align.field.dt_end, 0.04),
-        VALUE(align.field.dt_factor, 0.9735),
-        VALUE(align.field.max_steps, 60),
+        VALUE(align.field.dt_factor, 0.9477),
+        VALUE(align.field.max_steps, 30),
         VALUE(align.field.potential, 0),
         VALUE(align.field.roi, 0),
         VALUE(align.hypotheses.spacing, 0.3),
@@ -149,6 +154,19 @@ static void of_hypotheses(void **state)
         VALUE(rectangle.least_side, 0.15),
         VALUE(rectangle.least_covered, 0.5),
         VALUE(rectangle.separation, 0.3),
+        VALUE(ellipse.max_ellipses, 32),
+        VALUE(ellipse.cells, 96),
+        VALUE(ellipse.cell, 0.15),
+        VALUE(ellipse.oriented, 1),
+        VALUE(ellipse.least_radius, 0.15),
+        VALUE(ellipse.most_radius, 6),
+        VALUE(ellipse.most_ratio, 2),
+        VALUE(ellipse.angle_tolerance, 15 * DEGREE),
+        VALUE(ellipse.support_distance, 0.05),
+        VALUE(ellipse.spacing, 0.1),
+        VALUE(ellipse.least_votes, 8),
+        VALUE(ellipse.least_covered, 0.5),
+        VALUE(ellipse.separation, 0.3),
     };
 
     (void)state;

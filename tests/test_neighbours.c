@@ -533,6 +533,50 @@ static void test_sweep_matches_all_pairs(void **state)
 }
 
 /* Boxes that touch share a point; points and lines are boxes; what is empty or not a number overlaps nothing. */
+/* Within a window: of all pairs, in their order, those of which both boxes overlap it. */
+static void test_sweep_in_a_window(void **state)
+{
+    static const int32_t budgets[] = {1, 7, CAIRN_UNBOUNDED};
+    static const cairn_box windows[] = {{{2, 3}, {6, 5}}, {{-1, -1}, {30, 30}}, {{5, 5}, {5, 5}}, {{4, 4}, {3, 3}}};
+    cairn_random random = cairn_random_seed(11, 4);
+    static cairn_box boxes[60];
+    cairn_pool pool;
+    cairn_box_sweep *sweep = make_sweep(&pool, 60);
+
+    (void)state;
+    for (int round = 0; round < 8; round++) {
+        cairn_box window = windows[round % 4];
+        int32_t all[60 * 60][2], count = 0, at, pair[2];
+
+        random_boxes(&random, boxes, 60, 2);
+        for (int k = 0; k < 4; k++) {
+            cairn_budget left = {k == 0 ? CAIRN_UNBOUNDED : budgets[k - 1]};
+            cairn_status status;
+
+            at = 0;
+            if (k == 0)
+                assert_ok(cairn_box_sweep_begin(sweep, boxes, 60));
+            else
+                assert_ok(cairn_box_sweep_begin_in(sweep, boxes, 60, window));
+            while ((status = cairn_box_sweep_next(sweep, &left, &pair[0], &pair[1])) != CAIRN_EMPTY) {
+                if (status == CAIRN_MORE) {
+                    left.left = budgets[k - 1];
+                } else if (k == 0) {
+                    if (cairn_box_overlap(boxes[pair[0]], window) && cairn_box_overlap(boxes[pair[1]], window))
+                        memcpy(all[count++], pair, sizeof pair);
+                } else {
+                    assert_true(at < count);
+                    assert_memory_equal(all[at++], pair, sizeof pair);
+                }
+            }
+            assert_int_equal(at, k == 0 ? 0 : count);
+        }
+    }
+    assert_status(cairn_box_sweep_begin_in(sweep, boxes, -1, windows[0]), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_box_sweep_begin_in(sweep, boxes, 61, windows[0]), CAIRN_FULL);
+    test_pool_free(&pool);
+}
+
 static void test_sweep_edges(void **state)
 {
     cairn_box boxes[] = {
@@ -683,6 +727,7 @@ int main(void)
         cmocka_unit_test(test_grid_refusals),
         cmocka_unit_test(test_sweep_matches_all_pairs),
         cmocka_unit_test(test_sweep_edges),
+        cmocka_unit_test(test_sweep_in_a_window),
         cmocka_unit_test(test_sweep_begins_anew),
         cmocka_unit_test(test_sweep_cost),
         cmocka_unit_test(test_sweep_refusals),

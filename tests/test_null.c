@@ -87,6 +87,7 @@ static cairn_distance_map_params distance_map_params(void)
     X(corner, corner_set)                                                                                              \
     X(edge_chain, edge_chain_set)                                                                                      \
     X(edge_segment, edge_segment_set)                                                                                  \
+    X(ellipse, ellipse_set)                                                                                            \
     X(force_field, force_field)                                                                                        \
     X(hough, hough)                                                                                                    \
     X(map_merge, map_merge)                                                                                            \

@@ -40,6 +40,7 @@ typedef union any_params {
     cairn_pose_consensus_params pose_consensus;
     cairn_pose_graph_params pose_graph;
     cairn_rectangle_params rectangle;
+    cairn_ellipse_params ellipse;
     cairn_scan_params scan;
     cairn_scan_cover_params scan_cover;
     cairn_scan_match_params scan_match;
@@ -79,6 +80,7 @@ ROOM(place_map)
 ROOM(polyline)
 ROOM(pose_consensus)
 ROOM(rectangle)
+ROOM(ellipse)
 ROOM(scan)
 ROOM(scan_cover)
 ROOM(scan_match)
@@ -229,6 +231,7 @@ const pool_object pool_objects[] = {
      0,
      {HAS(rectangle, "segment", max_segments), HAS(rectangle, "side", max_sides), HAS(rectangle, "pair", max_pairs),
       HAS(rectangle, "rectangle", max_rectangles)}},
+    {OBJECT(ellipse), 0, {HAS(ellipse, "ellipse", max_ellipses), HAS(ellipse, "cell of a side", cells)}},
     {OBJECT(particle_filter),
      0,
      {HAS(particle_filter, "particle alive", max_particles), HAS(particle_filter, "follower", max_followers),

@@ -115,6 +115,13 @@ void cairn_aligner_clear(cairn_aligner *aligner);
 /* Starts an alignment from the initial poses. CAIRN_BAD_ARGUMENT: NULL. CAIRN_EMPTY: no scans. Linear in the scans. */
 CAIRN_CHECKED cairn_status cairn_aligner_begin(cairn_aligner *aligner);
 
+/* Starts from the alignment that ended last: the scans that it has placed stay together, those that it has not are looked
+ * for anew about map_scan[i], in the map of its result, which becomes their initial pose. When none is found elsewhere the
+ * result stays as it is; else all are solved for together again. map_scan: [scans], not read of scans that are placed.
+ * CAIRN_EMPTY: no alignment has ended since scans were added or one was begun. CAIRN_BAD_ARGUMENT: NULL, a pose beyond 1e6 m.
+ * CAIRN_NOT_FINITE. Linear in the scans; the steps pay for the scans that are looked for alone unless one is found. */
+CAIRN_CHECKED cairn_status cairn_aligner_begin_again(cairn_aligner *aligner, const cairn_pose *map_scan);
+
 /* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: nothing left to do. An item is a pair of segments, a pair of
  * scans, or a line of the raster. A scan is held against at most 36 others, the nearest by the initial
  * poses. Cost of the whole: near linear in scans of the same density but for looking at the poses of each pair of them once. */

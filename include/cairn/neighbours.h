@@ -95,6 +95,10 @@ CAIRN_CHECKED cairn_status cairn_box_sweep_create(cairn_box_sweep **sweep, cairn
  * that is empty or holds a NaN overlaps none. Cost: constant time. */
 CAIRN_CHECKED cairn_status cairn_box_sweep_begin(cairn_box_sweep *sweep, const cairn_box *boxes, int32_t count);
 
+/* As begin(), but only for the pairs of which both boxes overlap a window: they come in the same order as there. */
+CAIRN_CHECKED cairn_status cairn_box_sweep_begin_in(cairn_box_sweep *sweep, const cairn_box *boxes, int32_t count,
+                                                    cairn_box window);
+
 /* The next pair, *first < *second. CAIRN_OK: here it is. CAIRN_MORE: the budget is used up before one was found.
  * CAIRN_EMPTY: there are no more. Costs three units for four moves of the sort, and one for four tests. The pairs and
  * their order do not depend on the budget. */

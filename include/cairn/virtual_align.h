@@ -5,10 +5,12 @@
  * Scans that share no surface with the others cannot be aligned by what they show alone; that walls go on straight and
  * rooms are rectangles tells where they belong. First the aligner brings together what it can. Scans that stay outside its
  * largest part then move in a force field of all scans and of a virtual scan, made anew every few iterations, while that
- * part stays where it is (Adluru 2008, chapter 8, algorithm 2). From there the aligner starts again, and what it finds counts
- * when it places more scans than before; else only scans that share no surface with its largest part stay where hypotheses
- * have put them. So hypotheses never move what the scans themselves have settled. When the aligner finds no two scans that
- * belong together, all move. */
+ * part stays where it is (Adluru 2008, chapter 8, algorithm 2). From there the aligner looks for them again; what it places
+ * then enters the map, and else only scans that share no surface with its largest part stay where hypotheses have put them.
+ *
+ * So the influence of hypotheses is not set by hand: they propose, and how much better the map explains itself decides. They
+ * never move what the scans themselves have settled, and are not made for scans that they cannot help: those that show walls
+ * of one direction only. When the aligner finds no two scans that belong together, all move. */
 #ifndef CAIRN_VIRTUAL_ALIGN_H
 #define CAIRN_VIRTUAL_ALIGN_H
 
@@ -24,7 +26,7 @@ extern "C" {
 typedef struct cairn_virtual_align_params {
     cairn_aligner_params aligner; /* its max_scans, max_segments and max_points hold for all parts */
     cairn_force_field_params
-        field; /* its capacities are not read; sigma from 0.9 m to 0.04 m, dt from 0.2 to 0.04, 60 steps */
+        field; /* its capacities are not read; sigma from 0.9 m to 0.04 m, dt from 0.2 to 0.04, 30 steps */
     cairn_virtual_scan_params hypotheses; /* its max_scans, max_points and max_segments are not read */
     int32_t every;                        /* >= 1: iterations of the field from one virtual scan to the next (15) */
     int32_t max_rounds; /* >= 1: of the field, each followed by the aligner, as long as scans are without a place (2) */
@@ -62,6 +64,11 @@ CAIRN_CHECKED cairn_status cairn_virtual_align_create(cairn_virtual_align **alig
 /* As cairn_aligner_add_scan, with its statuses. */
 CAIRN_CHECKED cairn_status cairn_virtual_align_add_scan(cairn_virtual_align *align, const cairn_scan_view *view,
                                                         cairn_pose map_scan, cairn_fault *fault);
+
+/* Adds a kind of hypothesis, as cairn_virtual_scan_add_detector, with its statuses. CAIRN_BAD_ARGUMENT: NULL. Its step() must
+ * not fail. */
+CAIRN_CHECKED cairn_status cairn_virtual_align_add_detector(cairn_virtual_align *align,
+                                                            const cairn_hypothesis_detector *detector);
 
 /* Forgets all scans. Constant time. */
 void cairn_virtual_align_clear(cairn_virtual_align *align);

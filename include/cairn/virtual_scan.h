@@ -3,16 +3,17 @@
  *     begin -> add_scan ... -> step until CAIRN_OK -> hypotheses and points, which go to cairn_force_field_set_extra()
  *
  * Man-made places have straight walls and rectangular rooms, and show them in the whole map where no scan does. From all
- * scans as they lie, lines are voted for by their points and rectangles are put together from their segments; both are laid
+ * scans as they lie, lines and ellipses are voted for by their points and rectangles are put together from their segments; all are laid
  * out as the points of one more scan, the virtual one, that attracts the others in the next step of the alignment. It is made
  * anew from the real scans alone each time: what the next map does not support is gone (Adluru 2008, chapter 8, algorithm 2).
  *
  * How much a hypothesis weighs follows from it, not from a setting by hand: a point of it weighs at most what one real scan that
- * saw it whole would add, in proportion to the share of its outline that scans do show; and a line counts only when it brings
+ * saw it whole would add, in proportion to the share of its outline that scans do show; and a line or an ellipse counts only when it brings
  * together walls of several scans, since one scan knows its own walls better. */
 #ifndef CAIRN_VIRTUAL_SCAN_H
 #define CAIRN_VIRTUAL_SCAN_H
 
+#include "cairn/ellipse.h"
 #include "cairn/hough.h"
 #include "cairn/rectangle.h"
 #include "cairn/scan_set.h"
@@ -21,12 +22,13 @@
 extern "C" {
 #endif
 
-/* What kind a hypothesis is of: the two that are built in, and those of the caller. */
+/* What kind a hypothesis is of: the three that are built in, and those of the caller. */
 typedef int32_t cairn_hypothesis_kind;
 enum {
     CAIRN_HYPOTHESIS_LINE = 0,
     CAIRN_HYPOTHESIS_RECTANGLE = 1,
-    CAIRN_HYPOTHESIS_CALLER = 2 /* and above: the caller's kinds in their order */
+    CAIRN_HYPOTHESIS_ELLIPSE = 2,
+    CAIRN_HYPOTHESIS_CALLER = 3 /* and above: the caller's kinds in their order */
 };
 
 typedef struct cairn_hypothesis {
@@ -47,7 +49,7 @@ typedef struct cairn_virtual_map {
     cairn_real sigma; /* m, how far the scans may still be off */
 } cairn_virtual_map;
 
-/* A kind of the caller: ellipses, say. begin() takes the map, which stays until the detection has ended; step() is as all
+/* A kind of the caller: triangles, say. begin() takes the map, which stays until the detection has ended; step() is as all
  * steps; count() is asked then; outline() writes at most `room` points every `spacing` along hypothesis i, tells its strength
  * (0 ... 1) and returns how many points there are. A status below 0 ends the detection with it. */
 typedef cairn_status (*cairn_hypothesis_begin)(void *state, const cairn_virtual_map *map);
@@ -74,15 +76,17 @@ typedef struct cairn_virtual_scan_params {
     int32_t max_detectors;   /* of the caller, 0 ... 16 (2) */
     int32_t lines;           /* not 0: lines (1) */
     int32_t rectangles;      /* not 0: rectangles (1) */
-    int32_t stride;          /* >= 1: one in so many of the scans' points votes for lines (2) */
+    int32_t ellipses;        /* not 0: circles and ellipses (1) */
+    int32_t stride;          /* >= 1: one in so many of the scans' points votes for lines and ellipses (2) */
     cairn_real spacing;      /* m, > 0: of the virtual scan's points (0.10) */
     cairn_real weight;       /* >= 0: of points of a hypothesis of strength 1 (1) */
-    cairn_real line_support; /* in sigma, > 0: how far from a line its points may be ... (0.3) */
+    cairn_real line_support; /* in sigma, > 0: how far from a line or ellipse its points may be ... (0.3) */
     cairn_real line_angle;   /* rad per m of sigma, > 0: ... and how far off in direction, from 4 to 10 degrees (0.2) */
-    int32_t least_scans;     /* >= 1: that a line brings together (2) */
-    cairn_real least_length; /* m, >= 0: of walls that a scan has on the line to count (0.5) */
+    int32_t least_scans;     /* >= 1: that a line or ellipse brings together (2) */
+    cairn_real least_length; /* m, >= 0: of walls that a scan has on it to count (0.5) */
     cairn_hough_params hough;         /* its tolerances are the least ones, at sigma 0 */
     cairn_rectangle_params rectangle; /* its max_segments is not read */
+    cairn_ellipse_params ellipse;     /* its tolerances are the least ones, too */
 } cairn_virtual_scan_params;
 
 typedef struct cairn_virtual_scan cairn_virtual_scan;
@@ -114,12 +118,12 @@ CAIRN_CHECKED cairn_status cairn_virtual_scan_add_scan(cairn_virtual_scan *virtu
                                                        int32_t scan, cairn_pose map_scan);
 
 /* Goes on with the detection. CAIRN_MORE: the budget is used up. CAIRN_OK: it has ended, or none was begun. Statuses of the
- * caller's detectors. Costs those of hough and rectangle, and a unit for four points and line and for four virtual points. */
+ * caller's detectors. Costs those of hough, rectangle and ellipse, and a unit for four points and line and for four virtual points. */
 CAIRN_CHECKED cairn_status cairn_virtual_scan_step(cairn_virtual_scan *virtual_scan, cairn_budget *budget);
 
 /* ---- The result of the last detection that ended ---- */
 
-/* The strongest lines first, then rectangles, then the caller's kinds. */
+/* The strongest lines first, then rectangles, ellipses, the caller's kinds. */
 const cairn_hypothesis *cairn_virtual_scan_hypotheses(const cairn_virtual_scan *virtual_scan, int32_t *count);
 
 /* The virtual scan: points in the map with the weight of each. */

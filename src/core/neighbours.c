@@ -371,6 +371,8 @@ enum { OPERATIONS_PER_UNIT = 4, OPERATIONS_OF_MOVE = 3 };
 struct cairn_box_sweep {
     int32_t *order;         /* [capacity], a permutation */
     const cairn_box *boxes; /* [count], the caller's */
+    cairn_box window;       /* boxes that do not overlap it are passed over, ... */
+    int32_t has_window;     /* ... when there is one */
     int32_t capacity;
     int32_t known;         /* order[0 ... known-1] holds 0 ... known-1 */
     int32_t count;         /* <= known; indices from here on count as empty boxes */
@@ -437,6 +439,7 @@ cairn_status cairn_box_sweep_begin(cairn_box_sweep *sweep, const cairn_box *boxe
     added = count - sweep->count;
     sweep->known = larger(count, sweep->known);
     sweep->boxes = boxes;
+    sweep->has_window = 0;
     sweep->count = count;
     sweep->stride = 1;
     if (added > count / 8)
@@ -448,6 +451,22 @@ cairn_status cairn_box_sweep_begin(cairn_box_sweep *sweep, const cairn_box *boxe
     sweep->boxes_end = sweep->known;
     sweep->credit = 0;
     return CAIRN_OK;
+}
+
+cairn_status cairn_box_sweep_begin_in(cairn_box_sweep *sweep, const cairn_box *boxes, int32_t count, cairn_box window)
+{
+    cairn_status status = cairn_box_sweep_begin(sweep, boxes, count);
+
+    if (status == CAIRN_OK) {
+        sweep->window = window;
+        sweep->has_window = 1;
+    }
+    return status;
+}
+
+static int is_in_window(const cairn_box_sweep *sweep, int32_t i)
+{
+    return !sweep->has_window || cairn_box_overlap(sweep->boxes[i], sweep->window);
 }
 
 /* 1 when the box exists and holds a point; false for a NaN. */
@@ -503,11 +522,14 @@ static int test_some(cairn_box_sweep *sweep, int64_t *operations, int32_t *first
         int32_t stop = end - at < left ? end : at + (int32_t)left;
         cairn_box box = boxes[a];
 
+        if (!is_in_window(sweep, a))
+            stop = at;
+
         for (; at < stop && boxes[order[at]].min.x <= box.max.x; at++) {
             const cairn_box *other = &boxes[order[at]];
 
             /* One branch, as neither half can be guessed. */
-            if ((other->min.y <= box.max.y) & (box.min.y <= other->max.y)) {
+            if ((other->min.y <= box.max.y) & (box.min.y <= other->max.y) && is_in_window(sweep, order[at])) {
                 *first = a < order[at] ? a : order[at];
                 *second = a < order[at] ? order[at] : a;
                 *operations = left - (at + 1 - sweep->second);

@@ -255,6 +255,7 @@ static void show_initial(cairn_aligner *x, int32_t i)
 static void forget_result(cairn_aligner *x)
 {
     x->phase = ALIGNER_DONE;
+    x->has_ended = 0;
     x->debt = 0;
     x->look.active = x->relax.active = 0;
     memset(&x->result, 0, sizeof x->result);
@@ -336,6 +337,40 @@ cairn_status cairn_aligner_begin(cairn_aligner *aligner)
     aligner->debt = 0;
     aligner->i = aligner->j = aligner->k = aligner->l = aligner->nearest_count = 0;
     aligner->trial_count = aligner->repairs = aligner->slides = 0;
+    aligner->again = aligner->has_ended = 0;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_aligner_begin_again(cairn_aligner *aligner, const cairn_pose *map_scan)
+{
+    cairn_aligner *x = aligner;
+
+    if (x == NULL || map_scan == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    if (!x->has_ended)
+        return CAIRN_EMPTY;
+    for (int32_t i = 0; i < x->scan_count; i++) {
+        cairn_vec2 place = {map_scan[i].x, map_scan[i].y};
+
+        if (!x->scans[i].held && !cairn_pose_is_finite(map_scan[i]))
+            return CAIRN_NOT_FINITE;
+        if (!x->scans[i].held && !is_near(place))
+            return CAIRN_BAD_ARGUMENT;
+    }
+    for (int32_t i = 0; i < x->scan_count; i++)
+        if (!x->scans[i].held) {
+            x->scans[i].initial = map_scan[i];
+            x->scans[i].initial.theta = cairn_wrap_angle(map_scan[i].theta);
+        }
+    for (int32_t c = 0; c <= x->scan_count; c++)
+        x->fits[c].stamp = -1; /* they are of the initial poses of before */
+    x->hypothesis_count = 0;
+    x->repairs = x->slides = x->changed = 0;
+    x->i = x->j = x->k = x->l = 0;
+    x->debt = 0;
+    x->again = 1;
+    x->has_ended = 0;
+    x->phase = ALIGNER_REPAIR;
     return CAIRN_OK;
 }
 

@@ -359,6 +359,7 @@ static int32_t finish(cairn_aligner *x)
         if (x->result.parts > 1 || x->result.largest < 2)
             x->result.verdict = CAIRN_ALIGNER_SPLIT;
     }
+    x->has_ended = 1;
     x->phase = ALIGNER_DONE;
     return 1 + x->scan_count / 16;
 }
@@ -382,6 +383,7 @@ static int32_t report_scan(cairn_aligner *x, int32_t i)
     for (int k = 0; k < 9; k++)
         r->covariance[k] *= x->margin;
     x->result.placed += r->placed;
+    x->scans[i].held = r->placed;
     return units;
 }
 

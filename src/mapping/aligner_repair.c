@@ -132,7 +132,14 @@ void cairn_aligner_put_back(cairn_aligner *x, int32_t cluster, cairn_transform p
 static void end_round(cairn_aligner *x)
 {
     x->repairs++;
-    cairn_aligner_begin_relax(x, cairn_aligner_largest(x), CAIRN_REAL(0.07), 5, 1);
+    if (x->again && x->changed > 0)
+        x->result.verdict = CAIRN_ALIGNER_RUNNING;
+    if (x->again && x->result.verdict != CAIRN_ALIGNER_RUNNING) {
+        x->has_ended = 1;
+        x->phase = ALIGNER_DONE;
+        return;
+    }
+    cairn_aligner_begin_relax(x, cairn_aligner_largest(x), CAIRN_REAL(0.07), 5, !x->again);
     if (x->changed == 0 || x->repairs >= x->params.max_repairs) {
         x->phase = ALIGNER_SETTLE;
         x->round = x->stage = x->at = 0;
@@ -147,7 +154,7 @@ static int32_t choose_scan(cairn_aligner *x)
         end_round(x);
         return 1;
     }
-    if (!take_out(x)) {
+    if ((x->again && x->scans[x->i].held) || !take_out(x)) {
         x->i++;
         return 1 + x->scan_count / 16;
     }
@@ -447,6 +454,8 @@ static int32_t place(cairn_aligner *x)
             (void)cairn_aligner_join(x, x->moving, rest, x->best);
     } else {
         cairn_aligner_put_back(x, better || x->home < 0 ? rest : x->home, better ? x->best : x->before);
+        if (better && x->again)
+            x->scans[x->i].stirred = ALIGNER_JOINED;
     }
     x->scans[x->i].evidence = 0;
     x->changed += better;

@@ -72,6 +72,7 @@ typedef struct aligner_scan {
     int32_t part, next; /* cluster; next member of it, -1 */
     int32_t weak;       /* 1: it could be slid along what it shared with others */
     int32_t stirred;    /* ALIGNER_JOINED, ... */
+    int32_t held;       /* 1: placed by the last alignment that has ended */
     cairn_real support;
     cairn_real evidence; /* nats for its place in the largest cluster, when that was looked at last */
     int32_t partner_count;
@@ -217,6 +218,8 @@ struct cairn_aligner {
 
     int32_t scan_count, segment_count, stub_count, point_count, patch_count, hypothesis_count, wall_count, node_count;
     cairn_real sigma, sigma_angle; /* of the initial poses, as learnt */
+    int32_t has_ended;             /* clusters and poses are those of an alignment of the scans that are there */
+    int32_t again;                 /* only scans that are not held are looked for */
     int32_t changes;               /* gives stamps */
     int32_t shown;                 /* the commit point that iterate() returned at last */
 

@@ -77,6 +77,8 @@ void cairn_force_iteration_begin(cairn_force_field *field)
     }
     field->fresh = field->sigma != field->placed_sigma || cairn_force_has_springs(field);
     field->placed_sigma = field->sigma;
+    if (field->fresh)
+        field->free_box = cairn_box_empty();
     /* A little below, so that rounding does not decide where the two meet. */
     field->by_sensor =
         cairn_force_has_springs(field) || field->sigma < p->sensor_below * p->sigma_start * CAIRN_REAL(0.9999);
@@ -155,6 +157,18 @@ static void grow(cairn_box *box, cairn_real by)
     box->max.y += by;
 }
 
+/* The box of the segment at hand, when all its points are in it. */
+static void end_box(cairn_force_field *field)
+{
+    cairn_box *box = &field->boxes[field->extra[field->extra_front].runs + field->segment];
+
+    grow(box, field->margin);
+    if (!field->bodies[field->set->segments[field->segment].scan].is_fixed) {
+        extend(&field->free_box, box->min);
+        extend(&field->free_box, box->max);
+    }
+}
+
 /* A segment without its points. */
 static void place_segment(cairn_force_field *field)
 {
@@ -191,7 +205,7 @@ static void place_points(cairn_force_field *field)
     }
     field->point += count;
     if (field->point == from->end_point - from->first_point)
-        grow(box, field->margin);
+        end_box(field);
 }
 
 /* Units for the next points of a segment, of which `left` are left. */
@@ -243,7 +257,7 @@ static cairn_status step_place(cairn_force_field *field, cairn_budget *budget)
             place_segment(field);
             field->point = 0;
             if (count == 0)
-                grow(&field->boxes[field->extra[field->extra_front].runs + field->segment], field->margin);
+                end_box(field);
         }
         while (field->point < count) {
             if (!cairn_budget_pay(budget, &field->paid, place_cost(count - field->point)))
@@ -464,11 +478,10 @@ static cairn_force_phase phase_after(const cairn_force_field *field)
     }
 }
 
-/* Over the boxes of the runs and of the segments that are placed. */
-static cairn_status begin_sweep(cairn_force_field *field)
+/* Boxes of the runs and of the segments that are placed. */
+static int32_t boxes_of(const cairn_force_field *field)
 {
-    return cairn_box_sweep_begin(field->sweep, field->boxes,
-                                 field->extra[field->extra_front].runs + field->placed_segments);
+    return field->extra[field->extra_front].runs + field->placed_segments;
 }
 
 static cairn_status begin_phase(cairn_force_field *field)
@@ -482,12 +495,12 @@ static cairn_status begin_phase(cairn_force_field *field)
     case PHASE_MARK_OLD:
     case PHASE_MARK_NEW:
         field->pair.is_begun = 0;
-        return begin_sweep(field);
+        return cairn_box_sweep_begin(field->sweep, field->boxes, boxes_of(field));
     case PHASE_PAIRS:
         field->pair.is_begun = field->pair.due = 0;
         field->tiles[0].line = field->tiles[1].line = -1;
         field->bond_count = field->bonds_dropped = 0;
-        return begin_sweep(field);
+        return cairn_box_sweep_begin_in(field->sweep, field->boxes, boxes_of(field), field->free_box);
     case PHASE_BALANCE:
         cairn_force_balance_begin(field);
         return CAIRN_OK;

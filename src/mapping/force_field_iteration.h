@@ -162,6 +162,7 @@ struct cairn_force_field {
     cairn_real sigma_scale;       /* product of the factors so far */
     cairn_real placed_sigma;      /* of the boxes */
     cairn_real margin;            /* m, half the reach: growth of boxes */
+    cairn_box free_box;           /* about the boxes of scans that are not fixed: only there anything attracts */
     int32_t scan, segment, point; /* cursors */
     int32_t moved, still;         /* COMPARE: scans */
     struct cairn_force_pair pair; /* PAIRS; MARK_OLD and MARK_NEW: scans and is_begun */

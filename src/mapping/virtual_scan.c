@@ -1,11 +1,11 @@
 /* Hypotheses from the whole map, laid out as one more scan.
  *
  * Method: the map is copied as the scans lie, thinned. Lines come from the vote of the points, with tolerances that follow the
- * uncertainty of the poses, and count when walls of several scans lie on them; rectangles come from the segments. Then the
- * caller's detectors are asked in turn. Outlines are laid out into the list in work, which readers see when all is done.
+ * uncertainty of the poses, and so do ellipses; both count when walls of several scans lie on them; rectangles come from the
+ * segments. Then the caller's detectors are asked in turn. Outlines are laid out into the list in work, which readers see when all is done.
  *
- * Layout: points and segments of the map with their scans; wall points that each scan has on the line at hand; two lists of
- * hypotheses, points and weights; hough and rectangle.
+ * Layout: points and segments of the map with their scans; wall points that each scan has on the line or ellipse at hand; two lists of
+ * hypotheses, points and weights; hough, rectangle and ellipse.
  *
  * Limits: a rectangle that one scan sees whole weighs as much as one that many piece together.
  *
@@ -14,43 +14,9 @@
 
 #include <string.h>
 
-#include "cairn/virtual_scan.h"
+#include "src/mapping/virtual_scan_work.h"
 
 #define LIMIT CAIRN_REAL(1e6)
-
-typedef int32_t detection_phase;
-enum { IDLE, GATHER, LINES, SCANS, OUTLINES, RECTANGLES, SIDES, CALLERS };
-
-/* What readers see. */
-typedef struct result {
-    cairn_hypothesis *hypotheses; /* [max_hypotheses] */
-    cairn_oriented_point *points; /* [max_virtual] */
-    cairn_real *weights;          /* [max_virtual] */
-    int32_t count, point_count, dropped;
-} result;
-
-struct cairn_virtual_scan {
-    cairn_virtual_scan_params params;
-    cairn_hough *hough;
-    cairn_rectangle_set *rectangles;
-    cairn_oriented_point *points; /* [max_points] of the map */
-    int32_t *point_scan;
-    cairn_segment *segments; /* [max_segments] */
-    int32_t *segment_scan;
-    int32_t *on_line;                     /* [max_scans] points on the line at hand */
-    cairn_hypothesis_detector *detectors; /* [max_detectors] */
-    int32_t detector_count;
-    cairn_virtual_map map;
-    result work, done;
-    detection_phase phase;
-    int32_t cursor;     /* point of the map, or of an outline */
-    int32_t item;       /* line, rectangle or detector at hand */
-    int32_t is_clear;   /* SCANS: `on_line` */
-    int32_t line_scans; /* SCANS, OUTLINES: that the line at hand brings together */
-    int32_t asked;      /* CALLERS: the detector at hand has begun */
-    int32_t paid;
-    cairn_real support, sine_angle; /* of lines, at this sigma */
-};
 
 cairn_virtual_scan_params cairn_virtual_scan_default(void)
 {
@@ -63,6 +29,7 @@ cairn_virtual_scan_params cairn_virtual_scan_default(void)
         .max_detectors = 2,
         .lines = 1,
         .rectangles = 1,
+        .ellipses = 1,
         .stride = 2,
         .spacing = CAIRN_REAL(0.10),
         .weight = 1,
@@ -72,6 +39,7 @@ cairn_virtual_scan_params cairn_virtual_scan_default(void)
         .least_length = CAIRN_REAL(0.5),
         .hough = cairn_hough_default(),
         .rectangle = cairn_rectangle_default(),
+        .ellipse = cairn_ellipse_default(),
     };
 
     params.hough.angles = 72;
@@ -85,6 +53,7 @@ cairn_virtual_scan_params cairn_virtual_scan_default(void)
     params.rectangle.merge_gap = 3;
     params.rectangle.angle = 10 * (CAIRN_PI / 180);
     params.rectangle.min_side = 1;
+    params.rectangle.least_side = CAIRN_REAL(0.3);
     params.rectangle.least_covered = CAIRN_REAL(0.55);
     return params;
 }
@@ -101,7 +70,8 @@ static int params_are_valid(const cairn_virtual_scan_params *p)
            is_count(p->max_virtual, 1, 1 << 24) && is_count(p->max_detectors, 0, 16) && p->stride >= 1 &&
            p->spacing > 0 && p->spacing <= LIMIT && p->weight >= 0 && p->weight <= LIMIT && p->line_support > 0 &&
            p->line_support <= 1 && p->line_angle > 0 && p->line_angle <= LIMIT && p->least_scans >= 1 &&
-           p->least_length >= 0 && p->least_length <= LIMIT && cairn_hough_memory(&p->hough) > 0;
+           p->least_length >= 0 && p->least_length <= LIMIT && cairn_hough_memory(&p->hough) > 0 &&
+           cairn_ellipse_memory(&p->ellipse) > 0;
 }
 
 static cairn_rectangle_params rectangles_of(const cairn_virtual_scan_params *params)
@@ -143,9 +113,24 @@ static cairn_rectangle_set *carve_rectangles(cairn_pool *pool, const cairn_virtu
     return set;
 }
 
-static result carve_result(cairn_pool *pool, const cairn_virtual_scan_params *params)
+static cairn_ellipse_set *carve_ellipses(cairn_pool *pool, const cairn_ellipse_params *params)
 {
-    result r = {NULL, NULL, NULL, 0, 0, 0};
+    cairn_ellipse_set *set = NULL;
+    cairn_status status;
+
+    if (pool->base == NULL) {
+        cairn_pool_count(pool, cairn_ellipse_memory(params));
+        return NULL;
+    }
+    status = cairn_ellipse_create(&set, pool, params);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+    return set;
+}
+
+static virtual_result carve_result(cairn_pool *pool, const cairn_virtual_scan_params *params)
+{
+    virtual_result r = {NULL, NULL, NULL, 0, 0, 0};
 
     r.hypotheses = cairn_pool_take(pool, (size_t)params->max_hypotheses, sizeof *r.hypotheses);
     r.points = cairn_pool_take(pool, (size_t)params->max_virtual, sizeof *r.points);
@@ -163,12 +148,13 @@ static cairn_virtual_scan *carve(cairn_pool *pool, const cairn_virtual_scan_para
     made.point_scan = cairn_pool_take(pool, points, sizeof *made.point_scan);
     made.segments = cairn_pool_take(pool, segments, sizeof *made.segments);
     made.segment_scan = cairn_pool_take(pool, segments, sizeof *made.segment_scan);
-    made.on_line = cairn_pool_take(pool, (size_t)params->max_scans, sizeof *made.on_line);
+    made.on_it = cairn_pool_take(pool, (size_t)params->max_scans, sizeof *made.on_it);
     made.detectors = cairn_pool_take(pool, (size_t)params->max_detectors, sizeof *made.detectors);
     made.work = carve_result(pool, params);
     made.done = carve_result(pool, params);
     made.hough = carve_hough(pool, &params->hough);
     made.rectangles = carve_rectangles(pool, params);
+    made.ellipses = carve_ellipses(pool, &params->ellipse);
     if (v != NULL)
         *v = made;
     return v;
@@ -234,6 +220,22 @@ static void adjust_lines(cairn_virtual_scan *v, cairn_real sigma)
     (void)status;
 }
 
+/* Ellipses' tolerances. Round walls tell their own direction less well than straight ones, but beyond a quarter of a right
+ * angle four walls would be a circle. */
+static void adjust_ellipses(cairn_virtual_scan *v, cairn_real sigma)
+{
+    cairn_ellipse_params ellipse = v->params.ellipse;
+    cairn_status status;
+
+    ellipse.support_distance = cairn_max(ellipse.support_distance, v->params.line_support * sigma);
+    ellipse.angle_tolerance = cairn_max(ellipse.angle_tolerance, cairn_min(v->params.line_angle * sigma, CAIRN_PI / 8));
+    v->round_support = ellipse.support_distance;
+    v->sine_tangent = cairn_sin(ellipse.angle_tolerance);
+    status = cairn_ellipse_adjust(v->ellipses, &ellipse);
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+}
+
 cairn_status cairn_virtual_scan_begin(cairn_virtual_scan *virtual_scan, cairn_real sigma)
 {
     cairn_virtual_scan *v = virtual_scan;
@@ -247,8 +249,9 @@ cairn_status cairn_virtual_scan_begin(cairn_virtual_scan *virtual_scan, cairn_re
     v->map.segment_scan = v->segment_scan;
     v->map.sigma = sigma;
     v->work.count = v->work.point_count = v->work.dropped = 0;
-    v->phase = GATHER;
+    v->phase = VIRTUAL_GATHER;
     adjust_lines(v, sigma);
+    adjust_ellipses(v, sigma);
     return CAIRN_OK;
 }
 
@@ -291,8 +294,8 @@ cairn_status cairn_virtual_scan_add_scan(cairn_virtual_scan *virtual_scan, const
     cairn_transform t;
     int32_t points = 0;
 
-    if (v == NULL || set == NULL || v->phase != GATHER || !has_scan(v, set, scan) || !cairn_pose_is_finite(map_scan) ||
-        cairn_abs(map_scan.x) > LIMIT / 2 || cairn_abs(map_scan.y) > LIMIT / 2)
+    if (v == NULL || set == NULL || v->phase != VIRTUAL_GATHER || !has_scan(v, set, scan) ||
+        !cairn_pose_is_finite(map_scan) || cairn_abs(map_scan.x) > LIMIT / 2 || cairn_abs(map_scan.y) > LIMIT / 2)
         return CAIRN_BAD_ARGUMENT;
     of = &set->scans[scan];
     for (int32_t i = of->first_segment; i < of->end_segment; i++)
@@ -306,236 +309,25 @@ cairn_status cairn_virtual_scan_add_scan(cairn_virtual_scan *virtual_scan, const
     return CAIRN_OK;
 }
 
-/* ---- Outlines ---- */
-
-/* A hypothesis without points yet; NULL and counted as dropped when there is no room. */
-static cairn_hypothesis *add_hypothesis(cairn_virtual_scan *v, cairn_hypothesis_kind kind, cairn_real strength)
-{
-    cairn_hypothesis *h = &v->work.hypotheses[v->work.count];
-
-    if (v->work.count == v->params.max_hypotheses) {
-        v->work.dropped++;
-        return NULL;
-    }
-    v->work.count++;
-    h->kind = kind;
-    h->first_point = h->end_point = v->work.point_count;
-    h->scans = 0;
-    h->strength = strength;
-    h->weight = v->params.weight * strength;
-    return h;
-}
-
-/* Points on a segment, `spacing` apart about its middle; those without room are counted as dropped. */
-static void lay_out(cairn_virtual_scan *v, cairn_hypothesis *h, cairn_segment s)
-{
-    cairn_vec2 run = cairn_vec2_sub(s.b, s.a), direction = cairn_vec2_unit(run);
-    cairn_real length = cairn_vec2_norm(run), steps = cairn_floor(length / v->params.spacing);
-    cairn_real first = (length - steps * v->params.spacing) / 2;
-    int32_t count = cairn_real_to_int(cairn_min(steps, CAIRN_REAL(1e9))) + 1;
-    int32_t room = v->params.max_virtual - v->work.point_count;
-
-    if (count > room) {
-        v->work.dropped += count - room;
-        count = room;
-    }
-    for (int32_t i = 0; i < count; i++) {
-        cairn_oriented_point *p = &v->work.points[v->work.point_count];
-
-        p->position = cairn_vec2_add(s.a, cairn_vec2_scale(direction, first + (cairn_real)i * v->params.spacing));
-        p->direction = direction;
-        v->work.weights[v->work.point_count++] = h->weight;
-    }
-    h->end_point = v->work.point_count;
-}
-
-/* Units that laying out a way of so many metres costs. */
-static int32_t price(const cairn_virtual_scan *v, cairn_real length)
-{
-    cairn_real points =
-        cairn_min(length / v->params.spacing, (cairn_real)(v->params.max_virtual - v->work.point_count));
-
-    return 2 + cairn_real_to_int(points / 4);
-}
-
-/* ---- Lines ---- */
-
-static int is_on(const cairn_virtual_scan *v, const cairn_hough_line *l, const cairn_oriented_point *p)
-{
-    cairn_vec2 from = cairn_vec2_sub(p->position, l->point);
-    cairn_real along = cairn_vec2_dot(l->direction, p->direction);
-
-    if (!v->params.hough.oriented)
-        along = cairn_abs(along);
-    return cairn_abs(cairn_vec2_cross(l->direction, from)) <= v->support && along > 0 &&
-           cairn_abs(cairn_vec2_cross(l->direction, p->direction)) <= v->sine_angle;
-}
-
-/* How many scans have walls on the line at hand. */
-static cairn_status step_scans(cairn_virtual_scan *v, const cairn_hough_line *l, cairn_budget *budget)
-{
-    int32_t used = v->params.max_scans;
-
-    if (!v->is_clear) {
-        if (!cairn_budget_pay(budget, &v->paid, 1 + used / 64))
-            return CAIRN_MORE;
-        memset(v->on_line, 0, (size_t)used * sizeof *v->on_line);
-        v->is_clear = 1;
-    }
-    while (v->cursor < v->map.point_count) {
-        if (budget->left <= 0)
-            return CAIRN_MORE;
-        budget->left--;
-        for (int32_t i = 0; i < 4 && v->cursor < v->map.point_count; i++, v->cursor++)
-            v->on_line[v->point_scan[v->cursor]] += is_on(v, l, &v->points[v->cursor]);
-    }
-    if (!cairn_budget_pay(budget, &v->paid, 1 + used / 32))
-        return CAIRN_MORE;
-    v->line_scans = 0;
-    for (int32_t i = 0; i < used; i++)
-        v->line_scans +=
-            v->on_line[i] > 0 && (cairn_real)v->on_line[i] * v->params.hough.spacing >= v->params.least_length;
-    return CAIRN_OK;
-}
-
-/* The line at hand, when enough scans have walls on it. */
-static cairn_status step_line(cairn_virtual_scan *v, const cairn_hough_line *l, cairn_budget *budget)
-{
-    cairn_hypothesis *h;
-
-    if (v->line_scans < v->params.least_scans)
-        return CAIRN_OK;
-    if (!cairn_budget_pay(budget, &v->paid, price(v, l->high - l->low)))
-        return CAIRN_MORE;
-    h = add_hypothesis(v, CAIRN_HYPOTHESIS_LINE, l->covered / (l->high - l->low));
-    if (h != NULL) {
-        h->scans = v->line_scans;
-        lay_out(v, h, cairn_hough_segment(l));
-    }
-    return CAIRN_OK;
-}
-
-static cairn_status step_lines(cairn_virtual_scan *v, cairn_budget *budget)
-{
-    int32_t count;
-    const cairn_hough_line *lines = cairn_hough_list(v->hough, &count);
-
-    while (v->item < count) {
-        if (v->phase == SCANS) {
-            if (step_scans(v, &lines[v->item], budget) != CAIRN_OK)
-                return CAIRN_MORE;
-            v->phase = OUTLINES;
-        }
-        if (step_line(v, &lines[v->item], budget) != CAIRN_OK)
-            return CAIRN_MORE;
-        v->phase = SCANS;
-        v->cursor = 0;
-        v->is_clear = 0;
-        v->item++;
-    }
-    v->phase = OUTLINES;
-    return CAIRN_OK;
-}
-
-/* ---- Rectangles ---- */
-
-/* Side i; free inside for rooms and those without directions, outside for boxes. */
-static cairn_segment side_of(const cairn_rectangle *r, int32_t i)
-{
-    cairn_vec2 corners[4];
-    cairn_segment side;
-
-    cairn_rectangle_corners(r, corners);
-    side.a = corners[i];
-    side.b = corners[(i + 1) % 4];
-    if (r->kind == CAIRN_RECTANGLE_BOX) {
-        side.a = corners[(i + 1) % 4];
-        side.b = corners[i];
-    }
-    return side;
-}
-
-static cairn_status step_sides(cairn_virtual_scan *v, cairn_budget *budget)
-{
-    int32_t count;
-    const cairn_rectangle *list = cairn_rectangle_list(v->rectangles, &count);
-
-    for (; v->item < count; v->item++) {
-        const cairn_rectangle *r = &list[v->item];
-        cairn_hypothesis *h;
-
-        if (!cairn_budget_pay(budget, &v->paid, price(v, 4 * (r->half_length + r->half_width))))
-            return CAIRN_MORE;
-        h = add_hypothesis(v, CAIRN_HYPOTHESIS_RECTANGLE, r->strength);
-        for (int32_t i = 0; i < 4 && h != NULL; i++)
-            lay_out(v, h, side_of(r, i));
-    }
-    return CAIRN_OK;
-}
-
-/* ---- Kinds of the caller ---- */
-
-static void take_outline(cairn_virtual_scan *v, const cairn_hypothesis_detector *d, int32_t index)
-{
-    cairn_hypothesis *h = add_hypothesis(v, CAIRN_HYPOTHESIS_CALLER + v->item, 0);
-    int32_t room = v->params.max_virtual - v->work.point_count, count;
-    cairn_real strength = 0;
-
-    if (h == NULL)
-        return;
-    count = d->outline(d->state, index, v->params.spacing, &v->work.points[v->work.point_count], room, &strength);
-    CAIRN_ASSERT(count >= 0 && count <= room && strength >= 0 && strength <= 1);
-    h->strength = strength;
-    h->weight = v->params.weight * strength;
-    for (int32_t i = 0; i < count; i++)
-        v->work.weights[v->work.point_count++] = h->weight;
-    h->end_point = v->work.point_count;
-}
-
-static cairn_status step_callers(cairn_virtual_scan *v, cairn_budget *budget)
-{
-    while (v->item < v->detector_count) {
-        const cairn_hypothesis_detector *d = &v->detectors[v->item];
-        cairn_status status = CAIRN_OK;
-
-        if (!v->asked)
-            status = d->begin(d->state, &v->map);
-        v->asked = 1;
-        if (status == CAIRN_OK)
-            status = d->step(d->state, budget);
-        if (status != CAIRN_OK)
-            return status;
-        for (; v->cursor < d->count(d->state); v->cursor++) {
-            if (!cairn_budget_pay(budget, &v->paid, price(v, LIMIT)))
-                return CAIRN_MORE;
-            take_outline(v, d, v->cursor);
-        }
-        v->item++;
-        v->cursor = 0;
-        v->asked = 0;
-    }
-    return CAIRN_OK;
-}
-
 /* ---- The detection ---- */
 
 /* The phase after the one at hand, begun. */
 static cairn_status go_on(cairn_virtual_scan *v)
 {
-    static const detection_phase next[] = {IDLE, LINES, SCANS, OUTLINES, RECTANGLES, SIDES, CALLERS, IDLE};
-
     v->cursor = 0;
-    v->is_clear = 0;
+    v->is_clear = v->is_counted = 0;
     v->item = 0;
     v->asked = 0;
     v->paid = 0;
-    v->phase = next[v->phase];
-    if (v->phase == LINES)
+    v->phase = v->phase == VIRTUAL_CALLERS ? VIRTUAL_IDLE : v->phase + 1;
+    if (v->phase == VIRTUAL_LINES)
         return cairn_hough_begin(v->hough, v->points, NULL, v->params.lines ? v->map.point_count : 0);
-    if (v->phase == RECTANGLES)
+    if (v->phase == VIRTUAL_RECTANGLES)
         return cairn_rectangle_begin(v->rectangles, v->segments, v->params.rectangles ? v->map.segment_count : 0);
-    if (v->phase == IDLE) {
-        result work = v->work;
+    if (v->phase == VIRTUAL_ELLIPSES)
+        return cairn_ellipse_begin(v->ellipses, v->points, NULL, v->params.ellipses ? v->map.point_count : 0);
+    if (v->phase == VIRTUAL_IDLE) {
+        virtual_result work = v->work;
 
         v->work = v->done;
         v->done = work;
@@ -546,17 +338,20 @@ static cairn_status go_on(cairn_virtual_scan *v)
 static cairn_status step_phase(cairn_virtual_scan *v, cairn_budget *budget)
 {
     switch (v->phase) {
-    case LINES:
+    case VIRTUAL_LINES:
         return cairn_hough_step(v->hough, budget);
-    case SCANS:
-    case OUTLINES:
-        return step_lines(v, budget);
-    case RECTANGLES:
+    case VIRTUAL_LAY_LINES:
+        return cairn_virtual_lay_lines(v, budget);
+    case VIRTUAL_RECTANGLES:
         return cairn_rectangle_step(v->rectangles, budget);
-    case SIDES:
-        return step_sides(v, budget);
-    case CALLERS:
-        return step_callers(v, budget);
+    case VIRTUAL_LAY_RECTANGLES:
+        return cairn_virtual_lay_rectangles(v, budget);
+    case VIRTUAL_ELLIPSES:
+        return cairn_ellipse_step(v->ellipses, budget);
+    case VIRTUAL_LAY_ELLIPSES:
+        return cairn_virtual_lay_ellipses(v, budget);
+    case VIRTUAL_CALLERS:
+        return cairn_virtual_ask_callers(v, budget);
     default:
         return CAIRN_OK;
     }
@@ -566,7 +361,7 @@ cairn_status cairn_virtual_scan_step(cairn_virtual_scan *virtual_scan, cairn_bud
 {
     if (virtual_scan == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (virtual_scan->phase != IDLE) {
+    while (virtual_scan->phase != VIRTUAL_IDLE) {
         cairn_status status = step_phase(virtual_scan, budget);
 
         if (status == CAIRN_MORE)
@@ -574,7 +369,7 @@ cairn_status cairn_virtual_scan_step(cairn_virtual_scan *virtual_scan, cairn_bud
         if (status == CAIRN_OK)
             status = go_on(virtual_scan);
         if (status < 0) {
-            virtual_scan->phase = IDLE;
+            virtual_scan->phase = VIRTUAL_IDLE;
             return status;
         }
     }
