@@ -17,7 +17,7 @@ static console_measure measures[SURVEYOR_WORKS];
 static void print_map(const surveyor *s, int32_t refused, int32_t lost)
 {
     cairn_mapper_state state = cairn_mapper_measure(s->mapper);
-    int32_t counts[6] = {s->taken, refused, lost, (int32_t)state.predicted, state.keys, state.loops};
+    int32_t counts[7] = {s->taken, refused, lost, (int32_t)state.predicted, state.keys, state.loops, state.releases};
 
     for (int32_t key = 0; key < state.keys; key++) {
         cairn_pose pose = cairn_mapper_key_pose(s->mapper, key);
@@ -26,7 +26,7 @@ static void print_map(const surveyor *s, int32_t refused, int32_t lost)
 
         console_numbers("key", "0.1mm,0.1mrad", number, 4);
     }
-    console_numbers("survey", "taken,refused,lost,predicted,keys,loops", counts, 6);
+    console_numbers("survey", "taken,refused,lost,predicted,keys,loops,released", counts, 7);
 }
 
 static void print_measures(const surveyor *s)
@@ -40,6 +40,14 @@ static void print_measures(const surveyor *s)
         console_measured(work_name[work], &measures[work]);
     console_numbers("measure scans,points,segments", "used", used, 3);
     console_numbers("measure pool_peak,pool,data,stack", "bytes", memory, 4);
+}
+
+/* The sweep that arrives as number `arrived`. */
+static const robot_sweep *arriving(int32_t arrived)
+{
+    int32_t count = the_survey.sweep_count, at = arrived % count;
+
+    return &the_survey.sweeps[arrived / count % 2 ? count - 1 - at : at];
 }
 
 /* One tick, timed. */
@@ -61,17 +69,18 @@ int main(void)
 {
     surveyor *s = &the_surveyor;
     uint32_t hash = HASH_START;
-    int32_t arrived = 0, refused = 0, lost = 0;
+    int32_t arrived = 0, refused = 0, lost = 0, all;
     cairn_status status;
 
     survey_read(&the_survey);
+    all = the_survey.laps * the_survey.sweep_count;
     status = surveyor_create(s, the_survey.memory, the_survey.bytes, &the_survey.params);
     if (status != CAIRN_OK)
         console_give_up("create", status);
     do {
-        if (arrived < the_survey.sweep_count && s->ticks >= (uint32_t)(arrived * the_survey.arrival)) {
-            lost += surveyor_offer(s, &the_survey.sweeps[arrived++]) == CAIRN_MORE;
-            if (arrived == the_survey.sweep_count)
+        if (arrived < all && s->ticks >= (uint32_t)(arrived * the_survey.arrival)) {
+            lost += surveyor_offer(s, arriving(arrived++)) == CAIRN_MORE;
+            if (arrived == all)
                 surveyor_finish(s);
         }
         status = timed_tick(s);

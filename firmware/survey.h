@@ -12,6 +12,7 @@ typedef struct survey {
     const char *name;
     const robot_sweep *sweeps; /* [sweep_count] */
     int32_t sweep_count;
+    int32_t laps;    /* times that they arrive: there, back again with the odometry as it was, there ... */
     int32_t arrival; /* ticks from one sweep to the next: the scanner does not wait */
     int32_t budget;  /* units of a tick */
     surveyor_params params;

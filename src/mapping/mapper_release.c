@@ -11,8 +11,8 @@
  * Layout: key scans count from 0 in the order in which they came, so those after the one that goes count one less in all
  * that numbers them. Only slots of the set keep their numbers.
  *
- * Only what has been looked for at older ones may go. So when loops are far behind, or little room is left, the force field rests,
- * and loops take its share of the units.
+ * Only what has been looked for at older ones may go. So when loops are far behind, the force field rests, and loops take its
+ * share of the units. When there is no room at all, it ends where it is.
  *
  * Limits: the first key scan, which holds the map, and the last ones never go. Where links have little room, closures are
  * taken in by links that are there, but add no others. */
@@ -36,8 +36,8 @@ static int32_t has_room(const cairn_mapper *mapper, int32_t others)
     int64_t keys = mapper->key_count > 0 ? mapper->key_count : 1;
 
     return mapper->key_count + others < p->max_keys &&
-           set->segment_count + others * set->segment_count / keys <= p->max_key_segments - p->scan.max_segments &&
-           set->point_count + others * set->point_count / keys <= p->max_key_points - p->scan.max_points;
+           set->segment_count + others * (set->segment_count / keys) <= p->max_key_segments - p->scan.max_segments &&
+           set->point_count + others * (set->point_count / keys) <= p->max_key_points - p->scan.max_points;
 }
 
 int32_t cairn_mapper_release_end(const cairn_mapper *mapper)
@@ -66,8 +66,7 @@ int32_t cairn_mapper_may_release(cairn_mapper *mapper)
 int32_t cairn_mapper_is_behind(const cairn_mapper *mapper)
 {
     return mapper->params.release &&
-           (mapper->key_count - mapper->loop.entered > cairn_mapper_last_kept(&mapper->params) / 2 ||
-            !has_room(mapper, mapper->params.max_keys / FEW_PARTS));
+           mapper->key_count - mapper->loop.entered > cairn_mapper_last_kept(&mapper->params) / 2;
 }
 
 /* ---- Measurements ---- */

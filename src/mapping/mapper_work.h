@@ -365,7 +365,7 @@ int32_t cairn_mapper_must_release(const cairn_mapper *mapper);
 /* 1 when there is little room and some may go; once some go, until there is more of it. */
 int32_t cairn_mapper_may_release(cairn_mapper *mapper);
 
-/* 1 when key scans may soon lack room: little is left, or loops are so far behind that no others may go. */
+/* 1 when loops are so far behind that key scans may soon lack room for want of others that may go. */
 int32_t cairn_mapper_is_behind(const cairn_mapper *mapper);
 
 /* Key scans before this one may go. */
