@@ -12,6 +12,8 @@ if [ -z "$SANITIZE" ] && [ -z "$(LD_PRELOAD=libc_malloc_debug.so.0 true 2>&1)" ]
     export MALLOC_CHECK_=3 TEST_PRELOAD=libc_malloc_debug.so.0
 fi
 
+export LSAN_OPTIONS="suppressions=$PWD/tests/leaks.txt:print_suppressions=0"
+
 # A locale with a decimal comma, made once for all programs where the system has its source (Debian's package locales).
 comma=$(cd "$build" && pwd)/locale
 if [ -d "$comma/de_DE.UTF-8" ] || { mkdir -p "$comma" && localedef -i de_DE -f UTF-8 "$comma/de_DE.UTF-8"; } >/dev/null 2>&1; then

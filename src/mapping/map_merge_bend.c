@@ -8,10 +8,6 @@
 
 #include "src/mapping/map_merge_work.h"
 
-/* Points that may speak against a place, beside a third of those that speak for it. */
-#define PATIENCE CAIRN_REAL(2.5)
-#define AGAINST  CAIRN_REAL(1.5)
-
 /* Quarters of a cell within which a surface is looked for on either side. */
 enum { QUARTERS = 10 };
 
@@ -86,7 +82,7 @@ static int step_bend(cairn_map_merge *m, cairn_transform t, cairn_budget *budget
             return 0;
         cairn_merge_sum(m, first, second, &t, m->inner, end < second->point_count ? end : second->point_count, s);
         cairn_merge_sum(m, second, first, &back, m->inner, end < first->point_count ? end : first->point_count, s);
-        m->inner = s->against > s->soft / 3 + PATIENCE ? MERGE_FIRST_POINTS : end;
+        m->inner = merge_is_hopeless(s) ? MERGE_FIRST_POINTS : end;
     }
     return 1;
 }
@@ -95,9 +91,7 @@ cairn_status cairn_merge_try_bends(cairn_map_merge *m, cairn_budget *budget)
 {
     const merge_map *first = &m->maps[m->map], *second = &m->maps[m->other];
     const merge_sums none = {0, 0, 0, 0, {0, 0}, 0};
-    cairn_real wall =
-        (first->spacing * (cairn_real)first->point_count + second->spacing * (cairn_real)second->point_count) /
-        (cairn_real)(2 * MERGE_FIRST_POINTS);
+    cairn_real wall = merge_search_wall(first, second);
 
     for (; m->cursor < first->bend_count * second->bend_count; m->cursor++) {
         cairn_transform t =
@@ -108,7 +102,7 @@ cairn_status cairn_merge_try_bends(cairn_map_merge *m, cairn_budget *budget)
             m->search.sums = none;
         if (!step_bend(m, t, budget))
             return CAIRN_MORE;
-        mode.evidence = (m->search.sums.soft / 2 - AGAINST * m->search.sums.against) * wall;
+        mode.evidence = merge_search_score(&m->search.sums, wall);
         m->inner = 0;
         m->tried++;
         if (mode.evidence > 0) {

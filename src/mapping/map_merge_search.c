@@ -21,10 +21,6 @@ enum { SMOOTH = 2, APART = 8, LOOKS_PER_UNIT = 12 };
 #define STRIDE CAIRN_REAL(2.0)
 /* m: boxes of the points of both maps overlap at least by this. */
 #define LEAST_OVERLAP CAIRN_REAL(0.5)
-/* Points that may speak against a translation, beside a third of those that speak for it. */
-#define PATIENCE CAIRN_REAL(2.5)
-#define AGAINST  CAIRN_REAL(1.5)
-
 /* The difference of every pair of lines, in the bin of its angle. */
 static cairn_status step_bins(cairn_map_merge *m, cairn_budget *budget)
 {
@@ -107,9 +103,7 @@ static void turn_points(cairn_map_merge *m, cairn_real turn)
     cairn_sincos(turn, &t.sine, &t.cosine);
     back = t;
     back.sine = -t.sine;
-    m->search.wall =
-        (first->spacing * (cairn_real)first->point_count + second->spacing * (cairn_real)second->point_count) /
-        (cairn_real)(2 * MERGE_FIRST_POINTS);
+    m->search.wall = merge_search_wall(first, second);
     m->search.cosine = t.cosine;
     m->search.sine = t.sine;
     m->search.firsts = first->point_count < n ? first->point_count : n;
@@ -185,7 +179,7 @@ static int step_shift(cairn_map_merge *m, cairn_pose pose, cairn_budget *budget)
              end < m->search.seconds ? end : m->search.seconds, s);
         look(m, second, m->search.first, m->search.first_front, back, m->inner,
              end < m->search.firsts ? end : m->search.firsts, s);
-        m->inner = s->against > s->soft / 3 + PATIENCE ? MERGE_FIRST_POINTS : end;
+        m->inner = merge_is_hopeless(s) ? MERGE_FIRST_POINTS : end;
     }
     return 1;
 }
@@ -201,7 +195,7 @@ static cairn_status step_shifts(cairn_map_merge *m, cairn_budget *budget)
         if (!step_shift(m, pose, budget))
             return CAIRN_MORE;
         mode.first_second = pose;
-        mode.evidence = (m->search.sums.soft / 2 - AGAINST * m->search.sums.against) * m->search.wall;
+        mode.evidence = merge_search_score(&m->search.sums, m->search.wall);
         m->search.sums = none;
         m->inner = 0;
         m->tried++;

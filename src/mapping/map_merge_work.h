@@ -295,6 +295,27 @@ static inline uint16_t merge_cell_at(const merge_map *map, cairn_real x, cairn_r
     return map->grid[cairn_real_to_int(y) * map->input.cells.width + cairn_real_to_int(x)];
 }
 
+/* ---- The search of places: what a few points of each map, counted in cells around, say of one ---- */
+
+/* m of wall that each of the first points stands for, of both maps in the mean. */
+static inline cairn_real merge_search_wall(const merge_map *first, const merge_map *second)
+{
+    return (first->spacing * (cairn_real)first->point_count + second->spacing * (cairn_real)second->point_count) /
+           (cairn_real)(2 * MERGE_FIRST_POINTS);
+}
+
+/* 1 when more points speak against a place than 2.5 and a third of those that speak for it. */
+static inline int merge_is_hopeless(const merge_sums *s)
+{
+    return s->against > s->soft / 3 + CAIRN_REAL(2.5);
+}
+
+/* m of wall that speak for a place. */
+static inline cairn_real merge_search_score(const merge_sums *s, cairn_real wall)
+{
+    return (s->soft / 2 - CAIRN_REAL(1.5) * s->against) * wall;
+}
+
 static inline int32_t merge_pair(int32_t first, int32_t second)
 {
     return second * (second - 1) / 2 + first;

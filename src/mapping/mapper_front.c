@@ -32,6 +32,7 @@ static const cairn_real WORSE = CAIRN_REAL(0.8);        /* than the mean quality
 static const cairn_real SEARCH_WINDOW = CAIRN_REAL(0.5), SEARCH_ANGLE = CAIRN_REAL(0.5); /* m and rad */
 static const cairn_real WIDE_ANGLE = CAIRN_REAL(1.6);   /* ... when nothing was found there, in MAPPER_WIDE_WINDOW */
 static const cairn_real STRANGE = CAIRN_REAL(0.1);      /* m and rad out of the way */
+static const cairn_real THROWN = CAIRN_REAL(0.5);       /* m and rad: nobody pushes a robot much farther */
 static const cairn_real STRANGE_COST = CAIRN_REAL(0.1); /* ... of the log of the quality */
 /* Log odds, by scan_match, that a place is no chance likeness; here it is most likely in the window. */
 static const cairn_real LOCAL_EVIDENCE = -4;
@@ -126,14 +127,19 @@ static cairn_real quality(const cairn_icp_result *match)
     return match->overlap * cairn_exp(-match->sigma / CAIRN_REAL(0.05));
 }
 
-/* How much a motion to a pose is out of the way of both the prediction and standing still, squared, up to 4. */
-static cairn_real strangeness(const cairn_mapper *mapper, cairn_pose pose)
+/* How much a motion to a pose is out of the way of both the prediction and standing still, in so many m or rad, squared, up to 4. */
+static cairn_real out_of_the_way(const cairn_mapper *mapper, cairn_pose pose, cairn_real unit)
 {
     cairn_pose a = cairn_pose_between(mapper->predicted, pose), b = cairn_pose_between(mapper->last, pose);
     cairn_real way = cairn_min(a.x * a.x + a.y * a.y, b.x * b.x + b.y * b.y);
     cairn_real turn = cairn_min(a.theta * a.theta, b.theta * b.theta);
 
-    return cairn_min((way + turn) / (STRANGE * STRANGE), 4);
+    return cairn_min((way + turn) / (unit * unit), 4);
+}
+
+static cairn_real strangeness(const cairn_mapper *mapper, cairn_pose pose)
+{
+    return out_of_the_way(mapper, pose, STRANGE);
 }
 
 /* What speaks for a pose: the log of a quality, less for a strange motion. */
@@ -309,15 +315,18 @@ cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budg
     return CAIRN_OK;
 }
 
-/* 1 when the search has found a place where the scan fits. Far from where odometry leads that must be no chance likeness, and most
- * of the scan must fit. */
+/* 1 when the search has found a place where the scan fits. The farther that is from where odometry leads, the less it may be a chance
+ * likeness; in the wide window it must be none, and most of the scan must fit. */
 static int32_t is_found(const cairn_mapper *mapper, const cairn_scan_match_result *result)
 {
     const cairn_scan_match_hypothesis *best = result->hypotheses;
 
     if (mapper->searches > 1 && mapper->believed)
         return result->verdict != CAIRN_SCAN_MATCH_NONE && best->fit > MOST;
-    return result->count > 0 && best->evidence > LOCAL_EVIDENCE;
+    if (result->count == 0)
+        return 0;
+    return best->evidence >
+           LOCAL_EVIDENCE + (mapper->believed ? out_of_the_way(mapper, best->target_query, THROWN) : 0);
 }
 
 /* 1 when it found the match at hand. */
