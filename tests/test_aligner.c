@@ -1267,17 +1267,17 @@ static uint64_t hash_of_scene(const struct scene *scene)
 static void results_stay_as_they_are(void **state)
 {
     static const struct scene scenes[] = {
-        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0x083ef1775314c873), UINT64_C(0xddab2d233de85267)},
-        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0xfdc79962f2083a38), UINT64_C(0x93680e7799fcf99b)},
-        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0xbce26a88fd7c8f99), UINT64_C(0xf7c1065a06215548)},
-        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0xdb33c55a1b4acda0), UINT64_C(0xb0448454a89a020b)},
-        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0x2740f6bf62ed8244), UINT64_C(0x8dcc2d90d2e8ad9f)},
-        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0xaed935b917c0a2e1), UINT64_C(0x65a7432974205bd3)},
-        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0x8b9169cc95665e7f), UINT64_C(0x6c7e66a3a36753f8)},
-        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x1568df7d909d271d), UINT64_C(0x28451f47b71185af)},
-        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0x4fa798281a3af895), UINT64_C(0xbc2d372197ed76ed)},
-        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x45290f2c6f8b1ade), UINT64_C(0x862f2a15a51f8e0b)},
-        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x1385ceec07fe8eee), UINT64_C(0x5ea8ca0cf22c4d74)},
+        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0xdb19d7f48db662e7), UINT64_C(0x5b0a67c85c14130c)},
+        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0xac4f8052c89cf3f7), UINT64_C(0xf5809434a31d581b)},
+        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0x3737a9f781911d2c), UINT64_C(0x899175ef8a7d2534)},
+        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x912daa8cbce7ccf8), UINT64_C(0x426918900a627757)},
+        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0x8b330a6f9ef42bd2), UINT64_C(0x50c2e1ff8e696b45)},
+        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x81100fe2343d90a5), UINT64_C(0x118fba8f01cc7a55)},
+        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0xa6b98331145ced5c), UINT64_C(0xbd9d764b685e02a1)},
+        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x9ea49e27c252c824), UINT64_C(0x3d383479b8d69149)},
+        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0xe3936942db9dc4c4), UINT64_C(0x2f678c0866b5e8fb)},
+        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x423da74ab6a092b8), UINT64_C(0xa76b90962384ba74)},
+        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x9ff6d39fb3ed3168), UINT64_C(0xa751f6a0365ff00a)},
     };
 
     (void)state;

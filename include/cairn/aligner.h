@@ -123,7 +123,7 @@ CAIRN_CHECKED cairn_status cairn_aligner_begin(cairn_aligner *aligner);
 CAIRN_CHECKED cairn_status cairn_aligner_begin_again(cairn_aligner *aligner, const cairn_pose *map_scan);
 
 /* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: nothing left to do. An item is a pair of segments, a pair of
- * scans, or a line of the raster. A scan is held against at most 36 others, the nearest by the initial
+ * scans, or a line of the raster. A scan is held against at most 48 others, the nearest by the initial
  * poses. Cost of the whole: near linear in scans of the same density but for looking at the poses of each pair of them once. */
 CAIRN_CHECKED cairn_status cairn_aligner_step(cairn_aligner *aligner, cairn_budget *budget);
 

@@ -12,7 +12,7 @@
 
 static const cairn_real COUNT_GATE = CAIRN_REAL(0.07);
 static const cairn_real ARM = CAIRN_REAL(1.5);       /* m: makes turns comparable to shifts */
-static const cairn_real AT_REST = CAIRN_REAL(0.006); /* m: a scan that moves by less does not stir others */
+static const cairn_real AT_REST = CAIRN_REAL(0.003); /* m: a scan that moves by less does not stir others */
 
 void cairn_aligner_insert(cairn_aligner *x, int32_t scan, int32_t cluster)
 {
@@ -59,6 +59,8 @@ void cairn_aligner_begin_clusters(cairn_aligner *x)
         x->poses[i] = cairn_transform_of(x->scans[i].initial);
         x->scans[i].support = x->scans[i].evidence = 0;
         x->scans[i].weak = x->scans[i].stirred = 0;
+        x->scans[i].joined = -1 - i;
+        memset(&x->scans[i].pull, 0, sizeof x->scans[i].pull);
         cairn_aligner_insert(x, i, i);
     }
     cairn_aligner_learn_spread(x);
@@ -206,16 +208,29 @@ static int is_move(const cairn_real motion[3])
     return cairn_max(cairn_abs(motion[0]), cairn_abs(motion[1])) + ARM * cairn_abs(motion[2]) > AT_REST;
 }
 
-/* A scan that has moved stirs itself and those that it shares surfaces with. */
-static void stir(cairn_aligner *x, int32_t i)
+/* Adds to the pull on scan j what has changed of that between scan i and it: by the motion of i, and, when they have not met
+ * before, all of it. j is stirred when that would move it. */
+static void pass_on(cairn_aligner *x, int32_t i, int32_t j, const aligner_sums *pair, const cairn_real motion[3])
 {
-    x->scans[i].stirred = ALIGNER_MET;
-    for (int32_t k = 0; k < x->scans[i].partner_count; k++) {
-        aligner_scan *partner = &x->scans[cairn_aligner_partner(x, i, k)];
+    const aligner_scan *scan = &x->scans[i];
+    aligner_scan *partner = &x->scans[j];
+    cairn_vec2 from = cairn_transform_point(x->poses[i], scan->middle);
+    cairn_vec2 arm = cairn_vec2_sub(from, cairn_transform_point(x->poses[j], partner->middle));
+    const cairn_sym3 *m = &pair->equations.information;
+    int met = scan->stirred != ALIGNER_JOINED || scan->joined == partner->joined;
+    cairn_real moved[3], pull[3];
 
-        if (x->relax.shares[k] && partner->stirred == 0)
-            partner->stirred = ALIGNER_MET;
-    }
+    pull[0] = m->xx * motion[0] + m->xy * motion[1] + m->xz * motion[2];
+    pull[1] = m->xy * motion[0] + m->yy * motion[1] + m->yz * motion[2];
+    pull[2] = m->xz * motion[0] + m->yz * motion[1] + m->zz * motion[2];
+    for (int k = 0; k < 3 && !met; k++)
+        pull[k] += pair->equations.gradient[k];
+    pull[2] += arm.x * pull[1] - arm.y * pull[0];
+    for (int k = 0; k < 3; k++)
+        partner->pull.equations.gradient[k] -= pull[k];
+    if (partner->stirred == 0 &&
+        (partner->pull.pairs < 3 || (cairn_aligner_solve(&partner->pull, moved) && is_move(moved))))
+        partner->stirred = ALIGNER_MET;
 }
 
 static void end_scan(cairn_aligner *x)
@@ -228,11 +243,14 @@ static void end_scan(cairn_aligner *x)
 
     if (!cairn_aligner_solve(&relax->sums, motion))
         memset(motion, 0, sizeof motion);
+    for (int32_t k = 0; k < scan->partner_count; k++)
+        if (relax->pairs[k].pairs > 0)
+            pass_on(x, relax->i, cairn_aligner_partner(x, relax->i, k), &relax->pairs[k], motion);
     *pose = cairn_aligner_moved(*pose, centre, motion);
+    scan->pull = relax->sums;
+    memset(scan->pull.equations.gradient, 0, sizeof scan->pull.equations.gradient);
+    scan->stirred = is_move(motion) ? ALIGNER_MET : 0;
     memset(&relax->sums, 0, sizeof relax->sums);
-    scan->stirred = 0;
-    if (is_move(motion))
-        stir(x, relax->i);
     relax->i = scan->next;
     relax->partner = 0;
     if (relax->i < 0)
@@ -254,6 +272,22 @@ static int32_t pass_still(cairn_aligner *x)
     return 1 + passed / ALIGNER_FAR_OF_UNIT;
 }
 
+static void add_sums(aligner_sums *to, const aligner_sums *from)
+{
+    cairn_sym3 *m = &to->equations.information;
+    const cairn_sym3 *n = &from->equations.information;
+
+    m->xx += n->xx;
+    m->xy += n->xy;
+    m->xz += n->xz;
+    m->yy += n->yy;
+    m->yz += n->yz;
+    m->zz += n->zz;
+    for (int k = 0; k < 3; k++)
+        to->equations.gradient[k] += from->equations.gradient[k];
+    to->pairs += from->pairs;
+}
+
 /* A scan of the cluster from its partner at hand on, up to the next that it may meet. */
 int32_t cairn_aligner_relax_item(cairn_aligner *x)
 {
@@ -265,21 +299,20 @@ int32_t cairn_aligner_relax_item(cairn_aligner *x)
         return pass_still(x);
     if (relax->partner >= x->scans[i].partner_count) {
         end_scan(x);
-        return 4;
+        return 4 + x->scans[i].partner_count / 8;
     }
     centre = cairn_transform_point(x->poses[i], x->scans[i].middle);
     while (work == 0 && relax->partner < x->scans[i].partner_count) {
-        int32_t k = relax->partner++, j = cairn_aligner_partner(x, i, k), pairs = relax->sums.pairs;
+        int32_t k = relax->partner++, j = cairn_aligner_partner(x, i, k);
+        aligner_sums *pair = &relax->pairs[k];
 
         passed++;
-        relax->shares[k] = 0;
+        memset(pair, 0, sizeof *pair);
         if (x->scans[j].part != relax->cluster || !cairn_aligner_may_meet(x, i, j, x->poses[i], x->poses[j]))
             continue;
-        work = cairn_aligner_pull(x, i, j, x->poses[i], x->poses[j], relax->gate, 1, centre, &relax->sums);
-        work += cairn_aligner_pull(x, j, i, x->poses[j], x->poses[i], relax->gate, -1, centre, &relax->sums);
-        relax->shares[k] = relax->sums.pairs > pairs;
-        if (x->scans[i].stirred == ALIGNER_JOINED && x->scans[j].stirred == 0 && relax->shares[k])
-            x->scans[j].stirred = ALIGNER_MET;
+        work = cairn_aligner_pull(x, i, j, x->poses[i], x->poses[j], relax->gate, 1, centre, pair);
+        work += cairn_aligner_pull(x, j, i, x->poses[j], x->poses[i], relax->gate, -1, centre, pair);
+        add_sums(&relax->sums, pair);
     }
     return 1 + passed / ALIGNER_FAR_OF_UNIT + work / ALIGNER_POINTS_OF_UNIT;
 }
@@ -287,6 +320,8 @@ int32_t cairn_aligner_relax_item(cairn_aligner *x)
 /* The smaller cluster enters the frame of the larger one; returns that. pose: fixed_moving. */
 int32_t cairn_aligner_join(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose)
 {
+    int32_t event = x->changes;
+
     if (x->clusters[moving].size > x->clusters[fixed].size) {
         int32_t swap = moving;
 
@@ -299,6 +334,7 @@ int32_t cairn_aligner_join(cairn_aligner *x, int32_t moving, int32_t fixed, cair
 
         x->poses[scan] = cairn_aligner_compose(pose, x->poses[scan]);
         x->scans[scan].stirred = ALIGNER_JOINED;
+        x->scans[scan].joined = event;
         cairn_aligner_remove(x, scan);
         cairn_aligner_insert(x, scan, fixed);
     }

@@ -14,13 +14,13 @@
 static const cairn_real TRIAL_GATE = CAIRN_REAL(0.15), COUNT_GATE = CAIRN_REAL(0.07);
 static const cairn_real LEAST_LENGTH = CAIRN_REAL(0.15);               /* m, of a segment that gives a direction */
 static const cairn_real LEAST_TRIAL = CAIRN_REAL(0.5), LEAST_KEPT = 1; /* nats, ... */
-static const cairn_real LEAST_HALF = -4;                               /* ... by the points of one scan of the two */
+static const cairn_real LEAST_HALF = -2;                               /* ... by the points of one scan of the two */
 static const cairn_real HOPELESS = -15, FAR_OFF = -40;                 /* nats */
 static const cairn_real SAME_PLACE = CAIRN_REAL(0.15);                 /* m */
 static const cairn_real SAME_HEADING = CAIRN_REAL(0.9986);             /* cosine of 3 degrees */
 static const cairn_real SHIFT = CAIRN_REAL(0.25);                      /* m */
 static const cairn_real RIVAL = 8;                                     /* nats below which a rival does not matter */
-enum { TRIAL_ROUNDS = 4, LOOK_ROUNDS = 3, UNKNOWN = -2, CLOSEST = 20 };
+enum { TRIAL_ROUNDS = 4, LOOK_ROUNDS = 3, UNKNOWN = -2, CLOSEST = 16 };
 enum { OPEN_OF_ITEM = 128, LINKS_OF_ITEM = 64, LINKS_OF_UNIT = 8 };
 
 /* ---- Pairs ---- */

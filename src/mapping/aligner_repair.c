@@ -107,6 +107,7 @@ static int take_out(cairn_aligner *x)
 {
     int32_t rest = cairn_aligner_largest(x), home = x->scans[x->i].part, points = cairn_aligner_points_of(x, x->i);
 
+    x->largest = rest;
     x->home = home == rest ? -1 : home;
     if (points == 0 || x->clusters[rest].size < 3 || (x->home < 0 && x->scans[x->i].evidence > LIES_SURELY))
         return 0;
@@ -160,7 +161,7 @@ static int32_t choose_scan(cairn_aligner *x)
     }
     x->before_score = -CAIRN_REAL_MAX;
     if (x->home < 0)
-        cairn_aligner_begin_look(x, x->scan_count, cairn_aligner_largest(x), x->before, 0);
+        cairn_aligner_begin_look(x, x->scan_count, x->largest, x->before, 0);
     x->phase = ALIGNER_DRAW;
     x->stage = 0;
     return 1;
@@ -290,7 +291,7 @@ static int is_drawn(const cairn_aligner *x, int32_t j)
 /* One scan of the rest: first the free space of all, then the points of all. */
 static int32_t draw(cairn_aligner *x)
 {
-    int32_t rest = cairn_aligner_largest(x), passed = 0, count, j = 0;
+    int32_t rest = x->largest, passed = 0, count, j = 0;
 
     if (x->stage == 0) {
         if (x->home < 0) {
@@ -428,7 +429,7 @@ static int32_t try_find(cairn_aligner *x)
         return 1;
     }
     found = cairn_transform_of(x->find[x->find_at++].pose);
-    cairn_aligner_begin_look(x, x->moving, cairn_aligner_largest(x),
+    cairn_aligner_begin_look(x, x->moving, x->largest,
                              cairn_aligner_compose(found, cairn_aligner_inverse(x->poses[x->i])), TRY_ROUNDS);
     return 1;
 }
@@ -446,7 +447,7 @@ static int is_better(const cairn_aligner *x)
 
 static int32_t place(cairn_aligner *x)
 {
-    int32_t rest = cairn_aligner_largest(x);
+    int32_t rest = x->largest;
     int better = is_better(x);
 
     if (x->moving != x->scan_count) {
@@ -454,8 +455,10 @@ static int32_t place(cairn_aligner *x)
             (void)cairn_aligner_join(x, x->moving, rest, x->best);
     } else {
         cairn_aligner_put_back(x, better || x->home < 0 ? rest : x->home, better ? x->best : x->before);
-        if (better && x->again)
+        if (better && x->again) {
             x->scans[x->i].stirred = ALIGNER_JOINED;
+            x->scans[x->i].joined = x->changes;
+        }
     }
     x->scans[x->i].evidence = 0;
     x->changed += better;

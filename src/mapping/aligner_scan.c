@@ -18,6 +18,7 @@ typedef int32_t finding;
 enum { UNSEEN = 0, SAME = 1, OTHER = 2, BEHIND = 3, THROUGH = 4 };
 
 static const cairn_real SAME_NATS = CAIRN_REAL(0.5), OTHER_NATS = CAIRN_REAL(0.15);
+static const cairn_real SOON = 8; /* points that may still turn what the others say */
 static const cairn_real FULL_POINTS = 6, MORE_POINTS = CAIRN_REAL(0.1);
 static const cairn_real LEAST_COSINE = CAIRN_REAL(0.85);    /* of the directions of one surface */
 static const cairn_real BEYOND_END = CAIRN_REAL(0.1);       /* m */
@@ -87,20 +88,6 @@ cairn_transform cairn_aligner_moved(cairn_transform pose, cairn_vec2 centre, con
 }
 
 /* ---- Tables ---- */
-
-int32_t cairn_aligner_bin_of(cairn_real x, cairn_real y)
-{
-    cairn_real ax = cairn_abs(x), ay = cairn_abs(y), sum = ax + ay, place;
-
-    if (!(sum > 0))
-        return 0;
-    place = ay / sum;
-    if (x < 0)
-        place = 2 - place;
-    if (y < 0)
-        place = 4 - place;
-    return (int32_t)(place / 4 * ALIGNER_BINS) & (ALIGNER_BINS - 1);
-}
 
 static cairn_real range_of(const cairn_aligner *x, uint16_t range)
 {
@@ -299,10 +286,10 @@ static cairn_real saturated(int32_t points)
     return n <= FULL_POINTS ? n : FULL_POINTS + MORE_POINTS * (n - FULL_POINTS);
 }
 
-/* 1 when the evidence cannot come above `least` any more, whatever `left` more points say. */
+/* 1 when the evidence stays at `least` or below even when the next SOON of the `left` points are all on the same surface. */
 static int is_hopeless(const cairn_aligner *x, aligner_count count, int32_t left, cairn_real least)
 {
-    count.same += (cairn_real)left;
+    count.same += cairn_min((cairn_real)left, SOON);
     return cairn_aligner_evidence(x, count) <= least;
 }
 

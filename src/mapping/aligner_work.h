@@ -8,14 +8,15 @@
 enum {
     ALIGNER_BINS = 512,       /* bearings of a table, evenly over the diamond |x| + |y| = 1 */
     ALIGNER_SECTORS = 32,     /* of them, as coarse bearings */
-    ALIGNER_WAYS = 32,        /* directions by which walls are found */
+    ALIGNER_WAYS = 16,        /* directions by which walls are found */
+    ALIGNER_TILES = 512,      /* lists of walls by direction and place */
     ALIGNER_BLOCK = 32,       /* hypotheses of which the surest is kept */
     ALIGNER_PATCH = 8,        /* points of a scan that follow each other, in one circle */
     ALIGNER_NO_SEGMENT = 255, /* also the most segments of a scan that a table can name */
     ALIGNER_TRIALS = 12,      /* relative poses of one pair that are compared */
     ALIGNER_KEPT = 4,         /* of these enter the list at most */
     ALIGNER_NEAREST = 24,     /* scans that one is held against, ... */
-    ALIGNER_PARTNERS = 36,    /* ... and with those that it is among the nearest of, at most */
+    ALIGNER_PARTNERS = 48,    /* ... and with those that it is among the nearest of, at most */
     ALIGNER_VOTES = 4,        /* times as many cells as shifts */
     ALIGNER_FINDS = 12,       /* places of a scan in the raster that are tried, ... */
     ALIGNER_SLIDES = 16       /* ... and along its walls */
@@ -62,6 +63,12 @@ typedef struct aligner_table {
     uint8_t segment[ALIGNER_BINS];      /* counted from the scan's first; ALIGNER_NO_SEGMENT */
 } aligner_table;
 
+/* Sums of a Gauss-Newton step of a rigid body about a centre. */
+typedef struct aligner_sums {
+    cairn_normal_equations equations;
+    int32_t pairs;
+} aligner_sums;
+
 typedef struct aligner_scan {
     int32_t first_point, end_point, first_segment, end_segment, first_patch;
     cairn_vec2 sensor, middle; /* of the circle about sensor and points */
@@ -72,6 +79,8 @@ typedef struct aligner_scan {
     int32_t part, next; /* cluster; next member of it, -1 */
     int32_t weak;       /* 1: it could be slid along what it shared with others */
     int32_t stirred;    /* ALIGNER_JOINED, ... */
+    int32_t joined;     /* equal for scans that have joined another cluster together */
+    aligner_sums pull;  /* information when it was relaxed last, and the gradient that has come upon it since */
     int32_t held;       /* 1: placed by the last alignment that has ended */
     cairn_real support;
     cairn_real evidence; /* nats for its place in the largest cluster, when that was looked at last */
@@ -108,7 +117,7 @@ typedef struct aligner_hypothesis {
     int32_t next[2]; /* links to more hypotheses of the first and of the second scan, -1; a link is 2 * index + side */
 } aligner_hypothesis;
 
-/* A scan that has joined another cluster, and one that meets such a scan. */
+/* A scan that has joined another cluster, and one that others pull at. */
 enum { ALIGNER_JOINED = 1, ALIGNER_MET = 2 };
 
 /* States of a hypothesis whose look is fresh, and of one that is out. */
@@ -117,12 +126,6 @@ enum { ALIGNER_LOOKED = 1, ALIGNER_COMPARED = 2, ALIGNER_SURE = 3, ALIGNER_OUT =
 typedef struct aligner_count {
     cairn_real same, other, through; /* points on the same surface, at another one, in free space */
 } aligner_count;
-
-/* Sums of a Gauss-Newton step of a rigid body about a centre. */
-typedef struct aligner_sums {
-    cairn_normal_equations equations;
-    int32_t pairs;
-} aligner_sums;
 
 /* A look at cluster (or single scan) `moving` against cluster `fixed`, through the pose fixed_moving. */
 typedef struct aligner_look {
@@ -145,8 +148,8 @@ typedef struct aligner_relax {
     int32_t active, all;
     int32_t cluster, round, rounds;
     cairn_real gate;
-    int32_t i, partner;               /* scan at hand, and which of its partners */
-    uint8_t shares[ALIGNER_PARTNERS]; /* 1: that partner has surfaces in common with it */
+    int32_t i, partner;                   /* scan at hand, and which of its partners */
+    aligner_sums pairs[ALIGNER_PARTNERS]; /* what it has in common with each */
     aligner_sums sums;
 } aligner_relax;
 
@@ -190,7 +193,9 @@ typedef struct aligner_wall {
     cairn_sym2 spread;
     int32_t scans; /* that see it; 2: two or more */
     int32_t first_scan, node;
-    int32_t next; /* wall that began with a similar direction, -1 */
+    int32_t way;  /* of the direction with which it began */
+    int32_t tile; /* the list that it is in, ... */
+    int32_t next; /* ... and the next wall of that, -1 */
 } aligner_wall;
 
 struct cairn_aligner {
@@ -252,13 +257,15 @@ struct cairn_aligner {
     int32_t find_count, find_at;
     cairn_transform before, best; /* of the scan looked for */
     cairn_real before_score, best_score;
-    int32_t home;   /* its cluster, -1: part of the rest */
-    int32_t moving; /* the cluster that is moved: home as a whole, or scan_count for the scan alone */
+    int32_t largest; /* the rest: the largest cluster when the search began */
+    int32_t home;    /* its cluster, -1: part of the rest */
+    int32_t moving;  /* the cluster that is moved: home as a whole, or scan_count for the scan alone */
     int32_t round, stage, at;
-    int32_t ways[ALIGNER_WAYS]; /* last wall that began with a direction, -1 */
-    cairn_real moved;           /* m, largest step of the joint solution */
-    int32_t link;               /* of the segment that is added next */
-    cairn_transform gauge;      /* of the part gauge_part */
+    int32_t
+        tiles[ALIGNER_TILES + ALIGNER_WAYS]; /* a wall of each list, -1; at the end the long ones of each direction */
+    cairn_real moved;                        /* m, largest step of the joint solution */
+    int32_t link;                            /* of the segment that is added next */
+    cairn_transform gauge;                   /* of the part gauge_part */
     int32_t gauge_part;
     cairn_real margin; /* chi-squared of the solution per degree of freedom, >= 1 */
     int32_t freedom;
@@ -273,7 +280,18 @@ void cairn_aligner_fill_scan(cairn_aligner *x, const cairn_scan_view *view, cair
 /* ---- aligner_scan.c: pairs of scans ---- */
 
 /* The bin of a bearing. */
-int32_t cairn_aligner_bin_of(cairn_real x, cairn_real y);
+static inline int32_t cairn_aligner_bin_of(cairn_real x, cairn_real y)
+{
+    cairn_real ax = cairn_abs(x), ay = cairn_abs(y), sum = ax + ay, place;
+
+    if (!(sum > 0))
+        return 0;
+    place = ay / sum; /* by one division and no arc tangent */
+    place = x < 0 ? 2 - place : place;
+    place = y < 0 ? 4 - place : place;
+    return (int32_t)(place * (ALIGNER_BINS / 4)) & (ALIGNER_BINS - 1);
+}
+
 cairn_transform cairn_aligner_between(cairn_transform a_b, cairn_transform a_c);
 cairn_transform cairn_aligner_compose(cairn_transform a_b, cairn_transform b_c);
 cairn_transform cairn_aligner_inverse(cairn_transform a_b);
@@ -341,6 +359,12 @@ int32_t cairn_aligner_sort_item(cairn_aligner *x);
 int32_t cairn_aligner_associate_item(cairn_aligner *x);
 
 /* ---- aligner_wall.c ---- */
+
+/* How badly a segment fits a wall, m; negative: it does not. */
+cairn_real cairn_aligner_misfit(const cairn_aligner *x, const aligner_segment *s, const aligner_wall *wall);
+
+/* The wall that a segment fits best, of equal ones the first; -1: it fits none. *passed: lists and walls looked at. */
+int32_t cairn_aligner_find_wall(const cairn_aligner *x, const aligner_segment *s, int32_t *passed);
 
 /* The direction along a wall, free side on the left. */
 cairn_vec2 cairn_aligner_along(const aligner_wall *wall);
