@@ -289,7 +289,7 @@ static inline int32_t cairn_aligner_bin_of(cairn_real x, cairn_real y)
     place = ay / sum; /* by one division and no arc tangent */
     place = x < 0 ? 2 - place : place;
     place = y < 0 ? 4 - place : place;
-    return (int32_t)(place * (ALIGNER_BINS / 4)) & (ALIGNER_BINS - 1);
+    return (int32_t)(place / 4 * ALIGNER_BINS) & (ALIGNER_BINS - 1);
 }
 
 cairn_transform cairn_aligner_between(cairn_transform a_b, cairn_transform a_c);
