@@ -9,6 +9,7 @@
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/place_map.h"
+#include "cairn/edgel.h"
 #include "cairn/ellipse.h"
 #include "cairn/rectangle.h"
 #include "cairn/scan_match.h"
@@ -32,6 +33,7 @@ int main(void)
     cairn_scan_match_params match = cairn_scan_match_default();
     cairn_hough_params hough = cairn_hough_default();
     cairn_rectangle_params rectangle = cairn_rectangle_default();
+    cairn_edgel_params edgel = cairn_edgel_default();
     cairn_ellipse_params ellipse = cairn_ellipse_default();
     cairn_sequence_params sequence = cairn_sequence_default();
     cairn_particle_filter_params filter = cairn_particle_filter_default();
@@ -56,6 +58,7 @@ int main(void)
     print("hough", "360 x 256 bins, 32 lines", cairn_hough_memory(&hough));
     print("rectangle", "1024 segments, 256 sides, 2048 pairs, 32 rectangles", cairn_rectangle_memory(&rectangle));
     print("ellipse", "2 x 96 x 96 cells, 32 ellipses", cairn_ellipse_memory(&ellipse));
+    print("edgel", "640 x 480 pixels, 40000 edgels", cairn_edgel_memory(&edgel));
     print("sequence", "1024 and 1024 elements", cairn_sequence_memory(&sequence));
     print("particle_filter", "100 particles, 4,096 candidates and blocks of 64 bytes",
           cairn_particle_filter_memory(&filter));

@@ -203,6 +203,7 @@ static inline cairn_scan_input sim_scan_input(const sim_scan *scan)
     input.range_min = (float)scan->range_min;
     input.range_max = (float)scan->range_max;
     input.range_sigma = (float)scan->range_sigma;
+    input.time_step = 0; /* the motion is known */
     input.stamp_ns = scan->stamp_ns;
     input.base_sensor.x = (cairn_real)scan->base_sensor.x;
     input.base_sensor.y = (cairn_real)scan->base_sensor.y;

@@ -5,6 +5,7 @@
 #include "cairn/curve.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
+#include "cairn/edgel.h"
 #include "cairn/symmetric_point.h"
 #include "tests/golden.h"
 
@@ -128,6 +129,32 @@ uint64_t golden_contours(void)
         return 0;
     points = cairn_symmetric_point_list(finder, &count);
     return add_samples(add_symmetric_points(add_segments(GOLDEN_START, &segments), points, count), points, count);
+}
+
+uint64_t golden_edgels(void)
+{
+    cairn_edgel_params params = cairn_edgel_default();
+    cairn_raster_u8_view view = {picture, SIDE, SIDE, SIDE};
+    cairn_random random = cairn_random_seed(21, 1);
+    cairn_budget budget = {INT32_MAX};
+    uint64_t hash = GOLDEN_START;
+    const cairn_edgel *edgels;
+    cairn_edgel_set *set;
+    cairn_pool pool;
+    int32_t count;
+
+    params.max_width = params.max_height = SIDE;
+    params.max_edgels = 4000;
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        cairn_edgel_create(&set, &pool, &params) != CAIRN_OK)
+        return 0;
+    draw(&random);
+    if (cairn_edgel_begin(set, view) != CAIRN_OK || cairn_edgel_step(set, &budget) != CAIRN_OK)
+        return 0;
+    edgels = cairn_edgel_list(set, &count);
+    for (int32_t i = 0; i < count; i++)
+        hash = add_real(add_point(add_point(hash, edgels[i].position), edgels[i].normal), edgels[i].slope);
+    return add_bytes(hash, &budget.left, sizeof budget.left);
 }
 
 /* ---- A jug in clutter, one whole and one in part ---- */

@@ -24,6 +24,7 @@ const golden_scene golden_scenes[] = {
     {"places", golden_places},
     {"merged", golden_merged},
     {"contours", golden_contours},
+    {"edgels", golden_edgels},
     {"grouped", golden_grouped},
     {NULL, NULL},
 };

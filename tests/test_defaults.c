@@ -7,6 +7,7 @@
 #include "cairn/contour_grouping.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
+#include "cairn/edgel.h"
 #include "cairn/filter_mapper.h"
 #include "cairn/hough.h"
 #include "cairn/lum.h"
@@ -432,8 +433,8 @@ static void of_the_mapper(void **state)
         VALUE(p.window_free, 3),
         VALUE(p.odometry_distance, 0.3),
         VALUE(p.odometry_turn, 0.3),
-        VALUE(p.odometry_distance_min, 0.03),
-        VALUE(p.odometry_turn_min, 0.02),
+        VALUE(p.odometry_distance_min, 0.01),
+        VALUE(p.odometry_turn_min, 0.005),
         VALUE(p.min_support, 0.3),
         VALUE(p.field.sigma_start, 0.04),
         VALUE(p.field.sigma_end, 0.02),
@@ -518,6 +519,7 @@ static void of_contours(void **state)
 {
     cairn_edge_chain_params chain = cairn_edge_chain_default();
     cairn_edge_segment_params segment = cairn_edge_segment_default();
+    cairn_edgel_params edgel = cairn_edgel_default();
     cairn_symmetric_point_params sp = cairn_symmetric_point_default();
     cairn_shape_builder_params shape = cairn_shape_builder_default();
     cairn_grouping_params group = cairn_grouping_default();
@@ -537,6 +539,12 @@ static void of_contours(void **state)
         VALUE(segment.look_ahead, 0),
         VALUE(segment.junction, 6),
         VALUE(segment.junction_turn, 20 * DEGREE),
+        VALUE(edgel.max_width, 640),
+        VALUE(edgel.max_height, 480),
+        VALUE(edgel.max_edgels, 40000),
+        VALUE(edgel.sigma, 1.5),
+        VALUE(edgel.min_slope, 2),
+        VALUE(edgel.max_turn, 60 * DEGREE),
         VALUE(sp.max_segments, 4096),
         VALUE(sp.max_points, 8192),
         VALUE(sp.samples, 5),

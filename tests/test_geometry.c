@@ -450,6 +450,48 @@ static void the_fit_is_the_least(void **state)
     assert_near(fit.x, to[0].x, NUMBER(1e-12, 1e-5));
 }
 
+/* By many small steps. */
+static cairn_pose rolled(cairn_twist twist, double fraction)
+{
+    enum { STEPS = 20000 };
+    double x = 0, y = 0, theta = 0, step = fraction / STEPS;
+    cairn_pose pose;
+
+    for (int i = 0; i < STEPS; i++) {
+        double middle = theta + (double)twist.turn * step / 2;
+
+        x += step * ((double)twist.velocity.x * cos(middle) - (double)twist.velocity.y * sin(middle));
+        y += step * ((double)twist.velocity.x * sin(middle) + (double)twist.velocity.y * cos(middle));
+        theta += (double)twist.turn * step;
+    }
+    pose.x = (cairn_real)x;
+    pose.y = (cairn_real)y;
+    pose.theta = (cairn_real)theta;
+    return pose;
+}
+
+static void twists(void **state)
+{
+    static const double turns[] = {0, 1e-9, -0.0009, 0.0011, 0.3, -1.5, 3.1, -3.1};
+    cairn_random random = cairn_random_seed(5, 1);
+
+    (void)state;
+    for (int i = 0; i < 8; i++) {
+        cairn_pose motion = random_pose(&random), half;
+        cairn_twist twist;
+
+        motion.theta = (cairn_real)turns[i];
+        twist = cairn_twist_of(motion);
+        assert_near(twist.turn, turns[i], 1e-6);
+        assert_pose(cairn_twist_at(twist, 1), motion, NUMBER(1e-9, 1e-4));
+        assert_pose(cairn_twist_at(twist, 0), cairn_pose_identity(), 0);
+        half = cairn_twist_at(twist, CAIRN_REAL(0.5));
+        assert_pose(cairn_pose_compose(half, half), motion, NUMBER(1e-9, 1e-4));
+        assert_pose(cairn_twist_at(twist, CAIRN_REAL(0.3)), rolled(twist, 0.3), NUMBER(1e-7, 1e-4));
+    }
+    assert_near(cairn_twist_of((cairn_pose){1, 0, 2 * CAIRN_PI + CAIRN_REAL(0.5)}).turn, 0.5, NUMBER(1e-12, 1e-5));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -459,6 +501,7 @@ int main(void)
         cmocka_unit_test(poses_are_a_group),
         cmocka_unit_test(pose_by_hand),
         cmocka_unit_test(finite_poses),
+        cmocka_unit_test(twists),
         cmocka_unit_test(nearest_point_of_a_segment),
         cmocka_unit_test(nearest_against_sampling),
         cmocka_unit_test(lines_meet),

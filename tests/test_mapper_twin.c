@@ -527,7 +527,7 @@ static void as_the_twin_when_odometry_fails(void **state)
     (void)state;
     side_by_side(&params, SIM_APARTMENT, 7, 60, 0.2, &lost, &measured);
     assert_true(measured.predicted >= 5);
-    side_by_side(&params, SIM_APARTMENT, 8, 60, 0.3, &jumps, &measured);
+    side_by_side(&params, SIM_APARTMENT, 18, 60, 0.3, &jumps, &measured);
     assert_true(measured.odometry_rejected > 0);
     assert_true(measured.odometry_contradicted > 10);
     side_by_side(&params, SIM_RESCUE, 9, 40, 0.3, &bare, &measured);

@@ -4,6 +4,7 @@
 
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
+#include "cairn/edgel.h"
 #include "cairn/lum.h"
 #include "cairn/map_merge.h"
 #include "cairn/mapper.h"
@@ -87,6 +88,7 @@ static cairn_distance_map_params distance_map_params(void)
     X(corner, corner_set)                                                                                              \
     X(edge_chain, edge_chain_set)                                                                                      \
     X(edge_segment, edge_segment_set)                                                                                  \
+    X(edgel, edgel_set)                                                                                                \
     X(ellipse, ellipse_set)                                                                                            \
     X(force_field, force_field)                                                                                        \
     X(hough, hough)                                                                                                    \

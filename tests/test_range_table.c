@@ -211,6 +211,68 @@ static void urg_fields(void **state)
     free(text);
 }
 
+/* A line of the URG's with ticks of both wheels. */
+static char *add_rolling_urg(char *at, int microseconds, int left, int right)
+{
+    at += sprintf(at, "%d 0 %d %d", microseconds, left, right);
+    for (int i = 4; i < 707; i++)
+        at += sprintf(at, " %d", 12 + i % 12);
+    *at++ = '\n';
+    *at = 0;
+    return at;
+}
+
+/* The wheels roll straight ahead for a second, then turn on the spot to the left; the scans are older than that by .17 s. */
+static void urg_wheels(void **state)
+{
+    static const double tick = 2 * 3.14159265358979 * 0.077 / 2000;
+    static const double known[] = {0, 0, 400, 400, 600, 600};
+    char *text = malloc(100000), *at = text;
+    cairn_carmen_scans s;
+    const cairn_carmen_record *r;
+    int32_t has_odometry;
+
+    (void)state;
+    assert_non_null(text);
+    for (int i = 0; i <= 10; i++)
+        at = add_rolling_urg(at, 5000000 + i * 100000, 700 + 100 * i, -40 + 100 * i);
+    for (int i = 1; i <= 10; i++)
+        at = add_rolling_urg(at, 6000000 + i * 100000, 1700 - 100 * i, 960 + 100 * i);
+    assert_ok(load(&s, &has_odometry, text, CAIRN_RANGE_TABLE_URG, 0, NULL));
+    assert_int_equal(has_odometry, 1);
+    assert_int_equal(s.count, 21);
+    r = s.record;
+    assert_near(r[0].robot.x, 0, 0);
+    assert_near(r[1].robot.x, 0, 1e-6);
+    assert_near(r[2].robot.x, 30 * tick, 1e-6);
+    assert_near(r[10].robot.x, 830 * tick, 1e-6);
+    assert_near(r[11].robot.theta, 0, 1e-6);
+    assert_near(r[12].robot.theta, 30 * 2 * tick / 0.31, 1e-6);
+    assert_near(r[20].robot.theta, 830 * 2 * tick / 0.31, 1e-5);
+    assert_near(r[20].robot.x, 1000 * tick, 1e-6);
+    assert_near(r[20].robot.y, 0, 1e-6);
+    assert_near(r[20].laser.x, 1000 * tick + 0.145 * cos(830 * 2 * tick / 0.31), 1e-5);
+    assert_near(r[20].scan.base_sensor.x, 0.145, 1e-6);
+    assert_near(r[20].scan.time_step, 0.1 / 1024, 1e-9);
+    assert_near(r[20].scan.range_min, 0.02, 1e-9); /* what is below are the scanner's words of fault */
+    assert_near(s.info.base_sensor.x, 0.145, 1e-6);
+    assert_near(s.info.odometry_length, 1000 * tick, 1e-5);
+    cairn_carmen_scans_free(&s);
+
+    /* Across a gap in time nothing is known either. */
+    at = add_rolling_urg(text, 0, 0, 0);
+    at = add_rolling_urg(at, 100000, 100, 100);
+    at = add_rolling_urg(at, 400000, 400, 400);
+    at = add_rolling_urg(at, 500000, 500, 500);
+    at = add_rolling_urg(at, 450000, 600, 600);
+    (void)add_rolling_urg(at, 550000, 700, 700);
+    assert_ok(load(&s, &has_odometry, text, CAIRN_RANGE_TABLE_URG, 0, NULL));
+    for (int i = 0; i < 6; i++)
+        assert_near(s.record[i].robot.x, known[i] * tick, 1e-6);
+    cairn_carmen_scans_free(&s);
+    free(text);
+}
+
 static cairn_range_table_kind kind_of(const char *text)
 {
     cairn_range_table_kind kind = -1;
@@ -252,6 +314,7 @@ int main(void)
         cmocka_unit_test(damaged_lines_are_told_and_left_out),
         cmocka_unit_test(bad_heads_and_files_are_refused),
         cmocka_unit_test(urg_fields),
+        cmocka_unit_test(urg_wheels),
         cmocka_unit_test(kinds_are_told_apart),
     };
 

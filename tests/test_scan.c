@@ -718,10 +718,13 @@ static void test_begin_statuses(void **state)
     BAD(range_min, NAN, CAIRN_NOT_FINITE);
     BAD(range_max, INFINITY, CAIRN_NOT_FINITE);
     BAD(range_sigma, NAN, CAIRN_NOT_FINITE);
+    BAD(time_step, NAN, CAIRN_NOT_FINITE);
+    BAD(time_step, INFINITY, CAIRN_NOT_FINITE);
     BAD(range_min, -0.1F, CAIRN_BAD_ARGUMENT);
     BAD(range_min, 30, CAIRN_BAD_ARGUMENT);
     BAD(range_max, 100001, CAIRN_BAD_ARGUMENT);
     BAD(range_sigma, -0.1F, CAIRN_BAD_ARGUMENT);
+    BAD(time_step, -0.001F, CAIRN_BAD_ARGUMENT);
     BAD(base_sensor.theta, nan, CAIRN_NOT_FINITE);
     BAD(motion.x, nan, CAIRN_NOT_FINITE);
     BAD(base_sensor.x, far, CAIRN_BAD_ARGUMENT);

@@ -29,6 +29,8 @@ static option_result read_settings(map_settings *s, int argc, char **argv)
         OPTION_NUMBER("--range", &s->range, 0.1, 1000, "M", "beams enter the map up to here, m"),
         OPTION_NUMBER("--range-max", &s->range_max, 0.1, 1000, "M",
                       "ranges from here on are no return, m (by the log)"),
+        OPTION_NUMBER("--sweep", &s->sweep, 0, 2, "S",
+                      "from the first beam of a scan to its last, where the log does not say it; 0: all at once"),
         OPTION_INTEGER("--filter", &s->particles, 0, 4096, "N",
                        "by a Rao-Blackwellized filter of N particles: no loops, no graph (0: by the mapper)"),
         OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "of what the particles draw; the mapper draws nothing"),
@@ -102,6 +104,8 @@ cairn_scan_input map_scan_input(const map_settings *s, const map_input *input, i
 {
     cairn_scan_input scan = input->record[index].scan;
 
+    if (s->sweep > 0 && scan.count > 1)
+        scan.time_step = (float)(s->sweep / (scan.count - 1));
     if (s->no_odometry)
         scan.base_sensor = cairn_pose_identity(); /* the mounting, too, follows from the log's poses */
     return scan;

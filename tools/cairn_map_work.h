@@ -15,6 +15,7 @@ typedef struct map_settings {
     int32_t log_count;
     int64_t max_keys, window, seed, particles;
     double resolution, range, range_max;
+    double sweep; /* s; 0: as the log says */
     int32_t no_odometry, quiet, release;
 } map_settings;
 

@@ -5,6 +5,7 @@
 #include "cairn/aligner.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
+#include "cairn/edgel.h"
 #include "cairn/lum.h"
 #include "cairn/map_merge.h"
 #include "cairn/mapper.h"
@@ -26,6 +27,7 @@ typedef union any_params {
     cairn_distance_map_params distance_map;
     cairn_edge_chain_params edge_chain;
     cairn_edge_segment_params edge_segment;
+    cairn_edgel_params edgel;
     cairn_force_field_params force_field;
     cairn_hough_params hough;
     cairn_icp_params icp;
@@ -69,6 +71,7 @@ ROOM(block_solver)
 ROOM(corner)
 ROOM(edge_chain)
 ROOM(edge_segment)
+ROOM(edgel)
 ROOM(force_field)
 ROOM(hough)
 ROOM(icp)
@@ -212,6 +215,7 @@ const pool_object pool_objects[] = {
       HAS(mapper, "beam", scan.max_beams)}},
     {OBJECT(edge_chain), 2, {HAS(edge_chain, "edge pixel", max_edges), HAS(edge_chain, "chain", max_chains)}},
     {OBJECT(edge_segment), 2, {HAS(edge_segment, "line", max_lines), HAS(edge_segment, "segment", max_segments)}},
+    {OBJECT(edgel), 1, {HAS(edgel, "edgel", max_edgels), HAS(edgel, "column", max_width)}},
     {OBJECT(symmetric_point),
      2,
      {HAS(symmetric_point, "segment", max_segments), HAS(symmetric_point, "point", max_points)}},

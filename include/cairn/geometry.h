@@ -132,6 +132,18 @@ cairn_vec2 cairn_pose_point(cairn_pose a_b, cairn_vec2 b_point);
 /* 1 when x, y and theta are finite. */
 int32_t cairn_pose_is_finite(cairn_pose pose);
 
+/* A motion of constant twist: (velocity, turn) is the logarithm of the pose in SE(2) to which it leads. */
+typedef struct cairn_twist {
+    cairn_vec2 velocity; /* m, over the whole motion, in the moving frame */
+    cairn_real turn;     /* rad, in [-pi, pi) */
+} cairn_twist;
+
+/* The twist that leads to a pose, by half a turn at most. */
+cairn_twist cairn_twist_of(cairn_pose motion);
+
+/* Where it has led at a fraction of the motion: exp(fraction * twist). A fraction above 1 goes on. */
+cairn_pose cairn_twist_at(cairn_twist twist, cairn_real fraction);
+
 /* The motion of least squares that brings from[i] onto to[i] for all i below count with use[i] (NULL: all); a heading
  * counts as a point `ahead` m ahead of the pose's origin, > 0. Identity when there is none. Cost: linear. */
 cairn_pose cairn_pose_fit(const cairn_pose *from, const cairn_pose *to, const int32_t *use, int32_t count,

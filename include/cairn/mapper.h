@@ -74,8 +74,8 @@ typedef struct cairn_mapper_params {
     int32_t window_units;    /* of budget that the force field may take of every scan, >= 1 (32000) */
     cairn_real odometry_distance;     /* odometry is wrong by this share of the way ... (0.3) */
     cairn_real odometry_turn;         /* ... and of the turn (0.3) */
-    cairn_real odometry_distance_min; /* m, and at least by this (0.03) */
-    cairn_real odometry_turn_min;     /* rad, and at least by this (0.02) */
+    cairn_real odometry_distance_min; /* m, and at least by this (0.01) */
+    cairn_real odometry_turn_min;     /* rad, and at least by this (0.005) */
     cairn_real motion_distance;     /* without odometry: of the motion before, the next one differs by this share ... */
     cairn_real motion_turn;         /* ... likewise its turn (0.3 and 0.3) ... */
     cairn_real motion_distance_min; /* m, > 0, and at least by this (0.03) */

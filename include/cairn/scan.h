@@ -16,6 +16,7 @@ typedef struct cairn_scan_input {
     const float *angle; /* [count] rad, any spacing, sense and start; NULL: angle_min + i * angle_step */
     int32_t count;
     float angle_min, angle_step, range_min, range_max, range_sigma;
+    float time_step;        /* s from beam to beam, 0: not known. Only who finds the motion himself reads it: mapper */
     int64_t stamp_ns;       /* first beam */
     cairn_pose base_sensor; /* where the sensor sits on the robot */
     cairn_pose motion;      /* the base at the last beam seen from the base at the first; identity: it stood still */
@@ -85,7 +86,7 @@ CAIRN_CHECKED cairn_status cairn_scan_create(cairn_scan **scan, cairn_pool *pool
  * fit's sigma, the fit takes it instead, and its s in proportion.
  *
  * CAIRN_BAD_ARGUMENT: NULL, count < 1, range_min < 0, range_max not above it or beyond CAIRN_SCAN_EXTENT,
- * range_sigma < 0, a place or motion beyond CAIRN_SCAN_EXTENT. CAIRN_FULL: count > max_beams. CAIRN_NOT_FINITE: any
+ * range_sigma < 0, time_step < 0, a place or motion beyond CAIRN_SCAN_EXTENT. CAIRN_FULL: count > max_beams. CAIRN_NOT_FINITE: any
  * field but a range is NaN or infinite. *fault, when not NULL, tells what, and in an array where. A refused call
  * changes nothing. */
 CAIRN_CHECKED cairn_status cairn_scan_begin(cairn_scan *scan, const cairn_scan_input *input, cairn_fault *fault);

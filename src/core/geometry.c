@@ -62,6 +62,48 @@ static int32_t mean_position(const cairn_pose *poses, const int32_t *use, int32_
     return used;
 }
 
+/* x cot x */
+static cairn_real x_cot_x(cairn_real x)
+{
+    cairn_real sine, cosine;
+
+    if (cairn_abs(x) < CAIRN_REAL(1e-3))
+        return 1 - x * x / 3;
+    cairn_sincos(x, &sine, &cosine);
+    return x * cosine / sine;
+}
+
+cairn_twist cairn_twist_of(cairn_pose motion)
+{
+    cairn_twist twist;
+    cairn_real half, diagonal;
+
+    twist.turn = cairn_wrap_angle(motion.theta);
+    half = twist.turn / 2;
+    diagonal = x_cot_x(half);
+    twist.velocity.x = diagonal * motion.x + half * motion.y;
+    twist.velocity.y = diagonal * motion.y - half * motion.x;
+    return twist;
+}
+
+cairn_pose cairn_twist_at(cairn_twist twist, cairn_real fraction)
+{
+    cairn_real a = fraction * twist.turn, along = 1 - a * a / 6, aside = a / 2;
+    cairn_pose pose;
+
+    if (cairn_abs(a) > CAIRN_REAL(1e-3)) {
+        cairn_real sine, cosine;
+
+        cairn_sincos(a / 2, &sine, &cosine);
+        along = 2 * sine * cosine / a;
+        aside = 2 * sine * sine / a;
+    }
+    pose.x = fraction * (along * twist.velocity.x - aside * twist.velocity.y);
+    pose.y = fraction * (aside * twist.velocity.x + along * twist.velocity.y);
+    pose.theta = a;
+    return pose;
+}
+
 cairn_pose cairn_pose_fit(const cairn_pose *from, const cairn_pose *to, const int32_t *use, int32_t count,
                           cairn_real ahead)
 {

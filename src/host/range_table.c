@@ -15,11 +15,15 @@
 
 enum { URG_FIELDS = 707, URG_FIRST = 25, URG_MIDDLE = 341, PROBED_LINES = 100 };
 
-static const double URG_STEP = 360.0 / 1024, URG_RANGE_MAX = 5.6, CSV_RANGE_MAX = 80, RADIANS = 0.017453292519943295;
-static const int64_t SCAN_NS = 100000000; /* between scans whose time is not known */
+static const double URG_STEP = 360.0 / 1024, URG_RANGE_MIN = 0.02, URG_RANGE_MAX = 5.6, URG_TURN = 0.1,
+                    CSV_RANGE_MAX = 80, RADIANS = 0.017453292519943295;
+/* The robot of these logs, see the header: m that a wheel rolls in a tick, m between the wheels, m of the scanner before their axle. */
+static const double URG_TICK = 2 * 3.141592653589793 * 0.077 / 2000, URG_AXLE = 0.31, URG_AHEAD = 0.145;
+static const int64_t URG_LATE_NS = 170000000; /* a line's scan was made so long before its ticks were read */
+static const int64_t SCAN_NS = 100000000;     /* between scans whose time is not known */
 
-/* What a column holds; bearings come after these. */
-enum { TIME, X, Y, THETA, NAMED, BEARING = NAMED, PASSED };
+/* What a column holds; a head of CSV can name those before NAMED, and bearings. */
+enum { TIME, X, Y, THETA, NAMED, LEFT = NAMED, RIGHT, BEARING, PASSED };
 
 typedef struct table {
     cairn_range_table_kind kind;
@@ -29,7 +33,9 @@ typedef struct table {
     double time_unit, range_unit; /* ns and m */
     float *bearing;               /* [beams] rad */
     int32_t beams;
-    double *value; /* [fields] of the line at hand */
+    double *value;               /* [fields] of the line at hand */
+    double wheels[2], rolled[3]; /* ticks of the line before, and x, y, theta where they led */
+    int32_t rolls;               /* 1: there was one */
 } table;
 
 typedef struct loading {
@@ -183,6 +189,8 @@ static cairn_status make_urg(loading *l, cairn_file_error *error)
     for (int32_t i = 0; i < URG_FIELDS; i++)
         t->column[i] = PASSED;
     t->column[0] = TIME;
+    t->column[2] = LEFT;
+    t->column[3] = RIGHT;
     for (int32_t i = URG_FIRST; i < URG_FIELDS; i++) {
         t->column[i] = BEARING;
         t->bearing[t->beams] = (float)((t->beams - URG_MIDDLE) * URG_STEP * RADIANS);
@@ -211,8 +219,8 @@ static const char *read_values(table *t, const char *line, size_t length)
             continue;
         if (!cairn_number_read(field, n, &t->value[count]))
             return "a field that is no number";
-        if (t->column[count] < NAMED && !(fabs(t->value[count]) <= 1e15))
-            return "a time or pose that is not finite";
+        if (t->column[count] < BEARING && !(fabs(t->value[count]) <= 1e15))
+            return "a time, pose or tick that is not finite";
     }
     return count < t->fields ? "too few fields" : NULL;
 }
@@ -257,6 +265,24 @@ static void survey(cairn_carmen_info *info, const cairn_carmen_record *r, const 
     info->beams += r->count;
 }
 
+/* Where the wheels have rolled since the scan before, on an arc; the pose is kept in double, as it adds up. */
+static void roll(table *t, double *named)
+{
+    double left = named[LEFT] - t->wheels[0], right = named[RIGHT] - t->wheels[1];
+    double way = URG_TICK * (left + right) / 2, turn = URG_TICK * (right - left) / URG_AXLE;
+
+    t->wheels[0] = named[LEFT];
+    t->wheels[1] = named[RIGHT];
+    if (t->rolls) {
+        t->rolled[0] += way * cos(t->rolled[2] + turn / 2);
+        t->rolled[1] += way * sin(t->rolled[2] + turn / 2);
+        t->rolled[2] = remainder(t->rolled[2] + turn, 360 * RADIANS);
+        t->has_odometry |= left != 0 || right != 0;
+    }
+    t->rolls = 1;
+    memcpy(&named[X], t->rolled, sizeof t->rolled);
+}
+
 /* Takes the values that were read as the next scan. */
 static cairn_status take_scan(loading *l, cairn_file_error *error)
 {
@@ -264,7 +290,7 @@ static cairn_status take_scan(loading *l, cairn_file_error *error)
     const table *t = &l->table;
     cairn_carmen_record *r;
     float *range;
-    double pose[NAMED] = {0};
+    double named[BEARING] = {0};
 
     if (!grow(l))
         return cairn_file_error_system(error, l->path, "read", ENOMEM);
@@ -274,19 +300,21 @@ static cairn_status take_scan(loading *l, cairn_file_error *error)
     for (int32_t i = 0, beam = 0; i < t->fields; i++) {
         double v = t->value[i];
 
-        if (t->column[i] < NAMED)
-            pose[t->column[i]] = v;
+        if (t->column[i] < BEARING)
+            named[t->column[i]] = v;
         else if (t->column[i] == BEARING)
             range[beam++] = v >= s->info.range_max / t->range_unit ? INFINITY : (float)(v * t->range_unit);
     }
     r->kind = CAIRN_CARMEN_SCAN;
     r->count = t->beams;
     r->line = cairn_line_reader_number(l->reader);
-    r->stamp_ns = t->has_time ? (int64_t)llround(pose[TIME] * t->time_unit) : s->count * SCAN_NS;
-    r->robot.x = (cairn_real)pose[X];
-    r->robot.y = (cairn_real)pose[Y];
-    r->robot.theta = cairn_wrap_angle((cairn_real)pose[THETA]);
-    r->laser = r->robot;
+    r->stamp_ns = t->has_time ? (int64_t)llround(named[TIME] * t->time_unit) : s->count * SCAN_NS;
+    if (t->kind == CAIRN_RANGE_TABLE_URG)
+        roll(&l->table, named);
+    r->robot.x = (cairn_real)named[X];
+    r->robot.y = (cairn_real)named[Y];
+    r->robot.theta = cairn_wrap_angle((cairn_real)named[THETA]);
+    r->laser = cairn_pose_compose(r->robot, s->info.base_sensor);
     survey(&s->info, r, s->count > 0 ? r - 1 : NULL);
     s->count++;
     return CAIRN_OK;
@@ -319,6 +347,24 @@ static cairn_status take_line(loading *l, const char *line, size_t length, cairn
     return CAIRN_OK;
 }
 
+/* The pose of the wheels at a time before record i, or the first one since which the times run on. */
+static cairn_pose wheels_at(const cairn_carmen_record *record, int32_t i, int64_t time)
+{
+    cairn_pose step;
+    int32_t k = i;
+
+    while (k > 0 && record[k].stamp_ns > time && record[k - 1].stamp_ns < record[k].stamp_ns &&
+           record[k].stamp_ns - record[k - 1].stamp_ns <= 2 * SCAN_NS)
+        k--;
+    if (k == i || record[k].stamp_ns > time)
+        return record[k].robot;
+    step = cairn_pose_between(record[k].robot, record[k + 1].robot);
+    return cairn_pose_compose(
+        record[k].robot,
+        cairn_twist_at(cairn_twist_of(step), (cairn_real)(time - record[k].stamp_ns) /
+                                                 (cairn_real)(record[k + 1].stamp_ns - record[k].stamp_ns)));
+}
+
 /* The records point to their ranges. */
 static void finish(loading *l)
 {
@@ -326,6 +372,10 @@ static void finish(loading *l)
     const table *t = &l->table;
     cairn_carmen_info *info = &s->info;
 
+    for (int32_t i = s->count - 1; i >= 0 && t->kind == CAIRN_RANGE_TABLE_URG; i--) {
+        s->record[i].robot = wheels_at(s->record, i, s->record[i].stamp_ns - URG_LATE_NS);
+        s->record[i].laser = cairn_pose_compose(s->record[i].robot, info->base_sensor);
+    }
     info->beams_least = info->beams_most = t->beams;
     info->fixed_mounting = 1;
     memcpy(s->range, t->bearing, (size_t)t->beams * sizeof *s->range);
@@ -336,9 +386,12 @@ static void finish(loading *l)
         r->scan.range = r->range;
         r->scan.angle = s->range;
         r->scan.count = t->beams;
+        r->scan.range_min = t->kind == CAIRN_RANGE_TABLE_URG ? (float)URG_RANGE_MIN : 0;
         r->scan.range_max = (float)info->range_max;
         r->scan.range_sigma = (float)l->params->range_sigma;
+        r->scan.time_step = t->kind == CAIRN_RANGE_TABLE_URG ? (float)(URG_TURN * URG_STEP / 360) : 0;
         r->scan.stamp_ns = r->stamp_ns;
+        r->scan.base_sensor = info->base_sensor;
     }
 }
 
@@ -391,6 +444,8 @@ cairn_status cairn_range_table_load(cairn_carmen_scans *scans, int32_t *has_odom
     scans->info.range_max = kind == CAIRN_RANGE_TABLE_URG ? URG_RANGE_MAX : CSV_RANGE_MAX;
     if (l.params->range_max > 0)
         scans->info.range_max = l.params->range_max;
+    if (kind == CAIRN_RANGE_TABLE_URG)
+        scans->info.base_sensor.x = (cairn_real)URG_AHEAD;
     status = cairn_line_reader_open(&l.reader, path, error);
     if (status == CAIRN_OK && kind == CAIRN_RANGE_TABLE_URG)
         status = make_urg(&l, error);

@@ -36,6 +36,8 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
                               cairn_fault *fault)
 {
     cairn_pose last, by_odometry = cairn_pose_identity();
+    cairn_scan_input sweep;
+    int32_t has_odometry;
     cairn_status status;
 
     if (mapper == NULL)
@@ -46,18 +48,25 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
         return CAIRN_FULL;
     if (odometry != NULL && !cairn_pose_is_finite(*odometry))
         return CAIRN_NOT_FINITE;
-    status = cairn_scan_begin(mapper->scan, input, fault);
+    has_odometry = odometry != NULL && (mapper->had_odometry || mapper->state.scans == 0);
+    if (has_odometry && mapper->state.scans > 0)
+        by_odometry = cairn_pose_between(mapper->last_odometry, *odometry);
+    if (input == NULL)
+        return cairn_scan_begin(mapper->scan, NULL, fault);
+    sweep = *input;
+    sweep.motion = cairn_mapper_sweep_motion(mapper, input, has_odometry ? &by_odometry : NULL);
+    status = cairn_scan_begin(mapper->scan, &sweep, fault);
     if (status != CAIRN_OK)
         return status;
 
     last = last_pose(mapper);
-    mapper->has_odometry = odometry != NULL && (mapper->had_odometry || mapper->state.scans == 0);
+    mapper->has_odometry = has_odometry;
+    mapper->last_span = input->stamp_ns - mapper->last_stamp;
+    mapper->last_stamp = input->stamp_ns;
     if (odometry != NULL)
         mapper->odometry = *odometry;
     if (mapper->state.scans == 0 && odometry != NULL)
         last = *odometry; /* the map's frame is that of the odometry */
-    if (mapper->has_odometry && mapper->state.scans > 0)
-        by_odometry = cairn_pose_between(mapper->last_odometry, mapper->odometry);
     cairn_mapper_predict(mapper, last, by_odometry);
     mapper->had_odometry = odometry != NULL;
     if (odometry != NULL)

@@ -58,8 +58,8 @@ cairn_mapper_params cairn_mapper_default(void)
     params.window_units = 32000;
     params.odometry_distance = CAIRN_REAL(0.3);
     params.odometry_turn = CAIRN_REAL(0.3);
-    params.odometry_distance_min = CAIRN_REAL(0.03);
-    params.odometry_turn_min = CAIRN_REAL(0.02);
+    params.odometry_distance_min = CAIRN_REAL(0.01);
+    params.odometry_turn_min = CAIRN_REAL(0.005);
     params.motion_distance = CAIRN_REAL(0.3);
     params.motion_turn = CAIRN_REAL(0.3);
     params.motion_distance_min = CAIRN_REAL(0.03);

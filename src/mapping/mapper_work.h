@@ -191,6 +191,8 @@ struct cairn_mapper {
     int32_t had_odometry; /* of the scan before */
     cairn_pose last_odometry;
     cairn_pose last_motion;
+    cairn_pose steady;             /* the same, smoothed */
+    int64_t last_stamp, last_span; /* ns: of the scan before, and since the one before that */
 
     int32_t local[CAIRN_MAPPER_LOCAL_MOST]; /* key scans of the local map, the last ones first, then by distance */
     cairn_real local_distance[CAIRN_MAPPER_LOCAL_MOST];
@@ -281,6 +283,10 @@ void cairn_mapper_read_window(cairn_mapper *mapper);
 /* ---- mapper_front.c ---- */
 
 /* Predicts the scan from where the one before is, and by how its odometry has moved. */
+/* The motion during the sweep of the next scan, which is by_odometry (NULL: none) away from the last one. */
+cairn_pose cairn_mapper_sweep_motion(const cairn_mapper *mapper, const cairn_scan_input *input,
+                                     const cairn_pose *by_odometry);
+
 void cairn_mapper_predict(cairn_mapper *mapper, cairn_pose last, cairn_pose by_odometry);
 cairn_status cairn_mapper_begin_match(cairn_mapper *mapper);
 

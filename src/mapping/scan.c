@@ -149,6 +149,12 @@ static cairn_status check_input(const cairn_scan *x, const cairn_scan_input *in,
     fault->what = "range_sigma: expected >= 0";
     if (in->range_sigma < 0)
         return CAIRN_BAD_ARGUMENT;
+    fault->what = "time_step: expected a finite number";
+    if (!finite_float(in->time_step))
+        return CAIRN_NOT_FINITE;
+    fault->what = "time_step: expected >= 0";
+    if (in->time_step < 0)
+        return CAIRN_BAD_ARGUMENT;
     fault->what = "base_sensor, motion: expected finite numbers";
     if (!cairn_pose_is_finite(in->base_sensor) || !cairn_pose_is_finite(in->motion))
         return CAIRN_NOT_FINITE;
@@ -169,22 +175,10 @@ static cairn_status check_input(const cairn_scan *x, const cairn_scan_input *in,
     return CAIRN_OK;
 }
 
-/* x cot x */
-static cairn_real x_cot_x(cairn_real x)
-{
-    cairn_real sine, cosine;
-
-    if (cairn_abs(x) < CAIRN_REAL(1e-3))
-        return 1 - x * x / 3;
-    cairn_sincos(x, &sine, &cosine);
-    return x * cosine / sine;
-}
-
 cairn_status cairn_scan_begin(cairn_scan *x, const cairn_scan_input *input, cairn_fault *fault)
 {
     cairn_fault found;
     cairn_status status = check_input(x, input, &found);
-    cairn_real diagonal, half;
 
     if (fault != NULL)
         *fault = found;
@@ -198,11 +192,7 @@ cairn_status cairn_scan_begin(cairn_scan *x, const cairn_scan_input *input, cair
     else
         for (int32_t i = 0; i < input->count; i++)
             x->angle[i] = input->angle_min + (float)i * input->angle_step;
-    x->turn = cairn_wrap_angle(input->motion.theta);
-    half = x->turn / 2;
-    diagonal = x_cot_x(half);
-    x->velocity.x = diagonal * input->motion.x + half * input->motion.y;
-    x->velocity.y = diagonal * input->motion.y - half * input->motion.x;
+    x->twist = cairn_twist_of(input->motion);
     x->hit_count = x->wall_count = x->place_count = x->segment_count = x->point_count = 0;
     x->view.beam_count = x->view.segment_count = x->view.point_count = 0;
     x->first_point[0] = 0;
@@ -211,25 +201,6 @@ cairn_status cairn_scan_begin(cairn_scan *x, const cairn_scan_input *input, cair
     x->phase = SCAN_BEAMS;
     x->at = x->other = x->stage = x->running = 0;
     return cairn_polyline_clear(x->polyline, cairn_max(1, (cairn_real)input->range_sigma / x->params.fit.sigma));
-}
-
-/* Where the base is at the fraction f of the sweep: exp(f (velocity, turn)). */
-static cairn_pose base_at(const cairn_scan *x, cairn_real f)
-{
-    cairn_real a = f * x->turn, along = 1 - a * a / 6, aside = a / 2;
-    cairn_pose base;
-
-    if (cairn_abs(a) > CAIRN_REAL(1e-3)) {
-        cairn_real sine, cosine;
-
-        cairn_sincos(a / 2, &sine, &cosine);
-        along = 2 * sine * cosine / a;
-        aside = 2 * sine * sine / a;
-    }
-    base.x = f * (along * x->velocity.x - aside * x->velocity.y);
-    base.y = f * (aside * x->velocity.x + along * x->velocity.y);
-    base.theta = a;
-    return base;
 }
 
 static int32_t *kind_count(cairn_scan *x, cairn_beam_kind kind)
@@ -243,7 +214,7 @@ static cairn_beam beam_of(const cairn_scan *x, int32_t i)
 {
     float range = x->range[i], length = range;
     cairn_real f = x->input.count > 1 ? (cairn_real)i / (cairn_real)(x->input.count - 1) : 0;
-    cairn_pose sensor = cairn_pose_compose(base_at(x, f), x->input.base_sensor);
+    cairn_pose sensor = cairn_pose_compose(cairn_twist_at(x->twist, f), x->input.base_sensor);
     cairn_beam beam = {{sensor.x, sensor.y}, {sensor.x, sensor.y}, CAIRN_BEAM_HIT};
     cairn_vec2 direction;
 

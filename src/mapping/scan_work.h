@@ -39,8 +39,7 @@ struct cairn_scan {
     cairn_oriented_point *points;
 
     cairn_scan_input input; /* without its arrays */
-    cairn_vec2 velocity;    /* linear part of the twist of the motion */
-    cairn_real turn;        /* angular part */
+    cairn_twist twist;      /* of the motion */
     int32_t hit_count, wall_count, place_count, segment_count, point_count;
     int64_t total; /* of places */
     cairn_scan_view view;

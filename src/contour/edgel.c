@@ -1,0 +1,378 @@
+/* Edgels by third-order derivatives.
+ *
+ * Method: the picture is correlated with a Gaussian and its first three derivatives along the rows, then along the columns; of
+ * the products nine derivatives of the smoothed picture are made, of these F and its gradient. Where F changes its sign between
+ * two pixels beside each other its zero is interpolated, with all that belongs to it: between pixels of a row for edges
+ * that are rather upright, of a column for the others, so that an edge is met once in each row or column. At a maximum of the
+ * slope F falls in the direction of the slope; where it rises there is a minimum and no edge.
+ *
+ * Layout: a ring of rows that are smoothed along themselves, as many as the filter is high; F and what belongs to it for the
+ * row at hand and the one before it; the edgels.
+ *
+ * Limits: below sigma .7 the sampled filters no longer are derivatives. Edges closer than two sigma move apart.
+ *
+ * Source: Adluru 2008, section 3.1; Tamrakar and Kimia 2007, "No grouping left behind: from edges to curve fragments". */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "cairn/edgel.h"
+
+enum { MAX_EDGELS = 1 << 28, MAX_REACH = 32, MAX_TAPS = 2 * MAX_REACH + 1 };
+/* Orders of derivatives along one axis. */
+enum { ORDERS = 4 };
+/* Products of a filter and a row's pixels that make up a unit. */
+enum { TAPS_A_UNIT = 48 };
+
+#define SIGMAS CAIRN_REAL(4.0) /* that the filters reach */
+
+typedef int32_t edgel_phase;
+enum { IDLE, SMOOTH, DERIVE, FIND, DONE };
+
+/* F at a pixel, its gradient and that of the picture. */
+typedef struct edgel_sample {
+    cairn_real f;
+    cairn_vec2 f_slope, slope;
+} edgel_sample;
+
+struct cairn_edgel_set {
+    cairn_edgel_params params;
+    cairn_raster_u8_view grey;
+    cairn_real *smooth;   /* [taps][ORDERS][max_width]: the ring */
+    edgel_sample *sample; /* [2][max_width]: of even and of odd rows */
+    cairn_edgel *edgels;  /* [max_edgels] */
+    cairn_real filter[ORDERS][MAX_TAPS];
+    cairn_real cos_turn;
+    int32_t reach, taps;
+    int32_t count;
+    int32_t next; /* row to be smoothed */
+    int32_t x, y; /* the pixel at hand */
+    edgel_phase phase;
+    int32_t paid;
+};
+
+cairn_edgel_params cairn_edgel_default(void)
+{
+    cairn_edgel_params params = {
+        .max_width = 640,
+        .max_height = 480,
+        .max_edgels = 40000,
+        .sigma = CAIRN_REAL(1.5),
+        .min_slope = 2,
+        .max_turn = 60 * (CAIRN_PI / 180),
+    };
+    return params;
+}
+
+static int params_are_valid(const cairn_edgel_params *p)
+{
+    return p != NULL && p->max_width >= 1 && p->max_width <= CAIRN_RASTER_MAX_SIDE && p->max_height >= 1 &&
+           p->max_height <= CAIRN_RASTER_MAX_SIDE && p->max_edgels >= 1 && p->max_edgels <= MAX_EDGELS &&
+           p->sigma >= CAIRN_REAL(0.7) && p->sigma <= 8 && p->min_slope > 0 && cairn_is_finite(p->min_slope) &&
+           p->max_turn > 0 && p->max_turn <= CAIRN_PI / 2;
+}
+
+static int32_t reach_of(const cairn_edgel_params *params)
+{
+    return cairn_real_to_int(cairn_ceil(SIGMAS * params->sigma));
+}
+
+static cairn_edgel_set *carve(cairn_pool *pool, const cairn_edgel_params *params)
+{
+    size_t width = (size_t)params->max_width, taps = 2 * (size_t)reach_of(params) + 1;
+    cairn_edgel_set *set = cairn_pool_take_one(pool, sizeof *set);
+    cairn_real *smooth = cairn_pool_take(pool, taps * ORDERS * width, sizeof *smooth);
+    edgel_sample *sample = cairn_pool_take(pool, 2 * width, sizeof *sample);
+    cairn_edgel *edgels = cairn_pool_take(pool, (size_t)params->max_edgels, sizeof *edgels);
+
+    if (set != NULL) {
+        memset(set, 0, sizeof *set);
+        set->smooth = smooth;
+        set->sample = sample;
+        set->edgels = edgels;
+    }
+    return set;
+}
+
+size_t cairn_edgel_memory(const cairn_edgel_params *params)
+{
+    cairn_pool counting;
+
+    if (!params_are_valid(params))
+        return 0;
+    cairn_pool_init_counting(&counting);
+    (void)carve(&counting, params);
+    return cairn_pool_counted(&counting);
+}
+
+/* ---- Filters ---- */
+
+/* Sum of a filter's weights times the place to a power. */
+static cairn_real moment(const cairn_edgel_set *set, int32_t order, int32_t power)
+{
+    cairn_real sum = 0;
+
+    for (int32_t i = 0; i < set->taps; i++) {
+        cairn_real weight = set->filter[order][i];
+
+        for (int32_t k = 0; k < power; k++)
+            weight *= (cairn_real)(i - set->reach);
+        sum += weight;
+    }
+    return sum;
+}
+
+/* filter[order] += factor * filter[other]. */
+static void add_filter(cairn_edgel_set *set, int32_t order, cairn_real factor, int32_t other)
+{
+    for (int32_t i = 0; i < set->taps; i++)
+        set->filter[order][i] += factor * set->filter[other][i];
+}
+
+/* The Gaussian and its derivatives, cut off and sampled, are mended so that they are exact for polynomials of third degree: of
+ * x^order the derivative of that order is order!, and of lower powers it is 0. */
+static void make_filters(cairn_edgel_set *set)
+{
+    static const cairn_real factorial[ORDERS] = {1, 1, 2, 6};
+    cairn_real s2 = set->params.sigma * set->params.sigma;
+
+    for (int32_t i = 0; i < set->taps; i++) {
+        cairn_real x = (cairn_real)(i - set->reach), g = cairn_exp(-x * x / (2 * s2));
+
+        set->filter[0][i] = g;
+        set->filter[1][i] = x * g;
+        set->filter[2][i] = (x * x - s2) * g;
+        set->filter[3][i] = x * (x * x - 3 * s2) * g;
+    }
+    for (int32_t order = 0; order < ORDERS; order++) {
+        if (order >= 2)
+            add_filter(set, order, -moment(set, order, order - 2) / moment(set, order - 2, order - 2), order - 2);
+        add_filter(set, order, factorial[order] / moment(set, order, order) - 1, order);
+    }
+}
+
+cairn_status cairn_edgel_create(cairn_edgel_set **set, cairn_pool *pool, const cairn_edgel_params *params)
+{
+    size_t need = cairn_edgel_memory(params);
+    cairn_edgel_set *made;
+
+    if (set == NULL || pool == NULL || need == 0)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    made = carve(pool, params);
+    made->params = *params;
+    made->reach = reach_of(params);
+    made->taps = 2 * made->reach + 1;
+    made->cos_turn = cairn_cos(params->max_turn);
+    make_filters(made);
+    *set = made;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_edgel_begin(cairn_edgel_set *set, cairn_raster_u8_view grey)
+{
+    cairn_status status = set != NULL ? cairn_raster_u8_check(grey) : CAIRN_BAD_ARGUMENT;
+
+    if (status != CAIRN_OK)
+        return status;
+    if (grey.width > set->params.max_width || grey.height > set->params.max_height)
+        return CAIRN_FULL;
+    set->grey = grey;
+    set->count = set->next = set->x = set->y = 0;
+    set->paid = 0;
+    set->phase = SMOOTH;
+    return CAIRN_OK;
+}
+
+/* ---- Derivatives ---- */
+
+static int32_t clamp(int32_t i, int32_t count)
+{
+    return i < 0 ? 0 : i >= count ? count - 1 : i;
+}
+
+static cairn_real *smooth_row(const cairn_edgel_set *set, int32_t y, int32_t order)
+{
+    return &set->smooth[((ptrdiff_t)(y % set->taps) * ORDERS + order) * set->params.max_width];
+}
+
+static edgel_sample *sample_row(const cairn_edgel_set *set, int32_t y)
+{
+    return &set->sample[(ptrdiff_t)(y % 2) * set->params.max_width];
+}
+
+/* Along the row `next`, at pixel x. */
+static void smooth_pixel(const cairn_edgel_set *set)
+{
+    const uint8_t *row = set->grey.data + set->grey.stride * set->next;
+    cairn_real sum[ORDERS] = {0, 0, 0, 0};
+
+    for (int32_t i = 0; i < set->taps; i++) {
+        cairn_real grey = (cairn_real)row[clamp(set->x + i - set->reach, set->grey.width)];
+
+        for (int32_t order = 0; order < ORDERS; order++)
+            sum[order] += set->filter[order][i] * grey;
+    }
+    for (int32_t order = 0; order < ORDERS; order++)
+        smooth_row(set, set->next, order)[set->x] = sum[order];
+}
+
+/* d[i][j]: the derivative i times along x and j times along y, i + j <= 3, at the pixel. */
+static void derive(const cairn_edgel_set *set, cairn_real d[ORDERS][ORDERS])
+{
+    memset(d, 0, sizeof(cairn_real[ORDERS][ORDERS]));
+    for (int32_t k = 0; k < set->taps; k++) {
+        int32_t row = clamp(set->y + k - set->reach, set->grey.height);
+
+        for (int32_t i = 0; i < ORDERS; i++) {
+            cairn_real along = smooth_row(set, row, i)[set->x];
+
+            for (int32_t j = i == 0; i + j < ORDERS; j++)
+                d[i][j] += set->filter[j][k] * along;
+        }
+    }
+}
+
+static edgel_sample sample_of(cairn_real d[ORDERS][ORDERS])
+{
+    cairn_real x = d[1][0], y = d[0][1], xx = d[2][0], xy = d[1][1], yy = d[0][2];
+    /* Half the gradient of the squared slope. */
+    cairn_real u = x * xx + y * xy, v = x * xy + y * yy;
+    edgel_sample s;
+
+    s.f = x * u + y * v;
+    s.f_slope.x = 2 * (u * xx + v * xy) + x * x * d[3][0] + 2 * x * y * d[2][1] + y * y * d[1][2];
+    s.f_slope.y = 2 * (u * xy + v * yy) + x * x * d[2][1] + 2 * x * y * d[1][2] + y * y * d[0][3];
+    s.slope.x = x;
+    s.slope.y = y;
+    return s;
+}
+
+/* ---- Zeros ---- */
+
+static cairn_vec2 between(cairn_vec2 a, cairn_vec2 b, cairn_real share)
+{
+    return cairn_vec2_add(a, cairn_vec2_scale(cairn_vec2_sub(b, a), share));
+}
+
+/* The second derivative along the slope over the slope itself: across a step it is linear, so that its zero can be interpolated. */
+static cairn_real fall_of(const edgel_sample *s)
+{
+    cairn_real slope = cairn_vec2_norm(s->slope);
+
+    return s->f / cairn_max(slope * slope * slope, CAIRN_REAL_MIN);
+}
+
+/* The edgel between a pixel and the next one to the right or below. 0: there is none. */
+static int edgel_between(const cairn_edgel_set *set, const edgel_sample *a, const edgel_sample *b, int upright,
+                         cairn_edgel *edgel, cairn_real *share)
+{
+    cairn_real fall = fall_of(a);
+    cairn_vec2 slope, normal;
+
+    if ((a->f > 0) == (b->f > 0))
+        return 0;
+    *share = fall / (fall - fall_of(b));
+    slope = between(a->slope, b->slope, *share);
+    normal = cairn_vec2_unit(between(a->f_slope, b->f_slope, *share));
+    edgel->normal = cairn_vec2_scale(normal, -1);
+    edgel->slope = cairn_vec2_norm(slope);
+    return edgel->slope >= set->params.min_slope && (cairn_abs(normal.x) >= cairn_abs(normal.y)) == upright &&
+           cairn_vec2_dot(edgel->normal, slope) >= set->cos_turn * edgel->slope;
+}
+
+static cairn_status keep(cairn_edgel_set *set, const cairn_edgel *edgel, cairn_real x, cairn_real y)
+{
+    if (set->count == set->params.max_edgels)
+        return CAIRN_FULL;
+    set->edgels[set->count] = *edgel;
+    set->edgels[set->count].position.x = x;
+    set->edgels[set->count++].position.y = y;
+    return CAIRN_OK;
+}
+
+/* From the pixel above to this one, and from this one to the right. */
+static cairn_status find_pixel(cairn_edgel_set *set)
+{
+    const edgel_sample *here = &sample_row(set, set->y)[set->x];
+    cairn_real x = (cairn_real)set->x, y = (cairn_real)set->y, share;
+    cairn_edgel edgel;
+
+    if (set->y > 0 && edgel_between(set, &sample_row(set, set->y - 1)[set->x], here, 0, &edgel, &share)) {
+        cairn_status status = keep(set, &edgel, x, y - 1 + share);
+
+        if (status != CAIRN_OK)
+            return status;
+    }
+    if (set->x + 1 < set->grey.width && edgel_between(set, here, here + 1, 1, &edgel, &share))
+        return keep(set, &edgel, x + share, y);
+    return CAIRN_OK;
+}
+
+/* ---- Rows ---- */
+
+static int32_t unit_cost(const cairn_edgel_set *set)
+{
+    static const int32_t products[] = {0, ORDERS, 9, 0};
+
+    return 1 + products[set->phase] * set->taps / TAPS_A_UNIT;
+}
+
+static cairn_status do_pixel(cairn_edgel_set *set)
+{
+    cairn_real d[ORDERS][ORDERS];
+
+    if (set->phase == SMOOTH) {
+        smooth_pixel(set);
+    } else if (set->phase == DERIVE) {
+        derive(set, d);
+        sample_row(set, set->y)[set->x] = sample_of(d);
+    } else {
+        return find_pixel(set);
+    }
+    return CAIRN_OK;
+}
+
+/* What comes after a row of this phase: rows are smoothed until the filter has all that it reaches. */
+static void end_row(cairn_edgel_set *set)
+{
+    set->x = 0;
+    set->next += set->phase == SMOOTH;
+    set->y += set->phase == FIND;
+    if (set->phase == DERIVE)
+        set->phase = FIND;
+    else if (set->y == set->grey.height)
+        set->phase = DONE;
+    else
+        set->phase = set->next < set->grey.height && set->next <= set->y + set->reach ? SMOOTH : DERIVE;
+}
+
+cairn_status cairn_edgel_step(cairn_edgel_set *set, cairn_budget *budget)
+{
+    if (set == NULL || budget == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    while (set->phase != IDLE && set->phase != DONE) {
+        cairn_status status;
+
+        if (!cairn_budget_pay(budget, &set->paid, unit_cost(set)))
+            return CAIRN_MORE;
+        status = do_pixel(set);
+        if (status != CAIRN_OK) {
+            set->phase = IDLE;
+            return status;
+        }
+        if (++set->x == set->grey.width)
+            end_row(set);
+    }
+    return CAIRN_OK;
+}
+
+const cairn_edgel *cairn_edgel_list(const cairn_edgel_set *set, int32_t *count)
+{
+    int has = set != NULL && set->phase == DONE;
+
+    if (count != NULL)
+        *count = has ? set->count : 0;
+    return has ? set->edgels : NULL;
+}
