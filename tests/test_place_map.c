@@ -703,12 +703,12 @@ static void results_stay_as_they_are(void **state)
     decoupled.rounds = 1;
     decoupled.sweeps = 1;
     assert_golden(hash_of_rooms(params, 0), UINT64_C(0x86d4dd24b143856f), UINT64_C(0xa25f528a729e68b4));
-    assert_golden(hash_of_rooms(params, 1), UINT64_C(0xb75be7f60ef2c761), UINT64_C(0x6c6834047e5d0b64));
+    assert_golden(hash_of_rooms(params, 1), UINT64_C(0x7315819de4cffdb9), UINT64_C(0x74fd77997e3592b4));
     assert_golden(hash_of_rooms(sequential, 0), UINT64_C(0x33ab8f8329ca2202), UINT64_C(0xd338b7435c55244f));
     jointly.decoupled = CAIRN_PLACE_MAP_JOINTLY;
-    assert_golden(hash_of_crowd(crowded), UINT64_C(0xa71d6a54e831e3c0), UINT64_C(0x9919c261e8138513));
-    assert_golden(hash_of_crowd(jointly), UINT64_C(0xd33602303bb109d8), UINT64_C(0xff1f9e3040de54cf));
-    assert_golden(hash_of_rooms(decoupled, 0), UINT64_C(0xafef2d515352388d), UINT64_C(0xedfa2c9fdd4e170e));
+    assert_golden(hash_of_crowd(crowded), UINT64_C(0xd8c6cd80b0431b3b), UINT64_C(0x6d211a1bb0cc1170));
+    assert_golden(hash_of_crowd(jointly), UINT64_C(0x739d72c5b5465643), UINT64_C(0xcdc68816d2e491a0));
+    assert_golden(hash_of_rooms(decoupled, 0), UINT64_C(0xba3a0a8acee31904), UINT64_C(0x1be37b95ec51de24));
 }
 
 /* ---- Contracts ---- */

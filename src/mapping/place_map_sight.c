@@ -218,9 +218,9 @@ void cairn_place_map_sample_free(cairn_place_map *map, int32_t place)
 
 cairn_vec2 cairn_place_map_free_point(const cairn_place_map *map, int32_t place, int32_t i)
 {
-    int32_t cell = free_cells_of(map, place)[i];
+    int32_t cell = free_cells_of(map, place)[i], column = cell % map->side, row = cell / map->side;
     cairn_real middle = (cairn_real)(map->side - 1) / 2;
-    cairn_vec2 p = {(cairn_real)(cell % map->side) - middle, (cairn_real)(cell / map->side) - middle};
+    cairn_vec2 p = {(cairn_real)column - middle, (cairn_real)row - middle};
 
     return cairn_vec2_scale(p, map->params.sight_cell);
 }
