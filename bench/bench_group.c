@@ -328,10 +328,16 @@ void group_image_free(group_image *image)
 
 /* ---- Groupings ---- */
 
+static void free_grouping(const group_grouping *g)
+{
+    free(g->pixels);
+    free(g->outline);
+}
+
 void group_found_clear(group_found *found)
 {
     for (int32_t i = 0; i < found->count; i++)
-        free(found->grouping[i].pixels);
+        free_grouping(&found->grouping[i]);
     memset(found, 0, sizeof *found);
 }
 
@@ -355,16 +361,20 @@ static void mark(const group_image *image, cairn_segment line, group_grouping *g
 void group_found_add(group_found *found, const group_image *image, const cairn_contour_tokens *tokens,
                      const cairn_contour_result *result)
 {
-    found->best = fmax(found->best, (double)result->best);
+    found->best = fmax(found->best, (double)result->best_evidence);
     for (int32_t i = 0; i < result->object_count && found->count < GROUP_GROUPINGS; i++) {
         const cairn_contour_object *o = &result->objects[i];
         group_grouping *g = &found->grouping[found->count];
 
         memset(g, 0, sizeof *g);
         g->pixels = empty_picture(image);
-        if (g->pixels == NULL)
+        g->outline_count = result->outline_count / result->object_count;
+        g->outline = malloc((size_t)g->outline_count * sizeof *g->outline);
+        if (g->pixels == NULL || g->outline == NULL) {
+            free_grouping(g);
             return;
-        g->score = (double)o->found.score;
+        }
+        memcpy(g->outline, &result->outline[o->first_outline], (size_t)g->outline_count * sizeof *g->outline);
         g->object = o->found;
         g->mirrored = o->mirrored;
         for (int32_t k = 0; k < o->found.count; k++)
@@ -377,7 +387,7 @@ static int compare_groupings(const void *a, const void *b)
 {
     const group_grouping *x = a, *y = b;
 
-    return (x->score < y->score) - (x->score > y->score);
+    return (x->object.evidence < y->object.evidence) - (x->object.evidence > y->object.evidence);
 }
 
 void group_found_sort(group_found *found)
@@ -398,7 +408,7 @@ void group_found_sort(group_found *found)
         if (apart)
             found->grouping[kept++] = found->grouping[i];
         else
-            free(found->grouping[i].pixels);
+            free_grouping(&found->grouping[i]);
     }
     found->count = kept;
 }
@@ -483,21 +493,15 @@ static void dot(const group_image *image, uint8_t *rgb, double x, double y, cons
         memcpy(&rgb[3 * (v * image->width + u)], colour, 3);
 }
 
-static void draw_model(const group_image *image, uint8_t *rgb, const group_grouping *g, const cairn_shape_model *model)
+static void draw_outline(const group_image *image, uint8_t *rgb, const group_grouping *g)
 {
     static const uint8_t blue[3] = {60, 120, 255};
-    double c = cos((double)g->object.turn) * (double)g->object.size,
-           s = sin((double)g->object.turn) * (double)g->object.size;
 
-    for (int32_t i = 0; i < model->outline_count; i++) {
-        double x = (double)model->outline[i].position.x * (g->mirrored ? -1 : 1),
-               y = (double)model->outline[i].position.y;
-
-        dot(image, rgb, (double)g->object.origin.x + c * x - s * y, (double)g->object.origin.y + s * x + c * y, blue);
-    }
+    for (int32_t i = 0; i < g->outline_count; i++)
+        dot(image, rgb, (double)g->outline[i].at.position.x, (double)g->outline[i].at.position.y, blue);
 }
 
-void group_draw(const char *folder, const group_image *image, const group_found *found, const cairn_shape_model *model)
+void group_draw(const char *folder, const group_image *image, const group_found *found)
 {
     int32_t n = image->width * image->height;
     uint8_t *rgb = malloc(3 * (size_t)n);
@@ -519,7 +523,7 @@ void group_draw(const char *folder, const group_image *image, const group_found 
             }
     }
     for (int32_t k = 0; k < found->count && k < image->instances && file != NULL; k++)
-        draw_model(image, rgb, &found->grouping[k], model);
+        draw_outline(image, rgb, &found->grouping[k]);
     if (file != NULL) {
         fprintf(file, "P6\n%d %d\n255\n", (int)image->width, (int)image->height);
         (void)fwrite(rgb, 1, 3 * (size_t)n, file);

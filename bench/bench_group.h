@@ -39,10 +39,11 @@ void group_image_free(group_image *image);
 
 /* A grouping: the edge pixels that its segments run along. */
 typedef struct group_grouping {
-    double score, left, top, right, bottom; /* box of the model where it was laid */
     uint8_t *pixels;
     int32_t pixel_count;
     cairn_grouped_object object;
+    cairn_contour_place *outline; /* [outline_count] */
+    int32_t outline_count;
     int32_t mirrored;
 } group_grouping;
 
@@ -67,7 +68,7 @@ typedef struct group_score {
 /* Scores of all instances: each by the best of the first I groupings for it, no grouping for two. The number of groupings that were hits. */
 int32_t group_measure(const group_image *image, const group_found *found, group_score score[GROUP_INSTANCES]);
 
-/* DIR/name.ppm: edges grey, outlines green, the best groupings red, those behind them orange, their models blue. */
-void group_draw(const char *folder, const group_image *image, const group_found *found, const cairn_shape_model *model);
+/* DIR/name.ppm: edges grey, outlines green, the best groupings red, those behind them orange, their bent outlines blue. */
+void group_draw(const char *folder, const group_image *image, const group_found *found);
 
 #endif

@@ -3,8 +3,9 @@
  * A scene holds one object of a family, 120 px times 0.7 ... 1.3, turned by up to 10 degrees, among --k others, --noise grey levels,
  * --hidden of its boundary behind a disc. The model is the object's own shape (--mode instance) or another member of its family
  * (class). Found is what bench counts, of the best grouping: hit50, its box and the object's overlap by half; boundary80, 80 % of
- * the whole boundary lie within 3 px of its segments, visible80 of that which is not hidden, completed80 of its segments and, where
- * there are none, of the model's outline as it was laid; boundary_f; labels: lengths of
+ * the whole boundary lie within 3 px of its segments or, where there are none, of its completed pieces: the model's outline as it was laid
+ * there; visible80, 80 % of that which is not hidden within 3 px of its segments alone; segments80, of the whole; boundary_f of the
+ * segments; labels: lengths of
  * segments. false_per_image is counted on as many scenes without the object. */
 #include <inttypes.h>
 #include <math.h>
@@ -400,9 +401,9 @@ static void print_summary(const settings *s, const sums *t, const finder *f)
     bench_json_number("hidden", s->hidden);
     bench_json_integer("particles", s->particles);
     bench_json_number("hit50", t->hit / n);
-    bench_json_number("boundary80", t->whole / n);
+    bench_json_number("boundary80", t->completed / n);
     bench_json_number("visible80", t->visible / n);
-    bench_json_number("completed80", t->completed / n);
+    bench_json_number("segments80", t->whole / n);
     bench_json_number("boundary_f", t->f / n);
     bench_json_number("label_precision", t->label_precision / n);
     bench_json_number("label_recall", t->label_recall / n);

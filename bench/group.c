@@ -26,7 +26,7 @@
 typedef struct settings {
     const char *class_name, *scale, *data, *draw, *tokens;
     int64_t most, particles, paths, strength, seed, others;
-    double score;
+    double score, evidence;
     int32_t no_model, no_skeleton, no_mirror, no_others, each;
 } settings;
 
@@ -55,7 +55,9 @@ static cairn_contour_search_params params_of(const settings *s, const group_imag
     p.grouping.use_skeleton = !s->no_skeleton;
     p.grouping.seed = (uint64_t)s->seed;
     if (s->score >= 0)
-        p.grouping.min_score = (cairn_real)s->score;
+        p.min_score = (cairn_real)s->score;
+    if (s->evidence >= 0)
+        p.min_evidence = (cairn_real)s->evidence;
     return p;
 }
 
@@ -105,6 +107,14 @@ static int search_own(const settings *s, sums *t, const group_image *image, cons
     return 1;
 }
 
+/* The first grouping, and the most evidence of any, reported or not. */
+static void print_best(const group_found *found)
+{
+    bench_json_number("score", found->count > 0 ? (double)found->grouping[0].object.score : 0);
+    bench_json_number("evidence", found->count > 0 ? (double)found->grouping[0].object.evidence : 0);
+    bench_json_number("best", found->best);
+}
+
 static void print_each(const group_image *image, const group_found *found, const group_score *score)
 {
     bench_json_begin("group");
@@ -116,8 +126,7 @@ static void print_each(const group_image *image, const group_found *found, const
     bench_json_number("present", score->present);
     bench_json_number("box_iou", score->iou);
     bench_json_integer("groupings", found->count);
-    bench_json_number("score", found->count > 0 ? found->grouping[0].score : 0);
-    bench_json_number("best", found->best);
+    print_best(found);
     bench_json_end();
 }
 
@@ -153,7 +162,7 @@ static int run_own(const settings *s, sums *t, const char *folder, const char *n
             print_each(&image, &found, &score[i]);
     }
     if (s->draw != NULL)
-        group_draw(s->draw, &image, &found, model);
+        group_draw(s->draw, &image, &found);
     group_found_clear(&found);
     group_image_free(&image);
     return 1;
@@ -178,7 +187,7 @@ static int run_other(const settings *s, sums *t, const char *folder, const char 
         bench_json_begin("group");
         bench_json_text("other", image.name);
         bench_json_integer("groupings", found.count);
-        bench_json_number("best", found.best);
+        print_best(&found);
         bench_json_end();
     }
     group_found_clear(&found);
@@ -257,6 +266,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_PATHS, "N", "of a model at most"),
         OPTION_INTEGER("--min-strength", &s->strength, 1, 255, "N", "of edges"),
         OPTION_NUMBER("--min-score", &s->score, 0, 1, "S", "of a grouping that is reported"),
+        OPTION_NUMBER("--min-evidence", &s->evidence, 0, 1000, "E", "of a grouping that is reported"),
         OPTION_INTEGER("--seed", &s->seed, 0, 1e9, "S", "of the filter"),
         OPTION_FLAG("--no-model", &s->no_model, "without the model term"),
         OPTION_FLAG("--no-skeleton", &s->no_skeleton, "without the skeleton term"),
@@ -305,8 +315,8 @@ static int load_model(const settings *s, int which, cairn_shape_model_file *mode
 int main(int argc, char **argv)
 {
     settings s = {"Swans", "searched", "../shared/data", NULL, "segments", 100000, 300, CAIRN_SHAPE_PATHS,
-                  1,       1,          100000,           -1,   0,          0,      0,   0,
-                  0};
+                  1,       1,          100000,           -1,   -1,         0,      0,   0,
+                  0,       0};
     option_result result = read_settings(&s, argc, argv);
     cairn_shape_model_file model;
     int which = 0, ok;

@@ -10,6 +10,8 @@
 #include "cairn/occupancy_grid.h"
 #include "cairn/place_map.h"
 #include "cairn/edgel.h"
+#include "cairn/inner_distance.h"
+#include "cairn/self_similarity.h"
 #include "cairn/ellipse.h"
 #include "cairn/rectangle.h"
 #include "cairn/scan_match.h"
@@ -34,6 +36,8 @@ int main(void)
     cairn_hough_params hough = cairn_hough_default();
     cairn_rectangle_params rectangle = cairn_rectangle_default();
     cairn_edgel_params edgel = cairn_edgel_default();
+    cairn_inner_distance_params inner = cairn_inner_distance_default();
+    cairn_self_similarity_params similarity = cairn_self_similarity_default();
     cairn_ellipse_params ellipse = cairn_ellipse_default();
     cairn_sequence_params sequence = cairn_sequence_default();
     cairn_particle_filter_params filter = cairn_particle_filter_default();
@@ -58,6 +62,8 @@ int main(void)
     print("hough", "360 x 256 bins, 32 lines", cairn_hough_memory(&hough));
     print("rectangle", "1024 segments, 256 sides, 2048 pairs, 32 rectangles", cairn_rectangle_memory(&rectangle));
     print("ellipse", "2 x 96 x 96 cells, 32 ellipses", cairn_ellipse_memory(&ellipse));
+    print("inner_distance", "128 points", cairn_inner_distance_memory(&inner));
+    print("self_similarity", "96 points, 48 of holes", cairn_self_similarity_memory(&similarity));
     print("edgel", "640 x 480 pixels, 40000 edgels", cairn_edgel_memory(&edgel));
     print("sequence", "1024 and 1024 elements", cairn_sequence_memory(&sequence));
     print("particle_filter", "100 particles, 4,096 candidates and blocks of 64 bytes",

@@ -112,6 +112,7 @@ uint64_t golden_places(void);
 uint64_t golden_merged(void);
 uint64_t golden_contours(void);
 uint64_t golden_edgels(void);
+uint64_t golden_symmetry(void);
 uint64_t golden_grouped(void);
 
 typedef struct golden_scene {

@@ -6,6 +6,7 @@
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
 #include "cairn/edgel.h"
+#include "cairn/self_similarity.h"
 #include "cairn/symmetric_point.h"
 #include "tests/golden.h"
 
@@ -288,6 +289,47 @@ uint64_t golden_grouped(void)
         in.max_turn = CAIRN_REAL(0.3);
         in.mean_length = 9;
         hash = group(hash, grouping, &in);
+    }
+    return hash;
+}
+
+/* ---- The axes of a leaf, as written and re-ranked ---- */
+
+uint64_t golden_symmetry(void)
+{
+    enum { LEAF = 60 };
+    cairn_self_similarity_params params = cairn_self_similarity_default();
+    cairn_vec2 leaf[LEAF];
+    cairn_curve outline = {leaf, LEAF, 1};
+    uint64_t hash = GOLDEN_START;
+
+    for (int32_t i = 0; i < LEAF; i++) {
+        cairn_real sine, cosine, lobes, unused;
+
+        cairn_sincos((cairn_real)i * (2 * CAIRN_PI / LEAF), &sine, &cosine);
+        cairn_sincos((cairn_real)i * (10 * CAIRN_PI / LEAF), &unused, &lobes);
+        leaf[i].x = (30 + 6 * lobes) * (cosine + CAIRN_REAL(0.3) * sine);
+        leaf[i].y = (20 + 4 * lobes) * sine + 5 * cosine * cosine;
+    }
+    for (params.mode = CAIRN_SYMMETRY_AS_WRITTEN; params.mode <= CAIRN_SYMMETRY_RERANKED; params.mode++) {
+        cairn_budget budget = {INT32_MAX};
+        cairn_self_similarity *similarity;
+        cairn_self_similarity_result r;
+        cairn_pool pool;
+
+        if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+            cairn_self_similarity_create(&similarity, &pool, &params) != CAIRN_OK ||
+            cairn_self_similarity_begin(similarity, &outline, 1) != CAIRN_OK ||
+            cairn_self_similarity_step(similarity, &budget) != CAIRN_OK)
+            return 0;
+        r = cairn_self_similarity_read(similarity);
+        for (int32_t i = 0; i < r.count; i++) {
+            const cairn_symmetry_axis *a = &r.axes[i];
+
+            hash = add_point(add_point(add_real(hash, a->dissimilarity), a->end[0]), a->end[1]);
+            hash = add_real(add_real(hash, a->bend), a->skew);
+        }
+        hash = add_bytes(hash, &budget.left, sizeof budget.left);
     }
     return hash;
 }

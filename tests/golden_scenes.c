@@ -25,6 +25,7 @@ const golden_scene golden_scenes[] = {
     {"merged", golden_merged},
     {"contours", golden_contours},
     {"edgels", golden_edgels},
+    {"symmetry", golden_symmetry},
     {"grouped", golden_grouped},
     {NULL, NULL},
 };

@@ -125,6 +125,7 @@ static void test_halved(void **state)
 static void test_no_object(void **state)
 {
     outcome o;
+    char *text;
 
     (void)state;
     (void)files_write_text("dot.pgm", "P2\n1 1\n255\n9\n");
@@ -138,6 +139,16 @@ static void test_no_object(void **state)
                      "120:220 --min-score 0.9 -o @/down");
     assert_done(o);
     assert_holds(o.out, "no object, best score");
+    /* More evidence than there is. */
+    o = programs_run("cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape --scale 120:220 "
+                     "--min-evidence 999 -o @/much");
+    assert_done(o);
+    assert_holds(o.out, "no object, best score");
+    assert_done(programs_run("cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape --scale 120:220 "
+                             "--min-evidence 0 -o @/little"));
+    text = read_in("little/bottle.json");
+    assert_non_null(strstr(text, "\"verdict\": \"found\""));
+    free(text);
 }
 
 static void test_edges_by_opencv(void **state)

@@ -38,7 +38,7 @@ static found find(int there, int32_t shrink)
         edges[30 * WIDTH + 70 + i] = edges[110 * WIDTH + 70 + i] = 200;
     params.min_size = 80;
     params.max_size = 100;
-    params.grouping.min_score = CAIRN_REAL(0.3);
+    params.min_score = CAIRN_REAL(0.3);
     assert_ok(cairn_shape_model_file_build(&f.model, &outline, 1, &builder, "box", &error));
     assert_ok(cairn_contour_tokens_find(&f.tokens, view, 1, 0, "edges", &error));
     assert_ok(cairn_contour_search_run(&f.result, &f.tokens, &f.model.model, &params, "edges", &error));

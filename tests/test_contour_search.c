@@ -114,7 +114,7 @@ static cairn_contour_search_params generous(void)
 {
     cairn_contour_search_params params = cairn_contour_search_default(WIDTH, HEIGHT);
 
-    params.grouping.min_score = CAIRN_REAL(0.3);
+    params.min_score = CAIRN_REAL(0.3);
     params.grouping.min_evidence = 1;
     return params;
 }
@@ -252,37 +252,25 @@ static void test_completed_along_the_chains(void **state)
     cairn_contour_tokens_free(&tokens);
 }
 
-/* A model of a line of outline from left to right, and edges about it. */
-static void complete(const cairn_segment *lines, const int32_t *chains, int32_t count, const char *taken,
-                     const char *wanted)
+/* An outline from left to right at a height of 100, and edges about it: which of them are collected, and their order. */
+static void collect(const cairn_segment *lines, const int32_t *chains, int32_t count, const char *wanted)
 {
     cairn_oriented_point outline[41];
-    cairn_shape_model model;
-    cairn_grouped_object object;
+    contour_laid laid = {outline, 41, {100, 100}, 200};
     cairn_contour_tokens tokens;
     int32_t list[16], listed = 0, known[16] = {0};
 
-    memset(&model, 0, sizeof model);
-    memset(&object, 0, sizeof object);
     memset(&tokens, 0, sizeof tokens);
     for (int32_t i = 0; i < 41; i++) {
-        outline[i].position.x = (cairn_real)(i - 20) / 40;
-        outline[i].position.y = 0;
+        outline[i].position.x = (cairn_real)(5 * i);
+        outline[i].position.y = 100;
         outline[i].direction.x = 1;
         outline[i].direction.y = 0;
     }
-    model.outline = outline;
-    model.outline_count = 41;
-    object.size = 200;
-    object.origin.x = 100;
-    object.origin.y = 100;
     tokens.lines = (cairn_segment *)lines;
     tokens.chain = (int32_t *)chains;
     tokens.count = count;
-    for (int32_t i = 0; i < count; i++)
-        if (taken[i] == '+')
-            list[listed++] = i;
-    assert_true(cairn_contour_complete(&tokens, &model, &object, list, &listed));
+    assert_true(cairn_contour_collect(&tokens, &laid, list, &listed));
     for (int32_t i = 0; i < listed; i++) {
         known[list[i]]++;
         if (i > 0)
@@ -293,46 +281,182 @@ static void complete(const cairn_segment *lines, const int32_t *chains, int32_t 
             fail_msg("segment %d: %d, expected %c", i, known[i], wanted[i]);
 }
 
-static void test_what_is_completed(void **state)
+/* Eight segments of 20 px in a row at a height. */
+static void make_row(cairn_segment row[8], cairn_real y)
 {
-    static const int32_t one[8] = {0, 0, 0, 0, 0, 0, 0, 0}, two[6] = {0, 0, 0, 1, 1, 1};
-    cairn_segment row[8];
-
-    (void)state;
     for (int32_t i = 0; i < 8; i++) {
         row[i].a.x = (cairn_real)(20 + 20 * i);
         row[i].b.x = row[i].a.x + 20;
-        row[i].a.y = row[i].b.y = 100;
+        row[i].a.y = row[i].b.y = y;
     }
-    /* A chain along the model is followed to its ends; a gap of 20 px is closed whatever it does. */
-    complete(row, one, 8, "..+.....", "++++++++");
+}
+
+static void test_what_lies_along(void **state)
+{
+    static const int32_t apart[8] = {0, 1, 2, 3, 4, 5, 6, 7};
+    cairn_segment row[8];
+
+    (void)state;
+    /* Within 9 px of an outline of 200. */
+    make_row(row, 108);
+    collect(row, apart, 8, "++++++++");
+    make_row(row, 110);
+    collect(row, apart, 8, "........");
+    /* Turned by less than 37 degrees. */
+    make_row(row, 100);
+    row[2].a.y = 94;
+    row[2].b.y = 106;
+    row[3].a.x = row[3].b.x = 90;
     row[3].a.y = 92;
     row[3].b.y = 108;
-    row[3].a.x = row[3].b.x = 85;
-    complete(row, one, 8, "..+.+...", "++++++++");
-    complete(row, one, 8, "..+.....", "+++.....");
-    /* Nothing is followed where nothing was taken, nor over 40 px of gap. */
-    complete(row, one, 8, "........", "........");
-    row[4].a.y = row[4].b.y = 140;
-    row[3] = row[4];
-    complete(row, one, 8, "..+..+..", "+++..+++");
-    /* An edge that leaves the model slowly is followed, one that leaps away is not. */
+    row[5].a.x = 124;
+    row[5].b.x = 136;
+    row[5].a.y = 94;
+    row[5].b.y = 106;
+    collect(row, apart, 8, "+++.+.++");
+    /* Not beyond a size from the middle. */
+    make_row(row, 100);
+    row[7].a.x = 310;
+    row[7].b.x = 330;
+    collect(row, apart, 8, "+++++++.");
+}
+
+static void test_what_is_completed(void **state)
+{
+    static const int32_t one[8] = {0, 0, 0, 0, 0, 0, 0, 0}, two[8] = {0, 0, 0, 0, 1, 1, 1, 1};
+    cairn_segment row[8];
+
+    (void)state;
+    /* A gap of up to 30 px within a chain is closed whatever lies in it. */
+    make_row(row, 100);
+    row[3].a.y = row[3].b.y = 130;
+    collect(row, one, 8, "++++++++");
+    row[4].a.y = row[4].b.y = 130;
+    collect(row, one, 8, "+++..+++");
+    /* An edge that leaves the outline slowly is followed; behind it no farther than what its chain may bend, and only in the box. */
+    make_row(row, 100);
     for (int32_t i = 0; i < 8; i++)
         row[i].a.y = row[i].b.y = (cairn_real)(100 + 3 * i);
-    row[3].a.x = 80;
-    row[3].b.x = 100;
-    complete(row, one, 8, "+.......", "++++++++");
-    row[5].a.y = row[5].b.y = 128;
-    complete(row, one, 8, "+.......", "+++++...");
-    /* Where a chain ends the next one goes on, if it begins there. */
-    for (int32_t i = 0; i < 6; i++)
-        row[i].a.y = row[i].b.y = 100;
-    complete(row, two, 6, "+.....", "++++++");
-    for (int32_t i = 3; i < 6; i++) {
+    collect(row, one, 8, "+++++++.");
+    /* Across a junction to a chain that begins there, 13 px off, behind one that is 8 px off; not to one that begins 6 px away. */
+    make_row(row, 108);
+    for (int32_t i = 4; i < 8; i++)
+        row[i].a.y = row[i].b.y = 113;
+    row[4].a.y = 110;
+    collect(row, two, 8, "++++++++");
+    for (int32_t i = 4; i < 8; i++) {
         row[i].a.x += 6;
         row[i].b.x += 6;
     }
-    complete(row, two, 6, "+.....", "+++...");
+    collect(row, two, 8, "++++....");
+}
+
+/* A bow over a box: what leaves the outline is followed for a quarter and a tenth of the size, within the box, not round a sharp bend. */
+static void test_what_is_followed(void **state)
+{
+    static const int32_t one[8] = {0, 0, 0, 0, 0, 0, 0, 0}, two[8] = {0, 0, 0, 1, 1, 1, 1, 1};
+    cairn_oriented_point outline[40];
+    contour_laid laid = {outline, 40, {100, 100}, 200};
+    cairn_contour_tokens tokens;
+    cairn_segment row[8];
+    int32_t list[8], listed;
+
+    (void)state;
+    memset(&tokens, 0, sizeof tokens);
+    tokens.lines = row;
+    tokens.count = 8;
+    for (int32_t i = 0; i < 40; i++) {
+        outline[i].position.x = i < 20 ? (cairn_real)(10 * i) : (cairn_real)(10 * (39 - i));
+        outline[i].position.y = i < 20 ? 40 : 160;
+        outline[i].direction.x = 1;
+        outline[i].direction.y = 0;
+    }
+    /* Along the upper side, then steadily down into the box: 14 px each in length. */
+    for (int32_t k = 0; k < 4; k++) {
+        for (int32_t i = 0; i < 8; i++) {
+            row[i].a.x = (cairn_real)(20 + 10 * i);
+            row[i].b.x = row[i].a.x + 10;
+            row[i].a.y = i < 3 ? 40 : (cairn_real)(40 + 10 * (i - 3));
+            row[i].b.y = i < 3 ? 40 : row[i].a.y + 10;
+        }
+        tokens.chain = (int32_t *)(k == 1 ? two : one);
+        for (int32_t i = 3; i < 8 && k == 2; i++) {
+            row[i].a.y = 80 - row[i].a.y;
+            row[i].b.y = 80 - row[i].b.y;
+        }
+        for (int32_t i = 3; i < 8 && k == 3; i++) {
+            row[i].a.x = row[i].b.x = 48;
+            row[i].a.y = (cairn_real)(40 + 20 * (i - 3));
+            row[i].b.y = row[i].a.y + 20;
+        }
+        assert_true(cairn_contour_collect(&tokens, &laid, list, &listed));
+        assert_int_equal(listed, k < 2 ? 7 : 3);
+    }
+}
+
+/* Pieces of an outline of two parts that no segment goes along. */
+static void test_pieces_not_seen(void **state)
+{
+    static const char seen[] = "..++.+..|..+++..", *const wanted = "aa++b+cc|dd+++ee";
+    cairn_contour_place outline[16];
+    cairn_contour_object object;
+    cairn_contour_result r;
+    int32_t first, count, pieces = 0, n = 0;
+
+    (void)state;
+    memset(&object, 0, sizeof object);
+    memset(&r, 0, sizeof r);
+    r.outline = outline;
+    object.first_outline = 1;
+    for (size_t i = 0, part = 0; seen[i] != '\0'; i++) {
+        part += seen[i] == '|';
+        if (seen[i] != '|') {
+            outline[1 + n].segment = seen[i] == '+' ? 3 : -1;
+            outline[1 + n++].part = (int32_t)part;
+        }
+    }
+    object.outline_count = n;
+    for (int32_t from = 0; cairn_contour_completed(&r, &object, from, &first, &count); from = first + count, pieces++)
+        for (int32_t i = first; i < first + count; i++)
+            assert_int_equal(wanted[i < 8 ? i : i + 1], 'a' + pieces);
+    assert_int_equal(pieces, 5);
+    assert_int_equal(count, 0);
+}
+
+/* A flag of which a piece of the pole is hidden: that piece, and hardly more, is predicted, where it would be. */
+static void test_hidden_piece_is_predicted(void **state)
+{
+    cairn_contour_search_params params = generous();
+    cairn_contour_tokens tokens;
+    cairn_contour_result r;
+    int32_t first, count, hidden = 0, others = 0;
+
+    (void)state;
+    memset(edges, 0, sizeof edges);
+    draw_flag(60, 40, 1, 0);
+    for (int32_t y = 85; y < 135; y++)
+        memset(&edges[y * WIDTH + 50], 0, 40);
+    tokens = find_tokens(0);
+    params.min_size = 120;
+    params.max_size = 170;
+    params.mirror = 0;
+    r = run(&tokens, &params);
+    assert_true(r.object_count >= 1);
+    for (int32_t from = 0; cairn_contour_completed(&r, &r.objects[0], from, &first, &count); from = first + count)
+        for (int32_t i = first; i < first + count; i++) {
+            cairn_vec2 p = r.outline[r.objects[0].first_outline + i].at.position;
+
+            if (p.y > 92 && p.y < 130 && p.x < 90) {
+                hidden++;
+                assert_true(cairn_min(cairn_abs(p.x - 60), cairn_abs(p.x - 74)) < 4);
+            } else {
+                others++;
+            }
+        }
+    assert_true(hidden >= 10);
+    assert_true(others <= 8);
+    cairn_contour_result_free(&r);
+    cairn_contour_tokens_free(&tokens);
 }
 
 /* ---- The walk watched ---- */
@@ -399,6 +523,50 @@ static void test_no_walk_no_particles(void **state)
     assert_int_equal(cairn_grouping_particles(NULL, &particle, 1, &steps), 0);
     assert_int_equal(steps, 0);
     assert_int_equal(cairn_grouping_particles(NULL, NULL, 0, NULL), 0);
+}
+
+/* Objects with less than what is asked for are not reported, but the best there is said. */
+static void test_least_of_evidence_and_score(void **state)
+{
+    (void)state;
+    memset(edges, 0, sizeof edges);
+    draw_flag(60, 40, 1, 0);
+    for (int k = 0; k < 3; k++) {
+        cairn_contour_search_params params = generous();
+        cairn_contour_tokens tokens = find_tokens(0);
+        cairn_contour_result r;
+
+        params.min_size = 120;
+        params.max_size = 170;
+        params.min_evidence = k == 1 ? 300 : params.min_evidence;
+        params.min_score = k == 2 ? 1 : params.min_score;
+        r = run(&tokens, &params);
+        assert_int_equal(r.object_count > 0, k == 0);
+        assert_true(r.best > CAIRN_REAL(0.8) && r.best < 1);
+        assert_true(r.best_evidence > params.min_evidence || k == 1);
+        cairn_contour_result_free(&r);
+        cairn_contour_tokens_free(&tokens);
+    }
+}
+
+/* Of edges in three strengths each has the share of the length that is weaker. */
+static void test_strengths(void **state)
+{
+    cairn_contour_tokens tokens;
+
+    (void)state;
+    memset(edges, 0, sizeof edges);
+    for (int32_t k = 0; k < 4; k++)
+        for (int32_t x = 20; x < 120; x++)
+            edges[(30 + 30 * k) * WIDTH + x] = (uint8_t)(k == 0 ? 60 : k == 3 ? 240 : 120);
+    tokens = find_tokens(0);
+    assert_true(tokens.count >= 4);
+    for (int32_t i = 0; i < tokens.count; i++) {
+        double y = (double)tokens.lines[i].a.y;
+
+        assert_near(tokens.strength[i], y < 45 ? 0.125 : y < 105 ? 0.5 : 0.875, 0.02);
+    }
+    cairn_contour_tokens_free(&tokens);
 }
 
 /* ---- Pictures with nothing in them, or too much ---- */
@@ -487,9 +655,15 @@ int main(void)
         cmocka_unit_test(test_without_mirror),
         cmocka_unit_test(test_both_of_two),
         cmocka_unit_test(test_completed_along_the_chains),
+        cmocka_unit_test(test_what_lies_along),
         cmocka_unit_test(test_what_is_completed),
+        cmocka_unit_test(test_what_is_followed),
+        cmocka_unit_test(test_pieces_not_seen),
+        cmocka_unit_test(test_hidden_piece_is_predicted),
         cmocka_unit_test(test_the_walk_is_watched),
         cmocka_unit_test(test_no_walk_no_particles),
+        cmocka_unit_test(test_least_of_evidence_and_score),
+        cmocka_unit_test(test_strengths),
         cmocka_unit_test(test_empty_and_full),
         cmocka_unit_test(test_limits),
         cmocka_unit_test(test_refused_searches),

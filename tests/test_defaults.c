@@ -7,7 +7,10 @@
 #include "cairn/contour_grouping.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
+#include "cairn/curve_evolution.h"
 #include "cairn/edgel.h"
+#include "cairn/inner_distance.h"
+#include "cairn/self_similarity.h"
 #include "cairn/filter_mapper.h"
 #include "cairn/hough.h"
 #include "cairn/lum.h"
@@ -520,6 +523,9 @@ static void of_contours(void **state)
     cairn_edge_chain_params chain = cairn_edge_chain_default();
     cairn_edge_segment_params segment = cairn_edge_segment_default();
     cairn_edgel_params edgel = cairn_edgel_default();
+    cairn_curve_evolution_params evolution = cairn_curve_evolution_default();
+    cairn_inner_distance_params inner = cairn_inner_distance_default();
+    cairn_self_similarity_params similarity = cairn_self_similarity_default();
     cairn_symmetric_point_params sp = cairn_symmetric_point_default();
     cairn_shape_builder_params shape = cairn_shape_builder_default();
     cairn_grouping_params group = cairn_grouping_default();
@@ -539,6 +545,17 @@ static void of_contours(void **state)
         VALUE(segment.look_ahead, 0),
         VALUE(segment.junction, 6),
         VALUE(segment.junction_turn, 20 * DEGREE),
+        VALUE(evolution.max_points, 256),
+        VALUE(inner.max_points, 128),
+        VALUE(inner.fill_holes, 0),
+        VALUE(similarity.mode, CAIRN_SYMMETRY_RERANKED),
+        VALUE(similarity.points, 96),
+        VALUE(similarity.hole_points, 48),
+        VALUE(similarity.least_vertices, 5),
+        VALUE(similarity.most_vertices, 20),
+        VALUE(similarity.tie, 0.01),
+        VALUE(similarity.tie_floor, 0.001),
+        VALUE(similarity.separation, 0.05),
         VALUE(edgel.max_width, 640),
         VALUE(edgel.max_height, 480),
         VALUE(edgel.max_edgels, 40000),

@@ -4,7 +4,10 @@
 
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
+#include "cairn/curve_evolution.h"
 #include "cairn/edgel.h"
+#include "cairn/inner_distance.h"
+#include "cairn/self_similarity.h"
 #include "cairn/lum.h"
 #include "cairn/map_merge.h"
 #include "cairn/mapper.h"
@@ -88,6 +91,9 @@ static cairn_distance_map_params distance_map_params(void)
     X(corner, corner_set)                                                                                              \
     X(edge_chain, edge_chain_set)                                                                                      \
     X(edge_segment, edge_segment_set)                                                                                  \
+    X(curve_evolution, curve_evolution)                                                                                \
+    X(inner_distance, inner_distance)                                                                                  \
+    X(self_similarity, self_similarity)                                                                                \
     X(edgel, edgel_set)                                                                                                \
     X(ellipse, ellipse_set)                                                                                            \
     X(force_field, force_field)                                                                                        \

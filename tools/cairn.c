@@ -20,6 +20,7 @@ static const tool_command commands[] = {
     {"merge", "put the maps of many robots together, with no guess", tool_merge},
     {"group", "the contours of a known object in images", tool_group},
     {"model", "the model of a shape, from a silhouette or a drawing", tool_model},
+    {"symmetry", "the axes that divide a shape into two parts most alike", tool_symmetry},
     {"info", "what a CARMEN log holds: scans, beams, time, path, damage", tool_info},
     {"replay", "a robot's recorded run once more, bit by bit", tool_replay},
 };

@@ -22,7 +22,7 @@ typedef struct settings {
     size_t count;
     const char *model, *edges, *scale, *rotation, *tokens, *folder;
     int64_t particles, strength, side, paths;
-    double score, sigma, low, high;
+    double score, evidence, sigma, low, high;
     uint64_t seed;
     double least_size, most_size, least_turn, most_turn;
     int32_t no_mirror, report, quiet;
@@ -83,6 +83,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
                        "of a model that is made from a picture, at most"),
         OPTION_FLAG("--no-mirror", &s->no_mirror, "the model only as it is, not its mirror image"),
         OPTION_NUMBER("--min-score", &s->score, 0, 1, "S", "of an object that is reported; without it the library's"),
+        OPTION_NUMBER("--min-evidence", &s->evidence, 0, 1000, "E",
+                      "of an object that is reported, for each size of outline; without it the library's"),
         OPTION_INTEGER("--min-strength", &s->strength, 1, 255, "N", "of edges: weaker ones are passed over"),
         OPTION_NUMBER("--sigma", &s->sigma, 0, 50, "PX", "blur before edges are looked for (Canny)"),
         OPTION_NUMBER("--low", &s->low, 0.01, 1000, "G",
@@ -200,7 +202,9 @@ static cairn_status search(const settings *s, work *w, const cairn_shape_model *
     p.grouping.particles = (int32_t)s->particles;
     p.grouping.seed = s->seed;
     if (s->score >= 0)
-        p.grouping.min_score = (cairn_real)s->score;
+        p.min_score = (cairn_real)s->score;
+    if (s->evidence >= 0)
+        p.min_evidence = (cairn_real)s->evidence;
     if (s->report) {
         p.on_step = group_record_step;
         p.context = &w->record;
@@ -326,7 +330,7 @@ int tool_group(int argc, char **argv)
     s.strength = 1;
     s.side = 1600;
     s.paths = builder.max_paths;
-    s.score = -1;
+    s.score = s.evidence = -1;
     s.sigma = canny.sigma;
     s.low = canny.low;
     s.high = canny.high;

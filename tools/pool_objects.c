@@ -3,9 +3,11 @@
 #include <string.h>
 
 #include "cairn/aligner.h"
+#include "cairn/curve_evolution.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
 #include "cairn/edgel.h"
+#include "cairn/inner_distance.h"
 #include "cairn/lum.h"
 #include "cairn/map_merge.h"
 #include "cairn/mapper.h"
@@ -14,6 +16,7 @@
 #include "cairn/place_map.h"
 #include "cairn/pose_graph.h"
 #include "cairn/scan_cover.h"
+#include "cairn/self_similarity.h"
 #include "cairn/sequence.h"
 #include "cairn/shape_model.h"
 #include "cairn/symmetric_point.h"
@@ -28,6 +31,9 @@ typedef union any_params {
     cairn_edge_chain_params edge_chain;
     cairn_edge_segment_params edge_segment;
     cairn_edgel_params edgel;
+    cairn_curve_evolution_params curve_evolution;
+    cairn_inner_distance_params inner_distance;
+    cairn_self_similarity_params self_similarity;
     cairn_force_field_params force_field;
     cairn_hough_params hough;
     cairn_icp_params icp;
@@ -72,6 +78,9 @@ ROOM(corner)
 ROOM(edge_chain)
 ROOM(edge_segment)
 ROOM(edgel)
+ROOM(curve_evolution)
+ROOM(inner_distance)
+ROOM(self_similarity)
 ROOM(force_field)
 ROOM(hough)
 ROOM(icp)
@@ -215,6 +224,11 @@ const pool_object pool_objects[] = {
       HAS(mapper, "beam", scan.max_beams)}},
     {OBJECT(edge_chain), 2, {HAS(edge_chain, "edge pixel", max_edges), HAS(edge_chain, "chain", max_chains)}},
     {OBJECT(edge_segment), 2, {HAS(edge_segment, "line", max_lines), HAS(edge_segment, "segment", max_segments)}},
+    {OBJECT(curve_evolution), 1, {HAS(curve_evolution, "point", max_points)}},
+    {OBJECT(inner_distance), 0, {HAS(inner_distance, "point", max_points)}},
+    {OBJECT(self_similarity),
+     0,
+     {HAS(self_similarity, "point", points), HAS(self_similarity, "point of holes", hole_points)}},
     {OBJECT(edgel), 1, {HAS(edgel, "edgel", max_edgels), HAS(edgel, "column", max_width)}},
     {OBJECT(symmetric_point),
      2,

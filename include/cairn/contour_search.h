@@ -22,6 +22,7 @@ extern "C" {
 typedef struct cairn_contour_tokens {
     cairn_segment *lines; /* [count] */
     int32_t *chain;       /* [count] of which chain each is a piece */
+    cairn_real *strength; /* [count] 0 ... 1: the share of all edges, by length, that are weaker */
     int32_t count, chains;
     int32_t width, height;  /* px, of the picture */
     cairn_real mean_length; /* px */
@@ -44,26 +45,41 @@ typedef struct cairn_contour_disc {
     int32_t sample;    /* of the model */
 } cairn_contour_disc;
 
+/* A sample of the model's outline where it lies, bent, in the image: the prediction of the contour where no edge is. */
+typedef struct cairn_contour_place {
+    cairn_oriented_point at; /* px */
+    int32_t segment;         /* of the contour, along it; -1: not seen */
+    int32_t part;            /* of which outline of the model, each of which goes round, it is a sample */
+} cairn_contour_place;
+
+/* evidence: about the logarithm of how much likelier its edges are with the object than by chance, for each size of outline. score: the
+ * share of the outline that is seen. */
 typedef struct cairn_contour_object {
-    cairn_grouped_object found; /* first: the index of its first segment in segments[] below */
+    cairn_grouped_object found; /* first: the index of its first segment in segments[] below; along: 0 */
     int32_t mirrored;           /* 1: it is the mirrored model */
     int32_t first_disc;         /* discs[first_disc ... + the model's samples - 1], path by path */
+    int32_t first_outline;      /* outline[first_outline ... + outline_count - 1] */
+    int32_t outline_count;      /* the model's */
 } cairn_contour_object;
 
 typedef struct cairn_contour_result {
     cairn_contour_object *objects; /* [object_count] the best first */
     int32_t *segments;             /* indices of lines, object by object, in the order of the model's outline */
     cairn_contour_disc *discs;
+    cairn_contour_place *outline;
     cairn_grouping_trace *trace[2]; /* of the model as it is, and mirrored */
     int32_t *modes[2];              /* [steps] groups of particles after each step: their models lie apart */
     int32_t steps[2], starts[2];
-    int32_t object_count, segment_count, disc_count;
-    cairn_real best;   /* the best score of all, reported or not */
-    size_t pool_bytes; /* the larger of both searches' */
+    int32_t object_count, segment_count, disc_count, outline_count;
+    cairn_real best;          /* the best score of all, reported or not */
+    cairn_real best_evidence; /* and the most evidence */
+    size_t pool_bytes;        /* the larger of both searches' */
 } cairn_contour_result;
 
 typedef struct cairn_contour_search_params {
-    cairn_grouping_params grouping; /* its capacities are set by the search */
+    cairn_grouping_params grouping; /* its capacities are set by the search; its objects are looked at again */
+    cairn_real min_evidence;        /* for each size of outline: objects with less are not reported (34) */
+    cairn_real min_score;           /* 0 ... 1: nor those of which less is seen (0.3) */
     cairn_real min_size, max_size;  /* px, > 0 */
     cairn_real min_turn, max_turn;  /* rad (-15 ... 15 degrees) */
     int32_t mirror;                 /* 1: the mirrored model is looked for, too (1) */
@@ -82,6 +98,11 @@ CAIRN_CHECKED cairn_status cairn_contour_search_run(cairn_contour_result *result
                                                     const cairn_contour_search_params *params, const char *path,
                                                     cairn_file_error *error);
 void cairn_contour_result_free(cairn_contour_result *result);
+
+/* The next piece of an object's outline, at sample `from` or behind it, that no segment of its contour goes along: samples *first ...
+ * *first + *count - 1, which are predicted, not seen; it ends at the end of an outline. 0: there is none. Cost: linear. */
+int cairn_contour_completed(const cairn_contour_result *result, const cairn_contour_object *object, int32_t from,
+                            int32_t *first, int32_t *count);
 
 #ifdef __cplusplus
 }

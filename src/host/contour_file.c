@@ -68,16 +68,37 @@ static void print_paths(cairn_output *output, const cairn_contour_picture *p, co
     cairn_output_print(output, "]");
 }
 
+/* What is not seen, as the bent outline predicts it. */
+static void print_completed(cairn_output *output, const cairn_contour_picture *p, const cairn_contour_object *o)
+{
+    int32_t first, count, printed = 0;
+
+    cairn_output_print(output, "\"completed\": [");
+    for (int32_t from = 0; cairn_contour_completed(p->result, o, from, &first, &count); from = first + count) {
+        cairn_output_print(output, "%s[", printed++ > 0 ? ", " : "");
+        for (int32_t i = first; i < first + count; i++) {
+            cairn_vec2 at = p->result->outline[o->first_outline + i].at.position;
+
+            cairn_output_print(output, "%s[%.2f, %.2f]", i > first ? ", " : "", image_x(p, at.x), image_x(p, at.y));
+        }
+        cairn_output_print(output, "]");
+    }
+    cairn_output_print(output, "]");
+}
+
 static void print_object(cairn_output *output, const cairn_contour_picture *p, const cairn_contour_object *o)
 {
-    cairn_output_print(
-        output,
-        "  {\"score\": %.4f, \"x\": %.2f, \"y\": %.2f, \"size\": %.2f, \"turn_deg\": %.2f, \"mirrored\": %s, "
-        "\"seen_samples\": %d, \"seen_share\": %.3f, \"start_sample\": %d,\n   ",
-        (double)o->found.score, image_x(p, o->found.origin.x), image_x(p, o->found.origin.y),
-        image_length(p, o->found.size), DEGREES * (double)o->found.turn, o->mirrored ? "true" : "false",
-        (int)o->found.seen, (double)o->found.seen / p->model->sample_count, (int)o->found.start);
+    cairn_output_print(output,
+                       "  {\"score\": %.4f, \"evidence\": %.2f, \"x\": %.2f, \"y\": %.2f, \"size\": %.2f, "
+                       "\"turn_deg\": %.2f, \"mirrored\": %s, "
+                       "\"seen_samples\": %d, \"seen_share\": %.3f, \"start_sample\": %d,\n   ",
+                       (double)o->found.score, (double)o->found.evidence, image_x(p, o->found.origin.x),
+                       image_x(p, o->found.origin.y), image_length(p, o->found.size), DEGREES * (double)o->found.turn,
+                       o->mirrored ? "true" : "false", (int)o->found.seen,
+                       (double)o->found.seen / p->model->sample_count, (int)o->found.start);
     print_segments(output, p, &o->found);
+    cairn_output_print(output, ",\n   ");
+    print_completed(output, p, o);
     cairn_output_print(output, ",\n   ");
     print_paths(output, p, o);
     cairn_output_print(output, "}");
@@ -125,10 +146,11 @@ cairn_status cairn_contour_file_write(const cairn_contour_picture *p, const char
     cairn_output_print(
         output,
         ", \"width\": %d, \"height\": %d, \"shrink\": %d,\n \"chains\": %d, \"segments\": %d, \"pool_bytes\": %zu, "
-        "\"verdict\": \"%s\", \"best_score\": %.4f,\n \"objects\": [",
+        "\"verdict\": \"%s\", \"best_score\": %.4f, \"best_evidence\": %.2f,\n "
+        "\"objects\": [",
         (int)(p->tokens->width * p->shrink), (int)(p->tokens->height * p->shrink), (int)p->shrink,
         (int)p->tokens->chains, (int)p->tokens->count, r->pool_bytes, r->object_count > 0 ? "found" : "none",
-        (double)r->best);
+        (double)r->best, (double)r->best_evidence);
     for (int32_t i = 0; i < r->object_count; i++) {
         cairn_output_print(output, "%s\n", i > 0 ? "," : "");
         print_object(output, p, &r->objects[i]);

@@ -77,20 +77,20 @@ static void print_skeleton(cairn_output *output, const cairn_contour_picture *p,
     }
 }
 
-/* Where the model lies: never part of the result, for the eye alone. */
+/* Where the bent outline lies: never part of the result, for the eye alone; dashed where nothing is seen. */
 static void print_model(cairn_output *output, const cairn_contour_picture *p, const cairn_contour_object *o)
 {
-    double c = (double)o->found.size * cos((double)o->found.turn),
-           s = (double)o->found.size * sin((double)o->found.turn);
+    const cairn_contour_place *outline = &p->result->outline[o->first_outline];
+    int32_t first, count;
 
     cairn_output_print(output, "<path class=\"model\" d=\"");
-    for (int32_t i = 0; i < p->model->outline_count; i++) {
-        double x = (double)p->model->outline[i].position.x * (o->mirrored ? -1 : 1);
-        double y = (double)p->model->outline[i].position.y;
-
-        cairn_output_print(output, "M%.1f %.1fh0", (double)o->found.origin.x + c * x - s * y,
-                           (double)o->found.origin.y + s * x + c * y);
-    }
+    for (int32_t i = 0; i < o->outline_count; i++)
+        cairn_output_print(output, "M%.1f %.1fh0", (double)outline[i].at.position.x, (double)outline[i].at.position.y);
+    cairn_output_print(output, "\"/>\n<path class=\"completed\" d=\"");
+    for (int32_t from = 0; cairn_contour_completed(p->result, o, from, &first, &count); from = first + count)
+        for (int32_t i = first; i < first + count; i++)
+            cairn_output_print(output, "%s%.1f %.1f", i == first ? "M" : "L", (double)outline[i].at.position.x,
+                               (double)outline[i].at.position.y);
     cairn_output_print(output, "\"/>\n");
 }
 
@@ -111,7 +111,7 @@ static void print_key(cairn_output *output, double y)
                 {"right side", "#ea580c"},
                 {"ends and others", "#16a34a"},
                 {"skeleton", "#dc2626"},
-                {"model", "#7c3aed"}};
+                {"outline, bent; dashed where not seen", "#7c3aed"}};
 
     for (int i = 0; i < (int)(sizeof keys / sizeof *keys); i++) {
         double x = CAIRN_REPORT_MARGIN + 2 + 160 * i;
@@ -142,9 +142,10 @@ cairn_status cairn_contour_file_draw(const cairn_contour_picture *p, const char 
         output,
         "<style>path{fill:none}.left,.right,.other{stroke-width:%.2f;stroke-linecap:round}"
         ".left{stroke:#2563eb}.right{stroke:#ea580c}.other{stroke:#16a34a}.axis{stroke:#dc2626;stroke-width:%.2f}"
-        ".disc{fill:none;stroke:#dc2626;stroke-width:%.2f;opacity:.35}.model{stroke:#7c3aed;stroke-width:%.2f;"
+        ".completed{stroke:#7c3aed;stroke-width:%.2f;stroke-dasharray:%.2f}.disc{fill:none;stroke:#dc2626;stroke-width:"
+        "%.2f;opacity:.35}.model{stroke:#7c3aed;stroke-width:%.2f;"
         "stroke-linecap:round}.score{font-size:%.1fpx;fill:#dc2626}</style>\n",
-        2.6 / scale, 2 / scale, 1 / scale, 2 / scale, 18 / scale);
+        2.6 / scale, 2 / scale, 2 / scale, 6 / scale, 1 / scale, 2 / scale, 18 / scale);
     cairn_output_print(output, "<g transform=\"translate(%.1f %.1f) scale(%.6f)\">\n",
                        CAIRN_REPORT_MARGIN + 0.5 * scale, head + 0.5 * scale, scale);
     cairn_output_print(output, "<rect x=\"-0.5\" y=\"-0.5\" width=\"%d\" height=\"%d\" fill=\"#fff\"/>\n",

@@ -1,8 +1,10 @@
 /* Objects among the edges of a picture.
  *
- * Method: the grouping runs with the model, and with its mirror image when that is asked for; of objects of both that lie on each
- * other the better one stays. An object is completed along its chains of edges (contour_search_complete.c). Each sample of the model's axis then looks among the object's own segments for the one on either
- * side of it, and where there are both the disc is that of their symmetric point. */
+ * Method: the grouping runs with the model, and with its mirror image when that is asked for, in one band of sizes after the other. What it
+ * finds, with little evidence as well, is looked at again: the model's outline is bent onto the edges there (contour_search_fit.c), the
+ * segments along it are the contour (contour_search_complete.c). The evidence of both outlines, for each size of outline, decides what is
+ * reported; of objects that lie on each other the better one stays. Each sample of the model's axis has its sides where the bent outline
+ * has them, and where both are seen the disc is that of their symmetric point. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -12,14 +14,24 @@
 
 #include "cairn/shape_model_file.h"
 #include "cairn/symmetric_point.h"
-#include "src/host/contour_search_work.h"
+#include "src/host/contour_search_fit.h"
 
 /* Objects whose middles are closer, of their size, are one. */
 #define APART 0.3
-/* A segment on a side lies at most so far from where the model has it, of the size, and turned by so much. */
-#define REACH_SHARE  0.08
+/* A segment of the contour lies at most so far from a place of the outline, of the size, but at least so many pixels, and turned by so much. */
+#define REACH_SHARE  0.04
+#define LEAST_REACH  3
 #define TURN_COSINE  0.7
 #define LEAST_TOKENS 64
+/* What the evidence of the outline as it is is worth, beside that of the bent one. */
+#define RIGID 2
+/* Sizes that are searched at once differ by this factor at most: of sizes at one place a search keeps the best alone. */
+#define BAND 2.2
+/* Evidence of an object, and of one that is looked at again; and how many of these there are at most. */
+#define MIN_EVIDENCE   34
+#define MIN_SCORE      CAIRN_REAL(0.3)
+#define FIRST_EVIDENCE 2
+enum { FIRST_OBJECTS = 12 };
 
 /* Steps between looks at the walk. */
 enum { LOOK_EVERY = 2000 };
@@ -28,6 +40,8 @@ typedef struct searcher {
     cairn_contour_result *result;
     const cairn_contour_tokens *tokens;
     const cairn_contour_search_params *params;
+    contour_field *field;
+    contour_fit fit;
 } searcher;
 
 cairn_contour_search_params cairn_contour_search_default(int32_t width, int32_t height)
@@ -35,12 +49,19 @@ cairn_contour_search_params cairn_contour_search_default(int32_t width, int32_t 
     cairn_real diagonal = (cairn_real)hypot((double)width, (double)height);
     cairn_contour_search_params params = {
         .grouping = cairn_grouping_default(),
+        .min_evidence = MIN_EVIDENCE,
+        .min_score = MIN_SCORE,
         .min_size = cairn_max(24, diagonal / 10),
         .max_size = cairn_max(24, diagonal),
         .min_turn = -15 * (CAIRN_PI / 180),
         .max_turn = 15 * (CAIRN_PI / 180),
         .mirror = 1,
     };
+
+    /* What the rigid outline is not enough for the bent one may be. */
+    params.grouping.min_evidence = FIRST_EVIDENCE;
+    params.grouping.min_score = 0;
+    params.grouping.max_objects = FIRST_OBJECTS;
     return params;
 }
 
@@ -49,6 +70,7 @@ void cairn_contour_result_free(cairn_contour_result *result)
     free(result->objects);
     free(result->segments);
     free(result->discs);
+    free(result->outline);
     free(result->trace[0]);
     free(result->trace[1]);
     free(result->modes[0]);
@@ -75,21 +97,19 @@ cairn_real cairn_contour_distance(cairn_segment line, cairn_vec2 p)
     return cairn_vec2_norm(cairn_vec2_sub(to, cairn_vec2_scale(along, share)));
 }
 
-/* The object's segment nearest to where a side of the model should be, -1: none is near. */
-static int32_t side_of(const searcher *s, const cairn_grouped_object *o, const cairn_oriented_point *side)
+/* The object's segment nearest to a place, in a direction there; -1: none is near. */
+static int32_t segment_at(const searcher *s, const cairn_grouped_object *o, cairn_oriented_point place)
 {
-    cairn_vec2 at = cairn_vec2_add(o->origin, cairn_contour_turned(o, side->position));
-    cairn_vec2 wanted = cairn_vec2_unit(cairn_contour_turned(o, side->direction));
-    cairn_real nearest = (cairn_real)REACH_SHARE * o->size;
+    cairn_real nearest = cairn_max(LEAST_REACH, (cairn_real)REACH_SHARE * o->size);
     int32_t found = -1;
 
     for (int32_t i = 0; i < o->count; i++) {
         int32_t index = s->result->segments[o->first + i];
         cairn_segment line = s->tokens->lines[index];
-        cairn_real distance = cairn_contour_distance(line, at);
+        cairn_real distance = cairn_contour_distance(line, place.position);
 
-        if (distance < nearest && cairn_abs(cairn_vec2_dot(cairn_vec2_unit(cairn_vec2_sub(line.b, line.a)), wanted)) >=
-                                      (cairn_real)TURN_COSINE) {
+        if (distance < nearest && cairn_abs(cairn_vec2_dot(cairn_vec2_unit(cairn_vec2_sub(line.b, line.a)),
+                                                           place.direction)) >= (cairn_real)TURN_COSINE) {
             nearest = distance;
             found = index;
         }
@@ -97,22 +117,48 @@ static int32_t side_of(const searcher *s, const cairn_grouped_object *o, const c
     return found;
 }
 
-static cairn_contour_disc disc_of(const searcher *s, const cairn_grouped_object *o, const cairn_shape_sample *sample,
+/* The sample of the model's outline nearest to a place of the model. */
+static int32_t nearest_sample(const cairn_shape_model *m, cairn_vec2 place)
+{
+    cairn_real least = CAIRN_REAL_MAX;
+    int32_t nearest = 0;
+
+    for (int32_t i = 0; i < m->outline_count; i++) {
+        cairn_real apart = cairn_vec2_norm_squared(cairn_vec2_sub(m->outline[i].position, place));
+
+        if (apart < least) {
+            least = apart;
+            nearest = i;
+        }
+    }
+    return nearest;
+}
+
+/* The disc of a sample where the bent outline has its sides, or of the symmetric point of the segments on both. */
+static cairn_contour_disc disc_of(const searcher *s, const cairn_contour_object *object, const cairn_shape_model *model,
                                   int32_t index)
 {
+    const cairn_contour_place *outline = &s->result->outline[object->first_outline];
+    const cairn_shape_sample *sample = &model->samples[index];
     cairn_symmetric_point_params params = cairn_symmetric_point_default();
-    cairn_contour_disc disc = {
-        cairn_vec2_add(o->origin, cairn_contour_turned(o, sample->centre)), o->size * sample->radius, {-1, -1}, index};
+    cairn_contour_disc disc = {{0, 0}, 0, {-1, -1}, index};
+    cairn_vec2 side[2];
     cairn_symmetric_point sp;
 
-    for (int32_t side = 0; side < 2; side++)
-        disc.side[side] = side_of(s, o, &sample->side[side]);
+    for (int32_t k = 0; k < 2; k++) {
+        const cairn_contour_place *place = &outline[nearest_sample(model, sample->side[k].position)];
+
+        disc.side[k] = place->segment;
+        side[k] = place->at.position;
+    }
+    disc.centre = cairn_vec2_scale(cairn_vec2_add(side[0], side[1]), CAIRN_REAL(0.5));
+    disc.radius = cairn_max(1, cairn_vec2_norm(cairn_vec2_sub(side[1], side[0])) / 2);
     params.max_radius = 2 * disc.radius;
     params.min_radius = disc.radius / 2;
     if (disc.side[0] >= 0 && disc.side[1] >= 0 && disc.side[0] != disc.side[1] &&
         cairn_symmetric_point_of_segments(&params, s->tokens->lines[disc.side[0]], s->tokens->lines[disc.side[1]],
                                           &sp) &&
-        cairn_vec2_norm(cairn_vec2_sub(sp.centre, disc.centre)) <= (cairn_real)REACH_SHARE * o->size) {
+        cairn_vec2_norm(cairn_vec2_sub(sp.centre, disc.centre)) <= (cairn_real)REACH_SHARE * object->found.size) {
         disc.centre = sp.centre;
         disc.radius = sp.radius;
     }
@@ -121,46 +167,81 @@ static cairn_contour_disc disc_of(const searcher *s, const cairn_grouped_object 
 
 /* ---- Objects ---- */
 
-/* Appends count items to an array; 0: there is no memory. */
-static int append(void **array, int32_t *length, const void *items, int32_t count, size_t size)
+/* Room for as many items more; 0: there is no memory. */
+static int reserve(void **array, int32_t length, int32_t count, size_t size)
 {
-    char *grown = realloc(*array, ((size_t)*length + (size_t)count + 1) * size);
+    void *grown = realloc(*array, ((size_t)length + (size_t)count + 1) * size);
 
-    if (grown == NULL)
-        return 0;
-    *array = grown;
-    if (items != NULL)
-        memcpy(grown + (size_t)*length * size, items, (size_t)count * size);
-    *length += count;
-    return 1;
+    if (grown != NULL)
+        *array = grown;
+    return grown != NULL;
 }
 
+static int reserve_object(cairn_contour_result *r, int32_t segments, const cairn_shape_model *model)
+{
+    void *array[] = {r->objects, r->segments, r->outline, r->discs};
+    int ok = reserve(&array[0], r->object_count, 1, sizeof *r->objects) &&
+             reserve(&array[1], r->segment_count, segments, sizeof *r->segments) &&
+             reserve(&array[2], r->outline_count, model->outline_count, sizeof *r->outline) &&
+             reserve(&array[3], r->disc_count, model->sample_count, sizeof *r->discs);
+
+    r->objects = array[0];
+    r->segments = array[1];
+    r->outline = array[2];
+    r->discs = array[3];
+    return ok;
+}
+
+/* The share of the outline's samples that have a segment, and their number as samples of the skeleton. */
+static void count_seen(const cairn_contour_result *r, cairn_contour_object *o, const cairn_shape_model *model)
+{
+    int32_t seen = 0;
+
+    for (int32_t i = 0; i < model->outline_count; i++)
+        seen += r->outline[o->first_outline + i].segment >= 0;
+    o->found.score = (cairn_real)seen / (cairn_real)model->outline_count;
+    o->found.seen = 0;
+    for (int32_t k = 0; k < model->sample_count; k++)
+        o->found.seen += r->discs[o->first_disc + k].side[0] >= 0 || r->discs[o->first_disc + k].side[1] >= 0;
+}
+
+/* Bends the model onto the edges about an object of the grouping, and lists the segments along it. Objects with too little evidence are
+ * not added. 0: there is no memory. */
 static int add_object(searcher *s, const cairn_grouping_result *found, int32_t index, const cairn_shape_model *model,
                       int32_t mirrored)
 {
     cairn_contour_result *r = s->result;
-    cairn_contour_object o = {found->objects[index], mirrored, r->disc_count};
-    void *segments = r->segments, *discs = r->discs, *objects = r->objects;
-    int32_t first = r->segment_count;
+    cairn_contour_object o = {found->objects[index], mirrored, r->disc_count, r->outline_count, model->outline_count};
+    contour_laid laid = {s->fit.outline, model->outline_count, {0, 0}, 0};
 
-    /* Room for all there are: it may grow. */
-    if (!append(&segments, &r->segment_count, NULL, s->tokens->count, sizeof *r->segments))
+    cairn_contour_field_fill(s->field, s->tokens, &o.found);
+    if (!cairn_contour_fit_run(&s->fit, s->field, model, &o.found))
         return 0;
-    r->segments = segments;
-    if (o.found.count > 0)
-        memcpy(&r->segments[first], &found->segments[o.found.first], (size_t)o.found.count * sizeof *r->segments);
-    o.found.first = first;
-    if (!cairn_contour_complete(s->tokens, model, &o.found, &r->segments[first], &o.found.count))
+    if (!reserve_object(r, s->tokens->count, model))
         return 0;
-    r->segment_count = first + o.found.count;
-    if (!append(&discs, &r->disc_count, NULL, model->sample_count, sizeof *r->discs))
+    o.found.first = r->segment_count;
+    o.found.along = 0;
+    laid.origin = o.found.origin;
+    laid.size = o.found.size;
+    if (!cairn_contour_collect(s->tokens, &laid, &r->segments[o.found.first], &o.found.count))
         return 0;
-    r->discs = discs;
+    o.found.evidence = (s->fit.evidence + RIGID * found->objects[index].evidence) / s->fit.length;
+    for (int32_t i = 0; i < model->outline_count; i++) {
+        r->outline[o.first_outline + i].at = s->fit.outline[i];
+        r->outline[o.first_outline + i].segment = segment_at(s, &o.found, s->fit.outline[i]);
+        r->outline[o.first_outline + i].part = s->fit.part[i];
+    }
     for (int32_t k = 0; k < model->sample_count; k++)
-        r->discs[o.first_disc + k] = disc_of(s, &o.found, &model->samples[k], k);
-    if (!append(&objects, &r->object_count, &o, 1, sizeof *r->objects))
-        return 0;
-    r->objects = objects;
+        r->discs[o.first_disc + k] = disc_of(s, &o, model, k);
+    count_seen(r, &o, model);
+    r->best = cairn_max(r->best, o.found.score);
+    r->best_evidence = cairn_max(r->best_evidence, o.found.evidence);
+    if (o.found.evidence < s->params->min_evidence || o.found.score < s->params->min_score)
+        return 1;
+    r->segment_count += o.found.count;
+    r->outline_count += model->outline_count;
+    r->disc_count += model->sample_count;
+    r->objects[r->object_count++] = o;
     return 1;
 }
 
@@ -194,6 +275,21 @@ static void keep_best(cairn_contour_result *r)
             r->objects[kept++] = r->objects[i];
     }
     r->object_count = kept;
+}
+
+int cairn_contour_completed(const cairn_contour_result *result, const cairn_contour_object *object, int32_t from,
+                            int32_t *first, int32_t *count)
+{
+    const cairn_contour_place *outline = &result->outline[object->first_outline];
+    int32_t i = from;
+
+    while (i < object->outline_count && outline[i].segment >= 0)
+        i++;
+    *first = i;
+    while (i < object->outline_count && outline[i].segment < 0 && outline[i].part == outline[*first].part)
+        i++;
+    *count = i - *first;
+    return *count > 0;
 }
 
 /* ---- The search ---- */
@@ -236,7 +332,7 @@ static void look(const searcher *s, const cairn_grouping *grouping, int32_t mirr
         return;
     w->seen = steps;
     count = count < w->most ? count : w->most;
-    s->result->modes[mirrored][steps - 1] = count_modes(w->particles, count, w->mode);
+    s->result->modes[mirrored][s->result->steps[mirrored] + steps - 1] = count_modes(w->particles, count, w->mode);
     if (s->params->on_step != NULL)
         s->params->on_step(s->params->context, w->particles, count, mirrored);
 }
@@ -246,11 +342,15 @@ static cairn_status walk(const searcher *s, cairn_grouping *grouping, int32_t mi
 {
     watcher w = {malloc((size_t)particles * sizeof *w.particles), malloc((size_t)particles * sizeof *w.mode), particles,
                  0};
-    cairn_status status = CAIRN_MORE;
+    void *modes = s->result->modes[mirrored];
+    cairn_status status =
+        w.particles != NULL && w.mode != NULL && reserve(&modes, s->result->steps[mirrored], samples, sizeof(int32_t))
+            ? CAIRN_MORE
+            : CAIRN_NO_MEMORY;
 
-    s->result->modes[mirrored] = calloc((size_t)samples, sizeof *s->result->modes[mirrored]);
-    if (w.particles == NULL || w.mode == NULL || s->result->modes[mirrored] == NULL)
-        status = CAIRN_NO_MEMORY;
+    s->result->modes[mirrored] = modes;
+    if (status == CAIRN_MORE)
+        memset(&s->result->modes[mirrored][s->result->steps[mirrored]], 0, (size_t)samples * sizeof(int32_t));
     while (status == CAIRN_MORE) {
         cairn_budget budget = {LOOK_EVERY};
 
@@ -263,25 +363,27 @@ static cairn_status walk(const searcher *s, cairn_grouping *grouping, int32_t mi
     return status;
 }
 
+/* The trace of a walk, behind those of the bands before, and its objects. */
 static int take_result(searcher *s, const cairn_grouping *grouping, const cairn_shape_model *model, int32_t mirrored)
 {
     cairn_grouping_result found = cairn_grouping_read(grouping);
     cairn_contour_result *r = s->result;
+    void *trace = r->trace[mirrored];
 
-    r->trace[mirrored] = malloc(((size_t)found.steps + 1) * sizeof *r->trace[mirrored]);
-    if (r->trace[mirrored] == NULL)
+    if (!reserve(&trace, r->steps[mirrored], found.steps, sizeof *found.trace))
         return 0;
+    r->trace[mirrored] = trace;
     if (found.steps > 0)
-        memcpy(r->trace[mirrored], found.trace, (size_t)found.steps * sizeof *found.trace);
-    r->steps[mirrored] = found.steps;
-    r->starts[mirrored] = found.starts;
-    r->best = cairn_max(r->best, found.best);
+        memcpy(&r->trace[mirrored][r->steps[mirrored]], found.trace, (size_t)found.steps * sizeof *found.trace);
+    r->steps[mirrored] += found.steps;
+    r->starts[mirrored] += found.starts;
     for (int32_t i = 0; i < found.object_count; i++)
         if (!add_object(s, &found, i, model, mirrored))
             return 0;
     return 1;
 }
 
+/* Looks for the model in sizes of one band after the other. */
 static cairn_status search(searcher *s, const cairn_shape_model *model, int32_t mirrored, cairn_pool *pool,
                            const cairn_grouping_params *params)
 {
@@ -296,15 +398,22 @@ static cairn_status search(searcher *s, const cairn_shape_model *model, int32_t 
                                   p->min_turn,
                                   p->max_turn,
                                   s->tokens->mean_length > 0 ? s->tokens->mean_length : 5};
+    double range = p->min_size > 0 && p->max_size > p->min_size ? log((double)(p->max_size / p->min_size)) : 0;
+    int32_t bands = 1 + (int32_t)(range / log(BAND));
     cairn_grouping *grouping;
     cairn_status status = cairn_grouping_create(&grouping, pool, params);
 
-    if (status == CAIRN_OK)
+    for (int32_t k = 0; k < bands && status == CAIRN_OK; k++) {
+        if (bands > 1) {
+            input.min_size = p->min_size * (cairn_real)exp(range * k / bands);
+            input.max_size = p->min_size * (cairn_real)exp(range * (k + 1) / bands);
+        }
         status = cairn_grouping_begin(grouping, &input);
-    if (status == CAIRN_OK)
-        status = walk(s, grouping, mirrored, model->sample_count, params->particles);
-    if (status == CAIRN_OK && !take_result(s, grouping, model, mirrored))
-        status = CAIRN_NO_MEMORY;
+        if (status == CAIRN_OK)
+            status = walk(s, grouping, mirrored, model->sample_count, params->particles);
+        if (status == CAIRN_OK && !take_result(s, grouping, model, mirrored))
+            status = CAIRN_NO_MEMORY;
+    }
     return status;
 }
 
@@ -346,7 +455,7 @@ cairn_status cairn_contour_search_run(cairn_contour_result *result, const cairn_
                                       const cairn_shape_model *model, const cairn_contour_search_params *params,
                                       const char *path, cairn_file_error *error)
 {
-    searcher s = {result, tokens, params};
+    searcher s = {.result = result, .tokens = tokens, .params = params};
     cairn_grouping_params grouping = params->grouping;
     cairn_status status;
     cairn_pool pool;
@@ -360,12 +469,18 @@ cairn_status cairn_contour_search_run(cairn_contour_result *result, const cairn_
     grouping.max_outline = model->outline_count;
     result->pool_bytes = cairn_grouping_memory(&grouping) + CAIRN_ALIGN;
     memory = malloc(result->pool_bytes);
-    if (memory == NULL)
+    s.field = cairn_contour_field_new();
+    if (memory == NULL || s.field == NULL || !cairn_contour_fit_new(&s.fit, model->outline_count)) {
+        free(memory);
+        cairn_contour_field_free(s.field);
         return cairn_file_error_system(error, path, "search", ENOMEM);
+    }
     status = cairn_pool_init(&pool, memory, result->pool_bytes);
     if (status == CAIRN_OK)
         status = search_both(&s, model, &pool, &grouping);
     free(memory);
+    cairn_contour_field_free(s.field);
+    cairn_contour_fit_free(&s.fit);
     if (status != CAIRN_OK) {
         cairn_contour_result_free(result);
         return cairn_file_error_set(error, status, path, 0, "%s, expected a model, sizes above 0 and turns in range",

@@ -1,23 +1,31 @@
-/* Contours completed along their chains.
+/* The segments of a contour: those along the bent outline, completed along their chains.
  *
- * Method: segments between two that the grouping took lie on the same edge. Behind its last ones a chain is followed as long as it keeps
- * to the model, and across junctions to other chains that begin there; how far an edge lies off the model may grow slowly on the
- * way, for objects of one kind differ in their proportions. */
+ * Method: a segment belongs to the contour when most of it runs near the outline and in its direction. Segments between two of one chain
+ * lie on the same edge. Behind its last ones a chain is followed as long as it keeps to the outline, and across junctions to other chains
+ * that begin there; how far an edge lies off the outline may grow slowly on the way. */
 #include "src/core/build.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-#include "src/host/contour_search_work.h"
+#include "src/host/contour_search_fit.h"
 
 /* Of the object's size: a gap within a chain that is closed, whatever lies in it. */
 #define GAP_SHARE 0.15
 /* Beyond its ends a chain is followed so near to the model, or, from a segment that lay farther off, so much farther, but never farther than
  * the last; and turned by so little. Of the size. */
-#define NEAR_SHARE  0.04
-#define DRIFT_SHARE 0.02
-#define FAR_SHARE   0.15
+#define NEAR_SHARE  0.05
+#define DRIFT_SHARE 0.03
+#define FAR_SHARE   0.1
 #define TURN_COSINE 0.8
+/* A segment is along the outline within such a share of the size, but at least so many pixels; looked at in such steps, px. */
+#define REACH_SHARE 0.045
+#define LEAST_REACH 3
+#define STEP        3
+/* Where an edge leaves the outline it is followed by so much of the size, round bends of a chain, and across junctions about straight on. */
+#define EXTEND_SHARE 0.35
+#define BEND_COSINE  0.5
+#define ON_COSINE    0.6
 /* Pixels between ends of chains that meet. */
 #define JUNCTION 4
 enum { ROUNDS = 8 };
@@ -31,43 +39,62 @@ static cairn_vec2 middle_of(cairn_segment line)
     return cairn_vec2_scale(cairn_vec2_add(line.a, line.b), CAIRN_REAL(0.5));
 }
 
-/* The sample of the outline nearest to a segment's middle; *distance to it. */
-static int32_t nearest_sample(const cairn_shape_model *m, const cairn_grouped_object *o, cairn_segment line,
-                              cairn_real *distance)
+/* The sample of the outline nearest to a place; *distance to it. */
+static int32_t nearest_sample(const contour_laid *c, cairn_vec2 place, cairn_real *distance)
 {
-    cairn_vec2 middle = middle_of(line);
+    cairn_real least = CAIRN_REAL_MAX;
     int32_t nearest = 0;
 
-    *distance = CAIRN_REAL_MAX;
-    for (int32_t i = 0; i < m->outline_count; i++) {
-        cairn_vec2 at = cairn_vec2_add(o->origin, cairn_contour_turned(o, m->outline[i].position));
-        cairn_real far = cairn_vec2_norm(cairn_vec2_sub(middle, at));
+    for (int32_t i = 0; i < c->outline_count; i++) {
+        cairn_real far = cairn_vec2_norm_squared(cairn_vec2_sub(place, c->outline[i].position));
 
-        if (far < *distance) {
-            *distance = far;
+        if (far < least) {
+            least = far;
             nearest = i;
         }
     }
+    *distance = cairn_sqrt(least);
     return nearest;
 }
 
-/* Whether the contour goes on with a segment from one that was taken. */
-static int goes_on(const cairn_shape_model *m, const cairn_grouped_object *o, cairn_segment from, cairn_segment line)
+/* 1 when a line runs as the outline does at a sample. */
+static int runs_along(const contour_laid *c, int32_t sample, cairn_segment line)
 {
-    cairn_real before, distance;
-    int32_t sample = nearest_sample(m, o, line, &distance);
-    cairn_vec2 wanted = cairn_vec2_unit(cairn_contour_turned(o, m->outline[sample].direction));
     cairn_vec2 along = cairn_vec2_unit(cairn_vec2_sub(line.b, line.a));
 
-    (void)nearest_sample(m, o, from, &before);
-    return distance <= (cairn_real)FAR_SHARE * o->size &&
-           distance <= cairn_max((cairn_real)NEAR_SHARE * o->size, before + (cairn_real)DRIFT_SHARE * o->size) &&
-           cairn_abs(cairn_vec2_dot(wanted, along)) >= (cairn_real)TURN_COSINE;
+    return cairn_abs(cairn_vec2_dot(c->outline[sample].direction, along)) >= (cairn_real)TURN_COSINE;
+}
+
+/* Whether the contour goes on with a segment from one that was taken. */
+static int goes_on(const contour_laid *c, cairn_segment from, cairn_segment line)
+{
+    cairn_real before, distance;
+    int32_t sample = nearest_sample(c, middle_of(line), &distance);
+
+    (void)nearest_sample(c, middle_of(from), &before);
+    return distance <= (cairn_real)FAR_SHARE * c->size &&
+           distance <= cairn_max((cairn_real)NEAR_SHARE * c->size, before + (cairn_real)DRIFT_SHARE * c->size) &&
+           runs_along(c, sample, line);
+}
+
+/* Whether most of a segment runs along the outline. */
+static int lies_along(const contour_laid *c, cairn_segment line)
+{
+    int32_t steps = 1 + (int32_t)(cairn_segment_length(line) / STEP), near = 0;
+    cairn_real most = cairn_max(LEAST_REACH, (cairn_real)REACH_SHARE * c->size);
+
+    for (int32_t k = 0; k <= steps; k++) {
+        cairn_real share = (cairn_real)k / (cairn_real)steps, distance;
+        int32_t sample = nearest_sample(
+            c, cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a), share)), &distance);
+
+        near += distance <= most && runs_along(c, sample, line);
+    }
+    return 2 * near > steps + 1;
 }
 
 /* Closes the gaps of one chain, segments[from ... to - 1]. */
-static void close_gaps(const cairn_contour_tokens *t, const cairn_grouped_object *o, int32_t from, int32_t to,
-                       uint8_t *taken)
+static void close_gaps(const cairn_contour_tokens *t, const contour_laid *c, int32_t from, int32_t to, uint8_t *taken)
 {
     cairn_real gap = 0;
     int32_t before = -1;
@@ -77,7 +104,7 @@ static void close_gaps(const cairn_contour_tokens *t, const cairn_grouped_object
             gap += cairn_segment_length(t->lines[i]);
             continue;
         }
-        if (before >= 0 && gap <= (cairn_real)GAP_SHARE * o->size)
+        if (before >= 0 && gap <= (cairn_real)GAP_SHARE * c->size)
             memset(&taken[before], 1, (size_t)(i - before));
         before = i;
         gap = 0;
@@ -85,15 +112,14 @@ static void close_gaps(const cairn_contour_tokens *t, const cairn_grouped_object
 }
 
 /* Follows one chain on from what was taken, either way. */
-static void follow(const cairn_contour_tokens *t, const cairn_shape_model *m, const cairn_grouped_object *o,
-                   int32_t from, int32_t to, uint8_t *taken)
+static void follow(const cairn_contour_tokens *t, const contour_laid *c, int32_t from, int32_t to, uint8_t *taken)
 {
     for (int32_t i = from + 1; i < to; i++)
         if (!taken[i] && taken[i - 1])
-            taken[i] = (uint8_t)goes_on(m, o, t->lines[i - 1], t->lines[i]);
+            taken[i] = (uint8_t)goes_on(c, t->lines[i - 1], t->lines[i]);
     for (int32_t i = to - 2; i >= from; i--)
         if (!taken[i] && taken[i + 1])
-            taken[i] = (uint8_t)goes_on(m, o, t->lines[i + 1], t->lines[i]);
+            taken[i] = (uint8_t)goes_on(c, t->lines[i + 1], t->lines[i]);
 }
 
 static int meet(cairn_segment a, cairn_segment b)
@@ -116,15 +142,15 @@ static int32_t end_of(const cairn_contour_tokens *t, int32_t from)
 }
 
 /* Takes the ends of chains that go on where one that was taken ends; how many. */
-static int32_t cross_junctions(const cairn_contour_tokens *t, const cairn_shape_model *m, const cairn_grouped_object *o,
-                               const int32_t *ends, int32_t end_count, uint8_t *taken)
+static int32_t cross_junctions(const cairn_contour_tokens *t, const contour_laid *c, const int32_t *ends,
+                               int32_t end_count, uint8_t *taken)
 {
     int32_t crossed = 0;
 
     for (int32_t i = 0; i < end_count; i++)
         for (int32_t k = 0; k < end_count && taken[ends[i]]; k++)
             if (!taken[ends[k]] && meet(t->lines[ends[i]], t->lines[ends[k]]) &&
-                goes_on(m, o, t->lines[ends[i]], t->lines[ends[k]])) {
+                goes_on(c, t->lines[ends[i]], t->lines[ends[k]])) {
                 taken[ends[k]] = 1;
                 crossed++;
             }
@@ -132,8 +158,7 @@ static int32_t cross_junctions(const cairn_contour_tokens *t, const cairn_shape_
 }
 
 /* Gaps and ends of all chains of which something was taken. */
-static void complete_chains(const cairn_contour_tokens *t, const cairn_shape_model *m, const cairn_grouped_object *o,
-                            uint8_t *taken)
+static void complete_chains(const cairn_contour_tokens *t, const contour_laid *c, uint8_t *taken)
 {
     for (int32_t from = 0, to; from < t->count; from = to) {
         int32_t any = 0;
@@ -142,14 +167,14 @@ static void complete_chains(const cairn_contour_tokens *t, const cairn_shape_mod
         for (int32_t i = from; i < to; i++)
             any |= taken[i];
         if (any) {
-            close_gaps(t, o, from, to, taken);
-            follow(t, m, o, from, to, taken);
+            close_gaps(t, c, from, to, taken);
+            follow(t, c, from, to, taken);
         }
     }
 }
 
 /* The first and last segments of the chains that lie about the object; their number. */
-static int32_t list_ends(const cairn_contour_tokens *t, const cairn_grouped_object *o, int32_t *ends)
+static int32_t list_ends(const cairn_contour_tokens *t, const contour_laid *c, int32_t *ends)
 {
     int32_t count = 0;
 
@@ -158,7 +183,7 @@ static int32_t list_ends(const cairn_contour_tokens *t, const cairn_grouped_obje
         for (int32_t k = 0; k < 1 + (to - from > 1); k++) {
             int32_t i = k == 0 ? from : to - 1;
 
-            if (cairn_vec2_norm(cairn_vec2_sub(middle_of(t->lines[i]), o->origin)) <= o->size)
+            if (cairn_vec2_norm(cairn_vec2_sub(middle_of(t->lines[i]), c->origin)) <= c->size)
                 ends[count++] = i;
         }
     }
@@ -173,8 +198,8 @@ static int compare_placed(const void *a, const void *b)
 }
 
 /* All that is taken, in the order of the outline. */
-static int list_taken(const cairn_contour_tokens *t, const cairn_shape_model *m, const cairn_grouped_object *o,
-                      const uint8_t *taken, int32_t *list, int32_t *count)
+static int list_taken(const cairn_contour_tokens *t, const contour_laid *c, const uint8_t *taken, int32_t *list,
+                      int32_t *count)
 {
     placed *order = malloc(((size_t)t->count + 1) * sizeof *order);
     cairn_real distance;
@@ -184,7 +209,7 @@ static int list_taken(const cairn_contour_tokens *t, const cairn_shape_model *m,
     *count = 0;
     for (int32_t i = 0; i < t->count; i++)
         if (taken[i]) {
-            order[*count].sample = nearest_sample(m, o, t->lines[i], &distance);
+            order[*count].sample = nearest_sample(c, middle_of(t->lines[i]), &distance);
             order[(*count)++].segment = i;
         }
     qsort(order, (size_t)*count, sizeof *order, compare_placed);
@@ -194,22 +219,133 @@ static int list_taken(const cairn_contour_tokens *t, const cairn_shape_model *m,
     return 1;
 }
 
-int cairn_contour_complete(const cairn_contour_tokens *t, const cairn_shape_model *model,
-                           const cairn_grouped_object *object, int32_t *list, int32_t *count)
+/* The segments along the outline, those about the object only. */
+static void collect(const cairn_contour_tokens *t, const contour_laid *c, uint8_t *taken)
+{
+    for (int32_t i = 0; i < t->count; i++)
+        taken[i] = (uint8_t)(cairn_vec2_norm(cairn_vec2_sub(middle_of(t->lines[i]), c->origin)) <= c->size &&
+                             lies_along(c, t->lines[i]));
+}
+
+/* ---- Beyond the outline ---- */
+
+static int bends_little(cairn_segment from, cairn_segment to)
+{
+    return cairn_vec2_dot(cairn_vec2_unit(cairn_vec2_sub(from.b, from.a)),
+                          cairn_vec2_unit(cairn_vec2_sub(to.b, to.a))) >= (cairn_real)BEND_COSINE;
+}
+
+/* 1 when the second line goes on about straight from an end of the first. */
+static int continues(cairn_segment from, cairn_segment to)
+{
+    for (int32_t k = 0; k < 4; k++) {
+        cairn_vec2 end = k % 2 == 0 ? from.b : from.a, out = cairn_vec2_sub(end, k % 2 == 0 ? from.a : from.b);
+        cairn_vec2 start = k / 2 == 0 ? to.a : to.b, on = cairn_vec2_sub(k / 2 == 0 ? to.b : to.a, start);
+
+        if (cairn_vec2_norm_squared(cairn_vec2_sub(start, end)) <= JUNCTION * JUNCTION &&
+            cairn_vec2_dot(cairn_vec2_unit(out), cairn_vec2_unit(on)) >= (cairn_real)ON_COSINE)
+            return 1;
+    }
+    return 0;
+}
+
+typedef struct extender {
+    const cairn_contour_tokens *tokens;
+    cairn_vec2 least, most; /* px, the box of the outline */
+    cairn_real limit;       /* px */
+    cairn_real *
+        beyond; /* [tokens->count] px of edges from the outline to the end of each segment; CAIRN_REAL_MAX: not taken */
+    int32_t grown;
+} extender;
+
+/* Goes on from one segment to another. */
+static void extend(extender *e, int32_t from, int32_t to)
+{
+    cairn_vec2 at = middle_of(e->tokens->lines[to]);
+    cairn_real beyond;
+
+    if (!(e->beyond[from] < CAIRN_REAL_MAX) || e->beyond[to] == 0)
+        return;
+    beyond = e->beyond[from] + cairn_segment_length(e->tokens->lines[to]);
+    if (beyond <= e->limit && beyond < e->beyond[to] && at.x >= e->least.x && at.y >= e->least.y && at.x <= e->most.x &&
+        at.y <= e->most.y) {
+        e->beyond[to] = beyond;
+        e->grown = 1;
+    }
+}
+
+static void extend_chain(extender *e, int32_t from, int32_t to)
+{
+    const cairn_segment *lines = e->tokens->lines;
+
+    for (int32_t i = from + 1; i < to; i++)
+        if (bends_little(lines[i - 1], lines[i]))
+            extend(e, i - 1, i);
+    for (int32_t i = to - 2; i >= from; i--)
+        if (bends_little(lines[i], lines[i + 1]))
+            extend(e, i + 1, i);
+}
+
+/* Follows edges on beyond the outline, where they leave it, but not out of its box. */
+static void extend_all(extender *e, const int32_t *ends, int32_t end_count)
+{
+    for (int32_t round = 0; round < ROUNDS; round++) {
+        e->grown = 0;
+        for (int32_t from = 0, to; from < e->tokens->count; from = to) {
+            to = end_of(e->tokens, from);
+            extend_chain(e, from, to);
+        }
+        for (int32_t i = 0; i < end_count; i++)
+            for (int32_t k = 0; k < end_count && e->beyond[ends[i]] < e->limit; k++)
+                if (i != k && continues(e->tokens->lines[ends[i]], e->tokens->lines[ends[k]]))
+                    extend(e, ends[i], ends[k]);
+        if (!e->grown)
+            break;
+    }
+}
+
+static int extend_taken(const cairn_contour_tokens *t, const contour_laid *c, const int32_t *ends, int32_t end_count,
+                        uint8_t *taken)
+{
+    extender e = {t,
+                  c->outline[0].position,
+                  c->outline[0].position,
+                  (cairn_real)EXTEND_SHARE * c->size,
+                  malloc(((size_t)t->count + 1) * sizeof *e.beyond),
+                  0};
+
+    if (e.beyond == NULL)
+        return 0;
+    for (int32_t i = 0; i < c->outline_count; i++) {
+        cairn_vec2 p = c->outline[i].position;
+
+        e.least.x = cairn_min(e.least.x, p.x);
+        e.least.y = cairn_min(e.least.y, p.y);
+        e.most.x = cairn_max(e.most.x, p.x);
+        e.most.y = cairn_max(e.most.y, p.y);
+    }
+    for (int32_t i = 0; i < t->count; i++)
+        e.beyond[i] = taken[i] ? 0 : CAIRN_REAL_MAX;
+    extend_all(&e, ends, end_count);
+    for (int32_t i = 0; i < t->count; i++)
+        taken[i] = e.beyond[i] < CAIRN_REAL_MAX;
+    free(e.beyond);
+    return 1;
+}
+
+int cairn_contour_collect(const cairn_contour_tokens *t, const contour_laid *c, int32_t *list, int32_t *count)
 {
     uint8_t *taken = calloc((size_t)t->count + 1, 1);
     int32_t *ends = malloc(((size_t)t->count + 1) * sizeof *ends), end_count;
     int ok = taken != NULL && ends != NULL;
 
     if (ok) {
-        for (int32_t i = 0; i < *count; i++)
-            taken[list[i]] = 1;
-        end_count = list_ends(t, object, ends);
-        complete_chains(t, model, object, taken);
-        for (int32_t round = 0; round < ROUNDS && cross_junctions(t, model, object, ends, end_count, taken) > 0;
-             round++)
-            complete_chains(t, model, object, taken);
-        ok = list_taken(t, model, object, taken, list, count);
+        collect(t, c, taken);
+        end_count = list_ends(t, c, ends);
+        complete_chains(t, c, taken);
+        for (int32_t round = 0; round < ROUNDS && cross_junctions(t, c, ends, end_count, taken) > 0; round++)
+            complete_chains(t, c, taken);
+        ok = extend_taken(t, c, ends, end_count, taken) && list_taken(t, c, taken, list, count);
     }
     free(taken);
     free(ends);

@@ -14,6 +14,7 @@ void cairn_contour_tokens_free(cairn_contour_tokens *tokens)
 {
     free(tokens->lines);
     free(tokens->chain);
+    free(tokens->strength);
     memset(tokens, 0, sizeof *tokens);
 }
 
@@ -21,7 +22,8 @@ static int allocate(cairn_contour_tokens *t, int32_t count)
 {
     t->lines = malloc(((size_t)count + 1) * sizeof *t->lines);
     t->chain = malloc(((size_t)count + 1) * sizeof *t->chain);
-    return t->lines != NULL && t->chain != NULL;
+    t->strength = malloc(((size_t)count + 1) * sizeof *t->strength);
+    return t->lines != NULL && t->chain != NULL && t->strength != NULL;
 }
 
 static cairn_vec2 place_of(const cairn_edge_pixel *p)
@@ -113,6 +115,45 @@ static cairn_status find(cairn_contour_tokens *t, cairn_raster_u8_view strengths
     return edgels ? take_edgels(t, &r) : take_segments(t, segments, &r);
 }
 
+/* ---- Strengths ---- */
+
+/* The strongest pixel within one of a place. */
+static int32_t strength_at(cairn_raster_u8_view view, cairn_vec2 at)
+{
+    int32_t x = (int32_t)at.x, y = (int32_t)at.y, most = 0;
+
+    for (int32_t v = y > 0 ? y - 1 : 0; v <= y + 1 && v < view.height; v++)
+        for (int32_t u = x > 0 ? x - 1 : 0; u <= x + 1 && u < view.width; u++)
+            most = view.data[v * view.stride + u] > most ? view.data[v * view.stride + u] : most;
+    return most;
+}
+
+/* The mean along a line, 0 ... 255. */
+static int32_t strength_of(cairn_raster_u8_view view, cairn_segment line)
+{
+    int32_t steps = 1 + (int32_t)(cairn_segment_length(line) / 2), sum = 0;
+
+    for (int32_t k = 0; k <= steps; k++)
+        sum += strength_at(view, cairn_vec2_add(line.a, cairn_vec2_scale(cairn_vec2_sub(line.b, line.a),
+                                                                         (cairn_real)k / (cairn_real)steps)));
+    return sum / (steps + 1);
+}
+
+/* The share of all edges that are weaker than each; of those that are as strong, half. */
+static void rank_strengths(cairn_contour_tokens *t, cairn_raster_u8_view view)
+{
+    double length[256] = {0}, weaker[256], all = 0;
+
+    for (int32_t i = 0; i < t->count; i++)
+        length[strength_of(view, t->lines[i])] += (double)cairn_segment_length(t->lines[i]);
+    for (int32_t level = 0; level < 256; level++) {
+        weaker[level] = all + length[level] / 2;
+        all += length[level];
+    }
+    for (int32_t i = 0; i < t->count; i++)
+        t->strength[i] = all > 0 ? (cairn_real)(weaker[strength_of(view, t->lines[i])] / all) : CAIRN_REAL(0.5);
+}
+
 static int32_t count_edges(cairn_raster_u8_view strengths, int32_t min_strength)
 {
     int32_t count = 0;
@@ -158,6 +199,8 @@ cairn_status cairn_contour_tokens_find(cairn_contour_tokens *tokens, cairn_raste
     if (status == CAIRN_OK)
         status = find(tokens, strengths, edgels, &chain, &segment, &pool);
     free(memory);
+    if (status == CAIRN_OK)
+        rank_strengths(tokens, strengths);
     tokens->width = strengths.width;
     tokens->height = strengths.height;
     if (status != CAIRN_OK) {

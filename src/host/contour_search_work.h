@@ -10,9 +10,16 @@ cairn_vec2 cairn_contour_turned(const cairn_grouped_object *object, cairn_vec2 m
 /* Distance of a point to a segment. */
 cairn_real cairn_contour_distance(cairn_segment line, cairn_vec2 p);
 
-/* Completes an object along its chains: what lies between two of its segments on one chain, and what goes on behind its last ones along
- * the model. list: [tokens->count] its segments, *count of them, in the order of the model's outline before and after. 0: no memory. */
-int cairn_contour_complete(const cairn_contour_tokens *tokens, const cairn_shape_model *model,
-                           const cairn_grouped_object *object, int32_t *list, int32_t *count);
+/* A bent outline in the image. */
+typedef struct contour_laid {
+    const cairn_oriented_point *outline; /* [outline_count] px */
+    int32_t outline_count;
+    cairn_vec2 origin; /* px */
+    cairn_real size;   /* px */
+} contour_laid;
+
+/* The segments of an outline: those along it, what lies between two of them on one chain, and what goes on behind the last ones along the
+ * outline. list: [tokens->count] in the order of the outline, *count of them. 0: no memory. */
+int cairn_contour_collect(const cairn_contour_tokens *tokens, const contour_laid *laid, int32_t *list, int32_t *count);
 
 #endif

@@ -1,0 +1,106 @@
+/* self_similarity: the axes that divide a shape into two parts most alike: of mirror symmetry, also of shapes that are skewed, bent at
+ * their joints, bent as a whole, or noisy.
+ *
+ * As written in the thesis: the outline is cut at two critical points (discrete curve evolution) into two arcs, and the arcs
+ * are compared by what their points see of the shape, their inner distances to all of its outline, by warping one arc onto
+ * the other (Adluru 2008, chapter 4). Re-ranked, the default: places between critical points are tried, too, and the best cuts are
+ * judged once more by how well one side is the mirror image of the other when a bend and a skew of the whole are taken back. */
+#ifndef CAIRN_SELF_SIMILARITY_H
+#define CAIRN_SELF_SIMILARITY_H
+
+#include "cairn/curve.h"
+#include "cairn/pool.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* The most axes that are listed. */
+#define CAIRN_SYMMETRY_AXES 16
+/* The most outlines of a shape. */
+#define CAIRN_SYMMETRY_OUTLINES 16
+
+typedef int32_t cairn_symmetry_mode;
+enum {
+    CAIRN_SYMMETRY_AS_WRITTEN = 0, /* axes end at critical points or halfway between two */
+    CAIRN_SYMMETRY_RERANKED = 1
+};
+
+typedef struct cairn_self_similarity_params {
+    cairn_symmetry_mode mode; /* (CAIRN_SYMMETRY_RERANKED) */
+    int32_t points;           /* samples of the outline, 16 ... 512 (96) */
+    int32_t hole_points;      /* samples of all holes together at most, 0: holes are filled, or 4 ... 512 (48) */
+    int32_t least_vertices;   /* of the coarsest level, 4 ... 32 (5) */
+    int32_t most_vertices;    /* of the finest, least_vertices ... 32, at most `points` (20) */
+    cairn_real tie;           /* >= 0, of the best dissimilarity: axes no worse than that are as good (0.01) */
+    cairn_real tie_floor;     /* >= 0: so is what differs less than that (0.001) */
+    cairn_real separation;    /* > 0 ... 0.25, of the outline: axes whose ends are all nearer are one (0.05) */
+} cairn_self_similarity_params;
+
+typedef struct cairn_self_similarity cairn_self_similarity;
+
+/* The values in brackets above. */
+cairn_self_similarity_params cairn_self_similarity_default(void);
+
+/* 0 for params that create() would refuse. Grows with the square of the points. */
+size_t cairn_self_similarity_memory(const cairn_self_similarity_params *params);
+
+/* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status cairn_self_similarity_create(cairn_self_similarity **similarity, cairn_pool *pool,
+                                                        const cairn_self_similarity_params *params);
+
+/* Starts on a shape: outlines[0] its outline, the others holes in it, in either sense; they are sampled here and need not
+ * stay. CAIRN_BAD_ARGUMENT: NULL, count below 1, an outline of fewer than 3 vertices or that is not closed. CAIRN_FULL: more than
+ * CAIRN_SYMMETRY_OUTLINES outlines. CAIRN_NOT_FINITE: a vertex,
+ * or coordinates so large that lengths and areas are not. CAIRN_EMPTY: an outline without area. Cost: linear in the vertices. */
+CAIRN_CHECKED cairn_status cairn_self_similarity_begin(cairn_self_similarity *similarity, const cairn_curve *outlines,
+                                                       int32_t count);
+
+/* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the result stands, or nothing was begun. */
+CAIRN_CHECKED cairn_status cairn_self_similarity_step(cairn_self_similarity *similarity, cairn_budget *budget);
+
+/* Part of the outline, in shares of its length from the first vertex of outlines[0], in the sense of its vertices: from `from`, which
+ * is below 1, on to `to`, which may be up to from + 1. */
+typedef struct cairn_symmetry_arc {
+    cairn_real from, to;
+} cairn_symmetry_arc;
+
+typedef struct cairn_symmetry_axis {
+    cairn_vec2 end[2];         /* where the axis leaves the outline */
+    cairn_real place[2];       /* the same in shares of the outline's length, 0 ... 1; arc[0] begins at place[0] */
+    cairn_symmetry_arc arc[2]; /* the two parts, what lies between critical points left out */
+    cairn_real dissimilarity;  /* >= 0, of the greatest inner distance: by which axes are ranked */
+    cairn_real misfit; /* of that: how far one arc is from the mirror image of the other in the mean; 0 as written */
+    cairn_real warp;   /* and how unlike the arcs are by nearby inner distances; 0 where joints explain nothing */
+    cairn_real bend;   /* rad, by which the axis turns from end[0] to end[1]; 0 as written */
+    cairn_real skew;   /* tangent of the angle by which ribs lean against the axis; 0 as written */
+    int32_t vertices;  /* of the level that it was found on; 0: between critical points */
+    int32_t division;  /* 1 ... 4 of the thesis; 0 when re-ranked */
+} cairn_symmetry_axis;
+
+typedef int32_t cairn_symmetry_verdict;
+enum {
+    CAIRN_SYMMETRY_ONE = 0,  /* one axis is better than all others */
+    CAIRN_SYMMETRY_MANY = 1, /* several are as good: the first `ties` of the list */
+    CAIRN_SYMMETRY_ROUND = 2 /* there is no single axis: those as good as the best end all over the outline */
+};
+
+typedef struct cairn_self_similarity_result {
+    const cairn_symmetry_axis *axes; /* [count], best first: local minima of dissimilarity */
+    int32_t count;
+    int32_t ties; /* axes as good as the best, itself counted */
+    cairn_symmetry_verdict verdict;
+    int32_t rotations;         /* the shape looks the same after so many turns of a whole one: 1: not; 0: after any */
+    const cairn_vec2 *samples; /* [sample_count] of the outline, evenly along it from its first vertex */
+    int32_t sample_count;
+    int64_t comparisons; /* of two arcs */
+} cairn_self_similarity_result;
+
+/* All zero until step() returns CAIRN_OK; valid until the next begin(). */
+cairn_self_similarity_result cairn_self_similarity_read(const cairn_self_similarity *similarity);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

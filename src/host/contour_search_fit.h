@@ -1,0 +1,43 @@
+/* contour_search_fit: a model's outline bent onto the edges about an object. Internal to the host library. */
+#ifndef CAIRN_HOST_CONTOUR_SEARCH_FIT_H
+#define CAIRN_HOST_CONTOUR_SEARCH_FIT_H
+
+#include "src/host/contour_search_work.h"
+
+/* Directions over half a turn, and cells along a side of the window: one and a half sizes. */
+enum { CONTOUR_FIELD_BINS = 12, CONTOUR_FIELD_SIDE = 192 };
+/* No edge is in reach. */
+#define CONTOUR_FIELD_MOST CAIRN_REAL(30.0)
+
+typedef struct contour_field {
+    cairn_real *cost;                      /* [BINS * SIDE * SIDE] -log of how well an edge fits there */
+    cairn_real chance[CONTOUR_FIELD_BINS]; /* how well one does by chance */
+    cairn_vec2 corner;                     /* px */
+    cairn_real cell;                       /* px */
+} contour_field;
+
+/* NULL: there is no memory. */
+contour_field *cairn_contour_field_new(void);
+void cairn_contour_field_free(contour_field *field);
+/* The field about an object. Cost: the segments near it, and some 10^7 operations. */
+void cairn_contour_field_fill(contour_field *field, const cairn_contour_tokens *tokens,
+                              const cairn_grouped_object *object);
+int32_t cairn_contour_field_bin(cairn_vec2 direction);
+
+/* The outline where it lies. */
+typedef struct contour_fit {
+    cairn_oriented_point *outline; /* [outline_count] px */
+    cairn_real *worth;   /* [outline_count] log of how much likelier its edge is with the object than by chance */
+    int32_t *part;       /* [outline_count] of which outline each sample is */
+    cairn_real evidence; /* all of it, less what the bending costs */
+    cairn_real length;   /* of the outline, in sizes */
+} contour_fit;
+
+/* Bends the outline of the object's model onto the edges of the field; the object's pose becomes that of the bent outline. 0: there is no
+ * memory. */
+int cairn_contour_fit_run(contour_fit *fit, const contour_field *field, const cairn_shape_model *model,
+                          cairn_grouped_object *object);
+int cairn_contour_fit_new(contour_fit *fit, int32_t outline_count);
+void cairn_contour_fit_free(contour_fit *fit);
+
+#endif

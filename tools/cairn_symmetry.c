@@ -1,0 +1,251 @@
+/* cairn symmetry: the axes of self-similarity of shapes, from pictures of them. */
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cairn/output.h"
+#include "cairn/output_set.h"
+#include "cairn/vision.h"
+#include "tools/cairn_symmetry.h"
+#include "tools/cairn_tool.h"
+
+#define PROGRAM "cairn symmetry"
+
+enum { SHAPES_MOST = 1024 };
+
+typedef struct settings {
+    const char *shapes[SHAPES_MOST];
+    size_t count;
+    const char *folder, *mode, *holes;
+    int64_t points;
+    double gap, part;
+    int32_t sheet, quiet;
+} settings;
+
+static option_result read_settings(settings *s, int argc, char **argv)
+{
+    const option table[] = {
+        OPTION_TEXT("-o", &s->folder, "DIR", "folder to write NAME.svg and NAME.json to, for each shape NAME.*"),
+        OPTION_TEXT("--mode", &s->mode, "NAME", "re-ranked, or as-written: cuts at critical points alone"),
+        OPTION_INTEGER("--points", &s->points, 16, SYMMETRY_POINTS_MOST, "N", "samples of the outline"),
+        OPTION_TEXT("--holes", &s->holes, "NAME", "keep: they are outside; fill, or refuse"),
+        OPTION_NUMBER("--gap", &s->gap, 0, 1, "SHARE",
+                      "of the drawing's diagonal: loose ends of lines so near are joined"),
+        OPTION_NUMBER("--part", &s->part, 0, 1, "SHARE", "of the largest part's area: smaller ones are left out"),
+        OPTION_FLAG("--sheet", &s->sheet, "also sheet.svg, all shapes side by side"),
+        OPTION_FLAG("--quiet", &s->quiet, "no summary"),
+    };
+    const option_set set = {
+        PROGRAM, "SHAPE... -o DIR [options]",
+        "Finds the axes that divide a shape into two parts most alike, from pictures of one object each\n"
+        "(silhouettes or drawings; TIFF, PNG, JPEG, PGM): of mirror symmetry, also of shapes that are\n"
+        "skewed, bent, noisy, or turned at their joints. Of an object of several parts the largest is taken.",
+        table, sizeof table / sizeof *table};
+    option_result result;
+
+    s->count = SHAPES_MOST;
+    result = options_read(&set, argc, argv, s->shapes, &s->count);
+    if (result != OPTIONS_READ)
+        return result;
+    if (s->count < 1 || s->folder == NULL)
+        return (option_result)options_refuse(PROGRAM, "%s, expected %s",
+                                             s->count < 1 ? "no picture" : "no folder to write to (-o)", set.synopsis);
+    if (strcmp(s->mode, "re-ranked") != 0 && strcmp(s->mode, "as-written") != 0)
+        return (option_result)options_refuse(PROGRAM, "--mode %s, expected re-ranked or as-written", s->mode);
+    if (strcmp(s->holes, "keep") != 0 && strcmp(s->holes, "fill") != 0 && strcmp(s->holes, "refuse") != 0)
+        return (option_result)options_refuse(PROGRAM, "--holes %s, expected keep, fill or refuse", s->holes);
+    return OPTIONS_READ;
+}
+
+/* "folder/horse-1.png" -> "horse-1"; 0: there is no such name. */
+static int stem_of(const char *path, char stem[SYMMETRY_NAME_BYTES])
+{
+    const char *name = cairn_path_name(path), *dot = strrchr(name, '.');
+    size_t length = dot != NULL && dot > name ? (size_t)(dot - name) : strlen(name);
+
+    if (length < 1 || length >= SYMMETRY_NAME_BYTES)
+        return 0;
+    memcpy(stem, name, length);
+    stem[length] = '\0';
+    return 1;
+}
+
+/* Names that would overwrite each other are refused before anything is written. */
+static int check_names(const settings *s, symmetry_found *found)
+{
+    for (size_t i = 0; i < s->count; i++) {
+        found[i].path = s->shapes[i];
+        if (!stem_of(s->shapes[i], found[i].stem))
+            return options_refuse(PROGRAM, "'%s', expected the name of a picture", s->shapes[i]);
+        for (size_t k = 0; k < i; k++)
+            if (strcmp(found[i].stem, found[k].stem) == 0)
+                return options_refuse(PROGRAM, "%s and %s are both named '%s', expected different names", s->shapes[k],
+                                      s->shapes[i], found[i].stem);
+        if (s->sheet && strcmp(found[i].stem, "sheet") == 0)
+            return options_refuse(PROGRAM, "%s with --sheet, expected another name", s->shapes[i]);
+    }
+    return TOOL_OK;
+}
+
+/* The outlines of the object, the largest part and the holes in it. */
+static cairn_status read_shape(const settings *s, symmetry_found *f, cairn_file_error *error)
+{
+    cairn_shape_image_params params = cairn_shape_image_default();
+    cairn_vision_image grey;
+    cairn_raster_u8_view view;
+    cairn_status status = cairn_vision_read_grey(&grey, f->path, error);
+
+    if (status != CAIRN_OK)
+        return status;
+    params.holes = s->holes[0] == 'k'   ? CAIRN_SHAPE_HOLES_KEEP
+                   : s->holes[0] == 'f' ? CAIRN_SHAPE_HOLES_FILL
+                                        : CAIRN_SHAPE_HOLES_REFUSE;
+    params.max_gap = s->gap;
+    params.min_part = s->part;
+    view = (cairn_raster_u8_view){grey.samples, grey.width, grey.height, grey.width};
+    status = cairn_shape_image_trace(&f->image, view, &params, f->path, error);
+    cairn_vision_free(&grey);
+    if (status != CAIRN_OK)
+        return status;
+    f->parts = f->image.count - f->image.holes;
+    f->shape[0] = f->image.outlines[0];
+    for (int32_t i = f->parts; i < f->image.count; i++)
+        if (cairn_polygon_contains(f->shape[0].points, f->shape[0].count, f->image.outlines[i].points[0]))
+            f->shape[1 + f->holes++] = f->image.outlines[i];
+    return CAIRN_OK;
+}
+
+static cairn_status find_axes(cairn_self_similarity *similarity, symmetry_found *f, cairn_file_error *error)
+{
+    cairn_status status = cairn_self_similarity_begin(similarity, f->shape, 1 + f->holes);
+
+    if (status != CAIRN_OK)
+        return cairn_file_error_set(error, status, f->path, 0, "no outline with an area, expected an object");
+    do {
+        cairn_budget budget = {INT32_MAX};
+
+        status = cairn_self_similarity_step(similarity, &budget);
+    } while (status == CAIRN_MORE);
+    f->result = cairn_self_similarity_read(similarity);
+    memcpy(f->axes, f->result.axes, (size_t)f->result.count * sizeof f->axes[0]);
+    memcpy(f->samples, f->result.samples, (size_t)f->result.sample_count * sizeof f->samples[0]);
+    f->result.axes = f->axes;
+    f->result.samples = f->samples;
+    return CAIRN_OK;
+}
+
+static void print_summary(const symmetry_found *f, double seconds)
+{
+    const cairn_self_similarity_result *r = &f->result;
+    const cairn_symmetry_axis *a = r->axes;
+
+    printf("%s: %s", f->path, symmetry_verdict_name(r->verdict));
+    if (r->verdict != CAIRN_SYMMETRY_ONE)
+        printf(" (%" PRId32 " as good as the best)", r->ties);
+    if (r->rotations != 1)
+        printf(r->rotations == 0 ? ", the same after any turn" : ", the same after a turn by 1/%" PRId32, r->rotations);
+    if (f->parts > 1)
+        printf(", the largest of %" PRId32 " parts", f->parts);
+    printf("; %.3f s\n", seconds);
+    if (r->count > 0)
+        printf("  %.4f  from (%.1f, %.1f) to (%.1f, %.1f), bend %.0f degrees, skew %.2f\n", (double)a->dissimilarity,
+               (double)a->end[0].x, (double)a->end[0].y, (double)a->end[1].x, (double)a->end[1].y,
+               57.29577951308232 * (double)a->bend, (double)a->skew);
+}
+
+static cairn_status write_shape(const settings *s, const symmetry_found *f, cairn_file_error *error)
+{
+    char name[2][SYMMETRY_NAME_BYTES + 8];
+    const char *names[2] = {name[0], name[1]};
+    cairn_output_set *set;
+    cairn_status status;
+
+    (void)snprintf(name[0], sizeof name[0], "%s.svg", f->stem);
+    (void)snprintf(name[1], sizeof name[1], "%s.json", f->stem);
+    status = cairn_output_set_open(&set, s->folder, names, 2, error);
+    if (status != CAIRN_OK)
+        return status;
+    status = symmetry_draw(f, cairn_output_set_path(set, 0), error);
+    if (status == CAIRN_OK)
+        status = symmetry_write(f, cairn_output_set_path(set, 1), error);
+    if (status == CAIRN_OK)
+        return cairn_output_set_commit(set, error);
+    cairn_output_set_discard(set);
+    return status;
+}
+
+static cairn_status write_sheet(const settings *s, const symmetry_found *found, cairn_file_error *error)
+{
+    char *path = cairn_path_join(s->folder, "sheet.svg");
+    cairn_status status;
+
+    if (path == NULL)
+        return cairn_file_error_set(error, CAIRN_NO_MEMORY, s->folder, 0, "no memory for the sheet");
+    status = symmetry_draw_sheet(found, (int32_t)s->count, path, error);
+    free(path);
+    return status;
+}
+
+static cairn_status run(const settings *s, cairn_self_similarity *similarity, cairn_symmetry_mode mode,
+                        symmetry_found *found, cairn_file_error *error)
+{
+    cairn_status status = CAIRN_OK;
+
+    for (size_t i = 0; i < s->count && status == CAIRN_OK; i++) {
+        double start = tool_seconds();
+
+        found[i].mode = mode;
+        status = read_shape(s, &found[i], error);
+        if (status == CAIRN_OK)
+            status = find_axes(similarity, &found[i], error);
+        if (status == CAIRN_OK)
+            status = write_shape(s, &found[i], error);
+        if (status == CAIRN_OK && !s->quiet)
+            print_summary(&found[i], tool_seconds() - start);
+    }
+    return status == CAIRN_OK && s->sheet ? write_sheet(s, found, error) : status;
+}
+
+int tool_symmetry(int argc, char **argv)
+{
+    static settings s;
+    cairn_self_similarity_params params = cairn_self_similarity_default();
+    cairn_shape_image_params image = cairn_shape_image_default();
+    cairn_self_similarity *similarity;
+    cairn_status status = CAIRN_OK;
+    cairn_file_error error;
+    symmetry_found *found;
+    option_result result;
+    cairn_pool pool;
+    int code;
+
+    memset(&s, 0, sizeof s);
+    s.mode = "re-ranked";
+    s.holes = "keep";
+    s.points = params.points;
+    s.gap = image.max_gap;
+    s.part = image.min_part;
+    result = read_settings(&s, argc, argv);
+    if (result != OPTIONS_READ)
+        return (int)result;
+    params.mode = s.mode[0] == 'a' ? CAIRN_SYMMETRY_AS_WRITTEN : CAIRN_SYMMETRY_RERANKED;
+    params.points = (int32_t)s.points;
+    params.most_vertices = params.points < params.most_vertices ? params.points : params.most_vertices;
+    found = calloc(s.count, sizeof *found);
+    if (found == NULL)
+        return options_refuse(PROGRAM, "no memory for %zu shapes", s.count), TOOL_FAILED;
+    code = check_names(&s, found);
+    if (code == TOOL_OK)
+        code = tool_pool_open(&pool, PROGRAM, NULL, cairn_self_similarity_memory(&params));
+    if (code == TOOL_OK) {
+        status = cairn_self_similarity_create(&similarity, &pool, &params);
+        status = status == CAIRN_OK ? run(&s, similarity, params.mode, found, &error)
+                                    : cairn_file_error_set(&error, status, PROGRAM, 0, "no room");
+        tool_pool_close(&pool);
+    }
+    for (size_t i = 0; i < s.count; i++)
+        cairn_shape_image_free(&found[i].image);
+    free(found);
+    return status != CAIRN_OK ? tool_report(&error) : code;
+}

@@ -1,0 +1,40 @@
+/* What the parts of cairn symmetry share. */
+#ifndef CAIRN_TOOLS_CAIRN_SYMMETRY_H
+#define CAIRN_TOOLS_CAIRN_SYMMETRY_H
+
+#include "cairn/self_similarity.h"
+#include "cairn/shape_image.h"
+
+enum { SYMMETRY_POINTS_MOST = 512, SYMMETRY_NAME_BYTES = 256 };
+
+/* The axes of one shape, in pixels of its picture. */
+typedef struct symmetry_found {
+    const char *path;
+    char stem[SYMMETRY_NAME_BYTES];
+    cairn_shape_image image; /* all outlines: parts, then holes */
+    int32_t parts;           /* that the picture has; the largest is looked at */
+    int32_t holes;           /* of that one */
+    cairn_curve shape[CAIRN_SHAPE_OUTLINES];
+    cairn_symmetry_mode mode;
+    cairn_symmetry_axis axes[CAIRN_SYMMETRY_AXES];
+    cairn_vec2 samples[SYMMETRY_POINTS_MOST];
+    cairn_self_similarity_result result; /* its arrays are the two above */
+} symmetry_found;
+
+/* "as written", "re-ranked". */
+const char *symmetry_mode_name(cairn_symmetry_mode mode);
+
+/* What a result says, in words. */
+const char *symmetry_verdict_name(cairn_symmetry_verdict verdict);
+
+/* The picture of one shape: its two arcs red and blue, what lies between them grey, its axes. */
+CAIRN_CHECKED cairn_status symmetry_draw(const symmetry_found *found, const char *path, cairn_file_error *error);
+
+/* Several in one picture, side by side; found: [count]. */
+CAIRN_CHECKED cairn_status symmetry_draw_sheet(const symmetry_found *found, int32_t count, const char *path,
+                                               cairn_file_error *error);
+
+/* The same as JSON (docs/formats.md). */
+CAIRN_CHECKED cairn_status symmetry_write(const symmetry_found *found, const char *path, cairn_file_error *error);
+
+#endif

@@ -1,0 +1,243 @@
+/* What cairn symmetry writes: pictures and JSON. */
+#include <math.h>
+#include <stdio.h>
+
+#include "cairn/output.h"
+#include "src/host/report_text.h"
+#include "tools/cairn_symmetry.h"
+
+#define DEGREES    57.29577951308232
+#define PANEL      480.0
+#define SMALL      280.0
+#define FOOT       40.0
+#define LINE       20.0
+#define COLUMNS    4
+#define STRAIGHT   1e-3
+#define AXES_DRAWN 8
+
+const char *symmetry_mode_name(cairn_symmetry_mode mode)
+{
+    return mode == CAIRN_SYMMETRY_AS_WRITTEN ? "as written" : "re-ranked";
+}
+
+const char *symmetry_verdict_name(cairn_symmetry_verdict verdict)
+{
+    return verdict == CAIRN_SYMMETRY_ONE    ? "one axis"
+           : verdict == CAIRN_SYMMETRY_MANY ? "several axes"
+                                            : "no single axis";
+}
+
+/* ---- Pictures ---- */
+
+/* Where a pixel is drawn. */
+typedef struct view {
+    double left, top, scale;
+    cairn_box box;
+} view;
+
+static double x_of(const view *v, cairn_vec2 p)
+{
+    return v->left + v->scale * (double)(p.x - v->box.min.x);
+}
+
+static double y_of(const view *v, cairn_vec2 p)
+{
+    return v->top + v->scale * (double)(p.y - v->box.min.y);
+}
+
+static view view_of(const symmetry_found *f, double left, double top, double size)
+{
+    view v = {left, top, 1, cairn_box_empty()};
+    double width, height;
+
+    for (int32_t i = 0; i < f->shape[0].count; i++)
+        v.box = cairn_box_extend(v.box, f->shape[0].points[i]);
+    width = (double)(v.box.max.x - v.box.min.x);
+    height = (double)(v.box.max.y - v.box.min.y);
+    v.scale = size / fmax(width, height);
+    v.left += (size - v.scale * width) / 2;
+    v.top += (size - v.scale * height) / 2;
+    return v;
+}
+
+static void print_point(cairn_output *output, const view *v, const char *move, cairn_vec2 p)
+{
+    cairn_output_print(output, "%s%.1f %.1f", move, x_of(v, p), y_of(v, p));
+}
+
+static void print_filled(cairn_output *output, const symmetry_found *f, const view *v)
+{
+    cairn_output_print(output, "<path class=\"shape\" d=\"");
+    for (int32_t o = 0; o < 1 + f->holes; o++) {
+        for (int32_t i = 0; i < f->shape[o].count; i++)
+            print_point(output, v, i == 0 ? "M" : "L", f->shape[o].points[i]);
+        cairn_output_print(output, "Z");
+    }
+    cairn_output_print(output, "\"/>\n");
+}
+
+/* The outline from one place to another, in shares of its length. */
+static void print_arc(cairn_output *output, const symmetry_found *f, const view *v, cairn_symmetry_arc arc,
+                      const char *name)
+{
+    int32_t n = f->result.sample_count, first = (int32_t)ceil((double)arc.from * n);
+    int32_t last = (int32_t)floor((double)arc.to * n);
+
+    cairn_output_print(output, "<path class=\"%s\" d=\"", name);
+    for (int32_t i = first; i <= last; i++)
+        print_point(output, v, i == first ? "M" : "L", f->samples[i % n]);
+    cairn_output_print(output, "\"/>\n");
+}
+
+static void print_axis(cairn_output *output, const view *v, const cairn_symmetry_axis *a, const char *name)
+{
+    double chord = hypot((double)(a->end[1].x - a->end[0].x), (double)(a->end[1].y - a->end[0].y)),
+           bend = (double)a->bend;
+
+    cairn_output_print(output, "<path class=\"%s\" d=\"", name);
+    print_point(output, v, "M", a->end[0]);
+    if (fabs(bend) > STRAIGHT) {
+        double radius = v->scale * chord / (2 * sin(fabs(bend) / 2));
+
+        cairn_output_print(output, "A%.1f %.1f 0 0 %d ", radius, radius, bend > 0);
+        print_point(output, v, "", a->end[1]);
+    } else {
+        print_point(output, v, "L", a->end[1]);
+    }
+    cairn_output_print(output, "\"/>\n");
+}
+
+/* The whole outline grey, the arcs over it; the best axis, and those as good. */
+static void print_shape(cairn_output *output, const symmetry_found *f, const view *v)
+{
+    const cairn_symmetry_axis *best = &f->axes[0];
+    cairn_symmetry_arc whole = {0, 1};
+
+    print_filled(output, f, v);
+    print_arc(output, f, v, whole, "skipped");
+    if (f->result.count < 1)
+        return;
+    print_arc(output, f, v, best->arc[0], "first");
+    print_arc(output, f, v, best->arc[1], "second");
+    for (int32_t i = 1; i < f->result.ties && i < AXES_DRAWN; i++)
+        print_axis(output, v, &f->axes[i], "tie");
+    print_axis(output, v, best, "axis");
+    for (int k = 0; k < 2; k++)
+        cairn_output_print(output, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"4\"/>\n", x_of(v, best->end[k]),
+                           y_of(v, best->end[k]));
+}
+
+static void print_style(cairn_output *output)
+{
+    cairn_output_print(output,
+                       "<style>path{fill:none;stroke-width:3;stroke-linejoin:round}.shape{fill:#f1f5f9;"
+                       "fill-rule:evenodd;stroke:#cbd5e1;stroke-width:1}.skipped{stroke:#94a3b8}"
+                       ".first{stroke:#dc2626}.second{stroke:#2563eb}.axis{stroke:#0f172a;stroke-width:2}"
+                       ".tie{stroke:#64748b;stroke-width:1.5;stroke-dasharray:6 4}circle{fill:#0f172a}</style>\n");
+}
+
+static void describe(const symmetry_found *f, char *text, size_t size)
+{
+    char turns[32] = "";
+
+    if (f->result.rotations == 0)
+        (void)snprintf(turns, sizeof turns, ", any turn");
+    else if (f->result.rotations > 1)
+        (void)snprintf(turns, sizeof turns, ", %d turns", (int)f->result.rotations);
+    (void)snprintf(text, size, "%s, dissimilarity %.4f%s", symmetry_verdict_name(f->result.verdict),
+                   f->result.count > 0 ? (double)f->axes[0].dissimilarity : 0, turns);
+}
+
+cairn_status symmetry_draw(const symmetry_found *f, const char *path, cairn_file_error *error)
+{
+    const char *title = cairn_path_name(f->path);
+    cairn_output *output;
+    cairn_status status;
+    char subtitle[160];
+    double head;
+    view v;
+
+    describe(f, subtitle, sizeof subtitle);
+    head = cairn_report_head_height(title, subtitle);
+    v = view_of(f, CAIRN_REPORT_MARGIN, head + CAIRN_REPORT_MARGIN, PANEL);
+    status = cairn_output_open(&output, path, error);
+    if (status != CAIRN_OK)
+        return status;
+    cairn_report_print_head(output, PANEL + 2 * CAIRN_REPORT_MARGIN, head + PANEL + 2 * CAIRN_REPORT_MARGIN, title,
+                            subtitle);
+    print_style(output);
+    print_shape(output, f, &v);
+    cairn_output_print(output, "</svg>\n");
+    return cairn_output_commit(output, error);
+}
+
+cairn_status symmetry_draw_sheet(const symmetry_found *found, int32_t count, const char *path, cairn_file_error *error)
+{
+    int32_t columns = count < COLUMNS ? count : COLUMNS, rows = (count + columns - 1) / columns;
+    double step = SMALL + CAIRN_REPORT_MARGIN, head;
+    const char *subtitle = symmetry_mode_name(found[0].mode);
+    cairn_output *output;
+    cairn_status status = cairn_output_open(&output, path, error);
+
+    if (status != CAIRN_OK)
+        return status;
+    head = cairn_report_head_height("Axes of self-similarity", subtitle);
+    cairn_report_print_head(output, CAIRN_REPORT_MARGIN + columns * step,
+                            head + CAIRN_REPORT_MARGIN + rows * (step + FOOT), "Axes of self-similarity", subtitle);
+    print_style(output);
+    for (int32_t i = 0; i < count; i++) {
+        int32_t row = i / columns, column = i % columns;
+        double left = CAIRN_REPORT_MARGIN + column * step, top = head + CAIRN_REPORT_MARGIN + row * (step + FOOT);
+        view v = view_of(&found[i], left, top, SMALL);
+        char text[160];
+
+        describe(&found[i], text, sizeof text);
+        print_shape(output, &found[i], &v);
+        cairn_report_print_text(output, left, top + SMALL + LINE, "font-size=\"14\" fill=\"#0f172a\"",
+                                cairn_path_name(found[i].path));
+        cairn_report_print_text(output, left, top + SMALL + 2 * LINE, "font-size=\"12\" fill=\"#475569\"", text);
+    }
+    cairn_output_print(output, "</svg>\n");
+    return cairn_output_commit(output, error);
+}
+
+/* ---- JSON ---- */
+
+static void write_axis(cairn_output *output, const cairn_symmetry_axis *a)
+{
+    cairn_output_print(
+        output,
+        "  {\"ends\": [[%.2f, %.2f], [%.2f, %.2f]], \"places\": [%.5f, %.5f], \"arcs\": [[%.5f, %.5f], "
+        "[%.5f, %.5f]],\n   \"dissimilarity\": %.6f, \"misfit\": %.6f, \"warp\": %.6f, \"bend_deg\": %.2f, "
+        "\"skew\": %.4f, \"vertices\": %d, \"division\": %d}",
+        (double)a->end[0].x, (double)a->end[0].y, (double)a->end[1].x, (double)a->end[1].y, (double)a->place[0],
+        (double)a->place[1], (double)a->arc[0].from, (double)a->arc[0].to, (double)a->arc[1].from, (double)a->arc[1].to,
+        (double)a->dissimilarity, (double)a->misfit, (double)a->warp, DEGREES * (double)a->bend, (double)a->skew,
+        (int)a->vertices, (int)a->division);
+}
+
+cairn_status symmetry_write(const symmetry_found *f, const char *path, cairn_file_error *error)
+{
+    cairn_output *output;
+    cairn_status status = cairn_output_open(&output, path, error);
+
+    if (status != CAIRN_OK)
+        return status;
+    cairn_output_print(output, "{\"shape\": ");
+    cairn_report_print_json(output, cairn_path_name(f->path));
+    cairn_output_print(output,
+                       ", \"mode\": \"%s\", \"parts\": %d, \"holes\": %d,\n \"verdict\": \"%s\", \"ties\": %d, "
+                       "\"rotations\": %d,\n \"axes\": [",
+                       symmetry_mode_name(f->mode), (int)f->parts, (int)f->holes,
+                       symmetry_verdict_name(f->result.verdict), (int)f->result.ties, (int)f->result.rotations);
+    for (int32_t i = 0; i < f->result.count; i++) {
+        cairn_output_print(output, "%s\n", i > 0 ? "," : "");
+        write_axis(output, &f->axes[i]);
+    }
+    cairn_output_print(output, "],\n \"outline\": [");
+    for (int32_t i = 0; i < f->result.sample_count; i++)
+        cairn_output_print(output, "%s[%.2f, %.2f]", i > 0 ? ", " : "", (double)f->samples[i].x,
+                           (double)f->samples[i].y);
+    cairn_output_print(output, "]}\n");
+    return cairn_output_commit(output, error);
+}
