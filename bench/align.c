@@ -14,6 +14,7 @@
 #include "bench/bench_align.h"
 #include "bench/bench_bound.h"
 #include "bench/bench_chain.h"
+#include "bench/bench_growth.h"
 #include "bench/bench_json.h"
 #include "bench/bench_lum.h"
 #include "bench/bench_problem.h"
@@ -37,7 +38,7 @@ typedef struct settings {
     int32_t again;       /* --return */
     int32_t chain;       /* --chain */
     double sub_error[2]; /* m, degrees: of the poses within a place, for the chain */
-    int32_t ablate;
+    int32_t ablate, growth;
     bench_ingredient without;
 } settings;
 
@@ -100,7 +101,7 @@ static cairn_status count_room(const cairn_scan_params *scan_params, const sim_s
 static cairn_status simulate(const sim_scan *scans, int32_t count, cairn_scan *scan, cairn_force_field *field,
                              bench_pose *poses, outcome *out)
 {
-    double start = bench_seconds(), stepped;
+    double start = bench_cpu_seconds(), stepped;
     cairn_force_field_state state;
     cairn_status status = CAIRN_OK;
     cairn_real before = 0;
@@ -114,7 +115,7 @@ static cairn_status simulate(const sim_scan *scans, int32_t count, cairn_scan *s
     }
     if (status != CAIRN_OK)
         return status;
-    stepped = bench_seconds();
+    stepped = bench_cpu_seconds();
     do {
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
@@ -124,8 +125,8 @@ static cairn_status simulate(const sim_scan *scans, int32_t count, cairn_scan *s
         before = state.potential;
     } while (status >= 0 && state.verdict == CAIRN_FORCE_FIELD_RUNNING);
     out->steps = state.iterations;
-    out->seconds = bench_seconds() - start;
-    out->step_ms = 1e3 * (bench_seconds() - stepped) / (state.iterations > 0 ? state.iterations : 1);
+    out->seconds = bench_cpu_seconds() - start;
+    out->step_ms = 1e3 * (bench_cpu_seconds() - stepped) / (state.iterations > 0 ? state.iterations : 1);
     for (int32_t i = 0; i < count && status >= 0; i++)
         poses[i].pose = sim_of(cairn_force_field_pose(field, i));
     return status < 0 ? status : CAIRN_OK;
@@ -491,8 +492,8 @@ static int check(const settings *s)
         fprintf(stderr, "bench/align: unknown method '%s', expected " METHODS "\n", s->method);
         return 0;
     }
-    if (s->ablate && strcmp(s->method, "default") != 0) {
-        fprintf(stderr, "bench/align: --ablate is for method default\n");
+    if ((s->ablate || s->growth) && strcmp(s->method, "default") != 0) {
+        fprintf(stderr, "bench/align: --ablate and --growth are for method default\n");
         return 0;
     }
     return 1;
@@ -518,7 +519,7 @@ static int run_all(const settings *s, outcome *all)
 
 int main(int argc, char **argv)
 {
-    settings s = {"default", bench_problem_kind_default(), 20, 1, 50, {0.05, 1}, 0, 0, {0, 0}, 0, BENCH_ALL};
+    settings s = {"default", bench_problem_kind_default(), 20, 1, 50, {0.05, 1}, 0, 0, {0, 0}, 0, 0, BENCH_ALL};
     const option table[] = {
         OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
@@ -542,6 +543,9 @@ int main(int argc, char **argv)
                     "poses from nothing: the scans of each place matched as a whole, then the method"),
         OPTION_PAIR("--sub-error", s.sub_error, 0, 10, "M,DEG", "of the poses within a place, for --chain (0,0)"),
         OPTION_FLAG("--ablate", &s.ablate, "all arenas again without each ingredient of default"),
+        OPTION_FLAG(
+            "--growth", &s.growth,
+            "time and units alone, of each arena and of one of twice its width and height with four times its places"),
     };
     const option_set set = {"bench/align", "[options]", "Alignment of all scans of simulated arenas at once.", table,
                             sizeof table / sizeof *table};
@@ -558,6 +562,8 @@ int main(int argc, char **argv)
     }
     if (!check(&s))
         return 2;
+    if (s.growth)
+        return !bench_growth(&s.kind, s.arenas, s.seed);
     all = malloc((size_t)s.arenas * sizeof *all);
     if (all == NULL) {
         fprintf(stderr, "bench/align: no memory for %" PRId64 " arenas\n", s.arenas);

@@ -121,7 +121,7 @@ static void read_poses(const cairn_aligner *aligner, bench_pose *poses)
 static cairn_status align(fitter *f, cairn_aligner *aligner, const sim_scan *scans, int32_t count, bench_pose *poses,
                           bench_run *run)
 {
-    double start = bench_seconds();
+    double start = bench_cpu_seconds();
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_status status = CAIRN_OK;
 
@@ -138,7 +138,7 @@ static cairn_status align(fitter *f, cairn_aligner *aligner, const sim_scan *sca
         budget.left = CAIRN_UNBOUNDED;
         status = CAIRN_OK;
     }
-    run->seconds = bench_seconds() - start;
+    run->seconds = bench_cpu_seconds() - start;
     run->steps = cairn_aligner_read(aligner).rounds;
     run->units = cairn_aligner_read(aligner).units;
     run->worst_step = cairn_aligner_read(aligner).worst_step;

@@ -110,11 +110,13 @@ static cairn_aligner *carve(cairn_pool *pool, const cairn_aligner_params *p)
     arrays.poses = cairn_pool_take(pool, scans + 1, sizeof *arrays.poses);
     arrays.tables = cairn_pool_take(pool, scans, sizeof *arrays.tables);
     arrays.clusters = cairn_pool_take(pool, scans + 1, sizeof *arrays.clusters);
+    arrays.fits = cairn_pool_take(pool, scans + 1, sizeof *arrays.fits);
     arrays.segments = cairn_pool_take(pool, segments, sizeof *arrays.segments);
     arrays.points = cairn_pool_take(pool, (size_t)p->max_points, sizeof *arrays.points);
     arrays.partners = cairn_pool_take(pool, scans * ALIGNER_PARTNERS, sizeof *arrays.partners);
     arrays.patches = cairn_pool_take(pool, (size_t)p->max_points / ALIGNER_PATCH + scans, sizeof *arrays.patches);
     arrays.hypotheses = cairn_pool_take(pool, (size_t)p->max_hypotheses, sizeof *arrays.hypotheses);
+    arrays.links = cairn_pool_take(pool, scans, sizeof *arrays.links);
     arrays.surest = cairn_pool_take(pool, (size_t)p->max_hypotheses / ALIGNER_BLOCK + 1, sizeof *arrays.surest);
     carve_shared(&arrays, pool, segments, (size_t)p->max_cells);
     arrays.rhs = cairn_pool_take(pool, 3 * (scans + (segments + 1) / 2), sizeof *arrays.rhs);
@@ -360,7 +362,9 @@ cairn_status cairn_aligner_begin_again(cairn_aligner *aligner, const cairn_pose 
             x->scans[i].initial = map_scan[i];
             x->scans[i].initial.theta = cairn_wrap_angle(map_scan[i].theta);
         }
-    x->hypothesis_count = x->open_count = 0;
+    for (int32_t c = 0; c <= x->scan_count; c++)
+        x->fits[c].stamp = -1; /* they are of the initial poses of before */
+    x->hypothesis_count = 0;
     x->repairs = x->slides = x->changed = 0;
     x->i = x->j = x->k = x->l = 0;
     x->debt = 0;
@@ -478,7 +482,7 @@ cairn_aligner_pose cairn_aligner_pose_of(const cairn_aligner *aligner, int32_t s
 
 cairn_pose cairn_aligner_pose_now(const cairn_aligner *aligner, int32_t scan, int32_t *part)
 {
-    cairn_transform same = {0, 0, 1, 0}, gauge;
+    cairn_transform gauge;
     int32_t known = scan >= 0 && scan < aligner->scan_count, own;
 
     if (part != NULL)
@@ -492,6 +496,6 @@ cairn_pose cairn_aligner_pose_now(const cairn_aligner *aligner, int32_t scan, in
         *part = own;
     if (!cairn_aligner_running(aligner))
         return aligner->results[scan].map_scan;
-    gauge = cairn_aligner_gauge(aligner, own, -1, same);
+    gauge = cairn_aligner_gauge(aligner, own);
     return cairn_aligner_to_pose(cairn_aligner_compose(gauge, aligner->poses[scan]));
 }

@@ -1,9 +1,9 @@
 /* Clusters of the aligner: scans whose poses are known to each other, in a frame of their own.
  *
  * A look at one cluster from another refines their relative pose by Gauss-Newton on all pairs of scans that may meet and
- * then counts the evidence of these. The initial poses are evidence, too: how much worse the initial poses of both fit a
- * common motion than those of each alone. Their standard deviations are learnt from the clusters themselves, starting from
- * what the params expect. */
+ * then counts the evidence of these. The initial poses are evidence, too (aligner_prior.c): how much worse the initial poses
+ * of both fit a common motion than those of each alone. Their standard deviations are learnt from the clusters themselves,
+ * starting from what the params expect. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -11,17 +11,14 @@
 #include "src/mapping/aligner_work.h"
 
 static const cairn_real COUNT_GATE = CAIRN_REAL(0.07);
-static const cairn_real BOX = CAIRN_REAL(1.25); /* of the params' spread: hardly anything lies farther off */
-static const cairn_real EXPECTED_SCANS = 2;     /* what the params' spread weighs against what is learnt */
-static const cairn_real ARM = CAIRN_REAL(1.5);  /* m: makes turns comparable to shifts */
-static const cairn_real BEYOND_NATS = 100;      /* a metre */
-
+static const cairn_real ARM = CAIRN_REAL(1.5);       /* m: makes turns comparable to shifts */
 static const cairn_real AT_REST = CAIRN_REAL(0.003); /* m: a scan that moves by less does not stir others */
 
 void cairn_aligner_insert(cairn_aligner *x, int32_t scan, int32_t cluster)
 {
     aligner_cluster *c = &x->clusters[cluster];
 
+    cairn_aligner_fit_scan(x, scan, cluster, 1);
     x->scans[scan].part = cluster;
     x->scans[scan].next = c->head;
     c->head = scan;
@@ -34,6 +31,7 @@ void cairn_aligner_remove(cairn_aligner *x, int32_t scan)
     aligner_cluster *c = &x->clusters[x->scans[scan].part];
     int32_t *link = &c->head;
 
+    cairn_aligner_fit_scan(x, scan, x->scans[scan].part, -1);
     while (*link != scan)
         link = &x->scans[*link].next;
     *link = x->scans[scan].next;
@@ -56,153 +54,16 @@ void cairn_aligner_begin_clusters(cairn_aligner *x)
 {
     memset(x->clusters, 0, ((size_t)x->scan_count + 1) * sizeof *x->clusters);
     for (int32_t i = 0; i <= x->scan_count; i++)
-        x->clusters[i].head = -1;
+        x->clusters[i].head = x->fits[i].stamp = -1;
     for (int32_t i = 0; i < x->scan_count; i++) {
         x->poses[i] = cairn_transform_of(x->scans[i].initial);
         x->scans[i].support = x->scans[i].evidence = 0;
         x->scans[i].weak = x->scans[i].stirred = 0;
+        x->scans[i].joined = -1 - i;
+        memset(&x->scans[i].pull, 0, sizeof x->scans[i].pull);
         cairn_aligner_insert(x, i, i);
     }
     cairn_aligner_learn_spread(x);
-}
-
-/* ---- Initial poses ---- */
-
-/* The members of up to two clusters, one after the other. */
-typedef struct walk {
-    const cairn_aligner *x;
-    int32_t scan, second;
-    cairn_transform move; /* of the first cluster */
-    int32_t in_first;
-} walk;
-
-static walk begin_walk(const cairn_aligner *x, int32_t first, int32_t second, cairn_transform second_first)
-{
-    walk w = {x, x->clusters[first].head, second, second_first, 1};
-
-    return w;
-}
-
-/* The next member and its pose; -1: none. */
-static int32_t walk_on(walk *w, cairn_transform *pose)
-{
-    int32_t scan;
-
-    if (w->scan < 0 && w->in_first && w->second >= 0) {
-        w->in_first = 0;
-        w->scan = w->x->clusters[w->second].head;
-    }
-    scan = w->scan;
-    if (scan < 0)
-        return -1;
-    *pose = w->in_first ? cairn_aligner_compose(w->move, w->x->poses[scan]) : w->x->poses[scan];
-    w->scan = w->x->scans[scan].next;
-    return scan;
-}
-
-/* Least squares over positions and headings, weighted by their variances. */
-cairn_transform cairn_aligner_gauge(const cairn_aligner *x, int32_t first, int32_t second, cairn_transform second_first)
-{
-    cairn_real heading = x->sigma * x->sigma / (x->sigma_angle * x->sigma_angle), sine = 0, cosine = 0, count = 0;
-    cairn_vec2 p = {0, 0}, q = {0, 0};
-    cairn_transform pose, gauge;
-    walk w = begin_walk(x, first, second, second_first);
-    int32_t i;
-
-    while ((i = walk_on(&w, &pose)) >= 0) {
-        p.x += pose.x;
-        p.y += pose.y;
-        q.x += x->scans[i].initial.x;
-        q.y += x->scans[i].initial.y;
-        count += 1;
-    }
-    p = cairn_vec2_scale(p, 1 / count);
-    q = cairn_vec2_scale(q, 1 / count);
-    w = begin_walk(x, first, second, second_first);
-    while ((i = walk_on(&w, &pose)) >= 0) {
-        cairn_transform initial = cairn_transform_of(x->scans[i].initial);
-        cairn_vec2 u = {pose.x - p.x, pose.y - p.y}, v = {initial.x - q.x, initial.y - q.y};
-
-        cosine += heading * (pose.cosine * initial.cosine + pose.sine * initial.sine) + cairn_vec2_dot(u, v);
-        sine += heading * (pose.cosine * initial.sine - pose.sine * initial.cosine) + cairn_vec2_cross(u, v);
-    }
-    count = cairn_sqrt(cosine * cosine + sine * sine);
-    gauge.cosine = count > 0 ? cosine / count : 1;
-    gauge.sine = count > 0 ? sine / count : 0;
-    gauge.x = q.x - (gauge.cosine * p.x - gauge.sine * p.y);
-    gauge.y = q.y - (gauge.sine * p.x + gauge.cosine * p.y);
-    return gauge;
-}
-
-/* What is left of the initial poses after the best common motion. */
-typedef struct leftover {
-    cairn_real squares, squares_angle;
-    cairn_real beyond; /* m outside the box; turns times ARM */
-    int32_t count;
-} leftover;
-
-static leftover leftover_of(const cairn_aligner *x, int32_t first, int32_t second, cairn_transform second_first)
-{
-    cairn_transform gauge = cairn_aligner_gauge(x, first, second, second_first), pose;
-    cairn_real far = BOX * x->params.spread, turned = BOX * x->params.spread_angle;
-    walk w = begin_walk(x, first, second, second_first);
-    leftover m = {0, 0, 0, 0};
-    int32_t i;
-
-    while ((i = walk_on(&w, &pose)) >= 0) {
-        const cairn_pose *initial = &x->scans[i].initial;
-        cairn_pose at = cairn_aligner_to_pose(cairn_aligner_compose(gauge, pose));
-        cairn_real dx = at.x - initial->x, dy = at.y - initial->y, turn = cairn_wrap_angle(at.theta - initial->theta);
-
-        m.squares += dx * dx + dy * dy;
-        m.squares_angle += turn * turn;
-        m.beyond += cairn_max(cairn_abs(dx) - far, 0) + cairn_max(cairn_abs(dy) - far, 0) +
-                    ARM * cairn_max(cairn_abs(turn) - turned, 0);
-        m.count++;
-    }
-    return m;
-}
-
-static cairn_real chi_squared(const cairn_aligner *x, const leftover *m)
-{
-    return m->squares / (x->sigma * x->sigma) + m->squares_angle / (x->sigma_angle * x->sigma_angle) +
-           2 * BEYOND_NATS * m->beyond;
-}
-
-static void learn_misfit(cairn_aligner *x, int32_t cluster)
-{
-    cairn_transform same = {0, 0, 1, 0};
-
-    x->clusters[cluster].misfit = 0;
-    if (x->clusters[cluster].size > 1) {
-        leftover m = leftover_of(x, cluster, -1, same);
-
-        x->clusters[cluster].misfit = chi_squared(x, &m);
-    }
-}
-
-void cairn_aligner_learn_spread(cairn_aligner *x)
-{
-    cairn_transform same = {0, 0, 1, 0};
-    cairn_real expected = x->params.spread * x->params.spread / 3;
-    cairn_real expected_angle = x->params.spread_angle * x->params.spread_angle / 3;
-    cairn_real squares = EXPECTED_SCANS * 2 * expected, squares_angle = EXPECTED_SCANS * expected_angle;
-    cairn_real count = EXPECTED_SCANS;
-
-    x->sigma = cairn_sqrt(expected);
-    x->sigma_angle = cairn_sqrt(expected_angle);
-    for (int32_t c = 0; c < x->scan_count; c++)
-        if (x->clusters[c].size > 1) {
-            leftover m = leftover_of(x, c, -1, same);
-
-            squares += m.squares;
-            squares_angle += m.squares_angle;
-            count += (cairn_real)(m.count - 1);
-        }
-    x->sigma = cairn_min(x->sigma, cairn_sqrt(squares / (2 * count)));
-    x->sigma_angle = cairn_min(x->sigma_angle, cairn_sqrt(squares_angle / count));
-    for (int32_t c = 0; c < x->scan_count; c++)
-        learn_misfit(x, c);
 }
 
 /* ---- Looks ---- */
@@ -255,14 +116,6 @@ static void end_refinement(aligner_look *look)
         look->round = look->rounds - 1;
     memset(&look->sums, 0, sizeof look->sums);
     look->round++;
-}
-
-cairn_real cairn_aligner_prior(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose)
-{
-    leftover m = leftover_of(x, moving, fixed, pose);
-
-    x->debt += m.count;
-    return -(chi_squared(x, &m) - x->clusters[moving].misfit - x->clusters[fixed].misfit) / 2;
 }
 
 static void end_look(cairn_aligner *x)
@@ -348,7 +201,6 @@ static void end_round(cairn_aligner *x)
         return;
     x->clusters[relax->cluster].stamp = ++x->changes;
     cairn_aligner_learn_spread(x);
-    x->debt += x->scan_count;
 }
 
 static int is_move(const cairn_real motion[3])
@@ -356,16 +208,29 @@ static int is_move(const cairn_real motion[3])
     return cairn_max(cairn_abs(motion[0]), cairn_abs(motion[1])) + ARM * cairn_abs(motion[2]) > AT_REST;
 }
 
-/* A scan that has moved stirs itself and its partners. */
-static void stir(cairn_aligner *x, int32_t i)
+/* Adds to the pull on scan j what has changed of that between scan i and it: by the motion of i, and, when they have not met
+ * before, all of it. j is stirred when that would move it. */
+static void pass_on(cairn_aligner *x, int32_t i, int32_t j, const aligner_sums *pair, const cairn_real motion[3])
 {
-    x->scans[i].stirred = ALIGNER_MET;
-    for (int32_t k = 0; k < x->scans[i].partner_count; k++) {
-        aligner_scan *partner = &x->scans[cairn_aligner_partner(x, i, k)];
+    const aligner_scan *scan = &x->scans[i];
+    aligner_scan *partner = &x->scans[j];
+    cairn_vec2 from = cairn_transform_point(x->poses[i], scan->middle);
+    cairn_vec2 arm = cairn_vec2_sub(from, cairn_transform_point(x->poses[j], partner->middle));
+    const cairn_sym3 *m = &pair->equations.information;
+    int met = scan->stirred != ALIGNER_JOINED || scan->joined == partner->joined;
+    cairn_real moved[3], pull[3];
 
-        if (partner->part == x->relax.cluster && partner->stirred == 0)
-            partner->stirred = ALIGNER_MET;
-    }
+    pull[0] = m->xx * motion[0] + m->xy * motion[1] + m->xz * motion[2];
+    pull[1] = m->xy * motion[0] + m->yy * motion[1] + m->yz * motion[2];
+    pull[2] = m->xz * motion[0] + m->yz * motion[1] + m->zz * motion[2];
+    for (int k = 0; k < 3 && !met; k++)
+        pull[k] += pair->equations.gradient[k];
+    pull[2] += arm.x * pull[1] - arm.y * pull[0];
+    for (int k = 0; k < 3; k++)
+        partner->pull.equations.gradient[k] -= pull[k];
+    if (partner->stirred == 0 &&
+        (partner->pull.pairs < 3 || (cairn_aligner_solve(&partner->pull, moved) && is_move(moved))))
+        partner->stirred = ALIGNER_MET;
 }
 
 static void end_scan(cairn_aligner *x)
@@ -378,11 +243,14 @@ static void end_scan(cairn_aligner *x)
 
     if (!cairn_aligner_solve(&relax->sums, motion))
         memset(motion, 0, sizeof motion);
+    for (int32_t k = 0; k < scan->partner_count; k++)
+        if (relax->pairs[k].pairs > 0)
+            pass_on(x, relax->i, cairn_aligner_partner(x, relax->i, k), &relax->pairs[k], motion);
     *pose = cairn_aligner_moved(*pose, centre, motion);
+    scan->pull = relax->sums;
+    memset(scan->pull.equations.gradient, 0, sizeof scan->pull.equations.gradient);
+    scan->stirred = is_move(motion) ? ALIGNER_MET : 0;
     memset(&relax->sums, 0, sizeof relax->sums);
-    scan->stirred = 0;
-    if (is_move(motion))
-        stir(x, relax->i);
     relax->i = scan->next;
     relax->partner = 0;
     if (relax->i < 0)
@@ -404,30 +272,47 @@ static int32_t pass_still(cairn_aligner *x)
     return 1 + passed / ALIGNER_FAR_OF_UNIT;
 }
 
+static void add_sums(aligner_sums *to, const aligner_sums *from)
+{
+    cairn_sym3 *m = &to->equations.information;
+    const cairn_sym3 *n = &from->equations.information;
+
+    m->xx += n->xx;
+    m->xy += n->xy;
+    m->xz += n->xz;
+    m->yy += n->yy;
+    m->yz += n->yz;
+    m->zz += n->zz;
+    for (int k = 0; k < 3; k++)
+        to->equations.gradient[k] += from->equations.gradient[k];
+    to->pairs += from->pairs;
+}
+
 /* A scan of the cluster from its partner at hand on, up to the next that it may meet. */
 int32_t cairn_aligner_relax_item(cairn_aligner *x)
 {
     aligner_relax *relax = &x->relax;
-    int32_t i = relax->i, passed = 0, work = 0, pairs = relax->sums.pairs;
+    int32_t i = relax->i, passed = 0, work = 0;
     cairn_vec2 centre;
 
     if (!relax->all && x->scans[i].stirred == 0)
         return pass_still(x);
     if (relax->partner >= x->scans[i].partner_count) {
         end_scan(x);
-        return 4;
+        return 4 + x->scans[i].partner_count / 8;
     }
     centre = cairn_transform_point(x->poses[i], x->scans[i].middle);
     while (work == 0 && relax->partner < x->scans[i].partner_count) {
-        int32_t j = cairn_aligner_partner(x, i, relax->partner++);
+        int32_t k = relax->partner++, j = cairn_aligner_partner(x, i, k);
+        aligner_sums *pair = &relax->pairs[k];
 
         passed++;
+        memset(pair, 0, sizeof *pair);
         if (x->scans[j].part != relax->cluster || !cairn_aligner_may_meet(x, i, j, x->poses[i], x->poses[j]))
             continue;
-        work = cairn_aligner_pull(x, i, j, x->poses[i], x->poses[j], relax->gate, 1, centre, &relax->sums);
-        work += cairn_aligner_pull(x, j, i, x->poses[j], x->poses[i], relax->gate, -1, centre, &relax->sums);
-        if (x->scans[i].stirred == ALIGNER_JOINED && x->scans[j].stirred == 0 && relax->sums.pairs > pairs)
-            x->scans[j].stirred = ALIGNER_MET;
+        work = cairn_aligner_pull(x, i, j, x->poses[i], x->poses[j], relax->gate, 1, centre, pair);
+        work += cairn_aligner_pull(x, j, i, x->poses[j], x->poses[i], relax->gate, -1, centre, pair);
+        add_sums(&relax->sums, pair);
     }
     return 1 + passed / ALIGNER_FAR_OF_UNIT + work / ALIGNER_POINTS_OF_UNIT;
 }
@@ -435,6 +320,8 @@ int32_t cairn_aligner_relax_item(cairn_aligner *x)
 /* The smaller cluster enters the frame of the larger one; returns that. pose: fixed_moving. */
 int32_t cairn_aligner_join(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose)
 {
+    int32_t event = x->changes;
+
     if (x->clusters[moving].size > x->clusters[fixed].size) {
         int32_t swap = moving;
 
@@ -447,6 +334,7 @@ int32_t cairn_aligner_join(cairn_aligner *x, int32_t moving, int32_t fixed, cair
 
         x->poses[scan] = cairn_aligner_compose(pose, x->poses[scan]);
         x->scans[scan].stirred = ALIGNER_JOINED;
+        x->scans[scan].joined = event;
         cairn_aligner_remove(x, scan);
         cairn_aligner_insert(x, scan, fixed);
     }

@@ -232,6 +232,7 @@ static void move_scans(cairn_aligner *x)
         x->moved = cairn_max(x->moved, cairn_max(cairn_abs(motion[0]), cairn_abs(motion[1])));
         *pose = cairn_aligner_moved(*pose, centre, motion);
     }
+    x->clusters[x->home].stamp = ++x->changes;
 }
 
 /* ---- The end ---- */
@@ -366,13 +367,12 @@ static int32_t finish(cairn_aligner *x)
 /* The result of one scan. */
 static int32_t report_scan(cairn_aligner *x, int32_t i)
 {
-    cairn_transform same = {0, 0, 1, 0};
     cairn_aligner_pose *r = &x->results[i];
     int32_t units = 8 + x->scan_count / 16;
 
     if (x->scans[i].part != x->gauge_part) {
         x->gauge_part = x->scans[i].part;
-        x->gauge = cairn_aligner_gauge(x, x->gauge_part, -1, same);
+        x->gauge = cairn_aligner_gauge(x, x->gauge_part);
         units += x->clusters[x->gauge_part].size;
     }
     r->part = number_of(x, i);

@@ -13,13 +13,15 @@
 
 static const cairn_real TRIAL_GATE = CAIRN_REAL(0.15), COUNT_GATE = CAIRN_REAL(0.07);
 static const cairn_real LEAST_LENGTH = CAIRN_REAL(0.15);               /* m, of a segment that gives a direction */
-static const cairn_real LEAST_TRIAL = CAIRN_REAL(0.5), LEAST_KEPT = 1; /* nats */
+static const cairn_real LEAST_TRIAL = CAIRN_REAL(0.5), LEAST_KEPT = 1; /* nats, ... */
+static const cairn_real LEAST_HALF = -2;                               /* ... by the points of one scan of the two */
 static const cairn_real HOPELESS = -15, FAR_OFF = -40;                 /* nats */
 static const cairn_real SAME_PLACE = CAIRN_REAL(0.15);                 /* m */
 static const cairn_real SAME_HEADING = CAIRN_REAL(0.9986);             /* cosine of 3 degrees */
 static const cairn_real SHIFT = CAIRN_REAL(0.25);                      /* m */
 static const cairn_real RIVAL = 8;                                     /* nats below which a rival does not matter */
-enum { TRIAL_ROUNDS = 4, LOOK_ROUNDS = 3, UNKNOWN = -2, CLOSEST = 20 };
+enum { TRIAL_ROUNDS = 4, LOOK_ROUNDS = 3, UNKNOWN = -2, CLOSEST = 16 };
+enum { OPEN_OF_ITEM = 128, LINKS_OF_ITEM = 64, LINKS_OF_UNIT = 8 };
 
 /* ---- Pairs ---- */
 
@@ -68,9 +70,10 @@ static int32_t try_end(cairn_aligner *x, const aligner_segment *k, const aligner
     pose.y = to.y - (pose.sine * from.x + pose.cosine * from.y);
     if (!cairn_aligner_near(pose, expected, far, -2))
         return 1;
-    work = cairn_aligner_count_points(x, first, second, pose, TRIAL_GATE, &count);
-    if (cairn_aligner_evidence(x, count) > -4)
-        work += cairn_aligner_count_points(x, second, first, cairn_aligner_inverse(pose), TRIAL_GATE, &count);
+    work = cairn_aligner_count_points(x, first, second, pose, TRIAL_GATE, LEAST_HALF, &count);
+    if (cairn_aligner_evidence(x, count) > LEAST_HALF)
+        work +=
+            cairn_aligner_count_points(x, second, first, cairn_aligner_inverse(pose), TRIAL_GATE, LEAST_TRIAL, &count);
     score = cairn_aligner_evidence(x, count);
     if (score > LEAST_TRIAL)
         keep_trial(x, pose, score);
@@ -191,7 +194,6 @@ static void enter(cairn_aligner *x, const aligner_hypothesis *trial)
     *h = *trial;
     h->key = h->score;
     h->first_stamp = h->second_stamp = -1;
-    h->state = ALIGNER_LOOKED;
 }
 
 static void enter_best(cairn_aligner *x)
@@ -213,19 +215,12 @@ static void enter_best(cairn_aligner *x)
     }
 }
 
-static void forget_surest(cairn_aligner *x)
-{
-    for (int32_t i = 0; i < x->open_count; i += ALIGNER_BLOCK)
-        x->surest[i / ALIGNER_BLOCK] = UNKNOWN;
-}
-
 int32_t cairn_aligner_pairs_item(cairn_aligner *x)
 {
     if (x->phase == ALIGNER_PAIRS) {
         if (x->i == x->scan_count) {
-            x->result.hypotheses = x->open_count = x->hypothesis_count;
-            forget_surest(x);
-            x->phase = ALIGNER_PICK;
+            x->result.hypotheses = x->hypothesis_count;
+            cairn_aligner_begin_open(x, 0);
             return 1;
         }
         return try_segments(x);
@@ -292,148 +287,11 @@ static void take_look(cairn_aligner *x, aligner_hypothesis *h)
     touch(x, h);
 }
 
-/* 1 when two hypotheses join the same clusters. */
-static int is_rival(const cairn_aligner *x, const aligner_hypothesis *h, const aligner_hypothesis *g)
-{
-    int32_t a = cluster_of(x, h->first), b = cluster_of(x, h->second);
-    int32_t c = cluster_of(x, g->first), d = cluster_of(x, g->second);
-
-    return h != g && g->state != ALIGNER_OUT && ((a == c && b == d) || (a == d && b == c));
-}
-
-/* The pose of h's clusters by g. */
-static cairn_transform rival_pose(const cairn_aligner *x, const aligner_hypothesis *h, const aligner_hypothesis *g)
-{
-    cairn_transform pose = clusters_pose(x, g);
-
-    return cluster_of(x, g->first) == cluster_of(x, h->first) ? pose : cairn_aligner_inverse(pose);
-}
-
-/* The odds of the chosen one against its rivals; those that are the same as it are out. */
-static void compare(cairn_aligner *x)
-{
-    aligner_hypothesis *h = &x->hypotheses[x->chosen];
-    cairn_transform pose = cairn_aligner_compose(clusters_pose(x, h), x->poses[h->first]);
-    cairn_real others = 1;
-
-    for (int32_t i = 0; i < x->open_count; i++) {
-        aligner_hypothesis *g = &x->hypotheses[i];
-        cairn_transform rival;
-
-        if (!is_rival(x, h, g) || !is_fresh(x, g))
-            continue;
-        rival = cairn_aligner_compose(rival_pose(x, h, g), x->poses[h->first]);
-        if (!cairn_aligner_near(pose, rival, SAME_PLACE, SAME_HEADING))
-            others += cairn_exp(cairn_min(g->score, 60));
-        else if (g->score <= h->score && cairn_aligner_near(pose, rival, SAME_PLACE / 3, CAIRN_REAL(0.9998)))
-            g->state = ALIGNER_OUT;
-        touch(x, g);
-    }
-    h->key = h->score - cairn_log(others);
-    h->state = ALIGNER_COMPARED;
-    touch(x, h);
-}
-
-/* Looks at the next rival that has to be; *found: it may still be one. 0 when there is none. */
-static int look_at_rival(cairn_aligner *x, int *found)
-{
-    const aligner_hypothesis *h = &x->hypotheses[x->chosen];
-
-    while (x->rival < x->open_count) {
-        aligner_hypothesis *g = &x->hypotheses[x->rival++];
-
-        if (is_rival(x, h, g) && !is_fresh(x, g) && g->score >= h->score - RIVAL) {
-            *found = look_at(x, g);
-            return 1;
-        }
-    }
-    return 0;
-}
-
-static void begin_shifted(cairn_aligner *x)
-{
-    const aligner_hypothesis *h = &x->hypotheses[x->chosen];
-    cairn_real motion[3];
-
-    for (int k = 0; k < 3; k++)
-        motion[k] = (x->side == 1 ? SHIFT : -SHIFT) * x->shift[k];
-    cairn_aligner_begin_look(x, cluster_of(x, h->first), cluster_of(x, h->second),
-                             cairn_aligner_moved(clusters_pose(x, h), x->shift_centre, motion), 0);
-}
-
-/* The look for the weak direction, then those at both shifted poses. */
-static void take_shifted(cairn_aligner *x)
-{
-    aligner_hypothesis *h = &x->hypotheses[x->chosen];
-
-    if (x->side == 0) {
-        memcpy(x->shift, x->look.weak, sizeof x->shift);
-        x->shift_centre = x->look.centre;
-        x->rest = 0;
-    } else {
-        x->rest = cairn_max(x->rest, x->look.evidence + x->look.prior);
-    }
-    if (++x->side <= 2) {
-        begin_shifted(x);
-        return;
-    }
-    h->key = cairn_min(h->key, h->score - x->rest);
-    h->state = ALIGNER_SURE;
-    touch(x, h);
-    x->phase = ALIGNER_PICK;
-}
-
-void cairn_aligner_begin_close(cairn_aligner *x, int32_t all)
-{
-    x->phase = ALIGNER_CLOSE;
-    x->stage = all;
-    x->k = x->l = 0;
-    if (all)
-        x->open_count = x->hypothesis_count;
-}
-
-/* Some hypotheses: those that are out, or join nothing any more, go behind the others. */
-static int32_t close_some(cairn_aligner *x)
-{
-    enum { OF_ITEM = 128 };
-    int32_t end = x->k + OF_ITEM < x->open_count ? x->k + OF_ITEM : x->open_count, units = 1 + (end - x->k) / 8;
-
-    for (; x->k < end; x->k++) {
-        aligner_hypothesis h = x->hypotheses[x->k];
-
-        if (x->stage == 1) {
-            h.state = ALIGNER_LOOKED;
-            h.key = cairn_max(h.score, x->params.least_evidence * 2);
-            h.first_stamp = -1;
-        }
-        x->hypotheses[x->k] = x->hypotheses[x->l];
-        x->hypotheses[x->l] = h;
-        x->l += h.state != ALIGNER_OUT && cluster_of(x, h.first) != cluster_of(x, h.second);
-    }
-    if (end == x->open_count) {
-        x->open_count = x->l;
-        forget_surest(x);
-        x->phase = ALIGNER_PICK;
-    }
-    return units;
-}
-
-static void carry_out(cairn_aligner *x)
-{
-    aligner_hypothesis *h = &x->hypotheses[x->chosen];
-    int32_t joined = cairn_aligner_join(x, cluster_of(x, h->first), cluster_of(x, h->second), clusters_pose(x, h));
-
-    h->state = ALIGNER_OUT;
-    x->result.merges++;
-    cairn_aligner_begin_close(x, 0);
-    cairn_aligner_begin_relax(x, joined, CAIRN_REAL(0.08), x->clusters[joined].size < 6 ? 3 : 2, 0);
-}
-
 static void find_surest_of(cairn_aligner *x, int32_t block)
 {
     int32_t first = block * ALIGNER_BLOCK, end = first + ALIGNER_BLOCK, best = -1;
 
-    for (int32_t i = first; i < end && i < x->open_count; i++) {
+    for (int32_t i = first; i < end && i < x->hypothesis_count; i++) {
         const aligner_hypothesis *h = &x->hypotheses[i];
 
         if (h->state != ALIGNER_OUT && h->key > x->params.least_evidence &&
@@ -445,7 +303,7 @@ static void find_surest_of(cairn_aligner *x, int32_t block)
 
 static int32_t blocks_of(const cairn_aligner *x)
 {
-    return (x->open_count + ALIGNER_BLOCK - 1) / ALIGNER_BLOCK;
+    return (x->hypothesis_count + ALIGNER_BLOCK - 1) / ALIGNER_BLOCK;
 }
 
 /* Finds the surest of some blocks; 0: all are known. */
@@ -483,6 +341,225 @@ static int32_t surest(cairn_aligner *x)
     return best;
 }
 
+/* 1 when two hypotheses join the same clusters. */
+static int is_rival(const cairn_aligner *x, const aligner_hypothesis *h, const aligner_hypothesis *g)
+{
+    int32_t a = cluster_of(x, h->first), b = cluster_of(x, h->second);
+    int32_t c = cluster_of(x, g->first), d = cluster_of(x, g->second);
+
+    return h != g && g->state != ALIGNER_OUT && ((a == c && b == d) || (a == d && b == c));
+}
+
+/* The pose of h's clusters by g. */
+static cairn_transform rival_pose(const cairn_aligner *x, const aligner_hypothesis *h, const aligner_hypothesis *g)
+{
+    cairn_transform pose = clusters_pose(x, g);
+
+    return cluster_of(x, g->first) == cluster_of(x, h->first) ? pose : cairn_aligner_inverse(pose);
+}
+
+/* The rivals of the chosen one are among the hypotheses of the scans of the smaller cluster. */
+static void begin_rivals(cairn_aligner *x)
+{
+    const aligner_hypothesis *h = &x->hypotheses[x->chosen];
+    int32_t a = cluster_of(x, h->first), b = cluster_of(x, h->second);
+
+    x->rival_scan = x->clusters[x->clusters[a].size <= x->clusters[b].size ? a : b].head;
+    x->rival_link = x->links[x->rival_scan];
+}
+
+/* The next rival, unless `most` hypotheses have been passed before; NULL: none, and rival_scan < 0 when that was the last. */
+static aligner_hypothesis *next_rival(cairn_aligner *x, int32_t *passed, int32_t most)
+{
+    const aligner_hypothesis *h = &x->hypotheses[x->chosen];
+
+    while (x->rival_scan >= 0 && *passed < most) {
+        aligner_hypothesis *g;
+
+        ++*passed;
+        if (x->rival_link < 0) {
+            x->rival_scan = x->scans[x->rival_scan].next;
+            x->rival_link = x->rival_scan >= 0 ? x->links[x->rival_scan] : -1;
+            continue;
+        }
+        g = &x->hypotheses[x->rival_link / 2];
+        x->rival_link = g->next[x->rival_link & 1];
+        if (is_rival(x, h, g))
+            return g;
+    }
+    return NULL;
+}
+
+/* The pose of the chosen one's first scan, in the other cluster's frame, by that hypothesis and by a rival. */
+static cairn_transform pose_by(const cairn_aligner *x, const aligner_hypothesis *g)
+{
+    const aligner_hypothesis *h = &x->hypotheses[x->chosen];
+
+    return cairn_aligner_compose(rival_pose(x, h, g), x->poses[h->first]);
+}
+
+/* Looks at rivals that have to be, one after the other; a look at one that says the same as the chosen one would tell
+ * nothing new. */
+static int32_t look_at_rivals(cairn_aligner *x)
+{
+    const aligner_hypothesis *h = &x->hypotheses[x->chosen];
+    cairn_transform pose = pose_by(x, h);
+    aligner_hypothesis *g;
+    int32_t passed = 0, compared = 0;
+
+    if (x->looked >= 0)
+        take_look(x, &x->hypotheses[x->looked]);
+    x->looked = -1;
+    for (; (g = next_rival(x, &passed, LINKS_OF_ITEM)) != NULL; compared++)
+        if (!is_fresh(x, g) && g->score >= h->score - RIVAL &&
+            !cairn_aligner_near(pose, pose_by(x, g), SAME_PLACE, SAME_HEADING)) {
+            x->looked = look_at(x, g) ? (int32_t)(g - x->hypotheses) : -1;
+            break;
+        }
+    if (g == NULL && x->rival_scan < 0) {
+        x->phase = surest(x) == x->chosen ? ALIGNER_WEIGHED : ALIGNER_PICK;
+        x->odds = 1;
+        begin_rivals(x);
+    }
+    return 2 + compared + passed / LINKS_OF_UNIT;
+}
+
+/* The odds of the chosen one against its rivals; those that are the same as it are out. */
+static int32_t compare(cairn_aligner *x)
+{
+    aligner_hypothesis *h = &x->hypotheses[x->chosen], *g;
+    cairn_transform pose = pose_by(x, h);
+    int32_t passed = 0, compared = 0;
+
+    for (; (g = next_rival(x, &passed, LINKS_OF_ITEM)) != NULL; compared++) {
+        cairn_transform rival = pose_by(x, g);
+
+        if (is_fresh(x, g) && !cairn_aligner_near(pose, rival, SAME_PLACE, SAME_HEADING)) {
+            x->odds += cairn_exp(cairn_min(g->score, 60));
+        } else if (g->score <= h->score && cairn_aligner_near(pose, rival, SAME_PLACE / 3, CAIRN_REAL(0.9998))) {
+            g->state = ALIGNER_OUT;
+            touch(x, g);
+        }
+    }
+    if (x->rival_scan < 0) {
+        h->key = h->score - cairn_log(x->odds);
+        h->state = ALIGNER_COMPARED;
+        touch(x, h);
+        x->phase = ALIGNER_PICK;
+    }
+    return 2 + compared + passed / LINKS_OF_UNIT;
+}
+
+static void begin_shifted(cairn_aligner *x)
+{
+    const aligner_hypothesis *h = &x->hypotheses[x->chosen];
+    cairn_real motion[3];
+
+    for (int k = 0; k < 3; k++)
+        motion[k] = (x->side == 1 ? SHIFT : -SHIFT) * x->shift[k];
+    cairn_aligner_begin_look(x, cluster_of(x, h->first), cluster_of(x, h->second),
+                             cairn_aligner_moved(clusters_pose(x, h), x->shift_centre, motion), 0);
+}
+
+/* The look for the weak direction, then those at both shifted poses. */
+static void take_shifted(cairn_aligner *x)
+{
+    aligner_hypothesis *h = &x->hypotheses[x->chosen];
+
+    if (x->side == 0) {
+        memcpy(x->shift, x->look.weak, sizeof x->shift);
+        x->shift_centre = x->look.centre;
+        x->rest = 0;
+    } else {
+        x->rest = cairn_max(x->rest, x->look.evidence + x->look.prior);
+    }
+    if (++x->side <= 2) {
+        begin_shifted(x);
+        return;
+    }
+    h->key = cairn_min(h->key, h->score - x->rest);
+    h->state = ALIGNER_SURE;
+    touch(x, h);
+    x->phase = ALIGNER_PICK;
+}
+
+void cairn_aligner_begin_open(cairn_aligner *x, int32_t again)
+{
+    x->phase = ALIGNER_OPEN;
+    x->stage = again;
+    x->k = 0;
+}
+
+static void link_to(cairn_aligner *x, int32_t hypothesis, int32_t side, int32_t scan)
+{
+    x->hypotheses[hypothesis].next[side] = x->links[scan];
+    x->links[scan] = 2 * hypothesis + side;
+}
+
+/* Some hypotheses: those that join clusters are open. */
+static int32_t open_some(cairn_aligner *x)
+{
+    int32_t end = x->k + OPEN_OF_ITEM < x->hypothesis_count ? x->k + OPEN_OF_ITEM : x->hypothesis_count, units = 1;
+
+    if (x->k == 0) {
+        for (int32_t i = 0; i < x->scan_count; i++)
+            x->links[i] = -1;
+        units += x->scan_count / 64;
+    }
+    for (; x->k < end; x->k++, units += x->k % LINKS_OF_UNIT == 0) {
+        aligner_hypothesis *h = &x->hypotheses[x->k];
+
+        if (x->stage) {
+            h->key = cairn_max(h->score, x->params.least_evidence * 2);
+            h->first_stamp = -1;
+        }
+        h->state = cluster_of(x, h->first) != cluster_of(x, h->second) ? ALIGNER_LOOKED : ALIGNER_OUT;
+        link_to(x, x->k, 0, h->first);
+        link_to(x, x->k, 1, h->second);
+        touch(x, h);
+    }
+    if (end == x->hypothesis_count)
+        x->phase = ALIGNER_PICK;
+    return units;
+}
+
+/* Hypotheses of a scan that has joined another cluster: those that join nothing any more are out. */
+static int32_t close_some(cairn_aligner *x)
+{
+    int32_t passed = 0, link;
+
+    if (x->l == 0) {
+        x->phase = ALIGNER_PICK;
+        return 1;
+    }
+    for (link = x->links[x->k]; link >= 0; passed++) {
+        aligner_hypothesis *h = &x->hypotheses[link / 2];
+
+        link = h->next[link & 1];
+        if (h->state != ALIGNER_OUT && cluster_of(x, h->first) == cluster_of(x, h->second)) {
+            h->state = ALIGNER_OUT;
+            touch(x, h);
+        }
+    }
+    x->k = x->scans[x->k].next;
+    x->l--;
+    return 1 + passed / LINKS_OF_UNIT;
+}
+
+/* The scans that join come first in their new cluster. */
+static void carry_out(cairn_aligner *x)
+{
+    aligner_hypothesis *h = &x->hypotheses[x->chosen];
+    int32_t a = cluster_of(x, h->first), b = cluster_of(x, h->second), joined;
+
+    x->l = x->clusters[a].size < x->clusters[b].size ? x->clusters[a].size : x->clusters[b].size;
+    joined = cairn_aligner_join(x, a, b, clusters_pose(x, h));
+    x->k = x->clusters[joined].head;
+    x->phase = ALIGNER_CLOSE;
+    x->result.merges++;
+    cairn_aligner_begin_relax(x, joined, CAIRN_REAL(0.08), x->clusters[joined].size < 6 ? 3 : 2, 0);
+}
+
 static void pick(cairn_aligner *x)
 {
     aligner_hypothesis *h;
@@ -501,7 +578,8 @@ static void pick(cairn_aligner *x)
         if (look_at(x, h))
             x->phase = ALIGNER_LOOKED_AT;
     } else if (h->state == ALIGNER_LOOKED) {
-        x->rival = 0;
+        x->looked = -1;
+        begin_rivals(x);
         x->phase = ALIGNER_RIVALS;
     } else if (h->state == ALIGNER_COMPARED) {
         x->side = 0;
@@ -514,10 +592,9 @@ static void pick(cairn_aligner *x)
 
 int32_t cairn_aligner_merge_item(cairn_aligner *x)
 {
-    int32_t from;
-    int found;
-
     switch (x->phase) {
+    case ALIGNER_OPEN:
+        return open_some(x);
     case ALIGNER_PICK:
         pick(x);
         return 1;
@@ -526,20 +603,9 @@ int32_t cairn_aligner_merge_item(cairn_aligner *x)
         x->phase = ALIGNER_PICK;
         return 2;
     case ALIGNER_RIVALS:
-        if (x->rival > 0 && x->rival <= x->open_count && x->side == -1)
-            take_look(x, &x->hypotheses[x->rival - 1]);
-        x->side = 0;
-        from = x->rival;
-        if (look_at_rival(x, &found)) {
-            x->side = found ? -1 : 0;
-            return 1 + (x->rival - from) / 16;
-        }
-        x->phase = surest(x) == x->chosen ? ALIGNER_WEIGHED : ALIGNER_PICK;
-        return 1 + (x->open_count - from) / 16;
+        return look_at_rivals(x);
     case ALIGNER_WEIGHED:
-        compare(x);
-        x->phase = ALIGNER_PICK;
-        return 1 + x->open_count / 16;
+        return compare(x);
     case ALIGNER_CLOSE:
         return close_some(x);
     default:

@@ -21,14 +21,16 @@ static int may_ever_meet(const cairn_aligner *x, int32_t i, int32_t j)
 /* Nearness of two scans by their initial poses; negative: they cannot meet. */
 static cairn_real nearness_of(const cairn_aligner *x, int32_t i, int32_t j)
 {
-    cairn_transform map_i = cairn_transform_of(x->scans[i].initial), map_j = cairn_transform_of(x->scans[j].initial);
+    cairn_transform map_i = x->poses[i], map_j = x->poses[j];
     cairn_vec2 p = cairn_transform_point(map_i, x->scans[i].middle);
     cairn_vec2 q = cairn_transform_point(map_j, x->scans[j].middle);
+    int32_t shown = 0;
 
     if (!may_ever_meet(x, i, j))
         return -1;
-    return (cairn_real)cairn_aligner_shown(x, i, j, cairn_aligner_between(map_i, map_j)) +
-           1 / (1 + cairn_vec2_norm_squared(cairn_vec2_sub(p, q)));
+    if (cairn_aligner_may_meet(x, i, j, map_i, map_j))
+        shown = cairn_aligner_shown(x, i, j, cairn_aligner_between(map_i, map_j));
+    return (cairn_real)shown + 1 / (1 + cairn_vec2_norm_squared(cairn_vec2_sub(p, q)));
 }
 
 /* Keeps the greatest. */
@@ -57,7 +59,7 @@ static int32_t find_nearest(cairn_aligner *x)
         if (x->j != x->i) {
             cairn_real nearness = nearness_of(x, x->i, x->j);
 
-            units += nearness < 0 ? 1 : 4;
+            units += nearness < 1 ? 1 : 4;
             if (nearness >= 0)
                 keep_nearest(x, nearness, x->j);
         }

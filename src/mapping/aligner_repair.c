@@ -13,6 +13,7 @@
 #include "src/mapping/aligner_work.h"
 
 enum { DIRECTIONS = 15, FREE_CELL = 1 << DIRECTIONS, TRY_ROUNDS = 3 };
+enum { VOTES_OF_ITEM = 20000, VOTES_OF_UNIT = 128 };
 
 static const cairn_real CELL = CAIRN_REAL(0.1);      /* m */
 static const cairn_real CLEARANCE = CAIRN_REAL(0.2); /* m before a surface that is not drawn free */
@@ -74,7 +75,7 @@ static void keep_find(cairn_aligner *x, cairn_pose pose, cairn_real score)
 static void expect(cairn_aligner *x, int32_t rest)
 {
     const aligner_scan *scan = &x->scans[x->i];
-    cairn_transform gauge = cairn_aligner_inverse(cairn_aligner_gauge(x, rest, -1, single()));
+    cairn_transform gauge = cairn_aligner_inverse(cairn_aligner_gauge(x, rest));
     cairn_real factor =
         cairn_sqrt(1 / (cairn_real)x->clusters[x->moving].size + 1 / (cairn_real)x->clusters[rest].size);
     cairn_real window = cairn_min(WINDOW * x->sigma * factor, WIDEST * x->params.spread);
@@ -85,8 +86,7 @@ static void expect(cairn_aligner *x, int32_t rest)
     if (x->moving == x->scan_count)
         gauge = cairn_aligner_compose(gauge, cairn_transform_of(scan->initial));
     else
-        gauge = cairn_aligner_compose(
-            gauge, cairn_aligner_compose(cairn_aligner_gauge(x, x->moving, -1, single()), x->poses[x->i]));
+        gauge = cairn_aligner_compose(gauge, cairn_aligner_compose(cairn_aligner_gauge(x, x->moving), x->poses[x->i]));
     x->predicted = cairn_aligner_to_pose(gauge);
     x->cell = cairn_max(CELL, 2 * half / (cairn_real)(most - 1));
     x->side_cells = cairn_real_to_int(cairn_ceil(2 * half / x->cell));
@@ -95,7 +95,7 @@ static void expect(cairn_aligner *x, int32_t rest)
     x->corner.x = x->predicted.x - (cairn_real)x->side_cells * x->cell / 2;
     x->corner.y = x->predicted.y - (cairn_real)x->side_cells * x->cell / 2;
     memset(x->cells, 0, (size_t)x->side_cells * (size_t)x->side_cells * sizeof *x->cells);
-    x->j = x->k = 0;
+    x->j = x->k = x->l = 0;
     x->turn = -x->turns;
     x->find_count = x->find_at = 0;
     keep_find(x, x->predicted, 0);
@@ -107,6 +107,7 @@ static int take_out(cairn_aligner *x)
 {
     int32_t rest = cairn_aligner_largest(x), home = x->scans[x->i].part, points = cairn_aligner_points_of(x, x->i);
 
+    x->largest = rest;
     x->home = home == rest ? -1 : home;
     if (points == 0 || x->clusters[rest].size < 3 || (x->home < 0 && x->scans[x->i].evidence > LIES_SURELY))
         return 0;
@@ -119,7 +120,6 @@ static int take_out(cairn_aligner *x)
     x->poses[x->i] = single();
     cairn_aligner_insert(x, x->i, x->scan_count);
     cairn_aligner_learn_spread(x);
-    x->debt += x->scan_count;
     return 1;
 }
 
@@ -146,7 +146,7 @@ static void end_round(cairn_aligner *x)
         x->round = x->stage = x->at = 0;
         return;
     }
-    cairn_aligner_begin_close(x, 1);
+    cairn_aligner_begin_open(x, 1);
 }
 
 static int32_t choose_scan(cairn_aligner *x)
@@ -161,7 +161,7 @@ static int32_t choose_scan(cairn_aligner *x)
     }
     x->before_score = -CAIRN_REAL_MAX;
     if (x->home < 0)
-        cairn_aligner_begin_look(x, x->scan_count, cairn_aligner_largest(x), x->before, 0);
+        cairn_aligner_begin_look(x, x->scan_count, x->largest, x->before, 0);
     x->phase = ALIGNER_DRAW;
     x->stage = 0;
     return 1;
@@ -291,7 +291,7 @@ static int is_drawn(const cairn_aligner *x, int32_t j)
 /* One scan of the rest: first the free space of all, then the points of all. */
 static int32_t draw(cairn_aligner *x)
 {
-    int32_t rest = cairn_aligner_largest(x), passed = 0, count, j = 0;
+    int32_t rest = x->largest, passed = 0, count, j = 0;
 
     if (x->stage == 0) {
         if (x->home < 0) {
@@ -331,12 +331,12 @@ static int32_t draw(cairn_aligner *x)
 
 /* ---- The search ---- */
 
-static void vote(cairn_aligner *x, cairn_transform pose, int32_t width)
+/* The votes of some points of the scan at hand, from the first-th on. */
+static void vote(cairn_aligner *x, cairn_transform pose, int32_t width, int32_t first, int32_t end)
 {
     int32_t side = x->side_cells;
 
-    memset(x->votes, 0, (size_t)width * (size_t)width * sizeof *x->votes);
-    for (int32_t i = x->scans[x->i].first_point; i < x->scans[x->i].end_point; i++) {
+    for (int32_t i = first; i < end; i++) {
         const aligner_point *point = &x->points[i];
         cairn_vec2 p = cairn_transform_point(pose, point->position);
         cairn_vec2 direction = cairn_transform_direction(pose, x->segments[point->segment].direction);
@@ -357,24 +357,14 @@ static void vote(cairn_aligner *x, cairn_transform pose, int32_t width)
     }
 }
 
-/* All shifts at one turn. */
-static int32_t search_turn(cairn_aligner *x)
+/* The shifts that have found most votes at one turn, what the initial pose says weighed in. */
+static void count_votes(cairn_aligner *x, cairn_pose at, cairn_real turned, int32_t width)
 {
-    int32_t width = 2 * x->half_window + 1;
-    cairn_real turned = (cairn_real)x->turn * TURN;
-    cairn_pose at = x->predicted;
-
-    if (x->turn > x->turns) {
-        x->phase = ALIGNER_TRY;
-        return 1;
-    }
-    at.theta = cairn_wrap_angle(at.theta + turned);
-    vote(x, cairn_transform_of(at), width);
     for (int32_t v = 0; v < width; v++)
         for (int32_t u = 0; u < width; u++) {
             cairn_real dx = (cairn_real)(u - x->half_window) * x->cell, dy = (cairn_real)(v - x->half_window) * x->cell;
             cairn_real score = (cairn_real)x->votes[v * width + u] / 2;
-            cairn_pose pose = {x->predicted.x + dx, x->predicted.y + dy, at.theta};
+            cairn_pose pose = {at.x + dx, at.y + dy, at.theta};
 
             if (x->votes[v * width + u] < 3)
                 continue;
@@ -382,8 +372,32 @@ static int32_t search_turn(cairn_aligner *x)
                 ((dx * dx + dy * dy) / (x->sigma * x->sigma) + turned * turned / (x->sigma_angle * x->sigma_angle)) / 2;
             keep_find(x, pose, score);
         }
+}
+
+/* All shifts at one turn: some points, and after the last of them the votes. */
+static int32_t search_turn(cairn_aligner *x)
+{
+    int32_t width = 2 * x->half_window + 1, first = x->scans[x->i].first_point + x->l, last = x->scans[x->i].end_point;
+    int32_t end = first + 1 + VOTES_OF_ITEM / (width * width);
+    cairn_real turned = (cairn_real)x->turn * TURN;
+    cairn_pose at = x->predicted;
+
+    if (x->turn > x->turns) {
+        x->phase = ALIGNER_TRY;
+        return 1;
+    }
+    if (x->l == 0)
+        memset(x->votes, 0, (size_t)width * (size_t)width * sizeof *x->votes);
+    end = end < last ? end : last;
+    at.theta = cairn_wrap_angle(at.theta + turned);
+    vote(x, cairn_transform_of(at), width, first, end);
+    x->l += end - first;
+    if (end < last)
+        return 1 + (end - first) * width * width / VOTES_OF_UNIT;
+    count_votes(x, at, turned, width);
     x->turn++;
-    return 1 + (cairn_aligner_points_of(x, x->i) + 4) * width * width / 128;
+    x->l = 0;
+    return 1 + (end - first + 4) * width * width / VOTES_OF_UNIT;
 }
 
 /* The best of the finds, and the best score of another place. */
@@ -415,7 +429,7 @@ static int32_t try_find(cairn_aligner *x)
         return 1;
     }
     found = cairn_transform_of(x->find[x->find_at++].pose);
-    cairn_aligner_begin_look(x, x->moving, cairn_aligner_largest(x),
+    cairn_aligner_begin_look(x, x->moving, x->largest,
                              cairn_aligner_compose(found, cairn_aligner_inverse(x->poses[x->i])), TRY_ROUNDS);
     return 1;
 }
@@ -433,7 +447,7 @@ static int is_better(const cairn_aligner *x)
 
 static int32_t place(cairn_aligner *x)
 {
-    int32_t rest = cairn_aligner_largest(x);
+    int32_t rest = x->largest;
     int better = is_better(x);
 
     if (x->moving != x->scan_count) {
@@ -441,8 +455,10 @@ static int32_t place(cairn_aligner *x)
             (void)cairn_aligner_join(x, x->moving, rest, x->best);
     } else {
         cairn_aligner_put_back(x, better || x->home < 0 ? rest : x->home, better ? x->best : x->before);
-        if (better && x->again)
+        if (better && x->again) {
             x->scans[x->i].stirred = ALIGNER_JOINED;
+            x->scans[x->i].joined = x->changes;
+        }
     }
     x->scans[x->i].evidence = 0;
     x->changed += better;

@@ -18,6 +18,7 @@ typedef int32_t finding;
 enum { UNSEEN = 0, SAME = 1, OTHER = 2, BEHIND = 3, THROUGH = 4 };
 
 static const cairn_real SAME_NATS = CAIRN_REAL(0.5), OTHER_NATS = CAIRN_REAL(0.15);
+static const cairn_real SOON = 8; /* points that may still turn what the others say */
 static const cairn_real FULL_POINTS = 6, MORE_POINTS = CAIRN_REAL(0.1);
 static const cairn_real LEAST_COSINE = CAIRN_REAL(0.85);    /* of the directions of one surface */
 static const cairn_real BEYOND_END = CAIRN_REAL(0.1);       /* m */
@@ -87,20 +88,6 @@ cairn_transform cairn_aligner_moved(cairn_transform pose, cairn_vec2 centre, con
 }
 
 /* ---- Tables ---- */
-
-int32_t cairn_aligner_bin_of(cairn_real x, cairn_real y)
-{
-    cairn_real ax = cairn_abs(x), ay = cairn_abs(y), sum = ax + ay, place;
-
-    if (!(sum > 0))
-        return 0;
-    place = ay / sum;
-    if (x < 0)
-        place = 2 - place;
-    if (y < 0)
-        place = 4 - place;
-    return (int32_t)(place / 4 * ALIGNER_BINS) & (ALIGNER_BINS - 1);
-}
 
 static cairn_real range_of(const cairn_aligner *x, uint16_t range)
 {
@@ -299,14 +286,21 @@ static cairn_real saturated(int32_t points)
     return n <= FULL_POINTS ? n : FULL_POINTS + MORE_POINTS * (n - FULL_POINTS);
 }
 
+/* 1 when the evidence stays at `least` or below even when the next SOON of the `left` points are all on the same surface. */
+static int is_hopeless(const cairn_aligner *x, aligner_count count, int32_t left, cairn_real least)
+{
+    count.same += cairn_min((cairn_real)left, SOON);
+    return cairn_aligner_evidence(x, count) <= least;
+}
+
 int32_t cairn_aligner_count_points(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform to_from,
-                                   cairn_real gate, aligner_count *count)
+                                   cairn_real gate, cairn_real least, aligner_count *count)
 {
     patch_walk w = begin_patches(x, from, to);
     int32_t segment = -1, same = 0;
     cairn_vec2 direction = {0, 0};
 
-    while (next_patch(&w, to_from))
+    while (!is_hopeless(x, *count, same + w.last - w.end, least) && next_patch(&w, to_from))
         for (int32_t i = w.at; i < w.end; i++) {
             const aligner_point *point = &x->points[i];
 
@@ -342,9 +336,10 @@ cairn_real cairn_aligner_evidence(const cairn_aligner *x, aligner_count count)
 int32_t cairn_aligner_count_pair(const cairn_aligner *x, int32_t first, int32_t second, cairn_transform second_first,
                                  cairn_real gate, aligner_count *count)
 {
-    int32_t work = cairn_aligner_count_points(x, first, second, second_first, gate, count);
+    const cairn_real least = -CAIRN_REAL_MAX;
+    int32_t work = cairn_aligner_count_points(x, first, second, second_first, gate, least, count);
 
-    return work + cairn_aligner_count_points(x, second, first, cairn_aligner_inverse(second_first), gate, count);
+    return work + cairn_aligner_count_points(x, second, first, cairn_aligner_inverse(second_first), gate, least, count);
 }
 
 /* Adds the row of a point of `from` against the surface of `to` that it lies on, if any. */

@@ -84,7 +84,7 @@ static void keep_shift(cairn_aligner *x, cairn_real shift)
 static void find_shifts(cairn_aligner *x)
 {
     const aligner_scan *scan = &x->scans[x->i];
-    cairn_transform same = {0, 0, 1, 0}, gauge = cairn_aligner_inverse(cairn_aligner_gauge(x, x->home, -1, same));
+    cairn_transform gauge = cairn_aligner_inverse(cairn_aligner_gauge(x, x->home));
     cairn_transform expected = cairn_aligner_compose(gauge, cairn_transform_of(scan->initial));
     cairn_vec2 off = {expected.x - x->before.x, expected.y - x->before.y};
     cairn_real shift;

@@ -2,7 +2,10 @@
  *
  * Segments are taken in the order of what they say, the most first; each goes to the wall that it fits best, or becomes a
  * new one. A wall keeps the moments of all hits on it in the map. A scan that little else holds may have its surfaces on
- * walls whose extent ends some metres away. */
+ * walls whose extent ends some metres away.
+ *
+ * Walls are found by the direction with which they began and by the tile in which their middle lies, in lists of hashed
+ * tiles; walls longer than a tile are in a list of their own for each direction. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -24,7 +27,11 @@ static const cairn_real gates[] = {CAIRN_REAL(0.08), CAIRN_REAL(0.07), CAIRN_REA
                                    CAIRN_REAL(0.05), CAIRN_REAL(0.04), CAIRN_REAL(0.03)};
 
 enum { KEEP_FROM = 7 };                         /* round */
-enum { WAYS_OF_SEGMENT = 3, WAYS_OF_STUB = 6 }; /* to either side: LEAST_COSINE, and what a wall may turn */
+enum { WAYS_OF_SEGMENT = 2, WAYS_OF_STUB = 3 }; /* to either side: LEAST_COSINE, and what a wall may turn */
+
+static const cairn_real TILE = 6;                 /* m */
+static const cairn_real SLACK = CAIRN_REAL(0.15); /* m: more than any gate */
+enum { MOST_TILES = 6 };                          /* along each axis, that are looked through for one segment */
 enum { WALLS_OF_UNIT = 12 };
 
 static cairn_real gate_of(int32_t round)
@@ -144,27 +151,51 @@ int cairn_aligner_same_line(const aligner_wall *wall, const aligner_segment *s, 
     return s->stub ? cosine >= LEAST_COSINE_STUB && wall->high - wall->low >= LONG : cosine >= LEAST_COSINE;
 }
 
-/* How badly a segment at pose fits a wall, m, over a gap of up to `far`; negative: it does not. */
-static cairn_real fits_wall(const aligner_wall *wall, const aligner_segment *s, cairn_transform pose, cairn_real gate,
-                            cairn_real far)
-{
-    cairn_vec2 along = cairn_aligner_along(wall), direction = cairn_transform_direction(pose, s->direction);
-    cairn_vec2 a = cairn_transform_point(pose, s->a), b = cairn_vec2_add(a, cairn_vec2_scale(direction, s->length));
-    cairn_real error, low, high, gap, most;
+/* A segment in the map. */
+typedef struct placed {
+    const aligner_segment *segment;
+    cairn_vec2 a, b, direction;
+    cairn_real gate, far; /* m: from a wall, and over a gap */
+} placed;
 
-    if (!cairn_aligner_same_line(wall, s, direction))
+static placed place_segment(const cairn_aligner *x, const aligner_segment *s)
+{
+    cairn_transform pose = x->poses[s->scan];
+    placed p;
+
+    p.segment = s;
+    p.direction = cairn_transform_direction(pose, s->direction);
+    p.a = cairn_transform_point(pose, s->a);
+    p.b = cairn_vec2_add(p.a, cairn_vec2_scale(p.direction, s->length));
+    p.gate = gate_of(x->round) + (s->length < SHORT ? SHORT_EXTRA : 0);
+    p.far = x->scans[s->scan].weak ? GAP_WEAK : GAP;
+    return p;
+}
+
+/* How badly a segment fits a wall, m; negative: it does not. */
+static cairn_real fits_wall(const aligner_wall *wall, const placed *p)
+{
+    cairn_real error = cairn_abs(cairn_vec2_dot(wall->normal, p->a) - wall->offset), low, high, gap, most;
+    cairn_vec2 along;
+
+    if (error > p->gate || !cairn_aligner_same_line(wall, p->segment, p->direction))
         return -1;
-    if (cairn_abs(cairn_vec2_dot(wall->normal, a) - wall->offset) > gate)
-        return -1;
-    error = cairn_max(cairn_abs(cairn_vec2_dot(wall->normal, a) - wall->offset),
-                      cairn_abs(cairn_vec2_dot(wall->normal, b) - wall->offset));
-    low = cairn_vec2_dot(along, a);
-    high = cairn_vec2_dot(along, b);
+    along = cairn_aligner_along(wall);
+    error = cairn_max(error, cairn_abs(cairn_vec2_dot(wall->normal, p->b) - wall->offset));
+    low = cairn_vec2_dot(along, p->a);
+    high = cairn_vec2_dot(along, p->b);
     gap = cairn_max(low - wall->high, wall->low - high);
-    most = cairn_max(far, GAP_LONG * cairn_min(wall->high - wall->low, high - low));
-    if (gap > most || error > (gap > 0 ? GAP_STRICT * gate : gate))
+    most = cairn_max(p->far, GAP_LONG * cairn_min(wall->high - wall->low, high - low));
+    if (gap > most || error > (gap > 0 ? GAP_STRICT * p->gate : p->gate))
         return -1;
     return error + GAP_COST * cairn_max(gap, 0);
+}
+
+cairn_real cairn_aligner_misfit(const cairn_aligner *x, const aligner_segment *s, const aligner_wall *wall)
+{
+    placed p = place_segment(x, s);
+
+    return fits_wall(wall, &p);
 }
 
 static int32_t way_of(cairn_vec2 direction)
@@ -172,44 +203,116 @@ static int32_t way_of(cairn_vec2 direction)
     return cairn_aligner_bin_of(direction.x, direction.y) / (ALIGNER_BINS / ALIGNER_WAYS);
 }
 
-/* The wall of a segment; -1: none fits. *passed: walls that were looked at. */
-static int32_t find_wall(const cairn_aligner *x, const aligner_segment *s, int32_t *passed)
+/* ---- Where walls are ---- */
+
+static int32_t tile_of(int32_t x, int32_t y, int32_t way)
 {
-    int32_t way = way_of(cairn_transform_direction(x->poses[s->scan], s->direction));
-    int32_t most = s->stub ? WAYS_OF_STUB : WAYS_OF_SEGMENT;
-    cairn_real gate = gate_of(x->round) + (s->length < SHORT ? SHORT_EXTRA : 0), best = CAIRN_REAL_MAX;
-    cairn_real far = x->scans[s->scan].weak ? GAP_WEAK : GAP;
-    int32_t found = -1;
+    uint32_t hash = (uint32_t)x * 73856093U ^ (uint32_t)y * 19349663U ^ (uint32_t)way * 83492791U;
 
-    *passed = 0;
-    for (int32_t k = way - most; k <= way + most; k++)
-        for (int32_t w = x->ways[k & (ALIGNER_WAYS - 1)]; w >= 0; w = x->walls[w].next, ++*passed) {
-            cairn_real fit = fits_wall(&x->walls[w], s, x->poses[s->scan], gate, far);
+    return (int32_t)((hash ^ hash >> 15) & (ALIGNER_TILES - 1));
+}
 
-            if (fit >= 0 && fit < best) {
-                best = fit;
-                found = w;
-            }
+static int32_t step_of(cairn_real metres)
+{
+    return cairn_real_to_int(cairn_floor(metres / TILE));
+}
+
+/* The list that a wall belongs in. */
+static int32_t place_of(const aligner_wall *wall)
+{
+    cairn_real middle = (wall->low + wall->high) / 2;
+    cairn_vec2 along = cairn_aligner_along(wall), p;
+
+    if (wall->high - wall->low > TILE)
+        return ALIGNER_TILES + wall->way;
+    p = cairn_vec2_add(cairn_vec2_scale(wall->normal, wall->offset), cairn_vec2_scale(along, middle));
+    return tile_of(step_of(p.x), step_of(p.y), wall->way);
+}
+
+/* Puts a wall that has changed into its list. */
+static void put_wall(cairn_aligner *x, int32_t w)
+{
+    aligner_wall *wall = &x->walls[w];
+    int32_t tile = place_of(wall), *link;
+
+    if (tile == wall->tile)
+        return;
+    if (wall->tile >= 0) {
+        for (link = &x->tiles[wall->tile]; *link != w;)
+            link = &x->walls[*link].next;
+        *link = wall->next;
+    }
+    wall->tile = tile;
+    wall->next = x->tiles[tile];
+    x->tiles[tile] = w;
+}
+
+/* The wall that a segment fits best, of those that have been looked at. */
+typedef struct fitting {
+    placed segment;
+    cairn_real best;
+    int32_t wall;
+    int32_t passed;
+} fitting;
+
+/* Looks at the walls of a list. */
+static void look_through(const cairn_aligner *x, int32_t tile, fitting *f)
+{
+    for (int32_t w = x->tiles[tile]; w >= 0; w = x->walls[w].next) {
+        cairn_real fit = fits_wall(&x->walls[w], &f->segment);
+
+        f->passed++;
+        if (fit >= 0 && (fit < f->best || (fit <= f->best && w < f->wall))) {
+            f->best = fit;
+            f->wall = w;
         }
-    return found;
+    }
+}
+
+/* Looks at every wall of a way that the segment may fit. */
+static void look_along(const cairn_aligner *x, int32_t way, fitting *f)
+{
+    const placed *p = &f->segment;
+    cairn_real gap = cairn_min(cairn_max(p->far, GAP_LONG * p->segment->length), cairn_max(p->far, GAP_LONG * TILE));
+    cairn_real reach = gap + TILE / 2 + SLACK;
+    int32_t west = step_of(cairn_min(p->a.x, p->b.x) - reach), east = step_of(cairn_max(p->a.x, p->b.x) + reach);
+    int32_t south = step_of(cairn_min(p->a.y, p->b.y) - reach), north = step_of(cairn_max(p->a.y, p->b.y) + reach);
+
+    look_through(x, ALIGNER_TILES + way, f);
+    for (int32_t v = south; v <= north; v++)
+        for (int32_t u = west; u <= east; u++, f->passed++)
+            look_through(x, tile_of(u, v, way), f);
+}
+
+int32_t cairn_aligner_find_wall(const cairn_aligner *x, const aligner_segment *s, int32_t *passed)
+{
+    fitting f = {place_segment(x, s), CAIRN_REAL_MAX, -1, 0};
+    int32_t way = way_of(f.segment.direction), most = s->stub ? WAYS_OF_STUB : WAYS_OF_SEGMENT;
+
+    for (int32_t k = way - most; k <= way + most; k++)
+        look_along(x, k & (ALIGNER_WAYS - 1), &f);
+    *passed = f.passed;
+    return f.wall;
 }
 
 static void clear_wall(aligner_wall *wall)
 {
+    int32_t way = wall->way;
+
     memset(wall, 0, sizeof *wall);
     wall->low = CAIRN_REAL_MAX;
     wall->high = -CAIRN_REAL_MAX;
+    wall->way = way;
+    wall->tile = wall->next = -1;
 }
 
 /* A new wall. */
 static int32_t begin_wall(cairn_aligner *x, const aligner_segment *s)
 {
-    int32_t *last = &x->ways[way_of(cairn_transform_direction(x->poses[s->scan], s->direction))];
     aligner_wall *wall = &x->walls[x->wall_count];
 
     clear_wall(wall);
-    wall->next = *last;
-    *last = x->wall_count;
+    wall->way = way_of(cairn_transform_direction(x->poses[s->scan], s->direction));
     return x->wall_count++;
 }
 
@@ -224,19 +327,21 @@ int32_t cairn_aligner_associate_item(cairn_aligner *x)
         for (int32_t w = 0; w < cleared; w++)
             clear_wall(&x->walls[w]);
         x->wall_count = cleared;
-        for (int32_t k = 0; k < ALIGNER_WAYS; k++)
-            x->ways[k] = -1;
+        for (int32_t k = 0; k < ALIGNER_TILES + ALIGNER_WAYS; k++)
+            x->tiles[k] = -1;
     }
     x->at++;
     if (!keep) {
         s->wall = -1;
         if (!is_used(x, s))
             return 1;
-        s->wall = find_wall(x, s, &passed);
+        s->wall = cairn_aligner_find_wall(x, s, &passed);
         if (s->wall < 0)
             s->wall = begin_wall(x, s);
     }
-    if (s->wall >= 0)
+    if (s->wall >= 0) {
         add_to_wall(x, &x->walls[s->wall], s);
+        put_wall(x, s->wall);
+    }
     return 3 + cleared / 16 + passed / WALLS_OF_UNIT;
 }

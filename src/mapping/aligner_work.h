@@ -8,13 +8,14 @@
 enum {
     ALIGNER_BINS = 512,       /* bearings of a table, evenly over the diamond |x| + |y| = 1 */
     ALIGNER_SECTORS = 32,     /* of them, as coarse bearings */
-    ALIGNER_WAYS = 32,        /* directions by which walls are found */
+    ALIGNER_WAYS = 16,        /* directions by which walls are found */
+    ALIGNER_TILES = 512,      /* lists of walls by direction and place */
     ALIGNER_BLOCK = 32,       /* hypotheses of which the surest is kept */
     ALIGNER_PATCH = 8,        /* points of a scan that follow each other, in one circle */
     ALIGNER_NO_SEGMENT = 255, /* also the most segments of a scan that a table can name */
     ALIGNER_TRIALS = 12,      /* relative poses of one pair that are compared */
     ALIGNER_KEPT = 4,         /* of these enter the list at most */
-    ALIGNER_NEAREST = 32,     /* scans that one is held against, ... */
+    ALIGNER_NEAREST = 24,     /* scans that one is held against, ... */
     ALIGNER_PARTNERS = 48,    /* ... and with those that it is among the nearest of, at most */
     ALIGNER_VOTES = 4,        /* times as many cells as shifts */
     ALIGNER_FINDS = 12,       /* places of a scan in the raster that are tried, ... */
@@ -62,6 +63,12 @@ typedef struct aligner_table {
     uint8_t segment[ALIGNER_BINS];      /* counted from the scan's first; ALIGNER_NO_SEGMENT */
 } aligner_table;
 
+/* Sums of a Gauss-Newton step of a rigid body about a centre. */
+typedef struct aligner_sums {
+    cairn_normal_equations equations;
+    int32_t pairs;
+} aligner_sums;
+
 typedef struct aligner_scan {
     int32_t first_point, end_point, first_segment, end_segment, first_patch;
     cairn_vec2 sensor, middle; /* of the circle about sensor and points */
@@ -72,6 +79,8 @@ typedef struct aligner_scan {
     int32_t part, next; /* cluster; next member of it, -1 */
     int32_t weak;       /* 1: it could be slid along what it shared with others */
     int32_t stirred;    /* ALIGNER_JOINED, ... */
+    int32_t joined;     /* equal for scans that have joined another cluster together */
+    aligner_sums pull;  /* information when it was relaxed last, and the gradient that has come upon it since */
     int32_t held;       /* 1: placed by the last alignment that has ended */
     cairn_real support;
     cairn_real evidence; /* nats for its place in the largest cluster, when that was looked at last */
@@ -81,9 +90,22 @@ typedef struct aligner_scan {
 /* A cluster: scans whose poses are known to each other. */
 typedef struct aligner_cluster {
     int32_t head, size;
-    int32_t stamp;     /* changes with every change of its poses */
-    cairn_real misfit; /* chi-squared of its initial poses */
+    int32_t stamp; /* changes with every change of its poses */
 } aligner_cluster;
+
+/* What is left of the initial poses of a cluster after its motion as a whole: sums over its scans. */
+typedef struct aligner_fit {
+    int32_t stamp;         /* of the cluster then */
+    cairn_transform gauge; /* that motion: near the best, but not quite */
+    cairn_vec2 origin;     /* amid the scans after it */
+    cairn_real count;
+    cairn_vec2 u, e;            /* of places from the origin, and of errors */
+    cairn_real uu, ee, ue, uxe; /* of squares and products of these */
+    cairn_real turn, turns;     /* of errors of headings and of their squares */
+    cairn_real cosine, sine;    /* of these errors */
+    cairn_real far, turned;     /* the greatest error along an axis, and of a heading */
+    cairn_real radius;          /* of a place from the origin */
+} aligner_fit;
 
 /* A relative pose of two scans: `first` as seen from `second`. */
 typedef struct aligner_hypothesis {
@@ -92,9 +114,10 @@ typedef struct aligner_hypothesis {
     cairn_real score, key;             /* nats; by the last look, and with its rivals taken into account */
     int32_t first_stamp, second_stamp; /* of the clusters at that look; -1: none yet */
     int32_t state;
+    int32_t next[2]; /* links to more hypotheses of the first and of the second scan, -1; a link is 2 * index + side */
 } aligner_hypothesis;
 
-/* A scan that has joined another cluster, and one that meets such a scan. */
+/* A scan that has joined another cluster, and one that others pull at. */
 enum { ALIGNER_JOINED = 1, ALIGNER_MET = 2 };
 
 /* States of a hypothesis whose look is fresh, and of one that is out. */
@@ -103,12 +126,6 @@ enum { ALIGNER_LOOKED = 1, ALIGNER_COMPARED = 2, ALIGNER_SURE = 3, ALIGNER_OUT =
 typedef struct aligner_count {
     cairn_real same, other, through; /* points on the same surface, at another one, in free space */
 } aligner_count;
-
-/* Sums of a Gauss-Newton step of a rigid body about a centre. */
-typedef struct aligner_sums {
-    cairn_normal_equations equations;
-    int32_t pairs;
-} aligner_sums;
 
 /* A look at cluster (or single scan) `moving` against cluster `fixed`, through the pose fixed_moving. */
 typedef struct aligner_look {
@@ -131,7 +148,8 @@ typedef struct aligner_relax {
     int32_t active, all;
     int32_t cluster, round, rounds;
     cairn_real gate;
-    int32_t i, partner; /* scan at hand, and which of its partners */
+    int32_t i, partner;                   /* scan at hand, and which of its partners */
+    aligner_sums pairs[ALIGNER_PARTNERS]; /* what it has in common with each */
     aligner_sums sums;
 } aligner_relax;
 
@@ -140,6 +158,7 @@ typedef enum aligner_phase {
     ALIGNER_MUTUAL,
     ALIGNER_PAIRS,
     ALIGNER_TRIALS_OF_PAIR,
+    ALIGNER_OPEN,
     ALIGNER_PICK,
     ALIGNER_LOOKED_AT,
     ALIGNER_RIVALS,
@@ -174,7 +193,9 @@ typedef struct aligner_wall {
     cairn_sym2 spread;
     int32_t scans; /* that see it; 2: two or more */
     int32_t first_scan, node;
-    int32_t next; /* wall that began with a similar direction, -1 */
+    int32_t way;  /* of the direction with which it began */
+    int32_t tile; /* the list that it is in, ... */
+    int32_t next; /* ... and the next wall of that, -1 */
 } aligner_wall;
 
 struct cairn_aligner {
@@ -183,11 +204,13 @@ struct cairn_aligner {
     cairn_transform *poses; /* [max_scans + 1] in the frame of the cluster; the last for a scan that is tried */
     aligner_table *tables;
     aligner_cluster *clusters; /* [max_scans + 1] */
+    aligner_fit *fits;         /* [max_scans + 1] */
     aligner_segment *segments;
     aligner_point *points;
     uint16_t *partners;             /* [max_scans * ALIGNER_PARTNERS] */
     aligner_patch *patches;         /* [max_points / ALIGNER_PATCH + max_scans] */
-    aligner_hypothesis *hypotheses; /* [max_hypotheses] the first open_count join clusters */
+    aligner_hypothesis *hypotheses; /* [max_hypotheses] */
+    int32_t *links;                 /* [max_scans] to the first hypothesis of a scan, -1 */
     int32_t *surest;                /* [max_hypotheses / ALIGNER_BLOCK + 1] of each block, -1: none */
     aligner_wall *walls;            /* [max_segments + max_stubs] */
     int32_t *order;                 /* [max_segments + max_stubs] */
@@ -198,8 +221,7 @@ struct cairn_aligner {
     cairn_aligner_pose *results;    /* [max_scans] */
     cairn_block_solver *solver;
 
-    int32_t scan_count, segment_count, stub_count, point_count, patch_count, hypothesis_count, open_count, wall_count,
-        node_count;
+    int32_t scan_count, segment_count, stub_count, point_count, patch_count, hypothesis_count, wall_count, node_count;
     cairn_real sigma, sigma_angle; /* of the initial poses, as learnt */
     int32_t has_ended;             /* clusters and poses are those of an alignment of the scans that are there */
     int32_t again;                 /* only scans that are not held are looked for */
@@ -219,8 +241,10 @@ struct cairn_aligner {
     cairn_real least_cosine;  /* ... and of the headings that are off most */
     aligner_hypothesis trial[ALIGNER_TRIALS];
     int32_t trial_count, trial_at;
-    int32_t chosen, rival, side;
-    cairn_real rest; /* evidence of the better of the shifted poses */
+    int32_t chosen, side;
+    int32_t rival_scan, rival_link, looked; /* rival at hand, and the one that is looked at, -1 */
+    cairn_real odds;                        /* of all that have been compared */
+    cairn_real rest;                        /* evidence of the better of the shifted poses */
     cairn_real shift[3];
     cairn_vec2 shift_centre;
     /* Search. */
@@ -233,13 +257,15 @@ struct cairn_aligner {
     int32_t find_count, find_at;
     cairn_transform before, best; /* of the scan looked for */
     cairn_real before_score, best_score;
-    int32_t home;   /* its cluster, -1: part of the rest */
-    int32_t moving; /* the cluster that is moved: home as a whole, or scan_count for the scan alone */
+    int32_t largest; /* the rest: the largest cluster when the search began */
+    int32_t home;    /* its cluster, -1: part of the rest */
+    int32_t moving;  /* the cluster that is moved: home as a whole, or scan_count for the scan alone */
     int32_t round, stage, at;
-    int32_t ways[ALIGNER_WAYS]; /* last wall that began with a direction, -1 */
-    cairn_real moved;           /* m, largest step of the joint solution */
-    int32_t link;               /* of the segment that is added next */
-    cairn_transform gauge;      /* of the part gauge_part */
+    int32_t
+        tiles[ALIGNER_TILES + ALIGNER_WAYS]; /* a wall of each list, -1; at the end the long ones of each direction */
+    cairn_real moved;                        /* m, largest step of the joint solution */
+    int32_t link;                            /* of the segment that is added next */
+    cairn_transform gauge;                   /* of the part gauge_part */
     int32_t gauge_part;
     cairn_real margin; /* chi-squared of the solution per degree of freedom, >= 1 */
     int32_t freedom;
@@ -254,16 +280,27 @@ void cairn_aligner_fill_scan(cairn_aligner *x, const cairn_scan_view *view, cair
 /* ---- aligner_scan.c: pairs of scans ---- */
 
 /* The bin of a bearing. */
-int32_t cairn_aligner_bin_of(cairn_real x, cairn_real y);
+static inline int32_t cairn_aligner_bin_of(cairn_real x, cairn_real y)
+{
+    cairn_real ax = cairn_abs(x), ay = cairn_abs(y), sum = ax + ay, place;
+
+    if (!(sum > 0))
+        return 0;
+    place = ay / sum; /* by one division and no arc tangent */
+    place = x < 0 ? 2 - place : place;
+    place = y < 0 ? 4 - place : place;
+    return (int32_t)(place / 4 * ALIGNER_BINS) & (ALIGNER_BINS - 1);
+}
+
 cairn_transform cairn_aligner_between(cairn_transform a_b, cairn_transform a_c);
 cairn_transform cairn_aligner_compose(cairn_transform a_b, cairn_transform b_c);
 cairn_transform cairn_aligner_inverse(cairn_transform a_b);
 cairn_pose cairn_aligner_to_pose(cairn_transform t);
 
 /* Points of `from` (its frame seen from `to` as to_from) in the view of `to`; returns how many were looked up, those that
- * were passed over counted in part. */
+ * were passed over counted in part. Stops when the evidence cannot come above `least` any more. */
 int32_t cairn_aligner_count_points(const cairn_aligner *x, int32_t from, int32_t to, cairn_transform to_from,
-                                   cairn_real gate, aligner_count *count);
+                                   cairn_real gate, cairn_real least, aligner_count *count);
 cairn_real cairn_aligner_evidence(const cairn_aligner *x, aligner_count count);
 
 /* Both ways. */
@@ -311,9 +348,9 @@ int32_t cairn_aligner_look_item(cairn_aligner *x);
 int32_t cairn_aligner_relax_item(cairn_aligner *x);
 int32_t cairn_aligner_merge_item(cairn_aligner *x);
 
-/* Hypotheses that join nothing any more are put aside, and then the surest is picked; all: what has moved may let clusters
- * join that could not before, so that those put aside are open again. */
-void cairn_aligner_begin_close(cairn_aligner *x, int32_t all);
+/* All hypotheses that join clusters are open, and then the surest is picked; again: what has moved may let clusters join that
+ * could not before. */
+void cairn_aligner_begin_open(cairn_aligner *x, int32_t again);
 int32_t cairn_aligner_repair_item(cairn_aligner *x);
 int32_t cairn_aligner_joint_item(cairn_aligner *x);
 
@@ -322,6 +359,12 @@ int32_t cairn_aligner_sort_item(cairn_aligner *x);
 int32_t cairn_aligner_associate_item(cairn_aligner *x);
 
 /* ---- aligner_wall.c ---- */
+
+/* How badly a segment fits a wall, m; negative: it does not. */
+cairn_real cairn_aligner_misfit(const cairn_aligner *x, const aligner_segment *s, const aligner_wall *wall);
+
+/* The wall that a segment fits best, of equal ones the first; -1: it fits none. *passed: lists and walls looked at. */
+int32_t cairn_aligner_find_wall(const cairn_aligner *x, const aligner_segment *s, int32_t *passed);
 
 /* The direction along a wall, free side on the left. */
 cairn_vec2 cairn_aligner_along(const aligner_wall *wall);
@@ -345,15 +388,24 @@ void cairn_aligner_give_up(cairn_aligner *x, cairn_status status);
 /* aligner_cluster.c */
 void cairn_aligner_begin_clusters(cairn_aligner *x);
 void cairn_aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose, int32_t rounds);
-/* Nats of the initial poses for the pose of cluster `moving` in `fixed`; charges for it. */
-cairn_real cairn_aligner_prior(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose);
 void cairn_aligner_begin_relax(cairn_aligner *x, int32_t cluster, cairn_real gate, int32_t rounds, int32_t all);
 void cairn_aligner_insert(cairn_aligner *x, int32_t scan, int32_t cluster);
 void cairn_aligner_remove(cairn_aligner *x, int32_t scan);
 int32_t cairn_aligner_largest(const cairn_aligner *x);
-void cairn_aligner_learn_spread(cairn_aligner *x);
-cairn_transform cairn_aligner_gauge(const cairn_aligner *x, int32_t first, int32_t second,
-                                    cairn_transform second_first);
 int32_t cairn_aligner_join(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose);
+
+/* ---- aligner_prior.c ---- */
+
+/* Nats of the initial poses for the pose of cluster `moving` in `fixed`; charges for it. */
+cairn_real cairn_aligner_prior(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose);
+
+/* Learns the standard deviations of the initial poses from all clusters; charges for it. */
+void cairn_aligner_learn_spread(cairn_aligner *x);
+
+/* The motion of a cluster as a whole that brings its scans nearest to their initial poses. Linear in the cluster. */
+cairn_transform cairn_aligner_gauge(const cairn_aligner *x, int32_t cluster);
+
+/* Called before a scan enters a cluster (sign 1) or leaves it (-1). */
+void cairn_aligner_fit_scan(cairn_aligner *x, int32_t scan, int32_t cluster, int32_t sign);
 
 #endif

@@ -1,0 +1,276 @@
+/* What initial poses say of clusters of the aligner: the sums that are kept against a look at every scan. */
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "src/mapping/aligner_work.h"
+
+enum { SCANS = 12, FIRST = 7 };
+
+static const double PI = 3.14159265358979323846;
+
+/* Scans that show nothing; those before FIRST in one cluster, the others in another, each in a frame of its own. */
+struct bed {
+    cairn_pool pool;
+    cairn_aligner *x;
+    int32_t first, second; /* the clusters */
+};
+
+/* off: by how much the poses are off, m; a third of that in rad. */
+static struct bed make_bed(uint64_t seed, double off)
+{
+    cairn_aligner_params params = cairn_aligner_default();
+    cairn_random random = cairn_random_seed(seed, 1);
+    cairn_transform same = {0, 0, 1, 0};
+    struct bed bed;
+
+    params.max_scans = SCANS;
+    bed.pool = test_pool(cairn_aligner_memory(&params));
+    assert_ok(cairn_aligner_create(&bed.x, &bed.pool, &params));
+    for (int32_t i = 0; i < SCANS; i++) {
+        cairn_scan_view nothing;
+        cairn_pose pose = {cairn_random_uniform(&random, -8, 8), cairn_random_uniform(&random, -8, 8),
+                           cairn_random_uniform(&random, -3, 3)};
+
+        memset(&nothing, 0, sizeof nothing);
+        assert_ok(cairn_aligner_add_scan(bed.x, &nothing, pose, NULL));
+    }
+    assert_ok(cairn_aligner_begin(bed.x));
+    for (int32_t i = 0; i < SCANS; i++) {
+        cairn_pose pose = bed.x->scans[i].initial, turned = {i < FIRST ? 3 : -2, 1, i < FIRST ? 1 : -2};
+
+        pose.x += cairn_random_uniform(&random, -1, 1) * (cairn_real)off;
+        pose.y += cairn_random_uniform(&random, -1, 1) * (cairn_real)off;
+        pose.theta += cairn_random_uniform(&random, -1, 1) * (cairn_real)(off / 3);
+        bed.x->poses[i] = cairn_aligner_compose(cairn_transform_of(turned), cairn_transform_of(pose));
+    }
+    bed.first = 0;
+    for (int32_t i = 1; i < FIRST; i++)
+        bed.first = cairn_aligner_join(bed.x, i, bed.first, same);
+    bed.second = FIRST;
+    for (int32_t i = FIRST + 1; i < SCANS; i++)
+        bed.second = cairn_aligner_join(bed.x, i, bed.second, same);
+    cairn_aligner_learn_spread(bed.x);
+    return bed;
+}
+
+/* ---- The slow twin ---- */
+
+struct crowd {
+    double x[SCANS + 1], y[SCANS + 1], theta[SCANS + 1];
+    cairn_pose initial[SCANS + 1];
+    int32_t count;
+};
+
+static void add_cluster(struct crowd *c, const cairn_aligner *x, int32_t cluster, cairn_transform motion)
+{
+    for (int32_t i = x->clusters[cluster].head; i >= 0; i = x->scans[i].next) {
+        cairn_transform pose = cairn_aligner_compose(motion, x->poses[i]);
+
+        c->x[c->count] = (double)pose.x;
+        c->y[c->count] = (double)pose.y;
+        c->theta[c->count] = atan2((double)pose.sine, (double)pose.cosine);
+        c->initial[c->count++] = x->scans[i].initial;
+    }
+}
+
+struct left {
+    double squares, squares_angle, beyond, cost;
+};
+
+/* What is left of a crowd turned as a whole, at the best shift; cost: what the gauge makes least. */
+static struct left left_at(const cairn_aligner *x, const struct crowd *c, double turn)
+{
+    double weight = pow((double)x->sigma / (double)x->sigma_angle, 2), dx = 0, dy = 0;
+    double far = 1.25 * (double)x->params.spread, wide = 1.25 * (double)x->params.spread_angle;
+    struct left m = {0, 0, 0, 0};
+
+    for (int pass = 0; pass < 2; pass++)
+        for (int32_t i = 0; i < c->count; i++) {
+            double ex = cos(turn) * c->x[i] - sin(turn) * c->y[i] - (double)c->initial[i].x;
+            double ey = sin(turn) * c->x[i] + cos(turn) * c->y[i] - (double)c->initial[i].y;
+            double off = remainder(c->theta[i] + turn - (double)c->initial[i].theta, 2 * PI);
+
+            if (pass == 0) {
+                dx += ex / c->count;
+                dy += ey / c->count;
+                continue;
+            }
+            ex -= dx;
+            ey -= dy;
+            m.squares += ex * ex + ey * ey;
+            m.squares_angle += off * off;
+            m.beyond += fmax(fabs(ex) - far, 0) + fmax(fabs(ey) - far, 0) + 1.5 * fmax(fabs(off) - wide, 0);
+            m.cost += ex * ex + ey * ey - 2 * weight * cos(off);
+        }
+    return m;
+}
+
+/* By trying all turns. */
+static struct left least_left(const cairn_aligner *x, const struct crowd *c)
+{
+    double best = 0, step = PI / 60;
+    struct left least = left_at(x, c, 0);
+
+    for (int32_t level = 0; level < 12; level++, step /= 8) {
+        double middle = best;
+
+        for (int32_t k = -60; k <= 60; k++) {
+            struct left m = left_at(x, c, middle + k * step);
+
+            if (m.cost < least.cost) {
+                least = m;
+                best = middle + k * step;
+            }
+        }
+    }
+    return least;
+}
+
+static double chi_squared(const cairn_aligner *x, struct left m)
+{
+    return m.squares / pow((double)x->sigma, 2) + m.squares_angle / pow((double)x->sigma_angle, 2) + 200 * m.beyond;
+}
+
+static double slow_misfit(const cairn_aligner *x, int32_t cluster)
+{
+    cairn_transform same = {0, 0, 1, 0};
+    struct crowd c;
+
+    c.count = 0;
+    add_cluster(&c, x, cluster, same);
+    return c.count > 1 ? chi_squared(x, least_left(x, &c)) : 0;
+}
+
+static double slow_prior(const cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose)
+{
+    cairn_transform same = {0, 0, 1, 0};
+    struct crowd c;
+
+    c.count = 0;
+    add_cluster(&c, x, moving, pose);
+    add_cluster(&c, x, fixed, same);
+    return -(chi_squared(x, least_left(x, &c)) - slow_misfit(x, moving) - slow_misfit(x, fixed)) / 2;
+}
+
+/* ---- Tests ---- */
+
+/* The pose of the first cluster in the second that the initial poses ask for, off by some. */
+static cairn_transform pose_off(const struct bed *bed, double off_x, double off_turn)
+{
+    cairn_transform first = cairn_aligner_gauge(bed->x, bed->first), second = cairn_aligner_gauge(bed->x, bed->second);
+    cairn_transform pose = cairn_aligner_compose(cairn_aligner_inverse(second), first);
+    cairn_vec2 centre = {pose.x, pose.y};
+    cairn_real motion[3] = {(cairn_real)off_x, (cairn_real)(-off_x / 2), (cairn_real)off_turn};
+
+    return cairn_aligner_moved(pose, centre, motion);
+}
+
+static void assert_same_prior(struct bed *bed, cairn_transform pose)
+{
+    double fast = (double)cairn_aligner_prior(bed->x, bed->first, bed->second, pose);
+    double slow = slow_prior(bed->x, bed->first, bed->second, pose);
+
+    assert_near(fast, slow, (sizeof(cairn_real) == 8 ? 1e-4 : 1e-2) * (1 + fabs(slow)));
+}
+
+static void all_as_slow(struct bed *bed)
+{
+    static const double offs[][2] = {{0, 0},   {0.1, 0}, {0.3, 0.05}, {-0.4, -0.2},
+                                     {2, 0.1}, {0, 0.9}, {-5, 2},     {1, 3.1}};
+
+    for (size_t k = 0; k < sizeof offs / sizeof *offs; k++)
+        assert_same_prior(bed, pose_off(bed, offs[k][0], offs[k][1]));
+}
+
+static void sums_tell_what_scans_tell(void **state)
+{
+    (void)state;
+    for (uint64_t seed = 1; seed <= 6; seed++) {
+        struct bed bed = make_bed(seed, 0.1 * (double)(seed * seed)); /* up to 3.6 m and 1.2 rad: far out of the box */
+
+        all_as_slow(&bed);
+        test_pool_free(&bed.pool);
+    }
+}
+
+static void sums_follow_scans_that_come_and_go(void **state)
+{
+    struct bed bed = make_bed(11, 0.2);
+    int32_t pass = 0;
+
+    (void)state;
+    for (int32_t i = 1; i < FIRST; i += 2, pass++) {
+        all_as_slow(&bed); /* the sums are there */
+        cairn_aligner_remove(bed.x, i);
+        all_as_slow(&bed);
+        bed.x->poses[i].x += (cairn_real)(0.3 * pass);
+        cairn_aligner_insert(bed.x, i, pass == 1 ? bed.second : bed.first);
+    }
+    all_as_slow(&bed);
+    test_pool_free(&bed.pool);
+}
+
+static void single_scans_have_no_misfit(void **state)
+{
+    struct bed bed = make_bed(12, 0.2);
+    cairn_transform same = {0, 0, 1, 0};
+
+    (void)state;
+    while (bed.x->clusters[bed.second].size > 1) {
+        int32_t i = bed.x->clusters[bed.second].head;
+
+        cairn_aligner_remove(bed.x, i);
+        cairn_aligner_insert(bed.x, i, bed.first);
+    }
+    all_as_slow(&bed);
+    bed.x->poses[bed.x->clusters[bed.second].head] = same;
+    bed.x->clusters[bed.second].stamp = ++bed.x->changes;
+    all_as_slow(&bed);
+    test_pool_free(&bed.pool);
+}
+
+/* The spread that is learnt, two scans of the expected one weighed in. */
+static void spread_is_that_of_the_scans(void **state)
+{
+    static const double offs[] = {0.05, 0.3, 5};
+
+    (void)state;
+    for (size_t k = 0; k < sizeof offs / sizeof *offs; k++) {
+        struct bed bed = make_bed(21 + k, offs[k]);
+        double expected = (double)bed.x->params.spread / sqrt(3),
+               expected_angle = (double)bed.x->params.spread_angle / sqrt(3);
+        double squares = 4 * expected * expected, angles = 2 * expected_angle * expected_angle;
+        cairn_real sigma = bed.x->sigma, sigma_angle = bed.x->sigma_angle;
+        int32_t clusters[2] = {bed.first, bed.second};
+        cairn_transform same = {0, 0, 1, 0};
+
+        bed.x->sigma = (cairn_real)expected;
+        bed.x->sigma_angle = (cairn_real)expected_angle;
+        for (int c = 0; c < 2; c++) {
+            struct crowd crowd;
+            struct left m;
+
+            crowd.count = 0;
+            add_cluster(&crowd, bed.x, clusters[c], same);
+            m = least_left(bed.x, &crowd);
+            squares += m.squares;
+            angles += m.squares_angle;
+        }
+        assert_near((double)sigma, fmin(expected, sqrt(squares / (2 * SCANS))), 1e-5);
+        assert_near((double)sigma_angle, fmin(expected_angle, sqrt(angles / SCANS)), 1e-5);
+        test_pool_free(&bed.pool);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(sums_tell_what_scans_tell),
+        cmocka_unit_test(sums_follow_scans_that_come_and_go),
+        cmocka_unit_test(single_scans_have_no_misfit),
+        cmocka_unit_test(spread_is_that_of_the_scans),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

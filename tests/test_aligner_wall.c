@@ -1,0 +1,145 @@
+/* Walls of the aligner: those that are found by tiles against a look at every wall. */
+#include "tests/test.h"
+
+#include "src/mapping/aligner_work.h"
+
+enum { SEGMENTS = 900, SCANS = 12 };
+
+/* Pieces of a lattice of lines, 3 m apart, a few of them far longer than the others; from -30 to 30 m, turned at random. */
+static aligner_segment random_segment(cairn_random *random, cairn_real turn)
+{
+    static const cairn_real lengths[] = {CAIRN_REAL(0.1), CAIRN_REAL(0.4), 1, 3, 12};
+    cairn_real angle = turn + cairn_random_uniform(random, -CAIRN_REAL(0.03), CAIRN_REAL(0.03));
+    cairn_real line = cairn_floor(cairn_random_uniform(random, -10, 11)) * 3, sine, cosine;
+    cairn_vec2 middle = {cairn_random_uniform(random, -30, 30), line}, half;
+    aligner_segment s;
+
+    memset(&s, 0, sizeof s);
+    angle += cairn_floor(cairn_random_uniform(random, 0, 4)) * CAIRN_PI / 2;
+    cairn_sincos(angle, &sine, &cosine);
+    s.length = lengths[cairn_real_to_int(cairn_floor(cairn_random_uniform(random, 0, CAIRN_REAL(4.1))))];
+    s.direction.x = cosine;
+    s.direction.y = sine;
+    middle.y += cairn_random_uniform(random, -CAIRN_REAL(0.05), CAIRN_REAL(0.05));
+    s.mean.x = cosine * middle.x - sine * middle.y;
+    s.mean.y = sine * middle.x + cosine * middle.y;
+    half = cairn_vec2_scale(s.direction, s.length / 2);
+    s.a = cairn_vec2_sub(s.mean, half);
+    s.weight = 100 * s.length;
+    s.spread.xx = s.weight * s.length * s.length / 12 * cosine * cosine;
+    s.spread.xy = s.weight * s.length * s.length / 12 * cosine * sine;
+    s.spread.yy = s.weight * s.length * s.length / 12 * sine * sine;
+    s.scan = cairn_real_to_int(cairn_floor(cairn_random_uniform(random, 0, SCANS)));
+    s.stub = s.length < CAIRN_REAL(0.3) && cairn_random_uniform(random, 0, 1) < CAIRN_REAL(0.5);
+    s.wall = -1;
+    return s;
+}
+
+static int32_t look_at_every_wall(const cairn_aligner *x, const aligner_segment *s)
+{
+    cairn_real best = CAIRN_REAL_MAX;
+    int32_t found = -1;
+
+    for (int32_t w = 0; w < x->wall_count; w++) {
+        cairn_real misfit = cairn_aligner_misfit(x, s, &x->walls[w]);
+
+        if (misfit >= 0 && misfit < best) {
+            best = misfit;
+            found = w;
+        }
+    }
+    return found;
+}
+
+/* An aligner whose scans stand at the origin of one cluster; every third is held by little else. */
+static cairn_aligner *make_aligner(cairn_pool *pool, uint64_t seed)
+{
+    cairn_aligner_params params = cairn_aligner_default();
+    cairn_random random = cairn_random_seed(seed, 1);
+    cairn_real turn = cairn_random_uniform(&random, -3, 3);
+    cairn_pose origin = {0, 0, 0};
+    cairn_scan_view nothing;
+    cairn_aligner *x;
+
+    params.max_scans = SCANS;
+    params.max_segments = SEGMENTS;
+    *pool = test_pool(cairn_aligner_memory(&params));
+    assert_ok(cairn_aligner_create(&x, pool, &params));
+    memset(&nothing, 0, sizeof nothing);
+    for (int32_t i = 0; i < SCANS; i++)
+        assert_ok(cairn_aligner_add_scan(x, &nothing, origin, NULL));
+    assert_ok(cairn_aligner_begin(x));
+    for (int32_t i = 0; i < SCANS; i++) {
+        x->scans[i].part = 0;
+        x->scans[i].weak = i % 3 == 0;
+    }
+    x->segment_count = SEGMENTS;
+    for (int32_t i = 0; i < SEGMENTS; i++) {
+        x->segments[i] = random_segment(&random, turn);
+        x->order[i] = i;
+    }
+    x->home = x->at = x->round = 0;
+    return x;
+}
+
+static void tiles_find_what_a_look_at_every_wall_finds(void **state)
+{
+    (void)state;
+    for (uint64_t seed = 1; seed <= 12; seed++) {
+        cairn_pool pool;
+        cairn_aligner *x = make_aligner(&pool, seed);
+        int32_t found = 0, looked = 0, walls = 0;
+
+        (void)cairn_aligner_associate_item(x);
+        while (x->at < SEGMENTS) {
+            aligner_segment *s = &x->segments[x->at];
+            int32_t passed, wall = cairn_aligner_find_wall(x, s, &passed), expected = look_at_every_wall(x, s);
+
+            assert_int_equal(wall, expected);
+            found += wall >= 0;
+            looked += passed;
+            walls += x->wall_count;
+            (void)cairn_aligner_associate_item(x);
+        }
+        assert_in_range(found, SEGMENTS / 20, SEGMENTS);
+        assert_true(looked < walls);
+        test_pool_free(&pool);
+    }
+}
+
+/* When walls are kept they are filled anew, and are found at their new places. */
+static void kept_walls_are_found_where_they_are(void **state)
+{
+    cairn_pool pool;
+    cairn_aligner *x = make_aligner(&pool, 7);
+    int32_t walls;
+
+    (void)state;
+    while (x->at < SEGMENTS)
+        (void)cairn_aligner_associate_item(x);
+    walls = x->wall_count;
+    for (int32_t i = 0; i < SCANS; i++)
+        x->poses[i].x += 9;
+    x->round = 8;
+    x->at = 0;
+    while (x->at < SEGMENTS)
+        (void)cairn_aligner_associate_item(x);
+    assert_int_equal(x->wall_count, walls);
+    x->round = 3;
+    for (int32_t i = 0; i < SEGMENTS; i++) {
+        int32_t passed;
+
+        assert_int_equal(cairn_aligner_find_wall(x, &x->segments[i], &passed), look_at_every_wall(x, &x->segments[i]));
+    }
+    test_pool_free(&pool);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(tiles_find_what_a_look_at_every_wall_finds),
+        cmocka_unit_test(kept_walls_are_found_where_they_are),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
