@@ -115,8 +115,9 @@ static int in_horse(const double *v, double x, double y)
            in_bar(x, y, nape, nose);
 }
 
-static int is_inside(const scene_shape *s, double x, double y)
+static int is_inside(const void *shape, double x, double y)
 {
+    const scene_shape *s = shape;
     static int (*const inside[SCENE_FAMILIES])(const double *, double, double) = {in_apple, in_bottle, in_cup, in_bird,
                                                                                   in_horse};
 
@@ -234,23 +235,31 @@ static void add_clutter(scene *s, cairn_random *random)
 }
 
 /* The object of `size` px; marks its boundary. */
-static void add_object(scene *s, const scene_shape *shape, uint8_t *inside, cairn_random *random)
+static void add_object(scene *s, const scene_figure *figure, cairn_random *random)
 {
-    double size = 120 * uniform(random, 0.7, 1.3), turn = uniform(random, -10, 10) * PI / 180;
+    double size = 120 * uniform(random, 0.7, 1.3),
+           turn = uniform(random, -figure->max_turn, figure->max_turn) * PI / 180;
     double cx = uniform(random, size * 0.6, SCENE_WIDTH - size * 0.6);
     double cy = uniform(random, size * 0.6, SCENE_HEIGHT - size * 0.6);
     double contrast = cairn_random_below(random, 2) ? 60 : -60;
 
+    s->at[0] = cx;
+    s->at[1] = cy;
+    s->size = size;
+    s->turn = turn;
     for (int32_t i = 0; i < SCENE_PIXELS; i++) {
         double dx = (i % SCENE_WIDTH - cx) / size, dy = (row_of(i) - cy) / size;
 
-        inside[i] = (uint8_t)is_inside(shape, cos(turn) * dx + sin(turn) * dy, cos(turn) * dy - sin(turn) * dx);
-        s->grey[i] += inside[i] ? (float)contrast : 0;
+        s->inside[i] =
+            (uint8_t)figure->contains(figure->shape, cos(turn) * dx + sin(turn) * dy, cos(turn) * dy - sin(turn) * dx);
+        s->grey[i] += s->inside[i] ? (float)contrast : 0;
     }
 }
 
-static void mark_boundary(scene *s, const uint8_t *inside)
+static void mark_boundary(scene *s)
 {
+    const uint8_t *inside = s->inside;
+
     s->box[0] = s->box[1] = 1e9;
     s->box[2] = s->box[3] = -1e9;
     for (int32_t i = 0; i < SCENE_PIXELS; i++) {
@@ -354,8 +363,13 @@ static void find_edges(scene *s)
 
 void scene_draw(scene *s, const scene_shape *shape, const scene_options *options, cairn_random *random)
 {
-    static uint8_t inside[SCENE_PIXELS];
+    scene_figure figure = {is_inside, shape, 10};
 
+    scene_draw_figure(s, &figure, options, random);
+}
+
+void scene_draw_figure(scene *s, const scene_figure *figure, const scene_options *options, cairn_random *random)
+{
     memset(s->truth, 0, sizeof s->truth);
     for (int32_t i = 0; i < SCENE_PIXELS; i++)
         s->grey[i] = 128;
@@ -363,8 +377,8 @@ void scene_draw(scene *s, const scene_shape *shape, const scene_options *options
     for (int32_t k = 0; k < options->clutter; k++)
         add_clutter(s, random);
     if (!options->without) {
-        add_object(s, shape, inside, random);
-        mark_boundary(s, inside);
+        add_object(s, figure, random);
+        mark_boundary(s);
         if (options->hidden > 0)
             hide(s, options->hidden, random);
     }

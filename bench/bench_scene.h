@@ -14,6 +14,13 @@ typedef struct scene_shape {
     double vary[SCENE_SHAPE]; /* -1 ... 1 each */
 } scene_shape;
 
+/* What a scene may show besides the families: anything that says which places of a square from -0.5 to 0.5 are within. */
+typedef struct scene_figure {
+    int (*contains)(const void *shape, double x, double y);
+    const void *shape;
+    double max_turn; /* degrees, to both sides */
+} scene_figure;
+
 typedef struct scene_options {
     int32_t clutter; /* objects */
     double noise;    /* sigma, grey levels */
@@ -23,9 +30,11 @@ typedef struct scene_options {
 
 typedef struct scene {
     float grey[SCENE_PIXELS];
-    uint8_t edges[SCENE_PIXELS]; /* strength, 0: none */
-    uint8_t truth[SCENE_PIXELS]; /* 1: boundary of the object, hidden or not; 2: and not hidden */
-    double box[4];               /* of the object: least x, y, most x, y */
+    uint8_t edges[SCENE_PIXELS];  /* strength, 0: none */
+    uint8_t truth[SCENE_PIXELS];  /* 1: boundary of the object, hidden or not; 2: and not hidden */
+    uint8_t inside[SCENE_PIXELS]; /* 1: of the object */
+    double box[4];                /* of the object: least x, y, most x, y */
+    double at[2], size, turn;     /* px, rad: where its square lies */
 } scene;
 
 const char *scene_family_name(int32_t family);
@@ -38,6 +47,9 @@ scene_shape scene_shape_draw(int32_t family, cairn_random *random);
 int32_t scene_outlines(const scene_shape *shape, cairn_vec2 *vertices, int32_t most, int32_t counts[SCENE_OUTLINES]);
 
 /* Draws a scene with one object of this shape. */
+/* The same with another figure. */
+void scene_draw_figure(scene *s, const scene_figure *figure, const scene_options *options, cairn_random *random);
+
 void scene_draw(scene *s, const scene_shape *shape, const scene_options *options, cairn_random *random);
 
 #endif

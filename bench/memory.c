@@ -17,6 +17,7 @@
 #include "cairn/scan_match.h"
 #include "cairn/particle_filter.h"
 #include "cairn/sequence.h"
+#include "cairn/skeleton_grouping.h"
 
 static void print(const char *object, const char *capacities, size_t bytes)
 {
@@ -36,6 +37,7 @@ int main(void)
     cairn_hough_params hough = cairn_hough_default();
     cairn_rectangle_params rectangle = cairn_rectangle_default();
     cairn_edgel_params edgel = cairn_edgel_default();
+    cairn_skeleton_params skeleton = cairn_skeleton_default();
     cairn_inner_distance_params inner = cairn_inner_distance_default();
     cairn_self_similarity_params similarity = cairn_self_similarity_default();
     cairn_ellipse_params ellipse = cairn_ellipse_default();
@@ -65,6 +67,7 @@ int main(void)
     print("inner_distance", "128 points", cairn_inner_distance_memory(&inner));
     print("self_similarity", "96 points, 48 of holes", cairn_self_similarity_memory(&similarity));
     print("edgel", "640 x 480 pixels, 40000 edgels", cairn_edgel_memory(&edgel));
+    print("skeleton", "640 x 480 pixels, 40000 edgels, 4000 centres, 256 lines", cairn_skeleton_memory(&skeleton));
     print("sequence", "1024 and 1024 elements", cairn_sequence_memory(&sequence));
     print("particle_filter", "100 particles, 4,096 candidates and blocks of 64 bytes",
           cairn_particle_filter_memory(&filter));

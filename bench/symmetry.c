@@ -1,4 +1,5 @@
 /* bench/symmetry: axes of self-similarity of shapes whose axis is known. */
+#include <dirent.h>
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -6,16 +7,21 @@
 #include <string.h>
 
 #include "bench/bench_json.h"
+#include "bench/bench_reflection.h"
 #include "bench/bench_shapes.h"
 #include "cairn/self_similarity.h"
+#include "cairn/shape_image.h"
+#include "cairn/vision.h"
 #include "tools/options.h"
 
 #define PROGRAM "bench/symmetry"
 #define DEGREE  0.017453292519943295
 /* An end is right within this share of the outline. */
 #define NEAR 0.05
+/* A shape has a mirror axis when so much of it and its mirror image is common. */
+#define RIGID 0.9
 
-enum { MODES = 2 };
+enum { MODES = 2, FILES_MOST = 4096 };
 
 static const char *const mode_names[MODES] = {"as written", "re-ranked"};
 
@@ -31,6 +37,7 @@ typedef struct settings {
 typedef struct sums {
     cairn_self_similarity *similarity;
     int64_t shapes, hits, among, units;
+    void *memory;
     double *seconds; /* [shapes] */
 } sums;
 
@@ -44,6 +51,7 @@ static int open_mode(sums *t, cairn_pool *pool, cairn_symmetry_mode mode, int64_
     need = cairn_self_similarity_memory(&params);
     memory = malloc(need + CAIRN_ALIGN);
     memset(t, 0, sizeof *t);
+    t->memory = memory;
     t->seconds = calloc((size_t)shapes, sizeof *t->seconds);
     return t->seconds != NULL && memory != NULL && cairn_pool_init(pool, memory, need + CAIRN_ALIGN) == CAIRN_OK &&
            cairn_self_similarity_create(&t->similarity, pool, &params) == CAIRN_OK;
@@ -146,6 +154,134 @@ static int run_generated(const settings *s, sums t[MODES])
     return 1;
 }
 
+/* ---- MPEG-7 ---- */
+
+static int compare_names(const void *a, const void *b)
+{
+    return strcmp(*(const char *const *)a, *(const char *const *)b);
+}
+
+/* The names of a folder's pictures, sorted. */
+static int32_t read_names(const char *folder, char **names)
+{
+    DIR *open = opendir(folder);
+    struct dirent *entry;
+    int32_t count = 0;
+
+    while (open != NULL && count < FILES_MOST && (entry = readdir(open)) != NULL) {
+        size_t length = strlen(entry->d_name);
+
+        if (length < 5 || strcmp(entry->d_name + length - 4, ".png") != 0)
+            continue;
+        names[count] = malloc(length + 1);
+        if (names[count] == NULL)
+            break;
+        memcpy(names[count++], entry->d_name, length + 1);
+    }
+    if (open != NULL)
+        (void)closedir(open);
+    if (count > 1)
+        qsort(names, (size_t)count, sizeof *names, compare_names);
+    return count;
+}
+
+/* The axis is one of the best, or as good as they are. */
+static int is_right(const bench_reflections *truth, const cairn_curve *shape, int32_t count,
+                    const cairn_symmetry_axis *axis, cairn_vec2 middle)
+{
+    return bench_reflections_hit(truth, axis->end[0], axis->end[1], middle) ||
+           bench_reflections_overlap(shape, count, axis->end[0], axis->end[1]) >=
+               truth->axes[0].overlap - BENCH_AS_GOOD;
+}
+
+/* Looks at one picture when it has a mirror axis. 0: a line was printed. */
+static int run_picture(const settings *s, sums t[MODES], const char *path, const char *name)
+{
+    cairn_shape_image_params params = cairn_shape_image_default();
+    cairn_curve shape[CAIRN_SHAPE_OUTLINES];
+    cairn_shape_image image;
+    cairn_vision_image grey;
+    cairn_raster_u8_view view;
+    bench_reflections truth;
+    cairn_file_error error;
+    int32_t count = 1;
+    int ok;
+
+    if (cairn_vision_read_grey(&grey, path, &error) != CAIRN_OK) {
+        fprintf(stderr, PROGRAM ": %s\n", error.text);
+        return 0;
+    }
+    view = (cairn_raster_u8_view){grey.samples, grey.width, grey.height, grey.width};
+    ok = cairn_shape_image_trace(&image, view, &params, path, &error) == CAIRN_OK;
+    cairn_vision_free(&grey);
+    if (!ok) {
+        fprintf(stderr, PROGRAM ": %s, passed over\n", error.text);
+        return 1;
+    }
+    shape[0] = image.outlines[0];
+    for (int32_t i = image.count - image.holes; i < image.count; i++)
+        if (cairn_polygon_contains(shape[0].points, shape[0].count, image.outlines[i].points[0]))
+            shape[count++] = image.outlines[i];
+    ok = bench_reflections_find(&truth, shape, count);
+    for (int mode = 0; mode < MODES && ok && truth.count > 0 && truth.axes[0].overlap >= RIGID; mode++) {
+        cairn_self_similarity_result r;
+        cairn_box box = cairn_box_empty();
+        cairn_vec2 middle;
+        int among = 0, first = 0;
+
+        for (int32_t i = 0; i < shape[0].count; i++)
+            box = cairn_box_extend(box, shape[0].points[i]);
+        middle = cairn_vec2_scale(cairn_vec2_add(box.min, box.max), (cairn_real)0.5);
+        ok = analyze(&t[mode], shape, count, &r);
+        for (int32_t k = 0; k < r.count && ok && !among; k++) {
+            among |= is_right(&truth, shape, count, &r.axes[k], middle);
+            first = k == 0 ? among : first;
+        }
+        t[mode].hits += first;
+        t[mode].among += among;
+        if (s->each && ok) {
+            bench_json_begin("symmetry");
+            bench_json_text("mode", mode_names[mode]);
+            bench_json_text("shape", name);
+            bench_json_number("overlap", truth.axes[0].overlap);
+            bench_json_integer("true_axes", truth.count);
+            bench_json_integer("hit", first);
+            bench_json_integer("listed", among);
+            if (r.count > 0)
+                print_axis("first", &r.axes[0]);
+            bench_json_end();
+        }
+    }
+    cairn_shape_image_free(&image);
+    return ok;
+}
+
+/* An exit code. */
+static int run_mpeg7(const settings *s, sums t[MODES])
+{
+    static char *names[FILES_MOST];
+    char folder[2048], path[4096];
+    int32_t count;
+    int ok = 1;
+
+    (void)snprintf(folder, sizeof folder, "%s/shapes/mpeg7", s->data);
+    count = read_names(folder, names);
+    if (count == 0) {
+        (void)snprintf(folder, sizeof folder, "%s", s->data);
+        count = read_names(folder, names);
+    }
+    if (count == 0) {
+        fprintf(stderr, PROGRAM ": %s/shapes/mpeg7: no pictures, expected the shapes of MPEG-7 (--data)\n", s->data);
+        return 3;
+    }
+    for (int32_t i = 0; i < count; i++) {
+        (void)snprintf(path, sizeof path, "%s/%s", folder, names[i]);
+        ok = ok && (t[0].shapes >= s->shapes || run_picture(s, t, path, names[i]));
+        free(names[i]);
+    }
+    return ok ? 0 : 1;
+}
+
 static void print_summary(const settings *s, int mode, sums *t)
 {
     double n = t->shapes > 0 ? (double)t->shapes : 1;
@@ -174,7 +310,7 @@ static void print_summary(const settings *s, int mode, sums *t)
 static option_result read_settings(settings *s, int argc, char **argv)
 {
     const option table[] = {
-        OPTION_INTEGER("--shapes", &s->shapes, 1, 100000, "N", "generated shapes"),
+        OPTION_INTEGER("--shapes", &s->shapes, 1, 100000, "N", "shapes at most; without it 200, or all of MPEG-7"),
         OPTION_SEED("--seed", &s->seed, "of the shapes"),
         OPTION_NUMBER("--bend", &s->bend, 0, 150, "DEG", "of the axis, to either side"),
         OPTION_NUMBER("--skew", &s->skew, 0, 1, "X", "shear along the axis, to either side"),
@@ -198,20 +334,29 @@ static option_result read_settings(settings *s, int argc, char **argv)
 
 int main(int argc, char **argv)
 {
-    settings s = {.shapes = 200, .seed = 1, .turn = 60, .data = "../shared/data"};
+    settings s = {.shapes = 0, .seed = 1, .turn = 60, .data = "../shared/data"};
     option_result result = read_settings(&s, argc, argv);
     cairn_pool pools[MODES];
     sums t[MODES];
-    int ok = 1;
+    int code;
 
     if (result != OPTIONS_READ)
         return (int)result;
+    if (s.shapes == 0)
+        s.shapes = s.mpeg7 ? FILES_MOST : 200;
     for (int mode = 0; mode < MODES; mode++)
-        ok = ok && open_mode(&t[mode], &pools[mode], mode, s.shapes);
-    ok = ok && run_generated(&s, t);
-    for (int mode = 0; mode < MODES && ok; mode++)
+        if (!open_mode(&t[mode], &pools[mode], mode, s.shapes)) {
+            fprintf(stderr, PROGRAM ": no memory\n");
+            return 1;
+        }
+    code = s.mpeg7 ? run_mpeg7(&s, t) : !run_generated(&s, t);
+    for (int mode = 0; mode < MODES && code == 0; mode++)
         print_summary(&s, mode, &t[mode]);
-    if (!ok)
+    for (int mode = 0; mode < MODES; mode++) {
+        free(t[mode].seconds);
+        free(t[mode].memory);
+    }
+    if (code == 1)
         fprintf(stderr, PROGRAM ": a shape could not be looked at\n");
-    return ok ? 0 : 1;
+    return code;
 }

@@ -7,6 +7,7 @@
 #include "cairn/edge_segment.h"
 #include "cairn/edgel.h"
 #include "cairn/self_similarity.h"
+#include "cairn/skeleton_grouping.h"
 #include "cairn/symmetric_point.h"
 #include "tests/golden.h"
 
@@ -291,6 +292,103 @@ uint64_t golden_grouped(void)
         hash = group(hash, grouping, &in);
     }
     return hash;
+}
+
+/* ---- Two bars, one bent, and noise ---- */
+
+enum { SKELETON_WIDTH = 128, SKELETON_HEIGHT = 96, MOST_EDGELS = 900 };
+
+static int32_t add_edgel(cairn_edgel *edgels, int32_t count, cairn_vec2 at, cairn_vec2 normal)
+{
+    edgels[count].position = at;
+    edgels[count].normal = normal;
+    edgels[count].slope = 10;
+    return count + 1;
+}
+
+static int32_t draw_edgels(cairn_edgel *edgels, cairn_random *random)
+{
+    int32_t count = 0;
+
+    for (int32_t i = 0; i < 80; i++) {
+        cairn_vec2 lower = {20 + (cairn_real)i, 20}, upper = {20 + (cairn_real)i, 34 + (cairn_real)i / 16};
+        cairn_vec2 up = {0, 1}, down = {0, -1};
+
+        count = add_edgel(edgels, count, lower, up);
+        count = add_edgel(edgels, count, upper, down);
+    }
+    for (int32_t i = 0; i < 120; i++) {
+        cairn_vec2 out;
+
+        cairn_sincos((cairn_real)i * (CAIRN_PI / 160) + CAIRN_REAL(0.2), &out.y, &out.x);
+        for (int32_t k = 0; k < 2; k++) {
+            cairn_vec2 at = {64 + (cairn_real)(k ? 44 : 30) * out.x, 46 + (cairn_real)(k ? 44 : 30) * out.y};
+
+            count = add_edgel(edgels, count, at, cairn_vec2_scale(out, k ? -1 : 1));
+        }
+    }
+    for (int32_t i = 0; i < 200; i++) {
+        cairn_vec2 at = {cairn_random_uniform(random, 0, SKELETON_WIDTH),
+                         cairn_random_uniform(random, 0, SKELETON_HEIGHT)};
+        cairn_vec2 normal;
+
+        cairn_sincos(cairn_random_uniform(random, -3, 3), &normal.y, &normal.x);
+        count = add_edgel(edgels, count, at, normal);
+    }
+    return count;
+}
+
+static uint64_t add_skeletons(uint64_t hash, const cairn_skeleton_result *r)
+{
+    hash = add_real(add_real(hash, r->min_radius), r->max_radius);
+    hash = add_bytes(add_bytes(hash, &r->centres, sizeof r->centres), &r->starts, sizeof r->starts);
+    for (int32_t i = 0; i < r->part_count; i++) {
+        hash = add_real(hash, r->parts[i].log_odds);
+        hash = add_bytes(hash, r->parts[i].joint, sizeof r->parts[i].joint);
+        hash = add_bytes(hash, &r->parts[i].object, sizeof r->parts[i].object);
+    }
+    for (int32_t i = 0; i < r->point_count; i++) {
+        hash = add_real(add_point(hash, r->points[i].centre), r->points[i].radius);
+        hash = add_point(add_point(hash, r->points[i].touch[0]), r->points[i].touch[1]);
+    }
+    return hash;
+}
+
+uint64_t golden_skeletons(void)
+{
+    cairn_skeleton_params params = cairn_skeleton_default();
+    static cairn_edgel edgels[MOST_EDGELS];
+    cairn_random random = cairn_random_seed(41, 1);
+    cairn_budget budget = {INT32_MAX};
+    cairn_skeleton_result r;
+    cairn_skeleton *skeleton;
+    uint64_t hash = GOLDEN_START;
+    cairn_pool pool;
+
+    params.max_width = SKELETON_WIDTH;
+    params.max_height = SKELETON_HEIGHT;
+    params.max_edgels = MOST_EDGELS;
+    params.max_centres = 600;
+    params.max_lines = 48;
+    params.max_parts = 24;
+    params.max_points = 600;
+    params.max_steps = 48;
+    params.particles = 8;
+    for (int32_t k = 0; k < 3; k++) {
+        cairn_skeleton_input in = {.edgels = edgels, .width = SKELETON_WIDTH, .height = SKELETON_HEIGHT};
+
+        in.count = draw_edgels(edgels, &random);
+        in.min_radius = k ? 5 : 0;
+        in.max_radius = k ? 10 : 0;
+        params.weight = k < 2 ? CAIRN_SKELETON_EVIDENCE : CAIRN_SKELETON_AS_WRITTEN;
+        if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+            cairn_skeleton_create(&skeleton, &pool, &params) != CAIRN_OK ||
+            cairn_skeleton_begin(skeleton, &in) != CAIRN_OK || cairn_skeleton_step(skeleton, &budget) != CAIRN_OK)
+            return 0;
+        r = cairn_skeleton_read(skeleton);
+        hash = add_skeletons(hash, &r);
+    }
+    return add_bytes(hash, &budget.left, sizeof budget.left);
 }
 
 /* ---- The axes of a leaf, as written and re-ranked ---- */

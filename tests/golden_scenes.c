@@ -27,5 +27,6 @@ const golden_scene golden_scenes[] = {
     {"edgels", golden_edgels},
     {"symmetry", golden_symmetry},
     {"grouped", golden_grouped},
+    {"skeletons", golden_skeletons},
     {NULL, NULL},
 };

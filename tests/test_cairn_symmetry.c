@@ -159,7 +159,7 @@ static void test_verdicts(void **state)
         {"pierced", "one axis;", pierced},
         {"touching", "one axis;", touching},
         {"apart", "one axis, the largest of 2 parts;", apart},
-        {"spiral", "one axis;", spiral},
+        {"spiral", "several axes (2 as good as the best);", spiral},
     };
 
     (void)state;

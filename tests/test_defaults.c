@@ -28,6 +28,7 @@
 #include "cairn/scan_match.h"
 #include "cairn/sequence.h"
 #include "cairn/shape_model.h"
+#include "cairn/skeleton_grouping.h"
 #include "cairn/symmetric_point.h"
 #include "cairn/virtual_align.h"
 #include "cairn/vision.h"
@@ -527,6 +528,7 @@ static void of_contours(void **state)
     cairn_inner_distance_params inner = cairn_inner_distance_default();
     cairn_self_similarity_params similarity = cairn_self_similarity_default();
     cairn_symmetric_point_params sp = cairn_symmetric_point_default();
+    cairn_skeleton_params skeleton = cairn_skeleton_default();
     cairn_shape_builder_params shape = cairn_shape_builder_default();
     cairn_grouping_params group = cairn_grouping_default();
     cairn_vision_canny_params canny = cairn_vision_canny_default();
@@ -562,6 +564,26 @@ static void of_contours(void **state)
         VALUE(edgel.sigma, 1.5),
         VALUE(edgel.min_slope, 2),
         VALUE(edgel.max_turn, 60 * DEGREE),
+        VALUE(skeleton.max_width, 640),
+        VALUE(skeleton.max_height, 480),
+        VALUE(skeleton.max_edgels, 40000),
+        VALUE(skeleton.max_centres, 4000),
+        VALUE(skeleton.max_lines, 256),
+        VALUE(skeleton.max_parts, 256),
+        VALUE(skeleton.max_points, 8192),
+        VALUE(skeleton.max_steps, 96),
+        VALUE(skeleton.particles, 16),
+        VALUE(skeleton.weight, CAIRN_SKELETON_EVIDENCE),
+        VALUE(skeleton.duality, 20 * DEGREE),
+        VALUE(skeleton.reach, 8),
+        VALUE(skeleton.radius, 0.2),
+        VALUE(skeleton.symmetry, 8 * DEGREE),
+        VALUE(skeleton.detection, 0.9),
+        VALUE(skeleton.flip, 0.05),
+        VALUE(skeleton.stop, 10),
+        VALUE(skeleton.min_log_odds, 20),
+        VALUE(skeleton.min_mirror, 0.6),
+        VALUE(skeleton.seed, 1),
         VALUE(sp.max_segments, 4096),
         VALUE(sp.max_points, 8192),
         VALUE(sp.samples, 5),

@@ -16,6 +16,7 @@
 #include "cairn/scan_cover.h"
 #include "cairn/sequence.h"
 #include "cairn/shape_model.h"
+#include "cairn/skeleton_grouping.h"
 #include "cairn/symmetric_point.h"
 #include "cairn/virtual_align.h"
 
@@ -109,6 +110,7 @@ static cairn_distance_map_params distance_map_params(void)
     X(scan_match, scan_match)                                                                                          \
     X(sequence, sequence)                                                                                              \
     X(shape_builder, shape_builder)                                                                                    \
+    X(skeleton, skeleton)                                                                                              \
     X(symmetric_point, symmetric_point_set)                                                                            \
     X(virtual_align, virtual_align)                                                                                    \
     X(virtual_scan, virtual_scan)

@@ -19,6 +19,7 @@ static const tool_command commands[] = {
     {"match", "find where one scan was taken, as seen from another", tool_match},
     {"merge", "put the maps of many robots together, with no guess", tool_merge},
     {"group", "the contours of a known object in images", tool_group},
+    {"skeleton", "contours and axes of symmetric parts of images, with no model", tool_skeleton},
     {"model", "the model of a shape, from a silhouette or a drawing", tool_model},
     {"symmetry", "the axes that divide a shape into two parts most alike", tool_symmetry},
     {"info", "what a CARMEN log holds: scans, beams, time, path, damage", tool_info},

@@ -28,6 +28,7 @@ int tool_match(int argc, char **argv);
 int tool_merge(int argc, char **argv);
 int tool_model(int argc, char **argv);
 int tool_replay(int argc, char **argv);
+int tool_skeleton(int argc, char **argv);
 int tool_symmetry(int argc, char **argv);
 
 /* Reads the command line "LOG -o DIR [options]"; `folder` is where the table's -o goes to. OPTIONS_READ: both were given. */

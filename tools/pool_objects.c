@@ -19,6 +19,7 @@
 #include "cairn/self_similarity.h"
 #include "cairn/sequence.h"
 #include "cairn/shape_model.h"
+#include "cairn/skeleton_grouping.h"
 #include "cairn/symmetric_point.h"
 #include "cairn/virtual_align.h"
 
@@ -55,6 +56,7 @@ typedef union any_params {
     cairn_scan_set_params scan_set;
     cairn_sequence_params sequence;
     cairn_shape_builder_params shape_builder;
+    cairn_skeleton_params skeleton;
     cairn_symmetric_point_params symmetric_point;
     cairn_virtual_align_params virtual_align;
     cairn_virtual_scan_params virtual_scan;
@@ -98,6 +100,7 @@ ROOM(scan_cover)
 ROOM(scan_match)
 ROOM(sequence)
 ROOM(shape_builder)
+ROOM(skeleton)
 ROOM(symmetric_point)
 ROOM(virtual_align)
 ROOM(virtual_scan)
@@ -233,6 +236,10 @@ const pool_object pool_objects[] = {
     {OBJECT(symmetric_point),
      2,
      {HAS(symmetric_point, "segment", max_segments), HAS(symmetric_point, "point", max_points)}},
+    {OBJECT(skeleton),
+     2,
+     {HAS(skeleton, "edgel", max_edgels), HAS(skeleton, "centre", max_centres), HAS(skeleton, "line", max_lines),
+      HAS(skeleton, "part", max_parts), HAS(skeleton, "disc", max_points), HAS(skeleton, "particle", particles)}},
     {OBJECT(shape_builder),
      0,
      {HAS(shape_builder, "point", points), HAS(shape_builder, "sample", samples),

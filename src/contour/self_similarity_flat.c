@@ -15,8 +15,9 @@
 #define MOST_SKEW CAIRN_REAL(1.0)
 /* In spans: no sample counts for more. */
 #define MOST_MISFIT CAIRN_REAL(0.1)
-/* In spans a rad, and spans for ribs that lean by 45 degrees. */
-#define BEND_COST CAIRN_REAL(0.004)
+/* In spans a rad, the first degrees of a bend the most, and spans for ribs that lean by 45 degrees. */
+#define BEND_COST CAIRN_REAL(0.008)
+#define BEND_HALF (CAIRN_PI / 2)
 #define SKEW_COST CAIRN_REAL(0.008)
 
 enum { PAIRS = 12 };
@@ -178,7 +179,7 @@ static cairn_real misfit_of_holes(cairn_self_similarity *s, const similarity_cut
 
 void cairn_similarity_try(cairn_self_similarity *s, similarity_trial *t, int32_t stride)
 {
-    cairn_real sum = 0, most = MOST_MISFIT * s->span;
+    cairn_real sum = 0, most = MOST_MISFIT * s->span, bend = cairn_abs(t->cut.bend);
     int32_t count = 0;
 
     t->sides = cairn_similarity_sides(s, &t->cut, stride);
@@ -193,7 +194,7 @@ void cairn_similarity_try(cairn_self_similarity *s, similarity_trial *t, int32_t
     sum += s->holes > 0 ? misfit_of_holes(s, &t->cut, most, &count) : 0;
     s->comparisons++;
     t->cut.misfit = count > 0 ? sum / ((cairn_real)count * s->span) : MOST_MISFIT;
-    t->cut.cost = t->cut.misfit + BEND_COST * cairn_abs(t->cut.bend) + SKEW_COST * cairn_abs(t->cut.skew);
+    t->cut.cost = t->cut.misfit + BEND_COST * bend / (1 + bend / BEND_HALF) + SKEW_COST * cairn_abs(t->cut.skew);
 }
 
 int32_t cairn_similarity_trial_units(const cairn_self_similarity *s, int32_t stride)

@@ -1,0 +1,32 @@
+/* bench_bsds: how well boundary pixels agree with those that people drew. */
+#ifndef CAIRN_BENCH_BSDS_H
+#define CAIRN_BENCH_BSDS_H
+
+#include "cairn/file_error.h"
+#include "cairn/skeleton_grouping.h"
+#include "cairn/vision.h"
+
+typedef struct bsds_image {
+    cairn_vision_image grey, truth; /* truth: above 0 where somebody drew a boundary */
+    uint8_t *near;                  /* [height * width] 1: within reach of the truth */
+    double reach;                   /* px, 0.75 % of the diagonal */
+} bsds_image;
+
+/* NAME.jpg and NAME_gtK.png of a folder. 0: a fault has been printed. */
+int bsds_read(bsds_image *image, const char *folder, const char *name);
+void bsds_free(bsds_image *image);
+
+/* Precision and recall of a set of pixels. */
+typedef struct bsds_point {
+    double precision, recall;
+} bsds_point;
+
+bsds_point bsds_score(const bsds_image *image, const uint8_t *pixels);
+
+/* The pixels along the contours of the likeliest parts, as many as it takes for a recall of `least`, or all. */
+bsds_point bsds_grouped(const bsds_image *image, const cairn_skeleton_result *r, double least, uint8_t *pixels);
+
+/* Canny's best precision at a recall, over sigma 0.7 ... 4 and thresholds; 0: none reaches it. */
+double bsds_canny(const bsds_image *image, double recall);
+
+#endif

@@ -1,0 +1,623 @@
+/* bench/skeleton: skeletons and contours without a model (chapter 3), on generated scenes, with no data.
+ *
+ * A scene holds one object swept by discs along known axes (bench_sweep), 120 px times 0.7 ... 1.3, turned at random, among --k others, --noise
+ * grey levels. Given is the range of radii alone, from 0.8 of the object's least to 1.2 of its largest, both times --wrong. Of the objects
+ * found the likeliest counts: skeleton_f, of places along its axis and the true one that lie within 1 % of the image's diagonal of the other;
+ * radius_error, median over scenes of the median over places of the axis that are right; boundary_f, of the contour at 3 px; disks_iou, of the
+ * union of its discs with the object; free_ends, mean share of the true number. all_f counts every part that was found. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "bench/bench_bsds.h"
+#include "bench/bench_group.h"
+#include "bench/bench_json.h"
+#include "bench/bench_sweep.h"
+#include "cairn/skeleton_grouping.h"
+#include "tools/options.h"
+
+#define NEAR         3 /* px */
+#define LEAST_RECALL 0.3
+
+enum { MOST_PLACES = 20000 };
+
+typedef struct settings {
+    int64_t scenes, seed, k, particles, images;
+    double noise, wrong, slope, sigma;
+    const char *weight, *draw, *data;
+    int32_t each, propose, bsds;
+} settings;
+
+typedef struct finder {
+    cairn_pool pool;
+    void *memory;
+    cairn_edgel_set *edgels;
+    cairn_skeleton *skeleton;
+} finder;
+
+typedef struct place {
+    double x, y, r;
+} place;
+
+typedef struct places {
+    place at[MOST_PLACES];
+    int32_t count;
+} places;
+
+typedef struct sums {
+    int32_t scenes;
+    double f, all_f, boundary_f, iou, ends, errors;
+    double *seconds, *error;
+} sums;
+
+static int open_finder(finder *f, const settings *s)
+{
+    cairn_edgel_params edgel = cairn_edgel_default();
+    cairn_skeleton_params skeleton = cairn_skeleton_default();
+    size_t bytes;
+
+    if (s->bsds) {
+        edgel.max_width = edgel.max_height = skeleton.max_width = skeleton.max_height = 1024;
+        edgel.max_edgels = skeleton.max_edgels = 100000;
+        skeleton.min_log_odds = 5;
+    } else {
+        edgel.max_width = skeleton.max_width = SCENE_WIDTH;
+        edgel.max_height = skeleton.max_height = SCENE_HEIGHT;
+    }
+    edgel.sigma = (cairn_real)s->sigma;
+    edgel.min_slope = (cairn_real)s->slope;
+    skeleton.particles = (int32_t)s->particles;
+    if (strcmp(s->weight, "as-written") == 0)
+        skeleton.weight = CAIRN_SKELETON_AS_WRITTEN;
+    bytes = cairn_edgel_memory(&edgel) + cairn_skeleton_memory(&skeleton) + 64;
+    f->memory = malloc(bytes);
+    return f->memory != NULL && cairn_pool_init(&f->pool, f->memory, bytes) == CAIRN_OK &&
+           cairn_edgel_create(&f->edgels, &f->pool, &edgel) == CAIRN_OK &&
+           cairn_skeleton_create(&f->skeleton, &f->pool, &skeleton) == CAIRN_OK;
+}
+
+static cairn_status run_edgels(cairn_edgel_set *set)
+{
+    cairn_budget budget = {INT32_MAX};
+    cairn_status status;
+
+    do {
+        budget.left = INT32_MAX;
+        status = cairn_edgel_step(set, &budget);
+    } while (status == CAIRN_MORE);
+    return status;
+}
+
+static cairn_status run_skeleton(cairn_skeleton *skeleton)
+{
+    cairn_budget budget = {INT32_MAX};
+    cairn_status status;
+
+    do {
+        budget.left = INT32_MAX;
+        status = cairn_skeleton_step(skeleton, &budget);
+    } while (status == CAIRN_MORE);
+    return status;
+}
+
+/* Radii in px: [least, most], or 0 and 0. 0: it cannot be grouped. */
+static int group(finder *f, cairn_raster_u8_view grey, double least, double most)
+{
+    cairn_skeleton_input in;
+
+    if (cairn_edgel_begin(f->edgels, grey) != CAIRN_OK || run_edgels(f->edgels) != CAIRN_OK)
+        return 0;
+    in.edgels = cairn_edgel_list(f->edgels, &in.count);
+    in.width = grey.width;
+    in.height = grey.height;
+    in.min_radius = (cairn_real)least;
+    in.max_radius = (cairn_real)most;
+    return cairn_skeleton_begin(f->skeleton, &in) == CAIRN_OK && run_skeleton(f->skeleton) == CAIRN_OK;
+}
+
+static int find(finder *f, const scene *s, double least, double most)
+{
+    static uint8_t grey[SCENE_PIXELS];
+    cairn_raster_u8_view view = {grey, SCENE_WIDTH, SCENE_HEIGHT, SCENE_WIDTH};
+
+    for (int32_t i = 0; i < SCENE_PIXELS; i++)
+        grey[i] = (uint8_t)fmax(0, fmin(255, rint((double)s->grey[i])));
+    return group(f, view, least, most);
+}
+
+/* ---- Measures ---- */
+
+/* Places a pixel apart between two. */
+static void add_way(places *p, place a, place b)
+{
+    int32_t steps = 1 + (int32_t)hypot(b.x - a.x, b.y - a.y);
+
+    for (int32_t i = 0; i < steps && p->count < MOST_PLACES; i++) {
+        double t = (double)i / steps;
+        place at = {a.x + t * (b.x - a.x), a.y + t * (b.y - a.y), a.r + t * (b.r - a.r)};
+
+        p->at[p->count++] = at;
+    }
+}
+
+static void add_truth(places *p, const scene *s, const sweep_shape *shape)
+{
+    p->count = 0;
+    for (int32_t l = 0; l < shape->limbs; l++)
+        for (int32_t i = 0; i + 1 < SWEEP_NODES; i++) {
+            place end[2];
+
+            for (int k = 0; k < 2; k++) {
+                const sweep_node *n = &shape->nodes[l][i + k];
+
+                end[k].x = s->at[0] + s->size * (cos(s->turn) * n->x - sin(s->turn) * n->y);
+                end[k].y = s->at[1] + s->size * (sin(s->turn) * n->x + cos(s->turn) * n->y);
+                end[k].r = s->size * n->r;
+            }
+            add_way(p, end[0], end[1]);
+        }
+}
+
+static place place_of(const cairn_skeleton_point *q)
+{
+    place p = {(double)q->centre.x, (double)q->centre.y, (double)q->radius};
+
+    return p;
+}
+
+/* The axes of the likeliest object, or of all of them; ends are led to where they join. */
+static void add_found(places *p, const cairn_skeleton_result *r, int all)
+{
+    p->count = 0;
+    for (int32_t i = 0; i < r->part_count; i++) {
+        const cairn_skeleton_part *part = &r->parts[i];
+        const cairn_skeleton_point *q = &r->points[part->first];
+
+        if (!all && part->object != 0)
+            continue;
+        for (int32_t k = 0; k + 1 < part->count; k++)
+            add_way(p, place_of(&q[k]), place_of(&q[k + 1]));
+        for (int32_t end = 0; end < 2; end++)
+            if (part->joint[end] >= 0)
+                add_way(p, place_of(&q[end ? part->count - 1 : 0]), place_of(&r->points[part->joint[end]]));
+    }
+}
+
+/* The nearest of the others; -1: there is none within `most`. */
+static int32_t nearest(const places *others, const place *p, double most)
+{
+    double best = most * most;
+    int32_t at = -1;
+
+    for (int32_t i = 0; i < others->count; i++) {
+        double dx = others->at[i].x - p->x, dy = others->at[i].y - p->y;
+
+        if (dx * dx + dy * dy <= best) {
+            best = dx * dx + dy * dy;
+            at = i;
+        }
+    }
+    return at;
+}
+
+static double share_near(const places *p, const places *others, double most)
+{
+    int32_t near = 0;
+
+    for (int32_t i = 0; i < p->count; i++)
+        near += nearest(others, &p->at[i], most) >= 0;
+    return p->count > 0 ? (double)near / p->count : 0;
+}
+
+static double f_of(double precision, double recall)
+{
+    return precision + recall > 0 ? 2 * precision * recall / (precision + recall) : 0;
+}
+
+static double axis_f(const places *found, const places *truth)
+{
+    double near = 0.01 * hypot(SCENE_WIDTH, SCENE_HEIGHT);
+
+    return f_of(share_near(found, truth, near), share_near(truth, found, near));
+}
+
+/* Median share that the radius is off, where the axis is right; NaN: nowhere. */
+static double radius_error(const places *found, const places *truth)
+{
+    static double off[MOST_PLACES];
+    size_t count = 0;
+
+    for (int32_t i = 0; i < found->count; i++) {
+        int32_t at = nearest(truth, &found->at[i], 0.01 * hypot(SCENE_WIDTH, SCENE_HEIGHT));
+
+        if (at >= 0)
+            off[count++] = fabs(found->at[i].r - truth->at[at].r) / truth->at[at].r;
+    }
+    return bench_median(off, count);
+}
+
+static double discs_iou(const places *found, const scene *s)
+{
+    static uint8_t covered[SCENE_PIXELS];
+    int32_t both = 0, either = 0;
+
+    memset(covered, 0, sizeof covered);
+    for (int32_t i = 0; i < found->count; i++) {
+        const place *p = &found->at[i];
+
+        for (int32_t y = (int32_t)fmax(0, p->y - p->r); y <= fmin(SCENE_HEIGHT - 1, p->y + p->r); y++)
+            for (int32_t x = (int32_t)fmax(0, p->x - p->r); x <= fmin(SCENE_WIDTH - 1, p->x + p->r); x++)
+                if ((x - p->x) * (x - p->x) + (y - p->y) * (y - p->y) <= p->r * p->r)
+                    covered[y * SCENE_WIDTH + x] = 1;
+    }
+    for (int32_t i = 0; i < SCENE_PIXELS; i++) {
+        both += covered[i] && s->inside[i];
+        either += covered[i] || s->inside[i];
+    }
+    return either > 0 ? (double)both / either : 0;
+}
+
+static double boundary_f(const cairn_skeleton_result *r, const scene *s)
+{
+    static places found, truth;
+
+    found.count = truth.count = 0;
+    for (int32_t i = 0; i < r->part_count; i++) {
+        const cairn_skeleton_point *q = &r->points[r->parts[i].first];
+
+        for (int32_t k = 0; r->parts[i].object == 0 && k + 1 < r->parts[i].count; k++)
+            for (int side = 0; side < 2; side++) {
+                place a = {(double)q[k].touch[side].x, (double)q[k].touch[side].y, 0};
+                place b = {(double)q[k + 1].touch[side].x, (double)q[k + 1].touch[side].y, 0};
+
+                add_way(&found, a, b);
+            }
+    }
+    for (int32_t i = 0; i < SCENE_PIXELS && truth.count < MOST_PLACES; i++)
+        if (s->truth[i] > 0) {
+            int32_t y = i / SCENE_WIDTH;
+            place p = {i % SCENE_WIDTH, y, 0};
+
+            truth.at[truth.count++] = p;
+        }
+    return f_of(share_near(&found, &truth, NEAR), share_near(&truth, &found, NEAR));
+}
+
+/* ---- Scenes ---- */
+
+static void dot(uint8_t *pixels, double x, double y, int red, int green, int blue)
+{
+    int32_t u = (int32_t)lrint(x), v = (int32_t)lrint(y);
+
+    if (u < 0 || v < 0 || u >= SCENE_WIDTH || v >= SCENE_HEIGHT)
+        return;
+    pixels[3 * (v * SCENE_WIDTH + u)] = (uint8_t)red;
+    pixels[3 * (v * SCENE_WIDTH + u) + 1] = (uint8_t)green;
+    pixels[3 * (v * SCENE_WIDTH + u) + 2] = (uint8_t)blue;
+}
+
+/* The likeliest object's contours blue and axes red, those of others dark, the true axis green: PPM. */
+static void draw(const settings *set, int64_t index, const scene *s, const cairn_skeleton_result *r,
+                 const places *truth)
+{
+    static uint8_t pixels[3 * SCENE_PIXELS];
+    char path[512];
+    FILE *file;
+
+    snprintf(path, sizeof path, "%s/%03" PRId64 ".ppm", set->draw, index);
+    file = fopen(path, "wb");
+    if (file == NULL)
+        return;
+    for (int32_t i = 0; i < 3 * SCENE_PIXELS; i++)
+        pixels[i] = (uint8_t)fmin(255, fmax(0, (double)s->grey[i / 3]));
+    for (int32_t i = 0; i < truth->count; i++)
+        dot(pixels, truth->at[i].x, truth->at[i].y, 0, 200, 0);
+    for (int32_t i = 0; i < r->part_count; i++) {
+        int bright = r->parts[i].object == 0 ? 255 : 110;
+        static places way;
+
+        for (int what = 0; what < 3; what++) {
+            const cairn_skeleton_point *q = &r->points[r->parts[i].first];
+
+            way.count = 0;
+            for (int32_t k = 0; k + 1 < r->parts[i].count; k++) {
+                cairn_vec2 from = what < 2 ? q[k].touch[what] : q[k].centre;
+                cairn_vec2 to = what < 2 ? q[k + 1].touch[what] : q[k + 1].centre;
+                place a = {(double)from.x, (double)from.y, 0}, b = {(double)to.x, (double)to.y, 0};
+
+                add_way(&way, a, b);
+            }
+            for (int32_t end = 0; end < 2 && what == 2; end++)
+                if (r->parts[i].joint[end] >= 0)
+                    add_way(&way, place_of(&q[end ? r->parts[i].count - 1 : 0]),
+                            place_of(&r->points[r->parts[i].joint[end]]));
+            for (int32_t k = 0; k < way.count; k++)
+                dot(pixels, way.at[k].x, way.at[k].y, what < 2 ? 0 : bright, 0, what < 2 ? bright : 0);
+        }
+    }
+    fprintf(file, "P6\n%d %d\n255\n", SCENE_WIDTH, SCENE_HEIGHT);
+    (void)fwrite(pixels, 1, sizeof pixels, file);
+    (void)fclose(file);
+}
+
+static void measure(const settings *set, sums *t, const finder *f, const scene *s, const sweep_shape *shape,
+                    int64_t index)
+{
+    static places truth, found;
+    cairn_skeleton_result r = cairn_skeleton_read(f->skeleton);
+    double all, axis, error, iou, ends, boundary;
+
+    add_truth(&truth, s, shape);
+    add_found(&found, &r, 1);
+    all = axis_f(&found, &truth);
+    add_found(&found, &r, 0);
+    axis = axis_f(&found, &truth);
+    error = radius_error(&found, &truth);
+    iou = discs_iou(&found, s);
+    boundary = boundary_f(&r, s);
+    ends = r.object_count > 0 ? (double)r.objects[0].free_ends / shape->ends : 0;
+    t->f += axis;
+    t->all_f += all;
+    t->iou += iou;
+    t->boundary_f += boundary;
+    t->ends += ends;
+    if (error == error)
+        t->error[(int32_t)t->errors++] = error;
+    if (set->draw != NULL)
+        draw(set, index, s, &r, &truth);
+    if (!set->each)
+        return;
+    bench_json_begin("skeleton");
+    bench_json_integer("scene", index);
+    bench_json_text("family", sweep_family_name((int32_t)(index % SWEEP_FAMILIES)));
+    bench_json_number("skeleton_f", axis);
+    bench_json_number("all_f", all);
+    bench_json_number("radius_error", error);
+    bench_json_number("boundary_f", boundary);
+    bench_json_number("disks_iou", iou);
+    bench_json_number("free_ends", ends);
+    bench_json_integer("parts", r.part_count);
+    bench_json_integer("objects", r.object_count);
+    bench_json_number("log_odds", r.object_count > 0 ? (double)r.objects[0].log_odds : 0);
+    bench_json_integer("centres", r.centres);
+    bench_json_integer("lines", r.lines);
+    bench_json_integer("starts", r.starts);
+    bench_json_number("min_radius", (double)r.min_radius);
+    bench_json_number("max_radius", (double)r.max_radius);
+    bench_json_number("seconds", t->seconds[t->scenes]);
+    bench_json_end();
+}
+
+/* ---- Images ---- */
+
+typedef struct image_sums {
+    int32_t images, lacking; /* lacking: recall below the least */
+    double gain, precision, canny, recall;
+    double *seconds;
+} image_sums;
+
+static int run_image(const settings *set, image_sums *t, finder *f, const char *folder, const char *name)
+{
+    bsds_image image;
+    cairn_raster_u8_view view;
+    cairn_skeleton_result r;
+    uint8_t *pixels;
+    bsds_point p;
+    double start, canny;
+    int ok;
+
+    if (!bsds_read(&image, folder, name))
+        return 0;
+    view.data = image.grey.samples;
+    view.width = image.grey.width;
+    view.height = image.grey.height;
+    view.stride = image.grey.width;
+    pixels = malloc((size_t)view.width * (size_t)view.height);
+    start = bench_seconds();
+    ok = pixels != NULL && group(f, view, 0, 0);
+    if (ok) {
+        t->seconds[t->images] = bench_seconds() - start;
+        r = cairn_skeleton_read(f->skeleton);
+        p = bsds_grouped(&image, &r, LEAST_RECALL, pixels);
+        canny = bsds_canny(&image, p.recall);
+        t->images++;
+        t->lacking += p.recall < LEAST_RECALL;
+        t->gain += p.precision - canny;
+        t->precision += p.precision;
+        t->canny += canny;
+        t->recall += p.recall;
+        if (set->each) {
+            bench_json_begin("skeleton");
+            bench_json_text("image", name);
+            bench_json_number("precision", p.precision);
+            bench_json_number("canny_precision", canny);
+            bench_json_number("recall", p.recall);
+            bench_json_integer("parts", r.part_count);
+            bench_json_integer("starts", r.starts);
+            bench_json_number("min_radius", (double)r.min_radius);
+            bench_json_number("max_radius", (double)r.max_radius);
+            bench_json_number("seconds", t->seconds[t->images - 1]);
+            bench_json_end();
+        }
+    }
+    free(pixels);
+    bsds_free(&image);
+    return ok;
+}
+
+static int run_images(const settings *set, finder *f)
+{
+    char folder[1024];
+    group_names names;
+    image_sums t;
+    double n;
+    int ok;
+
+    memset(&t, 0, sizeof t);
+    (void)snprintf(folder, sizeof folder, "%s/bsds", set->data);
+    if (!group_names_read(&names, folder)) {
+        fprintf(stderr, "bench/skeleton: %s: no images, expected NAME.jpg and NAME_gtK.png (--data)\n", folder);
+        return 3;
+    }
+    t.seconds = calloc((size_t)names.count, sizeof *t.seconds);
+    ok = t.seconds != NULL;
+    for (int32_t i = 0; i < names.count && ok && i < set->images; i++) {
+        fprintf(stderr, "%s\n", names.name[i]);
+        ok = run_image(set, &t, f, folder, names.name[i]);
+    }
+    n = t.images;
+    if (ok) {
+        bench_json_begin("skeleton");
+        bench_json_text("data", "bsds");
+        bench_json_text("weight", set->weight);
+        bench_json_integer("images", t.images);
+        bench_json_number("precision_gain", t.gain / n);
+        bench_json_number("precision", t.precision / n);
+        bench_json_number("canny_precision", t.canny / n);
+        bench_json_number("recall", t.recall / n);
+        bench_json_integer("below_recall", t.lacking);
+        bench_json_number("seconds_median", bench_median(t.seconds, (size_t)t.images));
+        bench_json_integer("pool_bytes", (int64_t)f->pool.peak);
+        bench_json_true("summary");
+        bench_json_end();
+    }
+    free(t.seconds);
+    group_names_free(&names);
+    return ok ? 0 : 1;
+}
+
+/* ---- Generated scenes ---- */
+
+static int run_scene(const settings *set, sums *t, finder *f, int64_t index)
+{
+    static scene s;
+    cairn_random random = cairn_random_seed((uint64_t)(set->seed + index), 91);
+    sweep_shape shape = sweep_draw((int32_t)(index % SWEEP_FAMILIES), &random);
+    scene_figure figure = {sweep_contains, &shape, 180};
+    scene_options options = {(int32_t)set->k, set->noise, 0, 0};
+    double least = 1e9, most = 0, start;
+
+    scene_draw_figure(&s, &figure, &options, &random);
+    for (int32_t i = 0; i < shape.limbs * SWEEP_NODES; i++) {
+        double r = s.size * shape.nodes[i / SWEEP_NODES][i % SWEEP_NODES].r;
+
+        least = fmin(least, r);
+        most = fmax(most, r);
+    }
+    least = set->propose ? 0 : 0.8 * least * set->wrong;
+    most = set->propose ? 0 : 1.2 * most * set->wrong;
+    start = bench_seconds();
+    if (!find(f, &s, least, most))
+        return 0;
+    t->seconds[t->scenes] = bench_seconds() - start;
+    measure(set, t, f, &s, &shape, index);
+    t->scenes++;
+    return 1;
+}
+
+static void print_summary(const settings *s, const sums *t, const finder *f)
+{
+    double n = t->scenes;
+
+    bench_json_begin("skeleton");
+    bench_json_text("weight", s->weight);
+    bench_json_integer("scenes", t->scenes);
+    bench_json_integer("seed", s->seed);
+    bench_json_integer("k", s->k);
+    bench_json_number("noise", s->noise);
+    bench_json_number("wrong", s->wrong);
+    bench_json_number("skeleton_f", t->f / n);
+    bench_json_number("radius_error", bench_median(t->error, (size_t)t->errors));
+    bench_json_number("boundary_f", t->boundary_f / n);
+    bench_json_number("disks_iou", t->iou / n);
+    bench_json_number("free_ends", t->ends / n);
+    bench_json_number("all_f", t->all_f / n);
+    bench_json_number("seconds_median", bench_median(t->seconds, (size_t)t->scenes));
+    bench_json_integer("pool_bytes", (int64_t)f->pool.peak);
+    bench_json_true("summary");
+    bench_json_end();
+}
+
+static option_result read_settings(settings *s, int argc, char **argv)
+{
+    const option table[] = {
+        OPTION_INTEGER("--scenes", &s->scenes, 1, 100000, "N", "scenes"),
+        OPTION_INTEGER("--seed", &s->seed, 0, 1e9, "S", "of the first scene"),
+        OPTION_INTEGER("--k", &s->k, 0, 1000, "K", "clutter objects"),
+        OPTION_NUMBER("--noise", &s->noise, 0, 100, "SIGMA", "grey levels"),
+        OPTION_NUMBER("--wrong", &s->wrong, 0.1, 10, "FACTOR",
+                      "the range of radii that is given is so many times the true one"),
+        OPTION_FLAG("--propose", &s->propose, "no range is given"),
+        OPTION_NUMBER("--min-slope", &s->slope, 0.01, 1000, "G", "grey levels per pixel, of edgels"),
+        OPTION_NUMBER("--sigma", &s->sigma, 0.7, 8, "PX", "blur before edgels are looked for"),
+        OPTION_TEXT("--weight", &s->weight, "NAME", "evidence or as-written"),
+        OPTION_INTEGER("--particles", &s->particles, 1, 1024, "N", "of the filter"),
+        OPTION_FLAG("--each", &s->each, "a line for each scene, too"),
+        OPTION_TEXT("--draw", &s->draw, "DIR", "pictures of what was found"),
+        OPTION_FLAG("--bsds", &s->bsds, "Berkeley images in place of scenes, no range given"),
+        OPTION_INTEGER("--images", &s->images, 1, 100000, "N", "of them at most"),
+        OPTION_TEXT("--data", &s->data, "DIR", "with the folder bsds"),
+    };
+    const option_set set = {"bench/skeleton", "[options]",
+                            "Groups the contours and axes of objects in generated clutter, with no model of them.",
+                            table, sizeof table / sizeof *table};
+    size_t count = 0;
+    option_result result = options_read(&set, argc, argv, NULL, &count);
+
+    if (result != OPTIONS_READ)
+        return result;
+    if (strcmp(s->weight, "evidence") != 0 && strcmp(s->weight, "as-written") != 0)
+        return (option_result)options_refuse("bench/skeleton", "--weight %s, expected evidence or as-written",
+                                             s->weight);
+    return OPTIONS_READ;
+}
+
+int main(int argc, char **argv)
+{
+    settings s = {.scenes = 20,
+                  .seed = 1,
+                  .k = 10,
+                  .noise = 5,
+                  .wrong = 1,
+                  .slope = 2,
+                  .sigma = 1.5,
+                  .images = 100000,
+                  .data = "../shared/data",
+                  .particles = cairn_skeleton_default().particles,
+                  .weight = "evidence"};
+    option_result result = read_settings(&s, argc, argv);
+    finder *f;
+    sums t;
+    int ok;
+
+    if (result != OPTIONS_READ)
+        return (int)result;
+    memset(&t, 0, sizeof t);
+    f = calloc(1, sizeof *f);
+    t.seconds = calloc((size_t)s.scenes * 2, sizeof *t.seconds);
+    t.error = t.seconds + s.scenes;
+    ok = f != NULL && t.seconds != NULL && open_finder(f, &s);
+    if (ok && s.bsds) {
+        int code = run_images(&s, f);
+
+        free(f->memory);
+        free(f);
+        free(t.seconds);
+        return code;
+    }
+    for (int64_t i = 0; i < s.scenes && ok; i++) {
+        fprintf(stderr, "scene %" PRId64 "\n", i);
+        ok = run_scene(&s, &t, f, i);
+    }
+    if (ok)
+        print_summary(&s, &t, f);
+    else
+        fprintf(stderr, "bench/skeleton: a scene could not be grouped\n");
+    if (f != NULL)
+        free(f->memory);
+    free(f);
+    free(t.seconds);
+    return ok ? 0 : 1;
+}

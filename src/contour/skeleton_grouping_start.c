@@ -1,0 +1,131 @@
+/* Bootstrapping: lines through the CPs in (x, y, radius), and the CP in the middle of each that is an axis of mirror symmetry. */
+#include "src/core/build.h"
+
+#include "src/contour/skeleton_grouping_work.h"
+
+/* Distances of two edgels from the axis that differ by less are alike. */
+#define ALIKE CAIRN_REAL(0.2)
+/* A deviation of so many rad counts as much as lying half a line from its middle. */
+#define OFF_MIDDLE CAIRN_REAL(0.3)
+
+static cairn_status add_centres(cairn_skeleton *g, cairn_budget *budget)
+{
+    cairn_status status = g->cursor == 0 ? cairn_polyline_clear(g->polyline, 1) : CAIRN_OK;
+
+    for (; g->cursor < g->centre_count && status == CAIRN_OK; g->cursor++) {
+        const skeleton_centre *c = &g->centres[g->cursor];
+        cairn_real point[3] = {c->at.x, c->at.y, c->radius};
+
+        if (!cairn_budget_pay(budget, &g->paid, 1))
+            return CAIRN_MORE;
+        status = cairn_polyline_add(g->polyline, point);
+    }
+    return status;
+}
+
+cairn_status cairn_skeleton_lines(cairn_skeleton *g, cairn_budget *budget)
+{
+    cairn_status status;
+
+    if (g->item == 0) {
+        status = add_centres(g, budget);
+        if (status != CAIRN_OK)
+            return status;
+        g->item = 1;
+    }
+    status = cairn_polyline_step(g->polyline, budget);
+    if (status == CAIRN_OK)
+        g->line_count = cairn_polyline_read(g->polyline).segment_count;
+    return status;
+}
+
+/* 1: the edgels of a CP lie on both sides of its line, about equally far. */
+static int is_mirrored(const cairn_skeleton *g, const skeleton_centre *c, const cairn_polyline_segment *s)
+{
+    cairn_vec2 a = {s->a[0], s->a[1]}, b = {s->b[0], s->b[1]}, along = cairn_vec2_unit(cairn_vec2_sub(b, a));
+    cairn_real first = cairn_vec2_cross(along, cairn_vec2_sub(g->edgels[c->edgel[0]].at, a));
+    cairn_real second = cairn_vec2_cross(along, cairn_vec2_sub(g->edgels[c->edgel[1]].at, a));
+
+    return (first > 0) != (second > 0) &&
+           cairn_abs(first + second) <= ALIKE * cairn_max(cairn_abs(first), cairn_abs(second));
+}
+
+/* How far a CP lies from the middle of its line, of its length, and how ill it is. */
+static cairn_real off_middle(const skeleton_centre *c, const cairn_polyline_segment *s)
+{
+    cairn_real d[3] = {c->at.x - (s->a[0] + s->b[0]) / 2, c->at.y - (s->a[1] + s->b[1]) / 2,
+                       c->radius - (s->a[2] + s->b[2]) / 2};
+    cairn_real l[3] = {s->b[0] - s->a[0], s->b[1] - s->a[1], s->b[2] - s->a[2]};
+
+    return cairn_sqrt((d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) /
+                      cairn_max(l[0] * l[0] + l[1] * l[1] + l[2] * l[2], 1)) +
+           c->deviation / OFF_MIDDLE / 2;
+}
+
+/* 1: start a comes before b. */
+static int is_before(const skeleton_start *a, const skeleton_start *b)
+{
+    return a->support != b->support ? a->support > b->support : a->centre < b->centre;
+}
+
+/* The lines that are kept, those of most support first. */
+static void sort_in(cairn_skeleton *g, const skeleton_start *start)
+{
+    int32_t i = g->start_count++;
+
+    for (; i > 0 && is_before(start, &g->starts[i - 1]); i--)
+        g->starts[i] = g->starts[i - 1];
+    g->starts[i] = *start;
+}
+
+/* The room that is left goes to CPs of their own, evenly over the image, those that are symmetric with the object on the same side of
+ * both contrasts: short and bent parts have no line. */
+static cairn_status add_loose(cairn_skeleton *g, cairn_budget *budget)
+{
+    int32_t room = g->params.max_lines - g->start_count, every;
+
+    if (g->other == 0)
+        g->item = room > 0 ? 1 + g->centre_count / room : 0;
+    every = g->item;
+    for (; every > 0 && g->other < g->centre_count && g->start_count < g->params.max_lines; g->other += every) {
+        const skeleton_centre *c = &g->centres[g->other];
+        skeleton_start start = {g->other, 0};
+
+        if (!cairn_budget_pay(budget, &g->paid, 1))
+            return CAIRN_MORE;
+        if (c->deviation <= g->params.symmetry && c->sense[0] == c->sense[1])
+            g->starts[g->start_count++] = start;
+    }
+    return CAIRN_OK;
+}
+
+/* Line by line. Cost: all CPs for each. */
+cairn_status cairn_skeleton_mirror(cairn_skeleton *g, cairn_budget *budget)
+{
+    cairn_polyline_view view = cairn_polyline_read(g->polyline);
+
+    for (; g->cursor < view.segment_count; g->cursor++) {
+        const cairn_polyline_segment *s = &view.segments[g->cursor];
+        skeleton_start start = {-1, 0};
+        cairn_real best = CAIRN_REAL_MAX;
+
+        if (!cairn_budget_pay(budget, &g->paid, 1 + g->centre_count / 16 + s->count))
+            return CAIRN_MORE;
+        for (int32_t i = 0; i < g->centre_count; i++) {
+            const skeleton_centre *c = &g->centres[i];
+            cairn_real off;
+
+            if (view.label[i] != g->cursor || !is_mirrored(g, c, s))
+                continue;
+            start.support++;
+            off = off_middle(c, s);
+            if (off < best) {
+                best = off;
+                start.centre = i;
+            }
+        }
+        if (start.centre >= 0 && (cairn_real)start.support >= g->params.min_mirror * (cairn_real)s->count)
+            sort_in(g, &start);
+    }
+    return add_loose(g, budget);
+}

@@ -1,0 +1,179 @@
+/* Skeletons as JSON, and over their image as SVG. */
+#include "src/core/build.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "cairn/output.h"
+#include "cairn/skeleton_file.h"
+#include "src/host/map_file_image.h"
+#include "src/host/report_text.h"
+
+#define PICTURE 1000.0 /* px, the longer side */
+#define FOOT    50.0
+
+/* ---- JSON ---- */
+
+static void print_part(cairn_output *output, const cairn_skeleton_picture *p, int32_t part)
+{
+    const cairn_skeleton_part *s = &p->result.parts[part];
+
+    cairn_output_print(output,
+                       "  {\"log_odds\": %.2f, \"object\": %d, \"joints\": [%d, %d], \"first\": %d,\n   \"axis\": [",
+                       (double)s->log_odds, (int)s->object, (int)s->joint[0], (int)s->joint[1], (int)s->first);
+    for (int32_t i = 0; i < s->count; i++) {
+        const cairn_skeleton_point *q = &p->result.points[s->first + i];
+
+        cairn_output_print(output, "%s[%.2f, %.2f, %.2f]", i > 0 ? ", " : "", (double)q->centre.x, (double)q->centre.y,
+                           (double)q->radius);
+    }
+    for (int32_t side = 0; side < 2; side++) {
+        cairn_output_print(output, "],\n   \"%s\": [", side == 0 ? "left" : "right");
+        for (int32_t i = 0; i < s->count; i++) {
+            const cairn_skeleton_point *q = &p->result.points[s->first + i];
+
+            cairn_output_print(output, "%s[%.2f, %.2f, %s]", i > 0 ? ", " : "", (double)q->touch[side].x,
+                               (double)q->touch[side].y, q->edgel[side] >= 0 ? "true" : "false");
+        }
+    }
+    cairn_output_print(output, "]}");
+}
+
+cairn_status cairn_skeleton_file_write(const cairn_skeleton_picture *p, const char *path, cairn_file_error *error)
+{
+    const cairn_skeleton_result *r = &p->result;
+    cairn_output *output;
+    cairn_status status = cairn_output_open(&output, path, error);
+
+    if (status != CAIRN_OK)
+        return status;
+    cairn_output_print(output, "{\"image\": ");
+    cairn_report_print_json(output, p->image);
+    cairn_output_print(
+        output,
+        ", \"width\": %d, \"height\": %d, \"min_radius\": %.2f, \"max_radius\": %.2f, \"proposed\": %s,\n"
+        " \"edgels\": %d, \"centres\": %d, \"lines\": %d, \"starts\": %d, \"verdict\": \"%s\",\n"
+        " \"objects\": [",
+        (int)p->width, (int)p->height, (double)r->min_radius, (double)r->max_radius, p->proposed ? "true" : "false",
+        (int)p->edgel_count, (int)r->centres, (int)r->lines, (int)r->starts, r->part_count > 0 ? "found" : "none");
+    for (int32_t i = 0; i < r->object_count; i++)
+        cairn_output_print(output, "%s\n  {\"log_odds\": %.2f, \"parts\": %d, \"free_ends\": %d}", i > 0 ? "," : "",
+                           (double)r->objects[i].log_odds, (int)r->objects[i].parts, (int)r->objects[i].free_ends);
+    cairn_output_print(output, "],\n \"parts\": [");
+    for (int32_t i = 0; i < r->part_count; i++) {
+        cairn_output_print(output, "%s\n", i > 0 ? "," : "");
+        print_part(output, p, i);
+    }
+    cairn_output_print(output, "]}\n");
+    return cairn_output_commit(output, error);
+}
+
+/* ---- SVG ---- */
+
+static cairn_status print_image(cairn_output *output, const cairn_skeleton_picture *p)
+{
+    uint8_t *png;
+    size_t count;
+    cairn_status status = cairn_image_encode_png(&png, &count, p->grey, p->width, p->height, 1);
+
+    if (status != CAIRN_OK)
+        return status;
+    cairn_output_print(
+        output,
+        "<image x=\"-0.5\" y=\"-0.5\" width=\"%d\" height=\"%d\" opacity=\"0.55\" href=\"data:image/png;base64,",
+        (int)p->width, (int)p->height);
+    cairn_report_print_base64(output, png, count);
+    cairn_output_print(output, "\"/>\n");
+    free(png);
+    return CAIRN_OK;
+}
+
+/* Of one side the stretches that were seen, or those that were not. */
+static void print_side(cairn_output *output, const cairn_skeleton_point *q, int32_t count, int32_t side, int seen)
+{
+    cairn_output_print(output, "<path class=\"%s\" d=\"", seen ? "contour" : "carried");
+    for (int32_t i = 0; i + 1 < count; i++)
+        if ((q[i].edgel[side] >= 0 && q[i + 1].edgel[side] >= 0) == seen)
+            cairn_output_print(output, "M%.1f %.1fL%.1f %.1f", (double)q[i].touch[side].x, (double)q[i].touch[side].y,
+                               (double)q[i + 1].touch[side].x, (double)q[i + 1].touch[side].y);
+    cairn_output_print(output, "\"/>\n");
+}
+
+static void print_axis(cairn_output *output, const cairn_skeleton_picture *p, const cairn_skeleton_part *s)
+{
+    const cairn_skeleton_point *q = &p->result.points[s->first];
+
+    cairn_output_print(output, "<path class=\"axis\" d=\"");
+    for (int32_t i = 0; i < s->count; i++)
+        cairn_output_print(output, "%s%.1f %.1f", i == 0 ? "M" : "L", (double)q[i].centre.x, (double)q[i].centre.y);
+    for (int32_t end = 0; end < 2; end++)
+        if (s->joint[end] >= 0) {
+            cairn_vec2 from = q[end ? s->count - 1 : 0].centre, to = p->result.points[s->joint[end]].centre;
+
+            cairn_output_print(output, "M%.1f %.1fL%.1f %.1f", (double)from.x, (double)from.y, (double)to.x,
+                               (double)to.y);
+        }
+    cairn_output_print(output, "\"/>\n");
+}
+
+static void print_key(cairn_output *output, double y)
+{
+    static const struct {
+        const char *words, *style;
+    } keys[] = {{"contour", "stroke=\"#2563eb\""},
+                {"carried on", "stroke=\"#2563eb\" stroke-dasharray=\"3 4\""},
+                {"axis", "stroke=\"#dc2626\""}};
+
+    for (int i = 0; i < (int)(sizeof keys / sizeof *keys); i++) {
+        double x = CAIRN_REPORT_MARGIN + 2 + 160 * i;
+
+        cairn_output_print(output, "<path %s stroke-width=\"3\" d=\"M%.1f %.1fh22\"/>\n", keys[i].style, x, y - 4);
+        cairn_report_print_text(output, x + 30, y, "font-size=\"13\" fill=\"#334155\"", keys[i].words);
+    }
+}
+
+cairn_status cairn_skeleton_file_draw(const cairn_skeleton_picture *p, const char *path, cairn_file_error *error)
+{
+    double scale = PICTURE / fmax(p->width, p->height), head, width, height;
+    char subtitle[256];
+    cairn_output *output;
+    cairn_status status = cairn_output_open(&output, path, error);
+
+    if (status != CAIRN_OK)
+        return status;
+    (void)snprintf(subtitle, sizeof subtitle, "%d parts of %d objects, radii %.1f to %.1f px, %d edgels",
+                   (int)p->result.part_count, (int)p->result.object_count, (double)p->result.min_radius,
+                   (double)p->result.max_radius, (int)p->edgel_count);
+    head = cairn_report_head_height(p->image, subtitle);
+    width = fmax(640, 2 * CAIRN_REPORT_MARGIN + scale * p->width);
+    height = head + scale * p->height + FOOT;
+    cairn_report_print_head(output, width, height, p->image, subtitle);
+    cairn_output_print(output,
+                       "<style>path{fill:none;stroke-linecap:round}.contour,.carried{stroke:#2563eb;stroke-width:%.2f}"
+                       ".carried{stroke-dasharray:%.2f}.axis{stroke:#dc2626;stroke-width:%.2f}</style>\n",
+                       2.6 / scale, 5 / scale, 2.2 / scale);
+    cairn_output_print(output, "<g transform=\"translate(%.1f %.1f) scale(%.6f)\">\n",
+                       CAIRN_REPORT_MARGIN + 0.5 * scale, head + 0.5 * scale, scale);
+    cairn_output_print(output, "<rect x=\"-0.5\" y=\"-0.5\" width=\"%d\" height=\"%d\" fill=\"#fff\"/>\n",
+                       (int)p->width, (int)p->height);
+    if (p->grey != NULL)
+        status = print_image(output, p);
+    for (int32_t i = 0; i < p->result.part_count; i++) {
+        const cairn_skeleton_part *s = &p->result.parts[i];
+
+        for (int32_t side = 0; side < 2; side++)
+            for (int seen = 0; seen < 2; seen++)
+                print_side(output, &p->result.points[s->first], s->count, side, seen);
+        print_axis(output, p, s);
+    }
+    cairn_output_print(output, "</g>\n");
+    print_key(output, height - CAIRN_REPORT_MARGIN);
+    cairn_output_print(output, "</svg>\n");
+    if (status != CAIRN_OK) {
+        cairn_output_discard(output);
+        return cairn_file_error_system(error, path, "draw", ENOMEM);
+    }
+    return cairn_output_commit(output, error);
+}

@@ -1,0 +1,150 @@
+/* cairn skeleton: a bar in a picture, its files; radii learnt from a silhouette; bad input. What needs OpenCV is skipped without. */
+#include "tests/programs.h"
+
+#include <sys/stat.h>
+
+#include "cairn/json_text.h"
+#include "cairn/vision.h"
+#include "src/host/map_file_image.h"
+#include "tests/xml.h"
+
+enum { WIDTH = 200, HEIGHT = 120 };
+
+static uint8_t grey[WIDTH * HEIGHT];
+
+/* A bright bar, 20 px wide; a silhouette of the same: it is the picture without its grey. */
+static void write_pictures(void)
+{
+    cairn_file_error error;
+
+    for (int pass = 0; pass < 2; pass++) {
+        for (int32_t i = 0; i < WIDTH * HEIGHT; i++) {
+            int32_t x = i % WIDTH, y = i / WIDTH, inside = x >= 30 && x < 170 && y >= 50 && y < 70;
+
+            grey[i] = (uint8_t)(pass ? (inside ? 255 : 0) : (inside ? 180 : 90));
+        }
+        assert_int_equal(
+            cairn_image_write_png(files_path(pass ? "outlines/bar.png" : "bar.png"), grey, WIDTH, HEIGHT, &error),
+            CAIRN_OK);
+    }
+}
+
+static void assert_done(outcome o)
+{
+    if (o.code != 0)
+        fail_msg("exit code %d: %s", o.code, o.err);
+}
+
+static void assert_refused(outcome o, const char *piece)
+{
+    if (o.code != 2 || strstr(o.err, piece) == NULL || strchr(o.err, '\n') != o.err + strlen(o.err) - 1)
+        fail_msg("exit code %d, \"%s\", where 2 and one line with \"%s\" was expected", o.code, o.err, piece);
+    assert_string_equal(o.out, "");
+}
+
+/* The first number behind a name in a text of JSON, all of which must be well formed. */
+static double number_of(const char *text, const char *name)
+{
+    cairn_json json = cairn_json_begin("json", text, strlen(text));
+    cairn_json_token token;
+    cairn_file_error error;
+    double number = -1;
+    int next = 0;
+
+    do {
+        assert_int_equal(cairn_json_next(&json, &token, &error), CAIRN_OK);
+        if (next && token.kind == CAIRN_JSON_NUMBER && number < 0)
+            number = token.number;
+        next = token.kind == CAIRN_JSON_NAME && cairn_json_is(&token, name);
+    } while (token.kind != CAIRN_JSON_END);
+    return number;
+}
+
+static char *read_file(const char *name)
+{
+    char *text = files_read(files_path(name), NULL);
+
+    if (text == NULL)
+        fail_msg("%s is not there", name);
+    return text;
+}
+
+static void a_bar_is_found(void **state)
+{
+    outcome o;
+    char *text;
+
+    (void)state;
+    o = programs_run("cairn skeleton @/bar.png --radius 8:12 -o @/found");
+    if (cairn_vision_load(NULL) == CAIRN_UNSUPPORTED && o.code != 0)
+        skip();
+    assert_done(o);
+    assert_non_null(strstr(o.out, "1 part of 1 object, radii 8.0 to 12.0 px;"));
+    text = read_file("found/bar.json");
+    assert_true(number_of(text, "min_radius") == 8 && number_of(text, "max_radius") == 12);
+    assert_true(number_of(text, "free_ends") == 2);
+    assert_true(number_of(text, "log_odds") > 20);
+    assert_non_null(strstr(text, "\"proposed\": false"));
+    assert_non_null(strstr(text, "\"verdict\": \"found\""));
+    free(text);
+    text = read_file("found/bar.svg");
+    assert_well_formed(text);
+    assert_int_equal(count_of(text, "class=\"axis\""), 1);
+    free(text);
+    assert_done(programs_run("cairn skeleton @/bar.png --weight as-written --quiet -o @/written"));
+    text = read_file("written/bar.json");
+    assert_holds(text, "\"proposed\": true");
+    free(text);
+}
+
+/* Of a bar of 20 x 140 px radii up to 10. */
+static void radii_are_learnt(void **state)
+{
+    char *text;
+
+    (void)state;
+    if (cairn_vision_load(NULL) == CAIRN_UNSUPPORTED)
+        skip();
+    assert_done(programs_run("cairn skeleton @/bar.png --learn @/outlines -o @/learnt"));
+    text = read_file("learnt/bar.json");
+    assert_true(number_of(text, "max_radius") > 8 && number_of(text, "max_radius") < 12);
+    assert_true(number_of(text, "free_ends") == 2);
+    free(text);
+}
+
+static void bad_input_is_refused(void **state)
+{
+    (void)state;
+    assert_refused(programs_run("cairn skeleton -o @/x"), "no image");
+    assert_refused(programs_run("cairn skeleton @/bar.png"), "no folder to write to");
+    assert_refused(programs_run("cairn skeleton @/bar.png --radius 9 -o @/x"), "expected A:B in pixels");
+    assert_refused(programs_run("cairn skeleton @/bar.png --radius 0.5:9 -o @/x"), "expected A:B in pixels");
+    assert_refused(programs_run("cairn skeleton @/bar.png --radius 9:8 -o @/x"), "expected A:B in pixels");
+    assert_refused(programs_run("cairn skeleton @/bar.png --radius 9:10 --learn @/outlines -o @/x"),
+                   "expected one of them");
+    assert_refused(programs_run("cairn skeleton @/bar.png --weight none -o @/x"), "expected evidence or as-written");
+    assert_refused(programs_run("cairn skeleton @/bar.png @/outlines/bar.png -o @/x"), "both named 'bar'");
+    assert_refused(programs_run("cairn skeleton @/bar.png --learn @/nowhere -o @/x"), "expected a folder of outlines");
+    assert_refused(programs_run("cairn skeleton @/bar.png --learn @/empty -o @/x"), "holds no outlines");
+}
+
+static int set_up(void **state)
+{
+    assert_int_equal(files_setup(state), 0);
+    assert_int_equal(mkdir(files_path("outlines"), 0700), 0);
+    assert_int_equal(mkdir(files_path("empty"), 0700), 0);
+    write_pictures();
+    return 0;
+}
+
+int main(int argc, char **argv)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_bar_is_found),
+        cmocka_unit_test(radii_are_learnt),
+        cmocka_unit_test(bad_input_is_refused),
+    };
+
+    programs_find(argc, argv);
+    return cmocka_run_group_tests(tests, set_up, files_teardown);
+}

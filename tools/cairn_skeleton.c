@@ -1,0 +1,362 @@
+/* cairn skeleton: the contours and axes of the symmetric parts of images, with no model of what they are of. */
+#include <dirent.h>
+#include <errno.h>
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cairn/number_text.h"
+#include "cairn/output.h"
+#include "cairn/output_set.h"
+#include "cairn/shape_model_file.h"
+#include "cairn/skeleton_file.h"
+#include "cairn/vision.h"
+#include "tools/cairn_tool.h"
+
+#define PROGRAM "cairn skeleton"
+
+enum { IMAGES_MOST = 4096, NAME_BYTES = 256, PATH_BYTES = 4096, FILES = 2, RADII_MOST = 1 << 16 };
+
+typedef struct settings {
+    const char *images[IMAGES_MOST];
+    size_t count;
+    const char *radius, *learn, *weight, *folder;
+    int64_t particles;
+    double sigma, slope, log_odds;
+    double least, most; /* px, of radii; 0 and 0: proposed */
+    uint64_t seed;
+    int32_t quiet;
+} settings;
+
+/* "A:B". 0: it is none, or not 1 <= A <= B. */
+static int read_range(const char *text, double *least, double *most)
+{
+    const char *colon = strchr(text, ':');
+
+    return colon != NULL && cairn_number_read(text, (size_t)(colon - text), least) &&
+           cairn_number_read(colon + 1, strlen(colon + 1), most) && isfinite(*least) && isfinite(*most) &&
+           *least >= 1 && *least <= *most && *most <= 8192;
+}
+
+static option_result check_settings(settings *s)
+{
+    if (s->count < 1 || s->folder == NULL)
+        return (option_result)options_refuse(PROGRAM, "%s, expected IMAGE... -o DIR",
+                                             s->count < 1 ? "no image" : "no folder to write to (-o)");
+    if (s->radius != NULL && s->learn != NULL)
+        return (option_result)options_refuse(PROGRAM, "--radius and --learn, expected one of them");
+    if (s->radius != NULL && !read_range(s->radius, &s->least, &s->most))
+        return (option_result)options_refuse(PROGRAM, "--radius %s, expected A:B in pixels, 1 <= A <= B <= 8192",
+                                             s->radius);
+    if (strcmp(s->weight, "evidence") != 0 && strcmp(s->weight, "as-written") != 0)
+        return (option_result)options_refuse(PROGRAM, "--weight %s, expected evidence or as-written", s->weight);
+    return OPTIONS_READ;
+}
+
+static option_result read_settings(settings *s, int argc, char **argv)
+{
+    const option table[] = {
+        OPTION_TEXT("-o", &s->folder, "DIR", "folder to write NAME.svg and NAME.json to, for each image NAME.*"),
+        OPTION_TEXT("--radius", &s->radius, "A:B",
+                    "pixels: half the width of what is looked for; without it proposed from each image"),
+        OPTION_TEXT("--learn", &s->learn, "DIR",
+                    "the range of radii is that of the objects in DIR, silhouettes or drawings of outlines,\n"
+                    "in the scale of the images"),
+        OPTION_TEXT("--weight", &s->weight, "NAME", "of a step: evidence, or as-written (Adluru 2008, 3.7 to 3.9)"),
+        OPTION_NUMBER("--min-log-odds", &s->log_odds, 0, 1e6, "L", "of a part that is reported"),
+        OPTION_NUMBER("--sigma", &s->sigma, 0.7, 8, "PX", "blur before edges are looked for"),
+        OPTION_NUMBER("--min-slope", &s->slope, 0.01, 1000, "G", "grey levels per pixel, of an edge"),
+        OPTION_INTEGER("--particles", &s->particles, 1, 1024, "N", "of the filter"),
+        {"--seed", OPTION_IS_SEED, &s->seed, 0, 0, "N", "of the filter", NULL},
+        OPTION_FLAG("--quiet", &s->quiet, "no summary"),
+    };
+    const option_set set = {
+        PROGRAM, "IMAGE... -o DIR [options]",
+        "Groups the contours and axes of the symmetric parts of images (TIFF, PNG, JPEG, PGM) at once,\n"
+        "with no model: particles walk between edges that face each other.",
+        table, sizeof table / sizeof *table};
+    option_result result;
+
+    s->count = IMAGES_MOST;
+    result = options_read(&set, argc, argv, s->images, &s->count);
+    return result == OPTIONS_READ ? check_settings(s) : result;
+}
+
+/* ---- Radii from outlines ---- */
+
+static int compare(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+
+    return (x > y) - (x < y);
+}
+
+/* Adds the radii along the axes of one object. */
+static cairn_status learn_from(const char *path, double *radii, int32_t *count, cairn_file_error *error)
+{
+    cairn_shape_image_params image = cairn_shape_image_default();
+    cairn_shape_builder_params builder = cairn_shape_builder_default();
+    cairn_shape_model_file model;
+    cairn_status status = cairn_shape_model_file_load(&model, path, &image, &builder, NULL, error);
+
+    if (status != CAIRN_OK)
+        return status;
+    for (int32_t i = 0; i < model.model.sample_count && *count < RADII_MOST; i++)
+        radii[(*count)++] = (double)(model.model.samples[i].radius * model.model.size);
+    cairn_shape_model_file_free(&model);
+    return CAIRN_OK;
+}
+
+/* The range that holds all but a twentieth on either side. */
+static int learn(settings *s)
+{
+    double *radii = malloc(RADII_MOST * sizeof *radii);
+    DIR *open = opendir(s->learn);
+    cairn_status status = CAIRN_OK;
+    cairn_file_error error;
+    struct dirent *entry;
+    int32_t count = 0;
+
+    if (radii == NULL || open == NULL) {
+        int code = radii == NULL ? TOOL_FAILED : TOOL_BAD;
+
+        fprintf(stderr, "%s: %s, expected a folder of outlines\n", s->learn, strerror(radii == NULL ? ENOMEM : errno));
+        free(radii);
+        if (open != NULL)
+            (void)closedir(open);
+        return code;
+    }
+    while (status == CAIRN_OK && (entry = readdir(open)) != NULL) {
+        char path[PATH_BYTES];
+
+        if (entry->d_name[0] != '.' && snprintf(path, sizeof path, "%s/%s", s->learn, entry->d_name) < PATH_BYTES)
+            status = learn_from(path, radii, &count, &error);
+    }
+    (void)closedir(open);
+    if (status == CAIRN_OK && count > 0) {
+        qsort(radii, (size_t)count, sizeof *radii, compare);
+        s->least = fmax(1, radii[count / 20]);
+        s->most = fmax(s->least, radii[count - 1 - count / 20]);
+    }
+    free(radii);
+    if (status != CAIRN_OK)
+        return tool_report(&error);
+    return count > 0
+               ? TOOL_OK
+               : options_refuse(PROGRAM, "--learn %s holds no outlines, expected silhouettes or drawings", s->learn);
+}
+
+/* ---- One image ---- */
+
+/* One image on its way. */
+typedef struct work {
+    const char *path;
+    char stem[NAME_BYTES];
+    cairn_vision_image grey;
+    cairn_pool pool;
+    int has_pool;
+    cairn_edgel_set *edgels;
+    cairn_skeleton *skeleton;
+    cairn_skeleton_picture picture;
+} work;
+
+static cairn_status open_rooms(const settings *s, work *w)
+{
+    cairn_edgel_params edgel = cairn_edgel_default();
+    cairn_skeleton_params skeleton = cairn_skeleton_default();
+    size_t need;
+
+    edgel.max_width = skeleton.max_width = w->grey.width;
+    edgel.max_height = skeleton.max_height = w->grey.height;
+    /* An edgel for each row and column of a pixel at most. */
+    edgel.max_edgels = skeleton.max_edgels = 2 * w->grey.width * w->grey.height;
+    edgel.sigma = (cairn_real)s->sigma;
+    edgel.min_slope = (cairn_real)s->slope;
+    skeleton.particles = (int32_t)s->particles;
+    skeleton.min_log_odds = (cairn_real)s->log_odds;
+    skeleton.weight = s->weight[0] == 'a' ? CAIRN_SKELETON_AS_WRITTEN : CAIRN_SKELETON_EVIDENCE;
+    skeleton.seed = s->seed;
+    need = cairn_edgel_memory(&edgel) + cairn_skeleton_memory(&skeleton);
+    if (tool_pool_open(&w->pool, PROGRAM, NULL, need) != TOOL_OK)
+        return CAIRN_NO_MEMORY;
+    w->has_pool = 1;
+    if (cairn_edgel_create(&w->edgels, &w->pool, &edgel) != CAIRN_OK)
+        return CAIRN_NO_MEMORY;
+    return cairn_skeleton_create(&w->skeleton, &w->pool, &skeleton);
+}
+
+static cairn_status run_edgels(cairn_edgel_set *edgels)
+{
+    cairn_status status;
+
+    do {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        status = cairn_edgel_step(edgels, &budget);
+    } while (status == CAIRN_MORE);
+    return status;
+}
+
+static cairn_status run_skeleton(cairn_skeleton *skeleton)
+{
+    cairn_status status;
+
+    do {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        status = cairn_skeleton_step(skeleton, &budget);
+    } while (status == CAIRN_MORE);
+    return status;
+}
+
+static cairn_status group(const settings *s, work *w)
+{
+    cairn_raster_u8_view view = {w->grey.samples, w->grey.width, w->grey.height, w->grey.width};
+    cairn_skeleton_input in;
+    cairn_status status = open_rooms(s, w);
+
+    if (status == CAIRN_OK)
+        status = cairn_edgel_begin(w->edgels, view);
+    if (status == CAIRN_OK)
+        status = run_edgels(w->edgels);
+    if (status != CAIRN_OK)
+        return status;
+    in.edgels = cairn_edgel_list(w->edgels, &in.count);
+    in.width = w->grey.width;
+    in.height = w->grey.height;
+    in.min_radius = (cairn_real)s->least;
+    in.max_radius = (cairn_real)s->most;
+    status = cairn_skeleton_begin(w->skeleton, &in);
+    if (status == CAIRN_OK)
+        status = run_skeleton(w->skeleton);
+    w->picture.image = cairn_path_name(w->path);
+    w->picture.grey = w->grey.samples;
+    w->picture.width = in.width;
+    w->picture.height = in.height;
+    w->picture.edgel_count = in.count;
+    w->picture.proposed = s->most == 0;
+    w->picture.result = cairn_skeleton_read(w->skeleton);
+    return status;
+}
+
+static cairn_status write_all(const settings *s, const work *w, cairn_file_error *error)
+{
+    static const char *const endings[FILES] = {"svg", "json"};
+    char name[FILES][NAME_BYTES + 8];
+    const char *names[FILES];
+    cairn_output_set *set;
+    cairn_status status;
+
+    for (int32_t i = 0; i < FILES; i++) {
+        (void)snprintf(name[i], sizeof name[i], "%s.%s", w->stem, endings[i]);
+        names[i] = name[i];
+    }
+    status = cairn_output_set_open(&set, s->folder, names, FILES, error);
+    if (status != CAIRN_OK)
+        return status;
+    status = cairn_skeleton_file_draw(&w->picture, cairn_output_set_path(set, 0), error);
+    if (status == CAIRN_OK)
+        status = cairn_skeleton_file_write(&w->picture, cairn_output_set_path(set, 1), error);
+    if (status == CAIRN_OK)
+        return cairn_output_set_commit(set, error);
+    cairn_output_set_discard(set);
+    return status;
+}
+
+static void print_summary(const work *w, double seconds)
+{
+    const cairn_skeleton_result *r = &w->picture.result;
+
+    printf("%s: %" PRId32 " part%s of %" PRId32 " object%s, radii %.1f to %.1f px%s; %" PRId32
+           " edgels, %zu bytes, %.2f s\n",
+           w->path, r->part_count, r->part_count == 1 ? "" : "s", r->object_count, r->object_count == 1 ? "" : "s",
+           (double)r->min_radius, (double)r->max_radius, w->picture.proposed ? " (proposed)" : "",
+           w->picture.edgel_count, w->pool.peak, seconds);
+}
+
+/* "folder/swan.jpg" -> "swan"; 0: there is no such name. */
+static int stem_of(const char *path, char stem[NAME_BYTES])
+{
+    const char *name = cairn_path_name(path), *dot = strrchr(name, '.');
+    size_t length = dot != NULL && dot > name ? (size_t)(dot - name) : strlen(name);
+
+    if (length < 1 || length >= NAME_BYTES)
+        return 0;
+    memcpy(stem, name, length);
+    stem[length] = '\0';
+    return 1;
+}
+
+static int run_image(const settings *s, const char *path)
+{
+    double start = tool_seconds();
+    cairn_file_error error;
+    cairn_status status;
+    work w;
+
+    memset(&w, 0, sizeof w);
+    w.path = path;
+    (void)stem_of(path, w.stem);
+    status = cairn_vision_read_grey(&w.grey, path, &error);
+    if (status == CAIRN_OK && (w.grey.width > 8192 || w.grey.height > 8192))
+        status = cairn_file_error_set(&error, CAIRN_FULL, path, 0,
+                                      "%" PRId32 " x %" PRId32 " pixels, expected at most 8192 x 8192", w.grey.width,
+                                      w.grey.height);
+    if (status == CAIRN_OK) {
+        status = group(s, &w);
+        if (status != CAIRN_OK)
+            status = cairn_file_error_set(&error, status, path, 0, "%s", cairn_status_text(status));
+    }
+    if (status == CAIRN_OK)
+        status = write_all(s, &w, &error);
+    if (status == CAIRN_OK && !s->quiet)
+        print_summary(&w, tool_seconds() - start);
+    cairn_vision_free(&w.grey);
+    if (w.has_pool)
+        tool_pool_close(&w.pool);
+    return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
+}
+
+/* Names that would overwrite each other are refused before anything is written. */
+static int check_names(const settings *s)
+{
+    char stem[NAME_BYTES], other[NAME_BYTES];
+
+    for (size_t i = 0; i < s->count; i++) {
+        if (!stem_of(s->images[i], stem))
+            return options_refuse(PROGRAM, "'%s', expected the name of an image", s->images[i]);
+        for (size_t k = 0; k < i; k++)
+            if (stem_of(s->images[k], other) && strcmp(stem, other) == 0)
+                return options_refuse(PROGRAM, "%s and %s are both named '%s', expected different names", s->images[k],
+                                      s->images[i], stem);
+    }
+    return TOOL_OK;
+}
+
+int tool_skeleton(int argc, char **argv)
+{
+    static settings s;
+    cairn_edgel_params edgel = cairn_edgel_default();
+    cairn_skeleton_params skeleton = cairn_skeleton_default();
+    option_result result;
+    int code;
+
+    memset(&s, 0, sizeof s);
+    s.weight = "evidence";
+    s.particles = skeleton.particles;
+    s.log_odds = (double)skeleton.min_log_odds;
+    s.sigma = (double)edgel.sigma;
+    s.slope = (double)edgel.min_slope;
+    s.seed = 1;
+    result = read_settings(&s, argc, argv);
+    if (result != OPTIONS_READ)
+        return (int)result;
+    code = check_names(&s);
+    if (code == TOOL_OK && s.learn != NULL)
+        code = learn(&s);
+    for (size_t i = 0; i < s.count && code == TOOL_OK; i++)
+        code = run_image(&s, s.images[i]);
+    return code;
+}
