@@ -2,7 +2,8 @@
  *
  * 16 places with four scans of 100 degrees each; the poses of the scans within a place are known (or wrong by --sub-error),
  * how the places lie to each other is not, and the mapper is not given it. A place is right when it lies within 0.10 m and 2
- * degrees of the truth after the best common motion, an arena when all its places are. */
+ * degrees of the truth after the best common motion, an arena when all its places are; silently wrong
+ * when it does not but is in the largest part and not called ambiguous. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -20,6 +21,8 @@
 
 enum { HEADINGS = 4 };
 
+static const double APART = 1000; /* m, between an arena and a strange one */
+static const uint64_t STRANGE_SEED = 1000000;
 static const double RIGHT_M = 0.10, RIGHT_RAD = 2 * DEGREE;
 
 typedef struct settings {
@@ -27,14 +30,14 @@ typedef struct settings {
     int64_t arenas, seed, places;
     double tilt, movers;
     double sub_error[2]; /* m, degrees */
-    int32_t decoupled, by_icp, walkers, ablate;
+    int32_t decoupled, by_icp, walkers, ablate, strangers;
 } settings;
 
-/* What a mapper is given of an arena, and the truth that it is not. */
+/* What a mapper is given of an arena, or of two that have nothing to do with each other, and the truth that it is not. */
 typedef struct problem {
-    sim_arena *arena;
-    sim_survey *survey;
-    const sim_scan *scans;
+    sim_arena *arena[2];
+    sim_survey *survey[2];
+    sim_scan *scans;
     int32_t scan_count, place_count;
     double bad_share;       /* of the beams: on movers or the floor */
     cairn_pose *place_scan; /* [scan_count] as the mapper is told */
@@ -43,7 +46,7 @@ typedef struct problem {
 } problem;
 
 typedef struct outcome {
-    int32_t places, right, parts, ambiguous, ok;
+    int32_t places, right, silently_wrong, parts, ambiguous, ok;
     double median_m, median_deg;           /* of places */
     double scan_median_m, scan_median_deg; /* of scans */
     double seconds, total, rival;
@@ -52,15 +55,13 @@ typedef struct outcome {
 
 /* ---- Problems ---- */
 
-static double share_of_bad_beams(const sim_survey *survey)
+static double share_of_bad_beams(const problem *p)
 {
-    int32_t count;
-    const sim_scan *scans = sim_survey_scans(survey, &count);
     int64_t bad = 0, all = 0;
 
-    for (int32_t k = 0; k < count; k++)
-        for (int32_t i = 0; i < scans[k].count; i++) {
-            bad += scans[k].edge[i] == SIM_MOVER || scans[k].edge[i] == SIM_FLOOR;
+    for (int32_t k = 0; k < p->scan_count; k++)
+        for (int32_t i = 0; i < p->scans[k].count; i++) {
+            bad += p->scans[k].edge[i] == SIM_MOVER || p->scans[k].edge[i] == SIM_FLOOR;
             all++;
         }
     return all > 0 ? (double)bad / (double)all : 0;
@@ -68,8 +69,11 @@ static double share_of_bad_beams(const sim_survey *survey)
 
 static void free_problem(problem *p)
 {
-    sim_survey_free(p->survey);
-    sim_arena_free(p->arena);
+    for (int k = 0; k < 2; k++) {
+        sim_survey_free(p->survey[k]);
+        sim_arena_free(p->arena[k]);
+    }
+    free(p->scans);
     free(p->place_scan);
     free(p->truth);
     free(p->first_scan);
@@ -99,40 +103,67 @@ static void place_scans(const settings *s, uint64_t seed, problem *p)
     }
 }
 
-static int make_problem(const settings *s, uint64_t seed, problem *p)
+/* Surveys an arena; its places follow those that are there, and lie far from them. */
+static int add_survey(const settings *s, uint64_t seed, int32_t index, int32_t places, problem *p)
 {
     sim_arena_options arena_options = sim_arena_default();
     sim_survey_options survey_options = sim_survey_default();
     char fault[256] = "no memory";
+    const sim_scan *scans;
+    sim_scan *all = NULL;
+    int32_t count = 0;
 
-    memset(p, 0, sizeof *p);
     arena_options.seed = survey_options.seed = seed;
     arena_options.scene = sim_scene_find(s->scene);
-    survey_options.places = (int32_t)s->places;
+    survey_options.places = places;
     survey_options.headings = HEADINGS;
     survey_options.tilt = s->tilt;
     survey_options.crowd = s->movers;
     survey_options.movers = s->walkers;
-    p->arena = sim_arena_create(&arena_options, fault, sizeof fault);
-    if (p->arena != NULL)
-        p->survey = sim_survey_create(p->arena, &survey_options, fault, sizeof fault);
-    if (p->survey != NULL) {
-        size_t n;
+    p->arena[index] = sim_arena_create(&arena_options, fault, sizeof fault);
+    if (p->arena[index] != NULL)
+        p->survey[index] = sim_survey_create(p->arena[index], &survey_options, fault, sizeof fault);
+    if (p->survey[index] != NULL) {
+        scans = sim_survey_scans(p->survey[index], &count);
+        all = realloc(p->scans, (size_t)(p->scan_count + count) * sizeof *all);
+    }
+    if (all == NULL) {
+        fprintf(stderr, "bench/match: %s\n", fault);
+        return 0;
+    }
+    p->scans = all;
+    for (int32_t k = 0; k < count; k++) {
+        sim_scan *scan = &p->scans[p->scan_count++];
 
-        p->scans = sim_survey_scans(p->survey, &p->scan_count);
-        p->bad_share = share_of_bad_beams(p->survey);
-        n = (size_t)p->scan_count;
+        *scan = scans[k];
+        scan->place += index > 0 ? (int32_t)s->places - places : 0;
+        scan->truth.x += APART * index;
+    }
+    return 1;
+}
+
+static int make_problem(const settings *s, uint64_t seed, problem *p)
+{
+    int32_t strange = s->strangers ? (int32_t)s->places / 2 : 0;
+    int done;
+    size_t n;
+
+    memset(p, 0, sizeof *p);
+    done = add_survey(s, seed, 0, (int32_t)s->places - strange, p) &&
+           (strange == 0 || add_survey(s, seed + STRANGE_SEED, 1, strange, p));
+    n = (size_t)p->scan_count;
+    if (done) {
+        p->bad_share = share_of_bad_beams(p);
         p->place_scan = malloc(n * sizeof *p->place_scan);
         p->truth = malloc(n * sizeof *p->truth);
         p->first_scan = malloc(n * sizeof *p->first_scan);
-        if (p->place_scan != NULL && p->truth != NULL && p->first_scan != NULL) {
-            place_scans(s, seed, p);
-            return 1;
-        }
+        done = p->place_scan != NULL && p->truth != NULL && p->first_scan != NULL;
     }
-    fprintf(stderr, "bench/match: %s\n", fault);
-    free_problem(p);
-    return 0;
+    if (done)
+        place_scans(s, seed, p);
+    else
+        free_problem(p);
+    return done;
 }
 
 /* ---- The method ---- */
@@ -216,8 +247,12 @@ static int score(const problem *p, const machine *m, sim_pose *poses, outcome *o
 
         out->places = p->place_count;
         (void)bench_fit_common(truth, places, use, p->place_count, RIGHT_M, RIGHT_RAD, places);
-        for (int32_t i = 0; i < p->place_count; i++)
-            out->right += use[i] && bench_pose_near(truth[i], places[i], RIGHT_M, RIGHT_RAD);
+        for (int32_t i = 0; i < p->place_count; i++) {
+            int right = bench_pose_near(truth[i], places[i], RIGHT_M, RIGHT_RAD);
+
+            out->right += use[i] && right;
+            out->silently_wrong += use[i] && !right && !cairn_place_map_place_of(m->map, i).ambiguous;
+        }
         bench_pose_errors(truth, places, p->place_count, metres, degrees);
         out->median_m = bench_median(metres, (size_t)p->place_count);
         out->median_deg = bench_median(degrees, (size_t)p->place_count);
@@ -311,6 +346,7 @@ static int run_arena(const settings *s, uint64_t seed, outcome *out)
         bench_json_number("bad_beams", p.bad_share);
         bench_json_integer("places", out->places);
         bench_json_integer("right", out->right);
+        bench_json_integer("silently_wrong", out->silently_wrong);
         bench_json_integer("parts", out->parts);
         bench_json_integer("ambiguous", out->ambiguous);
         bench_json_number("trans_m", out->median_m);
@@ -485,7 +521,7 @@ static int ablate(const settings *s)
 static void print_summary(const settings *s, const outcome *all, size_t count)
 {
     double *values = malloc(5 * count * sizeof *values);
-    int64_t ok = 0, right = 0, places = 0, ambiguous = 0;
+    int64_t ok = 0, right = 0, places = 0, ambiguous = 0, silently_wrong = 0;
 
     if (values == NULL)
         return;
@@ -494,6 +530,7 @@ static void print_summary(const settings *s, const outcome *all, size_t count)
         right += all[i].right;
         places += all[i].places;
         ambiguous += all[i].ambiguous;
+        silently_wrong += all[i].silently_wrong;
         values[i] = all[i].median_m;
         values[count + i] = all[i].median_deg;
         values[2 * count + i] = all[i].seconds;
@@ -511,6 +548,7 @@ static void print_summary(const settings *s, const outcome *all, size_t count)
     bench_json_integer("arenas_ok", ok);
     bench_json_integer("places", places);
     bench_json_integer("places_right", right);
+    bench_json_integer("silently_wrong", silently_wrong);
     bench_json_integer("ambiguous", ambiguous);
     bench_json_number("median_trans_m", bench_median(values, count));
     bench_json_number("median_rot_deg", bench_median(values + count, count));
@@ -553,7 +591,7 @@ static int run(const settings *s)
 
 int main(int argc, char **argv)
 {
-    settings s = {"consensus", "rescue", NULL, 20, 1, 16, 0, 0, {0, 0}, 0, 0, 0, 0};
+    settings s = {"consensus", "rescue", NULL, 20, 1, 16, 0, 0, {0, 0}, 0, 0, 0, 0, 0};
     const option table[] = {
         OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
@@ -568,6 +606,7 @@ int main(int argc, char **argv)
         OPTION_TEXT("--pictures", &s.pictures, "DIR", "draws match-SEED.svg and errors-SEED.svg into a folder"),
         OPTION_FLAG("--decoupled", &s.decoupled, "at the end every scan is aligned by itself, all at once"),
         OPTION_FLAG("--ablate", &s.ablate, "the method of chapter 6 after each of its stages instead"),
+        OPTION_FLAG("--strangers", &s.strangers, "half of the places are of another arena"),
         OPTION_FLAG("--decoupled-icp", &s.by_icp, "the same one after the other by ICP"),
     };
     const option_set set = {"bench/match", "[options]", "Maps of places without odometry.", table,

@@ -303,6 +303,7 @@ static void of_consensus(void **state)
         VALUE(consensus.sigma, 0.03),       VALUE(consensus.sigma_angle, 0.6 * DEGREE),
         VALUE(consensus.gate, 16),          VALUE(consensus.contradiction, 0),
         VALUE(consensus.min_support, 3),    VALUE(consensus.ambiguous, 0.02),
+        VALUE(consensus.believed, 0),
     };
 
     (void)state;
@@ -332,6 +333,7 @@ static void of_places(void **state)
         VALUE(map.for_floating, 0.25),
         VALUE(map.for_back, 0.3),
         VALUE(map.for_rough, 0.65),
+        VALUE(map.for_free, 1.6),
         VALUE(map.against_point, 0.6),
         VALUE(map.floating, 0.05),
         VALUE(map.chance, 0),
@@ -352,6 +354,7 @@ static void of_places(void **state)
     assert_values(values);
     consensus.max_hypotheses = 4096;
     consensus.ambiguous = CAIRN_REAL(1e-5);
+    consensus.believed = 12;
     assert_memory_equal(&map.consensus, &consensus, sizeof consensus);
 }
 

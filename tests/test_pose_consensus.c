@@ -732,6 +732,128 @@ static void a_judge_decides(void **state)
     test_pool_free(&pool);
 }
 
+/* Says for a node what the judge of the court would say in sum, one nat less for every other node of the part. */
+static cairn_real whole_court(void *context, int32_t node, cairn_pose map_node, const cairn_pose *map_nodes,
+                              const int32_t *parts, int32_t part, cairn_real *against, int32_t *units)
+{
+    struct court *court = context;
+    cairn_real sum = 0;
+
+    assert_true(part >= 0);
+    for (int32_t i = 0; i < 4; i++) {
+        cairn_pose found = cairn_pose_between(map_nodes[i], map_node), seen;
+
+        if (i == node || parts[i] != part)
+            continue;
+        seen = cairn_pose_between(court->truth[i], court->truth[node]);
+        sum += (hypot((double)(seen.x - found.x), (double)(seen.y - found.y)) < 0.1 ? 4 : court->wrong) - 1;
+    }
+    court->calls++;
+    *against = 0;
+    *units = 7;
+    return sum;
+}
+
+static void a_jury_decides(void **state)
+{
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    struct court court = {{{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}}, 0, -2};
+    cairn_pool pool;
+    cairn_pose_consensus *consensus = new_consensus(&pool, &params);
+    cairn_consensus_node node;
+    cairn_pose wrong = {1, 3, 3};
+    int64_t units;
+
+    (void)state;
+    assert_ok(cairn_pose_consensus_clear(consensus, 4));
+    for (int32_t i = 0; i < 3; i++)
+        for (int32_t j = i + 1; j < 3; j++)
+            add(consensus, i, j, cairn_pose_between(court.truth[i], court.truth[j]), 10);
+    add(consensus, 0, 3, cairn_pose_between(court.truth[0], court.truth[3]), 5);
+    add(consensus, 0, 3, cairn_pose_between(court.truth[0], wrong), 6);
+    units = solve(consensus).units;
+    cairn_pose_consensus_jury_by(consensus, whole_court, &court);
+    assert_near(cairn_pose_consensus_read(consensus).total, 0, 0);
+    assert_true(solve(consensus).units > units);
+    assert_true(court.calls > 0);
+    assert_near(cairn_pose_consensus_read(consensus).total, 18,
+                1e-3); /* four nodes of nine, by pairs: in place of what pairs earn */
+    node = cairn_pose_consensus_node(consensus, 3);
+    assert_pose_near(node.map_node, court.truth[3], 0.01, 0.01);
+    assert_near(node.support, 3 * 3, 1e-3);
+    assert_int_equal(node.agreeing, 1);
+    assert_int_equal(node.alternatives, 0);
+
+    /* A verdict that is not a number counts nothing: no node has support. */
+    court.wrong = (cairn_real)NAN;
+    court.truth[3].x = 7;
+    assert_int_equal(solve(consensus).parts, 2);
+    cairn_pose_consensus_jury_by(consensus, NULL, NULL);
+    (void)solve(consensus);
+    assert_near(cairn_pose_consensus_node(consensus, 3).map_node.x, 1, 0.01);
+    cairn_pose_consensus_jury_by(consensus, whole_court, &court);
+    assert_ok(cairn_pose_consensus_clear(consensus, 1)); /* forgets the jury */
+    court.calls = 0;
+    (void)solve(consensus);
+    assert_int_equal(court.calls, 0);
+    test_pool_free(&pool);
+}
+
+/* Node 3 has 22 nats where it lies and `elsewhere` at a pose that is off by `off`, where it contradicts two nodes of six nats
+ * each, which costs three each; node 4 hangs by node 3 and by node 0. */
+static cairn_consensus_result solve_doubtful(cairn_pose_consensus *consensus, cairn_pose off, cairn_real elsewhere,
+                                             cairn_real by_third, cairn_real by_first)
+{
+    const cairn_pose truth[5] = {{0, 0, 0}, {3, 0, 1}, {3, 3, 2}, {0, 3, 3}, {2, 2, 0}};
+
+    assert_ok(cairn_pose_consensus_clear(consensus, 5));
+    for (int32_t i = 0; i < 4; i++)
+        for (int32_t j = i + 1; j < 4; j++)
+            add(consensus, i, j, cairn_pose_between(truth[i], truth[j]), i > 0 && j == 3 ? 6 : 10);
+    add(consensus, 0, 3, cairn_pose_compose(cairn_pose_between(truth[0], truth[3]), off), elsewhere);
+    add(consensus, 3, 4, cairn_pose_between(truth[3], truth[4]), by_third);
+    add(consensus, 0, 4, cairn_pose_between(truth[0], truth[4]), by_first);
+    return solve(consensus);
+}
+
+static void what_would_be_believed_elsewhere_is_ambiguous(void **state)
+{
+    const cairn_pose far = {CAIRN_REAL(1.2), 0, 0}, near = {CAIRN_REAL(0.8), 0, 0}, turned = {0, 0, CAIRN_REAL(0.7)};
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    cairn_pool pool;
+    cairn_pose_consensus *consensus;
+
+    (void)state;
+    params.min_support = 1;
+    params.contradiction = CAIRN_REAL(0.5);
+    params.ambiguous = CAIRN_REAL(1e-9);
+    consensus = new_consensus(&pool, &params);
+    assert_int_equal(solve_doubtful(consensus, far, 17, 0.5, 5).ambiguous, 1); /* e^-12 weighs something */
+    test_pool_free(&pool);
+    params.ambiguous = CAIRN_REAL(0.0004); /* of 7.8 nats */
+    params.believed = 4;
+    consensus = new_consensus(&pool, &params);
+    assert_int_equal(solve_doubtful(consensus, far, 15, 0.5, 5).ambiguous, 0);
+    assert_int_equal(solve_doubtful(consensus, near, 17, 0.5, 5).ambiguous, 0);
+    assert_int_equal(solve_doubtful(consensus, turned, 17, 0.5, 5).ambiguous, 1);
+    assert_int_equal(solve_doubtful(consensus, far, 17, 0.5, 5).ambiguous, 1);
+    assert_int_equal(cairn_pose_consensus_node(consensus, 3).ambiguous, 1);
+    assert_int_equal(cairn_pose_consensus_node(consensus, 4).ambiguous, 0);
+    /* Node 4 owes most of its support to node 3. */
+    assert_int_equal(solve_doubtful(consensus, far, 19, 3, 2.5).ambiguous, 2);
+    assert_int_equal(cairn_pose_consensus_node(consensus, 4).ambiguous, 1);
+    assert_int_equal(cairn_pose_consensus_node(consensus, 0).ambiguous, 0);
+    /* It hangs by too little to be believed where it is. */
+    assert_int_equal(solve_doubtful(consensus, near, 9, 1.5, 2.25).ambiguous, 1);
+    assert_int_equal(cairn_pose_consensus_node(consensus, 4).ambiguous, 1);
+    assert_int_equal(solve_doubtful(consensus, near, 9, 1.75, 2.5).ambiguous, 0);
+    test_pool_free(&pool);
+    params.ambiguous = CAIRN_REAL(0.003);
+    consensus = new_consensus(&pool, &params);
+    assert_int_equal(solve_doubtful(consensus, far, 17, 0.5, 5).ambiguous, 0); /* six nats against it are too much */
+    test_pool_free(&pool);
+}
+
 static void contradictions_cost(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
@@ -1043,6 +1165,9 @@ static void bad_params_are_refused(void **state)
     REFUSED(ambiguous, 0);
     REFUSED(ambiguous, 1);
     REFUSED(ambiguous, nan);
+    REFUSED(believed, -1);
+    REFUSED(believed, nan);
+    REFUSED(believed, (cairn_real)INFINITY);
     TAKEN(max_nodes, 1);
     TAKEN(max_nodes, 1 << 16);
     TAKEN(max_hypotheses, 1);
@@ -1164,6 +1289,8 @@ int main(void)
         cmocka_unit_test(the_judge_may_say_more_than_a_hypothesis),
         cmocka_unit_test(bounds_forbid),
         cmocka_unit_test(a_judge_decides),
+        cmocka_unit_test(a_jury_decides),
+        cmocka_unit_test(what_would_be_believed_elsewhere_is_ambiguous),
         cmocka_unit_test(contradictions_cost),
         cmocka_unit_test(the_result_does_not_depend_on_budgets),
         cmocka_unit_test(begins_anew),

@@ -52,7 +52,8 @@ typedef struct cairn_place_map_params {
     cairn_real for_floating;  /* ... > 0, for one of a small round body on such a body of the other place, ... */
     cairn_real for_back;      /* ... > 0, for one on the other side of a wall, less when they are many, ... */
     cairn_real for_rough;     /* ... > 0, for one on a surface that is too rough to have a direction, ... */
-    cairn_real against_point; /* ... and, > 0, against the pose for one in space that the other saw free; ... */
+    cairn_real for_free;      /* ... and, >= 0, for every square metre that both saw free; ... */
+    cairn_real against_point; /* ... > 0, against the pose for a point in space that the other saw free; ... */
     cairn_real floating;      /* in [0, 1]: times this for points of small bodies, which may have moved meanwhile */
     cairn_real chance;        /* nats, >= 0, that are taken off hypotheses, as the best of many reach them by chance */
     cairn_scan_match_params match;         /* its max_target ... max_query are not read */
@@ -61,8 +62,9 @@ typedef struct cairn_place_map_params {
 } cairn_place_map_params;
 
 /* Consensus; 16 places, 64 scans, 1024 points and 2048 beams a place; 3 recent; 4 rounds, 10 sweeps, coupled; sight
- * 8 m, 0.05 m, margin 0.10 m; 0.05, 0.25, 0.3 and 0.65 nats for and 0.6 against, floating 0.05; chance 0; of the match 40
- * hypotheses of 768 candidates; of the consensus 4096 hypotheses, ambiguous from 1e-5. */
+ * 8 m, 0.05 m, margin 0.10 m; 0.05, 0.25, 0.3, 0.65 and 1.6 nats for and 0.6 against, floating 0.05; chance 0; of the match 40
+ * hypotheses of 768 candidates; of the consensus 4096 hypotheses, ambiguous from 1e-5,
+ * believed from 12 nats. */
 cairn_place_map_params cairn_place_map_default(void);
 
 /* 0 for params that create() would refuse. */

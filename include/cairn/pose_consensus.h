@@ -38,10 +38,16 @@ typedef struct cairn_pose_consensus_params {
                                * and there is no judge */
     cairn_real min_support;   /* > 0, nats: with less from all others together a node is not placed */
     cairn_real ambiguous;     /* in (0, 1): least weight of an alternative that makes its node ambiguous */
+    cairn_real believed; /* nats, >= 0: what a pose needs to be believed by itself, what speaks against it taken off
+                               * twice. A node is ambiguous that has so much elsewhere, however much more it has here, if
+                               * what speaks against it weighs at least `ambiguous`, or
+                               * that has less here, alone or with others that hang by it; and so are nodes that owe most
+                               * to such nodes. 0: not asked */
 } cairn_pose_consensus_params;
 
 /* 64 nodes, 1024 hypotheses, 16 starts, 10 rounds, 8 candidates, 4 alternatives; 0.03 m and 0.6 degrees; gate 16;
- * contradiction 0; least support 3 nats; ambiguous from 0.02. */
+ * contradiction 0; least support 3 nats; ambiguous from 0.02,
+ * nothing believed by itself. */
 cairn_pose_consensus_params cairn_pose_consensus_default(void);
 
 typedef struct cairn_pose_consensus cairn_pose_consensus;
@@ -77,6 +83,16 @@ typedef cairn_real (*cairn_pose_judge)(void *context, int32_t first, int32_t sec
 /* judge NULL: none. Ends a search that is running. */
 void cairn_pose_consensus_judge_by(cairn_pose_consensus *consensus, cairn_pose_judge judge, void *context);
 
+/* Evidence in nats, positive or negative, of the data of a node for a pose given all others of a part as they lie: those i
+ * with parts[i] == part, at map_nodes[i], but the node itself. So data that several others share can count once, which sums
+ * over pairs cannot. *against: what was taken off, >= 0. *units: what it cost. It is a function of its arguments alone. */
+typedef cairn_real (*cairn_pose_jury)(void *context, int32_t node, cairn_pose map_node, const cairn_pose *map_nodes,
+                                      const int32_t *parts, int32_t part, cairn_real *against, int32_t *units);
+
+/* What a jury says stands in place of the sum over pairs wherever the judge would be asked for a whole part; pairs still say
+ * where a map could come apart. jury NULL: none. clear() forgets it. Ends a search that is running. */
+void cairn_pose_consensus_jury_by(cairn_pose_consensus *consensus, cairn_pose_jury jury, void *context);
+
 /* Starts the search. CAIRN_EMPTY: no nodes (clear() was never called). CAIRN_BAD_ARGUMENT: NULL. Linear in nodes and
  * hypotheses. */
 CAIRN_CHECKED cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus);
@@ -96,7 +112,7 @@ typedef struct cairn_consensus_node {
     int32_t agreeing;         /* pairs whose data agree */
     int32_t contradicting;    /* pairs whose data speak against it */
     int32_t alternatives;     /* see cairn_pose_consensus_alternative() */
-    int32_t ambiguous;        /* 1: an alternative weighs at least params.ambiguous */
+    int32_t ambiguous;        /* 1: an alternative weighs at least params.ambiguous, or see params.believed */
 } cairn_consensus_node;
 
 /* Another pose of a node given the others, or (for whole = 1) given another consistent map. */

@@ -12,8 +12,11 @@
  *
  * Layout: points and beams of all scans side by side, in the frames of the scans. Scratch for one query.
  *
+ * Hypotheses are weighed pair by pair, a place in a map by what all others of its part saw together, each surface once
+ * (place_map_among.c).
+ *
  * Limits: the pairs grow with the square of the places. Evidence counts every point by itself, though points of one wall
- * hang together: nats are worth comparing, not to be taken as odds.
+ * hang together: nats are worth comparing, not to be taken as odds; about four of them are one.
  *
  * Source: Adluru 2008, chapter 6; the sequential mode is its order of matching. */
 #include "src/core/build.h"
@@ -43,6 +46,7 @@ cairn_place_map_params cairn_place_map_default(void)
     params.for_floating = CAIRN_REAL(0.25);
     params.for_back = CAIRN_REAL(0.3);
     params.for_rough = CAIRN_REAL(0.65);
+    params.for_free = CAIRN_REAL(1.6);
     params.against_point = CAIRN_REAL(0.6);
     params.floating = CAIRN_REAL(0.05);
     params.chance = 0;
@@ -52,6 +56,7 @@ cairn_place_map_params cairn_place_map_default(void)
     params.consensus = cairn_pose_consensus_default();
     params.consensus.max_hypotheses = 4096;
     params.consensus.ambiguous = CAIRN_REAL(1e-5); /* nats of points that hang together are worth less */
+    params.consensus.believed = 12;
     params.aligner = cairn_aligner_default();
     params.aligner.max_segments = 4096;
     params.aligner.max_fill = 8192;
@@ -78,8 +83,8 @@ static int params_are_good(const cairn_place_map_params *p)
     return p != NULL && counts_are_good(p) && is_positive(p->sight_reach) && is_positive(p->sight_cell) &&
            is_positive(p->sight_margin) && p->sight_margin <= 20 * p->sight_cell && is_positive(p->for_point) &&
            is_positive(p->for_floating) && is_positive(p->for_back) && is_positive(p->for_rough) &&
-           is_positive(p->against_point) && p->floating >= 0 && p->floating <= 1 && p->chance >= 0 &&
-           p->chance <= CAIRN_REAL(1e6) && cairn_place_map_side(p) > 0;
+           is_positive(p->against_point) && p->for_free >= 0 && p->for_free <= CAIRN_REAL(1e6) && p->floating >= 0 &&
+           p->floating <= 1 && p->chance >= 0 && p->chance <= CAIRN_REAL(1e6) && cairn_place_map_side(p) > 0;
 }
 
 /* Params of the objects within: the capacities follow from those of the map. */
@@ -126,6 +131,7 @@ static cairn_aligner_params aligner_params(const cairn_place_map_params *params)
 static cairn_place_map *carve(cairn_pool *pool, const cairn_place_map_params *params)
 {
     size_t places = (size_t)params->max_places, side = (size_t)cairn_place_map_side(params);
+    size_t sampled = (side + CAIRN_SIGHT_STRIDE - 1) / CAIRN_SIGHT_STRIDE;
     size_t points = (size_t)params->max_place_points, beams = (size_t)params->max_place_beams;
     cairn_place_map *map = cairn_pool_take_one(pool, sizeof *map);
     cairn_place_map made;
@@ -140,6 +146,9 @@ static cairn_place_map *carve(cairn_pool *pool, const cairn_place_map_params *pa
     made.hypotheses = cairn_pool_take(pool, (size_t)params->consensus.max_hypotheses, sizeof *made.hypotheses);
     made.beams = cairn_pool_take(pool, places * beams, sizeof *made.beams);
     made.sight = cairn_pool_take(pool, places * side, side);
+    made.free_cells = cairn_pool_take(pool, places * sampled, sampled * sizeof *made.free_cells);
+    made.seers = cairn_pool_take(pool, places, sizeof *made.seers);
+    made.seers_map = cairn_pool_take(pool, places, sizeof *made.seers_map);
     made.query_points = cairn_pool_take(pool, places * points, sizeof *made.query_points);
     made.query_beams = cairn_pool_take(pool, beams, sizeof *made.query_beams);
     if (map != NULL)

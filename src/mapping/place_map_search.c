@@ -37,6 +37,7 @@ static void see_item(cairn_place_map *map)
         map->next++;
         return;
     }
+    cairn_place_map_sample_free(map, map->place);
     map->place++;
     map->next = 0;
     if (map->place == map->place_count) {
@@ -255,8 +256,15 @@ static cairn_real judge(void *context, int32_t first, int32_t second, cairn_pose
 {
     const cairn_place_map *map = context;
 
-    *units = 1 + (map->places[first].point_count + map->places[second].point_count) / 6;
+    *units = cairn_place_map_weighing(map, first, second);
     return cairn_place_map_evidence(map, first, second, first_second);
+}
+
+/* Evidence of a place among all others of a part, for the consensus. */
+static cairn_real judge_among(void *context, int32_t place, cairn_pose map_place, const cairn_pose *map_places,
+                              const int32_t *parts, int32_t part, cairn_real *against, int32_t *units)
+{
+    return cairn_place_map_among(context, place, map_place, map_places, parts, part, against, units);
 }
 
 /* Everything is weighed anew in each round, as fewer points are trusted. */
@@ -270,6 +278,7 @@ static void weigh_item(cairn_place_map *map)
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
         cairn_pose_consensus_judge_by(map->consensus, judge, map);
+        cairn_pose_consensus_jury_by(map->consensus, judge_among, map);
         map->result.hypotheses = 0;
         map->debt += 1 + map->place_count;
     }

@@ -191,6 +191,68 @@ int32_t cairn_place_map_see(cairn_place_map *map, int32_t place, int32_t item)
     return 1;
 }
 
+static int32_t samples_of_side(const cairn_place_map *map)
+{
+    return (map->side + CAIRN_SIGHT_STRIDE - 1) / CAIRN_SIGHT_STRIDE;
+}
+
+static int32_t *free_cells_of(const cairn_place_map *map, int32_t place)
+{
+    size_t sampled = (size_t)samples_of_side(map);
+
+    return map->free_cells + (size_t)place * sampled * sampled;
+}
+
+void cairn_place_map_sample_free(cairn_place_map *map, int32_t place)
+{
+    const uint8_t *sight = sight_of(map, place);
+    int32_t *cells = free_cells_of(map, place), count = 0;
+
+    for (int32_t y = 0; y < map->side; y += CAIRN_SIGHT_STRIDE)
+        for (int32_t x = 0; x < map->side; x += CAIRN_SIGHT_STRIDE)
+            if (sight[y * map->side + x] == CAIRN_SIGHT_FREE)
+                cells[count++] = y * map->side + x;
+    map->places[place].free_count = count;
+    map->debt += 1 + samples_of_side(map) * samples_of_side(map) / CELLS_TO_UNIT;
+}
+
+cairn_vec2 cairn_place_map_free_point(const cairn_place_map *map, int32_t place, int32_t i)
+{
+    int32_t cell = free_cells_of(map, place)[i], column = cell % map->side, row = cell / map->side;
+    cairn_real middle = (cairn_real)(map->side - 1) / 2;
+    cairn_vec2 p = {(cairn_real)column - middle, (cairn_real)row - middle};
+
+    return cairn_vec2_scale(p, map->params.sight_cell);
+}
+
+cairn_real cairn_place_map_free_area(const cairn_place_map *map)
+{
+    cairn_real spacing = map->params.sight_cell * CAIRN_SIGHT_STRIDE;
+
+    return spacing * spacing;
+}
+
+int32_t cairn_place_map_saw(const cairn_place_map *map, int32_t place, cairn_vec2 point, cairn_vec2 direction)
+{
+    int32_t cell = cell_of(map, point), code = cell >= 0 ? sight_of(map, place)[cell] : CAIRN_SIGHT_UNKNOWN;
+    int32_t is_behind = code < CAIRN_SIGHT_ROUGH;
+    cairn_real cosine;
+
+    if (code == CAIRN_SIGHT_UNKNOWN)
+        return CAIRN_SAW_NOTHING;
+    if (code == CAIRN_SIGHT_FREE)
+        return CAIRN_SAW_FREE;
+    if (code == CAIRN_SIGHT_ROUGH || code == CAIRN_SIGHT_BODY)
+        return code == CAIRN_SIGHT_ROUGH ? CAIRN_SAW_ROUGH : CAIRN_SAW_BODY;
+    cosine =
+        cairn_vec2_dot(map->directions[code - (is_behind ? CAIRN_SIGHT_BEHIND : CAIRN_SIGHT_DIRECTION)], direction);
+    if (cosine < -LEAST_COSINE)
+        return CAIRN_SAW_BACK;
+    if (is_behind)
+        return CAIRN_SAW_NOTHING;
+    return cosine > LEAST_COSINE ? CAIRN_SAW_ALONG : CAIRN_SAW_ACROSS;
+}
+
 /* What two places say for and against a relative pose. */
 struct evidence {
     cairn_real pro, contra; /* nats */
@@ -249,17 +311,44 @@ static void weigh_half(const cairn_place_map *map, int32_t seer, int32_t seen, c
     }
 }
 
+/* Square metres of what one place saw free that another one saw free too. */
+static cairn_real shared_space(const cairn_place_map *map, int32_t seer, int32_t seen, cairn_pose seer_seen)
+{
+    const uint8_t *sight = sight_of(map, seer);
+    cairn_transform transform = cairn_transform_of(seer_seen);
+    int32_t shared = 0;
+
+    for (int32_t i = 0; i < map->places[seen].free_count; i++) {
+        int32_t at = cell_of(map, cairn_transform_point(transform, cairn_place_map_free_point(map, seen, i)));
+
+        shared += at >= 0 && sight[at] == CAIRN_SIGHT_FREE;
+    }
+    return (cairn_real)shared * cairn_place_map_free_area(map);
+}
+
+int32_t cairn_place_map_weighing(const cairn_place_map *map, int32_t first, int32_t second)
+{
+    const cairn_place *a = &map->places[first], *b = &map->places[second];
+    int32_t samples = a->free_count < b->free_count ? a->free_count : b->free_count;
+
+    return 1 + (a->point_count + b->point_count + samples) / 6;
+}
+
 /* Other sides of walls tell much where places see something in common, but whole rooms can be laid back to back: they count no
  * more than the rest that speaks for the pose so many times. */
 cairn_real cairn_place_map_evidence(const cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second)
 {
+    cairn_pose second_first = cairn_pose_inverse(first_second);
     struct evidence evidence = {0, 0, 0};
-    cairn_real backs;
+    cairn_real backs, shared;
 
     weigh_half(map, first, second, first_second, &evidence);
-    weigh_half(map, second, first, cairn_pose_inverse(first_second), &evidence);
+    weigh_half(map, second, first, second_first, &evidence);
+    shared = map->places[first].free_count < map->places[second].free_count
+                 ? shared_space(map, second, first, second_first)
+                 : shared_space(map, first, second, first_second);
     backs = map->params.for_back * (cairn_real)evidence.backs / (1 + (cairn_real)evidence.backs / MANY);
-    return evidence.pro + cairn_min(backs, BACKS_MOST * evidence.pro) - evidence.contra;
+    return evidence.pro + cairn_min(backs, BACKS_MOST * evidence.pro) + map->params.for_free * shared - evidence.contra;
 }
 
 /* ---- Doubt ---- */

@@ -52,7 +52,7 @@ void cairn_place_map_keep(cairn_place_map *map, int32_t first, int32_t second, c
 
 cairn_real cairn_place_map_weigh(cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second)
 {
-    map->debt += 1 + (map->places[first].point_count + map->places[second].point_count) / 6;
+    map->debt += cairn_place_map_weighing(map, first, second);
     return cairn_place_map_evidence(map, first, second, first_second);
 }
 

@@ -15,6 +15,7 @@ typedef struct cairn_place_scan {
 typedef struct cairn_place {
     int32_t first_scan, scan_count;
     int32_t point_count, beam_count;
+    int32_t free_count; /* cells of its sample of free space */
     cairn_pose map_place;
     int32_t part;
 } cairn_place;
@@ -28,6 +29,20 @@ enum {
     CAIRN_SIGHT_ROUGH = 18,      /* a surface of no known direction */
     CAIRN_SIGHT_BODY = 19,       /* a surface of a small body, which may have walked there */
     CAIRN_SIGHT_DIRECTION = 20   /* a surface that stays: this and its direction */
+};
+
+enum { CAIRN_SIGHT_STRIDE = 6 }; /* rows and columns of which one is in the sample of free space */
+
+/* What a place saw where a point of another one lies. */
+enum {
+    CAIRN_SAW_NOTHING = 0,
+    CAIRN_SAW_FREE = 1,
+    CAIRN_SAW_ALONG = 2,  /* a surface of its direction */
+    CAIRN_SAW_BACK = 4,   /* the other side of a wall */
+    CAIRN_SAW_ACROSS = 8, /* a surface of another direction */
+    CAIRN_SAW_ROUGH = 16,
+    CAIRN_SAW_BODY = 32,
+    CAIRN_SAW_SURFACE = 62 /* any of these */
 };
 
 /* What speaks against a point as a surface that stays. */
@@ -65,6 +80,9 @@ struct cairn_place_map {
     cairn_pose_hypothesis *hypotheses;  /* [consensus.max_hypotheses] all that matches gave */
     cairn_beam *beams;                  /* [max_places * max_place_beams] */
     uint8_t *sight;                     /* [max_places][side][side] */
+    int32_t *free_cells;                /* [max_places][(side / CAIRN_SIGHT_STRIDE)^2] sample of those seen free */
+    int32_t *seers;                     /* [max_places] places among which one is weighed, ... */
+    cairn_transform *seers_map;         /* ... and the map seen from them */
     cairn_oriented_point *query_points; /* [max_places * max_place_points] of the query, in its place's frame */
     cairn_beam *query_beams;            /* [max_place_beams] */
     int32_t side;                       /* cells of a place's sight */
@@ -97,10 +115,32 @@ void cairn_place_map_doubt(cairn_place_map *map, int32_t place, int32_t is_last)
 /* One beam or point of a place into its sight; 0 when there are none left. */
 int32_t cairn_place_map_see(cairn_place_map *map, int32_t place, int32_t item);
 
-/* Nats for two places to lie so: of the points of each on surfaces of the other, less those in the other's free space. */
+/* Samples what a place saw free, when all of it has been seen. */
+void cairn_place_map_sample_free(cairn_place_map *map, int32_t place);
+
+/* Units of weighing two places. */
+int32_t cairn_place_map_weighing(const cairn_place_map *map, int32_t first, int32_t second);
+
+/* Nats for two places to lie so: of the points of each on surfaces of the other and of space that
+ * both saw free, less points in the other's free space. */
 cairn_real cairn_place_map_evidence(const cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second);
 
-/* The same, charged. */
+/* What a place saw at a point in its own frame. */
+int32_t cairn_place_map_saw(const cairn_place_map *map, int32_t place, cairn_vec2 point, cairn_vec2 direction);
+
+/* Point `i` of the sample of free space, in the place's frame. */
+cairn_vec2 cairn_place_map_free_point(const cairn_place_map *map, int32_t place, int32_t i);
+
+/* Square metres that a point of the sample of free space stands for. */
+cairn_real cairn_place_map_free_area(const cairn_place_map *map);
+
+/* Nats for a place to lie so among all others of a part, each surface counted once however many saw it, and what of that
+ * speaks against it: the jury of the consensus. */
+cairn_real cairn_place_map_among(const cairn_place_map *map, int32_t place, cairn_pose map_place,
+                                 const cairn_pose *map_places, const int32_t *parts, int32_t part, cairn_real *against,
+                                 int32_t *units);
+
+/* Evidence of two places, charged. */
 cairn_real cairn_place_map_weigh(cairn_place_map *map, int32_t first, int32_t second, cairn_pose first_second);
 
 /* Covariance of map_query seen from a place that is turned by theta in the map. */

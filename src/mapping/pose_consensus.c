@@ -34,7 +34,7 @@ static const cairn_real LIMIT = CAIRN_REAL(1e6);
 cairn_pose_consensus_params cairn_pose_consensus_default(void)
 {
     cairn_pose_consensus_params params = {
-        64, 1024, 16, 10, 8, 4, CAIRN_REAL(0.03), CAIRN_PI / 300, 16, 0, 3, CAIRN_REAL(0.02)};
+        64, 1024, 16, 10, 8, 4, CAIRN_REAL(0.03), CAIRN_PI / 300, 16, 0, 3, CAIRN_REAL(0.02), 0};
     return params;
 }
 
@@ -50,7 +50,8 @@ static int params_are_good(const cairn_pose_consensus_params *params)
            params->max_candidates >= 1 && params->max_candidates <= MAX_LISTED && params->max_alternatives >= 0 &&
            params->max_alternatives <= MAX_LISTED && is_positive(params->sigma) && is_positive(params->sigma_angle) &&
            is_positive(params->gate) && params->contradiction >= 0 && params->contradiction <= LIMIT &&
-           is_positive(params->min_support) && params->ambiguous > 0 && params->ambiguous < 1;
+           is_positive(params->min_support) && params->ambiguous > 0 && params->ambiguous < 1 &&
+           params->believed >= 0 && params->believed <= LIMIT;
 }
 
 static cairn_pose_consensus *carve(cairn_pool *pool, const cairn_pose_consensus_params *params)
@@ -72,6 +73,8 @@ static cairn_pose_consensus *carve(cairn_pool *pool, const cairn_pose_consensus_
     made.tree = cairn_pool_take(pool, nodes, sizeof *made.tree);
     made.nodes = cairn_pool_take(pool, nodes, sizeof *made.nodes);
     made.alternatives = cairn_pool_take(pool, nodes * (size_t)params->max_alternatives, sizeof *made.alternatives);
+    made.jury_poses = cairn_pool_take(pool, nodes, sizeof *made.jury_poses);
+    made.jury_parts = cairn_pool_take(pool, nodes, sizeof *made.jury_parts);
     made.candidates = cairn_pool_take(pool, (size_t)params->max_candidates, sizeof *made.candidates);
     if (c != NULL)
         *c = made;
@@ -120,6 +123,7 @@ cairn_status cairn_pose_consensus_clear(cairn_pose_consensus *consensus, int32_t
     consensus->node_count = nodes;
     consensus->hypothesis_count = consensus->bound_count = 0;
     consensus->judge = NULL;
+    consensus->jury = NULL;
     memset(consensus->bounds, 0, (size_t)nodes * sizeof *consensus->bounds);
     return CAIRN_OK;
 }
@@ -206,6 +210,13 @@ void cairn_pose_consensus_judge_by(cairn_pose_consensus *consensus, cairn_pose_j
 {
     consensus->judge = judge;
     consensus->judge_context = context;
+    reset(consensus);
+}
+
+void cairn_pose_consensus_jury_by(cairn_pose_consensus *consensus, cairn_pose_jury jury, void *context)
+{
+    consensus->jury = jury;
+    consensus->jury_context = context;
     reset(consensus);
 }
 

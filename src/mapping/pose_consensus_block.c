@@ -21,8 +21,10 @@ void cairn_consensus_begin_blocks(cairn_pose_consensus *c)
         return;
     }
     memcpy(c->chart, c->best, (size_t)c->node_count * sizeof *c->chart);
-    for (int32_t i = 0; i < c->node_count; i++)
+    for (int32_t i = 0; i < c->node_count; i++) {
         c->tree[i] = bare;
+        c->nodes[i].ambiguous = 0;
+    }
     c->parts = 0;
     for (int32_t i = 0; i < c->node_count; i++)
         c->parts = c->chart[i].part >= c->parts ? c->chart[i].part + 1 : c->parts;
@@ -110,6 +112,25 @@ static int32_t cut_off(cairn_pose_consensus *c, int32_t branch)
     return size;
 }
 
+/* A block that hangs by less than would be believed by itself is in doubt where it lies. */
+static void doubt_block(cairn_pose_consensus *c)
+{
+    cairn_real support = 0, against = 0;
+
+    if (!(c->params.believed > 0) || c->tree[c->block].parent < 0)
+        return;
+    for (int32_t i = 0; i < c->node_count; i++)
+        if (c->chart[i].part == c->parts) {
+            cairn_consensus_support of = cairn_consensus_support_of(c, i, c->chart[i].pose, c->whole, 1);
+
+            support += of.sum;
+            against += of.against;
+            c->debt += of.units;
+        }
+    for (int32_t i = 0; i < c->node_count && !cairn_consensus_is_believed(c, support, against); i++)
+        c->nodes[i].ambiguous |= c->chart[i].part == c->parts;
+}
+
 /* Goes on to the next block, or to what follows the last. */
 void cairn_consensus_block_item(cairn_pose_consensus *c)
 {
@@ -131,6 +152,7 @@ void cairn_consensus_block_item(cairn_pose_consensus *c)
     c->merge.current = 1;
     if (c->whole >= 0)
         c->merge.support = cairn_consensus_merged_support(c, &c->merge, 1);
+    doubt_block(c);
     cairn_consensus_enter(c, CAIRN_CONSENSUS_PROPOSE, c->hypothesis_count);
 }
 

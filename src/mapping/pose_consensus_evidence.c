@@ -110,6 +110,7 @@ static cairn_real judge_pair(const cairn_pose_consensus *consensus, int32_t node
 static void add_support(cairn_consensus_support *support, cairn_real evidence)
 {
     support->sum += evidence;
+    support->against -= cairn_min(evidence, 0);
     support->agreeing += evidence > 0;
     support->contradicting += evidence < 0;
 }
@@ -157,17 +158,43 @@ static void support_by_judge(const cairn_pose_consensus *consensus, int32_t node
             add_support(support, cairn_consensus_evidence(consensus, node, map_node, other, &link, &support->units));
 }
 
+/* What the jury says; who agrees is known from hypotheses. */
+static void support_by_jury(const cairn_pose_consensus *consensus, int32_t node, cairn_turned_pose map_node,
+                            int32_t part, cairn_consensus_support *support)
+{
+    int32_t cost = 1;
+    cairn_real evidence, against = 0;
+
+    support_by_links(consensus, node, map_node, part, support);
+    for (int32_t i = 0; i < consensus->node_count; i++) {
+        consensus->jury_poses[i] = cairn_turned_pose_of(consensus->chart[i].pose);
+        consensus->jury_parts[i] = consensus->chart[i].part;
+    }
+    evidence = consensus->jury(consensus->jury_context, node, cairn_turned_pose_of(map_node), consensus->jury_poses,
+                               consensus->jury_parts, part, &against, &cost);
+    support->sum = cairn_is_finite(evidence) ? evidence : 0;
+    support->against = cairn_is_finite(against) ? against : 0;
+    support->units += consensus->node_count / 4 + (cost > 1 ? cost : 1);
+}
+
 cairn_consensus_support cairn_consensus_support_of(const cairn_pose_consensus *consensus, int32_t node,
                                                    cairn_turned_pose map_node, int32_t part, int32_t judged)
 {
-    cairn_consensus_support support = {0, 0, 0, 1};
+    cairn_consensus_support support = {0, 0, 0, 0, 1};
 
     support.units += (consensus->first_link[node + 1] - consensus->first_link[node]) / 4;
-    if (judged && consensus->judge != NULL)
+    if (judged && consensus->jury != NULL)
+        support_by_jury(consensus, node, map_node, part, &support);
+    else if (judged && consensus->judge != NULL)
         support_by_judge(consensus, node, map_node, part, &support);
     else
         support_by_links(consensus, node, map_node, part, &support);
     return support;
+}
+
+int32_t cairn_consensus_is_believed(const cairn_pose_consensus *consensus, cairn_real support, cairn_real against)
+{
+    return support - against >= consensus->params.believed;
 }
 
 /* ---- Ways round ---- */

@@ -5,6 +5,9 @@
 
 #include "src/mapping/pose_consensus_work.h"
 
+/* m and rad: what is nearer is the same place, if not the same pose. */
+static const cairn_real ELSEWHERE = 1, ELSEWHERE_ANGLE = CAIRN_REAL(0.5);
+
 static int32_t first_of_part(const cairn_chart_node *chart, int32_t node)
 {
     int32_t first = 0;
@@ -66,7 +69,7 @@ static void weigh(cairn_pose_consensus *c, int32_t node)
             list[at] = list[at + 1];
         list[at] = rival;
     }
-    chosen->ambiguous = chosen->alternatives > 0 && list[0].weight >= c->params.ambiguous;
+    chosen->ambiguous |= chosen->alternatives > 0 && list[0].weight >= c->params.ambiguous;
     c->result.ambiguous += chosen->ambiguous;
 }
 
@@ -157,6 +160,18 @@ static void write_covariance(cairn_pose_consensus *c, int32_t node)
     covariance[8] = inverse.zz;
 }
 
+/* 1 when a candidate lies elsewhere and would be believed there, were nothing known of where its node lies. */
+static int is_believed(const cairn_pose_consensus *c, const cairn_candidate *candidate)
+{
+    cairn_turned_pose here = c->chart[candidate->node].pose;
+    cairn_real x = candidate->pose.transform.x - here.transform.x, y = candidate->pose.transform.y - here.transform.y;
+
+    return c->params.believed > 0 && cairn_consensus_is_believed(c, candidate->support, candidate->against) &&
+           cairn_exp(-candidate->against) >= c->params.ambiguous &&
+           (x * x + y * y > ELSEWHERE * ELSEWHERE ||
+            cairn_abs(cairn_wrap_angle(candidate->pose.theta - here.theta)) > ELSEWHERE_ANGLE);
+}
+
 /* Writes down the node whose alternatives have been searched. */
 void cairn_consensus_report_node(cairn_pose_consensus *c)
 {
@@ -175,6 +190,7 @@ void cairn_consensus_report_node(cairn_pose_consensus *c)
                                                    c->candidates[i].support, 0, 0};
         int32_t at = node->alternatives;
 
+        node->ambiguous |= is_believed(c, &c->candidates[i]);
         if (c->candidates[i].current || !(alternative.support > 0))
             continue;
         while (at > 0 && list[at - 1].support < alternative.support)
@@ -187,6 +203,35 @@ void cairn_consensus_report_node(cairn_pose_consensus *c)
         list[at] = alternative;
         node->alternatives++;
     }
+}
+
+/* A node is as doubtful as what most of its evidence is about. Done again until nothing changes. */
+void cairn_consensus_spread_item(cairn_pose_consensus *c)
+{
+    int32_t node = c->next, link, units = 1;
+    cairn_real all = 0, doubtful = 0;
+
+    c->debt++;
+    if (c->next == c->end) {
+        cairn_consensus_enter(c, c->changed > 0 ? CAIRN_CONSENSUS_SPREAD : CAIRN_CONSENSUS_IDLE, c->node_count);
+        c->changed = 0;
+        return;
+    }
+    c->next++;
+    if (c->chart[node].part < 0 || c->nodes[node].ambiguous)
+        return;
+    link = c->first_link[node];
+    for (int32_t i = 0; i < c->node_count; i++)
+        if (i != node && c->chart[i].part == c->chart[node].part) {
+            cairn_real evidence = cairn_consensus_evidence(c, node, c->chart[node].pose, i, &link, &units);
+
+            all += cairn_max(evidence, 0);
+            doubtful += c->nodes[i].ambiguous ? cairn_max(evidence, 0) : 0;
+        }
+    c->nodes[node].ambiguous = 2 * doubtful > all;
+    c->changed += c->nodes[node].ambiguous;
+    c->result.ambiguous += c->nodes[node].ambiguous;
+    c->debt += units;
 }
 
 void cairn_consensus_finish(cairn_pose_consensus *c)

@@ -268,6 +268,7 @@ static void judge_item(cairn_pose_consensus *c)
             cairn_consensus_support_of(c, candidate->node, candidate->pose, candidate->part, 1);
 
         candidate->support = support.sum;
+        candidate->against = support.against;
         c->debt += support.units;
     } else if (c->choice == CAIRN_CHOOSE_NEXT) {
         choose_next(c);
@@ -480,7 +481,8 @@ static void report_item(cairn_pose_consensus *c)
         search(c, CAIRN_CHOOSE_ALTERNATIVES, c->next);
     } else {
         cairn_consensus_finish(c);
-        c->phase = CAIRN_CONSENSUS_IDLE;
+        c->changed = 0;
+        cairn_consensus_enter(c, c->params.believed > 0 ? CAIRN_CONSENSUS_SPREAD : CAIRN_CONSENSUS_IDLE, c->node_count);
     }
 }
 
@@ -522,6 +524,9 @@ void cairn_consensus_item(cairn_pose_consensus *c)
         break;
     case CAIRN_CONSENSUS_PROPOSE:
         cairn_consensus_propose_item(c);
+        break;
+    case CAIRN_CONSENSUS_SPREAD:
+        cairn_consensus_spread_item(c);
         break;
     default:
         report_item(c);

@@ -46,7 +46,7 @@ typedef struct cairn_node_bound {
 
 typedef struct cairn_candidate {
     cairn_turned_pose pose;
-    cairn_real support;
+    cairn_real support, against;
     cairn_real cycles; /* in growth what ways round say for the hypothesis: it counts with the support in the choice */
     int32_t node, part;
     int32_t current; /* 1: where the node lies already */
@@ -54,7 +54,7 @@ typedef struct cairn_candidate {
 
 /* What all pairs of a node say for a pose of it. */
 typedef struct cairn_consensus_support {
-    cairn_real sum;
+    cairn_real sum, against; /* against: what was taken off the sum */
     int32_t agreeing, contradicting;
     int32_t units;
 } cairn_consensus_support;
@@ -73,7 +73,8 @@ enum {
     CAIRN_CONSENSUS_TREE,  /* of the best map at last: where it hangs by single pairs, ... */
     CAIRN_CONSENSUS_BLOCK, /* ... what hangs there is laid anew as a whole */
     CAIRN_CONSENSUS_PROPOSE,
-    CAIRN_CONSENSUS_REPORT
+    CAIRN_CONSENSUS_REPORT,
+    CAIRN_CONSENSUS_SPREAD /* doubt, to nodes that hang by those in doubt */
 };
 
 /* What is chosen by a search. */
@@ -96,8 +97,11 @@ struct cairn_pose_consensus {
     cairn_consensus_node *nodes;               /* [max_nodes] */
     cairn_consensus_alternative *alternatives; /* [max_nodes * max_alternatives] */
     cairn_candidate *candidates;               /* [max_candidates] of the search, the best first */
+    cairn_pose *jury_poses;                    /* [max_nodes] of the chart, for the jury, ... */
+    int32_t *jury_parts;                       /* ... and its parts */
     cairn_pose_judge judge;
-    void *judge_context;
+    cairn_pose_jury jury;
+    void *judge_context, *jury_context;
     int32_t node_count, hypothesis_count, bound_count;
 
     cairn_consensus_phase phase, after; /* after: that follows relaxation */
@@ -142,6 +146,9 @@ int32_t cairn_consensus_pair(const cairn_pose_consensus *consensus, int32_t node
 /* Support of a pose of a node by the placed nodes of a part; the judge is asked when judged is 1. */
 cairn_consensus_support cairn_consensus_support_of(const cairn_pose_consensus *consensus, int32_t node,
                                                    cairn_turned_pose map_node, int32_t part, int32_t judged);
+
+/* 1 when a pose with such support would be believed by itself. */
+int32_t cairn_consensus_is_believed(const cairn_pose_consensus *consensus, cairn_real support, cairn_real against);
 
 /* 1 when some common motion of the part brings its nodes and the candidate within their bounds; *map_part, when not NULL,
  * is that motion (identity without bounds). node -1: no candidate. */
@@ -194,6 +201,9 @@ void cairn_consensus_enter(cairn_pose_consensus *consensus, cairn_consensus_phas
 
 /* Does one item of the search and adds its cost to the debt. */
 void cairn_consensus_item(cairn_pose_consensus *consensus);
+
+/* Whether a node hangs by nodes that are ambiguous. */
+void cairn_consensus_spread_item(cairn_pose_consensus *consensus);
 
 /* Makes the best map the result: frames, parts by size, alternatives from other maps. */
 void cairn_consensus_finish(cairn_pose_consensus *consensus);
