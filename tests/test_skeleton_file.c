@@ -1,0 +1,147 @@
+/* Skeletons as JSON and as pictures: every key, what was seen and what was carried on, joints, and nothing found. */
+#include "tests/test.h"
+
+#include "cairn/json_text.h"
+#include "cairn/skeleton_file.h"
+#include "tests/files.h"
+#include "tests/xml.h"
+
+static cairn_file_error error;
+
+/* A stem of three discs, and a branch of two that leads into its middle. */
+static const cairn_skeleton_point points[] = {
+    {{10, 20}, 4, {{10, 16}, {10, 24}}, {3, 7}},  {{20, 20}, 5, {{20, 15}, {20, 25}}, {4, -1}},
+    {{30, 20}, 6, {{30, 14}, {30, 26}}, {5, 8}},  {{20, 40}, 2, {{18, 40}, {22, 40}}, {-1, -1}},
+    {{20, 30}, 3, {{17, 30}, {23, 30}}, {9, 10}},
+};
+static const cairn_skeleton_part parts[] = {{0, 3, 0, {-1, -1}, CAIRN_REAL(12.5)},
+                                            {3, 2, 0, {-1, 1}, CAIRN_REAL(3.25)}};
+static const cairn_skeleton_object objects[] = {{2, 3, CAIRN_REAL(15.75)}};
+static uint8_t grey[60 * 50];
+
+static cairn_skeleton_picture picture(int there)
+{
+    cairn_skeleton_picture p;
+
+    memset(&p, 0, sizeof p);
+    p.image = "a \"<image>\".png";
+    p.width = 60;
+    p.height = 50;
+    p.edgel_count = 11;
+    p.result.min_radius = 2;
+    p.result.max_radius = CAIRN_REAL(6.5);
+    if (!there)
+        return p;
+    p.grey = grey;
+    p.proposed = 1;
+    p.result.points = points;
+    p.result.parts = parts;
+    p.result.objects = objects;
+    p.result.point_count = 5;
+    p.result.part_count = 2;
+    p.result.object_count = 1;
+    p.result.centres = 21;
+    p.result.lines = 4;
+    p.result.starts = 6;
+    return p;
+}
+
+static void assert_json(const char *text)
+{
+    cairn_json json = cairn_json_begin("json", text, strlen(text));
+    cairn_json_token token;
+
+    do
+        assert_ok(cairn_json_next(&json, &token, &error));
+    while (token.kind != CAIRN_JSON_END);
+}
+
+static void test_json(void **state)
+{
+    static const char expected[] =
+        "{\"image\": \"a \\u0022\\u003cimage\\u003e\\u0022.png\", \"width\": 60, \"height\": 50, \"min_radius\": 2.00, "
+        "\"max_radius\": 6.50, \"proposed\": true,\n"
+        " \"edgels\": 11, \"centres\": 21, \"lines\": 4, \"starts\": 6, \"verdict\": \"found\",\n"
+        " \"objects\": [\n  {\"log_odds\": 15.75, \"parts\": 2, \"free_ends\": 3}],\n \"parts\": [\n"
+        "  {\"log_odds\": 12.50, \"object\": 0, \"joints\": [-1, -1], \"first\": 0,\n"
+        "   \"axis\": [[10.00, 20.00, 4.00], [20.00, 20.00, 5.00], [30.00, 20.00, 6.00]],\n"
+        "   \"left\": [[10.00, 16.00, true], [20.00, 15.00, true], [30.00, 14.00, true]],\n"
+        "   \"right\": [[10.00, 24.00, true], [20.00, 25.00, false], [30.00, 26.00, true]]},\n"
+        "  {\"log_odds\": 3.25, \"object\": 0, \"joints\": [-1, 1], \"first\": 3,\n"
+        "   \"axis\": [[20.00, 40.00, 2.00], [20.00, 30.00, 3.00]],\n"
+        "   \"left\": [[18.00, 40.00, false], [17.00, 30.00, true]],\n"
+        "   \"right\": [[22.00, 40.00, false], [23.00, 30.00, true]]}]}\n";
+    cairn_skeleton_picture p = picture(1);
+    char *text;
+
+    (void)state;
+    assert_ok(cairn_skeleton_file_write(&p, files_path("a.json"), &error));
+    text = files_read(files_path("a.json"), NULL);
+    assert_string_equal(text, expected);
+    assert_json(text);
+    free(text);
+}
+
+static void test_picture(void **state)
+{
+    cairn_skeleton_picture p = picture(1);
+    char *text;
+
+    (void)state;
+    assert_ok(cairn_skeleton_file_draw(&p, files_path("a.svg"), &error));
+    text = files_read(files_path("a.svg"), NULL);
+    assert_well_formed(text);
+    assert_int_equal(count_of(text, "<image x"), 1);
+    assert_int_equal(count_of(text, "class=\"axis\" d=\"M10.0 20.0L20.0 20.0L30.0 20.0\""), 1);
+    assert_int_equal(count_of(text, "class=\"axis\" d=\"M20.0 40.0L20.0 30.0M20.0 30.0L20.0 20.0\""), 1);
+    assert_int_equal(count_of(text, "class=\"contour\" d=\"M10.0 16.0L20.0 15.0M20.0 15.0L30.0 14.0\""), 1);
+    assert_int_equal(count_of(text, "class=\"carried\" d=\"M10.0 24.0L20.0 25.0M20.0 25.0L30.0 26.0\""), 1);
+    assert_int_equal(count_of(text, "class=\"carried\" d=\"M18.0 40.0L17.0 30.0\""), 1);
+    assert_int_equal(count_of(text, "2 parts of 1 objects, radii 2.0 to 6.5 px, 11 edgels"), 1);
+    free(text);
+}
+
+static void test_nothing_found(void **state)
+{
+    cairn_skeleton_picture p = picture(0);
+    char *text;
+
+    (void)state;
+    assert_ok(cairn_skeleton_file_write(&p, files_path("b.json"), &error));
+    text = files_read(files_path("b.json"), NULL);
+    assert_json(text);
+    assert_int_equal(count_of(text, "\"verdict\": \"none\""), 1);
+    assert_int_equal(count_of(text, "\"proposed\": false"), 1);
+    assert_int_equal(count_of(text, "\"objects\": []"), 1);
+    assert_int_equal(count_of(text, "\"parts\": []"), 1);
+    free(text);
+    assert_ok(cairn_skeleton_file_draw(&p, files_path("b.svg"), &error));
+    text = files_read(files_path("b.svg"), NULL);
+    assert_well_formed(text);
+    assert_int_equal(count_of(text, "<image x"), 0);
+    assert_int_equal(count_of(text, "class=\"axis\""), 0);
+    free(text);
+}
+
+static void test_folders_are_named(void **state)
+{
+    cairn_skeleton_picture p = picture(1);
+
+    (void)state;
+    assert_status(cairn_skeleton_file_write(&p, files_path("none/a.json"), &error), CAIRN_IO);
+    assert_non_null(strstr(error.text, "none/a.json"));
+    assert_status(cairn_skeleton_file_draw(&p, files_path("none/a.svg"), &error), CAIRN_IO);
+    assert_non_null(strstr(error.text, "none/a.svg"));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_json),
+        cmocka_unit_test(test_picture),
+        cmocka_unit_test(test_nothing_found),
+        cmocka_unit_test(test_folders_are_named),
+    };
+
+    return cmocka_run_group_tests(tests, files_setup, files_teardown);
+}
