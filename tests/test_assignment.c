@@ -26,8 +26,8 @@ static void draw(pairing *p, cairn_random *random, int32_t rows, int32_t columns
     p->rows = rows;
     p->columns = columns;
     for (int32_t i = 0; i < rows * columns; i++)
-        p->cost[i] = levels > 0 ? (cairn_real)(cairn_random_below(random, levels) - levels / 2)
-                                : cairn_random_uniform(random, -3, 10);
+        p->cost[i] =
+            levels > 0 ? (cairn_real)cairn_random_below(random, levels) - 2 : cairn_random_uniform(random, -3, 10);
 }
 
 static cairn_assignment_result run(pairing *p)
