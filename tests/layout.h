@@ -1,6 +1,7 @@
 /* Sizes and offsets of the open structs in bytes, double and float, on a 64-bit ABI. Made by tools/layout.sh. */
 /* clang-format off */
 #include "cairn/aligner.h"
+#include "cairn/assignment.h"
 #include "cairn/block_solver.h"
 #include "cairn/carmen_log.h"
 #include "cairn/contour_file.h"
@@ -56,6 +57,7 @@
 #include "cairn/scan_set.h"
 #include "cairn/self_similarity.h"
 #include "cairn/sequence.h"
+#include "cairn/shape_context.h"
 #include "cairn/shape_image.h"
 #include "cairn/shape_model.h"
 #include "cairn/shape_model_file.h"
@@ -113,6 +115,14 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_aligner_result, spread_angle, 56, 52)},
     {FIELD(cairn_aligner_result, units, 64, 56)},
     {FIELD(cairn_aligner_result, worst_step, 72, 64)},
+    {SIZE(cairn_assignment_params, 8, 8)},
+    {FIELD(cairn_assignment_params, max_rows, 0, 0)},
+    {FIELD(cairn_assignment_params, max_columns, 4, 4)},
+    {SIZE(cairn_assignment_result, 24, 24)},
+    {FIELD(cairn_assignment_result, column, 0, 0)},
+    {FIELD(cairn_assignment_result, rows, 8, 8)},
+    {FIELD(cairn_assignment_result, pairs, 12, 12)},
+    {FIELD(cairn_assignment_result, cost, 16, 16)},
     {SIZE(cairn_block_solver_params, 12, 12)},
     {FIELD(cairn_block_solver_params, max_poses, 0, 0)},
     {FIELD(cairn_block_solver_params, max_links, 4, 4)},
@@ -1477,6 +1487,21 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_sequence_result, pairs, 0, 0)},
     {FIELD(cairn_sequence_result, count, 8, 8)},
     {FIELD(cairn_sequence_result, score, 16, 12)},
+    {SIZE(cairn_shape_context_params, 32, 16)},
+    {FIELD(cairn_shape_context_params, max_points, 0, 0)},
+    {FIELD(cairn_shape_context_params, outer, 16, 8)},
+    {FIELD(cairn_shape_context_params, missing, 24, 12)},
+    {SIZE(cairn_shape_context_input, 40, 40)},
+    {FIELD(cairn_shape_context_input, kind, 0, 0)},
+    {FIELD(cairn_shape_context_input, first, 8, 8)},
+    {FIELD(cairn_shape_context_input, second, 16, 16)},
+    {FIELD(cairn_shape_context_input, first_count, 24, 24)},
+    {FIELD(cairn_shape_context_input, second_count, 28, 28)},
+    {FIELD(cairn_shape_context_input, missing_share, 32, 32)},
+    {SIZE(cairn_shape_context_result, 24, 16)},
+    {FIELD(cairn_shape_context_result, match, 0, 0)},
+    {FIELD(cairn_shape_context_result, count, 8, 8)},
+    {FIELD(cairn_shape_context_result, distance, 16, 12)},
     {SIZE(cairn_shape_image_params, 24, 24)},
     {FIELD(cairn_shape_image_params, holes, 0, 0)},
     {FIELD(cairn_shape_image_params, max_gap, 8, 8)},

@@ -2,9 +2,10 @@
  * they say so, without an object or a budget. */
 #include "tests/test.h"
 
+#include "cairn/assignment.h"
+#include "cairn/curve_evolution.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
-#include "cairn/curve_evolution.h"
 #include "cairn/edgel.h"
 #include "cairn/inner_distance.h"
 #include "cairn/self_similarity.h"
@@ -15,6 +16,7 @@
 #include "cairn/place_map.h"
 #include "cairn/scan_cover.h"
 #include "cairn/sequence.h"
+#include "cairn/shape_context.h"
 #include "cairn/shape_model.h"
 #include "cairn/skeleton_grouping.h"
 #include "cairn/symmetric_point.h"
@@ -89,6 +91,7 @@ static cairn_distance_map_params distance_map_params(void)
 
 #define STEPPED(X)                                                                                                     \
     X(aligner, aligner)                                                                                                \
+    X(assignment, assignment)                                                                                          \
     X(corner, corner_set)                                                                                              \
     X(edge_chain, edge_chain_set)                                                                                      \
     X(edge_segment, edge_segment_set)                                                                                  \
@@ -110,6 +113,7 @@ static cairn_distance_map_params distance_map_params(void)
     X(scan_match, scan_match)                                                                                          \
     X(sequence, sequence)                                                                                              \
     X(shape_builder, shape_builder)                                                                                    \
+    X(shape_context, shape_context)                                                                                    \
     X(skeleton, skeleton)                                                                                              \
     X(symmetric_point, symmetric_point_set)                                                                            \
     X(virtual_align, virtual_align)                                                                                    \
