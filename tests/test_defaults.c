@@ -12,6 +12,7 @@
 #include "cairn/edgel.h"
 #include "cairn/inner_distance.h"
 #include "cairn/self_similarity.h"
+#include "cairn/part_bundle.h"
 #include "cairn/shape_context.h"
 #include "cairn/filter_mapper.h"
 #include "cairn/hough.h"
@@ -528,6 +529,7 @@ static void of_contours(void **state)
     cairn_edgel_params edgel = cairn_edgel_default();
     cairn_assignment_params assignment = cairn_assignment_default();
     cairn_shape_context_params context = cairn_shape_context_default();
+    cairn_part_bundle_params bundle = cairn_part_bundle_default();
     cairn_curve_evolution_params evolution = cairn_curve_evolution_default();
     cairn_inner_distance_params inner = cairn_inner_distance_default();
     cairn_self_similarity_params similarity = cairn_self_similarity_default();
@@ -558,6 +560,11 @@ static void of_contours(void **state)
         VALUE(context.inner, 0.125),
         VALUE(context.outer, 2),
         VALUE(context.missing, 1),
+        VALUE(bundle.max_points, 256),
+        VALUE(bundle.bundles, 4),
+        VALUE(bundle.pieces_each, 2),
+        VALUE(bundle.longest, 3),
+        VALUE(bundle.samples_each, 20),
         VALUE(inner.max_points, 128),
         VALUE(inner.fill_holes, 0),
         VALUE(similarity.mode, CAIRN_SYMMETRY_RERANKED),

@@ -13,6 +13,7 @@
 #include "cairn/map_merge.h"
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
+#include "cairn/part_bundle.h"
 #include "cairn/place_map.h"
 #include "cairn/scan_cover.h"
 #include "cairn/sequence.h"
@@ -104,6 +105,7 @@ static cairn_distance_map_params distance_map_params(void)
     X(hough, hough)                                                                                                    \
     X(map_merge, map_merge)                                                                                            \
     X(mapper, mapper)                                                                                                  \
+    X(part_bundle, part_builder)                                                                                       \
     X(place_map, place_map)                                                                                            \
     X(polyline, polyline)                                                                                              \
     X(pose_consensus, pose_consensus)                                                                                  \

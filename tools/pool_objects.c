@@ -19,6 +19,7 @@
 #include "cairn/scan_cover.h"
 #include "cairn/self_similarity.h"
 #include "cairn/sequence.h"
+#include "cairn/part_bundle.h"
 #include "cairn/shape_context.h"
 #include "cairn/shape_model.h"
 #include "cairn/skeleton_grouping.h"
@@ -45,6 +46,7 @@ typedef union any_params {
     cairn_map_merge_params map_merge;
     cairn_mapper_params mapper;
     cairn_occupancy_grid_params occupancy_grid;
+    cairn_part_bundle_params part_bundle;
     cairn_particle_filter_params particle_filter;
     cairn_place_map_params place_map;
     cairn_point_grid_params point_grid;
@@ -94,6 +96,7 @@ ROOM(icp)
 ROOM(lum)
 ROOM(map_merge)
 ROOM(mapper)
+ROOM(part_bundle)
 ROOM(particle_filter)
 ROOM(place_map)
 ROOM(polyline)
@@ -235,6 +238,9 @@ const pool_object pool_objects[] = {
     {OBJECT(edge_segment), 2, {HAS(edge_segment, "line", max_lines), HAS(edge_segment, "segment", max_segments)}},
     {OBJECT(assignment), 0, {HAS(assignment, "row", max_rows), HAS(assignment, "column", max_columns)}},
     {OBJECT(shape_context), 0, {HAS(shape_context, "point", max_points)}},
+    {OBJECT(part_bundle),
+     0,
+     {HAS(part_bundle, "point", max_points), HAS(part_bundle, "sample of a fragment", samples_each)}},
     {OBJECT(curve_evolution), 1, {HAS(curve_evolution, "point", max_points)}},
     {OBJECT(inner_distance), 0, {HAS(inner_distance, "point", max_points)}},
     {OBJECT(self_similarity),
