@@ -411,7 +411,7 @@ cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detec
                                     cairn_status_text(status));
     if (!detect(&d, detections))
         status = CAIRN_NO_MEMORY;
-    for (int32_t i = 0; i < d.variants; i++)
+    for (int32_t i = 0; i < 2 * ASPECTS; i++)
         free(d.variant[i].outline);
     free(d.peaks);
     cairn_contour_field_free(d.window);

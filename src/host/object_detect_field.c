@@ -162,6 +162,14 @@ static int params_are_good(const cairn_object_detect_params *p)
            cairn_is_finite(p->min_score);
 }
 
+/* As many sizes as there are up to the largest. */
+static int32_t planes_of(const cairn_object_detect_params *p)
+{
+    int32_t planes = 1 + (int32_t)(log((double)(p->max_size / p->min_size)) / log(SIZE_STEP) + 1e-6);
+
+    return planes < DETECT_PLANES ? planes : DETECT_PLANES;
+}
+
 cairn_status cairn_detect_field_make(cairn_detect_field **field, const cairn_contour_tokens *tokens,
                                      const cairn_object_detect_params *params, const char *path,
                                      cairn_file_error *error)
@@ -177,12 +185,11 @@ cairn_status cairn_detect_field_make(cairn_detect_field **field, const cairn_con
         return cairn_file_error_system(error, path, "detect", ENOMEM);
     f->tokens = tokens;
     f->params = *params;
-    for (double size = (double)params->min_size; size <= (double)params->max_size && f->planes < DETECT_PLANES && ok;
-         size *= SIZE_STEP) {
+    for (int32_t k = 0; k < planes_of(params) && ok; k++) {
         detect_plane *p = &f->plane[f->planes++];
         maker m = {NULL, NULL, NULL};
 
-        p->size = (cairn_real)size;
+        p->size = params->min_size * (cairn_real)pow(SIZE_STEP, k);
         p->cell = p->size / DETECT_CELLS;
         p->width = 1 + (int32_t)((double)tokens->width / (double)p->cell);
         p->height = 1 + (int32_t)((double)tokens->height / (double)p->cell);
