@@ -108,7 +108,7 @@ static int add_variant(detector *d, int32_t mirrored, double aspect)
 
 static int add_variants(detector *d)
 {
-    for (int32_t mirrored = 0; mirrored <= (d->field->params.mirror != 0); mirrored++)
+    for (int32_t mirrored = 0; mirrored < (d->field->params.mirror ? 2 : 1); mirrored++)
         for (int32_t k = 0; k < ASPECTS; k++)
             if (!add_variant(d, mirrored, aspects[k]))
                 return 0;

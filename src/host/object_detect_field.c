@@ -131,7 +131,7 @@ static int make_plane(detect_plane *p, const cairn_contour_tokens *tokens, maker
     size_t cells = (size_t)w * (size_t)h;
 
     p->worth = malloc(BINS * cairn_detect_layer(p) * sizeof *p->worth);
-    m->cost = malloc(BINS * cells * sizeof *m->cost);
+    m->cost = calloc(BINS * cells, sizeof *m->cost);
     m->sums = malloc(((size_t)w + 1) * ((size_t)h + 1) * sizeof *m->sums);
     m->strip = malloc(((size_t)longest + 2 * SPREAD) * sizeof *m->strip);
     if (p->worth == NULL || m->cost == NULL || m->sums == NULL || m->strip == NULL)
