@@ -368,7 +368,7 @@ void group_found_add(group_found *found, const group_image *image, const cairn_c
 
         memset(g, 0, sizeof *g);
         g->pixels = empty_picture(image);
-        g->outline_count = result->outline_count / result->object_count;
+        g->outline_count = o->outline_count;
         g->outline = malloc((size_t)g->outline_count * sizeof *g->outline);
         if (g->pixels == NULL || g->outline == NULL) {
             free_grouping(g);
@@ -495,10 +495,12 @@ static void dot(const group_image *image, uint8_t *rgb, double x, double y, cons
 
 static void draw_outline(const group_image *image, uint8_t *rgb, const group_grouping *g)
 {
-    static const uint8_t blue[3] = {60, 120, 255};
+    static const uint8_t blue[3] = {60, 120, 255}, violet[3] = {220, 60, 255};
 
     for (int32_t i = 0; i < g->outline_count; i++)
-        dot(image, rgb, (double)g->outline[i].at.position.x, (double)g->outline[i].at.position.y, blue);
+        for (int32_t k = 0; k < 4; k++)
+            dot(image, rgb, (double)g->outline[i].at.position.x + k % 2, (double)g->outline[i].at.position.y + k / 2,
+                g->outline[i].segment >= 0 ? blue : violet);
 }
 
 void group_draw(const char *folder, const group_image *image, const group_found *found)
@@ -515,10 +517,9 @@ void group_draw(const char *folder, const group_image *image, const group_found 
         for (int32_t k = 0; k < image->instances; k++)
             if (image->outline[k][i])
                 rgb[3 * i + 1] = 200;
-        for (int32_t k = found->count - 1; k >= 0; k--)
+        for (int32_t k = 0; k < found->count && k < image->instances; k++)
             if (found->grouping[k].pixels[i]) {
                 rgb[3 * i] = 255;
-                rgb[3 * i + 1] = k < image->instances ? rgb[3 * i + 1] : 140;
                 rgb[3 * i + 2] = 0;
             }
     }
