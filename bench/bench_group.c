@@ -497,10 +497,14 @@ static void draw_outline(const group_image *image, uint8_t *rgb, const group_gro
 {
     static const uint8_t blue[3] = {60, 120, 255}, violet[3] = {220, 60, 255};
 
-    for (int32_t i = 0; i < g->outline_count; i++)
-        for (int32_t k = 0; k < 4; k++)
-            dot(image, rgb, (double)g->outline[i].at.position.x + k % 2, (double)g->outline[i].at.position.y + k / 2,
-                g->outline[i].segment >= 0 ? blue : violet);
+    for (int32_t i = 0; i < g->outline_count; i++) {
+        const cairn_contour_place *place = &g->outline[i];
+
+        for (int32_t v = 0; v < 2; v++)
+            for (int32_t u = 0; u < 2; u++)
+                dot(image, rgb, (double)place->at.position.x + u, (double)place->at.position.y + v,
+                    place->segment >= 0 ? blue : violet);
+    }
 }
 
 void group_draw(const char *folder, const group_image *image, const group_found *found)
