@@ -406,6 +406,7 @@ static struct twin twin_of(const cairn_virtual_align_params *p, const struct roo
     t.p.field.max_segments = t.p.hypotheses.max_segments = p->aligner.max_segments;
     t.p.field.max_points = t.p.hypotheses.max_points = p->aligner.max_points;
     t.p.field.max_extra = p->hypotheses.max_virtual;
+    t.p.field.max_bonds = SCANS * (SCANS - 1) / 2;
     t.pool = test_pool(cairn_aligner_memory(&t.p.aligner) + cairn_force_field_memory(&t.p.field) +
                        cairn_virtual_scan_memory(&t.p.hypotheses));
     assert_ok(cairn_aligner_create(&t.aligner, &t.pool, &t.p.aligner));
