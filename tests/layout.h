@@ -32,7 +32,6 @@
 #include "cairn/mapper.h"
 #include "cairn/neighbours.h"
 #include "cairn/number_text.h"
-#include "cairn/object_detect.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/output.h"
 #include "cairn/output_set.h"
@@ -856,32 +855,6 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_point_grid_cursor, all, 48, 36)},
     {SIZE(cairn_box_sweep_params, 4, 4)},
     {FIELD(cairn_box_sweep_params, max_boxes, 0, 0)},
-    {SIZE(cairn_object_detect_params, 40, 24)},
-    {FIELD(cairn_object_detect_params, min_size, 0, 0)},
-    {FIELD(cairn_object_detect_params, max_size, 8, 4)},
-    {FIELD(cairn_object_detect_params, mirror, 16, 8)},
-    {FIELD(cairn_object_detect_params, candidates, 20, 12)},
-    {FIELD(cairn_object_detect_params, overlap, 24, 16)},
-    {FIELD(cairn_object_detect_params, min_score, 32, 20)},
-    {SIZE(cairn_detection, 176, 92)},
-    {FIELD(cairn_detection, left, 0, 0)},
-    {FIELD(cairn_detection, top, 8, 4)},
-    {FIELD(cairn_detection, right, 16, 8)},
-    {FIELD(cairn_detection, bottom, 24, 12)},
-    {FIELD(cairn_detection, score, 32, 16)},
-    {FIELD(cairn_detection, rigid, 40, 20)},
-    {FIELD(cairn_detection, bent, 48, 24)},
-    {FIELD(cairn_detection, origin, 56, 28)},
-    {FIELD(cairn_detection, size, 72, 36)},
-    {FIELD(cairn_detection, x, 80, 40)},
-    {FIELD(cairn_detection, mirrored, 160, 80)},
-    {FIELD(cairn_detection, first_outline, 164, 84)},
-    {FIELD(cairn_detection, outline_count, 168, 88)},
-    {SIZE(cairn_detections, 32, 32)},
-    {FIELD(cairn_detections, found, 0, 0)},
-    {FIELD(cairn_detections, count, 8, 8)},
-    {FIELD(cairn_detections, outline, 16, 16)},
-    {FIELD(cairn_detections, outline_count, 24, 24)},
     {SIZE(cairn_occupancy_grid_params, 32, 20)},
     {FIELD(cairn_occupancy_grid_params, width, 0, 0)},
     {FIELD(cairn_occupancy_grid_params, height, 4, 4)},
