@@ -72,10 +72,10 @@ cairn_virtual_align_params cairn_virtual_align_default(void)
     return params;
 }
 
-/* At most 32 other scans near each. */
+/* Of each with 32 others, the virtual one among them. */
 static int32_t bonds_of(int32_t scans)
 {
-    return scans <= 64 ? scans * (scans - 1) / 2 : 32 * scans;
+    return scans < 64 ? scans * (scans + 1) / 2 : 32 * scans;
 }
 
 /* Capacities are the aligner's; points of the map are thinned by the stride, a segment rounding up. */
