@@ -11,6 +11,7 @@
 #include "cairn/csm_scan.h"
 #include "cairn/curve.h"
 #include "cairn/curve_evolution.h"
+#include "cairn/detection_file.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
 #include "cairn/edgel.h"
@@ -32,6 +33,7 @@
 #include "cairn/mapper.h"
 #include "cairn/neighbours.h"
 #include "cairn/number_text.h"
+#include "cairn/object_detect.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/output.h"
 #include "cairn/output_set.h"
@@ -342,6 +344,13 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_curve_evolution_result, rank, 0, 0)},
     {FIELD(cairn_curve_evolution_result, count, 8, 8)},
     {FIELD(cairn_curve_evolution_result, least, 12, 12)},
+    {SIZE(cairn_detection_picture, 48, 48)},
+    {FIELD(cairn_detection_picture, image, 0, 0)},
+    {FIELD(cairn_detection_picture, model_name, 8, 8)},
+    {FIELD(cairn_detection_picture, grey, 16, 16)},
+    {FIELD(cairn_detection_picture, shrink, 24, 24)},
+    {FIELD(cairn_detection_picture, tokens, 32, 32)},
+    {FIELD(cairn_detection_picture, detections, 40, 40)},
     {SIZE(cairn_edge_pixel, 4, 4)},
     {FIELD(cairn_edge_pixel, x, 0, 0)},
     {FIELD(cairn_edge_pixel, y, 2, 2)},
@@ -855,6 +864,36 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_point_grid_cursor, all, 48, 36)},
     {SIZE(cairn_box_sweep_params, 4, 4)},
     {FIELD(cairn_box_sweep_params, max_boxes, 0, 0)},
+    {SIZE(cairn_object_detect_params, 40, 24)},
+    {FIELD(cairn_object_detect_params, min_size, 0, 0)},
+    {FIELD(cairn_object_detect_params, max_size, 8, 4)},
+    {FIELD(cairn_object_detect_params, mirror, 16, 8)},
+    {FIELD(cairn_object_detect_params, candidates, 20, 12)},
+    {FIELD(cairn_object_detect_params, overlap, 24, 16)},
+    {FIELD(cairn_object_detect_params, min_score, 32, 20)},
+    {SIZE(cairn_detection, 112, 64)},
+    {FIELD(cairn_detection, left, 0, 0)},
+    {FIELD(cairn_detection, top, 8, 4)},
+    {FIELD(cairn_detection, right, 16, 8)},
+    {FIELD(cairn_detection, bottom, 24, 12)},
+    {FIELD(cairn_detection, score, 32, 16)},
+    {FIELD(cairn_detection, rigid, 40, 20)},
+    {FIELD(cairn_detection, bent, 48, 24)},
+    {FIELD(cairn_detection, along, 56, 28)},
+    {FIELD(cairn_detection, origin, 64, 32)},
+    {FIELD(cairn_detection, size, 80, 40)},
+    {FIELD(cairn_detection, mirrored, 88, 44)},
+    {FIELD(cairn_detection, first_segment, 92, 48)},
+    {FIELD(cairn_detection, segment_count, 96, 52)},
+    {FIELD(cairn_detection, first_outline, 100, 56)},
+    {FIELD(cairn_detection, outline_count, 104, 60)},
+    {SIZE(cairn_detections, 40, 40)},
+    {FIELD(cairn_detections, found, 0, 0)},
+    {FIELD(cairn_detections, segments, 8, 8)},
+    {FIELD(cairn_detections, outline, 16, 16)},
+    {FIELD(cairn_detections, count, 24, 24)},
+    {FIELD(cairn_detections, segment_count, 28, 28)},
+    {FIELD(cairn_detections, outline_count, 32, 32)},
     {SIZE(cairn_occupancy_grid_params, 32, 20)},
     {FIELD(cairn_occupancy_grid_params, width, 0, 0)},
     {FIELD(cairn_occupancy_grid_params, height, 4, 4)},

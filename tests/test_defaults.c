@@ -21,6 +21,7 @@
 #include "cairn/map_file.h"
 #include "cairn/map_merge.h"
 #include "cairn/mapper.h"
+#include "cairn/object_detect.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/place_map.h"
 #include "cairn/pose_consensus.h"
@@ -530,6 +531,7 @@ static void of_contours(void **state)
     cairn_assignment_params assignment = cairn_assignment_default();
     cairn_shape_context_params context = cairn_shape_context_default();
     cairn_part_bundle_params bundle = cairn_part_bundle_default();
+    cairn_object_detect_params detect = cairn_object_detect_default(300, 400);
     cairn_curve_evolution_params evolution = cairn_curve_evolution_default();
     cairn_inner_distance_params inner = cairn_inner_distance_default();
     cairn_self_similarity_params similarity = cairn_self_similarity_default();
@@ -560,6 +562,12 @@ static void of_contours(void **state)
         VALUE(context.inner, 0.125),
         VALUE(context.outer, 2),
         VALUE(context.missing, 1),
+        VALUE(detect.min_size, 50),
+        VALUE(detect.max_size, 500),
+        VALUE(detect.mirror, 1),
+        VALUE(detect.candidates, 12),
+        VALUE(detect.overlap, 0.2),
+        VALUE(detect.min_score, 0),
         VALUE(bundle.max_points, 256),
         VALUE(bundle.bundles, 4),
         VALUE(bundle.pieces_each, 2),
