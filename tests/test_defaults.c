@@ -563,7 +563,7 @@ static void of_contours(void **state)
         VALUE(detect.min_size, 50),
         VALUE(detect.max_size, 500),
         VALUE(detect.mirror, 1),
-        VALUE(detect.candidates, 12),
+        VALUE(detect.candidates, 20),
         VALUE(detect.overlap, 0.2),
         VALUE(detect.min_score, 0),
         VALUE(bundle.max_points, 256),

@@ -14,9 +14,10 @@ extern "C" {
 typedef struct cairn_object_detect_params {
     cairn_real min_size, max_size; /* px, 0 < min <= max: of the diagonal of the object's box */
     int32_t mirror;                /* 1: the mirrored model is looked for, too (1) */
-    int32_t candidates;            /* 1 ... 64: places that are looked at again (12) */
+    int32_t candidates;            /* 1 ... 64: places that are looked at again (20) */
     cairn_real
-        overlap; /* 0 ... 1: of two detections whose boxes share more, over their union, the better one stays (0.2) */
+        overlap; /* 0 ... 1: of two detections whose boxes share more, over their union, the better one stays (0.2); so it does when
+                                      most of the smaller box lies in the other */
     cairn_real min_score; /* worse detections are not reported (0) */
 } cairn_object_detect_params;
 
@@ -27,7 +28,7 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
  * object than by chance, where the model was laid first, and where its bent outline lies, less what bending costs. */
 typedef struct cairn_detection {
     cairn_real left, top, right, bottom; /* px, the box about the bent outline */
-    cairn_real score;                    /* of rigid, bent, along, and of the size to the picture's diagonal */
+    cairn_real score; /* of rigid, bent, along, the box's proportions, the size to the picture's diagonal */
     cairn_real rigid, bent;
     cairn_real along;      /* length of the segments to that of the outline */
     cairn_vec2 origin;     /* px, where the model's origin lies */

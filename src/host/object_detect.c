@@ -27,10 +27,14 @@ enum { ASPECTS = sizeof aspects / sizeof *aspects, PEAKS_MOST = 1 << 16 };
 /* What the outline before bending, the length of segments along it and the logarithm of the size, to the picture's diagonal, count beside
  * the bent one. A piece of a small outline is a few pixels, along which chance lays an edge more easily. */
 #define RIGID 2
-#define ALONG 1
-#define SIZE  0.75
+#define ALONG 0.5
+#define SIZE  1
+/* And the square of the logarithm of how much wider its box is, to its height, than the model's. */
+#define PROPORTION 1
 /* What the logarithm of the size counts beside the outline before bending, for candidates. */
 #define FIRST_SIZE 0.4F
+/* Of two detections one goes, too, when more of the smaller box than this lies in the other: parts of an object look like small ones. */
+#define INSIDE 0.8F
 /* A segment stands for a place so near, of the size, but at least so many pixels; and turned by so much. */
 #define REACH_SHARE 0.04
 #define LEAST_REACH 3
@@ -63,7 +67,7 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
 {
     cairn_real diagonal = (cairn_real)hypot((double)width, (double)height);
     cairn_object_detect_params params = {
-        cairn_max(24, diagonal / 10), cairn_max(24, diagonal), 1, 12, CAIRN_REAL(0.2), 0};
+        cairn_max(24, diagonal / 10), cairn_max(24, diagonal), 1, 20, CAIRN_REAL(0.2), 0};
 
     return params;
 }
@@ -191,6 +195,17 @@ static float overlap_of(float al, float at, float ar, float ab, float bl, float 
     return both / ((ar - al) * (ab - at) + (br - bl) * (bb - bt) - both);
 }
 
+/* The share of the smaller of two boxes that lies in the other. */
+static float inside_of(const cairn_detection *a, const cairn_detection *b)
+{
+    cairn_real w = cairn_min(a->right, b->right) - cairn_max(a->left, b->left),
+               h = cairn_min(a->bottom, b->bottom) - cairn_max(a->top, b->top),
+               least =
+                   cairn_min((a->right - a->left) * (a->bottom - a->top), (b->right - b->left) * (b->bottom - b->top));
+
+    return w > 0 && h > 0 ? (float)(w * h / least) : 0;
+}
+
 static float peak_overlap(const detector *d, const peak *a, const peak *b)
 {
     const variant *v = &d->variant[a->variant], *u = &d->variant[b->variant];
@@ -312,10 +327,13 @@ static int take_segments(const detector *d, cairn_detections *found, cairn_detec
 
 static cairn_real score_of(const detector *d, const cairn_detection *o)
 {
+    const variant *plain = &d->variant[0];
     double diagonal = hypot((double)d->field->tokens->width, (double)d->field->tokens->height);
+    double proportion = (double)(o->right - o->left) * (double)(plain->bottom - plain->top) /
+                        ((double)(o->bottom - o->top) * (double)(plain->right - plain->left));
 
     return o->bent + (cairn_real)RIGID * o->rigid + (cairn_real)ALONG * o->along +
-           (cairn_real)(SIZE * log((double)o->size / diagonal));
+           (cairn_real)(SIZE * log((double)o->size / diagonal) - PROPORTION * log(proportion) * log(proportion));
 }
 
 /* Bends the outline onto the edges about a candidate. 0: there is no memory. */
@@ -371,7 +389,8 @@ static void keep_best(const detector *d, cairn_detections *found)
             const cairn_detection *b = &found->found[k];
 
             apart = overlap_of((float)o->left, (float)o->top, (float)o->right, (float)o->bottom, (float)b->left,
-                               (float)b->top, (float)b->right, (float)b->bottom) <= (float)d->field->params.overlap;
+                               (float)b->top, (float)b->right, (float)b->bottom) <= (float)d->field->params.overlap &&
+                    inside_of(o, b) <= INSIDE;
         }
         if (apart)
             found->found[kept++] = *o;
