@@ -1,6 +1,7 @@
 /* Sizes and offsets of the open structs in bytes, double and float, on a 64-bit ABI. Made by tools/layout.sh. */
 /* clang-format off */
 #include "cairn/aligner.h"
+#include "cairn/assignment.h"
 #include "cairn/block_solver.h"
 #include "cairn/carmen_log.h"
 #include "cairn/contour_file.h"
@@ -10,6 +11,7 @@
 #include "cairn/csm_scan.h"
 #include "cairn/curve.h"
 #include "cairn/curve_evolution.h"
+#include "cairn/detection_file.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
 #include "cairn/edgel.h"
@@ -31,9 +33,11 @@
 #include "cairn/mapper.h"
 #include "cairn/neighbours.h"
 #include "cairn/number_text.h"
+#include "cairn/object_detect.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/output.h"
 #include "cairn/output_set.h"
+#include "cairn/part_bundle.h"
 #include "cairn/particle_filter.h"
 #include "cairn/place_map.h"
 #include "cairn/polyline.h"
@@ -56,6 +60,7 @@
 #include "cairn/scan_set.h"
 #include "cairn/self_similarity.h"
 #include "cairn/sequence.h"
+#include "cairn/shape_context.h"
 #include "cairn/shape_image.h"
 #include "cairn/shape_model.h"
 #include "cairn/shape_model_file.h"
@@ -113,6 +118,14 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_aligner_result, spread_angle, 56, 52)},
     {FIELD(cairn_aligner_result, units, 64, 56)},
     {FIELD(cairn_aligner_result, worst_step, 72, 64)},
+    {SIZE(cairn_assignment_params, 8, 8)},
+    {FIELD(cairn_assignment_params, max_rows, 0, 0)},
+    {FIELD(cairn_assignment_params, max_columns, 4, 4)},
+    {SIZE(cairn_assignment_result, 24, 24)},
+    {FIELD(cairn_assignment_result, column, 0, 0)},
+    {FIELD(cairn_assignment_result, rows, 8, 8)},
+    {FIELD(cairn_assignment_result, pairs, 12, 12)},
+    {FIELD(cairn_assignment_result, cost, 16, 16)},
     {SIZE(cairn_block_solver_params, 12, 12)},
     {FIELD(cairn_block_solver_params, max_poses, 0, 0)},
     {FIELD(cairn_block_solver_params, max_links, 4, 4)},
@@ -331,6 +344,13 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_curve_evolution_result, rank, 0, 0)},
     {FIELD(cairn_curve_evolution_result, count, 8, 8)},
     {FIELD(cairn_curve_evolution_result, least, 12, 12)},
+    {SIZE(cairn_detection_picture, 48, 48)},
+    {FIELD(cairn_detection_picture, image, 0, 0)},
+    {FIELD(cairn_detection_picture, model_name, 8, 8)},
+    {FIELD(cairn_detection_picture, grey, 16, 16)},
+    {FIELD(cairn_detection_picture, shrink, 24, 24)},
+    {FIELD(cairn_detection_picture, tokens, 32, 32)},
+    {FIELD(cairn_detection_picture, detections, 40, 40)},
     {SIZE(cairn_edge_pixel, 4, 4)},
     {FIELD(cairn_edge_pixel, x, 0, 0)},
     {FIELD(cairn_edge_pixel, y, 2, 2)},
@@ -844,6 +864,35 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_point_grid_cursor, all, 48, 36)},
     {SIZE(cairn_box_sweep_params, 4, 4)},
     {FIELD(cairn_box_sweep_params, max_boxes, 0, 0)},
+    {SIZE(cairn_object_detect_params, 40, 24)},
+    {FIELD(cairn_object_detect_params, min_size, 0, 0)},
+    {FIELD(cairn_object_detect_params, max_size, 8, 4)},
+    {FIELD(cairn_object_detect_params, mirror, 16, 8)},
+    {FIELD(cairn_object_detect_params, candidates, 20, 12)},
+    {FIELD(cairn_object_detect_params, min_score, 32, 20)},
+    {SIZE(cairn_detection, 112, 64)},
+    {FIELD(cairn_detection, left, 0, 0)},
+    {FIELD(cairn_detection, top, 8, 4)},
+    {FIELD(cairn_detection, right, 16, 8)},
+    {FIELD(cairn_detection, bottom, 24, 12)},
+    {FIELD(cairn_detection, score, 32, 16)},
+    {FIELD(cairn_detection, rigid, 40, 20)},
+    {FIELD(cairn_detection, bent, 48, 24)},
+    {FIELD(cairn_detection, along, 56, 28)},
+    {FIELD(cairn_detection, origin, 64, 32)},
+    {FIELD(cairn_detection, size, 80, 40)},
+    {FIELD(cairn_detection, mirrored, 88, 44)},
+    {FIELD(cairn_detection, first_segment, 92, 48)},
+    {FIELD(cairn_detection, segment_count, 96, 52)},
+    {FIELD(cairn_detection, first_outline, 100, 56)},
+    {FIELD(cairn_detection, outline_count, 104, 60)},
+    {SIZE(cairn_detections, 40, 40)},
+    {FIELD(cairn_detections, found, 0, 0)},
+    {FIELD(cairn_detections, segments, 8, 8)},
+    {FIELD(cairn_detections, outline, 16, 16)},
+    {FIELD(cairn_detections, count, 24, 24)},
+    {FIELD(cairn_detections, segment_count, 28, 28)},
+    {FIELD(cairn_detections, outline_count, 32, 32)},
     {SIZE(cairn_occupancy_grid_params, 32, 20)},
     {FIELD(cairn_occupancy_grid_params, width, 0, 0)},
     {FIELD(cairn_occupancy_grid_params, height, 4, 4)},
@@ -875,6 +924,34 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_occupancy_chord, x, 0, 0)},
     {FIELD(cairn_occupancy_chord, y, 4, 4)},
     {FIELD(cairn_occupancy_chord, length, 8, 8)},
+    {SIZE(cairn_part_fragment, 32, 24)},
+    {FIELD(cairn_part_fragment, from, 0, 0)},
+    {FIELD(cairn_part_fragment, to, 4, 4)},
+    {FIELD(cairn_part_fragment, bundle, 8, 8)},
+    {FIELD(cairn_part_fragment, pieces, 12, 12)},
+    {FIELD(cairn_part_fragment, first, 16, 16)},
+    {FIELD(cairn_part_fragment, length, 24, 20)},
+    {SIZE(cairn_part_model, 72, 64)},
+    {FIELD(cairn_part_model, fragments, 0, 0)},
+    {FIELD(cairn_part_model, samples, 8, 8)},
+    {FIELD(cairn_part_model, vertices, 16, 16)},
+    {FIELD(cairn_part_model, piece_length, 24, 24)},
+    {FIELD(cairn_part_model, fragment_count, 32, 32)},
+    {FIELD(cairn_part_model, samples_each, 36, 36)},
+    {FIELD(cairn_part_model, vertex_count, 40, 40)},
+    {FIELD(cairn_part_model, bundles, 44, 44)},
+    {FIELD(cairn_part_model, length, 48, 48)},
+    {FIELD(cairn_part_model, centroid, 56, 52)},
+    {SIZE(cairn_part_bundle_params, 20, 20)},
+    {FIELD(cairn_part_bundle_params, max_points, 0, 0)},
+    {FIELD(cairn_part_bundle_params, bundles, 4, 4)},
+    {FIELD(cairn_part_bundle_params, pieces_each, 8, 8)},
+    {FIELD(cairn_part_bundle_params, longest, 12, 12)},
+    {FIELD(cairn_part_bundle_params, samples_each, 16, 16)},
+    {SIZE(cairn_part_cut, 12, 12)},
+    {FIELD(cairn_part_cut, from, 0, 0)},
+    {FIELD(cairn_part_cut, to, 4, 4)},
+    {FIELD(cairn_part_cut, bundle, 8, 8)},
     {SIZE(cairn_particle_filter_params, 48, 40)},
     {FIELD(cairn_particle_filter_params, particles, 0, 0)},
     {FIELD(cairn_particle_filter_params, max_particles, 4, 4)},
@@ -1477,6 +1554,21 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_sequence_result, pairs, 0, 0)},
     {FIELD(cairn_sequence_result, count, 8, 8)},
     {FIELD(cairn_sequence_result, score, 16, 12)},
+    {SIZE(cairn_shape_context_params, 32, 16)},
+    {FIELD(cairn_shape_context_params, max_points, 0, 0)},
+    {FIELD(cairn_shape_context_params, outer, 16, 8)},
+    {FIELD(cairn_shape_context_params, missing, 24, 12)},
+    {SIZE(cairn_shape_context_input, 40, 40)},
+    {FIELD(cairn_shape_context_input, kind, 0, 0)},
+    {FIELD(cairn_shape_context_input, first, 8, 8)},
+    {FIELD(cairn_shape_context_input, second, 16, 16)},
+    {FIELD(cairn_shape_context_input, first_count, 24, 24)},
+    {FIELD(cairn_shape_context_input, second_count, 28, 28)},
+    {FIELD(cairn_shape_context_input, missing_share, 32, 32)},
+    {SIZE(cairn_shape_context_result, 24, 16)},
+    {FIELD(cairn_shape_context_result, match, 0, 0)},
+    {FIELD(cairn_shape_context_result, count, 8, 8)},
+    {FIELD(cairn_shape_context_result, distance, 16, 12)},
     {SIZE(cairn_shape_image_params, 24, 24)},
     {FIELD(cairn_shape_image_params, holes, 0, 0)},
     {FIELD(cairn_shape_image_params, max_gap, 8, 8)},
