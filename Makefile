@@ -72,7 +72,7 @@ TESTS    := $(TEST_SRC:tests/%.c=%)
 BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
 .PHONY: all help objects test run-tests golden run-golden demo run-demo bench run-bench vision check check-freestanding mutate amalgamation coverage
-.PHONY: install clean format missing firmware run-firmware firmware-test run-firmware-test footprint
+.PHONY: install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
 .DELETE_ON_ERROR:
 .SECONDARY:
 
@@ -90,6 +90,7 @@ help:
 	@echo "make firmware       the library in a robot's loop on Cortex-M7 and M4F"
 	@echo "make firmware-test  runs it in an emulator and compares it with this machine, bit by bit"
 	@echo "make footprint      writes docs/memory-and-time.md: stack, instructions, code and pool bytes"
+	@echo "make firmware-endless LAPS=40  the same of the robot that maps, there and back again"
 	@echo "make amalgamation   cairn.c and cairn.h, two files to drop into a firmware project"
 	@echo "make coverage       tests with line and branch coverage of src/"
 	@echo "make install        PREFIX=$(PREFIX) DESTDIR=$(DESTDIR)"
@@ -234,7 +235,7 @@ FW_HOST   := $(MISSIONS:%=$(FW)/host/%) $(SURVEYS:%=$(FW)/host/%) $(FW)/host/gol
 # The scans of a mission or survey are made by cairn-arena and stored in the image as they come from the scanner.
 SCANS_maze  := maze --places 16 --headings 1 --fov 360 --beams 181 --disturb 0.10,5
 SCANS_arena := rescue --places 15 --headings 4 --disturb 0.10,5
-SCANS_apartment := apartment --drive 150 --fov 240 --beams 241
+SCANS_apartment := apartment --drive 150 --fov 240 --beams 241 --noise 0
 $(FW)/%_scans.h: $(BUILD)/cairn-arena firmware/record.sh
 	@mkdir -p $(@D)
 	@$(BUILD)/cairn-arena $(SCANS_$*) --seed 7 -o $(FW)/$* >/dev/null
@@ -277,7 +278,9 @@ firmware-test:
 	@sh tools/deps.sh build firmware
 	@$(MAKE) run-firmware-test
 run-firmware-test: $(FW_ELFS) $(FW_HOST) $(TOOLS)
-	@sh tools/firmware-test.sh $(FW) $(MISSIONS) $(SURVEYS)
+	@sh tools/firmware-test.sh $(FW) $(MISSIONS) $(SURVEYS) golden-float golden-double
+firmware-endless: $(foreach cpu,m7 m4,$(SURVEYS:%=$(FW)/$(cpu)/%.elf)) $(SURVEYS:%=$(FW)/host/%) $(TOOLS)
+	@LAPS=$(or $(LAPS),40) sh tools/firmware-test.sh $(FW) $(SURVEYS)
 footprint:
 	@sh tools/deps.sh build firmware
 	@$(MAKE) run-firmware-test

@@ -368,7 +368,7 @@ void group_found_add(group_found *found, const group_image *image, const cairn_c
 
         memset(g, 0, sizeof *g);
         g->pixels = empty_picture(image);
-        g->outline_count = result->outline_count / result->object_count;
+        g->outline_count = o->outline_count;
         g->outline = malloc((size_t)g->outline_count * sizeof *g->outline);
         if (g->pixels == NULL || g->outline == NULL) {
             free_grouping(g);
@@ -495,10 +495,16 @@ static void dot(const group_image *image, uint8_t *rgb, double x, double y, cons
 
 static void draw_outline(const group_image *image, uint8_t *rgb, const group_grouping *g)
 {
-    static const uint8_t blue[3] = {60, 120, 255};
+    static const uint8_t blue[3] = {60, 120, 255}, violet[3] = {220, 60, 255};
 
-    for (int32_t i = 0; i < g->outline_count; i++)
-        dot(image, rgb, (double)g->outline[i].at.position.x, (double)g->outline[i].at.position.y, blue);
+    for (int32_t i = 0; i < g->outline_count; i++) {
+        const cairn_contour_place *place = &g->outline[i];
+
+        for (int32_t v = 0; v < 2; v++)
+            for (int32_t u = 0; u < 2; u++)
+                dot(image, rgb, (double)place->at.position.x + u, (double)place->at.position.y + v,
+                    place->segment >= 0 ? blue : violet);
+    }
 }
 
 void group_draw(const char *folder, const group_image *image, const group_found *found)
@@ -515,10 +521,9 @@ void group_draw(const char *folder, const group_image *image, const group_found 
         for (int32_t k = 0; k < image->instances; k++)
             if (image->outline[k][i])
                 rgb[3 * i + 1] = 200;
-        for (int32_t k = found->count - 1; k >= 0; k--)
+        for (int32_t k = 0; k < found->count && k < image->instances; k++)
             if (found->grouping[k].pixels[i]) {
                 rgb[3 * i] = 255;
-                rgb[3 * i + 1] = k < image->instances ? rgb[3 * i + 1] : 140;
                 rgb[3 * i + 2] = 0;
             }
     }

@@ -68,7 +68,7 @@ typedef struct group_score {
 /* Scores of all instances: each by the best of the first I groupings for it, no grouping for two. The number of groupings that were hits. */
 int32_t group_measure(const group_image *image, const group_found *found, group_score score[GROUP_INSTANCES]);
 
-/* DIR/name.ppm: edges grey, outlines green, the best groupings red, those behind them orange, their bent outlines blue. */
+/* DIR/name.ppm: edges grey, outlines green, the groupings that count red, their bent outlines blue, violet where nothing was seen. */
 void group_draw(const char *folder, const group_image *image, const group_found *found);
 
 #endif

@@ -11,6 +11,10 @@ void board_print(const char *text);
 /* Appends to the flight recording; nothing when there is nowhere to. A failure ends the program. */
 void board_record(const void *data, uint32_t bytes);
 
+/* The number that the program was started with, or `otherwise`: the last word of the command line that semihosting gives, on
+ * a desktop LAPS of the environment. Not a number from 1 to 999999: `otherwise`. */
+int32_t board_number(int32_t otherwise);
+
 /* Ends the program; status 0: all well. */
 _Noreturn void board_exit(int status);
 

@@ -20,7 +20,13 @@ extern uint32_t board_stack_bottom[], board_stack_top[];
 
 enum { SYSTICK_ON = 5, SYSTICK_LAST = 0xFFFFFF };
 enum { STACK_PAINT = 0x5AFE57AC };
-enum { SEMIHOSTING_OPEN = 0x01, SEMIHOSTING_WRITE0 = 0x04, SEMIHOSTING_WRITE = 0x05, SEMIHOSTING_EXIT_EXTENDED = 0x20 };
+enum {
+    SEMIHOSTING_OPEN = 0x01,
+    SEMIHOSTING_WRITE0 = 0x04,
+    SEMIHOSTING_WRITE = 0x05,
+    SEMIHOSTING_COMMAND_LINE = 0x15,
+    SEMIHOSTING_EXIT_EXTENDED = 0x20
+};
 enum { OPEN_WRITE_BINARY = 5, APPLICATION_EXIT = 0x20026 };
 
 static uint32_t semihosting(uint32_t operation, const void *argument)
@@ -53,6 +59,28 @@ void board_record(const void *data, uint32_t bytes)
         board_print("flight.rec: cannot be written\n");
         board_exit(2);
     }
+}
+
+int32_t board_number(int32_t otherwise)
+{
+    char line[128];
+    uint32_t block[2] = {(uint32_t)(uintptr_t)line, sizeof line};
+    uint32_t from, end;
+    int32_t number = 0;
+
+    if (semihosting(SEMIHOSTING_COMMAND_LINE, block) != 0)
+        return otherwise;
+    from = end = block[1];
+    while (from > 0 && line[from - 1] != ' ')
+        from--;
+    if (from == end || end - from > 6)
+        return otherwise;
+    for (; from < end; from++) {
+        if (line[from] < '0' || line[from] > '9')
+            return otherwise;
+        number = 10 * number + (line[from] - '0');
+    }
+    return number > 0 ? number : otherwise;
 }
 
 _Noreturn void board_exit(int status)

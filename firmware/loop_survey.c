@@ -1,18 +1,135 @@
 /* The loop of a robot that maps as it drives: every tick calls one step with a budget; a sweep arrives at fixed times, and is
  * lost when the one before it still waits.
  *
- * Prints the poses of the key scans, how many sweeps were taken, refused and lost, the hash of all states, and what the ticks cost. */
+ * The robot drives there and back again, lap after lap: the ranges have new noise and the odometry drifts on every time. Prints
+ * for each lap what it took and how far its poses are from those of the second one; at the end the poses of the key scans, how
+ * many sweeps were taken, refused and lost, the hash of all states, and what the ticks cost. */
 #include "src/core/build.h"
 
+#include "cairn/random.h"
 #include "firmware/board.h"
 #include "firmware/console.h"
 #include "firmware/survey.h"
 
 static const char *const work_name[SURVEYOR_WORKS] = {"add", "map", "settle", "idle"};
 
+/* The scanner and the wheels. */
+typedef struct drive {
+    float range[SURVEY_BEAMS];
+    robot_sweep sweep; /* the last that arrived, with the odometry as it is by now */
+    cairn_pose recorded;
+    cairn_random random;
+    int32_t arrived, all;
+    int32_t waiting, working; /* numbers of the sweeps that wait and that are in work */
+} drive;
+
+/* Of the lap under way. */
+typedef struct lap_measure {
+    int32_t number;
+    int32_t mapped; /* sweeps */
+    int64_t units;
+    cairn_real sum, most; /* m, from the poses of the second lap */
+} lap_measure;
+
 static survey the_survey;
 static surveyor the_surveyor;
+static drive the_drive;
+static lap_measure the_lap;
+static cairn_pose second_lap[SURVEY_SWEEPS];
 static console_measure measures[SURVEYOR_WORKS];
+
+/* ---- The drive ---- */
+
+/* The place of the lap at which sweep `number` is taken. */
+static int32_t place_of(int32_t number)
+{
+    int32_t count = the_survey.sweep_count, at = number % count;
+
+    return number / count % 2 ? count - 1 - at : at;
+}
+
+static cairn_real off(drive *d, cairn_real most)
+{
+    return cairn_random_uniform(&d->random, -most, most);
+}
+
+/* The odometry goes on as the recorded one does, and is a little wrong. */
+static cairn_pose odometry_at(drive *d, cairn_pose recorded)
+{
+    cairn_pose moved = cairn_pose_between(d->recorded, recorded);
+    cairn_real way = cairn_sqrt(moved.x * moved.x + moved.y * moved.y), slip = (cairn_real)the_survey.slip;
+
+    moved.x += off(d, slip * way);
+    moved.y += off(d, slip * way);
+    moved.theta += off(d, slip * (way + cairn_abs(moved.theta)));
+    d->recorded = recorded;
+    return cairn_pose_compose(d->sweep.pose, moved);
+}
+
+/* The next sweep arrives; it is lost when the one before still waits. */
+static int32_t arrive(drive *d, surveyor *s)
+{
+    const robot_sweep *recorded = &the_survey.sweeps[place_of(d->arrived)];
+
+    if (d->arrived == 0)
+        d->recorded = d->sweep.pose = recorded->pose;
+    d->sweep.pose = odometry_at(d, recorded->pose);
+    d->sweep.count = recorded->count;
+    d->sweep.angle_min = recorded->angle_min;
+    d->sweep.angle_step = recorded->angle_step;
+    d->sweep.range = d->range;
+    if (s->waits) {
+        d->arrived++;
+        return 1;
+    }
+    for (int32_t i = 0; i < recorded->count; i++)
+        d->range[i] = recorded->range[i] + the_survey.noise * (float)cairn_random_normal(&d->random);
+    d->waiting = d->arrived++;
+    return surveyor_offer(s, &d->sweep) == CAIRN_MORE;
+}
+
+/* ---- What is printed ---- */
+
+static int32_t tenth_millimetres(cairn_real metres)
+{
+    return cairn_real_to_int(metres * 10000);
+}
+
+static void print_lap(const surveyor *s)
+{
+    cairn_mapper_state state = cairn_mapper_measure(s->mapper);
+    cairn_real mean = the_lap.mapped > 0 ? the_lap.sum / (cairn_real)the_lap.mapped : 0;
+    int32_t number[7] = {the_lap.number,
+                         the_lap.mapped,
+                         state.keys,
+                         state.releases,
+                         (int32_t)(the_lap.mapped > 0 ? the_lap.units / the_lap.mapped : 0),
+                         tenth_millimetres(mean),
+                         tenth_millimetres(the_lap.most)};
+
+    console_numbers("lap", "number,mapped,keys,released,units_sweep,mean,most_0.1mm", number, 7);
+}
+
+/* A sweep has its pose; the first of a lap ends the one before. */
+static void count_mapped(const surveyor *s, int32_t number)
+{
+    int32_t lap = number / the_survey.sweep_count;
+    cairn_pose pose = cairn_mapper_read(s->mapper).map_scan, *second = &second_lap[place_of(number)];
+    cairn_real x, y, away;
+
+    if (lap != the_lap.number) {
+        print_lap(s);
+        the_lap = (lap_measure){.number = lap};
+    }
+    if (lap == 1)
+        *second = pose;
+    x = pose.x - second->x;
+    y = pose.y - second->y;
+    away = lap > 0 ? cairn_sqrt(x * x + y * y) : 0;
+    the_lap.mapped++;
+    the_lap.sum += away;
+    the_lap.most = cairn_max(the_lap.most, away);
+}
 
 static void print_map(const surveyor *s, int32_t refused, int32_t lost)
 {
@@ -21,7 +138,7 @@ static void print_map(const surveyor *s, int32_t refused, int32_t lost)
 
     for (int32_t key = 0; key < state.keys; key++) {
         cairn_pose pose = cairn_mapper_key_pose(s->mapper, key);
-        int32_t number[4] = {key, cairn_real_to_int(pose.x * 10000), cairn_real_to_int(pose.y * 10000),
+        int32_t number[4] = {key, tenth_millimetres(pose.x), tenth_millimetres(pose.y),
                              cairn_real_to_int(pose.theta * 10000)};
 
         console_numbers("key", "0.1mm,0.1mrad", number, 4);
@@ -42,51 +159,61 @@ static void print_measures(const surveyor *s)
     console_numbers("measure pool_peak,pool,data,stack", "bytes", memory, 4);
 }
 
-/* The sweep that arrives as number `arrived`. */
-static const robot_sweep *arriving(int32_t arrived)
-{
-    int32_t count = the_survey.sweep_count, at = arrived % count;
-
-    return &the_survey.sweeps[arrived / count % 2 ? count - 1 - at : at];
-}
+/* ---- The loop ---- */
 
 /* One tick, timed. */
-static cairn_status timed_tick(surveyor *s)
+static cairn_status timed_tick(surveyor *s, surveyor_work *work)
 {
     cairn_budget budget = {the_survey.budget};
-    surveyor_work work;
     uint32_t begin = board_clock(), took;
-    cairn_status status = surveyor_tick(s, &budget, &work);
+    cairn_status status = surveyor_tick(s, &budget, work);
 
     took = board_clock() - begin;
-    if (status < 0 && status != CAIRN_FULL && work != SURVEYOR_ADD)
-        console_give_up(work_name[work], status);
-    console_count(&measures[work], took, the_survey.budget - budget.left);
+    if (status < 0 && status != CAIRN_FULL && *work != SURVEYOR_ADD)
+        console_give_up(work_name[*work], status);
+    console_count(&measures[*work], took, the_survey.budget - budget.left);
+    if (*work == SURVEYOR_MAP)
+        the_lap.units += the_survey.budget - budget.left;
     return status;
+}
+
+/* What the tick has ended: a sweep was taken, or mapped. */
+static void follow(drive *d, const surveyor *s, surveyor_work work)
+{
+    if (work == SURVEYOR_ADD)
+        d->working = d->waiting;
+    if (work == SURVEYOR_MAP && !s->mapping)
+        count_mapped(s, d->working);
 }
 
 int main(void)
 {
     surveyor *s = &the_surveyor;
+    drive *d = &the_drive;
     uint32_t hash = HASH_START;
-    int32_t arrived = 0, refused = 0, lost = 0, all;
+    int32_t refused = 0, lost = 0;
     cairn_status status;
 
     survey_read(&the_survey);
-    all = the_survey.laps * the_survey.sweep_count;
+    d->all = board_number(the_survey.laps) * the_survey.sweep_count;
+    d->random = cairn_random_seed(1, 1);
     status = surveyor_create(s, the_survey.memory, the_survey.bytes, &the_survey.params);
     if (status != CAIRN_OK)
         console_give_up("create", status);
     do {
-        if (arrived < all && s->ticks >= (uint32_t)(arrived * the_survey.arrival)) {
-            lost += surveyor_offer(s, arriving(arrived++)) == CAIRN_MORE;
-            if (arrived == all)
+        surveyor_work work;
+
+        if (d->arrived < d->all && s->ticks >= (uint32_t)d->arrived * (uint32_t)the_survey.arrival) {
+            lost += arrive(d, s);
+            if (d->arrived == d->all)
                 surveyor_finish(s);
         }
-        status = timed_tick(s);
+        status = timed_tick(s, &work);
         refused += status < 0;
         hash = surveyor_hash(s, hash);
+        follow(d, s, work);
     } while (status != CAIRN_OK);
+    print_lap(s);
     print_map(s, refused, lost);
     console_hash(the_survey.name, hash);
     print_measures(s);

@@ -8,11 +8,16 @@
  * clears. A desktop puts it with the rest. */
 #define SURVEY_EXTERNAL __attribute__((section(".bss.external")))
 
+/* Most beams of a sweep, and most sweeps of a lap. */
+enum { SURVEY_BEAMS = 256, SURVEY_SWEEPS = 256 };
+
 typedef struct survey {
     const char *name;
-    const robot_sweep *sweeps; /* [sweep_count] */
+    const robot_sweep *sweeps; /* [sweep_count] of SURVEY_BEAMS at most, without noise */
     int32_t sweep_count;
-    int32_t laps;    /* times that they arrive: there, back again with the odometry as it was, there ... */
+    int32_t laps;    /* times that they arrive, if the program is not told how many: there, back again, there ... */
+    float noise;     /* m, standard deviation: new in the ranges of every sweep */
+    float slip;      /* the odometry is wrong by up to this share of every motion, and by so many rad a metre */
     int32_t arrival; /* ticks from one sweep to the next: the scanner does not wait */
     int32_t budget;  /* units of a tick */
     surveyor_params params;

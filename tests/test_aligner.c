@@ -1267,17 +1267,17 @@ static uint64_t hash_of_scene(const struct scene *scene)
 static void results_stay_as_they_are(void **state)
 {
     static const struct scene scenes[] = {
-        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0xdb19d7f48db662e7), UINT64_C(0x5b0a67c85c14130c)},
-        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0xac4f8052c89cf3f7), UINT64_C(0xf5809434a31d581b)},
-        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0x3737a9f781911d2c), UINT64_C(0x899175ef8a7d2534)},
-        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x912daa8cbce7ccf8), UINT64_C(0x426918900a627757)},
-        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0x8b330a6f9ef42bd2), UINT64_C(0x50c2e1ff8e696b45)},
-        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x81100fe2343d90a5), UINT64_C(0x118fba8f01cc7a55)},
-        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0xa6b98331145ced5c), UINT64_C(0xbd9d764b685e02a1)},
-        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x9ea49e27c252c824), UINT64_C(0x3d383479b8d69149)},
-        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0xe3936942db9dc4c4), UINT64_C(0x2f678c0866b5e8fb)},
-        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x423da74ab6a092b8), UINT64_C(0xa76b90962384ba74)},
-        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x9ff6d39fb3ed3168), UINT64_C(0xa751f6a0365ff00a)},
+        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0x5c2f96a4aadd843b), UINT64_C(0xd765089dbbbf0a79)},
+        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x061b2064ba3055e6), UINT64_C(0xe14b1b9ed5545b41)},
+        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0x11955045dfbc2f2d), UINT64_C(0xfcedbf4d3237184e)},
+        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x175845586a219860), UINT64_C(0x747323dcc9f0b8bc)},
+        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0x304b8e24df66ea3f), UINT64_C(0xe9adff3857e5e53f)},
+        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x8c40ca371585a823), UINT64_C(0x5b39dfcfeecc8448)},
+        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0x19dec0140e64ad53), UINT64_C(0xe1b53b9e3d68a7e2)},
+        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x19daff7b8ba6b9f8), UINT64_C(0xf79d18ec95372c57)},
+        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0xb504b57b2016c1b0), UINT64_C(0xd741a4ff5c9d590f)},
+        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x390ba3dace32a8c7), UINT64_C(0xcb46332af336fd18)},
+        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x00658040e1efa131), UINT64_C(0x6513aeb1be0226bd)},
     };
 
     (void)state;

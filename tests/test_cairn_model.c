@@ -49,7 +49,7 @@ static void test_silhouette_and_drawing(void **state)
     (void)state;
     write_bottle("solid.png", 0);
     write_bottle("drawn.png", 1);
-    o = programs_run("cairn model @/solid.png -o @/solid.shape --svg @/solid.svg");
+    o = programs_run("cairn model @/solid.png -o @/solid.shape --svg @/solid.svg --parts @/parts.svg");
     assert_done(o);
     assert_holds(o.out, "a silhouette, outlines 1, holes 0");
     o = programs_run("cairn model @/drawn.png -o @/drawn.shape");
@@ -65,6 +65,11 @@ static void test_silhouette_and_drawing(void **state)
     svg = files_read(files_path("solid.svg"), NULL);
     assert_non_null(svg);
     assert_well_formed(svg);
+    free(svg);
+    svg = files_read(files_path("parts.svg"), NULL);
+    assert_non_null(svg);
+    assert_well_formed(svg);
+    assert_non_null(strstr(svg, "class=\"fragment\""));
     free(svg);
 }
 

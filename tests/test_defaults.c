@@ -2,6 +2,7 @@
 #include "tests/test.h"
 
 #include "cairn/aligner.h"
+#include "cairn/assignment.h"
 #include "cairn/block_solver.h"
 #include "cairn/carmen_log.h"
 #include "cairn/contour_grouping.h"
@@ -11,6 +12,8 @@
 #include "cairn/edgel.h"
 #include "cairn/inner_distance.h"
 #include "cairn/self_similarity.h"
+#include "cairn/part_bundle.h"
+#include "cairn/shape_context.h"
 #include "cairn/filter_mapper.h"
 #include "cairn/hough.h"
 #include "cairn/lum.h"
@@ -18,6 +21,7 @@
 #include "cairn/map_file.h"
 #include "cairn/map_merge.h"
 #include "cairn/mapper.h"
+#include "cairn/object_detect.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/place_map.h"
 #include "cairn/pose_consensus.h"
@@ -524,6 +528,10 @@ static void of_contours(void **state)
     cairn_edge_chain_params chain = cairn_edge_chain_default();
     cairn_edge_segment_params segment = cairn_edge_segment_default();
     cairn_edgel_params edgel = cairn_edgel_default();
+    cairn_assignment_params assignment = cairn_assignment_default();
+    cairn_shape_context_params context = cairn_shape_context_default();
+    cairn_part_bundle_params bundle = cairn_part_bundle_default();
+    cairn_object_detect_params detect = cairn_object_detect_default(300, 400);
     cairn_curve_evolution_params evolution = cairn_curve_evolution_default();
     cairn_inner_distance_params inner = cairn_inner_distance_default();
     cairn_self_similarity_params similarity = cairn_self_similarity_default();
@@ -548,6 +556,23 @@ static void of_contours(void **state)
         VALUE(segment.junction, 6),
         VALUE(segment.junction_turn, 20 * DEGREE),
         VALUE(evolution.max_points, 256),
+        VALUE(assignment.max_rows, 128),
+        VALUE(assignment.max_columns, 128),
+        VALUE(context.max_points, 128),
+        VALUE(context.inner, 0.125),
+        VALUE(context.outer, 2),
+        VALUE(context.missing, 1),
+        VALUE(detect.min_size, 50),
+        VALUE(detect.max_size, 500),
+        VALUE(detect.mirror, 1),
+        VALUE(detect.candidates, 20),
+        VALUE(detect.overlap, 0.2),
+        VALUE(detect.min_score, 0),
+        VALUE(bundle.max_points, 256),
+        VALUE(bundle.bundles, 4),
+        VALUE(bundle.pieces_each, 2),
+        VALUE(bundle.longest, 3),
+        VALUE(bundle.samples_each, 20),
         VALUE(inner.max_points, 128),
         VALUE(inner.fill_holes, 0),
         VALUE(similarity.mode, CAIRN_SYMMETRY_RERANKED),

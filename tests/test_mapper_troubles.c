@@ -166,6 +166,90 @@ static void a_kidnapped_start(void **state)
     end_drive(&d);
 }
 
+/* A pose seen from the one to which odometry leads. */
+static cairn_pose off_odometry(const drive *d, cairn_pose before, cairn_pose after, int32_t i)
+{
+    cairn_pose moved = cairn_pose_between(pose_of(d->scans[i - 1].odometry), pose_of(d->scans[i].odometry));
+
+    return cairn_pose_between(cairn_pose_compose(before, moved), after);
+}
+
+/* Every scan of another building has some likeness to this one. Next to none moves a robot away from where trusted odometry
+ * leads (one in ten did while a single likeness could). */
+static void scans_of_elsewhere_move_nothing(void **state)
+{
+    static const sim_scene elsewhere[] = {SIM_RESCUE, SIM_OFFICE, SIM_MAZE, SIM_ROOMS};
+    cairn_mapper_params params = small_params();
+    int32_t foreign = 0, moved = 0;
+
+    (void)state;
+    for (uint64_t seed = 11; seed < 15; seed++) {
+        drive d = start_drive(SIM_APARTMENT, seed, 160, 0.02, 0.2);
+        drive other = start_drive(elsewhere[seed % 4], seed + 50, 160, 0.02, 0.2);
+        cairn_pool pool;
+        cairn_mapper *mapper = new_mapper(&pool, &params);
+
+        for (int32_t i = 0; i < d.count; i++) {
+            int32_t is_foreign = i > 10 && i % 4 == 0;
+            cairn_scan_input input = sim_scan_input(is_foreign ? &other.scans[i] : &d.scans[i]);
+            cairn_pose odometry = pose_of(d.scans[i].odometry), before = cairn_mapper_read(mapper).map_scan;
+            cairn_mapper_result result = take(mapper, &input, &odometry);
+
+            if (is_foreign) {
+                cairn_pose off = off_odometry(&d, before, result.map_scan, i);
+
+                foreign++;
+                moved += hypot((double)off.x, (double)off.y) > 0.5 || fabs((double)off.theta) > 0.5;
+            }
+        }
+        test_pool_free(&pool);
+        end_drive(&d);
+        end_drive(&other);
+    }
+    assert_true(foreign > 100);
+    assert_true(moved * 30 < foreign);
+}
+
+enum { CARRIED = 100, LEAP = 10, DRIVES = 8 };
+
+/* Drives, is carried over LEAP scans, of which its odometry knows nothing, and drives on. 1: three scans later it is where it is. */
+static int is_found_again(const drive *d)
+{
+    cairn_mapper_params params = small_params();
+    cairn_pool pool;
+    cairn_mapper *mapper = new_mapper(&pool, &params);
+    cairn_pose believed = pose_of(d->scans[0].truth), off = cairn_pose_identity();
+
+    for (int32_t i = 0; i < CARRIED + 4; i++) {
+        int32_t at = i < CARRIED ? i : i + LEAP;
+        cairn_scan_input input = sim_scan_input(&d->scans[at]);
+
+        if (i > 0 && i != CARRIED)
+            believed = cairn_pose_compose(
+                believed, cairn_pose_between(pose_of(d->scans[at - 1].truth), pose_of(d->scans[at].truth)));
+        off = cairn_pose_between(pose_of(d->scans[at].truth), take(mapper, &input, &believed).map_scan);
+        if (i == CARRIED - 1)
+            assert_true(hypot((double)off.x, (double)off.y) < 0.05);
+    }
+    test_pool_free(&pool);
+    return hypot((double)off.x, (double)off.y) < 0.05 && fabs((double)off.theta) < 0.05;
+}
+
+/* Two scans that tell the same of a place far from where odometry leads are believed: most leaps of a metre and 1 rad are found. */
+static void who_was_carried_is_found_again(void **state)
+{
+    int32_t found = 0;
+
+    (void)state;
+    for (uint64_t seed = 0; seed < DRIVES; seed++) {
+        drive d = start_drive(SIM_APARTMENT, 21 + seed, CARRIED + LEAP + 4, 0, 0.1);
+
+        found += is_found_again(&d);
+        end_drive(&d);
+    }
+    assert_true(found > DRIVES / 2);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -173,6 +257,8 @@ int main(void)
         cmocka_unit_test(every_scan_twice),
         cmocka_unit_test(time_that_runs_back),
         cmocka_unit_test(a_kidnapped_start),
+        cmocka_unit_test(scans_of_elsewhere_move_nothing),
+        cmocka_unit_test(who_was_carried_is_found_again),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

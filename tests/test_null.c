@@ -2,9 +2,10 @@
  * they say so, without an object or a budget. */
 #include "tests/test.h"
 
+#include "cairn/assignment.h"
+#include "cairn/curve_evolution.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
-#include "cairn/curve_evolution.h"
 #include "cairn/edgel.h"
 #include "cairn/inner_distance.h"
 #include "cairn/self_similarity.h"
@@ -12,9 +13,11 @@
 #include "cairn/map_merge.h"
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
+#include "cairn/part_bundle.h"
 #include "cairn/place_map.h"
 #include "cairn/scan_cover.h"
 #include "cairn/sequence.h"
+#include "cairn/shape_context.h"
 #include "cairn/shape_model.h"
 #include "cairn/skeleton_grouping.h"
 #include "cairn/symmetric_point.h"
@@ -89,6 +92,7 @@ static cairn_distance_map_params distance_map_params(void)
 
 #define STEPPED(X)                                                                                                     \
     X(aligner, aligner)                                                                                                \
+    X(assignment, assignment)                                                                                          \
     X(corner, corner_set)                                                                                              \
     X(edge_chain, edge_chain_set)                                                                                      \
     X(edge_segment, edge_segment_set)                                                                                  \
@@ -101,6 +105,7 @@ static cairn_distance_map_params distance_map_params(void)
     X(hough, hough)                                                                                                    \
     X(map_merge, map_merge)                                                                                            \
     X(mapper, mapper)                                                                                                  \
+    X(part_bundle, part_builder)                                                                                       \
     X(place_map, place_map)                                                                                            \
     X(polyline, polyline)                                                                                              \
     X(pose_consensus, pose_consensus)                                                                                  \
@@ -110,6 +115,7 @@ static cairn_distance_map_params distance_map_params(void)
     X(scan_match, scan_match)                                                                                          \
     X(sequence, sequence)                                                                                              \
     X(shape_builder, shape_builder)                                                                                    \
+    X(shape_context, shape_context)                                                                                    \
     X(skeleton, skeleton)                                                                                              \
     X(symmetric_point, symmetric_point_set)                                                                            \
     X(virtual_align, virtual_align)                                                                                    \

@@ -258,6 +258,63 @@ static void test_mirror(void **state)
     cairn_shape_model_file_free(&twice);
 }
 
+static int32_t count_of_pieces(const char *text, const char *piece)
+{
+    int32_t count = 0;
+
+    while ((text = strstr(text, piece)) != NULL) {
+        text += strlen(piece);
+        count++;
+    }
+    return count;
+}
+
+/* Of the first outline alone, whose samples are as far from each other as a sixteenth of it. */
+static void test_parts_drawn(void **state)
+{
+    cairn_shape_model_file made = make();
+    cairn_shape_model bad = made.model;
+    cairn_oriented_point two[34];
+    char *text;
+
+    (void)state;
+    assert_ok(cairn_shape_model_file_draw_parts(&made.model, "a <cross>", files_path("parts.svg"), &error));
+    text = files_read(files_path("parts.svg"), NULL);
+    assert_non_null(text);
+    assert_well_formed(text);
+    assert_non_null(strstr(text, "24 fragments in 4 bundles"));
+    assert_int_equal(count_of_pieces(text, "class=\"fragment\""), 24);
+    assert_int_equal(count_of_pieces(text, "class=\"outline\""), 24);
+    free(text);
+    /* A square, and another outline far off. */
+    for (int32_t i = 0; i < 34; i++) {
+        int32_t side = i % 32 / 8, step = i % 8;
+
+        two[i].direction.x = 1;
+        two[i].direction.y = 0;
+        two[i].position.x = (cairn_real)(side == 0 ? step : side == 1 ? 8 : side == 2 ? 8 - step : 0) / 10;
+        two[i].position.y = (cairn_real)(side == 0 ? 0 : side == 1 ? step : side == 2 ? 8 : 8 - step) / 10;
+        two[i].position.x += i < 32 ? 0 : 10;
+    }
+    bad.outline = two;
+    bad.outline_count = 34;
+    assert_ok(cairn_shape_model_file_draw_parts(&bad, "two", files_path("parts.svg"), &error));
+    text = files_read(files_path("parts.svg"), NULL);
+    assert_non_null(text);
+    assert_int_equal(count_of_pieces(text, "class=\"fragment\""), 24);
+    free(text);
+    bad.outline_count = 2;
+    assert_status(cairn_shape_model_file_draw_parts(&bad, "a", files_path("a.svg"), &error), CAIRN_EMPTY);
+    for (int32_t i = 0; i < 5; i++)
+        two[i].position = two[0].position;
+    bad.outline_count = 5;
+    assert_status(cairn_shape_model_file_draw_parts(&bad, "a", files_path("a.svg"), &error), CAIRN_EMPTY);
+    bad.size = 0;
+    assert_status(cairn_shape_model_file_draw_parts(&bad, "a", files_path("a.svg"), &error), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_model_file_draw_parts(&made.model, "a", files_path("none/a.svg"), &error), CAIRN_IO);
+    cairn_shape_model_file_free(&made);
+}
+
 static void test_drawn(void **state)
 {
     cairn_shape_model_file made = make();
@@ -309,6 +366,7 @@ int main(void)
         cmocka_unit_test(test_load),
         cmocka_unit_test(test_mirror),
         cmocka_unit_test(test_drawn),
+        cmocka_unit_test(test_parts_drawn),
         cmocka_unit_test(test_nothing_is_lost),
     };
 

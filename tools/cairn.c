@@ -18,6 +18,7 @@ static const tool_command commands[] = {
     {"graph", "solve a pose graph (g2o), bad links named", tool_graph},
     {"match", "find where one scan was taken, as seen from another", tool_match},
     {"merge", "put the maps of many robots together, with no guess", tool_merge},
+    {"detect", "objects of a class in images, by one model of their outline", tool_detect},
     {"group", "the contours of a known object in images", tool_group},
     {"skeleton", "contours and axes of symmetric parts of images, with no model", tool_skeleton},
     {"model", "the model of a shape, from a silhouette or a drawing", tool_model},

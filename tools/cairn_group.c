@@ -10,12 +10,13 @@
 #include "cairn/output_set.h"
 #include "cairn/shape_model_file.h"
 #include "tools/cairn_group.h"
+#include "tools/cairn_picture.h"
 #include "tools/cairn_tool.h"
 
 #define PROGRAM "cairn group"
 #define DEGREE  0.017453292519943295
 
-enum { IMAGES_MOST = 4096, NAME_BYTES = 256, FILES = 3 };
+enum { IMAGES_MOST = 4096, FILES = 3 };
 
 typedef struct settings {
     const char *images[IMAGES_MOST];
@@ -107,37 +108,11 @@ static option_result read_settings(settings *s, int argc, char **argv)
     return result == OPTIONS_READ ? check_settings(s) : result;
 }
 
-/* ---- Pictures ---- */
-
-void group_halve(cairn_vision_image *grey, int32_t take_most)
-{
-    uint8_t *p = grey->samples;
-    int32_t w = grey->width, width = w > 1 ? w / 2 : 1, height = grey->height > 1 ? grey->height / 2 : 1;
-
-    for (int32_t y = 0; y < height; y++)
-        for (int32_t x = 0; x < width; x++) {
-            int32_t sum = 0, most = 0;
-
-            for (int32_t k = 0; k < 4; k++) {
-                int32_t u = 2 * x + k % 2 < w ? 2 * x + k % 2 : w - 1;
-                int32_t v = 2 * y + k / 2 < grey->height ? 2 * y + k / 2 : grey->height - 1;
-                int32_t value = p[v * w + u];
-
-                sum += value;
-                most = value > most ? value : most;
-            }
-            p[y * width + x] = (uint8_t)(take_most ? most : (sum + 2) / 4);
-        }
-    grey->width = width;
-    grey->height = height;
-}
-
 /* One image on its way. */
 typedef struct work {
     const char *path;
-    char stem[NAME_BYTES];
-    cairn_vision_image grey, edges;
-    int32_t shrink;
+    char stem[PICTURE_NAME_BYTES];
+    searched_picture picture;
     cairn_contour_tokens tokens;
     cairn_contour_result result;
     group_record record;
@@ -145,54 +120,25 @@ typedef struct work {
 
 static void free_work(work *w)
 {
-    cairn_vision_free(&w->grey);
-    cairn_vision_free(&w->edges);
+    picture_free(&w->picture);
     cairn_contour_tokens_free(&w->tokens);
     cairn_contour_result_free(&w->result);
     group_record_free(&w->record);
 }
 
-/* The image and its edges, no larger than wanted. */
-static cairn_status read_pictures(const settings *s, work *w, cairn_file_error *error)
-{
-    cairn_vision_canny_params canny = {s->sigma, s->low, s->high};
-    cairn_status status = cairn_vision_read_grey(&w->grey, w->path, error);
-
-    if (status == CAIRN_OK && s->edges != NULL)
-        status = cairn_vision_read_grey(&w->edges, s->edges, error);
-    if (status != CAIRN_OK)
-        return status;
-    if (s->edges != NULL && (w->edges.width != w->grey.width || w->edges.height != w->grey.height))
-        return cairn_file_error_set(error, CAIRN_BAD_FORMAT, s->edges, 0,
-                                    "%" PRId32 " x %" PRId32 " pixels, expected %" PRId32 " x %" PRId32
-                                    " as of the image",
-                                    w->edges.width, w->edges.height, w->grey.width, w->grey.height);
-    for (w->shrink = 1; w->grey.width > s->side || w->grey.height > s->side; w->shrink *= 2) {
-        group_halve(&w->grey, 0);
-        if (s->edges != NULL)
-            group_halve(&w->edges, 1);
-    }
-    if (s->edges != NULL)
-        return CAIRN_OK;
-    w->edges = w->grey;
-    w->edges.samples = malloc((size_t)w->grey.width * (size_t)w->grey.height);
-    if (w->edges.samples == NULL)
-        return cairn_file_error_set(error, CAIRN_NO_MEMORY, w->path, 0, "no memory for the edges");
-    return cairn_vision_canny(&w->grey, &canny, w->edges.samples, w->path, error);
-}
-
 static cairn_status search(const settings *s, work *w, const cairn_shape_model *model, cairn_file_error *error)
 {
-    cairn_raster_u8_view view = {w->edges.samples, w->edges.width, w->edges.height, w->edges.width};
-    cairn_contour_search_params p = cairn_contour_search_default(w->edges.width, w->edges.height);
+    cairn_raster_u8_view view = {w->picture.edges.samples, w->picture.edges.width, w->picture.edges.height,
+                                 w->picture.edges.width};
+    cairn_contour_search_params p = cairn_contour_search_default(w->picture.edges.width, w->picture.edges.height);
     cairn_status status =
         cairn_contour_tokens_find(&w->tokens, view, (int32_t)s->strength, s->tokens[0] == 'e', w->path, error);
 
     if (status != CAIRN_OK)
         return status;
     if (s->scale != NULL) {
-        p.min_size = (cairn_real)(s->least_size / w->shrink);
-        p.max_size = (cairn_real)(s->most_size / w->shrink);
+        p.min_size = (cairn_real)(s->least_size / w->picture.shrink);
+        p.max_size = (cairn_real)(s->most_size / w->picture.shrink);
     }
     if (s->rotation != NULL) {
         p.min_turn = cairn_max(-CAIRN_PI, (cairn_real)(s->least_turn * DEGREE));
@@ -217,9 +163,14 @@ static cairn_status search(const settings *s, work *w, const cairn_shape_model *
 static cairn_status write_all(const settings *s, const work *w, const cairn_shape_model *model, cairn_file_error *error)
 {
     static const char *const endings[FILES] = {"svg", "json", "html"};
-    cairn_contour_picture picture = {
-        cairn_path_name(w->path), cairn_path_name(s->model), w->grey.samples, w->shrink, &w->tokens, model, &w->result};
-    char name[FILES][NAME_BYTES + 8];
+    cairn_contour_picture picture = {cairn_path_name(w->path),
+                                     cairn_path_name(s->model),
+                                     w->picture.grey.samples,
+                                     w->picture.shrink,
+                                     &w->tokens,
+                                     model,
+                                     &w->result};
+    char name[FILES][PICTURE_NAME_BYTES + 8];
     const char *names[FILES];
     cairn_output_set *set;
     cairn_status status;
@@ -257,27 +208,15 @@ static void print_summary(const work *w, double seconds)
         const cairn_contour_object *o = &r->objects[i];
 
         printf("  %.2f  at (%.0f, %.0f), size %.0f px, turned %.0f degrees%s, %" PRId32 " segments\n",
-               (double)o->found.score, (double)o->found.origin.x * w->shrink, (double)o->found.origin.y * w->shrink,
-               (double)o->found.size * w->shrink, (double)o->found.turn / DEGREE, o->mirrored ? ", mirrored" : "",
-               o->found.count);
+               (double)o->found.score, (double)o->found.origin.x * w->picture.shrink,
+               (double)o->found.origin.y * w->picture.shrink, (double)o->found.size * w->picture.shrink,
+               (double)o->found.turn / DEGREE, o->mirrored ? ", mirrored" : "", o->found.count);
     }
-}
-
-/* "folder/swan.jpg" -> "swan"; 0: there is no such name. */
-static int stem_of(const char *path, char stem[NAME_BYTES])
-{
-    const char *name = cairn_path_name(path), *dot = strrchr(name, '.');
-    size_t length = dot != NULL && dot > name ? (size_t)(dot - name) : strlen(name);
-
-    if (length < 1 || length >= NAME_BYTES)
-        return 0;
-    memcpy(stem, name, length);
-    stem[length] = '\0';
-    return 1;
 }
 
 static int run_image(const settings *s, const char *path, const cairn_shape_model *model)
 {
+    const picture_settings pictures = {s->edges, s->side, {s->sigma, s->low, s->high}};
     double start = tool_seconds();
     cairn_file_error error;
     cairn_status status;
@@ -285,8 +224,8 @@ static int run_image(const settings *s, const char *path, const cairn_shape_mode
 
     memset(&w, 0, sizeof w);
     w.path = path;
-    (void)stem_of(path, w.stem);
-    status = read_pictures(s, &w, &error);
+    (void)picture_stem(path, w.stem);
+    status = picture_read(&w.picture, path, &pictures, &error);
     if (status == CAIRN_OK)
         status = search(s, &w, model, &error);
     if (status == CAIRN_OK)
@@ -295,22 +234,6 @@ static int run_image(const settings *s, const char *path, const cairn_shape_mode
         print_summary(&w, tool_seconds() - start);
     free_work(&w);
     return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
-}
-
-/* Names that would overwrite each other are refused before anything is written. */
-static int check_names(const settings *s)
-{
-    char stem[NAME_BYTES], other[NAME_BYTES];
-
-    for (size_t i = 0; i < s->count; i++) {
-        if (!stem_of(s->images[i], stem))
-            return options_refuse(PROGRAM, "'%s', expected the name of an image", s->images[i]);
-        for (size_t k = 0; k < i; k++)
-            if (stem_of(s->images[k], other) && strcmp(stem, other) == 0)
-                return options_refuse(PROGRAM, "%s and %s are both named '%s', expected different names", s->images[k],
-                                      s->images[i], stem);
-    }
-    return TOOL_OK;
 }
 
 int tool_group(int argc, char **argv)
@@ -338,7 +261,7 @@ int tool_group(int argc, char **argv)
     result = read_settings(&s, argc, argv);
     if (result != OPTIONS_READ)
         return (int)result;
-    code = check_names(&s);
+    code = picture_check_names(PROGRAM, s.images, s.count);
     if (code != TOOL_OK)
         return code;
     builder.max_paths = (int32_t)s.paths;

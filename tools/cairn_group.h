@@ -1,12 +1,8 @@
-/* cairn_group: the parts of `cairn group`: pictures made smaller, and the page that plays a search. */
+/* cairn_group: the parts of `cairn group`: the page that plays a search. */
 #ifndef CAIRN_TOOLS_CAIRN_GROUP_H
 #define CAIRN_TOOLS_CAIRN_GROUP_H
 
 #include "cairn/contour_file.h"
-#include "cairn/vision.h"
-
-/* Halves an 8-bit grey image in place: of two by two pixels the mean, or the most. Odd last rows and columns go. */
-void group_halve(cairn_vision_image *grey, int32_t take_most);
 
 /* What the page shows: the particles after every step. */
 typedef struct group_record {

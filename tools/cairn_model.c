@@ -10,7 +10,7 @@
 #define PROGRAM "cairn model"
 
 typedef struct settings {
-    const char *shape, *output, *picture, *holes;
+    const char *shape, *output, *picture, *parts, *holes;
     int64_t points, samples, paths;
     double gap, part;
     int32_t mirror, quiet;
@@ -21,6 +21,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
     const option table[] = {
         OPTION_TEXT("-o", &s->output, "FILE", "the model, a text file"),
         OPTION_TEXT("--svg", &s->picture, "FILE", "draws it: outline, axes, radii"),
+        OPTION_TEXT("--parts", &s->parts, "FILE", "draws the fragments of its outline, in bundles (SVG)"),
         OPTION_INTEGER("--points", &s->points, 16, 1024, "N", "samples of the outline"),
         OPTION_INTEGER("--samples", &s->samples, 4, 256, "N", "of a path that holds all of the outline"),
         OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_PATHS, "N", "at most; 1: the longest alone"),
@@ -92,7 +93,7 @@ static void print_summary(const cairn_shape_model *m, const cairn_shape_image *t
 
 int tool_model(int argc, char **argv)
 {
-    settings s = {NULL, NULL, NULL, "keep", 128, 32, CAIRN_SHAPE_PATHS, 0.1, 0.01, 0, 0};
+    settings s = {NULL, NULL, NULL, NULL, "keep", 128, 32, CAIRN_SHAPE_PATHS, 0.1, 0.01, 0, 0};
     option_result result = read_settings(&s, argc, argv);
     cairn_shape_model_file file;
     cairn_shape_image traced;
@@ -107,6 +108,8 @@ int tool_model(int argc, char **argv)
         cairn_shape_model_file_mirror(&file);
     status = s.picture == NULL ? CAIRN_OK
                                : cairn_shape_model_file_draw(&file.model, cairn_path_name(s.shape), s.picture, &error);
+    if (status == CAIRN_OK && s.parts != NULL)
+        status = cairn_shape_model_file_draw_parts(&file.model, cairn_path_name(s.shape), s.parts, &error);
     if (status == CAIRN_OK)
         status = cairn_shape_model_file_write(&file.model, s.output, &error);
     if (status == CAIRN_OK && !s.quiet)

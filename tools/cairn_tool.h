@@ -19,6 +19,7 @@ enum {
 
 /* argv[0] is the subcommand's name. */
 int tool_align(int argc, char **argv);
+int tool_detect(int argc, char **argv);
 int tool_eval(int argc, char **argv);
 int tool_graph(int argc, char **argv);
 int tool_group(int argc, char **argv);

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "cairn/aligner.h"
+#include "cairn/assignment.h"
 #include "cairn/curve_evolution.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
@@ -18,6 +19,8 @@
 #include "cairn/scan_cover.h"
 #include "cairn/self_similarity.h"
 #include "cairn/sequence.h"
+#include "cairn/part_bundle.h"
+#include "cairn/shape_context.h"
 #include "cairn/shape_model.h"
 #include "cairn/skeleton_grouping.h"
 #include "cairn/symmetric_point.h"
@@ -25,6 +28,7 @@
 
 typedef union any_params {
     cairn_aligner_params aligner;
+    cairn_assignment_params assignment;
     cairn_block_solver_params block_solver;
     cairn_box_sweep_params box_sweep;
     cairn_corner_params corner;
@@ -42,6 +46,7 @@ typedef union any_params {
     cairn_map_merge_params map_merge;
     cairn_mapper_params mapper;
     cairn_occupancy_grid_params occupancy_grid;
+    cairn_part_bundle_params part_bundle;
     cairn_particle_filter_params particle_filter;
     cairn_place_map_params place_map;
     cairn_point_grid_params point_grid;
@@ -56,6 +61,7 @@ typedef union any_params {
     cairn_scan_set_params scan_set;
     cairn_sequence_params sequence;
     cairn_shape_builder_params shape_builder;
+    cairn_shape_context_params shape_context;
     cairn_skeleton_params skeleton;
     cairn_symmetric_point_params symmetric_point;
     cairn_virtual_align_params virtual_align;
@@ -75,6 +81,7 @@ typedef union any_params {
     MEMORY_OF(room)
 
 ROOM(aligner)
+ROOM(assignment)
 ROOM(block_solver)
 ROOM(corner)
 ROOM(edge_chain)
@@ -89,6 +96,7 @@ ROOM(icp)
 ROOM(lum)
 ROOM(map_merge)
 ROOM(mapper)
+ROOM(part_bundle)
 ROOM(particle_filter)
 ROOM(place_map)
 ROOM(polyline)
@@ -100,6 +108,7 @@ ROOM(scan_cover)
 ROOM(scan_match)
 ROOM(sequence)
 ROOM(shape_builder)
+ROOM(shape_context)
 ROOM(skeleton)
 ROOM(symmetric_point)
 ROOM(virtual_align)
@@ -227,6 +236,11 @@ const pool_object pool_objects[] = {
       HAS(mapper, "beam", scan.max_beams)}},
     {OBJECT(edge_chain), 2, {HAS(edge_chain, "edge pixel", max_edges), HAS(edge_chain, "chain", max_chains)}},
     {OBJECT(edge_segment), 2, {HAS(edge_segment, "line", max_lines), HAS(edge_segment, "segment", max_segments)}},
+    {OBJECT(assignment), 0, {HAS(assignment, "row", max_rows), HAS(assignment, "column", max_columns)}},
+    {OBJECT(shape_context), 0, {HAS(shape_context, "point", max_points)}},
+    {OBJECT(part_bundle),
+     0,
+     {HAS(part_bundle, "point", max_points), HAS(part_bundle, "sample of a fragment", samples_each)}},
     {OBJECT(curve_evolution), 1, {HAS(curve_evolution, "point", max_points)}},
     {OBJECT(inner_distance), 0, {HAS(inner_distance, "point", max_points)}},
     {OBJECT(self_similarity),

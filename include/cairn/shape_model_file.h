@@ -72,6 +72,11 @@ void cairn_shape_model_file_mirror(cairn_shape_model_file *file);
 CAIRN_CHECKED cairn_status cairn_shape_model_file_draw(const cairn_shape_model *model, const char *title,
                                                        const char *path, cairn_file_error *error);
 
+/* Draws the fragments of its first outline, bundle by bundle (SVG, part_bundle by rule). CAIRN_EMPTY: fewer than 3 samples; statuses of
+ * write. */
+CAIRN_CHECKED cairn_status cairn_shape_model_file_draw_parts(const cairn_shape_model *model, const char *title,
+                                                             const char *path, cairn_file_error *error);
+
 void cairn_shape_model_file_free(cairn_shape_model_file *file);
 
 #ifdef __cplusplus

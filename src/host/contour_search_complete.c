@@ -24,6 +24,8 @@
 #define STEP        3
 /* Where an edge leaves the outline it is followed by so much of the size, round bends of a chain, and across junctions about straight on. */
 #define EXTEND_SHARE 0.35
+/* And out of the box about the outline by so much of it: a drawing may end where the object goes on, as at legs. */
+#define BEYOND_SHARE 0.2
 #define BEND_COSINE  0.5
 #define ON_COSINE    0.6
 /* Pixels between ends of chains that meet. */
@@ -251,7 +253,7 @@ static int continues(cairn_segment from, cairn_segment to)
 
 typedef struct extender {
     const cairn_contour_tokens *tokens;
-    cairn_vec2 least, most; /* px, the box of the outline */
+    cairn_vec2 least, most; /* px, of the middles of segments */
     cairn_real limit;       /* px */
     cairn_real *
         beyond; /* [tokens->count] px of edges from the outline to the end of each segment; CAIRN_REAL_MAX: not taken */
@@ -286,7 +288,7 @@ static void extend_chain(extender *e, int32_t from, int32_t to)
             extend(e, i + 1, i);
 }
 
-/* Follows edges on beyond the outline, where they leave it, but not out of its box. */
+/* Follows edges on beyond the outline, where they leave it. */
 static void extend_all(extender *e, const int32_t *ends, int32_t end_count)
 {
     for (int32_t round = 0; round < ROUNDS; round++) {
@@ -307,23 +309,18 @@ static void extend_all(extender *e, const int32_t *ends, int32_t end_count)
 static int extend_taken(const cairn_contour_tokens *t, const contour_laid *c, const int32_t *ends, int32_t end_count,
                         uint8_t *taken)
 {
-    extender e = {t,
-                  c->outline[0].position,
-                  c->outline[0].position,
-                  (cairn_real)EXTEND_SHARE * c->size,
-                  malloc(((size_t)t->count + 1) * sizeof *e.beyond),
-                  0};
+    cairn_real beyond = (cairn_real)BEYOND_SHARE * c->size;
+    cairn_box box = cairn_box_empty();
+    extender e = {.tokens = t,
+                  .limit = (cairn_real)EXTEND_SHARE * c->size,
+                  .beyond = malloc(((size_t)t->count + 1) * sizeof *e.beyond)};
 
     if (e.beyond == NULL)
         return 0;
-    for (int32_t i = 0; i < c->outline_count; i++) {
-        cairn_vec2 p = c->outline[i].position;
-
-        e.least.x = cairn_min(e.least.x, p.x);
-        e.least.y = cairn_min(e.least.y, p.y);
-        e.most.x = cairn_max(e.most.x, p.x);
-        e.most.y = cairn_max(e.most.y, p.y);
-    }
+    for (int32_t i = 0; i < c->outline_count; i++)
+        box = cairn_box_extend(box, c->outline[i].position);
+    e.least = cairn_vec2_sub(box.min, (cairn_vec2){beyond, beyond});
+    e.most = cairn_vec2_add(box.max, (cairn_vec2){beyond, beyond});
     for (int32_t i = 0; i < t->count; i++)
         e.beyond[i] = taken[i] ? 0 : CAIRN_REAL_MAX;
     extend_all(&e, ends, end_count);

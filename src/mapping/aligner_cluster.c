@@ -68,7 +68,8 @@ void cairn_aligner_begin_clusters(cairn_aligner *x)
 
 /* ---- Looks ---- */
 
-void cairn_aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose, int32_t rounds)
+void cairn_aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose, int32_t rounds,
+                              cairn_real least)
 {
     aligner_look *look = &x->look;
     int32_t first = x->clusters[moving].head;
@@ -79,6 +80,7 @@ void cairn_aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, c
     look->fixed = fixed;
     look->pose = pose;
     look->rounds = rounds;
+    look->least = least;
     look->outer = x->clusters[moving].size <= x->clusters[fixed].size ? moving : fixed;
     look->inner = look->outer == moving ? fixed : moving;
     look->at = x->clusters[look->outer].head;
@@ -139,6 +141,12 @@ static int32_t look_at_pair(cairn_aligner *x, int32_t a, int32_t b, cairn_transf
     return cairn_aligner_count_pair(x, i, j, cairn_aligner_between(pose_j, pose_i), COUNT_GATE, &look->count);
 }
 
+/* 1 when the rest of the points is not worth counting. */
+static int is_decided(const cairn_aligner *x)
+{
+    return x->look.round >= x->look.rounds && cairn_aligner_evidence(x, x->look.count) <= x->look.least;
+}
+
 /* A scan of the outer cluster from its partner at hand on, up to the next that it may meet. */
 int32_t cairn_aligner_look_item(cairn_aligner *x)
 {
@@ -146,7 +154,7 @@ int32_t cairn_aligner_look_item(cairn_aligner *x)
     cairn_transform same = {0, 0, 1, 0}, to_outer, to_inner, pose_a;
     int32_t a = look->at, passed = 0, work = 0;
 
-    if (a < 0) {
+    if (a < 0 || is_decided(x)) {
         if (look->round < look->rounds)
             end_refinement(look);
         else

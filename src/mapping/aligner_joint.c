@@ -37,7 +37,7 @@ static void set_tolerance(cairn_aligner *x, int32_t round)
 /* ---- The system ---- */
 
 /* Numbers the walls that are shared behind the scans. */
-static cairn_status begin_system(cairn_aligner *x)
+static void number_walls(cairn_aligner *x)
 {
     x->node_count = x->scan_count;
     x->result.walls = 0;
@@ -45,8 +45,6 @@ static cairn_status begin_system(cairn_aligner *x)
         x->walls[w].node = x->walls[w].scans > 1 ? x->node_count++ : -1;
         x->result.walls += x->walls[w].scans > 1;
     }
-    memset(x->rhs, 0, 3 * (size_t)x->node_count * sizeof *x->rhs);
-    return cairn_block_solver_begin(x->solver, x->node_count);
 }
 
 static int is_shared(const cairn_aligner *x, const aligner_segment *s)
@@ -54,15 +52,21 @@ static int is_shared(const cairn_aligner *x, const aligner_segment *s)
     return s->wall >= 0 && x->walls[s->wall].node >= 0;
 }
 
-/* The numbers, then the links of some segments, then the order of elimination. */
+/* The numbers, then the links of some segments, then the order of elimination; these are what they were where segments keep
+ * their walls. */
 static int32_t link_some(cairn_aligner *x)
 {
     cairn_status status = CAIRN_OK;
     int32_t end = x->at + OF_ITEM < x->segment_count ? x->at + OF_ITEM : x->segment_count, units = 1;
 
     if (x->at == 0) {
-        status = begin_system(x);
+        number_walls(x);
         units += x->wall_count / 32 + x->node_count / 8;
+        if (cairn_aligner_keeps_walls(x)) {
+            x->phase = ALIGNER_SOLVE;
+            return units;
+        }
+        status = cairn_block_solver_begin(x->solver, x->node_count);
     }
     for (; x->at < end && status == CAIRN_OK; x->at++) {
         const aligner_segment *s = &x->segments[x->at];

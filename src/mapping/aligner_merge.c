@@ -271,7 +271,7 @@ static int look_at(cairn_aligner *x, aligner_hypothesis *h)
         touch(x, h);
         return 0;
     }
-    cairn_aligner_begin_look(x, first, second, pose, h->first_stamp < 0 ? 1 : LOOK_ROUNDS);
+    cairn_aligner_begin_look(x, first, second, pose, h->first_stamp < 0 ? 1 : LOOK_ROUNDS, FAR_OFF);
     return 1;
 }
 
@@ -458,7 +458,7 @@ static void begin_shifted(cairn_aligner *x)
     for (int k = 0; k < 3; k++)
         motion[k] = (x->side == 1 ? SHIFT : -SHIFT) * x->shift[k];
     cairn_aligner_begin_look(x, cluster_of(x, h->first), cluster_of(x, h->second),
-                             cairn_aligner_moved(clusters_pose(x, h), x->shift_centre, motion), 0);
+                             cairn_aligner_moved(clusters_pose(x, h), x->shift_centre, motion), 0, FAR_OFF);
 }
 
 /* The look for the weak direction, then those at both shifted poses. */
@@ -583,7 +583,8 @@ static void pick(cairn_aligner *x)
         x->phase = ALIGNER_RIVALS;
     } else if (h->state == ALIGNER_COMPARED) {
         x->side = 0;
-        cairn_aligner_begin_look(x, cluster_of(x, h->first), cluster_of(x, h->second), clusters_pose(x, h), 1);
+        cairn_aligner_begin_look(x, cluster_of(x, h->first), cluster_of(x, h->second), clusters_pose(x, h), 1,
+                                 CAIRN_REAL_MAX);
         x->phase = ALIGNER_SHIFTED;
     } else {
         carry_out(x);

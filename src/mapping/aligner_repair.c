@@ -21,7 +21,7 @@ static const cairn_real TURN = CAIRN_REAL(0.0349);   /* rad: 2 degrees */
 static const cairn_real WINDOW = CAIRN_REAL(2.2);    /* standard deviations */
 static const cairn_real WIDEST = CAIRN_REAL(1.875);  /* of the params' spread */
 static const cairn_real LIES_WELL = 10, LIES_SURELY = 40, BETTER = 2, ATTACHED = -2, TORN_OFF = 4, JOINED = 4,
-                        CLEARLY = 3; /* nats */
+                        CLEARLY = 3, HOPELESS = -40; /* nats */
 
 /* ---- Which scan ---- */
 
@@ -161,7 +161,7 @@ static int32_t choose_scan(cairn_aligner *x)
     }
     x->before_score = -CAIRN_REAL_MAX;
     if (x->home < 0)
-        cairn_aligner_begin_look(x, x->scan_count, x->largest, x->before, 0);
+        cairn_aligner_begin_look(x, x->scan_count, x->largest, x->before, 0, -CAIRN_REAL_MAX);
     x->phase = ALIGNER_DRAW;
     x->stage = 0;
     return 1;
@@ -430,7 +430,7 @@ static int32_t try_find(cairn_aligner *x)
     }
     found = cairn_transform_of(x->find[x->find_at++].pose);
     cairn_aligner_begin_look(x, x->moving, x->largest,
-                             cairn_aligner_compose(found, cairn_aligner_inverse(x->poses[x->i])), TRY_ROUNDS);
+                             cairn_aligner_compose(found, cairn_aligner_inverse(x->poses[x->i])), TRY_ROUNDS, HOPELESS);
     return 1;
 }
 

@@ -161,7 +161,8 @@ static int32_t try_shift(cairn_aligner *x)
         }
     }
     if (x->find_at < x->find_count) {
-        cairn_aligner_begin_look(x, x->scan_count, x->home, cairn_transform_of(x->find[x->find_at++].pose), 0);
+        cairn_aligner_begin_look(x, x->scan_count, x->home, cairn_transform_of(x->find[x->find_at++].pose), 0,
+                                 -CAIRN_REAL_MAX);
         return 1 + x->wall_count / 16;
     }
     x->changed += !cairn_aligner_near(x->best, x->before, CAIRN_REAL(0.005), 0);

@@ -26,7 +26,6 @@ static const cairn_real SHORT = CAIRN_REAL(0.3), SHORT_EXTRA = CAIRN_REAL(0.01),
 static const cairn_real gates[] = {CAIRN_REAL(0.08), CAIRN_REAL(0.07), CAIRN_REAL(0.06),
                                    CAIRN_REAL(0.05), CAIRN_REAL(0.04), CAIRN_REAL(0.03)};
 
-enum { KEEP_FROM = 7 };                         /* round */
 enum { WAYS_OF_SEGMENT = 2, WAYS_OF_STUB = 3 }; /* to either side: LEAST_COSINE, and what a wall may turn */
 
 static const cairn_real TILE = 6;                 /* m */
@@ -320,7 +319,7 @@ static int32_t begin_wall(cairn_aligner *x, const aligner_segment *s)
 int32_t cairn_aligner_associate_item(cairn_aligner *x)
 {
     aligner_segment *s = &x->segments[x->order[x->at]];
-    int32_t keep = x->round >= KEEP_FROM, cleared = 0, passed = 0;
+    int32_t keep = cairn_aligner_keeps_walls(x), cleared = 0, passed = 0;
 
     if (x->at == 0) {
         cleared = keep ? x->wall_count : 0;

@@ -19,7 +19,8 @@ enum {
     ALIGNER_PARTNERS = 48,    /* ... and with those that it is among the nearest of, at most */
     ALIGNER_VOTES = 4,        /* times as many cells as shifts */
     ALIGNER_FINDS = 12,       /* places of a scan in the raster that are tried, ... */
-    ALIGNER_SLIDES = 16       /* ... and along its walls */
+    ALIGNER_SLIDES = 16,      /* ... and along its walls */
+    ALIGNER_KEEP_FROM = 7     /* round of the joint solution from which on segments keep their walls */
 };
 
 /* Units of budget: a unit is about three points looked up, or eight pairs of scans that are far from each other. */
@@ -139,6 +140,7 @@ typedef struct aligner_look {
     aligner_sums sums;
     aligner_count count; /* what the scans show of each other, ... */
     cairn_real evidence; /* ... in nats */
+    cairn_real least;    /* counting ends when the evidence falls to it */
     cairn_real prior;    /* nats of the initial poses */
     cairn_real weak[3];  /* unit motion about the centre that the points tell least of: m, m, rad */
 } aligner_look;
@@ -187,15 +189,16 @@ typedef struct aligner_find {
 
 /* A straight surface that scans share, in the map. */
 typedef struct aligner_wall {
-    cairn_vec2 normal, middle;
+    cairn_vec2 normal;
     cairn_real offset, low, high; /* n p = offset; extent along the direction */
+    int32_t next;                 /* wall of its list, -1 */
+    int32_t tile;                 /* the list that it is in */
+    cairn_vec2 middle;
     cairn_real weight;
     cairn_sym2 spread;
     int32_t scans; /* that see it; 2: two or more */
     int32_t first_scan, node;
-    int32_t way;  /* of the direction with which it began */
-    int32_t tile; /* the list that it is in, ... */
-    int32_t next; /* ... and the next wall of that, -1 */
+    int32_t way; /* of the direction with which it began */
 } aligner_wall;
 
 struct cairn_aligner {
@@ -360,6 +363,11 @@ int32_t cairn_aligner_associate_item(cairn_aligner *x);
 
 /* ---- aligner_wall.c ---- */
 
+static inline int cairn_aligner_keeps_walls(const cairn_aligner *x)
+{
+    return x->round >= ALIGNER_KEEP_FROM;
+}
+
 /* How badly a segment fits a wall, m; negative: it does not. */
 cairn_real cairn_aligner_misfit(const cairn_aligner *x, const aligner_segment *s, const aligner_wall *wall);
 
@@ -387,7 +395,9 @@ void cairn_aligner_give_up(cairn_aligner *x, cairn_status status);
 
 /* aligner_cluster.c */
 void cairn_aligner_begin_clusters(cairn_aligner *x);
-void cairn_aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose, int32_t rounds);
+/* least: nats; counting ends when the evidence has fallen to it, and what is left would hardly bring it back. */
+void cairn_aligner_begin_look(cairn_aligner *x, int32_t moving, int32_t fixed, cairn_transform pose, int32_t rounds,
+                              cairn_real least);
 void cairn_aligner_begin_relax(cairn_aligner *x, int32_t cluster, cairn_real gate, int32_t rounds, int32_t all);
 void cairn_aligner_insert(cairn_aligner *x, int32_t scan, int32_t cluster);
 void cairn_aligner_remove(cairn_aligner *x, int32_t scan);

@@ -95,6 +95,12 @@ static cairn_status begin_pose(cairn_mapper *mapper)
 
 /* ---- The result ---- */
 
+/* 1 when it may be elsewhere, which the next scan will tell. */
+static int waits_for_the_next(const cairn_mapper *mapper)
+{
+    return !mapper->has_match && mapper->rumour_is_new && mapper->rumour_scan == mapper->state.scans + 1;
+}
+
 /* 1 when the scan shows what the local map does not: it moved on, or most of it has no partners. */
 static int is_key_scan(const cairn_mapper *mapper, cairn_pose map_scan)
 {
@@ -102,6 +108,8 @@ static int is_key_scan(const cairn_mapper *mapper, cairn_pose map_scan)
 
     if (mapper->key_count == 0)
         return 1;
+    if (waits_for_the_next(mapper))
+        return 0;
     if (mapper->result.support < mapper->params.key_support && mapper->since_key >= KEY_REST)
         return 1;
     key_scan = cairn_pose_between(mapper->key_pose[mapper->key_count - 1], map_scan);

@@ -21,23 +21,14 @@
 
 #include "src/mapping/mapper_work.h"
 
-static const cairn_real APART = CAIRN_REAL(0.05); /* m: motions that lead so far apart are tried both */
-static const cairn_real APART_TURN = CAIRN_REAL(0.02);
 /* Than the match from the prediction one from another motion must be: who lags behind overlaps more. */
 static const cairn_real BETTER = CAIRN_REAL(1.2);
 static const cairn_real SUDDEN = CAIRN_REAL(0.1); /* m beyond the prediction, ... */
 static const cairn_real SUDDEN_TURN = CAIRN_REAL(0.08);
 static const cairn_real SUDDEN_SHARE = CAIRN_REAL(0.2); /* ... and this share of the motion */
 static const cairn_real WORSE = CAIRN_REAL(0.8);        /* than the mean quality */
-static const cairn_real SEARCH_WINDOW = CAIRN_REAL(0.5), SEARCH_ANGLE = CAIRN_REAL(0.5); /* m and rad */
-static const cairn_real WIDE_ANGLE = CAIRN_REAL(1.6);   /* ... when nothing was found there, in MAPPER_WIDE_WINDOW */
-static const cairn_real STRANGE = CAIRN_REAL(0.1);      /* m and rad out of the way */
-static const cairn_real THROWN = CAIRN_REAL(0.5);       /* m and rad: nobody pushes a robot much farther */
 static const cairn_real STRANGE_COST = CAIRN_REAL(0.1); /* ... of the log of the quality */
-/* Log odds, by scan_match, that a place is no chance likeness; here it is most likely in the window. */
-static const cairn_real LOCAL_EVIDENCE = -4;
-static const cairn_real LOOSE = CAIRN_REAL(0.1); /* m, deviation of the points of what is no match */
-static const cairn_real MOST = CAIRN_REAL(0.5);  /* of a scan, which must fit where odometry does not lead */
+static const cairn_real LOOSE = CAIRN_REAL(0.1);        /* m, deviation of the points of what is no match */
 static const cairn_real HELD = CAIRN_REAL(0.15); /* share of information along a direction of which few points tell */
 static const cairn_real FARTHEST = 10;           /* squared standard deviations from odometry: wheels may slip by any */
 /* Standard deviations, fewer after it was wrong: what odometry is off by beyond, and not by turning, it is off by again. */
@@ -50,11 +41,6 @@ static const cairn_real TRUSTED = CAIRN_REAL(0.5);    /* odometry whose trust is
 
 static const cairn_real STEADY = CAIRN_REAL(0.5); /* by each scan */
 static const int64_t LONGEST_SPAN = 1000000000;   /* ns: after a longer one nobody knows how the robot moves */
-
-static cairn_real length(cairn_pose motion)
-{
-    return cairn_sqrt(motion.x * motion.x + motion.y * motion.y);
-}
 
 /* ---- Prediction ---- */
 
@@ -101,11 +87,10 @@ void cairn_mapper_predict(cairn_mapper *mapper, cairn_pose last, cairn_pose by_o
     mapper->spent = mapper->searches = 0;
 }
 
-/* Where the scan may be after a motion that is told by odometry (or by the motion before). */
-static cairn_pose_prior prior_of(const cairn_mapper *mapper, cairn_pose motion, int32_t is_odometry)
+cairn_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, cairn_pose motion, int32_t is_odometry)
 {
     const cairn_mapper_params *p = &mapper->params;
-    cairn_real way = length(motion);
+    cairn_real way = cairn_mapper_way(motion);
     cairn_pose_prior prior;
 
     prior.mean = cairn_pose_compose(mapper->last, motion);
@@ -123,13 +108,13 @@ static cairn_pose_prior prior_of(const cairn_mapper *mapper, cairn_pose motion, 
 
 cairn_pose_prior cairn_mapper_prior(const cairn_mapper *mapper)
 {
-    return prior_of(mapper, mapper->motion, mapper->believed);
+    return cairn_mapper_prior_of(mapper, mapper->motion, mapper->believed);
 }
 
 cairn_status cairn_mapper_begin_match(cairn_mapper *mapper)
 {
     cairn_scan_view view = cairn_scan_read(mapper->scan);
-    cairn_pose_prior prior = prior_of(mapper, mapper->motion, mapper->believed);
+    cairn_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->motion, mapper->believed);
 
     mapper->phase = MATCH;
     return cairn_icp_begin(mapper->icp, view.points, view.point_count, mapper->predicted, &prior, NULL);
@@ -138,7 +123,7 @@ cairn_status cairn_mapper_begin_match(cairn_mapper *mapper)
 static cairn_status begin_other(cairn_mapper *mapper)
 {
     cairn_scan_view view = cairn_scan_read(mapper->scan);
-    cairn_pose_prior prior = prior_of(mapper, mapper->other, mapper->has_odometry && !mapper->believed);
+    cairn_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->other, mapper->has_odometry && !mapper->believed);
 
     mapper->phase = MATCH_OTHER;
     return cairn_icp_begin(mapper->icp, view.points, view.point_count, prior.mean, &prior, NULL);
@@ -153,7 +138,7 @@ static cairn_real quality(const cairn_icp_result *match)
 }
 
 /* How much a motion to a pose is out of the way of both the prediction and standing still, in so many m or rad, squared, up to 4. */
-static cairn_real out_of_the_way(const cairn_mapper *mapper, cairn_pose pose, cairn_real unit)
+cairn_real cairn_mapper_out_of_the_way(const cairn_mapper *mapper, cairn_pose pose, cairn_real unit)
 {
     cairn_pose a = cairn_pose_between(mapper->predicted, pose), b = cairn_pose_between(mapper->last, pose);
     cairn_real way = cairn_min(a.x * a.x + a.y * a.y, b.x * b.x + b.y * b.y);
@@ -164,7 +149,7 @@ static cairn_real out_of_the_way(const cairn_mapper *mapper, cairn_pose pose, ca
 
 static cairn_real strangeness(const cairn_mapper *mapper, cairn_pose pose)
 {
-    return out_of_the_way(mapper, pose, STRANGE);
+    return cairn_mapper_out_of_the_way(mapper, pose, MAPPER_STRANGE);
 }
 
 /* What speaks for a pose: the log of a quality, less for a strange motion. */
@@ -192,24 +177,23 @@ static int32_t take_match(cairn_mapper *mapper)
     return 1;
 }
 
-/* 1 when a pose is farther from the prediction than motions change from scan to scan. */
-static int32_t is_far(const cairn_mapper *mapper, cairn_pose pose)
+int32_t cairn_mapper_is_far(const cairn_mapper *mapper, cairn_pose pose)
 {
     cairn_pose d = cairn_pose_between(mapper->predicted, pose);
 
-    return length(d) > SUDDEN + SUDDEN_SHARE * length(mapper->motion) ||
+    return cairn_mapper_way(d) > SUDDEN + SUDDEN_SHARE * cairn_mapper_way(mapper->motion) ||
            cairn_abs(d.theta) > SUDDEN_TURN + SUDDEN_SHARE * cairn_abs(mapper->motion.theta);
 }
 
 static int32_t is_sudden(const cairn_mapper *mapper)
 {
-    return is_far(mapper, mapper->match.target_query);
+    return cairn_mapper_is_far(mapper, mapper->match.target_query);
 }
 
 /* What a search found needs only half the support when it is no sudden motion. */
 static cairn_real found_support(const cairn_mapper *mapper, const cairn_icp_result *match)
 {
-    return mapper->params.min_support / (is_far(mapper, match->target_query) ? 1 : 2);
+    return mapper->params.min_support / (cairn_mapper_is_far(mapper, match->target_query) ? 1 : 2);
 }
 
 /* Takes the match from what the search found when more speaks for it; else what there is stays, in doubt when it is
@@ -226,8 +210,8 @@ static void take_found(cairn_mapper *mapper)
     apart = cairn_pose_between(match.target_query, mapper->match.target_query);
     if (mapper->has_match && value_of(mapper, quality(&match), match.target_query) <=
                                  value_of(mapper, quality(&mapper->match), mapper->match.target_query)) {
-        mapper->doubtful |=
-            (length(apart) > APART || cairn_abs(apart.theta) > APART_TURN) && (!mapper->believed || is_sudden(mapper));
+        mapper->doubtful |= (cairn_mapper_way(apart) > MAPPER_APART || cairn_abs(apart.theta) > MAPPER_APART_TURN) &&
+                            (!mapper->believed || is_sudden(mapper));
         return;
     }
     mapper->match = match;
@@ -240,7 +224,7 @@ static int32_t motions_differ(const cairn_mapper *mapper)
 {
     cairn_pose d = cairn_pose_between(mapper->motion, mapper->other);
 
-    return d.x * d.x + d.y * d.y > APART * APART || cairn_abs(d.theta) > APART_TURN;
+    return d.x * d.x + d.y * d.y > MAPPER_APART * MAPPER_APART || cairn_abs(d.theta) > MAPPER_APART_TURN;
 }
 
 static int32_t is_doubtful(const cairn_mapper *mapper)
@@ -259,7 +243,7 @@ static int32_t is_outvoted(const cairn_mapper *mapper)
 static cairn_status begin_held(cairn_mapper *mapper)
 {
     cairn_scan_view view = cairn_scan_read(mapper->scan);
-    cairn_pose_prior prior = prior_of(mapper, mapper->motion, 1);
+    cairn_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->motion, 1);
     cairn_status status = cairn_icp_set_weak_ratio(mapper->icp, HELD);
 
     mapper->phase = MATCH_HELD;
@@ -268,10 +252,16 @@ static cairn_status begin_held(cairn_mapper *mapper)
     return cairn_icp_begin(mapper->icp, view.points, view.point_count, mapper->predicted, &prior, NULL);
 }
 
+cairn_status cairn_mapper_end_choice(cairn_mapper *mapper)
+{
+    mapper->phase = KEEP;
+    return is_outvoted(mapper) ? begin_held(mapper) : CAIRN_OK;
+}
+
 /* Squared distance from where odometry leads, in standard deviations, up to FARTHEST. */
 static cairn_real off_odometry(const cairn_mapper *mapper, cairn_pose pose)
 {
-    cairn_pose_prior prior = prior_of(mapper, mapper->motion, 1);
+    cairn_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->motion, 1);
     cairn_pose off = cairn_pose_between(prior.mean, pose);
 
     return cairn_min((off.x * off.x + off.y * off.y) / (prior.sigma_x * prior.sigma_x) +
@@ -292,132 +282,6 @@ static void take_held(cairn_mapper *mapper)
     mapper->match = match;
     mapper->held = 1;
     cairn_icp_read_parts(mapper->icp, &mapper->parts);
-}
-
-/* ---- The search ---- */
-
-static cairn_status begin_search(cairn_mapper *mapper)
-{
-    cairn_scan_view view = cairn_scan_read(mapper->scan);
-    cairn_scan_match_part query = cairn_scan_match_part_of(&view);
-    cairn_scan_match_window window = {SEARCH_WINDOW + length(mapper->motion), SEARCH_ANGLE};
-
-    if (mapper->searches > 0) {
-        window.distance = MAPPER_WIDE_WINDOW + length(mapper->motion);
-        window.angle = WIDE_ANGLE;
-    }
-    mapper->state.searched += mapper->searches == 0;
-    mapper->searches++;
-    mapper->phase = SEARCH;
-    if (cairn_scan_match_begin(mapper->search, &query, mapper->predicted, &window, NULL) != CAIRN_OK) {
-        mapper->phase = KEEP; /* too far away to be searched for */
-        mapper->doubtful = 1;
-    }
-    return CAIRN_OK;
-}
-
-static int32_t search_keys(const cairn_mapper *mapper)
-{
-    return mapper->local_count < MAPPER_SEARCH_KEYS ? mapper->local_count : MAPPER_SEARCH_KEYS;
-}
-
-cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budget)
-{
-    cairn_scan_match_part part;
-    int32_t key;
-
-    if (mapper->search_count == search_keys(mapper))
-        return begin_search(mapper);
-    if (mapper->search_count == 0) {
-        cairn_mapper_yield_match(mapper);
-        cairn_scan_match_clear_target(mapper->search);
-    }
-    key = mapper->local[mapper->search_count++];
-    part = cairn_mapper_key_part(mapper, key, mapper->oriented, mapper->beams);
-    budget->left -= 2 + part.count / 2 + part.beam_count / 2;
-    if (cairn_scan_match_add_target(mapper->search, &part, mapper->key_pose[key], NULL) != CAIRN_OK)
-        mapper->search_count = search_keys(mapper); /* full */
-    return CAIRN_OK;
-}
-
-/* 1 when the search has found a place where the scan fits. The farther that is from where odometry leads, the less it may be a chance
- * likeness; in the wide window it must be none, and most of the scan must fit. */
-static int32_t is_found(const cairn_mapper *mapper, const cairn_scan_match_result *result)
-{
-    const cairn_scan_match_hypothesis *best = result->hypotheses;
-
-    if (mapper->searches > 1 && mapper->believed)
-        return result->verdict != CAIRN_SCAN_MATCH_NONE && best->fit > MOST;
-    if (result->count == 0)
-        return 0;
-    return best->evidence >
-           LOCAL_EVIDENCE + (mapper->believed ? out_of_the_way(mapper, best->target_query, THROWN) : 0);
-}
-
-/* 1 when it found the match at hand. */
-static int32_t confirms(const cairn_mapper *mapper, const cairn_scan_match_result *result)
-{
-    cairn_pose apart;
-
-    if (!mapper->has_match || result->count == 0)
-        return 0;
-    apart = cairn_pose_between(mapper->match.target_query, result->hypotheses[0].target_query);
-    return length(apart) <= 2 * APART && cairn_abs(apart.theta) <= 2 * APART_TURN;
-}
-
-/* The search is over: the match runs from what it found, or what there is stays, in doubt. */
-static cairn_status end_search(cairn_mapper *mapper)
-{
-    cairn_scan_match_result result = cairn_scan_match_read(mapper->search);
-    cairn_scan_view view = cairn_scan_read(mapper->scan);
-    cairn_pose_prior prior = prior_of(mapper, mapper->motion, 0);
-    cairn_real best = 0;
-    int32_t chosen = -1;
-
-    if (!is_found(mapper, &result) && confirms(mapper, &result)) {
-        mapper->phase = KEEP;
-        return is_outvoted(mapper) ? begin_held(mapper) : CAIRN_OK;
-    }
-    if (!is_found(mapper, &result) && mapper->searches == 1)
-        return begin_search(mapper);
-    mapper->phase = KEEP;
-    mapper->doubtful = 1;
-    if (!is_found(mapper, &result))
-        return CAIRN_OK;
-    for (int32_t i = 0; i < result.count; i++) {
-        cairn_pose pose = result.hypotheses[i].target_query;
-        cairn_real value =
-            cairn_log(result.hypotheses[i].score + CAIRN_REAL(1e-3)) - CAIRN_REAL(0.05) * strangeness(mapper, pose);
-
-        if (chosen < 0 || value > best) {
-            chosen = i;
-            best = value;
-        }
-    }
-    /* Between rivals odometry decides. */
-    mapper->doubtful = cairn_mapper_has_rival(&result) &&
-                       (!mapper->believed || is_far(mapper, result.hypotheses[chosen].target_query));
-    mapper->phase = MATCH_FOUND;
-    prior.mean = result.hypotheses[chosen].target_query;
-    return cairn_icp_begin(mapper->icp, view.points, view.point_count, result.hypotheses[chosen].target_query, &prior,
-                           NULL);
-}
-
-cairn_status cairn_mapper_search_step(cairn_mapper *mapper, cairn_budget *budget)
-{
-    int32_t quota = mapper->params.search_units - mapper->spent, most = budget->left < quota ? budget->left : quota;
-    cairn_budget share = {most};
-    cairn_status status = cairn_scan_match_step(mapper->search, &share);
-
-    budget->left -= most - share.left;
-    mapper->spent += most - share.left;
-    if (status == CAIRN_OK)
-        return end_search(mapper);
-    if (status == CAIRN_MORE && mapper->spent >= mapper->params.search_units) {
-        mapper->phase = KEEP;
-        mapper->doubtful = 1;
-    }
-    return status == CAIRN_MORE ? CAIRN_OK : status;
 }
 
 /* ---- What comes after a match ---- */
@@ -445,8 +309,7 @@ cairn_status cairn_mapper_end_match(cairn_mapper *mapper)
         return end_doubt(mapper);
     case MATCH_FOUND:
         take_found(mapper);
-        mapper->phase = KEEP;
-        return is_outvoted(mapper) ? begin_held(mapper) : CAIRN_OK;
+        return cairn_mapper_end_choice(mapper);
     default:
         take_held(mapper);
         mapper->phase = KEEP;
@@ -459,17 +322,18 @@ cairn_status cairn_mapper_end_match(cairn_mapper *mapper)
 /* Believes odometry more, or less, by how it foretold a match. */
 static void weigh_odometry(cairn_mapper *mapper)
 {
-    cairn_pose_prior prior = prior_of(mapper, mapper->by_odometry, 1);
+    cairn_pose_prior prior = cairn_mapper_prior_of(mapper, mapper->by_odometry, 1);
     cairn_pose e = cairn_pose_between(prior.mean, mapper->match.target_query);
-    cairn_real off = mapper->slip * cairn_max(length(e) / prior.sigma_x, cairn_abs(e.theta) / prior.sigma_theta);
+    cairn_real off =
+        mapper->slip * cairn_max(cairn_mapper_way(e) / prior.sigma_x, cairn_abs(e.theta) / prior.sigma_theta);
     cairn_vec2 way = {e.x, e.y};
     int32_t contradicted = off > 2;
 
     if (mapper->match.weak_ratio >= MAPPER_SLIPPERY && !mapper->held) {
         mapper->slip = cairn_max(1, cairn_max(mapper->slip * SLIP_FADES, cairn_min(off, SLIP_MOST)));
         mapper->drag.x = mapper->drag.y = 0;
-        if (mapper->slip * length(e) > DRAGGED * prior.sigma_x && cairn_abs(e.theta) < SUDDEN_TURN &&
-            length(e) > SUDDEN)
+        if (mapper->slip * cairn_mapper_way(e) > DRAGGED * prior.sigma_x && cairn_abs(e.theta) < SUDDEN_TURN &&
+            cairn_mapper_way(e) > SUDDEN)
             mapper->drag = way;
     } else {
         mapper->drag = cairn_vec2_scale(mapper->drag, SLIP_FADES);

@@ -1,4 +1,5 @@
-/* What the parts of mapper share: mapper.c (scan by scan), mapper_create.c (params and memory), mapper_front.c (its match),
+/* What the parts of mapper share: mapper.c (scan by scan), mapper_create.c (params and memory), mapper_front.c (its match), mapper_search.c
+ * (the search of one in doubt),
  * mapper_keys.c (key scans, local map), mapper_window.c (force field over the last key scans), mapper_loop.c (loops that close),
  * mapper_tie.c (on what key scans hang), mapper_graph.c (correction of all key scans), mapper_cover.c (how well key scans are
  * covered by others), mapper_release.c (key scans that go). */
@@ -27,6 +28,10 @@ static const cairn_real MAPPER_DOUBT = CAIRN_REAL(0.3), MAPPER_DOUBT_TURN = CAIR
 static const cairn_real MAPPER_SLIPPERY =
     CAIRN_REAL(0.05);                           /* share of information along a direction that is hardly told */
 static const cairn_real MAPPER_WIDE_WINDOW = 1; /* m, of the widest search of a scan in doubt, beyond its motion */
+
+static const cairn_real MAPPER_APART = CAIRN_REAL(0.05); /* m: motions that lead so far apart are tried both */
+static const cairn_real MAPPER_APART_TURN = CAIRN_REAL(0.02);
+static const cairn_real MAPPER_STRANGE = CAIRN_REAL(0.1); /* m and rad out of the way */
 
 typedef int32_t phase;
 enum {
@@ -207,8 +212,13 @@ struct cairn_mapper {
     cairn_scan_match *search; /* of the scan in doubt, and for loops; NULL when nobody searches */
     cairn_real doubt[9];      /* covariance in the map that the doubt adds */
     int32_t searches;         /* of this scan */
-    int32_t search_count;     /* key scans of the local map that it has; 0: other things */
-    int32_t spent;            /* units, by the search of this scan */
+    /* Where the last search would have placed its scan, too far from where odometry leads. */
+    cairn_pose rumour;
+    cairn_real rumour_evidence; /* log odds */
+    int64_t rumour_scan;        /* number of that scan, from 1; 0: none */
+    int32_t rumour_is_new;      /* 1: the scan before left none */
+    int32_t search_count;       /* key scans of the local map that it has; 0: other things */
+    int32_t spent;              /* units, by the search of this scan */
 
     mapper_loop loop; /* its graph is NULL without loops */
     cairn_mapper_result result;
@@ -282,6 +292,12 @@ void cairn_mapper_read_window(cairn_mapper *mapper);
 
 /* ---- mapper_front.c ---- */
 
+/* m */
+static inline cairn_real cairn_mapper_way(cairn_pose motion)
+{
+    return cairn_sqrt(motion.x * motion.x + motion.y * motion.y);
+}
+
 /* Predicts the scan from where the one before is, and by how its odometry has moved. */
 /* The motion during the sweep of the next scan, which is by_odometry (NULL: none) away from the last one. */
 cairn_pose cairn_mapper_sweep_motion(const cairn_mapper *mapper, const cairn_scan_input *input,
@@ -292,10 +308,18 @@ cairn_status cairn_mapper_begin_match(cairn_mapper *mapper);
 
 /* A match has ended: chooses what comes next. */
 cairn_status cairn_mapper_end_match(cairn_mapper *mapper);
-cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budget);
 
-/* Goes on with the search of a scan in doubt, which ends when it has taken its share of units. */
-cairn_status cairn_mapper_search_step(cairn_mapper *mapper, cairn_budget *budget);
+/* The match is chosen; when few points speak against odometry it is run once more. */
+cairn_status cairn_mapper_end_choice(cairn_mapper *mapper);
+
+/* Where the scan may be after a motion that is told by odometry (or by the motion before). */
+cairn_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, cairn_pose motion, int32_t is_odometry);
+
+/* Squared distance of a pose from the prediction or from standing still, whichever is nearer, in units of m and rad; 4 at most. */
+cairn_real cairn_mapper_out_of_the_way(const cairn_mapper *mapper, cairn_pose pose, cairn_real unit);
+
+/* 1 when a pose is farther from the prediction than motions change from scan to scan. */
+int32_t cairn_mapper_is_far(const cairn_mapper *mapper, cairn_pose pose);
 
 /* What its motion tells of the scan at hand. */
 cairn_pose_prior cairn_mapper_prior(const cairn_mapper *mapper);
@@ -303,6 +327,14 @@ cairn_pose_prior cairn_mapper_prior(const cairn_mapper *mapper);
 /* The scan has its match, or none: how good are matches, can odometry be believed? */
 void cairn_mapper_learn(cairn_mapper *mapper);
 cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion);
+
+/* ---- mapper_search.c ---- */
+
+/* Fills the target of the search with the key scans near by, one by one; then it begins. */
+cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budget);
+
+/* Goes on with the search, which ends when it has taken its share of units. */
+cairn_status cairn_mapper_search_step(cairn_mapper *mapper, cairn_budget *budget);
 
 /* ---- mapper_loop.c ---- */
 

@@ -51,9 +51,9 @@ void cairn_match_index_count(match_index *index, cairn_vec2 p)
 }
 
 /* Counts become the ends of their cells, cell after cell. */
-void cairn_match_index_sum(match_index *index, int32_t cell)
+void cairn_match_index_sum(match_index *index, int32_t first, int32_t end)
 {
-    if (cell > 0)
+    for (int32_t cell = first > 0 ? first : 1; cell < end; cell++)
         index->start[cell] += index->start[cell - 1];
 }
 

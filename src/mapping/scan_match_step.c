@@ -57,10 +57,10 @@ static void sum_item(cairn_scan_match *x)
 {
     const cairn_oriented_point *points;
     match_index *index = index_at_work(x, &points);
-    int32_t cells = index->side * index->side + 1;
+    int32_t cells = index->side * index->side + 1, end = x->at + SUM_BLOCK < cells ? x->at + SUM_BLOCK : cells;
 
-    for (int32_t i = 0; i < SUM_BLOCK && x->at < cells; i++)
-        cairn_match_index_sum(index, x->at++);
+    cairn_match_index_sum(index, x->at, end);
+    x->at = end;
     cairn_match_charge(x, MATCH_PART);
     if (x->at < cells)
         return;

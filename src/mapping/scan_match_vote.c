@@ -98,21 +98,26 @@ void cairn_match_votes_begin(cairn_scan_match *x)
 static void vote(cairn_scan_match *x, cairn_vec2 p, int32_t first, int32_t end)
 {
     match_votes *v = &x->votes;
-    cairn_real per_metre = 1 / v->side;
+    const cairn_vec2 *at = x->by_direction;
+    uint16_t *votes = v->cell, *touched = v->touched;
+    cairn_real per_metre = 1 / v->side, width = (cairn_real)v->width, height = (cairn_real)v->height;
     cairn_real ox = (p.x + v->origin.x) * per_metre, oy = (p.y + v->origin.y) * per_metre;
+    int32_t row = v->width, count = v->touched_count;
 
     for (int32_t i = first; i < end; i++) {
-        cairn_real cx = x->by_direction[i].x * per_metre - ox, cy = x->by_direction[i].y * per_metre - oy;
-        int32_t cell;
+        cairn_real cx = at[i].x * per_metre - ox, cy = at[i].y * per_metre - oy;
+        int32_t cell, before;
 
-        if (!(cx >= 0 && cy >= 0 && cx < (cairn_real)v->width && cy < (cairn_real)v->height))
+        if (!(cx >= 0 && cy >= 0 && cx < width && cy < height))
             continue;
-        cell = cairn_real_to_int(cy) * v->width + cairn_real_to_int(cx);
-        if (v->cell[cell] == 0)
-            v->touched[v->touched_count++] = (uint16_t)cell;
-        if (v->cell[cell] < UINT16_MAX)
-            v->cell[cell]++;
+        cell = (int32_t)cy * row + (int32_t)cx;
+        before = votes[cell];
+        if (before == 0)
+            touched[count++] = (uint16_t)cell;
+        if (before < UINT16_MAX)
+            votes[cell] = (uint16_t)(before + 1);
     }
+    v->touched_count = count;
     cairn_match_charge(x, end - first + 8);
 }
 

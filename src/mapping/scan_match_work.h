@@ -179,7 +179,7 @@ static inline void cairn_match_charge(cairn_scan_match *x, int32_t parts)
 size_t cairn_match_index_cells(int32_t max_points);
 void cairn_match_index_reset(match_index *index, int32_t max_points, int32_t count, cairn_real cell);
 void cairn_match_index_count(match_index *index, cairn_vec2 p);
-void cairn_match_index_sum(match_index *index, int32_t cell);
+void cairn_match_index_sum(match_index *index, int32_t first, int32_t end);
 void cairn_match_index_place(match_index *index, cairn_oriented_point p);
 /* The nearest point within the gate that points the same way; NULL: none. *parts grows by the cost. */
 const cairn_oriented_point *cairn_match_index_nearest(const match_index *index, match_search *asked, cairn_real gate,

@@ -1,0 +1,372 @@
+/* bench/detect: objects of the ETHZ shape classes (chapter 5) in all their images, from the supplied edges and one drawn model a class.
+ *
+ * Every class's model on the images of all classes; no size, no rotation is given, and nothing is trained. Hit: IoU of the boxes >= 0.5,
+ * each object once. A line for each class: the detection rate at 0.3 and 0.4 false positives per image, the 11-point average precision, and
+ * the precision at the thesis's recall, which counts boxes above 0.2 as hits (precision_at_recall; with 0.5: precision_at_recall_half).
+ * --method chamfer: the plain oriented chamfer twin. --curves DIR: CLASS.csv and CLASS.svg, precision over recall and detection rate
+ * over false positives per image. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "bench/bench_detect.h"
+#include "bench/bench_json.h"
+#include "cairn/output.h"
+#include "cairn/report.h"
+#include "tools/options.h"
+
+typedef struct settings {
+    const char *class_name, *method, *data, *curves;
+    int64_t most, candidates;
+    double overlap;
+    int32_t each, no_mirror;
+} settings;
+
+static const struct {
+    const char *folder, *model;
+    double recall; /* of the thesis */
+} classes[] = {{"Applelogos", "applelogo", 0.864},
+               {"Bottles", "bottle", 0.927},
+               {"Giraffes", "giraffe", 0.703},
+               {"Mugs", "mug", 0.834},
+               {"Swans", "swan", 0.939}};
+
+enum { CLASSES = sizeof classes / sizeof *classes, SECONDS_MOST = 1 << 16 };
+
+typedef struct run {
+    const settings *s;
+    cairn_shape_model_file model[CLASSES];
+    int32_t wanted[CLASSES];
+    detect_tally tally[CLASSES];
+    double *seconds;
+    int32_t timed;
+} run;
+
+/* ---- Images ---- */
+
+static void print_each(const run *r, const group_image *image, int32_t class, const group_image *truth,
+                       const cairn_detection *found, int32_t count)
+{
+    for (int32_t i = 0; i < count && r->s->each; i++) {
+        double overlap;
+
+        bench_json_begin("detect");
+        bench_json_text("image", image->name);
+        bench_json_text("class", classes[class].folder);
+        bench_json_number("score", (double)found[i].score);
+        bench_json_number("left", (double)found[i].left);
+        bench_json_number("top", (double)found[i].top);
+        bench_json_number("right", (double)found[i].right);
+        bench_json_number("bottom", (double)found[i].bottom);
+        bench_json_number("rigid", (double)found[i].rigid);
+        bench_json_number("bent", (double)found[i].bent);
+        bench_json_number("along", (double)found[i].along);
+        bench_json_number("size", (double)found[i].size / hypot(image->width, image->height));
+        bench_json_integer("object", detect_object(truth, &found[i], &overlap));
+        bench_json_number("box_iou", overlap);
+        bench_json_end();
+    }
+}
+
+static int count_image(run *r, const group_image *image, int32_t class, int32_t own, const cairn_detection *found,
+                       int32_t count, double seconds)
+{
+    if (r->timed < SECONDS_MOST)
+        r->seconds[r->timed++] = seconds;
+    print_each(r, image, class, own == class ? image : NULL, found, count);
+    return detect_tally_add(&r->tally[class], found, count, own == class ? image : NULL);
+}
+
+static int run_chamfer(run *r, const group_image *image, int32_t own)
+{
+    for (int32_t k = 0; k < CLASSES; k++) {
+        double start = bench_cpu_seconds();
+        cairn_detection *found = NULL;
+        int32_t count = r->wanted[k] ? detect_chamfer(image, &r->model[k].model, &found) : 0;
+        int ok =
+            !r->wanted[k] || (count >= 0 && count_image(r, image, k, own, found, count, bench_cpu_seconds() - start));
+
+        free(found);
+        if (!ok)
+            return 0;
+    }
+    return 1;
+}
+
+/* The time of an image and a model has that of the edges and the field, which all models of an image share. */
+static int run_default(run *r, const group_image *image, int32_t own, cairn_file_error *error)
+{
+    cairn_object_detect_params params = cairn_object_detect_default(image->width, image->height);
+    cairn_raster_u8_view view = {image->edges, image->width, image->height, image->width};
+    double start = bench_cpu_seconds(), field_seconds;
+    cairn_contour_tokens tokens;
+    cairn_detect_field *field;
+    int ok = 1;
+
+    params.candidates = (int32_t)r->s->candidates;
+    params.overlap = (cairn_real)r->s->overlap;
+    params.mirror = !r->s->no_mirror;
+    params.min_score = -100;
+    if (cairn_contour_tokens_find(&tokens, view, 1, 0, image->name, error) != CAIRN_OK)
+        return 0;
+    ok = cairn_detect_field_make(&field, &tokens, &params, image->name, error) == CAIRN_OK;
+    field_seconds = bench_cpu_seconds() - start;
+    for (int32_t k = 0; k < CLASSES && ok; k++) {
+        cairn_detections d;
+
+        if (!r->wanted[k])
+            continue;
+        start = bench_cpu_seconds();
+        ok = cairn_object_detect(&d, field, &r->model[k].model, image->name, error) == CAIRN_OK;
+        if (ok)
+            ok = count_image(r, image, k, own, d.found, d.count, field_seconds + bench_cpu_seconds() - start);
+        cairn_detections_free(&d);
+    }
+    cairn_detect_field_free(field);
+    cairn_contour_tokens_free(&tokens);
+    return ok;
+}
+
+static int run_image(run *r, const char *folder, const char *name, int32_t own)
+{
+    cairn_file_error error = {.text = "no memory"};
+    group_image image;
+    int ok;
+
+    if (!group_image_read(&image, folder, name, classes[own].folder))
+        return 0;
+    ok = r->s->method[0] == 'c' ? run_chamfer(r, &image, own) : run_default(r, &image, own, &error);
+    if (!ok)
+        fprintf(stderr, "bench/detect: %s: %s\n", name, error.text);
+    group_image_free(&image);
+    return ok;
+}
+
+/* Every n-th of a folder's images, so that there are at most `most`. */
+static int run_folder(run *r, int32_t own)
+{
+    char folder[4096];
+    group_names names;
+    int64_t count;
+    int ok = 1;
+
+    (void)snprintf(folder, sizeof folder, "%s/ethz/%s", r->s->data, classes[own].folder);
+    if (!group_names_read(&names, folder)) {
+        fprintf(stderr, "bench/detect: %s: no images, expected the ETHZ shape classes (--data)\n", folder);
+        return 0;
+    }
+    count = r->s->most < names.count ? r->s->most : names.count;
+    for (int64_t k = 0; k < count && ok; k++) {
+        fprintf(stderr, "%s/%s\n", classes[own].folder, names.name[k * names.count / count]);
+        ok = run_image(r, folder, names.name[k * names.count / count], own);
+    }
+    group_names_free(&names);
+    return ok;
+}
+
+static int load_models(run *r)
+{
+    cairn_shape_image_params image = cairn_shape_image_default();
+    cairn_shape_builder_params builder = cairn_shape_builder_default();
+    cairn_file_error error;
+    int any = 0;
+
+    for (int32_t k = 0; k < CLASSES; k++) {
+        char path[4096];
+
+        r->wanted[k] = r->s->class_name == NULL || strcmp(r->s->class_name, classes[k].folder) == 0;
+        any |= r->wanted[k];
+        (void)snprintf(path, sizeof path, "%s/ethz/models/%s.tif", r->s->data, classes[k].model);
+        if (cairn_shape_model_file_load(&r->model[k], path, &image, &builder, NULL, &error) != CAIRN_OK) {
+            fprintf(stderr, "bench/detect: %s\n", error.text);
+            return 0;
+        }
+    }
+    return any;
+}
+
+/* ---- Figures ---- */
+
+static int write_table(const char *path, const detect_point *points, int32_t count)
+{
+    cairn_file_error error;
+    cairn_output *output;
+
+    if (cairn_output_open(&output, path, &error) == CAIRN_OK) {
+        cairn_output_print(output, "recall,precision,false_per_image\n");
+        for (int32_t i = 0; i < count; i++)
+            cairn_output_print(output, "%.6f,%.6f,%.6f\n", points[i].recall, points[i].precision,
+                               points[i].false_per_image);
+        if (cairn_output_commit(output, &error) == CAIRN_OK)
+            return 1;
+    }
+    fprintf(stderr, "bench/detect: %s\n", error.text);
+    return 0;
+}
+
+/* Lines from point to point; by_recall: precision over recall, otherwise recall over false positives. */
+static void lay_lines(cairn_vec2 *line, const detect_point *points, int32_t count, int by_recall)
+{
+    for (int32_t i = 0; i + 1 < count; i++)
+        for (int32_t k = 0; k < 2; k++) {
+            const detect_point *p = &points[i + k];
+
+            line[2 * i + k].x = (cairn_real)(by_recall ? p->recall : p->false_per_image);
+            line[2 * i + k].y = (cairn_real)(by_recall ? p->precision : p->recall);
+        }
+}
+
+static int draw(const char *path, const char *title, const detect_point *points, int32_t count)
+{
+    cairn_vec2 *lines = malloc((4 * (size_t)count + 1) * sizeof *lines);
+    cairn_report_figure figure = cairn_report_figure_default();
+    cairn_report_layer layer[2] = {{NULL, "#2563eb", CAIRN_REPORT_LINES, count - 1, lines, 2, 1},
+                                   {NULL, "#dc2626", CAIRN_REPORT_LINES, count - 1, lines + 2 * count, 2, 1}};
+    cairn_report_plot plot[2] = {
+        {.x_label = "recall", .y_label = "precision", .layer = &layer[0], .layer_count = 1, .box = {{0, 0}, {1, 1}}},
+        {.x_label = "false positives per image",
+         .y_label = "detection rate",
+         .layer = &layer[1],
+         .layer_count = 1,
+         .box = {{0, 0}, {CAIRN_REAL(1.5), 1}}}};
+    cairn_file_error error = {.text = "no memory"};
+    int ok = lines != NULL;
+
+    if (ok) {
+        lay_lines(lines, points, count, 1);
+        lay_lines(lines + 2 * count, points, count, 0);
+        figure.title = title;
+        figure.plot = plot;
+        figure.plot_count = 2;
+        ok = cairn_report_figure_write(path, &figure, &error) == CAIRN_OK;
+    }
+    if (!ok)
+        fprintf(stderr, "bench/detect: %s\n", error.text);
+    free(lines);
+    return ok;
+}
+
+static int write_curves(const settings *s, const char *name, const detect_point *points, int32_t count)
+{
+    char path[4096];
+
+    if (s->curves == NULL || count < 2)
+        return 1;
+    (void)snprintf(path, sizeof path, "%s/%s.csv", s->curves, name);
+    if (!write_table(path, points, count))
+        return 0;
+    (void)snprintf(path, sizeof path, "%s/%s.svg", s->curves, name);
+    return draw(path, name, points, count);
+}
+
+typedef struct means {
+    double rate03, rate04, precision, classes;
+} means;
+
+static int print_class(run *r, int32_t k, means *m)
+{
+    detect_tally *t = &r->tally[k];
+    detect_point *half = malloc(((size_t)t->count + 1) * sizeof *half);
+    detect_point *fifth = malloc(((size_t)t->count + 1) * sizeof *fifth);
+    int ok = half != NULL && fifth != NULL;
+
+    if (ok) {
+        double rate03, rate04, precision;
+
+        detect_curve(t, DETECT_HALF, half);
+        detect_curve(t, DETECT_FIFTH, fifth);
+        rate03 = detect_rate_at(half, t->count, 0.3);
+        rate04 = detect_rate_at(half, t->count, 0.4);
+        precision = detect_average_precision(half, t->count);
+        bench_json_begin("detect");
+        bench_json_text("class", classes[k].folder);
+        bench_json_text("method", r->s->method);
+        bench_json_integer("images", t->images);
+        bench_json_integer("instances", t->instances);
+        bench_json_number("dr03", rate03);
+        bench_json_number("dr04", rate04);
+        bench_json_number("ap", precision);
+        bench_json_number("recall_most", t->count > 0 ? half[t->count - 1].recall : 0);
+        bench_json_number("precision_at_recall", detect_precision_at(fifth, t->count, classes[k].recall));
+        bench_json_number("precision_at_recall_half", detect_precision_at(half, t->count, classes[k].recall));
+        bench_json_end();
+        m->rate03 += rate03;
+        m->rate04 += rate04;
+        m->precision += precision;
+        m->classes++;
+        ok = write_curves(r->s, classes[k].folder, half, t->count);
+    }
+    free(half);
+    free(fifth);
+    return ok;
+}
+
+static int print_all(run *r)
+{
+    means m = {0, 0, 0, 0};
+
+    for (int32_t k = 0; k < CLASSES; k++)
+        if (r->wanted[k] && !print_class(r, k, &m))
+            return 0;
+    bench_json_begin("detect");
+    bench_json_text("method", r->s->method);
+    bench_json_number("dr03_mean", m.rate03 / m.classes);
+    bench_json_number("dr04_mean", m.rate04 / m.classes);
+    bench_json_number("ap_mean", m.precision / m.classes);
+    bench_json_number("seconds_median", bench_median(r->seconds, (size_t)r->timed));
+    bench_json_true("summary");
+    bench_json_end();
+    return 1;
+}
+
+static option_result read_settings(settings *s, int argc, char **argv)
+{
+    const option table[] = {
+        OPTION_TEXT("--class", &s->class_name, "NAME", "Applelogos, Bottles, Giraffes, Mugs or Swans; without it all"),
+        OPTION_TEXT("--method", &s->method, "NAME", "default or chamfer"),
+        OPTION_INTEGER("--images", &s->most, 1, 100000, "N", "of each class at most, evenly chosen"),
+        OPTION_INTEGER("--candidates", &s->candidates, 1, 64, "N", "places of an image that are looked at closely"),
+        OPTION_NUMBER("--overlap", &s->overlap, 0, 1, "SHARE",
+                      "of boxes, above which the better detection stays alone"),
+        OPTION_FLAG("--no-mirror", &s->no_mirror, "not the mirrored models"),
+        OPTION_FLAG("--each", &s->each, "a line for each detection, too"),
+        OPTION_TEXT("--curves", &s->curves, "DIR", "writes CLASS.csv and CLASS.svg"),
+        OPTION_TEXT("--data", &s->data, "DIR", "where ethz/ is"),
+    };
+    const option_set set = {"bench/detect", "[options]", "Detects the ETHZ shape classes by one drawn model each.",
+                            table, sizeof table / sizeof *table};
+    size_t count = 0;
+    option_result result = options_read(&set, argc, argv, NULL, &count);
+
+    if (result == OPTIONS_READ && strcmp(s->method, "default") != 0 && strcmp(s->method, "chamfer") != 0)
+        return (option_result)options_refuse("bench/detect", "--method %s, expected default or chamfer", s->method);
+    return result;
+}
+
+int main(int argc, char **argv)
+{
+    cairn_object_detect_params params = cairn_object_detect_default(1, 1);
+    settings s = {.method = "default", .data = "../shared/data", .most = 100000, .candidates = params.candidates};
+    option_result result;
+    static run r;
+    int ok;
+
+    s.overlap = (double)params.overlap;
+    result = read_settings(&s, argc, argv);
+    if (result != OPTIONS_READ)
+        return (int)result;
+    r.s = &s;
+    r.seconds = malloc(SECONDS_MOST * sizeof *r.seconds);
+    ok = r.seconds != NULL && load_models(&r);
+    for (int32_t k = 0; k < CLASSES && ok; k++)
+        ok = run_folder(&r, k);
+    ok = ok && print_all(&r);
+    for (int32_t k = 0; k < CLASSES; k++) {
+        cairn_shape_model_file_free(&r.model[k]);
+        detect_tally_free(&r.tally[k]);
+    }
+    free(r.seconds);
+    return ok ? 0 : 3;
+}

@@ -1,0 +1,71 @@
+/* object_detect: objects of a class in a picture's edges, from one model of its outline.
+ *
+ * Every place and size is looked at: what each edge is worth for the outline there, against what edges near it come to by chance.
+ * The best places are looked at again with the outline bent onto the edges (contour_search). Image coordinates, pixels. */
+#ifndef CAIRN_OBJECT_DETECT_H
+#define CAIRN_OBJECT_DETECT_H
+
+#include "cairn/contour_search.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct cairn_object_detect_params {
+    cairn_real min_size, max_size; /* px, 0 < min <= max: of the diagonal of the object's box */
+    int32_t mirror;                /* 1: the mirrored model is looked for, too (1) */
+    int32_t candidates;            /* 1 ... 64: places that are looked at again (20) */
+    cairn_real
+        overlap; /* 0 ... 1: of two detections whose boxes share more, over their union, the better one stays (0.2); so it does when
+                                      most of the smaller box lies in the other */
+    cairn_real min_score; /* worse detections are not reported (0) */
+} cairn_object_detect_params;
+
+/* The values in brackets above; sizes from a tenth of the picture's diagonal, at least 24 px, to the whole. */
+cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t height);
+
+/* What was found. rigid and bent: the mean over the outline's samples of the logarithm of how much likelier the edges there are with the
+ * object than by chance, where the model was laid first, and where its bent outline lies, less what bending costs. */
+typedef struct cairn_detection {
+    cairn_real left, top, right, bottom; /* px, the box about the bent outline */
+    cairn_real score; /* of rigid, bent, along, the box's proportions, the size to the picture's diagonal */
+    cairn_real rigid, bent;
+    cairn_real along;      /* length of the segments to that of the outline */
+    cairn_vec2 origin;     /* px, where the model's origin lies */
+    cairn_real size;       /* px, of the diagonal of the model's box */
+    int32_t mirrored;      /* 1: it is the mirrored model */
+    int32_t first_segment; /* segments[first_segment ... + segment_count - 1]: those along the outline */
+    int32_t segment_count;
+    int32_t first_outline; /* outline[first_outline ... + outline_count - 1] */
+    int32_t outline_count; /* the model's */
+} cairn_detection;
+
+typedef struct cairn_detections {
+    cairn_detection *found;       /* [count] the best first */
+    int32_t *segments;            /* [segment_count] indices of the tokens' lines */
+    cairn_contour_place *outline; /* [outline_count] */
+    int32_t count, segment_count, outline_count;
+} cairn_detections;
+
+/* What all models are looked for in: made once of a picture. */
+typedef struct cairn_detect_field cairn_detect_field;
+
+/* Makes the field of all sizes within params. `tokens` must stay. CAIRN_BAD_ARGUMENT: params; CAIRN_NO_MEMORY. On failure there is nothing to
+ * free. `path` is named by the error. */
+CAIRN_CHECKED cairn_status cairn_detect_field_make(cairn_detect_field **field, const cairn_contour_tokens *tokens,
+                                                   const cairn_object_detect_params *params, const char *path,
+                                                   cairn_file_error *error);
+void cairn_detect_field_free(cairn_detect_field *field);
+
+/* Looks for a model. CAIRN_BAD_ARGUMENT: a model that cairn_shape_model_check refuses or that has no outline; CAIRN_NO_MEMORY. On failure
+ * there is nothing to free. */
+CAIRN_CHECKED cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detect_field *field,
+                                               const cairn_shape_model *model, const char *path,
+                                               cairn_file_error *error);
+void cairn_detections_free(cairn_detections *detections);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,442 @@
+/* Objects of a class, by their outlines.
+ *
+ * Method: for each size, the model and its mirror image, and three proportions of each, a map of the mean worth of the outline's samples
+ * (object_detect_field.c) for every place of its middle: sums of shifted planes. Of the peaks of all maps the best are taken that do not
+ * lie on better ones, and looked at again: the outline is bent onto the edges about them (contour_search_fit.c). Both means, before and
+ * after, make the score; boxes are those of the bent outlines. Of detections that overlap the best stays.
+ *
+ * Source: this project's; candidates and their evaluation in two steps as in Adluru 2008, sections 5.2.2 and 5.3.1. */
+#include "src/core/build.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cairn/shape_model_file.h"
+#include "src/host/contour_search_fit.h"
+#include "src/host/object_detect_work.h"
+
+/* Width to height of the model's, and what a step between them costs. */
+static const double aspects[] = {1, 0.8, 1.25, 0.64, 1.5625};
+enum { ASPECTS = sizeof aspects / sizeof *aspects, PEAKS_MOST = 1 << 16 };
+/* Of two candidates whose boxes share more, over their union, the better one is looked at. */
+#define CANDIDATE_OVERLAP 0.5F
+/* Of bent outlines evidence is counted in pieces of this length (contour_search_fit.c). */
+#define PIECE 0.08
+/* What the outline before bending, the length of segments along it and the logarithm of the size, to the picture's diagonal, count beside
+ * the bent one. A piece of a small outline is a few pixels, along which chance lays an edge more easily. */
+#define RIGID 2
+#define ALONG 0.5
+#define SIZE  1
+/* And the square of the logarithm of how much wider its box is, to its height, than the model's. */
+#define PROPORTION 1
+/* What the logarithm of the size counts beside the outline before bending, for candidates. */
+#define FIRST_SIZE 0.4F
+/* Of two detections one goes, too, when more of the smaller box than this lies in the other: parts of an object look like small ones. */
+#define INSIDE 0.8F
+/* A segment stands for a place so near, of the size, but at least so many pixels; and turned by so much. */
+#define REACH_SHARE 0.04
+#define LEAST_REACH 3
+#define TURN_COSINE 0.7
+
+/* A model as it is laid. */
+typedef struct variant {
+    cairn_oriented_point *outline;  /* [count] */
+    float left, right, top, bottom; /* of the outline, in sizes */
+    int32_t mirrored;
+} variant;
+
+typedef struct peak {
+    float score, rigid, x, y, size; /* px */
+    int32_t variant;
+} peak;
+
+typedef struct detector {
+    const cairn_detect_field *field;
+    const cairn_shape_model *model;
+    variant variant[2 * ASPECTS];
+    int32_t variants;
+    peak *peaks;
+    int32_t count;
+    contour_field *window;
+    contour_fit fit;
+} detector;
+
+cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t height)
+{
+    cairn_real diagonal = (cairn_real)hypot((double)width, (double)height);
+    cairn_object_detect_params params = {
+        cairn_max(24, diagonal / 10), cairn_max(24, diagonal), 1, 20, CAIRN_REAL(0.2), 0};
+
+    return params;
+}
+
+void cairn_detections_free(cairn_detections *detections)
+{
+    free(detections->found);
+    free(detections->segments);
+    free(detections->outline);
+    memset(detections, 0, sizeof *detections);
+}
+
+/* ---- Variants of the model ---- */
+
+static int add_variant(detector *d, int32_t mirrored, double aspect)
+{
+    variant *v = &d->variant[d->variants];
+    const cairn_shape_model *m = d->model;
+    double wide = sqrt(aspect) * (mirrored ? -1 : 1), tall = 1 / sqrt(aspect);
+
+    v->outline = malloc((size_t)m->outline_count * sizeof *v->outline);
+    if (v->outline == NULL)
+        return 0;
+    d->variants++;
+    v->mirrored = mirrored;
+    v->left = v->top = 1e9F;
+    v->right = v->bottom = -1e9F;
+    for (int32_t i = 0; i < m->outline_count; i++) {
+        cairn_oriented_point *o = &v->outline[i];
+        cairn_vec2 along = {(cairn_real)wide * m->outline[i].direction.x, (cairn_real)tall * m->outline[i].direction.y};
+
+        o->position.x = (cairn_real)wide * m->outline[i].position.x;
+        o->position.y = (cairn_real)tall * m->outline[i].position.y;
+        o->direction = cairn_vec2_unit(along);
+        v->left = fminf(v->left, (float)o->position.x);
+        v->right = fmaxf(v->right, (float)o->position.x);
+        v->top = fminf(v->top, (float)o->position.y);
+        v->bottom = fmaxf(v->bottom, (float)o->position.y);
+    }
+    return 1;
+}
+
+static int add_variants(detector *d)
+{
+    for (int32_t mirrored = 0; mirrored < (d->field->params.mirror ? 2 : 1); mirrored++)
+        for (int32_t k = 0; k < ASPECTS; k++)
+            if (!add_variant(d, mirrored, aspects[k]))
+                return 0;
+    return 1;
+}
+
+/* ---- Candidates ---- */
+
+static void add_peaks(detector *d, const detect_plane *p, const float *sum, int32_t index)
+{
+    int32_t w = p->width, h = p->height;
+    float share = 1 / (float)d->model->outline_count;
+    float bonus =
+        FIRST_SIZE * logf((float)p->size / hypotf((float)d->field->tokens->width, (float)d->field->tokens->height));
+
+    for (int32_t y = 0; y < h; y++)
+        for (int32_t x = 0; x < w; x++) {
+            float value = sum[y * w + x];
+            int is_peak = value > 0 && d->count < PEAKS_MOST;
+
+            for (int32_t k = 0; k < 9 && is_peak; k++) {
+                int32_t u = x + k % 3 - 1, v = y + k / 3 - 1;
+
+                is_peak = k == 4 || u < 0 || v < 0 || u >= w || v >= h || value > sum[v * w + u] ||
+                          (value >= sum[v * w + u] && k > 4);
+            }
+            if (is_peak) {
+                peak *q = &d->peaks[d->count++];
+
+                q->score = value * share + bonus;
+                q->rigid = value * share;
+                q->x = ((float)x + 0.5F) * (float)p->cell;
+                q->y = ((float)y + 0.5F) * (float)p->cell;
+                q->size = (float)p->size;
+                q->variant = index;
+            }
+        }
+}
+
+/* The sums of an outline's samples for every place of its middle. */
+static void correlate(const detector *d, const detect_plane *p, const variant *v, float *sum)
+{
+    int32_t w = p->width, h = p->height;
+
+    memset(sum, 0, (size_t)w * (size_t)h * sizeof *sum);
+    for (int32_t i = 0; i < d->model->outline_count; i++) {
+        int32_t bin = cairn_contour_field_bin(v->outline[i].direction);
+        int32_t dx = (int32_t)lrint((double)v->outline[i].position.x * DETECT_CELLS);
+        int32_t dy = (int32_t)lrint((double)v->outline[i].position.y * DETECT_CELLS);
+        const float *layer = &p->worth[(size_t)bin * cairn_detect_layer(p)];
+
+        for (int32_t y = 0; y < h; y++) {
+            const float *from =
+                &layer[(size_t)(y + dy + DETECT_MARGIN) * cairn_detect_row(p) + (size_t)(DETECT_MARGIN + dx)];
+            float *to = &sum[y * w];
+
+            for (int32_t x = 0; x < w; x++)
+                to[x] += from[x];
+        }
+    }
+}
+
+static int compare_peaks(const void *a, const void *b)
+{
+    const peak *x = a, *y = b;
+
+    if (x->score != y->score)
+        return x->score < y->score ? 1 : -1;
+    if (x->size != y->size)
+        return x->size < y->size ? -1 : 1;
+    if (x->variant != y->variant)
+        return x->variant - y->variant;
+    return x->y != y->y ? (x->y < y->y ? -1 : 1) : (x->x > y->x) - (x->x < y->x);
+}
+
+static float overlap_of(float al, float at, float ar, float ab, float bl, float bt, float br, float bb)
+{
+    float w = fminf(ar, br) - fmaxf(al, bl), h = fminf(ab, bb) - fmaxf(at, bt), both = w > 0 && h > 0 ? w * h : 0;
+
+    return both / ((ar - al) * (ab - at) + (br - bl) * (bb - bt) - both);
+}
+
+/* The share of the smaller of two boxes that lies in the other. */
+static float inside_of(const cairn_detection *a, const cairn_detection *b)
+{
+    cairn_real w = cairn_min(a->right, b->right) - cairn_max(a->left, b->left),
+               h = cairn_min(a->bottom, b->bottom) - cairn_max(a->top, b->top),
+               least =
+                   cairn_min((a->right - a->left) * (a->bottom - a->top), (b->right - b->left) * (b->bottom - b->top));
+
+    return w > 0 && h > 0 ? (float)(w * h / least) : 0;
+}
+
+static float peak_overlap(const detector *d, const peak *a, const peak *b)
+{
+    const variant *v = &d->variant[a->variant], *u = &d->variant[b->variant];
+
+    return overlap_of(a->x + a->size * v->left, a->y + a->size * v->top, a->x + a->size * v->right,
+                      a->y + a->size * v->bottom, b->x + b->size * u->left, b->y + b->size * u->top,
+                      b->x + b->size * u->right, b->y + b->size * u->bottom);
+}
+
+/* The best peaks that do not lie on better ones come first. */
+static void keep_candidates(detector *d)
+{
+    int32_t kept = 0;
+
+    qsort(d->peaks, (size_t)d->count, sizeof *d->peaks, compare_peaks);
+    for (int32_t i = 0; i < d->count && kept < d->field->params.candidates; i++) {
+        int32_t apart = 1;
+
+        for (int32_t k = 0; k < kept && apart; k++)
+            apart = peak_overlap(d, &d->peaks[i], &d->peaks[k]) <= CANDIDATE_OVERLAP;
+        if (apart)
+            d->peaks[kept++] = d->peaks[i];
+    }
+    d->count = kept;
+}
+
+/* 0: there is no memory. */
+static int find_candidates(detector *d)
+{
+    float *sum = NULL;
+
+    d->peaks = malloc(PEAKS_MOST * sizeof *d->peaks);
+    for (int32_t k = 0; k < d->field->planes && d->peaks != NULL; k++) {
+        const detect_plane *p = &d->field->plane[k];
+
+        sum = malloc((size_t)p->width * (size_t)p->height * sizeof *sum);
+        if (sum == NULL)
+            return 0;
+        for (int32_t i = 0; i < d->variants; i++) {
+            correlate(d, p, &d->variant[i], sum);
+            add_peaks(d, p, sum, i);
+        }
+        free(sum);
+    }
+    if (d->peaks == NULL)
+        return 0;
+    keep_candidates(d);
+    return 1;
+}
+
+/* ---- Detections ---- */
+
+static void take_outline(const detector *d, cairn_detections *found, cairn_detection *o)
+{
+    o->first_outline = found->outline_count;
+    o->outline_count = d->model->outline_count;
+    o->left = o->top = CAIRN_REAL_MAX;
+    o->right = o->bottom = -CAIRN_REAL_MAX;
+    for (int32_t i = 0; i < o->outline_count; i++) {
+        cairn_contour_place *place = &found->outline[o->first_outline + i];
+        cairn_vec2 at = d->fit.outline[i].position;
+
+        place->at = d->fit.outline[i];
+        place->part = d->fit.part[i];
+        o->left = cairn_min(o->left, at.x);
+        o->right = cairn_max(o->right, at.x);
+        o->top = cairn_min(o->top, at.y);
+        o->bottom = cairn_max(o->bottom, at.y);
+    }
+    found->outline_count += o->outline_count;
+}
+
+/* The segment nearest to a place of the outline and about in its direction; -1: none is near. */
+static int32_t segment_at(const detector *d, const int32_t *list, int32_t count, cairn_oriented_point place,
+                          cairn_real size)
+{
+    cairn_real nearest = cairn_max(LEAST_REACH, (cairn_real)REACH_SHARE * size);
+    int32_t found = -1;
+
+    for (int32_t i = 0; i < count; i++) {
+        cairn_segment line = d->field->tokens->lines[list[i]];
+        cairn_real distance = cairn_contour_distance(line, place.position);
+        cairn_vec2 along = cairn_vec2_unit(cairn_vec2_sub(line.b, line.a));
+
+        if (distance < nearest && cairn_abs(cairn_vec2_dot(along, place.direction)) >= (cairn_real)TURN_COSINE) {
+            nearest = distance;
+            found = list[i];
+        }
+    }
+    return found;
+}
+
+/* The segments along the bent outline, and where it has none. 0: there is no memory. */
+static int take_segments(const detector *d, cairn_detections *found, cairn_detection *o)
+{
+    const cairn_contour_tokens *tokens = d->field->tokens;
+    contour_laid laid = {d->fit.outline, d->model->outline_count, o->origin, o->size};
+    int32_t *list = realloc(found->segments, ((size_t)found->segment_count + (size_t)tokens->count + 1) * sizeof *list);
+    cairn_real length = 0;
+
+    if (list == NULL)
+        return 0;
+    found->segments = list;
+    o->first_segment = found->segment_count;
+    list += found->segment_count;
+    if (!cairn_contour_collect(tokens, &laid, list, &o->segment_count))
+        return 0;
+    found->segment_count += o->segment_count;
+    for (int32_t i = 0; i < o->segment_count; i++)
+        length += cairn_segment_length(tokens->lines[list[i]]);
+    o->along = length / (d->fit.length * o->size);
+    for (int32_t i = 0; i < o->outline_count; i++) {
+        cairn_contour_place *place = &found->outline[o->first_outline + i];
+
+        place->segment = segment_at(d, list, o->segment_count, place->at, o->size);
+    }
+    return 1;
+}
+
+static cairn_real score_of(const detector *d, const cairn_detection *o)
+{
+    const variant *plain = &d->variant[0];
+    double diagonal = hypot((double)d->field->tokens->width, (double)d->field->tokens->height);
+    double proportion = (double)(o->right - o->left) * (double)(plain->bottom - plain->top) /
+                        ((double)(o->bottom - o->top) * (double)(plain->right - plain->left));
+
+    return o->bent + (cairn_real)RIGID * o->rigid + (cairn_real)ALONG * o->along +
+           (cairn_real)(SIZE * log((double)o->size / diagonal) - PROPORTION * log(proportion) * log(proportion));
+}
+
+/* Bends the outline onto the edges about a candidate. 0: there is no memory. */
+static int verify(detector *d, const peak *p, cairn_detections *found)
+{
+    cairn_detection *o = &found->found[found->count];
+    const variant *v = &d->variant[p->variant];
+    cairn_shape_model model = *d->model;
+    cairn_grouped_object object;
+
+    memset(&object, 0, sizeof object);
+    object.origin.x = (cairn_real)p->x;
+    object.origin.y = (cairn_real)p->y;
+    object.size = (cairn_real)p->size;
+    model.outline = v->outline;
+    cairn_contour_field_fill(d->window, d->field->tokens, &object);
+    if (!cairn_contour_fit_run(&d->fit, d->window, &model, &object))
+        return 0;
+    memset(o, 0, sizeof *o);
+    o->rigid = (cairn_real)p->rigid;
+    o->bent = d->fit.evidence / d->fit.length * (cairn_real)PIECE;
+    o->origin = object.origin;
+    o->size = object.size;
+    o->mirrored = v->mirrored;
+    take_outline(d, found, o);
+    if (!take_segments(d, found, o))
+        return 0;
+    o->score = score_of(d, o);
+    found->count += o->score >= d->field->params.min_score;
+    return 1;
+}
+
+static int compare_detections(const void *a, const void *b)
+{
+    const cairn_detection *x = a, *y = b;
+
+    if (x->score != y->score)
+        return x->score < y->score ? 1 : -1;
+    return x->first_outline - y->first_outline;
+}
+
+static void keep_best(const detector *d, cairn_detections *found)
+{
+    int32_t kept = 0;
+
+    if (found->count > 1)
+        qsort(found->found, (size_t)found->count, sizeof *found->found, compare_detections);
+    for (int32_t i = 0; i < found->count; i++) {
+        const cairn_detection *o = &found->found[i];
+        int32_t apart = 1;
+
+        for (int32_t k = 0; k < kept && apart; k++) {
+            const cairn_detection *b = &found->found[k];
+
+            apart = overlap_of((float)o->left, (float)o->top, (float)o->right, (float)o->bottom, (float)b->left,
+                               (float)b->top, (float)b->right, (float)b->bottom) <= (float)d->field->params.overlap &&
+                    inside_of(o, b) <= INSIDE;
+        }
+        if (apart)
+            found->found[kept++] = *o;
+    }
+    found->count = kept;
+}
+
+static int detect(detector *d, cairn_detections *found)
+{
+    d->window = cairn_contour_field_new();
+    if (d->window == NULL || !cairn_contour_fit_new(&d->fit, d->model->outline_count) || !add_variants(d) ||
+        !find_candidates(d))
+        return 0;
+    found->found = malloc(((size_t)d->count + 1) * sizeof *found->found);
+    found->outline = malloc(((size_t)d->count + 1) * (size_t)d->model->outline_count * sizeof *found->outline);
+    if (found->found == NULL || found->outline == NULL)
+        return 0;
+    for (int32_t i = 0; i < d->count; i++)
+        if (!verify(d, &d->peaks[i], found))
+            return 0;
+    keep_best(d, found);
+    return 1;
+}
+
+cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detect_field *field,
+                                 const cairn_shape_model *model, const char *path, cairn_file_error *error)
+{
+    detector d = {.field = field, .model = model};
+    cairn_fault fault = {0, NULL};
+    cairn_status status = cairn_shape_model_check(model, &fault);
+
+    memset(detections, 0, sizeof *detections);
+    if (status == CAIRN_OK && model->outline_count < 3)
+        status = CAIRN_BAD_ARGUMENT;
+    if (status != CAIRN_OK)
+        return cairn_file_error_set(error, status, path, 0, "%s, expected a model with an outline",
+                                    cairn_status_text(status));
+    if (!detect(&d, detections))
+        status = CAIRN_NO_MEMORY;
+    for (int32_t i = 0; i < 2 * ASPECTS; i++)
+        free(d.variant[i].outline);
+    free(d.peaks);
+    cairn_contour_field_free(d.window);
+    cairn_contour_fit_free(&d.fit);
+    if (status == CAIRN_OK)
+        return CAIRN_OK;
+    cairn_detections_free(detections);
+    return cairn_file_error_system(error, path, "detect", ENOMEM);
+}

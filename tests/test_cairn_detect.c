@@ -1,0 +1,206 @@
+/* cairn detect: shapes found in pictures of edges, their files; many images at once; bad input of all kinds. */
+#include "tests/programs.h"
+
+#include "cairn/json_text.h"
+#include "cairn/vision.h"
+#include "src/host/map_file_image.h"
+#include "tests/xml.h"
+
+enum { WIDTH = 240, HEIGHT = 200, IMAGES = 5 };
+
+static uint8_t grey[WIDTH * HEIGHT], edges[WIDTH * HEIGHT];
+
+static int is_bottle(int32_t x, int32_t y, int32_t left)
+{
+    return y >= 30 && y < 180 && abs(x - left) <= (y < 80 ? 12 : 33);
+}
+
+/* A bottle in a picture and its edges; its silhouette is the model. */
+static void write_pictures(void)
+{
+    cairn_file_error error;
+
+    for (int32_t k = 0; k < IMAGES; k++) {
+        int32_t left = 60 + 25 * k;
+        char name[32];
+
+        for (int32_t i = 0; i < WIDTH * HEIGHT; i++) {
+            int32_t x = i % WIDTH, y = i / WIDTH;
+            int in = is_bottle(x, y, left);
+
+            grey[i] = in ? 60 : 200;
+            edges[i] = in && !(is_bottle(x - 1, y, left) && is_bottle(x + 1, y, left) && is_bottle(x, y - 1, left) &&
+                               is_bottle(x, y + 1, left))
+                           ? 255
+                           : 0;
+        }
+        (void)snprintf(name, sizeof name, "bottle%d.png", (int)k);
+        assert_int_equal(cairn_image_write_png(files_path(name), grey, WIDTH, HEIGHT, &error), CAIRN_OK);
+        if (k == 0)
+            assert_int_equal(cairn_image_write_png(files_path("edges.png"), edges, WIDTH, HEIGHT, &error), CAIRN_OK);
+    }
+}
+
+static void assert_done(outcome o)
+{
+    if (o.code != 0)
+        fail_msg("exit code %d: %s", o.code, o.err);
+}
+
+static void assert_refused(outcome o, const char *piece)
+{
+    if (o.code != 2 || strstr(o.err, piece) == NULL || strchr(o.err, '\n') != o.err + strlen(o.err) - 1)
+        fail_msg("exit code %d, \"%s\", where 2 and one line with \"%s\" was expected", o.code, o.err, piece);
+    assert_string_equal(o.out, "");
+}
+
+static char *read_in(const char *name)
+{
+    char *text = files_read(files_path(name), NULL);
+
+    if (text == NULL)
+        fail_msg("%s is not there", name);
+    return text;
+}
+
+static void assert_same(const char *one, const char *other)
+{
+    char *a = read_in(one), *b = read_in(other);
+
+    assert_string_equal(a, b);
+    free(a);
+    free(b);
+}
+
+static void test_found(void **state)
+{
+    cairn_json json;
+    cairn_json_token token;
+    cairn_file_error error;
+    char *text;
+    const char *box;
+    outcome o;
+
+    (void)state;
+    write_pictures();
+    assert_done(programs_run("cairn model @/bottle0.png -o @/bottle.shape --quiet"));
+    o = programs_run("cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape -o @/found "
+                     "--detections @/found.csv");
+    assert_done(o);
+    assert_holds(o.out, "bottle0.png: ");
+    text = read_in("found/bottle0.json");
+    json = cairn_json_begin("json", text, strlen(text));
+    do
+        assert_int_equal(cairn_json_next(&json, &token, &error), CAIRN_OK);
+    while (token.kind != CAIRN_JSON_END);
+    box = strstr(text, "\"box\": [");
+    assert_non_null(box);
+    assert_near(strtod(box + 8, NULL), 27, 6);
+    assert_non_null(strstr(text, "\"outline\": [["));
+    free(text);
+    text = read_in("found/bottle0.svg");
+    assert_well_formed(text);
+    assert_non_null(strstr(text, "class=\"box\""));
+    assert_non_null(strstr(text, "class=\"missing\""));
+    free(text);
+    text = read_in("found.csv");
+    assert_int_equal(strncmp(text, "image,class,left,top,right,bottom,score,mirrored\nbottle0.png,bottle.shape,2", 75),
+                     0);
+    free(text);
+    o = programs_run("cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.png0 -o @/found");
+    assert_refused(o, "bottle.png0");
+    o = programs_run("cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape --min-score 99 -o @/none");
+    assert_done(o);
+    assert_holds(o.out, ": 0 detections");
+}
+
+/* What is halved comes out in the image's own pixels. */
+static void test_halved(void **state)
+{
+    const char *box;
+    char *text;
+
+    (void)state;
+    assert_done(programs_run("cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape --max-side 120 "
+                             "--no-mirror --candidates 3 --overlap 0.1 --quiet -o @/halved"));
+    text = read_in("halved/bottle0.json");
+    assert_non_null(strstr(text, "\"width\": 240"));
+    assert_non_null(strstr(text, "\"shrink\": 2"));
+    box = strstr(text, "\"box\": [");
+    assert_non_null(box);
+    assert_near(strtod(box + 8, NULL), 27, 8);
+    free(text);
+}
+
+/* In as many processes as there may be: the same bytes. */
+static void test_many_images(void **state)
+{
+    static const char *const images = "@/bottle0.png @/bottle1.png @/bottle2.png @/bottle3.png @/bottle4.png";
+    outcome one, three;
+    char *first;
+
+    (void)state;
+    if (cairn_vision_load(NULL) == CAIRN_UNSUPPORTED)
+        skip();
+    one = programs_run("cairn detect %s --model @/bottle.shape --jobs 1 -o @/one --detections @/one.csv", images);
+    assert_done(one);
+    first = strdup(one.out);
+    three = programs_run("cairn detect %s --model @/bottle.shape --jobs 3 -o @/three --detections @/three.csv", images);
+    assert_done(three);
+    assert_non_null(first);
+    assert_string_equal(first, three.out);
+    free(first);
+    assert_same("one.csv", "three.csv");
+    for (int k = 0; k < IMAGES; k++) {
+        char a[32], b[32];
+
+        (void)snprintf(a, sizeof a, "one/bottle%d.json", k);
+        (void)snprintf(b, sizeof b, "three/bottle%d.json", k);
+        assert_same(a, b);
+    }
+    /* One that cannot be read is told; no table is left behind. */
+    one =
+        programs_run("cairn detect @/bottle0.png @/missing.png @/bottle1.png --model @/bottle.shape --jobs 3 -o @/some "
+                     "--detections @/some.csv");
+    assert_refused(one, "missing.png: cannot open");
+    assert_int_not_equal(access(files_path("some.csv"), F_OK), 0);
+}
+
+static void test_refusals(void **state)
+{
+    static const struct {
+        const char *arguments, *piece;
+    } cases[] = {
+        {"--model @/bottle.shape -o @/refused", "no image, expected IMAGE..."},
+        {"@/bottle0.png -o @/refused", "no model (--model), expected"},
+        {"@/bottle0.png --model @/bottle.shape", "no folder to write to (-o), expected"},
+        {"@/bottle0.png @/bottle1.png --edges @/edges.png --model @/bottle.shape -o @/refused",
+         "--edges with 2 images, expected one"},
+        {"@/bottle0.png @/sub/bottle0.jpg --model @/bottle.shape -o @/refused", "are both named 'bottle0', expected"},
+        {"@/bottle0.png --model @/bottle.shape --low 9 --high 8 -o @/refused", "--low 9 is above --high 8, expected"},
+        {"@/bottle0.png --model @/bottle.shape --jobs 0 -o @/refused", "expected"},
+        {"@/bottle0.png --model @/bottle.shape --overlap 2 -o @/refused", "expected"},
+        {"@/missing.png --edges @/edges.png --model @/bottle.shape -o @/refused", "missing.png: cannot open"},
+        {"@/bottle0.png --edges @/edges.png --model @/missing.shape -o @/refused", "missing.shape: cannot open"},
+        {"@/bottle0.png --edges @/edges.png --model @/bottle.shape -o @/edges.png", "edges.png"},
+    };
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
+        assert_refused(programs_run("cairn detect %s", cases[i].arguments), cases[i].piece);
+    assert_int_not_equal(access(files_path("refused"), F_OK), 0);
+    assert_done(programs_run("cairn detect --help"));
+}
+
+int main(int argc, char **argv)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_found),
+        cmocka_unit_test(test_halved),
+        cmocka_unit_test(test_many_images),
+        cmocka_unit_test(test_refusals),
+    };
+
+    programs_find(argc, argv);
+    return cmocka_run_group_tests(tests, files_setup, files_teardown);
+}

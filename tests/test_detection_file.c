@@ -1,0 +1,130 @@
+/* Detections as JSON and drawn: what was found, nothing, names that need escapes, a place that cannot be written to. */
+#include "tests/test.h"
+
+#include "cairn/detection_file.h"
+#include "cairn/json_text.h"
+#include "tests/files.h"
+#include "tests/xml.h"
+
+static cairn_segment lines[] = {{{1, 2}, {10, 2}}, {{10, 2}, {10, 20}}, {{50, 3}, {60, 9}}};
+static int32_t chains[] = {0, 0, 1}, segments[] = {1, 0};
+static cairn_real strengths[] = {1, 1, 1};
+static const uint8_t grey[64 * 48];
+static cairn_file_error error;
+
+/* Two outlines of two and three samples; one sample of each is not seen. */
+static cairn_contour_place outline[] = {
+    {{{1, 2}, {1, 0}}, 0, 0},   {{{9, 2}, {1, 0}}, -1, 0},   {{{20, 9}, {0, 1}}, 1, 1},
+    {{{20, 12}, {0, 1}}, 1, 1}, {{{20, 15}, {0, 1}}, -1, 1},
+};
+
+static cairn_detection found[] = {{.left = 1,
+                                   .top = 2,
+                                   .right = 20,
+                                   .bottom = 15,
+                                   .score = CAIRN_REAL(1.5),
+                                   .rigid = CAIRN_REAL(0.5),
+                                   .bent = 1,
+                                   .along = CAIRN_REAL(0.75),
+                                   .origin = {10, 8},
+                                   .size = 23,
+                                   .mirrored = 1,
+                                   .segment_count = 2,
+                                   .outline_count = 5}};
+
+static const cairn_contour_tokens tokens = {lines, chains, strengths, 3, 2, 64, 48, 5, 0};
+static const cairn_detections detections = {found, segments, outline, 1, 2, 5}, none = {NULL, NULL, NULL, 0, 0, 0};
+
+static cairn_detection_picture picture_of(const cairn_detections *d)
+{
+    cairn_detection_picture p = {"a \"b\" <c>.png", "mug & co", grey, 2, &tokens, d};
+
+    return p;
+}
+
+static char *written(const cairn_detection_picture *p, int draws)
+{
+    const char *path = files_path(draws ? "found.svg" : "found.json");
+    char *text;
+
+    assert_ok(draws ? cairn_detection_file_draw(p, path, &error) : cairn_detection_file_write(p, path, &error));
+    text = files_read(path, NULL);
+    assert_non_null(text);
+    return text;
+}
+
+static void assert_json(const char *text)
+{
+    cairn_json json = cairn_json_begin("json", text, strlen(text));
+    cairn_json_token token;
+
+    do
+        assert_ok(cairn_json_next(&json, &token, &error));
+    while (token.kind != CAIRN_JSON_END);
+}
+
+static void writes_json(void **state)
+{
+    cairn_detection_picture p = picture_of(&detections);
+    char *text = written(&p, 0);
+
+    (void)state;
+    assert_json(text);
+    assert_non_null(strstr(text, "\"width\": 128, \"height\": 96, \"shrink\": 2, \"chains\": 2, \"segments\": 3"));
+    assert_non_null(strstr(text, "{\"score\": 1.5000, \"rigid\": 0.5000, \"bent\": 1.0000, \"along\": 0.7500, "
+                                 "\"box\": [2.50, 4.50, 40.50, 30.50], \"x\": 20.50, \"y\": 16.50, \"size\": 46.00, "
+                                 "\"mirrored\": true"));
+    assert_non_null(strstr(text, "\"segments\": [{\"id\": 1, \"chain\": 0, \"line\": [20.50, 4.50, 20.50, 40.50]}, "
+                                 "{\"id\": 0, \"chain\": 0, \"line\": [2.50, 4.50, 20.50, 4.50]}]"));
+    assert_non_null(strstr(text, "\"outline\": [[2.50, 4.50, 0], [18.50, 4.50, -1], [40.50, 18.50, 1], "
+                                 "[40.50, 24.50, 1], [40.50, 30.50, -1]]"));
+    free(text);
+    p = picture_of(&none);
+    text = written(&p, 0);
+    assert_json(text);
+    assert_non_null(strstr(text, "\"detections\": []"));
+    free(text);
+}
+
+static void draws(void **state)
+{
+    cairn_detection_picture p = picture_of(&detections);
+    char *text = written(&p, 1);
+
+    (void)state;
+    assert_well_formed(text);
+    assert_non_null(strstr(text, "<image"));
+    assert_non_null(strstr(text, "<path class=\"segment\" d=\"M10.0 2.0L10.0 20.0M1.0 2.0L10.0 2.0\"/>"));
+    assert_non_null(strstr(text, "<path class=\"seen\" d=\"M20.0 9.0L20.0 12.0\"/>"));
+    assert_non_null(strstr(text, "<path class=\"missing\" d=\"M1.0 2.0L9.0 2.0M20.0 12.0L20.0 15.0\"/>"));
+    assert_non_null(strstr(text, "<rect class=\"box\" x=\"1.0\" y=\"2.0\" width=\"19.0\" height=\"13.0\"/>"));
+    assert_non_null(strstr(text, ">1.50</text>"));
+    free(text);
+    p = picture_of(&none);
+    p.grey = NULL;
+    text = written(&p, 1);
+    assert_well_formed(text);
+    assert_null(strstr(text, "<image"));
+    assert_null(strstr(text, "class=\"box\""));
+    free(text);
+}
+
+static void refuses_places_that_are_not_there(void **state)
+{
+    cairn_detection_picture p = picture_of(&detections);
+
+    (void)state;
+    assert_status(cairn_detection_file_draw(&p, files_path("no/found.svg"), &error), CAIRN_IO);
+    assert_status(cairn_detection_file_write(&p, files_path("no/found.json"), &error), CAIRN_IO);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(writes_json),
+        cmocka_unit_test(draws),
+        cmocka_unit_test(refuses_places_that_are_not_there),
+    };
+
+    return cmocka_run_group_tests(tests, files_setup, files_teardown);
+}

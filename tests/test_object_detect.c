@@ -1,0 +1,396 @@
+/* Known shapes detected in drawn pictures of edges; the field and the best place against the obvious way; pictures with nothing and
+ * with edges everywhere. */
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "cairn/shape_model_file.h"
+#include "src/host/contour_search_fit.h"
+#include "src/host/object_detect_work.h"
+
+enum { WIDTH = 300, HEIGHT = 220, PIXELS = WIDTH * HEIGHT };
+
+static uint8_t edges[PIXELS];
+static cairn_file_error error;
+
+/* A flag: a pole with a cloth to the right, 120 px high. */
+static const cairn_vec2 flag[] = {{0, 0}, {14, 0}, {60, 8}, {80, 4}, {78, 48}, {56, 52}, {14, 44}, {14, 120}, {0, 120}};
+enum { CORNERS = sizeof flag / sizeof *flag };
+
+static cairn_shape_model_file make_model(void)
+{
+    cairn_curve outline = {flag, CORNERS, 1};
+    cairn_shape_builder_params params = cairn_shape_builder_default();
+    cairn_shape_model_file file;
+
+    assert_ok(cairn_shape_model_file_build(&file, &outline, 1, &params, "flag", &error));
+    return file;
+}
+
+static void draw_line(double ax, double ay, double bx, double by)
+{
+    int32_t steps = 1 + (int32_t)(2 * hypot(bx - ax, by - ay));
+
+    for (int32_t i = 0; i <= steps; i++) {
+        int32_t x = (int32_t)lrint(ax + (bx - ax) * i / steps), y = (int32_t)lrint(ay + (by - ay) * i / steps);
+
+        if (x >= 0 && y >= 0 && x < WIDTH && y < HEIGHT)
+            edges[y * WIDTH + x] = 200;
+    }
+}
+
+/* The flag with its upper left corner, or the upper right one when it is mirrored, at (x, y). */
+static void draw_flag(double x, double y, double scale, int mirrored)
+{
+    double wide = scale * (mirrored ? -1 : 1);
+
+    for (int32_t i = 0; i < CORNERS; i++) {
+        cairn_vec2 p = flag[i], q = flag[(i + 1) % CORNERS];
+
+        draw_line(x + wide * (double)p.x, y + scale * (double)p.y, x + wide * (double)q.x, y + scale * (double)q.y);
+    }
+}
+
+static void draw_clutter(void)
+{
+    cairn_random random = cairn_random_seed(9, 2);
+
+    for (int32_t i = 0; i < 30; i++) {
+        int32_t x = cairn_random_below(&random, WIDTH), y = cairn_random_below(&random, HEIGHT);
+        int32_t dx = cairn_random_below(&random, 61) - 30, dy = cairn_random_below(&random, 61) - 30;
+
+        draw_line(x, y, x + dx, y + dy);
+    }
+}
+
+static cairn_contour_tokens find_tokens(void)
+{
+    cairn_raster_u8_view view = {edges, WIDTH, HEIGHT, WIDTH};
+    cairn_contour_tokens tokens;
+
+    assert_ok(cairn_contour_tokens_find(&tokens, view, 1, 0, "edges", &error));
+    return tokens;
+}
+
+static cairn_detections detect(const cairn_contour_tokens *tokens, const cairn_object_detect_params *params)
+{
+    cairn_shape_model_file model = make_model();
+    cairn_detect_field *field;
+    cairn_detections found;
+
+    assert_ok(cairn_detect_field_make(&field, tokens, params, "edges", &error));
+    assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));
+    for (int32_t i = 0; i < found.count; i++) {
+        const cairn_detection *d = &found.found[i];
+
+        assert_true(i == 0 || d->score <= found.found[i - 1].score);
+        assert_int_equal(d->outline_count, model.model.outline_count);
+        assert_in_range(d->first_outline + d->outline_count, d->outline_count, found.outline_count);
+        assert_in_range(d->first_segment + d->segment_count, d->segment_count, found.segment_count);
+        assert_true(d->right > d->left && d->bottom > d->top && d->size > 0);
+        assert_true(d->score >= params->min_score);
+        for (int32_t k = 0; k < d->outline_count; k++) {
+            const cairn_contour_place *p = &found.outline[d->first_outline + k];
+
+            assert_true(p->segment >= -1 && p->segment < tokens->count);
+            assert_true(p->at.position.x >= d->left && p->at.position.x <= d->right);
+        }
+        for (int32_t k = 0; k < d->segment_count; k++)
+            assert_in_range(found.segments[d->first_segment + k], 0, tokens->count - 1);
+    }
+    cairn_detect_field_free(field);
+    cairn_shape_model_file_free(&model);
+    return found;
+}
+
+/* The share of a box and that of a flag, over their union. */
+static double share_of(const cairn_detection *d, double x, double y, double scale, int mirrored)
+{
+    double left = mirrored ? x - 80 * scale : x, w, h;
+
+    w = fmin((double)d->right, left + 80 * scale) - fmax((double)d->left, left);
+    h = fmin((double)d->bottom, y + 120 * scale) - fmax((double)d->top, y);
+    if (w <= 0 || h <= 0)
+        return 0;
+    return w * h / (9600 * scale * scale + (double)(d->right - d->left) * (double)(d->bottom - d->top) - w * h);
+}
+
+static void finds_a_shape_where_it_is(void **state)
+{
+    static const struct {
+        double x, y, scale;
+        int mirrored;
+    } cases[] = {{110, 40, 1, 0}, {200, 30, 1.2, 1}, {60, 100, 0.7, 0}, {270, 60, 0.6, 1}};
+
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
+        cairn_contour_tokens tokens;
+        cairn_detections found;
+        const cairn_detection *d;
+        int32_t seen = 0;
+
+        memset(edges, 0, sizeof edges);
+        draw_clutter();
+        draw_flag(cases[i].x, cases[i].y, cases[i].scale, cases[i].mirrored);
+        tokens = find_tokens();
+        found = detect(&tokens, &params);
+        assert_true(found.count >= 1);
+        d = &found.found[0];
+        assert_true(share_of(d, cases[i].x, cases[i].y, cases[i].scale, cases[i].mirrored) > 0.85);
+        assert_int_equal(d->mirrored, cases[i].mirrored);
+        for (int32_t k = 0; k < d->outline_count; k++)
+            seen += found.outline[d->first_outline + k].segment >= 0;
+        assert_true(seen > 0.85 * d->outline_count);
+        assert_true(d->along > CAIRN_REAL(0.8) && d->along < CAIRN_REAL(1.3));
+        cairn_detections_free(&found);
+        cairn_contour_tokens_free(&tokens);
+    }
+}
+
+/* Two flags, and the second one only as its mirror image; no two boxes share more than they may. */
+static void finds_two_shapes(void **state)
+{
+    cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
+    cairn_contour_tokens tokens;
+    cairn_detections found;
+    cairn_real best, second;
+
+    (void)state;
+    memset(edges, 0, sizeof edges);
+    draw_flag(30, 50, 1, 0);
+    draw_flag(270, 50, 1, 1);
+    tokens = find_tokens();
+    found = detect(&tokens, &params);
+    assert_true(found.count >= 2);
+    for (int32_t i = 0; i < 2; i++)
+        assert_true(share_of(&found.found[i], 30, 50, 1, 0) > 0.85 || share_of(&found.found[i], 270, 50, 1, 1) > 0.85);
+    assert_int_equal(found.found[0].mirrored + found.found[1].mirrored, 1);
+    best = found.found[0].score;
+    second = found.found[1].score;
+    for (int32_t i = 0; i < found.count; i++)
+        for (int32_t k = 0; k < i; k++) {
+            const cairn_detection *a = &found.found[i], *b = &found.found[k];
+            cairn_real w = cairn_min(a->right, b->right) - cairn_max(a->left, b->left),
+                       h = cairn_min(a->bottom, b->bottom) - cairn_max(a->top, b->top);
+            cairn_real both = w > 0 && h > 0 ? w * h : 0;
+
+            assert_true(both <= CAIRN_REAL(0.2001) * ((a->right - a->left) * (a->bottom - a->top) +
+                                                      (b->right - b->left) * (b->bottom - b->top) - both));
+        }
+    cairn_detections_free(&found);
+    /* Without the mirror image one is left; nothing is better than the best. */
+    params.mirror = 0;
+    found = detect(&tokens, &params);
+    assert_true(share_of(&found.found[0], 30, 50, 1, 0) > 0.85);
+    for (int32_t i = 0; i < found.count; i++)
+        assert_int_equal(found.found[i].mirrored, 0);
+    cairn_detections_free(&found);
+    params.mirror = 1;
+    params.min_score = (best + second) / 2;
+    if (best > second) {
+        found = detect(&tokens, &params);
+        assert_int_equal(found.count, 1);
+        cairn_detections_free(&found);
+    }
+    cairn_contour_tokens_free(&tokens);
+}
+
+/* ---- The obvious way ---- */
+
+/* How well the edges nearest to a cell go with a direction. */
+static double likely_at(const cairn_contour_tokens *tokens, const detect_plane *p, int32_t x, int32_t y, int32_t bin)
+{
+    double least = 30;
+
+    for (int32_t i = 0; i < tokens->count; i++) {
+        cairn_segment s = tokens->lines[i];
+        double dx = (double)(s.b.x - s.a.x), dy = (double)(s.b.y - s.a.y), pi = 3.14159265358979;
+        double turn = remainder(atan2(dy, dx) - (bin + 0.5) * pi / 12, pi) / 0.35;
+        int32_t steps = 1 + (int32_t)(2 * (double)cairn_segment_length(s) / (double)p->cell);
+
+        for (int32_t k = 0; k <= steps && fabs(turn) <= 2.2; k++) {
+            int32_t u = (int32_t)floor(((double)s.a.x + dx * k / steps) / (double)p->cell) - x;
+            int32_t v = (int32_t)floor(((double)s.a.y + dy * k / steps) / (double)p->cell) - y;
+
+            if (abs(u) <= 3 && abs(v) <= 3)
+                least = fmin(least, -log(fmax(0.2, 2 * (double)tokens->strength[i])) + turn * turn / 2 +
+                                        (u * u + v * v) / 2.0);
+        }
+    }
+    return exp(-least);
+}
+
+static void weighs_edges_as_the_obvious_way_does(void **state)
+{
+    cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
+    cairn_contour_tokens tokens;
+    cairn_detect_field *field;
+    const detect_plane *p;
+    double *likely;
+
+    (void)state;
+    memset(edges, 0, sizeof edges);
+    draw_clutter();
+    draw_flag(110, 40, 1, 0);
+    tokens = find_tokens();
+    params.min_size = params.max_size = 250;
+    assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
+    assert_int_equal(field->planes, 1);
+    p = &field->plane[0];
+    likely = malloc((size_t)(p->width * p->height) * sizeof *likely);
+    assert_non_null(likely);
+    for (int32_t bin = 0; bin < DETECT_BINS; bin += 5) {
+        const float *worth = &p->worth[(size_t)bin * cairn_detect_layer(p)];
+
+        for (int32_t i = 0; i < p->width * p->height; i++)
+            likely[i] = likely_at(&tokens, p, i % p->width, i / p->width, bin);
+        for (int32_t i = 0; i < p->width * p->height; i++) {
+            int32_t x = i % p->width, y = i / p->width, cells = 0;
+            double sum = 0;
+
+            for (int32_t v = y - 30; v < y + 30; v++)
+                for (int32_t u = x - 30; u < x + 30; u++)
+                    if (u >= 0 && v >= 0 && u < p->width && v < p->height) {
+                        sum += likely[v * p->width + u];
+                        cells++;
+                    }
+            assert_near(worth[(size_t)(y + DETECT_MARGIN) * cairn_detect_row(p) + (size_t)(x + DETECT_MARGIN)],
+                        log(0.25 + 0.75 * likely[i] / fmax(0.02, sum / cells)), 1e-4);
+        }
+        assert_near(worth[0], -0.7, 1e-6);
+        assert_near(worth[cairn_detect_layer(p) - 1], -0.7, 1e-6);
+    }
+    free(likely);
+    cairn_detect_field_free(field);
+    cairn_contour_tokens_free(&tokens);
+}
+
+/* The mean worth of a flag's samples at a cell. */
+static double mean_worth(const detect_plane *p, const cairn_shape_model *m, double aspect, int32_t x, int32_t y)
+{
+    double sum = 0;
+
+    for (int32_t i = 0; i < m->outline_count; i++) {
+        const cairn_oriented_point *o = &m->outline[i];
+        cairn_vec2 along = {(cairn_real)sqrt(aspect) * o->direction.x, (cairn_real)(1 / sqrt(aspect)) * o->direction.y};
+        int32_t u = x + (int32_t)lrint(sqrt(aspect) * (double)o->position.x * DETECT_CELLS);
+        int32_t v = y + (int32_t)lrint((double)o->position.y / sqrt(aspect) * DETECT_CELLS);
+        size_t layer = (size_t)cairn_contour_field_bin(cairn_vec2_unit(along)) * cairn_detect_layer(p);
+
+        sum +=
+            (double)p->worth[layer + (size_t)(v + DETECT_MARGIN) * cairn_detect_row(p) + (size_t)(u + DETECT_MARGIN)];
+    }
+    return sum / m->outline_count;
+}
+
+static void looks_at_every_place(void **state)
+{
+    static const double aspects[] = {1, 0.8, 1.25, 0.64, 1.5625};
+    cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
+    cairn_shape_model_file model = make_model();
+    cairn_contour_tokens tokens;
+    cairn_detect_field *field;
+    cairn_detections found;
+    double best = -1e9;
+
+    (void)state;
+    memset(edges, 0, sizeof edges);
+    draw_clutter();
+    draw_flag(150, 70, 0.9, 0);
+    tokens = find_tokens();
+    params.min_size = params.max_size = 140;
+    params.mirror = 0;
+    params.candidates = 1;
+    params.min_score = -100;
+    assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
+    for (int32_t k = 0; k < 5; k++)
+        for (int32_t y = 0; y < field->plane[0].height; y++)
+            for (int32_t x = 0; x < field->plane[0].width; x++)
+                best = fmax(best, mean_worth(&field->plane[0], &model.model, aspects[k], x, y));
+    assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));
+    assert_int_equal(found.count, 1);
+    assert_near(found.found[0].rigid, best, 1e-4);
+    cairn_detections_free(&found);
+    cairn_detect_field_free(field);
+    cairn_contour_tokens_free(&tokens);
+    cairn_shape_model_file_free(&model);
+}
+
+/* ---- Odd pictures, refusals ---- */
+
+static void takes_odd_pictures(void **state)
+{
+    cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
+    cairn_contour_tokens tokens;
+    cairn_detections found;
+
+    (void)state;
+    memset(edges, 0, sizeof edges);
+    tokens = find_tokens();
+    found = detect(&tokens, &params);
+    assert_int_equal(found.count, 0);
+    cairn_detections_free(&found);
+    cairn_contour_tokens_free(&tokens);
+    /* Short edges at every place. */
+    for (int32_t i = 0; i < PIXELS; i++)
+        edges[i] = i % WIDTH % 8 < 6 && i / WIDTH % 3 == 0 ? 255 : 0;
+    tokens = find_tokens();
+    assert_true(tokens.count > 1000);
+    found = detect(&tokens, &params);
+    cairn_detections_free(&found);
+    cairn_contour_tokens_free(&tokens);
+}
+
+static void refuses_what_cannot_be(void **state)
+{
+    cairn_object_detect_params good = cairn_object_detect_default(WIDTH, HEIGHT), bad[10];
+    cairn_shape_model_file model = make_model();
+    cairn_contour_tokens tokens = {.width = WIDTH, .height = HEIGHT};
+    cairn_detect_field *field;
+    cairn_detections found;
+
+    (void)state;
+    assert_near(good.min_size, hypot(WIDTH, HEIGHT) / 10, 1e-3);
+    assert_near(good.max_size, hypot(WIDTH, HEIGHT), 1e-3);
+    assert_near(cairn_object_detect_default(20, 10).min_size, 24, 0);
+    assert_near(cairn_object_detect_default(20, 10).max_size, 24, 0);
+    for (int i = 0; i < 10; i++)
+        bad[i] = good;
+    bad[0].min_size = 7;
+    bad[1].min_size = (cairn_real)NAN;
+    bad[2].max_size = bad[2].min_size - 1;
+    bad[3].max_size = (cairn_real)INFINITY;
+    bad[4].candidates = 0;
+    bad[5].candidates = 65;
+    bad[6].overlap = CAIRN_REAL(-0.1);
+    bad[7].overlap = CAIRN_REAL(1.1);
+    bad[8].min_score = (cairn_real)NAN;
+    bad[9].overlap = (cairn_real)NAN;
+    for (int i = 0; i < 10; i++)
+        assert_status(cairn_detect_field_make(&field, &tokens, &bad[i], "edges", &error), CAIRN_BAD_ARGUMENT);
+    assert_ok(cairn_detect_field_make(&field, &tokens, &good, "edges", &error));
+    model.model.size = 0;
+    assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error), CAIRN_BAD_ARGUMENT);
+    model.model.size = 1;
+    model.model.outline_count = 1;
+    assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error), CAIRN_BAD_ARGUMENT);
+    assert_non_null(strstr(error.text, "expected a model"));
+    cairn_detect_field_free(field);
+    cairn_detect_field_free(NULL);
+    cairn_shape_model_file_free(&model);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(finds_a_shape_where_it_is),
+        cmocka_unit_test(finds_two_shapes),
+        cmocka_unit_test(weighs_edges_as_the_obvious_way_does),
+        cmocka_unit_test(looks_at_every_place),
+        cmocka_unit_test(takes_odd_pictures),
+        cmocka_unit_test(refuses_what_cannot_be),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

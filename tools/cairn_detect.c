@@ -1,0 +1,315 @@
+/* cairn detect: objects of a class in images. */
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "cairn/detection_file.h"
+#include "cairn/output.h"
+#include "cairn/output_set.h"
+#include "cairn/shape_model_file.h"
+#include "tools/cairn_picture.h"
+#include "tools/cairn_tool.h"
+
+#define PROGRAM "cairn detect"
+
+enum { IMAGES_MOST = 4096, JOBS_MOST = 64 };
+/* Between what is said of one image and the next, and between its summary and its detections; in no text of them. */
+enum { RECORD_END = '\f', TABLE_BEGIN = '\v' };
+
+typedef struct settings {
+    const char *images[IMAGES_MOST];
+    size_t count;
+    const char *model, *folder, *table;
+    picture_settings pictures;
+    int64_t strength, jobs, candidates;
+    double overlap, score;
+    int32_t no_mirror, quiet;
+} settings;
+
+static option_result read_settings(settings *s, int argc, char **argv)
+{
+    const option table[] = {
+        OPTION_TEXT("--model", &s->model, "SHAPE",
+                    "what to look for: a model (cairn model), a silhouette or a drawing"),
+        OPTION_TEXT("-o", &s->folder, "DIR", "folder to write NAME.svg and NAME.json to, for each image NAME.*"),
+        OPTION_TEXT("--detections", &s->table, "FILE", "also all detections as one table (CSV)"),
+        OPTION_TEXT("--edges", &s->pictures.edges, "FILE",
+                    "the image's edges, strengths 0 ... 255, from a detector of your own; of one image only"),
+        OPTION_INTEGER("--jobs", &s->jobs, 1, JOBS_MOST, "N",
+                       "images at once; without it as many as there are processors"),
+        OPTION_NUMBER("--min-score", &s->score, -100, 100, "S", "of a detection that is reported"),
+        OPTION_INTEGER("--candidates", &s->candidates, 1, 64, "N", "places of an image that are looked at closely"),
+        OPTION_NUMBER("--overlap", &s->overlap, 0, 1, "SHARE",
+                      "of two detections whose boxes share more, over their union, the better one stays"),
+        OPTION_FLAG("--no-mirror", &s->no_mirror, "the model only as it is, not its mirror image"),
+        OPTION_INTEGER("--min-strength", &s->strength, 1, 255, "N", "of edges: weaker ones are passed over"),
+        OPTION_NUMBER("--sigma", &s->pictures.canny.sigma, 0, 50, "PX", "blur before edges are looked for (Canny)"),
+        OPTION_NUMBER("--low", &s->pictures.canny.low, 0.01, 1000, "G",
+                      "grey levels per pixel: an edge goes on while its slope is above"),
+        OPTION_NUMBER("--high", &s->pictures.canny.high, 0.01, 1000, "G", "and has this slope once"),
+        OPTION_INTEGER("--max-side", &s->pictures.side, 16, 8192, "PX", "larger images are halved until they fit"),
+        OPTION_FLAG("--quiet", &s->quiet, "no summary"),
+    };
+    const option_set set = {
+        PROGRAM, "IMAGE... --model SHAPE -o DIR [options]",
+        "Detects objects of a class in images (TIFF, PNG, JPEG, PGM) by one model of their outline:\n"
+        "boxes, outlines, scores.",
+        table, sizeof table / sizeof *table};
+    option_result result;
+
+    s->count = IMAGES_MOST;
+    result = options_read(&set, argc, argv, s->images, &s->count);
+    if (result != OPTIONS_READ)
+        return result;
+    if (s->count < 1 || s->model == NULL || s->folder == NULL)
+        return (option_result)options_refuse(PROGRAM, "%s, expected %s",
+                                             s->count < 1       ? "no image"
+                                             : s->model == NULL ? "no model (--model)"
+                                                                : "no folder to write to (-o)",
+                                             set.synopsis);
+    if (s->pictures.edges != NULL && s->count > 1)
+        return (option_result)options_refuse(PROGRAM, "--edges with %zu images, expected one", s->count);
+    if (s->pictures.canny.low > s->pictures.canny.high)
+        return (option_result)options_refuse(PROGRAM, "--low %g is above --high %g, expected it below",
+                                             s->pictures.canny.low, s->pictures.canny.high);
+    return OPTIONS_READ;
+}
+
+/* ---- One image ---- */
+
+typedef struct work {
+    const char *path;
+    char stem[PICTURE_NAME_BYTES];
+    searched_picture picture;
+    cairn_contour_tokens tokens;
+    cairn_detections detections;
+} work;
+
+static cairn_status detect(const settings *s, work *w, const cairn_shape_model *model, cairn_file_error *error)
+{
+    const cairn_vision_image *edges = &w->picture.edges;
+    cairn_raster_u8_view view = {edges->samples, edges->width, edges->height, edges->width};
+    cairn_object_detect_params params = cairn_object_detect_default(edges->width, edges->height);
+    cairn_detect_field *field;
+    cairn_status status = cairn_contour_tokens_find(&w->tokens, view, (int32_t)s->strength, 0, w->path, error);
+
+    params.mirror = !s->no_mirror;
+    params.candidates = (int32_t)s->candidates;
+    params.overlap = (cairn_real)s->overlap;
+    params.min_score = (cairn_real)s->score;
+    if (status == CAIRN_OK)
+        status = cairn_detect_field_make(&field, &w->tokens, &params, w->path, error);
+    if (status != CAIRN_OK)
+        return status;
+    status = cairn_object_detect(&w->detections, field, model, w->path, error);
+    cairn_detect_field_free(field);
+    return status;
+}
+
+static cairn_status write_all(const settings *s, const work *w, cairn_file_error *error)
+{
+    cairn_detection_picture p = {cairn_path_name(w->path),
+                                 cairn_path_name(s->model),
+                                 w->picture.grey.samples,
+                                 w->picture.shrink,
+                                 &w->tokens,
+                                 &w->detections};
+    char svg[PICTURE_NAME_BYTES + 8], json[PICTURE_NAME_BYTES + 8];
+    const char *names[] = {svg, json};
+    cairn_output_set *set;
+    cairn_status status;
+
+    (void)snprintf(svg, sizeof svg, "%s.svg", w->stem);
+    (void)snprintf(json, sizeof json, "%s.json", w->stem);
+    status = cairn_output_set_open(&set, s->folder, names, 2, error);
+    if (status != CAIRN_OK)
+        return status;
+    status = cairn_detection_file_draw(&p, cairn_output_set_path(set, 0), error);
+    if (status == CAIRN_OK)
+        status = cairn_detection_file_write(&p, cairn_output_set_path(set, 1), error);
+    if (status == CAIRN_OK)
+        return cairn_output_set_commit(set, error);
+    cairn_output_set_discard(set);
+    return status;
+}
+
+/* What is said of an image: a summary for the eye, then its lines of the table. */
+static void print_record(const settings *s, const work *w, FILE *record)
+{
+    cairn_detection_picture p = {.shrink = w->picture.shrink};
+
+    fprintf(record, "%s: %" PRId32 " detection%s; %" PRId32 " segments of %" PRId32 " chains\n", w->path,
+            w->detections.count, w->detections.count == 1 ? "" : "s", w->tokens.count, w->tokens.chains);
+    for (int pass = 0; pass < 2; pass++) {
+        if (pass == 1)
+            fputc(TABLE_BEGIN, record);
+        for (int32_t i = 0; i < w->detections.count; i++) {
+            const cairn_detection *d = &w->detections.found[i];
+            double box[4];
+
+            cairn_detection_box(&p, d, box);
+            if (pass == 0)
+                fprintf(record, "  %.2f  (%.0f, %.0f) to (%.0f, %.0f)%s\n", (double)d->score, box[0], box[1], box[2],
+                        box[3], d->mirrored ? ", mirrored" : "");
+            else
+                fprintf(record, "%s,%s,%.2f,%.2f,%.2f,%.2f,%.6f,%" PRId32 "\n", cairn_path_name(w->path),
+                        cairn_path_name(s->model), box[0], box[1], box[2], box[3], (double)d->score, d->mirrored);
+        }
+    }
+    fputc(RECORD_END, record);
+}
+
+static int run_image(const settings *s, const char *path, const cairn_shape_model *model, FILE *record)
+{
+    cairn_file_error error;
+    cairn_status status;
+    work w;
+
+    memset(&w, 0, sizeof w);
+    w.path = path;
+    (void)picture_stem(path, w.stem);
+    status = picture_read(&w.picture, path, &s->pictures, &error);
+    if (status == CAIRN_OK)
+        status = detect(s, &w, model, &error);
+    if (status == CAIRN_OK)
+        status = write_all(s, &w, &error);
+    if (status == CAIRN_OK)
+        print_record(s, &w, record);
+    picture_free(&w.picture);
+    cairn_contour_tokens_free(&w.tokens);
+    cairn_detections_free(&w.detections);
+    return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
+}
+
+/* ---- All images, shared out among processes ---- */
+
+/* Images job, job + jobs ... one after another, up to the first that cannot be done. */
+static int run_job(const settings *s, int32_t job, const cairn_shape_model *model, FILE *record)
+{
+    int code = TOOL_OK;
+
+    for (size_t i = (size_t)job; i < s->count && code == TOOL_OK; i += (size_t)s->jobs)
+        code = run_image(s, s->images[i], model, record);
+    if (fflush(record) != 0 && code == TOOL_OK) {
+        perror(PROGRAM);
+        code = TOOL_FAILED;
+    }
+    return code;
+}
+
+static int run_jobs(const settings *s, const cairn_shape_model *model, FILE **records)
+{
+    pid_t process[JOBS_MOST];
+    int code = TOOL_OK;
+
+    for (int32_t job = 0; job < s->jobs; job++) {
+        process[job] = fork();
+        if (process[job] == 0)
+            _exit(run_job(s, job, model, records[job]));
+    }
+    for (int32_t job = 0; job < s->jobs; job++) {
+        int status = 0, own;
+
+        if (process[job] < 0 || waitpid(process[job], &status, 0) < 0 || !WIFEXITED(status)) {
+            fprintf(stderr, "%s: a process could not be run\n", PROGRAM);
+            own = TOOL_FAILED;
+        } else {
+            own = WEXITSTATUS(status);
+        }
+        code = own > code ? own : code;
+    }
+    return code;
+}
+
+/* The records in the order of the images: summaries to standard output, the rest to the table. */
+static void merge_records(const settings *s, FILE **records, cairn_output *table)
+{
+    for (int32_t job = 0; job < s->jobs; job++)
+        rewind(records[job]);
+    for (size_t i = 0; i < s->count; i++) {
+        FILE *record = records[i % (size_t)s->jobs];
+        int c, in_table = 0;
+
+        while ((c = fgetc(record)) != RECORD_END && c != EOF)
+            if (c == TABLE_BEGIN)
+                in_table = 1;
+            else if (in_table && table != NULL)
+                cairn_output_print(table, "%c", c);
+            else if (!in_table && !s->quiet)
+                putchar(c);
+    }
+}
+
+static int write_table(const settings *s, FILE **records)
+{
+    cairn_file_error error;
+    cairn_output *table = NULL;
+
+    if (s->table != NULL && cairn_output_open(&table, s->table, &error) != CAIRN_OK)
+        return tool_report(&error);
+    if (table != NULL)
+        cairn_output_print(table, "image,class,left,top,right,bottom,score,mirrored\n");
+    merge_records(s, records, table);
+    if (table != NULL && cairn_output_commit(table, &error) != CAIRN_OK)
+        return tool_report(&error);
+    return TOOL_OK;
+}
+
+static int run(const settings *s, const cairn_shape_model *model)
+{
+    FILE *records[JOBS_MOST] = {NULL};
+    int code = TOOL_OK;
+
+    for (int32_t job = 0; job < s->jobs && code == TOOL_OK; job++) {
+        records[job] = tmpfile();
+        if (records[job] == NULL) {
+            perror(PROGRAM);
+            code = TOOL_FAILED;
+        }
+    }
+    if (code == TOOL_OK)
+        code = s->jobs > 1 ? run_jobs(s, model, records) : run_job(s, 0, model, records[0]);
+    if (code == TOOL_OK)
+        code = write_table(s, records);
+    for (int32_t job = 0; job < s->jobs; job++)
+        if (records[job] != NULL)
+            (void)fclose(records[job]);
+    return code;
+}
+
+int tool_detect(int argc, char **argv)
+{
+    static settings s;
+    cairn_shape_image_params image = cairn_shape_image_default();
+    cairn_shape_builder_params builder = cairn_shape_builder_default();
+    cairn_object_detect_params params = cairn_object_detect_default(1, 1);
+    cairn_shape_model_file model;
+    cairn_file_error error;
+    option_result result;
+    int code;
+
+    memset(&s, 0, sizeof s);
+    s.pictures.side = 800;
+    s.pictures.canny = cairn_vision_canny_default();
+    s.strength = 1;
+    s.jobs = sysconf(_SC_NPROCESSORS_ONLN);
+    s.jobs = s.jobs < 1 ? 1 : s.jobs > JOBS_MOST ? JOBS_MOST : s.jobs;
+    s.candidates = params.candidates;
+    s.overlap = (double)params.overlap;
+    s.score = (double)params.min_score;
+    result = read_settings(&s, argc, argv);
+    if (result != OPTIONS_READ)
+        return (int)result;
+    s.jobs = s.jobs > (int64_t)s.count ? (int64_t)s.count : s.jobs;
+    code = picture_check_names(PROGRAM, s.images, s.count);
+    if (code != TOOL_OK)
+        return code;
+    if (cairn_shape_model_file_load(&model, s.model, &image, &builder, NULL, &error) != CAIRN_OK)
+        return tool_report(&error);
+    code = run(&s, &model.model);
+    cairn_shape_model_file_free(&model);
+    return code;
+}

@@ -1,0 +1,95 @@
+/* Images for the subcommands that look for known objects. */
+#include <inttypes.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cairn/output.h"
+#include "tools/cairn_picture.h"
+#include "tools/cairn_tool.h"
+
+/* Halves an 8-bit grey image in place: of two by two pixels the mean, or the most. Odd last rows and columns go. */
+static void halve(cairn_vision_image *grey, int32_t take_most)
+{
+    uint8_t *p = grey->samples;
+    int32_t w = grey->width, width = w > 1 ? w / 2 : 1, height = grey->height > 1 ? grey->height / 2 : 1;
+
+    for (int32_t y = 0; y < height; y++)
+        for (int32_t x = 0; x < width; x++) {
+            int32_t sum = 0, most = 0;
+
+            for (int32_t k = 0; k < 4; k++) {
+                int32_t u = 2 * x + k % 2 < w ? 2 * x + k % 2 : w - 1;
+                int32_t v = 2 * y + k / 2 < grey->height ? 2 * y + k / 2 : grey->height - 1;
+                int32_t value = p[v * w + u];
+
+                sum += value;
+                most = value > most ? value : most;
+            }
+            p[y * width + x] = (uint8_t)(take_most ? most : (sum + 2) / 4);
+        }
+    grey->width = width;
+    grey->height = height;
+}
+
+void picture_free(searched_picture *p)
+{
+    cairn_vision_free(&p->grey);
+    cairn_vision_free(&p->edges);
+}
+
+cairn_status picture_read(searched_picture *p, const char *path, const picture_settings *settings,
+                          cairn_file_error *error)
+{
+    cairn_status status;
+
+    memset(p, 0, sizeof *p);
+    status = cairn_vision_read_grey(&p->grey, path, error);
+    if (status == CAIRN_OK && settings->edges != NULL)
+        status = cairn_vision_read_grey(&p->edges, settings->edges, error);
+    if (status != CAIRN_OK)
+        return status;
+    if (settings->edges != NULL && (p->edges.width != p->grey.width || p->edges.height != p->grey.height))
+        return cairn_file_error_set(error, CAIRN_BAD_FORMAT, settings->edges, 0,
+                                    "%" PRId32 " x %" PRId32 " pixels, expected %" PRId32 " x %" PRId32
+                                    " as of the image",
+                                    p->edges.width, p->edges.height, p->grey.width, p->grey.height);
+    for (p->shrink = 1; p->grey.width > settings->side || p->grey.height > settings->side; p->shrink *= 2) {
+        halve(&p->grey, 0);
+        if (settings->edges != NULL)
+            halve(&p->edges, 1);
+    }
+    if (settings->edges != NULL)
+        return CAIRN_OK;
+    p->edges = p->grey;
+    p->edges.samples = malloc((size_t)p->grey.width * (size_t)p->grey.height);
+    if (p->edges.samples == NULL)
+        return cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0, "no memory for the edges");
+    return cairn_vision_canny(&p->grey, &settings->canny, p->edges.samples, path, error);
+}
+
+int picture_stem(const char *path, char stem[PICTURE_NAME_BYTES])
+{
+    const char *name = cairn_path_name(path), *dot = strrchr(name, '.');
+    size_t length = dot != NULL && dot > name ? (size_t)(dot - name) : strlen(name);
+
+    if (length < 1 || length >= PICTURE_NAME_BYTES)
+        return 0;
+    memcpy(stem, name, length);
+    stem[length] = '\0';
+    return 1;
+}
+
+int picture_check_names(const char *program, const char *const *paths, size_t count)
+{
+    char stem[PICTURE_NAME_BYTES], other[PICTURE_NAME_BYTES];
+
+    for (size_t i = 0; i < count; i++) {
+        if (!picture_stem(paths[i], stem))
+            return options_refuse(program, "'%s', expected the name of an image", paths[i]);
+        for (size_t k = 0; k < i; k++)
+            if (picture_stem(paths[k], other) && strcmp(stem, other) == 0)
+                return options_refuse(program, "%s and %s are both named '%s', expected different names", paths[k],
+                                      paths[i], stem);
+    }
+    return TOOL_OK;
+}

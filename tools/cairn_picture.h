@@ -1,0 +1,32 @@
+/* cairn_picture: images for the subcommands that look for known objects: read, made smaller, with their edges; names for what is written. */
+#ifndef CAIRN_TOOLS_CAIRN_PICTURE_H
+#define CAIRN_TOOLS_CAIRN_PICTURE_H
+
+#include "cairn/vision.h"
+#include "tools/options.h"
+
+enum { PICTURE_NAME_BYTES = 256 };
+
+typedef struct picture_settings {
+    const char *edges; /* the image's edges; NULL: Canny's */
+    int64_t side;      /* px: larger images are halved until they fit */
+    cairn_vision_canny_params canny;
+} picture_settings;
+
+typedef struct searched_picture {
+    cairn_vision_image grey, edges;
+    int32_t shrink; /* 1, 2, 4 ... */
+} searched_picture;
+
+/* Reads an image and its edges. On failure, too, picture_free frees what is there. */
+CAIRN_CHECKED cairn_status picture_read(searched_picture *p, const char *path, const picture_settings *settings,
+                                        cairn_file_error *error);
+void picture_free(searched_picture *p);
+
+/* "folder/swan.jpg" -> "swan"; 0: there is no such name. */
+int picture_stem(const char *path, char stem[PICTURE_NAME_BYTES]);
+
+/* TOOL_OK, or after a line on standard error another exit code: an image without a name, or two whose files would overwrite each other. */
+int picture_check_names(const char *program, const char *const *paths, size_t count);
+
+#endif
