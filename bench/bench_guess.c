@@ -164,8 +164,8 @@ static void see_box(bench_box *box, int scan, const double walls[BOX_WALLS][4], 
     s->range = box->range[scan];
     s->edge = NULL;
     s->count = BENCH_BOX_BEAMS;
-    s->angle_min = -180 * DEGREE;
-    s->angle_step = 360 * DEGREE / BENCH_BOX_BEAMS;
+    s->angle_min = -55 * DEGREE;
+    s->angle_step = 110 * DEGREE / (BENCH_BOX_BEAMS - 1);
     s->range_min = 0.1;
     s->range_max = 8;
     s->range_sigma = 0.01;
@@ -190,7 +190,7 @@ static void see_box(bench_box *box, int scan, const double walls[BOX_WALLS][4], 
 void bench_box_draw(bench_box *box, uint64_t seed)
 {
     cairn_random random = cairn_random_seed(seed, 83);
-    double length = uniform(&random, 1, 1.6), thick = uniform(&random, 0.15, 0.4), turn = uniform(&random, 0, 6.28);
+    double length = uniform(&random, 1, 1.6), thick = uniform(&random, 0.25, 0.5), turn = uniform(&random, 0, 6.28);
     double l = length / 2, t = thick / 2, w = uniform(&random, 2.6, 3.4), h = uniform(&random, 2.6, 3.4);
     const double walls[BOX_WALLS][4] = {{-l, t, l, t},   {-l, -t, l, -t}, {-l, -t, -l, t}, {l, -t, l, t},
                                         {-w, -h, w, -h}, {-w, h, w, h},   {-w, -h, -w, h}, {w, -h, w, h}};

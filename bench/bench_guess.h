@@ -12,7 +12,7 @@ int bench_guess_ellipses(uint64_t seed, int32_t *there, int32_t *found, int32_t 
 
 enum { BENCH_BOX_SCANS = 4, BENCH_BOX_BEAMS = 361 };
 
-/* A flat box in a room, two scans all around from either side, none of which sees both of its long sides. */
+/* A flat box in a room, two scans of 110 degrees that face it from either side, none of which sees both of its long sides. */
 typedef struct bench_box {
     double thickness; /* m */
     float range[BENCH_BOX_SCANS][BENCH_BOX_BEAMS];

@@ -144,7 +144,7 @@ static int add_survey(const settings *s, uint64_t seed, int32_t index, int32_t p
 
 static int make_problem(const settings *s, uint64_t seed, problem *p)
 {
-    int32_t strange = s->strangers ? (int32_t)s->places / 2 : 0;
+    int32_t strange = s->strangers;
     int done;
     size_t n;
 
@@ -573,6 +573,10 @@ static int check(const settings *s)
         fprintf(stderr, "bench/match: unknown method '%s', expected consensus, sequential or shape\n", s->method);
         return 0;
     }
+    if (s->strangers >= s->places) {
+        fprintf(stderr, "bench/match: %d strangers, expected fewer than the places\n", (int)s->strangers);
+        return 0;
+    }
     return 1;
 }
 
@@ -606,7 +610,7 @@ int main(int argc, char **argv)
         OPTION_TEXT("--pictures", &s.pictures, "DIR", "draws match-SEED.svg and errors-SEED.svg into a folder"),
         OPTION_FLAG("--decoupled", &s.decoupled, "at the end every scan is aligned by itself, all at once"),
         OPTION_FLAG("--ablate", &s.ablate, "the method of chapter 6 after each of its stages instead"),
-        OPTION_FLAG("--strangers", &s.strangers, "half of the places are of another arena"),
+        OPTION_COUNT("--strangers", &s.strangers, 0, 255, "N", "so many of the places are of another arena"),
         OPTION_FLAG("--decoupled-icp", &s.by_icp, "the same one after the other by ICP"),
     };
     const option_set set = {"bench/match", "[options]", "Maps of places without odometry.", table,

@@ -2,12 +2,14 @@
  *
  * rooms: four rooms on a hallway, turned at random, five places, poses off by up to 25 units of 0.03 m and 15 degrees. A seed
  * is right when every scan lies within 4 units and 1 degree after the best common motion. rubble and round: the arenas of
- * bench/align, and those without a straight wall; shares as there. rescue110: the first, seen by scans of 110 degrees. Each with
- * hypotheses and without, on the same starts. Without: what the aligner alone finds, or the field. wall_rms_m: of the hits on
- * walls that lie in one line about their common line.
+ * bench/align, and those without a straight wall; shares as there. rescue110: the first, seen by scans of 110 degrees. halls: the
+ * rooms, whose hallway is 12 m long, by scans of half a circle; rooms far off: by full ones from starts 1 m and 20 degrees off. Each with
+ * hypotheses and without, on the same starts. Without: what the aligner alone finds, or the field of the thesis; field without:
+ * the aligner and its field, but no hypotheses. wall_rms_m: of the hits on walls that lie in one line about their common line.
  *
- * box: a flat box in a room, two scans from either side, none of which sees both of its long sides; it has collapsed when
- * these end up nearer to each other than half its thickness.
+ * box: a flat box in a room, two scans of 110 degrees that face it from either side, with no long side and no wall across
+ * in common: how far apart the sides are only the starts tell, and the sides attract each other. It has collapsed when these end
+ * up nearer to each other than half its thickness.
  *
  * planted: rooms, by the field alone, with a false rectangle among the hypotheses of step 5. How many of the seeds it is still
  * believed in at step 15, and how many come out worse for it.
@@ -25,6 +27,7 @@
 #include "bench/bench_bound.h"
 #include "bench/bench_guess.h"
 #include "bench/bench_json.h"
+#include "bench/bench_rectangles.h"
 #include "bench/bench_score.h"
 #include "cairn/random.h"
 #include "cairn/virtual_align.h"
@@ -34,16 +37,25 @@
 #define UNIT   0.03 /* m */
 
 typedef struct settings {
-    int64_t seeds, seed, arenas, scenes, boxes, lies;
+    int64_t seeds, seed, arenas, halls, scenes, boxes, lies;
     int32_t steps; /* --steps: prints every virtual scan */
 } settings;
+
+/* Which field moves what the aligner leaves over. */
+typedef int32_t field_kind;
+enum {
+    NO_FIELD, /* the aligner alone */
+    SPRINGS,  /* as virtual_align asks for it */
+    THESIS,   /* the gradient of the thesis as it is written */
+    FACES     /* the same, but the two faces of a wall do not attract each other */
+};
 
 /* One way to align. */
 typedef struct method {
     const char *name;
     int32_t align, hypotheses;
-    double sigma;  /* m, of the field at its start */
-    int32_t every; /* steps of the field from one virtual scan to the next; 0: as ever */
+    field_kind field;
+    double sigma; /* m, of the field at its start */
 } method;
 
 /* What a scene is seen like. */
@@ -157,16 +169,35 @@ static cairn_status count_room(cairn_scan *scan, const problem *p, cairn_virtual
     return status;
 }
 
-static cairn_virtual_align_params params_of(const method *m)
+/* In 30 steps from sigma down to 0.04 m. */
+static cairn_force_field_params gradient_field(double sigma)
+{
+    cairn_force_field_params field = cairn_force_field_default();
+
+    field.sigma_start = (cairn_real)sigma;
+    field.sigma_end = (cairn_real)0.04;
+    field.sigma_step = (field.sigma_start - field.sigma_end) / (cairn_real)29.35;
+    field.dt_start = (cairn_real)0.2;
+    field.dt_end = (cairn_real)0.04;
+    field.dt_factor = (cairn_real)0.9477;
+    field.max_steps = 30;
+    field.potential = 0;
+    field.roi = 0;
+    return field;
+}
+
+static cairn_virtual_align_params params_of(const method *m, const problem *p)
 {
     cairn_virtual_align_params params = cairn_virtual_align_default();
 
     params.align = m->align;
-    params.field.sigma_step *=
-        ((cairn_real)m->sigma - params.field.sigma_end) / (params.field.sigma_start - params.field.sigma_end);
-    params.field.sigma_start = (cairn_real)m->sigma;
-    if (m->every > 0)
-        params.every = m->every;
+    if (m->field == THESIS || m->field == FACES) {
+        params.field = gradient_field(m->sigma);
+        params.field.sides_below = m->field == FACES ? params.field.sigma_start : 0;
+        params.every = 15;
+    }
+    if (p->lie != NULL)
+        params.every = 5;
     if (!m->hypotheses)
         params.hypotheses.lines = params.hypotheses.rectangles = params.hypotheses.ellipses = 0;
     return params;
@@ -246,7 +277,7 @@ static cairn_status align(const settings *s, problem *p, cairn_scan *scan, cairn
 static int run(const settings *s, problem *p, const method *m, row *out)
 {
     cairn_scan_params scan_params = cairn_scan_default();
-    cairn_virtual_align_params params = params_of(m);
+    cairn_virtual_align_params params = params_of(m, p);
     cairn_virtual_align *aligned = NULL;
     cairn_scan *scan = NULL;
     cairn_pool pool, scan_pool;
@@ -276,7 +307,7 @@ static int run(const settings *s, problem *p, const method *m, row *out)
         status = cairn_virtual_align_add_detector(aligned, &detector);
     }
     if (status == CAIRN_OK)
-        status = align(s, p, scan, aligned, m->align && !m->hypotheses, out);
+        status = align(s, p, scan, aligned, m->field == NO_FIELD, out);
     if (bytes > out->pool_bytes)
         out->pool_bytes = bytes;
     if (status != CAIRN_OK)
@@ -346,10 +377,13 @@ static int run_scene(const settings *s, const scene *from, int64_t seeds, const 
 /* Each method on the same starts; how many boxes it has collapsed. */
 static int run_boxes(const settings *s)
 {
-    static const method methods[] = {{"default with hypotheses", 1, 1, 30 * UNIT, 0},
-                                     {"default without", 1, 0, 30 * UNIT, 0},
-                                     {"gradient with hypotheses", 0, 1, 30 * UNIT, 0},
-                                     {"gradient without", 0, 0, 30 * UNIT, 0}};
+    static const method methods[] = {{"default with hypotheses", 1, 1, SPRINGS, 30 * UNIT},
+                                     {"default without", 1, 0, NO_FIELD, 30 * UNIT},
+                                     {"springs with hypotheses", 0, 1, SPRINGS, 30 * UNIT},
+                                     {"springs without", 0, 0, SPRINGS, 30 * UNIT},
+                                     {"gradient with hypotheses", 0, 1, FACES, 30 * UNIT},
+                                     {"gradient with hypotheses, faces alike", 0, 1, THESIS, 30 * UNIT},
+                                     {"gradient without", 0, 0, THESIS, 30 * UNIT}};
 
     for (size_t k = 0; k < sizeof methods / sizeof *methods; k++) {
         int32_t collapsed = 0;
@@ -373,7 +407,7 @@ static int run_boxes(const settings *s)
             p.result = result;
             for (int32_t j = 0; j < BENCH_BOX_SCANS; j++) {
                 truth[j] = start[j] = box.scans[j].truth;
-                disturb(&start[j], &random, 0.3, 15);
+                disturb(&start[j], &random, 0.1, 5);
             }
             if (!run(s, &p, &methods[k], &out))
                 return 0;
@@ -410,7 +444,7 @@ static bench_lie draw_lie(const problem *p, uint64_t seed)
 
 static int run_lies(const settings *s, const scene *rooms)
 {
-    static const method gradient = {"gradient with hypotheses", 0, 1, 30 * UNIT, 5};
+    static const method springs = {"springs with hypotheses", 0, 1, SPRINGS, 30 * UNIT};
     int32_t believed = 0, right[2] = {0, 0};
 
     for (int64_t i = 0; i < s->lies; i++)
@@ -424,7 +458,7 @@ static int run_lies(const settings *s, const scene *rooms)
             if (done) {
                 lie = draw_lie(&p, (uint64_t)(s->seed + i));
                 p.lie = told ? &lie : NULL;
-                done = run(s, &p, &gradient, &out);
+                done = run(s, &p, &springs, &out);
             }
             if (done)
                 right[told] += score(&p, 4 * UNIT);
@@ -445,171 +479,22 @@ static int run_lies(const settings *s, const scene *rooms)
 
 /* ---- The detectors alone ---- */
 
-enum { RECTANGLES = 4, PIECES = 256, STRAYS = 12 };
+typedef int (*detector)(uint64_t seed, int32_t *there, int32_t *found, int32_t *wrong);
 
-typedef struct sighting {
-    cairn_rectangle truth[RECTANGLES];
-    cairn_segment pieces[PIECES];
-    int32_t count;
-} sighting;
-
-static double uniform(cairn_random *random, double low, double high)
-{
-    return (double)cairn_random_uniform(random, (cairn_real)low, (cairn_real)high);
-}
-
-static void add_piece(sighting *s, cairn_vec2 a, cairn_vec2 b, cairn_random *random)
-{
-    const double noise = 0.015;
-    cairn_segment *piece = &s->pieces[s->count++];
-
-    piece->a.x = a.x + (cairn_real)(noise * (double)cairn_random_normal(random));
-    piece->a.y = a.y + (cairn_real)(noise * (double)cairn_random_normal(random));
-    piece->b.x = b.x + (cairn_real)(noise * (double)cairn_random_normal(random));
-    piece->b.y = b.y + (cairn_real)(noise * (double)cairn_random_normal(random));
-}
-
-/* Of every side 60 %: two pieces, with gaps between and beside them drawn at random. */
-static void see_rectangle(sighting *s, const cairn_rectangle *r, cairn_random *random)
-{
-    cairn_vec2 corner[4];
-
-    cairn_rectangle_corners(r, corner);
-    for (int i = 0; i < 4; i++) {
-        cairn_vec2 a = corner[i], way = cairn_vec2_sub(corner[(i + 1) % 4], a);
-        double first = uniform(random, 0.2, 0.4), gap[2] = {uniform(random, 0, 0.2), uniform(random, 0, 0.2)};
-        double at[4] = {gap[0], gap[0] + first, gap[0] + first + gap[1], gap[0] + gap[1] + 0.6};
-
-        for (int k = 0; k < 4; k += 2)
-            add_piece(s, cairn_vec2_add(a, cairn_vec2_scale(way, (cairn_real)at[k])),
-                      cairn_vec2_add(a, cairn_vec2_scale(way, (cairn_real)at[k + 1])), random);
-    }
-}
-
-/* Rooms in the quarters of a square of 24 m, and walls that belong to nothing. */
-static sighting make_sighting(uint64_t seed)
-{
-    cairn_random random = cairn_random_seed(seed, 81);
-    sighting s;
-
-    memset(&s, 0, sizeof s);
-    for (int i = 0; i < RECTANGLES; i++) {
-        cairn_rectangle *r = &s.truth[i];
-
-        r->centre.x = (cairn_real)(12 * (i % 2) + uniform(&random, -2, 2));
-        r->centre.y = (cairn_real)((i < 2 ? 0 : 12) + uniform(&random, -2, 2));
-        r->centre.theta = (cairn_real)uniform(&random, 0, (double)CAIRN_PI / 2);
-        r->half_length = (cairn_real)uniform(&random, 0.75, 3);
-        r->half_width = (cairn_real)uniform(&random, 0.75, 3);
-        see_rectangle(&s, r, &random);
-    }
-    for (int i = 0; i < STRAYS; i++) {
-        double angle = uniform(&random, 0, 2 * (double)CAIRN_PI), length = uniform(&random, 0.3, 3);
-        cairn_vec2 a = {(cairn_real)uniform(&random, -6, 18), (cairn_real)uniform(&random, -6, 18)}, b = a;
-
-        b.x += (cairn_real)(length * cos(angle));
-        b.y += (cairn_real)(length * sin(angle));
-        add_piece(&s, a, b, &random);
-    }
-    return s;
-}
-
-/* Every corner of one is near one of the other. */
-static int is_same(const cairn_rectangle *a, const cairn_rectangle *b)
-{
-    cairn_vec2 p[4], q[4];
-
-    cairn_rectangle_corners(a, p);
-    cairn_rectangle_corners(b, q);
-    for (int i = 0; i < 4; i++) {
-        double nearest = (double)INFINITY;
-
-        for (int k = 0; k < 4; k++)
-            nearest = fmin(nearest, (double)cairn_vec2_norm(cairn_vec2_sub(p[i], q[k])));
-        if (nearest > 0.3)
-            return 0;
-    }
-    return 1;
-}
-
-/* Adds how many of a scene's rectangles were found, and how many others. */
-static void count_found(const sighting *s, const cairn_rectangle *list, int32_t count, int32_t *found, int32_t *wrong)
-{
-    for (int i = 0; i < RECTANGLES; i++) {
-        int32_t k = 0;
-
-        while (k < count && !is_same(&s->truth[i], &list[k]))
-            k++;
-        *found += k < count;
-    }
-    for (int32_t k = 0; k < count; k++) {
-        int i = 0;
-
-        while (i < RECTANGLES && !is_same(&s->truth[i], &list[k]))
-            i++;
-        *wrong += i == RECTANGLES;
-    }
-}
-
-/* As virtual_scan asks for them. */
-static int run_detector(const settings *s, int64_t scenes)
-{
-    cairn_rectangle_params params = cairn_virtual_scan_default().rectangle;
-    cairn_rectangle_set *set = NULL;
-    int32_t found = 0, wrong = 0;
-    cairn_status status;
-    cairn_pool pool;
-    size_t bytes;
-    void *memory;
-
-    params.max_segments = PIECES;
-    bytes = cairn_rectangle_memory(&params) + CAIRN_ALIGN;
-    memory = malloc(bytes);
-    status = memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);
-    if (status == CAIRN_OK)
-        status = cairn_rectangle_create(&set, &pool, &params);
-    for (int64_t i = 0; i < scenes && status == CAIRN_OK; i++) {
-        sighting sight = make_sighting((uint64_t)(s->seed + i));
-        cairn_budget budget = {CAIRN_UNBOUNDED};
-        int32_t count;
-
-        status = cairn_rectangle_begin(set, sight.pieces, sight.count);
-        if (status == CAIRN_OK)
-            status = cairn_rectangle_step(set, &budget);
-        if (status == CAIRN_OK) {
-            const cairn_rectangle *list = cairn_rectangle_list(set, &count);
-
-            count_found(&sight, list, count, &found, &wrong);
-        }
-    }
-    free(memory);
-    if (status != CAIRN_OK) {
-        fprintf(stderr, "bench/virtual: %s\n", cairn_status_text(status));
-        return 0;
-    }
-    bench_json_begin("virtual");
-    bench_json_text("scene", "detector of rectangles");
-    bench_json_integer("seeds", scenes);
-    bench_json_number("found", (double)found / (double)(RECTANGLES * scenes));
-    bench_json_number("false_per_scene", (double)wrong / (double)scenes);
-    bench_json_end();
-    return 1;
-}
-
-static int run_ellipses(const settings *s, int64_t scenes)
+static int run_detector(const settings *s, const char *name, detector find)
 {
     int32_t there = 0, found = 0, wrong = 0;
 
-    for (int64_t i = 0; i < scenes; i++)
-        if (!bench_guess_ellipses((uint64_t)(s->seed + i), &there, &found, &wrong)) {
+    for (int64_t i = 0; i < s->scenes; i++)
+        if (!find((uint64_t)(s->seed + i), &there, &found, &wrong)) {
             fprintf(stderr, "bench/virtual: no memory\n");
             return 0;
         }
     bench_json_begin("virtual");
-    bench_json_text("scene", "detector of ellipses");
-    bench_json_integer("seeds", scenes);
+    bench_json_text("scene", name);
+    bench_json_integer("seeds", s->scenes);
     bench_json_number("found", (double)found / there);
-    bench_json_number("false_per_scene", (double)wrong / (double)scenes);
+    bench_json_number("false_per_scene", (double)wrong / (double)s->scenes);
     bench_json_end();
     return 1;
 }
@@ -620,15 +505,21 @@ int main(int argc, char **argv)
     static const scene rubble = {"rubble", SIM_RESCUE, 15, 4, 100, 0.3, 20};
     static const scene narrow = {"rescue110", SIM_RESCUE, 15, 4, 110, 0.3, 20};
     static const scene curved = {"round", SIM_ROUND, 15, 4, 100, 0.3, 20};
+    static const scene halls = {"halls", SIM_ROOMS, 6, 2, 180, 0.5, 20};
+    static const scene far_off = {"rooms far off", SIM_ROOMS, 5, 1, 360, 1, 20};
     static const method rooms_methods[] = {
-        {"default with hypotheses", 1, 1, 30 * UNIT, 0},  {"default without", 1, 0, 30 * UNIT, 0},
-        {"gradient with hypotheses", 0, 1, 30 * UNIT, 0}, {"gradient without", 0, 0, 30 * UNIT, 0},
-        {"gradient without", 0, 0, 80 * UNIT, 0},
+        {"default with hypotheses", 1, 1, SPRINGS, 30 * UNIT}, {"default without", 1, 0, NO_FIELD, 30 * UNIT},
+        {"gradient with hypotheses", 0, 1, FACES, 30 * UNIT},  {"gradient without", 0, 0, THESIS, 30 * UNIT},
+        {"gradient without", 0, 0, THESIS, 80 * UNIT},
     };
-    settings s = {100, 1, 20, 200, 20, 20, 0};
+    static const method long_methods[] = {{"default with hypotheses", 1, 1, SPRINGS, 30 * UNIT},
+                                          {"default without", 1, 0, NO_FIELD, 30 * UNIT},
+                                          {"default, field without hypotheses", 1, 0, SPRINGS, 30 * UNIT}};
+    settings s = {100, 1, 20, 100, 200, 20, 20, 0};
     const option table[] = {
         OPTION_INTEGER("--seeds", &s.seeds, 0, 1000, "N", "rooms to align"),
         OPTION_INTEGER("--arenas", &s.arenas, 0, 1000, "N", "arenas with rubble, and with round walls, to align"),
+        OPTION_INTEGER("--halls", &s.halls, 0, 1000, "N", "halls, and rooms far off, to align"),
         OPTION_INTEGER("--scenes", &s.scenes, 0, 100000, "N", "scenes for the detectors alone"),
         OPTION_INTEGER("--boxes", &s.boxes, 0, 1000, "N", "boxes seen from two sides"),
         OPTION_INTEGER("--lies", &s.lies, 0, 1000, "N", "rooms with a false hypothesis"),
@@ -637,19 +528,24 @@ int main(int argc, char **argv)
     };
     const option_set set = {"bench/virtual", "[options]", "Measures what virtual scans are worth.", table,
                             sizeof table / sizeof *table};
-    row in_rooms[5] = {{0}}, in_rubble[2] = {{0}}, in_narrow[2] = {{0}}, in_round[2] = {{0}};
+    row in_rooms[5] = {{0}}, in_rubble[3] = {{0}}, in_narrow[2] = {{0}}, in_round[2] = {{0}}, in_halls[3] = {{0}},
+        in_far[3] = {{0}};
     size_t none = 0;
     option_result result = options_read(&set, argc, argv, NULL, &none);
 
     if (result != OPTIONS_READ)
         return (int)result;
-    if (s.scenes > 0 && (!run_detector(&s, s.scenes) || !run_ellipses(&s, s.scenes)))
+    if (s.scenes > 0 && (!run_detector(&s, "detector of rectangles", bench_rectangles_find) ||
+                         !run_detector(&s, "detector of ellipses", bench_guess_ellipses)))
         return 1;
     if ((s.boxes > 0 && !run_boxes(&s)) || (s.lies > 0 && !run_lies(&s, &rooms)))
         return 1;
     if (s.seeds > 0 && !run_scene(&s, &rooms, s.seeds, rooms_methods, 5, 4 * UNIT, in_rooms))
         return 1;
-    if (s.arenas > 0 && (!run_scene(&s, &rubble, s.arenas, rooms_methods, 2, 0.05, in_rubble) ||
+    if (s.halls > 0 && (!run_scene(&s, &halls, s.halls, long_methods, 3, 0.05, in_halls) ||
+                        !run_scene(&s, &far_off, s.halls, long_methods, 3, 0.05, in_far)))
+        return 1;
+    if (s.arenas > 0 && (!run_scene(&s, &rubble, s.arenas, long_methods, 3, 0.05, in_rubble) ||
                          !run_scene(&s, &narrow, s.arenas, rooms_methods, 2, 0.05, in_narrow) ||
                          !run_scene(&s, &curved, s.arenas, rooms_methods, 2, 0.05, in_round)))
         return 1;
@@ -662,6 +558,10 @@ int main(int argc, char **argv)
     bench_json_number("without80_ok", (double)in_rooms[4].right / in_rooms[4].seeds);
     bench_json_number("rubble_share_with", (double)in_rubble[0].aligned / in_rubble[0].observable);
     bench_json_number("rubble_share_without", (double)in_rubble[1].aligned / in_rubble[1].observable);
+    bench_json_number("halls_share_with", (double)in_halls[0].aligned / in_halls[0].observable);
+    bench_json_number("halls_share_without", (double)in_halls[1].aligned / in_halls[1].observable);
+    bench_json_number("far_off_share_with", (double)in_far[0].aligned / in_far[0].observable);
+    bench_json_number("far_off_share_without", (double)in_far[1].aligned / in_far[1].observable);
     bench_json_number("round_share_with", (double)in_round[0].aligned / in_round[0].observable);
     bench_json_number("round_share_without", (double)in_round[1].aligned / in_round[1].observable);
     bench_json_number("rescue110_rms_with_m", sqrt(in_narrow[0].squares / in_narrow[0].hits));

@@ -843,14 +843,125 @@ static void what_would_be_believed_elsewhere_is_ambiguous(void **state)
     assert_int_equal(solve_doubtful(consensus, far, 19, 3, 2.5).ambiguous, 2);
     assert_int_equal(cairn_pose_consensus_node(consensus, 4).ambiguous, 1);
     assert_int_equal(cairn_pose_consensus_node(consensus, 0).ambiguous, 0);
-    /* It hangs by too little to be believed where it is. */
-    assert_int_equal(solve_doubtful(consensus, near, 9, 1.5, 2.25).ambiguous, 1);
-    assert_int_equal(cairn_pose_consensus_node(consensus, 4).ambiguous, 1);
-    assert_int_equal(solve_doubtful(consensus, near, 9, 1.75, 2.5).ambiguous, 0);
     test_pool_free(&pool);
     params.ambiguous = CAIRN_REAL(0.003);
     consensus = new_consensus(&pool, &params);
     assert_int_equal(solve_doubtful(consensus, far, 17, 0.5, 5).ambiguous, 0); /* six nats against it are too much */
+    test_pool_free(&pool);
+}
+
+static cairn_consensus_result find_islands(cairn_pose_consensus *consensus, int32_t units)
+{
+    cairn_budget budget = {units};
+
+    assert_ok(cairn_pose_consensus_islands(consensus));
+    while (cairn_pose_consensus_step(consensus, &budget) == CAIRN_MORE)
+        budget.left = units;
+    return cairn_pose_consensus_read(consensus);
+}
+
+/* Node 4 of solve_doubtful() hangs by what its two pairs say. */
+static void a_node_that_hangs_by_too_little_is_an_island(void **state)
+{
+    const cairn_pose near = {CAIRN_REAL(0.8), 0, 0};
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    cairn_consensus_result before, after;
+    cairn_consensus_node node;
+    cairn_pool pool;
+    cairn_pose_consensus *consensus;
+
+    (void)state;
+    assert_int_equal(cairn_pose_consensus_islands(NULL), CAIRN_BAD_ARGUMENT);
+    params.min_support = 1;
+    params.believed = 4;
+    consensus = new_consensus(&pool, &params);
+    assert_int_equal(cairn_pose_consensus_islands(consensus), CAIRN_EMPTY);
+    before = solve_doubtful(consensus, near, 9, 1.5, 2.25);
+    assert_int_equal(before.ambiguous, 0);
+    node = cairn_pose_consensus_node(consensus, 4);
+    assert_int_equal(node.island, 0);
+    for (int32_t units = 1; units <= 1000; units += 999) {
+        after = find_islands(consensus, units);
+        assert_true(after.units > before.units);
+        before.units = after.units;
+        before.ambiguous = 1;
+        assert_memory_equal(&after, &before, sizeof after);
+        node.ambiguous = node.island = 1;
+        assert_int_equal(cairn_pose_consensus_node(consensus, 4).island, 1);
+        assert_int_equal(cairn_pose_consensus_node(consensus, 4).ambiguous, 1);
+        assert_near(cairn_pose_consensus_node(consensus, 4).support, node.support, 0);
+        for (int32_t i = 0; i < 4; i++) {
+            assert_int_equal(cairn_pose_consensus_node(consensus, i).island, 0);
+            assert_int_equal(cairn_pose_consensus_node(consensus, i).ambiguous, 0);
+        }
+    }
+    /* 4.25 nats are enough. */
+    (void)solve_doubtful(consensus, near, 9, 1.75, 2.5);
+    assert_int_equal(find_islands(consensus, 1000).ambiguous, 0);
+    assert_int_equal(cairn_pose_consensus_node(consensus, 4).island, 0);
+    test_pool_free(&pool);
+
+    params.believed = 0; /* not asked */
+    consensus = new_consensus(&pool, &params);
+    before = solve_doubtful(consensus, near, 9, 1.5, 2.25);
+    after = find_islands(consensus, 1000);
+    assert_memory_equal(&after, &before, sizeof after);
+    test_pool_free(&pool);
+}
+
+/* Three groups of nodes that hold together by ten nats a pair; the second hangs at the first by one pair of `second`, the
+ * third at the second by one of `third`. */
+static void solve_groups(cairn_pose_consensus *consensus, cairn_real second, cairn_real third)
+{
+    const cairn_pose at[9] = {{0, 0, 0}, {3, 0, 1},  {9, 0, 1},  {12, 0, 2}, {12, 3, 3},
+                              {9, 3, 0}, {20, 0, 0}, {20, 3, 1}, {23, 2, 2}};
+    const int32_t group[9] = {0, 0, 1, 1, 1, 1, 2, 2, 2};
+
+    assert_ok(cairn_pose_consensus_clear(consensus, 9));
+    for (int32_t i = 0; i < 9; i++)
+        for (int32_t j = i + 1; j < 9; j++)
+            if (group[i] == group[j])
+                add(consensus, i, j, cairn_pose_between(at[i], at[j]), 10);
+    add(consensus, 1, 2, cairn_pose_between(at[1], at[2]), second);
+    add(consensus, 5, 6, cairn_pose_between(at[5], at[6]), third);
+    assert_int_equal(solve(consensus).parts, 1);
+    (void)find_islands(consensus, 1000);
+    for (int32_t i = 0; i < 9; i++) {
+        assert_pose_near(cairn_pose_consensus_node(consensus, i).map_node, at[i], 0.01, 0.01);
+        assert_int_equal(cairn_pose_consensus_node(consensus, i).part, 0);
+        assert_int_equal(cairn_pose_consensus_node(consensus, i).ambiguous,
+                         cairn_pose_consensus_node(consensus, i).island > 0);
+    }
+}
+
+static void assert_islands(const cairn_pose_consensus *consensus, int32_t first, int32_t second, int32_t third)
+{
+    assert_int_equal(cairn_pose_consensus_node(consensus, 0).island, first);
+    assert_int_equal(cairn_pose_consensus_node(consensus, 1).island, first);
+    for (int32_t i = 2; i < 6; i++)
+        assert_int_equal(cairn_pose_consensus_node(consensus, i).island, second);
+    for (int32_t i = 6; i < 9; i++)
+        assert_int_equal(cairn_pose_consensus_node(consensus, i).island, third);
+}
+
+/* Several nodes need four times as much as one, as they see by chance in several ways what they share. */
+static void blocks_that_hang_by_too_little_are_islands(void **state)
+{
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    cairn_pool pool;
+    cairn_pose_consensus *consensus;
+
+    (void)state;
+    params.believed = CAIRN_REAL(2.25); /* nine nats for several */
+    consensus = new_consensus(&pool, &params);
+    solve_groups(consensus, 9.5, 9.5);
+    assert_islands(consensus, 0, 0, 0);
+    solve_groups(consensus, 9.5, 8.5);
+    assert_islands(consensus, 0, 0, 1);
+    solve_groups(consensus, 8.5, 9.5);
+    assert_islands(consensus, 1, 0, 0);
+    solve_groups(consensus, 8.5, 8.25);
+    assert_islands(consensus, 2, 0, 1); /* by their sizes */
     test_pool_free(&pool);
 }
 
@@ -1291,6 +1402,8 @@ int main(void)
         cmocka_unit_test(a_judge_decides),
         cmocka_unit_test(a_jury_decides),
         cmocka_unit_test(what_would_be_believed_elsewhere_is_ambiguous),
+        cmocka_unit_test(a_node_that_hangs_by_too_little_is_an_island),
+        cmocka_unit_test(blocks_that_hang_by_too_little_are_islands),
         cmocka_unit_test(contradictions_cost),
         cmocka_unit_test(the_result_does_not_depend_on_budgets),
         cmocka_unit_test(begins_anew),

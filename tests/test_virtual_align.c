@@ -182,7 +182,7 @@ static void rooms_come_together(void **state)
         result = cairn_virtual_align_read(bed.align);
         right_with += right(&r, bed.align) == SCANS;
         assert_in_range(result.rounds, 0, 2);
-        assert_int_equal(result.iterations % 30, 0);
+        assert_int_equal(result.iterations % with.field.max_steps, 0);
         assert_int_equal(result.active, result.iterations);
         assert_true(result.align_units > 0);
         assert_int_equal(result.hypotheses > 0, result.rounds > 0);
@@ -221,7 +221,7 @@ static void settled_scans_stay(void **state)
     assert_ok(cairn_virtual_align_iterate(bed.align, &budget)); /* the aligner */
     for (int32_t i = 0; i < SCANS; i++)
         at[i] = cairn_aligner_pose_of(cairn_virtual_align_aligner(bed.align), i).map_scan;
-    for (int32_t k = 0; k < 30; k++) {
+    for (int32_t k = 0; k < p.field.max_steps; k++) {
         budget.left = CAIRN_UNBOUNDED;
         assert_ok(cairn_virtual_align_iterate(bed.align, &budget));
         assert_int_equal(cairn_virtual_align_read(bed.align).iterations, k + 1);
@@ -339,7 +339,7 @@ static void the_field_alone(void **state)
     result = cairn_virtual_align_read(bed.align);
     assert_int_equal(result.moved, SCANS);
     assert_int_equal(result.rounds, 1);
-    assert_int_equal(result.iterations, 30);
+    assert_int_equal(result.iterations, p.field.max_steps);
     assert_int_equal(result.align_units, 0);
     for (int32_t i = 0; i < SCANS; i++) {
         cairn_pose a = cairn_virtual_align_pose_of(bed.align, i).aligned.map_scan;
@@ -406,6 +406,7 @@ static struct twin twin_of(const cairn_virtual_align_params *p, const struct roo
     t.p.field.max_segments = t.p.hypotheses.max_segments = p->aligner.max_segments;
     t.p.field.max_points = t.p.hypotheses.max_points = p->aligner.max_points;
     t.p.field.max_extra = p->hypotheses.max_virtual;
+    t.p.field.max_bonds = SCANS * (SCANS + 1) / 2;
     t.pool = test_pool(cairn_aligner_memory(&t.p.aligner) + cairn_force_field_memory(&t.p.field) +
                        cairn_virtual_scan_memory(&t.p.hypotheses));
     assert_ok(cairn_aligner_create(&t.aligner, &t.pool, &t.p.aligner));

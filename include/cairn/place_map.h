@@ -96,7 +96,7 @@ CAIRN_CHECKED cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budg
 typedef struct cairn_place_map_result {
     int32_t places, placed;  /* placed: in the largest part */
     int32_t parts;           /* 1: the map hangs together */
-    int32_t ambiguous;       /* places that could as well lie elsewhere */
+    int32_t ambiguous;       /* places that could as well lie elsewhere, or have nothing in common with the rest */
     int32_t matches;         /* of scan_match */
     int32_t hypotheses;      /* that were weighed into the consensus */
     int32_t decoupled;       /* scans that were aligned by themselves */
@@ -110,8 +110,9 @@ typedef struct cairn_place_map_place {
     cairn_pose map_place; /* in the frame of its part: that of its first place */
     cairn_real support;   /* nats that the others of the part give for it; 0 in sequential mode */
     int32_t part;         /* 0: the largest */
-    int32_t ambiguous;    /* 1: see cairn_place_map_alternative() */
+    int32_t ambiguous;    /* 1: of another island, or see cairn_place_map_alternative() */
     int32_t alternatives;
+    int32_t island; /* 0: the largest of its part; what hangs at that by what may be chance is another one */
 } cairn_place_map_place;
 
 /* All zero for a place that is not there. */

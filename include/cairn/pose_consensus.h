@@ -40,9 +40,8 @@ typedef struct cairn_pose_consensus_params {
     cairn_real ambiguous;     /* in (0, 1): least weight of an alternative that makes its node ambiguous */
     cairn_real believed; /* nats, >= 0: what a pose needs to be believed by itself, what speaks against it taken off
                                * twice. A node is ambiguous that has so much elsewhere, however much more it has here, if
-                               * what speaks against it weighs at least `ambiguous`, or
-                               * that has less here, alone or with others that hang by it; and so are nodes that owe most
-                               * to such nodes. 0: not asked */
+                               * what speaks against it weighs at least `ambiguous`; and so are nodes that owe most to such
+                               * nodes. See also cairn_pose_consensus_islands(). 0: not asked */
 } cairn_pose_consensus_params;
 
 /* 64 nodes, 1024 hypotheses, 16 starts, 10 rounds, 8 candidates, 4 alternatives; 0.03 m and 0.6 degrees; gate 16;
@@ -102,6 +101,14 @@ CAIRN_CHECKED cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *cons
  * for every node and the choices that follow. */
 CAIRN_CHECKED cairn_status cairn_pose_consensus_step(cairn_pose_consensus *consensus, cairn_budget *budget);
 
+/* Starts to look where the map that was found may hang together by chance: a node that has less than params.believed where it
+ * lies, what speaks against it taken off twice, and several that together hang at the rest by less than four times as much,
+ * what speaks against them not taken off, are islands, found one by one, those that lack most first. Poses and
+ * parts stay; nodes beside the largest island of their part are ambiguous. step() until CAIRN_OK, as after begin().
+ * CAIRN_EMPTY: there is no result. CAIRN_BAD_ARGUMENT: NULL. Cost: for every island one look at all pairs, and one of the judge
+ * at every node for each pair of the tree above it. */
+CAIRN_CHECKED cairn_status cairn_pose_consensus_islands(cairn_pose_consensus *consensus);
+
 /* ---- The result: empty until step() returns CAIRN_OK ---- */
 
 typedef struct cairn_consensus_node {
@@ -113,6 +120,7 @@ typedef struct cairn_consensus_node {
     int32_t contradicting;    /* pairs whose data speak against it */
     int32_t alternatives;     /* see cairn_pose_consensus_alternative() */
     int32_t ambiguous;        /* 1: an alternative weighs at least params.ambiguous, or see params.believed */
+    int32_t island;           /* of its part, by cairn_pose_consensus_islands(), 0: the largest */
 } cairn_consensus_node;
 
 /* Another pose of a node given the others, or (for whole = 1) given another consistent map. */

@@ -26,9 +26,9 @@ extern "C" {
 typedef struct cairn_virtual_align_params {
     cairn_aligner_params aligner; /* its max_scans, max_segments and max_points hold for all parts */
     cairn_force_field_params
-        field; /* its capacities are not read; sigma from 0.9 m to 0.04 m, dt from 0.2 to 0.04, 30 steps */
+        field; /* its capacities are not read; springs, sigma from 0.9 m to 0.03 m in 15 steps, the two faces of a wall apart from the start */
     cairn_virtual_scan_params hypotheses; /* its max_scans, max_points and max_segments are not read */
-    int32_t every;                        /* >= 1: iterations of the field from one virtual scan to the next (15) */
+    int32_t every;                        /* >= 1: iterations of the field from one virtual scan to the next (8) */
     int32_t max_rounds; /* >= 1: of the field, each followed by the aligner, as long as scans are without a place (2) */
     int32_t align;      /* 0: without the aligner: all scans move from their initial poses (1) */
 } cairn_virtual_align_params;

@@ -4,7 +4,7 @@
  * votes in all rows about its own direction, less the farther, and in each row for the two columns that its distance lies
  * between, so that peaks are smooth. Without orientation a row and the one half a turn away are the same with the columns
  * reversed. A peak is refined by two weighted regressions across its line, in the line's own frame, where float has digits
- * to spare; a last pass measures the support. Lines that came to lie on a stronger one are dropped.
+ * to spare; a last pass measures the support. Lines that came to lie on a stronger one are dropped (hough_lines.c).
  *
  * Layout: directions of the rows; the votes; a bit for each place along the line at hand; the peaks; two lists of lines, one
  * in work, one that readers see.
@@ -17,55 +17,12 @@
 
 #include <string.h>
 
-#include "cairn/hough.h"
+#include "src/core/hough_work.h"
 
 #define LIMIT CAIRN_REAL(1e6)
 
-typedef int32_t search_phase;
+/* Phases of a search. */
 enum { IDLE, BOUNDS, CLEAR, VOTE, PEAKS, FIT, THIN };
-
-/* Passes over the points for each peak. */
-enum { COARSE, FINE, SUPPORT, PASSES };
-
-typedef struct peak {
-    cairn_real votes;
-    int32_t row, column;
-} peak;
-
-/* Weighted moments of points in the frame of a line: t along it, s across to the left. */
-typedef struct moments {
-    cairn_real w, t, s, tt, ts, ss;
-} moments;
-
-struct cairn_hough {
-    cairn_hough_params params;
-    int32_t rows;
-    cairn_real turn;       /* rad from row to row */
-    cairn_vec2 *direction; /* [rows] */
-    cairn_real *votes;     /* [rows * distances], row by row */
-    uint32_t *places;      /* [(distances + 31) / 32] */
-    peak *peaks;           /* [max_lines], the highest first */
-    int32_t peak_count, work_dropped;
-    cairn_hough_line *work, *done; /* [max_lines] each, the most votes first */
-    int32_t work_count, done_count, done_dropped;
-
-    const cairn_oriented_point *points;
-    const cairn_real *weights;
-    int32_t count;
-    search_phase phase;
-    int32_t cursor; /* point or bin to be done next */
-    int32_t paid;   /* units towards the item at hand */
-    cairn_box box;
-    cairn_vec2 middle;
-    cairn_real step;                 /* m, width of a column and of a place */
-    int32_t row_reach, column_reach; /* about a peak */
-    cairn_real sine_tolerance, sine_separation;
-
-    int32_t line; /* peak at hand */
-    int32_t pass;
-    cairn_hough_line fit;
-    moments sum;
-};
 
 cairn_hough_params cairn_hough_default(void)
 {
@@ -198,11 +155,6 @@ cairn_status cairn_hough_begin(cairn_hough *hough, const cairn_oriented_point *p
     return CAIRN_OK;
 }
 
-static cairn_real weight_of(const cairn_hough *hough, int32_t i)
-{
-    return hough->weights != NULL ? hough->weights[i] : 1;
-}
-
 /* ---- Bounds ---- */
 
 static cairn_status check(const cairn_oriented_point *p, cairn_real weight)
@@ -238,7 +190,7 @@ static cairn_status step_bounds(cairn_hough *hough, cairn_budget *budget)
         budget->left--;
         for (int32_t i = 0; i < 8 && hough->cursor < hough->count; i++, hough->cursor++) {
             const cairn_oriented_point *p = &hough->points[hough->cursor];
-            cairn_status status = check(p, weight_of(hough, hough->cursor));
+            cairn_status status = check(p, cairn_hough_weight(hough, hough->cursor));
 
             if (status != CAIRN_OK)
                 return status;
@@ -270,15 +222,9 @@ static cairn_status step_clear(cairn_hough *hough, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* Where a signed distance from the middle lies among the columns: the middle is in the middle. */
-static cairn_real column_of(const cairn_hough *hough, cairn_real distance)
-{
-    return distance / hough->step + (cairn_real)(hough->params.distances - 1) * CAIRN_REAL(0.5);
-}
-
 static void vote(cairn_hough *hough, int32_t row, cairn_vec2 p, cairn_real weight)
 {
-    cairn_real at = column_of(hough, cairn_vec2_cross(hough->direction[row], p)), low = cairn_floor(at);
+    cairn_real at = cairn_hough_column(hough, cairn_vec2_cross(hough->direction[row], p)), low = cairn_floor(at);
     cairn_real *bin = &hough->votes[row * hough->params.distances + cairn_real_to_int(low)];
 
     CAIRN_ASSERT(low >= 0 && low < (cairn_real)(hough->params.distances - 1));
@@ -315,7 +261,7 @@ static cairn_status step_vote(cairn_hough *hough, cairn_budget *budget)
 {
     for (; hough->cursor < hough->count; hough->cursor++) {
         const cairn_oriented_point *p = &hough->points[hough->cursor];
-        cairn_real weight = weight_of(hough, hough->cursor), centre;
+        cairn_real weight = cairn_hough_weight(hough, hough->cursor), centre;
         int32_t first, last;
 
         if (budget->left <= 0)
@@ -399,208 +345,7 @@ static cairn_status step_peaks(cairn_hough *hough, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* ---- Lines ---- */
-
-static void start_pass(cairn_hough *hough)
-{
-    moments none = {0, 0, 0, 0, 0, 0};
-
-    hough->sum = none;
-    hough->cursor = 0;
-    hough->fit.low = CAIRN_REAL_MAX;
-    hough->fit.high = -CAIRN_REAL_MAX;
-    if (hough->pass == SUPPORT)
-        memset(hough->places, 0, (size_t)((hough->params.distances + 31) / 32) * sizeof *hough->places);
-}
-
-static void start_line(cairn_hough *hough)
-{
-    const peak *p = &hough->peaks[hough->line];
-    cairn_vec2 direction = hough->direction[p->row];
-    cairn_real distance =
-        ((cairn_real)p->column - (cairn_real)(hough->params.distances - 1) * CAIRN_REAL(0.5)) * hough->step;
-
-    hough->fit.direction = direction;
-    hough->fit.point = cairn_vec2_add(hough->middle, cairn_vec2_scale(cairn_vec2_left(direction), distance));
-    hough->pass = COARSE;
-    start_pass(hough);
-}
-
-static void mark_place(cairn_hough *hough, cairn_vec2 p)
-{
-    cairn_real along = cairn_vec2_dot(hough->fit.direction, cairn_vec2_sub(p, hough->middle));
-    int32_t place = cairn_real_to_int(column_of(hough, along));
-
-    CAIRN_ASSERT(place >= 0 && place < hough->params.distances);
-    hough->places[place / 32] |= (uint32_t)1 << (place % 32);
-}
-
-/* A point as far as it belongs to the line at hand. */
-static void add_point(cairn_hough *hough, const cairn_oriented_point *p, cairn_real weight)
-{
-    cairn_vec2 d = hough->fit.direction, from = cairn_vec2_sub(p->position, hough->fit.point);
-    cairn_real t = cairn_vec2_dot(d, from), s = cairn_vec2_cross(d, from);
-    cairn_real along = cairn_vec2_dot(d, p->direction), across = cairn_vec2_cross(d, p->direction);
-    cairn_real reach = hough->params.support_distance;
-    moments *m = &hough->sum;
-
-    if (hough->pass == COARSE)
-        reach = cairn_max(2 * reach, 2 * hough->step);
-    if (!hough->params.oriented)
-        along = cairn_abs(along);
-    if (!(weight > 0) || cairn_abs(s) > reach || !(along > 0) ||
-        cairn_abs(across) > hough->sine_tolerance * cairn_vec2_norm(p->direction))
-        return;
-    m->w += weight;
-    m->t += weight * t;
-    m->s += weight * s;
-    m->tt += weight * t * t;
-    m->ts += weight * t * s;
-    m->ss += weight * s * s;
-    if (hough->pass == SUPPORT) {
-        hough->fit.low = cairn_min(hough->fit.low, t);
-        hough->fit.high = cairn_max(hough->fit.high, t);
-        mark_place(hough, p->position);
-    }
-}
-
-/* Moves the line at hand to the regression of s over t. 0 when the points have no extent along it. */
-static int refit(cairn_hough *hough)
-{
-    const moments *m = &hough->sum;
-    cairn_vec2 d = hough->fit.direction, left = cairn_vec2_left(d);
-    cairn_real t, s, tt, slope;
-
-    if (!(m->w > 0))
-        return 0;
-    t = m->t / m->w;
-    s = m->s / m->w;
-    tt = m->tt / m->w - t * t;
-    if (!(tt > 0))
-        return 0;
-    slope = (m->ts / m->w - t * s) / tt;
-    hough->fit.point =
-        cairn_vec2_add(hough->fit.point, cairn_vec2_add(cairn_vec2_scale(d, t), cairn_vec2_scale(left, s)));
-    hough->fit.direction = cairn_vec2_unit(cairn_vec2_add(d, cairn_vec2_scale(left, slope)));
-    return 1;
-}
-
-/* The marked places' way from the first to the last, without the wide gaps. */
-static cairn_real covered(const cairn_hough *hough)
-{
-    int32_t widest = cairn_real_to_int(2 * hough->params.spacing / hough->step), last = -1, sum = 0;
-
-    for (int32_t i = 0; i < hough->params.distances; i++) {
-        if (!((hough->places[i / 32] >> (i % 32)) & 1))
-            continue;
-        if (last >= 0 && i - last <= widest)
-            sum += i - last;
-        last = i;
-    }
-    return (cairn_real)sum * hough->step;
-}
-
-/* The line as it is reported: its point is the mean of the support. */
-static void measure(cairn_hough *hough)
-{
-    const moments *m = &hough->sum;
-    cairn_hough_line *l = &hough->fit;
-    cairn_real t = m->t / m->w, s = m->s / m->w;
-
-    l->point = cairn_vec2_add(l->point, cairn_vec2_scale(l->direction, t));
-    l->low -= t;
-    l->high -= t;
-    l->covered = cairn_min(covered(hough), l->high - l->low);
-    l->votes = m->w;
-    l->rms = cairn_sqrt(cairn_max(m->ss / m->w - s * s, 0));
-    if (!hough->params.oriented && (l->direction.x < 0 || (l->direction.x == 0 && l->direction.y < 0))) {
-        cairn_real low = l->low;
-
-        l->direction = cairn_vec2_scale(l->direction, -1);
-        l->low = -l->high;
-        l->high = -low;
-    }
-}
-
-/* 1 when one of the two lines ends up on the other, seen from the middle of the points. */
-static int is_same(const cairn_hough *hough, const cairn_hough_line *a, const cairn_hough_line *b)
-{
-    cairn_real along = cairn_vec2_dot(a->direction, b->direction), sign = along < 0 ? -1 : 1;
-    cairn_real apart = cairn_vec2_cross(a->direction, cairn_vec2_sub(a->point, hough->middle)) -
-                       sign * cairn_vec2_cross(b->direction, cairn_vec2_sub(b->point, hough->middle));
-
-    if (hough->params.oriented && along < 0)
-        return 0;
-    return cairn_abs(apart) < hough->params.separation &&
-           cairn_abs(cairn_vec2_cross(a->direction, b->direction)) < hough->sine_separation;
-}
-
-/* Among the lines that were found before, behind those with as many votes. */
-static void insert(cairn_hough *hough)
-{
-    int32_t at = hough->work_count++;
-
-    for (; at > 0 && hough->work[at - 1].votes < hough->fit.votes; at--)
-        hough->work[at] = hough->work[at - 1];
-    hough->work[at] = hough->fit;
-}
-
-/* Ends a pass over the points; goes to the next, or to the next line. */
-static void end_pass(cairn_hough *hough)
-{
-    if (hough->pass != SUPPORT && refit(hough)) {
-        hough->pass++;
-        start_pass(hough);
-        return;
-    }
-    if (hough->pass == SUPPORT && hough->sum.w >= hough->params.least_votes && hough->fit.high > hough->fit.low) {
-        measure(hough);
-        insert(hough);
-    }
-    hough->line++;
-    if (hough->line < hough->peak_count)
-        start_line(hough);
-}
-
-static cairn_status step_fit(cairn_hough *hough, cairn_budget *budget)
-{
-    while (hough->line < hough->peak_count) {
-        while (hough->cursor < hough->count) {
-            if (budget->left <= 0)
-                return CAIRN_MORE;
-            budget->left--;
-            for (int32_t i = 0; i < 4 && hough->cursor < hough->count; i++, hough->cursor++)
-                add_point(hough, &hough->points[hough->cursor], weight_of(hough, hough->cursor));
-        }
-        if (!cairn_budget_pay(budget, &hough->paid, 4 + hough->params.distances / 16 + hough->work_count / 2))
-            return CAIRN_MORE;
-        end_pass(hough);
-    }
-    return CAIRN_OK;
-}
-
-/* Lines that lie on a stronger one go; the rest is what readers see. */
-static cairn_status step_thin(cairn_hough *hough, cairn_budget *budget)
-{
-    cairn_hough_line *list = hough->done;
-    int32_t kept = 0;
-
-    if (!cairn_budget_pay(budget, &hough->paid, 1 + hough->work_count * hough->work_count / 8))
-        return CAIRN_MORE;
-    for (int32_t i = 0; i < hough->work_count; i++) {
-        int same = 0;
-
-        for (int32_t j = 0; j < kept && !same; j++)
-            same = is_same(hough, &hough->work[j], &hough->work[i]);
-        if (!same)
-            hough->work[kept++] = hough->work[i];
-    }
-    hough->done = hough->work;
-    hough->done_count = kept;
-    hough->done_dropped = hough->work_dropped;
-    hough->work = list;
-    return CAIRN_OK;
-}
+/* ---- All of it ---- */
 
 static cairn_status step_phase(cairn_hough *hough, cairn_budget *budget)
 {
@@ -614,9 +359,9 @@ static cairn_status step_phase(cairn_hough *hough, cairn_budget *budget)
     case PEAKS:
         return step_peaks(hough, budget);
     case FIT:
-        return step_fit(hough, budget);
+        return cairn_hough_fit_lines(hough, budget);
     default:
-        return step_thin(hough, budget);
+        return cairn_hough_thin_lines(hough, budget);
     }
 }
 
@@ -634,11 +379,8 @@ cairn_status cairn_hough_step(cairn_hough *hough, cairn_budget *budget)
             return status;
         hough->cursor = 0;
         hough->paid = 0;
-        if (hough->phase == FIT) {
-            hough->line = 0;
-            if (hough->peak_count > 0)
-                start_line(hough);
-        }
+        if (hough->phase == FIT)
+            cairn_hough_begin_lines(hough);
     }
     return CAIRN_OK;
 }

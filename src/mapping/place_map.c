@@ -299,7 +299,7 @@ cairn_status cairn_place_map_begin(cairn_place_map *map)
     for (int32_t i = 0; i < map->point_count; i++)
         map->doubt[i] &= CAIRN_POINT_FLOATING;
     map->hypothesis_count = map->polished = 0;
-    map->next = map->place = map->query = map->round = map->sweep = map->running = map->debt = 0;
+    map->next = map->place = map->query = map->round = map->sweep = map->running = map->is_judged = map->debt = 0;
     for (int32_t i = 0; i < map->place_count; i++) {
         map->places[i].map_place = cairn_pose_identity();
         map->places[i].part = 0;
@@ -358,6 +358,7 @@ cairn_place_map_place cairn_place_map_place_of(const cairn_place_map *map, int32
 
         out.support = node.support;
         out.ambiguous = node.ambiguous;
+        out.island = node.island;
         out.alternatives = node.alternatives;
     }
     return out;

@@ -314,6 +314,13 @@ static void take_consensus(cairn_place_map *map)
     }
 }
 
+/* Rounds go on while the map changes. */
+static int is_last_round(const cairn_place_map *map)
+{
+    return map->round >= map->params.rounds || map->moved == 0;
+}
+
+/* Where the last map may hang together by chance is told; before, what hangs by little may yet be found to hang by more. */
 static void agree_item(cairn_place_map *map, cairn_budget *budget)
 {
     if (!map->running) {
@@ -325,8 +332,17 @@ static void agree_item(cairn_place_map *map, cairn_budget *budget)
         map->running = 1;
     } else if (cairn_pose_consensus_step(map->consensus, budget) == CAIRN_OK) {
         take_consensus(map);
-        map->query = map->place = map->sweep = 0;
-        enter(map, CAIRN_PLACE_MAP_DOUBT);
+        if (!is_last_round(map) || map->is_judged) {
+            map->query = map->place = map->sweep = 0;
+            enter(map, CAIRN_PLACE_MAP_DOUBT);
+        } else {
+            cairn_status status = cairn_pose_consensus_islands(map->consensus);
+
+            CAIRN_ASSERT(status == CAIRN_OK);
+            (void)status;
+            map->debt += 1 + map->place_count;
+            map->is_judged = 1;
+        }
     }
 }
 
@@ -340,16 +356,14 @@ static int32_t count_placed(const cairn_place_map *map)
     return placed;
 }
 
-/* Rounds go on while the map changes. What is aligned at the end must have stayed where it was. */
+/* What is aligned at the end must have stayed where it was. */
 static void doubt_item(cairn_place_map *map)
 {
-    int32_t is_last = map->round >= map->params.rounds || map->moved == 0;
-
     if (map->next < map->place_count) {
-        cairn_place_map_doubt(map, map->next++, is_last);
+        cairn_place_map_doubt(map, map->next++, map->is_judged);
         return;
     }
-    enter(map, is_last ? CAIRN_PLACE_MAP_REFINE : CAIRN_PLACE_MAP_TARGET);
+    enter(map, map->is_judged ? CAIRN_PLACE_MAP_REFINE : CAIRN_PLACE_MAP_TARGET);
     map->result.placed = count_placed(map);
     map->round++;
     map->debt++;

@@ -95,10 +95,11 @@ struct cairn_place_map {
     int32_t query; /* place that is matched */
     int32_t round; /* 0: pairs; then with the map of all others */
     int32_t sweep;
-    int32_t moved;    /* places that the last consensus laid elsewhere */
-    int32_t polished; /* hypotheses whose poses have been */
-    int32_t running;  /* icp or consensus has begun */
-    int32_t debt;     /* units of items done that are not yet paid for */
+    int32_t moved;     /* places that the last consensus laid elsewhere */
+    int32_t is_judged; /* where the map of the last round may hang together by chance is known */
+    int32_t polished;  /* hypotheses whose poses have been */
+    int32_t running;   /* icp or consensus has begun */
+    int32_t debt;      /* units of items done that are not yet paid for */
     cairn_place_map_result result;
 };
 

@@ -295,10 +295,28 @@ cairn_status cairn_pose_consensus_begin(cairn_pose_consensus *consensus)
         consensus->chart[i] = consensus->best[i] = consensus->rival[i] = unplaced;
     for (int32_t i = 0; i < consensus->hypothesis_count; i++)
         consensus->hypotheses[i].is_explained = 0;
-    consensus->passes = 0;
+    consensus->passes = consensus->is_settled = 0;
     consensus->phase = CAIRN_CONSENSUS_CYCLES;
     consensus->next = 0;
     consensus->end = consensus->hypothesis_count;
+    return CAIRN_OK;
+}
+
+static int has_result(const cairn_pose_consensus *consensus)
+{
+    return consensus->phase == CAIRN_CONSENSUS_IDLE && consensus->debt == 0 && consensus->result.nodes > 0;
+}
+
+cairn_status cairn_pose_consensus_islands(cairn_pose_consensus *consensus)
+{
+    if (consensus == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    if (!has_result(consensus))
+        return CAIRN_EMPTY;
+    if (!(consensus->params.believed > 0))
+        return CAIRN_OK;
+    consensus->is_settled = 1;
+    cairn_consensus_begin_tree(consensus);
     return CAIRN_OK;
 }
 
@@ -323,11 +341,6 @@ cairn_status cairn_pose_consensus_step(cairn_pose_consensus *consensus, cairn_bu
 }
 
 /* ---- Readers ---- */
-
-static int has_result(const cairn_pose_consensus *consensus)
-{
-    return consensus->phase == CAIRN_CONSENSUS_IDLE && consensus->debt == 0 && consensus->result.nodes > 0;
-}
 
 cairn_consensus_result cairn_pose_consensus_read(const cairn_pose_consensus *consensus)
 {

@@ -2,7 +2,9 @@
  *
  * Choosing node by node cannot move two nodes that hold each other where they are. The tree of the strongest pairs of the best
  * map (Prim 1957) says where it could come apart: cut at any of its pairs, the smaller side is a block, every hypothesis
- * between the block and the rest proposes where it could lie instead, and it goes where evidence of all pairs is most. */
+ * between the block and the rest proposes where it could lie instead, and it goes where evidence of all pairs is most. On
+ * request blocks whose evidence could be chance are told as islands in the end: what has nothing in common lies nowhere to each
+ * other, however well it can be fitted. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -12,25 +14,32 @@
 /* A block moves only for more support than rounding makes. */
 static const cairn_real MOVE = CAIRN_REAL(1e-4);
 
-void cairn_consensus_begin_blocks(cairn_pose_consensus *c)
+/* Times what one node needs to be believed, for a block of several: what it shares with the rest by chance is seen, and so
+ * counted, by several of its nodes, and there are more ways to lay it. */
+static const cairn_real SEVERAL = 4;
+
+void cairn_consensus_begin_tree(cairn_pose_consensus *c)
 {
     const cairn_consensus_branch bare = {-1, 0, 0};
 
-    if (c->result.starts == 0 || c->passes >= c->params.max_rounds || (c->passes > 0 && c->total < c->result.total)) {
-        cairn_consensus_begin_report(c);
-        return;
-    }
     memcpy(c->chart, c->best, (size_t)c->node_count * sizeof *c->chart);
-    for (int32_t i = 0; i < c->node_count; i++) {
+    for (int32_t i = 0; i < c->node_count; i++)
         c->tree[i] = bare;
-        c->nodes[i].ambiguous = 0;
-    }
     c->parts = 0;
     for (int32_t i = 0; i < c->node_count; i++)
         c->parts = c->chart[i].part >= c->parts ? c->chart[i].part + 1 : c->parts;
     c->debt += c->node_count / 2;
-    c->passes++;
     cairn_consensus_enter(c, CAIRN_CONSENSUS_TREE, c->node_count);
+}
+
+void cairn_consensus_begin_blocks(cairn_pose_consensus *c)
+{
+    if (c->result.starts == 0 || c->passes >= c->params.max_rounds || (c->passes > 0 && c->total < c->result.total)) {
+        cairn_consensus_begin_report(c);
+        return;
+    }
+    c->passes++;
+    cairn_consensus_begin_tree(c);
 }
 
 /* The node outside the trees with the strongest pair to one of them, or else the first one. */
@@ -57,7 +66,11 @@ void cairn_consensus_tree_item(cairn_pose_consensus *c)
 
     if (c->next == c->end) {
         c->block = c->changed = 0;
-        cairn_consensus_enter(c, CAIRN_CONSENSUS_BLOCK, 0);
+        c->merge.support = 0;
+        if (c->is_settled)
+            cairn_consensus_enter(c, CAIRN_CONSENSUS_PART, c->node_count);
+        else
+            cairn_consensus_enter(c, CAIRN_CONSENSUS_BLOCK, 0);
         c->debt++;
         return;
     }
@@ -112,25 +125,6 @@ static int32_t cut_off(cairn_pose_consensus *c, int32_t branch)
     return size;
 }
 
-/* A block that hangs by less than would be believed by itself is in doubt where it lies. */
-static void doubt_block(cairn_pose_consensus *c)
-{
-    cairn_real support = 0, against = 0;
-
-    if (!(c->params.believed > 0) || c->tree[c->block].parent < 0)
-        return;
-    for (int32_t i = 0; i < c->node_count; i++)
-        if (c->chart[i].part == c->parts) {
-            cairn_consensus_support of = cairn_consensus_support_of(c, i, c->chart[i].pose, c->whole, 1);
-
-            support += of.sum;
-            against += of.against;
-            c->debt += of.units;
-        }
-    for (int32_t i = 0; i < c->node_count && !cairn_consensus_is_believed(c, support, against); i++)
-        c->nodes[i].ambiguous |= c->chart[i].part == c->parts;
-}
-
 /* Goes on to the next block, or to what follows the last. */
 void cairn_consensus_block_item(cairn_pose_consensus *c)
 {
@@ -152,8 +146,15 @@ void cairn_consensus_block_item(cairn_pose_consensus *c)
     c->merge.current = 1;
     if (c->whole >= 0)
         c->merge.support = cairn_consensus_merged_support(c, &c->merge, 1);
-    doubt_block(c);
     cairn_consensus_enter(c, CAIRN_CONSENSUS_PROPOSE, c->hypothesis_count);
+}
+
+/* The block becomes part of the whole again. */
+static void join_again(cairn_pose_consensus *c)
+{
+    for (int32_t i = 0; i < c->node_count; i++)
+        if (c->chart[i].part == c->parts)
+            c->chart[i].part = c->whole;
 }
 
 /* Lays the block where it has most support, or back. */
@@ -161,9 +162,7 @@ static void lay_block(cairn_pose_consensus *c)
 {
     if (!c->merge.current && c->merge.support >= c->params.min_support)
         c->changed += cairn_consensus_lay(c, &c->merge);
-    for (int32_t i = 0; i < c->node_count; i++)
-        if (c->chart[i].part == c->parts)
-            c->chart[i].part = c->whole;
+    join_again(c);
     c->block++;
     cairn_consensus_enter(c, CAIRN_CONSENSUS_BLOCK, 0);
 }
@@ -199,4 +198,101 @@ void cairn_consensus_propose_item(cairn_pose_consensus *c)
     merge.support = cairn_consensus_merged_support(c, &merge, 1);
     if (merge.support > c->merge.support + MOVE)
         c->merge = merge;
+}
+
+/* ---- What is not believed ---- */
+
+/* Nats that the block lacks to be believed where it lies; not above 0: none. Of several nodes all that speaks for them counts:
+ * contradictions are those of people who walked there where a block is right, and few where chance was chosen for it. */
+static cairn_real lack_of_block(cairn_pose_consensus *c)
+{
+    cairn_real support = 0, against = 0;
+    int32_t size = 0;
+
+    for (int32_t i = 0; i < c->node_count; i++)
+        if (c->chart[i].part == c->parts) {
+            cairn_consensus_support of = cairn_consensus_support_of(c, i, c->chart[i].pose, c->whole, 1);
+
+            support += of.sum;
+            against += of.against;
+            size++;
+            c->debt += of.units;
+        }
+    return size > 1 ? SEVERAL * c->params.believed - (support + against) : c->params.believed - (support - against);
+}
+
+/* What hangs at a node becomes an island of its own. */
+static void part_from(cairn_pose_consensus *c, int32_t node)
+{
+    (void)cut_off(c, node);
+    memcpy(c->best, c->chart, (size_t)c->node_count * sizeof *c->best);
+}
+
+/* Nodes of the island of a node; a node that is not placed is one. */
+static int32_t size_of_island(const cairn_pose_consensus *c, int32_t node)
+{
+    int32_t size = 0;
+
+    for (int32_t i = 0; i < c->node_count; i++)
+        size += i == node || (c->chart[node].part >= 0 && c->chart[i].part == c->chart[node].part);
+    return size;
+}
+
+/* 1 when the island of the first node comes before that of the second one: the larger first, then that of the lower node. */
+static int is_island_before(const cairn_pose_consensus *c, int32_t first, int32_t second)
+{
+    int32_t a = size_of_island(c, first), b = size_of_island(c, second);
+
+    return a > b || (a == b && first < second);
+}
+
+/* Numbers the islands of each part of the result; all but its first one are in doubt. */
+static void report_islands(cairn_pose_consensus *c)
+{
+    c->result.ambiguous = 0;
+    for (int32_t i = 0; i < c->node_count; i++) {
+        cairn_consensus_node *node = &c->nodes[i];
+        int32_t first = 0;
+
+        while (first < i && (c->chart[first].part != c->chart[i].part || c->chart[i].part < 0))
+            first++;
+        node->island = first < i ? c->nodes[first].island : 0;
+        for (int32_t k = 0; k < c->node_count && first == i; k++) {
+            int32_t is_first = 1;
+
+            for (int32_t l = 0; l < k && is_first; l++)
+                is_first = c->chart[l].part != c->chart[k].part;
+            node->island += is_first && c->nodes[k].part == node->part && c->chart[k].part != c->chart[i].part &&
+                            is_island_before(c, k, i);
+        }
+        node->ambiguous |= node->island > 0;
+        c->result.ambiguous += node->ambiguous;
+    }
+    c->debt += c->node_count * c->node_count;
+}
+
+/* Of all blocks the one that lacks most is cut off, until all that hangs together is believed. */
+void cairn_consensus_part_item(cairn_pose_consensus *c)
+{
+    c->debt++;
+    if (c->next < c->end) {
+        int32_t node = c->next++;
+        cairn_real lack;
+
+        if (c->tree[node].parent < 0)
+            return;
+        (void)cut_off(c, node);
+        lack = lack_of_block(c);
+        join_again(c);
+        if (lack > c->merge.support) {
+            c->merge.support = lack;
+            c->block = node;
+        }
+    } else if (c->merge.support > 0) {
+        part_from(c, c->block);
+        cairn_consensus_begin_tree(c);
+    } else {
+        report_islands(c);
+        cairn_consensus_enter(c, CAIRN_CONSENSUS_IDLE, 0);
+    }
 }

@@ -525,6 +525,9 @@ void cairn_consensus_item(cairn_pose_consensus *c)
     case CAIRN_CONSENSUS_PROPOSE:
         cairn_consensus_propose_item(c);
         break;
+    case CAIRN_CONSENSUS_PART:
+        cairn_consensus_part_item(c);
+        break;
     case CAIRN_CONSENSUS_SPREAD:
         cairn_consensus_spread_item(c);
         break;

@@ -73,6 +73,7 @@ enum {
     CAIRN_CONSENSUS_TREE,  /* of the best map at last: where it hangs by single pairs, ... */
     CAIRN_CONSENSUS_BLOCK, /* ... what hangs there is laid anew as a whole */
     CAIRN_CONSENSUS_PROPOSE,
+    CAIRN_CONSENSUS_PART, /* islands are cut off */
     CAIRN_CONSENSUS_REPORT,
     CAIRN_CONSENSUS_SPREAD /* doubt, to nodes that hang by those in doubt */
 };
@@ -106,17 +107,18 @@ struct cairn_pose_consensus {
 
     cairn_consensus_phase phase, after; /* after: that follows relaxation */
     cairn_consensus_choice choice;
-    int32_t next, end; /* hypothesis, link, candidate or node that the phase comes to, and where it ends */
-    int32_t subject;   /* node of the link, or the one that is chosen again or reported */
-    int32_t part;      /* that grows */
-    int32_t parts;     /* begun so far */
-    int32_t block;     /* node that the block hangs by, ... */
-    int32_t whole;     /* ... the part it is of, ... */
-    int32_t passes;    /* ... and how often all blocks have been laid */
-    int32_t sweeps;    /* of relaxation that are left */
-    int32_t rounds;    /* of this growth */
-    int32_t changed;   /* nodes in this round */
-    int32_t debt;      /* units of items done that are not yet paid for */
+    int32_t next, end;  /* hypothesis, link, candidate or node that the phase comes to, and where it ends */
+    int32_t subject;    /* node of the link, or the one that is chosen again or reported */
+    int32_t part;       /* that grows */
+    int32_t parts;      /* begun so far */
+    int32_t block;      /* node that the block hangs by, ... */
+    int32_t whole;      /* ... the part it is of, ... */
+    int32_t passes;     /* ... and how often all blocks have been laid */
+    int32_t is_settled; /* nothing moves any more: islands are looked for */
+    int32_t sweeps;     /* of relaxation that are left */
+    int32_t rounds;     /* of this growth */
+    int32_t changed;    /* nodes in this round */
+    int32_t debt;       /* units of items done that are not yet paid for */
     int32_t candidate_count;
     cairn_candidate merge; /* best so far: its pose maps part `node` into `part` */
     cairn_real total;
@@ -191,10 +193,16 @@ void cairn_consensus_begin_report(cairn_pose_consensus *consensus);
 /* Starts to lay the blocks of the best map anew. */
 void cairn_consensus_begin_blocks(cairn_pose_consensus *consensus);
 
-/* An item of the tree, of the blocks, of a block's proposals. */
+/* Starts with the trees of the best map. */
+void cairn_consensus_begin_tree(cairn_pose_consensus *consensus);
+
+/* An item of the trees, of the blocks, of a block's proposals. */
 void cairn_consensus_tree_item(cairn_pose_consensus *consensus);
 void cairn_consensus_block_item(cairn_pose_consensus *consensus);
 void cairn_consensus_propose_item(cairn_pose_consensus *consensus);
+
+/* Weighs a block of the settled map, or makes an island of the one that lacks most. */
+void cairn_consensus_part_item(cairn_pose_consensus *consensus);
 
 /* Goes to a phase of `end` items. */
 void cairn_consensus_enter(cairn_pose_consensus *consensus, cairn_consensus_phase phase, int32_t end);

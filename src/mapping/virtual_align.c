@@ -58,25 +58,24 @@ cairn_virtual_align_params cairn_virtual_align_default(void)
 {
     cairn_virtual_align_params params = {
         .aligner = cairn_aligner_default(),
-        .field = cairn_force_field_default(),
+        .field = cairn_force_field_springs(CAIRN_REAL(0.9), 15),
         .hypotheses = cairn_virtual_scan_default(),
-        .every = 15,
+        .every = 8,
         .max_rounds = 2,
         .align = 1,
     };
 
-    params.field.sigma_start = CAIRN_REAL(0.9);
-    params.field.sigma_end = CAIRN_REAL(0.04);
-    params.field.sigma_step = CAIRN_REAL(0.0293);
-    params.field.dt_start = CAIRN_REAL(0.2);
-    params.field.dt_end = CAIRN_REAL(0.04);
-    params.field.dt_factor = CAIRN_REAL(0.9477);
-    params.field.max_steps = 30;
+    params.field.sides_below = params.field.sigma_start;
     params.field.potential = 0;
-    params.field.roi = 0;
     params.hypotheses.spacing = CAIRN_REAL(0.30);
     params.hypotheses.weight = 3;
     return params;
+}
+
+/* Of each with 32 others, the virtual one among them. */
+static int32_t bonds_of(int32_t scans)
+{
+    return scans < 64 ? scans * (scans + 1) / 2 : 32 * scans;
 }
 
 /* Capacities are the aligner's; points of the map are thinned by the stride, a segment rounding up. */
@@ -88,6 +87,7 @@ static cairn_force_field_params field_of(const cairn_virtual_align_params *param
     field.max_segments = params->aligner.max_segments;
     field.max_points = params->aligner.max_points;
     field.max_extra = params->hypotheses.max_virtual;
+    field.max_bonds = bonds_of(field.max_scans);
     return field;
 }
 
