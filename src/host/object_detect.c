@@ -55,6 +55,7 @@ typedef struct peak {
 typedef struct detector {
     const cairn_detect_field *field;
     const cairn_shape_model *model;
+    cairn_oriented_point *outlines; /* of all variants */
     variant variant[2 * ASPECTS];
     int32_t variants;
     peak *peaks;
@@ -82,16 +83,13 @@ void cairn_detections_free(cairn_detections *detections)
 
 /* ---- Variants of the model ---- */
 
-static int add_variant(detector *d, int32_t mirrored, double aspect)
+static void add_variant(detector *d, int32_t mirrored, double aspect)
 {
     variant *v = &d->variant[d->variants];
     const cairn_shape_model *m = d->model;
     double wide = sqrt(aspect) * (mirrored ? -1 : 1), tall = 1 / sqrt(aspect);
 
-    v->outline = malloc((size_t)m->outline_count * sizeof *v->outline);
-    if (v->outline == NULL)
-        return 0;
-    d->variants++;
+    v->outline = &d->outlines[(size_t)d->variants++ * (size_t)m->outline_count];
     v->mirrored = mirrored;
     v->left = v->top = 1e9F;
     v->right = v->bottom = -1e9F;
@@ -107,15 +105,17 @@ static int add_variant(detector *d, int32_t mirrored, double aspect)
         v->top = fminf(v->top, (float)o->position.y);
         v->bottom = fmaxf(v->bottom, (float)o->position.y);
     }
-    return 1;
 }
 
+/* 0: there is no memory. */
 static int add_variants(detector *d)
 {
+    d->outlines = malloc(2 * ASPECTS * (size_t)d->model->outline_count * sizeof *d->outlines);
+    if (d->outlines == NULL)
+        return 0;
     for (int32_t mirrored = 0; mirrored < (d->field->params.mirror ? 2 : 1); mirrored++)
         for (int32_t k = 0; k < ASPECTS; k++)
-            if (!add_variant(d, mirrored, aspects[k]))
-                return 0;
+            add_variant(d, mirrored, aspects[k]);
     return 1;
 }
 
@@ -464,8 +464,7 @@ cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detec
         return cairn_file_error_set(error, status, path, 0, "%s", fault.what);
     if (!detect(&d, detections))
         status = CAIRN_NO_MEMORY;
-    for (int32_t i = 0; i < 2 * ASPECTS; i++)
-        free(d.variant[i].outline);
+    free(d.outlines);
     free(d.peaks);
     cairn_contour_field_free(d.window);
     cairn_contour_fit_free(&d.fit);

@@ -11,9 +11,6 @@
 
 #include "src/mapping/pose_consensus_work.h"
 
-/* Nodes that an island is compared with for one unit. */
-enum { ISLANDS_A_UNIT = 8 };
-
 /* A block moves only for more support than rounding makes. */
 static const cairn_real MOVE = CAIRN_REAL(1e-4);
 
@@ -236,13 +233,13 @@ void cairn_consensus_island_item(cairn_pose_consensus *c)
 {
     int32_t node = c->next, size = 0, first = node;
 
-    c->debt += 1 + c->node_count / ISLANDS_A_UNIT;
     if (c->next == c->end) {
         c->result.ambiguous = 0;
         cairn_consensus_enter(c, CAIRN_CONSENSUS_NUMBER, c->node_count);
         return;
     }
     c->next++;
+    c->debt += c->node_count - c->node_count / 2;
     for (int32_t i = 0; i < c->node_count; i++)
         if (i == node || (c->chart[node].part >= 0 && c->chart[i].part == c->chart[node].part)) {
             first = i < first ? i : first;
@@ -259,17 +256,17 @@ void cairn_consensus_number_item(cairn_pose_consensus *c)
     int32_t own = c->next, first;
     cairn_consensus_node *node = &c->nodes[own];
 
-    c->debt += 1 + c->node_count / ISLANDS_A_UNIT;
     if (c->next == c->end) {
         cairn_consensus_enter(c, CAIRN_CONSENSUS_IDLE, 0);
         return;
     }
     c->next++;
+    c->debt += c->node_count / 2;
     first = c->tree[own].parent;
     node->island = first < own ? c->nodes[first].island : 0;
-    for (int32_t i = 0; i < c->node_count && first == own; i++)
+    for (int32_t i = 0; first == own && i < c->node_count; i++)
         node->island += c->tree[i].parent == i && c->nodes[i].part == node->part &&
-                        (c->fill[i] > c->fill[own] || (c->fill[i] == c->fill[own] && i < own));
+                        (c->fill[i] > c->fill[own] || (i < own && c->fill[i] == c->fill[own]));
     node->ambiguous |= node->island > 0;
     c->result.ambiguous += node->ambiguous;
 }
