@@ -3,7 +3,8 @@
  *
  * The robot drives there and back again, lap after lap: the ranges have new noise and the odometry drifts on every time. Prints
  * for each lap what it took and how far its poses are from those of the second one; at the end the poses of the key scans, how
- * many sweeps were taken, refused and lost, the hash of all states, and what the ticks cost. */
+ * many sweeps were taken, refused and lost, the hash of all states, and what the ticks cost. Ends with status 1 when a sweep was
+ * refused, lost, or mapped elsewhere than in the second lap. */
 #include "src/core/build.h"
 
 #include "cairn/random.h"
@@ -20,6 +21,7 @@ typedef struct drive {
     cairn_pose recorded;
     cairn_random random;
     int32_t arrived, all;
+    uint32_t due;             /* tick at which the next one arrives */
     int32_t waiting, working; /* numbers of the sweeps that wait and that are in work */
 } drive;
 
@@ -31,11 +33,15 @@ typedef struct lap_measure {
     cairn_real sum, most; /* m, from the poses of the second lap */
 } lap_measure;
 
+/* m, from where the sweep was in the second lap. */
+static const cairn_real MOST_AWAY = CAIRN_REAL(0.5);
+
 static survey the_survey;
 static surveyor the_surveyor;
 static drive the_drive;
 static lap_measure the_lap;
 static cairn_pose second_lap[SURVEY_SWEEPS];
+static int32_t astray; /* sweeps that were farther away */
 static console_measure measures[SURVEYOR_WORKS];
 
 /* ---- The drive ---- */
@@ -66,7 +72,7 @@ static cairn_pose odometry_at(drive *d, cairn_pose recorded)
     return cairn_pose_compose(d->sweep.pose, moved);
 }
 
-/* The next sweep arrives; it is lost when the one before still waits. */
+/* The next sweep arrives. 1: it is lost, the one before still waits. */
 static int32_t arrive(drive *d, surveyor *s)
 {
     const robot_sweep *recorded = &the_survey.sweeps[place_of(d->arrived)];
@@ -78,13 +84,13 @@ static int32_t arrive(drive *d, surveyor *s)
     d->sweep.angle_min = recorded->angle_min;
     d->sweep.angle_step = recorded->angle_step;
     d->sweep.range = d->range;
-    if (s->waits) {
-        d->arrived++;
-        return 1;
+    d->due += (uint32_t)the_survey.arrival;
+    if (!s->waits) {
+        for (int32_t i = 0; i < recorded->count; i++)
+            d->range[i] = recorded->range[i] + the_survey.noise * (float)cairn_random_normal(&d->random);
+        d->waiting = d->arrived;
     }
-    for (int32_t i = 0; i < recorded->count; i++)
-        d->range[i] = recorded->range[i] + the_survey.noise * (float)cairn_random_normal(&d->random);
-    d->waiting = d->arrived++;
+    d->arrived++;
     return surveyor_offer(s, &d->sweep) == CAIRN_MORE;
 }
 
@@ -127,6 +133,7 @@ static void count_mapped(const surveyor *s, int32_t number)
     y = pose.y - second->y;
     away = lap > 0 ? cairn_sqrt(x * x + y * y) : 0;
     the_lap.mapped++;
+    astray += away > MOST_AWAY;
     the_lap.sum += away;
     the_lap.most = cairn_max(the_lap.most, away);
 }
@@ -195,6 +202,8 @@ int main(void)
     cairn_status status;
 
     survey_read(&the_survey);
+    if (the_survey.sweep_count > SURVEY_SWEEPS || the_survey.sweeps[0].count > SURVEY_BEAMS)
+        console_give_up("sweeps", CAIRN_FULL);
     d->all = board_number(the_survey.laps) * the_survey.sweep_count;
     d->random = cairn_random_seed(1, 1);
     status = surveyor_create(s, the_survey.memory, the_survey.bytes, &the_survey.params);
@@ -203,7 +212,7 @@ int main(void)
     do {
         surveyor_work work;
 
-        if (d->arrived < d->all && s->ticks >= (uint32_t)d->arrived * (uint32_t)the_survey.arrival) {
+        if (d->arrived < d->all && (int32_t)(s->ticks - d->due) >= 0) {
             lost += arrive(d, s);
             if (d->arrived == d->all)
                 surveyor_finish(s);
@@ -217,5 +226,5 @@ int main(void)
     print_map(s, refused, lost);
     console_hash(the_survey.name, hash);
     print_measures(s);
-    return 0;
+    return lost + refused + astray > 0;
 }

@@ -12,7 +12,7 @@ static SURVEY_EXTERNAL _Alignas(CAIRN_ALIGN) unsigned char memory[1536 * 1024];
 void survey_read(survey *out)
 {
     static const survey apartment = {
-        .name = "apartment", .laps = 2, .noise = 0.01f, .slip = 0.05f, .arrival = 250, .budget = 1000};
+        .name = "apartment", .laps = 3, .noise = 0.01f, .slip = 0.05f, .arrival = 250, .budget = 1000};
 
     *out = apartment;
     out->sweeps = recorded;

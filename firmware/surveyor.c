@@ -40,6 +40,10 @@ static cairn_status take_in(surveyor *s)
     };
     cairn_status status = cairn_mapper_add(s->mapper, &input, &s->sweep.pose, NULL);
 
+    if (status == CAIRN_MORE) { /* the sweep before is not done: it goes on, and this one waits */
+        s->mapping = 1;
+        return status;
+    }
     s->waits = 0;
     if (status == CAIRN_OK) {
         s->mapping = 1;

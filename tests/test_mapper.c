@@ -418,6 +418,8 @@ static void bad_params_are_refused(void **state)
     REFUSED(max_keys, (1 << 20) + 1);
     REFUSED(max_key_points, 0);
     REFUSED(max_key_segments, 0);
+    REFUSED(max_key_points, good.scan.max_points - 1); /* of the first key scan, on which all hang */
+    REFUSED(max_key_segments, good.scan.max_segments - 1);
     REFUSED(local_keys, 0);
     REFUSED(local_keys, CAIRN_MAPPER_LOCAL_MOST + 1);
     REFUSED(local_recent, 0);
@@ -546,6 +548,9 @@ static void bad_params_are_refused(void **state)
     ALLOWED(max_keys, 1);
     good.local_keys = good.local_recent = 1;
     ALLOWED(max_keys, 1);
+    ALLOWED(max_key_points, good.scan.max_points);
+    ALLOWED(max_key_segments, good.scan.max_segments);
+    good.max_key_points = good.max_key_segments = 1 << 17;
     ALLOWED(scan.max_points, 1);
     ALLOWED(scan.max_points, 1 << 17);
     ALLOWED(scan.max_segments, 1);

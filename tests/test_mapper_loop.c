@@ -381,6 +381,66 @@ static void map_odom_leads_from_odometry_to_the_map(void **state)
     end_drive(&d);
 }
 
+/* ... also while a scan is in work, of which nothing is told before it is done, and after scans without odometry. */
+static void map_odom_is_of_scans_that_are_done(void **state)
+{
+    cairn_mapper_params params = small_params();
+    drive d = start_drive(SIM_OFFICE, 4, 12, 0, 0.3);
+    cairn_pool pool;
+    cairn_mapper *mapper = new_mapper(&pool, &params);
+    cairn_pose before = cairn_pose_identity();
+
+    (void)state;
+    for (int32_t i = 0; i < d.count; i++) {
+        int32_t has_odometry = i % 4 != 2;
+        cairn_scan_input input = sim_scan_input(&d.scans[i]);
+        cairn_pose odometry = cairn_pose_compose((cairn_pose){5, 3, 2}, pose_of(d.scans[i].odometry));
+        cairn_status status;
+
+        assert_ok(cairn_mapper_add(mapper, &input, has_odometry ? &odometry : NULL, NULL));
+        do {
+            cairn_pose now = cairn_mapper_map_odom(mapper);
+            cairn_budget budget = {100};
+
+            if (cairn_mapper_measure(mapper).scans == i)
+                assert_memory_equal(&now, &before, sizeof now);
+            status = cairn_mapper_step(mapper, &budget);
+        } while (status == CAIRN_MORE);
+        assert_ok(status);
+        before = cairn_mapper_map_odom(mapper);
+        if (has_odometry)
+            assert_near(distance(cairn_pose_compose(before, odometry), cairn_mapper_read(mapper).map_scan), 0, 1e-4);
+        else
+            assert_true(before.x != 0);
+    }
+    test_pool_free(&pool);
+    end_drive(&d);
+}
+
+/* A leap that no robot makes tells nothing of the motion; odometry beyond all bounds is refused. */
+static void odometry_that_leaps_out_of_the_world(void **state)
+{
+    cairn_mapper_params params = small_params();
+    drive d = start_drive(SIM_OFFICE, 4, 20, 0, 0.2);
+    cairn_pool pool;
+    cairn_mapper *mapper = new_mapper(&pool, &params);
+
+    (void)state;
+    for (int32_t i = 0; i < d.count; i++) {
+        cairn_scan_input input = sim_scan_input(&d.scans[i]);
+        cairn_pose odometry = pose_of(d.scans[i].odometry), beyond = {CAIRN_REAL(2e9), 0, 0};
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        odometry.x += i >= 8 && i < 12 ? CAIRN_REAL(9e8) : 0;
+        assert_int_equal(cairn_mapper_add(mapper, &input, &beyond, NULL), CAIRN_BAD_ARGUMENT);
+        assert_ok(cairn_mapper_add(mapper, &input, &odometry, NULL));
+        assert_ok(cairn_mapper_step(mapper, &budget));
+        assert_near(distance(cairn_mapper_read(mapper).map_scan, pose_of(d.scans[i].truth)), 0, 0.1);
+    }
+    test_pool_free(&pool);
+    end_drive(&d);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -392,6 +452,8 @@ int main(void)
         cmocka_unit_test(a_leap_is_searched_for),
         cmocka_unit_test(odometry_is_believed_as_long_as_it_is_right),
         cmocka_unit_test(map_odom_leads_from_odometry_to_the_map),
+        cmocka_unit_test(map_odom_is_of_scans_that_are_done),
+        cmocka_unit_test(odometry_that_leaps_out_of_the_world),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -101,7 +101,7 @@ static void every_scan_twice(void **state)
     end_drive(&d);
 }
 
-/* Stamps tell nothing of where a scan was taken: their order does not matter. */
+/* Of scans taken at once stamps tell nothing: their order does not matter. */
 static void time_that_runs_back(void **state)
 {
     cairn_mapper_params params = small_params();

@@ -89,6 +89,8 @@ int map_keep(const map_input *input, const cairn_mapper *mapper, int32_t index, 
     scan->stamp_ns = record->stamp_ns;
     scan->before = record->robot;
     scan->support = result.support;
+    if (result.verdict == CAIRN_MAPPER_MATCHED)
+        memcpy(scan->covariance, result.covariance, sizeof scan->covariance);
     scan->verdict = verdict_text(result.verdict);
     scan->doubtful = result.verdict == CAIRN_MAPPER_PREDICTED;
     return 1;
@@ -399,10 +401,13 @@ static void print_summary(const map_input *input, const cairn_mapper *mapper, si
            "key scans  %" PRId32 " (%" PRId32 " released)\n"
            "loops      %" PRId32 " closed, %" PRId32 " corrections%s\n"
            "unmatched  %" PRId64 " (pose by prediction)\n"
+           "in doubt   %" PRId64 ", hardly observable in some direction %" PRId64 "\n"
+           "odometry   contradicted by %" PRId64 " matches, %" PRId64 " better from the last motion\n"
            "potential  %.6g\n",
            input->count, input->faults, input->stamps_back > 0 ? ", some times run back" : "", seconds,
            input->count / seconds_to_map, pool_bytes, state.keys, state.releases, state.loops, state.solutions,
-           state.lacks_room ? ", no room for more" : "", state.predicted, (double)state.potential);
+           state.lacks_room ? ", no room for more" : "", state.predicted, state.doubtful, state.unobservable,
+           state.odometry_contradicted, state.odometry_rejected, (double)state.potential);
 }
 
 static int32_t least(int64_t a, int32_t b)

@@ -54,8 +54,8 @@ typedef struct cairn_mapper_params {
     cairn_force_field_params field; /* likewise max_scans */
     cairn_mapper_loop_params loop;
     int32_t max_keys;         /* key scans in all, 1 ... 2^20 (1024) */
-    int32_t max_key_segments; /* segments of all key scans, 1 ... 2^24 (32768) */
-    int32_t max_key_points;   /* points of all key scans, 1 ... 2^24 (131072) */
+    int32_t max_key_segments; /* segments of all key scans, scan.max_segments ... 2^24 (32768) */
+    int32_t max_key_points;   /* points of all key scans, scan.max_points ... 2^24 (131072) */
     int32_t release;          /* 1: before these have no room for one more, the best covered key scan is released. That
                                  * needs loops, a local_span, and more key scans than local_span, gap and window and one more.
                                  * 0: then the mapper is full (0) */
@@ -163,7 +163,9 @@ CAIRN_CHECKED cairn_status cairn_mapper_create(cairn_mapper **mapper, cairn_pool
 
 /* Takes in the next scan; its arrays are copied. odometry: the base in the odometry's frame at the first beam, NULL when
  * there is none. CAIRN_MORE when the scan before is still being worked on: step() first, nothing was taken. Statuses of
- * cairn_scan_begin; CAIRN_NOT_FINITE for an odometry that is not finite. CAIRN_FULL: no room for one more key scan. */
+ * cairn_scan_begin; CAIRN_NOT_FINITE for an odometry that is not finite, CAIRN_BAD_ARGUMENT for one farther than 1e9 m from its origin.
+ * An odometry that is more than CAIRN_SCAN_EXTENT from that of the scan before tells nothing of the motion between. CAIRN_FULL: no room
+ * for one more key scan. */
 CAIRN_CHECKED cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *input,
                                             const cairn_pose *odometry, cairn_fault *fault);
 
@@ -178,8 +180,9 @@ CAIRN_CHECKED cairn_status cairn_mapper_settle(cairn_mapper *mapper, cairn_budge
 /* The result of the last scan that was done. */
 cairn_mapper_result cairn_mapper_read(const cairn_mapper *mapper);
 
-/* The frame of the odometry seen in the map: map_base of the last scan that came with odometry is this, composed with
- * that odometry. It jumps when loops close, the product of both does so too, odometry alone never does. */
+/* The frame of the odometry seen in the map: map_base of the last scan that is done is this, composed with its odometry. It jumps
+ * when loops close, the product of both does so too, odometry alone never does. After scans without odometry it is as it was before
+ * them; the identity before any. */
 cairn_pose cairn_mapper_map_odom(const cairn_mapper *mapper);
 
 /* The last scan as points and segments in its own frame; valid until the next add. */

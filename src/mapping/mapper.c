@@ -22,6 +22,9 @@ enum {
     TIE_UNITS = 8 /* for each key scan of the local map */
 };
 
+/* m: farther from its origin no odometry leads. */
+static const cairn_real ODOMETRY_EXTENT = CAIRN_REAL(1e9);
+
 /* ---- Input ---- */
 
 /* Where the scan before is now. */
@@ -48,9 +51,15 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
         return CAIRN_FULL;
     if (odometry != NULL && !cairn_pose_is_finite(*odometry))
         return CAIRN_NOT_FINITE;
+    if (odometry != NULL && !(cairn_abs(odometry->x) <= ODOMETRY_EXTENT && cairn_abs(odometry->y) <= ODOMETRY_EXTENT))
+        return CAIRN_BAD_ARGUMENT;
     has_odometry = odometry != NULL && (mapper->had_odometry || mapper->state.scans == 0);
     if (has_odometry && mapper->state.scans > 0)
         by_odometry = cairn_pose_between(mapper->last_odometry, *odometry);
+    if (!(cairn_mapper_way(by_odometry) <= CAIRN_SCAN_EXTENT)) {
+        by_odometry = cairn_pose_identity(); /* that is no motion, and tells of none */
+        has_odometry = 0;
+    }
     if (input == NULL)
         return cairn_scan_begin(mapper->scan, NULL, fault);
     sweep = *input;
@@ -63,14 +72,13 @@ cairn_status cairn_mapper_add(cairn_mapper *mapper, const cairn_scan_input *inpu
     mapper->has_odometry = has_odometry;
     mapper->last_span = input->stamp_ns - mapper->last_stamp;
     mapper->last_stamp = input->stamp_ns;
-    if (odometry != NULL)
-        mapper->odometry = *odometry;
     if (mapper->state.scans == 0 && odometry != NULL)
         last = *odometry; /* the map's frame is that of the odometry */
     cairn_mapper_predict(mapper, last, by_odometry);
     mapper->had_odometry = odometry != NULL;
     if (odometry != NULL)
         mapper->last_odometry = *odometry;
+    mapper->loop.closing = 0;
     mapper->phase = FIT;
     mapper->cursor = 0;
     return CAIRN_OK;
@@ -164,6 +172,10 @@ static cairn_status keep(cairn_mapper *mapper)
 
     if (mapper->state.scans == 0)
         last = mapper->predicted;
+    if (!mapper->had_odometry && mapper->tells_odometry) {
+        mapper->map_odom = cairn_mapper_map_odom(mapper);
+        mapper->tells_odometry = 0;
+    }
     cairn_mapper_learn(mapper);
     result->map_scan = mapper->has_match ? mapper->match.target_query : mapper->predicted;
     result->support = mapper->has_match ? mapper->match.overlap : 0;
@@ -185,7 +197,11 @@ static cairn_status keep(cairn_mapper *mapper)
         status = keep_key(mapper, &view);
     result->key = result->is_key ? mapper->key_count - 1 : cairn_mapper_hang_on(mapper);
     result->key_scan = cairn_pose_between(mapper->key_pose[result->key], result->map_scan);
-    mapper->since_key = result->is_key ? 0 : mapper->since_key + 1;
+    mapper->since_key = result->is_key ? 0 : mapper->since_key + (mapper->since_key < INT32_MAX);
+    if (mapper->had_odometry) {
+        mapper->tells_odometry = 1;
+        mapper->told_odometry = mapper->last_odometry;
+    }
     mapper->state.scans++;
     mapper->state.keys = mapper->key_count;
     return status;
@@ -357,9 +373,9 @@ const cairn_scan_set *cairn_mapper_keys(const cairn_mapper *mapper)
 
 cairn_pose cairn_mapper_map_odom(const cairn_mapper *mapper)
 {
-    if (!mapper->had_odometry)
-        return cairn_pose_identity();
-    return cairn_pose_compose(last_pose(mapper), cairn_pose_inverse(mapper->last_odometry));
+    if (!mapper->tells_odometry)
+        return mapper->map_odom;
+    return cairn_pose_compose(last_pose(mapper), cairn_pose_inverse(mapper->told_odometry));
 }
 
 cairn_mapper_loop cairn_mapper_loop_at(const cairn_mapper *mapper, int32_t index)

@@ -216,6 +216,9 @@ static int is_valid(const cairn_mapper_params *p)
         return 0;
     if (p->max_local_points < 1 || p->max_local_points > 1 << 20)
         return 0;
+    /* The first scan of all must have room: all others hang on it. */
+    if (p->max_key_points < p->scan.max_points || p->max_key_segments < p->scan.max_segments)
+        return 0;
     return release_is_valid(p) && p->local_radius > 0 && p->key_distance > 0 && p->key_turn > 0 &&
            p->key_support >= 0 && p->key_support <= 1 && p->odometry_distance >= 0 && p->odometry_turn >= 0 &&
            p->odometry_distance_min > 0 && p->odometry_turn_min > 0 && p->motion_distance >= 0 && p->motion_turn >= 0 &&

@@ -1,8 +1,7 @@
-/* What the parts of mapper share: mapper.c (scan by scan), mapper_create.c (params and memory), mapper_front.c (its match), mapper_search.c
- * (the search of one in doubt),
- * mapper_keys.c (key scans, local map), mapper_window.c (force field over the last key scans), mapper_loop.c (loops that close),
- * mapper_tie.c (on what key scans hang), mapper_graph.c (correction of all key scans), mapper_cover.c (how well key scans are
- * covered by others), mapper_release.c (key scans that go). */
+/* What the parts of mapper share: mapper.c (scan by scan), mapper_create.c (params and memory), mapper_front.c (its match),
+ * mapper_search.c (the search of one in doubt), mapper_keys.c (key scans, local map), mapper_window.c (force field over the last
+ * key scans), mapper_loop.c (loops that close), mapper_tie.c (on what key scans hang), mapper_graph.c (correction of all key
+ * scans), mapper_cover.c (how well key scans are covered by others), mapper_release.c (key scans that go). */
 #ifndef CAIRN_MAPPING_MAPPER_WORK_H
 #define CAIRN_MAPPING_MAPPER_WORK_H
 
@@ -179,7 +178,6 @@ struct cairn_mapper {
     int32_t since_key; /* scans since the last key scan */
 
     int32_t has_odometry; /* of the scan at hand */
-    cairn_pose odometry;
     cairn_pose by_odometry;
     cairn_pose last;   /* where the scan before is */
     cairn_pose motion; /* that is predicted */
@@ -193,7 +191,11 @@ struct cairn_mapper {
     cairn_vec2 pace;                            /* m, a scan, in its own frame */
     cairn_real mean_quality;                    /* of matches; 0: none yet */
 
-    int32_t had_odometry; /* of the scan before */
+    int32_t tells_odometry;   /* 1: the last scan that is done came with odometry, ... */
+    cairn_pose told_odometry; /* ... this one */
+    cairn_pose map_odom;      /* of the last scan before that had one, as it was then */
+
+    int32_t had_odometry; /* of the last scan taken in */
     cairn_pose last_odometry;
     cairn_pose last_motion;
     cairn_pose steady;             /* the same, smoothed */
@@ -298,11 +300,11 @@ static inline cairn_real cairn_mapper_way(cairn_pose motion)
     return cairn_sqrt(motion.x * motion.x + motion.y * motion.y);
 }
 
-/* Predicts the scan from where the one before is, and by how its odometry has moved. */
 /* The motion during the sweep of the next scan, which is by_odometry (NULL: none) away from the last one. */
 cairn_pose cairn_mapper_sweep_motion(const cairn_mapper *mapper, const cairn_scan_input *input,
                                      const cairn_pose *by_odometry);
 
+/* Predicts the scan from where the one before is, and by how its odometry has moved. */
 void cairn_mapper_predict(cairn_mapper *mapper, cairn_pose last, cairn_pose by_odometry);
 cairn_status cairn_mapper_begin_match(cairn_mapper *mapper);
 
@@ -326,6 +328,8 @@ cairn_pose_prior cairn_mapper_prior(const cairn_mapper *mapper);
 
 /* The scan has its match, or none: how good are matches, can odometry be believed? */
 void cairn_mapper_learn(cairn_mapper *mapper);
+
+/* The motion that the next scan is expected to repeat. */
 cairn_pose cairn_mapper_next_motion(cairn_mapper *mapper, cairn_pose motion);
 
 /* ---- mapper_search.c ---- */
