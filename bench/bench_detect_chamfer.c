@@ -18,7 +18,7 @@ typedef struct matcher {
     const cairn_shape_model *model;
     float *distance; /* [CHANNELS][height][width] px */
     cairn_detection *peaks;
-    int32_t count;
+    int32_t count, seen;
 } matcher;
 
 static int32_t channel_of(double angle)
@@ -85,6 +85,25 @@ static int make_channels(matcher *m)
     return 1;
 }
 
+static int compare_peaks(const void *a, const void *b)
+{
+    const cairn_detection *x = a, *y = b;
+
+    if (x->score != y->score)
+        return x->score < y->score ? 1 : -1;
+    return x->first_outline - y->first_outline;
+}
+
+/* Room for a peak; when there is none the worse half goes. */
+static cairn_detection *next_peak(matcher *m)
+{
+    if (m->count == PEAKS_MOST) {
+        qsort(m->peaks, (size_t)m->count, sizeof *m->peaks, compare_peaks);
+        m->count /= 2;
+    }
+    return &m->peaks[m->count++];
+}
+
 /* The model at one size and proportion at every STEP-th place. */
 static void match(matcher *m, double size, double aspect, int32_t mirrored)
 {
@@ -97,8 +116,8 @@ static void match(matcher *m, double size, double aspect, int32_t mirrored)
         half_y = fmax(half_y, fabs(tall * (double)m->model->outline[i].position.y));
     }
     for (int32_t y = 0; y < h; y += STEP)
-        for (int32_t x = 0; x < w && m->count < PEAKS_MOST; x += STEP) {
-            cairn_detection *d = &m->peaks[m->count];
+        for (int32_t x = 0; x < w; x += STEP) {
+            cairn_detection *d;
             double sum = 0;
 
             for (int32_t i = 0; i < n && sum < 0.6 * n * (double)cut; i++) {
@@ -112,6 +131,7 @@ static void match(matcher *m, double size, double aspect, int32_t mirrored)
             }
             if (sum >= 0.6 * n * (double)cut)
                 continue;
+            d = next_peak(m);
             memset(d, 0, sizeof *d);
             d->left = (cairn_real)(x - half_x);
             d->right = (cairn_real)(x + half_x);
@@ -119,17 +139,8 @@ static void match(matcher *m, double size, double aspect, int32_t mirrored)
             d->bottom = (cairn_real)(y + half_y);
             d->score = (cairn_real)(-sum / (n * (double)cut));
             d->mirrored = mirrored;
-            d->first_outline = m->count++;
+            d->first_outline = m->seen++;
         }
-}
-
-static int compare_peaks(const void *a, const void *b)
-{
-    const cairn_detection *x = a, *y = b;
-
-    if (x->score != y->score)
-        return x->score < y->score ? 1 : -1;
-    return x->first_outline - y->first_outline;
 }
 
 static double shared(const cairn_detection *a, const cairn_detection *b)
@@ -161,7 +172,7 @@ static void keep_best(matcher *m)
 int32_t detect_chamfer(const group_image *image, const cairn_shape_model *model, cairn_detection **found)
 {
     static const double aspects[ASPECTS] = {0.8, 1, 1.25};
-    matcher m = {image, model, NULL, NULL, 0};
+    matcher m = {image, model, NULL, NULL, 0, 0};
     double diagonal = hypot(image->width, image->height);
     int ok;
 

@@ -171,20 +171,18 @@ static int load_models(run *r)
     cairn_shape_image_params image = cairn_shape_image_default();
     cairn_shape_builder_params builder = cairn_shape_builder_default();
     cairn_file_error error;
-    int any = 0;
 
     for (int32_t k = 0; k < CLASSES; k++) {
         char path[4096];
 
         r->wanted[k] = r->s->class_name == NULL || strcmp(r->s->class_name, classes[k].folder) == 0;
-        any |= r->wanted[k];
         (void)snprintf(path, sizeof path, "%s/ethz/models/%s.tif", r->s->data, classes[k].model);
         if (cairn_shape_model_file_load(&r->model[k], path, &image, &builder, NULL, &error) != CAIRN_OK) {
             fprintf(stderr, "bench/detect: %s\n", error.text);
             return 0;
         }
     }
-    return any;
+    return 1;
 }
 
 /* ---- Figures ---- */
@@ -321,6 +319,14 @@ static int print_all(run *r)
     return 1;
 }
 
+static int is_class(const char *name)
+{
+    for (int32_t k = 0; k < CLASSES; k++)
+        if (strcmp(name, classes[k].folder) == 0)
+            return 1;
+    return 0;
+}
+
 static option_result read_settings(settings *s, int argc, char **argv)
 {
     const option table[] = {
@@ -342,6 +348,9 @@ static option_result read_settings(settings *s, int argc, char **argv)
 
     if (result == OPTIONS_READ && strcmp(s->method, "default") != 0 && strcmp(s->method, "chamfer") != 0)
         return (option_result)options_refuse("bench/detect", "--method %s, expected default or chamfer", s->method);
+    if (result == OPTIONS_READ && s->class_name != NULL && !is_class(s->class_name))
+        return (option_result)options_refuse(
+            "bench/detect", "--class %s, expected Applelogos, Bottles, Giraffes, Mugs or Swans", s->class_name);
     return result;
 }
 

@@ -166,6 +166,38 @@ static void test_many_images(void **state)
     assert_int_not_equal(access(files_path("some.csv"), F_OK), 0);
 }
 
+static void write_grey_as_text(const char *name)
+{
+    char *text = malloc(4 * WIDTH * HEIGHT + 32);
+    int used;
+
+    assert_non_null(text);
+    used = sprintf(text, "P2\n%d %d\n255\n", WIDTH, HEIGHT);
+    for (int32_t i = 0; i < WIDTH * HEIGHT; i++)
+        used += sprintf(text + used, "%d\n", grey[i]);
+    (void)files_write_text(name, text);
+    free(text);
+}
+
+/* Names that would be two fields, or end one, stand in quotes. */
+static void test_quoted_names(void **state)
+{
+    static const char row[] = "image,class,left,top,right,bottom,score,mirrored\n\"b,c.pgm\",\"my \"\"own\"\".shape\",";
+    char *text, *shape = read_in("bottle.shape");
+
+    (void)state;
+    write_grey_as_text("b,c.pgm");
+    (void)files_write_text("my \"own\".shape", shape);
+    free(shape);
+    assert_done(programs_run("cairn detect '@/b,c.pgm' --edges @/edges.png --model '@/my \"own\".shape' -o @/quoted "
+                             "--detections @/quoted.csv"));
+    text = read_in("quoted.csv");
+    assert_int_equal(strncmp(text, row, strlen(row)), 0);
+    assert_int_not_equal(text[strlen(row)], '"');
+    free(text);
+    free(read_in("quoted/b,c.json"));
+}
+
 static void test_refusals(void **state)
 {
     static const struct {
@@ -183,6 +215,14 @@ static void test_refusals(void **state)
         {"@/missing.png --edges @/edges.png --model @/bottle.shape -o @/refused", "missing.png: cannot open"},
         {"@/bottle0.png --edges @/edges.png --model @/missing.shape -o @/refused", "missing.shape: cannot open"},
         {"@/bottle0.png --edges @/edges.png --model @/bottle.shape -o @/edges.png", "edges.png"},
+        {"@/bottle0.png '@/two\nlines.png' --model @/bottle.shape -o @/refused",
+         "two?lines.png' holds a control character (shown as ?), expected"},
+        {"'@/end\f.png' --model @/bottle.shape -o @/refused", "end?.png' holds a control character"},
+        {"@/bottle0.png --edges @/edges.png --model '@/a\vb\177.shape' -o @/refused",
+         "a?b?.shape' holds a control character"},
+        /* Before anything is searched. */
+        {"@/bottle0.png --edges @/edges.png --model @/bottle.shape -o @/refused --detections @/nowhere/table.csv",
+         "nowhere"},
     };
 
     (void)state;
@@ -195,10 +235,8 @@ static void test_refusals(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_found),
-        cmocka_unit_test(test_halved),
-        cmocka_unit_test(test_many_images),
-        cmocka_unit_test(test_refusals),
+        cmocka_unit_test(test_found),        cmocka_unit_test(test_halved),   cmocka_unit_test(test_many_images),
+        cmocka_unit_test(test_quoted_names), cmocka_unit_test(test_refusals),
     };
 
     programs_find(argc, argv);

@@ -319,6 +319,29 @@ static void looks_at_every_place(void **state)
     cairn_shape_model_file_free(&model);
 }
 
+/* Chance lays more small outlines along edges than are kept: the large one, which comes last, is found still. */
+static void finds_a_large_shape_among_very_many_peaks(void **state)
+{
+    cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
+    cairn_contour_tokens tokens;
+    cairn_detections found;
+
+    (void)state;
+    memset(edges, 0, sizeof edges);
+    for (int32_t i = 0; i < 4; i++)
+        draw_clutter();
+    draw_flag(100, 20, 1.5, 0);
+    tokens = find_tokens();
+    params.min_size = 14;
+    params.max_size = 240;
+    params.mirror = 0;
+    found = detect(&tokens, &params);
+    assert_true(found.count >= 1);
+    assert_true(share_of(&found.found[0], 100, 20, 1.5, 0) > 0.85);
+    cairn_detections_free(&found);
+    cairn_contour_tokens_free(&tokens);
+}
+
 /* ---- Odd pictures, refusals ---- */
 
 static void takes_odd_pictures(void **state)
@@ -344,8 +367,24 @@ static void takes_odd_pictures(void **state)
     cairn_contour_tokens_free(&tokens);
 }
 
+static void assert_holds_text(const char *piece)
+{
+    if (strstr(error.text, piece) == NULL)
+        fail_msg("\"%s\" does not hold \"%s\"", error.text, piece);
+}
+
 static void refuses_what_cannot_be(void **state)
 {
+    static const char *const what[10] = {"min_size 7, expected 8 to 16384 pixels",
+                                         "min_size",
+                                         "max_size",
+                                         "max_size",
+                                         "0 candidates, expected 1 to 64",
+                                         "65 candidates",
+                                         "overlap -0.1, expected 0 to 1",
+                                         "overlap 1.1",
+                                         "min_score",
+                                         "overlap"};
     cairn_object_detect_params good = cairn_object_detect_default(WIDTH, HEIGHT), bad[10];
     cairn_shape_model_file model = make_model();
     cairn_contour_tokens tokens = {.width = WIDTH, .height = HEIGHT};
@@ -369,17 +408,97 @@ static void refuses_what_cannot_be(void **state)
     bad[7].overlap = CAIRN_REAL(1.1);
     bad[8].min_score = (cairn_real)NAN;
     bad[9].overlap = (cairn_real)NAN;
-    for (int i = 0; i < 10; i++)
+    for (int i = 0; i < 10; i++) {
+        field = (cairn_detect_field *)&found;
         assert_status(cairn_detect_field_make(&field, &tokens, &bad[i], "edges", &error), CAIRN_BAD_ARGUMENT);
+        assert_null(field);
+        assert_holds_text(what[i]);
+    }
     assert_ok(cairn_detect_field_make(&field, &tokens, &good, "edges", &error));
     model.model.size = 0;
     assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error), CAIRN_BAD_ARGUMENT);
+    assert_holds_text("no model, expected a size");
     model.model.size = 1;
-    model.model.outline_count = 1;
+    model.model.outline_count = 2;
     assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error), CAIRN_BAD_ARGUMENT);
-    assert_non_null(strstr(error.text, "expected a model"));
+    assert_holds_text("fewer than 3 places, expected an outline");
     cairn_detect_field_free(field);
     cairn_detect_field_free(NULL);
+    cairn_shape_model_file_free(&model);
+}
+
+/* So small an object that the picture has too many cells for it; as many sizes as there may be. */
+static void takes_sizes_up_to_the_bounds(void **state)
+{
+    cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
+    cairn_contour_tokens tokens = {.width = 8192, .height = 20};
+    cairn_detect_field *field;
+
+    (void)state;
+    for (int32_t turned = 0; turned < 2; turned++) {
+        params.min_size = params.max_size = 163;
+        assert_status(cairn_detect_field_make(&field, &tokens, &params, "edges", &error), CAIRN_BAD_ARGUMENT);
+        assert_holds_text("min_size 163 in a picture of 8192 pixels, expected at least 163.84");
+        params.min_size = params.max_size = 164;
+        assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
+        cairn_detect_field_free(field);
+        tokens.width = 20;
+        tokens.height = 8192;
+    }
+    tokens.height = 10;
+    params.min_size = 8;
+    params.max_size = 16384;
+    assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
+    assert_int_equal(field->planes, DETECT_PLANES);
+    assert_true(field->plane[DETECT_PLANES - 1].size <= 16384 &&
+                field->plane[DETECT_PLANES - 1].size * CAIRN_REAL(1.2) > 16384);
+    cairn_detect_field_free(field);
+}
+
+/* An outline that would reach beyond the field's margins. */
+static void refuses_outlines_that_reach_too_far(void **state)
+{
+    static const cairn_real far[] = {CAIRN_REAL(0.55), CAIRN_REAL(0.9), CAIRN_REAL(1e30), CAIRN_REAL_MAX};
+    cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
+    cairn_shape_model_file model = make_model();
+    cairn_contour_tokens tokens = {.width = WIDTH, .height = HEIGHT};
+    cairn_oriented_point *outline = malloc((size_t)model.model.outline_count * sizeof *outline);
+    cairn_shape_sample sample = model.model.samples[0];
+    cairn_shape_path path = {0, 1, -1, -1, 1};
+    cairn_shape_model bad = model.model;
+    cairn_detect_field *field;
+    cairn_detections found;
+
+    (void)state;
+    assert_non_null(outline);
+    assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
+    bad.outline = outline;
+    for (size_t i = 0; i < 4 * sizeof far / sizeof *far; i++) {
+        cairn_real position = far[i / 4] * (cairn_real)(i % 2 == 0 ? 1 : -1);
+
+        memcpy(outline, model.model.outline, (size_t)bad.outline_count * sizeof *outline);
+        if (i % 4 < 2)
+            outline[bad.outline_count - 1].position.x = position;
+        else
+            outline[bad.outline_count - 1].position.y = position;
+        assert_status(cairn_object_detect(&found, field, &bad, "edges", &error), CAIRN_BAD_ARGUMENT);
+        assert_holds_text("the outline lies farther from its middle than half its size");
+        outline[bad.outline_count - 1].position = model.model.outline[0].position;
+        outline[0].position.x = CAIRN_REAL(0.53);
+        outline[0].position.y = CAIRN_REAL(-0.53);
+        assert_ok(cairn_object_detect(&found, field, &bad, "edges", &error));
+        assert_int_equal(found.count, 0);
+        cairn_detections_free(&found);
+    }
+    bad = model.model;
+    bad.samples = &sample;
+    bad.paths = &path;
+    bad.sample_count = bad.path_count = 1;
+    sample.centre.x = (cairn_real)NAN;
+    assert_status(cairn_object_detect(&found, field, &bad, "edges", &error), CAIRN_NOT_FINITE);
+    assert_holds_text("a sample that is not finite");
+    free(outline);
+    cairn_detect_field_free(field);
     cairn_shape_model_file_free(&model);
 }
 
@@ -390,8 +509,11 @@ int main(void)
         cmocka_unit_test(finds_two_shapes),
         cmocka_unit_test(weighs_edges_as_the_obvious_way_does),
         cmocka_unit_test(looks_at_every_place),
+        cmocka_unit_test(finds_a_large_shape_among_very_many_peaks),
         cmocka_unit_test(takes_odd_pictures),
         cmocka_unit_test(refuses_what_cannot_be),
+        cmocka_unit_test(takes_sizes_up_to_the_bounds),
+        cmocka_unit_test(refuses_outlines_that_reach_too_far),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -965,6 +965,47 @@ static void blocks_that_hang_by_too_little_are_islands(void **state)
     test_pool_free(&pool);
 }
 
+/* Two parts, each of islands of three, three and two nodes, and a node that nothing places: islands are numbered within their
+ * part, of equal ones that of the lower node first. */
+static void islands_are_numbered_within_their_parts(void **state)
+{
+    static const int32_t island[17] = {2, 2, 0, 0, 0, 1, 1, 1, 2, 2, 0, 0, 0, 1, 1, 1, 0};
+    static const int32_t group[8] = {0, 0, 1, 1, 1, 2, 2, 2};
+    const cairn_pose at[8] = {{0, 0, 0},  {3, 0, 1},  {9, 0, 1},  {12, 0, 2},
+                              {12, 3, 3}, {20, 0, 0}, {20, 3, 1}, {23, 2, 2}};
+    cairn_pose_consensus_params params = cairn_pose_consensus_default();
+    cairn_pool pool;
+    cairn_pose_consensus *consensus;
+    cairn_consensus_result result;
+
+    (void)state;
+    params.believed = CAIRN_REAL(2.25);
+    params.max_nodes = 17;
+    consensus = new_consensus(&pool, &params);
+    assert_ok(cairn_pose_consensus_clear(consensus, 17));
+    for (int32_t part = 0; part < 16; part += 8) {
+        for (int32_t i = 0; i < 8; i++)
+            for (int32_t j = i + 1; j < 8; j++)
+                if (group[i] == group[j])
+                    add(consensus, part + i, part + j, cairn_pose_between(at[i], at[j]), 10);
+        add(consensus, part + 1, part + 2, cairn_pose_between(at[1], at[2]), 8.5);
+        add(consensus, part + 4, part + 5, cairn_pose_between(at[4], at[5]), 8.25);
+    }
+    assert_int_equal(solve(consensus).parts, 3);
+    for (int32_t units = 1; units <= 1000; units += 999) {
+        result = find_islands(consensus, units);
+        for (int32_t i = 0; i < 17; i++) {
+            cairn_consensus_node node = cairn_pose_consensus_node(consensus, i);
+
+            assert_int_equal(node.part, i / 8);
+            assert_int_equal(node.island, island[i]);
+            assert_int_equal(node.ambiguous, island[i] > 0);
+        }
+        assert_int_equal(result.ambiguous, 10);
+    }
+    test_pool_free(&pool);
+}
+
 static void contradictions_cost(void **state)
 {
     cairn_pose_consensus_params params = cairn_pose_consensus_default();
@@ -1404,6 +1445,7 @@ int main(void)
         cmocka_unit_test(what_would_be_believed_elsewhere_is_ambiguous),
         cmocka_unit_test(a_node_that_hangs_by_too_little_is_an_island),
         cmocka_unit_test(blocks_that_hang_by_too_little_are_islands),
+        cmocka_unit_test(islands_are_numbered_within_their_parts),
         cmocka_unit_test(contradictions_cost),
         cmocka_unit_test(the_result_does_not_depend_on_budgets),
         cmocka_unit_test(begins_anew),

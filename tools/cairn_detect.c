@@ -136,6 +136,31 @@ static cairn_status write_all(const settings *s, const work *w, cairn_file_error
     return status;
 }
 
+/* A field of the table: in quotes, with those in it doubled, where it would not be one field without. */
+static void print_field(const char *text, FILE *record)
+{
+    int is_quoted = strpbrk(text, ",\"") != NULL;
+
+    if (is_quoted)
+        fputc('"', record);
+    for (; *text != '\0'; text++) {
+        if (*text == '"')
+            fputc('"', record);
+        fputc(*text, record);
+    }
+    if (is_quoted)
+        fputc('"', record);
+    fputc(',', record);
+}
+
+static void print_row(const settings *s, const work *w, const cairn_detection *d, const double box[4], FILE *record)
+{
+    print_field(cairn_path_name(w->path), record);
+    print_field(cairn_path_name(s->model), record);
+    fprintf(record, "%.2f,%.2f,%.2f,%.2f,%.6f,%" PRId32 "\n", box[0], box[1], box[2], box[3], (double)d->score,
+            d->mirrored);
+}
+
 /* What is said of an image: a summary for the eye, then its lines of the table. */
 static void print_record(const settings *s, const work *w, FILE *record)
 {
@@ -155,8 +180,7 @@ static void print_record(const settings *s, const work *w, FILE *record)
                 fprintf(record, "  %.2f  (%.0f, %.0f) to (%.0f, %.0f)%s\n", (double)d->score, box[0], box[1], box[2],
                         box[3], d->mirrored ? ", mirrored" : "");
             else
-                fprintf(record, "%s,%s,%.2f,%.2f,%.2f,%.2f,%.6f,%" PRId32 "\n", cairn_path_name(w->path),
-                        cairn_path_name(s->model), box[0], box[1], box[2], box[3], (double)d->score, d->mirrored);
+                print_row(s, w, d, box, record);
         }
     }
     fputc(RECORD_END, record);
@@ -227,6 +251,8 @@ static int run_jobs(const settings *s, const cairn_shape_model *model, FILE **re
 /* The records in the order of the images: summaries to standard output, the rest to the table. */
 static void merge_records(const settings *s, FILE **records, cairn_output *table)
 {
+    if (table != NULL)
+        cairn_output_print(table, "image,class,left,top,right,bottom,score,mirrored\n");
     for (int32_t job = 0; job < s->jobs; job++)
         rewind(records[job]);
     for (size_t i = 0; i < s->count; i++) {
@@ -243,22 +269,7 @@ static void merge_records(const settings *s, FILE **records, cairn_output *table
     }
 }
 
-static int write_table(const settings *s, FILE **records)
-{
-    cairn_file_error error;
-    cairn_output *table = NULL;
-
-    if (s->table != NULL && cairn_output_open(&table, s->table, &error) != CAIRN_OK)
-        return tool_report(&error);
-    if (table != NULL)
-        cairn_output_print(table, "image,class,left,top,right,bottom,score,mirrored\n");
-    merge_records(s, records, table);
-    if (table != NULL && cairn_output_commit(table, &error) != CAIRN_OK)
-        return tool_report(&error);
-    return TOOL_OK;
-}
-
-static int run(const settings *s, const cairn_shape_model *model)
+static int run_all(const settings *s, const cairn_shape_model *model, cairn_output *table)
 {
     FILE *records[JOBS_MOST] = {NULL};
     int code = TOOL_OK;
@@ -273,10 +284,27 @@ static int run(const settings *s, const cairn_shape_model *model)
     if (code == TOOL_OK)
         code = s->jobs > 1 ? run_jobs(s, model, records) : run_job(s, 0, model, records[0]);
     if (code == TOOL_OK)
-        code = write_table(s, records);
+        merge_records(s, records, table);
     for (int32_t job = 0; job < s->jobs; job++)
         if (records[job] != NULL)
             (void)fclose(records[job]);
+    return code;
+}
+
+/* The table is begun first: nobody wants to hear after an hour that it cannot be written. */
+static int run(const settings *s, const cairn_shape_model *model)
+{
+    cairn_file_error error;
+    cairn_output *table = NULL;
+    int code;
+
+    if (s->table != NULL && cairn_output_open(&table, s->table, &error) != CAIRN_OK)
+        return tool_report(&error);
+    code = run_all(s, model, table);
+    if (code != TOOL_OK)
+        cairn_output_discard(table);
+    else if (table != NULL && cairn_output_commit(table, &error) != CAIRN_OK)
+        code = tool_report(&error);
     return code;
 }
 
@@ -305,6 +333,8 @@ int tool_detect(int argc, char **argv)
         return (int)result;
     s.jobs = s.jobs > (int64_t)s.count ? (int64_t)s.count : s.jobs;
     code = picture_check_names(PROGRAM, s.images, s.count);
+    if (code == TOOL_OK)
+        code = picture_check_name(PROGRAM, s.model);
     if (code != TOOL_OK)
         return code;
     if (cairn_shape_model_file_load(&model, s.model, &image, &builder, NULL, &error) != CAIRN_OK)

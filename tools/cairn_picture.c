@@ -1,5 +1,7 @@
 /* Images for the subcommands that look for known objects. */
+#include <ctype.h>
 #include <inttypes.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -79,6 +81,23 @@ int picture_stem(const char *path, char stem[PICTURE_NAME_BYTES])
     return 1;
 }
 
+int picture_check_name(const char *program, const char *path)
+{
+    char shown[PICTURE_NAME_BYTES];
+    int is_plain = 1;
+
+    (void)snprintf(shown, sizeof shown, "%s", path);
+    for (const char *c = path; *c != '\0'; c++)
+        if (iscntrl((unsigned char)*c)) {
+            is_plain = 0;
+            if (c - path < PICTURE_NAME_BYTES - 1)
+                shown[c - path] = '?';
+        }
+    return is_plain
+               ? TOOL_OK
+               : options_refuse(program, "'%s' holds a control character (shown as ?), expected a name without", shown);
+}
+
 int picture_check_names(const char *program, const char *const *paths, size_t count)
 {
     char stem[PICTURE_NAME_BYTES], other[PICTURE_NAME_BYTES];
@@ -86,6 +105,8 @@ int picture_check_names(const char *program, const char *const *paths, size_t co
     for (size_t i = 0; i < count; i++) {
         if (!picture_stem(paths[i], stem))
             return options_refuse(program, "'%s', expected the name of an image", paths[i]);
+        if (picture_check_name(program, paths[i]) != TOOL_OK)
+            return TOOL_BAD;
         for (size_t k = 0; k < i; k++)
             if (picture_stem(paths[k], other) && strcmp(stem, other) == 0)
                 return options_refuse(program, "%s and %s are both named '%s', expected different names", paths[k],

@@ -26,7 +26,12 @@ void picture_free(searched_picture *p);
 /* "folder/swan.jpg" -> "swan"; 0: there is no such name. */
 int picture_stem(const char *path, char stem[PICTURE_NAME_BYTES]);
 
-/* TOOL_OK, or after a line on standard error another exit code: an image without a name, or two whose files would overwrite each other. */
+/* TOOL_OK, or after a line on standard error another exit code: the path holds a control character, which would break what is written
+ * about it into lines. */
+int picture_check_name(const char *program, const char *path);
+
+/* TOOL_OK, or after a line on standard error another exit code: a path that picture_check_name() refuses, an image without a name, or
+ * two whose files would overwrite each other. */
 int picture_check_names(const char *program, const char *const *paths, size_t count);
 
 #endif

@@ -34,7 +34,7 @@ CAIRN_CHECKED cairn_status cairn_assignment_begin(cairn_assignment *assignment, 
                                                   int32_t columns);
 
 /* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the pairs stand, or nothing was begun. CAIRN_NOT_FINITE: a cost that is not
- * finite or is beyond 1e9; given up. At most s^2 l / 8 units for sides s <= l, mostly far less. */
+ * finite or is beyond 1e9; given up. At most s (s + 3) / 2 (1 + l / 8) units for sides s <= l, mostly far less. */
 CAIRN_CHECKED cairn_status cairn_assignment_step(cairn_assignment *assignment, cairn_budget *budget);
 
 typedef struct cairn_assignment_result {

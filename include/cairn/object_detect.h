@@ -12,9 +12,11 @@ extern "C" {
 #endif
 
 typedef struct cairn_object_detect_params {
-    cairn_real min_size, max_size; /* px, 0 < min <= max: of the diagonal of the object's box */
-    int32_t mirror;                /* 1: the mirrored model is looked for, too (1) */
-    int32_t candidates;            /* 1 ... 64: places that are looked at again (20) */
+    /* px, of the diagonal of the object's box: 8 <= min <= max <= 2 CAIRN_CONTOUR_SIDE_MOST, min at least a fiftieth of the picture's longer
+     * side. */
+    cairn_real min_size, max_size;
+    int32_t mirror;     /* 1: the mirrored model is looked for, too (1) */
+    int32_t candidates; /* 1 ... 64: places that are looked at again (20) */
     cairn_real
         overlap; /* 0 ... 1: of two detections whose boxes share more, over their union, the better one stays (0.2); so it does when
                                       most of the smaller box lies in the other */
@@ -40,6 +42,7 @@ typedef struct cairn_detection {
     int32_t outline_count; /* the model's */
 } cairn_detection;
 
+/* segments and outline keep what belonged to detections that were dropped, too. */
 typedef struct cairn_detections {
     cairn_detection *found;       /* [count] the best first */
     int32_t *segments;            /* [segment_count] indices of the tokens' lines */
@@ -51,14 +54,15 @@ typedef struct cairn_detections {
 typedef struct cairn_detect_field cairn_detect_field;
 
 /* Makes the field of all sizes within params. `tokens` must stay. CAIRN_BAD_ARGUMENT: params; CAIRN_NO_MEMORY. On failure there is nothing to
- * free. `path` is named by the error. */
+ * free, and *field is NULL. `path` is named by the error. */
 CAIRN_CHECKED cairn_status cairn_detect_field_make(cairn_detect_field **field, const cairn_contour_tokens *tokens,
                                                    const cairn_object_detect_params *params, const char *path,
                                                    cairn_file_error *error);
 void cairn_detect_field_free(cairn_detect_field *field);
 
-/* Looks for a model. CAIRN_BAD_ARGUMENT: a model that cairn_shape_model_check refuses or that has no outline; CAIRN_NO_MEMORY. On failure
- * there is nothing to free. */
+/* Looks for a model. CAIRN_BAD_ARGUMENT, CAIRN_NOT_FINITE: a model that cairn_shape_model_check refuses; CAIRN_BAD_ARGUMENT: one with fewer
+ * than 3 places of an outline, or one that lies 0.54 of its size or farther from its middle; CAIRN_NO_MEMORY. On failure there is
+ * nothing to free. */
 CAIRN_CHECKED cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detect_field *field,
                                                const cairn_shape_model *model, const char *path,
                                                cairn_file_error *error);

@@ -27,10 +27,11 @@ typedef struct cairn_part_fragment {
 
 /* A model, open: valid until the builder's next begin(). */
 typedef struct cairn_part_model {
-    const cairn_part_fragment *fragments; /* [fragment_count] by their first vertex, then by length */
-    const cairn_oriented_point *samples;  /* even ones of each fragment, with the outline's direction */
-    const int32_t *vertices;              /* [vertex_count] of the outline, in its order: where pieces begin */
-    const cairn_real *piece_length;       /* [vertex_count] in the unit of the outline */
+    /* [fragment_count] by their first vertex, then by length; those by hand in the order of the cuts. */
+    const cairn_part_fragment *fragments;
+    const cairn_oriented_point *samples; /* even ones of each fragment, with the outline's direction */
+    const int32_t *vertices;             /* [vertex_count] of the outline, in its order: where pieces begin */
+    const cairn_real *piece_length;      /* [vertex_count] in the unit of the outline */
     int32_t fragment_count, samples_each, vertex_count, bundles;
     cairn_real length;   /* of the outline */
     cairn_vec2 centroid; /* of the outline, by length */
@@ -70,8 +71,8 @@ typedef struct cairn_part_cut {
 CAIRN_CHECKED cairn_status cairn_part_bundle_begin(cairn_part_builder *builder, const cairn_vec2 *points, int32_t count,
                                                    const cairn_part_cut *cuts, int32_t cut_count);
 
-/* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the model stands, or nothing was begun. The units of curve_evolution, and for each
- * fragment one for four points and samples. */
+/* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the model stands, or nothing was begun. By rule the units of
+ * curve_evolution, and one for four of the points and three times the vertices; for each fragment one for four points and samples. */
 CAIRN_CHECKED cairn_status cairn_part_bundle_step(cairn_part_builder *builder, cairn_budget *budget);
 
 /* All zero until step() returns CAIRN_OK. */

@@ -181,13 +181,20 @@ static void measure_pieces(cairn_part_builder *b)
         b->piece_length[i] = arc_length(b, b->vertices[i], b->vertices[i + 1 < b->vertex_count ? i + 1 : 0]);
 }
 
+/* The level of the outline's evolution whose vertices are the model's. */
+static int32_t level_of(const cairn_part_bundle_params *p)
+{
+    int32_t level = p->bundles * p->pieces_each;
+
+    return level < 3 ? 3 : level;
+}
+
 static void cut_by_rule(cairn_part_builder *b)
 {
     cairn_curve_evolution_result levels = cairn_curve_evolution_read(b->evolution);
-    int32_t level = b->params.bundles * b->params.pieces_each, n;
+    int32_t level = level_of(&b->params), n;
     cairn_real whole = b->reached[b->count];
 
-    level = level < 3 ? 3 : level;
     for (int32_t i = 0; i < b->count; i++)
         if (levels.rank[i] < level)
             b->vertices[b->vertex_count++] = i;
@@ -288,9 +295,11 @@ static cairn_status check_cuts(const cairn_vec2 *points, int32_t count, const ca
         if (cuts[k].from < 0 || cuts[k].from >= count || cuts[k].to < 0 || cuts[k].to >= count ||
             cuts[k].from == cuts[k].to || cuts[k].bundle < 0 || cuts[k].bundle >= CAIRN_PART_BUNDLES)
             return CAIRN_BAD_ARGUMENT;
+    if (cut_count > CAIRN_PART_FRAGMENTS)
+        return CAIRN_FULL;
     for (int32_t i = 0; i < count; i++)
         vertices += is_end(cuts, cut_count, i);
-    if (cut_count > CAIRN_PART_FRAGMENTS || vertices > CAIRN_PART_PIECES)
+    if (vertices > CAIRN_PART_PIECES)
         return CAIRN_FULL;
     for (int32_t k = 0; k < cut_count; k++)
         if (!(cut_length(points, count, &cuts[k]) > 0))
@@ -334,7 +343,7 @@ cairn_status cairn_part_bundle_step(cairn_part_builder *b, cairn_budget *budget)
         b->phase = LAY;
     }
     if (b->phase == LAY) {
-        if (!cairn_budget_pay(budget, &b->paid, 1 + b->count / PLACES_A_UNIT))
+        if (!cairn_budget_pay(budget, &b->paid, 1 + (b->count + LONGEST_MOST * level_of(&b->params)) / PLACES_A_UNIT))
             return CAIRN_MORE;
         cut_by_rule(b);
     }

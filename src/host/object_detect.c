@@ -5,7 +5,7 @@
  * lie on better ones, and looked at again: the outline is bent onto the edges about them (contour_search_fit.c). Both means, before and
  * after, make the score; boxes are those of the bent outlines. Of detections that overlap the best stays.
  *
- * Source: this project's; candidates and their evaluation in two steps as in Adluru 2008, sections 5.2.2 and 5.3.1. */
+ * Source: this project's; of Adluru 2008, section 5, only that there are two steps, coarse then fine. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -55,6 +55,7 @@ typedef struct peak {
 typedef struct detector {
     const cairn_detect_field *field;
     const cairn_shape_model *model;
+    cairn_oriented_point *outlines; /* of all variants */
     variant variant[2 * ASPECTS];
     int32_t variants;
     peak *peaks;
@@ -82,16 +83,13 @@ void cairn_detections_free(cairn_detections *detections)
 
 /* ---- Variants of the model ---- */
 
-static int add_variant(detector *d, int32_t mirrored, double aspect)
+static void add_variant(detector *d, int32_t mirrored, double aspect)
 {
     variant *v = &d->variant[d->variants];
     const cairn_shape_model *m = d->model;
     double wide = sqrt(aspect) * (mirrored ? -1 : 1), tall = 1 / sqrt(aspect);
 
-    v->outline = malloc((size_t)m->outline_count * sizeof *v->outline);
-    if (v->outline == NULL)
-        return 0;
-    d->variants++;
+    v->outline = &d->outlines[(size_t)d->variants++ * (size_t)m->outline_count];
     v->mirrored = mirrored;
     v->left = v->top = 1e9F;
     v->right = v->bottom = -1e9F;
@@ -107,19 +105,44 @@ static int add_variant(detector *d, int32_t mirrored, double aspect)
         v->top = fminf(v->top, (float)o->position.y);
         v->bottom = fmaxf(v->bottom, (float)o->position.y);
     }
-    return 1;
 }
 
+/* 0: there is no memory. */
 static int add_variants(detector *d)
 {
+    d->outlines = malloc(2 * ASPECTS * (size_t)d->model->outline_count * sizeof *d->outlines);
+    if (d->outlines == NULL)
+        return 0;
     for (int32_t mirrored = 0; mirrored < (d->field->params.mirror ? 2 : 1); mirrored++)
         for (int32_t k = 0; k < ASPECTS; k++)
-            if (!add_variant(d, mirrored, aspects[k]))
-                return 0;
+            add_variant(d, mirrored, aspects[k]);
     return 1;
 }
 
 /* ---- Candidates ---- */
+
+static int compare_peaks(const void *a, const void *b)
+{
+    const peak *x = a, *y = b;
+
+    if (x->score != y->score)
+        return x->score < y->score ? 1 : -1;
+    if (x->size != y->size)
+        return x->size < y->size ? -1 : 1;
+    if (x->variant != y->variant)
+        return x->variant - y->variant;
+    return x->y != y->y ? (x->y < y->y ? -1 : 1) : (x->x > y->x) - (x->x < y->x);
+}
+
+/* Room for a peak; when there is none the worse half goes. */
+static peak *next_peak(detector *d)
+{
+    if (d->count == PEAKS_MOST) {
+        qsort(d->peaks, (size_t)d->count, sizeof *d->peaks, compare_peaks);
+        d->count /= 2;
+    }
+    return &d->peaks[d->count++];
+}
 
 static void add_peaks(detector *d, const detect_plane *p, const float *sum, int32_t index)
 {
@@ -131,7 +154,7 @@ static void add_peaks(detector *d, const detect_plane *p, const float *sum, int3
     for (int32_t y = 0; y < h; y++)
         for (int32_t x = 0; x < w; x++) {
             float value = sum[y * w + x];
-            int is_peak = value > 0 && d->count < PEAKS_MOST;
+            int is_peak = value > 0;
 
             for (int32_t k = 0; k < 9 && is_peak; k++) {
                 int32_t u = x + k % 3 - 1, v = y + k / 3 - 1;
@@ -140,7 +163,7 @@ static void add_peaks(detector *d, const detect_plane *p, const float *sum, int3
                           (value >= sum[v * w + u] && k > 4);
             }
             if (is_peak) {
-                peak *q = &d->peaks[d->count++];
+                peak *q = next_peak(d);
 
                 q->score = value * share + bonus;
                 q->rigid = value * share;
@@ -173,19 +196,6 @@ static void correlate(const detector *d, const detect_plane *p, const variant *v
                 to[x] += from[x];
         }
     }
-}
-
-static int compare_peaks(const void *a, const void *b)
-{
-    const peak *x = a, *y = b;
-
-    if (x->score != y->score)
-        return x->score < y->score ? 1 : -1;
-    if (x->size != y->size)
-        return x->size < y->size ? -1 : 1;
-    if (x->variant != y->variant)
-        return x->variant - y->variant;
-    return x->y != y->y ? (x->y < y->y ? -1 : 1) : (x->x > y->x) - (x->x < y->x);
 }
 
 static float overlap_of(float al, float at, float ar, float ab, float bl, float bt, float br, float bb)
@@ -415,23 +425,46 @@ static int detect(detector *d, cairn_detections *found)
     return 1;
 }
 
+/* 1 when no variant of the outline reaches beyond the margins of a field. */
+static int is_within_margins(const cairn_shape_model *m)
+{
+    for (int32_t k = 0; k < ASPECTS; k++)
+        for (int32_t i = 0; i < m->outline_count; i++) {
+            double x = sqrt(aspects[k]) * (double)m->outline[i].position.x;
+            double y = (double)m->outline[i].position.y / sqrt(aspects[k]);
+
+            if (!(fmax(fabs(x), fabs(y)) * DETECT_CELLS < DETECT_MARGIN - 1))
+                return 0;
+        }
+    return 1;
+}
+
+static cairn_status check_model(const cairn_shape_model *model, cairn_fault *fault)
+{
+    cairn_status status = cairn_shape_model_check(model, fault);
+
+    if (status == CAIRN_OK && model->outline_count < 3)
+        status = cairn_refuse(fault, -1, "a model of fewer than 3 places, expected an outline", CAIRN_BAD_ARGUMENT);
+    if (status == CAIRN_OK && !is_within_margins(model))
+        status =
+            cairn_refuse(fault, -1, "the outline lies farther from its middle than half its size, expected it within",
+                         CAIRN_BAD_ARGUMENT);
+    return status;
+}
+
 cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detect_field *field,
                                  const cairn_shape_model *model, const char *path, cairn_file_error *error)
 {
     detector d = {.field = field, .model = model};
     cairn_fault fault = {0, NULL};
-    cairn_status status = cairn_shape_model_check(model, &fault);
+    cairn_status status = check_model(model, &fault);
 
     memset(detections, 0, sizeof *detections);
-    if (status == CAIRN_OK && model->outline_count < 3)
-        status = CAIRN_BAD_ARGUMENT;
     if (status != CAIRN_OK)
-        return cairn_file_error_set(error, status, path, 0, "%s, expected a model with an outline",
-                                    cairn_status_text(status));
+        return cairn_file_error_set(error, status, path, 0, "%s", fault.what);
     if (!detect(&d, detections))
         status = CAIRN_NO_MEMORY;
-    for (int32_t i = 0; i < 2 * ASPECTS; i++)
-        free(d.variant[i].outline);
+    free(d.outlines);
     free(d.peaks);
     cairn_contour_field_free(d.window);
     cairn_contour_fit_free(&d.fit);

@@ -8,6 +8,7 @@
 #include "src/core/build.h"
 
 #include <errno.h>
+#include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -32,6 +33,8 @@ enum { SPREAD = 3, WINDOW = 30 };
 #define FAR       30.0F
 
 enum { BINS = DETECT_BINS, MARGIN = DETECT_MARGIN };
+/* Of params. */
+enum { SIZE_LEAST = 8, SIZE_MOST = 2 * CAIRN_CONTOUR_SIDE_MOST, CANDIDATES_MOST = 64 };
 
 typedef struct maker {
     float *cost;  /* [BINS][height][width] */
@@ -155,11 +158,32 @@ static int make_plane(detect_plane *p, const cairn_contour_tokens *tokens, maker
     return 1;
 }
 
-static int params_are_good(const cairn_object_detect_params *p)
+static cairn_status check_params(const cairn_object_detect_params *p, const cairn_contour_tokens *tokens,
+                                 const char *path, cairn_file_error *error)
 {
-    return p->min_size >= 8 && p->max_size >= p->min_size && p->max_size <= CAIRN_CONTOUR_SIDE_MOST * 2 &&
-           p->candidates >= 1 && p->candidates <= 64 && p->overlap >= 0 && p->overlap <= 1 &&
-           cairn_is_finite(p->min_score);
+    int32_t longer = tokens->width > tokens->height ? tokens->width : tokens->height;
+    double least = (double)longer * DETECT_CELLS / DETECT_SIDE_MOST;
+
+    if (!(p->min_size >= SIZE_LEAST && p->min_size <= SIZE_MOST))
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "min_size %g, expected %d to %d pixels",
+                                    (double)p->min_size, SIZE_LEAST, SIZE_MOST);
+    if (!(p->max_size >= p->min_size && p->max_size <= SIZE_MOST))
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "max_size %g, expected %g to %d pixels",
+                                    (double)p->max_size, (double)p->min_size, SIZE_MOST);
+    if (!((double)p->min_size >= least))
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
+                                    "min_size %g in a picture of %" PRId32 " pixels, expected at least %g",
+                                    (double)p->min_size, longer, least);
+    if (p->candidates < 1 || p->candidates > CANDIDATES_MOST)
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "%" PRId32 " candidates, expected 1 to %d",
+                                    p->candidates, CANDIDATES_MOST);
+    if (!(p->overlap >= 0 && p->overlap <= 1))
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "overlap %g, expected 0 to 1",
+                                    (double)p->overlap);
+    if (!cairn_is_finite(p->min_score))
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "min_score %g, expected a finite one",
+                                    (double)p->min_score);
+    return CAIRN_OK;
 }
 
 /* As many sizes as there are up to the largest. */
@@ -167,19 +191,21 @@ static int32_t planes_of(const cairn_object_detect_params *p)
 {
     int32_t planes = 1 + (int32_t)(log((double)(p->max_size / p->min_size)) / log(SIZE_STEP) + 1e-6);
 
-    return planes < DETECT_PLANES ? planes : DETECT_PLANES;
+    CAIRN_ASSERT(planes <= DETECT_PLANES);
+    return planes;
 }
 
 cairn_status cairn_detect_field_make(cairn_detect_field **field, const cairn_contour_tokens *tokens,
                                      const cairn_object_detect_params *params, const char *path,
                                      cairn_file_error *error)
 {
+    cairn_status status = check_params(params, tokens, path, error);
     cairn_detect_field *f;
     int ok = 1;
 
-    if (!params_are_good(params))
-        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
-                                    "no such search, expected sizes of at least 8 pixels");
+    *field = NULL;
+    if (status != CAIRN_OK)
+        return status;
     f = calloc(1, sizeof *f);
     if (f == NULL)
         return cairn_file_error_system(error, path, "detect", ENOMEM);

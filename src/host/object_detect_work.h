@@ -3,9 +3,17 @@
 #define CAIRN_HOST_OBJECT_DETECT_WORK_H
 
 #include "cairn/object_detect.h"
+#include "src/host/contour_search_fit.h"
 
-/* Directions over half a turn; cells along an object's size, and round the picture, where no edge is known. */
-enum { DETECT_BINS = 12, DETECT_CELLS = 40, DETECT_MARGIN = 28, DETECT_PLANES = 32 };
+/* Directions over half a turn; cells along an object's size, and round the picture, where no edge is known; sizes from the least to the
+ * largest that there may be; cells along a picture's side at most. */
+enum {
+    DETECT_BINS = CONTOUR_FIELD_BINS,
+    DETECT_CELLS = 40,
+    DETECT_MARGIN = 28,
+    DETECT_PLANES = 42,
+    DETECT_SIDE_MOST = 2000
+};
 
 /* What edges are worth for objects of one size. */
 typedef struct detect_plane {

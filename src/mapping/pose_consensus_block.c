@@ -228,47 +228,47 @@ static void part_from(cairn_pose_consensus *c, int32_t node)
     memcpy(c->best, c->chart, (size_t)c->node_count * sizeof *c->best);
 }
 
-/* Nodes of the island of a node; a node that is not placed is one. */
-static int32_t size_of_island(const cairn_pose_consensus *c, int32_t node)
+/* Finds the first node of the next node's island, and how many nodes it has; a node that is not placed is one by itself. */
+void cairn_consensus_island_item(cairn_pose_consensus *c)
 {
-    int32_t size = 0;
+    int32_t node = c->next, size = 0, first = node;
 
-    for (int32_t i = 0; i < c->node_count; i++)
-        size += i == node || (c->chart[node].part >= 0 && c->chart[i].part == c->chart[node].part);
-    return size;
-}
-
-/* 1 when the island of the first node comes before that of the second one: the larger first, then that of the lower node. */
-static int is_island_before(const cairn_pose_consensus *c, int32_t first, int32_t second)
-{
-    int32_t a = size_of_island(c, first), b = size_of_island(c, second);
-
-    return a > b || (a == b && first < second);
-}
-
-/* Numbers the islands of each part of the result; all but its first one are in doubt. */
-static void report_islands(cairn_pose_consensus *c)
-{
-    c->result.ambiguous = 0;
-    for (int32_t i = 0; i < c->node_count; i++) {
-        cairn_consensus_node *node = &c->nodes[i];
-        int32_t first = 0;
-
-        while (first < i && (c->chart[first].part != c->chart[i].part || c->chart[i].part < 0))
-            first++;
-        node->island = first < i ? c->nodes[first].island : 0;
-        for (int32_t k = 0; k < c->node_count && first == i; k++) {
-            int32_t is_first = 1;
-
-            for (int32_t l = 0; l < k && is_first; l++)
-                is_first = c->chart[l].part != c->chart[k].part;
-            node->island += is_first && c->nodes[k].part == node->part && c->chart[k].part != c->chart[i].part &&
-                            is_island_before(c, k, i);
-        }
-        node->ambiguous |= node->island > 0;
-        c->result.ambiguous += node->ambiguous;
+    if (c->next == c->end) {
+        c->result.ambiguous = 0;
+        cairn_consensus_enter(c, CAIRN_CONSENSUS_NUMBER, c->node_count);
+        return;
     }
-    c->debt += c->node_count * c->node_count;
+    c->next++;
+    c->debt += c->node_count - c->node_count / 2;
+    for (int32_t i = 0; i < c->node_count; i++)
+        if (i == node || (c->chart[node].part >= 0 && c->chart[i].part == c->chart[node].part)) {
+            first = i < first ? i : first;
+            size++;
+        }
+    c->tree[node].parent = first;
+    c->fill[node] = size;
+}
+
+/* Numbers the island of the next node within its part of the result: larger ones come first, of equal ones that of the lower
+ * node. Nodes of all but the first are in doubt. */
+void cairn_consensus_number_item(cairn_pose_consensus *c)
+{
+    int32_t own = c->next, first;
+    cairn_consensus_node *node = &c->nodes[own];
+
+    if (c->next == c->end) {
+        cairn_consensus_enter(c, CAIRN_CONSENSUS_IDLE, 0);
+        return;
+    }
+    c->next++;
+    c->debt += c->node_count / 2;
+    first = c->tree[own].parent;
+    node->island = first < own ? c->nodes[first].island : 0;
+    for (int32_t i = 0; first == own && i < c->node_count; i++)
+        node->island += c->tree[i].parent == i && c->nodes[i].part == node->part &&
+                        (c->fill[i] > c->fill[own] || (i < own && c->fill[i] == c->fill[own]));
+    node->ambiguous |= node->island > 0;
+    c->result.ambiguous += node->ambiguous;
 }
 
 /* Of all blocks the one that lacks most is cut off, until all that hangs together is believed. */
@@ -292,7 +292,6 @@ void cairn_consensus_part_item(cairn_pose_consensus *c)
         part_from(c, c->block);
         cairn_consensus_begin_tree(c);
     } else {
-        report_islands(c);
-        cairn_consensus_enter(c, CAIRN_CONSENSUS_IDLE, 0);
+        cairn_consensus_enter(c, CAIRN_CONSENSUS_ISLANDS, c->node_count);
     }
 }

@@ -528,6 +528,12 @@ void cairn_consensus_item(cairn_pose_consensus *c)
     case CAIRN_CONSENSUS_PART:
         cairn_consensus_part_item(c);
         break;
+    case CAIRN_CONSENSUS_ISLANDS:
+        cairn_consensus_island_item(c);
+        break;
+    case CAIRN_CONSENSUS_NUMBER:
+        cairn_consensus_number_item(c);
+        break;
     case CAIRN_CONSENSUS_SPREAD:
         cairn_consensus_spread_item(c);
         break;

@@ -34,7 +34,7 @@ typedef struct cairn_chart_node {
 
 /* A node in the tree of the strongest pairs of its part. */
 typedef struct cairn_consensus_branch {
-    int32_t parent; /* -1: a root */
+    int32_t parent; /* -1: a root; when islands are numbered the first node of its own */
     int32_t is_in;
     cairn_real evidence; /* of the pair with the parent */
 } cairn_consensus_branch;
@@ -73,7 +73,9 @@ enum {
     CAIRN_CONSENSUS_TREE,  /* of the best map at last: where it hangs by single pairs, ... */
     CAIRN_CONSENSUS_BLOCK, /* ... what hangs there is laid anew as a whole */
     CAIRN_CONSENSUS_PROPOSE,
-    CAIRN_CONSENSUS_PART, /* islands are cut off */
+    CAIRN_CONSENSUS_PART,    /* islands are cut off, ... */
+    CAIRN_CONSENSUS_ISLANDS, /* ... measured ... */
+    CAIRN_CONSENSUS_NUMBER,  /* ... and numbered */
     CAIRN_CONSENSUS_REPORT,
     CAIRN_CONSENSUS_SPREAD /* doubt, to nodes that hang by those in doubt */
 };
@@ -91,7 +93,7 @@ struct cairn_pose_consensus {
     cairn_kept_hypothesis *hypotheses;         /* [max_hypotheses] */
     cairn_consensus_link *links;               /* [2 * max_hypotheses] */
     int32_t *first_link;                       /* [max_nodes + 1] */
-    int32_t *fill;                             /* [max_nodes] for the links while they are built */
+    int32_t *fill;                             /* [max_nodes] for the links while they are built; sizes of islands */
     cairn_node_bound *bounds;                  /* [max_nodes] */
     cairn_chart_node *chart, *best, *rival;    /* [max_nodes] */
     cairn_consensus_branch *tree;              /* [max_nodes] */
@@ -203,6 +205,10 @@ void cairn_consensus_propose_item(cairn_pose_consensus *consensus);
 
 /* Weighs a block of the settled map, or makes an island of the one that lacks most. */
 void cairn_consensus_part_item(cairn_pose_consensus *consensus);
+
+/* Measures the island of a node; numbers it. */
+void cairn_consensus_island_item(cairn_pose_consensus *consensus);
+void cairn_consensus_number_item(cairn_pose_consensus *consensus);
 
 /* Goes to a phase of `end` items. */
 void cairn_consensus_enter(cairn_pose_consensus *consensus, cairn_consensus_phase phase, int32_t end);
