@@ -63,7 +63,7 @@ void board_record(const void *data, uint32_t bytes)
 
 int32_t board_number(int32_t otherwise)
 {
-    char line[128];
+    char line[128] = {0};
     uint32_t block[2] = {(uint32_t)(uintptr_t)line, sizeof line};
     uint32_t from, end;
     int32_t number = 0;
