@@ -388,7 +388,7 @@ static int run_boxes(const settings *s, const char *name, double metres, double 
 
     for (size_t k = 0; k < sizeof methods / sizeof *methods; k++) {
         int32_t collapsed = 0;
-        double off = 0, thinnest = INFINITY;
+        double off = 0, thinnest = (double)INFINITY;
 
         for (int64_t i = 0; i < s->boxes; i++) {
             static bench_box box;
