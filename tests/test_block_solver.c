@@ -609,6 +609,27 @@ static void not_positive_is_told_with_the_pose(void **state)
     test_pool_free(&pool);
 }
 
+/* Wherever it stands in the order of elimination. */
+static void every_pose_is_told_by_its_own_number(void **state)
+{
+    enum { SIDE = 9, POSES = SIDE * SIDE };
+    const cairn_sym3 good = {2, 0, 0, 2, 0, 2}, bad = {2, 0, 0, 2, 0, -1};
+    struct grid g;
+
+    (void)state;
+    assert_ok(start_grid(&g, SIDE, 600, CAIRN_UNBOUNDED));
+    for (int32_t pose = 0; pose < POSES; pose++) {
+        assert_ok(cairn_block_solver_clear(g.solver));
+        for (int32_t i = 0; i < POSES; i++)
+            assert_ok(cairn_block_solver_add_pose_block(g.solver, i, i == pose ? bad : good));
+        assert_ok(cairn_block_solver_factor(g.solver));
+        assert_ok(run(g.solver, CAIRN_UNBOUNDED));
+        assert_int_equal(cairn_block_solver_read(g.solver).state, CAIRN_BLOCK_SOLVER_NOT_POSITIVE);
+        assert_int_equal(cairn_block_solver_read(g.solver).pose, pose);
+    }
+    test_pool_free(&g.pool);
+}
+
 /* What 64 rounding errors leave of a pivot is the border. */
 static void nearly_singular_is_refused(void **state)
 {
@@ -967,6 +988,7 @@ int main(void)
         cmocka_unit_test(fill_of_random_graphs),
         cmocka_unit_test(lists_of_one_pose_are_kept),
         cmocka_unit_test(not_positive_is_told_with_the_pose),
+        cmocka_unit_test(every_pose_is_told_by_its_own_number),
         cmocka_unit_test(nearly_singular_is_refused),
         cmocka_unit_test(overflow_is_told),
         cmocka_unit_test(budgets_do_not_matter),
