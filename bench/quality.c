@@ -335,18 +335,17 @@ static double likelihood_of_beam(const figures *map)
 static int predict(const study *all, const settings *set, double (*measure)(const figures *map), bench_prediction *p)
 {
     size_t maps = (size_t)all->arenas * METHODS * SAMPLES;
-    double *values = malloc(2 * maps * sizeof *values);
-    bench_predict_maps table = {values, values + maps, all->arenas, METHODS, SAMPLES, set->good};
-    int done;
+    double *values = malloc(maps * sizeof *values), *errors = malloc(maps * sizeof *errors);
+    bench_predict_maps table = {values, errors, all->arenas, METHODS, SAMPLES, set->good};
+    int done = values != NULL && errors != NULL;
 
-    if (values == NULL)
-        return 0;
-    for (size_t k = 0; k < maps; k++) {
+    for (size_t k = 0; k < maps && done; k++) {
         values[k] = measure(&all->map[k]);
-        values[maps + k] = all->map[k].whole.distance;
+        errors[k] = all->map[k].whole.distance;
     }
-    done = bench_predict(&table, (uint64_t)set->seed, p);
+    done = done && bench_predict(&table, (uint64_t)set->seed, p);
     free(values);
+    free(errors);
     return done;
 }
 

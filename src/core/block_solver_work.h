@@ -65,8 +65,8 @@ struct block_solver_panel {
     int32_t target[BLOCK_SOLVER_PANEL];
     int32_t from_end[BLOCK_SOLVER_PANEL];    /* of the source columns' block in the target's row */
     cairn_real scale[BLOCK_SOLVER_PANEL][3]; /* of the diagonal before elimination */
-    /* Of each pair of targets for each source column; of a target without another the second half is zero. */
-    cairn_real factor[BLOCK_SOLVER_PANEL / 2][BLOCK_SOLVER_WIDTH][3][6];
+    /* [PANEL / 2] of each pair of targets for each source column; of a target without another the second half is zero. */
+    cairn_real (*factor)[BLOCK_SOLVER_WIDTH][3][6];
 };
 
 struct cairn_block_solver {
