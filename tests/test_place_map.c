@@ -744,7 +744,7 @@ static void results_stay_as_they_are(void **state)
     assert_golden(hash_of_rooms(sequential, 0), UINT64_C(0x5ff4f372a4765e5), UINT64_C(0x29096644c386c71a));
     jointly.decoupled = CAIRN_PLACE_MAP_JOINTLY;
     assert_golden(hash_of_crowd(crowded), UINT64_C(0x48e2b9d8a0c5b5ae), UINT64_C(0x1ca3c90105d62262));
-    assert_golden(hash_of_crowd(jointly), UINT64_C(0x579649f8dd4ba3f3), UINT64_C(0x5e4ec75be5563884));
+    assert_golden(hash_of_crowd(jointly), UINT64_C(0x1319e2a3dd36c8d5), UINT64_C(0x5e4ec75be5563884));
     assert_golden(hash_of_rooms(decoupled, 0), UINT64_C(0xa55f6524967691e1), UINT64_C(0x42e2c5d7db9cf079));
 }
 
