@@ -315,7 +315,7 @@ static void relative_errors(const struct mapper *m, const struct scans *scans, d
 
 static void scans_aligned_by_themselves(void **state)
 {
-    const double most[3] = {1, 0.9, 0.25}; /* of the errors that are left */
+    const double most[3] = {1, 0.9, 0.3}; /* of the errors that are left */
     cairn_place_map_params params = small_params(6);
     static struct arena arena;
     double first[2];
@@ -343,7 +343,7 @@ static void scans_aligned_by_themselves(void **state)
     free_arena(&arena);
 }
 
-/* The place goes with its first scan, and parts that share nothing stay where they are. */
+/* The place goes with its first scan, and rooms that share nothing are parts or islands that stay as they are. */
 static void parts_are_aligned_apart(void **state)
 {
     const cairn_pose poses[4] = {
@@ -364,11 +364,15 @@ static void parts_are_aligned_apart(void **state)
     params.decoupled = CAIRN_PLACE_MAP_JOINTLY;
     make_mapper(&m, &params);
     load(&m, &scans);
-    assert_int_equal(solve(&m).parts, 2);
+    (void)solve(&m);
     for (int32_t i = 0; i < 4; i++) {
-        cairn_pose expected = cairn_pose_between(poses[i / 2 * 2], poses[i]);
-        cairn_pose found = cairn_place_map_place_of(m.map, i).map_place;
+        cairn_place_map_place first = cairn_place_map_place_of(m.map, i / 2 * 2), place;
+        cairn_pose expected = cairn_pose_between(poses[i / 2 * 2], poses[i]), found;
 
+        place = cairn_place_map_place_of(m.map, i);
+        found = cairn_pose_between(first.map_place, place.map_place);
+        assert_int_equal(place.part, first.part);
+        assert_int_equal(place.ambiguous != 0 || place.part != 0, i >= 2);
         assert_near(found.x, expected.x, 0.02);
         assert_near(found.y, expected.y, 0.02);
         assert_near(cairn_wrap_angle(found.theta - expected.theta), 0, 0.01);
@@ -739,13 +743,13 @@ static void results_stay_as_they_are(void **state)
     decoupled.decoupled = 1;
     decoupled.rounds = 1;
     decoupled.sweeps = 1;
-    assert_golden(hash_of_rooms(params, 0), UINT64_C(0x86d4dd24b143856f), UINT64_C(0xa25f528a729e68b4));
-    assert_golden(hash_of_rooms(params, 1), UINT64_C(0x7315819de4cffdb9), UINT64_C(0x74fd77997e3592b4));
-    assert_golden(hash_of_rooms(sequential, 0), UINT64_C(0x33ab8f8329ca2202), UINT64_C(0xd338b7435c55244f));
+    assert_golden(hash_of_rooms(params, 0), UINT64_C(0x9e3a18a6e258a3b4), UINT64_C(0xf98f389b00495c85));
+    assert_golden(hash_of_rooms(params, 1), UINT64_C(0xd98f27edbd079b00), UINT64_C(0xd7ed122a7d880b52));
+    assert_golden(hash_of_rooms(sequential, 0), UINT64_C(0x5462beca32429eee), UINT64_C(0x9899ebdd4e79fc89));
     jointly.decoupled = CAIRN_PLACE_MAP_JOINTLY;
-    assert_golden(hash_of_crowd(crowded), UINT64_C(0x0787b76929071bc7), UINT64_C(0x2121b0cf8a03615a));
-    assert_golden(hash_of_crowd(jointly), UINT64_C(0x53cd318853fcc567), UINT64_C(0x45172cd727b71a76));
-    assert_golden(hash_of_rooms(decoupled, 0), UINT64_C(0xba3a0a8acee31904), UINT64_C(0x1be37b95ec51de24));
+    assert_golden(hash_of_crowd(crowded), UINT64_C(0xce03270dc15f3136), UINT64_C(0xe1e666ebe972f0d8));
+    assert_golden(hash_of_crowd(jointly), UINT64_C(0xf3a53f67d9e3d85e), UINT64_C(0x29673834a38ac8a8));
+    assert_golden(hash_of_rooms(decoupled, 0), UINT64_C(0x6eca628d7c3594ab), UINT64_C(0xcd92260aa9acbaba));
 }
 
 /* ---- Contracts ---- */

@@ -49,7 +49,8 @@ static void make_bed_of(bed *b, cairn_scan_match_mode mode, int32_t candidates)
     memset(b, 0, sizeof *b);
     params.mode = mode;
     params.max_candidates = candidates;
-    params.max_target = params.max_query = MOST;
+    params.max_query = MOST;
+    params.max_target = 2 * MOST;
     b->pool = test_pool(cairn_scan_match_memory(&params));
     assert_ok(cairn_scan_match_create(&b->match, &b->pool, &params));
     b->target_part.points = b->target;
@@ -226,19 +227,24 @@ static int32_t plain_cell(const match_votes *v, cairn_transform turn, const cair
     return x < 0 || y < 0 || x >= v->width || y >= v->height ? -1 : (int32_t)y * v->width + (int32_t)x;
 }
 
-/* Every query point that votes with every target point. */
-static void plain_votes(const bed *b, int32_t *cell)
+/* Every query point that votes with every target point; `once`: no more than once for a cell. */
+static void plain_votes(const bed *b, int once, int32_t *cell)
 {
+    static int32_t last[MATCH_CELLS_MOST];
     const match_votes *v = &b->match->votes;
     cairn_pose turn = {0, 0, v->first_angle + (cairn_real)v->rotation * v->angle_step};
+    cairn_transform t = cairn_transform_of(turn);
 
     memset(cell, 0, (size_t)v->width * (size_t)v->height * sizeof *cell);
+    memset(last, 0, sizeof last);
     for (int32_t i = 0; i < b->query_part.count; i += v->stride)
-        for (int32_t k = 0; k < b->target_part.count; k++) {
-            int32_t at = plain_cell(v, cairn_transform_of(turn), &b->query[i], &b->target[k]);
+        for (int32_t k = 0; k < b->match->target_count; k++) {
+            int32_t at = plain_cell(v, t, &b->query[i], &b->match->target[k]);
 
-            if (at >= 0)
-                cell[at]++;
+            if (at < 0 || (once && last[at] == i + 1))
+                continue;
+            cell[at]++;
+            last[at] = i + 1;
         }
 }
 
@@ -257,10 +263,10 @@ static int next_rotation(bed *b)
 {
     cairn_budget budget;
 
-    while (b->match->phase == MATCH_PEAKS || b->match->phase < MATCH_PEAKS) {
+    while (b->match->phase <= MATCH_PEAKS) {
         budget.left = 1;
         assert_status(cairn_scan_match_step(b->match, &budget), CAIRN_MORE);
-        if (b->match->phase == MATCH_PEAKS && b->match->at == 0)
+        if (b->match->phase == MATCH_PEAKS)
             return 1;
     }
     return 0;
@@ -323,11 +329,11 @@ static void votes_are_those_of_all_pairs(void **state)
     (void)state;
     make_bed_of(&b, CAIRN_SCAN_MATCH_CORRELATIVE, MANY);
     assert_ok(cairn_scan_match_begin(b.match, &b.query_part, b.start, &window, NULL));
+    b.match->votes.most = MANY; /* all peaks are kept */
     while (next_rotation(&b)) {
         int32_t rotation = b.match->votes.rotation;
 
-        b.match->votes.most = MANY; /* all peaks are kept */
-        plain_votes(&b, cell);
+        plain_votes(&b, 0, cell);
         for (int32_t at = 0; at < b.match->votes.width * b.match->votes.height; at++) {
             assert_int_equal(b.match->votes.cell[at], cell[at]);
             votes += cell[at];
@@ -343,6 +349,35 @@ static void votes_are_those_of_all_pairs(void **state)
     test_pool_free(&b.pool);
 }
 
+/* Without a guess a query point votes for a cell once, however many parts saw the wall. */
+static void votes_of_everything_are_points(void **state)
+{
+    static int32_t cell[MATCH_CELLS_MOST];
+    static bed b;
+    int32_t votes = 0, most = 0;
+
+    (void)state;
+    make_bed_of(&b, CAIRN_SCAN_MATCH_CORRELATIVE, 3);
+    assert_ok(cairn_scan_match_add_target(b.match, &b.query_part,
+                                          (cairn_pose){CAIRN_REAL(1.03), CAIRN_REAL(0.02), CAIRN_REAL(0.11)}, NULL));
+    assert_ok(cairn_scan_match_begin(b.match, &b.query_part, b.start, NULL, NULL));
+    while (next_rotation(&b)) { /* all but those in which nobody votes */
+        const match_votes *v = &b.match->votes;
+
+        plain_votes(&b, 1, cell);
+        for (int32_t at = 0; at < v->width * v->height; at++) {
+            assert_int_equal(v->cell[at] >> 8, cell[at]);
+            votes += cell[at];
+            most = most > cell[at] ? most : cell[at];
+        }
+        if (v->rotation + 1 == v->rotations)
+            break;
+        pass_peaks(&b);
+    }
+    assert_true(votes > 1000 && most > b.query_part.count / 4);
+    test_pool_free(&b.pool);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -351,6 +386,7 @@ int main(void)
         cmocka_unit_test(histograms),
         cmocka_unit_test(nothing_to_show),
         cmocka_unit_test(votes_are_those_of_all_pairs),
+        cmocka_unit_test(votes_of_everything_are_points),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
