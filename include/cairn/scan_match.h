@@ -25,7 +25,8 @@ enum {
     /* The same up to an inner stage, to see what each adds: */
     CAIRN_SCAN_MATCH_SHAPE_COMMON = 2,   /* the common subsequence alone */
     CAIRN_SCAN_MATCH_SHAPE_COLINEAR = 3, /* and the colinear filter */
-    CAIRN_SCAN_MATCH_SHAPE_SEGMENTS = 4  /* and the segment filter and its translation: all but ICP */
+    CAIRN_SCAN_MATCH_SHAPE_SEGMENTS = 4, /* and the segment filter and its translation: all but ICP */
+    CAIRN_SCAN_MATCH_SHAPE_LINES = 5     /* all but the colinear filter */
 };
 
 typedef struct cairn_scan_match_params {
@@ -157,7 +158,8 @@ cairn_scan_match_result cairn_scan_match_read(const cairn_scan_match *match);
 cairn_scan_match_measure cairn_scan_match_measured(const cairn_scan_match *match);
 
 /* ---- What the modes of shape saw, for pictures, once step() has returned CAIRN_OK: of the last rotation of the query that was
- * tried. In a window whose angle is 0 that is the only one, the heading of the start. ---- */
+ * tried. In a window whose angle is 0 that is the only one, the heading of the start. The filters are applied twice, see
+ * scan_match_shape.c; this is the second time. ---- */
 
 /* How far a pair of points came. */
 typedef int32_t cairn_scan_match_stage;
