@@ -449,6 +449,8 @@ static void refuses_params(void **state)
     bad[count++].max_query = (1 << 20) + 1;
     bad[count++].max_hypotheses = 0;
     bad[count++].max_hypotheses = 65;
+    bad[count++].once = -1;
+    bad[count++].once = 2;
     bad[count++].spacing = 0;
     bad[count++].spacing = nan;
     bad[count++].sigma = 0;

@@ -6,7 +6,7 @@
  * nothing is pruned. Peaks (local maxima of two by two cells) compete over all headings for a fixed number of places.
  *
  * A wall that many parts of the target saw has as many points at each of its places. In a search of everything a query point
- * therefore votes for a cell once: its vote says that it is explained there. Else the poses where the target was seen most
+ * therefore votes for a cell once (params.once): its vote says that it is explained there. Else the poses where the target was seen most
  * often would take all places, and of two equal rooms the one seen less would not be looked at.
  *
  * Layout: of a cell the votes, or votes << 8 | number of the query point that voted last. */
@@ -101,7 +101,7 @@ void cairn_match_votes_begin(cairn_scan_match *x)
     v->most = cells / 8 + v->rotations;
     v->most = v->most < x->params.max_candidates ? v->most : x->params.max_candidates;
     v->stride = (x->query.count + MATCH_VOTERS - 1) / MATCH_VOTERS;
-    v->shift = x->has_window ? 0 : VOTER_BITS;
+    v->shift = x->has_window || !x->params.once ? 0 : VOTER_BITS;
 }
 
 /* Votes of a query point, at `p` as turned, with the target points by_direction[first ... end-1]; where the bits of the mask
@@ -137,7 +137,7 @@ static inline void vote_unless(cairn_scan_match *x, cairn_vec2 p, int32_t first,
 
 static void vote(cairn_scan_match *x, cairn_vec2 p, int32_t first, int32_t end)
 {
-    if (x->has_window)
+    if (x->votes.shift == 0)
         vote_unless(x, p, first, end, 0, NOBODY);
     else
         vote_unless(x, p, first, end, VOTER_MASK, x->at / x->votes.stride);
