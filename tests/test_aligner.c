@@ -1267,17 +1267,17 @@ static uint64_t hash_of_scene(const struct scene *scene)
 static void results_stay_as_they_are(void **state)
 {
     static const struct scene scenes[] = {
-        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0x5c2f96a4aadd843b), UINT64_C(0xd765089dbbbf0a79)},
-        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x061b2064ba3055e6), UINT64_C(0xe14b1b9ed5545b41)},
-        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0x11955045dfbc2f2d), UINT64_C(0xfcedbf4d3237184e)},
-        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x175845586a219860), UINT64_C(0x747323dcc9f0b8bc)},
-        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0x304b8e24df66ea3f), UINT64_C(0xe9adff3857e5e53f)},
-        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x8c40ca371585a823), UINT64_C(0x5b39dfcfeecc8448)},
-        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0x19dec0140e64ad53), UINT64_C(0xe1b53b9e3d68a7e2)},
-        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x19daff7b8ba6b9f8), UINT64_C(0xf79d18ec95372c57)},
-        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0xb504b57b2016c1b0), UINT64_C(0xd741a4ff5c9d590f)},
-        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x390ba3dace32a8c7), UINT64_C(0xcb46332af336fd18)},
-        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x00658040e1efa131), UINT64_C(0x6513aeb1be0226bd)},
+        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0x74e6b33d3743127d), UINT64_C(0x5313faaba387d5e9)},
+        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x237261cfbbbb4e3f), UINT64_C(0x1905f3f5230c92cb)},
+        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0xb5104553ec458955), UINT64_C(0x925417e57cd5d246)},
+        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x31d0a102fcafaf43), UINT64_C(0xaa0f6988ecaf972f)},
+        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0x750d8dd41371e1c7), UINT64_C(0xd324691ede41c4bc)},
+        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x52697e5e2fdd15f3), UINT64_C(0x0f38e9e321d6fa43)},
+        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0x6877dd6cc6ecbf4f), UINT64_C(0xbc3f0b9df79a91cb)},
+        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x7f8b7e9532cff8a9), UINT64_C(0xbdaf4f7abb86fdd2)},
+        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0xc41c627203897dd9), UINT64_C(0x490abbcab69dca57)},
+        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x51663d9ced237b4d), UINT64_C(0xf9d614b544603564)},
+        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x5274f663caa2fb64), UINT64_C(0x662c3bb38e2b3cd5)},
     };
 
     (void)state;
