@@ -1267,17 +1267,17 @@ static uint64_t hash_of_scene(const struct scene *scene)
 static void results_stay_as_they_are(void **state)
 {
     static const struct scene scenes[] = {
-        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0x5c2f96a4aadd843b), UINT64_C(0xd765089dbbbf0a79)},
-        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x061b2064ba3055e6), UINT64_C(0xe14b1b9ed5545b41)},
-        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0x11955045dfbc2f2d), UINT64_C(0xfcedbf4d3237184e)},
-        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x175845586a219860), UINT64_C(0x747323dcc9f0b8bc)},
-        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0x304b8e24df66ea3f), UINT64_C(0xe9adff3857e5e53f)},
-        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x8c40ca371585a823), UINT64_C(0x5b39dfcfeecc8448)},
-        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0x19dec0140e64ad53), UINT64_C(0xe1b53b9e3d68a7e2)},
-        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x19daff7b8ba6b9f8), UINT64_C(0xf79d18ec95372c57)},
-        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0xb504b57b2016c1b0), UINT64_C(0xd741a4ff5c9d590f)},
-        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x390ba3dace32a8c7), UINT64_C(0xcb46332af336fd18)},
-        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x00658040e1efa131), UINT64_C(0x6513aeb1be0226bd)},
+        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0xf1fc23ae001dda81), UINT64_C(0xe20844819072ecc6)},
+        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x0c5f9fa1c4216a5d), UINT64_C(0x817edd154be1e9e1)},
+        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0xf92c2dd51cbdd23b), UINT64_C(0x722c398fb8efd02f)},
+        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x51d5a3ede31f4561), UINT64_C(0xcf9d33131221cdeb)},
+        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0x9d500483a37c48eb), UINT64_C(0x12594d93b53cb72e)},
+        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x4591fc0401bda072), UINT64_C(0x6bddde70ff6b67fa)},
+        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0xbb167842f3435ede), UINT64_C(0x6640b2ba4ab4d855)},
+        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x9414dada5faa6feb), UINT64_C(0x96e16862c852ac13)},
+        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0x787ec5e8cfcec9eb), UINT64_C(0xbbd0880d712c0b27)},
+        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x1aa38857d3b2ea8b), UINT64_C(0xeb9909e222bd9da3)},
+        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x98b793fab5828fb4), UINT64_C(0x72874338e1afc63a)},
     };
 
     (void)state;
