@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include "bench/bench_json.h"
 #include "cairn/output.h"
@@ -16,6 +17,8 @@ typedef struct settings {
     const char *data, *solver;
     int32_t keep_all;
     int64_t generate; /* poses; 0: files */
+    int64_t growth;   /* poses of the largest of four graphs; 0: none */
+    int64_t repeat;   /* times that each of them is solved */
     int64_t wrong;    /* links added to a generated graph */
     uint64_t seed;
     const char *clean; /* the graph without wrong links; NULL: not known */
@@ -272,14 +275,83 @@ static int solve_generated(const settings *s, totals *sum)
     return code;
 }
 
+/* ---- How time and memory grow ---- */
+
+enum { SIZES = 4, REPEAT_MOST = 99 };
+
+/* The processor's time of one solution, < 0: refused. */
+static double cpu_seconds(const settings *s, const cairn_pose_graph_file *file, cairn_pose_graph_solution *out)
+{
+    clock_t start;
+    cairn_status status;
+
+    memset(out, 0, sizeof *out);
+    out->solver = strcmp(s->solver, "sparse") == 0 ? CAIRN_POSE_GRAPH_SPARSE : CAIRN_POSE_GRAPH_BUILTIN;
+    start = clock();
+    status = cairn_pose_graph_file_solve(file, out);
+    if (status != CAIRN_OK) {
+        fprintf(stderr, "bench/graph: %d poses: %s\n", (int)file->vertex_count, cairn_status_text(status));
+        return -1;
+    }
+    cairn_pose_graph_solution_free(out);
+    return (double)(clock() - start) / CLOCKS_PER_SEC;
+}
+
+/* Medians of graphs of an eighth, a fourth, half and all of the poses, solved in turn, and the exponents between the ends. */
+static int solve_growing(const settings *s)
+{
+    static double seconds[SIZES][REPEAT_MOST];
+    cairn_pose_graph_file file[SIZES];
+    cairn_pose_graph_solution out[SIZES];
+    double median[SIZES], octaves = log((double)(1 << (SIZES - 1)));
+    int made = 1;
+
+    for (int32_t k = 0; k < SIZES; k++)
+        made = generate(&file[k], (int32_t)(s->growth >> (SIZES - 1 - k)), 0, s->seed) && made;
+    for (int32_t r = 0; r < s->repeat && made; r++)
+        for (int32_t k = 0; k < SIZES && made; k++) {
+            seconds[k][r] = cpu_seconds(s, &file[k], &out[k]);
+            made = seconds[k][r] >= 0;
+        }
+    for (int32_t k = 0; k < SIZES && made; k++) {
+        median[k] = bench_median(seconds[k], (size_t)s->repeat);
+        bench_json_begin("graph");
+        bench_json_text("solver", s->solver);
+        bench_json_integer("poses", file[k].vertex_count);
+        bench_json_integer("links", file[k].edge_count);
+        bench_json_integer("fill", out[k].state.fill);
+        bench_json_number("chi2_final", (double)out[k].state.chi2);
+        bench_json_integer("iterations", out[k].state.iterations);
+        bench_json_number("seconds", median[k]);
+        bench_json_number("microseconds_per_pose", 1e6 * median[k] / file[k].vertex_count);
+        bench_json_integer("pool_bytes", (int64_t)out[k].pool_bytes);
+        bench_json_end();
+    }
+    if (made) {
+        bench_json_begin("graph");
+        bench_json_integer("sizes", SIZES);
+        bench_json_integer("repeat", s->repeat);
+        bench_json_number("exponent_seconds", log(median[SIZES - 1] / median[0]) / octaves);
+        bench_json_number("exponent_bytes",
+                          log((double)out[SIZES - 1].pool_bytes / (double)out[0].pool_bytes) / octaves);
+        bench_json_true("summary");
+        bench_json_end();
+    }
+    for (int32_t k = 0; k < SIZES; k++)
+        cairn_pose_graph_file_free(&file[k]);
+    return made ? 0 : 2;
+}
+
 int main(int argc, char **argv)
 {
-    settings s = {"../shared/data", "builtin", 0, 0, 0, 1, NULL};
+    settings s = {"../shared/data", "builtin", 0, 0, 0, 5, 0, 1, NULL};
     const option table[] = {
         OPTION_TEXT("--data", &s.data, "DIR", "folder of the data sets (../shared/data)"),
         OPTION_TEXT("--solver", &s.solver, "NAME", "builtin, or sparse: SuiteSparse"),
         OPTION_FLAG("--keep-all", &s.keep_all, "least squares of all links"),
         OPTION_INTEGER("--generate", &s.generate, 2, 4000000, "N", "a generated graph of N poses, no files"),
+        OPTION_INTEGER("--growth", &s.growth, 16, 4000000, "N", "generated graphs of N / 8, N / 4, N / 2 and N poses"),
+        OPTION_INTEGER("--repeat", &s.repeat, 1, REPEAT_MOST, "N", "times that each of these is solved (5)"),
         OPTION_INTEGER("--wrong", &s.wrong, 0, 4000000, "N", "wrong links added to the generated graph"),
         OPTION_TEXT("--clean", &s.clean, "FILE.g2o", "the graph of the files without their wrong links"),
         OPTION_SEED("--seed", &s.seed, "of the generated graph"),
@@ -295,6 +367,8 @@ int main(int argc, char **argv)
 
     if (result != OPTIONS_READ)
         return (int)result;
+    if (s.growth > 0)
+        return solve_growing(&s);
     if (s.generate > 0)
         code = solve_generated(&s, &sum);
     else if (count == 0)

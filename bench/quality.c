@@ -6,9 +6,7 @@
  * cells that lie in one, the beams and the poses of the scans that were taken in it. A method that has ended keeps its last
  * map.
  *
- * How well a measure predicts the error: Spearman's rank correlation of entropy a cell, or likelihood a beam, with the mean
- * distance of the scans from the truth, over the maps of all arenas and methods after the same number of steps that are
- * better than 0.15 m; the mean over the steps, weighted by their maps. The interval is of 1000 draws of arenas. */
+ * How well entropy a cell, or likelihood a beam, predicts the mean distance of the scans from the truth: see bench_predict. */
 #include <inttypes.h>
 #include <math.h>
 #include <stddef.h>
@@ -18,14 +16,14 @@
 
 #include "bench/bench_curves.h"
 #include "bench/bench_json.h"
+#include "bench/bench_predict.h"
 #include "bench/bench_track.h"
 #include "cairn/map_quality.h"
-#include "cairn/random.h"
 #include "tools/options.h"
 
 #define DEGREE 0.017453292519943295
 
-enum { SAMPLES = BENCH_TRACK_SAMPLES, METHODS = BENCH_TRACK_METHODS, DRAWS = 1000, MAPS_LEAST = 6 };
+enum { SAMPLES = BENCH_TRACK_SAMPLES, METHODS = BENCH_TRACK_METHODS };
 
 typedef struct settings {
     bench_problem_kind kind;
@@ -324,81 +322,6 @@ static int run_arena(const settings *set, int32_t arena, study *all)
 
 /* ---- How well a measure predicts the error ---- */
 
-typedef struct ranked {
-    double value, rank;
-    int32_t place;
-} ranked;
-
-static int compare_ranked(const void *a, const void *b)
-{
-    const ranked *x = a, *y = b;
-
-    if (x->value != y->value)
-        return x->value < y->value ? -1 : 1;
-    return (x->place > y->place) - (x->place < y->place);
-}
-
-/* Ranks of values, equal ones with their mean rank. work: [count] */
-static void rank(const double *values, int32_t count, ranked *work, double *ranks)
-{
-    for (int32_t i = 0; i < count; i++) {
-        work[i].value = values[i];
-        work[i].place = i;
-    }
-    qsort(work, (size_t)count, sizeof *work, compare_ranked);
-    for (int32_t i = 0, end; i < count; i = end) {
-        for (end = i + 1; end < count && work[end].value == work[i].value; end++) {
-        }
-        for (int32_t k = i; k < end; k++)
-            ranks[work[k].place] = (i + end - 1) / 2.0;
-    }
-}
-
-/* Pearson's correlation; NaN when one of them does not vary. */
-static double correlation(const double *a, const double *b, int32_t count)
-{
-    double mean_a = 0, mean_b = 0, ab = 0, aa = 0, bb = 0;
-
-    for (int32_t i = 0; i < count; i++) {
-        mean_a += a[i] / count;
-        mean_b += b[i] / count;
-    }
-    for (int32_t i = 0; i < count; i++) {
-        ab += (a[i] - mean_a) * (b[i] - mean_b);
-        aa += (a[i] - mean_a) * (a[i] - mean_a);
-        bb += (b[i] - mean_b) * (b[i] - mean_b);
-    }
-    return aa > 0 && bb > 0 ? ab / sqrt(aa * bb) : (double)NAN;
-}
-
-/* Room for the maps of one step. */
-typedef struct ranking {
-    double *measure, *error, *measure_rank, *error_rank;
-    ranked *work;
-} ranking;
-
-static int open_ranking(ranking *r, int32_t maps)
-{
-    size_t n = (size_t)maps;
-
-    r->measure = malloc(4 * n * sizeof *r->measure);
-    r->work = malloc(n * sizeof *r->work);
-    if (r->measure == NULL || r->work == NULL)
-        return 0;
-    r->error = r->measure + n;
-    r->measure_rank = r->error + n;
-    r->error_rank = r->measure_rank + n;
-    return 1;
-}
-
-static void close_ranking(ranking *r)
-{
-    free(r->measure);
-    free(r->work);
-}
-
-typedef double (*measure)(const figures *map);
-
 static double entropy_of_cell(const figures *map)
 {
     return map->entropy_of_cell;
@@ -409,77 +332,20 @@ static double likelihood_of_beam(const figures *map)
     return map->likelihood_of_beam;
 }
 
-/* The mean of the steps' rank correlations over the arenas named in drawn [arenas]. */
-static double predict(const study *all, measure of, double good, const int32_t *drawn, ranking *r, int64_t *maps)
+static int predict(const study *all, const settings *set, double (*measure)(const figures *map), bench_prediction *p)
 {
-    double sum = 0;
+    size_t maps = (size_t)all->arenas * METHODS * SAMPLES;
+    double *values = malloc(maps * sizeof *values), *errors = malloc(maps * sizeof *errors);
+    bench_predict_maps table = {values, errors, all->arenas, METHODS, SAMPLES, set->good};
+    int done = values != NULL && errors != NULL;
 
-    *maps = 0;
-    for (int32_t k = 0; k < SAMPLES; k++) {
-        int32_t count = 0;
-        double rho;
-
-        for (int32_t a = 0; a < all->arenas; a++)
-            for (int32_t m = 0; m < METHODS; m++) {
-                const figures *map = map_of(all, drawn[a], m, k);
-
-                if (!(map->whole.distance < good))
-                    continue;
-                r->measure[count] = of(map);
-                r->error[count++] = map->whole.distance;
-            }
-        if (count < MAPS_LEAST)
-            continue;
-        rank(r->measure, count, r->work, r->measure_rank);
-        rank(r->error, count, r->work, r->error_rank);
-        rho = correlation(r->measure_rank, r->error_rank, count);
-        if (!isfinite(rho))
-            continue;
-        sum += count * rho;
-        *maps += count;
+    for (size_t k = 0; k < maps && done; k++) {
+        values[k] = measure(&all->map[k]);
+        errors[k] = all->map[k].whole.distance;
     }
-    return *maps > 0 ? sum / (double)*maps : (double)NAN;
-}
-
-typedef struct prediction {
-    double rho, low, high;
-    int64_t maps;
-} prediction;
-
-static int compare_numbers(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
-static int predict_with_interval(const study *all, const settings *set, measure of, prediction *p)
-{
-    cairn_random random = cairn_random_seed((uint64_t)set->seed, 80);
-    int32_t *drawn = malloc((size_t)all->arenas * sizeof *drawn), count = 0;
-    ranking r = {NULL, NULL, NULL, NULL, NULL};
-    double rho[DRAWS];
-    int64_t maps;
-    int done = drawn != NULL && open_ranking(&r, all->arenas * METHODS);
-
-    p->low = p->high = (double)NAN;
-    for (int32_t a = 0; a < all->arenas && done; a++)
-        drawn[a] = a;
-    if (done)
-        p->rho = predict(all, of, set->good, drawn, &r, &p->maps);
-    for (int32_t d = 0; d < DRAWS && done; d++) {
-        for (int32_t a = 0; a < all->arenas; a++)
-            drawn[a] = cairn_random_below(&random, all->arenas);
-        rho[count] = predict(all, of, set->good, drawn, &r, &maps);
-        count += isfinite(rho[count]);
-    }
-    if (done && count >= DRAWS / 2) {
-        qsort(rho, (size_t)count, sizeof *rho, compare_numbers);
-        p->low = rho[(int32_t)(0.025 * count)];
-        p->high = rho[(int32_t)(0.975 * (count - 1))];
-    }
-    close_ranking(&r);
-    free(drawn);
+    done = done && bench_predict(&table, (uint64_t)set->seed, p);
+    free(values);
+    free(errors);
     return done;
 }
 
@@ -573,7 +439,7 @@ static int print_methods(const study *all)
     return 1;
 }
 
-static void print_prediction(const char *name, const prediction *p)
+static void print_prediction(const char *name, const bench_prediction *p)
 {
     char key[64];
 
@@ -587,9 +453,8 @@ static void print_prediction(const char *name, const prediction *p)
 
 static int print_summary(const study *all, const settings *set, double seconds)
 {
-    prediction entropy, likelihood;
-    int done = predict_with_interval(all, set, entropy_of_cell, &entropy) &&
-               predict_with_interval(all, set, likelihood_of_beam, &likelihood);
+    bench_prediction entropy, likelihood;
+    int done = predict(all, set, entropy_of_cell, &entropy) && predict(all, set, likelihood_of_beam, &likelihood);
 
     if (!done)
         return 0;

@@ -199,7 +199,8 @@ static cairn_virtual_align_params params_of(const method *m, const problem *p)
     if (p->lie != NULL)
         params.every = 5;
     if (!m->hypotheses)
-        params.hypotheses.lines = params.hypotheses.rectangles = params.hypotheses.ellipses = 0;
+        params.hypotheses.lines = params.hypotheses.rectangles = params.hypotheses.ellipses = params.slide.thickness =
+            0;
     return params;
 }
 

@@ -1267,17 +1267,17 @@ static uint64_t hash_of_scene(const struct scene *scene)
 static void results_stay_as_they_are(void **state)
 {
     static const struct scene scenes[] = {
-        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0xf1fc23ae001dda81), UINT64_C(0xe20844819072ecc6)},
-        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x0c5f9fa1c4216a5d), UINT64_C(0x817edd154be1e9e1)},
-        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0xf92c2dd51cbdd23b), UINT64_C(0x722c398fb8efd02f)},
-        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x51d5a3ede31f4561), UINT64_C(0xcf9d33131221cdeb)},
-        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0x9d500483a37c48eb), UINT64_C(0x12594d93b53cb72e)},
-        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x4591fc0401bda072), UINT64_C(0x6bddde70ff6b67fa)},
-        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0xbb167842f3435ede), UINT64_C(0x6640b2ba4ab4d855)},
-        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x9414dada5faa6feb), UINT64_C(0x96e16862c852ac13)},
-        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0x787ec5e8cfcec9eb), UINT64_C(0xbbd0880d712c0b27)},
-        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x1aa38857d3b2ea8b), UINT64_C(0xeb9909e222bd9da3)},
-        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x98b793fab5828fb4), UINT64_C(0x72874338e1afc63a)},
+        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0x0acf8faf8602c64b), UINT64_C(0x3444c92e4ddc49ed)},
+        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x5f2d2077bfcdfd17), UINT64_C(0x1038e17cc528947c)},
+        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0xa80ff8dbdbcb1653), UINT64_C(0xb395049e588573fc)},
+        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x04b0bb74c2192c97), UINT64_C(0xfb38abfb4c16bece)},
+        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0x91bd4ce40c350114), UINT64_C(0xf1c8cd6cdbee8bd8)},
+        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x2845a42f39e96a54), UINT64_C(0x3628743490fbee68)},
+        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0x8c509c7cc33fcfc4), UINT64_C(0xf5aa9ab4ba860db5)},
+        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x4ffb65a8c4d0df68), UINT64_C(0x347b9043540a9f1e)},
+        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0xc700aaddae4b1d4a), UINT64_C(0xecdba0662a4d505f)},
+        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x299024b65daca6dc), UINT64_C(0x76c642a60056dff6)},
+        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x69b7d4f6f90e7b36), UINT64_C(0xd09e2926f48c2812)},
     };
 
     (void)state;

@@ -119,7 +119,8 @@ static cairn_distance_map_params distance_map_params(void)
     X(skeleton, skeleton)                                                                                              \
     X(symmetric_point, symmetric_point_set)                                                                            \
     X(virtual_align, virtual_align)                                                                                    \
-    X(virtual_scan, virtual_scan)
+    X(virtual_scan, virtual_scan)                                                                                      \
+    X(wall_slide, wall_slide)
 
 /* Steps that say nothing about objects that are not there. */
 #define OTHERS(X)                                                                                                      \

@@ -668,7 +668,8 @@ static void a_solver_of_ones_own(void **state)
     mine = make_graph(&p, &params, &face);
     t = solve(mine.graph);
     assert_memory_equal(&s, &t, sizeof s);
-    assert_in_range(outer.factors, 4, 2 + t.iterations - 1); /* headings, positions; one of them served twice */
+    assert_int_equal(outer.factors, 3); /* headings, poses about them, and one that served all steps */
+    assert_true(t.iterations > 1);
     for (int32_t i = 0; i < POSES; i++) {
         cairn_pose a = cairn_pose_graph_pose(mine.graph, i), b = cairn_pose_graph_pose(builtin.graph, i);
 
@@ -697,6 +698,93 @@ static void a_solver_of_ones_own(void **state)
     test_pool_free(&mine.pool);
     test_pool_free(&builtin.pool);
     test_pool_free(&pool);
+}
+
+/* ---- Weak motions ---- */
+
+enum { STREET = 55, STREETS = STREET * STREET };
+
+static cairn_pose disturbed(cairn_pose pose, cairn_random *random)
+{
+    pose.x += CAIRN_REAL(0.1) * cairn_random_normal(random);
+    pose.y += CAIRN_REAL(0.1) * cairn_random_normal(random);
+    pose.theta += CAIRN_REAL(0.05) * cairn_random_normal(random);
+    return pose;
+}
+
+/* Streets up and down, linked with the street beside every fourth metre: large parts turn at little cost. */
+static void add_streets(cairn_pose_graph *graph, uint64_t seed)
+{
+    const cairn_sym3 information = {100, 0, 0, 100, 0, 400};
+    cairn_random random = cairn_random_seed(seed, 0);
+    cairn_pose guess = cairn_pose_identity(), truth[STREETS];
+
+    for (int32_t i = 0; i < STREETS; i++) {
+        int32_t row = i / STREET, column = row % 2 == 0 ? i % STREET : STREET - 1 - i % STREET;
+
+        truth[i].x = (cairn_real)column;
+        truth[i].y = (cairn_real)row;
+        truth[i].theta = row % 2 == 0 ? 0 : CAIRN_PI;
+        if (i > 0) {
+            cairn_pose step = disturbed(cairn_pose_between(truth[i - 1], truth[i]), &random);
+
+            guess = cairn_pose_compose(guess, step);
+            assert_ok(cairn_pose_graph_add_pose(graph, guess));
+            assert_ok(cairn_pose_graph_add_link(graph, i - 1, i, step, information));
+        } else {
+            assert_ok(cairn_pose_graph_add_pose(graph, guess));
+        }
+        if (row > 0 && column % 4 == 0) {
+            int32_t beside = row * STREET - 1 - i % STREET;
+
+            assert_ok(cairn_pose_graph_add_link(
+                graph, beside, i, disturbed(cairn_pose_between(truth[beside], truth[i]), &random), information));
+        }
+    }
+}
+
+/* Steps that bend such a graph make the cost higher by their second order: it is solved with few factors all the same, with
+ * as many steps as known, and to the same minimum as with a factor for every step. */
+static void weak_motions_take_few_factors(void **state)
+{
+    static const struct {
+        uint64_t seed;
+        int32_t factors, iterations;
+    } known[] = {{2, 4, NUMBER(8, 4)}, {6, 3, NUMBER(7, 2)}, {9, NUMBER(4, 3), NUMBER(8, 2)}};
+
+    (void)state;
+    for (size_t k = 0; k < sizeof known / sizeof *known; k++) {
+        cairn_pose_graph_params params = cairn_pose_graph_default();
+        cairn_block_solver_params inner = {STREETS, 2 * STREETS, 6 * STREETS};
+        cairn_pool pool = test_pool(cairn_block_solver_memory(&inner)), graphs;
+        cairn_block_solver *solver;
+        cairn_pose_graph *graph;
+        cairn_pose_graph_state s, again;
+        cairn_pose_solver face;
+
+        params.max_poses = STREETS;
+        params.max_links = 2 * STREETS;
+        assert_ok(cairn_block_solver_create(&solver, &pool, &inner));
+        outer.inner = face = cairn_pose_solver_of(solver);
+        face.factor = outer_factor;
+        face.read = outer_read;
+        outer.refuse_from = -1;
+        outer.factors = 0;
+        graphs = test_pool(cairn_pose_graph_memory(&params, &face));
+        assert_ok(cairn_pose_graph_create(&graph, &graphs, &params, &face));
+        add_streets(graph, known[k].seed);
+        s = solve(graph);
+        assert_int_equal(s.verdict, CAIRN_POSE_GRAPH_CONVERGED);
+        assert_int_equal(s.chordal, 1);
+        assert_int_equal(outer.factors, known[k].factors);
+        assert_int_equal(s.iterations, known[k].iterations);
+        for (int32_t i = 0; i < 3; i++) { /* no way down is left */
+            again = solve(graph);
+            assert_near(again.cost, s.cost, NUMBER(1e-8, 1e-4) * (double)s.cost);
+        }
+        test_pool_free(&graphs);
+        test_pool_free(&pool);
+    }
 }
 
 static void out_of_iterations(void **state)
@@ -749,7 +837,7 @@ static void budgets_do_not_matter(void **state)
     uint64_t hash = hash_with(CAIRN_UNBOUNDED);
 
     (void)state;
-    if (hash != NUMBER(UINT64_C(0xe6a65e3e3709f9bb), UINT64_C(0x4255dc3ce933edb0)))
+    if (hash != NUMBER(UINT64_C(0x402290a2042fa5a9), UINT64_C(0x2ef2992d0256a40d)))
         fail_msg("the hash is %#llx", (unsigned long long)hash);
     assert_true(hash_with(1) == hash);
     assert_true(hash_with(7) == hash);
@@ -813,18 +901,18 @@ static void paths_stay_as_they_are(void **state)
         int32_t graduated, fixed;
         uint64_t in_double, in_float;
     } known[] = {
-        {CAIRN_POSE_GRAPH_SQUARE, CAIRN_POSE_GRAPH_GIVEN, 3, 0.2, 0, 0, UINT64_C(0xbe5be9d9703136da),
-         UINT64_C(0xb723d4ce5b924c72)},
-        {CAIRN_POSE_GRAPH_HUBER, CAIRN_POSE_GRAPH_CHORDAL, 2, 0.1, 0, 7, UINT64_C(0x784c9d1c71983842),
-         UINT64_C(0x8d9b8edd00cd498d)},
-        {CAIRN_POSE_GRAPH_CAUCHY, CAIRN_POSE_GRAPH_BEST, 1, 0.05, 0, 0, UINT64_C(0x6b82f187ca8d1560),
-         UINT64_C(0x3b77d4408ae037f8)},
-        {CAIRN_POSE_GRAPH_GEMAN_MCCLURE, CAIRN_POSE_GRAPH_GIVEN, 4, 0.1, 1, 0, UINT64_C(0x9e6700b3fb880676),
-         UINT64_C(0xc9b7c6323b7c60e1)},
-        {CAIRN_POSE_GRAPH_GEMAN_MCCLURE, CAIRN_POSE_GRAPH_BEST, 4, 0.4, 0, 20, UINT64_C(0xdc900cf7dc9e81c8),
-         UINT64_C(0x1040fe848a90854c)},
-        {CAIRN_POSE_GRAPH_DCS, CAIRN_POSE_GRAPH_CHORDAL, 2, 0.1, 0, 0, UINT64_C(0x6882187df820df87),
-         UINT64_C(0x452ec89230a4fe16)},
+        {CAIRN_POSE_GRAPH_SQUARE, CAIRN_POSE_GRAPH_GIVEN, 3, 0.2, 0, 0, UINT64_C(0xd5274e1284fd7f98),
+         UINT64_C(0xf0a1a8f19d4fde29)},
+        {CAIRN_POSE_GRAPH_HUBER, CAIRN_POSE_GRAPH_CHORDAL, 2, 0.1, 0, 7, UINT64_C(0x9401b89f0eead161),
+         UINT64_C(0x20edd326e9684af2)},
+        {CAIRN_POSE_GRAPH_CAUCHY, CAIRN_POSE_GRAPH_BEST, 1, 0.05, 0, 0, UINT64_C(0x20e6a62fa2f2f799),
+         UINT64_C(0x6a991f5673980722)},
+        {CAIRN_POSE_GRAPH_GEMAN_MCCLURE, CAIRN_POSE_GRAPH_GIVEN, 4, 0.1, 1, 0, UINT64_C(0x625cffeaf5ed4181),
+         UINT64_C(0x1a4fd55880c3336f)},
+        {CAIRN_POSE_GRAPH_GEMAN_MCCLURE, CAIRN_POSE_GRAPH_BEST, 4, 0.4, 0, 20, UINT64_C(0x9590d6f6dbdec351),
+         UINT64_C(0xf266fe84e5d8b45a)},
+        {CAIRN_POSE_GRAPH_DCS, CAIRN_POSE_GRAPH_CHORDAL, 2, 0.1, 0, 0, UINT64_C(0x2e06452432315498),
+         UINT64_C(0xd1933fa41b8619e4)},
     };
 
     (void)state;
@@ -1109,6 +1197,7 @@ int main(void)
         cmocka_unit_test(pieces_are_told),
         cmocka_unit_test(too_much_fill_is_told),
         cmocka_unit_test(a_solver_of_ones_own),
+        cmocka_unit_test(weak_motions_take_few_factors),
         cmocka_unit_test(out_of_iterations),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(refused_params),

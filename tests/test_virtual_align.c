@@ -186,7 +186,8 @@ static void rooms_come_together(void **state)
         assert_int_equal(result.active, result.iterations);
         assert_true(result.align_units > 0);
         assert_int_equal(result.hypotheses > 0, result.rounds > 0);
-        assert_int_equal(result.field_units > 0 && result.hypothesis_units > 0, result.rounds > 0);
+        assert_int_equal(result.hypothesis_units > result.slide.units, result.rounds > 0);
+        assert_true(result.field_units > 0);
         test_pool_free(&bed.pool);
         bed = bed_with(&without);
         add_rooms(&bed, &r);
@@ -390,6 +391,8 @@ struct twin {
     cairn_aligner *aligner;
     cairn_force_field *field;
     cairn_virtual_scan *hypotheses;
+    cairn_wall_slide *slide;
+    const cairn_pose *start;
     cairn_virtual_align_result result;
     int32_t count, moves[SCANS];
     cairn_pose found[SCANS];
@@ -408,10 +411,12 @@ static struct twin twin_of(const cairn_virtual_align_params *p, const struct roo
     t.p.field.max_extra = p->hypotheses.max_virtual;
     t.p.field.max_bonds = SCANS * (SCANS + 1) / 2;
     t.pool = test_pool(cairn_aligner_memory(&t.p.aligner) + cairn_force_field_memory(&t.p.field) +
-                       cairn_virtual_scan_memory(&t.p.hypotheses));
+                       cairn_virtual_scan_memory(&t.p.hypotheses) + cairn_wall_slide_memory(&t.p.slide));
+    t.start = r->start;
     assert_ok(cairn_aligner_create(&t.aligner, &t.pool, &t.p.aligner));
     assert_ok(cairn_force_field_create(&t.field, &t.pool, &t.p.field));
     assert_ok(cairn_virtual_scan_create(&t.hypotheses, &t.pool, &t.p.hypotheses));
+    assert_ok(cairn_wall_slide_create(&t.slide, &t.pool, &t.p.slide));
     for (int32_t i = 0; i < SCANS; i++) {
         cairn_scan_view view = fit(&r->scans[i]);
 
@@ -543,7 +548,8 @@ static void twin_makes_hypotheses(struct twin *t, cairn_real sigma)
 
     assert_ok(cairn_virtual_scan_begin(t->hypotheses, sigma));
     for (int32_t i = 0; i < t->count; i++) {
-        assert_ok(cairn_virtual_scan_add_scan(t->hypotheses, set, i, cairn_force_field_pose(t->field, i)));
+        if (t->result.aligner.placed < 2 || !t->p.align || !t->moves[i])
+            assert_ok(cairn_virtual_scan_add_scan(t->hypotheses, set, i, cairn_force_field_pose(t->field, i)));
         t->result.hypothesis_units += 1 + (set->scans[i].end_point - set->scans[i].first_point) / 4;
     }
     assert_ok(cairn_virtual_scan_step(t->hypotheses, &budget));
@@ -585,7 +591,7 @@ static void twin_starts_again(struct twin *t)
     twin_aligns(t);
 }
 
-static void twin_runs(struct twin *t)
+static void twin_places_and_relaxes(struct twin *t)
 {
     if (t->p.align)
         twin_aligns(t);
@@ -603,6 +609,38 @@ static void twin_runs(struct twin *t)
     }
 }
 
+/* Last, what may slide does, where anything was aligned. */
+static void twin_slides(struct twin *t)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    assert_ok(cairn_wall_slide_begin(t->slide, t->aligner, cairn_force_field_scans(t->field)));
+    for (int32_t i = 0; i < t->count; i++) {
+        cairn_aligner_pose aligned = t->kept[i];
+
+        aligned.map_scan = t->found[i];
+        assert_ok(cairn_wall_slide_add(t->slide, t->start[i], &aligned));
+    }
+    assert_ok(cairn_wall_slide_step(t->slide, &budget));
+    for (int32_t i = 0; i < t->count; i++) {
+        cairn_vec2 shift = cairn_wall_slide_shift_of(t->slide, i);
+
+        t->found[i].x += shift.x;
+        t->found[i].y += shift.y;
+        t->moves[i] |= shift.x != 0 || shift.y != 0;
+    }
+    t->result.slide = cairn_wall_slide_read(t->slide);
+    t->result.hypothesis_units += CAIRN_UNBOUNDED - budget.left;
+    t->result.field_units += 2 * (int64_t)t->count + 1 + t->count / 8;
+}
+
+static void twin_runs(struct twin *t)
+{
+    twin_places_and_relaxes(t);
+    if (t->p.align && t->result.aligner.placed >= 2)
+        twin_slides(t);
+}
+
 static void assert_same(const struct twin *t, const cairn_virtual_align *align)
 {
     cairn_virtual_align_result result = cairn_virtual_align_read(align);
@@ -616,6 +654,7 @@ static void assert_same(const struct twin *t, const cairn_virtual_align *align)
     assert_int_equal(result.hypothesis_units, t->result.hypothesis_units);
     assert_int_equal(result.field_units, t->result.field_units);
     assert_int_equal(result.aligner.placed, t->result.aligner.placed);
+    assert_memory_equal(&result.slide, &t->result.slide, sizeof result.slide);
     for (int32_t i = 0; i < SCANS; i++) {
         cairn_virtual_align_pose pose = cairn_virtual_align_pose_of(align, i);
 
@@ -679,13 +718,14 @@ static void bad_calls_are_refused(void **state)
     int32_t no_points = 0;
 
     (void)state;
-    for (int32_t i = 0; i < 6; i++) {
+    for (int32_t i = 0; i < 7; i++) {
         bad = p;
         bad.every = i == 0 ? 0 : 1;
         bad.max_rounds = i == 1 ? 0 : 1;
         bad.aligner.max_scans = i == 2 ? 0 : 4;
         bad.field.sigma_end = i == 3 ? 0 : bad.field.sigma_end;
         bad.hypotheses.stride = i == 4 ? 0 : 1;
+        bad.slide.step = i == 6 ? 0 : 1;
         assert_int_equal(cairn_virtual_align_memory(i == 5 ? NULL : &bad), 0);
         assert_status(cairn_virtual_align_create(&align, &pool, i == 5 ? NULL : &bad), CAIRN_BAD_ARGUMENT);
         assert_int_equal(pool.used, 0);
@@ -719,6 +759,7 @@ static void bad_calls_are_refused(void **state)
     p.aligner.max_hypotheses = p.aligner.max_fill = 4;
     p.aligner.max_cells = 64;
     p.hypotheses.max_virtual = 6;
+    p.slide.max_walls = p.slide.max_parts = 2;
     p.hypotheses.hough.angles = p.hypotheses.hough.distances = 8;
     p.hypotheses.rectangle.max_pairs = p.hypotheses.rectangle.max_sides = 4;
     test_every_pool_size(create, &p, cairn_virtual_align_memory(&p));

@@ -66,6 +66,7 @@ typedef union any_params {
     cairn_symmetric_point_params symmetric_point;
     cairn_virtual_align_params virtual_align;
     cairn_virtual_scan_params virtual_scan;
+    cairn_wall_slide_params wall_slide;
 } any_params;
 
 #define MEMORY_OF(room)                                                                                                \
@@ -113,6 +114,7 @@ ROOM(skeleton)
 ROOM(symmetric_point)
 ROOM(virtual_align)
 ROOM(virtual_scan)
+ROOM(wall_slide)
 
 /* Those without defaults: all capacities have to be set, or stay as here. */
 MEMORY_OF(point_grid)
@@ -282,6 +284,9 @@ const pool_object pool_objects[] = {
       HAS(place_map, "point of a place", max_place_points), HAS(place_map, "beam of a place", max_place_beams),
       HAS(place_map, "place to match with", recent), HAS(place_map, "hypothesis", consensus.max_hypotheses),
       HAS(place_map, "decoupling", decoupled)}},
+    {OBJECT(wall_slide),
+     0,
+     {HAS(wall_slide, "scan", max_scans), HAS(wall_slide, "wall", max_walls), HAS(wall_slide, "part", max_parts)}},
     {OBJECT(virtual_scan),
      0,
      {HAS(virtual_scan, "scan", max_scans), HAS(virtual_scan, "point", max_points),

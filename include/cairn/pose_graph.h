@@ -50,8 +50,9 @@ enum {
 typedef int32_t cairn_pose_graph_start;
 enum {
     CAIRN_POSE_GRAPH_GIVEN = 0,   /* from the poses as they are */
-    CAIRN_POSE_GRAPH_CHORDAL = 1, /* headings first, as a linear problem of their cosines and sines, then positions
-                                   * (Carlone, Tron, Daniilidis and Dellaert 2015) */
+    CAIRN_POSE_GRAPH_CHORDAL = 1, /* headings first, as a linear problem of their cosines and sines (Carlone, Tron,
+                                   * Daniilidis and Dellaert 2015), then the poses, as one about these headings (Carlone,
+                                   * Aragues, Castellanos and Bona 2014) */
     CAIRN_POSE_GRAPH_BEST = 2     /* whichever of the two has the lower cost */
 };
 

@@ -8,6 +8,8 @@
  * part stays where it is (Adluru 2008, chapter 8, algorithm 2). From there the aligner looks for them again; what it places
  * then enters the map, and else only scans that share no surface with its largest part stay where hypotheses have put them.
  *
+ * Last, parts of the largest part that long walls alone hold are slid along these (wall_slide): walls are as thick as elsewhere.
+ *
  * So the influence of hypotheses is not set by hand: they propose, and how much better the map explains itself decides. They
  * never move what the scans themselves have settled, and are not made for scans that they cannot help: those that show walls
  * of one direction only. When the aligner finds no two scans that belong together, all move. */
@@ -17,6 +19,7 @@
 #include "cairn/aligner.h"
 #include "cairn/force_field.h"
 #include "cairn/virtual_scan.h"
+#include "cairn/wall_slide.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -28,15 +31,16 @@ typedef struct cairn_virtual_align_params {
     cairn_force_field_params
         field; /* its capacities are not read; springs, sigma from 0.9 m to 0.03 m in 15 steps, the two faces of a wall apart from the start */
     cairn_virtual_scan_params hypotheses; /* its max_scans, max_points and max_segments are not read */
+    cairn_wall_slide_params slide;        /* its max_scans is not read */
     int32_t every;                        /* >= 1: iterations of the field from one virtual scan to the next (8) */
     int32_t max_rounds; /* >= 1: of the field, each followed by the aligner, as long as scans are without a place (2) */
-    int32_t align;      /* 0: without the aligner: all scans move from their initial poses (1) */
+    int32_t align;      /* 0: without the aligner: all scans move from their initial poses, and none slides (1) */
 } cairn_virtual_align_params;
 
 /* A scan in the result. */
 typedef struct cairn_virtual_align_pose {
     cairn_aligner_pose aligned; /* by the aligner; map_scan as it stands now */
-    int32_t moved;              /* 1: by the force field, with the virtual scan */
+    int32_t moved; /* 1: by the force field, with the virtual scan, or slid along the walls that it shows */
 } cairn_virtual_align_pose;
 
 typedef struct cairn_virtual_align_result {
@@ -46,7 +50,8 @@ typedef struct cairn_virtual_align_result {
     int32_t iterations;                                 /* of the field */
     int32_t active;                                     /* of these, with hypotheses of some weight */
     int32_t hypotheses;                                 /* in the last virtual scan */
-    int64_t align_units, hypothesis_units, field_units; /* of budget */
+    int64_t align_units, hypothesis_units, field_units; /* of budget; the slide's are the hypotheses' */
+    cairn_wall_slide_result slide;
 } cairn_virtual_align_result;
 
 typedef struct cairn_virtual_align cairn_virtual_align;

@@ -55,6 +55,7 @@ static cairn_block_solver *carve(cairn_block_solver *s, cairn_pool *pool, const 
     s->diagonal = cairn_pool_take(pool, poses, sizeof *s->diagonal);
     s->x = cairn_pool_take(pool, poses, sizeof *s->x);
     s->sums = cairn_pool_take(pool, poses, sizeof *s->sums);
+    s->p.factor = cairn_pool_take(pool, BLOCK_SOLVER_PANEL / 2, sizeof *s->p.factor);
     carve_order(&s->o, pool, params);
     return made;
 }

@@ -7,7 +7,9 @@
 
 /* Entries of lists that are walked for one unit. */
 enum { BLOCK_SOLVER_ENTRIES = 16 };
-/* Blocks that are multiplied between two looks at the budget. */
+/* Columns that are subtracted at a time, and columns from which they are. */
+enum { BLOCK_SOLVER_WIDTH = 16, BLOCK_SOLVER_PANEL = 4 };
+/* Blocks that are multiplied between two looks at the budget; in the factor less than WIDTH PANEL more. */
 enum { BLOCK_SOLVER_CHUNK = 16 };
 
 /* What the next item of work is. */
@@ -53,6 +55,20 @@ struct cairn_block_order {
     int32_t filled; /* entries of `order` */
 };
 
+/* Consecutive columns of a run that are made together, and what is subtracted from them. */
+struct block_solver_panel {
+    int32_t first, end;
+    int32_t row;        /* of the panel, whose list of runs is to be subtracted */
+    int32_t source_end; /* behind the last column of the run that is subtracted */
+    int32_t width;      /* columns of it that are subtracted together */
+    int32_t targets;    /* columns from which they are */
+    int32_t target[BLOCK_SOLVER_PANEL];
+    int32_t from_end[BLOCK_SOLVER_PANEL];    /* of the source columns' block in the target's row */
+    cairn_real scale[BLOCK_SOLVER_PANEL][3]; /* of the diagonal before elimination */
+    /* [PANEL / 2] of each pair of targets for each source column; of a target without another the second half is zero. */
+    cairn_real (*factor)[BLOCK_SOLVER_WIDTH][3][6];
+};
+
 struct cairn_block_solver {
     cairn_block_solver_params params;
     cairn_block_solver_result result;
@@ -76,11 +92,10 @@ struct cairn_block_solver {
     cairn_real (*sums)[9];      /* [max_poses] of the column that is inverted */
     struct cairn_block_order o; /* its arrays serve the other parts as well, under the names that fit */
 
-    int32_t at;           /* row, link or column of the part that runs */
-    int32_t source;       /* column that is subtracted or multiplied */
-    int32_t block;        /* next block of it */
-    cairn_real scale[3];  /* of the diagonal before elimination */
-    cairn_real factor[9]; /* by which its blocks are multiplied */
+    int32_t at;                  /* row, link or column of the part that runs */
+    int32_t source;              /* column that is subtracted, the first of several, or multiplied */
+    int32_t block;               /* next block of the source columns: of the factor counted from their end */
+    struct block_solver_panel p; /* of the factor */
 };
 
 /* Ordering; the items of the phases PIVOT to FINISH do one item and return its units. */

@@ -140,6 +140,8 @@ static cairn_pose_graph *carve(cairn_pose_graph *g, cairn_pool *pool, const cair
     g->root = cairn_pool_take(pool, poses, sizeof *g->root);
     g->diagonal = cairn_pool_take(pool, poses, sizeof *g->diagonal);
     g->right = cairn_pool_take(pool, poses, sizeof *g->right);
+    g->direction = cairn_pool_take(pool, poses, sizeof *g->direction);
+    g->heading = cairn_pool_take(pool, poses, sizeof *g->heading);
     g->links = cairn_pool_take(pool, links, sizeof *g->links);
     return made;
 }

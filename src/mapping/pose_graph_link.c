@@ -80,6 +80,13 @@ static void heading_residual(const struct pose_graph_link *link, const cairn_pos
     turn[3] = s;
 }
 
+/* v in the derivative by the first pose. */
+static void set_lever(cairn_real a[9], cairn_real x, cairn_real y)
+{
+    a[2] = -y;
+    a[5] = x;
+}
+
 static cairn_sym3 times(cairn_sym3 m, cairn_real by)
 {
     cairn_sym3 product = {by * m.xx, by * m.xy, by * m.xz, by * m.yy, by * m.yz, by * m.zz};
@@ -151,14 +158,14 @@ static void add_link(cairn_pose_graph *g, int32_t index, const cairn_real e[3], 
 
 const cairn_pose *cairn_pose_graph_base(const cairn_pose_graph *g)
 {
-    return g->mode == POSE_GRAPH_POSITIONS ? g->trial : g->poses;
+    return g->mode == POSE_GRAPH_JOINT || g->ahead ? g->trial : g->poses;
 }
 
 void cairn_pose_graph_assemble_link(cairn_pose_graph *g, int32_t index)
 {
     struct pose_graph_link *link = &g->links[index];
     const cairn_pose *poses = cairn_pose_graph_base(g);
-    cairn_real a[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, e[3], weight, chi2;
+    cairn_real a[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, e[3], v[2], chi2;
     cairn_sym3 w;
 
     if (link->dropped)
@@ -169,16 +176,31 @@ void cairn_pose_graph_assemble_link(cairn_pose_graph *g, int32_t index)
         return;
     }
     residual(link, poses, e, &w);
-    if (g->mode == POSE_GRAPH_POSITIONS) {
-        e[2] = w.xz = w.yz = w.zz = 0;
+    v[0] = poses[link->second].x - poses[link->first].x;
+    v[1] = poses[link->second].y - poses[link->first].y;
+    if (g->mode == POSE_GRAPH_JOINT) {
+        set_lever(a, v[0] - e[0], v[1] - e[1]);
         add_link(g, index, e, w, a);
         return;
     }
     chi2 = cairn_sym3_form(w, e);
-    g->cost += rho(g, chi2, &weight);
-    a[2] = poses[link->first].y - poses[link->second].y;
-    a[5] = poses[link->second].x - poses[link->first].x;
-    add_link(g, index, e, times(w, weight), a);
+    g->cost += rho(g, chi2, &link->weight);
+    set_lever(a, v[0], v[1]);
+    add_link(g, index, e, times(w, link->weight), a);
+}
+
+cairn_real cairn_pose_graph_curvature_of_link(const cairn_pose_graph *g, int32_t index)
+{
+    const struct pose_graph_link *link = &g->links[index];
+    const cairn_pose *poses = cairn_pose_graph_base(g);
+    const cairn_real *first = g->direction[link->first], *second = g->direction[link->second];
+    cairn_pose a = poses[link->first], b = poses[link->second];
+    const cairn_real e[3] = {second[0] - first[0] + (b.y - a.y) * first[2],
+                             second[1] - first[1] - (b.x - a.x) * first[2], second[2] - first[2]};
+
+    if (link->dropped)
+        return 0;
+    return link->weight * cairn_sym3_form(cairn_pose_graph_turned(link->information, a.theta), e);
 }
 
 void cairn_pose_graph_cost_of_link(cairn_pose_graph *g, struct pose_graph_link *link, const cairn_pose *poses)

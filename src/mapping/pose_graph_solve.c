@@ -6,7 +6,12 @@
  * A^T W A and -A^T W. A fixed pose has the identity for its block and no links.
  *
  * The chordal start has the same form. Headings: g = r_j - R_z r_i for the unit vectors r, of the information of the
- * angle alone, which is linear; then positions with the headings that came out, linear again.
+ * angle alone, which is linear; then the poses with v = R_i t_z of the headings that came out, linear again.
+ *
+ * Near the minimum the factor of earlier poses preconditions conjugate gradients (Fletcher and Reeves 1964): what a link asks
+ * for hardly changes in the frames of its poses, so right sides and solutions are turned between the headings of then and of
+ * now. How far to go tells the curvature along the step. A full step across which weak motions bend the graph may make the
+ * cost higher by their second order, which the next such step takes away: it is judged after that one.
  *
  * Graduated: c^2 is multiplied by 2 max(e^T Omega e) / c^2 at first and by 1 / 1.4 from iteration to iteration (Yang,
  * Antonante, Tzoumas and Carlone 2020).
@@ -14,7 +19,9 @@
  * Limits: local; the chordal start is least squares and suffers from outliers, BEST then stays with the given one.
  *
  * Source: Grisetti et al., A tutorial on graph-based SLAM, 2010; Carlone, Tron, Daniilidis and Dellaert, Initialization
- * techniques for 3D SLAM, 2015; Agarwal et al., Robust map optimization using dynamic covariance scaling, 2013. */
+ * techniques for 3D SLAM, 2015; Carlone, Aragues, Castellanos and Bona, A fast and accurate approximation for planar pose
+ * graph optimization, 2014; Chamberlain, Powell, Lemarechal and Pedersen, The watchdog technique for forcing convergence,
+ * 1982; Agarwal et al., Robust map optimization using dynamic covariance scaling, 2013. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -23,15 +30,14 @@
 
 enum { UNITS_LINK = 4, UNITS_EQUATIONS = 9, UNITS_POSE = 1, POSES_A_UNIT = 8 };
 
-/* The weakest motions of large graphs have 1e-12 of the diagonal; in float that is below rounding. */
-static const cairn_real FIRST_DAMPING = CAIRN_REAL(1e-10) + CAIRN_REAL_EPSILON;
+/* The weakest motions of large graphs have 1e-10 of the diagonal; in float that is below rounding. */
 static const cairn_real LEAST_DAMPING = CAIRN_REAL(1e-12) + CAIRN_REAL_EPSILON;
 static const cairn_real MOST_DAMPING = CAIRN_REAL(1e6);
 static const cairn_real RAISING = 1000;                /* of the damping after a refused step */
 static const cairn_real EASING = CAIRN_REAL(0.01);     /* ... after a step that was taken at once */
 static const cairn_real SHORTEST = CAIRN_REAL(0.25);   /* of a step, in parts of the whole, before it is damped */
-static const cairn_real SMALL_STEP = CAIRN_REAL(0.01); /* decrease of the cost after which the factor serves again */
-static const cairn_real SLOWING = CAIRN_REAL(0.1);     /* ... of such a step, by that of the step before */
+static const cairn_real SMALL_STEP = CAIRN_REAL(0.01); /* change of the cost after which the factor serves again */
+static const cairn_real SLOWING = CAIRN_REAL(0.3);     /* ... of such a step, by that of the step before */
 static const cairn_real NARROWING = CAIRN_REAL(1.4);
 
 /* ---- Stages ---- */
@@ -42,7 +48,7 @@ static void enter(cairn_pose_graph *g, int32_t mode, int32_t stage)
     g->stage = stage;
     g->at = 0;
     if (mode != POSE_GRAPH_NEWTON)
-        g->reuse = 0;
+        g->reuse = g->ahead = 0;
     if (stage == POSE_GRAPH_CLEAR || stage == POSE_GRAPH_COST || stage == POSE_GRAPH_REPORT)
         g->chi2 = g->cost = g->largest = 0;
 }
@@ -71,7 +77,7 @@ static void begin_newton(cairn_pose_graph *g)
 {
     cairn_real c2 = g->params.width * g->params.width;
 
-    g->damping = FIRST_DAMPING;
+    g->damping = LEAST_DAMPING;
     g->refused = 0;
     g->widening = 1;
     if (g->params.graduated && g->params.kernel == CAIRN_POSE_GRAPH_GEMAN_MCCLURE)
@@ -100,7 +106,13 @@ static int serves_again(const cairn_pose_graph *g, cairn_real better)
 {
     if (g->widening > 1 || g->length < 1)
         return 0;
-    return g->reuse ? better <= SLOWING * g->better : better <= SMALL_STEP * g->base_cost;
+    return g->reuse && !g->ahead ? better <= SLOWING * g->better : better <= SMALL_STEP * g->base_cost;
+}
+
+/* Whether a step to a higher cost is judged after another one with its factor. */
+static int goes_ahead(const cairn_pose_graph *g, cairn_real better)
+{
+    return !g->reuse && g->length == 1 && g->widening <= 1 && -better <= SMALL_STEP * g->base_cost;
 }
 
 /* A step has been tried: its cost is g->cost, that of the base g->base_cost, both with the same kernel. */
@@ -116,9 +128,18 @@ static void judge_step(cairn_pose_graph *g)
         accept(g);
         if (!g->reuse)
             lower_damping(g);
+        if (!g->reuse || g->ahead)
+            g->last_slope = 0;
         g->reuse = serves_again(g, better);
+        g->ahead = 0;
         g->better = better;
         g->length = 1;
+    } else if (goes_ahead(g, better)) {
+        g->reuse = g->ahead = 1;
+        g->last_slope = 0;
+    } else if (g->ahead) {
+        g->reuse = g->ahead = 0;
+        at_rest = !raise_damping(g);
     } else if (g->reuse) {
         g->reuse = 0;
     } else if (g->length > SHORTEST) {
@@ -154,7 +175,7 @@ static void end_cost(cairn_pose_graph *g)
             begin_newton(g);
         else
             enter(g, POSE_GRAPH_HEADINGS, POSE_GRAPH_CLEAR);
-    } else if (g->mode == POSE_GRAPH_POSITIONS) {
+    } else if (g->mode == POSE_GRAPH_JOINT) {
         if (finite && (g->params.start == CAIRN_POSE_GRAPH_CHORDAL || g->cost < g->state.cost)) {
             accept(g);
             g->state.chordal = 1;
@@ -170,7 +191,7 @@ static void end_cost(cairn_pose_graph *g)
 /* The factor does not exist, or solves nothing: `pose` is free to move. */
 static void not_positive(cairn_pose_graph *g, int32_t pose)
 {
-    g->reuse = 0;
+    g->reuse = g->ahead = 0;
     if (g->mode == POSE_GRAPH_COVARIANCE) {
         g->state.pose = pose;
         g->state.verdict = CAIRN_POSE_GRAPH_SINGULAR;
@@ -197,33 +218,72 @@ static void assemble_pose(cairn_pose_graph *g, int32_t pose)
         block.xx += g->damping * block.xx;
         block.yy += g->damping * block.yy;
         block.zz += g->damping * block.zz;
-    } else if (g->mode != POSE_GRAPH_COVARIANCE) {
+    } else if (g->mode == POSE_GRAPH_HEADINGS) {
         block.zz = 1;
     }
+    g->heading[pose] = cairn_pose_graph_base(g)[pose].theta;
     if (g->solver.add_pose_block(g->solver.context, pose, block) != CAIRN_OK)
         g->outcome = CAIRN_NOT_FINITE;
+}
+
+static void solution_of(const cairn_pose_graph *g, int32_t index, cairn_real x[3])
+{
+    cairn_status status = g->solver.solution(g->solver.context, index, x);
+
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+}
+
+/* Turns a displacement of a pose from its heading now to that at which the matrix was factored, or back. */
+static void turn(const cairn_pose_graph *g, int32_t index, int back, cairn_real x[3])
+{
+    cairn_real angle = g->heading[index] - cairn_pose_graph_base(g)[index].theta, s, c, first = x[0];
+
+    cairn_sincos(back ? -angle : angle, &s, &c);
+    x[0] = c * first - s * x[1];
+    x[1] = s * first + c * x[1];
+}
+
+/* The solution takes the place of the right side. */
+static void add_slope(cairn_pose_graph *g, int32_t index)
+{
+    cairn_real *right = g->right[index], x[3];
+
+    solution_of(g, index, x);
+    g->slope += x[0] * right[0] + x[1] * right[1] + x[2] * right[2];
+    turn(g, index, 1, x);
+    memcpy(right, x, sizeof x);
+}
+
+static void set_direction(cairn_pose_graph *g, int32_t index)
+{
+    for (int k = 0; k < 3; k++)
+        g->direction[index][k] =
+            g->right[index][k] + (g->last_slope > 0 ? g->slope / g->last_slope * g->direction[index][k] : 0);
 }
 
 static void move_pose(cairn_pose_graph *g, int32_t index)
 {
     cairn_pose pose = cairn_pose_graph_base(g)[index];
-    cairn_status status;
-    cairn_real x[3];
+    cairn_real x[3], length = g->length;
 
     g->trial[index] = pose;
     if (cairn_pose_graph_stays(g, index))
         return;
-    status = g->solver.solution(g->solver.context, index, x);
-    CAIRN_ASSERT(status == CAIRN_OK);
-    (void)status;
+    if (g->reuse) {
+        memcpy(x, g->direction[index], sizeof x);
+        length = g->slope / g->curvature;
+    } else {
+        solution_of(g, index, x);
+    }
     if (g->mode == POSE_GRAPH_HEADINGS) {
         cairn_transform t = cairn_transform_of(pose);
 
         pose.theta = cairn_atan2(t.sine + x[1], t.cosine + x[0]);
     } else {
-        pose.x += g->length * x[0];
-        pose.y += g->length * x[1];
-        pose.theta = cairn_wrap_angle(pose.theta + g->length * x[2]);
+        pose.x += length * x[0];
+        pose.y += length * x[1];
+        pose.theta = cairn_wrap_angle(pose.theta + length * x[2]);
     }
     g->trial[index] = pose;
 }
@@ -243,6 +303,18 @@ static int32_t clear_equations(cairn_pose_graph *g)
     return g->state.poses + g->state.fill;
 }
 
+/* Where there is no way down the factor serves no longer. */
+static void end_curvature(cairn_pose_graph *g)
+{
+    if (g->slope > 0 && g->curvature > 0) {
+        g->last_slope = g->slope;
+        enter(g, g->mode, POSE_GRAPH_MOVE);
+    } else {
+        g->reuse = g->ahead = 0;
+        enter(g, g->mode, POSE_GRAPH_CLEAR);
+    }
+}
+
 static void end_report(cairn_pose_graph *g)
 {
     g->settled = g->state.verdict != CAIRN_POSE_GRAPH_SINGULAR;
@@ -253,7 +325,6 @@ static void end_report(cairn_pose_graph *g)
 
 static void begin_solve(cairn_pose_graph *g)
 {
-    g->base_cost = g->cost;
     g->stage = POSE_GRAPH_SOLVE;
     if (g->solver.solve(g->solver.context, g->right[0]) != CAIRN_OK)
         not_positive(g, -1);
@@ -280,7 +351,8 @@ static void end_part(cairn_pose_graph *g, cairn_status status)
     } else if (g->stage == POSE_GRAPH_FACTOR) {
         begin_solve(g);
     } else if (g->stage == POSE_GRAPH_SOLVE) {
-        enter(g, g->mode, POSE_GRAPH_MOVE);
+        g->slope = g->curvature = 0;
+        enter(g, g->mode, g->reuse ? POSE_GRAPH_SLOPE : POSE_GRAPH_MOVE);
     } else {
         g->has_marginals = 1;
         end(g, CAIRN_OK);
@@ -315,10 +387,9 @@ static int32_t do_item(cairn_pose_graph *g)
             cairn_pose_graph_assemble_link(g, g->at++);
             return g->reuse ? UNITS_LINK : UNITS_EQUATIONS;
         }
-        if (g->reuse)
-            begin_solve(g);
-        else
-            enter(g, g->mode, POSE_GRAPH_POSES);
+        if (!g->ahead)
+            g->base_cost = g->cost;
+        enter(g, g->mode, g->reuse ? POSE_GRAPH_TURN : POSE_GRAPH_POSES);
         return UNITS_POSE;
     case POSE_GRAPH_POSES:
         if (g->at < poses)
@@ -326,11 +397,38 @@ static int32_t do_item(cairn_pose_graph *g)
         else
             begin_factor(g);
         return UNITS_POSE;
+    case POSE_GRAPH_TURN:
+        if (g->at < poses) {
+            turn(g, g->at, 0, g->right[g->at]);
+            g->at++;
+        } else {
+            begin_solve(g);
+        }
+        return UNITS_POSE;
+    case POSE_GRAPH_SLOPE:
+        if (g->at < poses)
+            add_slope(g, g->at++);
+        else
+            enter(g, g->mode, POSE_GRAPH_DIRECTION);
+        return UNITS_POSE;
+    case POSE_GRAPH_DIRECTION:
+        if (g->at < poses)
+            set_direction(g, g->at++);
+        else
+            enter(g, g->mode, POSE_GRAPH_CURVATURE);
+        return UNITS_POSE;
+    case POSE_GRAPH_CURVATURE:
+        if (g->at < links) {
+            g->curvature += cairn_pose_graph_curvature_of_link(g, g->at++);
+            return UNITS_LINK;
+        }
+        end_curvature(g);
+        return UNITS_POSE;
     case POSE_GRAPH_MOVE:
         if (g->at < poses)
             move_pose(g, g->at++);
         else if (g->mode == POSE_GRAPH_HEADINGS)
-            enter(g, POSE_GRAPH_POSITIONS, POSE_GRAPH_CLEAR);
+            enter(g, POSE_GRAPH_JOINT, POSE_GRAPH_CLEAR);
         else
             enter(g, g->mode, POSE_GRAPH_COST);
         return UNITS_POSE;
@@ -470,6 +568,7 @@ cairn_status cairn_pose_graph_solve(cairn_pose_graph *graph)
     graph->state = fresh;
     graph->widening = 1;
     graph->length = 1;
+    graph->ahead = 0;
     memcpy(graph->trial, graph->poses, (size_t)fresh.poses * sizeof *graph->trial);
     enter(graph, POSE_GRAPH_AS_GIVEN, graph->analyzed ? POSE_GRAPH_COST : POSE_GRAPH_ANALYZE);
     return CAIRN_OK;

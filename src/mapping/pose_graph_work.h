@@ -8,7 +8,7 @@
 enum {
     POSE_GRAPH_AS_GIVEN,  /* nothing: the cost of the poses as given */
     POSE_GRAPH_HEADINGS,  /* cosines and sines */
-    POSE_GRAPH_POSITIONS, /* with headings that stand */
+    POSE_GRAPH_JOINT,     /* poses, as a linear problem about those headings */
     POSE_GRAPH_NEWTON,    /* a step of all */
     POSE_GRAPH_COVARIANCE /* nothing: the inverse */
 };
@@ -22,8 +22,12 @@ enum {
     POSE_GRAPH_POSES, /* their blocks, with the damping */
     POSE_GRAPH_FACTOR,
     POSE_GRAPH_SOLVE,
-    POSE_GRAPH_MOVE, /* the trial poses */
-    POSE_GRAPH_COST, /* of the trial poses, a link an item */
+    POSE_GRAPH_TURN,      /* with a factor of other poses: the right sides into their headings; SOLVE comes next */
+    POSE_GRAPH_SLOPE,     /* ... the solution turned back, */
+    POSE_GRAPH_DIRECTION, /* ... conjugate to the step before, */
+    POSE_GRAPH_CURVATURE, /* ... and how far to go, a link an item */
+    POSE_GRAPH_MOVE,      /* the trial poses */
+    POSE_GRAPH_COST,      /* of the trial poses, a link an item */
     POSE_GRAPH_INVERT,
     POSE_GRAPH_REPORT /* every link at the end */
 };
@@ -45,7 +49,9 @@ struct cairn_pose_graph {
     int32_t *fixed;
     int32_t *root; /* of the piece that a pose is in */
     cairn_sym3 *diagonal;
-    cairn_real (*right)[3];
+    cairn_real (*right)[3];        /* of the normal equations, then their solution where it is turned */
+    cairn_real (*direction)[3];    /* of the last step with a factor of other poses */
+    cairn_real *heading;           /* of the poses at which the matrix was factored */
     struct pose_graph_link *links; /* [max_links] */
     int32_t fixed_count;
     int32_t analyzed;      /* 1: the solver knows the structure */
@@ -57,8 +63,11 @@ struct cairn_pose_graph {
     cairn_real damping;             /* share of the diagonal that is added */
     int32_t refused;                /* 1: it has been raised since the last step that was taken */
     cairn_real length;              /* part of the step that is tried */
-    int32_t reuse;                  /* 1: the next step is made with the factor of the one before */
+    int32_t reuse;                  /* 1: the next step is made with the factor of one before */
+    int32_t ahead;                  /* 1: it begins at the trial poses, though their cost is higher */
     cairn_real better;              /* by so much the last step that was taken made the cost less */
+    cairn_real slope, last_slope;   /* right side by solution; 0: of no step yet */
+    cairn_real curvature;           /* direction by matrix by direction */
     cairn_real base_cost;           /* of the base, with the kernel as it is */
     cairn_real chi2, cost, largest; /* of a pass over the links */
 };
@@ -69,8 +78,10 @@ cairn_sym3 cairn_pose_graph_turned(cairn_sym3 information, cairn_real theta);
 /* The poses at which the links are taken: those of the trial where they are being made. */
 const cairn_pose *cairn_pose_graph_base(const cairn_pose_graph *g);
 
-/* Adds what a link asks for in the mode at hand to the normal equations; chi2 and cost of a link at these poses. */
+/* Adds what a link asks for in the mode at hand to the normal equations; its part of the curvature along the direction;
+ * chi2 and cost of a link at these poses. */
 void cairn_pose_graph_assemble_link(cairn_pose_graph *g, int32_t index);
+cairn_real cairn_pose_graph_curvature_of_link(const cairn_pose_graph *g, int32_t index);
 void cairn_pose_graph_cost_of_link(cairn_pose_graph *g, struct pose_graph_link *link, const cairn_pose *poses);
 
 /* 1 when no solution runs. */

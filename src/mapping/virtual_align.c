@@ -21,7 +21,21 @@
 #include "cairn/virtual_align.h"
 
 typedef int32_t align_phase;
-enum { IDLE, ALIGN, KEEP, PLACE, GATHER, DETECT, ITERATE, HAND_BACK, ALIGN_AGAIN, JUDGE };
+enum {
+    IDLE,
+    ALIGN,
+    KEEP,
+    PLACE,
+    BEGIN_SLIDE,
+    SLIDE,
+    TAKE_SLID,
+    GATHER,
+    DETECT,
+    ITERATE,
+    HAND_BACK,
+    ALIGN_AGAIN,
+    JUDGE
+};
 
 /* How a scan comes in, where the aligner has placed it, and whether the field moves it. */
 struct place {
@@ -41,6 +55,7 @@ struct cairn_virtual_align {
     cairn_aligner *aligner;
     cairn_force_field *field;
     cairn_virtual_scan *hypotheses;
+    cairn_wall_slide *slide;
     struct place *places; /* [max_scans] */
     cairn_pose *poses;    /* [max_scans] that the aligner starts again from, or has come to, ... */
     cairn_pose *kept;     /* [max_scans] ... and those that they stand for */
@@ -60,6 +75,7 @@ cairn_virtual_align_params cairn_virtual_align_default(void)
         .aligner = cairn_aligner_default(),
         .field = cairn_force_field_springs(CAIRN_REAL(0.9), 15),
         .hypotheses = cairn_virtual_scan_default(),
+        .slide = cairn_wall_slide_default(),
         .every = 8,
         .max_rounds = 2,
         .align = 1,
@@ -101,6 +117,14 @@ static cairn_virtual_scan_params hypotheses_of(const cairn_virtual_align_params 
     return hypotheses;
 }
 
+static cairn_wall_slide_params slide_of(const cairn_virtual_align_params *params)
+{
+    cairn_wall_slide_params slide = params->slide;
+
+    slide.max_scans = params->aligner.max_scans;
+    return slide;
+}
+
 static void must_be_ok(cairn_status status)
 {
     CAIRN_ASSERT(status == CAIRN_OK);
@@ -111,6 +135,7 @@ static cairn_virtual_align *carve(cairn_pool *pool, const cairn_virtual_align_pa
 {
     cairn_force_field_params field = field_of(params);
     cairn_virtual_scan_params hypotheses = hypotheses_of(params);
+    cairn_wall_slide_params slide = slide_of(params);
     cairn_virtual_align *align = cairn_pool_take_one(pool, sizeof *align);
     struct place *places = cairn_pool_take(pool, (size_t)params->aligner.max_scans, sizeof *places);
     cairn_pose *poses = cairn_pool_take(pool, (size_t)params->aligner.max_scans, sizeof *poses);
@@ -120,6 +145,7 @@ static cairn_virtual_align *carve(cairn_pool *pool, const cairn_virtual_align_pa
         cairn_pool_count(pool, cairn_aligner_memory(&params->aligner));
         cairn_pool_count(pool, cairn_force_field_memory(&field));
         cairn_pool_count(pool, cairn_virtual_scan_memory(&hypotheses));
+        cairn_pool_count(pool, cairn_wall_slide_memory(&slide));
         return NULL;
     }
     memset(align, 0, sizeof *align);
@@ -129,6 +155,7 @@ static cairn_virtual_align *carve(cairn_pool *pool, const cairn_virtual_align_pa
     must_be_ok(cairn_aligner_create(&align->aligner, pool, &params->aligner));
     must_be_ok(cairn_force_field_create(&align->field, pool, &field));
     must_be_ok(cairn_virtual_scan_create(&align->hypotheses, pool, &hypotheses));
+    must_be_ok(cairn_wall_slide_create(&align->slide, pool, &slide));
     return align;
 }
 
@@ -362,8 +389,9 @@ static cairn_status step_gather(cairn_virtual_align *align, cairn_budget *budget
 
         if (!cairn_budget_pay(budget, &align->paid, 1 + (scan->end_point - scan->first_point) / 4))
             return CAIRN_MORE;
-        must_be_ok(cairn_virtual_scan_add_scan(align->hypotheses, set, align->cursor,
-                                               cairn_force_field_pose(align->field, align->cursor)));
+        if (!has_ground(align) || !align->places[align->cursor].moves)
+            must_be_ok(cairn_virtual_scan_add_scan(align->hypotheses, set, align->cursor,
+                                                   cairn_force_field_pose(align->field, align->cursor)));
     }
     return CAIRN_OK;
 }
@@ -417,6 +445,40 @@ static cairn_status step_hand_back(cairn_virtual_align *align, cairn_budget *bud
     return status;
 }
 
+/* ---- Parts that slide ---- */
+
+static cairn_status step_begin_slide(cairn_virtual_align *align, cairn_budget *budget)
+{
+    if (align->cursor == 0)
+        must_be_ok(cairn_wall_slide_begin(align->slide, align->aligner, cairn_force_field_scans(align->field)));
+    for (; align->cursor < align->scan_count; align->cursor++) {
+        const struct place *place = &align->places[align->cursor];
+
+        if (!cairn_budget_pay(budget, &align->paid, 2))
+            return CAIRN_MORE;
+        must_be_ok(cairn_wall_slide_add(align->slide, place->start, &place->aligned));
+    }
+    return CAIRN_OK;
+}
+
+static cairn_status step_take_slid(cairn_virtual_align *align, cairn_budget *budget)
+{
+    if (!cairn_budget_pay(budget, &align->paid, 1 + align->scan_count / 8))
+        return CAIRN_MORE;
+    align->result.slide = cairn_wall_slide_read(align->slide);
+    for (int32_t i = 0; i < align->scan_count; i++) {
+        struct place *place = &align->places[i];
+        cairn_vec2 shift = cairn_wall_slide_shift_of(align->slide, i);
+
+        if (shift.x == 0 && shift.y == 0)
+            continue;
+        place->aligned.map_scan.x += shift.x;
+        place->aligned.map_scan.y += shift.y;
+        place->moves = 1;
+    }
+    return CAIRN_OK;
+}
+
 static cairn_status step_phase(cairn_virtual_align *align, cairn_budget *budget)
 {
     switch (align->phase) {
@@ -431,6 +493,12 @@ static cairn_status step_phase(cairn_virtual_align *align, cairn_budget *budget)
         return step_judge(align, budget);
     case PLACE:
         return step_place(align, budget);
+    case BEGIN_SLIDE:
+        return step_begin_slide(align, budget);
+    case SLIDE:
+        return cairn_wall_slide_step(align->slide, budget);
+    case TAKE_SLID:
+        return step_take_slid(align, budget);
     case GATHER:
         return step_gather(align, budget);
     case DETECT:
@@ -438,6 +506,12 @@ static cairn_status step_phase(cairn_virtual_align *align, cairn_budget *budget)
     default:
         return step_iteration(align, budget);
     }
+}
+
+/* What the field could not place, the slide may. */
+static align_phase last_phase(const cairn_virtual_align *align)
+{
+    return has_ground(align) ? BEGIN_SLIDE : IDLE;
 }
 
 static align_phase next_phase(const cairn_virtual_align *align)
@@ -448,7 +522,13 @@ static align_phase next_phase(const cairn_virtual_align *align)
     case KEEP:
         return PLACE;
     case PLACE:
-        return align->result.moved > 0 ? GATHER : IDLE;
+        return align->result.moved > 0 ? GATHER : last_phase(align);
+    case BEGIN_SLIDE:
+        return SLIDE;
+    case SLIDE:
+        return TAKE_SLID;
+    case TAKE_SLID:
+        return IDLE;
     case GATHER:
         return DETECT;
     case DETECT:
@@ -458,7 +538,7 @@ static align_phase next_phase(const cairn_virtual_align *align)
     case ALIGN_AGAIN:
         return JUDGE;
     case JUDGE:
-        return !align->is_done && align->result.rounds < align->params.max_rounds ? PLACE : IDLE;
+        return !align->is_done && align->result.rounds < align->params.max_rounds ? PLACE : last_phase(align);
     default:
         if (cairn_force_field_read(align->field).verdict != CAIRN_FORCE_FIELD_RUNNING)
             return align->params.align ? HAND_BACK : IDLE;
@@ -470,8 +550,9 @@ static int64_t *units_of(cairn_virtual_align *align)
 {
     if (align->phase == ALIGN || align->phase == ALIGN_AGAIN)
         return &align->result.align_units;
-    return align->phase == GATHER || align->phase == DETECT ? &align->result.hypothesis_units
-                                                            : &align->result.field_units;
+    if (align->phase == GATHER || align->phase == DETECT || align->phase == SLIDE)
+        return &align->result.hypothesis_units;
+    return &align->result.field_units;
 }
 
 /* To the end of a phase. */

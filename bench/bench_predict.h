@@ -1,0 +1,23 @@
+/* bench_predict: how well a measure of maps predicts their error. */
+#ifndef CAIRN_BENCH_PREDICT_H
+#define CAIRN_BENCH_PREDICT_H
+
+#include <stdint.h>
+
+/* measure, error: [arenas][methods][steps] */
+typedef struct bench_predict_maps {
+    const double *measure, *error;
+    int32_t arenas, methods, steps;
+    double good; /* maps of errors that are not below do not enter */
+} bench_predict_maps;
+
+typedef struct bench_prediction {
+    double rho, low, high; /* NaN: too few maps */
+    int64_t maps;
+} bench_prediction;
+
+/* Spearman's rank correlation over the maps of all arenas and methods after the same number of steps; the mean over the
+ * steps, weighted by their maps. The interval of 95 % is of 1000 draws of arenas. 0 when memory is lacking. */
+int bench_predict(const bench_predict_maps *all, uint64_t seed, bench_prediction *p);
+
+#endif

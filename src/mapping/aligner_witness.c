@@ -1,0 +1,64 @@
+/* What an alignment that has ended says of two of its scans, to who reasons about them further. */
+#include "src/core/build.h"
+
+#include "src/mapping/aligner_work.h"
+
+static const cairn_real ON_WALL = CAIRN_REAL(0.03), GATE = CAIRN_REAL(0.07); /* m */
+static const cairn_real LEAST_ACROSS = CAIRN_REAL(0.5);                      /* sine of 30 degrees */
+
+static int has_scan(const cairn_aligner *x, int32_t scan)
+{
+    return x != NULL && scan >= 0 && scan < x->scan_count;
+}
+
+/* 1 when two segments of one wall also lie on one line. */
+static int is_same_wall(const cairn_aligner *x, const aligner_segment *a, const aligner_segment *b)
+{
+    cairn_vec2 direction = cairn_transform_direction(x->poses[a->scan], a->direction);
+    cairn_vec2 way = cairn_vec2_sub(cairn_transform_point(x->poses[b->scan], b->mean),
+                                    cairn_transform_point(x->poses[a->scan], a->mean));
+
+    return a->wall >= 0 && a->wall == b->wall && cairn_abs(cairn_vec2_cross(direction, way)) <= ON_WALL;
+}
+
+int32_t cairn_aligner_share_wall(const cairn_aligner *aligner, int32_t first, int32_t second, cairn_vec2 along)
+{
+    const cairn_aligner *x = aligner;
+
+    if (!has_scan(x, first) || !has_scan(x, second) || !x->has_ended)
+        return 0;
+    for (int32_t i = x->scans[first].first_segment; i < x->scans[first].end_segment; i++) {
+        if (cairn_abs(cairn_vec2_cross(x->segments[i].direction, along)) < LEAST_ACROSS)
+            continue;
+        for (int32_t j = x->scans[second].first_segment; j < x->scans[second].end_segment; j++)
+            if (is_same_wall(x, &x->segments[i], &x->segments[j]))
+                return 1;
+    }
+    return 0;
+}
+
+int32_t cairn_aligner_are_partners(const cairn_aligner *aligner, int32_t first, int32_t second)
+{
+    return has_scan(aligner, first) && has_scan(aligner, second) &&
+           cairn_aligner_has_partner(aligner, first, second, ALIGNER_PARTNERS);
+}
+
+cairn_real cairn_aligner_objection(const cairn_aligner *aligner, int32_t first, int32_t second, cairn_pose second_first,
+                                   int32_t *units)
+{
+    static const cairn_transform same = {0, 0, 1, 0};
+    cairn_transform pose = cairn_transform_of(second_first);
+    aligner_count count = {0, 0, 0};
+    int32_t work;
+
+    if (units != NULL)
+        *units = 1;
+    if (!has_scan(aligner, first) || !has_scan(aligner, second) ||
+        !cairn_aligner_may_meet(aligner, first, second, pose, same))
+        return 0;
+    work = cairn_aligner_count_pair(aligner, first, second, pose, GATE, &count);
+    if (units != NULL)
+        *units += work / ALIGNER_POINTS_OF_UNIT;
+    count.same = 0;
+    return cairn_aligner_evidence(aligner, count);
+}

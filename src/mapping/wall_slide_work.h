@@ -1,0 +1,96 @@
+/* What the files of the wall_slide room share. */
+#ifndef CAIRN_MAPPING_WALL_SLIDE_WORK_H
+#define CAIRN_MAPPING_WALL_SLIDE_WORK_H
+
+#include "cairn/wall_slide.h"
+
+/* Shifts that are tried, and the histogram of thicknesses. */
+enum { SLIDE_SHIFTS = 401, SLIDE_BINS = 100 };
+
+/* A scan that is in no part, and the part of those that lie firmly. */
+enum { SLIDE_NONE = -1, SLIDE_FIRM = 0 };
+
+typedef int32_t slide_phase;
+enum {
+    SLIDE_GATHER,
+    SLIDE_TIE,
+    SLIDE_NUMBER,
+    SLIDE_WALLS,
+    SLIDE_SHARE,
+    SLIDE_LEARN,
+    SLIDE_NEXT,
+    SLIDE_THICKNESS,
+    SLIDE_OBJECT,
+    SLIDE_WEIGH,
+    SLIDE_DONE
+};
+
+typedef struct slide_scan {
+    cairn_pose start, map_scan;
+    cairn_vec2 along, shift; /* in which it may slide, in the map; by how much it did */
+    cairn_real deviation;    /* m, standard, of that */
+    int32_t is_loose;
+    int32_t part; /* while ties are looked for the least scan that it is tied to */
+} slide_scan;
+
+/* A straight piece of what a scan shows, in the map, free side on the left. */
+typedef struct slide_wall {
+    cairn_vec2 middle, direction;
+    cairn_real half;  /* m, of its length */
+    cairn_real share; /* 1 over the pieces of its part that show the same wall */
+    int32_t part;
+} slide_wall;
+
+typedef struct slide_part {
+    cairn_vec2 along;
+    cairn_vec2 off; /* m: sum over its scans of where they started, less where they are */
+    int32_t scans;  /* 0: joined to another */
+} slide_part;
+
+/* A part against one of a lesser number. */
+typedef struct slide_pair {
+    cairn_real shift; /* m along its direction, the best, ... */
+    cairn_real surer; /* ... nats that any other place has less; below 0: not weighed since either has changed */
+} slide_pair;
+
+struct cairn_wall_slide {
+    cairn_wall_slide_params params;
+    slide_scan *scans; /* [max_scans] */
+    cairn_pose *from;  /* [max_scans] starts of the firm scans, ... */
+    cairn_pose *to;    /* [max_scans] ... and where they are */
+    slide_wall *walls; /* [max_walls] */
+    slide_part *parts; /* [max_parts + 1] */
+    slide_pair *pairs; /* [max_parts (max_parts + 1) / 2] of part k with h at k (k - 1) / 2 + h */
+    cairn_real *nats;  /* [SLIDE_SHIFTS] for each shift */
+    cairn_real *fits;  /* [SLIDE_SHIFTS] of the wall at hand, best of all that it may belong to */
+    cairn_real *bins;  /* [SLIDE_BINS] pairs of faces so far apart, ... */
+    cairn_real *gaps;  /* [SLIDE_BINS] ... and the sum of their distances */
+    const cairn_aligner *aligner;
+    const cairn_scan_set *set;
+    int32_t scan_count, wall_count, part_count; /* the firm one included */
+    int32_t has_begun, added;
+    cairn_real spread; /* m, of the initial poses */
+    slide_phase phase;
+    int32_t i, j, debt;
+    int32_t moving, fixed;       /* the parts at hand */
+    int32_t first_shift, shifts; /* of these the shifts in steps: first ... first + shifts - 1 */
+    cairn_real step, expected, variance;
+    int32_t at; /* shift that two scans are tried at */
+    cairn_wall_slide_result result;
+};
+
+static inline cairn_real cairn_slide_shift(const cairn_wall_slide *x, int32_t i)
+{
+    return (cairn_real)(x->first_shift + i) * x->step;
+}
+
+/* ---- wall_slide_walls.c: items, each returns its units ---- */
+
+int32_t cairn_slide_walls_item(cairn_wall_slide *x);
+int32_t cairn_slide_share_item(cairn_wall_slide *x);
+int32_t cairn_slide_learn_item(cairn_wall_slide *x);
+
+/* A wall of the moving part, at every shift, against those of the fixed one. */
+int32_t cairn_slide_thickness_item(cairn_wall_slide *x);
+
+#endif
