@@ -752,6 +752,19 @@ static void shapes(void **state)
 
 /* ---- Degenerate and refused ---- */
 
+/* As far off as is allowed, in distance and in direction, is on it still. */
+static void limits_belong_to_it(void **state)
+{
+    const cairn_ellipse e = {.half_length = 2, .half_width = 2, .kind = CAIRN_ELLIPSE_ANY};
+    const cairn_oriented_point on = {{2, 0}, {0, 1}}, off = {{4, 0}, {CAIRN_REAL(0.6), CAIRN_REAL(0.8)}};
+
+    (void)state;
+    assert_true(cairn_ellipse_has(&e, &on, 0, 0));
+    assert_true(cairn_ellipse_has(&e, &off, 2, CAIRN_REAL(0.6)));
+    assert_false(cairn_ellipse_has(&e, &off, 2, CAIRN_REAL(0.59)));
+    assert_false(cairn_ellipse_has(&e, &off, CAIRN_REAL(1.99), CAIRN_REAL(0.6)));
+}
+
 static void little_to_search(void **state)
 {
     struct fixture f = set_with(cairn_ellipse_default());
@@ -963,6 +976,7 @@ int main(void)
         cmocka_unit_test(the_budget_does_not_matter),
         cmocka_unit_test(can_be_begun_anew),
         cmocka_unit_test(shapes),
+        cmocka_unit_test(limits_belong_to_it),
         cmocka_unit_test(little_to_search),
         cmocka_unit_test(weights_count),
         cmocka_unit_test(bad_points_are_refused),

@@ -186,8 +186,8 @@ static void read_result(align_job *job, const cairn_virtual_align *align)
              result.aligner.placed, guessed);
     snprintf(job->summary, sizeof job->summary,
              "virtual    %" PRId32 " scans went by hypotheses in %" PRId32 " iterations, %" PRId32
-             " of them found no other ground\n",
-             result.moved, result.iterations, guessed);
+             " slid along walls, %" PRId32 " found no other ground\n",
+             result.moved, result.iterations, result.slide.slid, guessed);
     align_summarize(job, &result.aligner);
 }
 

@@ -4,8 +4,8 @@
  *
  * Scans that share no surface with the others cannot be aligned by what they show alone; that walls go on straight and
  * rooms are rectangles tells where they belong. First the aligner brings together what it can. Scans that stay outside its
- * largest part then move in a force field of all scans and of a virtual scan, made anew every few iterations, while that
- * part stays where it is (Adluru 2008, chapter 8, algorithm 2). From there the aligner looks for them again; what it places
+ * largest part then move in a force field of all scans and of a virtual scan of those that stay, made anew every few
+ * iterations (Adluru 2008, chapter 8, algorithm 2). From there the aligner looks for them again; what it places
  * then enters the map, and else only scans that share no surface with its largest part stay where hypotheses have put them.
  *
  * Last, parts of the largest part that long walls alone hold are slid along these (wall_slide): walls are as thick as elsewhere.

@@ -8,7 +8,8 @@
  * through; the initial poses, of all their scans together; and a hypothesis about the world: the two faces of a wall, which no
  * scan sees both, are as far apart as those of the other walls of the map. How much that weighs is learnt from the walls whose
  * faces the map holds firmly: nothing where each is of another thickness (cf. Adluru 2008, chapter 8: a box seen from two sides).
- * The two parts whose place to each other is surest join first, then what that tells of the others. */
+ * The two parts whose place to each other is surest join first, then what that tells of the others; a part for which that gains less
+ * than 2 nats stays where it is. */
 #ifndef CAIRN_WALL_SLIDE_H
 #define CAIRN_WALL_SLIDE_H
 

@@ -2,15 +2,17 @@
  *
  * Method: when the aligner has ended, the poses of all scans go to the field, those that it has placed fixed; so are those
  * that hypotheses could not help, since all that they show lies in one direction along which anything may slide. Then every few
- * iterations the hypotheses are made anew from the field's poses and go to it as points from outside. Where the field leaves
- * them the aligner looks for what it had not placed; when it had placed next to nothing it starts anew. When it then places more
+ * iterations the hypotheses are made anew, from the scans that stay, or from all where all move: those that move would make
+ * what holds them where they are. They go to the field as points from outside. Where the field leaves them the aligner looks for
+ * what it had not placed; when it had placed next to nothing it starts anew. When it then places more
  * scans than before, these enter the result, by the motion that brings the scans placed before to where they were, and those stay
  * there; else its former result stands, and only what shares no surface with its largest part stays where the field has left it.
+ * Last, loose parts of the largest part slide.
  *
- * Layout: the aligner, the field and the hypotheses in one pool; a scan has the same index in the aligner and in the field.
+ * Layout: the aligner, the field, the hypotheses and the slide in one pool; a scan has the same index in the aligner and in the field.
  * The best result of the aligner is kept beside it.
  *
- * Limits: what the field has moved has no covariance but that of its initial pose.
+ * Limits: what the field has moved has no covariance but that of its initial pose, and what slid that which it had before.
  *
  * Source: Adluru 2008, chapter 8. */
 #include "src/core/build.h"

@@ -26,6 +26,7 @@ enum { SCANS_OF_UNIT = 16, SHIFTS_OF_UNIT = 8 };
 static const cairn_real SAME_WAY = CAIRN_REAL(0.99);    /* cosine */
 static const cairn_real KNOWN_ALIKE = CAIRN_REAL(0.03); /* share of the deviation */
 static const cairn_real SAME_PLACE = CAIRN_REAL(0.06);  /* m */
+static const cairn_real BETTER = 2;                     /* nats that a part must gain to leave its place */
 static const cairn_real FARTHEST = 3;                   /* standard deviations */
 
 cairn_wall_slide_params cairn_wall_slide_default(void)
@@ -348,7 +349,7 @@ static int32_t weigh_item(cairn_wall_slide *x)
 {
     slide_pair *pair = pair_of(x, x->moving, x->fixed);
     cairn_real second = -CAIRN_REAL_MAX;
-    int32_t best = 0;
+    int32_t best = 0, stay = -x->first_shift;
 
     for (int32_t i = 0; i < x->shifts; i++) {
         cairn_real off = cairn_slide_shift(x, i) - x->expected;
@@ -357,11 +358,13 @@ static int32_t weigh_item(cairn_wall_slide *x)
         if (x->nats[i] > x->nats[best])
             best = i;
     }
+    if (stay >= 0 && stay < x->shifts && x->nats[best] - x->nats[stay] < BETTER)
+        best = stay;
     for (int32_t i = 0; i < x->shifts; i++)
         if (cairn_abs((cairn_real)(i - best)) * x->step > SAME_PLACE)
             second = cairn_max(second, x->nats[i]);
     pair->shift = cairn_slide_shift(x, best);
-    pair->surer = second > -CAIRN_REAL_MAX ? x->nats[best] - second : CAIRN_REAL_MAX;
+    pair->surer = second > -CAIRN_REAL_MAX ? cairn_max(x->nats[best] - second, 0) : CAIRN_REAL_MAX;
     x->phase = SLIDE_NEXT;
     return 1 + x->shifts / SHIFTS_OF_UNIT;
 }
