@@ -59,6 +59,7 @@ typedef struct match_votes {
     cairn_real first_angle, angle_step;
     cairn_transform turn;
     int32_t stride; /* of the query points that vote */
+    int32_t shift;  /* of the votes in a cell */
     int32_t most;   /* candidates to keep */
 } match_votes;
 
