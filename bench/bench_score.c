@@ -84,37 +84,28 @@ static sim_pose refine(const sim_pose *truth, const sim_pose *estimates, const i
 int32_t bench_fit_common(const sim_pose *truth, const sim_pose *estimates, const int32_t *use, int32_t count,
                          double metres, double radians, sim_pose *moved)
 {
+    enum { ROUNDS = 12 };
     sim_pose best = {0, 0, 0};
-    int32_t most = -1;
+    int32_t most = 0;
 
     for (int32_t i = 0; i < count; i++) {
         sim_pose origin = {0, 0, 0}, motion;
+        int32_t agree;
 
         if (!use[i])
             continue;
-        /* The motion that brings scan i onto its truth, then onto the mean of all that agree. */
+        /* The motion that brings scan i onto its truth, then onto the mean of all that agree until these are the same. A
+         * motion before that is no fit, even if more agree with it. */
         motion = bench_pose_compose(truth[i], bench_pose_between(estimates[i], origin));
-        for (int round = 0; round < 4; round++) {
-            int32_t agree = agreeing(truth, estimates, use, count, motion, metres, radians);
-
-            if (agree > most) {
-                most = agree;
-                best = motion;
-            }
+        for (int round = 0; round < ROUNDS; round++)
             motion = refine(truth, estimates, use, count, motion, metres, radians);
+        agree = agreeing(truth, estimates, use, count, motion, metres, radians);
+        if (agree > most) {
+            most = agree;
+            best = motion;
         }
-    }
-    /* The motion that brought the most may have been that of one scan alone. */
-    for (int round = 0; round < 8 && most > 0; round++) {
-        sim_pose motion = refine(truth, estimates, use, count, best, metres, radians);
-        int32_t agree = agreeing(truth, estimates, use, count, motion, metres, radians);
-
-        if (agree < most)
-            break;
-        most = agree;
-        best = motion;
     }
     for (int32_t i = 0; i < count; i++)
         moved[i] = bench_pose_compose(best, estimates[i]);
-    return most > 0 ? most : 0;
+    return most;
 }

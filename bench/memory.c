@@ -88,6 +88,11 @@ int main(void)
     aligner.max_fill = 32 * 60;
     print("aligner", "60 scans, 600 segments, 3000 points, 1440 hypotheses, 1920 blocks",
           cairn_aligner_memory(&aligner));
+    aligner.max_segments = 665;
+    aligner.max_stubs = 60;
+    aligner.max_points = 3320;
+    aligner.max_hypotheses = aligner.max_fill = 1150;
+    print("aligner", "60 scans of 401 beams, what the largest of arenas needs", cairn_aligner_memory(&aligner));
     print("pose_consensus", "64 nodes, 1024 hypotheses, 8 candidates", cairn_pose_consensus_memory(&consensus));
     print("place_map", "16 places of 1024 points and 2048 beams, 4096 hypotheses", cairn_place_map_memory(&places));
     places.decoupled = CAIRN_PLACE_MAP_JOINTLY;

@@ -12,10 +12,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "bench/bench_bound.h"
 #include "bench/bench_json.h"
-#include "bench/bench_views.h"
-#include "cairn/carmen_log.h"
+#include "bench/bench_pairs.h"
 #include "cairn/icp.h"
 #include "cairn/output.h"
 #include "cairn/random.h"
@@ -24,13 +22,13 @@
 
 #define DEGREE 0.017453292519943295
 
-enum { DRIVE_SCANS = 60, DRIVE_BEAMS = 181, PAIRS_PER_ARENA = 20, PLACES = 16, PLACE_BEAMS = 1604, LAST_STAGE = 3 };
+enum { WHOLE = 3, STAGES_MOST = 5 }; /* of the stages */
 
 typedef struct settings {
-    const char *log, *truth, *data, *start, *method, *scene;
-    int64_t pairs, seed, partners, strangers;
-    double overlap;
-    int32_t simulated, places, unions, noise, each, ablate;
+    bench_pairs_settings of;
+    const char *data, *start, *method;
+    int64_t strangers;
+    int32_t each, ablate;
     cairn_scan_match_mode mode;
 } settings;
 
@@ -39,27 +37,13 @@ typedef struct start_kind {
     double metres, radians; /* negative: none */
 } start_kind;
 
-static const char *const STAGE_NAMES[] = {"icp", "lcs", "colinear", "segments"};
-static const cairn_scan_match_mode STAGES[] = {CAIRN_SCAN_MATCH_SHAPE_COMMON, CAIRN_SCAN_MATCH_SHAPE_COLINEAR,
-                                               CAIRN_SCAN_MATCH_SHAPE_SEGMENTS, CAIRN_SCAN_MATCH_SHAPE};
+static const char *const STAGE_NAMES[STAGES_MOST] = {"icp", "lcs", "colinear", "segments", "all but colinear"};
+static const cairn_scan_match_mode STAGES[STAGES_MOST] = {
+    CAIRN_SCAN_MATCH_SHAPE_COMMON, CAIRN_SCAN_MATCH_SHAPE_COLINEAR, CAIRN_SCAN_MATCH_SHAPE_SEGMENTS,
+    CAIRN_SCAN_MATCH_SHAPE, CAIRN_SCAN_MATCH_SHAPE_LINES};
 
 static const start_kind STARTS[] = {
     {"E", 0.1, 10 * DEGREE}, {"T", 0.3, 20 * DEGREE}, {"X", 0.5, 45 * DEGREE}, {"none", -1, -1}};
-
-typedef struct pair {
-    int32_t target, query; /* of the views */
-    int32_t first, end;    /* the target is the union of these but the query, in the frame of `target` */
-    double bound[9];       /* covariance of the relative pose; 0: not known */
-} pair;
-
-/* Views and pairs of them. */
-typedef struct collection {
-    bench_views views;
-    pair *pairs;
-    int32_t pair_count;
-    pair *strangers;
-    int32_t stranger_count;
-} collection;
 
 /* What one match gave. */
 typedef struct outcome {
@@ -67,272 +51,6 @@ typedef struct outcome {
     double metres, radians, ratio, inside, ms;
     int64_t units;
 } outcome;
-
-/* ---- Pairs ---- */
-
-static int is_pair(cairn_pose a, cairn_pose b)
-{
-    cairn_pose t = cairn_pose_between(a, b);
-    double d = hypot((double)t.x, (double)t.y), angle = fabs((double)t.theta);
-
-    return d < 1.5 && angle < 0.7 && (d >= 0.1 || angle >= 5 * DEGREE);
-}
-
-static pair pair_of(int32_t target, int32_t query)
-{
-    pair p = {target, query, target, target + 1, {0}};
-
-    return p;
-}
-
-/* Draws pairs among views[first ... end-1]. */
-static void draw_pairs(collection *c, int32_t first, int32_t end, int64_t partners, int32_t most, cairn_random *random)
-{
-    int32_t goal = c->pair_count + most;
-
-    for (int64_t attempt = 0; attempt < 1000 * (int64_t)most && c->pair_count < goal && end - first > 1; attempt++) {
-        int32_t a = first + cairn_random_below(random, end - first);
-        int32_t b = a + 1 + cairn_random_below(random, (int32_t)partners);
-
-        if (b >= end || !is_pair(c->views.at[a].truth, c->views.at[b].truth))
-            continue;
-        c->pairs[c->pair_count++] = pair_of(a, b);
-    }
-}
-
-static void add_stranger(collection *c, int32_t target, int32_t query)
-{
-    c->strangers[c->stranger_count++] = pair_of(target, query);
-}
-
-/* ---- Simulated ---- */
-
-static cairn_pose pose_of(sim_pose p)
-{
-    cairn_pose pose = {(cairn_real)p.x, (cairn_real)p.y, (cairn_real)p.theta};
-
-    return pose;
-}
-
-/* The bound of the pose of the second scan in the frame of the first, from the bound in the world with one of them fixed. */
-static void bound_pairs(collection *c, const sim_arena *arena, const sim_scan *scans, int32_t first_pair)
-{
-    for (int32_t i = first_pair; i < c->pair_count; i++) {
-        pair *p = &c->pairs[i];
-        sim_scan both[2] = {scans[c->views.at[p->target].scan], scans[c->views.at[p->query].scan]};
-        bench_bound bounds[2];
-        int32_t fixed = bench_bound_compute(arena, both, 2, 1, 1, bounds);
-        double j[3][3] = {{0}}, co, si, dx, dy;
-        const double *world;
-
-        if (fixed < 0)
-            continue;
-        /* query in target: R^T (q - t). */
-        co = cos(both[0].truth.theta);
-        si = sin(both[0].truth.theta);
-        dx = both[1].truth.x - both[0].truth.x;
-        dy = both[1].truth.y - both[0].truth.y;
-        j[0][0] = j[1][1] = fixed == 0 ? co : -co;
-        j[0][1] = fixed == 0 ? si : -si;
-        j[1][0] = -j[0][1];
-        j[2][2] = fixed == 0 ? 1 : -1;
-        if (fixed != 0) {
-            j[0][2] = -si * dx + co * dy;
-            j[1][2] = -co * dx - si * dy;
-        }
-        world = bounds[1 - fixed].covariance;
-        for (int a = 0; a < 3; a++)
-            for (int b = 0; b < 3; b++)
-                for (int k = 0; k < 9; k++)
-                    p->bound[3 * a + b] += j[a][k / 3] * world[k] * j[b][k % 3];
-    }
-}
-
-/* Share of the query's points that lie within 0.15 m of a target's point of like direction, at the truth. */
-static double true_overlap(const bench_view *target, const bench_view *query)
-{
-    cairn_transform target_query = cairn_transform_of(cairn_pose_between(target->truth, query->truth));
-    int32_t near = 0;
-
-    for (int32_t i = 0; i < query->part.count; i++) {
-        cairn_vec2 p = cairn_transform_point(target_query, query->part.points[i].position);
-        cairn_vec2 d = cairn_transform_direction(target_query, query->part.points[i].direction);
-        int32_t found = 0;
-
-        for (int32_t k = 0; k < target->part.count && !found; k++)
-            found = cairn_vec2_norm(cairn_vec2_sub(target->part.points[k].position, p)) < CAIRN_REAL(0.15) &&
-                    cairn_vec2_dot(target->part.points[k].direction, d) > CAIRN_REAL(0.87);
-        near += found;
-    }
-    return query->part.count > 0 ? (double)near / query->part.count : 0;
-}
-
-/* All pairs of views[first ... end-1] with enough overlap, either way; those with none are strangers. */
-static void pair_places(const settings *s, collection *c, int32_t first, int32_t end, size_t room)
-{
-    for (int32_t a = first; a < end; a++)
-        for (int32_t b = first; b < end; b++) {
-            double overlap;
-
-            if (a == b)
-                continue;
-            overlap = true_overlap(&c->views.at[a], &c->views.at[b]);
-            if (overlap >= s->overlap && (size_t)c->pair_count < room) {
-                c->pairs[c->pair_count++] = pair_of(a, b);
-            } else if (overlap < 0.02 && (size_t)c->stranger_count < room) {
-                add_stranger(c, a, b);
-            }
-        }
-}
-
-/* Every view of views[first ... end-1] with the union of the others. */
-static void pair_with_others(collection *c, int32_t first, int32_t end, size_t room)
-{
-    for (int32_t query = first; query < end && (size_t)c->pair_count < room; query++) {
-        pair *p = &c->pairs[c->pair_count++];
-
-        *p = pair_of(query > first ? first : first + 1, query);
-        p->first = first;
-        p->end = end;
-    }
-}
-
-static int add_arena(const settings *s, collection *c, uint64_t seed, int32_t number)
-{
-    static const sim_scene scenes[] = {SIM_RESCUE, SIM_APARTMENT, SIM_OFFICE, SIM_RESCUE};
-    sim_arena_options arena_options = sim_arena_default();
-    sim_survey_options survey_options = sim_survey_default();
-    cairn_random random = cairn_random_seed(seed, 5);
-    int32_t first = c->views.count, count = 0, done = 0, first_pair = c->pair_count;
-    sim_survey *survey = NULL;
-    sim_arena *arena;
-    char fault[256] = "";
-
-    arena_options.seed = survey_options.seed = seed;
-    arena_options.scene = s->scene != NULL ? sim_scene_find(s->scene) : scenes[number % 4];
-    survey_options.drive = s->places ? 0 : DRIVE_SCANS;
-    survey_options.places = s->places ? PLACES : 0;
-    survey_options.headings = 1;
-    survey_options.beams = s->places ? PLACE_BEAMS : DRIVE_BEAMS;
-    survey_options.fov = (s->places ? 360 : 180) * DEGREE;
-    arena = sim_arena_create(&arena_options, fault, sizeof fault);
-    if (arena != NULL)
-        survey = sim_survey_create(arena, &survey_options, fault, sizeof fault);
-    if (survey != NULL) {
-        const sim_scan *scans = sim_survey_scans(survey, &count);
-
-        done = 1;
-        for (int32_t i = 0; i < count && done; i++) {
-            cairn_scan_input input = sim_scan_input(&scans[i]);
-
-            done = bench_views_add(&c->views, &input, pose_of(scans[i].truth), i);
-        }
-        if (s->unions)
-            pair_with_others(c, first, c->views.count, (size_t)s->pairs + PAIRS_PER_ARENA);
-        else if (s->places)
-            pair_places(s, c, first, c->views.count, (size_t)s->pairs + PAIRS_PER_ARENA);
-        else
-            draw_pairs(c, first, c->views.count, s->partners, PAIRS_PER_ARENA, &random);
-        if (!s->unions)
-            bound_pairs(c, arena, scans, first_pair);
-        for (int32_t i = 0; i < PAIRS_PER_ARENA && first > 0 && !s->places; i++)
-            add_stranger(c, first + cairn_random_below(&random, count), first - 1 - cairn_random_below(&random, count));
-    } else {
-        fprintf(stderr, "bench/pairs: %s\n", fault);
-    }
-    sim_survey_free(survey);
-    sim_arena_free(arena);
-    return done;
-}
-
-static int collect_simulated(const settings *s, collection *c)
-{
-    int32_t arenas = (int32_t)((s->pairs + PAIRS_PER_ARENA - 1) / PAIRS_PER_ARENA) + 1;
-    int done = bench_views_start(&c->views, arenas * DRIVE_SCANS, s->places ? PLACE_BEAMS : DRIVE_BEAMS);
-
-    for (int32_t i = 0; i < arenas && done && c->pair_count < s->pairs; i++)
-        done = add_arena(s, c, (uint64_t)(s->seed + i), i);
-    return done;
-}
-
-/* ---- From a log ---- */
-
-/* Puts noise where the log has poses. */
-static void overwrite_poses(cairn_carmen_scans *log, uint64_t seed)
-{
-    cairn_random random = cairn_random_seed(seed, 1);
-
-    for (int32_t i = 0; i < log->count; i++) {
-        log->record[i].robot.x = cairn_random_uniform(&random, -10, 10);
-        log->record[i].robot.y = cairn_random_uniform(&random, -10, 10);
-        log->record[i].robot.theta = cairn_random_uniform(&random, -3, 3);
-        log->record[i].laser = log->record[i].robot;
-        log->record[i].scan.base_sensor = cairn_pose_identity();
-    }
-}
-
-/* Lines "scan x y theta". */
-static int read_truth(const char *path, const cairn_carmen_scans *log, collection *c)
-{
-    FILE *file = fopen(path, "r");
-    char line[1024];
-    int32_t number = 0;
-
-    if (file == NULL) {
-        fprintf(stderr, "%s: cannot be read\n", path);
-        return 0;
-    }
-    while (fgets(line, sizeof line, file) != NULL) {
-        double v[4];
-        cairn_pose pose;
-        cairn_scan_input input;
-
-        number++;
-        if (line[0] == '#')
-            continue;
-        if (sscanf(line, "%lf %lf %lf %lf", &v[0], &v[1], &v[2], &v[3]) != 4 || !(v[0] >= 0 && v[0] < log->count)) {
-            fprintf(stderr, "%s:%d: no such pose, expected the number of a scan, x, y and theta\n", path, (int)number);
-            continue;
-        }
-        pose.x = (cairn_real)v[1];
-        pose.y = (cairn_real)v[2];
-        pose.theta = (cairn_real)v[3];
-        input = log->record[(int32_t)v[0]].scan;
-        input.base_sensor = cairn_pose_identity(); /* the reference poses are the laser's */
-        if (!bench_views_add(&c->views, &input, pose, (int32_t)v[0]))
-            break;
-    }
-    fclose(file);
-    return c->views.count > 0;
-}
-
-static int collect_log(const settings *s, collection *c)
-{
-    cairn_carmen_scans log;
-    cairn_file_error error;
-    cairn_random random = cairn_random_seed((uint64_t)s->seed, 5);
-    int done;
-
-    if (cairn_carmen_load(&log, s->log, NULL, &error) != CAIRN_OK) {
-        fprintf(stderr, "%s\n", error.text);
-        return 0;
-    }
-    if (s->noise)
-        overwrite_poses(&log, (uint64_t)s->seed);
-    done = bench_views_start(&c->views, log.count, log.info.beams_most) && read_truth(s->truth, &log, c);
-    if (done) {
-        draw_pairs(c, 0, c->views.count, s->partners, (int32_t)s->pairs, &random);
-        for (int64_t attempt = 0; attempt < 1000 * s->pairs && c->stranger_count < s->pairs; attempt++) {
-            int32_t a = cairn_random_below(&random, c->views.count), b = cairn_random_below(&random, c->views.count);
-            cairn_pose t = cairn_pose_between(c->views.at[a].truth, c->views.at[b].truth);
-
-            if (hypot((double)t.x, (double)t.y) > 15)
-                add_stranger(c, a, b);
-        }
-    }
-    cairn_carmen_scans_free(&log);
-    return done;
-}
 
 /* ---- Matching ---- */
 
@@ -348,7 +66,7 @@ static int start_matcher(const settings *s, const bench_views *views, matcher *m
     cairn_scan_match_params params = cairn_scan_match_default();
     cairn_icp_params icp = cairn_icp_default();
     cairn_pool pool;
-    int32_t points, dense, parts = s->unions ? PLACES : 1;
+    int32_t points, dense, parts = s->of.unions ? BENCH_PAIRS_PLACES : 1;
     size_t bytes;
 
     bench_views_most(views, &points, &dense);
@@ -374,13 +92,13 @@ static int is_right(cairn_pose truth, cairn_pose estimate)
 }
 
 /* The frame of the pair's target and a view in it. */
-static cairn_pose seen_from_target(const collection *c, const pair *p, int32_t view)
+static cairn_pose seen_from_target(const bench_collection *c, const bench_pair *p, int32_t view)
 {
     return cairn_pose_between(c->views.at[p->target].truth, c->views.at[view].truth);
 }
 
 /* Point-to-line ICP at full resolution from the truth: 1 when it stays. */
-static int stays(matcher *m, const collection *c, const pair *p)
+static int stays(matcher *m, const bench_collection *c, const bench_pair *p)
 {
     const cairn_scan_match_part *query = &c->views.at[p->query].part;
     cairn_pose truth = seen_from_target(c, p, p->query);
@@ -414,7 +132,7 @@ static double normalised(const double c[9], const double e[3])
            determinant;
 }
 
-static void compare(const pair *p, cairn_pose truth, const cairn_scan_match_result *result, outcome *out)
+static void compare(const bench_pair *p, cairn_pose truth, const cairn_scan_match_result *result, outcome *out)
 {
     const cairn_scan_match_hypothesis *h = result->hypotheses;
     double e[3], c[9];
@@ -436,7 +154,7 @@ static void compare(const pair *p, cairn_pose truth, const cairn_scan_match_resu
     out->ratio = p->bound[0] > 0 ? out->metres / sqrt(p->bound[0] + p->bound[4]) : (double)NAN;
 }
 
-static cairn_status set_target(matcher *m, const collection *c, const pair *p)
+static cairn_status set_target(matcher *m, const bench_collection *c, const bench_pair *p)
 {
     cairn_status status = CAIRN_OK;
 
@@ -448,8 +166,8 @@ static cairn_status set_target(matcher *m, const collection *c, const pair *p)
 }
 
 /* Matches a pair; 0 on failure. */
-static int run_pair(matcher *m, const collection *c, const pair *p, const start_kind *kind, cairn_random *random,
-                    outcome *out)
+static int run_pair(matcher *m, const bench_collection *c, const bench_pair *p, const start_kind *kind,
+                    cairn_random *random, outcome *out)
 {
     const bench_view *query = &c->views.at[p->query];
     cairn_pose truth = seen_from_target(c, p, p->query), start = cairn_pose_identity();
@@ -479,7 +197,7 @@ static int run_pair(matcher *m, const collection *c, const pair *p, const start_
     return 1;
 }
 
-static void print_each(const settings *s, const collection *c, const pair *p, const outcome *o,
+static void print_each(const settings *s, const bench_collection *c, const bench_pair *p, const outcome *o,
                        const cairn_scan_match_result *r, int ceiling, int stranger)
 {
     bench_json_begin("pairs");
@@ -581,10 +299,10 @@ static void print_row(const settings *s, const char *name, const start_kind *kin
 }
 
 /* All pairs from one kind of start, and the strangers from none. */
-static int run_start(const settings *s, const char *name, const collection *c, const start_kind *kind)
+static int run_start(const settings *s, const char *name, const bench_collection *c, const start_kind *kind)
 {
     size_t n = (size_t)c->pair_count + 1;
-    cairn_random random = cairn_random_seed((uint64_t)s->seed, 6);
+    cairn_random random = cairn_random_seed((uint64_t)s->of.seed, 6);
     settings labelled = *s;
     row r;
     matcher m = {NULL, NULL, NULL, 0};
@@ -601,7 +319,7 @@ static int run_start(const settings *s, const char *name, const collection *c, c
         r.units = values + 4 * n;
     }
     for (int32_t i = 0; i < c->pair_count && done; i++) {
-        const pair *p = &c->pairs[i];
+        const bench_pair *p = &c->pairs[i];
         int ceiling = stays(&m, c, p);
         cairn_scan_match_result result;
         outcome o;
@@ -635,14 +353,14 @@ static int run_start(const settings *s, const char *name, const collection *c, c
     return done;
 }
 
-static int run_collection(const settings *s, const char *name, collection *c)
+static int run_collection(const settings *s, const char *name, bench_collection *c)
 {
     int done = 1;
 
     for (size_t i = 0; i < sizeof STARTS / sizeof *STARTS; i++) {
         if (s->start != NULL && strcmp(s->start, STARTS[i].name) != 0)
             continue;
-        for (int32_t k = s->ablate ? 0 : LAST_STAGE; k <= LAST_STAGE && done; k++) {
+        for (int32_t k = s->ablate ? 0 : WHOLE; k < (s->ablate ? STAGES_MOST : WHOLE + 1) && done; k++) {
             settings one = *s;
 
             if (s->mode != CAIRN_SCAN_MATCH_CORRELATIVE)
@@ -655,24 +373,12 @@ static int run_collection(const settings *s, const char *name, collection *c)
 
 static int run_data(const settings *s, const char *name)
 {
-    collection c;
-    size_t room = (size_t)s->pairs + PAIRS_PER_ARENA;
-    int collected, done = 0;
+    bench_collection c;
+    int collected = bench_pairs_collect(&s->of, &c), done = 0;
 
-    memset(&c, 0, sizeof c);
-    c.pairs = malloc(room * sizeof *c.pairs);
-    c.strangers = malloc(2 * room * sizeof *c.strangers);
-    collected = c.pairs != NULL && c.strangers != NULL &&
-                (s->simulated || s->places ? collect_simulated(s, &c) : collect_log(s, &c));
-    if (c.pair_count > s->pairs)
-        c.pair_count = (int32_t)s->pairs;
-    if (c.stranger_count > s->pairs)
-        c.stranger_count = (int32_t)s->pairs;
     if (collected)
         done = run_collection(s, name, &c);
-    bench_views_free(&c.views);
-    free(c.pairs);
-    free(c.strangers);
+    bench_pairs_free(&c);
     return collected ? !done : 3;
 }
 
@@ -688,26 +394,27 @@ int main(int argc, char **argv)
 {
     static const char *const names[] = {"intel", "fr079", "aces"};
     static const int64_t partners[] = {10, 59, 10};
-    settings s = {.data = "../shared/data", .method = "correlative", .pairs = 500, .seed = 1, .overlap = 0.3};
+    settings s = {.of = {.pairs = 500, .seed = 1, .overlap = 0.3}, .data = "../shared/data", .method = "correlative"};
     const option table[] = {
-        OPTION_FLAG("--simulated", &s.simulated, "pairs of simulated arenas"),
-        OPTION_FLAG("--places", &s.places, "simulated: full circles at 16 places an arena, pairs that overlap enough"),
-        OPTION_NUMBER("--overlap", &s.overlap, 0, 1, "SHARE",
+        OPTION_FLAG("--simulated", &s.of.simulated, "pairs of simulated arenas"),
+        OPTION_FLAG("--places", &s.of.places,
+                    "simulated: full circles at 16 places an arena, pairs that overlap enough"),
+        OPTION_NUMBER("--overlap", &s.of.overlap, 0, 1, "SHARE",
                       "... share of the points of the second that the first sees"),
-        OPTION_FLAG("--union", &s.unions, "simulated: every one of the 16 places with all others of its arena"),
-        OPTION_TEXT("--scene", &s.scene, "NAME", "scene of the arenas (rescue, apartment and office in turn)"),
-        OPTION_TEXT("--log", &s.log, "FILE", "one CARMEN log (all of DIR/slam)"),
-        OPTION_TEXT("--truth", &s.truth, "FILE", "its reference poses, \"scan x y theta\" a line"),
+        OPTION_FLAG("--union", &s.of.unions, "simulated: every one of the 16 places with all others of its arena"),
+        OPTION_TEXT("--scene", &s.of.scene, "NAME", "scene of the arenas (rescue, apartment and office in turn)"),
+        OPTION_TEXT("--log", &s.of.log, "FILE", "one CARMEN log (all of DIR/slam)"),
+        OPTION_TEXT("--truth", &s.of.truth, "FILE", "its reference poses, \"scan x y theta\" a line"),
         OPTION_TEXT("--data", &s.data, "DIR", "folder of the data sets (../shared/data)"),
         OPTION_TEXT("--start", &s.start, "NAME", "E, T, X or none (all)"),
         OPTION_TEXT("--method", &s.method, "NAME", "correlative or shape (correlative)"),
-        OPTION_INTEGER("--pairs", &s.pairs, 1, 100000, "N", "pairs"),
-        OPTION_INTEGER("--partners", &s.partners, 0, 1000, "N",
+        OPTION_INTEGER("--pairs", &s.of.pairs, 1, 100000, "N", "pairs"),
+        OPTION_INTEGER("--partners", &s.of.partners, 0, 1000, "N",
                        "the second scan is one of the next N with a reference pose (10; fr079 59)"),
-        OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the arenas, the pairs and their starts"),
+        OPTION_INTEGER("--seed", &s.of.seed, 0, 9e15, "N", "of the arenas, the pairs and their starts"),
         OPTION_INTEGER("--strangers", &s.strangers, 0, 1, "N",
                        "1: pairs that share nothing at every start, not at none only"),
-        OPTION_FLAG("--noise", &s.noise, "overwrite the poses of the log with noise: nothing may change"),
+        OPTION_FLAG("--noise", &s.of.noise, "overwrite the poses of the log with noise: nothing may change"),
         OPTION_FLAG("--ablate", &s.ablate, "the method shape after each of its stages"),
         OPTION_FLAG("--each", &s.each, "a line for every pair"),
     };
@@ -724,21 +431,21 @@ int main(int argc, char **argv)
         s.method = "shape";
     if (strcmp(s.method, "shape") == 0)
         s.mode = CAIRN_SCAN_MATCH_SHAPE;
-    s.places |= s.unions;
-    if ((s.log == NULL) != (s.truth == NULL))
+    s.of.places |= s.of.unions;
+    if ((s.of.log == NULL) != (s.of.truth == NULL))
         return options_refuse("bench/pairs", "--log or --truth alone, expected both or neither");
     if (s.start != NULL && !is_start(s.start))
         return options_refuse("bench/pairs", "--start is '%s', expected E, T, X or none", s.start);
     if (strcmp(s.method, "correlative") != 0 && strcmp(s.method, "shape") != 0)
         return options_refuse("bench/pairs", "--method is '%s', expected correlative or shape", s.method);
-    if (s.scene != NULL && sim_scene_find(s.scene) < 0)
-        return options_refuse("bench/pairs", "--scene is '%s', expected one of cairn-arena's", s.scene);
-    if (s.simulated || s.places || s.log != NULL) {
-        s.partners = s.partners > 0 ? s.partners : 10;
-        return run_data(&s, s.unions      ? "unions"
-                            : s.places    ? "places"
-                            : s.simulated ? "simulated"
-                                          : cairn_path_name(s.log));
+    if (s.of.scene != NULL && sim_scene_find(s.of.scene) < 0)
+        return options_refuse("bench/pairs", "--scene is '%s', expected one of cairn-arena's", s.of.scene);
+    if (s.of.simulated || s.of.places || s.of.log != NULL) {
+        s.of.partners = s.of.partners > 0 ? s.of.partners : 10;
+        return run_data(&s, s.of.unions      ? "unions"
+                            : s.of.places    ? "places"
+                            : s.of.simulated ? "simulated"
+                                             : cairn_path_name(s.of.log));
     }
     for (size_t i = 0; i < sizeof names / sizeof *names && code == 0; i++) {
         char log[4096], truth[4096];
@@ -746,9 +453,9 @@ int main(int argc, char **argv)
 
         snprintf(log, sizeof log, "%s/slam/%s.clf.gz", s.data, names[i]);
         snprintf(truth, sizeof truth, "%s/slam/%s.corrected.txt", s.data, names[i]);
-        one.log = log;
-        one.truth = truth;
-        one.partners = s.partners > 0 ? s.partners : partners[i];
+        one.of.log = log;
+        one.of.truth = truth;
+        one.of.partners = s.of.partners > 0 ? s.of.partners : partners[i];
         code = run_data(&one, names[i]);
     }
     return code;

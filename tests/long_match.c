@@ -130,7 +130,7 @@ uint64_t long_match_by_shape(void)
     cairn_scan_match_params params = cairn_scan_match_default();
     uint64_t hash = GOLDEN_START;
 
-    for (params.mode = CAIRN_SCAN_MATCH_SHAPE; params.mode <= CAIRN_SCAN_MATCH_SHAPE_SEGMENTS; params.mode++)
+    for (params.mode = CAIRN_SCAN_MATCH_SHAPE; params.mode <= CAIRN_SCAN_MATCH_SHAPE_LINES; params.mode++)
         hash = add_int(hash, (int64_t)(match_all(43, &params, 0) >> 1));
     return hash;
 }

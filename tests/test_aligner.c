@@ -1267,17 +1267,17 @@ static uint64_t hash_of_scene(const struct scene *scene)
 static void results_stay_as_they_are(void **state)
 {
     static const struct scene scenes[] = {
-        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0x74e6b33d3743127d), UINT64_C(0x5313faaba387d5e9)},
-        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x237261cfbbbb4e3f), UINT64_C(0x1905f3f5230c92cb)},
-        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0xb5104553ec458955), UINT64_C(0x925417e57cd5d246)},
-        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x31d0a102fcafaf43), UINT64_C(0xaa0f6988ecaf972f)},
-        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0x750d8dd41371e1c7), UINT64_C(0xd324691ede41c4bc)},
-        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x52697e5e2fdd15f3), UINT64_C(0x0f38e9e321d6fa43)},
-        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0x6877dd6cc6ecbf4f), UINT64_C(0xbc3f0b9df79a91cb)},
-        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x7f8b7e9532cff8a9), UINT64_C(0xbdaf4f7abb86fdd2)},
-        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0xc41c627203897dd9), UINT64_C(0x490abbcab69dca57)},
-        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x51663d9ced237b4d), UINT64_C(0xf9d614b544603564)},
-        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x5274f663caa2fb64), UINT64_C(0x662c3bb38e2b3cd5)},
+        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0x0acf8faf8602c64b), UINT64_C(0x3444c92e4ddc49ed)},
+        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x5f2d2077bfcdfd17), UINT64_C(0x1038e17cc528947c)},
+        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0xa80ff8dbdbcb1653), UINT64_C(0xb395049e588573fc)},
+        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x04b0bb74c2192c97), UINT64_C(0xfb38abfb4c16bece)},
+        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0x91bd4ce40c350114), UINT64_C(0xf1c8cd6cdbee8bd8)},
+        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x2845a42f39e96a54), UINT64_C(0x3628743490fbee68)},
+        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0x8c509c7cc33fcfc4), UINT64_C(0xf5aa9ab4ba860db5)},
+        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x4ffb65a8c4d0df68), UINT64_C(0x347b9043540a9f1e)},
+        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0xc700aaddae4b1d4a), UINT64_C(0xecdba0662a4d505f)},
+        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x299024b65daca6dc), UINT64_C(0x76c642a60056dff6)},
+        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x69b7d4f6f90e7b36), UINT64_C(0xd09e2926f48c2812)},
     };
 
     (void)state;

@@ -49,7 +49,8 @@ static void make_bed_of(bed *b, cairn_scan_match_mode mode, int32_t candidates)
     memset(b, 0, sizeof *b);
     params.mode = mode;
     params.max_candidates = candidates;
-    params.max_target = params.max_query = MOST;
+    params.max_query = MOST;
+    params.max_target = 2 * MOST;
     b->pool = test_pool(cairn_scan_match_memory(&params));
     assert_ok(cairn_scan_match_create(&b->match, &b->pool, &params));
     b->target_part.points = b->target;
@@ -120,12 +121,13 @@ static void pairs_and_their_stages(void **state)
 static void modes_up_to_a_stage(void **state)
 {
     static const cairn_scan_match_mode modes[] = {CAIRN_SCAN_MATCH_SHAPE_COMMON, CAIRN_SCAN_MATCH_SHAPE_COLINEAR,
-                                                  CAIRN_SCAN_MATCH_SHAPE_SEGMENTS};
-    int32_t dropped[3][3], counts[3];
+                                                  CAIRN_SCAN_MATCH_SHAPE_SEGMENTS, CAIRN_SCAN_MATCH_SHAPE,
+                                                  CAIRN_SCAN_MATCH_SHAPE_LINES};
+    int32_t dropped[5][3], counts[5];
 
     (void)state;
     memset(dropped, 0, sizeof dropped);
-    for (int k = 0; k < 3; k++) {
+    for (int k = 0; k < 5; k++) {
         bed b;
 
         make_bed(&b, modes[k]);
@@ -134,14 +136,70 @@ static void modes_up_to_a_stage(void **state)
         for (int32_t i = 0; i < counts[k]; i++)
             dropped[k][cairn_scan_match_pair_at(b.match, i).stage]++;
         test_pool_free(&b.pool);
+        assert_int_equal(counts[0], counts[k]);
     }
-    assert_int_equal(counts[0], counts[1]);
-    assert_int_equal(counts[0], counts[2]);
     assert_int_equal(dropped[0][CAIRN_SCAN_MATCH_KEPT], counts[0]);
-    assert_true(dropped[1][CAIRN_SCAN_MATCH_COLINEAR] > 0);
+    assert_true(dropped[1][CAIRN_SCAN_MATCH_COLINEAR] > dropped[2][CAIRN_SCAN_MATCH_COLINEAR]);
     assert_int_equal(dropped[1][CAIRN_SCAN_MATCH_APART], 0);
-    assert_int_equal(dropped[2][CAIRN_SCAN_MATCH_COLINEAR], dropped[1][CAIRN_SCAN_MATCH_COLINEAR]);
-    assert_true(dropped[2][CAIRN_SCAN_MATCH_KEPT] > 0);
+    assert_true(dropped[2][CAIRN_SCAN_MATCH_COLINEAR] > 0 && dropped[2][CAIRN_SCAN_MATCH_KEPT] > 0);
+    assert_memory_equal(dropped[2], dropped[3], sizeof dropped[2]);
+    assert_int_equal(dropped[4][CAIRN_SCAN_MATCH_COLINEAR], 0);
+    assert_true(dropped[4][CAIRN_SCAN_MATCH_APART] > 0 && dropped[4][CAIRN_SCAN_MATCH_KEPT] > 0);
+}
+
+/* Whether points within half a metre of a point, as many as a quarter of those in the fullest bin of 10 degrees, lie off the
+ * line along its direction: 1, 0, or -1 where that hangs on a point at the border of bins or reach. */
+static int is_descriptive(const cairn_oriented_point *points, int32_t count, int32_t i, double turn)
+{
+    const double direction = atan2((double)points[i].direction.y, (double)points[i].direction.x) + turn;
+    const double step = (double)CAIRN_PI / 18, circle = 2 * (double)CAIRN_PI;
+    const int along = (int)(fmod(direction + 2 * circle, circle) / step);
+    int bins[CAIRN_SCAN_MATCH_BINS] = {0}, most = 1, border = 0, off_line = 0;
+
+    border |= fabs(direction / step - rint(direction / step)) < 1e-3;
+    for (int32_t k = 0; k < count; k++) {
+        cairn_vec2 d = cairn_vec2_sub(points[k].position, points[i].position);
+        double place = fmod(atan2((double)d.y, (double)d.x) + turn + 2 * circle, circle) / step;
+        double distance = hypot((double)d.x, (double)d.y);
+
+        if (k == i || distance > 0.501)
+            continue;
+        border |= distance > 0.499 || fabs(place - rint(place)) < 1e-3;
+        bins[(int)place]++;
+        most = bins[(int)place] > most ? bins[(int)place] : most;
+    }
+    for (int k = 0; k < CAIRN_SCAN_MATCH_BINS; k++) {
+        int apart = (k - along + CAIRN_SCAN_MATCH_BINS) % 18;
+
+        if (apart > 1 && apart < 17)
+            off_line |= 255 * bins[k] / most >= 64;
+    }
+    return border ? -1 : off_line;
+}
+
+/* Up to the colinear filter, points that have nothing but a straight line about them are dropped, too. */
+static void points_of_straight_lines(void **state)
+{
+    int32_t straight = 0, descriptive = 0;
+    bed b;
+
+    (void)state;
+    make_bed(&b, CAIRN_SCAN_MATCH_SHAPE_COLINEAR);
+    b.start.theta = CAIRN_REAL(0.013);
+    run(&b);
+    for (int32_t i = 0; i < cairn_scan_match_pair_count(b.match); i++) {
+        cairn_scan_match_pair pair = cairn_scan_match_pair_at(b.match, i);
+        int first = is_descriptive(b.query, b.query_part.count, pair.query, (double)b.start.theta);
+        int second = is_descriptive(b.target, b.target_part.count, pair.target, 0);
+
+        if (first < 0 || second < 0 || is_colinear(&b, pair))
+            continue;
+        assert_int_equal(pair.stage, first && second ? CAIRN_SCAN_MATCH_KEPT : CAIRN_SCAN_MATCH_COLINEAR);
+        straight += !(first && second);
+        descriptive += first && second;
+    }
+    assert_true(straight > 5 && descriptive > 2);
+    test_pool_free(&b.pool);
 }
 
 /* Beside counting by angles; a point so near to a border of bins that rounding decides is passed over. */
@@ -220,7 +278,7 @@ static int32_t plain_bin(const cairn_oriented_point *p)
 static int32_t plain_cell(const bed *b, int32_t query, int32_t target)
 {
     const match_votes *v = &b->match->votes;
-    const cairn_oriented_point p = b->query[query], m = b->target[target];
+    const cairn_oriented_point p = b->query[query], m = b->match->target[target];
     cairn_pose heading = {0, 0, v->first_angle + (cairn_real)v->rotation * v->angle_step};
     cairn_transform turn = cairn_transform_of(heading);
     int32_t bin = cairn_match_turn_bin((uint16_t)(cairn_match_turn(cairn_atan2(p.direction.y, p.direction.x)) +
@@ -235,18 +293,22 @@ static int32_t plain_cell(const bed *b, int32_t query, int32_t target)
     return x < 0 || y < 0 || x >= v->width || y >= v->height ? -1 : (int32_t)y * v->width + (int32_t)x;
 }
 
-/* Every query point that votes with every target point. */
-static void plain_votes(const bed *b, int32_t *cell)
+/* Every query point that votes with every target point; `once`: no more than once for a cell. */
+static void plain_votes(const bed *b, int once, int32_t *cell)
 {
+    static int32_t last[MATCH_CELLS_MOST];
     const match_votes *v = &b->match->votes;
 
     memset(cell, 0, (size_t)v->width * (size_t)v->height * sizeof *cell);
+    memset(last, 0, sizeof last);
     for (int32_t i = 0; i < b->query_part.count; i += v->stride)
-        for (int32_t k = 0; k < b->target_part.count; k++) {
+        for (int32_t k = 0; k < b->match->target_count; k++) {
             int32_t at = plain_cell(b, i, k);
 
-            if (at >= 0)
-                cell[at]++;
+            if (at < 0 || (once && last[at] == i + 1))
+                continue;
+            cell[at]++;
+            last[at] = i + 1;
         }
 }
 
@@ -265,10 +327,10 @@ static int next_rotation(bed *b)
 {
     cairn_budget budget;
 
-    while (b->match->phase == MATCH_PEAKS || b->match->phase < MATCH_PEAKS) {
+    while (b->match->phase <= MATCH_PEAKS) {
         budget.left = 1;
         assert_status(cairn_scan_match_step(b->match, &budget), CAIRN_MORE);
-        if (b->match->phase == MATCH_PEAKS && b->match->at == 0)
+        if (b->match->phase == MATCH_PEAKS)
             return 1;
     }
     return 0;
@@ -331,11 +393,11 @@ static void votes_are_those_of_all_pairs(void **state)
     (void)state;
     make_bed_of(&b, CAIRN_SCAN_MATCH_CORRELATIVE, MANY);
     assert_ok(cairn_scan_match_begin(b.match, &b.query_part, b.start, &window, NULL));
+    b.match->votes.most = MANY; /* all peaks are kept */
     while (next_rotation(&b)) {
         int32_t rotation = b.match->votes.rotation;
 
-        b.match->votes.most = MANY; /* all peaks are kept */
-        plain_votes(&b, cell);
+        plain_votes(&b, 0, cell);
         for (int32_t at = 0; at < b.match->votes.width * b.match->votes.height; at++) {
             assert_int_equal(b.match->votes.cell[at], cell[at]);
             votes += cell[at];
@@ -351,14 +413,45 @@ static void votes_are_those_of_all_pairs(void **state)
     test_pool_free(&b.pool);
 }
 
+/* Without a guess a query point votes for a cell once, however many parts saw the wall. */
+static void votes_of_everything_are_points(void **state)
+{
+    static int32_t cell[MATCH_CELLS_MOST];
+    static bed b;
+    int32_t votes = 0, most = 0;
+
+    (void)state;
+    make_bed_of(&b, CAIRN_SCAN_MATCH_CORRELATIVE, 3);
+    assert_ok(cairn_scan_match_add_target(b.match, &b.query_part,
+                                          (cairn_pose){CAIRN_REAL(1.03), CAIRN_REAL(0.02), CAIRN_REAL(0.11)}, NULL));
+    assert_ok(cairn_scan_match_begin(b.match, &b.query_part, b.start, NULL, NULL));
+    while (next_rotation(&b)) { /* all but those in which nobody votes */
+        const match_votes *v = &b.match->votes;
+
+        plain_votes(&b, 1, cell);
+        for (int32_t at = 0; at < v->width * v->height; at++) {
+            assert_int_equal(v->cell[at] >> 8, cell[at]);
+            votes += cell[at];
+            most = most > cell[at] ? most : cell[at];
+        }
+        if (v->rotation + 1 == v->rotations)
+            break;
+        pass_peaks(&b);
+    }
+    assert_true(votes > 1000 && most > b.query_part.count / 4);
+    test_pool_free(&b.pool);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(pairs_and_their_stages),
         cmocka_unit_test(modes_up_to_a_stage),
+        cmocka_unit_test(points_of_straight_lines),
         cmocka_unit_test(histograms),
         cmocka_unit_test(nothing_to_show),
         cmocka_unit_test(votes_are_those_of_all_pairs),
+        cmocka_unit_test(votes_of_everything_are_points),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,6 +1,6 @@
 /* Alignment of many scans at once.
  *
- * Method: aligner_partner.c finds which scans are held against which, aligner_merge.c finds relative poses of pairs of scans and merges clusters by the surest of them, aligner_cluster.c
+ * Method: aligner_partner.c finds which scans are held against which, aligner_pairs.c relative poses of pairs of them, aligner_merge.c merges clusters by the surest of these, aligner_cluster.c
  * looks at two clusters, aligner_repair.c looks for single scans in all the rest, aligner_joint.c solves for all poses and
  * shared walls (aligner_wall.c), and aligner_slide.c moves along their walls the scans that nothing else holds. aligner_beams.c
  * keeps scans, aligner_scan.c says what two of them tell of their relative pose.

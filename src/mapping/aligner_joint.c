@@ -21,7 +21,7 @@ static const cairn_real LEAST_SUPPORT = 2;          /* nats of a placed scan */
 /* Chi-squared beyond which a segment loses weight. */
 static const cairn_real tolerances[] = {1000, 300, 100, 50, 25, 15, 12};
 
-enum { AGAIN_FROM = 3 }; /* round that follows when scans have slid */
+enum { AGAIN_FROM = 4 }; /* round that follows when scans have slid */
 enum { OF_ITEM = 64 };   /* segments, scans or walls that one item adds */
 
 /* How far a segment may be from its wall before it loses weight: in standard deviations, and, as long as the poses are poor,
@@ -435,6 +435,7 @@ static int32_t settle(cairn_aligner *x)
 {
     if (x->stage == 0 && x->at == 0) {
         x->home = cairn_aligner_largest(x);
+        x->settled = 0;
         if (x->segment_count == 0 || x->params.max_rounds == 0) {
             x->moved = 0;
             cairn_aligner_give_up(x, CAIRN_OK);
@@ -444,17 +445,42 @@ static int32_t settle(cairn_aligner *x)
     return cairn_aligner_sort_item(x);
 }
 
+/* The marginals are those at the poses and walls that have been found. */
+static void begin_marginals(cairn_aligner *x)
+{
+    x->tolerance = tolerances[AGAIN_FROM];
+    x->loose = 0;
+    x->result.anchor = best_known(x);
+    x->phase = ALIGNER_MARGINALS;
+}
+
+static int is_over(const cairn_aligner *x)
+{
+    return x->round >= x->params.max_rounds || (cairn_aligner_keeps_walls(x) && x->moved <= AT_REST);
+}
+
 void cairn_aligner_end_slides(cairn_aligner *x, int32_t changed)
 {
     x->at = x->stage = 0;
     x->phase = ALIGNER_ASSOCIATE;
-    x->round = AGAIN_FROM < x->params.max_rounds ? AGAIN_FROM : x->params.max_rounds - 1;
-    if (changed == 0) {
-        x->tolerance = tolerances[AGAIN_FROM];
-        x->loose = 0;
-        x->result.anchor = best_known(x);
-        x->phase = ALIGNER_MARGINALS;
-    }
+    x->settled = changed == 0;
+    if (!x->settled)
+        x->round = AGAIN_FROM < x->params.max_rounds ? AGAIN_FROM : x->params.max_rounds - 1;
+    else if (is_over(x))
+        begin_marginals(x);
+}
+
+/* As long as scans may slide, no more is asked than the walls; only then do the poses come to rest on them. */
+static void end_round(cairn_aligner *x)
+{
+    x->at = x->stage = 0;
+    x->phase = ALIGNER_ASSOCIATE;
+    x->round++;
+    x->result.rounds++;
+    if (!x->settled && (x->round >= x->params.max_rounds || cairn_aligner_keeps_walls(x)))
+        cairn_aligner_begin_slides(x);
+    else if (x->settled && is_over(x))
+        begin_marginals(x);
 }
 
 /* The solver has done what it was told; what comes next. */
@@ -476,16 +502,9 @@ static int32_t solve(cairn_aligner *x)
         return 1 + x->node_count / 8;
     }
     move_scans(x);
-    x->round++;
-    x->result.rounds++;
     if (state.fill > x->result.fill)
         x->result.fill = state.fill;
-    x->at = x->stage = 0;
-    if (x->round >= x->params.max_rounds || (x->round > 6 && x->moved <= AT_REST)) {
-        cairn_aligner_begin_slides(x);
-    } else {
-        x->phase = ALIGNER_ASSOCIATE;
-    }
+    end_round(x);
     return x->scan_count;
 }
 

@@ -4,8 +4,8 @@
  * new one. A wall keeps the moments of all hits on it in the map. A scan that little else holds may have its surfaces on
  * walls whose extent ends some metres away.
  *
- * Walls are found by the direction with which they began and by the tile in which their middle lies, in lists of hashed
- * tiles; walls longer than a tile are in a list of their own for each direction. */
+ * Walls are found by their direction and by the tile in which their middle lies, in lists of hashed tiles; walls longer than
+ * a tile are in a list of their own for each direction. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -26,7 +26,9 @@ static const cairn_real SHORT = CAIRN_REAL(0.3), SHORT_EXTRA = CAIRN_REAL(0.01),
 static const cairn_real gates[] = {CAIRN_REAL(0.08), CAIRN_REAL(0.07), CAIRN_REAL(0.06),
                                    CAIRN_REAL(0.05), CAIRN_REAL(0.04), CAIRN_REAL(0.03)};
 
-enum { WAYS_OF_SEGMENT = 2, WAYS_OF_STUB = 3 }; /* to either side: LEAST_COSINE, and what a wall may turn */
+/* Cosine and sine of a little more than the angles of those. */
+static const cairn_transform CONE = {0, 0, CAIRN_REAL(0.9375), CAIRN_REAL(0.3480)};
+static const cairn_transform CONE_STUB = {0, 0, CAIRN_REAL(0.6964), CAIRN_REAL(0.7176)};
 
 static const cairn_real TILE = 6;                 /* m */
 static const cairn_real SLACK = CAIRN_REAL(0.15); /* m: more than any gate */
@@ -171,16 +173,21 @@ static placed place_segment(const cairn_aligner *x, const aligner_segment *s)
     return p;
 }
 
+static cairn_real distance_of(const aligner_wall *wall, cairn_vec2 point)
+{
+    return cairn_abs(cairn_vec2_dot(wall->normal, point) - wall->offset);
+}
+
 /* How badly a segment fits a wall, m; negative: it does not. */
 static cairn_real fits_wall(const aligner_wall *wall, const placed *p)
 {
-    cairn_real error = cairn_abs(cairn_vec2_dot(wall->normal, p->a) - wall->offset), low, high, gap, most;
+    cairn_real error = distance_of(wall, p->a), low, high, gap, most;
     cairn_vec2 along;
 
     if (error > p->gate || !cairn_aligner_same_line(wall, p->segment, p->direction))
         return -1;
     along = cairn_aligner_along(wall);
-    error = cairn_max(error, cairn_abs(cairn_vec2_dot(wall->normal, p->b) - wall->offset));
+    error = cairn_max(error, distance_of(wall, p->b));
     low = cairn_vec2_dot(along, p->a);
     high = cairn_vec2_dot(along, p->b);
     gap = cairn_max(low - wall->high, wall->low - high);
@@ -221,11 +228,12 @@ static int32_t place_of(const aligner_wall *wall)
 {
     cairn_real middle = (wall->low + wall->high) / 2;
     cairn_vec2 along = cairn_aligner_along(wall), p;
+    int32_t way = way_of(along);
 
     if (wall->high - wall->low > TILE)
-        return ALIGNER_TILES + wall->way;
+        return ALIGNER_TILES + way;
     p = cairn_vec2_add(cairn_vec2_scale(wall->normal, wall->offset), cairn_vec2_scale(along, middle));
-    return tile_of(step_of(p.x), step_of(p.y), wall->way);
+    return tile_of(step_of(p.x), step_of(p.y), way);
 }
 
 /* Puts a wall that has changed into its list. */
@@ -254,13 +262,16 @@ typedef struct fitting {
     int32_t passed;
 } fitting;
 
-/* Looks at the walls of a list. */
+/* Looks at the walls of a list, of which few are near the end of the segment. */
 static void look_through(const cairn_aligner *x, int32_t tile, fitting *f)
 {
     for (int32_t w = x->tiles[tile]; w >= 0; w = x->walls[w].next) {
-        cairn_real fit = fits_wall(&x->walls[w], &f->segment);
+        cairn_real fit;
 
         f->passed++;
+        if (distance_of(&x->walls[w], f->segment.a) > f->segment.gate)
+            continue;
+        fit = fits_wall(&x->walls[w], &f->segment);
         if (fit >= 0 && (fit < f->best || (fit <= f->best && w < f->wall))) {
             f->best = fit;
             f->wall = w;
@@ -286,33 +297,25 @@ static void look_along(const cairn_aligner *x, int32_t way, fitting *f)
 int32_t cairn_aligner_find_wall(const cairn_aligner *x, const aligner_segment *s, int32_t *passed)
 {
     fitting f = {place_segment(x, s), CAIRN_REAL_MAX, -1, 0};
-    int32_t way = way_of(f.segment.direction), most = s->stub ? WAYS_OF_STUB : WAYS_OF_SEGMENT;
+    cairn_transform cone = s->stub ? CONE_STUB : CONE;
+    int32_t last = way_of(cairn_transform_direction(cone, f.segment.direction)), way;
 
-    for (int32_t k = way - most; k <= way + most; k++)
-        look_along(x, k & (ALIGNER_WAYS - 1), &f);
+    cone.sine = -cone.sine;
+    way = way_of(cairn_transform_direction(cone, f.segment.direction));
+    for (look_along(x, way, &f); way != last;) {
+        way = (way + 1) & (ALIGNER_WAYS - 1);
+        look_along(x, way, &f);
+    }
     *passed = f.passed;
     return f.wall;
 }
 
 static void clear_wall(aligner_wall *wall)
 {
-    int32_t way = wall->way;
-
     memset(wall, 0, sizeof *wall);
     wall->low = CAIRN_REAL_MAX;
     wall->high = -CAIRN_REAL_MAX;
-    wall->way = way;
     wall->tile = wall->next = -1;
-}
-
-/* A new wall. */
-static int32_t begin_wall(cairn_aligner *x, const aligner_segment *s)
-{
-    aligner_wall *wall = &x->walls[x->wall_count];
-
-    clear_wall(wall);
-    wall->way = way_of(cairn_transform_direction(x->poses[s->scan], s->direction));
-    return x->wall_count++;
 }
 
 /* Walls are found anew, or, when the rounds near their end, keep their segments. */
@@ -335,8 +338,10 @@ int32_t cairn_aligner_associate_item(cairn_aligner *x)
         if (!is_used(x, s))
             return 1;
         s->wall = cairn_aligner_find_wall(x, s, &passed);
-        if (s->wall < 0)
-            s->wall = begin_wall(x, s);
+        if (s->wall < 0) {
+            s->wall = x->wall_count++;
+            clear_wall(&x->walls[s->wall]);
+        }
     }
     if (s->wall >= 0) {
         add_to_wall(x, &x->walls[s->wall], s);

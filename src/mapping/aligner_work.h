@@ -9,7 +9,7 @@ enum {
     ALIGNER_BINS = 512,       /* bearings of a table, evenly over the diamond |x| + |y| = 1 */
     ALIGNER_SECTORS = 32,     /* of them, as coarse bearings */
     ALIGNER_WAYS = 16,        /* directions by which walls are found */
-    ALIGNER_TILES = 512,      /* lists of walls by direction and place */
+    ALIGNER_TILES = 1024,     /* lists of walls by direction and place */
     ALIGNER_BLOCK = 32,       /* hypotheses of which the surest is kept */
     ALIGNER_PATCH = 8,        /* points of a scan that follow each other, in one circle */
     ALIGNER_NO_SEGMENT = 255, /* also the most segments of a scan that a table can name */
@@ -198,7 +198,6 @@ typedef struct aligner_wall {
     cairn_sym2 spread;
     int32_t scans; /* that see it; 2: two or more */
     int32_t first_scan, node;
-    int32_t way; /* of the direction with which it began */
 } aligner_wall;
 
 struct cairn_aligner {
@@ -267,6 +266,7 @@ struct cairn_aligner {
     int32_t
         tiles[ALIGNER_TILES + ALIGNER_WAYS]; /* a wall of each list, -1; at the end the long ones of each direction */
     cairn_real moved;                        /* m, largest step of the joint solution */
+    int32_t settled;                         /* 1: no scan slides any more */
     int32_t link;                            /* of the segment that is added next */
     cairn_transform gauge;                   /* of the part gauge_part */
     int32_t gauge_part;

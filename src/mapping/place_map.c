@@ -53,6 +53,7 @@ cairn_place_map_params cairn_place_map_default(void)
     params.match = cairn_scan_match_default();
     params.match.max_candidates = 768;
     params.match.max_hypotheses = 40;
+    params.match.once = 0; /* among so many candidates, sharper peaks count more */
     params.consensus = cairn_pose_consensus_default();
     params.consensus.max_hypotheses = 4096;
     params.consensus.ambiguous = CAIRN_REAL(1e-5); /* nats of points that hang together are worth less */

@@ -31,6 +31,7 @@ cairn_scan_match_params cairn_scan_match_default(void)
                                       8,
                                       128,
                                       MATCH_CELLS_MOST,
+                                      1,
                                       CAIRN_REAL(0.1),
                                       CAIRN_REAL(0.01),
                                       CAIRN_REAL(0.001)};
@@ -49,12 +50,12 @@ static int is_within(int32_t n, int32_t least, int32_t most)
 
 static int params_are_good(const cairn_scan_match_params *p)
 {
-    return p != NULL && is_within(p->mode, CAIRN_SCAN_MATCH_CORRELATIVE, CAIRN_SCAN_MATCH_SHAPE_SEGMENTS) &&
+    return p != NULL && is_within(p->mode, CAIRN_SCAN_MATCH_CORRELATIVE, CAIRN_SCAN_MATCH_SHAPE_LINES) &&
            is_within(p->max_target, 1, POINTS_MOST) && is_within(p->max_dense, 0, POINTS_MOST) &&
            is_within(p->max_views, 0, VIEWS_MOST) && is_within(p->max_query, 1, POINTS_MOST) &&
            is_within(p->max_hypotheses, 1, HYPOTHESES_MOST) && is_within(p->max_candidates, 1, CANDIDATES_MOST) &&
-           is_within(p->max_cells, MATCH_CELLS_LEAST, MATCH_CELLS_MOST) && is_positive(p->spacing) &&
-           is_positive(p->sigma) && p->weak_ratio >= 0 && p->weak_ratio < 1;
+           is_within(p->max_cells, MATCH_CELLS_LEAST, MATCH_CELLS_MOST) && is_within(p->once, 0, 1) &&
+           is_positive(p->spacing) && is_positive(p->sigma) && p->weak_ratio >= 0 && p->weak_ratio < 1;
 }
 
 static cairn_sequence_params sequence_params(const cairn_scan_match_params *p)

@@ -7,6 +7,11 @@
  * the rotation with the largest scan overlap wins (6.3). ICP with gates, rolled back when overlap and distance both get
  * worse, ends it (6.4).
  *
+ * The colinear filter is there because the shape of a straight line tells little. While the frames are not aligned, where a
+ * vector points tells little of that, and all points of walls pass it alike. So the filters are applied twice, and the overlap
+ * decides as it does between rotations: first without the points that have nothing but a straight line about them, then
+ * with them, as written.
+ *
  * Choices that the thesis leaves open: headings every 5 degrees over the window (every 1 when it is at most 5 wide), then
  * every 1 about the best; ICP point to point in closed form, its gate the mean distance of its pairs but at least 1.5
  * spacings.
@@ -111,6 +116,7 @@ void cairn_match_shape_begin(cairn_scan_match *x)
     s->rotation = 0;
     s->is_fine = s->step < 2 * DEGREE;
     s->best_overlap = -1;
+    s->with_lines = 0;
 }
 
 static cairn_real angle_of(const match_shape *s)
@@ -138,7 +144,6 @@ int32_t cairn_match_shape_turn(cairn_scan_match *x)
     status = cairn_sequence_begin(s->sequence, x->query.count, x->target_count, compare, x);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
-    s->pair_count = 0;
     return 1;
 }
 
@@ -169,6 +174,33 @@ static int is_colinear(const cairn_scan_match *x, cairn_sequence_pair pair)
            cairn_abs(cairn_vec2_cross(along, x->shape->turned[pair.first].direction)) < ALIKE_SINE;
 }
 
+/* 1 when all there is about a point is a line along its direction. */
+static int32_t is_straight(const shape_descriptor *d, cairn_vec2 direction)
+{
+    const int32_t half = SHAPE_BINS / 2;
+    int32_t along = bearing_bin(direction);
+
+    for (int32_t b = 0; b < SHAPE_BINS; b++) {
+        int32_t off = (b - along + SHAPE_BINS) % half;
+
+        if (d->bin[b] >= BIN_DIFFERS && off > 1 && off < half - 1)
+            return 0;
+    }
+    return 1;
+}
+
+/* 1 when the colinear filter drops the pair. */
+static int32_t is_dropped(const cairn_scan_match *x, cairn_sequence_pair pair)
+{
+    const match_shape *s = x->shape;
+
+    if (x->params.mode == CAIRN_SCAN_MATCH_SHAPE_COMMON || x->params.mode == CAIRN_SCAN_MATCH_SHAPE_LINES)
+        return 0;
+    return is_colinear(x, pair) ||
+           (!s->with_lines && (is_straight(&s->query[pair.first], s->turned[pair.first].direction) ||
+                               is_straight(&s->target[pair.second], x->target[pair.second].direction)));
+}
+
 static cairn_real gap_between(cairn_vec2 a, cairn_vec2 b)
 {
     return cairn_vec2_norm(cairn_vec2_sub(a, b));
@@ -181,12 +213,12 @@ int32_t cairn_match_shape_filter(cairn_scan_match *x)
     cairn_sequence_result common = cairn_sequence_read(s->sequence);
 
     if (x->at == 0)
-        s->segment_count = 0;
-    cairn_match_charge(x, 12);
+        s->segment_count = s->pair_count = 0;
+    cairn_match_charge(x, 20);
     if (x->at < common.count) {
         cairn_sequence_pair pair = common.pairs[x->at++], last;
 
-        if (x->params.mode == CAIRN_SCAN_MATCH_SHAPE_COMMON || !is_colinear(x, pair)) {
+        if (!is_dropped(x, pair)) {
             last = s->pairs[s->pair_count > 0 ? s->pair_count - 1 : 0];
             if (s->pair_count == 0 ||
                 gap_between(s->turned[pair.first].position, s->turned[last.first].position) >= JUMP ||
@@ -311,10 +343,15 @@ static const cairn_oriented_point *partner(cairn_scan_match *x, const cairn_orie
     return found;
 }
 
+/* The filters again with the points of straight lines, or the next rotation. */
 static void next_rotation(cairn_scan_match *x)
 {
     match_shape *s = x->shape;
 
+    s->with_lines = !s->with_lines &&
+                    (x->params.mode == CAIRN_SCAN_MATCH_SHAPE || x->params.mode == CAIRN_SCAN_MATCH_SHAPE_SEGMENTS);
+    if (s->with_lines)
+        return;
     if (++s->rotation < s->rotations || s->is_fine || s->best_overlap < 0)
         return;
     s->is_fine = 1;
@@ -324,7 +361,7 @@ static void next_rotation(cairn_scan_match *x)
     s->first_angle = s->best.theta - s->step * (cairn_real)(COARSE - 1);
 }
 
-/* One query point; at the end of a rotation the best is kept. 1: the rotation is through. */
+/* One query point; at the end the best is kept. 1: all query points are through. */
 int32_t cairn_match_shape_overlap(cairn_scan_match *x)
 {
     match_shape *s = x->shape;

@@ -33,6 +33,7 @@ struct match_shape {
     cairn_sequence_pair *pairs;       /* [max_query] */
     shape_segment *segments;          /* [max_query + 1] */
     int32_t pair_count, segment_count;
+    int32_t with_lines; /* 1: points with nothing but a straight line about them pass the colinear filter, too */
     /* Rotations. */
     cairn_vec2 shift; /* of the start */
     cairn_transform turn;

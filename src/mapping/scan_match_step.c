@@ -209,10 +209,11 @@ static void start_last_stage(cairn_scan_match *x)
 
 static void end_rotation(cairn_scan_match *x)
 {
-    enter(x, MATCH_SHAPE_TURN);
+    enter(x, x->shape->with_lines ? MATCH_SHAPE_FILTER : MATCH_SHAPE_TURN);
     if (!cairn_match_shape_is_turned(x))
         return;
-    if (x->params.mode != CAIRN_SCAN_MATCH_SHAPE || x->shape->best_overlap <= 0) {
+    if ((x->params.mode != CAIRN_SCAN_MATCH_SHAPE && x->params.mode != CAIRN_SCAN_MATCH_SHAPE_LINES) ||
+        x->shape->best_overlap <= 0) {
         start_last_stage(x);
         return;
     }

@@ -3,7 +3,13 @@
  * The correlation of two sparse sets of oriented points, for all positions at once: for each heading of the window, a query
  * point turned by it and a target point whose direction agrees name the position that would bring them together. The
  * votes of a cell are the correlation there, summed over the pairs that exist instead of over all cells of the plane, and
- * nothing is pruned. Peaks (local maxima of two by two cells) compete over all headings for a fixed number of places. */
+ * nothing is pruned. Peaks (local maxima of two by two cells) compete over all headings for a fixed number of places.
+ *
+ * A wall that many parts of the target saw has as many points at each of its places. In a search of everything a query point
+ * therefore votes for a cell once (params.once): its vote says that it is explained there. Else the poses where the target was seen most
+ * often would take all places, and of two equal rooms the one seen less would not be looked at.
+ *
+ * Layout: of a cell the votes, or votes << 8 | number of the query point that voted last. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -12,7 +18,10 @@
 
 enum {
     DIRECTION_REACH = 3, /* bins to both sides that agree */
-    MARGIN_CELLS = 5     /* of the grid about its window */
+    MARGIN_CELLS = 5,    /* of the grid about its window */
+    VOTER_BITS = 8,      /* MATCH_VOTERS fit */
+    VOTER_MASK = (1 << VOTER_BITS) - 1,
+    NOBODY = -1
 };
 
 static const cairn_real LEAST_STEP = CAIRN_REAL(0.04), MOST_STEP = CAIRN_REAL(0.088);
@@ -91,6 +100,7 @@ void cairn_match_votes_begin(cairn_scan_match *x)
     v->most = cells / 8 + v->rotations;
     v->most = v->most < x->params.max_candidates ? v->most : x->params.max_candidates;
     v->stride = (x->query.count + MATCH_VOTERS - 1) / MATCH_VOTERS;
+    v->shift = x->has_window || !x->params.once ? 0 : VOTER_BITS;
     for (int32_t i = 0; i < x->query.count; i += v->stride) {
         cairn_vec2 direction = x->query.points[i].direction;
 
@@ -99,8 +109,10 @@ void cairn_match_votes_begin(cairn_scan_match *x)
     }
 }
 
-/* Votes of a query point, of which the grid's corner is at `corner`, with the target points by_direction[first ... end-1]. */
-static void vote(cairn_scan_match *x, match_spot corner, int32_t first, int32_t end)
+/* Votes of a query point, of which the grid's corner is at `corner`, with the target points by_direction[first ... end-1]; where the
+ * bits of the mask name the voter, it has voted. */
+static inline void vote_unless(cairn_scan_match *x, match_spot corner, int32_t first, int32_t end, int32_t mask,
+                               int32_t voter)
 {
     match_votes *v = &x->votes;
     const match_spot *at = x->by_direction;
@@ -120,11 +132,21 @@ static void vote(cairn_scan_match *x, match_spot corner, int32_t first, int32_t 
         hits++;
         if (before == 0)
             touched[count++] = (uint16_t)cell;
-        if (before < UINT16_MAX)
-            votes[cell] = (uint16_t)(before + 1);
+        else if ((before & mask) == voter)
+            continue;
+        if ((before | mask) < UINT16_MAX)
+            votes[cell] = (uint16_t)(((before | mask) + 1) | (voter & mask));
     }
     v->touched_count = count;
     cairn_match_charge(x, 3 + (end - first) * 3 / 2 + hits);
+}
+
+static void vote(cairn_scan_match *x, match_spot corner, int32_t first, int32_t end)
+{
+    if (x->votes.shift == 0)
+        vote_unless(x, corner, first, end, 0, NOBODY);
+    else
+        vote_unless(x, corner, first, end, VOTER_MASK, x->at / x->votes.stride);
 }
 
 /* One query point votes with all target points of like direction that bring the query's origin into the grid. */
@@ -164,7 +186,7 @@ int32_t cairn_match_vote(cairn_scan_match *x)
 
 static int32_t votes_at(const match_votes *v, int32_t column, int32_t row)
 {
-    return column < v->width && row < v->height ? v->cell[row * v->width + column] : 0;
+    return column < v->width && row < v->height ? v->cell[row * v->width + column] >> v->shift : 0;
 }
 
 /* Votes of two by two cells, of which (column, row) is the lower left one. */

@@ -69,6 +69,7 @@ typedef struct match_votes {
     cairn_transform turn;
     uint16_t heading; /* its angle, as of query_turn */
     int32_t stride;   /* of the query points that vote */
+    int32_t shift;    /* of the votes in a cell */
     int32_t most;     /* candidates to keep */
 } match_votes;
 

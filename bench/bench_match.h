@@ -1,0 +1,64 @@
+/* Places of simulated arenas as bench/match gives them to a mapper: the problem, and the machine that solves it. */
+#ifndef CAIRN_BENCH_MATCH_H
+#define CAIRN_BENCH_MATCH_H
+
+#include "bench/bench_score.h"
+#include "cairn/place_map.h"
+#include "sim/arena.h"
+
+#define BENCH_DEGREE 0.017453292519943295
+
+enum { BENCH_MATCH_HEADINGS = 4 };
+
+#define BENCH_RIGHT_M   0.10
+#define BENCH_RIGHT_RAD (2 * BENCH_DEGREE)
+
+typedef struct bench_match_settings {
+    const char *scene;
+    int64_t arenas, seed, places;
+    double tilt, movers;
+    double sub_error[2]; /* m, degrees */
+    int32_t walkers, strangers;
+} bench_match_settings;
+
+/* What a mapper is given of an arena, or of two that have nothing to do with each other, and the truth that it is not. */
+typedef struct bench_match_problem {
+    sim_arena *arena[2];
+    sim_survey *survey[2];
+    sim_scan *scans;
+    int32_t scan_count, place_count;
+    double bad_share;       /* of the beams: on movers or the floor */
+    cairn_pose *place_scan; /* [scan_count] as the mapper is told */
+    sim_pose *truth;        /* [scan_count] */
+    int32_t *first_scan;    /* [place_count] */
+} bench_match_problem;
+
+/* 0: a line on standard error, and nothing to free. */
+int bench_match_make(const bench_match_settings *settings, uint64_t seed, bench_match_problem *problem);
+
+void bench_match_free(bench_match_problem *problem);
+
+/* Mapper and scan reader in one pool. */
+typedef struct bench_match_machine {
+    void *memory;
+    size_t bytes;
+    cairn_scan *scan;
+    cairn_place_map *map;
+} bench_match_machine;
+
+/* 0: no memory. The memory is the caller's to free in either case. */
+int bench_match_machine_make(const cairn_place_map_params *params, bench_match_machine *machine);
+
+/* What the machine's scan reader makes of a scan, valid until the next one; empty where it refuses. */
+cairn_scan_view bench_match_view(bench_match_machine *machine, const sim_scan *scan, cairn_status *status);
+
+/* Maps all scans of a problem; 0: a line on standard error. */
+int bench_match_map(const bench_match_problem *problem, bench_match_machine *machine);
+
+sim_pose bench_sim_pose(cairn_pose pose);
+
+/* The method of chapter 6 after each of its stages, and all but one of them, on the arenas of the settings, a JSON line each;
+ * params: of the scan reader's maps. 0 on failure. */
+int bench_match_ablate(const bench_match_settings *settings, const cairn_place_map_params *params);
+
+#endif

@@ -1,0 +1,36 @@
+/* The pairs of scans that bench/pairs matches: of simulated arenas, whose truth is exact, or of a log with reference poses. */
+#ifndef CAIRN_BENCH_PAIRS_H
+#define CAIRN_BENCH_PAIRS_H
+
+#include "bench/bench_views.h"
+
+enum { BENCH_PAIRS_PLACES = 16 }; /* of an arena */
+
+typedef struct bench_pairs_settings {
+    const char *log, *truth, *scene;
+    int64_t pairs, seed, partners;
+    double overlap;
+    int32_t simulated, places, unions, noise;
+} bench_pairs_settings;
+
+typedef struct bench_pair {
+    int32_t target, query; /* of the views */
+    int32_t first, end;    /* the target is the union of these but the query, in the frame of `target` */
+    double bound[9];       /* covariance of the relative pose; 0: not known */
+} bench_pair;
+
+/* Views and pairs of them. */
+typedef struct bench_collection {
+    bench_views views;
+    bench_pair *pairs;
+    int32_t pair_count;
+    bench_pair *strangers;
+    int32_t stranger_count;
+} bench_collection;
+
+/* Views, pairs and strangers, at most `pairs` of each. 0: a line on standard error; free in either case. */
+int bench_pairs_collect(const bench_pairs_settings *settings, bench_collection *collection);
+
+void bench_pairs_free(bench_collection *collection);
+
+#endif
