@@ -110,7 +110,7 @@ static void make_map(twin *t, cairn_pose at)
         points += k->view.point_count;
         if (points <= t->params.max_local_points)
             assert_ok(cairn_icp_add_target(t->icp, k->view.points, k->view.point_count, k->pose, NULL));
-        t->state.units += 1 + k->view.point_count / 2;
+        t->state.units += 1 + k->view.point_count;
     }
     t->map_made = 1;
     t->map_at = at;

@@ -267,18 +267,27 @@ static void nothing_to_show(void **state)
 
 /* ---- The vote, beside a plain twin ---- */
 
-/* The cell of the grid that a pair of points votes for; -1: none. */
-static int32_t plain_cell(const match_votes *v, cairn_transform turn, const cairn_oriented_point *query,
-                          const cairn_oriented_point *target)
+static int32_t plain_bin(const cairn_oriented_point *p)
 {
-    cairn_vec2 p = cairn_transform_point(turn, query->position);
-    cairn_vec2 d = cairn_transform_direction(turn, query->direction);
-    int32_t apart = cairn_match_direction_bin(cairn_atan2(d.y, d.x)) -
-                    cairn_match_direction_bin(cairn_atan2(target->direction.y, target->direction.x));
-    double x = floor((double)((target->position.x - p.x - v->origin.x) / v->side));
-    double y = floor((double)((target->position.y - p.y - v->origin.y) / v->side));
+    double turns = atan2((double)p->direction.y, (double)p->direction.x) / (2 * (double)CAIRN_PI) * 65536;
 
-    apart = (apart + MATCH_DIRECTIONS) % MATCH_DIRECTIONS;
+    return (int32_t)floor((turns < 0 ? turns + 65536 : turns) * MATCH_DIRECTIONS / 65536);
+}
+
+/* The cell of the grid that a pair of points votes for; -1: none. Positions are whole parts of a cell, as in the vote. */
+static int32_t plain_cell(const bed *b, int32_t query, int32_t target)
+{
+    const match_votes *v = &b->match->votes;
+    const cairn_oriented_point p = b->query[query], m = b->match->target[target];
+    cairn_pose heading = {0, 0, v->first_angle + (cairn_real)v->rotation * v->angle_step};
+    cairn_transform turn = cairn_transform_of(heading);
+    int32_t bin = cairn_match_turn_bin((uint16_t)(cairn_match_turn(cairn_atan2(p.direction.y, p.direction.x)) +
+                                                  cairn_match_turn(cairn_wrap_angle(heading.theta))));
+    int32_t apart = (bin - plain_bin(&m) + MATCH_DIRECTIONS) % MATCH_DIRECTIONS;
+    match_spot corner = cairn_match_spot(b->match, cairn_vec2_add(cairn_transform_point(turn, p.position), v->origin));
+    match_spot at = cairn_match_spot(b->match, m.position);
+    double x = floor((double)(at.x - corner.x) / MATCH_SPOTS), y = floor((double)(at.y - corner.y) / MATCH_SPOTS);
+
     if (apart > 3 && apart < MATCH_DIRECTIONS - 3)
         return -1;
     return x < 0 || y < 0 || x >= v->width || y >= v->height ? -1 : (int32_t)y * v->width + (int32_t)x;
@@ -289,14 +298,12 @@ static void plain_votes(const bed *b, int once, int32_t *cell)
 {
     static int32_t last[MATCH_CELLS_MOST];
     const match_votes *v = &b->match->votes;
-    cairn_pose turn = {0, 0, v->first_angle + (cairn_real)v->rotation * v->angle_step};
-    cairn_transform t = cairn_transform_of(turn);
 
     memset(cell, 0, (size_t)v->width * (size_t)v->height * sizeof *cell);
     memset(last, 0, sizeof last);
     for (int32_t i = 0; i < b->query_part.count; i += v->stride)
         for (int32_t k = 0; k < b->match->target_count; k++) {
-            int32_t at = plain_cell(v, t, &b->query[i], &b->match->target[k]);
+            int32_t at = plain_cell(b, i, k);
 
             if (at < 0 || (once && last[at] == i + 1))
                 continue;

@@ -83,7 +83,7 @@ typedef struct cairn_mapper_params {
     cairn_real
         min_support;      /* share of the scan's points with partners, less than 0.1 m off, that a match needs (0.3) */
     int32_t search;       /* 1: where a match is in doubt, scan_match searches; 0: the match stays as it is (1) */
-    int32_t search_units; /* of budget that a search may take, >= 1; one that takes more finds nothing (130000) */
+    int32_t search_units; /* of budget that a search may take, >= 1; one that takes more finds nothing (125000) */
 } cairn_mapper_params;
 
 /* How the pose of a scan was found. */

@@ -210,11 +210,11 @@ static cairn_status keep(cairn_mapper *mapper)
 /* ---- Steps ---- */
 
 /* The units that are left for what is to be done next: the force field goes first. Until there is room for one more key scan loops
- * go on, item by item. */
+ * go on. */
 static int32_t quota_left(const cairn_mapper *mapper)
 {
     if (cairn_mapper_must_release(mapper))
-        return 1;
+        return CAIRN_UNBOUNDED;
     if (mapper->window_phase != WINDOW_IDLE)
         return mapper->window_quota;
     return mapper->loop.graph != NULL ? mapper->loop.quota : 0;
@@ -238,7 +238,9 @@ static cairn_status take_share(cairn_mapper *mapper, cairn_budget *budget)
     int32_t quota = quota_left(mapper), most = budget->left < quota ? budget->left : quota;
     int32_t is_window = mapper->window_phase != WINDOW_IDLE;
     cairn_budget share = {most};
-    cairn_status status = is_window ? cairn_mapper_window_step(mapper, &share) : cairn_mapper_loop_step(mapper, &share);
+    cairn_status status = is_window ? cairn_mapper_window_step(mapper, &share)
+                                    : cairn_mapper_loop_step(mapper, &share, cairn_mapper_must_release(mapper));
+
     budget->left -= most - share.left;
     mapper->window_quota -= most - share.left;
     mapper->loop.quota -= most - share.left;
@@ -341,7 +343,7 @@ cairn_status cairn_mapper_settle(cairn_mapper *mapper, cairn_budget *budget)
     status = cairn_mapper_window_step(mapper, budget);
     if (status == CAIRN_OK && mapper->loop.graph != NULL) {
         mapper->loop.closing = 1;
-        status = cairn_mapper_loop_step(mapper, budget);
+        status = cairn_mapper_loop_step(mapper, budget, 0);
         if (status != CAIRN_MORE)
             mapper->loop.closing = 0;
     }

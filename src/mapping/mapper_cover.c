@@ -18,7 +18,7 @@
 enum {
     BEARING_STEP = MAPPER_BEARINGS / (MAPPER_SAMPLES / 2),
     KEYS_A_UNIT = 16,
-    SAMPLES_A_UNIT = 4 /* that one key scan may cover */
+    SAMPLES_A_UNIT = 2 /* that one key scan may cover */
 };
 
 static const cairn_real NEAR = CAIRN_REAL(0.2);     /* m: two see the same surface */

@@ -91,7 +91,7 @@ cairn_status cairn_mapper_add_local(cairn_mapper *mapper, cairn_budget *budget)
     cairn_status status = cairn_icp_add_target(mapper->icp, view.points, view.point_count, mapper->key_pose[key], NULL);
 
     mapper->cursor++;
-    budget->left -= 1 + view.point_count / 2;
+    budget->left -= 1 + view.point_count;
     if (status != CAIRN_FULL)
         return status;
     mapper->cursor = mapper->local_count; /* the nearest ones are in */

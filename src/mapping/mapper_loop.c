@@ -233,7 +233,7 @@ static void target_item(cairn_mapper *mapper, cairn_budget *budget)
     if (key != candidate && (loop->ties[key].spread > LOOSELY || is_elsewhere(mapper, key, candidate)))
         return;
     part = cairn_mapper_key_part(mapper, key, mapper->oriented, mapper->beams);
-    budget->left -= 1 + part.count / 2 + part.beam_count / 2;
+    budget->left -= 1 + part.count + part.beam_count;
     if (cairn_scan_match_add_target(mapper->search, &part, mapper->key_pose[key], NULL) != CAIRN_OK)
         loop->target_from = loop->target_end;
 }
@@ -493,13 +493,13 @@ static cairn_status loop_item(cairn_mapper *mapper, cairn_budget *budget)
     return status;
 }
 
-cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget)
+cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget, int32_t until_room)
 {
     mapper_loop *loop = &mapper->loop;
     cairn_status status = CAIRN_OK;
 
     while (status == CAIRN_OK) {
-        if (budget->left <= 0)
+        if (budget->left <= 0 || (until_room && !cairn_mapper_must_release(mapper)))
             return CAIRN_MORE;
         if (loop->phase == LOOP_IDLE) {
             status = begin_next(mapper, budget);

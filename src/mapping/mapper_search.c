@@ -56,7 +56,7 @@ cairn_status cairn_mapper_search_target(cairn_mapper *mapper, cairn_budget *budg
     }
     key = mapper->local[mapper->search_count++];
     part = cairn_mapper_key_part(mapper, key, mapper->oriented, mapper->beams);
-    budget->left -= 2 + part.count / 2 + part.beam_count / 2;
+    budget->left -= 2 + part.count + part.beam_count;
     if (cairn_scan_match_add_target(mapper->search, &part, mapper->key_pose[key], NULL) != CAIRN_OK)
         mapper->search_count = search_keys(mapper); /* full */
     return CAIRN_OK;

@@ -352,8 +352,9 @@ void cairn_mapper_loop_tell(cairn_mapper *mapper, int32_t first, int32_t second,
 /* Gives the match to the search of a scan in doubt; that of a candidate begins anew later. */
 void cairn_mapper_yield_match(cairn_mapper *mapper);
 
-/* Goes on with what loops and graph have to do. CAIRN_OK: nothing for now. */
-cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget);
+/* Goes on with what loops and graph have to do; with until_room no longer than there is no room for one more key scan. CAIRN_OK:
+ * nothing for now. */
+cairn_status cairn_mapper_loop_step(cairn_mapper *mapper, cairn_budget *budget, int32_t until_room);
 
 /* ---- mapper_tie.c ---- */
 

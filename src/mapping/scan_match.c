@@ -1,13 +1,13 @@
 /* Scan matching.
  *
  * Method. Search: all pairs of points of like direction vote for a position, heading by heading (scan_match_vote.c). The
- * peaks are refined in stages (scan_match_fit.c): few points and wide gates first, at the end every beam. After each stage
+ * peaks, those of neighbouring headings as one, are refined in stages (scan_match_fit.c): few points and wide gates first, at the end every beam. After each stage
  * the poses are scored by what they explain and what speaks against them, poses that have met are joined, and the worse
  * ones are left behind (scan_match_rank.c). The verdict is a measured rule over the scores of the last ones.
  *
  * Layout: the target's points in the order in which they came; sorted by cell (scan_match_index.c); their positions
- * sorted by direction. Both are made at the first match after the target changed. Of beams, the least range by bearing is
- * kept (scan_match_free.c).
+ * sorted by direction and strips of their box (scan_match_spots.c). Both are made at the first match after the target changed. Of
+ * beams, the least range by bearing is kept (scan_match_free.c).
  *
  * The number of operations is bounded: by the points of query and target that vote, by the number of headings, and by fixed
  * numbers of candidates, iterations and points of each stage.
@@ -102,6 +102,7 @@ static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *
     made.index.points = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.index.points);
     made.index.start = cairn_pool_take(pool, cairn_match_index_cells(p->max_target) + 1, sizeof *made.index.start);
     made.by_direction = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.by_direction);
+    made.query_turn = cairn_pool_take(pool, cells > 0 ? (size_t)p->max_query : 0, sizeof *made.query_turn);
     made.votes.cell = cairn_pool_take(pool, cells, sizeof *made.votes.cell);
     made.votes.touched = cairn_pool_take(pool, cells, sizeof *made.votes.touched);
     made.candidates = cairn_pool_take(pool, (size_t)p->max_candidates, sizeof *made.candidates);

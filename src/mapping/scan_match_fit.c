@@ -28,8 +28,8 @@ enum { LEAST_PAIRS = 4 };
 
 /* Points, iterations, poses kept (at least twice the hypotheses asked for; 0: those), dense, gates. */
 static const match_stage STAGES[MATCH_STAGES + 1] = {
-    {48, 4, 24, 0, 5, 3},
-    {200, 6, 0, 0, 3, CAIRN_REAL(1.5)},
+    {48, 4, 16, 0, 5, 3},
+    {128, 6, 0, 0, 3, CAIRN_REAL(1.5)},
     {1 << 20, 8, 0, 1, 2, 1},
     {1 << 20, 0, 0, 1, 2, 2}, /* looks only */
 };
@@ -80,7 +80,7 @@ static void add_pair(cairn_scan_match *x, const cairn_oriented_point *q)
     const cairn_oriented_point *m;
     cairn_real error, squared, weight, scale = CAUCHY * fit->sigma, row[3];
     cairn_vec2 normal;
-    int32_t parts = 24;
+    int32_t parts = 20;
 
     search.p = cairn_transform_point(fit->motion.transform, q->position);
     search.direction = cairn_transform_direction(fit->motion.transform, q->direction);
@@ -95,7 +95,8 @@ static void add_pair(cairn_scan_match *x, const cairn_oriented_point *q)
     weight = 1 / (1 + squared / (scale * scale));
     cairn_rigid_motion_row(&fit->motion, normal, q->position, row);
     cairn_sym3_add_outer(&sums->lines, row, weight);
-    add_cross(x, row, search.direction, q->position, weight);
+    if (STAGES[x->stage].dense)
+        add_cross(x, row, search.direction, q->position, weight);
     for (int k = 0; k < 3; k++)
         sums->gradient[k] += weight * error * row[k];
     sums->weight += weight;
@@ -133,7 +134,7 @@ static void add_floor(const cairn_scan_match *x, cairn_real covariance[9])
         covariance[k] += more[k];
 }
 
-/* Writes down where the fit ended. */
+/* Writes down where the fit ended; what it tells, of the last ones alone. */
 static void conclude(cairn_scan_match *x, const cairn_motion_basis *basis)
 {
     cairn_scan_match_hypothesis *h = &x->hypotheses[x->other];
@@ -141,8 +142,10 @@ static void conclude(cairn_scan_match *x, const cairn_motion_basis *basis)
     cairn_normal_equations prior;
     cairn_sym3 information = cairn_sym3_zero();
 
-    cairn_match_charge(x, 40 * MATCH_PART);
     h->target_query = x->fit.motion.map_body;
+    if (!STAGES[x->stage].dense)
+        return;
+    cairn_match_charge(x, 40 * MATCH_PART);
     h->pairs = x->fit.sums.pairs;
     h->sigma = x->fit.sigma;
     h->radius = x->radius;
@@ -247,7 +250,7 @@ static void ask_query_point(cairn_scan_match *x, const cairn_oriented_point *q)
 {
     const cairn_oriented_point *m;
     match_search search;
-    int32_t parts = 12;
+    int32_t parts = 20;
 
     search.p = cairn_transform_point(x->tally_transform, q->position);
     search.direction = cairn_transform_direction(x->tally_transform, q->direction);

@@ -10,6 +10,8 @@
 
 #include "src/mapping/scan_match_work.h"
 
+enum { ROW_COST = 6 }; /* parts of a unit */
+
 /* Side of the grid: about four cells a point. */
 static int32_t side_for(int32_t max_points)
 {
@@ -29,6 +31,7 @@ void cairn_match_index_reset(match_index *index, int32_t max_points, int32_t cou
 {
     index->side = side_for(max_points);
     index->count = count;
+    index->cell = cell;
     index->per_metre = 1 / cell;
     memset(index->start, 0, (cairn_match_index_cells(max_points) + 1) * sizeof *index->start);
 }
@@ -75,35 +78,40 @@ static int32_t search(const match_index *index, int32_t first, int32_t end, matc
             asked->best = point;
         }
     }
-    return end > first ? end - first : 0;
+    return end > first ? 3 * (end - first) : 0;
 }
 
+/* Looks at the cells of a row that may hold something nearer than what there is; returns the cost. */
+static int32_t search_row(const match_index *index, int32_t y, cairn_real reach, match_search *asked)
+{
+    int32_t mask = index->side - 1, row = (y & mask) * index->side;
+    int32_t low = coordinate(index, asked->p.x - reach) & mask, high = coordinate(index, asked->p.x + reach) & mask;
+
+    if (low <= high)
+        return ROW_COST + search(index, index->start[row + low], index->start[row + high + 1], asked);
+    return ROW_COST + search(index, index->start[row + low], index->start[row + index->side], asked) +
+           search(index, index->start[row], index->start[row + high + 1], asked);
+}
+
+/* From the point's own row outwards, until the next one is farther than what was found. */
 const cairn_oriented_point *cairn_match_index_nearest(const match_index *index, match_search *asked, cairn_real gate,
                                                       int32_t *parts)
 {
-    int32_t mask = index->side - 1, low_x = coordinate(index, asked->p.x - gate);
-    int32_t high_x = coordinate(index, asked->p.x + gate), low_y = coordinate(index, asked->p.y - gate);
-    int32_t high_y = coordinate(index, asked->p.y + gate);
+    int32_t up = coordinate(index, asked->p.y), down = up - 1;
+    cairn_real above = 0, below = asked->p.y - (cairn_real)up * index->cell;
 
     asked->nearest = gate * gate;
     asked->best = NULL;
-    for (int32_t y = low_y; y <= high_y; y++) {
-        int32_t row = (y & mask) * index->side, a = low_x & mask, b = high_x & mask;
-
-        *parts += 4;
-        if (a <= b) {
-            *parts += search(index, index->start[row + a], index->start[row + b + 1], asked);
+    while (cairn_min(above, below) <= gate) {
+        if (above <= below) {
+            *parts += search_row(index, up++, gate, asked);
+            above = (cairn_real)up * index->cell - asked->p.y;
         } else {
-            *parts += search(index, index->start[row + a], index->start[row + index->side], asked);
-            *parts += search(index, index->start[row], index->start[row + b + 1], asked);
+            *parts += search_row(index, down--, gate, asked);
+            below = asked->p.y - (cairn_real)(down + 1) * index->cell;
         }
+        if (asked->best != NULL)
+            gate = cairn_sqrt(asked->nearest);
     }
     return asked->best;
-}
-
-int32_t cairn_match_direction_bin(cairn_real angle)
-{
-    int32_t bin = cairn_real_to_int(cairn_floor(angle * (MATCH_DIRECTIONS / (2 * CAIRN_PI)))) % MATCH_DIRECTIONS;
-
-    return bin < 0 ? bin + MATCH_DIRECTIONS : bin;
 }

@@ -10,6 +10,9 @@
 /* Poses nearer than this are one. */
 static const cairn_real SAME_DISTANCE = 2; /* spacings */
 static const cairn_real SAME_ANGLE = CAIRN_REAL(0.06);
+/* Peaks of headings so near to each other are one. */
+static const cairn_real BESIDE_DISTANCE = CAIRN_REAL(2.5); /* spacings */
+static const cairn_real BESIDE_STEPS = CAIRN_REAL(1.5);
 /* ... and farther than this they are rivals. */
 static const cairn_real RIVAL_DISTANCE = 4; /* spacings */
 static const cairn_real RIVAL_ANGLE = CAIRN_REAL(0.15);
@@ -80,6 +83,23 @@ static int is_near(const cairn_scan_match *x, cairn_pose a, cairn_pose b, cairn_
 
     return cairn_vec2_norm_squared(cairn_vec2_sub(pa, pb)) < reach * reach &&
            cairn_abs(cairn_wrap_angle(a.theta - b.theta)) < angle;
+}
+
+/* The candidates, best first, become hypotheses, but for those that are a better one's peak at a heading beside it. */
+void cairn_match_choose(cairn_scan_match *x)
+{
+    cairn_real angle = BESIDE_STEPS * x->votes.angle_step;
+
+    x->hypothesis_count = 0;
+    for (int32_t i = 0; i < x->candidate_count; i++) {
+        int32_t beside = 0;
+
+        for (int32_t k = 0; k < x->hypothesis_count && !beside; k++)
+            beside = is_near(x, x->hypotheses[k].target_query, x->candidates[i].pose, BESIDE_DISTANCE, angle);
+        cairn_match_charge(x, 4 * x->hypothesis_count);
+        if (!beside)
+            x->hypotheses[x->hypothesis_count++].target_query = x->candidates[i].pose;
+    }
 }
 
 /* 1 when the pose lies in the window, up to what the search blurs; matching by shape has no window of positions. */

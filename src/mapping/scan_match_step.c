@@ -7,17 +7,12 @@
 
 enum { SUM_BLOCK = 64 }; /* cells of an index that are summed at once */
 
-static const cairn_real CELL = CAIRN_REAL(2.5); /* of an index, spacings */
+static const cairn_real CELL = CAIRN_REAL(1.75); /* of an index, spacings */
 
 static void enter(cairn_scan_match *x, match_phase phase)
 {
     x->phase = phase;
     x->at = 0;
-}
-
-static int32_t bin_of(const cairn_oriented_point *p)
-{
-    return cairn_match_direction_bin(cairn_atan2(p->direction.y, p->direction.x));
 }
 
 /* The points that are sorted now: the even ones, then the dense ones. */
@@ -31,7 +26,7 @@ static void reset_item(cairn_scan_match *x)
 {
     cairn_match_index_reset(&x->index, x->params.max_target, x->target_count, CELL * x->params.spacing);
     cairn_match_index_reset(&x->dense_index, x->params.max_dense, x->dense_count, CELL * x->params.spacing);
-    memset(x->direction_start, 0, sizeof x->direction_start);
+    cairn_match_spots_reset(x);
     cairn_match_charge(x, (x->index.side * x->index.side + x->dense_index.side * x->dense_index.side) / 16);
     x->other = 0;
     enter(x, MATCH_COUNT);
@@ -45,10 +40,10 @@ static void count_item(cairn_scan_match *x)
     if (x->at < index->count) {
         cairn_match_index_count(index, points[x->at].position);
         if (x->other == 0)
-            x->direction_start[bin_of(&points[x->at])]++;
+            cairn_match_spots_count(x, &points[x->at]);
         x->at++;
     }
-    cairn_match_charge(x, 12);
+    cairn_match_charge(x, 48);
     if (x->at == index->count)
         enter(x, MATCH_SUM);
 }
@@ -61,11 +56,11 @@ static void sum_item(cairn_scan_match *x)
 
     cairn_match_index_sum(index, x->at, end);
     x->at = end;
-    cairn_match_charge(x, MATCH_PART);
+    cairn_match_charge(x, 4 * MATCH_PART);
     if (x->at < cells)
         return;
-    for (int32_t k = 1; k <= MATCH_DIRECTIONS && x->other == 0; k++)
-        x->direction_start[k] += x->direction_start[k - 1];
+    if (x->other == 0)
+        cairn_match_spots_sum(x);
     enter(x, MATCH_PLACE);
 }
 
@@ -80,9 +75,9 @@ static void place_item(cairn_scan_match *x)
 
         cairn_match_index_place(index, *p);
         if (x->other == 0)
-            x->by_direction[--x->direction_start[bin_of(p)]] = p->position;
+            cairn_match_spots_place(x, p);
     }
-    cairn_match_charge(x, 12);
+    cairn_match_charge(x, 48);
     if (x->at < index->count)
         return;
     enter(x, MATCH_COUNT);
@@ -108,9 +103,7 @@ static void start_stages(cairn_scan_match *x)
 {
     cairn_match_sort(x);
     cairn_match_charge(x, x->candidate_count * 8);
-    for (int32_t i = 0; i < x->candidate_count; i++)
-        x->hypotheses[i].target_query = x->candidates[i].pose;
-    x->hypothesis_count = x->candidate_count;
+    cairn_match_choose(x);
     x->stage = x->other = 0;
     x->phase = MATCH_RANK;
     if (x->hypothesis_count == 0)

@@ -24,7 +24,6 @@ enum {
     NOBODY = -1
 };
 
-static const cairn_real CELL = 2; /* spacings */
 static const cairn_real LEAST_STEP = CAIRN_REAL(0.04), MOST_STEP = CAIRN_REAL(0.088);
 
 int32_t cairn_scan_match_cells(cairn_real distance, cairn_real spacing)
@@ -34,7 +33,7 @@ int32_t cairn_scan_match_cells(cairn_real distance, cairn_real spacing)
     if (!(distance >= 0) || !(spacing > 0))
         return MATCH_CELLS_LEAST;
     if (distance < MATCH_SIDE_MOST * spacing)
-        side = cairn_real_to_int(2 * distance / (CELL * spacing)) + MARGIN_CELLS + 1;
+        side = cairn_real_to_int(2 * distance / (MATCH_CELL * spacing)) + MARGIN_CELLS + 1;
     return side < MATCH_SIDE_MOST ? side * side : MATCH_CELLS_MOST;
 }
 
@@ -43,7 +42,7 @@ static void place_grid(cairn_scan_match *x)
 {
     match_votes *v = &x->votes;
     int32_t side = cairn_real_to_int(cairn_sqrt((cairn_real)x->params.max_cells));
-    cairn_real most = (cairn_real)side * CELL * x->params.spacing;
+    cairn_real most = (cairn_real)side * MATCH_CELL * x->params.spacing;
     cairn_vec2 low, high;
 
     if (!x->has_window) {
@@ -62,7 +61,7 @@ static void place_grid(cairn_scan_match *x)
         high.x = x->start.x + half;
         high.y = x->start.y + half;
     }
-    v->side = CELL * x->params.spacing;
+    v->side = MATCH_CELL * x->params.spacing;
     v->origin.x = low.x - 2 * v->side;
     v->origin.y = low.y - 2 * v->side;
     v->width = cairn_real_to_int((high.x - low.x) / v->side) + MARGIN_CELLS;
@@ -102,28 +101,35 @@ void cairn_match_votes_begin(cairn_scan_match *x)
     v->most = v->most < x->params.max_candidates ? v->most : x->params.max_candidates;
     v->stride = (x->query.count + MATCH_VOTERS - 1) / MATCH_VOTERS;
     v->shift = x->has_window || !x->params.once ? 0 : VOTER_BITS;
+    for (int32_t i = 0; i < x->query.count; i += v->stride) {
+        cairn_vec2 direction = x->query.points[i].direction;
+
+        x->query_turn[i] = cairn_match_turn(cairn_atan2(direction.y, direction.x));
+        cairn_match_charge(x, 12);
+    }
 }
 
-/* Votes of a query point, at `p` as turned, with the target points by_direction[first ... end-1]; where the bits of the mask
- * name the voter, it has voted. */
-static inline void vote_unless(cairn_scan_match *x, cairn_vec2 p, int32_t first, int32_t end, int32_t mask,
+/* Votes of a query point, of which the grid's corner is at `corner`, with the target points by_direction[first ... end-1]; where the
+ * bits of the mask name the voter, it has voted. */
+static inline void vote_unless(cairn_scan_match *x, match_spot corner, int32_t first, int32_t end, int32_t mask,
                                int32_t voter)
 {
     match_votes *v = &x->votes;
-    const cairn_vec2 *at = x->by_direction;
+    const match_spot *at = x->by_direction;
     uint16_t *votes = v->cell, *touched = v->touched;
-    cairn_real per_metre = 1 / v->side, width = (cairn_real)v->width, height = (cairn_real)v->height;
-    cairn_real ox = (p.x + v->origin.x) * per_metre, oy = (p.y + v->origin.y) * per_metre;
-    int32_t row = v->width, count = v->touched_count;
+    uint32_t left = (uint32_t)corner.x, low = (uint32_t)corner.y, row = (uint32_t)v->width;
+    uint32_t width = row * MATCH_SPOTS, height = (uint32_t)v->height * MATCH_SPOTS;
+    int32_t count = v->touched_count, hits = 0;
 
     for (int32_t i = first; i < end; i++) {
-        cairn_real cx = at[i].x * per_metre - ox, cy = at[i].y * per_metre - oy;
-        int32_t cell, before;
+        uint32_t dx = (uint32_t)at[i].x - left, dy = (uint32_t)at[i].y - low, cell;
+        int32_t before;
 
-        if (!(cx >= 0 && cy >= 0 && cx < width && cy < height))
+        if (dx >= width || dy >= height)
             continue;
-        cell = (int32_t)cy * row + (int32_t)cx;
+        cell = dy / MATCH_SPOTS * row + dx / MATCH_SPOTS;
         before = votes[cell];
+        hits++;
         if (before == 0)
             touched[count++] = (uint16_t)cell;
         else if ((before & mask) == voter)
@@ -132,43 +138,48 @@ static inline void vote_unless(cairn_scan_match *x, cairn_vec2 p, int32_t first,
             votes[cell] = (uint16_t)(((before | mask) + 1) | (voter & mask));
     }
     v->touched_count = count;
-    cairn_match_charge(x, end - first + 8);
+    cairn_match_charge(x, 3 + (end - first) * 3 / 2 + hits);
 }
 
-static void vote(cairn_scan_match *x, cairn_vec2 p, int32_t first, int32_t end)
+static void vote(cairn_scan_match *x, match_spot corner, int32_t first, int32_t end)
 {
     if (x->votes.shift == 0)
-        vote_unless(x, p, first, end, 0, NOBODY);
+        vote_unless(x, corner, first, end, 0, NOBODY);
     else
-        vote_unless(x, p, first, end, VOTER_MASK, x->at / x->votes.stride);
+        vote_unless(x, corner, first, end, VOTER_MASK, x->at / x->votes.stride);
 }
 
+/* One query point votes with all target points of like direction that bring the query's origin into the grid. */
 int32_t cairn_match_vote(cairn_scan_match *x)
 {
     match_votes *v = &x->votes;
-    const cairn_oriented_point *q = &x->query.points[x->at];
-    cairn_vec2 p, direction;
-    int32_t bin, first, last;
+    int32_t bin, first, last, from = 0, end = 0;
+    match_spot corner, opposite;
 
     if (x->at == 0) {
         cairn_pose turn = {0, 0, v->first_angle + (cairn_real)v->rotation * v->angle_step};
 
         v->turn = cairn_transform_of(turn);
+        v->heading = cairn_match_turn(cairn_wrap_angle(turn.theta));
     }
-    p = cairn_transform_point(v->turn, q->position);
-    direction = cairn_transform_direction(v->turn, q->direction);
-    bin = cairn_match_direction_bin(cairn_atan2(direction.y, direction.x));
-    first = bin - DIRECTION_REACH;
-    last = bin + DIRECTION_REACH;
-    if (first < 0) {
-        vote(x, p, x->direction_start[first + MATCH_DIRECTIONS], x->target_count);
-        first = 0;
+    corner =
+        cairn_match_spot(x, cairn_vec2_add(cairn_transform_point(v->turn, x->query.points[x->at].position), v->origin));
+    opposite.x = corner.x + v->width * MATCH_SPOTS;
+    opposite.y = corner.y + v->height * MATCH_SPOTS;
+    first = cairn_match_column(x, corner);
+    last = cairn_match_column(x, opposite);
+    bin = cairn_match_turn_bin((uint16_t)(x->query_turn[x->at] + v->heading)) + MATCH_DIRECTIONS - DIRECTION_REACH;
+    for (int32_t k = 0; k <= 2 * DIRECTION_REACH; k++, bin++) {
+        const int32_t *start = &x->direction_start[bin % MATCH_DIRECTIONS * MATCH_COLUMNS];
+
+        if (start[first] != end) {
+            vote(x, corner, from, end);
+            from = start[first];
+        }
+        end = start[last + 1];
     }
-    if (last >= MATCH_DIRECTIONS) {
-        vote(x, p, 0, x->direction_start[last - MATCH_DIRECTIONS + 1]);
-        last = MATCH_DIRECTIONS - 1;
-    }
-    vote(x, p, x->direction_start[first], x->direction_start[last + 1]);
+    vote(x, corner, from, end);
+    cairn_match_charge(x, 16);
     x->at += v->stride;
     return x->at >= x->query.count;
 }
@@ -185,8 +196,10 @@ static int32_t votes_of_four(const match_votes *v, int32_t column, int32_t row)
            votes_at(v, column + 1, row + 1);
 }
 
-static int32_t is_peak(const match_votes *v, int32_t column, int32_t row, int32_t own)
+static int32_t is_peak(cairn_scan_match *x, int32_t column, int32_t row, int32_t own)
 {
+    const match_votes *v = &x->votes;
+
     for (int32_t dy = -1; dy <= 1; dy++)
         for (int32_t dx = -1; dx <= 1; dx++) {
             int32_t c = column + dx, r = row + dy, other;
@@ -194,6 +207,7 @@ static int32_t is_peak(const match_votes *v, int32_t column, int32_t row, int32_
             if ((dx == 0 && dy == 0) || c < 0 || r < 0 || c >= v->width || r >= v->height)
                 continue;
             other = votes_of_four(v, c, r);
+            cairn_match_charge(x, 9);
             if (other > own || (other == own && (dy < 0 || (dy == 0 && dx < 0))))
                 return 0;
         }
@@ -210,7 +224,7 @@ int32_t cairn_match_peaks(cairn_scan_match *x)
     if (x->at == v->touched_count) {
         for (int32_t i = 0; i < v->touched_count; i++)
             v->cell[v->touched[i]] = 0;
-        cairn_match_charge(x, v->touched_count / 8);
+        cairn_match_charge(x, v->touched_count / 2);
         v->touched_count = 0;
         v->rotation++;
         return 1;
@@ -219,14 +233,14 @@ int32_t cairn_match_peaks(cairn_scan_match *x)
     row = cell / v->width;
     column = cell % v->width;
     own = votes_of_four(v, column, row);
-    cairn_match_charge(x, 4);
+    cairn_match_charge(x, 8);
     candidate.score = (cairn_real)own;
     candidate.order = x->measure.candidates;
     if (x->candidate_count == v->most && !cairn_match_before(&candidate, &x->candidates[0]))
         return 0;
-    cairn_match_charge(x, 36);
-    if (!is_peak(v, column, row, own))
+    if (!is_peak(x, column, row, own))
         return 0;
+    cairn_match_charge(x, 24);
     x->measure.candidates++;
     candidate.pose.x = v->origin.x + v->side * (cairn_real)(column + 1);
     candidate.pose.y = v->origin.y + v->side * (cairn_real)(row + 1);

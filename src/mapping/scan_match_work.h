@@ -7,6 +7,8 @@
 
 enum {
     MATCH_DIRECTIONS = 72, /* bins of the full circle by which points vote */
+    MATCH_COLUMNS = 16,    /* strips of the target's box by which they are sorted, too */
+    MATCH_SPOTS = 256,     /* parts of a cell of the votes */
     MATCH_BEARINGS = 256,  /* bins of a profile */
     MATCH_SIDE_MOST = 256,
     MATCH_CELLS_MOST = MATCH_SIDE_MOST * MATCH_SIDE_MOST,
@@ -17,6 +19,8 @@ enum {
     MATCH_PART = 16 /* parts of a unit */
 };
 
+static const cairn_real MATCH_CELL = 2; /* spacings, side of a cell of the votes */
+
 /* Oriented points by cells of a grid that is wrapped around: point sets of any extent in fixed memory, points of one cell and
  * of the cells of a row side by side. */
 typedef struct match_index {
@@ -24,7 +28,7 @@ typedef struct match_index {
     int32_t *start;               /* [side * side + 1] */
     int32_t side;                 /* cells, a power of two */
     int32_t count;
-    cairn_real per_metre; /* 1 / side of a cell */
+    cairn_real cell, per_metre; /* side of a cell, m, and 1 / that */
 } match_index;
 
 /* A search for the nearest point: where, of what direction, how near in cosine; what was found. */
@@ -40,6 +44,11 @@ typedef struct match_profile {
     cairn_vec2 sensor;
     float range[MATCH_BEARINGS]; /* m, the least of the bin; negative: nothing known */
 } match_profile;
+
+/* A position in parts of a cell of the votes: whole numbers, so that a vote costs a few integer operations. */
+typedef struct match_spot {
+    int32_t x, y;
+} match_spot;
 
 typedef struct match_candidate {
     cairn_pose pose;
@@ -58,9 +67,10 @@ typedef struct match_votes {
     int32_t rotations, rotation;
     cairn_real first_angle, angle_step;
     cairn_transform turn;
-    int32_t stride; /* of the query points that vote */
-    int32_t shift;  /* of the votes in a cell */
-    int32_t most;   /* candidates to keep */
+    uint16_t heading; /* its angle, as of query_turn */
+    int32_t stride;   /* of the query points that vote */
+    int32_t shift;    /* of the votes in a cell */
+    int32_t most;     /* candidates to keep */
 } match_votes;
 
 /* Point-to-line sums over the pairs of one iteration. */
@@ -133,15 +143,18 @@ struct cairn_scan_match {
     int32_t target_count, dense_count, view_count, part_count;
     int32_t lacks_dense; /* 1: a part came without dense points */
     int32_t is_indexed;
-    match_index index;                             /* of `target` */
-    match_index dense_index;                       /* of `dense` */
-    cairn_vec2 *by_direction;                      /* [max_target] positions of `target`, sorted by direction */
-    int32_t direction_start[MATCH_DIRECTIONS + 1]; /* of by_direction */
+    match_index index;        /* of `target` */
+    match_index dense_index;  /* of `dense` */
+    match_spot *by_direction; /* [max_target] positions of `target`, sorted by direction, then by column */
+    int32_t direction_start[MATCH_DIRECTIONS * MATCH_COLUMNS + 1]; /* of by_direction */
     cairn_vec2 target_low, target_high, target_sum;
+    int32_t columns_along_y; /* the longer side of the target's box is cut into columns, ... */
+    int32_t column_bits;     /* ... of 2^column_bits parts of a cell */
     /* The query. */
     cairn_scan_match_part query;
     match_profile *query_profile;
-    int32_t query_sees; /* its beams are known */
+    int32_t query_sees;   /* its beams are known */
+    uint16_t *query_turn; /* [max_query] angle of the direction of a point, 65536 to the full circle */
     cairn_pose start;
     cairn_scan_match_window window;
     int32_t has_window;
@@ -185,7 +198,19 @@ void cairn_match_index_place(match_index *index, cairn_oriented_point p);
 /* The nearest point within the gate that points the same way; NULL: none. *parts grows by the cost. */
 const cairn_oriented_point *cairn_match_index_nearest(const match_index *index, match_search *asked, cairn_real gate,
                                                       int32_t *parts);
-int32_t cairn_match_direction_bin(cairn_real angle);
+/* scan_match_spots.c: the target's points by direction and column. */
+void cairn_match_spots_reset(cairn_scan_match *x);
+void cairn_match_spots_count(cairn_scan_match *x, const cairn_oriented_point *p);
+void cairn_match_spots_sum(cairn_scan_match *x);
+/* The last point first, so that those of a bin and column stay in their order. */
+void cairn_match_spots_place(cairn_scan_match *x, const cairn_oriented_point *p);
+match_spot cairn_match_spot(const cairn_scan_match *x, cairn_vec2 p);
+/* Column of a coordinate along the longer side of the target's box; those outside are in the first or last. */
+int32_t cairn_match_column(const cairn_scan_match *x, match_spot spot);
+/* The angle of a direction, and that of a full circle's share. */
+uint16_t cairn_match_turn(cairn_real angle);
+/* Bin of an angle by which points vote. */
+int32_t cairn_match_turn_bin(uint16_t turn);
 
 /* scan_match_free.c */
 void cairn_match_profile_clear(match_profile *profile, cairn_vec2 sensor);
@@ -212,6 +237,7 @@ const match_stage *cairn_match_stage_of(const cairn_scan_match *x);
 int32_t cairn_match_before(const match_candidate *a, const match_candidate *b);
 void cairn_match_keep(cairn_scan_match *x, const match_candidate *candidate, int32_t most);
 void cairn_match_sort(cairn_scan_match *x);
+void cairn_match_choose(cairn_scan_match *x);
 void cairn_match_thin(cairn_scan_match *x, int32_t keep);
 void cairn_match_judge(cairn_scan_match *x);
 
