@@ -8,7 +8,7 @@ enum { SCANS = 16, BEAMS = 181, POINTS = 2048, SEGMENTS = 136, CORNERS = 64, SID
 /* Of the joint solution. */
 enum { LINKS = 56, FILL = 80 };
 
-static _Alignas(CAIRN_ALIGN) unsigned char memory[144 * 1024];
+static _Alignas(CAIRN_ALIGN) unsigned char memory[152 * 1024];
 
 void mission_read(mission *out)
 {

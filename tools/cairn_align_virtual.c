@@ -177,7 +177,7 @@ static void read_result(align_job *job, const cairn_virtual_align *align)
         cairn_virtual_align_pose pose = cairn_virtual_align_pose_of(align, i);
 
         align_read_pose(job, i, &pose.aligned);
-        if (pose.moved && job->scans[i].doubtful && job->scans[i].point_count > 0) {
+        if (pose.moved && pose.aligned.part != 0 && job->scans[i].doubtful && job->scans[i].point_count > 0) {
             job->scans[i].verdict = "guessed";
             guessed++;
         }

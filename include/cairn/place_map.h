@@ -63,7 +63,7 @@ typedef struct cairn_place_map_params {
 
 /* Consensus; 16 places, 64 scans, 1024 points and 2048 beams a place; 3 recent; 4 rounds, 10 sweeps, coupled; sight
  * 8 m, 0.05 m, margin 0.10 m; 0.05, 0.25, 0.3, 0.65 and 1.6 nats for and 0.6 against, floating 0.05; chance 0; of the match 40
- * hypotheses of 768 candidates, not once; of the consensus 4096 hypotheses, ambiguous from 1e-5,
+ * hypotheses of 768 candidates, once 0; of the consensus 4096 hypotheses, ambiguous from 1e-5,
  * believed from 12 nats. */
 cairn_place_map_params cairn_place_map_default(void);
 

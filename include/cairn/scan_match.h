@@ -22,9 +22,9 @@ typedef int32_t cairn_scan_match_mode;
 enum {
     CAIRN_SCAN_MATCH_CORRELATIVE = 0,
     CAIRN_SCAN_MATCH_SHAPE = 1, /* common subsequence of directions and angular histograms (Adluru 2008, 6.2-6.4) */
-    /* The same up to an inner stage, to see what each adds: */
+    /* Parts of it, to see what each is worth: */
     CAIRN_SCAN_MATCH_SHAPE_COMMON = 2,   /* the common subsequence alone */
-    CAIRN_SCAN_MATCH_SHAPE_COLINEAR = 3, /* and the colinear filter */
+    CAIRN_SCAN_MATCH_SHAPE_COLINEAR = 3, /* and the colinear filter, in its strict form */
     CAIRN_SCAN_MATCH_SHAPE_SEGMENTS = 4, /* and the segment filter and its translation: all but ICP */
     CAIRN_SCAN_MATCH_SHAPE_LINES = 5     /* all but the colinear filter */
 };
@@ -41,10 +41,10 @@ typedef struct cairn_scan_match_params {
                              * at which a match is still found, and the dearer */
     int32_t max_cells;  /* 25 ... 65536, of 2 by 2 spacings: a window that has more is cut about its middle. See
                         * cairn_scan_match_cells() */
-    int32_t
-        once; /* 1: in a search of everything a query point votes for a pose once, however many parts of the target saw
-                   * what it would lie on, so that what was seen seldom is found, too; 0: once for each point there */
-    cairn_real spacing;    /* m, > 0: of the evenly spaced points; lengths of the search are multiples of it */
+    /* 1: in a search without a window a query point votes for a pose once, however many parts of the target saw what it would
+     * lie on, so that what was seen seldom is found, too; 0: once for each point there. */
+    int32_t once;
+    cairn_real spacing;    /* m, >= 0.001: of the evenly spaced points; lengths of the search are multiples of it */
     cairn_real sigma;      /* least standard deviation of a point across its line that is believed, m, > 0 */
     cairn_real weak_ratio; /* a direction is not observable when its information is less than this share of the best
                              * one's, in [0, 1) */
@@ -161,8 +161,8 @@ cairn_scan_match_result cairn_scan_match_read(const cairn_scan_match *match);
 cairn_scan_match_measure cairn_scan_match_measured(const cairn_scan_match *match);
 
 /* ---- What the modes of shape saw, for pictures, once step() has returned CAIRN_OK: of the last rotation of the query that was
- * tried. In a window whose angle is 0 that is the only one, the heading of the start. The filters are applied twice, see
- * scan_match_shape.c; this is the second time. ---- */
+ * tried. In a window whose angle is 0 that is the only one, the heading of the start. In modes SHAPE and
+ * SHAPE_SEGMENTS the filters are applied twice, see scan_match_shape.c; this is the second time. ---- */
 
 /* How far a pair of points came. */
 typedef int32_t cairn_scan_match_stage;

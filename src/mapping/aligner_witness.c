@@ -14,11 +14,14 @@ static int has_scan(const cairn_aligner *x, int32_t scan)
 /* 1 when two segments of one wall also lie on one line. */
 static int is_same_wall(const cairn_aligner *x, const aligner_segment *a, const aligner_segment *b)
 {
-    cairn_vec2 direction = cairn_transform_direction(x->poses[a->scan], a->direction);
-    cairn_vec2 way = cairn_vec2_sub(cairn_transform_point(x->poses[b->scan], b->mean),
-                                    cairn_transform_point(x->poses[a->scan], a->mean));
+    cairn_vec2 direction, way;
 
-    return a->wall >= 0 && a->wall == b->wall && cairn_abs(cairn_vec2_cross(direction, way)) <= ON_WALL;
+    if (a->wall < 0 || a->wall != b->wall)
+        return 0;
+    direction = cairn_transform_direction(x->poses[a->scan], a->direction);
+    way = cairn_vec2_sub(cairn_transform_point(x->poses[b->scan], b->mean),
+                         cairn_transform_point(x->poses[a->scan], a->mean));
+    return cairn_abs(cairn_vec2_cross(direction, way)) <= ON_WALL;
 }
 
 int32_t cairn_aligner_share_wall(const cairn_aligner *aligner, int32_t first, int32_t second, cairn_vec2 along)

@@ -21,6 +21,8 @@
 
 enum { POINTS_MOST = 1 << 20, VIEWS_MOST = 4096, HYPOTHESES_MOST = 64, CANDIDATES_MOST = 1024 };
 
+static const cairn_real LEAST_SPACING = CAIRN_REAL(1e-3); /* m: cells as small as that can still be counted */
+
 cairn_scan_match_params cairn_scan_match_default(void)
 {
     cairn_scan_match_params params = {CAIRN_SCAN_MATCH_CORRELATIVE,
@@ -55,7 +57,8 @@ static int params_are_good(const cairn_scan_match_params *p)
            is_within(p->max_views, 0, VIEWS_MOST) && is_within(p->max_query, 1, POINTS_MOST) &&
            is_within(p->max_hypotheses, 1, HYPOTHESES_MOST) && is_within(p->max_candidates, 1, CANDIDATES_MOST) &&
            is_within(p->max_cells, MATCH_CELLS_LEAST, MATCH_CELLS_MOST) && is_within(p->once, 0, 1) &&
-           is_positive(p->spacing) && is_positive(p->sigma) && p->weak_ratio >= 0 && p->weak_ratio < 1;
+           is_positive(p->spacing) && p->spacing >= LEAST_SPACING && is_positive(p->sigma) && p->weak_ratio >= 0 &&
+           p->weak_ratio < 1;
 }
 
 static cairn_sequence_params sequence_params(const cairn_scan_match_params *p)
@@ -102,7 +105,7 @@ static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *
     made.index.points = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.index.points);
     made.index.start = cairn_pool_take(pool, cairn_match_index_cells(p->max_target) + 1, sizeof *made.index.start);
     made.by_direction = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.by_direction);
-    made.query_turn = cairn_pool_take(pool, cells > 0 ? (size_t)p->max_query : 0, sizeof *made.query_turn);
+    made.query_turn = cairn_pool_take(pool, cells > 0 ? MATCH_VOTERS : 0, sizeof *made.query_turn);
     made.votes.cell = cairn_pool_take(pool, cells, sizeof *made.votes.cell);
     made.votes.touched = cairn_pool_take(pool, cells, sizeof *made.votes.touched);
     made.candidates = cairn_pool_take(pool, (size_t)p->max_candidates, sizeof *made.candidates);

@@ -28,7 +28,7 @@ enum { LEAST_PAIRS = 4 };
 
 /* Points, iterations, poses kept (at least twice the hypotheses asked for; 0: those), dense, gates. */
 static const match_stage STAGES[MATCH_STAGES + 1] = {
-    {48, 4, 16, 0, 5, 3},
+    {48, 3, 16, 0, 5, 3},
     {128, 6, 0, 0, 3, CAIRN_REAL(1.5)},
     {1 << 20, 8, 0, 1, 2, 1},
     {1 << 20, 0, 0, 1, 2, 2}, /* looks only */

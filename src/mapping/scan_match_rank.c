@@ -11,7 +11,7 @@
 static const cairn_real SAME_DISTANCE = 2; /* spacings */
 static const cairn_real SAME_ANGLE = CAIRN_REAL(0.06);
 /* Peaks of headings so near to each other are one. */
-static const cairn_real BESIDE_DISTANCE = CAIRN_REAL(2.5); /* spacings */
+static const cairn_real BESIDE_DISTANCE = CAIRN_REAL(1.5); /* spacings */
 static const cairn_real BESIDE_STEPS = CAIRN_REAL(1.5);
 /* ... and farther than this they are rivals. */
 static const cairn_real RIVAL_DISTANCE = 4; /* spacings */
@@ -78,28 +78,32 @@ void cairn_match_sort(cairn_scan_match *x)
 
 static int is_near(const cairn_scan_match *x, cairn_pose a, cairn_pose b, cairn_real spacings, cairn_real angle)
 {
-    cairn_vec2 pa = cairn_pose_point(a, x->centroid), pb = cairn_pose_point(b, x->centroid);
     cairn_real reach = spacings * x->params.spacing;
+    cairn_vec2 pa, pb;
 
-    return cairn_vec2_norm_squared(cairn_vec2_sub(pa, pb)) < reach * reach &&
-           cairn_abs(cairn_wrap_angle(a.theta - b.theta)) < angle;
+    if (!(cairn_abs(cairn_wrap_angle(a.theta - b.theta)) < angle))
+        return 0;
+    pa = cairn_pose_point(a, x->centroid);
+    pb = cairn_pose_point(b, x->centroid);
+    return cairn_vec2_norm_squared(cairn_vec2_sub(pa, pb)) < reach * reach;
 }
 
-/* The candidates, best first, become hypotheses, but for those that are a better one's peak at a heading beside it. */
-void cairn_match_choose(cairn_scan_match *x)
+/* The next candidate becomes a hypothesis, but for one whose peak is a better one's at the same or a neighbouring heading; 1 when all
+ * have. */
+int32_t cairn_match_choose(cairn_scan_match *x)
 {
     cairn_real angle = BESIDE_STEPS * x->votes.angle_step;
+    int32_t beside = 0;
 
-    x->hypothesis_count = 0;
-    for (int32_t i = 0; i < x->candidate_count; i++) {
-        int32_t beside = 0;
-
-        for (int32_t k = 0; k < x->hypothesis_count && !beside; k++)
-            beside = is_near(x, x->hypotheses[k].target_query, x->candidates[i].pose, BESIDE_DISTANCE, angle);
-        cairn_match_charge(x, 4 * x->hypothesis_count);
-        if (!beside)
-            x->hypotheses[x->hypothesis_count++].target_query = x->candidates[i].pose;
-    }
+    if (x->at == x->candidate_count)
+        return 1;
+    for (int32_t k = 0; k < x->hypothesis_count && !beside; k++)
+        beside = is_near(x, x->hypotheses[k].target_query, x->candidates[x->at].pose, BESIDE_DISTANCE, angle);
+    cairn_match_charge(x, 8 + 3 * x->hypothesis_count);
+    if (!beside)
+        x->hypotheses[x->hypothesis_count++].target_query = x->candidates[x->at].pose;
+    x->at++;
+    return 0;
 }
 
 /* 1 when the pose lies in the window, up to what the search blurs; matching by shape has no window of positions. */

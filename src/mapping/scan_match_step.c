@@ -43,7 +43,7 @@ static void count_item(cairn_scan_match *x)
             cairn_match_spots_count(x, &points[x->at]);
         x->at++;
     }
-    cairn_match_charge(x, 48);
+    cairn_match_charge(x, x->other == 0 ? 48 : 16);
     if (x->at == index->count)
         enter(x, MATCH_SUM);
 }
@@ -77,7 +77,7 @@ static void place_item(cairn_scan_match *x)
         if (x->other == 0)
             cairn_match_spots_place(x, p);
     }
-    cairn_match_charge(x, 48);
+    cairn_match_charge(x, x->other == 0 ? 48 : 16);
     if (x->at < index->count)
         return;
     enter(x, MATCH_COUNT);
@@ -98,12 +98,11 @@ void cairn_match_start(cairn_scan_match *x)
         enter(x, MATCH_RESET);
 }
 
-/* The candidates become the hypotheses that are refined. */
-static void start_stages(cairn_scan_match *x)
+/* Of the candidates those that stand for a peak become the hypotheses that are refined. */
+static void choose_item(cairn_scan_match *x)
 {
-    cairn_match_sort(x);
-    cairn_match_charge(x, x->candidate_count * 8);
-    cairn_match_choose(x);
+    if (!cairn_match_choose(x))
+        return;
     x->stage = x->other = 0;
     x->phase = MATCH_RANK;
     if (x->hypothesis_count == 0)
@@ -117,8 +116,12 @@ static void peaks_item(cairn_scan_match *x)
     if (!cairn_match_peaks(x))
         return;
     enter(x, MATCH_VOTE);
-    if (x->votes.rotation == x->votes.rotations)
-        start_stages(x);
+    if (x->votes.rotation < x->votes.rotations)
+        return;
+    cairn_match_sort(x);
+    cairn_match_charge(x, x->candidate_count * 8);
+    x->hypothesis_count = 0;
+    enter(x, MATCH_CHOOSE);
 }
 
 static void tally_item(cairn_scan_match *x)
@@ -177,6 +180,9 @@ static void run_correlative(cairn_scan_match *x)
         break;
     case MATCH_PEAKS:
         peaks_item(x);
+        break;
+    case MATCH_CHOOSE:
+        choose_item(x);
         break;
     case MATCH_FIT:
         if (cairn_match_fit_item(x)) {

@@ -104,13 +104,13 @@ void cairn_match_votes_begin(cairn_scan_match *x)
     for (int32_t i = 0; i < x->query.count; i += v->stride) {
         cairn_vec2 direction = x->query.points[i].direction;
 
-        x->query_turn[i] = cairn_match_turn(cairn_atan2(direction.y, direction.x));
+        x->query_turn[i / v->stride] = cairn_match_turn(cairn_atan2(direction.y, direction.x));
         cairn_match_charge(x, 12);
     }
 }
 
-/* Votes of a query point, of which the grid's corner is at `corner`, with the target points by_direction[first ... end-1]; where the
- * bits of the mask name the voter, it has voted. */
+/* Votes of a query point, of which the grid's corner is at `corner`, with the target points by_direction[first ... end-1];
+ * where the bits of the mask name the voter, it has voted. */
 static inline void vote_unless(cairn_scan_match *x, match_spot corner, int32_t first, int32_t end, int32_t mask,
                                int32_t voter)
 {
@@ -168,7 +168,8 @@ int32_t cairn_match_vote(cairn_scan_match *x)
     opposite.y = corner.y + v->height * MATCH_SPOTS;
     first = cairn_match_column(x, corner);
     last = cairn_match_column(x, opposite);
-    bin = cairn_match_turn_bin((uint16_t)(x->query_turn[x->at] + v->heading)) + MATCH_DIRECTIONS - DIRECTION_REACH;
+    bin = cairn_match_turn_bin((uint16_t)(x->query_turn[x->at / v->stride] + v->heading)) + MATCH_DIRECTIONS -
+          DIRECTION_REACH;
     for (int32_t k = 0; k <= 2 * DIRECTION_REACH; k++, bin++) {
         const int32_t *start = &x->direction_start[bin % MATCH_DIRECTIONS * MATCH_COLUMNS];
 

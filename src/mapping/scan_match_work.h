@@ -120,6 +120,7 @@ enum {
     MATCH_PLACE,
     MATCH_VOTE,
     MATCH_PEAKS,
+    MATCH_CHOOSE, /* the peaks that are refined */
     MATCH_FIT,
     MATCH_TALLY,
     MATCH_RANK,
@@ -154,7 +155,7 @@ struct cairn_scan_match {
     cairn_scan_match_part query;
     match_profile *query_profile;
     int32_t query_sees;   /* its beams are known */
-    uint16_t *query_turn; /* [max_query] angle of the direction of a point, 65536 to the full circle */
+    uint16_t *query_turn; /* [MATCH_VOTERS] angle of the direction of a point that votes, 65536 to the full circle */
     cairn_pose start;
     cairn_scan_match_window window;
     int32_t has_window;
@@ -207,7 +208,7 @@ void cairn_match_spots_place(cairn_scan_match *x, const cairn_oriented_point *p)
 match_spot cairn_match_spot(const cairn_scan_match *x, cairn_vec2 p);
 /* Column of a coordinate along the longer side of the target's box; those outside are in the first or last. */
 int32_t cairn_match_column(const cairn_scan_match *x, match_spot spot);
-/* The angle of a direction, and that of a full circle's share. */
+/* An angle, rad, in 65536ths of the full circle, wrapped. */
 uint16_t cairn_match_turn(cairn_real angle);
 /* Bin of an angle by which points vote. */
 int32_t cairn_match_turn_bin(uint16_t turn);
@@ -237,7 +238,7 @@ const match_stage *cairn_match_stage_of(const cairn_scan_match *x);
 int32_t cairn_match_before(const match_candidate *a, const match_candidate *b);
 void cairn_match_keep(cairn_scan_match *x, const match_candidate *candidate, int32_t most);
 void cairn_match_sort(cairn_scan_match *x);
-void cairn_match_choose(cairn_scan_match *x);
+int32_t cairn_match_choose(cairn_scan_match *x);
 void cairn_match_thin(cairn_scan_match *x, int32_t keep);
 void cairn_match_judge(cairn_scan_match *x);
 

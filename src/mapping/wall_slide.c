@@ -306,6 +306,11 @@ static void begin_pair(cairn_wall_slide *x, int32_t moving, int32_t fixed)
     x->step = cairn_max(x->params.step, 2 * far / (cairn_real)(SLIDE_SHIFTS - 2));
     x->first_shift = cairn_real_to_int(cairn_ceil((x->expected - far) / x->step));
     x->shifts = cairn_real_to_int(cairn_floor((x->expected + far) / x->step)) - x->first_shift + 1;
+    if (x->shifts < 1) { /* no multiple of the step is as near */
+        x->first_shift = cairn_real_to_int(cairn_rint(x->expected / x->step));
+        x->shifts = 1;
+    }
+    x->shifts = x->shifts < SLIDE_SHIFTS ? x->shifts : SLIDE_SHIFTS;
     memset(x->nats, 0, SLIDE_SHIFTS * sizeof *x->nats);
     x->i = x->j = x->at = 0;
     x->phase = x->params.thickness && x->result.thickness > 0 ? SLIDE_THICKNESS : SLIDE_OBJECT;

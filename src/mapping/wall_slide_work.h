@@ -68,7 +68,7 @@ struct cairn_wall_slide {
     const cairn_aligner *aligner;
     const cairn_scan_set *set;
     int32_t scan_count, wall_count, part_count; /* the firm one included */
-    int32_t has_begun, added;
+    int32_t added;
     cairn_real spread; /* m, of the initial poses */
     slide_phase phase;
     int32_t i, j, debt;
