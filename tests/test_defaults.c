@@ -422,7 +422,7 @@ static void of_the_mapper(void **state)
         VALUE(p.local_recent, 3),
         VALUE(p.local_span, 25),
         VALUE(p.search, 1),
-        VALUE(p.search_units, 125000),
+        VALUE(p.search_units, 155000),
         VALUE(p.window_units, 32000),
         VALUE(p.key_support, 0.6),
         VALUE(p.motion_distance, 0.3),

@@ -642,8 +642,8 @@ static void results_stay_as_they_are(void **state)
     loops.loop.gap = 6;
     loops.loop.agree = 2;
     assert_golden(hash_of_round(&params, 1), UINT64_C(0xabca3a0e797005b4), UINT64_C(0x9cbb21a837796298));
-    assert_golden(hash_of_round(&params, 0), UINT64_C(0xad83207ba34b031c), UINT64_C(0x19e13fe6b7f468fc));
-    assert_golden(hash_of_round(&narrow, 1), UINT64_C(0xe7e2c691eca4acd), UINT64_C(0x12fc1cb3a158d5bc));
+    assert_golden(hash_of_round(&params, 0), UINT64_C(0x6e0b0ca54bceb4f1), UINT64_C(0xf3a2af8a2fe7a9da));
+    assert_golden(hash_of_round(&narrow, 1), UINT64_C(0xe7e2c691eca4acd), UINT64_C(0x530c135c7d78cc58));
     assert_golden(hash_of_round(&loops, 1), UINT64_C(0xafe147c713b04b29), UINT64_C(0x8d73e7adcffa3cb2));
 }
 

@@ -81,9 +81,10 @@ typedef struct cairn_mapper_params {
     cairn_real motion_distance_min; /* m, > 0, and at least by this (0.03) */
     cairn_real motion_turn_min;     /* rad, > 0 (0.02) */
     cairn_real
-        min_support;      /* share of the scan's points with partners, less than 0.1 m off, that a match needs (0.3) */
-    int32_t search;       /* 1: where a match is in doubt, scan_match searches; 0: the match stays as it is (1) */
-    int32_t search_units; /* of budget that a search may take, >= 1; one that takes more finds nothing (125000) */
+        min_support; /* share of the scan's points with partners, less than 0.1 m off, that a match needs (0.3) */
+    int32_t search;  /* 1: where a match is in doubt, scan_match searches; 0: the match stays as it is (1) */
+    /* Of budget that the matches of a scan and a search may take, >= 1; a search that takes more finds nothing (155000). */
+    int32_t search_units;
 } cairn_mapper_params;
 
 /* How the pose of a scan was found. */

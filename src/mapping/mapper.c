@@ -249,6 +249,15 @@ static cairn_status take_share(cairn_mapper *mapper, cairn_budget *budget)
     return status == CAIRN_MORE ? CAIRN_OK : status;
 }
 
+static cairn_status match_step(cairn_mapper *mapper, cairn_budget *budget)
+{
+    int32_t before = budget->left;
+    cairn_status status = cairn_icp_step(mapper->icp, budget);
+
+    mapper->matched += before - budget->left;
+    return status;
+}
+
 /* One item of the phase at hand. CAIRN_OK: the phase may have changed; CAIRN_MORE: the budget ended within a part. */
 static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
 {
@@ -284,7 +293,7 @@ static cairn_status advance(cairn_mapper *mapper, cairn_budget *budget)
     case MATCH_OTHER:
     case MATCH_FOUND:
     case MATCH_HELD:
-        status = cairn_icp_step(mapper->icp, budget);
+        status = match_step(mapper, budget);
         if (status == CAIRN_OK)
             status = cairn_mapper_end_match(mapper);
         break;

@@ -66,7 +66,7 @@ cairn_mapper_params cairn_mapper_default(void)
     params.motion_turn_min = CAIRN_REAL(0.02);
     params.min_support = CAIRN_REAL(0.3);
     params.search = 1;
-    params.search_units = 125000;
+    params.search_units = 155000;
     return params;
 }
 

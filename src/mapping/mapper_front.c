@@ -84,7 +84,7 @@ void cairn_mapper_predict(cairn_mapper *mapper, cairn_pose last, cairn_pose by_o
     mapper->predicted = cairn_pose_compose(last, mapper->motion);
     mapper->has_match = 0;
     mapper->doubtful = mapper->held = 0;
-    mapper->spent = mapper->searches = 0;
+    mapper->spent = mapper->matched = mapper->searches = 0;
 }
 
 cairn_pose_prior cairn_mapper_prior_of(const cairn_mapper *mapper, cairn_pose motion, int32_t is_odometry)

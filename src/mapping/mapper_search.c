@@ -171,7 +171,8 @@ static cairn_status end_search(cairn_mapper *mapper)
 
 cairn_status cairn_mapper_search_step(cairn_mapper *mapper, cairn_budget *budget)
 {
-    int32_t quota = mapper->params.search_units - mapper->spent, most = budget->left < quota ? budget->left : quota;
+    int32_t quota = mapper->params.search_units - mapper->matched - mapper->spent;
+    int32_t most = budget->left < quota ? budget->left : quota;
     cairn_budget share = {most};
     cairn_status status = cairn_scan_match_step(mapper->search, &share);
 
@@ -179,7 +180,7 @@ cairn_status cairn_mapper_search_step(cairn_mapper *mapper, cairn_budget *budget
     mapper->spent += most - share.left;
     if (status == CAIRN_OK)
         return end_search(mapper);
-    if (status == CAIRN_MORE && mapper->spent >= mapper->params.search_units) {
+    if (status == CAIRN_MORE && mapper->matched + mapper->spent >= mapper->params.search_units) {
         mapper->phase = KEEP;
         mapper->doubtful = 1;
     }

@@ -220,7 +220,7 @@ struct cairn_mapper {
     int64_t rumour_scan;        /* number of that scan, from 1; 0: none */
     int32_t rumour_is_new;      /* 1: the scan before left none */
     int32_t search_count;       /* key scans of the local map that it has; 0: other things */
-    int32_t spent;              /* units, by the search of this scan */
+    int32_t spent, matched;     /* units, by the search and by the matches of this scan */
 
     mapper_loop loop; /* its graph is NULL without loops */
     cairn_mapper_result result;
