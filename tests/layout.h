@@ -1435,6 +1435,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_scan_match_params, max_views, 12, 12)},
     {FIELD(cairn_scan_match_params, max_query, 16, 16)},
     {FIELD(cairn_scan_match_params, max_hypotheses, 20, 20)},
+    {FIELD(cairn_scan_match_params, once, 32, 32)},
     {FIELD(cairn_scan_match_params, spacing, 40, 36)},
     {FIELD(cairn_scan_match_params, sigma, 48, 40)},
     {SIZE(cairn_scan_match_part, 40, 40)},
