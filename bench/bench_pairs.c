@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "bench/bench_bound.h"
+#include "bench/bench_noise.h"
 #include "cairn/carmen_log.h"
 #include "cairn/random.h"
 #include "sim/arena.h"
@@ -206,20 +207,6 @@ static int collect_simulated(const bench_pairs_settings *s, bench_collection *c)
 
 /* ---- From a log ---- */
 
-/* Puts noise where the log has poses. */
-static void overwrite_poses(cairn_carmen_scans *log, uint64_t seed)
-{
-    cairn_random random = cairn_random_seed(seed, 1);
-
-    for (int32_t i = 0; i < log->count; i++) {
-        log->record[i].robot.x = cairn_random_uniform(&random, -10, 10);
-        log->record[i].robot.y = cairn_random_uniform(&random, -10, 10);
-        log->record[i].robot.theta = cairn_random_uniform(&random, -3, 3);
-        log->record[i].laser = log->record[i].robot;
-        log->record[i].scan.base_sensor = cairn_pose_identity();
-    }
-}
-
 /* Lines "scan x y theta". */
 static int read_truth(const char *path, const cairn_carmen_scans *log, bench_collection *c)
 {
@@ -267,7 +254,7 @@ static int collect_log(const bench_pairs_settings *s, bench_collection *c)
         return 0;
     }
     if (s->noise)
-        overwrite_poses(&log, (uint64_t)s->seed);
+        bench_noise_poses(&log, (uint64_t)s->seed);
     done = bench_views_start(&c->views, log.count, log.info.beams_most) && read_truth(s->truth, &log, c);
     if (done) {
         draw_pairs(c, 0, c->views.count, s->partners, (int32_t)s->pairs, &random);

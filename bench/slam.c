@@ -11,11 +11,11 @@
 
 #include "bench/bench_filter.h"
 #include "bench/bench_json.h"
+#include "bench/bench_noise.h"
 #include "cairn/carmen_log.h"
 #include "cairn/map_quality.h"
 #include "cairn/mapper.h"
 #include "cairn/output.h"
-#include "cairn/random.h"
 #include "cairn/relation_table.h"
 #include "tools/options.h"
 
@@ -170,20 +170,6 @@ static double filter_log(const settings *s, const cairn_carmen_scans *log, cairn
     return done ? filter->seconds : -1;
 }
 
-/* Puts noise where the log has poses. */
-static void overwrite_poses(cairn_carmen_scans *log, uint64_t seed)
-{
-    cairn_random random = cairn_random_seed(seed, 1);
-
-    for (int32_t i = 0; i < log->count; i++) {
-        log->record[i].robot.x = cairn_random_uniform(&random, -10, 10);
-        log->record[i].robot.y = cairn_random_uniform(&random, -10, 10);
-        log->record[i].robot.theta = cairn_random_uniform(&random, -3, 3);
-        log->record[i].laser = log->record[i].robot;
-        log->record[i].scan.base_sensor = log->record[i].robot;
-    }
-}
-
 /* Relations whose scans the log does not have are left out. */
 static void print_errors(const settings *s, const char *name, const cairn_carmen_scans *log, const cairn_pose *poses,
                          const cairn_relation_row *row, int32_t count, double seconds, size_t pool_bytes,
@@ -251,7 +237,7 @@ static int run_log(const settings *s, const char *log_path, const char *relation
     row = read_relations(relations_path, &log, &count);
     poses = malloc((size_t)log.count * sizeof *poses);
     if (s->no_odometry)
-        overwrite_poses(&log, (uint64_t)s->seed);
+        bench_noise_poses(&log, (uint64_t)s->seed);
     if (poses == NULL)
         fprintf(stderr, "%s: no memory for %" PRId32 " poses\n", log_path, log.count);
     if (row != NULL && poses != NULL && s->particles > 0) {

@@ -177,18 +177,6 @@ static cairn_status match_query(const match_record *record, cairn_scan_match *ma
     return status;
 }
 
-/* For the pictures of the stages: once more at the heading that was found, and at no other. */
-static cairn_status match_stages(match_record *record, cairn_scan_match *match)
-{
-    static const cairn_scan_match_window all = {1000, 0};
-
-    record->stages = match;
-    record->stages_start = record->start;
-    if (record->result.count > 0)
-        record->stages_start.theta = record->hypotheses[0].target_query.theta;
-    return match_query(record, match, record->stages_start, &all);
-}
-
 static cairn_status run_match(const settings *s, match_record *record, cairn_scan_match *match)
 {
     cairn_scan_match_part target = part_of(&record->target);
@@ -202,7 +190,8 @@ static cairn_status run_match(const settings *s, match_record *record, cairn_sca
     for (int32_t i = 0; i < record->result.count; i++)
         record->hypotheses[i] = record->result.hypotheses[i];
     record->result.hypotheses = record->hypotheses;
-    return status == CAIRN_OK && is_by_shape(s) && s->pictures ? match_stages(record, match) : status;
+    record->match = match;
+    return status;
 }
 
 /* ---- output ---- */

@@ -24,8 +24,7 @@ typedef struct match_record {
     cairn_scan_match_result result; /* its hypotheses are the following */
     cairn_scan_match_hypothesis hypotheses[MATCH_HYPOTHESES_MOST];
     cairn_scan_match_measure measure;
-    const cairn_scan_match *stages; /* by shape: one rotation, that of the result; NULL: not asked for */
-    cairn_pose stages_start;
+    const cairn_scan_match *match; /* done; by shape: it tells the pairs of each stage */
 } match_record;
 
 /* "found", "ambiguous" or "none". */

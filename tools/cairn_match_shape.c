@@ -24,7 +24,7 @@ static int32_t richest_point(const match_record *record, cairn_real share[BINS])
         cairn_real bins[BINS];
         int32_t filled = 0;
 
-        if (cairn_scan_match_histogram(record->stages, i, bins) != CAIRN_OK)
+        if (cairn_scan_match_histogram(record->match, i, bins) != CAIRN_OK)
             continue;
         for (int32_t b = 0; b < BINS; b++)
             filled += bins[b] > 0;
@@ -56,7 +56,8 @@ static void draw_frame(cairn_vec2 centre, cairn_vec2 line[4 * BINS])
 cairn_status match_draw_histogram(const match_record *record, const char *path, cairn_file_error *error)
 {
     cairn_real share[BINS] = {0};
-    cairn_vec2 *points = match_points(&record->query, record->stages_start), line[4 * BINS], bar[BINS];
+    cairn_vec2 *points = match_points(&record->query, cairn_scan_match_pair_pose(record->match)), line[4 * BINS],
+               bar[BINS];
     int32_t point = richest_point(record, share);
     cairn_report_figure figure = cairn_report_figure_default();
     cairn_report_layer map[3], chart;
@@ -120,12 +121,12 @@ cairn_status match_draw_histogram(const match_record *record, const char *path, 
 static cairn_vec2 *pair_lines(const match_record *record, const cairn_vec2 *a, const cairn_vec2 *b, int32_t stage,
                               int beyond, int32_t *count)
 {
-    int32_t pairs = cairn_scan_match_pair_count(record->stages);
+    int32_t pairs = cairn_scan_match_pair_count(record->match);
     cairn_vec2 *line = malloc((2 * (size_t)pairs + 1) * sizeof *line);
 
     *count = 0;
     for (int32_t i = 0; i < pairs && line != NULL; i++) {
-        cairn_scan_match_pair pair = cairn_scan_match_pair_at(record->stages, i);
+        cairn_scan_match_pair pair = cairn_scan_match_pair_at(record->match, i);
 
         if (pair.stage != stage && !(beyond && pair.stage > stage))
             continue;
@@ -142,7 +143,7 @@ static const char *const stage_colours[] = {"#94a3b8", "#f59e0b", COLOUR_PAIR};
 cairn_status match_draw_pairs(const match_record *record, const char *path, cairn_file_error *error)
 {
     cairn_vec2 *a = match_points(&record->target, cairn_pose_identity()),
-               *b = match_points(&record->query, record->stages_start);
+               *b = match_points(&record->query, cairn_scan_match_pair_pose(record->match));
     cairn_vec2 *line[3] = {NULL, NULL, NULL};
     cairn_report_figure figure = cairn_report_figure_default();
     cairn_report_layer layer[5];
@@ -171,7 +172,7 @@ cairn_status match_draw_pairs(const match_record *record, const char *path, cair
         plot.box = cairn_box_empty();
         match_names(record, title, sizeof title);
         (void)snprintf(subtitle, sizeof subtitle, "%" PRId32 " pairs, of which %" PRId32 " are kept",
-                       cairn_scan_match_pair_count(record->stages), layer[2].count);
+                       cairn_scan_match_pair_count(record->match), layer[2].count);
         figure.title = title;
         figure.subtitle = subtitle;
         figure.plot = &plot;
@@ -188,9 +189,10 @@ cairn_status match_draw_pairs(const match_record *record, const char *path, cair
 cairn_status match_draw_filters(const match_record *record, const char *path, cairn_file_error *error)
 {
     static const char *const titles[] = {"common subsequence", "colinear filter", "segment filter", "aligned"};
-    cairn_pose after = record->result.count > 0 ? record->result.hypotheses[0].target_query : record->stages_start;
+    cairn_pose after = record->result.count > 0 ? record->result.hypotheses[0].target_query
+                                                : cairn_scan_match_pair_pose(record->match);
     cairn_vec2 *a = match_points(&record->target, cairn_pose_identity()),
-               *b = match_points(&record->query, record->stages_start);
+               *b = match_points(&record->query, cairn_scan_match_pair_pose(record->match));
     cairn_vec2 *moved = match_points(&record->query, after), *line[3] = {NULL, NULL, NULL};
     cairn_report_figure figure = cairn_report_figure_default();
     cairn_report_layer layer[4][3];

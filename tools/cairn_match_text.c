@@ -28,12 +28,21 @@ static double deviation(const cairn_scan_match_hypothesis *h, int which)
     return sqrt((double)h->covariance[4 * which]);
 }
 
+/* The standard deviation of headings that are equally likely all round, degrees: beyond it a heading is not known. */
+#define ANY_HEADING 103.92
+
 static void print_hypothesis(FILE *out, const cairn_scan_match_hypothesis *h, int32_t rank)
 {
-    fprintf(out, "%4" PRId32 "  %9.4f %9.4f %9.3f  %9.4f %8.4f %8.3f  %7.3f %7.3f %6.3f  %3" PRId32 "\n", rank,
-            (double)h->target_query.x, (double)h->target_query.y, (double)h->target_query.theta * DEGREES,
-            deviation(h, 0), deviation(h, 1), deviation(h, 2) * DEGREES, (double)h->overlap, (double)h->contradiction,
-            (double)h->score, h->observable);
+    double heading = deviation(h, 2) * DEGREES;
+
+    fprintf(out, "%4" PRId32 "  %9.4f %9.4f %9.3f  %9.4f %8.4f ", rank, (double)h->target_query.x,
+            (double)h->target_query.y, (double)h->target_query.theta * DEGREES, deviation(h, 0), deviation(h, 1));
+    if (heading < ANY_HEADING)
+        fprintf(out, "%8.3f", heading);
+    else
+        fprintf(out, "%8s", "any");
+    fprintf(out, "  %7.3f %7.3f %6.3f  %3" PRId32 "\n", (double)h->overlap, (double)h->contradiction, (double)h->score,
+            h->observable);
 }
 
 /* The motion that the best hypothesis tells the least about, when that is too little. */

@@ -160,9 +160,9 @@ cairn_scan_match_result cairn_scan_match_read(const cairn_scan_match *match);
 
 cairn_scan_match_measure cairn_scan_match_measured(const cairn_scan_match *match);
 
-/* ---- What the modes of shape saw, for pictures, once step() has returned CAIRN_OK: of the last rotation of the query that was
- * tried. In a window whose angle is 0 that is the only one, the heading of the start. In modes SHAPE and
- * SHAPE_SEGMENTS the filters are applied twice, see scan_match_shape.c; this is the second time. ---- */
+/* ---- What the modes of shape saw, for pictures, once step() has returned CAIRN_OK: of the rotation of the query that won, before
+ * ICP; when nothing overlapped, of the last one that was tried. In modes SHAPE and SHAPE_SEGMENTS the filters are applied twice,
+ * without the points that have only a straight line about them and with them; this is the time that won. ---- */
 
 /* How far a pair of points came. */
 typedef int32_t cairn_scan_match_stage;
@@ -182,6 +182,10 @@ int32_t cairn_scan_match_pair_count(const cairn_scan_match *match);
 
 /* Pair 0 <= index < pair_count, in the order of the scans. Logarithmic in the pairs. */
 cairn_scan_match_pair cairn_scan_match_pair_at(const cairn_scan_match *match, int32_t index);
+
+/* How the query lay when the pairs were found: its heading is that of the rotation, its position that of the start; the
+ * identity when there are no pairs. */
+cairn_pose cairn_scan_match_pair_pose(const cairn_scan_match *match);
 
 #define CAIRN_SCAN_MATCH_BINS 36
 

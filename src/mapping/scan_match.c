@@ -104,7 +104,7 @@ static cairn_scan_match *carve(cairn_pool *pool, const cairn_scan_match_params *
     made.query_profile = cairn_pool_take_one(pool, sizeof *made.query_profile);
     made.index.points = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.index.points);
     made.index.start = cairn_pool_take(pool, cairn_match_index_cells(p->max_target) + 1, sizeof *made.index.start);
-    made.by_direction = cairn_pool_take(pool, (size_t)p->max_target, sizeof *made.by_direction);
+    made.by_direction = cairn_pool_take(pool, cells > 0 ? (size_t)p->max_target : 0, sizeof *made.by_direction);
     made.query_turn = cairn_pool_take(pool, cells > 0 ? MATCH_VOTERS : 0, sizeof *made.query_turn);
     made.votes.cell = cairn_pool_take(pool, cells, sizeof *made.votes.cell);
     made.votes.touched = cairn_pool_take(pool, cells, sizeof *made.votes.touched);

@@ -10,7 +10,7 @@
  * The colinear filter is there because the shape of a straight line tells little. While the frames are not aligned, where a
  * vector points tells little of that, and all points of walls pass it alike. So the filters are applied twice, and the overlap
  * decides as it does between rotations: first without the points that have nothing but a straight line about them, then
- * with them, as written.
+ * with them, as written. What the pictures show is the rotation and the filters that won: they are gone through once more.
  *
  * Choices that the thesis leaves open: headings every 5 degrees over the window (every 1 when it is at most 5 wide), then
  * every 1 about the best; ICP point to point in closed form, its gate the mean distance of its pairs but at least 1.5
@@ -116,7 +116,7 @@ void cairn_match_shape_begin(cairn_scan_match *x)
     s->rotation = 0;
     s->is_fine = s->step < 2 * DEGREE;
     s->best_overlap = -1;
-    s->with_lines = 0;
+    s->with_lines = s->is_again = 0;
 }
 
 static cairn_real angle_of(const match_shape *s)
@@ -133,7 +133,7 @@ int32_t cairn_match_shape_turn(cairn_scan_match *x)
     cairn_status status;
 
     if (x->at == 0) {
-        turn.theta = angle_of(s);
+        turn.theta = s->turned_angle = angle_of(s);
         s->turn = cairn_transform_of(turn);
     }
     p->position = cairn_vec2_add(cairn_transform_point(s->turn, x->query.points[x->at].position), s->shift);
@@ -214,7 +214,7 @@ int32_t cairn_match_shape_filter(cairn_scan_match *x)
 
     if (x->at == 0)
         s->segment_count = s->pair_count = 0;
-    cairn_match_charge(x, 20);
+    cairn_match_charge(x, s->with_lines ? 20 : 60);
     if (x->at < common.count) {
         cairn_sequence_pair pair = common.pairs[x->at++], last;
 
@@ -381,9 +381,11 @@ int32_t cairn_match_shape_overlap(cairn_scan_match *x)
     if (s->most_pairs > 0 && s->overlap > s->best_overlap) {
         s->best_overlap = s->overlap;
         s->gate = s->best_distance + OVERLAP_SLACK;
+        s->best_angle = angle_of(s);
+        s->best_with_lines = s->with_lines;
         s->best.x = at.x;
         s->best.y = at.y;
-        s->best.theta = cairn_wrap_angle(angle_of(s));
+        s->best.theta = cairn_wrap_angle(s->best_angle);
     }
     x->measure.candidates++;
     next_rotation(x);
@@ -393,6 +395,18 @@ int32_t cairn_match_shape_overlap(cairn_scan_match *x)
 int32_t cairn_match_shape_is_turned(const cairn_scan_match *x)
 {
     return x->shape->rotation >= x->shape->rotations;
+}
+
+int32_t cairn_match_shape_again(cairn_scan_match *x)
+{
+    match_shape *s = x->shape;
+    int32_t is_there = s->turned_angle == s->best_angle;
+
+    s->is_again = 1;
+    s->with_lines = s->best_with_lines;
+    s->first_angle = s->best_angle;
+    s->rotation = 0;
+    return is_there;
 }
 
 /* ---- ICP ---- */
@@ -526,6 +540,18 @@ cairn_scan_match_pair cairn_scan_match_pair_at(const cairn_scan_match *match, in
     if (low < s->pair_count && s->pairs[low].first == own.first)
         pair.stage = is_kept(match, low) ? CAIRN_SCAN_MATCH_KEPT : CAIRN_SCAN_MATCH_APART;
     return pair;
+}
+
+cairn_pose cairn_scan_match_pair_pose(const cairn_scan_match *match)
+{
+    cairn_pose pose = cairn_pose_identity();
+
+    if (!is_done(match))
+        return pose;
+    pose.x = match->shape->shift.x;
+    pose.y = match->shape->shift.y;
+    pose.theta = cairn_wrap_angle(match->shape->turned_angle);
+    return pose;
 }
 
 cairn_status cairn_scan_match_histogram(const cairn_scan_match *match, int32_t point,

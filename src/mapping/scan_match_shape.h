@@ -37,7 +37,7 @@ struct match_shape {
     /* Rotations. */
     cairn_vec2 shift; /* of the start */
     cairn_transform turn;
-    cairn_real first_angle, step;
+    cairn_real first_angle, step, turned_angle; /* the last: of the rotation whose common subsequence is known */
     int32_t rotation, rotations, is_fine;
     /* The translation of this rotation. */
     cairn_vec2 best_shift;
@@ -45,7 +45,9 @@ struct match_shape {
     int32_t most_pairs, overlap;
     /* The best of all rotations, then that of ICP. */
     cairn_pose best, last;
-    int32_t best_overlap, last_overlap;
+    cairn_real best_angle;
+    int32_t best_overlap, best_with_lines, last_overlap;
+    int32_t is_again; /* 1: the best of the rotations is gone through once more, for the pairs that pictures show */
     cairn_real last_mean;
     cairn_real gate, overlap_gate;
     int32_t iteration;
@@ -61,6 +63,8 @@ int32_t cairn_match_shape_segment(cairn_scan_match *x);
 int32_t cairn_match_shape_translate(cairn_scan_match *x);
 int32_t cairn_match_shape_overlap(cairn_scan_match *x);
 int32_t cairn_match_shape_is_turned(const cairn_scan_match *x);
+/* Back to the rotation and the filters that won. 1: its common subsequence is at hand, the filters are all there is to do. */
+int32_t cairn_match_shape_again(cairn_scan_match *x);
 void cairn_match_shape_icp_begin(cairn_scan_match *x);
 int32_t cairn_match_shape_icp(cairn_scan_match *x);
 

@@ -22,6 +22,12 @@ static match_index *index_at_work(cairn_scan_match *x, const cairn_oriented_poin
     return x->other == 0 ? &x->index : &x->dense_index;
 }
 
+/* Only votes need the points by direction. */
+static int32_t fills_spots(const cairn_scan_match *x)
+{
+    return x->other == 0 && x->shape == NULL;
+}
+
 static void reset_item(cairn_scan_match *x)
 {
     cairn_match_index_reset(&x->index, x->params.max_target, x->target_count, CELL * x->params.spacing);
@@ -39,11 +45,11 @@ static void count_item(cairn_scan_match *x)
 
     if (x->at < index->count) {
         cairn_match_index_count(index, points[x->at].position);
-        if (x->other == 0)
+        if (fills_spots(x))
             cairn_match_spots_count(x, &points[x->at]);
         x->at++;
     }
-    cairn_match_charge(x, x->other == 0 ? 48 : 16);
+    cairn_match_charge(x, fills_spots(x) ? 48 : 16);
     if (x->at == index->count)
         enter(x, MATCH_SUM);
 }
@@ -59,7 +65,7 @@ static void sum_item(cairn_scan_match *x)
     cairn_match_charge(x, 4 * MATCH_PART);
     if (x->at < cells)
         return;
-    if (x->other == 0)
+    if (fills_spots(x))
         cairn_match_spots_sum(x);
     enter(x, MATCH_PLACE);
 }
@@ -74,10 +80,10 @@ static void place_item(cairn_scan_match *x)
         const cairn_oriented_point *p = &points[index->count - 1 - x->at++];
 
         cairn_match_index_place(index, *p);
-        if (x->other == 0)
+        if (fills_spots(x))
             cairn_match_spots_place(x, p);
     }
-    cairn_match_charge(x, x->other == 0 ? 48 : 16);
+    cairn_match_charge(x, fills_spots(x) ? 48 : 16);
     if (x->at < index->count)
         return;
     enter(x, MATCH_COUNT);
@@ -213,11 +219,9 @@ static void start_last_stage(cairn_scan_match *x)
     cairn_match_fit_begin(x, x->shape->best);
 }
 
-static void end_rotation(cairn_scan_match *x)
+/* All rotations are through, and the pairs are those of the best one. */
+static void end_shape(cairn_scan_match *x)
 {
-    enter(x, x->shape->with_lines ? MATCH_SHAPE_FILTER : MATCH_SHAPE_TURN);
-    if (!cairn_match_shape_is_turned(x))
-        return;
     if ((x->params.mode != CAIRN_SCAN_MATCH_SHAPE && x->params.mode != CAIRN_SCAN_MATCH_SHAPE_LINES) ||
         x->shape->best_overlap <= 0) {
         start_last_stage(x);
@@ -225,6 +229,20 @@ static void end_rotation(cairn_scan_match *x)
     }
     cairn_match_shape_icp_begin(x);
     enter(x, MATCH_SHAPE_ICP);
+}
+
+static void end_rotation(cairn_scan_match *x)
+{
+    int32_t is_there = x->shape->with_lines;
+
+    if (cairn_match_shape_is_turned(x)) {
+        if (x->shape->best_overlap <= 0) {
+            end_shape(x);
+            return;
+        }
+        is_there = cairn_match_shape_again(x);
+    }
+    enter(x, is_there ? MATCH_SHAPE_FILTER : MATCH_SHAPE_TURN);
 }
 
 static void run_shape(cairn_scan_match *x)
@@ -243,7 +261,11 @@ static void run_shape(cairn_scan_match *x)
             enter(x, MATCH_SHAPE_SEGMENT);
         break;
     case MATCH_SHAPE_SEGMENT:
-        if (cairn_match_shape_segment(x))
+        if (!cairn_match_shape_segment(x))
+            break;
+        if (x->shape->is_again)
+            end_shape(x);
+        else
             enter(x, MATCH_SHAPE_TRANSLATE);
         break;
     case MATCH_SHAPE_TRANSLATE:

@@ -1,0 +1,10 @@
+/* Noise where a log has poses: a program that does not use them gives the same bytes with it. */
+#ifndef CAIRN_BENCH_NOISE_H
+#define CAIRN_BENCH_NOISE_H
+
+#include "cairn/carmen_log.h"
+
+/* All poses of the log, within 10 m and 3 rad of nothing; the sensor's pose on the robot, too. */
+void bench_noise_poses(cairn_carmen_scans *log, uint64_t seed);
+
+#endif
