@@ -20,6 +20,7 @@
 #include "cairn/filter_mapper.h"
 #include "cairn/force_field.h"
 #include "cairn/force_kernel.h"
+#include "cairn/fragment_match.h"
 #include "cairn/geometry.h"
 #include "cairn/hough.h"
 #include "cairn/icp.h"
@@ -554,6 +555,35 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_force_cursor, is_begun, 8, 8)},
     {FIELD(cairn_force_cursor, paid, 12, 12)},
     {FIELD(cairn_force_cursor, pull, 16, 16)},
+    {SIZE(cairn_fragment_match_params, 80, 48)},
+    {FIELD(cairn_fragment_match_params, max_fragments, 0, 0)},
+    {FIELD(cairn_fragment_match_params, samples_each, 4, 4)},
+    {FIELD(cairn_fragment_match_params, max_chains, 8, 8)},
+    {FIELD(cairn_fragment_match_params, max_samples, 12, 12)},
+    {FIELD(cairn_fragment_match_params, matches_each, 16, 16)},
+    {FIELD(cairn_fragment_match_params, min_scale, 24, 20)},
+    {FIELD(cairn_fragment_match_params, max_scale, 32, 24)},
+    {FIELD(cairn_fragment_match_params, min_step, 40, 28)},
+    {FIELD(cairn_fragment_match_params, step_ratio, 48, 32)},
+    {FIELD(cairn_fragment_match_params, turn, 56, 36)},
+    {FIELD(cairn_fragment_match_params, gap, 64, 40)},
+    {FIELD(cairn_fragment_match_params, min_similarity, 72, 44)},
+    {SIZE(cairn_fragment_match, 72, 44)},
+    {FIELD(cairn_fragment_match, fragment, 0, 0)},
+    {FIELD(cairn_fragment_match, chain, 4, 4)},
+    {FIELD(cairn_fragment_match, reversed, 8, 8)},
+    {FIELD(cairn_fragment_match, pairs, 12, 12)},
+    {FIELD(cairn_fragment_match, similarity, 16, 16)},
+    {FIELD(cairn_fragment_match, scale, 24, 20)},
+    {FIELD(cairn_fragment_match, centre, 32, 24)},
+    {FIELD(cairn_fragment_match, off, 48, 32)},
+    {FIELD(cairn_fragment_match, from, 56, 36)},
+    {FIELD(cairn_fragment_match, to, 64, 40)},
+    {SIZE(cairn_fragment_match_result, 24, 24)},
+    {FIELD(cairn_fragment_match_result, matches, 0, 0)},
+    {FIELD(cairn_fragment_match_result, count, 8, 8)},
+    {FIELD(cairn_fragment_match_result, kept, 12, 12)},
+    {FIELD(cairn_fragment_match_result, cells, 16, 16)},
     {SIZE(cairn_vec2, 16, 8)},
     {FIELD(cairn_vec2, x, 0, 0)},
     {FIELD(cairn_vec2, y, 8, 4)},

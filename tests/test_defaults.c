@@ -12,6 +12,7 @@
 #include "cairn/edgel.h"
 #include "cairn/inner_distance.h"
 #include "cairn/self_similarity.h"
+#include "cairn/fragment_match.h"
 #include "cairn/part_bundle.h"
 #include "cairn/shape_context.h"
 #include "cairn/filter_mapper.h"
@@ -540,6 +541,7 @@ static void of_contours(void **state)
     cairn_assignment_params assignment = cairn_assignment_default();
     cairn_shape_context_params context = cairn_shape_context_default();
     cairn_part_bundle_params bundle = cairn_part_bundle_default();
+    cairn_fragment_match_params match = cairn_fragment_match_default();
     cairn_object_detect_params detect = cairn_object_detect_default(300, 400);
     cairn_curve_evolution_params evolution = cairn_curve_evolution_default();
     cairn_inner_distance_params inner = cairn_inner_distance_default();
@@ -582,6 +584,18 @@ static void of_contours(void **state)
         VALUE(bundle.pieces_each, 2),
         VALUE(bundle.longest, 3),
         VALUE(bundle.samples_each, 20),
+        VALUE(match.max_fragments, CAIRN_PART_FRAGMENTS),
+        VALUE(match.samples_each, 20),
+        VALUE(match.max_chains, 10000),
+        VALUE(match.max_samples, 4096),
+        VALUE(match.matches_each, 2),
+        VALUE(match.min_scale, 24),
+        VALUE(match.max_scale, 800),
+        VALUE(match.min_step, 1.5),
+        VALUE(match.step_ratio, 1.19),
+        VALUE(match.turn, 22.5 * DEGREE),
+        VALUE(match.gap, 0.5),
+        VALUE(match.min_similarity, 0.5),
         VALUE(inner.max_points, 128),
         VALUE(inner.fill_holes, 0),
         VALUE(similarity.mode, CAIRN_SYMMETRY_RERANKED),

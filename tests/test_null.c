@@ -7,6 +7,7 @@
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
 #include "cairn/edgel.h"
+#include "cairn/fragment_match.h"
 #include "cairn/inner_distance.h"
 #include "cairn/self_similarity.h"
 #include "cairn/lum.h"
@@ -102,6 +103,7 @@ static cairn_distance_map_params distance_map_params(void)
     X(edgel, edgel_set)                                                                                                \
     X(ellipse, ellipse_set)                                                                                            \
     X(force_field, force_field)                                                                                        \
+    X(fragment_match, fragment_matcher)                                                                                \
     X(hough, hough)                                                                                                    \
     X(map_merge, map_merge)                                                                                            \
     X(mapper, mapper)                                                                                                  \

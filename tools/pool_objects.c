@@ -19,6 +19,7 @@
 #include "cairn/scan_cover.h"
 #include "cairn/self_similarity.h"
 #include "cairn/sequence.h"
+#include "cairn/fragment_match.h"
 #include "cairn/part_bundle.h"
 #include "cairn/shape_context.h"
 #include "cairn/shape_model.h"
@@ -40,6 +41,7 @@ typedef union any_params {
     cairn_inner_distance_params inner_distance;
     cairn_self_similarity_params self_similarity;
     cairn_force_field_params force_field;
+    cairn_fragment_match_params fragment_match;
     cairn_hough_params hough;
     cairn_icp_params icp;
     cairn_lum_params lum;
@@ -97,6 +99,7 @@ ROOM(icp)
 ROOM(lum)
 ROOM(map_merge)
 ROOM(mapper)
+ROOM(fragment_match)
 ROOM(part_bundle)
 ROOM(particle_filter)
 ROOM(place_map)
@@ -243,6 +246,11 @@ const pool_object pool_objects[] = {
     {OBJECT(part_bundle),
      0,
      {HAS(part_bundle, "point", max_points), HAS(part_bundle, "sample of a fragment", samples_each)}},
+    {OBJECT(fragment_match),
+     3,
+     {HAS(fragment_match, "fragment", max_fragments), HAS(fragment_match, "chain", max_chains),
+      HAS(fragment_match, "sample of a chain", max_samples), HAS(fragment_match, "match of a fragment", matches_each),
+      HAS(fragment_match, "sample of a fragment", samples_each)}},
     {OBJECT(curve_evolution), 1, {HAS(curve_evolution, "point", max_points)}},
     {OBJECT(inner_distance), 0, {HAS(inner_distance, "point", max_points)}},
     {OBJECT(self_similarity),
