@@ -14,6 +14,7 @@
 #include "cairn/self_similarity.h"
 #include "cairn/fragment_match.h"
 #include "cairn/part_bundle.h"
+#include "cairn/part_configuration.h"
 #include "cairn/shape_context.h"
 #include "cairn/filter_mapper.h"
 #include "cairn/hough.h"
@@ -542,6 +543,7 @@ static void of_contours(void **state)
     cairn_shape_context_params context = cairn_shape_context_default();
     cairn_part_bundle_params bundle = cairn_part_bundle_default();
     cairn_fragment_match_params match = cairn_fragment_match_default();
+    cairn_part_configuration_params configuration = cairn_part_configuration_default();
     cairn_object_detect_params detect = cairn_object_detect_default(300, 400);
     cairn_curve_evolution_params evolution = cairn_curve_evolution_default();
     cairn_inner_distance_params inner = cairn_inner_distance_default();
@@ -596,6 +598,16 @@ static void of_contours(void **state)
         VALUE(match.turn, 22.5 * DEGREE),
         VALUE(match.gap, 0.5),
         VALUE(match.min_similarity, 0.5),
+        VALUE(configuration.max_votes, 512),
+        VALUE(configuration.nearest, 20),
+        VALUE(configuration.min_parts, 2),
+        VALUE(configuration.max_found, 64),
+        VALUE(configuration.max_nodes, 1000000),
+        VALUE(configuration.seek, CAIRN_PART_SEEK_NEAREST),
+        VALUE(configuration.centre, 0.08),
+        VALUE(configuration.ratio, 0.15),
+        VALUE(configuration.reach, 3),
+        VALUE(configuration.overlap, 0.2),
         VALUE(inner.max_points, 128),
         VALUE(inner.fill_holes, 0),
         VALUE(similarity.mode, CAIRN_SYMMETRY_RERANKED),

@@ -15,6 +15,7 @@
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/part_bundle.h"
+#include "cairn/part_configuration.h"
 #include "cairn/place_map.h"
 #include "cairn/scan_cover.h"
 #include "cairn/sequence.h"
@@ -108,6 +109,7 @@ static cairn_distance_map_params distance_map_params(void)
     X(map_merge, map_merge)                                                                                            \
     X(mapper, mapper)                                                                                                  \
     X(part_bundle, part_builder)                                                                                       \
+    X(part_configuration, part_configurator)                                                                           \
     X(place_map, place_map)                                                                                            \
     X(polyline, polyline)                                                                                              \
     X(pose_consensus, pose_consensus)                                                                                  \
