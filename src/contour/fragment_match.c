@@ -37,7 +37,7 @@ cairn_fragment_match_params cairn_fragment_match_default(void)
 static int capacities_are_good(const cairn_fragment_match_params *p)
 {
     return p->max_fragments >= 1 && p->max_fragments <= FRAGMENTS_MOST && p->samples_each >= 2 &&
-           p->samples_each <= MATCH_SAMPLES_EACH_MOST && p->max_chains >= 1 && p->max_chains <= CHAINS_MOST &&
+           p->samples_each <= FRAGMENT_SAMPLES_EACH_MOST && p->max_chains >= 1 && p->max_chains <= CHAINS_MOST &&
            p->max_samples >= 4 && p->max_samples <= SAMPLES_MOST && p->matches_each >= 1 &&
            p->matches_each <= MATCHES_MOST;
 }
@@ -53,8 +53,8 @@ static int params_are_good(const cairn_fragment_match_params *p)
 
 static cairn_sequence_params pairing_params(const cairn_fragment_match_params *p)
 {
-    cairn_sequence_params params = {CAIRN_SEQUENCE_LOCAL, p->samples_each, MATCH_WINDOW * p->samples_each,
-                                    (cairn_real)cairn_real_to_int(p->gap * MATCH_UNIT)};
+    cairn_sequence_params params = {CAIRN_SEQUENCE_LOCAL, p->samples_each, FRAGMENT_WINDOW * p->samples_each,
+                                    (cairn_real)cairn_real_to_int(p->gap * FRAGMENT_UNIT)};
 
     return params;
 }
@@ -104,13 +104,13 @@ size_t cairn_fragment_match_memory(const cairn_fragment_match_params *params)
 /* What a pair gains by the difference of its directions. */
 static void fill_gains(cairn_fragment_matcher *m)
 {
-    for (int32_t k = 0; k < MATCH_DIRECTIONS; k++) {
-        int32_t parts = k <= MATCH_DIRECTIONS / 2 ? k : MATCH_DIRECTIONS - k;
-        cairn_real turn = (cairn_real)parts * (2 * CAIRN_PI / MATCH_DIRECTIONS);
+    for (int32_t k = 0; k < FRAGMENT_DIRECTIONS; k++) {
+        int32_t parts = k <= FRAGMENT_DIRECTIONS / 2 ? k : FRAGMENT_DIRECTIONS - k;
+        cairn_real turn = (cairn_real)parts * (2 * CAIRN_PI / FRAGMENT_DIRECTIONS);
 
-        m->gain[k] = cairn_real_to_int(cairn_rint(MATCH_UNIT * (1 - turn / m->params.turn)));
+        m->gain[k] = cairn_real_to_int(cairn_rint(FRAGMENT_UNIT * (1 - turn / m->params.turn)));
     }
-    m->gap = cairn_real_to_int(m->params.gap * MATCH_UNIT);
+    m->gap = cairn_real_to_int(m->params.gap * FRAGMENT_UNIT);
 }
 
 cairn_status cairn_fragment_match_create(cairn_fragment_matcher **matcher, cairn_pool *pool,
@@ -137,7 +137,7 @@ static void code_fragment(cairn_fragment_matcher *m, int32_t fragment)
     int32_t n = m->model.samples_each;
     const cairn_oriented_point *samples = &m->model.samples[m->model.fragments[fragment].first];
     int16_t *ahead = cairn_fragment_match_codes(m, fragment, 0), *back = cairn_fragment_match_codes(m, fragment, 1);
-    cairn_vec2 places[MATCH_SAMPLES_EACH_MOST], directions[MATCH_SAMPLES_EACH_MOST];
+    cairn_vec2 places[FRAGMENT_SAMPLES_EACH_MOST], directions[FRAGMENT_SAMPLES_EACH_MOST];
     cairn_curve curve = {places, n, 0};
     cairn_status status;
 
@@ -149,7 +149,7 @@ static void code_fragment(cairn_fragment_matcher *m, int32_t fragment)
     for (int32_t i = 0; i < n; i++)
         ahead[i] = cairn_fragment_match_code(directions[i]);
     for (int32_t i = 0; i < n; i++)
-        back[i] = (int16_t)((ahead[n - 1 - i] + MATCH_DIRECTIONS / 2) & (MATCH_DIRECTIONS - 1));
+        back[i] = (int16_t)((ahead[n - 1 - i] + FRAGMENT_DIRECTIONS / 2) & (FRAGMENT_DIRECTIONS - 1));
 }
 
 /* ---- Calls ---- */
@@ -230,14 +230,15 @@ cairn_status cairn_fragment_match_begin(cairn_fragment_matcher *m, const cairn_p
         code_fragment(m, i);
         m->kept_count[i] = 0;
     }
-    m->least = cairn_real_to_int(cairn_ceil(m->params.min_similarity * (cairn_real)(MATCH_UNIT * model->samples_each)));
-    m->need = (m->least + MATCH_UNIT - 1) / MATCH_UNIT;
+    m->least =
+        cairn_real_to_int(cairn_ceil(m->params.min_similarity * (cairn_real)(FRAGMENT_UNIT * model->samples_each)));
+    m->need = (m->least + FRAGMENT_UNIT - 1) / FRAGMENT_UNIT;
     m->need = m->need > 2 ? m->need : 2;
     m->step = m->params.min_step;
     m->last = last_step(m);
     m->level = m->chain = m->fragment = m->next = m->match_count = m->kept_all = m->paid = 0;
     m->cells = 0;
-    m->phase = chain_count > 0 && m->step <= m->last ? MATCH_SAMPLE : MATCH_DONE;
+    m->phase = chain_count > 0 && m->step <= m->last ? FRAGMENT_SAMPLE : FRAGMENT_DONE;
     return CAIRN_OK;
 }
 
@@ -245,7 +246,7 @@ cairn_fragment_match_result cairn_fragment_match_read(const cairn_fragment_match
 {
     cairn_fragment_match_result result = {NULL, 0, 0, 0};
 
-    if (m != NULL && m->phase == MATCH_DONE) {
+    if (m != NULL && m->phase == FRAGMENT_DONE) {
         result.matches = m->matches;
         result.count = m->match_count;
         result.kept = m->kept_all;

@@ -90,7 +90,7 @@ static void align_column(cairn_fragment_matcher *m, const int16_t *codes, int32_
     int32_t diagonal = 0, above = 0, best = 0, gap = m->gap, *column = m->column;
 
     for (int32_t i = 0; i < n; i++) {
-        int32_t sum = diagonal + m->gain[(uint32_t)(codes[i] - code) & (MATCH_DIRECTIONS - 1)];
+        int32_t sum = diagonal + m->gain[(uint32_t)(codes[i] - code) & (FRAGMENT_DIRECTIONS - 1)];
 
         diagonal = column[i];
         sum = sum > diagonal - gap ? sum : diagonal - gap;
@@ -132,7 +132,7 @@ static void start_alignment(cairn_fragment_matcher *m)
 /* To the next chain, or the first at the next step. */
 static void next_chain(cairn_fragment_matcher *m)
 {
-    m->phase = MATCH_SAMPLE;
+    m->phase = FRAGMENT_SAMPLE;
     if (++m->chain < m->chain_count)
         return;
     m->chain = 0;
@@ -141,7 +141,7 @@ static void next_chain(cairn_fragment_matcher *m)
     if (m->step <= m->last)
         return;
     m->fragment = m->next = 0;
-    m->phase = MATCH_TRACE;
+    m->phase = FRAGMENT_TRACE;
 }
 
 /* To the next sense, fragment, chain. */
@@ -173,7 +173,7 @@ static int do_sample(cairn_fragment_matcher *m, cairn_budget *budget)
     sample_chain(m);
     m->fragment = m->reversed = 0;
     start_alignment(m);
-    m->phase = MATCH_ALIGN;
+    m->phase = FRAGMENT_ALIGN;
     return 1;
 }
 
@@ -208,7 +208,7 @@ static int do_align(cairn_fragment_matcher *m, cairn_budget *budget)
 /* First sample of the window that ends at a kept match. */
 static int32_t window_start(const cairn_fragment_matcher *m, const kept_match *k)
 {
-    int32_t from = k->column + 1 - MATCH_WINDOW * m->model.samples_each;
+    int32_t from = k->column + 1 - FRAGMENT_WINDOW * m->model.samples_each;
 
     return from > 0 ? from : 0;
 }
@@ -224,8 +224,8 @@ static cairn_real compare(const void *context, int32_t i, int32_t j)
     const kept_match *k = kept_next(m);
     int32_t at = window_start(m, k) + j, code = m->chain_code[at < m->samples ? at : at - m->samples];
 
-    return (cairn_real)
-        m->gain[(uint32_t)(cairn_fragment_match_codes(m, m->fragment, k->reversed)[i] - code) & (MATCH_DIRECTIONS - 1)];
+    return (cairn_real)m->gain[(uint32_t)(cairn_fragment_match_codes(m, m->fragment, k->reversed)[i] - code) &
+                               (FRAGMENT_DIRECTIONS - 1)];
 }
 
 /* Samples the chain of the next kept match again, at its step. */
@@ -240,7 +240,7 @@ static int do_trace(cairn_fragment_matcher *m, cairn_budget *budget)
             return 0;
         m->next = 0;
         if (++m->fragment == m->model.fragment_count)
-            m->phase = MATCH_DONE;
+            m->phase = FRAGMENT_DONE;
         return 1;
     }
     k = kept_next(m);
@@ -255,7 +255,7 @@ static int do_trace(cairn_fragment_matcher *m, cairn_budget *budget)
     status = cairn_sequence_begin(m->pairing, m->model.samples_each, k->column + 1 - window_start(m, k), compare, m);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
-    m->phase = MATCH_PAIR;
+    m->phase = FRAGMENT_PAIR;
     return 1;
 }
 
@@ -320,14 +320,14 @@ static int do_pair(cairn_fragment_matcher *m, cairn_budget *budget)
         match->chain = k->chain;
         match->reversed = k->reversed;
         match->pairs = r.count;
-        match->similarity = (cairn_real)k->score / (cairn_real)(MATCH_UNIT * m->model.samples_each);
+        match->similarity = (cairn_real)k->score / (cairn_real)(FRAGMENT_UNIT * m->model.samples_each);
         match->from = (cairn_real)first * step_of(m);
         match->to = (cairn_real)last * step_of(m);
         m->match_count++;
     }
     m->kept_all++;
     m->next++;
-    m->phase = MATCH_TRACE;
+    m->phase = FRAGMENT_TRACE;
     return 1;
 }
 
@@ -337,10 +337,10 @@ cairn_status cairn_fragment_match_step(cairn_fragment_matcher *m, cairn_budget *
 
     if (m == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (more && m->phase != MATCH_IDLE && m->phase != MATCH_DONE)
-        more = m->phase == MATCH_SAMPLE  ? do_sample(m, budget)
-               : m->phase == MATCH_ALIGN ? do_align(m, budget)
-               : m->phase == MATCH_TRACE ? do_trace(m, budget)
-                                         : do_pair(m, budget);
+    while (more && m->phase != FRAGMENT_IDLE && m->phase != FRAGMENT_DONE)
+        more = m->phase == FRAGMENT_SAMPLE  ? do_sample(m, budget)
+               : m->phase == FRAGMENT_ALIGN ? do_align(m, budget)
+               : m->phase == FRAGMENT_TRACE ? do_trace(m, budget)
+                                            : do_pair(m, budget);
     return more ? CAIRN_OK : CAIRN_MORE;
 }

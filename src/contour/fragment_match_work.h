@@ -6,8 +6,8 @@
 #include "cairn/sequence.h"
 
 /* Of a turn; what a pair of the same direction gains; samples before the end of an alignment for each of the fragment's. */
-enum { MATCH_DIRECTIONS = 1024, MATCH_UNIT = 1024, MATCH_WINDOW = 3, MATCH_SAMPLES_EACH_MOST = 64 };
-enum { MATCH_IDLE, MATCH_SAMPLE, MATCH_ALIGN, MATCH_TRACE, MATCH_PAIR, MATCH_DONE };
+enum { FRAGMENT_DIRECTIONS = 1024, FRAGMENT_UNIT = 1024, FRAGMENT_WINDOW = 3, FRAGMENT_SAMPLES_EACH_MOST = 64 };
+enum { FRAGMENT_IDLE, FRAGMENT_SAMPLE, FRAGMENT_ALIGN, FRAGMENT_TRACE, FRAGMENT_PAIR, FRAGMENT_DONE };
 
 /* The end of an alignment: behind row and column. */
 typedef struct kept_match {
@@ -26,9 +26,9 @@ struct cairn_fragment_matcher {
     int32_t *kept_count;            /* [max_fragments] */
     cairn_fragment_match *matches;  /* [max_fragments * matches_each] */
     cairn_sequence *pairing;
-    int32_t gain[MATCH_DIRECTIONS];
-    int32_t column[MATCH_SAMPLES_EACH_MOST];
-    int32_t gap, least;    /* parts of MATCH_UNIT; of a similarity */
+    int32_t gain[FRAGMENT_DIRECTIONS];
+    int32_t column[FRAGMENT_SAMPLES_EACH_MOST];
+    int32_t gap, least;    /* parts of FRAGMENT_UNIT; of a similarity */
     int32_t need;          /* samples of a chain at least */
     cairn_real step, last; /* px */
     int32_t level, chain_count, chain, fragment, reversed;
@@ -43,9 +43,9 @@ struct cairn_fragment_matcher {
 /* A direction in parts of a turn. */
 static inline int16_t cairn_fragment_match_code(cairn_vec2 direction)
 {
-    cairn_real parts = cairn_atan2(direction.y, direction.x) * (MATCH_DIRECTIONS / (2 * CAIRN_PI));
+    cairn_real parts = cairn_atan2(direction.y, direction.x) * (FRAGMENT_DIRECTIONS / (2 * CAIRN_PI));
 
-    return (int16_t)((uint32_t)cairn_real_to_int(cairn_rint(parts)) & (MATCH_DIRECTIONS - 1));
+    return (int16_t)((uint32_t)cairn_real_to_int(cairn_rint(parts)) & (FRAGMENT_DIRECTIONS - 1));
 }
 
 /* Those of a fragment as it runs, or reversed. */
