@@ -3,7 +3,8 @@
  * Every class's model on the images of all classes; no size, no rotation is given, and nothing is trained. Hit: IoU of the boxes >= 0.5,
  * each object once. A line for each class: the detection rate at 0.3 and 0.4 false positives per image, the 11-point average precision, and
  * the precision at the thesis's recall, which counts boxes above 0.2 as hits (precision_at_recall; with 0.5: precision_at_recall_half).
- * --method chamfer: the plain oriented chamfer twin. --curves DIR: CLASS.csv and CLASS.svg, precision over recall and detection rate
+ * --method parts: by configurations of parts, as in the thesis; --bundles, --nearest and --modes change what it is made of. --method
+ * chamfer: the plain oriented chamfer twin. --curves DIR: CLASS.csv and CLASS.svg, precision over recall and detection rate
  * over false positives per image. */
 #include <inttypes.h>
 #include <math.h>
@@ -19,9 +20,10 @@
 
 typedef struct settings {
     const char *class_name, *method, *data, *curves;
-    int64_t most, candidates;
+    const char *bundles;
+    int64_t most, candidates, matches, nearest;
     double overlap;
-    int32_t each, no_mirror;
+    int32_t each, no_mirror, modes;
 } settings;
 
 static const struct {
@@ -63,6 +65,9 @@ static void print_each(const run *r, const group_image *image, int32_t class, co
         bench_json_number("rigid", (double)found[i].rigid);
         bench_json_number("bent", (double)found[i].bent);
         bench_json_number("along", (double)found[i].along);
+        bench_json_number("agreement", (double)found[i].agreement);
+        bench_json_number("distance", (double)found[i].distance);
+        bench_json_integer("parts", found[i].part_count);
         bench_json_number("size", (double)found[i].size / hypot(image->width, image->height));
         bench_json_integer("object", detect_object(truth, &found[i], &overlap));
         bench_json_number("box_iou", overlap);
@@ -109,6 +114,13 @@ static int run_default(run *r, const group_image *image, int32_t own, cairn_file
     params.overlap = (cairn_real)r->s->overlap;
     params.mirror = !r->s->no_mirror;
     params.min_score = -100;
+    params.method = r->s->method[0] == 'p' ? CAIRN_DETECT_PARTS : CAIRN_DETECT_EVIDENCE;
+    params.bundles = r->s->bundles[0] == 'o'   ? CAIRN_DETECT_BUNDLES_OF_ONE
+                     : r->s->bundles[0] == 'n' ? CAIRN_DETECT_NO_BUNDLES
+                                               : CAIRN_DETECT_BUNDLES;
+    params.matches = (int32_t)r->s->matches;
+    params.nearest = (int32_t)r->s->nearest;
+    params.modes = r->s->modes;
     if (cairn_contour_tokens_find(&tokens, view, 1, 0, image->name, error) != CAIRN_OK)
         return 0;
     ok = cairn_detect_field_make(&field, &tokens, &params, image->name, error) == CAIRN_OK;
@@ -331,7 +343,11 @@ static option_result read_settings(settings *s, int argc, char **argv)
 {
     const option table[] = {
         OPTION_TEXT("--class", &s->class_name, "NAME", "Applelogos, Bottles, Giraffes, Mugs or Swans; without it all"),
-        OPTION_TEXT("--method", &s->method, "NAME", "default or chamfer"),
+        OPTION_TEXT("--method", &s->method, "NAME", "default, parts or chamfer"),
+        OPTION_TEXT("--bundles", &s->bundles, "HOW", "of parts: rule, one (fragment in each) or none"),
+        OPTION_INTEGER("--matches", &s->matches, 1, 64, "N", "of parts: chains that vote for each fragment"),
+        OPTION_INTEGER("--nearest", &s->nearest, 1, 64, "K", "of parts: votes that configurations are made of"),
+        OPTION_FLAG("--modes", &s->modes, "of parts: near the modes of the votes only"),
         OPTION_INTEGER("--images", &s->most, 1, 100000, "N", "of each class at most, evenly chosen"),
         OPTION_INTEGER("--candidates", &s->candidates, 1, 64, "N", "places of an image that are looked at closely"),
         OPTION_NUMBER("--overlap", &s->overlap, 0, 1, "SHARE",
@@ -346,8 +362,13 @@ static option_result read_settings(settings *s, int argc, char **argv)
     size_t count = 0;
     option_result result = options_read(&set, argc, argv, NULL, &count);
 
-    if (result == OPTIONS_READ && strcmp(s->method, "default") != 0 && strcmp(s->method, "chamfer") != 0)
-        return (option_result)options_refuse("bench/detect", "--method %s, expected default or chamfer", s->method);
+    if (result == OPTIONS_READ && strcmp(s->method, "default") != 0 && strcmp(s->method, "chamfer") != 0 &&
+        strcmp(s->method, "parts") != 0)
+        return (option_result)options_refuse("bench/detect", "--method %s, expected default, parts or chamfer",
+                                             s->method);
+    if (result == OPTIONS_READ && strcmp(s->bundles, "rule") != 0 && strcmp(s->bundles, "one") != 0 &&
+        strcmp(s->bundles, "none") != 0)
+        return (option_result)options_refuse("bench/detect", "--bundles %s, expected rule, one or none", s->bundles);
     if (result == OPTIONS_READ && s->class_name != NULL && !is_class(s->class_name))
         return (option_result)options_refuse(
             "bench/detect", "--class %s, expected Applelogos, Bottles, Giraffes, Mugs or Swans", s->class_name);
@@ -357,7 +378,13 @@ static option_result read_settings(settings *s, int argc, char **argv)
 int main(int argc, char **argv)
 {
     cairn_object_detect_params params = cairn_object_detect_default(1, 1);
-    settings s = {.method = "default", .data = "../shared/data", .most = 100000, .candidates = params.candidates};
+    settings s = {.method = "default",
+                  .bundles = "rule",
+                  .data = "../shared/data",
+                  .most = 100000,
+                  .candidates = params.candidates,
+                  .matches = params.matches,
+                  .nearest = params.nearest};
     option_result result;
     static run r;
     int ok;

@@ -5,6 +5,8 @@
 #include "cairn/aligner.h"
 #include "cairn/block_solver.h"
 #include "cairn/filter_mapper.h"
+#include "cairn/fragment_match.h"
+#include "cairn/part_configuration.h"
 #include "cairn/hough.h"
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
@@ -40,6 +42,8 @@ int main(void)
     cairn_skeleton_params skeleton = cairn_skeleton_default();
     cairn_inner_distance_params inner = cairn_inner_distance_default();
     cairn_self_similarity_params similarity = cairn_self_similarity_default();
+    cairn_fragment_match_params fragments = cairn_fragment_match_default();
+    cairn_part_configuration_params configurations = cairn_part_configuration_default();
     cairn_ellipse_params ellipse = cairn_ellipse_default();
     cairn_sequence_params sequence = cairn_sequence_default();
     cairn_particle_filter_params filter = cairn_particle_filter_default();
@@ -68,6 +72,9 @@ int main(void)
     print("self_similarity", "96 points, 48 of holes", cairn_self_similarity_memory(&similarity));
     print("edgel", "640 x 480 pixels, 40000 edgels", cairn_edgel_memory(&edgel));
     print("skeleton", "640 x 480 pixels, 40000 edgels, 4000 centres, 256 lines", cairn_skeleton_memory(&skeleton));
+    print("fragment_match", "96 fragments of 20 samples, 2 matches each, 10000 chains of up to 4096 samples",
+          cairn_fragment_match_memory(&fragments));
+    print("part_configuration", "512 votes, 64 configurations", cairn_part_configuration_memory(&configurations));
     print("sequence", "1024 and 1024 elements", cairn_sequence_memory(&sequence));
     print("particle_filter", "100 particles, 4,096 candidates and blocks of 64 bytes",
           cairn_particle_filter_memory(&filter));

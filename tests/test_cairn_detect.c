@@ -114,6 +114,27 @@ static void test_found(void **state)
     assert_holds(o.out, ": 0 detections");
 }
 
+/* By parts, with the configuration; none of it without. */
+static void test_by_parts(void **state)
+{
+    const char *box;
+    char *text;
+
+    (void)state;
+    assert_done(programs_run("cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape --method parts -o "
+                             "@/parts --quiet"));
+    text = read_in("parts/bottle0.json");
+    box = strstr(text, "\"box\": [");
+    assert_non_null(box);
+    assert_near(strtod(box + 8, NULL), 27, 6);
+    assert_non_null(strstr(text, "\"parts\": [{\"bundle\": "));
+    assert_non_null(strstr(text, "\"missing\": ["));
+    free(text);
+    text = read_in("found/bottle0.json");
+    assert_null(strstr(text, "\"parts\""));
+    free(text);
+}
+
 /* What is halved comes out in the image's own pixels. */
 static void test_halved(void **state)
 {
@@ -211,6 +232,7 @@ static void test_refusals(void **state)
         {"@/bottle0.png @/sub/bottle0.jpg --model @/bottle.shape -o @/refused", "are both named 'bottle0', expected"},
         {"@/bottle0.png --model @/bottle.shape --low 9 --high 8 -o @/refused", "--low 9 is above --high 8, expected"},
         {"@/bottle0.png --model @/bottle.shape --jobs 0 -o @/refused", "expected"},
+        {"@/bottle0.png --model @/bottle.shape --method best -o @/refused", "--method best, expected evidence or"},
         {"@/bottle0.png --model @/bottle.shape --overlap 2 -o @/refused", "expected"},
         {"@/missing.png --edges @/edges.png --model @/bottle.shape -o @/refused", "missing.png: cannot open"},
         {"@/bottle0.png --edges @/edges.png --model @/missing.shape -o @/refused", "missing.shape: cannot open"},
@@ -235,8 +257,8 @@ static void test_refusals(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_found),        cmocka_unit_test(test_halved),   cmocka_unit_test(test_many_images),
-        cmocka_unit_test(test_quoted_names), cmocka_unit_test(test_refusals),
+        cmocka_unit_test(test_found),       cmocka_unit_test(test_by_parts),     cmocka_unit_test(test_halved),
+        cmocka_unit_test(test_many_images), cmocka_unit_test(test_quoted_names), cmocka_unit_test(test_refusals),
     };
 
     programs_find(argc, argv);

@@ -12,7 +12,9 @@
 #include "cairn/edgel.h"
 #include "cairn/inner_distance.h"
 #include "cairn/self_similarity.h"
+#include "cairn/fragment_match.h"
 #include "cairn/part_bundle.h"
+#include "cairn/part_configuration.h"
 #include "cairn/shape_context.h"
 #include "cairn/filter_mapper.h"
 #include "cairn/hough.h"
@@ -540,6 +542,8 @@ static void of_contours(void **state)
     cairn_assignment_params assignment = cairn_assignment_default();
     cairn_shape_context_params context = cairn_shape_context_default();
     cairn_part_bundle_params bundle = cairn_part_bundle_default();
+    cairn_fragment_match_params match = cairn_fragment_match_default();
+    cairn_part_configuration_params configuration = cairn_part_configuration_default();
     cairn_object_detect_params detect = cairn_object_detect_default(300, 400);
     cairn_curve_evolution_params evolution = cairn_curve_evolution_default();
     cairn_inner_distance_params inner = cairn_inner_distance_default();
@@ -577,11 +581,38 @@ static void of_contours(void **state)
         VALUE(detect.candidates, 20),
         VALUE(detect.overlap, 0.2),
         VALUE(detect.min_score, 0),
+        VALUE(detect.method, CAIRN_DETECT_EVIDENCE),
+        VALUE(detect.bundles, CAIRN_DETECT_BUNDLES),
+        VALUE(detect.matches, 2),
+        VALUE(detect.nearest, 20),
+        VALUE(detect.modes, 0),
         VALUE(bundle.max_points, 256),
         VALUE(bundle.bundles, 4),
         VALUE(bundle.pieces_each, 2),
         VALUE(bundle.longest, 3),
         VALUE(bundle.samples_each, 20),
+        VALUE(match.max_fragments, CAIRN_PART_FRAGMENTS),
+        VALUE(match.samples_each, 20),
+        VALUE(match.max_chains, 10000),
+        VALUE(match.max_samples, 4096),
+        VALUE(match.matches_each, 2),
+        VALUE(match.min_scale, 24),
+        VALUE(match.max_scale, 800),
+        VALUE(match.min_step, 1.5),
+        VALUE(match.step_ratio, 1.19),
+        VALUE(match.turn, 22.5 * DEGREE),
+        VALUE(match.gap, 0.5),
+        VALUE(match.min_similarity, 0.5),
+        VALUE(configuration.max_votes, 512),
+        VALUE(configuration.nearest, 20),
+        VALUE(configuration.min_parts, 2),
+        VALUE(configuration.max_found, 64),
+        VALUE(configuration.max_nodes, 1000000),
+        VALUE(configuration.seek, CAIRN_PART_SEEK_NEAREST),
+        VALUE(configuration.centre, 0.08),
+        VALUE(configuration.ratio, 0.15),
+        VALUE(configuration.reach, 3),
+        VALUE(configuration.overlap, 0.2),
         VALUE(inner.max_points, 128),
         VALUE(inner.fill_holes, 0),
         VALUE(similarity.mode, CAIRN_SYMMETRY_RERANKED),

@@ -33,7 +33,8 @@ static cairn_detection found[] = {{.left = 1,
                                    .outline_count = 5}};
 
 static const cairn_contour_tokens tokens = {lines, chains, strengths, 3, 2, 64, 48, 5, 0};
-static const cairn_detections detections = {found, segments, outline, 1, 2, 5}, none = {NULL, NULL, NULL, 0, 0, 0};
+static const cairn_detections detections = {found, segments, outline, NULL, 1, 2, 5, 0, 0},
+                              none = {NULL, NULL, NULL, NULL, 0, 0, 0, 0, 0};
 
 static cairn_detection_picture picture_of(const cairn_detections *d)
 {
@@ -86,6 +87,40 @@ static void writes_json(void **state)
     free(text);
 }
 
+/* The configuration of a detection by parts: of four bundles two are missing. */
+static void writes_parts(void **state)
+{
+    static cairn_detected_part parts[] = {{0, 3, 9, 0, 1, 0, 1},
+                                          {2, 7, 1, 1, CAIRN_REAL(0.75), 4, CAIRN_REAL(20.5)},
+                                          {1, 5, 0, 0, CAIRN_REAL(0.5), 0, 9}};
+    cairn_detection by_parts = found[0];
+    cairn_detections all = {&by_parts, segments, outline, parts, 1, 2, 5, 3, 4};
+    cairn_detection_picture p = picture_of(&all);
+    char *text;
+
+    (void)state;
+    by_parts.distance = CAIRN_REAL(0.25);
+    by_parts.agreement = CAIRN_REAL(0.5);
+    by_parts.first_part = 1;
+    by_parts.part_count = 2;
+    text = written(&p, 0);
+    assert_json(text);
+    assert_non_null(
+        strstr(text, "\"distance\": 0.2500, \"agreement\": 0.5000, \"parts\": [{\"bundle\": 2, \"fragment\": 7, "
+                     "\"chain\": 1, \"reversed\": true, \"similarity\": 0.7500, \"from\": 8.00, \"to\": 41.00}, "
+                     "{\"bundle\": 1, \"fragment\": 5, \"chain\": 0, \"reversed\": false, \"similarity\": 0.5000, "
+                     "\"from\": 0.00, \"to\": 18.00}], \"missing\": [0, 3]"));
+    free(text);
+    by_parts.part_count = 0;
+    text = written(&p, 0);
+    assert_non_null(strstr(text, "\"parts\": [], \"missing\": [0, 1, 2, 3]"));
+    free(text);
+    p = picture_of(&detections);
+    text = written(&p, 0);
+    assert_null(strstr(text, "\"parts\""));
+    free(text);
+}
+
 static void draws(void **state)
 {
     cairn_detection_picture p = picture_of(&detections);
@@ -122,6 +157,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(writes_json),
+        cmocka_unit_test(writes_parts),
         cmocka_unit_test(draws),
         cmocka_unit_test(refuses_places_that_are_not_there),
     };

@@ -7,6 +7,7 @@
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
 #include "cairn/edgel.h"
+#include "cairn/fragment_match.h"
 #include "cairn/inner_distance.h"
 #include "cairn/self_similarity.h"
 #include "cairn/lum.h"
@@ -14,6 +15,7 @@
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/part_bundle.h"
+#include "cairn/part_configuration.h"
 #include "cairn/place_map.h"
 #include "cairn/scan_cover.h"
 #include "cairn/sequence.h"
@@ -102,10 +104,12 @@ static cairn_distance_map_params distance_map_params(void)
     X(edgel, edgel_set)                                                                                                \
     X(ellipse, ellipse_set)                                                                                            \
     X(force_field, force_field)                                                                                        \
+    X(fragment_match, fragment_matcher)                                                                                \
     X(hough, hough)                                                                                                    \
     X(map_merge, map_merge)                                                                                            \
     X(mapper, mapper)                                                                                                  \
     X(part_bundle, part_builder)                                                                                       \
+    X(part_configuration, part_configurator)                                                                           \
     X(place_map, place_map)                                                                                            \
     X(polyline, polyline)                                                                                              \
     X(pose_consensus, pose_consensus)                                                                                  \

@@ -22,7 +22,7 @@ enum { RECORD_END = '\f', TABLE_BEGIN = '\v' };
 typedef struct settings {
     const char *images[IMAGES_MOST];
     size_t count;
-    const char *model, *folder, *table;
+    const char *model, *folder, *table, *method;
     picture_settings pictures;
     int64_t strength, jobs, candidates;
     double overlap, score;
@@ -41,6 +41,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_INTEGER("--jobs", &s->jobs, 1, JOBS_MOST, "N",
                        "images at once; without it as many as there are processors"),
         OPTION_NUMBER("--min-score", &s->score, -100, 100, "S", "of a detection that is reported"),
+        OPTION_TEXT("--method", &s->method, "NAME",
+                    "evidence: every place and size by its edges; parts: fragments of the outline that agree"),
         OPTION_INTEGER("--candidates", &s->candidates, 1, 64, "N", "places of an image that are looked at closely"),
         OPTION_NUMBER("--overlap", &s->overlap, 0, 1, "SHARE",
                       "of two detections whose boxes share more, over their union, the better one stays"),
@@ -70,6 +72,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
                                              : s->model == NULL ? "no model (--model)"
                                                                 : "no folder to write to (-o)",
                                              set.synopsis);
+    if (strcmp(s->method, "evidence") != 0 && strcmp(s->method, "parts") != 0)
+        return (option_result)options_refuse(PROGRAM, "--method %s, expected evidence or parts", s->method);
     if (s->pictures.edges != NULL && s->count > 1)
         return (option_result)options_refuse(PROGRAM, "--edges with %zu images, expected one", s->count);
     if (s->pictures.canny.low > s->pictures.canny.high)
@@ -96,6 +100,7 @@ static cairn_status detect(const settings *s, work *w, const cairn_shape_model *
     cairn_detect_field *field;
     cairn_status status = cairn_contour_tokens_find(&w->tokens, view, (int32_t)s->strength, 0, w->path, error);
 
+    params.method = s->method[0] == 'p' ? CAIRN_DETECT_PARTS : CAIRN_DETECT_EVIDENCE;
     params.mirror = !s->no_mirror;
     params.candidates = (int32_t)s->candidates;
     params.overlap = (cairn_real)s->overlap;
@@ -325,6 +330,7 @@ int tool_detect(int argc, char **argv)
     s.strength = 1;
     s.jobs = sysconf(_SC_NPROCESSORS_ONLN);
     s.jobs = s.jobs < 1 ? 1 : s.jobs > JOBS_MOST ? JOBS_MOST : s.jobs;
+    s.method = "evidence";
     s.candidates = params.candidates;
     s.overlap = (double)params.overlap;
     s.score = (double)params.min_score;

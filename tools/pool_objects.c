@@ -19,7 +19,9 @@
 #include "cairn/scan_cover.h"
 #include "cairn/self_similarity.h"
 #include "cairn/sequence.h"
+#include "cairn/fragment_match.h"
 #include "cairn/part_bundle.h"
+#include "cairn/part_configuration.h"
 #include "cairn/shape_context.h"
 #include "cairn/shape_model.h"
 #include "cairn/skeleton_grouping.h"
@@ -40,6 +42,7 @@ typedef union any_params {
     cairn_inner_distance_params inner_distance;
     cairn_self_similarity_params self_similarity;
     cairn_force_field_params force_field;
+    cairn_fragment_match_params fragment_match;
     cairn_hough_params hough;
     cairn_icp_params icp;
     cairn_lum_params lum;
@@ -47,6 +50,7 @@ typedef union any_params {
     cairn_mapper_params mapper;
     cairn_occupancy_grid_params occupancy_grid;
     cairn_part_bundle_params part_bundle;
+    cairn_part_configuration_params part_configuration;
     cairn_particle_filter_params particle_filter;
     cairn_place_map_params place_map;
     cairn_point_grid_params point_grid;
@@ -97,7 +101,9 @@ ROOM(icp)
 ROOM(lum)
 ROOM(map_merge)
 ROOM(mapper)
+ROOM(fragment_match)
 ROOM(part_bundle)
+ROOM(part_configuration)
 ROOM(particle_filter)
 ROOM(place_map)
 ROOM(polyline)
@@ -243,6 +249,14 @@ const pool_object pool_objects[] = {
     {OBJECT(part_bundle),
      0,
      {HAS(part_bundle, "point", max_points), HAS(part_bundle, "sample of a fragment", samples_each)}},
+    {OBJECT(fragment_match),
+     3,
+     {HAS(fragment_match, "fragment", max_fragments), HAS(fragment_match, "chain", max_chains),
+      HAS(fragment_match, "sample of a chain", max_samples), HAS(fragment_match, "match of a fragment", matches_each),
+      HAS(fragment_match, "sample of a fragment", samples_each)}},
+    {OBJECT(part_configuration),
+     2,
+     {HAS(part_configuration, "vote", max_votes), HAS(part_configuration, "configuration", max_found)}},
     {OBJECT(curve_evolution), 1, {HAS(curve_evolution, "point", max_points)}},
     {OBJECT(inner_distance), 0, {HAS(inner_distance, "point", max_points)}},
     {OBJECT(self_similarity),

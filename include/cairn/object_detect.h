@@ -1,7 +1,8 @@
 /* object_detect: objects of a class in a picture's edges, from one model of its outline.
  *
  * Every place and size is looked at: what each edge is worth for the outline there, against what edges near it come to by chance.
- * The best places are looked at again with the outline bent onto the edges (contour_search). Image coordinates, pixels. */
+ * The best places are looked at again with the outline bent onto the edges (contour_search). Or, as in the thesis, places come from parts:
+ * fragments of the outline along chains of edges that agree. Image coordinates, pixels. */
 #ifndef CAIRN_OBJECT_DETECT_H
 #define CAIRN_OBJECT_DETECT_H
 
@@ -10,6 +11,19 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+
+typedef int32_t cairn_detect_method;
+enum {
+    CAIRN_DETECT_EVIDENCE = 0, /* every place and size, by what edges are worth there */
+    CAIRN_DETECT_PARTS = 1     /* configurations of parts, by shape contexts (Adluru 2008, chapter 5) */
+};
+
+typedef int32_t cairn_detect_bundles;
+enum {
+    CAIRN_DETECT_BUNDLES = 0,        /* of each bundle one fragment or none */
+    CAIRN_DETECT_BUNDLES_OF_ONE = 1, /* of each bundle only the longest fragment is looked for */
+    CAIRN_DETECT_NO_BUNDLES = 2      /* each fragment is a bundle of its own */
+};
 
 typedef struct cairn_object_detect_params {
     /* px, of the diagonal of the object's box: 8 <= min <= max <= 2 CAIRN_CONTOUR_SIDE_MOST, min at least a fiftieth of the picture's longer
@@ -20,7 +34,13 @@ typedef struct cairn_object_detect_params {
     cairn_real
         overlap; /* 0 ... 1: of two detections whose boxes share more, over their union, the better one stays (0.2); so it does when
                                       most of the smaller box lies in the other */
-    cairn_real min_score; /* worse detections are not reported (0) */
+    cairn_real min_score;       /* worse detections are not reported (0) */
+    cairn_detect_method method; /* (EVIDENCE) */
+    /* Of PARTS: */
+    cairn_detect_bundles bundles; /* (BUNDLES) */
+    int32_t matches;              /* 1 ... 64: chains that vote for each fragment (2, as in the thesis) */
+    int32_t nearest;              /* 1 ... 64: votes that configurations are made of, near each vote (20) */
+    int32_t modes;                /* 1: near the modes of the votes only (0) */
 } cairn_object_detect_params;
 
 /* The values in brackets above; sizes from a tenth of the picture's diagonal, at least 24 px, to the whole. */
@@ -40,14 +60,28 @@ typedef struct cairn_detection {
     int32_t segment_count;
     int32_t first_outline; /* outline[first_outline ... + outline_count - 1] */
     int32_t outline_count; /* the model's */
+    /* Of PARTS, else 0; there rigid is 0, and score = 1 - distance. */
+    cairn_real distance;            /* of the parts from the outline by their shape contexts, with what is missing */
+    cairn_real agreement;           /* score of the configuration (part_configuration) */
+    int32_t first_part, part_count; /* parts[first_part ... first_part + part_count - 1] */
 } cairn_detection;
+
+/* A fragment of the model's outline (part_bundle, by rule) where it was found. */
+typedef struct cairn_detected_part {
+    int32_t bundle, fragment, chain; /* chain: of the tokens */
+    int32_t reversed;                /* 1: the chain runs against the outline */
+    cairn_real similarity;           /* 0 ... 1 */
+    cairn_real from, to;             /* px along the chain */
+} cairn_detected_part;
 
 /* segments and outline keep what belonged to detections that were dropped, too. */
 typedef struct cairn_detections {
     cairn_detection *found;       /* [count] the best first */
     int32_t *segments;            /* [segment_count] indices of the tokens' lines */
     cairn_contour_place *outline; /* [outline_count] */
-    int32_t count, segment_count, outline_count;
+    cairn_detected_part *parts;   /* [part_count] */
+    int32_t count, segment_count, outline_count, part_count;
+    int32_t bundles; /* of the model; 0: not looked for by parts */
 } cairn_detections;
 
 /* What all models are looked for in: made once of a picture. */

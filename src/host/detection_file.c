@@ -55,6 +55,38 @@ static void print_outline(cairn_output *output, const cairn_detection_picture *p
     cairn_output_print(output, "]");
 }
 
+/* The configuration: fragments of the model along chains, and the bundles of which there is none. */
+static void print_parts(cairn_output *output, const cairn_detection_picture *p, const cairn_detection *d)
+{
+    const char *comma = "";
+
+    cairn_output_print(output, "\"distance\": %.4f, \"agreement\": %.4f, \"parts\": [", (double)d->distance,
+                       (double)d->agreement);
+    for (int32_t i = 0; i < d->part_count; i++) {
+        const cairn_detected_part *part = &p->detections->parts[d->first_part + i];
+
+        cairn_output_print(
+            output,
+            "%s{\"bundle\": %d, \"fragment\": %d, \"chain\": %d, \"reversed\": %s, \"similarity\": %.4f, "
+            "\"from\": %.2f, \"to\": %.2f}",
+            i > 0 ? ", " : "", (int)part->bundle, (int)part->fragment, (int)part->chain,
+            part->reversed ? "true" : "false", (double)part->similarity, (double)part->from * p->shrink,
+            (double)part->to * p->shrink);
+    }
+    cairn_output_print(output, "], \"missing\": [");
+    for (int32_t bundle = 0; bundle < p->detections->bundles; bundle++) {
+        int is_missing = 1;
+
+        for (int32_t i = 0; i < d->part_count && is_missing; i++)
+            is_missing = p->detections->parts[d->first_part + i].bundle != bundle;
+        if (is_missing) {
+            cairn_output_print(output, "%s%d", comma, (int)bundle);
+            comma = ", ";
+        }
+    }
+    cairn_output_print(output, "],\n   ");
+}
+
 static void print_detection(cairn_output *output, const cairn_detection_picture *p, const cairn_detection *d)
 {
     double box[4];
@@ -67,6 +99,8 @@ static void print_detection(cairn_output *output, const cairn_detection_picture 
                        (double)d->score, (double)d->rigid, (double)d->bent, (double)d->along, box[0], box[1], box[2],
                        box[3], image_x(p, d->origin.x), image_x(p, d->origin.y), (double)d->size * p->shrink,
                        d->mirrored ? "true" : "false");
+    if (p->detections->bundles > 0)
+        print_parts(output, p, d);
     print_segments(output, p, d);
     cairn_output_print(output, ",\n   ");
     print_outline(output, p, d);

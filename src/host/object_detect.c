@@ -5,7 +5,9 @@
  * lie on better ones, and looked at again: the outline is bent onto the edges about them (contour_search_fit.c). Both means, before and
  * after, make the score; boxes are those of the bent outlines. Of detections that overlap the best stays.
  *
- * Source: this project's; of Adluru 2008, section 5, only that there are two steps, coarse then fine. */
+ * PARTS: the candidates are configurations of parts (object_detect_parts.c) and keep their scores; bending gives the box only.
+ *
+ * Source: this project's, but for PARTS; of Adluru 2008, section 5, only that there are two steps, coarse then fine. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -50,6 +52,7 @@ typedef struct variant {
 typedef struct peak {
     float score, rigid, x, y, size; /* px */
     int32_t variant;
+    int32_t hypothesis; /* by parts; -1: none */
 } peak;
 
 typedef struct detector {
@@ -62,13 +65,23 @@ typedef struct detector {
     int32_t count;
     contour_field *window;
     contour_fit fit;
+    detect_hypotheses hypotheses;
 } detector;
 
 cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t height)
 {
     cairn_real diagonal = (cairn_real)hypot((double)width, (double)height);
-    cairn_object_detect_params params = {
-        cairn_max(24, diagonal / 10), cairn_max(24, diagonal), 1, 20, CAIRN_REAL(0.2), 0};
+    cairn_object_detect_params params = {cairn_max(24, diagonal / 10),
+                                         cairn_max(24, diagonal),
+                                         1,
+                                         20,
+                                         CAIRN_REAL(0.2),
+                                         0,
+                                         CAIRN_DETECT_EVIDENCE,
+                                         CAIRN_DETECT_BUNDLES,
+                                         2,
+                                         20,
+                                         0};
 
     return params;
 }
@@ -78,6 +91,7 @@ void cairn_detections_free(cairn_detections *detections)
     free(detections->found);
     free(detections->segments);
     free(detections->outline);
+    free(detections->parts);
     memset(detections, 0, sizeof *detections);
 }
 
@@ -171,6 +185,7 @@ static void add_peaks(detector *d, const detect_plane *p, const float *sum, int3
                 q->y = ((float)y + 0.5F) * (float)p->cell;
                 q->size = (float)p->size;
                 q->variant = index;
+                q->hypothesis = -1;
             }
         }
 }
@@ -240,6 +255,32 @@ static void keep_candidates(detector *d)
             d->peaks[kept++] = d->peaks[i];
     }
     d->count = kept;
+}
+
+/* The hypotheses by parts are the peaks. */
+static cairn_status take_hypotheses(detector *d)
+{
+    cairn_status status = cairn_detect_parts(&d->hypotheses, d->field, d->model);
+
+    if (status != CAIRN_OK)
+        return status;
+    d->peaks = malloc((size_t)(d->hypotheses.count + 1) * sizeof *d->peaks);
+    if (d->peaks == NULL)
+        return CAIRN_NO_MEMORY;
+    for (int32_t i = 0; i < d->hypotheses.count; i++) {
+        const detect_hypothesis *h = &d->hypotheses.list[i];
+        peak *q = &d->peaks[d->count++];
+
+        q->score = (float)h->score;
+        q->rigid = 0;
+        q->x = (float)h->origin.x;
+        q->y = (float)h->origin.y;
+        q->size = (float)h->size;
+        q->variant = h->mirrored ? ASPECTS : 0;
+        q->hypothesis = i;
+    }
+    keep_candidates(d);
+    return CAIRN_OK;
 }
 
 /* 0: there is no memory. */
@@ -346,6 +387,16 @@ static cairn_real score_of(const detector *d, const cairn_detection *o)
            (cairn_real)(SIZE * log((double)o->size / diagonal) - PROPORTION * log(proportion) * log(proportion));
 }
 
+/* What the thesis says of a hypothesis by its parts. */
+static void take_parts(const detect_hypothesis *h, cairn_detection *o)
+{
+    o->score = h->score;
+    o->distance = h->distance;
+    o->agreement = h->agreement;
+    o->first_part = h->first_part;
+    o->part_count = h->part_count;
+}
+
 /* Bends the outline onto the edges about a candidate. 0: there is no memory. */
 static int verify(detector *d, const peak *p, cairn_detections *found)
 {
@@ -372,6 +423,8 @@ static int verify(detector *d, const peak *p, cairn_detections *found)
     if (!take_segments(d, found, o))
         return 0;
     o->score = score_of(d, o);
+    if (p->hypothesis >= 0)
+        take_parts(&d->hypotheses.list[p->hypothesis], o);
     found->count += o->score >= d->field->params.min_score;
     return 1;
 }
@@ -408,21 +461,32 @@ static void keep_best(const detector *d, cairn_detections *found)
     found->count = kept;
 }
 
-static int detect(detector *d, cairn_detections *found)
+static cairn_status detect(detector *d, cairn_detections *found)
 {
+    cairn_status status = CAIRN_OK;
+
     d->window = cairn_contour_field_new();
-    if (d->window == NULL || !cairn_contour_fit_new(&d->fit, d->model->outline_count) || !add_variants(d) ||
-        !find_candidates(d))
-        return 0;
+    if (d->window == NULL || !cairn_contour_fit_new(&d->fit, d->model->outline_count) || !add_variants(d))
+        return CAIRN_NO_MEMORY;
+    if (d->field->params.method == CAIRN_DETECT_PARTS)
+        status = take_hypotheses(d);
+    else if (!find_candidates(d))
+        status = CAIRN_NO_MEMORY;
+    if (status != CAIRN_OK)
+        return status;
+    found->parts = d->hypotheses.parts;
+    found->part_count = d->hypotheses.part_count;
+    found->bundles = d->hypotheses.bundles;
+    d->hypotheses.parts = NULL;
     found->found = malloc(((size_t)d->count + 1) * sizeof *found->found);
     found->outline = malloc(((size_t)d->count + 1) * (size_t)d->model->outline_count * sizeof *found->outline);
     if (found->found == NULL || found->outline == NULL)
-        return 0;
+        return CAIRN_NO_MEMORY;
     for (int32_t i = 0; i < d->count; i++)
         if (!verify(d, &d->peaks[i], found))
-            return 0;
+            return CAIRN_NO_MEMORY;
     keep_best(d, found);
-    return 1;
+    return CAIRN_OK;
 }
 
 /* 1 when no variant of the outline reaches beyond the margins of a field. */
@@ -462,8 +526,8 @@ cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detec
     memset(detections, 0, sizeof *detections);
     if (status != CAIRN_OK)
         return cairn_file_error_set(error, status, path, 0, "%s", fault.what);
-    if (!detect(&d, detections))
-        status = CAIRN_NO_MEMORY;
+    status = detect(&d, detections);
+    cairn_detect_parts_free(&d.hypotheses);
     free(d.outlines);
     free(d.peaks);
     cairn_contour_field_free(d.window);
@@ -471,5 +535,8 @@ cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detec
     if (status == CAIRN_OK)
         return CAIRN_OK;
     cairn_detections_free(detections);
+    if (status != CAIRN_NO_MEMORY)
+        return cairn_file_error_set(error, status, path, 0, "%s, expected an outline with length of 3 to 4096 samples",
+                                    cairn_status_text(status));
     return cairn_file_error_system(error, path, "detect", ENOMEM);
 }

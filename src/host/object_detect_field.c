@@ -34,7 +34,13 @@ enum { SPREAD = 3, WINDOW = 30 };
 
 enum { BINS = DETECT_BINS, MARGIN = DETECT_MARGIN };
 /* Of params. */
-enum { SIZE_LEAST = 8, SIZE_MOST = 2 * CAIRN_CONTOUR_SIDE_MOST, CANDIDATES_MOST = 64 };
+enum {
+    SIZE_LEAST = 8,
+    SIZE_MOST = 2 * CAIRN_CONTOUR_SIDE_MOST,
+    CANDIDATES_MOST = 64,
+    MATCHES_MOST = 64,
+    NEAREST_MOST = 64
+};
 
 typedef struct maker {
     float *cost;  /* [BINS][height][width] */
@@ -158,6 +164,21 @@ static int make_plane(detect_plane *p, const cairn_contour_tokens *tokens, maker
     return 1;
 }
 
+static cairn_status check_parts(const cairn_object_detect_params *p, const char *path, cairn_file_error *error)
+{
+    if (p->method < CAIRN_DETECT_EVIDENCE || p->method > CAIRN_DETECT_PARTS)
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "method %" PRId32 ", expected 0 or 1",
+                                    p->method);
+    if (p->bundles < CAIRN_DETECT_BUNDLES || p->bundles > CAIRN_DETECT_NO_BUNDLES)
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "bundles %" PRId32 ", expected 0 to 2",
+                                    p->bundles);
+    if (p->matches < 1 || p->matches > MATCHES_MOST || p->nearest < 1 || p->nearest > NEAREST_MOST)
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
+                                    "%" PRId32 " matches and %" PRId32 " nearest votes, expected 1 to %d and 1 to %d",
+                                    p->matches, p->nearest, MATCHES_MOST, NEAREST_MOST);
+    return CAIRN_OK;
+}
+
 static cairn_status check_params(const cairn_object_detect_params *p, const cairn_contour_tokens *tokens,
                                  const char *path, cairn_file_error *error)
 {
@@ -183,7 +204,7 @@ static cairn_status check_params(const cairn_object_detect_params *p, const cair
     if (!cairn_is_finite(p->min_score))
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "min_score %g, expected a finite one",
                                     (double)p->min_score);
-    return CAIRN_OK;
+    return check_parts(p, path, error);
 }
 
 /* As many sizes as there are up to the largest. */
@@ -211,7 +232,9 @@ cairn_status cairn_detect_field_make(cairn_detect_field **field, const cairn_con
         return cairn_file_error_system(error, path, "detect", ENOMEM);
     f->tokens = tokens;
     f->params = *params;
-    for (int32_t k = 0; k < planes_of(params) && ok; k++) {
+    if (params->method == CAIRN_DETECT_PARTS)
+        ok = cairn_detect_chains_make(&f->chains, tokens);
+    for (int32_t k = 0; params->method == CAIRN_DETECT_EVIDENCE && k < planes_of(params) && ok; k++) {
         detect_plane *p = &f->plane[f->planes++];
         maker m = {NULL, NULL, NULL};
 
@@ -236,5 +259,7 @@ void cairn_detect_field_free(cairn_detect_field *field)
 {
     for (int32_t k = 0; field != NULL && k < field->planes; k++)
         free(field->plane[k].worth);
+    if (field != NULL)
+        cairn_detect_chains_free(&field->chains);
     free(field);
 }

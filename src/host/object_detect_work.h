@@ -2,6 +2,7 @@
 #ifndef CAIRN_HOST_OBJECT_DETECT_WORK_H
 #define CAIRN_HOST_OBJECT_DETECT_WORK_H
 
+#include "cairn/curve.h"
 #include "cairn/object_detect.h"
 #include "src/host/contour_search_fit.h"
 
@@ -22,11 +23,20 @@ typedef struct detect_plane {
     float *worth;          /* [BINS][height + 2 MARGIN][width + 2 MARGIN] */
 } detect_plane;
 
+/* PARTS: the chains of the edges as polylines, by their numbers; those that are too short for segments have no points. */
+typedef struct detect_chains {
+    cairn_curve *curves; /* [count] */
+    cairn_vec2 *points;
+    int32_t count;
+    cairn_real longest; /* px */
+} detect_chains;
+
 struct cairn_detect_field {
     const cairn_contour_tokens *tokens;
     cairn_object_detect_params params;
     detect_plane plane[DETECT_PLANES];
     int32_t planes;
+    detect_chains chains;
 };
 
 static inline size_t cairn_detect_row(const detect_plane *p)
@@ -38,5 +48,32 @@ static inline size_t cairn_detect_layer(const detect_plane *p)
 {
     return cairn_detect_row(p) * ((size_t)p->height + 2 * DETECT_MARGIN);
 }
+
+/* Hypotheses of one model at most, and parts of each. */
+enum { DETECT_HYPOTHESES = 128, DETECT_PARTS_MOST = 64 };
+
+/* An object by its parts. */
+typedef struct detect_hypothesis {
+    cairn_vec2 origin; /* px, of the model */
+    cairn_real size;   /* px */
+    cairn_real score, distance, agreement;
+    int32_t mirrored;
+    int32_t first_part, part_count; /* of parts[] */
+} detect_hypothesis;
+
+typedef struct detect_hypotheses {
+    detect_hypothesis *list;
+    cairn_detected_part *parts;
+    int32_t count, part_count, bundles;
+} detect_hypotheses;
+
+/* 0: there is no memory; then, too, there is something to free. */
+int cairn_detect_chains_make(detect_chains *chains, const cairn_contour_tokens *tokens);
+void cairn_detect_chains_free(detect_chains *chains);
+
+/* CAIRN_NO_MEMORY, CAIRN_EMPTY: an outline without length. On failure there is nothing to free. */
+cairn_status cairn_detect_parts(detect_hypotheses *made, const cairn_detect_field *field,
+                                const cairn_shape_model *model);
+void cairn_detect_parts_free(detect_hypotheses *made);
 
 #endif

@@ -1,0 +1,84 @@
+/* part_configuration_work: what the parts of part_configuration share. Internal to the library. */
+#ifndef CAIRN_CONTOUR_PART_CONFIGURATION_WORK_H
+#define CAIRN_CONTOUR_PART_CONFIGURATION_WORK_H
+
+#include "cairn/part_configuration.h"
+
+/* Of a configuration: parts at most. */
+enum { CONFIGURATION_PARTS = 64 };
+enum { CONFIGURATION_IDLE, CONFIGURATION_INDEX, CONFIGURATION_GATHER, CONFIGURATION_ENUMERATE, CONFIGURATION_DONE };
+
+/* A place among the votes. */
+typedef struct vote_place {
+    cairn_vec2 centre;
+    cairn_real scale;
+} vote_place;
+
+/* A vote near the seed: its place from there in tolerances. */
+typedef struct near_vote {
+    cairn_real x, y, ratio, squared;
+    int32_t vote;
+} near_vote;
+
+/* Votes of a bundle, the greatest gain first: order[first ... first + count - 1]. */
+typedef struct vote_group {
+    int32_t bundle, first, count;
+    cairn_real most; /* gain of this group and those behind it, each its greatest */
+} vote_group;
+
+/* A partial configuration: sums of gain, the mean by it, what its votes scatter about it (sum of gain d^2). */
+typedef struct configuration_node {
+    cairn_real gain, x, y, ratio, scatter;
+    int32_t choice; /* of the next group: votes of it that were tried; count: none of them */
+    int32_t parts;
+} configuration_node;
+
+/* Where a query of the index is. */
+typedef struct vote_query {
+    vote_place at;
+    cairn_real cell; /* px, of the layer */
+    int32_t layer, last_layer, x, y, min_x, max_x, max_y;
+    int32_t all; /* 1: the cells are more than the votes, which are looked at one by one; the next in x */
+} vote_query;
+
+struct cairn_part_configurator {
+    cairn_part_configuration_params params;
+    const cairn_part_vote *votes;
+    int32_t *next, *layer;           /* [max_votes] the next of its bucket; its layer */
+    int32_t *heads, *sizes;          /* [mask + 1] */
+    vote_place *modes;               /* [max_votes] */
+    cairn_part_configuration *found; /* [max_found] */
+    int32_t *found_votes;            /* [max_found * CONFIGURATION_PARTS] of slot k those from k * PARTS on */
+    uint32_t mask;
+    int32_t count, indexed, seed, modes_count, climbs;
+    vote_query query;
+    near_vote near[CONFIGURATION_PARTS];
+    int32_t near_count;
+    int32_t order[CONFIGURATION_PARTS]; /* of near */
+    vote_group groups[CONFIGURATION_PARTS];
+    int32_t group_count;
+    configuration_node nodes[CONFIGURATION_PARTS + 1];
+    int32_t chosen[CONFIGURATION_PARTS]; /* of near, for each part */
+    int32_t depth, visited;
+    cairn_real best;
+    configuration_node best_node;
+    int32_t best_votes[CONFIGURATION_PARTS], best_count;
+    int32_t found_count, seeds, cut;
+    int64_t all_nodes, pairs;
+    int32_t phase, paid;
+};
+
+/* The index. A layer holds the scales within one reach, its cells are as wide as the reach of its largest. */
+void cairn_part_configuration_insert(cairn_part_configurator *c, int32_t vote);
+void cairn_part_configuration_query(cairn_part_configurator *c, vote_place at);
+/* Units of the next cell of the query; 0: there is none. */
+int32_t cairn_part_configuration_query_cost(const cairn_part_configurator *c);
+/* Takes the next cell's votes among the nearest. */
+void cairn_part_configuration_query_next(cairn_part_configurator *c);
+
+/* The tree of configurations of the nearest votes. */
+void cairn_part_configuration_plant(cairn_part_configurator *c);
+/* Visits a node; 0: there are no more. */
+int cairn_part_configuration_visit(cairn_part_configurator *c);
+
+#endif

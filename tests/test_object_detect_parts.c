@@ -1,0 +1,300 @@
+/* Shapes detected by configurations of parts: where they are, what they are made of, each way of bundling; pictures with nothing and with
+ * edges everywhere. */
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "cairn/part_bundle.h"
+#include "cairn/shape_model_file.h"
+#include "src/host/object_detect_work.h"
+
+enum { WIDTH = 300, HEIGHT = 220, PIXELS = WIDTH * HEIGHT };
+
+static uint8_t edges[PIXELS];
+static cairn_file_error error;
+
+/* A flag: a pole with a cloth to the right, 120 px high. */
+static const cairn_vec2 flag[] = {{0, 0}, {14, 0}, {60, 8}, {80, 4}, {78, 48}, {56, 52}, {14, 44}, {14, 120}, {0, 120}};
+enum { CORNERS = sizeof flag / sizeof *flag };
+
+static cairn_shape_model_file make_model(void)
+{
+    cairn_curve outline = {flag, CORNERS, 1};
+    cairn_shape_builder_params params = cairn_shape_builder_default();
+    cairn_shape_model_file file;
+
+    assert_ok(cairn_shape_model_file_build(&file, &outline, 1, &params, "flag", &error));
+    return file;
+}
+
+static void draw_line(double ax, double ay, double bx, double by)
+{
+    int32_t steps = 1 + (int32_t)(2 * hypot(bx - ax, by - ay));
+
+    for (int32_t i = 0; i <= steps; i++) {
+        int32_t x = (int32_t)lrint(ax + (bx - ax) * i / steps), y = (int32_t)lrint(ay + (by - ay) * i / steps);
+
+        if (x >= 0 && y >= 0 && x < WIDTH && y < HEIGHT)
+            edges[y * WIDTH + x] = 200;
+    }
+}
+
+/* The flag with its upper left corner, or the upper right one when it is mirrored, at (x, y), but for side `hidden`. */
+static void draw_flag(double x, double y, double scale, int mirrored, int32_t hidden)
+{
+    double wide = scale * (mirrored ? -1 : 1);
+
+    for (int32_t i = 0; i < CORNERS; i++) {
+        cairn_vec2 p = flag[i], q = flag[(i + 1) % CORNERS];
+
+        if (i != hidden)
+            draw_line(x + wide * (double)p.x, y + scale * (double)p.y, x + wide * (double)q.x, y + scale * (double)q.y);
+    }
+}
+
+/* Some of it crosses what was drawn, whose chains end there. */
+static void draw_clutter(void)
+{
+    cairn_random random = cairn_random_seed(9, 2);
+
+    for (int32_t i = 0; i < 10; i++) {
+        int32_t x = cairn_random_below(&random, WIDTH), y = cairn_random_below(&random, HEIGHT);
+        int32_t dx = cairn_random_below(&random, 61) - 30, dy = cairn_random_below(&random, 61) - 30;
+
+        draw_line(x, y, x + dx, y + dy);
+    }
+}
+
+static cairn_contour_tokens find_tokens(void)
+{
+    cairn_raster_u8_view view = {edges, WIDTH, HEIGHT, WIDTH};
+    cairn_contour_tokens tokens;
+
+    assert_ok(cairn_contour_tokens_find(&tokens, view, 1, 0, "edges", &error));
+    return tokens;
+}
+
+static cairn_object_detect_params parts_params(void)
+{
+    cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
+
+    params.method = CAIRN_DETECT_PARTS;
+    return params;
+}
+
+static cairn_real length_of_chain(const cairn_contour_tokens *tokens, int32_t chain)
+{
+    cairn_real length = 0;
+
+    for (int32_t i = 0; i < tokens->count; i++)
+        length += tokens->chain[i] == chain ? cairn_segment_length(tokens->lines[i]) : 0;
+    return length;
+}
+
+/* Every part is a fragment along a chain; of each bundle there is one at most. */
+static void assert_configuration(const cairn_contour_tokens *tokens, const cairn_object_detect_params *params,
+                                 const cairn_detections *found, const cairn_detection *d)
+{
+    uint32_t bundles = 0, fragments = 0;
+
+    assert_near(d->score, 1 - (double)d->distance, 1e-6);
+    assert_true(d->agreement > 0);
+    assert_near(d->rigid, 0, 0);
+    assert_true(d->part_count >= 2);
+    assert_in_range(d->first_part + d->part_count, d->part_count, found->part_count);
+    for (int32_t i = 0; i < d->part_count; i++) {
+        const cairn_detected_part *p = &found->parts[d->first_part + i];
+
+        assert_in_range(p->bundle, 0, found->bundles - 1);
+        assert_in_range(p->fragment, 0, 31);
+        assert_in_range(p->chain, 0, tokens->chains - 1);
+        assert_true(p->similarity >= CAIRN_REAL(0.5) && p->similarity <= 1);
+        assert_true(p->from >= 0 && p->to > p->from && p->to <= 3 * length_of_chain(tokens, p->chain));
+        assert_false(fragments >> p->fragment & 1);
+        if (params->bundles != CAIRN_DETECT_NO_BUNDLES)
+            assert_false(bundles >> p->bundle & 1);
+        fragments |= UINT32_C(1) << p->fragment;
+        bundles |= UINT32_C(1) << p->bundle;
+    }
+}
+
+static cairn_detections detect(const cairn_contour_tokens *tokens, const cairn_object_detect_params *params)
+{
+    cairn_shape_model_file model = make_model();
+    cairn_detect_field *field;
+    cairn_detections found;
+
+    assert_ok(cairn_detect_field_make(&field, tokens, params, "edges", &error));
+    assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));
+    assert_int_equal(found.bundles, 4);
+    for (int32_t i = 0; i < found.count; i++) {
+        assert_true(i == 0 || found.found[i].score <= found.found[i - 1].score);
+        assert_configuration(tokens, params, &found, &found.found[i]);
+    }
+    cairn_detect_field_free(field);
+    cairn_shape_model_file_free(&model);
+    return found;
+}
+
+/* The share of a box and that of a flag, over their union. */
+static double share_of(const cairn_detection *d, double x, double y, double scale, int mirrored)
+{
+    double left = mirrored ? x - 80 * scale : x, w, h;
+
+    w = fmin((double)d->right, left + 80 * scale) - fmax((double)d->left, left);
+    h = fmin((double)d->bottom, y + 120 * scale) - fmax((double)d->top, y);
+    if (w <= 0 || h <= 0)
+        return 0;
+    return w * h / (9600 * scale * scale + (double)(d->right - d->left) * (double)(d->bottom - d->top) - w * h);
+}
+
+static void finds_a_shape_by_its_parts(void **state)
+{
+    static const struct {
+        double x, y, scale;
+        int mirrored;
+        int32_t hidden;
+    } cases[] = {{110, 40, 1, 0, -1}, {200, 30, 1.2, 1, -1}, {60, 70, 0.9, 0, 7}, {230, 60, 1, 1, 0}};
+
+    (void)state;
+    for (size_t i = 0; i < 2 * (sizeof cases / sizeof *cases); i++) {
+        cairn_object_detect_params params = parts_params();
+        cairn_contour_tokens tokens;
+        cairn_detections found;
+        size_t k = i / 2;
+
+        memset(edges, 0, sizeof edges);
+        if (i % 2)
+            draw_clutter();
+        draw_flag(cases[k].x, cases[k].y, cases[k].scale, cases[k].mirrored, cases[k].hidden);
+        tokens = find_tokens();
+        found = detect(&tokens, &params);
+        assert_true(found.count >= 1);
+        assert_true(share_of(&found.found[0], cases[k].x, cases[k].y, cases[k].scale, cases[k].mirrored) > 0.7);
+        assert_int_equal(found.found[0].mirrored, cases[k].mirrored);
+        cairn_detections_free(&found);
+        cairn_contour_tokens_free(&tokens);
+    }
+}
+
+/* Whichever way the fragments are bundled and votes looked around: an alone-standing shape is found. */
+static void finds_it_by_every_way(void **state)
+{
+    (void)state;
+    memset(edges, 0, sizeof edges);
+    draw_flag(110, 40, 1, 0, -1);
+    for (int32_t way = 0; way < 6; way++) {
+        cairn_object_detect_params params = parts_params();
+        cairn_contour_tokens tokens = find_tokens();
+        cairn_detections found;
+
+        params.bundles = way < 3 ? way : CAIRN_DETECT_BUNDLES;
+        params.modes = way == 3;
+        params.nearest = way == 4 ? 5 : 20;
+        params.matches = way == 5 ? 20 : 2;
+        found = detect(&tokens, &params);
+        assert_true(found.count >= 1);
+        assert_true(share_of(&found.found[0], 110, 40, 1, 0) > 0.7);
+        cairn_detections_free(&found);
+        cairn_contour_tokens_free(&tokens);
+    }
+}
+
+/* Chains run through the tokens' segments; a round one is closed. */
+static void follows_chains(void **state)
+{
+    cairn_contour_tokens tokens;
+    detect_chains chains;
+    int32_t closed = 0;
+
+    (void)state;
+    memset(edges, 0, sizeof edges);
+    draw_flag(20, 40, 1, 0, -1);
+    draw_line(150, 20, 250, 60);
+    tokens = find_tokens();
+    assert_int_equal(cairn_detect_chains_make(&chains, &tokens), 1);
+    assert_int_equal(chains.count, tokens.chains);
+    for (int32_t i = 0; i < chains.count; i++) {
+        cairn_real length = cairn_curve_length(&chains.curves[i]);
+
+        closed += chains.curves[i].closed;
+        assert_near(length, length_of_chain(&tokens, i), 6 + 0.02 * (double)length);
+        assert_true(length <= chains.longest);
+    }
+    assert_int_equal(closed, 1);
+    cairn_detect_chains_free(&chains);
+    cairn_contour_tokens_free(&tokens);
+}
+
+static void takes_odd_pictures(void **state)
+{
+    cairn_object_detect_params params = parts_params();
+    cairn_contour_tokens tokens;
+    cairn_detections found;
+
+    (void)state;
+    memset(edges, 0, sizeof edges);
+    tokens = find_tokens();
+    found = detect(&tokens, &params);
+    assert_int_equal(found.count, 0);
+    cairn_detections_free(&found);
+    cairn_contour_tokens_free(&tokens);
+    /* Short edges at every place: nothing of them is as long as half a fragment. */
+    for (int32_t i = 0; i < PIXELS; i++)
+        edges[i] = i % WIDTH % 8 < 6 && i / WIDTH % 3 == 0 ? 255 : 0;
+    tokens = find_tokens();
+    assert_true(tokens.count > 1000);
+    found = detect(&tokens, &params);
+    cairn_detections_free(&found);
+    cairn_contour_tokens_free(&tokens);
+}
+
+static void refuses_what_cannot_be(void **state)
+{
+    static const char *const what[] = {"method 2, expected 0 or 1",      "method -1",  "bundles 3, expected 0 to 2",
+                                       "0 matches and 20 nearest",       "65 matches", "2 matches and 0 nearest votes",
+                                       "65 nearest votes, expected 1 to"};
+    enum { BAD = sizeof what / sizeof *what };
+    cairn_object_detect_params good = parts_params(), bad[BAD];
+    cairn_shape_model_file model = make_model();
+    cairn_contour_tokens tokens = {.width = WIDTH, .height = HEIGHT};
+    cairn_detect_field *field;
+    cairn_detections found;
+
+    (void)state;
+    for (int i = 0; i < BAD; i++)
+        bad[i] = good;
+    bad[0].method = 2;
+    bad[1].method = -1;
+    bad[2].bundles = 3;
+    bad[3].matches = 0;
+    bad[4].matches = 65;
+    bad[5].nearest = 0;
+    bad[6].nearest = 65;
+    for (int i = 0; i < BAD; i++) {
+        assert_status(cairn_detect_field_make(&field, &tokens, &bad[i], "edges", &error), CAIRN_BAD_ARGUMENT);
+        if (strstr(error.text, what[i]) == NULL)
+            fail_msg("\"%s\" does not hold \"%s\"", error.text, what[i]);
+    }
+    /* An outline without length has no fragments. */
+    assert_ok(cairn_detect_field_make(&field, &tokens, &good, "edges", &error));
+    for (int32_t i = 0; i < model.model.outline_count; i++)
+        model.outline[i].position = model.outline[0].position;
+    assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error), CAIRN_EMPTY);
+    assert_null(found.found);
+    cairn_detect_field_free(field);
+    cairn_shape_model_file_free(&model);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(finds_a_shape_by_its_parts),
+        cmocka_unit_test(finds_it_by_every_way),
+        cmocka_unit_test(follows_chains),
+        cmocka_unit_test(takes_odd_pictures),
+        cmocka_unit_test(refuses_what_cannot_be),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

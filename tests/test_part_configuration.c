@@ -1,0 +1,560 @@
+/* Configurations of parts against all configurations of the nearest of all votes; modes; nothing, the same place, very many. */
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "cairn/part_configuration.h"
+
+enum { VOTES = 400, NEAREST = 64 };
+
+typedef struct voting {
+    cairn_pool pool;
+    cairn_part_configuration_params params;
+    cairn_part_configurator *configurator;
+    cairn_part_vote votes[VOTES];
+    int32_t count;
+} voting;
+
+static void start(voting *v, const cairn_part_configuration_params *params)
+{
+    v->params = *params;
+    v->count = 0;
+    v->pool = test_pool(cairn_part_configuration_memory(params));
+    assert_ok(cairn_part_configuration_create(&v->configurator, &v->pool, params));
+}
+
+static cairn_part_vote *vote(voting *v, int32_t bundle, double x, double y, double scale, double gain)
+{
+    cairn_part_vote *made = &v->votes[v->count];
+
+    memset(made, 0, sizeof *made);
+    made->bundle = bundle;
+    made->chain = v->count++;
+    made->centre.x = (cairn_real)x;
+    made->centre.y = (cairn_real)y;
+    made->scale = (cairn_real)scale;
+    made->gain = (cairn_real)gain;
+    made->to = 20;
+    return made;
+}
+
+/* Some about a few places, the others anywhere; few chains, so that parts rival for their pieces. */
+static void vote_at_random(voting *v, int32_t count, int32_t bundles, uint64_t seed)
+{
+    cairn_random random = cairn_random_seed(seed, 4);
+
+    for (int32_t i = 0; i < count; i++) {
+        double x = (double)cairn_random_uniform(&random, -400, 400), y = (double)cairn_random_uniform(&random, 0, 300);
+        double scale = exp((double)cairn_random_uniform(&random, 3, 6));
+        double gain = (double)cairn_random_uniform(&random, CAIRN_REAL(0.1), 1);
+        int32_t bundle = cairn_random_below(&random, bundles), place = cairn_random_below(&random, 5);
+        cairn_part_vote *made;
+
+        if (place < 3) {
+            scale = 60 * (place + 1) * exp(0.15 * (double)cairn_random_normal(&random));
+            x = 100 * place + 0.08 * scale * (double)cairn_random_normal(&random);
+            y = 90 + 0.08 * scale * (double)cairn_random_normal(&random);
+        }
+        made = vote(v, bundle, x, y, scale, gain);
+        made->chain = cairn_random_below(&random, 12);
+        made->from = cairn_random_uniform(&random, 0, 60);
+        made->to = made->from + cairn_random_uniform(&random, 5, 40);
+        made->round = made->chain % 3 == 0 ? 80 : 0;
+    }
+}
+
+static cairn_part_configuration_result run(voting *v)
+{
+    cairn_budget budget = {INT32_MAX};
+    cairn_fault fault;
+
+    assert_ok(cairn_part_configuration_begin(v->configurator, v->votes, v->count, &fault));
+    assert_ok(cairn_part_configuration_step(v->configurator, &budget));
+    return cairn_part_configuration_read(v->configurator);
+}
+
+/* ---- The obvious way: all votes sorted by distance, all configurations ---- */
+
+typedef struct slow_search {
+    const voting *v;
+    int32_t near[NEAREST], count, bundles, chosen[NEAREST], parts, best_votes[NEAREST], best_parts;
+    int32_t seed;
+    double best;
+} slow_search;
+
+static void place_of(const voting *v, int32_t seed, int32_t i, double place[3])
+{
+    const cairn_part_vote *s = &v->votes[seed], *o = &v->votes[i];
+    double size = (double)v->params.centre * (double)s->scale;
+
+    place[0] = ((double)o->centre.x - (double)s->centre.x) / size;
+    place[1] = ((double)o->centre.y - (double)s->centre.y) / size;
+    place[2] = log((double)o->scale / (double)s->scale) / (double)v->params.ratio;
+}
+
+static double squared_of(const voting *v, int32_t seed, int32_t i)
+{
+    double place[3];
+
+    place_of(v, seed, i, place);
+    return place[0] * place[0] + place[1] * place[1] + place[2] * place[2];
+}
+
+/* The K nearest within reach, one after the other. */
+static void find_nearest(slow_search *s)
+{
+    const voting *v = s->v;
+    int32_t used[VOTES] = {0};
+
+    for (s->count = 0; s->count < v->params.nearest; s->count++) {
+        double least = (double)v->params.reach * (double)v->params.reach;
+        int32_t best = -1;
+
+        for (int32_t i = 0; i < v->count; i++)
+            if (!used[i] && (best < 0 ? squared_of(v, s->seed, i) <= least : squared_of(v, s->seed, i) < least)) {
+                least = squared_of(v, s->seed, i);
+                best = i;
+            }
+        if (best < 0)
+            return;
+        used[best] = 1;
+        s->near[s->count] = best;
+    }
+}
+
+static double slow_score(const slow_search *s)
+{
+    double mean[3] = {0, 0, 0}, gain = 0, scatter = 0, place[3];
+
+    for (int32_t i = 0; i < s->parts; i++) {
+        double g = (double)s->v->votes[s->chosen[i]].gain;
+
+        place_of(s->v, s->seed, s->chosen[i], place);
+        gain += g;
+        for (int k = 0; k < 3; k++)
+            mean[k] += g * place[k];
+    }
+    for (int32_t i = 0; i < s->parts; i++) {
+        place_of(s->v, s->seed, s->chosen[i], place);
+        for (int k = 0; k < 3; k++)
+            scatter += (double)s->v->votes[s->chosen[i]].gain * pow(place[k] - mean[k] / gain, 2);
+    }
+    return gain - scatter / 2;
+}
+
+static int rival(const voting *v, int32_t a, int32_t b)
+{
+    const cairn_part_vote *p = &v->votes[a], *q = &v->votes[b];
+    double shorter = fmin((double)(p->to - p->from), (double)(q->to - q->from));
+
+    if (p->chain != q->chain)
+        return 0;
+    for (int k = -1; k <= 1; k++)
+        if (fmin((double)(p->to + (cairn_real)k * p->round), (double)q->to) -
+                fmax((double)(p->from + (cairn_real)k * p->round), (double)q->from) >
+            (double)v->params.overlap * shorter)
+            return 1;
+    return 0;
+}
+
+static void try_all(slow_search *s, int32_t bundle)
+{
+    if (bundle == s->bundles) {
+        if (s->parts >= s->v->params.min_parts && slow_score(s) > s->best) {
+            s->best = slow_score(s);
+            s->best_parts = s->parts;
+            memcpy(s->best_votes, s->chosen, sizeof s->chosen);
+        }
+        return;
+    }
+    try_all(s, bundle + 1);
+    for (int32_t i = 0; i < s->count; i++) {
+        int ok = s->v->votes[s->near[i]].bundle == bundle;
+
+        for (int32_t k = 0; k < s->parts && ok; k++)
+            ok = !rival(s->v, s->near[i], s->chosen[k]);
+        if (!ok)
+            continue;
+        s->chosen[s->parts++] = s->near[i];
+        try_all(s, bundle + 1);
+        s->parts--;
+    }
+}
+
+static int has_vote(const cairn_part_configuration_result *r, int32_t k, int32_t vote)
+{
+    for (int32_t i = 0; i < r->found[k].count; i++)
+        if (r->votes[r->found[k].first + i] == vote)
+            return 1;
+    return 0;
+}
+
+/* Every seed's best configuration is there, with its score, and nothing else. */
+static void loses_nothing(void **state)
+{
+    static const int32_t nearest[] = {5, 20, 20, 12, 20, 20}, min_parts[] = {2, 2, 3, 1, 2, 2};
+    int32_t configurations = 0;
+    int64_t all = 0, visited = 0;
+
+    (void)state;
+    for (uint64_t round = 0; round < 6; round++) {
+        cairn_part_configuration_params params = cairn_part_configuration_default();
+        cairn_part_configuration_result r;
+        int32_t confirmed = 0;
+        voting v;
+
+        params.max_votes = VOTES;
+        params.max_found = VOTES;
+        params.nearest = nearest[round];
+        params.min_parts = min_parts[round];
+        params.reach = round == 4 ? 4 : params.reach;
+        params.centre = round == 5 ? CAIRN_REAL(0.3) : params.centre;
+        start(&v, &params);
+        vote_at_random(&v, round == 5 ? 90 : 160, 4, round);
+        r = run(&v);
+        assert_int_equal(r.seeds, v.count);
+        assert_int_equal(r.cut, 0);
+        for (int32_t seed = 0; seed < v.count; seed++) {
+            slow_search s = {.v = &v, .seed = seed, .bundles = 4};
+            int32_t at = -1;
+
+            find_nearest(&s);
+            try_all(&s, 0);
+            if (s.best_parts == 0)
+                continue;
+            for (int32_t k = 0; k < r.count; k++) {
+                int same = r.found[k].count == s.best_parts;
+
+                for (int32_t i = 0; i < s.best_parts && same; i++)
+                    same = has_vote(&r, k, s.best_votes[i]);
+                at = same ? k : at;
+            }
+            assert_true(at >= 0);
+            assert_true((double)r.found[at].score > s.best - NUMBER(1e-9, 1e-4));
+            if (r.found[at].seed == seed) {
+                confirmed++;
+                assert_near(r.found[at].score, s.best, NUMBER(1e-9, 1e-4));
+            }
+        }
+        assert_int_equal(confirmed, r.count);
+        for (int32_t k = 1; k < r.count; k++)
+            assert_true(r.found[k].score <= r.found[k - 1].score);
+        configurations += r.count;
+        visited += r.nodes;
+        all += (int64_t)v.count * 1296;
+        test_pool_free(&v.pool);
+    }
+    assert_in_range(configurations, 100, 10000);
+    assert_true(visited < all / 4);
+}
+
+/* The mean of the votes, by gain; votes of one bundle rival, however well they agree. */
+static void says_where(void **state)
+{
+    cairn_part_configuration_params params = cairn_part_configuration_default();
+    cairn_part_configuration_result r;
+    voting v;
+
+    (void)state;
+    start(&v, &params);
+    (void)vote(&v, 0, 100, 50, 200, 1);
+    (void)vote(&v, 3, 104, 50, 200, 3);
+    (void)vote(&v, 3, 103, 50, 200, 2);
+    (void)vote(&v, 7, 400, 50, 200, 9);
+    r = run(&v);
+    assert_int_equal(r.count, 1);
+    assert_int_equal(r.found[0].count, 2);
+    assert_int_equal(r.votes[r.found[0].first], 0);
+    assert_int_equal(r.votes[r.found[0].first + 1], 1);
+    assert_near(r.found[0].centre.x, 103, NUMBER(1e-9, 1e-3));
+    assert_near(r.found[0].centre.y, 50, NUMBER(1e-9, 1e-3));
+    assert_near(r.found[0].scale, 200, NUMBER(1e-9, 1e-3));
+    assert_near(r.found[0].gain, 4, NUMBER(1e-9, 1e-5));
+    assert_near(r.found[0].score, 4 - 0.75 * pow(4 / 16.0, 2) / 2, NUMBER(1e-9, 1e-5));
+    /* The same piece of a chain stands for one part only; beside it on the chain for two. */
+    v.votes[1].chain = v.votes[0].chain;
+    r = run(&v);
+    assert_int_equal(r.found[0].count, 2);
+    assert_int_equal(r.votes[r.found[0].first + 1], 2);
+    v.votes[1].from = 17;
+    v.votes[1].to = 40;
+    r = run(&v);
+    assert_int_equal(r.votes[r.found[0].first + 1], 1);
+    v.votes[0].round = v.votes[1].round = 25;
+    r = run(&v);
+    assert_int_equal(r.votes[r.found[0].first + 1], 2);
+    test_pool_free(&v.pool);
+}
+
+/* Each cluster has one mode; a configuration of each is found. */
+static void climbs_to_modes(void **state)
+{
+    cairn_part_configuration_params params = cairn_part_configuration_default();
+    cairn_part_configuration_result r;
+    cairn_random random = cairn_random_seed(5, 5);
+    voting v;
+
+    (void)state;
+    params.seek = CAIRN_PART_SEEK_MODES;
+    start(&v, &params);
+    for (int32_t i = 0; i < 36; i++)
+        (void)vote(&v, i % 4, 100 * (i % 3) + 2 * (double)cairn_random_normal(&random), 80, 100, 1);
+    r = run(&v);
+    assert_int_equal(r.seeds, 3);
+    assert_int_equal(r.count, 3);
+    for (int32_t k = 0; k < 3; k++) {
+        assert_int_equal(r.found[k].count, 4);
+        assert_near(r.found[k].centre.x, 100 * rint((double)r.found[k].centre.x / 100), 6);
+    }
+    test_pool_free(&v.pool);
+}
+
+/* ---- Nothing, and very much ---- */
+
+static void finds_nothing(void **state)
+{
+    cairn_part_configuration_params params = cairn_part_configuration_default();
+    cairn_part_configuration_result r;
+    cairn_budget budget = {INT32_MAX};
+    voting v;
+
+    (void)state;
+    start(&v, &params);
+    assert_int_equal(run(&v).count, 0);
+    assert_ok(cairn_part_configuration_begin(v.configurator, NULL, 0, NULL));
+    assert_ok(cairn_part_configuration_step(v.configurator, &budget));
+    assert_int_equal(cairn_part_configuration_read(v.configurator).seeds, 0);
+    (void)vote(&v, 0, 100, 50, 200, 1);
+    (void)vote(&v, 0, 100, 50, 200, 1);
+    (void)vote(&v, 1, 300, 50, 200, 1);
+    r = run(&v);
+    assert_int_equal(r.count, 0);
+    assert_int_equal(r.seeds, 3);
+    test_pool_free(&v.pool);
+}
+
+/* All at one place, and the ends of what may be. */
+static void is_bounded(void **state)
+{
+    cairn_part_configuration_params params = cairn_part_configuration_default();
+    cairn_part_configuration_result r;
+    voting v;
+
+    (void)state;
+    params.nearest = 64;
+    params.max_nodes = 100;
+    start(&v, &params);
+    for (int32_t i = 0; i < VOTES; i++)
+        (void)vote(&v, i % 40, 7, 7, 50, 1 + i % 7);
+    r = run(&v);
+    assert_in_range(r.nodes, 1, 100 * VOTES);
+    assert_int_equal(r.cut, VOTES);
+    assert_int_equal(r.seeds, VOTES);
+    assert_in_range(r.count, 1, params.max_found);
+    v.count = 0;
+    for (int32_t i = 0; i < 100; i++)
+        (void)vote(&v, i % 4, i % 2 ? 1e6 : -1e6, i % 3 ? 1e6 : -1e6, i % 5 ? 1e-6 : 1e6, 1);
+    r = run(&v);
+    assert_int_equal(r.seeds, 100);
+    assert_true(r.pairs <= 100 * 101);
+    test_pool_free(&v.pool);
+}
+
+/* Few distances are measured of votes that lie apart. */
+static void looks_near_only(void **state)
+{
+    cairn_part_configuration_params params = cairn_part_configuration_default();
+    cairn_random random = cairn_random_seed(1, 1);
+    voting v;
+
+    (void)state;
+    start(&v, &params);
+    for (int32_t i = 0; i < VOTES; i++)
+        (void)vote(&v, i % 4, (double)cairn_random_uniform(&random, 0, 2000),
+                   (double)cairn_random_uniform(&random, 0, 2000), 50, 1);
+    assert_true(run(&v).pairs < VOTES * VOTES / 40);
+    test_pool_free(&v.pool);
+}
+
+/* ---- Budgets ---- */
+
+static cairn_status begin_votes(void *context)
+{
+    voting *v = context;
+
+    return cairn_part_configuration_begin(v->configurator, v->votes, v->count, NULL);
+}
+
+static cairn_status step_votes(void *context, cairn_budget *budget)
+{
+    voting *v = context;
+
+    return cairn_part_configuration_step(v->configurator, budget);
+}
+
+static uint64_t tell(void *context)
+{
+    voting *v = context;
+    cairn_part_configuration_result r = cairn_part_configuration_read(v->configurator);
+    uint64_t hash = test_hash(TEST_HASH_START, &r.nodes, sizeof r.nodes);
+
+    for (int32_t k = 0; k < r.count; k++) {
+        hash = test_hash(hash, &r.found[k].score, 5 * sizeof(cairn_real));
+        hash = test_hash(hash, &r.votes[r.found[k].first], (size_t)r.found[k].count * sizeof(int32_t));
+    }
+    return hash;
+}
+
+static void does_not_depend_on_budgets(void **state)
+{
+    static const int32_t budgets[] = {1, 7, 1000};
+
+    (void)state;
+    for (int seek = 0; seek < 2; seek++) {
+        cairn_part_configuration_params params = cairn_part_configuration_default();
+        cairn_budget all = {INT32_MAX};
+        voting v;
+        test_stepped object = {begin_votes, step_votes, tell, &v};
+        uint64_t hash;
+
+        params.seek = seek;
+        start(&v, &params);
+        vote_at_random(&v, 100, 4, 9);
+        assert_ok(begin_votes(&v));
+        assert_null(cairn_part_configuration_read(v.configurator).found);
+        assert_ok(step_votes(&v, &all));
+        assert_true(cairn_part_configuration_read(v.configurator).count > 0);
+        hash = tell(&v);
+        for (int i = 0; i < 3; i++) {
+            int32_t used = 0;
+            cairn_status status;
+
+            assert_ok(begin_votes(&v));
+            do {
+                cairn_budget budget = {budgets[i]};
+
+                status = step_votes(&v, &budget);
+                assert_true(budget.left >= 0);
+                used += budgets[i] - budget.left;
+            } while (status == CAIRN_MORE);
+            assert_ok(status);
+            assert_int_equal(used, INT32_MAX - all.left);
+            assert_true(tell(&v) == hash);
+        }
+        test_begins_anew(&object, 7);
+        test_pool_free(&v.pool);
+    }
+}
+
+/* ---- Refusals ---- */
+
+static cairn_status create(void *context, cairn_pool *pool)
+{
+    cairn_part_configurator *configurator;
+
+    return cairn_part_configuration_create(&configurator, pool, context);
+}
+
+static void refuses_bad_params(void **state)
+{
+    cairn_part_configuration_params good = cairn_part_configuration_default(), bad[20];
+    cairn_pool pool = test_pool(1 << 20);
+    cairn_part_configurator *configurator;
+    size_t count = sizeof bad / sizeof *bad;
+
+    (void)state;
+    for (size_t i = 0; i < count; i++)
+        bad[i] = good;
+    bad[0].max_votes = 0;
+    bad[1].max_votes = (1 << 20) + 1;
+    bad[2].nearest = 0;
+    bad[3].nearest = 65;
+    bad[4].min_parts = 0;
+    bad[5].min_parts = 65;
+    bad[6].max_found = 0;
+    bad[7].max_found = 65537;
+    bad[8].max_nodes = 0;
+    bad[9].seek = 2;
+    bad[10].seek = -1;
+    bad[11].centre = 0;
+    bad[12].centre = 11;
+    bad[13].ratio = 0;
+    bad[14].ratio = 2;
+    bad[15].reach = CAIRN_REAL(0.4);
+    bad[16].reach = 5;
+    bad[17].overlap = CAIRN_REAL(-0.1);
+    bad[18].overlap = CAIRN_REAL(1.1);
+    bad[19].centre = (cairn_real)NAN;
+    for (size_t i = 0; i < count; i++) {
+        assert_int_equal(cairn_part_configuration_memory(&bad[i]), 0);
+        assert_status(cairn_part_configuration_create(&configurator, &pool, &bad[i]), CAIRN_BAD_ARGUMENT);
+    }
+    assert_int_equal(cairn_part_configuration_memory(NULL), 0);
+    assert_status(cairn_part_configuration_create(NULL, &pool, &good), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_part_configuration_create(&configurator, NULL, &good), CAIRN_BAD_ARGUMENT);
+    good.max_votes = 5;
+    good.max_found = 2;
+    test_every_pool_size(create, &good, cairn_part_configuration_memory(&good));
+    test_pool_free(&pool);
+}
+
+static void refuses_bad_votes(void **state)
+{
+    cairn_part_configuration_params params = cairn_part_configuration_default();
+    cairn_budget budget = {INT32_MAX};
+    cairn_fault fault;
+    voting v;
+
+    (void)state;
+    params.max_votes = 14;
+    start(&v, &params);
+    for (int32_t i = 0; i < 15; i++)
+        (void)vote(&v, i % 4, 10, 10, 50, 1);
+    assert_fault(&fault, cairn_part_configuration_begin(NULL, v.votes, 1, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_part_configuration_begin(v.configurator, NULL, 1, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_part_configuration_begin(v.configurator, v.votes, -1, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_fault(&fault, cairn_part_configuration_begin(v.configurator, v.votes, 15, &fault), CAIRN_FULL, -1);
+    v.votes[0].bundle = -1;
+    v.votes[1].centre.x = (cairn_real)NAN;
+    v.votes[2].centre.y = 2000000;
+    v.votes[3].scale = 0;
+    v.votes[4].scale = (cairn_real)INFINITY;
+    v.votes[5].gain = 0;
+    v.votes[6].gain = (cairn_real)NAN;
+    v.votes[7].gain = 2000000;
+    v.votes[8].to = -1;
+    v.votes[9].round = -1;
+    v.votes[10].from = (cairn_real)NAN;
+    v.votes[11].to = (cairn_real)INFINITY;
+    v.votes[12].round = (cairn_real)NAN;
+    for (int32_t i = 0; i < 13; i++) {
+        cairn_part_vote two[2] = {v.votes[13], v.votes[i]};
+        int32_t is_range = i == 0 || i == 5 || i == 8 || i == 9;
+
+        assert_fault(&fault, cairn_part_configuration_begin(v.configurator, two, 2, &fault),
+                     is_range ? CAIRN_BAD_ARGUMENT : CAIRN_NOT_FINITE, 1);
+    }
+    assert_status(cairn_part_configuration_step(NULL, &budget), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_part_configuration_step(v.configurator, NULL), CAIRN_BAD_ARGUMENT);
+    assert_ok(cairn_part_configuration_step(v.configurator, &budget));
+    assert_null(cairn_part_configuration_read(v.configurator).found);
+    assert_null(cairn_part_configuration_read(NULL).found);
+    test_pool_free(&v.pool);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(loses_nothing),
+        cmocka_unit_test(says_where),
+        cmocka_unit_test(climbs_to_modes),
+        cmocka_unit_test(finds_nothing),
+        cmocka_unit_test(is_bounded),
+        cmocka_unit_test(looks_near_only),
+        cmocka_unit_test(does_not_depend_on_budgets),
+        cmocka_unit_test(refuses_bad_params),
+        cmocka_unit_test(refuses_bad_votes),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
