@@ -120,8 +120,6 @@ static struct scene open_scene(uint64_t seed)
     for (int32_t i = 0; i < SCANS; i++)
         s.aligned[i] = cairn_aligner_pose_of(s.aligner, i);
     s.spread = cairn_aligner_read(s.aligner).spread;
-    if (NUMBER(0, 1)) /* in float, the aligner has no covariances of many of these */
-        loosen(&s, 0);
     test_pool_free(&scan_pool);
     sim_survey_free(survey);
     sim_arena_free(arena);
@@ -597,10 +595,6 @@ static void parts_find_their_place(void **state)
     int32_t before = 0, bare = 0, after = 0;
 
     (void)state;
-    if (NUMBER(0, 1)) {
-        test_pool_free(&with.pool);
-        skip(); /* not with covariances of our own */
-    }
     p.thickness = 0;
     without = bed_with(&p);
     for (size_t k = 0; k < SEEDS; k++) {
@@ -649,7 +643,7 @@ static void the_budget_does_not_matter(void **state)
             assert_memory_equal(&now, &shift[i], sizeof now);
         }
     }
-    assert_int_equal(first.units, NUMBER(90788, 224585));
+    assert_int_equal(first.units, NUMBER(90788, 78178));
     assert_true(first.slid > 3);
     assert_near(cairn_wall_slide_shift_of(bed.slide, SCANS).x, 0, 0);
     assert_near(cairn_wall_slide_shift_of(bed.slide, -1).x, 0, 0);
@@ -665,11 +659,14 @@ static void room_is_short(void **state)
 {
     cairn_wall_slide_params p = cairn_wall_slide_default();
     struct scene s = open_scene(508);
-    struct twin t = twin_of(&s, &p);
+    struct twin t;
     struct bed bed;
-    int32_t parts, walls = t.wall_count;
+    int32_t parts, walls;
 
     (void)state;
+    loosen(&s, 0);
+    t = twin_of(&s, &p);
+    walls = t.wall_count;
     assert_true(t.parts > 2);
     p.max_walls = walls;
     bed = bed_with(&p);
