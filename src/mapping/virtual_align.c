@@ -566,7 +566,8 @@ static int64_t *units_of(cairn_virtual_align *align)
 {
     if (align->phase == ALIGN || align->phase == ALIGN_AGAIN)
         return &align->result.align_units;
-    if (align->phase == GATHER || align->phase == DETECT || align->phase == SLIDE)
+    if (align->phase == GATHER || align->phase == DETECT || align->phase == BEGIN_SLIDE || align->phase == SLIDE ||
+        align->phase == TAKE_SLID)
         return &align->result.hypothesis_units;
     return &align->result.field_units;
 }
