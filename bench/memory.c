@@ -20,6 +20,7 @@
 #include "cairn/particle_filter.h"
 #include "cairn/sequence.h"
 #include "cairn/skeleton_grouping.h"
+#include "cairn/wall_slide.h"
 
 static void print(const char *object, const char *capacities, size_t bytes)
 {
@@ -54,6 +55,7 @@ int main(void)
     cairn_aligner_params aligner = cairn_aligner_default();
     cairn_pose_consensus_params consensus = cairn_pose_consensus_default();
     cairn_place_map_params places = cairn_place_map_default();
+    cairn_wall_slide_params slide = cairn_wall_slide_default();
 
     scan.max_beams = 181;
     scan.max_points = 256;
@@ -100,6 +102,7 @@ int main(void)
     aligner.max_points = 3320;
     aligner.max_hypotheses = aligner.max_fill = 1150;
     print("aligner", "60 scans of 401 beams, what the largest of arenas needs", cairn_aligner_memory(&aligner));
+    print("wall_slide", "64 scans, 1024 walls, 24 parts", cairn_wall_slide_memory(&slide));
     print("pose_consensus", "64 nodes, 1024 hypotheses, 8 candidates", cairn_pose_consensus_memory(&consensus));
     print("place_map", "16 places of 1024 points and 2048 beams, 4096 hypotheses", cairn_place_map_memory(&places));
     places.decoupled = CAIRN_PLACE_MAP_JOINTLY;

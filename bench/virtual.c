@@ -342,6 +342,12 @@ static void print_row(const scene *from, const method *m, const row *r)
     bench_json_end();
 }
 
+/* Processor time of the first of two methods beyond that of the second, over that. */
+static double cost_ratio(const row *rows)
+{
+    return (rows[0].seconds - rows[1].seconds) / rows[1].seconds;
+}
+
 /* Each method on the same starts; rows: [count]. */
 static int run_scene(const settings *s, const scene *from, int64_t seeds, const method *methods, int32_t count,
                      double metres, row *rows)
@@ -572,8 +578,15 @@ int main(int argc, char **argv)
     bench_json_number("rescue110_rms_without_m", sqrt(in_narrow[1].squares / in_narrow[1].hits));
     bench_json_number("active", (double)(in_rooms[0].active + in_rooms[2].active + in_rubble[0].active) /
                                     (in_rooms[0].iterations + in_rooms[2].iterations + in_rubble[0].iterations));
-    bench_json_number("cost_ratio", (in_rubble[0].seconds - in_rubble[1].seconds) / in_rubble[1].seconds);
-    bench_json_number("rooms_cost_ratio", (in_rooms[0].seconds - in_rooms[1].seconds) / in_rooms[1].seconds);
+    bench_json_number("rooms_active", (double)in_rooms[0].active / in_rooms[0].iterations);
+    bench_json_number("rubble_active", (double)in_rubble[0].active / in_rubble[0].iterations);
+    bench_json_integer("rubble_iterations", in_rubble[0].iterations);
+    bench_json_number("cost_ratio", cost_ratio(in_rubble));
+    bench_json_number("rooms_cost_ratio", cost_ratio(in_rooms));
+    bench_json_number("halls_cost_ratio", cost_ratio(in_halls));
+    bench_json_number("far_off_cost_ratio", cost_ratio(in_far));
+    bench_json_number("rescue110_cost_ratio", cost_ratio(in_narrow));
+    bench_json_number("round_cost_ratio", cost_ratio(in_round));
     bench_json_end();
     return 0;
 }

@@ -21,6 +21,14 @@ struct bed {
     cairn_aligner *x;
 };
 
+/* By the poses of the aligner. */
+static int32_t share(const struct bed *bed, int32_t first, int32_t second, cairn_vec2 along)
+{
+    cairn_pose a = cairn_aligner_pose_of(bed->x, first).map_scan, b = cairn_aligner_pose_of(bed->x, second).map_scan;
+
+    return cairn_aligner_share_wall(bed->x, first, second, cairn_pose_between(b, a), along, NULL);
+}
+
 static struct bed align(void)
 {
     cairn_scan_params scan_params = cairn_scan_default();
@@ -49,7 +57,7 @@ static struct bed align(void)
         assert_ok(cairn_aligner_add_scan(bed.x, &view, truth[i], NULL));
     }
     assert_ok(cairn_aligner_begin(bed.x));
-    assert_int_equal(cairn_aligner_share_wall(bed.x, 0, 1, (cairn_vec2){0, 1}), 0); /* it is running */
+    assert_int_equal(share(&bed, 0, 1, (cairn_vec2){0, 1}), 0); /* it is running */
     budget.left = CAIRN_UNBOUNDED;
     assert_ok(cairn_aligner_step(bed.x, &budget));
     test_pool_free(&scan_pool);
@@ -75,23 +83,23 @@ static void sides_hold_across_and_the_end_along(void **state)
     (void)state;
     for (int round = 0; round < 2; round++) {
         for (int32_t i = 0; i < 2; i++) {
-            assert_int_equal(cairn_aligner_share_wall(bed.x, i, 1 - i, seen_from(i, 90)), 1);
-            assert_int_equal(cairn_aligner_share_wall(bed.x, i, 1 - i, seen_from(i, 35)), 1);
-            assert_int_equal(cairn_aligner_share_wall(bed.x, i, 1 - i, seen_from(i, 25)), round == 0);
-            assert_int_equal(cairn_aligner_share_wall(bed.x, i, 1 - i, seen_from(i, 0)), round == 0);
-            assert_int_equal(cairn_aligner_share_wall(bed.x, i, 1 - i, seen_from(i, -25)), round == 0);
+            assert_int_equal(share(&bed, i, 1 - i, seen_from(i, 90)), 1);
+            assert_int_equal(share(&bed, i, 1 - i, seen_from(i, 35)), 1);
+            assert_int_equal(share(&bed, i, 1 - i, seen_from(i, 25)), round == 0);
+            assert_int_equal(share(&bed, i, 1 - i, seen_from(i, 0)), round == 0);
+            assert_int_equal(share(&bed, i, 1 - i, seen_from(i, -25)), round == 0);
             for (int32_t j = 4; j < SCANS; j++)
-                assert_int_equal(cairn_aligner_share_wall(bed.x, i, j, seen_from(i, 90)), 0);
+                assert_int_equal(share(&bed, i, j, seen_from(i, 90)), 0);
         }
         /* Without the end of the hallway. */
         for (int32_t k = bed.x->scans[1].first_segment; k < bed.x->scans[1].end_segment; k++)
             if (cairn_abs(cairn_vec2_dot(bed.x->segments[k].direction, seen_from(1, 0))) < CAIRN_REAL(0.5))
                 bed.x->segments[k].wall = -1;
     }
-    assert_int_equal(cairn_aligner_share_wall(bed.x, 0, SCANS, seen_from(0, 90)), 0);
-    assert_int_equal(cairn_aligner_share_wall(bed.x, SCANS, 0, seen_from(0, 90)), 0);
-    assert_int_equal(cairn_aligner_share_wall(bed.x, -1, 0, seen_from(0, 90)), 0);
-    assert_int_equal(cairn_aligner_share_wall(NULL, 0, 1, seen_from(0, 90)), 0);
+    assert_int_equal(share(&bed, 0, SCANS, seen_from(0, 90)), 0);
+    assert_int_equal(share(&bed, SCANS, 0, seen_from(0, 90)), 0);
+    assert_int_equal(share(&bed, -1, 0, seen_from(0, 90)), 0);
+    assert_int_equal(cairn_aligner_share_wall(NULL, 0, 1, truth[0], seen_from(0, 90), NULL), 0);
     test_pool_free(&bed.pool);
 }
 
@@ -99,21 +107,29 @@ static void sides_hold_across_and_the_end_along(void **state)
 static void walls_hold_who_lies_on_them(void **state)
 {
     struct bed bed = align();
-    cairn_transform at = bed.x->poses[1];
-    cairn_vec2 normal = cairn_transform_direction(at, seen_from(1, 90));
+    cairn_pose first = cairn_aligner_pose_of(bed.x, 0).map_scan, at = cairn_aligner_pose_of(bed.x, 1).map_scan;
+    int32_t units = 0, most = (bed.x->scans[0].end_segment - bed.x->scans[0].first_segment) *
+                              (1 + bed.x->scans[1].end_segment - bed.x->scans[1].first_segment);
 
     (void)state;
     for (cairn_real sign = -1; sign <= 1; sign += 2) {
-        bed.x->poses[1] = at;
-        bed.x->poses[1].x += sign * CAIRN_REAL(0.02) * normal.x;
-        bed.x->poses[1].y += sign * CAIRN_REAL(0.02) * normal.y;
-        assert_int_equal(cairn_aligner_share_wall(bed.x, 0, 1, seen_from(0, 90)), 1);
-        bed.x->poses[1].x += sign * CAIRN_REAL(0.02) * normal.x;
-        bed.x->poses[1].y += sign * CAIRN_REAL(0.02) * normal.y;
-        assert_int_equal(cairn_aligner_share_wall(bed.x, 0, 1, seen_from(0, 90)), 0);
-        assert_int_equal(cairn_aligner_share_wall(bed.x, 1, 0, seen_from(1, 90)), 0);
-        assert_int_equal(cairn_aligner_share_wall(bed.x, 1, 0, seen_from(1, 0)), 1);
+        cairn_pose off = at;
+
+        off.y += sign * CAIRN_REAL(0.02);
+        assert_int_equal(
+            cairn_aligner_share_wall(bed.x, 0, 1, cairn_pose_between(off, first), seen_from(0, 90), &units), 1);
+        assert_in_range(units, 1, 1 + most / 16);
+        off.y += sign * CAIRN_REAL(0.02);
+        assert_int_equal(
+            cairn_aligner_share_wall(bed.x, 0, 1, cairn_pose_between(off, first), seen_from(0, 90), &units), 0);
+        assert_in_range(units, 1, 1 + most / 16);
+        assert_int_equal(cairn_aligner_share_wall(bed.x, 1, 0, cairn_pose_between(first, off), seen_from(1, 90), NULL),
+                         0);
+        assert_int_equal(cairn_aligner_share_wall(bed.x, 1, 0, cairn_pose_between(first, off), seen_from(1, 0), NULL),
+                         1);
     }
+    assert_int_equal(cairn_aligner_share_wall(bed.x, 0, SCANS, first, seen_from(0, 90), &units), 0);
+    assert_int_equal(units, 1);
     test_pool_free(&bed.pool);
 }
 
@@ -142,7 +158,7 @@ static void objections_are_what_speaks_against(void **state)
                 expected = cairn_aligner_evidence(bed.x, count);
                 assert_near(got, expected, 0);
                 assert_near(cairn_aligner_objection(bed.x, i, j, between, NULL), expected, 0);
-                assert_int_equal(units, 1 + work / ALIGNER_POINTS_OF_UNIT);
+                assert_int_equal(units, 1 + work);
                 if (k == 0)
                     right = got;
                 else if (i == j + 1 || j == i + 1)

@@ -186,7 +186,7 @@ static void rooms_come_together(void **state)
         assert_int_equal(result.active, result.iterations);
         assert_true(result.align_units > 0);
         assert_int_equal(result.hypotheses > 0, result.rounds > 0);
-        assert_int_equal(result.hypothesis_units > result.slide.units, result.rounds > 0);
+        assert_int_equal(result.hypothesis_units > result.slide.units + 2 * SCANS + 1, result.rounds > 0);
         assert_true(result.field_units > 0);
         test_pool_free(&bed.pool);
         bed = bed_with(&without);
@@ -392,6 +392,7 @@ struct twin {
     cairn_force_field *field;
     cairn_virtual_scan *hypotheses;
     cairn_wall_slide *slide;
+    cairn_real spread;
     const cairn_pose *start;
     cairn_virtual_align_result result;
     int32_t count, moves[SCANS];
@@ -526,7 +527,8 @@ static void twin_places(struct twin *t)
     for (int32_t i = 0; i < t->count; i++) {
         cairn_aligner_pose at = t->kept[i];
 
-        t->moves[i] = !t->p.align || t->result.aligner.placed < 2 || (!at.placed && twin_across(t, i) >= 0.1);
+        t->moves[i] = !t->p.align || t->result.aligner.placed < 2 ||
+                      (!at.placed && !cairn_wall_slide_is_loose(t->slide, &at) && twin_across(t, i) >= 0.1);
         t->result.field_units += 2 + (cairn_force_field_scans(t->field)->scans[i].end_segment -
                                       cairn_force_field_scans(t->field)->scans[i].first_segment) /
                                          4;
@@ -567,7 +569,7 @@ static void twin_relaxes(struct twin *t)
          since++) {
         cairn_budget budget = {CAIRN_UNBOUNDED};
 
-        if (since % t->p.every == 0)
+        if (since == 0 || (since % t->p.every == 0 && (!t->p.align || t->result.aligner.placed < 2)))
             twin_makes_hypotheses(t, since == 0 ? t->p.field.sigma_start : cairn_force_field_read(t->field).sigma);
         assert_ok(cairn_force_field_iterate(t->field, &budget));
         t->result.field_units += CAIRN_UNBOUNDED - budget.left;
@@ -595,6 +597,7 @@ static void twin_places_and_relaxes(struct twin *t)
 {
     if (t->p.align)
         twin_aligns(t);
+    t->spread = cairn_aligner_read(t->aligner).spread;
     twin_keeps(t);
     for (;;) {
         twin_places(t);
@@ -614,7 +617,7 @@ static void twin_slides(struct twin *t)
 {
     cairn_budget budget = {CAIRN_UNBOUNDED};
 
-    assert_ok(cairn_wall_slide_begin(t->slide, t->aligner, cairn_force_field_scans(t->field)));
+    assert_ok(cairn_wall_slide_begin(t->slide, t->aligner, cairn_force_field_scans(t->field), t->spread));
     for (int32_t i = 0; i < t->count; i++) {
         cairn_aligner_pose aligned = t->kept[i];
 
@@ -631,7 +634,7 @@ static void twin_slides(struct twin *t)
     }
     t->result.slide = cairn_wall_slide_read(t->slide);
     t->result.hypothesis_units += CAIRN_UNBOUNDED - budget.left;
-    t->result.field_units += 2 * (int64_t)t->count + 1 + t->count / 8;
+    t->result.hypothesis_units += 2 * (int64_t)t->count + 1 + t->count / 8;
 }
 
 static void twin_runs(struct twin *t)

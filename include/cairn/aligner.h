@@ -143,16 +143,18 @@ cairn_pose cairn_aligner_pose_now(const cairn_aligner *aligner, int32_t scan, in
 
 int32_t cairn_aligner_scan_count(const cairn_aligner *aligner);
 
-/* 1 when the last joint solution has two scans on a wall that they share, to 0.03 m, and that runs across `along`, by 30 degrees
- * or more; so neither can be shifted that way without the other. along: unit, in the frame of the first scan. 0 for scans that
- * are not there, and while an alignment is running. Cost: segments of the one times those of the other. */
-int32_t cairn_aligner_share_wall(const cairn_aligner *aligner, int32_t first, int32_t second, cairn_vec2 along);
+/* 1 when the last joint solution has two scans on a wall that they share, when the first, seen from the second as second_first, lies
+ * on it with the other to 0.03 m, and when it runs across `along`, by 30 degrees or more; so neither can be shifted that way
+ * without the other. along: unit, in the frame of the first scan. 0 for scans that are not there, and while an alignment
+ * is running. Cost: *units, when not NULL: segments of the one times those of the other at most. */
+int32_t cairn_aligner_share_wall(const cairn_aligner *aligner, int32_t first, int32_t second, cairn_pose second_first,
+                                 cairn_vec2 along, int32_t *units);
 
 /* 1 when two scans are near enough by their initial poses to be held against each other. Cost: a quarter of a unit. */
 int32_t cairn_aligner_are_partners(const cairn_aligner *aligner, int32_t first, int32_t second);
 
 /* What speaks against a relative pose of two scans, nats, 0 or less: surfaces of the one where the other has looked through, or has
- * seen another surface. 0 for scans that are not there or cannot meet so. Cost: *units, when not NULL. */
+ * seen another surface. 0 for scans that are not there or cannot meet so. Cost: *units, when not NULL: one for each of their points. */
 cairn_real cairn_aligner_objection(const cairn_aligner *aligner, int32_t first, int32_t second, cairn_pose second_first,
                                    int32_t *units);
 

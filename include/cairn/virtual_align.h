@@ -3,16 +3,17 @@
  *     add_scan ... -> begin -> step until CAIRN_OK -> read, pose_of
  *
  * Scans that share no surface with the others cannot be aligned by what they show alone; that walls go on straight and
- * rooms are rectangles tells where they belong. First the aligner brings together what it can. Scans that stay outside its
- * largest part then move in a force field of all scans and of a virtual scan of those that stay, made anew every few
- * iterations (Adluru 2008, chapter 8, algorithm 2). From there the aligner looks for them again; what it places
+ * rooms are rectangles tells where they belong. First the aligner brings together what it can. Scans that it does
+ * not place then move in a force field of all scans and of a virtual scan of those that stay (Adluru 2008, chapter 8,
+ * algorithm 2). From there the aligner looks for them again; what it places
  * then enters the map, and else only scans that share no surface with its largest part stay where hypotheses have put them.
  *
  * Last, parts of the largest part that long walls alone hold are slid along these (wall_slide): walls are as thick as elsewhere.
  *
  * So the influence of hypotheses is not set by hand: they propose, and how much better the map explains itself decides. They
  * never move what the scans themselves have settled, and are not made for scans that they cannot help: those that show walls
- * of one direction only. When the aligner finds no two scans that belong together, all move. */
+ * of one direction only, and those that may slide. When the aligner finds no two scans that belong together, all move, and the
+ * virtual scan is made anew every few iterations. */
 #ifndef CAIRN_VIRTUAL_ALIGN_H
 #define CAIRN_VIRTUAL_ALIGN_H
 
@@ -32,7 +33,8 @@ typedef struct cairn_virtual_align_params {
         field; /* its capacities are not read; springs, sigma from 0.9 m to 0.03 m in 15 steps, the two faces of a wall apart from the start */
     cairn_virtual_scan_params hypotheses; /* its max_scans, max_points and max_segments are not read */
     cairn_wall_slide_params slide;        /* its max_scans is not read */
-    int32_t every;                        /* >= 1: iterations of the field from one virtual scan to the next (8) */
+    int32_t
+        every; /* >= 1: iterations of the field from one virtual scan to the next while the scans that it is made of move (8) */
     int32_t max_rounds; /* >= 1: of the field, each followed by the aligner, as long as scans are without a place (2) */
     int32_t align;      /* 0: without the aligner: all scans move from their initial poses, and none slides (1) */
 } cairn_virtual_align_params;

@@ -57,11 +57,17 @@ size_t cairn_wall_slide_memory(const cairn_wall_slide_params *params);
 CAIRN_CHECKED cairn_status cairn_wall_slide_create(cairn_wall_slide **slide, cairn_pool *pool,
                                                    const cairn_wall_slide_params *params);
 
+/* 1 when an alignment has put a scan into its largest part, and knows its heading and one direction well but not the other: such
+ * scans may slide. Constant time. */
+int32_t cairn_wall_slide_is_loose(const cairn_wall_slide *slide, const cairn_aligner_pose *aligned);
+
 /* Starts with the scans of an alignment that has ended, and the same scans, in the same slots, in a set. Both stay as they are
- * until the last step. CAIRN_BAD_ARGUMENT: NULL, an aligner that is running, or with other scans than the set. CAIRN_FULL: more scans than
- * params allow. Constant time. */
+ * until the last step. spread: m, > 0, standard deviation of x and of y of the starts that add() brings, as the alignment from them has
+ * learnt it; one that went on from other poses (cairn_aligner_begin_again) tells of those. CAIRN_BAD_ARGUMENT: NULL, such a
+ * spread, an aligner that is running, or with other scans than the set. CAIRN_FULL: more scans than params allow. Linear in
+ * params. */
 CAIRN_CHECKED cairn_status cairn_wall_slide_begin(cairn_wall_slide *slide, const cairn_aligner *aligner,
-                                                  const cairn_scan_set *set);
+                                                  const cairn_scan_set *set, cairn_real spread);
 
 /* The next scan: where it was before the alignment, and where that has put it. CAIRN_BAD_ARGUMENT: NULL, all are there, or poses
  * beyond 1e6 m. CAIRN_NOT_FINITE. Constant time. */
@@ -69,8 +75,9 @@ CAIRN_CHECKED cairn_status cairn_wall_slide_add(cairn_wall_slide *slide, cairn_p
                                                 const cairn_aligner_pose *aligned);
 
 /* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: nothing left to do. CAIRN_BAD_ARGUMENT: NULL. CAIRN_EMPTY: scans are
- * missing. Next to nothing where no scan may slide; else walls times walls, and for every two parts the trial of all shifts: for
- * each of their scans that meet as much as the aligner's looks. An item is a wall against all others, or two scans at one shift. */
+ * missing. Next to nothing where no scan may slide; else walls times walls, and for every two parts the trial of shifts: most
+ * with one or two of their scans, the best with all that meet, each as much as a look of the aligner's. An item is a wall
+ * against all others, or two scans at one shift. */
 CAIRN_CHECKED cairn_status cairn_wall_slide_step(cairn_wall_slide *slide, cairn_budget *budget);
 
 /* ---- The result: all zero until step() returns CAIRN_OK ---- */

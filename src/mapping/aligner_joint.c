@@ -7,7 +7,8 @@
  *
  * The inverse of the same system, one scan held, is the Cramer-Rao bound of the poses at the solution, by which they are
  * judged observable; their covariance is that times chi-squared per degree of freedom, since segments of two surfaces in one
- * and walls that only look like one are no noise. */
+ * and walls that only look like one are no noise. Where rounding takes what the initial poses tell from the system, which happens in
+ * float, these weigh more until it can be solved. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -15,6 +16,7 @@
 #include "src/mapping/aligner_work.h"
 
 static const cairn_real HELD = CAIRN_REAL(1e10);
+static const cairn_real STIFFEST = 4096;
 static const cairn_real AT_REST = CAIRN_REAL(5e-4); /* m */
 static const cairn_real LEAST_SUPPORT = 2;          /* nats of a placed scan */
 
@@ -172,7 +174,7 @@ cairn_sym3 cairn_aligner_own_information(const cairn_aligner *x, int32_t scan)
 /* What holds a scan that nothing else holds, and the anchor of covariances. */
 static cairn_status add_prior(cairn_aligner *x, int32_t i, int32_t anchor)
 {
-    cairn_real weight = 1 / (x->sigma * x->sigma), turn = 1 / (x->sigma_angle * x->sigma_angle);
+    cairn_real weight = x->stiff / (x->sigma * x->sigma), turn = x->stiff / (x->sigma_angle * x->sigma_angle);
     cairn_sym3 block = {weight, 0, 0, weight, 0, turn};
 
     if (i == anchor)
@@ -187,6 +189,18 @@ static cairn_status add_wall_prior(cairn_aligner *x, const aligner_wall *wall)
     cairn_sym3 block = {loose, 0, 0, loose + 1, 0, 1};
 
     return wall->node >= 0 ? cairn_block_solver_add_pose_block(x->solver, wall->node, block) : CAIRN_OK;
+}
+
+/* 1 when the system is built again, with initial poses that weigh more: what they tell is lost to rounding beside the hits of a scan,
+ * which happens in float. The system is then that of hits so many times less sure, and its covariances are those times as
+ * large as they would be; where it stands the initial poses hold, so that steps get shorter and the end is the same. */
+static int stiffens(cairn_aligner *x)
+{
+    if (cairn_block_solver_read(x->solver).state != CAIRN_BLOCK_SOLVER_NOT_POSITIVE || x->stiff >= STIFFEST)
+        return 0;
+    x->stiff *= 8;
+    x->at = x->stage = 0;
+    return 1;
 }
 
 /* The k-th of the values: segments, then scans, then walls. */
@@ -324,6 +338,10 @@ static void read_covariance(const cairn_aligner *x, int32_t i, cairn_transform g
         memset(covariance, 0, 9 * sizeof *covariance);
     else if (cairn_block_solver_covariance(x->solver, i, i, block) == CAIRN_OK)
         turn_covariance(gauge, block, covariance);
+    else
+        return;
+    for (int k = 0; k < 9; k++)
+        covariance[k] *= x->stiff;
 }
 
 /* Chi-squared of some of the segments on shared walls, each by its mean and its direction; of all, per degree of freedom. */
@@ -436,6 +454,7 @@ static int32_t settle(cairn_aligner *x)
     if (x->stage == 0 && x->at == 0) {
         x->home = cairn_aligner_largest(x);
         x->settled = 0;
+        x->stiff = 1;
         if (x->segment_count == 0 || x->params.max_rounds == 0) {
             x->moved = 0;
             cairn_aligner_give_up(x, CAIRN_OK);
@@ -450,6 +469,7 @@ static void begin_marginals(cairn_aligner *x)
 {
     x->tolerance = tolerances[AGAIN_FROM];
     x->loose = 0;
+    x->stiff = 1;
     x->result.anchor = best_known(x);
     x->phase = ALIGNER_MARGINALS;
 }
@@ -492,6 +512,8 @@ static int32_t solve(cairn_aligner *x)
         set_tolerance(x, x->round);
         return build_some(x, -1);
     }
+    if (x->stage == 1 && stiffens(x))
+        return 1;
     if (x->stage == 1) {
         cairn_status status = state.state == CAIRN_BLOCK_SOLVER_FACTORED ? cairn_block_solver_solve(x->solver, x->rhs)
                                                                          : CAIRN_UNSUPPORTED;
@@ -512,6 +534,8 @@ static int32_t marginals(cairn_aligner *x)
 {
     if (x->stage == 0)
         return build_some(x, x->result.anchor);
+    if (x->stage == 1 && stiffens(x))
+        return 1;
     if (x->stage == 1) {
         cairn_status status = cairn_block_solver_read(x->solver).state == CAIRN_BLOCK_SOLVER_FACTORED
                                   ? cairn_block_solver_invert(x->solver)

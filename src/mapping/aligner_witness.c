@@ -6,38 +6,43 @@
 static const cairn_real ON_WALL = CAIRN_REAL(0.03), GATE = CAIRN_REAL(0.07); /* m */
 static const cairn_real LEAST_ACROSS = CAIRN_REAL(0.5);                      /* sine of 30 degrees */
 
+enum { TESTS_OF_UNIT = 16 }; /* of two segments */
+
 static int has_scan(const cairn_aligner *x, int32_t scan)
 {
     return x != NULL && scan >= 0 && scan < x->scan_count;
 }
 
-/* 1 when two segments of one wall also lie on one line. */
-static int is_same_wall(const cairn_aligner *x, const aligner_segment *a, const aligner_segment *b)
+/* 1 when two segments of one wall also lie on one line, the first seen from the scan of the second as second_first. */
+static int is_same_wall(const aligner_segment *a, const aligner_segment *b, cairn_transform second_first)
 {
     cairn_vec2 direction, way;
 
     if (a->wall < 0 || a->wall != b->wall)
         return 0;
-    direction = cairn_transform_direction(x->poses[a->scan], a->direction);
-    way = cairn_vec2_sub(cairn_transform_point(x->poses[b->scan], b->mean),
-                         cairn_transform_point(x->poses[a->scan], a->mean));
+    direction = cairn_transform_direction(second_first, a->direction);
+    way = cairn_vec2_sub(b->mean, cairn_transform_point(second_first, a->mean));
     return cairn_abs(cairn_vec2_cross(direction, way)) <= ON_WALL;
 }
 
-int32_t cairn_aligner_share_wall(const cairn_aligner *aligner, int32_t first, int32_t second, cairn_vec2 along)
+int32_t cairn_aligner_share_wall(const cairn_aligner *aligner, int32_t first, int32_t second, cairn_pose second_first,
+                                 cairn_vec2 along, int32_t *units)
 {
     const cairn_aligner *x = aligner;
+    int32_t tests = 0, found = 0, end = has_scan(x, first) && x->has_ended ? x->scans[first].end_segment : 0;
+    cairn_transform pose = cairn_transform_of(second_first);
 
-    if (!has_scan(x, first) || !has_scan(x, second) || !x->has_ended)
-        return 0;
-    for (int32_t i = x->scans[first].first_segment; i < x->scans[first].end_segment; i++) {
+    if (!has_scan(x, second))
+        end = 0;
+    for (int32_t i = end > 0 ? x->scans[first].first_segment : 0; i < end && !found; i++, tests++) {
         if (cairn_abs(cairn_vec2_cross(x->segments[i].direction, along)) < LEAST_ACROSS)
             continue;
-        for (int32_t j = x->scans[second].first_segment; j < x->scans[second].end_segment; j++)
-            if (is_same_wall(x, &x->segments[i], &x->segments[j]))
-                return 1;
+        for (int32_t j = x->scans[second].first_segment; j < x->scans[second].end_segment && !found; j++, tests++)
+            found = is_same_wall(&x->segments[i], &x->segments[j], pose);
     }
-    return 0;
+    if (units != NULL)
+        *units = 1 + tests / TESTS_OF_UNIT;
+    return found;
 }
 
 int32_t cairn_aligner_are_partners(const cairn_aligner *aligner, int32_t first, int32_t second)
@@ -61,7 +66,7 @@ cairn_real cairn_aligner_objection(const cairn_aligner *aligner, int32_t first, 
         return 0;
     work = cairn_aligner_count_pair(aligner, first, second, pose, GATE, &count);
     if (units != NULL)
-        *units += work / ALIGNER_POINTS_OF_UNIT;
+        *units += work;
     count.same = 0;
     return cairn_aligner_evidence(aligner, count);
 }

@@ -270,6 +270,7 @@ struct cairn_aligner {
     int32_t link;                            /* of the segment that is added next */
     cairn_transform gauge;                   /* of the part gauge_part */
     int32_t gauge_part;
+    cairn_real stiff;  /* times as much as they are worth initial poses weigh in the system, >= 1 */
     cairn_real margin; /* chi-squared of the solution per degree of freedom, >= 1 */
     int32_t freedom;
     cairn_real tolerance, loose; /* chi-squared and m^2 beyond which a segment loses weight */

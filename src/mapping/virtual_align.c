@@ -1,13 +1,13 @@
 /* The aligner, then a force field of what it left over, with a virtual scan.
  *
- * Method: when the aligner has ended, the poses of all scans go to the field, those that it has placed fixed; so are those
- * that hypotheses could not help, since all that they show lies in one direction along which anything may slide. Then every few
- * iterations the hypotheses are made anew, from the scans that stay, or from all where all move: those that move would make
- * what holds them where they are. They go to the field as points from outside. Where the field leaves them the aligner looks for
- * what it had not placed; when it had placed next to nothing it starts anew. When it then places more
- * scans than before, these enter the result, by the motion that brings the scans placed before to where they were, and those stay
- * there; else its former result stands, and only what shares no surface with its largest part stays where the field has left it.
- * Last, loose parts of the largest part slide.
+ * Method: when the aligner has ended, the poses of all scans go to the field, those that it has placed fixed; so are those that
+ * may slide, and those that hypotheses could not help, since all that they show lies in one direction along which anything
+ * may slide. Then the hypotheses are made, from the scans that stay: those that move would make what holds them where
+ * they are. Where all move they are made from all, anew every few iterations. They go to the field as points from outside. Where
+ * the field leaves them the aligner looks for what it had not placed; when it had placed next to nothing it starts anew. When
+ * it then places more scans than before, these enter the result, by the motion that brings the scans placed before to where
+ * they were, and those stay there; else its former result stands, and only what shares no surface with its largest part stays
+ * where the field has left it. Last, loose parts of the largest part slide.
  *
  * Layout: the aligner, the field, the hypotheses and the slide in one pool; a scan has the same index in the aligner and in the field.
  * The best result of the aligner is kept beside it.
@@ -67,6 +67,7 @@ struct cairn_virtual_align {
     int32_t scan_count;
     int32_t is_under_way; /* an iteration of the field */
     int32_t is_done;      /* the last round has not made the result better */
+    cairn_real spread;    /* m, of the poses that scans come in with */
     cairn_virtual_align_result result;
     int32_t paid;
 };
@@ -250,6 +251,16 @@ static int has_ground(const cairn_virtual_align *align)
     return align->params.align && align->result.aligner.placed >= 2;
 }
 
+/* The first alignment: it alone tells how far off the scans came in. */
+static cairn_status step_align(cairn_virtual_align *align, cairn_budget *budget)
+{
+    cairn_status status = cairn_aligner_step(align->aligner, budget);
+
+    if (status == CAIRN_OK)
+        align->spread = cairn_min(cairn_aligner_read(align->aligner).spread, CAIRN_REAL(1e6));
+    return status;
+}
+
 /* Keeps what the aligner has found. */
 static cairn_status step_keep(cairn_virtual_align *align, cairn_budget *budget)
 {
@@ -366,8 +377,9 @@ static cairn_status step_place(cairn_virtual_align *align, cairn_budget *budget)
         if (!cairn_budget_pay(budget, &align->paid, 2 + segments_of(align, align->cursor) / 4))
             return CAIRN_MORE;
         place = &align->places[align->cursor];
-        place->moves =
-            !has_ground(align) || (!place->aligned.placed && across_of(align, align->cursor) >= LEAST_ACROSS);
+        place->moves = !has_ground(align) ||
+                       (!place->aligned.placed && !cairn_wall_slide_is_loose(align->slide, &place->aligned) &&
+                        across_of(align, align->cursor) >= LEAST_ACROSS);
         align->result.moved += place->moves;
         must_be_ok(cairn_force_field_place(align->field, align->cursor, place->aligned.map_scan));
         must_be_ok(cairn_force_field_fix(align->field, align->cursor, !place->moves));
@@ -452,7 +464,8 @@ static cairn_status step_hand_back(cairn_virtual_align *align, cairn_budget *bud
 static cairn_status step_begin_slide(cairn_virtual_align *align, cairn_budget *budget)
 {
     if (align->cursor == 0)
-        must_be_ok(cairn_wall_slide_begin(align->slide, align->aligner, cairn_force_field_scans(align->field)));
+        must_be_ok(
+            cairn_wall_slide_begin(align->slide, align->aligner, cairn_force_field_scans(align->field), align->spread));
     for (; align->cursor < align->scan_count; align->cursor++) {
         const struct place *place = &align->places[align->cursor];
 
@@ -487,6 +500,7 @@ static cairn_status step_phase(cairn_virtual_align *align, cairn_budget *budget)
     case HAND_BACK:
         return step_hand_back(align, budget);
     case ALIGN:
+        return step_align(align, budget);
     case ALIGN_AGAIN:
         return cairn_aligner_step(align->aligner, budget);
     case KEEP:
@@ -544,7 +558,7 @@ static align_phase next_phase(const cairn_virtual_align *align)
     default:
         if (cairn_force_field_read(align->field).verdict != CAIRN_FORCE_FIELD_RUNNING)
             return align->params.align ? HAND_BACK : IDLE;
-        return align->since % align->params.every == 0 ? GATHER : ITERATE;
+        return !has_ground(align) && align->since % align->params.every == 0 ? GATHER : ITERATE;
     }
 }
 
@@ -552,7 +566,8 @@ static int64_t *units_of(cairn_virtual_align *align)
 {
     if (align->phase == ALIGN || align->phase == ALIGN_AGAIN)
         return &align->result.align_units;
-    if (align->phase == GATHER || align->phase == DETECT || align->phase == SLIDE)
+    if (align->phase == GATHER || align->phase == DETECT || align->phase == BEGIN_SLIDE || align->phase == SLIDE ||
+        align->phase == TAKE_SLID)
         return &align->result.hypothesis_units;
     return &align->result.field_units;
 }

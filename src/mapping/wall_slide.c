@@ -1,9 +1,8 @@
-/* Parts that slide along walls: which scans they are, and which shift is best.
+/* Parts that slide along walls: which scans they are, and which of them join first.
  *
  * Method: a scan of the alignment's largest part whose covariance is long and thin may slide along its long axis. Scans that may slide
  * the same way, are known alike and share a wall across it are one part; what the alignment has placed is the firm part.
- * A part is tried against another at even shifts along its direction, as far as the initial poses let it be: for each,
- * the nats of the initial poses, of walls whose faces the two show, and of what speaks against it. The pair whose best shift is surest
+ * A part is tried against another at even shifts along its direction (wall_slide_shift.c). The pair whose best shift is surest
  * against all that are not near it joins, and those parts are weighed anew.
  *
  * Layout: scans; walls of all parts; for each pair of parts what was found.
@@ -21,13 +20,10 @@
 
 #define LIMIT CAIRN_REAL(1e6)
 
-enum { SCANS_OF_UNIT = 16, SHIFTS_OF_UNIT = 8 };
+enum { SCANS_OF_UNIT = 16 };
 
 static const cairn_real SAME_WAY = CAIRN_REAL(0.99);    /* cosine */
 static const cairn_real KNOWN_ALIKE = CAIRN_REAL(0.03); /* share of the deviation */
-static const cairn_real SAME_PLACE = CAIRN_REAL(0.06);  /* m */
-static const cairn_real BETTER = 2;                     /* nats that a part must gain to leave its place */
-static const cairn_real FARTHEST = 3;                   /* standard deviations */
 
 cairn_wall_slide_params cairn_wall_slide_default(void)
 {
@@ -80,8 +76,8 @@ static cairn_wall_slide *carve(cairn_pool *pool, const cairn_wall_slide_params *
     made.walls = cairn_pool_take(pool, (size_t)params->max_walls, sizeof *made.walls);
     made.parts = cairn_pool_take(pool, (size_t)params->max_parts + 1, sizeof *made.parts);
     made.pairs = cairn_pool_take(pool, pairs_of(params->max_parts), sizeof *made.pairs);
-    made.nats = cairn_pool_take(pool, SLIDE_SHIFTS, sizeof *made.nats);
-    made.fits = cairn_pool_take(pool, SLIDE_SHIFTS, sizeof *made.fits);
+    made.trials = cairn_pool_take(pool, SLIDE_SHIFTS + 1, sizeof *made.trials);
+    made.fits = cairn_pool_take(pool, SLIDE_SHIFTS + 1, sizeof *made.fits);
     made.bins = cairn_pool_take(pool, SLIDE_BINS, sizeof *made.bins);
     made.gaps = cairn_pool_take(pool, SLIDE_BINS, sizeof *made.gaps);
     made.phase = SLIDE_DONE;
@@ -116,19 +112,20 @@ cairn_status cairn_wall_slide_create(cairn_wall_slide **slide, cairn_pool *pool,
 
 /* ---- Scans ---- */
 
-cairn_status cairn_wall_slide_begin(cairn_wall_slide *slide, const cairn_aligner *aligner, const cairn_scan_set *set)
+cairn_status cairn_wall_slide_begin(cairn_wall_slide *slide, const cairn_aligner *aligner, const cairn_scan_set *set,
+                                    cairn_real spread)
 {
     cairn_wall_slide *x = slide;
 
     if (x == NULL || aligner == NULL || set == NULL || cairn_aligner_running(aligner) ||
-        cairn_aligner_scan_count(aligner) != set->scan_count)
+        cairn_aligner_scan_count(aligner) != set->scan_count || !is_length(spread))
         return CAIRN_BAD_ARGUMENT;
     if (set->scan_count > x->params.max_scans)
         return CAIRN_FULL;
     x->aligner = aligner;
     x->set = set;
     x->scan_count = set->scan_count;
-    x->spread = cairn_aligner_read(aligner).spread;
+    x->spread = spread;
     x->added = x->wall_count = 0;
     x->part_count = 1;
     x->phase = SLIDE_GATHER;
@@ -140,18 +137,29 @@ cairn_status cairn_wall_slide_begin(cairn_wall_slide *slide, const cairn_aligner
     return CAIRN_OK;
 }
 
-/* 1 when what is known of a scan leaves one direction open. */
-static int is_loose(const cairn_wall_slide *x, const cairn_aligner_pose *aligned, slide_scan *scan)
+/* The direction in which a scan is known least, and its standard deviation there and across. */
+static void find_axes(const cairn_aligner_pose *aligned, cairn_vec2 *along, cairn_real *deviation, cairn_real *across)
 {
     const cairn_real *c = aligned->covariance;
     cairn_sym2 position = {c[0], c[1], c[4]};
     cairn_real values[2];
     cairn_vec2 minor;
 
-    cairn_sym2_eigen(position, values, &minor, &scan->along);
-    scan->deviation = cairn_sqrt(cairn_max(values[1], 0));
-    return aligned->part == 0 && !aligned->placed && cairn_sqrt(c[8]) <= x->params.firm_angle &&
-           cairn_sqrt(cairn_max(values[0], 0)) <= x->params.firm && scan->deviation >= x->params.loose;
+    cairn_sym2_eigen(position, values, &minor, along);
+    *deviation = cairn_sqrt(cairn_max(values[1], 0));
+    *across = cairn_sqrt(cairn_max(values[0], 0));
+}
+
+int32_t cairn_wall_slide_is_loose(const cairn_wall_slide *slide, const cairn_aligner_pose *aligned)
+{
+    cairn_real deviation, across;
+    cairn_vec2 along;
+
+    if (slide == NULL || aligned == NULL || aligned->part != 0 || aligned->placed)
+        return 0;
+    find_axes(aligned, &along, &deviation, &across);
+    return cairn_sqrt(aligned->covariance[8]) <= slide->params.firm_angle && across <= slide->params.firm &&
+           deviation >= slide->params.loose;
 }
 
 static int is_near(cairn_pose pose)
@@ -163,6 +171,7 @@ cairn_status cairn_wall_slide_add(cairn_wall_slide *slide, cairn_pose start, con
 {
     cairn_wall_slide *x = slide;
     slide_scan *scan;
+    cairn_real across;
 
     if (x == NULL || aligned == NULL || x->phase != SLIDE_GATHER || x->added == x->scan_count)
         return CAIRN_BAD_ARGUMENT;
@@ -174,7 +183,8 @@ cairn_status cairn_wall_slide_add(cairn_wall_slide *slide, cairn_pose start, con
     memset(scan, 0, sizeof *scan);
     scan->start = start;
     scan->map_scan = aligned->map_scan;
-    scan->is_loose = is_loose(x, aligned, scan);
+    find_axes(aligned, &scan->along, &scan->deviation, &across);
+    scan->is_loose = cairn_wall_slide_is_loose(x, aligned);
     scan->part = scan->is_loose ? x->added : SLIDE_NONE;
     if (aligned->part == 0 && aligned->placed) {
         scan->part = SLIDE_FIRM;
@@ -207,7 +217,7 @@ static int32_t tie_item(cairn_wall_slide *x)
 {
     const slide_scan *a = &x->scans[x->i], *b;
     cairn_vec2 along;
-    int32_t passed = 0;
+    int32_t passed = 0, units;
 
     if (x->i == x->scan_count) {
         x->phase = SLIDE_NUMBER;
@@ -224,10 +234,10 @@ static int32_t tie_item(cairn_wall_slide *x)
     }
     b = &x->scans[x->j];
     along = cairn_transform_direction(cairn_transform_of(cairn_pose_inverse(a->map_scan)), a->along);
-    if (cairn_aligner_share_wall(x->aligner, x->i, x->j, along))
+    if (cairn_aligner_share_wall(x->aligner, x->i, x->j, cairn_pose_between(b->map_scan, a->map_scan), along, &units))
         tie(x, a->part, b->part);
     x->j++;
-    return 8 + (passed + x->scan_count) / SCANS_OF_UNIT;
+    return units + 2 + (passed + x->scan_count) / SCANS_OF_UNIT;
 }
 
 /* Numbers the part of scan i, and adds what its start says; a part that finds no number stays where it is. */
@@ -277,11 +287,6 @@ static int32_t number_item(cairn_wall_slide *x)
 
 /* ---- Pairs of parts ---- */
 
-static slide_pair *pair_of(cairn_wall_slide *x, int32_t moving, int32_t fixed)
-{
-    return &x->pairs[moving * (moving - 1) / 2 + fixed];
-}
-
 /* 1 when a part may be shifted against another one. */
 static int may_join(const cairn_wall_slide *x, int32_t moving, int32_t fixed)
 {
@@ -291,94 +296,11 @@ static int may_join(const cairn_wall_slide *x, int32_t moving, int32_t fixed)
            (fixed == SLIDE_FIRM || cairn_abs(cairn_vec2_dot(a->along, b->along)) >= SAME_WAY);
 }
 
-/* The shifts that are tried: those that the initial poses allow. */
-static void begin_pair(cairn_wall_slide *x, int32_t moving, int32_t fixed)
-{
-    const slide_part *a = &x->parts[moving], *b = &x->parts[fixed];
-    cairn_real one = 1 / (cairn_real)a->scans, other = 1 / (cairn_real)b->scans, far;
-    cairn_vec2 off = cairn_vec2_sub(cairn_vec2_scale(a->off, one), cairn_vec2_scale(b->off, other));
-
-    x->moving = moving;
-    x->fixed = fixed;
-    x->expected = cairn_vec2_dot(a->along, off);
-    x->variance = x->spread * x->spread * (one + other);
-    far = FARTHEST * cairn_sqrt(x->variance);
-    x->step = cairn_max(x->params.step, 2 * far / (cairn_real)(SLIDE_SHIFTS - 2));
-    x->first_shift = cairn_real_to_int(cairn_ceil((x->expected - far) / x->step));
-    x->shifts = cairn_real_to_int(cairn_floor((x->expected + far) / x->step)) - x->first_shift + 1;
-    if (x->shifts < 1) { /* no multiple of the step is as near */
-        x->first_shift = cairn_real_to_int(cairn_rint(x->expected / x->step));
-        x->shifts = 1;
-    }
-    x->shifts = x->shifts < SLIDE_SHIFTS ? x->shifts : SLIDE_SHIFTS;
-    memset(x->nats, 0, SLIDE_SHIFTS * sizeof *x->nats);
-    x->i = x->j = x->at = 0;
-    x->phase = x->params.thickness && x->result.thickness > 0 ? SLIDE_THICKNESS : SLIDE_OBJECT;
-}
-
-/* What speaks against one shift by the scans i and j. */
-static int32_t object_item(cairn_wall_slide *x)
-{
-    const slide_scan *a = &x->scans[x->i], *b;
-    cairn_vec2 shift;
-    cairn_pose pose;
-    int32_t units = 1, passed = 0;
-
-    if (x->i == x->scan_count) {
-        x->phase = SLIDE_WEIGH;
-        return 1;
-    }
-    for (; a->part == x->moving && x->j < x->scan_count; x->j++, passed++)
-        if (x->scans[x->j].part == x->fixed && cairn_aligner_are_partners(x->aligner, x->i, x->j))
-            break;
-    if (a->part != x->moving || x->j == x->scan_count) {
-        x->i++;
-        x->j = 0;
-        return 1 + passed;
-    }
-    b = &x->scans[x->j];
-    shift = cairn_vec2_add(a->shift, cairn_vec2_scale(x->parts[x->moving].along, cairn_slide_shift(x, x->at)));
-    pose = a->map_scan;
-    pose.x += shift.x - b->shift.x;
-    pose.y += shift.y - b->shift.y;
-    x->nats[x->at] += cairn_aligner_objection(x->aligner, x->i, x->j, cairn_pose_between(b->map_scan, pose), &units);
-    if (++x->at == x->shifts) {
-        x->at = 0;
-        x->j++;
-    }
-    return units + passed;
-}
-
-/* The best shift and how much surer it is than any at another place. */
-static int32_t weigh_item(cairn_wall_slide *x)
-{
-    slide_pair *pair = pair_of(x, x->moving, x->fixed);
-    cairn_real second = -CAIRN_REAL_MAX;
-    int32_t best = 0, stay = -x->first_shift;
-
-    for (int32_t i = 0; i < x->shifts; i++) {
-        cairn_real off = cairn_slide_shift(x, i) - x->expected;
-
-        x->nats[i] -= off * off / (2 * x->variance);
-        if (x->nats[i] > x->nats[best])
-            best = i;
-    }
-    if (stay >= 0 && stay < x->shifts && x->nats[best] - x->nats[stay] < BETTER)
-        best = stay;
-    for (int32_t i = 0; i < x->shifts; i++)
-        if (cairn_abs((cairn_real)(i - best)) * x->step > SAME_PLACE)
-            second = cairn_max(second, x->nats[i]);
-    pair->shift = cairn_slide_shift(x, best);
-    pair->surer = second > -CAIRN_REAL_MAX ? cairn_max(x->nats[best] - second, 0) : CAIRN_REAL_MAX;
-    x->phase = SLIDE_NEXT;
-    return 1 + x->shifts / SHIFTS_OF_UNIT;
-}
-
 /* The one part stays, the other takes its number. */
 static void join(cairn_wall_slide *x, int32_t moving, int32_t fixed)
 {
     slide_part *a = &x->parts[moving], *b = &x->parts[fixed];
-    cairn_vec2 shift = cairn_vec2_scale(a->along, pair_of(x, moving, fixed)->shift);
+    cairn_vec2 shift = cairn_vec2_scale(a->along, cairn_slide_pair(x, moving, fixed)->shift);
 
     for (int32_t i = 0; i < x->scan_count; i++)
         if (x->scans[i].part == moving) {
@@ -396,8 +318,11 @@ static void join(cairn_wall_slide *x, int32_t moving, int32_t fixed)
     for (int32_t k = 1; k < x->part_count; k++)
         for (int32_t h = 0; h < k; h++)
             if (k == fixed || h == fixed)
-                pair_of(x, k, h)->surer = -1;
+                cairn_slide_pair(x, k, h)->surer = -1;
     x->result.joined++;
+    x->fixed = fixed;
+    x->i = 0;
+    x->phase = SLIDE_SHARE_AGAIN;
 }
 
 static void finish(cairn_wall_slide *x)
@@ -416,11 +341,10 @@ static int32_t next_item(cairn_wall_slide *x)
         for (int32_t h = 0; h < k; h++) {
             if (!may_join(x, k, h))
                 continue;
-            if (pair_of(x, k, h)->surer < 0) {
-                begin_pair(x, k, h);
-                return units;
+            if (cairn_slide_pair(x, k, h)->surer < 0) {
+                return units + cairn_slide_begin_pair(x, k, h);
             }
-            if (moving == 0 || pair_of(x, k, h)->surer > pair_of(x, moving, fixed)->surer) {
+            if (moving == 0 || cairn_slide_pair(x, k, h)->surer > cairn_slide_pair(x, moving, fixed)->surer) {
                 moving = k;
                 fixed = h;
             }
@@ -469,14 +393,14 @@ static int32_t item(cairn_wall_slide *x)
         return gather_item(x);
     case SLIDE_SHARE:
         return run_through(x, x->wall_count, cairn_slide_share_item, SLIDE_LEARN);
+    case SLIDE_SHARE_AGAIN: /* of the part that another has joined */
+        return run_through(x, x->wall_count, cairn_slide_share_item, SLIDE_NEXT);
     case SLIDE_LEARN:
         return run_through(x, x->wall_count, cairn_slide_learn_item, SLIDE_NEXT);
     case SLIDE_THICKNESS:
         return run_through(x, x->wall_count, cairn_slide_thickness_item, SLIDE_OBJECT);
     case SLIDE_OBJECT:
-        return object_item(x);
-    case SLIDE_WEIGH:
-        return weigh_item(x);
+        return cairn_slide_object_item(x);
     default:
         return next_item(x);
     }

@@ -82,6 +82,8 @@ int32_t cairn_slide_share_item(cairn_wall_slide *x)
     slide_wall *wall = &x->walls[x->i];
     int32_t same = 0;
 
+    if (x->phase == SLIDE_SHARE_AGAIN && wall->part != x->fixed)
+        return 1;
     for (int32_t k = 0; k < x->wall_count; k++)
         same += x->walls[k].part == wall->part && is_same_wall(wall, &x->walls[k]);
     wall->share = 1 / (cairn_real)(same > 0 ? same : 1);
@@ -190,6 +192,6 @@ int32_t cairn_slide_thickness_item(cairn_wall_slide *x)
         }
     for (int32_t i = 0; i < x->shifts && faces > 0; i++)
         if (x->fits[i] > -CAIRN_REAL_MAX)
-            x->nats[i] += wall->share * x->fits[i];
+            x->trials[i].nats += wall->share * x->fits[i];
     return units + x->wall_count / TESTS_OF_UNIT + x->shifts / 16;
 }

@@ -17,11 +17,11 @@ enum {
     SLIDE_NUMBER,
     SLIDE_WALLS,
     SLIDE_SHARE,
+    SLIDE_SHARE_AGAIN,
     SLIDE_LEARN,
     SLIDE_NEXT,
     SLIDE_THICKNESS,
     SLIDE_OBJECT,
-    SLIDE_WEIGH,
     SLIDE_DONE
 };
 
@@ -47,6 +47,12 @@ typedef struct slide_part {
     int32_t scans;  /* 0: joined to another */
 } slide_part;
 
+/* A shift that is tried. */
+typedef struct slide_trial {
+    cairn_real nats;       /* for it, by what has been looked at */
+    int32_t scan, partner; /* that are looked at next, or one after them; scan_count: no more */
+} slide_trial;
+
 /* A part against one of a lesser number. */
 typedef struct slide_pair {
     cairn_real shift; /* m along its direction, the best, ... */
@@ -55,16 +61,16 @@ typedef struct slide_pair {
 
 struct cairn_wall_slide {
     cairn_wall_slide_params params;
-    slide_scan *scans; /* [max_scans] */
-    cairn_pose *from;  /* [max_scans] starts of the firm scans, ... */
-    cairn_pose *to;    /* [max_scans] ... and where they are */
-    slide_wall *walls; /* [max_walls] */
-    slide_part *parts; /* [max_parts + 1] */
-    slide_pair *pairs; /* [max_parts (max_parts + 1) / 2] of part k with h at k (k - 1) / 2 + h */
-    cairn_real *nats;  /* [SLIDE_SHIFTS] for each shift */
-    cairn_real *fits;  /* [SLIDE_SHIFTS] of the wall at hand, best of all that it may belong to */
-    cairn_real *bins;  /* [SLIDE_BINS] pairs of faces so far apart, ... */
-    cairn_real *gaps;  /* [SLIDE_BINS] ... and the sum of their distances */
+    slide_scan *scans;   /* [max_scans] */
+    cairn_pose *from;    /* [max_scans] starts of the firm scans, ... */
+    cairn_pose *to;      /* [max_scans] ... and where they are */
+    slide_wall *walls;   /* [max_walls] */
+    slide_part *parts;   /* [max_parts + 1] */
+    slide_pair *pairs;   /* [max_parts (max_parts + 1) / 2] of part k with h at k (k - 1) / 2 + h */
+    slide_trial *trials; /* [SLIDE_SHIFTS + 1] */
+    cairn_real *fits;    /* [SLIDE_SHIFTS + 1] of the wall at hand, best of all that it may belong to */
+    cairn_real *bins;    /* [SLIDE_BINS] pairs of faces so far apart, ... */
+    cairn_real *gaps;    /* [SLIDE_BINS] ... and the sum of their distances */
     const cairn_aligner *aligner;
     const cairn_scan_set *set;
     int32_t scan_count, wall_count, part_count; /* the firm one included */
@@ -73,15 +79,21 @@ struct cairn_wall_slide {
     slide_phase phase;
     int32_t i, j, debt;
     int32_t moving, fixed;       /* the parts at hand */
-    int32_t first_shift, shifts; /* of these the shifts in steps: first ... first + shifts - 1 */
+    int32_t first_shift, shifts; /* that are tried, in steps: first, first + 1, ...; the last may be staying, ... */
+    int32_t stay;                /* ... which is this one */
+    int32_t leaves, best;        /* the best shift; the one to take, that or staying; SLIDE_NONE: not known yet */
     cairn_real step, expected, variance;
-    int32_t at; /* shift that two scans are tried at */
     cairn_wall_slide_result result;
 };
 
 static inline cairn_real cairn_slide_shift(const cairn_wall_slide *x, int32_t i)
 {
-    return (cairn_real)(x->first_shift + i) * x->step;
+    return i == x->stay ? 0 : (cairn_real)(x->first_shift + i) * x->step;
+}
+
+static inline slide_pair *cairn_slide_pair(cairn_wall_slide *x, int32_t moving, int32_t fixed)
+{
+    return &x->pairs[moving * (moving - 1) / 2 + fixed];
 }
 
 /* ---- wall_slide_walls.c: items, each returns its units ---- */
@@ -92,5 +104,12 @@ int32_t cairn_slide_learn_item(cairn_wall_slide *x);
 
 /* A wall of the moving part, at every shift, against those of the fixed one. */
 int32_t cairn_slide_thickness_item(cairn_wall_slide *x);
+
+/* ---- wall_slide_shift.c ---- */
+
+/* A part is to be tried against one of a lesser number: thickness first, then objections, then
+ * SLIDE_NEXT. */
+int32_t cairn_slide_begin_pair(cairn_wall_slide *x, int32_t moving, int32_t fixed);
+int32_t cairn_slide_object_item(cairn_wall_slide *x);
 
 #endif

@@ -1,0 +1,144 @@
+/* Which shift of one part against another is best, and by how much.
+ *
+ * For every shift that the initial poses allow, and for staying: the nats of the initial poses and of the walls' thickness, less what
+ * speaks against it, two scans after the other. That last is the dear part, and can only take away: so always the shift that
+ * is best by what has been looked at is looked at next. When it has met all scans no other can be better, and most
+ * shifts never meet more than two. The best of those that are not near it follows in the same way. */
+#include "src/core/build.h"
+
+#include "src/mapping/wall_slide_work.h"
+
+enum { SHIFTS_OF_UNIT = 16, SCANS_OF_UNIT = 16 };
+
+static const cairn_real SAME_PLACE = CAIRN_REAL(0.06); /* m */
+static const cairn_real BETTER = 2;                    /* nats that a part must gain to leave its place */
+static const cairn_real FARTHEST = 3;                  /* standard deviations */
+
+/* The multiples of the step that are as near to the expected shift as the initial poses allow, or one at least. */
+static void lay_shifts(cairn_wall_slide *x, cairn_real far)
+{
+    x->step = cairn_max(x->params.step, 2 * far / (cairn_real)(SLIDE_SHIFTS - 2));
+    x->first_shift = cairn_real_to_int(cairn_ceil((x->expected - far) / x->step));
+    x->shifts = cairn_real_to_int(cairn_floor((x->expected + far) / x->step)) - x->first_shift + 1;
+    if (x->shifts < 1) {
+        x->first_shift = cairn_real_to_int(cairn_rint(x->expected / x->step));
+        x->shifts = 1;
+    }
+    x->shifts = x->shifts < SLIDE_SHIFTS ? x->shifts : SLIDE_SHIFTS;
+    x->stay = -x->first_shift;
+    if (x->stay < 0 || x->stay >= x->shifts)
+        x->stay = x->shifts++; /* weighed as well, behind the others */
+}
+
+int32_t cairn_slide_begin_pair(cairn_wall_slide *x, int32_t moving, int32_t fixed)
+{
+    const slide_part *a = &x->parts[moving], *b = &x->parts[fixed];
+    cairn_real one = 1 / (cairn_real)a->scans, other = 1 / (cairn_real)b->scans;
+    cairn_vec2 off = cairn_vec2_sub(cairn_vec2_scale(a->off, one), cairn_vec2_scale(b->off, other));
+
+    x->moving = moving;
+    x->fixed = fixed;
+    x->expected = cairn_vec2_dot(a->along, off);
+    x->variance = x->spread * x->spread * (one + other);
+    lay_shifts(x, FARTHEST * cairn_sqrt(x->variance));
+    for (int32_t i = 0; i < x->shifts; i++) {
+        cairn_real miss = cairn_slide_shift(x, i) - x->expected;
+        slide_trial *trial = &x->trials[i];
+
+        trial->nats = -miss * miss / (2 * x->variance);
+        trial->scan = trial->partner = 0;
+    }
+    x->i = x->j = 0;
+    x->best = x->leaves = SLIDE_NONE;
+    x->phase = x->params.thickness && x->result.thickness > 0 ? SLIDE_THICKNESS : SLIDE_OBJECT;
+    return 1 + x->shifts / SHIFTS_OF_UNIT;
+}
+
+/* ---- What speaks against a shift ---- */
+
+static int is_weighed(const cairn_wall_slide *x, int32_t i)
+{
+    return x->trials[i].scan == x->scan_count;
+}
+
+/* On to the next two scans that a shift brings together; returns units. */
+static int32_t find_two(const cairn_wall_slide *x, slide_trial *trial)
+{
+    int32_t passed = 0;
+
+    for (; trial->scan < x->scan_count; trial->scan++, trial->partner = 0, passed++) {
+        if (x->scans[trial->scan].part != x->moving)
+            continue;
+        for (; trial->partner < x->scan_count; trial->partner++, passed++)
+            if (x->scans[trial->partner].part == x->fixed &&
+                cairn_aligner_are_partners(x->aligner, trial->scan, trial->partner))
+                return passed / SCANS_OF_UNIT;
+    }
+    return passed / SCANS_OF_UNIT;
+}
+
+/* By the next two scans. */
+static int32_t object_to(cairn_wall_slide *x, int32_t i)
+{
+    slide_trial *trial = &x->trials[i];
+    const slide_scan *a, *b;
+    int32_t units, passed = find_two(x, trial);
+    cairn_vec2 shift;
+    cairn_pose pose;
+
+    if (is_weighed(x, i))
+        return 1 + passed;
+    a = &x->scans[trial->scan];
+    b = &x->scans[trial->partner];
+    shift = cairn_vec2_add(a->shift, cairn_vec2_scale(x->parts[x->moving].along, cairn_slide_shift(x, i)));
+    pose = a->map_scan;
+    pose.x += shift.x - b->shift.x;
+    pose.y += shift.y - b->shift.y;
+    trial->nats +=
+        cairn_aligner_objection(x->aligner, trial->scan, trial->partner, cairn_pose_between(b->map_scan, pose), &units);
+    trial->partner++;
+    return units + 2 + passed;
+}
+
+/* ---- The best ---- */
+
+/* The best shift by what is known; once there is a best one, of those elsewhere; SLIDE_NONE. */
+static int32_t foremost(const cairn_wall_slide *x)
+{
+    int32_t best = SLIDE_NONE;
+
+    for (int32_t i = 0; i < x->shifts; i++)
+        if ((x->best < 0 || cairn_abs(cairn_slide_shift(x, i) - cairn_slide_shift(x, x->best)) > SAME_PLACE) &&
+            (best < 0 || x->trials[i].nats > x->trials[best].nats))
+            best = i;
+    return best;
+}
+
+static void end_pair(cairn_wall_slide *x, int32_t second)
+{
+    slide_pair *pair = cairn_slide_pair(x, x->moving, x->fixed);
+
+    pair->shift = cairn_slide_shift(x, x->best);
+    pair->surer = second >= 0 ? cairn_max(x->trials[x->best].nats - x->trials[second].nats, 0) : CAIRN_REAL_MAX;
+    x->phase = SLIDE_NEXT;
+}
+
+int32_t cairn_slide_object_item(cairn_wall_slide *x)
+{
+    int32_t units = 1 + x->shifts / SHIFTS_OF_UNIT, at;
+
+    if (x->leaves >= 0 && x->best < 0) { /* whether it is enough better than staying */
+        if (!is_weighed(x, x->stay) && x->trials[x->leaves].nats - x->trials[x->stay].nats < BETTER)
+            return object_to(x, x->stay);
+        x->best = x->trials[x->leaves].nats - x->trials[x->stay].nats < BETTER ? x->stay : x->leaves;
+        return 1;
+    }
+    at = foremost(x);
+    if (at >= 0 && !is_weighed(x, at))
+        return units + object_to(x, at);
+    if (x->best < 0)
+        x->leaves = at;
+    else
+        end_pair(x, at);
+    return units;
+}
