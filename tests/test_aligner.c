@@ -1267,17 +1267,17 @@ static uint64_t hash_of_scene(const struct scene *scene)
 static void results_stay_as_they_are(void **state)
 {
     static const struct scene scenes[] = {
-        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0x0acf8faf8602c64b), UINT64_C(0x3444c92e4ddc49ed)},
-        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x5f2d2077bfcdfd17), UINT64_C(0x1038e17cc528947c)},
-        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0xa80ff8dbdbcb1653), UINT64_C(0xb395049e588573fc)},
-        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x04b0bb74c2192c97), UINT64_C(0xfb38abfb4c16bece)},
-        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0x91bd4ce40c350114), UINT64_C(0xf1c8cd6cdbee8bd8)},
-        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x2845a42f39e96a54), UINT64_C(0x3628743490fbee68)},
-        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0x8c509c7cc33fcfc4), UINT64_C(0xf5aa9ab4ba860db5)},
-        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x4ffb65a8c4d0df68), UINT64_C(0x347b9043540a9f1e)},
-        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0xc700aaddae4b1d4a), UINT64_C(0xecdba0662a4d505f)},
-        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x299024b65daca6dc), UINT64_C(0x76c642a60056dff6)},
-        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x69b7d4f6f90e7b36), UINT64_C(0xd09e2926f48c2812)},
+        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0xb644f551ee3429a1), UINT64_C(0x815b28f1b18907b3)},
+        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0xcb78a83d15e1ccd4), UINT64_C(0xe980d533a65edf6d)},
+        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0x4ef281ee9a0f3cac), UINT64_C(0xaa26a6604387d9eb)},
+        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x62ca519aa6475dc9), UINT64_C(0x8a525cb762ee93f5)},
+        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0xfd3449f88e879e56), UINT64_C(0xa05b9dd6564a308c)},
+        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0xb3498985682a45b3), UINT64_C(0x4bfd0466fb505acc)},
+        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0x57bd55e533f06eb7), UINT64_C(0xf5aa9ab4ba860db5)},
+        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0xc097ae891c80c95d), UINT64_C(0x5ab8f12378ebec50)},
+        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0x685defc83688bdf5), UINT64_C(0xc66f810168e50c9b)},
+        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0xa72be95925bb3387), UINT64_C(0xd5f04b800ab0bdf7)},
+        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x93c4dfa8fb8e5109), UINT64_C(0x1b1cd65769481ec9)},
     };
 
     (void)state;

@@ -21,7 +21,8 @@ static const cairn_real LEAST_SUPPORT = 2;          /* nats of a placed scan */
 /* Chi-squared beyond which a segment loses weight. */
 static const cairn_real tolerances[] = {1000, 300, 100, 50, 25, 15, 12};
 
-enum { AGAIN_FROM = 4 }; /* round that follows when scans have slid */
+enum { AGAIN_FROM = 5 }; /* round that follows when scans have slid: the others lie well */
+enum { TOLERATED = 4 };  /* round whose tolerance the covariances have */
 enum { OF_ITEM = 64 };   /* segments, scans or walls that one item adds */
 
 /* How far a segment may be from its wall before it loses weight: in standard deviations, and, as long as the poses are poor,
@@ -448,7 +449,7 @@ static int32_t settle(cairn_aligner *x)
 /* The marginals are those at the poses and walls that have been found. */
 static void begin_marginals(cairn_aligner *x)
 {
-    x->tolerance = tolerances[AGAIN_FROM];
+    x->tolerance = tolerances[TOLERATED];
     x->loose = 0;
     x->result.anchor = best_known(x);
     x->phase = ALIGNER_MARGINALS;
