@@ -126,6 +126,37 @@ static term term_of(const cairn_aligner *x, const aligner_segment *s)
     return m;
 }
 
+/* A shift (or row over it) seen from a frame, and in the map. */
+static void into_frame(cairn_vec2 frame, cairn_real shift[2])
+{
+    cairn_real along = frame.x * shift[0] + frame.y * shift[1];
+
+    shift[1] = frame.x * shift[1] - frame.y * shift[0];
+    shift[0] = along;
+}
+
+static void out_of_frame(cairn_vec2 frame, cairn_real shift[2])
+{
+    cairn_real first = frame.x * shift[0] - frame.y * shift[1];
+
+    shift[1] = frame.y * shift[0] + frame.x * shift[1];
+    shift[0] = first;
+}
+
+/* The direction of a scan's first unknown: along that in which its walls tell least. The shift of a scan of one wall is known
+ * ten thousand times better across than along; by axes that lie askew, the inverse of its block has entries as great as the
+ * one in all places, and what is left of the other in their difference is, in float, mostly rounding. */
+static cairn_vec2 frame_of(const cairn_aligner *x, int32_t scan)
+{
+    cairn_sym3 own = cairn_aligner_own_information(x, scan);
+    cairn_sym2 shifts = {own.xx, own.xy, own.yy};
+    cairn_real values[2];
+    cairn_vec2 least, most;
+
+    cairn_sym2_eigen(shifts, values, &least, &most);
+    return least;
+}
+
 static cairn_status add_segment(cairn_aligner *x, const aligner_segment *s, int32_t link)
 {
     int32_t node = x->walls[s->wall].node;
@@ -134,6 +165,7 @@ static cairn_status add_segment(cairn_aligner *x, const aligner_segment *s, int3
     cairn_sym3 own = cairn_sym3_zero(), walls = cairn_sym3_zero();
     cairn_status status;
 
+    into_frame(x->scans[s->scan].frame, m.row);
     cairn_sym3_add_outer(&own, m.row, weight);
     own.zz += m.scale * m.along;
     cairn_sym3_add_outer(&walls, m.column, weight);
@@ -193,8 +225,15 @@ static cairn_status add_wall_prior(cairn_aligner *x, const aligner_wall *wall)
 /* The k-th of the values: segments, then scans, then walls. */
 static cairn_status add_value(cairn_aligner *x, int32_t k, int32_t anchor)
 {
-    if (k < x->segment_count)
+    if (k < x->segment_count) {
+        int32_t scan = x->segments[k].scan;
+
+        if (k == x->scans[scan].first_segment) {
+            x->scans[scan].frame = frame_of(x, scan);
+            x->debt += (x->scans[scan].end_segment - k) / 4;
+        }
         return is_shared(x, &x->segments[k]) ? add_segment(x, &x->segments[k], x->link++) : CAIRN_OK;
+    }
     k -= x->segment_count;
     return k < x->scan_count ? add_prior(x, k, anchor) : add_wall_prior(x, &x->walls[k - x->scan_count]);
 }
@@ -234,6 +273,7 @@ static void move_scans(cairn_aligner *x)
 
         if (x->scans[i].part != x->home || cairn_block_solver_solution(x->solver, i, motion) != CAIRN_OK)
             continue;
+        out_of_frame(x->scans[i].frame, motion);
         x->moved = cairn_max(x->moved, cairn_max(cairn_abs(motion[0]), cairn_abs(motion[1])));
         *pose = cairn_aligner_moved(*pose, centre, motion);
     }
@@ -265,7 +305,7 @@ static int32_t best_known(const cairn_aligner *x)
     return best;
 }
 
-/* m of a scan in its cluster's frame, as it is in the map: turned by the gauge. */
+/* m of a scan in a frame, as it is in the map: turned by the gauge that brings the frame there. */
 static void turn_covariance(cairn_transform gauge, const cairn_real m[9], cairn_real out[9])
 {
     cairn_real r[9] = {gauge.cosine, -gauge.sine, 0, gauge.sine, gauge.cosine, 0, 0, 0, 1}, half[9];
@@ -323,8 +363,12 @@ static void read_covariance(const cairn_aligner *x, int32_t i, cairn_transform g
         return;
     if (i == x->result.anchor)
         memset(covariance, 0, 9 * sizeof *covariance);
-    else if (cairn_block_solver_covariance(x->solver, i, i, block) == CAIRN_OK)
-        turn_covariance(gauge, block, covariance);
+    else if (cairn_block_solver_covariance(x->solver, i, i, block) == CAIRN_OK) {
+        cairn_vec2 frame = x->scans[i].frame;
+        cairn_transform own = {0, 0, frame.x, frame.y};
+
+        turn_covariance(cairn_aligner_compose(gauge, own), block, covariance);
+    }
 }
 
 /* Chi-squared of some of the segments on shared walls, each by its mean and its direction; of all, per degree of freedom. */
