@@ -94,8 +94,8 @@ int32_t bench_fit_common(const sim_pose *truth, const sim_pose *estimates, const
 
         if (!use[i])
             continue;
-        /* The motion that brings scan i onto its truth, then onto the mean of all that agree until these are the same. A
-         * motion before that is no fit, even if more agree with it. */
+        /* The motion that brings scan i onto its truth, then, ROUNDS times, onto the mean of all that agree, which by then
+         * are the same as a rule. A motion before that is no fit, even if more agree with it. */
         motion = bench_pose_compose(truth[i], bench_pose_between(estimates[i], origin));
         for (int round = 0; round < ROUNDS; round++)
             motion = refine(truth, estimates, use, count, motion, metres, radians);

@@ -240,6 +240,26 @@ static void aligns_an_arena(void **state)
     leave(&s);
 }
 
+/* Scans of one wall, which lie askew to the axes of the map, are in every arena; they must not cost the others their joint
+ * solution in float. */
+static void scans_that_slide_spoil_no_solution(void **state)
+{
+    (void)state;
+    for (uint64_t seed = 2003; seed < 2009; seed++) {
+        struct survey s = visit(seed, 15, 4, 100, 0.3, 20);
+        cairn_aligner_params params = room_for(s.count);
+        struct bed bed = make_bed(&params);
+        cairn_aligner_result result;
+
+        add_all(&bed, &s, 0);
+        run(&bed, CAIRN_UNBOUNDED);
+        result = cairn_aligner_read(bed.aligner);
+        assert_true(result.rounds >= 7 && result.anchor >= 0);
+        end_bed(&bed);
+        leave(&s);
+    }
+}
+
 /* The scans of a survey, once and far from each other four times. Returns the units of the alignment. */
 static int64_t units_of_copies(const struct survey *s, int32_t copies, int32_t *worst_step)
 {
@@ -468,7 +488,7 @@ static void ingredients_matter(void **state)
     add_all(&bed, &s, 0);
     run(&bed, CAIRN_UNBOUNDED);
     lines = compare(&bed, &s, 0);
-    assert_in_range(lines.aligned, 1, lines.observable);
+    assert_true(lines.aligned > 0 && lines.aligned < lines.observable);
     end_bed(&bed);
 
     params = room_for(s.count);
@@ -1267,17 +1287,17 @@ static uint64_t hash_of_scene(const struct scene *scene)
 static void results_stay_as_they_are(void **state)
 {
     static const struct scene scenes[] = {
-        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0x0acf8faf8602c64b), UINT64_C(0x3444c92e4ddc49ed)},
-        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x5f2d2077bfcdfd17), UINT64_C(0x1038e17cc528947c)},
-        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0xa80ff8dbdbcb1653), UINT64_C(0xb395049e588573fc)},
-        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x04b0bb74c2192c97), UINT64_C(0xfb38abfb4c16bece)},
-        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0x91bd4ce40c350114), UINT64_C(0xf1c8cd6cdbee8bd8)},
-        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x2845a42f39e96a54), UINT64_C(0x3628743490fbee68)},
-        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0x8c509c7cc33fcfc4), UINT64_C(0xf5aa9ab4ba860db5)},
-        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x4ffb65a8c4d0df68), UINT64_C(0x347b9043540a9f1e)},
-        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0xc700aaddae4b1d4a), UINT64_C(0xecdba0662a4d505f)},
-        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x299024b65daca6dc), UINT64_C(0x76c642a60056dff6)},
-        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x69b7d4f6f90e7b36), UINT64_C(0xf389f1b813f343ed)},
+        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0x8bccd605f2c38ac5), UINT64_C(0x86e40b819f8e090a)},
+        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x5dadceb48e64c966), UINT64_C(0x93071a519690439c)},
+        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0x920068b84ba41ad9), UINT64_C(0xff1eaa4237084b1f)},
+        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0xbe067d86a3b99f23), UINT64_C(0xd47c956ac758209c)},
+        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0xa7c7e9052ed29c1d), UINT64_C(0x58c2127f36fcd500)},
+        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x563a80304149abf5), UINT64_C(0x104cd008a27d7ddd)},
+        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0xef31c2f1039dc699), UINT64_C(0xf591cb4428a46019)},
+        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0xcc3273027e156836), UINT64_C(0x6b557d0aac9ed9fe)},
+        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0x6a1625af163d8496), UINT64_C(0xc190126fd4761f1b)},
+        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0xdf29eaf658f1a1bc), UINT64_C(0x02b617848053f5ec)},
+        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x19ad1f10bc3d9b8e), UINT64_C(0xe914756158a31e5d)},
     };
 
     (void)state;
@@ -1290,6 +1310,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(results_stay_as_they_are),
         cmocka_unit_test(aligns_an_arena),
+        cmocka_unit_test(scans_that_slide_spoil_no_solution),
         cmocka_unit_test(cost_grows_with_the_scans),
         cmocka_unit_test(aligns_full_scans),
         cmocka_unit_test(order_does_not_matter),

@@ -52,6 +52,8 @@ int32_t cairn_aligner_largest(const cairn_aligner *x)
 
 void cairn_aligner_begin_clusters(cairn_aligner *x)
 {
+    static const cairn_vec2 x_axis = {1, 0};
+
     memset(x->clusters, 0, ((size_t)x->scan_count + 1) * sizeof *x->clusters);
     for (int32_t i = 0; i <= x->scan_count; i++)
         x->clusters[i].head = x->fits[i].stamp = -1;
@@ -60,6 +62,7 @@ void cairn_aligner_begin_clusters(cairn_aligner *x)
         x->scans[i].support = x->scans[i].evidence = 0;
         x->scans[i].weak = x->scans[i].stirred = 0;
         x->scans[i].joined = -1 - i;
+        x->scans[i].frame = x_axis;
         memset(&x->scans[i].pull, 0, sizeof x->scans[i].pull);
         cairn_aligner_insert(x, i, i);
     }

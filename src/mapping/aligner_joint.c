@@ -7,8 +7,7 @@
  *
  * The inverse of the same system, one scan held, is the Cramer-Rao bound of the poses at the solution, by which they are
  * judged observable; their covariance is that times chi-squared per degree of freedom, since segments of two surfaces in one
- * and walls that only look like one are no noise. Where rounding takes what the initial poses tell from the system, which happens in
- * float, these weigh more until it can be solved. */
+ * and walls that only look like one are no noise. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -16,14 +15,14 @@
 #include "src/mapping/aligner_work.h"
 
 static const cairn_real HELD = CAIRN_REAL(1e10);
-static const cairn_real STIFFEST = 4096;
 static const cairn_real AT_REST = CAIRN_REAL(5e-4); /* m */
 static const cairn_real LEAST_SUPPORT = 2;          /* nats of a placed scan */
 
 /* Chi-squared beyond which a segment loses weight. */
 static const cairn_real tolerances[] = {1000, 300, 100, 50, 25, 15, 12};
 
-enum { AGAIN_FROM = 4 }; /* round that follows when scans have slid */
+enum { AGAIN_FROM = 5 }; /* round that follows when scans have slid: the others lie well */
+enum { TOLERATED = 4 };  /* round whose tolerance the covariances have */
 enum { OF_ITEM = 64 };   /* segments, scans or walls that one item adds */
 
 /* How far a segment may be from its wall before it loses weight: in standard deviations, and, as long as the poses are poor,
@@ -127,6 +126,37 @@ static term term_of(const cairn_aligner *x, const aligner_segment *s)
     return m;
 }
 
+/* A shift (or row over it) seen from a frame, and in the map. */
+static void into_frame(cairn_vec2 frame, cairn_real shift[2])
+{
+    cairn_real along = frame.x * shift[0] + frame.y * shift[1];
+
+    shift[1] = frame.x * shift[1] - frame.y * shift[0];
+    shift[0] = along;
+}
+
+static void out_of_frame(cairn_vec2 frame, cairn_real shift[2])
+{
+    cairn_real first = frame.x * shift[0] - frame.y * shift[1];
+
+    shift[1] = frame.y * shift[0] + frame.x * shift[1];
+    shift[0] = first;
+}
+
+/* The direction of a scan's first unknown: along that in which its walls tell least. The shift of a scan of one wall is known
+ * ten thousand times better across than along; by axes that lie askew, the inverse of its block has entries as great as the
+ * one in all places, and what is left of the other in their difference is, in float, mostly rounding. */
+static cairn_vec2 frame_of(const cairn_aligner *x, int32_t scan)
+{
+    cairn_sym3 own = cairn_aligner_own_information(x, scan);
+    cairn_sym2 shifts = {own.xx, own.xy, own.yy};
+    cairn_real values[2];
+    cairn_vec2 least, most;
+
+    cairn_sym2_eigen(shifts, values, &least, &most);
+    return least;
+}
+
 static cairn_status add_segment(cairn_aligner *x, const aligner_segment *s, int32_t link)
 {
     int32_t node = x->walls[s->wall].node;
@@ -135,6 +165,7 @@ static cairn_status add_segment(cairn_aligner *x, const aligner_segment *s, int3
     cairn_sym3 own = cairn_sym3_zero(), walls = cairn_sym3_zero();
     cairn_status status;
 
+    into_frame(x->scans[s->scan].frame, m.row);
     cairn_sym3_add_outer(&own, m.row, weight);
     own.zz += m.scale * m.along;
     cairn_sym3_add_outer(&walls, m.column, weight);
@@ -174,7 +205,7 @@ cairn_sym3 cairn_aligner_own_information(const cairn_aligner *x, int32_t scan)
 /* What holds a scan that nothing else holds, and the anchor of covariances. */
 static cairn_status add_prior(cairn_aligner *x, int32_t i, int32_t anchor)
 {
-    cairn_real weight = x->stiff / (x->sigma * x->sigma), turn = x->stiff / (x->sigma_angle * x->sigma_angle);
+    cairn_real weight = 1 / (x->sigma * x->sigma), turn = 1 / (x->sigma_angle * x->sigma_angle);
     cairn_sym3 block = {weight, 0, 0, weight, 0, turn};
 
     if (i == anchor)
@@ -191,23 +222,18 @@ static cairn_status add_wall_prior(cairn_aligner *x, const aligner_wall *wall)
     return wall->node >= 0 ? cairn_block_solver_add_pose_block(x->solver, wall->node, block) : CAIRN_OK;
 }
 
-/* 1 when the system is built again, with initial poses that weigh more: what they tell is lost to rounding beside the hits of a scan,
- * which happens in float. The system is then that of hits so many times less sure, and its covariances are those times as
- * large as they would be; where it stands the initial poses hold, so that steps get shorter and the end is the same. */
-static int stiffens(cairn_aligner *x)
-{
-    if (cairn_block_solver_read(x->solver).state != CAIRN_BLOCK_SOLVER_NOT_POSITIVE || x->stiff >= STIFFEST)
-        return 0;
-    x->stiff *= 8;
-    x->at = x->stage = 0;
-    return 1;
-}
-
 /* The k-th of the values: segments, then scans, then walls. */
 static cairn_status add_value(cairn_aligner *x, int32_t k, int32_t anchor)
 {
-    if (k < x->segment_count)
+    if (k < x->segment_count) {
+        int32_t scan = x->segments[k].scan;
+
+        if (k == x->scans[scan].first_segment) {
+            x->scans[scan].frame = frame_of(x, scan);
+            x->debt += (x->scans[scan].end_segment - k) / 4;
+        }
         return is_shared(x, &x->segments[k]) ? add_segment(x, &x->segments[k], x->link++) : CAIRN_OK;
+    }
     k -= x->segment_count;
     return k < x->scan_count ? add_prior(x, k, anchor) : add_wall_prior(x, &x->walls[k - x->scan_count]);
 }
@@ -247,6 +273,7 @@ static void move_scans(cairn_aligner *x)
 
         if (x->scans[i].part != x->home || cairn_block_solver_solution(x->solver, i, motion) != CAIRN_OK)
             continue;
+        out_of_frame(x->scans[i].frame, motion);
         x->moved = cairn_max(x->moved, cairn_max(cairn_abs(motion[0]), cairn_abs(motion[1])));
         *pose = cairn_aligner_moved(*pose, centre, motion);
     }
@@ -278,7 +305,7 @@ static int32_t best_known(const cairn_aligner *x)
     return best;
 }
 
-/* m of a scan in its cluster's frame, as it is in the map: turned by the gauge. */
+/* m of a scan in a frame, as it is in the map: turned by the gauge that brings the frame there. */
 static void turn_covariance(cairn_transform gauge, const cairn_real m[9], cairn_real out[9])
 {
     cairn_real r[9] = {gauge.cosine, -gauge.sine, 0, gauge.sine, gauge.cosine, 0, 0, 0, 1}, half[9];
@@ -336,12 +363,12 @@ static void read_covariance(const cairn_aligner *x, int32_t i, cairn_transform g
         return;
     if (i == x->result.anchor)
         memset(covariance, 0, 9 * sizeof *covariance);
-    else if (cairn_block_solver_covariance(x->solver, i, i, block) == CAIRN_OK)
-        turn_covariance(gauge, block, covariance);
-    else
-        return;
-    for (int k = 0; k < 9; k++)
-        covariance[k] *= x->stiff;
+    else if (cairn_block_solver_covariance(x->solver, i, i, block) == CAIRN_OK) {
+        cairn_vec2 frame = x->scans[i].frame;
+        cairn_transform own = {0, 0, frame.x, frame.y};
+
+        turn_covariance(cairn_aligner_compose(gauge, own), block, covariance);
+    }
 }
 
 /* Chi-squared of some of the segments on shared walls, each by its mean and its direction; of all, per degree of freedom. */
@@ -454,7 +481,6 @@ static int32_t settle(cairn_aligner *x)
     if (x->stage == 0 && x->at == 0) {
         x->home = cairn_aligner_largest(x);
         x->settled = 0;
-        x->stiff = 1;
         if (x->segment_count == 0 || x->params.max_rounds == 0) {
             x->moved = 0;
             cairn_aligner_give_up(x, CAIRN_OK);
@@ -467,9 +493,8 @@ static int32_t settle(cairn_aligner *x)
 /* The marginals are those at the poses and walls that have been found. */
 static void begin_marginals(cairn_aligner *x)
 {
-    x->tolerance = tolerances[AGAIN_FROM];
+    x->tolerance = tolerances[TOLERATED];
     x->loose = 0;
-    x->stiff = 1;
     x->result.anchor = best_known(x);
     x->phase = ALIGNER_MARGINALS;
 }
@@ -512,8 +537,6 @@ static int32_t solve(cairn_aligner *x)
         set_tolerance(x, x->round);
         return build_some(x, -1);
     }
-    if (x->stage == 1 && stiffens(x))
-        return 1;
     if (x->stage == 1) {
         cairn_status status = state.state == CAIRN_BLOCK_SOLVER_FACTORED ? cairn_block_solver_solve(x->solver, x->rhs)
                                                                          : CAIRN_UNSUPPORTED;
@@ -534,8 +557,6 @@ static int32_t marginals(cairn_aligner *x)
 {
     if (x->stage == 0)
         return build_some(x, x->result.anchor);
-    if (x->stage == 1 && stiffens(x))
-        return 1;
     if (x->stage == 1) {
         cairn_status status = cairn_block_solver_read(x->solver).state == CAIRN_BLOCK_SOLVER_FACTORED
                                   ? cairn_block_solver_invert(x->solver)

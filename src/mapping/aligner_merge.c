@@ -9,7 +9,8 @@
 
 #include "src/mapping/aligner_work.h"
 
-static const cairn_real HOPELESS = -15, FAR_OFF = -40;     /* nats */
+static const cairn_real HOPELESS = -15, FAR_OFF = -40;     /* nats, ... */
+static const cairn_real SHIFTED_OFF = -10;                 /* ... of a shifted pose, which matters only above 0 */
 static const cairn_real SAME_PLACE = CAIRN_REAL(0.15);     /* m */
 static const cairn_real SAME_HEADING = CAIRN_REAL(0.9986); /* cosine of 3 degrees */
 static const cairn_real SHIFT = CAIRN_REAL(0.25);          /* m */
@@ -240,7 +241,7 @@ static void begin_shifted(cairn_aligner *x)
     for (int k = 0; k < 3; k++)
         motion[k] = (x->side == 1 ? SHIFT : -SHIFT) * x->shift[k];
     cairn_aligner_begin_look(x, cluster_of(x, h->first), cluster_of(x, h->second),
-                             cairn_aligner_moved(clusters_pose(x, h), x->shift_centre, motion), 0, FAR_OFF);
+                             cairn_aligner_moved(clusters_pose(x, h), x->shift_centre, motion), 0, SHIFTED_OFF);
 }
 
 /* The look for the weak direction, then those at both shifted poses. */

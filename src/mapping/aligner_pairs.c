@@ -14,7 +14,7 @@ static const cairn_real LEAST_TRIAL = CAIRN_REAL(0.5), LEAST_KEPT = 1; /* nats, 
 static const cairn_real LEAST_HALF = -2;                               /* ... by the points of one scan of the two */
 static const cairn_real SAME_PLACE = CAIRN_REAL(0.15);                 /* m */
 
-enum { TRIAL_ROUNDS = 4, CLOSEST = 16 };
+enum { TRIAL_ROUNDS = 4, CLOSEST = 12 };
 
 static void keep_trial(cairn_aligner *x, cairn_transform pose, cairn_real score)
 {

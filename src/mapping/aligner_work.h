@@ -81,6 +81,7 @@ typedef struct aligner_scan {
     int32_t weak;       /* 1: it could be slid along what it shared with others */
     int32_t stirred;    /* ALIGNER_JOINED, ... */
     int32_t joined;     /* equal for scans that have joined another cluster together */
+    cairn_vec2 frame;   /* unit direction of the first unknown of the joint solution */
     aligner_sums pull;  /* information when it was relaxed last, and the gradient that has come upon it since */
     int32_t held;       /* 1: placed by the last alignment that has ended */
     cairn_real support;
@@ -270,7 +271,6 @@ struct cairn_aligner {
     int32_t link;                            /* of the segment that is added next */
     cairn_transform gauge;                   /* of the part gauge_part */
     int32_t gauge_part;
-    cairn_real stiff;  /* times as much as they are worth initial poses weigh in the system, >= 1 */
     cairn_real margin; /* chi-squared of the solution per degree of freedom, >= 1 */
     int32_t freedom;
     cairn_real tolerance, loose; /* chi-squared and m^2 beyond which a segment loses weight */
