@@ -1267,16 +1267,16 @@ static uint64_t hash_of_scene(const struct scene *scene)
 static void results_stay_as_they_are(void **state)
 {
     static const struct scene scenes[] = {
-        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0x0acf8faf8602c64b), UINT64_C(0x3444c92e4ddc49ed)},
-        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x5f2d2077bfcdfd17), UINT64_C(0x1038e17cc528947c)},
-        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0xa80ff8dbdbcb1653), UINT64_C(0xb395049e588573fc)},
-        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x04b0bb74c2192c97), UINT64_C(0xfb38abfb4c16bece)},
-        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0x91bd4ce40c350114), UINT64_C(0xf1c8cd6cdbee8bd8)},
-        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x2845a42f39e96a54), UINT64_C(0x3628743490fbee68)},
-        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0x8c509c7cc33fcfc4), UINT64_C(0xf5aa9ab4ba860db5)},
-        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x4ffb65a8c4d0df68), UINT64_C(0x347b9043540a9f1e)},
-        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0xc700aaddae4b1d4a), UINT64_C(0xecdba0662a4d505f)},
-        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x299024b65daca6dc), UINT64_C(0x76c642a60056dff6)},
+        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0x9b5d372263864682), UINT64_C(0x668f85d72c4d8f6b)},
+        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x5bfcda9f3fa61078), UINT64_C(0xd5e7bb60ae30adef)},
+        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0x3aaf329f3c83d8e9), UINT64_C(0xaa8f5bcf722b9918)},
+        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x8da7ebbbb515ce96), UINT64_C(0xaeff2a50c5e99d0c)},
+        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0xf20285c52cae646b), UINT64_C(0x85a386f765f383ec)},
+        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x452c2fa843706d4a), UINT64_C(0xb3f55a72ef9ee2ca)},
+        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0x1cda7a4928a57cf0), UINT64_C(0xd54327f22c6e5b50)},
+        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x5763cbfc007c0a96), UINT64_C(0xe711a6106409f1ca)},
+        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0x8b6c543b9eeb9de5), UINT64_C(0xa536d313225487ac)},
+        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x5e55fbfb4cf66d0c), UINT64_C(0x8e8ecaeb411c11f8)},
         {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x69b7d4f6f90e7b36), UINT64_C(0xd09e2926f48c2812)},
     };
 
