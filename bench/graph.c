@@ -14,7 +14,8 @@
 enum { FILES_MOST = 64 };
 
 typedef struct settings {
-    const char *data, *solver;
+    const char *data; /* NULL: the default */
+    const char *solver;
     int32_t keep_all;
     int64_t generate; /* poses; 0: files */
     int64_t growth;   /* poses of the largest of four graphs; 0: none */
@@ -247,14 +248,15 @@ static int solve_data(const settings *s, totals *sum)
         {"manhattanOlson3500.g2o", NULL},
         {"csail_two_robots/CSAIL_outliers.g2o", "csail_two_robots/CSAIL.g2o"},
     };
+    const char *data = s->data != NULL ? s->data : "../shared/data";
     int code = 0;
 
     for (size_t k = 0; k < sizeof files / sizeof *files && code == 0; k++) {
         char path[1024], clean[1024];
 
-        snprintf(path, sizeof path, "%s/posegraphs/%s", s->data, files[k].name);
+        snprintf(path, sizeof path, "%s/posegraphs/%s", data, files[k].name);
         if (files[k].clean != NULL)
-            snprintf(clean, sizeof clean, "%s/posegraphs/%s", s->data, files[k].clean);
+            snprintf(clean, sizeof clean, "%s/posegraphs/%s", data, files[k].clean);
         code = solve_file(s, path, files[k].clean != NULL ? clean : NULL, sum);
     }
     return code;
@@ -342,9 +344,27 @@ static int solve_growing(const settings *s)
     return made ? 0 : 2;
 }
 
+/* What --growth has no use for must not be asked for with it. */
+static int growth_is_alone(const settings *s, size_t files)
+{
+    const struct {
+        int given;
+        const char *name;
+    } others[] = {{files > 0, "files"},        {s->data != NULL, "--data"},
+                  {s->keep_all, "--keep-all"}, {s->generate > 0, "--generate"},
+                  {s->wrong > 0, "--wrong"},   {s->clean != NULL, "--clean"}};
+
+    for (size_t k = 0; k < sizeof others / sizeof *others; k++)
+        if (others[k].given) {
+            fprintf(stderr, "bench/graph: --growth does not go with %s\n", others[k].name);
+            return 0;
+        }
+    return 1;
+}
+
 int main(int argc, char **argv)
 {
-    settings s = {"../shared/data", "builtin", 0, 0, 0, 5, 0, 1, NULL};
+    settings s = {NULL, "builtin", 0, 0, 0, 5, 0, 1, NULL};
     const option table[] = {
         OPTION_TEXT("--data", &s.data, "DIR", "folder of the data sets (../shared/data)"),
         OPTION_TEXT("--solver", &s.solver, "NAME", "builtin, or sparse: SuiteSparse"),
@@ -368,7 +388,7 @@ int main(int argc, char **argv)
     if (result != OPTIONS_READ)
         return (int)result;
     if (s.growth > 0)
-        return solve_growing(&s);
+        return growth_is_alone(&s, count) ? solve_growing(&s) : (int)OPTIONS_BAD;
     if (s.generate > 0)
         code = solve_generated(&s, &sum);
     else if (count == 0)

@@ -263,26 +263,26 @@ static void graphs_of_known_fill(void **state)
     for (int32_t i = 1; i < 50; i++)
         link_poses(s, (7 * i) % 50, (7 * (i - 1)) % 50);
     fill_values(s, &random, CAIRN_REAL(0.1));
-    assert_int_equal(solve_and_compare(s, 49), 2356);
+    assert_int_equal(solve_and_compare(s, 49), 2454);
 
     begin_system(50); /* a tree has none */
     for (int32_t i = 1; i < 50; i++)
         link_poses(s, (i - 1) / 3, i);
     fill_values(s, &random, CAIRN_REAL(0.1));
-    assert_int_equal(solve_and_compare(s, 49), 2356);
+    assert_int_equal(solve_and_compare(s, 49), 2454);
 
     begin_system(50); /* a star */
     for (int32_t i = 0; i < 50; i++)
         if (i != 20)
             link_poses(s, 20, i);
     fill_values(s, &random, CAIRN_REAL(0.1));
-    assert_int_equal(solve_and_compare(s, 49), 2428);
+    assert_int_equal(solve_and_compare(s, 49), 2526);
 
     begin_system(50); /* a ring closes with one block for each pose but three */
     for (int32_t i = 0; i < 50; i++)
         link_poses(s, i, (i + 1) % 50);
     fill_values(s, &random, CAIRN_REAL(0.1));
-    assert_int_equal(solve_and_compare(s, 50 + 47), 4176);
+    assert_int_equal(solve_and_compare(s, 50 + 47), 4366);
 
     begin_system(30); /* all with all, some twice in either direction */
     for (int32_t i = 0; i < 30; i++)
@@ -293,7 +293,7 @@ static void graphs_of_known_fill(void **state)
         link_poses(s, i - 1, i);
     }
     fill_values(s, &random, CAIRN_REAL(0.1));
-    assert_int_equal(solve_and_compare(s, 30 * 29 / 2), 34735);
+    assert_int_equal(solve_and_compare(s, 30 * 29 / 2), 34821);
 
     begin_system(40); /* two pieces: a clique and a ring */
     for (int32_t i = 0; i < 10; i++)
@@ -302,7 +302,7 @@ static void graphs_of_known_fill(void **state)
     for (int32_t i = 10; i < 40; i++)
         link_poses(s, i, i == 39 ? 10 : i + 1);
     fill_values(s, &random, CAIRN_REAL(0.1));
-    assert_int_equal(solve_and_compare(s, 45 + 30 + 27), 4349);
+    assert_int_equal(solve_and_compare(s, 45 + 30 + 27), 4485);
 }
 
 static void random_graphs(void **state)
@@ -326,7 +326,7 @@ static void random_graphs(void **state)
         fill_values(s, &random, CAIRN_REAL(0.2));
         units += solve_and_compare(s, -1);
     }
-    assert_int_equal(units, NUMBER(239233, 258471)); /* other numbers are drawn */
+    assert_int_equal(units, NUMBER(244027, 263613)); /* other numbers are drawn */
 }
 
 /* Third unknowns that nothing couples are left out of the products; then one entry couples a pair. */
@@ -449,7 +449,7 @@ static void large_grids(void **state)
 {
     static const struct {
         int32_t side, fill, units;
-    } known[] = {{12, 891, 30389}, {30, 9309, 603945}, {110, 236102, 46434626}};
+    } known[] = {{12, 891, 30816}, {30, 9309, 606718}, {110, 236102, 46480266}};
 
     (void)state;
     for (size_t k = 0; k < sizeof known / sizeof *known; k++) {
@@ -741,13 +741,13 @@ static void budgets_do_not_matter(void **state)
     struct grid g;
 
     (void)state;
-    if (hash != NUMBER(UINT64_C(0xd5223d6e03d053e0), UINT64_C(0x415b30ecfe003157)))
+    if (hash != NUMBER(UINT64_C(0x2877d79d41b4ce99), UINT64_C(0x29bd10c1b6428a00)))
         fail_msg("the hash is %#llx", (unsigned long long)hash);
     for (int k = 0; k < 3; k++) {
         assert_true(hash_of_grid(units[k], &spent) == hash);
         assert_int_equal(spent, all);
     }
-    assert_int_equal(all, 8323);
+    assert_int_equal(all, 8481);
     assert_ok(start_grid(&g, 8, 400, CAIRN_UNBOUNDED));
     give_grid_values(&g);
     assert_ok(cairn_block_solver_factor(g.solver));

@@ -669,7 +669,7 @@ static void a_solver_of_ones_own(void **state)
     t = solve(mine.graph);
     assert_memory_equal(&s, &t, sizeof s);
     assert_int_equal(outer.factors, 3); /* headings, poses about them, and one that served all steps */
-    assert_true(t.iterations > 1);
+    assert_true(t.iterations > NUMBER(1, 0));
     for (int32_t i = 0; i < POSES; i++) {
         cairn_pose a = cairn_pose_graph_pose(mine.graph, i), b = cairn_pose_graph_pose(builtin.graph, i);
 
@@ -751,11 +751,11 @@ static void weak_motions_take_few_factors(void **state)
         uint64_t seed;
         double sigma; /* m of a link */
         int32_t factors, iterations;
-    } known[] = {{2, 0.1, 4, NUMBER(8, 4)},
-                 {6, 0.1, 3, NUMBER(7, 2)},
-                 {9, 0.1, NUMBER(4, 3), NUMBER(8, 2)},
-                 {3, 0.2, NUMBER(7, 3), NUMBER(11, 3)},
-                 {9, 0.2, NUMBER(6, 4), NUMBER(10, 3)}};
+    } known[] = {{2, 0.1, 4, NUMBER(8, 3)},
+                 {6, 0.1, 3, NUMBER(6, 1)},
+                 {9, 0.1, NUMBER(4, 3), NUMBER(7, 1)},
+                 {3, 0.2, NUMBER(7, 3), NUMBER(10, 1)},
+                 {9, 0.2, NUMBER(6, 4), NUMBER(9, 2)}};
 
     (void)state;
     for (size_t k = 0; k < sizeof known / sizeof *known; k++) {
@@ -790,6 +790,76 @@ static void weak_motions_take_few_factors(void **state)
         test_pool_free(&graphs);
         test_pool_free(&pool);
     }
+}
+
+/* ---- Old factors ---- */
+
+/* A solver around the built-in one whose factor, when it serves again, promises what is not there: it moves only that
+ * coordinate on which the graph pulls least, and so far that the slope is 1. */
+static struct {
+    cairn_pose_solver inner;
+    int32_t solves; /* since the last factor */
+    int32_t spoiled, least;
+    cairn_real pull;
+} stale;
+
+static cairn_status stale_factor(void *context)
+{
+    stale.solves = 0;
+    return stale.inner.factor(context);
+}
+
+static cairn_status stale_solve(void *context, const cairn_real *b)
+{
+    stale.pull = 0;
+    for (int32_t k = 0; k < 3 * POSES; k++)
+        if (b[k] != 0 && (stale.pull == 0 || cairn_abs(b[k]) < cairn_abs(stale.pull))) {
+            stale.pull = b[k];
+            stale.least = k;
+        }
+    stale.solves++;
+    stale.spoiled += stale.solves == 2;
+    return stale.inner.solve(context, b);
+}
+
+static cairn_status stale_solution(const void *context, int32_t pose, cairn_real x[3])
+{
+    if (stale.solves < 2)
+        return stale.inner.solution(context, pose, x);
+    x[0] = x[1] = x[2] = 0;
+    if (stale.least / 3 == pose)
+        x[stale.least % 3] = 1 / stale.pull;
+    return CAIRN_OK;
+}
+
+/* A step that hardly changes the cost is no rest when an old factor made it: a new one goes on to the minimum. */
+static void old_factors_do_not_end_it(void **state)
+{
+    struct problem p = a_problem(9, 0.2);
+    cairn_pose_graph_params params = small_params();
+    cairn_block_solver_params inner = {POSES, MAX_LINKS, 400};
+    cairn_block_solver *solver;
+    cairn_pose_solver face;
+    cairn_pool pool = test_pool(cairn_block_solver_memory(&inner));
+    struct made mine, builtin = make_graph(&p, &params, NULL);
+    cairn_pose_graph_state s = solve(builtin.graph), t;
+
+    (void)state;
+    assert_ok(cairn_block_solver_create(&solver, &pool, &inner));
+    stale.inner = face = cairn_pose_solver_of(solver);
+    stale.spoiled = 0;
+    face.factor = stale_factor;
+    face.solve = stale_solve;
+    face.solution = stale_solution;
+    mine = make_graph(&p, &params, &face);
+    t = solve(mine.graph);
+    assert_true(stale.spoiled > 0);
+    assert_int_equal(t.verdict, CAIRN_POSE_GRAPH_CONVERGED);
+    assert_near(t.cost, s.cost, NUMBER(1e-8, 1e-4) * (double)s.cost);
+    assert_minimum(&mine, &p, &params, FIRST_FIXED);
+    test_pool_free(&mine.pool);
+    test_pool_free(&builtin.pool);
+    test_pool_free(&pool);
 }
 
 static void out_of_iterations(void **state)
@@ -842,7 +912,7 @@ static void budgets_do_not_matter(void **state)
     uint64_t hash = hash_with(CAIRN_UNBOUNDED);
 
     (void)state;
-    if (hash != NUMBER(UINT64_C(0x402290a2042fa5a9), UINT64_C(0x2ef2992d0256a40d)))
+    if (hash != NUMBER(UINT64_C(0x22035a1efadab595), UINT64_C(0xe4752ced72397e33)))
         fail_msg("the hash is %#llx", (unsigned long long)hash);
     assert_true(hash_with(1) == hash);
     assert_true(hash_with(7) == hash);
@@ -906,18 +976,18 @@ static void paths_stay_as_they_are(void **state)
         int32_t graduated, fixed;
         uint64_t in_double, in_float;
     } known[] = {
-        {CAIRN_POSE_GRAPH_SQUARE, CAIRN_POSE_GRAPH_GIVEN, 3, 0.2, 0, 0, UINT64_C(0xd5274e1284fd7f98),
-         UINT64_C(0xf0a1a8f19d4fde29)},
-        {CAIRN_POSE_GRAPH_HUBER, CAIRN_POSE_GRAPH_CHORDAL, 2, 0.1, 0, 7, UINT64_C(0x9401b89f0eead161),
-         UINT64_C(0x20edd326e9684af2)},
-        {CAIRN_POSE_GRAPH_CAUCHY, CAIRN_POSE_GRAPH_BEST, 1, 0.05, 0, 0, UINT64_C(0x20e6a62fa2f2f799),
-         UINT64_C(0x6a991f5673980722)},
-        {CAIRN_POSE_GRAPH_GEMAN_MCCLURE, CAIRN_POSE_GRAPH_GIVEN, 4, 0.1, 1, 0, UINT64_C(0x625cffeaf5ed4181),
-         UINT64_C(0x1a4fd55880c3336f)},
-        {CAIRN_POSE_GRAPH_GEMAN_MCCLURE, CAIRN_POSE_GRAPH_BEST, 4, 0.4, 0, 20, UINT64_C(0x9590d6f6dbdec351),
-         UINT64_C(0xf266fe84e5d8b45a)},
-        {CAIRN_POSE_GRAPH_DCS, CAIRN_POSE_GRAPH_CHORDAL, 2, 0.1, 0, 0, UINT64_C(0x2e06452432315498),
-         UINT64_C(0xd1933fa41b8619e4)},
+        {CAIRN_POSE_GRAPH_SQUARE, CAIRN_POSE_GRAPH_GIVEN, 3, 0.2, 0, 0, UINT64_C(0x8a9256d829c05a22),
+         UINT64_C(0x89846975e53cc094)},
+        {CAIRN_POSE_GRAPH_HUBER, CAIRN_POSE_GRAPH_CHORDAL, 2, 0.1, 0, 7, UINT64_C(0x439b20a98ea475b7),
+         UINT64_C(0xd46b56e3de9aab1a)},
+        {CAIRN_POSE_GRAPH_CAUCHY, CAIRN_POSE_GRAPH_BEST, 1, 0.05, 0, 0, UINT64_C(0x8916799f25b47af0),
+         UINT64_C(0xadfc7f157c9ff0ec)},
+        {CAIRN_POSE_GRAPH_GEMAN_MCCLURE, CAIRN_POSE_GRAPH_GIVEN, 4, 0.1, 1, 0, UINT64_C(0x7c15f0758305d90a),
+         UINT64_C(0x3086c18dada0d6d9)},
+        {CAIRN_POSE_GRAPH_GEMAN_MCCLURE, CAIRN_POSE_GRAPH_BEST, 4, 0.4, 0, 20, UINT64_C(0xa89b7b1d56d4e2a8),
+         UINT64_C(0x80c3547020fb1782)},
+        {CAIRN_POSE_GRAPH_DCS, CAIRN_POSE_GRAPH_CHORDAL, 2, 0.1, 0, 0, UINT64_C(0x3ffba4b4ca82a13d),
+         UINT64_C(0xc59e76ca2a5550c9)},
     };
 
     (void)state;
@@ -1203,6 +1273,7 @@ int main(void)
         cmocka_unit_test(too_much_fill_is_told),
         cmocka_unit_test(a_solver_of_ones_own),
         cmocka_unit_test(weak_motions_take_few_factors),
+        cmocka_unit_test(old_factors_do_not_end_it),
         cmocka_unit_test(out_of_iterations),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(refused_params),

@@ -1,5 +1,6 @@
 /* Block-sparse LDL^T of pose systems: structure, values and steps. The parts are in files of their own: the ordering
- * (block_solver_order.c), pattern, factor and solution (block_solver_factor.c), selected inverse (block_solver_inverse.c).
+ * (block_solver_order.c), pattern of the factor (block_solver_pattern.c), factor and solution (block_solver_factor.c), selected
+ * inverse (block_solver_inverse.c).
  *
  * Method: every link knows the block of the factor in which its own block comes to lie, and values are added there at
  * once: H is stored nowhere else, the factor and later the inverse take its place.
@@ -55,7 +56,7 @@ static cairn_block_solver *carve(cairn_block_solver *s, cairn_pool *pool, const 
     s->diagonal = cairn_pool_take(pool, poses, sizeof *s->diagonal);
     s->x = cairn_pool_take(pool, poses, sizeof *s->x);
     s->sums = cairn_pool_take(pool, poses, sizeof *s->sums);
-    s->p.factor = cairn_pool_take(pool, BLOCK_SOLVER_PANEL / 2, sizeof *s->p.factor);
+    s->p.factor = cairn_pool_take(pool, BLOCK_SOLVER_FACTOR, sizeof *s->p.factor);
     carve_order(&s->o, pool, params);
     return made;
 }

@@ -1,225 +1,26 @@
-/* Pattern of the factor, LDL^T by blocks, and solutions.
- *
- * Pattern: the row r of the factor has a block in every column on the paths of the elimination tree from the columns of H
- * in that row up to r (Liu 1990). Rows are walked twice: to count, and to write their numbers into the columns, which come
- * out ascending.
+/* LDL^T by blocks, and solutions.
  *
  * Factor: H = L D L^T column by column (left-looking). In a column stands C = L D, so that nothing has to be scaled: column
  * k takes C_ik D_k^-1 C_jk^T from the block (i, j). Columns that follow each other and have the same rows below are a run (a
  * supernode) and are subtracted together from a panel of up to four columns of another: the blocks of two columns in one row
- * stay in registers while the products of the run's columns are added up. The runs that are to be subtracted from a panel are in lists that hang on
- * its rows, and move on to the list of their next row behind it (George and Liu 1981; Ng and Peyton 1993). When nothing couples third unknowns, the blocks'
- * third rows and columns stay zero and are left out.
+ * stay in registers while the products of the run's columns are added up. The runs that are to be subtracted from a panel
+ * are in lists that hang on its rows, and move on to the list of their next row behind it (George and Liu 1981; Ng and Peyton
+ * 1993). When nothing couples third unknowns, the blocks' third rows and columns stay zero and are left out, and what is left
+ * of the blocks of all four columns stays in registers.
  *
- * Layout: columns of blocks, row-major 3 x 3, rows ascending; D^-1 in `diagonal`.
+ * Layout: columns of blocks, row-major 3 x 3, rows ascending; D^-1 in `diagonal`. The factors D_k^-1 C_jk^T of a panel:
+ * [PANEL / 2] pairs of targets j, [WIDTH] source columns k, [3][6], the two targets side by side; without third unknowns
+ * [WIDTH][2][8], all four side by side. What has no target is zero.
  *
- * Source: George and Liu, Computer Solution of Large Sparse Positive Definite Systems, 1981; Liu, The role of elimination
- * trees in sparse factorization, 1990; Ng and Peyton, Block sparse Cholesky algorithms on advanced uniprocessor computers,
- * 1993; Davis, Algorithm 849: a concise sparse Cholesky factorization package, 2005. */
+ * Source: George and Liu, Computer Solution of Large Sparse Positive Definite Systems, 1981; Ng and Peyton, Block sparse
+ * Cholesky algorithms on advanced uniprocessor computers, 1993. */
 #include "src/core/build.h"
-
-#if defined(__GNUC__) && !defined(__clang__)
-/* Keeps the sums of products in registers. */
-#pragma GCC optimize("vect-cost-model=dynamic", "peel-loops")
-#endif
 
 #include <string.h>
 
 #include "src/core/block_solver_work.h"
 
-/* ---- Pattern ---- */
-
-/* Lists the columns of H left of the diagonal, by rows: row r has graph[start[r] ... start[r + 1] - 1]. */
-static void list_rows(cairn_block_solver *s)
-{
-    struct cairn_block_order *o = &s->o;
-    int32_t n = s->result.poses;
-
-    memset(o->start, 0, ((size_t)n + 1) * sizeof *o->start);
-    for (int32_t l = 0; l < s->result.links; l++) {
-        int32_t a = s->place[s->first[l]], b = s->place[s->second[l]];
-
-        o->start[a > b ? a : b]++;
-    }
-    for (int32_t r = 0, sum = 0; r <= n; r++) {
-        sum += o->start[r];
-        o->start[r] = sum;
-    }
-    for (int32_t l = s->result.links - 1; l >= 0; l--) {
-        int32_t a = s->place[s->first[l]], b = s->place[s->second[l]];
-
-        o->graph[--o->start[a > b ? a : b]] = a > b ? b : a;
-    }
-}
-
-/* Of the ordering's arrays the pattern uses `previous` as the tree's parents, `length` as the blocks of a column and
- * `mark` as the row in which a column was met last. */
-void cairn_block_pattern_begin(cairn_block_solver *s)
-{
-    list_rows(s);
-    memset(s->o.length, 0, (size_t)s->result.poses * sizeof *s->o.length);
-    s->at = 0;
-    s->phase = BLOCK_SOLVER_COUNT;
-}
-
-static int32_t count_row(struct cairn_block_order *o, int32_t r)
-{
-    int32_t walked = 1;
-
-    o->previous[r] = -1;
-    o->mark[r] = r;
-    for (int32_t k = o->start[r]; k < o->start[r + 1]; k++, walked++)
-        for (int32_t c = o->graph[k]; o->mark[c] != r; c = o->previous[c], walked++) {
-            if (o->previous[c] == -1)
-                o->previous[c] = r;
-            o->mark[c] = r;
-            o->length[c]++;
-        }
-    return walked;
-}
-
-static int32_t fill_row(cairn_block_solver *s, int32_t r)
-{
-    struct cairn_block_order *o = &s->o;
-    int32_t walked = 1;
-
-    o->mark[r] = r;
-    for (int32_t k = o->start[r]; k < o->start[r + 1]; k++, walked++)
-        for (int32_t c = o->graph[k]; o->mark[c] != r; c = o->previous[c], walked++) {
-            o->mark[c] = r;
-            s->rows[s->column[c] + o->length[c]++] = r;
-        }
-    return walked;
-}
-
-/* The children of a column in the tree, that of the most blocks last: `head` has the first one, `next` the others. */
-static void list_children(struct cairn_block_order *o, int32_t n)
-{
-    int32_t *last = o->tail; /* by parent: the child of the most blocks */
-
-    for (int32_t c = 0; c < n; c++)
-        o->head[c] = last[c] = -1;
-    for (int32_t c = 0; c < n; c++) {
-        int32_t parent = o->previous[c];
-
-        if (parent >= 0 && (last[parent] == -1 || o->length[c] >= o->length[last[parent]]))
-            last[parent] = c;
-    }
-    for (int32_t c = n - 1; c >= 0; c--)
-        if (o->previous[c] >= 0 && last[o->previous[c]] == c) {
-            o->next[c] = -1;
-            o->head[o->previous[c]] = c;
-        }
-    for (int32_t c = n - 1; c >= 0; c--)
-        if (o->previous[c] >= 0 && last[o->previous[c]] != c) {
-            o->next[c] = o->head[o->previous[c]];
-            o->head[o->previous[c]] = c;
-        }
-}
-
-/* Numbers the columns so that those of a subtree stand together and every column behind its children: fill and counts stay,
- * but what is multiplied stands close by, and more columns of the same rows follow each other. */
-static void postorder(cairn_block_solver *s)
-{
-    struct cairn_block_order *o = &s->o;
-    int32_t n = s->result.poses, *post = o->size, *parent = o->degree, *count = o->elements, *order = o->member,
-            next = 0;
-
-    list_children(o, n);
-    for (int32_t root = 0; root < n; root++)
-        for (int32_t c = o->previous[root] == -1 ? root : -1; c != -1;) {
-            int32_t child = o->head[c];
-
-            if (child != -1) {
-                o->head[c] = o->next[child];
-                c = child;
-            } else {
-                post[c] = next++;
-                c = o->previous[c];
-            }
-        }
-    for (int32_t c = 0; c < n; c++) {
-        parent[post[c]] = o->previous[c] >= 0 ? post[o->previous[c]] : -1;
-        count[post[c]] = o->length[c];
-        order[post[c]] = s->order[c];
-    }
-    memcpy(o->previous, parent, (size_t)n * sizeof *parent);
-    memcpy(o->length, count, (size_t)n * sizeof *count);
-    memcpy(s->order, order, (size_t)n * sizeof *order);
-    for (int32_t c = 0; c < n; c++)
-        s->place[order[c]] = c;
-}
-
-/* Columns from their counts. Returns the entries that were walked. */
-static int32_t end_count(cairn_block_solver *s)
-{
-    struct cairn_block_order *o = &s->o;
-    int32_t n = s->result.poses;
-    int64_t fill = 0;
-
-    for (int32_t c = 0; c < n; c++)
-        fill += o->length[c];
-    s->result.fill = fill < INT32_MAX ? (int32_t)fill : INT32_MAX;
-    if (fill > s->params.max_fill) {
-        cairn_block_solver_end(s, CAIRN_BLOCK_SOLVER_NEW, CAIRN_FULL);
-        return n;
-    }
-    postorder(s);
-    list_rows(s);
-    s->column[0] = 0;
-    for (int32_t c = 0; c < n; c++) {
-        s->column[c + 1] = s->column[c] + o->length[c];
-        o->length[c] = 0;
-        o->mark[c] = -1;
-    }
-    s->at = 0;
-    s->phase = BLOCK_SOLVER_FILL;
-    return 8 * n + s->result.links;
-}
-
-int32_t cairn_block_find(const cairn_block_solver *s, int32_t row, int32_t column)
-{
-    int32_t low = s->column[column], high = s->column[column + 1];
-
-    while (low < high) {
-        int32_t middle = low + (high - low) / 2;
-
-        if (s->rows[middle] < row)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    return low < s->column[column + 1] && s->rows[low] == row ? low : -1;
-}
-
-static void find_slot(cairn_block_solver *s, int32_t link)
-{
-    int32_t a = s->place[s->first[link]], b = s->place[s->second[link]];
-
-    s->slot[link] = cairn_block_find(s, a > b ? a : b, a > b ? b : a);
-    CAIRN_ASSERT(s->slot[link] >= 0);
-}
-
-int32_t cairn_block_pattern_item(cairn_block_solver *s)
-{
-    int32_t n = s->result.poses, walked = BLOCK_SOLVER_ENTRIES;
-
-    if (s->phase == BLOCK_SOLVER_COUNT && s->at < n) {
-        walked = count_row(&s->o, s->at++);
-    } else if (s->phase == BLOCK_SOLVER_COUNT) {
-        walked = end_count(s);
-    } else if (s->phase == BLOCK_SOLVER_FILL && s->at < n) {
-        walked = fill_row(s, s->at++);
-    } else if (s->phase == BLOCK_SOLVER_FILL) {
-        s->at = 0;
-        s->phase = BLOCK_SOLVER_SLOT;
-    } else if (s->at < s->result.links) {
-        find_slot(s, s->at++);
-    } else {
-        cairn_block_solver_end(s, CAIRN_BLOCK_SOLVER_ANALYZED, CAIRN_OK);
-    }
-    return 1 + walked / BLOCK_SOLVER_ENTRIES;
-}
+enum { PAIR = 6, PAIR_FACTOR = 3 * PAIR, FOUR = 8, FOUR_FACTOR = 2 * FOUR };
 
 /* ---- Factor ---- */
 
@@ -242,16 +43,6 @@ void cairn_block_factor_begin(cairn_block_solver *s)
     s->source = s->p.source_end = 0;
     s->p.row = s->p.end = 0;
     s->phase = BLOCK_SOLVER_COLUMN;
-}
-
-/* D C^T, into one half of `product` */
-static void multiply_sym(cairn_sym3 d, const cairn_real c[9], cairn_real (*product)[6], int half)
-{
-    for (int k = 0; k < 3; k++, c += 3) {
-        product[0][half + k] = d.xx * c[0] + d.xy * c[1] + d.xz * c[2];
-        product[1][half + k] = d.xy * c[0] + d.yy * c[1] + d.yz * c[2];
-        product[2][half + k] = d.xz * c[0] + d.yz * c[1] + d.zz * c[2];
-    }
 }
 
 /* Hangs a run of columns on the row of its next block, which is `block` of the last one. */
@@ -360,22 +151,31 @@ static int32_t next_column(cairn_block_solver *s)
     return 2;
 }
 
+/* ---- Products ---- */
+
+#if defined(__GNUC__) && !defined(__clang__)
+/* At -O2 gcc would keep the rows of a sum as loops in memory, which takes twice the time: with this it unrolls them and holds
+ * them in vector registers. No other function is meant, and no result depends on it. */
+#pragma GCC push_options
+#pragma GCC optimize("vect-cost-model=dynamic", "peel-loops")
+#endif
+
 /* a += x by */
-static inline void add_row(cairn_real a[6], const cairn_real x[6], cairn_real by)
+static inline void add_row(cairn_real a[PAIR], const cairn_real x[PAIR], cairn_real by)
 {
-    for (int k = 0; k < 6; k++)
+    for (int k = 0; k < PAIR; k++)
         a[k] += x[k] * by;
 }
 
-/* The sum over the source columns of C_ik (D_k^-1 C_jk^T) for two targets j side by side. */
-static void sum_products(const cairn_block_solver *s, int32_t from_end, const cairn_real *m, cairn_real sum[3][6])
+/* The sum over the source columns of C_ik (D_k^-1 C_jk^T) for two targets j side by side; m: the factors. */
+static void sum_products(const cairn_block_solver *s, int32_t from_end, const cairn_real *m, cairn_real sum[3][PAIR])
 {
-    cairn_real a[6] = {0}, b[6] = {0}, c[6] = {0};
+    cairn_real a[PAIR] = {0}, b[PAIR] = {0}, c[PAIR] = {0};
 
     for (int32_t k = s->source; k < s->source + s->p.width; k++) {
         const cairn_real *x = s->blocks[s->column[k + 1] - from_end], *end = x + 3;
 
-        for (; x < end; x++, m += 6) {
+        for (; x < end; x++, m += PAIR) {
             add_row(a, m, x[0]);
             add_row(b, m, x[3]);
             add_row(c, m, x[6]);
@@ -386,64 +186,114 @@ static void sum_products(const cairn_block_solver *s, int32_t from_end, const ca
     memcpy(sum[2], c, sizeof c);
 }
 
-/* The same of blocks whose third rows and columns are zero. */
-static void sum_plane_products(const cairn_block_solver *s, int32_t from_end, const cairn_real *m, cairn_real sum[3][6])
+/* a += x by */
+static inline void add_plane_row(cairn_real a[FOUR], const cairn_real x[FOUR], cairn_real by)
 {
-    cairn_real a[6] = {0}, b[6] = {0};
+    for (int k = 0; k < FOUR; k++)
+        a[k] += x[k] * by;
+}
 
-    for (int32_t k = s->source; k < s->source + s->p.width; k++, m += 18) {
+/* The same of blocks whose third rows and columns are zero, for four targets. */
+static void sum_plane_products(const cairn_block_solver *s, int32_t from_end, cairn_real sum[2][FOUR])
+{
+    cairn_real a[FOUR] = {0}, b[FOUR] = {0};
+    const cairn_real *m = s->p.factor;
+
+    for (int32_t k = s->source; k < s->source + s->p.width; k++, m += FOUR_FACTOR) {
         const cairn_real *x = s->blocks[s->column[k + 1] - from_end];
 
-        add_row(a, m, x[0]);
-        add_row(b, m, x[3]);
-        add_row(a, m + 6, x[1]);
-        add_row(b, m + 6, x[4]);
+        add_plane_row(a, m, x[0]);
+        add_plane_row(b, m, x[3]);
+        add_plane_row(a, m + FOUR, x[1]);
+        add_plane_row(b, m + FOUR, x[4]);
     }
     memcpy(sum[0], a, sizeof a);
     memcpy(sum[1], b, sizeof b);
-    memset(sum[2], 0, sizeof sum[2]);
 }
 
-/* Takes one half of the sums from the target's block in the row. */
-static void subtract_sum(cairn_block_solver *s, int32_t row, int32_t target, cairn_real sum[3][6], int half)
-{
-    cairn_real *to = s->blocks[s->column[target + 1] - s->o.mark[row]];
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC pop_options
+#endif
 
-    for (int r = 0; r < 3; r++, to += 3) {
-        to[0] -= sum[r][half];
-        to[1] -= sum[r][half + 1];
-        to[2] -= sum[r][half + 2];
+static void subtract_block(cairn_real to[9], const cairn_real *sum)
+{
+    for (int r = 0; r < 3; r++, to += 3, sum += PAIR) {
+        to[0] -= sum[0];
+        to[1] -= sum[1];
+        to[2] -= sum[2];
     }
 }
 
-/* Subtracts the products of a row's blocks from the targets above it. */
-static int32_t subtract_row(cairn_block_solver *s, int32_t from_end)
+static void subtract_diagonal(cairn_sym3 *d, const cairn_real *sum)
 {
-    struct block_solver_panel *p = &s->p;
-    int32_t row = s->rows[s->column[s->source + 1] - from_end], count = 0;
-
-    for (int32_t t = 0; t < p->targets && p->target[t] < row; t += 2) {
-        cairn_real sum[3][6];
-
-        if (s->coupled)
-            sum_products(s, from_end, p->factor[t / 2][0][0], sum);
-        else
-            sum_plane_products(s, from_end, p->factor[t / 2][0][0], sum);
-        subtract_sum(s, row, p->target[t], sum, 0);
-        if (t + 1 < p->targets && p->target[t + 1] < row)
-            subtract_sum(s, row, p->target[t + 1], sum, 3);
-        count += 2 * p->width;
-    }
-    return count;
+    d->xx -= sum[0];
+    d->xy -= sum[1];
+    d->xz -= sum[2];
+    d->yy -= sum[PAIR + 1];
+    d->yz -= sum[PAIR + 2];
+    d->zz -= sum[2 * PAIR + 2];
 }
 
-/* Some blocks of the source columns. */
+/* Subtracts the products of a row's blocks from the targets' blocks in the row, the row's place in whose columns is `place`,
+ * and from its diagonal where it is a target itself. Returns how many products were made. */
+static int32_t subtract_pairs(cairn_block_solver *s, int32_t from_end, int32_t row, int32_t place)
+{
+    const struct block_solver_panel *p = &s->p;
+    int32_t t = 0;
+
+    for (; t < p->targets && p->target[t] <= row; t += 2) {
+        cairn_real sum[3][PAIR];
+
+        sum_products(s, from_end, p->factor + t / 2 * (BLOCK_SOLVER_WIDTH * PAIR_FACTOR), sum);
+        for (int32_t u = t; u < t + 2 && u < p->targets; u++) {
+            if (p->target[u] < row)
+                subtract_block(s->blocks[s->column[p->target[u] + 1] - place], &sum[0][3 * (u - t)]);
+            else if (p->target[u] == row)
+                subtract_diagonal(&s->diagonal[row], &sum[0][3 * (u - t)]);
+        }
+    }
+    return t * p->width;
+}
+
+/* The same without third unknowns. */
+static int32_t subtract_four(cairn_block_solver *s, int32_t from_end, int32_t row, int32_t place)
+{
+    const struct block_solver_panel *p = &s->p;
+    cairn_real sum[2][FOUR];
+    int32_t t = 0;
+
+    sum_plane_products(s, from_end, sum);
+    for (; t < p->targets && p->target[t] <= row; t++) {
+        const cairn_real *a = &sum[0][2 * t], *b = &sum[1][2 * t];
+
+        if (p->target[t] < row) {
+            cairn_real *block = s->blocks[s->column[p->target[t] + 1] - place];
+
+            block[0] -= a[0];
+            block[1] -= a[1];
+            block[3] -= b[0];
+            block[4] -= b[1];
+        } else {
+            s->diagonal[row].xx -= a[0];
+            s->diagonal[row].xy -= a[1];
+            s->diagonal[row].yy -= b[1];
+        }
+    }
+    return t * p->width;
+}
+
+/* Subtracts the products of some rows' blocks of the source columns. */
 static int32_t subtract(cairn_block_solver *s)
 {
+    const int32_t *end = s->rows + s->column[s->source + 1];
     int32_t count = 0;
 
-    while (s->block > 0 && count < BLOCK_SOLVER_CHUNK)
-        count += subtract_row(s, s->block--);
+    for (; s->block > 0 && count < BLOCK_SOLVER_CHUNK; s->block--) {
+        int32_t row = end[-s->block];
+
+        count += s->coupled ? subtract_pairs(s, s->block, row, s->o.mark[row])
+                            : subtract_four(s, s->block, row, s->o.mark[row]);
+    }
     if (s->block == 0) {
         s->source += s->p.width;
         s->phase = BLOCK_SOLVER_COLUMN;
@@ -451,39 +301,60 @@ static int32_t subtract(cairn_block_solver *s)
     return count;
 }
 
-/* The factor D_k^-1 C_jk^T of a source column for a target, in whose row its block is C_jk; and the target's diagonal. */
-static void begin_product(cairn_block_solver *s, int32_t column, int32_t t)
-{
-    const cairn_real *c = s->blocks[s->column[column + 1] - s->p.from_end[t]];
-    cairn_real(*m)[6] = s->p.factor[t / 2][column - s->source];
-    cairn_sym3 *d = &s->diagonal[s->p.target[t]];
-    int h = t % 2 * 3;
+/* ---- Factors ---- */
 
-    multiply_sym(s->diagonal[column], c, m, h);
-    d->xx -= c[0] * m[0][h] + c[1] * m[1][h] + c[2] * m[2][h];
-    d->xy -= c[0] * m[0][h + 1] + c[1] * m[1][h + 1] + c[2] * m[2][h + 1];
-    d->xz -= c[0] * m[0][h + 2] + c[1] * m[1][h + 2] + c[2] * m[2][h + 2];
-    d->yy -= c[3] * m[0][h + 1] + c[4] * m[1][h + 1] + c[5] * m[2][h + 1];
-    d->yz -= c[3] * m[0][h + 2] + c[4] * m[1][h + 2] + c[5] * m[2][h + 2];
-    d->zz -= c[6] * m[0][h + 2] + c[7] * m[1][h + 2] + c[8] * m[2][h + 2];
+/* D C^T */
+static void multiply_sym(cairn_sym3 d, const cairn_real c[9], cairn_real *product)
+{
+    for (int k = 0; k < 3; k++, c += 3) {
+        product[k] = d.xx * c[0] + d.xy * c[1] + d.xz * c[2];
+        product[PAIR + k] = d.xy * c[0] + d.yy * c[1] + d.yz * c[2];
+        product[2 * PAIR + k] = d.xz * c[0] + d.yz * c[1] + d.zz * c[2];
+    }
+}
+
+static void multiply_plane_sym(cairn_sym3 d, const cairn_real c[9], cairn_real *product)
+{
+    for (int k = 0; k < 2; k++, c += 3) {
+        product[k] = d.xx * c[0] + d.xy * c[1];
+        product[FOUR + k] = d.xy * c[0] + d.yy * c[1];
+    }
+}
+
+/* The factors D_k^-1 C_jk^T of the source columns k for a target j, in whose row their blocks are C_jk. */
+static void begin_target(cairn_block_solver *s, int32_t t)
+{
+    struct block_solver_panel *p = &s->p;
+
+    for (int32_t k = 0; k < p->width; k++) {
+        const cairn_real *c = s->blocks[s->column[s->source + k + 1] - p->from_end[t]];
+        cairn_sym3 d = s->diagonal[s->source + k];
+
+        if (s->coupled)
+            multiply_sym(d, c, p->factor + (t / 2 * BLOCK_SOLVER_WIDTH + k) * PAIR_FACTOR + t % 2 * 3);
+        else
+            multiply_plane_sym(d, c, p->factor + k * FOUR_FACTOR + t * 2);
+    }
 }
 
 /* The next columns of the run that is subtracted. */
 static int32_t begin_columns(cairn_block_solver *s)
 {
     struct block_solver_panel *p = &s->p;
+    cairn_real *last_pair = p->factor + p->targets / 2 * (BLOCK_SOLVER_WIDTH * PAIR_FACTOR);
 
     p->width = p->source_end - s->source;
     if (p->width > BLOCK_SOLVER_WIDTH)
         p->width = BLOCK_SOLVER_WIDTH;
-    if (p->targets % 2 == 1)
-        memset(p->factor[p->targets / 2], 0, (size_t)p->width * sizeof p->factor[0][0]);
+    if (s->coupled && p->targets % 2 == 1)
+        memset(last_pair, 0, (size_t)p->width * PAIR_FACTOR * sizeof *p->factor);
+    else if (!s->coupled && p->targets < BLOCK_SOLVER_PANEL)
+        memset(p->factor, 0, (size_t)p->width * FOUR_FACTOR * sizeof *p->factor);
     for (int32_t t = 0; t < p->targets; t++)
-        for (int32_t k = 0; k < p->width; k++)
-            begin_product(s, s->source + k, t);
-    s->block = p->from_end[0] - 1;
+        begin_target(s, t);
+    s->block = p->from_end[0];
     s->phase = BLOCK_SOLVER_SUBTRACT;
-    return 2 * p->width * p->targets + subtract(s);
+    return p->width * p->targets + subtract(s);
 }
 
 int32_t cairn_block_factor_item(cairn_block_solver *s)

@@ -1,5 +1,6 @@
 /* What the parts of block_solver share: block_solver.c (structure, values, steps), block_solver_order.c (minimum degree),
- * block_solver_factor.c (pattern of the factor, LDL^T, solutions), block_solver_inverse.c (selected inverse). */
+ * block_solver_pattern.c (pattern of the factor), block_solver_factor.c (LDL^T, solutions), block_solver_inverse.c (selected
+ * inverse). */
 #ifndef CAIRN_CORE_BLOCK_SOLVER_WORK_H
 #define CAIRN_CORE_BLOCK_SOLVER_WORK_H
 
@@ -8,7 +9,11 @@
 /* Entries of lists that are walked for one unit. */
 enum { BLOCK_SOLVER_ENTRIES = 16 };
 /* Columns that are subtracted at a time, and columns from which they are. */
-enum { BLOCK_SOLVER_WIDTH = 16, BLOCK_SOLVER_PANEL = 4 };
+enum {
+    BLOCK_SOLVER_WIDTH = 16,
+    BLOCK_SOLVER_PANEL = 4,
+    BLOCK_SOLVER_FACTOR = 9 * BLOCK_SOLVER_WIDTH * BLOCK_SOLVER_PANEL
+};
 /* Blocks that are multiplied between two looks at the budget; in the factor less than WIDTH PANEL more. */
 enum { BLOCK_SOLVER_CHUNK = 16 };
 
@@ -65,8 +70,7 @@ struct block_solver_panel {
     int32_t target[BLOCK_SOLVER_PANEL];
     int32_t from_end[BLOCK_SOLVER_PANEL];    /* of the source columns' block in the target's row */
     cairn_real scale[BLOCK_SOLVER_PANEL][3]; /* of the diagonal before elimination */
-    /* [PANEL / 2] of each pair of targets for each source column; of a target without another the second half is zero. */
-    cairn_real (*factor)[BLOCK_SOLVER_WIDTH][3][6];
+    cairn_real *factor;                      /* [BLOCK_SOLVER_FACTOR] see block_solver_factor.c */
 };
 
 struct cairn_block_solver {

@@ -4,18 +4,25 @@
 
 #include "src/mapping/pose_graph_work.h"
 
-cairn_sym3 cairn_pose_graph_turned(cairn_sym3 information, cairn_real theta)
+/* The information turned by an angle of this sine and cosine. */
+static cairn_sym3 turned_by(cairn_sym3 information, cairn_real s, cairn_real c)
 {
-    cairn_real s, c;
     cairn_sym3 m = information;
 
-    cairn_sincos(theta, &s, &c);
     m.xx = c * c * information.xx - 2 * c * s * information.xy + s * s * information.yy;
     m.yy = s * s * information.xx + 2 * c * s * information.xy + c * c * information.yy;
     m.xy = c * s * (information.xx - information.yy) + (c * c - s * s) * information.xy;
     m.xz = c * information.xz - s * information.yz;
     m.yz = s * information.xz + c * information.yz;
     return m;
+}
+
+cairn_sym3 cairn_pose_graph_turned(cairn_sym3 information, cairn_real theta)
+{
+    cairn_real s, c;
+
+    cairn_sincos(theta, &s, &c);
+    return turned_by(information, s, c);
 }
 
 /* rho(s) and its derivative, the weight, with c^2 widened. */
@@ -59,7 +66,7 @@ static void residual(const struct pose_graph_link *link, const cairn_pose *poses
     e[0] = b.x - a.x - (c * link->measured.x - s * link->measured.y);
     e[1] = b.y - a.y - (s * link->measured.x + c * link->measured.y);
     e[2] = cairn_wrap_angle(b.theta - a.theta - link->measured.theta);
-    *w = cairn_pose_graph_turned(link->information, a.theta);
+    *w = turned_by(link->information, s, c);
 }
 
 /* The same of the unit vectors of headings; *turn is R_z. */

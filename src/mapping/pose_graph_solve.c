@@ -10,8 +10,9 @@
  *
  * Near the minimum the factor of earlier poses preconditions conjugate gradients (Fletcher and Reeves 1964): what a link asks
  * for hardly changes in the frames of its poses, so right sides and solutions are turned between the headings of then and of
- * now. How far to go tells the curvature along the step. A full step across which weak motions bend the graph may make the
- * cost higher by their second order, which the next such step takes away: it is judged after that one.
+ * now. How far to go tells the curvature along the step, and when to end the slope, which is the decrease that the factor
+ * promises. A full step across which weak motions bend the graph may make the cost higher by their second order, which the
+ * next such step takes away: it is judged after that one.
  *
  * Graduated: c^2 is multiplied by 2 max(e^T Omega e) / c^2 at first and by 1 / 1.4 from iteration to iteration (Yang,
  * Antonante, Tzoumas and Carlone 2020).
@@ -101,12 +102,21 @@ static void lower_damping(cairn_pose_graph *g)
     g->refused = 0;
 }
 
-/* Whether the factor serves the next step, too, after one that made the cost less by `better`. */
+/* A change of the cost that does not count. */
+static cairn_real little(const cairn_pose_graph *g)
+{
+    return g->params.converged * (g->base_cost + (cairn_real)g->state.links);
+}
+
+/* Whether the factor serves the next step, too, after one that made the cost less by `better`: not where that was little and
+ * the factor had promised more. */
 static int serves_again(const cairn_pose_graph *g, cairn_real better)
 {
     if (g->widening > 1 || g->length < 1)
         return 0;
-    return g->reuse && !g->ahead ? better <= SLOWING * g->better : better <= SMALL_STEP * g->base_cost;
+    if (!g->reuse || g->ahead)
+        return better <= SMALL_STEP * g->base_cost;
+    return better <= SLOWING * g->better && (better > little(g) || better >= SLOWING * g->slope);
 }
 
 /* Whether a step to a higher cost is judged after another one with its factor. */
@@ -115,12 +125,12 @@ static int goes_ahead(const cairn_pose_graph *g, cairn_real better)
     return !g->reuse && g->length == 1 && g->widening <= 1 && -better <= SMALL_STEP * g->base_cost;
 }
 
-/* A step has been tried: its cost is g->cost, that of the base g->base_cost, both with the same kernel. */
+/* A step has been tried: its cost is g->cost, that of the base g->base_cost, both with the same kernel. One with an old
+ * factor tells nothing about rest; its slope does, see end_slope(). */
 static void judge_step(cairn_pose_graph *g)
 {
     cairn_real better = g->base_cost - g->cost;
-    cairn_real little = g->params.converged * (g->base_cost + (cairn_real)g->state.links);
-    int at_rest = cairn_abs(better) <= little && g->widening <= 1;
+    int at_rest = !g->reuse && cairn_abs(better) <= little(g) && g->widening <= 1;
     int32_t next = POSE_GRAPH_CLEAR;
 
     g->state.iterations++;
@@ -303,6 +313,15 @@ static int32_t clear_equations(cairn_pose_graph *g)
     return g->state.poses + g->state.fill;
 }
 
+/* The slope is by how much the cost would become less if the factor were that of the matrix here. */
+static void end_slope(cairn_pose_graph *g)
+{
+    if (!g->ahead && cairn_abs(g->slope) <= little(g))
+        finish(g, CAIRN_POSE_GRAPH_CONVERGED);
+    else
+        enter(g, g->mode, POSE_GRAPH_DIRECTION);
+}
+
 /* Where there is no way down the factor serves no longer. */
 static void end_curvature(cairn_pose_graph *g)
 {
@@ -409,7 +428,7 @@ static int32_t do_item(cairn_pose_graph *g)
         if (g->at < poses)
             add_slope(g, g->at++);
         else
-            enter(g, g->mode, POSE_GRAPH_DIRECTION);
+            end_slope(g);
         return UNITS_POSE;
     case POSE_GRAPH_DIRECTION:
         if (g->at < poses)
