@@ -189,9 +189,10 @@ static int32_t read_names(const char *folder, char **names)
 static int is_right(const bench_reflections *truth, const cairn_curve *shape, int32_t count,
                     const cairn_symmetry_axis *axis, cairn_vec2 middle)
 {
-    return bench_reflections_hit(truth, axis->end[0], axis->end[1], middle) ||
-           bench_reflections_overlap(shape, count, axis->end[0], axis->end[1]) >=
-               truth->axes[0].overlap - BENCH_AS_GOOD;
+    cairn_vec2 from = axis->mirror_point, to = cairn_vec2_add(from, axis->mirror_along);
+
+    return bench_reflections_hit(truth, from, to, middle) ||
+           bench_reflections_overlap(shape, count, from, to) >= truth->axes[0].overlap - BENCH_AS_GOOD;
 }
 
 /* Looks at one picture when it has a mirror axis. 0: a line was printed. */
@@ -228,12 +229,14 @@ static int run_picture(const settings *s, sums t[MODES], const char *path, const
         cairn_box box = cairn_box_empty();
         cairn_vec2 middle;
         int among = 0, first = 0;
+        int32_t right = 0;
 
         for (int32_t i = 0; i < shape[0].count; i++)
             box = cairn_box_extend(box, shape[0].points[i]);
         middle = cairn_vec2_scale(cairn_vec2_add(box.min, box.max), (cairn_real)0.5);
         ok = analyze(&t[mode], shape, count, &r);
         for (int32_t k = 0; k < r.count && ok && !among; k++) {
+            right = k;
             among |= is_right(&truth, shape, count, &r.axes[k], middle);
             first = k == 0 ? among : first;
         }
@@ -249,6 +252,9 @@ static int run_picture(const settings *s, sums t[MODES], const char *path, const
             bench_json_integer("listed", among);
             if (r.count > 0)
                 print_axis("first", &r.axes[0]);
+            if (among)
+                print_axis("right", &r.axes[right]);
+            bench_json_integer("right", among ? right : r.count);
             bench_json_end();
         }
     }

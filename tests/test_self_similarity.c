@@ -391,6 +391,60 @@ static void joints_do_not_matter(void **state)
 
 /* ---- Verdicts ---- */
 
+/* An egg, 100 high, slit from above along its axis down to 12 above the lower end; turned by `turn`. */
+static cairn_curve slit_egg(cairn_vec2 *p, double turn)
+{
+    const double half_slit = 2, slit_end = 12;
+    int32_t side = 60, count = 0;
+
+    for (int32_t i = 0; i <= 2 * side; i++) { /* from the slit's left lip down and up to its right one */
+        double share = -1 + (double)i / side, angle = PI * share, x = sin(angle), y = -cos(angle);
+        double wide = 38 - 8 * y;
+
+        if (fabs(wide * x) < half_slit && y > 0)
+            continue;
+        p[count++] = at(wide * x, 50 + 50 * y);
+    }
+    p[count++] = at(half_slit, 99);
+    p[count++] = at(half_slit, slit_end);
+    p[count++] = at(-half_slit, slit_end);
+    p[count++] = at(-half_slit, 99);
+    for (int32_t i = 0; i < count; i++)
+        p[i] = at(cos(turn) * (double)p[i].x - sin(turn) * (double)p[i].y,
+                  sin(turn) * (double)p[i].x + cos(turn) * (double)p[i].y);
+    return closed(p, count);
+}
+
+/* The axis is short, a sample at its end would turn it by degrees; all samples tell the line. */
+static void the_mirror_line_is_told_by_all_samples(void **state)
+{
+    static cairn_vec2 p[MOST];
+    looking by_ends = of_mode(CAIRN_SYMMETRY_AS_WRITTEN), l = of_mode(CAIRN_SYMMETRY_RERANKED);
+    double worst_chord = 0;
+
+    (void)state;
+    for (int k = 0; k < 8; k++) {
+        double turn = 0.1 + 0.37 * k;
+        cairn_curve egg = slit_egg(p, turn);
+        cairn_self_similarity_result r = look(&l, &egg, 1), written;
+        cairn_vec2 along = at(-sin(turn), cos(turn)), chord = cairn_vec2_sub(r.axes[0].end[1], r.axes[0].end[0]);
+
+        assert_true(r.count > 0);
+        assert_near(cairn_vec2_norm(r.axes[0].mirror_along), 1, 1e-5);
+        assert_near(cairn_vec2_cross(r.axes[0].mirror_along, along), 0, 0.004);
+        assert_near(cairn_vec2_cross(r.axes[0].mirror_point, along), 0, 0.5);
+        worst_chord = fmax(worst_chord, fabs((double)cairn_vec2_cross(cairn_vec2_unit(chord), along)));
+        written = look(&by_ends, &egg, 1);
+        for (int32_t i = 0; i < written.count; i++) {
+            chord = cairn_vec2_sub(written.axes[i].end[1], written.axes[i].end[0]);
+            assert_near(cairn_vec2_cross(written.axes[i].mirror_along, cairn_vec2_unit(chord)), 0, 1e-5);
+        }
+    }
+    assert_true(worst_chord > 0.01);
+    test_pool_free(&by_ends.pool);
+    test_pool_free(&l.pool);
+}
+
 static void many_axes_are_said_so(void **state)
 {
     static const int corners[] = {3, 4, 5, 6};
@@ -671,6 +725,7 @@ int main(void)
         cmocka_unit_test(finds_a_plain_axis),
         cmocka_unit_test(takes_bends_and_skews_back),
         cmocka_unit_test(joints_do_not_matter),
+        cmocka_unit_test(the_mirror_line_is_told_by_all_samples),
         cmocka_unit_test(many_axes_are_said_so),
         cmocka_unit_test(a_circle_has_no_single_axis),
         cmocka_unit_test(a_bar_has_two),

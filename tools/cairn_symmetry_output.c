@@ -209,11 +209,12 @@ static void write_axis(cairn_output *output, const cairn_symmetry_axis *a)
         output,
         "  {\"ends\": [[%.2f, %.2f], [%.2f, %.2f]], \"places\": [%.5f, %.5f], \"arcs\": [[%.5f, %.5f], "
         "[%.5f, %.5f]],\n   \"dissimilarity\": %.6f, \"misfit\": %.6f, \"warp\": %.6f, \"bend_deg\": %.2f, "
-        "\"skew\": %.4f, \"vertices\": %d, \"division\": %d}",
+        "\"skew\": %.4f,\n   \"mirror\": [%.2f, %.2f, %.3f], \"vertices\": %d, \"division\": %d}",
         (double)a->end[0].x, (double)a->end[0].y, (double)a->end[1].x, (double)a->end[1].y, (double)a->place[0],
         (double)a->place[1], (double)a->arc[0].from, (double)a->arc[0].to, (double)a->arc[1].from, (double)a->arc[1].to,
         (double)a->dissimilarity, (double)a->misfit, (double)a->warp, DEGREES * (double)a->bend, (double)a->skew,
-        (int)a->vertices, (int)a->division);
+        (double)a->mirror_point.x, (double)a->mirror_point.y,
+        DEGREES * atan2((double)a->mirror_along.y, (double)a->mirror_along.x), (int)a->vertices, (int)a->division);
 }
 
 cairn_status symmetry_write(const symmetry_found *f, const char *path, cairn_file_error *error)

@@ -74,8 +74,11 @@ typedef struct cairn_symmetry_axis {
     cairn_real warp;   /* and how unlike the arcs are by nearby inner distances; 0 where joints explain nothing */
     cairn_real bend;   /* rad, by which the axis turns from end[0] to end[1]; 0 as written */
     cairn_real skew;   /* tangent of the angle by which ribs lean against the axis; 0 as written */
-    int32_t vertices;  /* of the level that it was found on; 0: between critical points */
-    int32_t division;  /* 1 ... 4 of the thesis; 0 when re-ranked */
+    /* The line in which one arc, mirrored, lies best on the other: a point of it and its direction, of length 1. Of an axis that neither
+     * bends nor leans it is the axis itself, told by all samples and not by its ends alone. As written: that through both ends. */
+    cairn_vec2 mirror_point, mirror_along;
+    int32_t vertices; /* of the level that it was found on; 0: between critical points */
+    int32_t division; /* 1 ... 4 of the thesis; 0 when re-ranked */
 } cairn_symmetry_axis;
 
 typedef int32_t cairn_symmetry_verdict;

@@ -21,7 +21,7 @@ enum { LEAST_POINTS = 16, MOST_POINTS = 512, LEAST_HOLE = 4, LEAST_VERTICES = 4 
 /* Both ends of an axis, in both arcs. */
 enum { FLAT_ENDS = 4 };
 /* Units: distances compared. */
-enum { DISTANCES_A_UNIT = 24, UNITS_A_JUDGEMENT = 64 };
+enum { DISTANCES_A_UNIT = 24, UNITS_AN_AXIS = 4 };
 
 cairn_self_similarity_params cairn_self_similarity_default(void)
 {
@@ -317,23 +317,32 @@ static cairn_symmetry_axis axis_of(const cairn_self_similarity *s, const similar
     axis.warp = cut->warp;
     axis.bend = cut->bend;
     axis.skew = cut->skew;
+    axis.mirror_point = cairn_vec2_scale(cairn_vec2_add(axis.end[0], axis.end[1]), CAIRN_REAL(0.5));
+    axis.mirror_along = cairn_vec2_unit(cairn_vec2_sub(axis.end[1], axis.end[0]));
     axis.vertices = cut->vertices;
     axis.division = cut->division;
     return axis;
 }
 
-static void judge(cairn_self_similarity *s)
+/* An axis a time, then the verdict. */
+static cairn_status step_judge(cairn_self_similarity *s, cairn_budget *budget)
 {
-    cairn_real good = 0;
+    int32_t fits = s->params.mode != CAIRN_SYMMETRY_AS_WRITTEN, count = s->list.count;
+    int32_t units = UNITS_AN_AXIS + (fits ? cairn_similarity_mirror_units(s) : 0);
+    cairn_real good;
 
-    for (int32_t i = 0; i < s->list.count && i < CAIRN_SYMMETRY_AXES; i++) {
-        s->axes[i] = axis_of(s, &s->list.cuts[i]);
-        if (i == 0)
-            good = s->axes[0].dissimilarity * (1 + s->params.tie) + s->params.tie_floor;
-        s->ties += s->axes[i].dissimilarity <= good;
-        s->axis_count = i + 1;
+    for (; s->i < count && s->i < CAIRN_SYMMETRY_AXES; s->i++) {
+        if (!cairn_budget_pay(budget, &s->paid, units))
+            return CAIRN_MORE;
+        s->axes[s->i] = axis_of(s, &s->list.cuts[s->i]);
+        if (fits)
+            cairn_similarity_mirror(s, &s->list.cuts[s->i], &s->axes[s->i]);
+        good = s->axes[0].dissimilarity * (1 + s->params.tie) + s->params.tie_floor;
+        s->ties += s->axes[s->i].dissimilarity <= good;
+        s->axis_count = s->i + 1;
     }
     s->verdict = s->ties < 2 ? CAIRN_SYMMETRY_ONE : s->rotations == 0 ? CAIRN_SYMMETRY_ROUND : CAIRN_SYMMETRY_MANY;
+    return CAIRN_OK;
 }
 
 /* ---- All of it ---- */
@@ -397,10 +406,7 @@ static cairn_status step_phase(cairn_self_similarity *s, cairn_budget *budget)
     case SIMILARITY_TURN:
         return cairn_similarity_turn_step(s, budget);
     default:
-        if (!cairn_budget_pay(budget, &s->paid, UNITS_A_JUDGEMENT))
-            return CAIRN_MORE;
-        judge(s);
-        return CAIRN_OK;
+        return step_judge(s, budget);
     }
 }
 

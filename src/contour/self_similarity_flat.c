@@ -14,10 +14,12 @@
 #define MOST_BEND CAIRN_REAL(3.0)
 #define MOST_SKEW CAIRN_REAL(1.0)
 /* In spans: no sample counts for more. */
+/* In spans: in shapes whose joints moved, no sample counts for more. */
+#define CLOSE       CAIRN_REAL(0.01)
 #define MOST_MISFIT CAIRN_REAL(0.1)
 /* In spans a rad, the first degrees of a bend the most, and spans for ribs that lean by 45 degrees. */
-#define BEND_COST CAIRN_REAL(0.008)
-#define BEND_HALF (CAIRN_PI / 2)
+#define BEND_COST CAIRN_REAL(0.03)
+#define BEND_HALF CAIRN_REAL(0.25)
 #define SKEW_COST CAIRN_REAL(0.008)
 
 enum { PAIRS = 12 };
@@ -179,7 +181,7 @@ static cairn_real misfit_of_holes(cairn_self_similarity *s, const similarity_cut
 
 void cairn_similarity_try(cairn_self_similarity *s, similarity_trial *t, int32_t stride)
 {
-    cairn_real sum = 0, most = MOST_MISFIT * s->span, bend = cairn_abs(t->cut.bend);
+    cairn_real sum = 0, close = 0, most = MOST_MISFIT * s->span, bend = cairn_abs(t->cut.bend);
     int32_t count = 0;
 
     t->sides = cairn_similarity_sides(s, &t->cut, stride);
@@ -190,7 +192,9 @@ void cairn_similarity_try(cairn_self_similarity *s, similarity_trial *t, int32_t
 
             t->near[count++] = nearest_side(&t->flat, arc, i, &distance);
             sum += cairn_min(distance, most);
+            close += cairn_min(distance, CLOSE * s->span);
         }
+    t->cut.close = count > 0 ? close / ((cairn_real)count * s->span) : CLOSE;
     sum += s->holes > 0 ? misfit_of_holes(s, &t->cut, most, &count) : 0;
     s->comparisons++;
     t->cut.misfit = count > 0 ? sum / ((cairn_real)count * s->span) : MOST_MISFIT;

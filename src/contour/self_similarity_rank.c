@@ -3,7 +3,8 @@
  * Method: all pairs of every other sample are judged by their misfit, as they are and with the bend and skew that pairs of points
  * between them speak for. The best of these, and the best of the thesis's search, are fitted. Where even the best of all leaves more
  * than a bend and a skew explain, limbs have moved at their joints: the pairs are warped once more, by the inner distances to
- * nearby samples alone, which joints farther off leave as they are, and the two judgements are blended. */
+ * nearby samples alone, which joints farther off leave as they are. The warp is blended with how much of the arcs lies close when one is mirrored,
+ * which is the body between the limbs, and that with the first judgement. */
 #include "src/core/build.h"
 
 #include "src/contour/self_similarity_work.h"
@@ -14,6 +15,8 @@ enum { SCANNED = 16, WRITTEN = 12, JOINTED = 8 };
 #define EXPLAINED   CAIRN_REAL(0.012)
 #define UNEXPLAINED CAIRN_REAL(0.022)
 /* Ends that are nearer than this share of the outline make no cut; samples within that share are nearby. */
+/* Of the warp where joints moved; the rest is that of what lies close, the body that did not. */
+#define WARP_SHARE CAIRN_REAL(0.45)
 enum { LEAST_PART = 8, NEARBY_PART = 10 };
 
 void cairn_similarity_scan_begin(cairn_self_similarity *s)
@@ -233,11 +236,12 @@ cairn_status cairn_similarity_blend_step(cairn_self_similarity *s, cairn_budget 
                 return CAIRN_MORE;
             cut->cost = s->trial[s->current].cut.cost;
             cut->misfit = s->trial[s->current].cut.misfit;
+            cut->close = s->trial[s->current].cut.close;
         } else if (!cairn_budget_pay(budget, &s->paid, warp_units(s, 1))) {
             return CAIRN_MORE;
         }
         cut->warp = warp_of(s, cut, 1);
-        cut->cost = blend(cut->cost, cut->warp, s->jointed);
+        cut->cost = blend(cut->cost, blend(cut->close, cut->warp, WARP_SHARE), s->jointed);
         set_arcs(s, cut);
         cairn_similarity_offer(s, &s->list, cut);
     }

@@ -37,6 +37,7 @@ typedef struct similarity_cut {
     cairn_real from[2], to[2];
     cairn_real cost; /* by which it is ranked */
     cairn_real misfit, warp;
+    cairn_real close; /* the misfit with distances that end to count early */
     cairn_real bend, skew;
     int32_t vertices, division;
 } similarity_cut;
@@ -147,6 +148,10 @@ int32_t cairn_similarity_trial_units(const cairn_self_similarity *s, int32_t str
 /* Fits the cut of the standing trial; CAIRN_OK: it is as good as it gets. */
 void cairn_similarity_fit_begin(cairn_self_similarity *s, const similarity_cut *cut);
 cairn_status cairn_similarity_fit_step(cairn_self_similarity *s, cairn_budget *budget);
+
+/* Fits the mirror line of an axis from where it lies; and its units. Needs the span. */
+void cairn_similarity_mirror(const cairn_self_similarity *s, const similarity_cut *cut, cairn_symmetry_axis *axis);
+int32_t cairn_similarity_mirror_units(const cairn_self_similarity *s);
 
 /* ---- Re-ranking: one function for each of its phases ---- */
 
