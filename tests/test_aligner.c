@@ -1287,17 +1287,17 @@ static uint64_t hash_of_scene(const struct scene *scene)
 static void results_stay_as_they_are(void **state)
 {
     static const struct scene scenes[] = {
-        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0x8bccd605f2c38ac5), UINT64_C(0x86e40b819f8e090a)},
-        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x5dadceb48e64c966), UINT64_C(0x93071a519690439c)},
-        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0x920068b84ba41ad9), UINT64_C(0xff1eaa4237084b1f)},
-        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0xbe067d86a3b99f23), UINT64_C(0xd47c956ac758209c)},
-        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0xa7c7e9052ed29c1d), UINT64_C(0x58c2127f36fcd500)},
-        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x563a80304149abf5), UINT64_C(0x104cd008a27d7ddd)},
-        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0xef31c2f1039dc699), UINT64_C(0xf591cb4428a46019)},
-        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0xcc3273027e156836), UINT64_C(0x6b557d0aac9ed9fe)},
-        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0x6a1625af163d8496), UINT64_C(0xc190126fd4761f1b)},
-        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0xdf29eaf658f1a1bc), UINT64_C(0x02b617848053f5ec)},
-        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x19ad1f10bc3d9b8e), UINT64_C(0xe914756158a31e5d)},
+        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0x0d1bd2988d3fb6c7), UINT64_C(0xfacc7b07b2dff578)},
+        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x22d58f5bc203087e), UINT64_C(0x61f920f4f7ca6c88)},
+        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0xea25d31263a7c445), UINT64_C(0x9c2dd0dd6050247f)},
+        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x94a35ffc423ee16e), UINT64_C(0x48e2e0ff0d9b8f48)},
+        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0x59a01e92995b73ea), UINT64_C(0x81094de766987e5c)},
+        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x91abbd1be7150236), UINT64_C(0x5af2060d6b3fa0fe)},
+        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0x14c420e05dddf9d8), UINT64_C(0xb013210d0cac36fe)},
+        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x0d881f0d53d1b862), UINT64_C(0x3f9fce7d8e57c5c0)},
+        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0x856a94b135bd0530), UINT64_C(0xfff922c08dce1836)},
+        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x6c2b2f1f7ddeeda2), UINT64_C(0x4c0210fa920cacde)},
+        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x6c74bb2915e6d9d5), UINT64_C(0x359a28e1e2e5978d)},
     };
 
     (void)state;
