@@ -1018,7 +1018,6 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_part_configuration_params, nearest, 4, 4)},
     {FIELD(cairn_part_configuration_params, min_parts, 8, 8)},
     {FIELD(cairn_part_configuration_params, max_found, 12, 12)},
-    {FIELD(cairn_part_configuration_params, max_nodes, 16, 16)},
     {FIELD(cairn_part_configuration_params, seek, 20, 20)},
     {FIELD(cairn_part_configuration_params, centre, 24, 24)},
     {FIELD(cairn_part_configuration_params, ratio, 32, 28)},

@@ -525,6 +525,7 @@ static void refuses_bad_input(void **state)
     cairn_fragment_match_params params = small_params();
     cairn_budget budget = {INT32_MAX};
     cairn_part_model bad;
+    cairn_part_fragment odd;
     matching m;
 
     (void)state;
@@ -554,6 +555,17 @@ static void refuses_bad_input(void **state)
     bad = m.model;
     bad.centroid.y = (cairn_real)NAN;
     assert_status(cairn_fragment_match_begin(m.matcher, &bad, m.chains, 1), CAIRN_NOT_FINITE);
+    bad = m.model;
+    odd = m.model.fragments[0];
+    odd.length = (cairn_real)INFINITY;
+    bad.fragments = &odd;
+    bad.fragment_count = 1;
+    assert_status(cairn_fragment_match_begin(m.matcher, &bad, m.chains, 1), CAIRN_NOT_FINITE);
+    odd.length = -1;
+    assert_status(cairn_fragment_match_begin(m.matcher, &bad, m.chains, 1), CAIRN_NOT_FINITE);
+    odd = m.model.fragments[0];
+    odd.first = -1;
+    assert_status(cairn_fragment_match_begin(m.matcher, &bad, m.chains, 1), CAIRN_BAD_ARGUMENT);
     m.chains[0].count = -1;
     assert_status(cairn_fragment_match_begin(m.matcher, &m.model, m.chains, 1), CAIRN_BAD_ARGUMENT);
     m.chains[0].count = CORNERS;

@@ -145,16 +145,14 @@ static double slow_score(const slow_search *s)
 static int rival(const voting *v, int32_t a, int32_t b)
 {
     const cairn_part_vote *p = &v->votes[a], *q = &v->votes[b];
-    double shorter = fmin((double)(p->to - p->from), (double)(q->to - q->from));
+    double shorter = fmin((double)(p->to - p->from), (double)(q->to - q->from)), sum = 0;
 
     if (p->chain != q->chain)
         return 0;
-    for (int k = -1; k <= 1; k++)
-        if (fmin((double)(p->to + (cairn_real)k * p->round), (double)q->to) -
-                fmax((double)(p->from + (cairn_real)k * p->round), (double)q->from) >
-            (double)v->params.overlap * shorter)
-            return 1;
-    return 0;
+    for (int k = p->round > 0 ? -1 : 0; k <= (p->round > 0); k++)
+        sum += fmax(0, fmin((double)(p->to + (cairn_real)k * p->round), (double)q->to) -
+                           fmax((double)(p->from + (cairn_real)k * p->round), (double)q->from));
+    return sum > (double)v->params.overlap * shorter;
 }
 
 static void try_all(slow_search *s, int32_t bundle)
@@ -281,6 +279,14 @@ static void says_where(void **state)
     r = run(&v);
     assert_int_equal(r.votes[r.found[0].first + 1], 1);
     v.votes[0].round = v.votes[1].round = 25;
+    r = run(&v);
+    assert_int_equal(r.votes[r.found[0].first + 1], 2);
+    /* They meet at both ends, at neither for long. */
+    v.votes[0].round = v.votes[1].round = 100;
+    v.votes[0].from = 0;
+    v.votes[0].to = 59;
+    v.votes[1].from = 49;
+    v.votes[1].to = 110;
     r = run(&v);
     assert_int_equal(r.votes[r.found[0].first + 1], 2);
     test_pool_free(&v.pool);

@@ -61,7 +61,8 @@ CAIRN_CHECKED cairn_status cairn_fragment_match_create(cairn_fragment_matcher **
  * What ran before is dropped. Chains of fewer than two points or without length match nothing; so do fragments without length. Equal matches: the
  * larger scale is the better one, then the chain of the lower index. CAIRN_BAD_ARGUMENT: NULL (chains may be NULL when there are none), a
  * negative count, fewer than 2 samples to a fragment. CAIRN_FULL: more fragments, samples, chains than the params say, a chain longer
- * than max_samples steps of min_step. CAIRN_NOT_FINITE: a coordinate that is not finite, or beyond 1e6. Cost: linear. */
+ * than max_samples steps of min_step. CAIRN_NOT_FINITE: a coordinate that is not finite, or beyond 1e6; a fragment's length that is not
+ * finite, negative or beyond 1e6. Cost: linear. */
 CAIRN_CHECKED cairn_status cairn_fragment_match_begin(cairn_fragment_matcher *matcher, const cairn_part_model *model,
                                                       const cairn_curve *chains, int32_t chain_count);
 

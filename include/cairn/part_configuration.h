@@ -29,11 +29,12 @@ enum {
 };
 
 typedef struct cairn_part_configuration_params {
-    int32_t max_votes;    /* 1 ... 2^20 (512) */
-    int32_t nearest;      /* K: votes that configurations are made of, itself among them, 1 ... 64 (20) */
-    int32_t min_parts;    /* of a configuration, 1 ... 64 (2) */
-    int32_t max_found;    /* configurations that are kept, 1 ... 2^16 (64) */
-    int32_t max_nodes;    /* 1 ... 2^30: of the tree of configurations that are visited from one vote (1,000,000) */
+    int32_t max_votes; /* 1 ... 2^20 (512) */
+    int32_t nearest;   /* K: votes that configurations are made of, itself among them, 1 ... 64 (20) */
+    int32_t min_parts; /* of a configuration, 1 ... 64 (2) */
+    int32_t max_found; /* configurations that are kept, 1 ... 2^16 (64) */
+    int32_t max_nodes; /* 1 ... 2^30: steps of the search through the configurations of one vote: a part taken, refused
+                           * or given back (1,000,000) */
     cairn_part_seek seek; /* (NEAREST) */
     cairn_real centre;    /* tolerance of the centre, in units of the model, 1e-4 ... 10 (0.08) */
     cairn_real ratio;     /* tolerance of the logarithm of the scale, 0.01 ... 1 (0.15) */
@@ -58,7 +59,7 @@ typedef struct cairn_part_configuration_result {
     int32_t count;
     int32_t seeds; /* votes or modes that were looked around */
     int32_t cut;   /* of these: more than max_nodes; there the best may be missing */
-    int64_t nodes; /* that were visited, */
+    int64_t nodes; /* steps of the searches, */
     int64_t pairs; /* and pairs of votes whose distance was measured */
 } cairn_part_configuration_result;
 

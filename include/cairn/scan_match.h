@@ -183,8 +183,8 @@ int32_t cairn_scan_match_pair_count(const cairn_scan_match *match);
 /* Pair 0 <= index < pair_count, in the order of the scans. Logarithmic in the pairs. */
 cairn_scan_match_pair cairn_scan_match_pair_at(const cairn_scan_match *match, int32_t index);
 
-/* How the query lay when the pairs were found: its heading is that of the rotation, its position that of the start; the
- * identity when there are no pairs. */
+/* How the query lay when pairs were looked for: its heading is that of the rotation, its position that of the start; the
+ * identity in mode correlative, while a match is running, and without points. */
 cairn_pose cairn_scan_match_pair_pose(const cairn_scan_match *match);
 
 #define CAIRN_SCAN_MATCH_BINS 36

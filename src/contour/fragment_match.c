@@ -171,10 +171,15 @@ static cairn_status check_model(const cairn_fragment_matcher *m, const cairn_par
         return CAIRN_FULL;
     if (!are_finite(&model->centroid, 1))
         return CAIRN_NOT_FINITE;
-    for (int32_t i = 0; i < model->fragment_count; i++)
+    for (int32_t i = 0; i < model->fragment_count; i++) {
+        if (model->fragments[i].first < 0)
+            return CAIRN_BAD_ARGUMENT;
+        if (!(model->fragments[i].length >= 0 && model->fragments[i].length <= FAR))
+            return CAIRN_NOT_FINITE;
         for (int32_t k = 0; k < model->samples_each; k++)
             if (!are_finite(&model->samples[model->fragments[i].first + k].position, 1))
                 return CAIRN_NOT_FINITE;
+    }
     return CAIRN_OK;
 }
 

@@ -134,11 +134,15 @@ void cairn_part_configuration_query_next(cairn_part_configurator *c)
     for (int32_t v = c->heads[bucket_of(c, q->layer, q->x, q->y)]; v >= 0; v = c->next[v])
         if (is_in_cell(c, v))
             offer(c, v);
-    if (q->x++ < q->max_x)
+    if (q->x < q->max_x) {
+        q->x++;
         return;
+    }
     q->x = q->min_x;
-    if (q->y++ < q->max_y)
+    if (q->y < q->max_y) {
+        q->y++;
         return;
+    }
     if (++q->layer <= q->last_layer)
         enter_layer(c);
 }

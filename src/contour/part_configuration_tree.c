@@ -92,17 +92,19 @@ static cairn_real score_of(const configuration_node *node)
     return node->gain - node->scatter / 2;
 }
 
-/* What two pieces of one chain share, over the shorter; of a closed chain either may lie a round on. */
+/* What two pieces of one chain share, over the shorter; of a closed chain either may lie a round on, and they may
+ * meet at both ends. */
 static cairn_real shared(const cairn_part_vote *a, const cairn_part_vote *b)
 {
-    cairn_real shorter = cairn_min(a->to - a->from, b->to - b->from), most = 0;
+    cairn_real shorter = cairn_min(a->to - a->from, b->to - b->from), sum = 0;
+    int32_t rounds = a->round > 0;
 
-    for (int32_t k = -1; k <= 1; k++) {
+    for (int32_t k = -rounds; k <= rounds; k++) {
         cairn_real on = (cairn_real)k * a->round;
 
-        most = cairn_max(most, cairn_min(a->to + on, b->to) - cairn_max(a->from + on, b->from));
+        sum += cairn_max(0, cairn_min(a->to + on, b->to) - cairn_max(a->from + on, b->from));
     }
-    return shorter > 0 ? most / shorter : 0;
+    return shorter > 0 ? sum / shorter : 0;
 }
 
 static int is_free(const cairn_part_configurator *c, const configuration_node *node, const cairn_part_vote *v)

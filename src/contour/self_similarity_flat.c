@@ -13,8 +13,7 @@
 #define STRAIGHT  CAIRN_REAL(1e-3)
 #define MOST_BEND CAIRN_REAL(3.0)
 #define MOST_SKEW CAIRN_REAL(1.0)
-/* In spans: no sample counts for more. */
-/* In spans: in shapes whose joints moved, no sample counts for more. */
+/* In spans: no sample counts for more, where joints moved and elsewhere. */
 #define CLOSE       CAIRN_REAL(0.01)
 #define MOST_MISFIT CAIRN_REAL(0.1)
 /* In spans a rad, the first degrees of a bend the most, and spans for ribs that lean by 45 degrees. */

@@ -14,9 +14,9 @@ enum { SCANNED = 16, WRITTEN = 12, JOINTED = 8 };
 /* Misfits between which a shape passes from explained to jointed. */
 #define EXPLAINED   CAIRN_REAL(0.012)
 #define UNEXPLAINED CAIRN_REAL(0.022)
-/* Ends that are nearer than this share of the outline make no cut; samples within that share are nearby. */
 /* Of the warp where joints moved; the rest is that of what lies close, the body that did not. */
 #define WARP_SHARE CAIRN_REAL(0.45)
+/* Ends that are nearer than this share of the outline make no cut; samples within that share are nearby. */
 enum { LEAST_PART = 8, NEARBY_PART = 10 };
 
 void cairn_similarity_scan_begin(cairn_self_similarity *s)

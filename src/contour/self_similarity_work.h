@@ -37,7 +37,7 @@ typedef struct similarity_cut {
     cairn_real from[2], to[2];
     cairn_real cost; /* by which it is ranked */
     cairn_real misfit, warp;
-    cairn_real close; /* the misfit with distances that end to count early */
+    cairn_real close; /* the misfit of the outline alone, with distances that end to count early */
     cairn_real bend, skew;
     int32_t vertices, division;
 } similarity_cut;

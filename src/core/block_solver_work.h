@@ -14,7 +14,7 @@ enum {
     BLOCK_SOLVER_PANEL = 4,
     BLOCK_SOLVER_FACTOR = 9 * BLOCK_SOLVER_WIDTH * BLOCK_SOLVER_PANEL
 };
-/* Blocks that are multiplied between two looks at the budget; in the factor less than WIDTH PANEL more. */
+/* Blocks that are multiplied between two looks at the budget; in the factor less than 2 WIDTH PANEL more. */
 enum { BLOCK_SOLVER_CHUNK = 16 };
 
 /* What the next item of work is. */

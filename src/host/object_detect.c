@@ -145,7 +145,9 @@ static int compare_peaks(const void *a, const void *b)
         return x->size < y->size ? -1 : 1;
     if (x->variant != y->variant)
         return x->variant - y->variant;
-    return x->y != y->y ? (x->y < y->y ? -1 : 1) : (x->x > y->x) - (x->x < y->x);
+    if (x->y != y->y)
+        return x->y < y->y ? -1 : 1;
+    return x->x != y->x ? (x->x < y->x ? -1 : 1) : x->hypothesis - y->hypothesis;
 }
 
 /* Room for a peak; when there is none the worse half goes. */

@@ -331,11 +331,17 @@ static cairn_vec2 point_along(const cairn_curve *chain, cairn_real along)
     return chain->points[chain->closed ? 0 : chain->count - 1];
 }
 
-/* What of the chains a configuration is made of, as points in the frame of the model, as close as those of its outline. */
+/* What of the chains a configuration is made of, as points in the frame of the model, as close as those of its outline, or as room
+ * allows for all of them. */
 static int32_t lay_parts(const searcher *s, const detect_hypothesis *h, cairn_vec2 *points)
 {
-    cairn_real step = s->parts.length * h->size / (cairn_real)s->outline_count;
-    int32_t count = 0;
+    cairn_real step = s->parts.length * h->size / (cairn_real)s->outline_count, all = 0;
+    int32_t count = 0, room = PART_POINTS - 2 * h->part_count;
+
+    for (int32_t i = 0; i < h->part_count; i++)
+        all += s->made->parts[h->first_part + i].to - s->made->parts[h->first_part + i].from;
+    if (room > 0)
+        step = cairn_max(step, all / (cairn_real)room);
 
     for (int32_t i = 0; i < h->part_count; i++) {
         const cairn_detected_part *p = &s->made->parts[h->first_part + i];

@@ -230,7 +230,7 @@ static cairn_status add_value(cairn_aligner *x, int32_t k, int32_t anchor)
 
         if (k == x->scans[scan].first_segment) {
             x->scans[scan].frame = frame_of(x, scan);
-            x->debt += (x->scans[scan].end_segment - k) / 4;
+            x->debt += (x->scans[scan].end_segment - k) / 2;
         }
         return is_shared(x, &x->segments[k]) ? add_segment(x, &x->segments[k], x->link++) : CAIRN_OK;
     }

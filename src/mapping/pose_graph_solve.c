@@ -130,7 +130,7 @@ static int goes_ahead(const cairn_pose_graph *g, cairn_real better)
 static void judge_step(cairn_pose_graph *g)
 {
     cairn_real better = g->base_cost - g->cost;
-    int at_rest = !g->reuse && cairn_abs(better) <= little(g) && g->widening <= 1;
+    int at_rest = !g->reuse && cairn_abs(better) <= little(g) && g->widening <= 1, damped = g->damping > LEAST_DAMPING;
     int32_t next = POSE_GRAPH_CLEAR;
 
     g->state.iterations++;
@@ -140,7 +140,7 @@ static void judge_step(cairn_pose_graph *g)
             lower_damping(g);
         if (!g->reuse || g->ahead)
             g->last_slope = 0;
-        g->reuse = serves_again(g, better);
+        g->reuse = !damped && serves_again(g, better); /* what is damped hides how far there is to go */
         g->ahead = 0;
         g->better = better;
         g->length = 1;

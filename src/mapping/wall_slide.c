@@ -322,7 +322,7 @@ static void join(cairn_wall_slide *x, int32_t moving, int32_t fixed)
     x->result.joined++;
     x->fixed = fixed;
     x->i = 0;
-    x->phase = SLIDE_SHARE_AGAIN;
+    x->phase = fixed == SLIDE_FIRM ? SLIDE_NEXT : SLIDE_SHARE_AGAIN; /* that of the firm part is not asked again */
 }
 
 static void finish(cairn_wall_slide *x)

@@ -10,7 +10,7 @@
 
 enum { SHIFTS_OF_UNIT = 16, SCANS_OF_UNIT = 16 };
 
-static const cairn_real SAME_PLACE = CAIRN_REAL(0.06); /* m */
+static const cairn_real SAME_PLACE = CAIRN_REAL(0.06); /* m, and half a step, so that no rounding decides */
 static const cairn_real BETTER = 2;                    /* nats that a part must gain to leave its place */
 static const cairn_real FARTHEST = 3;                  /* standard deviations */
 
@@ -25,8 +25,8 @@ static void lay_shifts(cairn_wall_slide *x, cairn_real far)
         x->shifts = 1;
     }
     x->shifts = x->shifts < SLIDE_SHIFTS ? x->shifts : SLIDE_SHIFTS;
-    x->stay = -x->first_shift;
-    if (x->stay < 0 || x->stay >= x->shifts)
+    x->stay = x->first_shift > -SLIDE_SHIFTS && x->first_shift <= 0 ? -x->first_shift : x->shifts;
+    if (x->stay >= x->shifts)
         x->stay = x->shifts++; /* weighed as well, behind the others */
 }
 
@@ -61,20 +61,27 @@ static int is_weighed(const cairn_wall_slide *x, int32_t i)
     return x->trials[i].scan == x->scan_count;
 }
 
-/* On to the next two scans that a shift brings together; returns units. */
-static int32_t find_two(const cairn_wall_slide *x, slide_trial *trial)
+/* On to the next scan of the fixed part that the moving one at hand may meet; where there is none, to the next moving scan. 1: two
+ * scans are found. *units: what it cost. */
+static int32_t find_two(const cairn_wall_slide *x, slide_trial *trial, int32_t *units)
 {
-    int32_t passed = 0;
+    int32_t passed = 0, asked = 0, found = 0;
 
-    for (; trial->scan < x->scan_count; trial->scan++, trial->partner = 0, passed++) {
-        if (x->scans[trial->scan].part != x->moving)
-            continue;
-        for (; trial->partner < x->scan_count; trial->partner++, passed++)
-            if (x->scans[trial->partner].part == x->fixed &&
-                cairn_aligner_are_partners(x->aligner, trial->scan, trial->partner))
-                return passed / SCANS_OF_UNIT;
+    for (; trial->scan < x->scan_count && x->scans[trial->scan].part != x->moving; passed++)
+        trial->scan++;
+    if (trial->scan < x->scan_count) {
+        for (; trial->partner < x->scan_count && !found; trial->partner += !found, passed++)
+            if (x->scans[trial->partner].part == x->fixed) {
+                asked++;
+                found = cairn_aligner_are_partners(x->aligner, trial->scan, trial->partner);
+            }
+        if (!found) {
+            trial->partner = 0;
+            trial->scan++;
+        }
     }
-    return passed / SCANS_OF_UNIT;
+    *units = 1 + passed / SCANS_OF_UNIT + asked / 4;
+    return found;
 }
 
 /* By the next two scans. */
@@ -82,12 +89,12 @@ static int32_t object_to(cairn_wall_slide *x, int32_t i)
 {
     slide_trial *trial = &x->trials[i];
     const slide_scan *a, *b;
-    int32_t units, passed = find_two(x, trial);
+    int32_t units, passed;
     cairn_vec2 shift;
     cairn_pose pose;
 
-    if (is_weighed(x, i))
-        return 1 + passed;
+    if (!find_two(x, trial, &passed))
+        return passed;
     a = &x->scans[trial->scan];
     b = &x->scans[trial->partner];
     shift = cairn_vec2_add(a->shift, cairn_vec2_scale(x->parts[x->moving].along, cairn_slide_shift(x, i)));
@@ -97,7 +104,7 @@ static int32_t object_to(cairn_wall_slide *x, int32_t i)
     trial->nats +=
         cairn_aligner_objection(x->aligner, trial->scan, trial->partner, cairn_pose_between(b->map_scan, pose), &units);
     trial->partner++;
-    return units + 2 + passed;
+    return units + 1 + passed;
 }
 
 /* ---- The best ---- */
@@ -108,7 +115,8 @@ static int32_t foremost(const cairn_wall_slide *x)
     int32_t best = SLIDE_NONE;
 
     for (int32_t i = 0; i < x->shifts; i++)
-        if ((x->best < 0 || cairn_abs(cairn_slide_shift(x, i) - cairn_slide_shift(x, x->best)) > SAME_PLACE) &&
+        if ((x->best < 0 ||
+             cairn_abs(cairn_slide_shift(x, i) - cairn_slide_shift(x, x->best)) > SAME_PLACE + x->step / 2) &&
             (best < 0 || x->trials[i].nats > x->trials[best].nats))
             best = i;
     return best;
