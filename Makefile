@@ -174,7 +174,10 @@ test:
 	@sh tools/deps.sh build test
 	@$(MAKE) $(PARALLEL) ASSERTIONS=1 BUILD=$(BUILD)/checked run-tests
 
-TEST_PROGRAMS = $(TESTS:%=$(BUILD)/tests/%) $(TESTS:%=$(BUILD)/tests-float/%)
+# PRECISIONS=double: only the tests in double.
+PRECISIONS ?= double float
+TEST_PROGRAMS = $(if $(filter double,$(PRECISIONS)),$(TESTS:%=$(BUILD)/tests/%)) \
+                $(if $(filter float,$(PRECISIONS)),$(TESTS:%=$(BUILD)/tests-float/%))
 run-tests: all $(TEST_PROGRAMS)
 	@SANITIZE=$(SANITIZE) sh tests/run.sh $(BUILD) $(TEST_PROGRAMS)
 

@@ -44,7 +44,8 @@ static int32_t nearest_side(const cairn_self_similarity *s, const similarity_sid
     int32_t other = 1 - arc, count = sides->count[other] - 1, middle, reach, first, last;
     cairn_real least = 0;
 
-    best->a = best->b = p;
+    best->a = p;
+    best->b = p;
     if (count < 1)
         return 0;
     reach = 2 + cairn_real_to_int(WINDOW * (cairn_real)count);
