@@ -1,83 +1,10 @@
 /* Contours of known shapes in drawn pictures of edges: found where they are, as they are and mirrored, with both kinds of tokens; the
  * walk watched; pictures with nothing, with edges everywhere, and those that are too large. */
-#include "tests/test.h"
+#include "tests/flag_picture.h"
 
-#include <math.h>
-
-#include "cairn/contour_search.h"
-#include "cairn/shape_model_file.h"
 #include "src/host/contour_search_work.h"
 
-enum { WIDTH = 300, HEIGHT = 220, PIXELS = WIDTH * HEIGHT };
-
-static uint8_t edges[PIXELS];
-static cairn_file_error error;
 static int32_t samples; /* of the model that was searched last */
-
-/* A flag: a pole with a cloth to the right, 120 px high. */
-static const cairn_vec2 flag[] = {{0, 0}, {14, 0}, {60, 8}, {80, 4}, {78, 48}, {56, 52}, {14, 44}, {14, 120}, {0, 120}};
-enum { CORNERS = sizeof flag / sizeof *flag };
-
-static cairn_shape_model_file make_model(void)
-{
-    cairn_curve outline = {flag, CORNERS, 1};
-    cairn_shape_builder_params params = cairn_shape_builder_default();
-    cairn_shape_model_file file;
-
-    assert_ok(cairn_shape_model_file_build(&file, &outline, 1, &params, "flag", &error));
-    return file;
-}
-
-static void draw_line(cairn_vec2 a, cairn_vec2 b)
-{
-    int32_t steps = 1 + (int32_t)(2 * cairn_vec2_norm(cairn_vec2_sub(b, a)));
-
-    for (int32_t i = 0; i <= steps; i++) {
-        int32_t x = (int32_t)lrint((double)a.x + (double)(b.x - a.x) * i / steps);
-        int32_t y = (int32_t)lrint((double)a.y + (double)(b.y - a.y) * i / steps);
-
-        if (x >= 0 && y >= 0 && x < WIDTH && y < HEIGHT)
-            edges[y * WIDTH + x] = 200;
-    }
-}
-
-/* The flag at (x, y), `scale` times as large, mirrored or not. */
-static void draw_flag(double x, double y, double scale, int mirrored)
-{
-    for (int32_t i = 0; i < CORNERS; i++) {
-        cairn_vec2 p = flag[i], q = flag[(i + 1) % CORNERS];
-        cairn_vec2 a = {(cairn_real)(x + scale * (mirrored ? -1 : 1) * (double)p.x),
-                        (cairn_real)(y + scale * (double)p.y)};
-        cairn_vec2 b = {(cairn_real)(x + scale * (mirrored ? -1 : 1) * (double)q.x),
-                        (cairn_real)(y + scale * (double)q.y)};
-
-        draw_line(a, b);
-    }
-}
-
-static void draw_clutter(void)
-{
-    cairn_random random = cairn_random_seed(9, 2);
-
-    for (int32_t i = 0; i < 30; i++) {
-        cairn_vec2 a, b;
-
-        a.x = (cairn_real)cairn_random_below(&random, WIDTH);
-        a.y = (cairn_real)cairn_random_below(&random, HEIGHT);
-        b.x = a.x + (cairn_real)(cairn_random_below(&random, 61) - 30);
-        b.y = a.y + (cairn_real)(cairn_random_below(&random, 61) - 30);
-        draw_line(a, b);
-    }
-}
-
-static cairn_contour_tokens find_tokens(int32_t edgels)
-{
-    cairn_raster_u8_view view = {edges, WIDTH, HEIGHT, WIDTH};
-    cairn_contour_tokens tokens;
-
-    assert_ok(cairn_contour_tokens_find(&tokens, view, 1, edgels, "edges", &error));
-    return tokens;
-}
 
 static cairn_contour_result run(const cairn_contour_tokens *tokens, const cairn_contour_search_params *params)
 {
@@ -128,8 +55,8 @@ static void check_found(double x, double y, double scale, int mirrored, int32_t 
     const cairn_contour_object *o;
     int32_t sides = 0;
 
-    memset(edges, 0, sizeof edges);
-    draw_clutter();
+    clear_picture();
+    draw_clutter(30);
     draw_flag(x, y, scale, mirrored);
     tokens = find_tokens(edgels);
     params.min_size = (cairn_real)(0.7 * size);
@@ -178,7 +105,7 @@ static void test_without_mirror(void **state)
     cairn_contour_result r;
 
     (void)state;
-    memset(edges, 0, sizeof edges);
+    clear_picture();
     draw_flag(180, 60, 1, 1);
     tokens = find_tokens(0);
     params.mirror = 0;
@@ -200,7 +127,7 @@ static void test_both_of_two(void **state)
     int32_t found[2] = {0, 0};
 
     (void)state;
-    memset(edges, 0, sizeof edges);
+    clear_picture();
     draw_flag(20, 50, 1, 0);
     draw_flag(280, 50, 1, 1);
     tokens = find_tokens(0);
@@ -227,7 +154,7 @@ static void test_completed_along_the_chains(void **state)
     uint8_t *seen;
 
     (void)state;
-    memset(edges, 0, sizeof edges);
+    clear_picture();
     draw_flag(60, 40, 1, 0);
     tokens = find_tokens(0);
     params.min_size = 120;
@@ -432,7 +359,7 @@ static void test_hidden_piece_is_predicted(void **state)
     int32_t first, count, hidden = 0, others = 0;
 
     (void)state;
-    memset(edges, 0, sizeof edges);
+    clear_picture();
     draw_flag(60, 40, 1, 0);
     for (int32_t y = 85; y < 135; y++)
         memset(&edges[y * WIDTH + 50], 0, 40);
@@ -492,8 +419,8 @@ static void test_the_walk_is_watched(void **state)
     watch w = {{0, 0}, 0, 0};
 
     (void)state;
-    memset(edges, 0, sizeof edges);
-    draw_clutter();
+    clear_picture();
+    draw_clutter(30);
     draw_flag(60, 40, 1, 0);
     tokens = find_tokens(0);
     params.grouping.particles = 100;
@@ -529,7 +456,7 @@ static void test_no_walk_no_particles(void **state)
 static void test_least_of_evidence_and_score(void **state)
 {
     (void)state;
-    memset(edges, 0, sizeof edges);
+    clear_picture();
     draw_flag(60, 40, 1, 0);
     for (int k = 0; k < 3; k++) {
         cairn_contour_search_params params = generous();
@@ -555,7 +482,7 @@ static void test_strengths(void **state)
     cairn_contour_tokens tokens;
 
     (void)state;
-    memset(edges, 0, sizeof edges);
+    clear_picture();
     for (int32_t k = 0; k < 4; k++)
         for (int32_t x = 20; x < 120; x++)
             edges[(30 + 30 * k) * WIDTH + x] = (uint8_t)(k == 0 ? 60 : k == 3 ? 240 : 120);
@@ -626,7 +553,7 @@ static void test_refused_searches(void **state)
     cairn_contour_result r;
 
     (void)state;
-    memset(edges, 0, sizeof edges);
+    clear_picture();
     draw_flag(60, 40, 1, 0);
     tokens = find_tokens(0);
     for (int k = 0; k < 6; k++) {

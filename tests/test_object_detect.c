@@ -1,76 +1,9 @@
 /* Known shapes detected in drawn pictures of edges; the field and the best place against the obvious way; pictures with nothing and
  * with edges everywhere. */
-#include "tests/test.h"
+#include "tests/flag_picture.h"
 
-#include <math.h>
-
-#include "cairn/shape_model_file.h"
 #include "src/host/contour_search_fit.h"
 #include "src/host/object_detect_work.h"
-
-enum { WIDTH = 300, HEIGHT = 220, PIXELS = WIDTH * HEIGHT };
-
-static uint8_t edges[PIXELS];
-static cairn_file_error error;
-
-/* A flag: a pole with a cloth to the right, 120 px high. */
-static const cairn_vec2 flag[] = {{0, 0}, {14, 0}, {60, 8}, {80, 4}, {78, 48}, {56, 52}, {14, 44}, {14, 120}, {0, 120}};
-enum { CORNERS = sizeof flag / sizeof *flag };
-
-static cairn_shape_model_file make_model(void)
-{
-    cairn_curve outline = {flag, CORNERS, 1};
-    cairn_shape_builder_params params = cairn_shape_builder_default();
-    cairn_shape_model_file file;
-
-    assert_ok(cairn_shape_model_file_build(&file, &outline, 1, &params, "flag", &error));
-    return file;
-}
-
-static void draw_line(double ax, double ay, double bx, double by)
-{
-    int32_t steps = 1 + (int32_t)(2 * hypot(bx - ax, by - ay));
-
-    for (int32_t i = 0; i <= steps; i++) {
-        int32_t x = (int32_t)lrint(ax + (bx - ax) * i / steps), y = (int32_t)lrint(ay + (by - ay) * i / steps);
-
-        if (x >= 0 && y >= 0 && x < WIDTH && y < HEIGHT)
-            edges[y * WIDTH + x] = 200;
-    }
-}
-
-/* The flag with its upper left corner, or the upper right one when it is mirrored, at (x, y). */
-static void draw_flag(double x, double y, double scale, int mirrored)
-{
-    double wide = scale * (mirrored ? -1 : 1);
-
-    for (int32_t i = 0; i < CORNERS; i++) {
-        cairn_vec2 p = flag[i], q = flag[(i + 1) % CORNERS];
-
-        draw_line(x + wide * (double)p.x, y + scale * (double)p.y, x + wide * (double)q.x, y + scale * (double)q.y);
-    }
-}
-
-static void draw_clutter(void)
-{
-    cairn_random random = cairn_random_seed(9, 2);
-
-    for (int32_t i = 0; i < 30; i++) {
-        int32_t x = cairn_random_below(&random, WIDTH), y = cairn_random_below(&random, HEIGHT);
-        int32_t dx = cairn_random_below(&random, 61) - 30, dy = cairn_random_below(&random, 61) - 30;
-
-        draw_line(x, y, x + dx, y + dy);
-    }
-}
-
-static cairn_contour_tokens find_tokens(void)
-{
-    cairn_raster_u8_view view = {edges, WIDTH, HEIGHT, WIDTH};
-    cairn_contour_tokens tokens;
-
-    assert_ok(cairn_contour_tokens_find(&tokens, view, 1, 0, "edges", &error));
-    return tokens;
-}
 
 static cairn_detections detect(const cairn_contour_tokens *tokens, const cairn_object_detect_params *params)
 {
@@ -103,18 +36,6 @@ static cairn_detections detect(const cairn_contour_tokens *tokens, const cairn_o
     return found;
 }
 
-/* The share of a box and that of a flag, over their union. */
-static double share_of(const cairn_detection *d, double x, double y, double scale, int mirrored)
-{
-    double left = mirrored ? x - 80 * scale : x, w, h;
-
-    w = fmin((double)d->right, left + 80 * scale) - fmax((double)d->left, left);
-    h = fmin((double)d->bottom, y + 120 * scale) - fmax((double)d->top, y);
-    if (w <= 0 || h <= 0)
-        return 0;
-    return w * h / (9600 * scale * scale + (double)(d->right - d->left) * (double)(d->bottom - d->top) - w * h);
-}
-
 static void finds_a_shape_where_it_is(void **state)
 {
     static const struct {
@@ -130,10 +51,10 @@ static void finds_a_shape_where_it_is(void **state)
         const cairn_detection *d;
         int32_t seen = 0;
 
-        memset(edges, 0, sizeof edges);
-        draw_clutter();
+        clear_picture();
+        draw_clutter(30);
         draw_flag(cases[i].x, cases[i].y, cases[i].scale, cases[i].mirrored);
-        tokens = find_tokens();
+        tokens = find_tokens(0);
         found = detect(&tokens, &params);
         assert_true(found.count >= 1);
         d = &found.found[0];
@@ -157,10 +78,10 @@ static void finds_two_shapes(void **state)
     cairn_real best, second;
 
     (void)state;
-    memset(edges, 0, sizeof edges);
+    clear_picture();
     draw_flag(30, 50, 1, 0);
     draw_flag(270, 50, 1, 1);
-    tokens = find_tokens();
+    tokens = find_tokens(0);
     found = detect(&tokens, &params);
     assert_true(found.count >= 2);
     for (int32_t i = 0; i < 2; i++)
@@ -232,10 +153,10 @@ static void weighs_edges_as_the_obvious_way_does(void **state)
     double *likely;
 
     (void)state;
-    memset(edges, 0, sizeof edges);
-    draw_clutter();
+    clear_picture();
+    draw_clutter(30);
     draw_flag(110, 40, 1, 0);
-    tokens = find_tokens();
+    tokens = find_tokens(0);
     params.min_size = params.max_size = 250;
     assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
     assert_int_equal(field->planes, 1);
@@ -297,10 +218,10 @@ static void looks_at_every_place(void **state)
     double best = -1e9;
 
     (void)state;
-    memset(edges, 0, sizeof edges);
-    draw_clutter();
+    clear_picture();
+    draw_clutter(30);
     draw_flag(150, 70, 0.9, 0);
-    tokens = find_tokens();
+    tokens = find_tokens(0);
     params.min_size = params.max_size = 140;
     params.mirror = 0;
     params.candidates = 1;
@@ -327,11 +248,11 @@ static void finds_a_large_shape_among_very_many_peaks(void **state)
     cairn_detections found;
 
     (void)state;
-    memset(edges, 0, sizeof edges);
+    clear_picture();
     for (int32_t i = 0; i < 4; i++)
-        draw_clutter();
+        draw_clutter(30);
     draw_flag(100, 20, 1.5, 0);
-    tokens = find_tokens();
+    tokens = find_tokens(0);
     params.min_size = 14;
     params.max_size = 240;
     params.mirror = 0;
@@ -351,26 +272,18 @@ static void takes_odd_pictures(void **state)
     cairn_detections found;
 
     (void)state;
-    memset(edges, 0, sizeof edges);
-    tokens = find_tokens();
+    clear_picture();
+    tokens = find_tokens(0);
     found = detect(&tokens, &params);
     assert_int_equal(found.count, 0);
     cairn_detections_free(&found);
     cairn_contour_tokens_free(&tokens);
-    /* Short edges at every place. */
-    for (int32_t i = 0; i < PIXELS; i++)
-        edges[i] = i % WIDTH % 8 < 6 && i / WIDTH % 3 == 0 ? 255 : 0;
-    tokens = find_tokens();
+    draw_edges_everywhere();
+    tokens = find_tokens(0);
     assert_true(tokens.count > 1000);
     found = detect(&tokens, &params);
     cairn_detections_free(&found);
     cairn_contour_tokens_free(&tokens);
-}
-
-static void assert_holds_text(const char *piece)
-{
-    if (strstr(error.text, piece) == NULL)
-        fail_msg("\"%s\" does not hold \"%s\"", error.text, piece);
 }
 
 static void refuses_what_cannot_be(void **state)
@@ -412,16 +325,16 @@ static void refuses_what_cannot_be(void **state)
         field = (cairn_detect_field *)&found;
         assert_status(cairn_detect_field_make(&field, &tokens, &bad[i], "edges", &error), CAIRN_BAD_ARGUMENT);
         assert_null(field);
-        assert_holds_text(what[i]);
+        assert_error_holds(what[i]);
     }
     assert_ok(cairn_detect_field_make(&field, &tokens, &good, "edges", &error));
     model.model.size = 0;
     assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error), CAIRN_BAD_ARGUMENT);
-    assert_holds_text("no model, expected a size");
+    assert_error_holds("no model, expected a size");
     model.model.size = 1;
     model.model.outline_count = 2;
     assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error), CAIRN_BAD_ARGUMENT);
-    assert_holds_text("fewer than 3 places, expected an outline");
+    assert_error_holds("fewer than 3 places, expected an outline");
     cairn_detect_field_free(field);
     cairn_detect_field_free(NULL);
     cairn_shape_model_file_free(&model);
@@ -438,7 +351,7 @@ static void takes_sizes_up_to_the_bounds(void **state)
     for (int32_t turned = 0; turned < 2; turned++) {
         params.min_size = params.max_size = 163;
         assert_status(cairn_detect_field_make(&field, &tokens, &params, "edges", &error), CAIRN_BAD_ARGUMENT);
-        assert_holds_text("min_size 163 in a picture of 8192 pixels, expected at least 163.84");
+        assert_error_holds("min_size 163 in a picture of 8192 pixels, expected at least 163.84");
         params.min_size = params.max_size = 164;
         assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
         cairn_detect_field_free(field);
@@ -482,7 +395,7 @@ static void refuses_outlines_that_reach_too_far(void **state)
         else
             outline[bad.outline_count - 1].position.y = position;
         assert_status(cairn_object_detect(&found, field, &bad, "edges", &error), CAIRN_BAD_ARGUMENT);
-        assert_holds_text("the outline lies farther from its middle than half its size");
+        assert_error_holds("the outline lies farther from its middle than half its size");
         outline[bad.outline_count - 1].position = model.model.outline[0].position;
         outline[0].position.x = CAIRN_REAL(0.53);
         outline[0].position.y = CAIRN_REAL(-0.53);
@@ -496,7 +409,7 @@ static void refuses_outlines_that_reach_too_far(void **state)
     bad.sample_count = bad.path_count = 1;
     sample.centre.x = (cairn_real)NAN;
     assert_status(cairn_object_detect(&found, field, &bad, "edges", &error), CAIRN_NOT_FINITE);
-    assert_holds_text("a sample that is not finite");
+    assert_error_holds("a sample that is not finite");
     free(outline);
     cairn_detect_field_free(field);
     cairn_shape_model_file_free(&model);

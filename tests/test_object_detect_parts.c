@@ -1,78 +1,9 @@
 /* Shapes detected by configurations of parts: where they are, what they are made of, each way of bundling; pictures with nothing and with
  * edges everywhere. */
-#include "tests/test.h"
-
-#include <math.h>
+#include "tests/flag_picture.h"
 
 #include "cairn/part_bundle.h"
-#include "cairn/shape_model_file.h"
 #include "src/host/object_detect_work.h"
-
-enum { WIDTH = 300, HEIGHT = 220, PIXELS = WIDTH * HEIGHT };
-
-static uint8_t edges[PIXELS];
-static cairn_file_error error;
-
-/* A flag: a pole with a cloth to the right, 120 px high. */
-static const cairn_vec2 flag[] = {{0, 0}, {14, 0}, {60, 8}, {80, 4}, {78, 48}, {56, 52}, {14, 44}, {14, 120}, {0, 120}};
-enum { CORNERS = sizeof flag / sizeof *flag };
-
-static cairn_shape_model_file make_model(void)
-{
-    cairn_curve outline = {flag, CORNERS, 1};
-    cairn_shape_builder_params params = cairn_shape_builder_default();
-    cairn_shape_model_file file;
-
-    assert_ok(cairn_shape_model_file_build(&file, &outline, 1, &params, "flag", &error));
-    return file;
-}
-
-static void draw_line(double ax, double ay, double bx, double by)
-{
-    int32_t steps = 1 + (int32_t)(2 * hypot(bx - ax, by - ay));
-
-    for (int32_t i = 0; i <= steps; i++) {
-        int32_t x = (int32_t)lrint(ax + (bx - ax) * i / steps), y = (int32_t)lrint(ay + (by - ay) * i / steps);
-
-        if (x >= 0 && y >= 0 && x < WIDTH && y < HEIGHT)
-            edges[y * WIDTH + x] = 200;
-    }
-}
-
-/* The flag with its upper left corner, or the upper right one when it is mirrored, at (x, y), but for side `hidden`. */
-static void draw_flag(double x, double y, double scale, int mirrored, int32_t hidden)
-{
-    double wide = scale * (mirrored ? -1 : 1);
-
-    for (int32_t i = 0; i < CORNERS; i++) {
-        cairn_vec2 p = flag[i], q = flag[(i + 1) % CORNERS];
-
-        if (i != hidden)
-            draw_line(x + wide * (double)p.x, y + scale * (double)p.y, x + wide * (double)q.x, y + scale * (double)q.y);
-    }
-}
-
-/* Some of it crosses what was drawn, whose chains end there. */
-static void draw_clutter(void)
-{
-    cairn_random random = cairn_random_seed(9, 2);
-
-    for (int32_t i = 0; i < 10; i++) {
-        int32_t x = cairn_random_below(&random, WIDTH), y = cairn_random_below(&random, HEIGHT);
-        int32_t dx = cairn_random_below(&random, 61) - 30, dy = cairn_random_below(&random, 61) - 30;
-
-        draw_line(x, y, x + dx, y + dy);
-    }
-}
-
-static cairn_contour_tokens find_tokens(void)
-{
-    cairn_raster_u8_view view = {edges, WIDTH, HEIGHT, WIDTH};
-    cairn_contour_tokens tokens;
-
-    assert_ok(cairn_contour_tokens_find(&tokens, view, 1, 0, "edges", &error));
-    return tokens;
-}
 
 static cairn_object_detect_params parts_params(void)
 {
@@ -136,18 +67,6 @@ static cairn_detections detect(const cairn_contour_tokens *tokens, const cairn_o
     return found;
 }
 
-/* The share of a box and that of a flag, over their union. */
-static double share_of(const cairn_detection *d, double x, double y, double scale, int mirrored)
-{
-    double left = mirrored ? x - 80 * scale : x, w, h;
-
-    w = fmin((double)d->right, left + 80 * scale) - fmax((double)d->left, left);
-    h = fmin((double)d->bottom, y + 120 * scale) - fmax((double)d->top, y);
-    if (w <= 0 || h <= 0)
-        return 0;
-    return w * h / (9600 * scale * scale + (double)(d->right - d->left) * (double)(d->bottom - d->top) - w * h);
-}
-
 static void finds_a_shape_by_its_parts(void **state)
 {
     static const struct {
@@ -163,11 +82,11 @@ static void finds_a_shape_by_its_parts(void **state)
         cairn_detections found;
         size_t k = i / 2;
 
-        memset(edges, 0, sizeof edges);
+        clear_picture();
         if (i % 2)
-            draw_clutter();
-        draw_flag(cases[k].x, cases[k].y, cases[k].scale, cases[k].mirrored, cases[k].hidden);
-        tokens = find_tokens();
+            draw_clutter(10);
+        draw_flag_without(cases[k].x, cases[k].y, cases[k].scale, cases[k].mirrored, cases[k].hidden);
+        tokens = find_tokens(0);
         found = detect(&tokens, &params);
         assert_true(found.count >= 1);
         assert_true(share_of(&found.found[0], cases[k].x, cases[k].y, cases[k].scale, cases[k].mirrored) > 0.7);
@@ -181,11 +100,11 @@ static void finds_a_shape_by_its_parts(void **state)
 static void finds_it_by_every_way(void **state)
 {
     (void)state;
-    memset(edges, 0, sizeof edges);
-    draw_flag(110, 40, 1, 0, -1);
+    clear_picture();
+    draw_flag(110, 40, 1, 0);
     for (int32_t way = 0; way < 6; way++) {
         cairn_object_detect_params params = parts_params();
-        cairn_contour_tokens tokens = find_tokens();
+        cairn_contour_tokens tokens = find_tokens(0);
         cairn_detections found;
 
         params.bundles = way < 3 ? way : CAIRN_DETECT_BUNDLES;
@@ -208,10 +127,10 @@ static void follows_chains(void **state)
     int32_t closed = 0;
 
     (void)state;
-    memset(edges, 0, sizeof edges);
-    draw_flag(20, 40, 1, 0, -1);
+    clear_picture();
+    draw_flag(20, 40, 1, 0);
     draw_line(150, 20, 250, 60);
-    tokens = find_tokens();
+    tokens = find_tokens(0);
     assert_int_equal(cairn_detect_chains_make(&chains, &tokens), 1);
     assert_int_equal(chains.count, tokens.chains);
     for (int32_t i = 0; i < chains.count; i++) {
@@ -233,16 +152,15 @@ static void takes_odd_pictures(void **state)
     cairn_detections found;
 
     (void)state;
-    memset(edges, 0, sizeof edges);
-    tokens = find_tokens();
+    clear_picture();
+    tokens = find_tokens(0);
     found = detect(&tokens, &params);
     assert_int_equal(found.count, 0);
     cairn_detections_free(&found);
     cairn_contour_tokens_free(&tokens);
-    /* Short edges at every place: nothing of them is as long as half a fragment. */
-    for (int32_t i = 0; i < PIXELS; i++)
-        edges[i] = i % WIDTH % 8 < 6 && i / WIDTH % 3 == 0 ? 255 : 0;
-    tokens = find_tokens();
+    /* Nothing of them is as long as half a fragment. */
+    draw_edges_everywhere();
+    tokens = find_tokens(0);
     assert_true(tokens.count > 1000);
     found = detect(&tokens, &params);
     cairn_detections_free(&found);
@@ -273,8 +191,7 @@ static void refuses_what_cannot_be(void **state)
     bad[6].nearest = 65;
     for (int i = 0; i < BAD; i++) {
         assert_status(cairn_detect_field_make(&field, &tokens, &bad[i], "edges", &error), CAIRN_BAD_ARGUMENT);
-        if (strstr(error.text, what[i]) == NULL)
-            fail_msg("\"%s\" does not hold \"%s\"", error.text, what[i]);
+        assert_error_holds(what[i]);
     }
     /* An outline without length has no fragments. */
     assert_ok(cairn_detect_field_make(&field, &tokens, &good, "edges", &error));

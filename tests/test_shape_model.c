@@ -171,6 +171,12 @@ static void outlines_are_joined(void **state)
     for (int32_t p = 1; p < m.path_count; p++)
         joined += m.samples[m.paths[p].first].centre.x * m.size > 25 && m.paths[p].parent == 0;
     assert_int_equal(joined, 1);
+    /* Samples are even: of 128 those along 160 of 240 px; the second outline lies more than 10 px off. */
+    assert_int_equal(cairn_shape_first_outline(&m), 85);
+    m.outline_count = 1;
+    assert_int_equal(cairn_shape_first_outline(&m), 1);
+    m.outline_count = 0;
+    assert_int_equal(cairn_shape_first_outline(&m), 0);
     test_pool_free(&s.pool);
 }
 

@@ -60,6 +60,10 @@ static inline cairn_vec2 cairn_shape_displacement(const cairn_shape_model *model
  * CAIRN_NOT_FINITE; *fault, when not NULL, says which sample or path. Cost: linear. */
 CAIRN_CHECKED cairn_status cairn_shape_model_check(const cairn_shape_model *model, cairn_fault *fault);
 
+/* Samples of the first of a model's outlines, 0 ... outline_count: the first sample that lies more than 3 mean distances off begins
+ * another one. Cost: linear. */
+int32_t cairn_shape_first_outline(const cairn_shape_model *model);
+
 typedef struct cairn_shape_builder_params {
     int32_t points;  /* along all outlines together, 16 ... 1024 (128) */
     int32_t samples; /* of a path that holds all of the outline, 4 ... 256; of others in proportion, at least 3 (32) */

@@ -29,6 +29,8 @@ enum { UNITS_A_PATH = 32 };
 enum { REACH = 2 };
 /* Of a normal with the chord: nearer to the tip of a path two samples say too little. */
 #define MAX_ANGLE (80 * (CAIRN_PI / 180))
+/* A sample farther from the one before, of the mean distance, begins another outline. */
+#define APART CAIRN_REAL(3.0)
 
 cairn_shape_builder_params cairn_shape_builder_default(void)
 {
@@ -381,4 +383,18 @@ cairn_status cairn_shape_model_check(const cairn_shape_model *m, cairn_fault *fa
             status = cairn_refuse(fault, i, "an outline out of range, expected finite places and unit directions",
                                   CAIRN_BAD_ARGUMENT);
     return status;
+}
+
+int32_t cairn_shape_first_outline(const cairn_shape_model *m)
+{
+    cairn_real mean = 0;
+    int32_t count = m->outline_count > 0;
+
+    for (int32_t i = 1; i < m->outline_count; i++)
+        mean += cairn_vec2_norm(cairn_vec2_sub(m->outline[i].position, m->outline[i - 1].position)) /
+                (cairn_real)m->outline_count;
+    while (count < m->outline_count &&
+           cairn_vec2_norm(cairn_vec2_sub(m->outline[count].position, m->outline[count - 1].position)) <= APART * mean)
+        count++;
+    return count;
 }

@@ -21,8 +21,6 @@
 enum { OUTLINE_POINTS = 64, PART_POINTS = 128 };
 /* Two ends of a chain so near, in pixels, are one: the chain is closed. */
 #define CLOSED 3
-/* A sample farther from the one before, of the mean distance, begins another outline. */
-#define APART 3
 /* px between samples of chains, least. */
 #define STEP CAIRN_REAL(1.5)
 /* Configurations that are visited near one vote, at most. */
@@ -101,26 +99,12 @@ typedef struct searcher {
     cairn_shape_context *context;
 } searcher;
 
-/* Samples of the first outline, which alone has fragments. */
-static int32_t first_outline(const cairn_shape_model *m)
-{
-    double mean = 0;
-    int32_t count = 1;
-
-    for (int32_t i = 1; i < m->outline_count; i++)
-        mean += (double)cairn_vec2_norm(cairn_vec2_sub(m->outline[i].position, m->outline[i - 1].position)) /
-                m->outline_count;
-    while (count < m->outline_count && (double)cairn_vec2_norm(cairn_vec2_sub(
-                                           m->outline[count].position, m->outline[count - 1].position)) <= APART * mean)
-        count++;
-    return count;
-}
-
+/* Of the first outline, which alone has fragments. */
 static cairn_part_bundle_params bundle_params(const searcher *s)
 {
     cairn_part_bundle_params params = cairn_part_bundle_default();
 
-    params.max_points = first_outline(s->model);
+    params.max_points = cairn_shape_first_outline(s->model);
     return params;
 }
 
@@ -191,7 +175,7 @@ static cairn_status create(searcher *s, cairn_pool *pool, void **memory)
 /* The fragments of the model's first outline. */
 static cairn_status cut_outline(searcher *s)
 {
-    int32_t count = first_outline(s->model);
+    int32_t count = cairn_shape_first_outline(s->model);
     cairn_vec2 *points = malloc((size_t)count * sizeof *points);
     cairn_status status = points != NULL ? CAIRN_OK : CAIRN_NO_MEMORY;
     cairn_budget budget;

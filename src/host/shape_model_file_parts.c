@@ -10,9 +10,8 @@
 #include "cairn/shape_model_file.h"
 #include "src/host/report_text.h"
 
-#define CELL  120.0 /* px, of a fragment's picture: the model's size and what is free about it */
-#define SIZE  100.0
-#define APART 3.0 /* a sample farther off, of the mean distance, begins another outline */
+#define CELL 120.0 /* px, of a fragment's picture: the model's size and what is free about it */
+#define SIZE 100.0
 
 static const char *const colours[CAIRN_PART_BUNDLES] = {"#2563eb", "#ea580c", "#16a34a", "#dc2626",
                                                         "#7c3aed", "#0891b2", "#ca8a04", "#475569"};
@@ -23,21 +22,6 @@ typedef struct sheet {
     cairn_part_model parts;
     double head;
 } sheet;
-
-/* Samples of the first outline. */
-static int32_t first_outline(const cairn_shape_model *m)
-{
-    double mean = 0;
-    int32_t count = 1;
-
-    for (int32_t i = 1; i < m->outline_count; i++)
-        mean += (double)cairn_vec2_norm(cairn_vec2_sub(m->outline[i].position, m->outline[i - 1].position)) /
-                m->outline_count;
-    while (count < m->outline_count && (double)cairn_vec2_norm(cairn_vec2_sub(
-                                           m->outline[count].position, m->outline[count - 1].position)) <= APART * mean)
-        count++;
-    return count;
-}
 
 /* Samples from one on to another, round the outline. */
 static void print_arc(cairn_output *output, const sheet *s, int32_t from, int32_t to, double x, double y)
@@ -137,7 +121,7 @@ cairn_status cairn_shape_model_file_draw_parts(const cairn_shape_model *model, c
 
     if (status != CAIRN_OK)
         return cairn_file_error_set(error, status, path, 0, "%s", fault.what);
-    s.outline = model->outline_count > 0 ? first_outline(model) : 0;
+    s.outline = cairn_shape_first_outline(model);
     if (s.outline < 3)
         return cairn_file_error_set(error, CAIRN_EMPTY, path, 0,
                                     "a model without an outline, expected one of 3 samples at least");

@@ -1,0 +1,114 @@
+/* A flag drawn into a picture of edges, its model and the tokens found: what the tests of searches for a known shape share. */
+#ifndef CAIRN_TESTS_FLAG_PICTURE_H
+#define CAIRN_TESTS_FLAG_PICTURE_H
+
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "cairn/contour_search.h"
+#include "cairn/object_detect.h"
+#include "cairn/shape_model_file.h"
+
+enum { WIDTH = 300, HEIGHT = 220, PIXELS = WIDTH * HEIGHT };
+
+static uint8_t edges[PIXELS];
+static cairn_file_error error;
+
+/* A pole with a cloth to the right, 120 px high. */
+static const cairn_vec2 flag[] = {{0, 0}, {14, 0}, {60, 8}, {80, 4}, {78, 48}, {56, 52}, {14, 44}, {14, 120}, {0, 120}};
+enum { CORNERS = sizeof flag / sizeof *flag };
+
+static inline cairn_shape_model_file make_model(void)
+{
+    cairn_curve outline = {flag, CORNERS, 1};
+    cairn_shape_builder_params params = cairn_shape_builder_default();
+    cairn_shape_model_file file;
+
+    assert_ok(cairn_shape_model_file_build(&file, &outline, 1, &params, "flag", &error));
+    return file;
+}
+
+static inline void clear_picture(void)
+{
+    memset(edges, 0, sizeof edges);
+}
+
+static inline void draw_line(double ax, double ay, double bx, double by)
+{
+    int32_t steps = 1 + (int32_t)(2 * hypot(bx - ax, by - ay));
+
+    for (int32_t i = 0; i <= steps; i++) {
+        int32_t x = (int32_t)lrint(ax + (bx - ax) * i / steps), y = (int32_t)lrint(ay + (by - ay) * i / steps);
+
+        if (x >= 0 && y >= 0 && x < WIDTH && y < HEIGHT)
+            edges[y * WIDTH + x] = 200;
+    }
+}
+
+/* The flag with its upper left corner, or the upper right one when it is mirrored, at (x, y), but for side `hidden`. */
+static inline void draw_flag_without(double x, double y, double scale, int mirrored, int32_t hidden)
+{
+    double wide = scale * (mirrored ? -1 : 1);
+
+    for (int32_t i = 0; i < CORNERS; i++) {
+        cairn_vec2 p = flag[i], q = flag[(i + 1) % CORNERS];
+
+        if (i != hidden)
+            draw_line(x + wide * (double)p.x, y + scale * (double)p.y, x + wide * (double)q.x, y + scale * (double)q.y);
+    }
+}
+
+static inline void draw_flag(double x, double y, double scale, int mirrored)
+{
+    draw_flag_without(x, y, scale, mirrored, -1);
+}
+
+/* Lines anywhere, up to 42 px long: what they cross is cut into chains. */
+static inline void draw_clutter(int32_t lines)
+{
+    cairn_random random = cairn_random_seed(9, 2);
+
+    for (int32_t i = 0; i < lines; i++) {
+        int32_t x = cairn_random_below(&random, WIDTH), y = cairn_random_below(&random, HEIGHT);
+        int32_t dx = cairn_random_below(&random, 61) - 30, dy = cairn_random_below(&random, 61) - 30;
+
+        draw_line(x, y, x + dx, y + dy);
+    }
+}
+
+/* Short edges at every place. */
+static inline void draw_edges_everywhere(void)
+{
+    for (int32_t i = 0; i < PIXELS; i++)
+        edges[i] = i % WIDTH % 8 < 6 && i / WIDTH % 3 == 0 ? 255 : 0;
+}
+
+static inline cairn_contour_tokens find_tokens(int32_t edgels)
+{
+    cairn_raster_u8_view view = {edges, WIDTH, HEIGHT, WIDTH};
+    cairn_contour_tokens tokens;
+
+    assert_ok(cairn_contour_tokens_find(&tokens, view, 1, edgels, "edges", &error));
+    return tokens;
+}
+
+/* The share of a box and that of a flag, over their union. */
+static inline double share_of(const cairn_detection *d, double x, double y, double scale, int mirrored)
+{
+    double left = mirrored ? x - 80 * scale : x, w, h;
+
+    w = fmin((double)d->right, left + 80 * scale) - fmax((double)d->left, left);
+    h = fmin((double)d->bottom, y + 120 * scale) - fmax((double)d->top, y);
+    if (w <= 0 || h <= 0)
+        return 0;
+    return w * h / (9600 * scale * scale + (double)(d->right - d->left) * (double)(d->bottom - d->top) - w * h);
+}
+
+static inline void assert_error_holds(const char *piece)
+{
+    if (strstr(error.text, piece) == NULL)
+        fail_msg("\"%s\" does not hold \"%s\"", error.text, piece);
+}
+
+#endif
