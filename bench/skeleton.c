@@ -25,7 +25,7 @@ enum { MOST_PLACES = 20000 };
 
 typedef struct settings {
     int64_t scenes, seed, k, particles, images;
-    double noise, wrong, slope, sigma;
+    double noise, wrong, slope, sigma, contrast;
     const char *weight, *draw, *data;
     int32_t each, propose, bsds;
 } settings;
@@ -69,6 +69,7 @@ static int open_finder(finder *f, const settings *s)
     edgel.sigma = (cairn_real)s->sigma;
     edgel.min_slope = (cairn_real)s->slope;
     skeleton.particles = (int32_t)s->particles;
+    skeleton.contrast = (cairn_real)s->contrast;
     if (strcmp(s->weight, "as-written") == 0)
         skeleton.weight = CAIRN_SKELETON_AS_WRITTEN;
     bytes = cairn_edgel_memory(&edgel) + cairn_skeleton_memory(&skeleton) + 64;
@@ -553,6 +554,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_NUMBER("--min-slope", &s->slope, 0.01, 1000, "G", "grey levels per pixel, of edgels"),
         OPTION_NUMBER("--sigma", &s->sigma, 0.7, 8, "PX", "blur before edgels are looked for"),
         OPTION_TEXT("--weight", &s->weight, "NAME", "evidence or as-written"),
+        OPTION_NUMBER("--contrast", &s->contrast, 0, 100, "L",
+                      "log odds of an edge e times as steep as the mean one; 0: all edges are the same"),
         OPTION_INTEGER("--particles", &s->particles, 1, 1024, "N", "of the filter"),
         OPTION_FLAG("--each", &s->each, "a line for each scene, too"),
         OPTION_TEXT("--draw", &s->draw, "DIR", "pictures of what was found"),
@@ -586,6 +589,7 @@ int main(int argc, char **argv)
                   .images = 100000,
                   .data = "../shared/data",
                   .particles = cairn_skeleton_default().particles,
+                  .contrast = (double)cairn_skeleton_default().contrast,
                   .weight = "evidence"};
     option_result result = read_settings(&s, argc, argv);
     finder *f;

@@ -369,6 +369,95 @@ static void noise_is_no_object(void **state)
     test_pool_free(&f.pool);
 }
 
+/* Two bars, the second one with slopes of its own: log odds of the parts of both. */
+static void run_two_bars(const cairn_skeleton_params *params, double slope, double other, double log_odds[2])
+{
+    struct fixture f = with(*params);
+    cairn_skeleton_result found;
+    int32_t half;
+
+    add_bar(40, 40, 160, 40, 9);
+    half = edgel_count;
+    add_bar(40, 120, 160, 120, 9);
+    for (int32_t i = 0; i < edgel_count; i++)
+        edgels[i].slope = (cairn_real)(i < half ? slope : other);
+    found = run(f.skeleton, 7, 11);
+    check(&found, params);
+    log_odds[0] = log_odds[1] = 0;
+    for (int32_t i = 0; i < found.part_count; i++)
+        log_odds[found.points[found.parts[i].first].centre.y > 80] += (double)found.parts[i].log_odds;
+    assert_true(log_odds[0] > 0 && log_odds[1] > 0);
+    test_pool_free(&f.pool);
+}
+
+/* The steeper one is likelier, by what the slopes say and no more, where slopes are known and used. */
+static void steep_edges_stand_out(void **state)
+{
+    static const double unknown[3][2] = {{0, 0}, {0, -1}, {-1, 90}};
+    cairn_skeleton_params params = small_params();
+    double even[2], odds[2];
+
+    (void)state;
+    params.contrast = 2;
+    run_two_bars(&params, 10, 10, even);
+    for (int32_t way = 0; way < 3; way++) {
+        run_two_bars(&params, unknown[way][0], unknown[way][1], odds);
+        assert_near(odds[0], even[0], 1e-3 * even[0]);
+        assert_near(odds[1], even[1], 1e-3 * even[1]);
+    }
+    /* The mean is 30: log 3 more for one and less for the other, twice, for every 3 px of the axis at least. */
+    run_two_bars(&params, 10, 90, odds);
+    assert_true(odds[1] > even[1] + 2 * log(3) * 38);
+    assert_true(odds[0] < even[0] - 2 * log(3) * 38);
+    params.contrast = 0;
+    run_two_bars(&params, 10, 90, odds);
+    assert_near(odds[0], even[0], 1e-3 * even[0]);
+    assert_near(odds[1], even[1], 1e-3 * even[1]);
+    params.contrast = 2;
+    params.min_log_odds = 5;
+    params.weight = CAIRN_SKELETON_AS_WRITTEN;
+    run_two_bars(&params, 10, 10, even);
+    run_two_bars(&params, 10, 90, odds);
+    assert_near(odds[0], even[0], 0);
+    assert_near(odds[1], even[1], 0);
+}
+
+/* Starts on lone pairs of edgels, far apart in a draughtboard, after such as are all alike: the slopes of the white squares' pairs, and
+ * of both sides of the black ones'. */
+static int32_t starts_of(double contrast, double white, double left, double right)
+{
+    cairn_skeleton_params params = small_params();
+    cairn_skeleton_result found;
+    struct fixture f;
+
+    params.contrast = (cairn_real)contrast;
+    f = with(params);
+    for (int32_t i = 0; i < 20; i++) {
+        add(20 + 40 * (i % 5) - 6, 20 + 40 * (i / 5), 1, 0);
+        add(20 + 40 * (i % 5) + 6, 20 + 40 * (i / 5), -1, 0);
+    }
+    (void)run(f.skeleton, 5, 8);
+    for (int32_t i = 0; i < edgel_count; i++)
+        edgels[i].slope = (cairn_real)(i / 2 % 2 ? white : i % 2 ? right : left);
+    found = run(f.skeleton, 5, 8);
+    check(&found, &params);
+    test_pool_free(&f.pool);
+    return found.starts;
+}
+
+/* Dull CPs do not take the starts from those with steep edges on both sides; where slopes do not count they are all the same. */
+static void walks_start_where_edges_are_steep(void **state)
+{
+    int32_t all = starts_of(6, 10, 10, 10);
+
+    (void)state;
+    assert_in_range(all, 20, 40);
+    assert_int_equal(starts_of(0, 3, 30, 30), all);
+    assert_int_equal(starts_of(6, 300, 3000, 3000), all / 2);
+    assert_int_equal(starts_of(6, 10, 1, 30), all / 2);
+    assert_int_equal(starts_of(6, 10, 30, 1), all / 2);
+}
+
 static void as_written_finds_a_bar(void **state)
 {
     cairn_skeleton_params params = small_params();
@@ -657,8 +746,9 @@ static void bad_input_is_refused(void **state)
     assert_status(cairn_skeleton_step(f.skeleton, NULL), CAIRN_BAD_ARGUMENT);
     assert_int_equal(cairn_skeleton_read(NULL).part_count, 0);
     assert_true(tell(f.skeleton) == before);
-    for (int32_t k = 0; k < 4; k++) {
-        cairn_real *field[] = {&edgels[9].position.x, &edgels[9].position.y, &edgels[9].normal.x, &edgels[9].normal.y};
+    for (int32_t k = 0; k < 5; k++) {
+        cairn_real *field[] = {&edgels[9].position.x, &edgels[9].position.y, &edgels[9].normal.x, &edgels[9].normal.y,
+                               &edgels[9].slope};
         cairn_real kept = *field[k];
 
         *field[k] = (cairn_real)(k % 2 ? NAN : INFINITY);
@@ -719,6 +809,9 @@ static void bad_params_are_refused(void **state)
         p.min_log_odds = (cairn_real)bad;
         assert_int_equal(cairn_skeleton_memory(&p), 0);
         p = good;
+        p.contrast = (cairn_real)bad;
+        assert_int_equal(cairn_skeleton_memory(&p), 0);
+        p = good;
         p.min_mirror = (cairn_real)bad;
         assert_int_equal(cairn_skeleton_memory(&p), 0);
     }
@@ -728,7 +821,7 @@ static void bad_params_are_refused(void **state)
     p.weight = -1;
     assert_int_equal(cairn_skeleton_memory(&p), 0);
     p = good;
-    p.min_log_odds = 0;
+    p.min_log_odds = p.contrast = 0;
     p.min_mirror = 1;
     assert_true(cairn_skeleton_memory(&p) > 0);
     assert_int_equal(cairn_skeleton_memory(NULL), 0);
@@ -768,6 +861,8 @@ int main(void)
         cmocka_unit_test(the_range_is_proposed),
         cmocka_unit_test(the_range_counts),
         cmocka_unit_test(noise_is_no_object),
+        cmocka_unit_test(steep_edges_stand_out),
+        cmocka_unit_test(walks_start_where_edges_are_steep),
         cmocka_unit_test(as_written_finds_a_bar),
         cmocka_unit_test(centres_are_those_of_all_pairs),
         cmocka_unit_test(little_or_nothing),

@@ -24,7 +24,7 @@ typedef struct settings {
     size_t count;
     const char *radius, *learn, *weight, *folder;
     int64_t particles;
-    double sigma, slope, log_odds;
+    double sigma, slope, contrast, log_odds;
     double least, most; /* px, of radii; 0 and 0: proposed */
     uint64_t seed;
     int32_t quiet;
@@ -68,6 +68,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_NUMBER("--min-log-odds", &s->log_odds, 0, 1e6, "L", "of a part that is reported"),
         OPTION_NUMBER("--sigma", &s->sigma, 0.7, 8, "PX", "blur before edges are looked for"),
         OPTION_NUMBER("--min-slope", &s->slope, 0.01, 1000, "G", "grey levels per pixel, of an edge"),
+        OPTION_NUMBER("--contrast", &s->contrast, 0, 100, "L",
+                      "log odds of an edge e times as steep as the mean one; 0: all edges are the same"),
         OPTION_INTEGER("--particles", &s->particles, 1, 1024, "N", "of the filter"),
         {"--seed", OPTION_IS_SEED, &s->seed, 0, 0, "N", "of the filter", NULL},
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
@@ -175,6 +177,7 @@ static cairn_status open_rooms(const settings *s, work *w)
     edgel.sigma = (cairn_real)s->sigma;
     edgel.min_slope = (cairn_real)s->slope;
     skeleton.particles = (int32_t)s->particles;
+    skeleton.contrast = (cairn_real)s->contrast;
     skeleton.min_log_odds = (cairn_real)s->log_odds;
     skeleton.weight = s->weight[0] == 'a' ? CAIRN_SKELETON_AS_WRITTEN : CAIRN_SKELETON_EVIDENCE;
     skeleton.seed = s->seed;
@@ -346,6 +349,7 @@ int tool_skeleton(int argc, char **argv)
     memset(&s, 0, sizeof s);
     s.weight = "evidence";
     s.particles = skeleton.particles;
+    s.contrast = (double)skeleton.contrast;
     s.log_odds = (double)skeleton.min_log_odds;
     s.sigma = (double)edgel.sigma;
     s.slope = (double)edgel.min_slope;

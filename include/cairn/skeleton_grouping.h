@@ -42,6 +42,7 @@ typedef struct cairn_skeleton_params {
     cairn_real symmetry;     /* rad, > 0: deviation of edgels from the way to their centre (8 degrees) */
     cairn_real detection;    /* 0 ... 1, neither: share of a contour that is seen (0.9) */
     cairn_real flip;         /* 0 ... 1, neither: share of places where a contour's brighter side changes (0.05) */
+    cairn_real contrast;     /* >= 0: log odds of an edgel e times as steep as the mean one; not as written (6) */
     cairn_real stop;         /* > 0: a walk ends when it has lost so much log odds since its best (10) */
     cairn_real min_log_odds; /* >= 0: of a part that is reported (20) */
     cairn_real min_mirror;   /* 0 ... 1: share of a line's CPs that are mirror images about it (0.6) */
@@ -62,7 +63,7 @@ CAIRN_CHECKED cairn_status cairn_skeleton_create(cairn_skeleton **skeleton, cair
 
 /* What is to be grouped. */
 typedef struct cairn_skeleton_input {
-    const cairn_edgel *edgels; /* [count], normals of length 1 */
+    const cairn_edgel *edgels; /* [count], normals of length 1; slopes <= 0: not known, neither steep nor not */
     int32_t count;
     int32_t width, height;             /* px, of the image */
     cairn_real min_radius, max_radius; /* px, 1 <= min <= max; both 0: proposed from the CPs */

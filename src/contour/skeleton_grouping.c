@@ -40,6 +40,7 @@ cairn_skeleton_params cairn_skeleton_default(void)
         .symmetry = 8 * (CAIRN_PI / 180),
         .detection = CAIRN_REAL(0.9),
         .flip = CAIRN_REAL(0.05),
+        .contrast = 6,
         .stop = 10,
         .min_log_odds = 20,
         .min_mirror = CAIRN_REAL(0.6),
@@ -71,8 +72,9 @@ static int params_are_valid(const cairn_skeleton_params *p)
            is_count(p->particles, 1024) &&
            (p->weight == CAIRN_SKELETON_EVIDENCE || p->weight == CAIRN_SKELETON_AS_WRITTEN) &&
            is_positive(p->duality) && is_positive(p->reach) && is_positive(p->radius) && is_positive(p->symmetry) &&
-           is_share(p->detection) && is_share(p->flip) && is_positive(p->stop) && p->min_log_odds >= 0 &&
-           cairn_is_finite(p->min_log_odds) && p->min_mirror >= 0 && p->min_mirror <= 1;
+           is_share(p->detection) && is_share(p->flip) && p->contrast >= 0 && cairn_is_finite(p->contrast) &&
+           is_positive(p->stop) && p->min_log_odds >= 0 && cairn_is_finite(p->min_log_odds) && p->min_mirror >= 0 &&
+           p->min_mirror <= 1;
 }
 
 static cairn_particle_filter_params filter_params(const cairn_skeleton_params *p)
@@ -244,6 +246,7 @@ cairn_status cairn_skeleton_begin(cairn_skeleton *g, const cairn_skeleton_input 
     g->disc_count = g->candidate_count = g->point_count = g->part_count = g->object_count = 0;
     g->start = g->direction = g->is_walking = 0;
     g->cursor = g->other = g->sense = g->item = g->paid = g->stage = 0;
+    g->steep_count = 0;
     memset(g->histogram, 0, sizeof g->histogram);
     g->phase = INDEX;
     return CAIRN_OK;
@@ -276,7 +279,14 @@ static int32_t cell_of(const cairn_skeleton *g, cairn_vec2 p)
 static int is_finite_edgel(const cairn_edgel *e)
 {
     return cairn_is_finite(e->position.x) && cairn_is_finite(e->position.y) && cairn_is_finite(e->normal.x) &&
-           cairn_is_finite(e->normal.y);
+           cairn_is_finite(e->normal.y) && cairn_is_finite(e->slope);
+}
+
+static void count(cairn_skeleton *g, const cairn_edgel *e)
+{
+    g->first[cell_of(g, e->position)]++;
+    if (e->slope > 0)
+        g->log_slope += (cairn_log(e->slope) - g->log_slope) / (cairn_real)++g->steep_count;
 }
 
 static void place(cairn_skeleton *g, int32_t source)
@@ -286,11 +296,12 @@ static void place(cairn_skeleton *g, int32_t source)
 
     e->at = from->position;
     e->normal = from->normal;
+    e->contrast = from->slope > 0 ? cairn_log(from->slope) - g->log_slope : 0;
     e->source = source;
     e->taken = 0;
 }
 
-/* A counting sort: how many there are in each cell, where each cell begins, the edgels. first[] of a cell so ends up where the
+/* A counting sort: how many there are in each cell and their mean slope, where each cell begins, the edgels. first[] of a cell so ends up where the
  * next one begins, and is moved on by one. */
 cairn_status cairn_skeleton_index(cairn_skeleton *g, cairn_budget *budget)
 {
@@ -308,7 +319,7 @@ cairn_status cairn_skeleton_index(cairn_skeleton *g, cairn_budget *budget)
 
             if (!is_finite_edgel(e))
                 return CAIRN_NOT_FINITE;
-            g->first[cell_of(g, e->position)]++;
+            count(g, e);
         } else if (i < 2 * lists + n) {
             int32_t cell = i - lists - n, here = g->first[cell];
 

@@ -78,22 +78,34 @@ static void sort_in(cairn_skeleton *g, const skeleton_start *start)
     g->starts[i] = *start;
 }
 
-/* The room that is left goes to CPs of their own, evenly over the image, those that are symmetric with the object on the same side of
- * both contrasts: short and bent parts have no line. */
+/* 1: a CP of its own may be a start: short and bent parts have no line. It is symmetric, the object lies on the same side of both
+ * contrasts, and both are no less than the mean one. */
+static int may_start(const cairn_skeleton *g, const skeleton_centre *c)
+{
+    return c->deviation <= g->params.symmetry && c->sense[0] == c->sense[1] &&
+           (g->params.contrast == 0 || g->params.weight == CAIRN_SKELETON_AS_WRITTEN ||
+            (g->edgels[c->edgel[0]].contrast >= 0 && g->edgels[c->edgel[1]].contrast >= 0));
+}
+
+/* The room that is left goes to them, evenly over the image: they are counted, and one in so many is taken. */
 static cairn_status add_loose(cairn_skeleton *g, cairn_budget *budget)
 {
-    int32_t room = g->params.max_lines - g->start_count, every;
+    int32_t n = g->centre_count, room;
 
     if (g->other == 0)
-        g->item = room > 0 ? 1 + g->centre_count / room : 0;
-    every = g->item;
-    for (; every > 0 && g->other < g->centre_count && g->start_count < g->params.max_lines; g->other += every) {
-        const skeleton_centre *c = &g->centres[g->other];
-        skeleton_start start = {g->other, 0};
+        g->line_starts = g->start_count;
+    room = g->params.max_lines - g->line_starts;
+    for (; room > 0 && g->other < 2 * n; g->other++) {
+        int32_t i = g->other < n ? g->other : g->other - n;
+        skeleton_start start = {i, 0};
 
         if (!cairn_budget_pay(budget, &g->paid, 1))
             return CAIRN_MORE;
-        if (c->deviation <= g->params.symmetry && c->sense[0] == c->sense[1])
+        if (!may_start(g, &g->centres[i]))
+            continue;
+        if (g->other < n)
+            g->item++;
+        else if (g->sense++ % (1 + (g->item - 1) / room) == 0)
             g->starts[g->start_count++] = start;
     }
     return CAIRN_OK;

@@ -3,7 +3,8 @@
  * pairs those remain whose disc lies ahead, whose axis does not come back upon itself and whose radius is near the range. The gain
  * of a side is the logarithm of how many times likelier its edgel is as the contour's next one than as one of those strewn about
  * here: for a chord that turns by b and a normal that turns by t a contour of steady bend has t = 2 b. That of a pair is how much
- * likelier its symmetry and its change of radius are than by chance. */
+ * likelier its symmetry and its change of radius are than by chance. Of strewn edgels few are steep: the slope of an edgel is evidence,
+ * too. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -79,13 +80,14 @@ static cairn_real side_gain(const cairn_skeleton *g, const skeleton_state *s, in
 {
     cairn_vec2 chord = cairn_vec2_sub(c->at, s->touch[side]);
     cairn_real bend = angle_from(ahead, chord), turn = angle_from(s->inward[side], c->inward);
+    cairn_real contrast = g->params.weight == CAIRN_SKELETON_EVIDENCE ? g->params.contrast : 0;
     cairn_real flip = c->sense == s->sense[side] ? 1 - g->params.flip : g->params.flip;
 
     if (cairn_abs(bend) > TURN_MOST)
         return -CAIRN_REAL_MAX;
     return cairn_log(g->params.detection * 2 * flip * 2 * CAIRN_PI / cairn_max(c->chord, 1)) - log_density +
            log_normal(bend, CAIRN_REAL(0.75) * g->params.duality) +
-           log_normal(turn - 2 * bend, CAIRN_REAL(0.5) * g->params.duality);
+           log_normal(turn - 2 * bend, CAIRN_REAL(0.5) * g->params.duality) + contrast * g->edgels[c->edgel].contrast;
 }
 
 /* Into the list, the best first; of two at about the same place only the better. */

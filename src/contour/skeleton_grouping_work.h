@@ -22,8 +22,9 @@ enum { SKELETON_DARKER = 0, SKELETON_BRIGHTER = 1 };
 /* An edgel in order of the cells. */
 typedef struct skeleton_edgel {
     cairn_vec2 at, normal;
-    int32_t source; /* index in the input */
-    int32_t taken;  /* 1: a part's contour runs here, which so has an inside and an outside */
+    cairn_real contrast; /* logarithm of its slope over the mean one */
+    int32_t source;      /* index in the input */
+    int32_t taken;       /* 1: a part's contour runs here, which so has an inside and an outside */
 } skeleton_edgel;
 
 typedef struct skeleton_centre {
@@ -80,9 +81,10 @@ struct cairn_skeleton {
     int32_t *group;                 /* [max_parts] */
     int32_t *bright; /* [max_parts] places of the contour with the brighter side inside, less the others */
     cairn_real histogram[SKELETON_BINS];
+    cairn_real log_slope; /* mean of the edgels' whose slope is known */
     cairn_real low, high; /* px, of radii that are looked for: the range with room on both sides */
-    int32_t columns, rows, edgel_count, stride;
-    int32_t centre_count, centres_seen, start_count, line_count, walked;
+    int32_t columns, rows, edgel_count, steep_count, stride;
+    int32_t centre_count, centres_seen, start_count, line_starts, line_count, walked;
     int32_t disc_count, candidate_count, point_count, part_count, object_count;
     int32_t path_count, back_count;
     cairn_real path_best;
