@@ -20,6 +20,8 @@ static const cairn_real CLEARANCE = CAIRN_REAL(0.2); /* m before a surface that 
 static const cairn_real TURN = CAIRN_REAL(0.0349);   /* rad: 2 degrees */
 static const cairn_real WINDOW = CAIRN_REAL(2.2);    /* standard deviations */
 static const cairn_real WIDEST = CAIRN_REAL(1.875);  /* of the params' spread */
+static const cairn_real STILL_TURNED = CAIRN_REAL(0.4); /* of the turns, in scans that something else has moved since: walls attract
+                                                           each other parallel before they meet */
 static const cairn_real LIES_WELL = 10, LIES_SURELY = 40, BETTER = 2, ATTACHED = -2, TORN_OFF = 4, JOINED = 4,
                         CLEARLY = 3, HOPELESS = -40; /* nats */
 
@@ -91,6 +93,8 @@ static void expect(cairn_aligner *x, int32_t rest)
     x->cell = cairn_max(CELL, 2 * half / (cairn_real)(most - 1));
     x->side_cells = cairn_real_to_int(cairn_ceil(2 * half / x->cell));
     x->half_window = cairn_real_to_int(cairn_min(cairn_ceil(window / x->cell), (cairn_real)most_window));
+    if (x->again)
+        turned *= STILL_TURNED;
     x->turns = cairn_real_to_int(cairn_ceil(cairn_min(turned, CAIRN_PI) / TURN));
     x->corner.x = x->predicted.x - (cairn_real)x->side_cells * x->cell / 2;
     x->corner.y = x->predicted.y - (cairn_real)x->side_cells * x->cell / 2;
