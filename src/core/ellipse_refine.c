@@ -5,6 +5,9 @@
 
 #include "src/core/ellipse_work.h"
 
+/* Units of a point that is on the ellipse at hand, beside those of looking at it: owed to the next item. */
+enum { INSIDE_COST = 2 };
+
 /* How far off the ellipse at hand a point may be in this pass. */
 static cairn_real distance_of_pass(const cairn_ellipse_set *set)
 {
@@ -121,6 +124,7 @@ static void add_point(cairn_ellipse_set *set, const cairn_oriented_point *point,
     if (set->pass == ELLIPSE_RADIUS) {
         add_radius(set, &p, weight);
     } else if (cairn_ellipse_lets_in(&set->gate, &p, &off)) {
+        set->paid -= INSIDE_COST;
         if (set->pass != ELLIPSE_SUPPORT) {
             cairn_conic_add(&set->sums, &p, weight);
             return;
@@ -192,13 +196,12 @@ cairn_status cairn_ellipse_refine(cairn_ellipse_set *set, cairn_budget *budget)
 {
     while (set->item < set->peak_count) {
         while (set->cursor < set->count) {
-            if (budget->left <= 0)
+            if (!cairn_budget_pay(budget, &set->paid, 1))
                 return CAIRN_MORE;
-            budget->left--;
             for (int32_t i = 0; i < 2 && set->cursor < set->count; i++, set->cursor++)
                 add_point(set, &set->points[set->cursor], cairn_ellipse_weight(set, set->cursor));
         }
-        if (!cairn_budget_pay(budget, &set->paid, 8 + set->work_count / 2))
+        if (!cairn_budget_pay(budget, &set->paid, 16 + set->work_count / 2))
             return CAIRN_MORE;
         end_pass(set);
     }
