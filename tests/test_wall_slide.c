@@ -727,6 +727,32 @@ static void what_is_known_stays(void **state)
     close_scene(&s);
 }
 
+/* Starts that are taken for exact, more so than a square can tell: the parts go where they say, to the step. */
+static void starts_may_be_exact(void **state)
+{
+    cairn_wall_slide_params p = cairn_wall_slide_default();
+    struct scene s = open_scene(508);
+    struct bed bed = bed_with(&p);
+    cairn_vec2 shift[SCANS];
+
+    (void)state;
+    loosen(&s, 0);
+    s.spread = CAIRN_REAL(1e-6);
+    run(bed.slide, &s, CAIRN_UNBOUNDED);
+    assert_true(cairn_wall_slide_read(bed.slide).joined > 0);
+    for (int32_t i = 0; i < SCANS; i++)
+        shift[i] = cairn_wall_slide_shift_of(bed.slide, i);
+    s.spread = NUMBER((cairn_real)1e-200, (cairn_real)1e-30);
+    run(bed.slide, &s, CAIRN_UNBOUNDED);
+    for (int32_t i = 0; i < SCANS; i++) {
+        cairn_vec2 now = cairn_wall_slide_shift_of(bed.slide, i);
+
+        assert_memory_equal(&now, &shift[i], sizeof now);
+    }
+    test_pool_free(&bed.pool);
+    close_scene(&s);
+}
+
 /* Parts that slide in different directions join by way of the firm part only. */
 static void directions_are_not_mixed(void **state)
 {
@@ -865,6 +891,7 @@ int main(void)
         cmocka_unit_test(the_budget_does_not_matter),
         cmocka_unit_test(room_is_short),
         cmocka_unit_test(what_is_known_stays),
+        cmocka_unit_test(starts_may_be_exact),
         cmocka_unit_test(directions_are_not_mixed),
         cmocka_unit_test(bad_params_are_refused),
         cmocka_unit_test(bad_calls_are_refused),
