@@ -16,7 +16,8 @@
 enum { DIRECTIONS = 15, FREE_CELL = 1 << DIRECTIONS, TRY_ROUNDS = 3 };
 enum { VOTES_OF_ITEM = 20000, VOTES_OF_UNIT = 128 };
 
-/* Votes, halves of a point, that a find has at least; where scans are looked for again every so-manieth point votes. */
+/* Votes, halves of a point, that a find has at least; where scans are looked for again every so-manieth point votes, for as many,
+ * and a find may have one vote less. */
 enum { LEAST_VOTES = 3, AGAIN_STRIDE = 2 };
 
 static const cairn_real CELL = CAIRN_REAL(0.1);         /* m */
@@ -381,7 +382,7 @@ static void count_votes(cairn_aligner *x, cairn_pose at, cairn_real turned, int3
             cairn_real score = (cairn_real)votes / 2;
             cairn_pose pose = {at.x + dx, at.y + dy, at.theta};
 
-            if (votes < LEAST_VOTES)
+            if (votes <= LEAST_VOTES - stride_of(x))
                 continue;
             score -=
                 ((dx * dx + dy * dy) / (x->sigma * x->sigma) + turned * turned / (x->sigma_angle * x->sigma_angle)) / 2;
