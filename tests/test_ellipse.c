@@ -4,6 +4,8 @@
 #include <math.h>
 
 #include "cairn/ellipse.h"
+#include "cairn/random.h"
+#include "src/core/ellipse_work.h"
 
 #define PI     3.14159265358979323846
 #define DEGREE (PI / 180)
@@ -750,6 +752,37 @@ static void shapes(void **state)
     }
 }
 
+/* What is turned away by its distance from the centre alone does not belong, however flat the ellipse and wide the gate. */
+static void what_is_far_does_not_belong(void **state)
+{
+    cairn_random random = cairn_random_seed(31, 0);
+    int32_t far = 0, belong = 0, outside = 0;
+
+    (void)state;
+    for (int32_t i = 0; i < 20000; i++) {
+        cairn_real a = cairn_random_uniform(&random, CAIRN_REAL(0.5), 4);
+        cairn_real b = a * cairn_random_uniform(&random, CAIRN_REAL(0.1), 1);
+        cairn_ellipse e = {.half_length = a, .half_width = b, .kind = CAIRN_ELLIPSE_ANY};
+        cairn_real distance = cairn_random_uniform(&random, 0, 1) * cairn_random_uniform(&random, 0, 30);
+        cairn_ellipse_gate gate = cairn_ellipse_gate_of(&e, distance, 1);
+        cairn_oriented_point p;
+        cairn_vec2 normal;
+
+        p.position.x = cairn_random_uniform(&random, -30, 30);
+        p.position.y = cairn_random_uniform(&random, -30, 30);
+        (void)cairn_ellipse_distance(&e, p.position, &normal);
+        p.direction = cairn_vec2_left(normal);
+        if (cairn_ellipse_is_far(&gate, p.position)) {
+            assert_false(cairn_ellipse_has(&e, &p, distance, 1));
+            far++;
+        } else {
+            belong += cairn_ellipse_has(&e, &p, distance, 1);
+            outside += !cairn_ellipse_has(&e, &p, distance, 1);
+        }
+    }
+    assert_true(far > 5000 && belong > 1000 && outside > 100);
+}
+
 /* ---- Degenerate and refused ---- */
 
 /* As far off as is allowed, in distance and in direction, is on it still. */
@@ -976,6 +1009,7 @@ int main(void)
         cmocka_unit_test(the_budget_does_not_matter),
         cmocka_unit_test(can_be_begun_anew),
         cmocka_unit_test(shapes),
+        cmocka_unit_test(what_is_far_does_not_belong),
         cmocka_unit_test(limits_belong_to_it),
         cmocka_unit_test(little_to_search),
         cmocka_unit_test(weights_count),

@@ -44,6 +44,26 @@ static cairn_scan_view fit(const sim_scan *scan)
     return cairn_scan_read(scan_object);
 }
 
+/* Without all but the shortest of its walls. */
+static cairn_scan_view fit_one_wall(const sim_scan *scan)
+{
+    static cairn_segment wall;
+    static int32_t points[2];
+    cairn_scan_view view = fit(scan);
+    int32_t shortest = 0;
+
+    for (int32_t k = 1; k < view.segment_count; k++)
+        if (cairn_segment_length(view.segments[k]) < cairn_segment_length(view.segments[shortest]))
+            shortest = k;
+    wall = view.segments[shortest];
+    view.points += view.first_point[shortest];
+    view.point_count = points[1] = view.first_point[shortest + 1] - view.first_point[shortest];
+    view.segments = &wall;
+    view.first_point = points;
+    view.segment_count = 1;
+    return view;
+}
+
 /* ---- Rooms ---- */
 
 struct rooms {
@@ -51,9 +71,16 @@ struct rooms {
     sim_survey *survey;
     const sim_scan *scans;
     cairn_pose start[SCANS];
+    int32_t narrow; /* this one shows one wall; SCANS: none */
 };
 
-static struct rooms visit(uint64_t seed)
+/* Scan i as it is added. */
+static cairn_scan_view view_of(const struct rooms *r, int32_t i)
+{
+    return i == r->narrow ? fit_one_wall(&r->scans[i]) : fit(&r->scans[i]);
+}
+
+static struct rooms visit_with(uint64_t seed, double fov)
 {
     sim_arena_options arena = sim_arena_default();
     sim_survey_options options = sim_survey_default();
@@ -61,11 +88,12 @@ static struct rooms visit(uint64_t seed)
     struct rooms r;
     int32_t count;
 
+    r.narrow = SCANS;
     arena.seed = options.seed = seed;
     arena.scene = SIM_ROOMS;
     options.places = SCANS;
     options.headings = 1;
-    options.fov = 360 * DEGREE;
+    options.fov = fov * DEGREE;
     r.arena = sim_arena_create(&arena, NULL, 0);
     assert_non_null(r.arena);
     r.survey = sim_survey_create(r.arena, &options, NULL, 0);
@@ -80,6 +108,11 @@ static struct rooms visit(uint64_t seed)
         r.start[i].theta = (cairn_real)truth.theta + cairn_random_uniform(&random, CAIRN_REAL(-0.26), CAIRN_REAL(0.26));
     }
     return r;
+}
+
+static struct rooms visit(uint64_t seed)
+{
+    return visit_with(seed, 360);
 }
 
 static void leave(struct rooms *r)
@@ -126,7 +159,7 @@ static struct bed bed_with(const cairn_virtual_align_params *params)
 static void add_rooms(struct bed *bed, const struct rooms *r)
 {
     for (int32_t i = 0; i < SCANS; i++) {
-        cairn_scan_view view = fit(&r->scans[i]);
+        cairn_scan_view view = view_of(r, i);
 
         assert_ok(cairn_virtual_align_add_scan(bed->align, &view, r->start[i], NULL));
     }
@@ -419,7 +452,7 @@ static struct twin twin_of(const cairn_virtual_align_params *p, const struct roo
     assert_ok(cairn_virtual_scan_create(&t.hypotheses, &t.pool, &t.p.hypotheses));
     assert_ok(cairn_wall_slide_create(&t.slide, &t.pool, &t.p.slide));
     for (int32_t i = 0; i < SCANS; i++) {
-        cairn_scan_view view = fit(&r->scans[i]);
+        cairn_scan_view view = view_of(r, i);
 
         assert_ok(cairn_aligner_add_scan(t.aligner, &view, r->start[i], NULL));
         assert_ok(cairn_force_field_add_scan(t.field, &view, NULL, r->start[i], NULL));
@@ -670,17 +703,23 @@ static void does_what_is_done_by_hand(void **state)
 {
     static const struct {
         int32_t align, every, steps, rounds, hesitant;
-        double weight;
-    } cases[] = {{0, 1, 4, 1, 0, 3}, {0, 2, 5, 1, 0, 0}, {1, 3, 4, 1, 1, 3},
-                 {1, 2, 3, 3, 1, 2}, {1, 3, 4, 2, 0, 3}, {1, 4, 4, 2, 2, 1}};
+        double weight, fov;
+        uint64_t seed;
+        int32_t narrow;
+    } cases[] = {{0, 1, 4, 1, 0, 3, 360, 5, SCANS}, {0, 2, 5, 1, 0, 0, 360, 5, SCANS},
+                 {1, 3, 4, 1, 1, 3, 360, 5, SCANS}, {1, 2, 3, 3, 1, 2, 360, 5, SCANS},
+                 {1, 3, 4, 2, 0, 3, 360, 5, SCANS}, {1, 4, 4, 2, 2, 1, 360, 5, SCANS},
+                 {1, 3, 4, 2, 0, 3, 180, 7, SCANS}, {1, 3, 4, 2, 0, 3, 360, 5, 2}};
+    int32_t slid = 0, stayed = 0;
 
     (void)state;
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
         cairn_virtual_align_params p = cases[k].hesitant > 0 ? hesitant_params() : small_params();
-        struct rooms r = visit(5);
+        struct rooms r = visit_with(cases[k].seed, cases[k].fov);
         struct bed bed;
         struct twin t;
 
+        r.narrow = cases[k].narrow;
         if (cases[k].hesitant == 2)
             p.aligner.least_evidence = 1000; /* no scan is placed with another */
         p.align = cases[k].align;
@@ -694,10 +733,16 @@ static void does_what_is_done_by_hand(void **state)
         add_rooms(&bed, &r);
         run(bed.align, 1000);
         assert_same(&t, bed.align);
+        slid += t.result.slide.slid;
+        if (r.narrow < SCANS)
+            stayed += !t.kept[r.narrow].placed && !cairn_wall_slide_is_loose(t.slide, &t.kept[r.narrow]) &&
+                      !t.moves[r.narrow];
         test_pool_free(&t.pool);
         test_pool_free(&bed.pool);
         leave(&r);
     }
+    assert_true(slid > 0);
+    assert_true(stayed > 0);
 }
 
 /* ---- Refusals ---- */

@@ -654,7 +654,7 @@ static void the_budget_does_not_matter(void **state)
         points = cairn_virtual_scan_points(f.v, &weights, &got);
         assert_int_equal(got, point_count);
         assert_memory_equal(points, whole, (size_t)got * sizeof *whole);
-        assert_int_equal(units, NUMBER(0xbbd3, 0xb9f0));
+        assert_int_equal(units, NUMBER(0x54e6, 0x5424));
     }
     end_fixture(&f);
 }
@@ -813,8 +813,8 @@ static void begins_anew(void **state)
 static void all_bits_are_kept(void **state)
 {
     (void)state;
-    assert_golden(hash_of_maps(1), UINT64_C(0x9151627741a28421), UINT64_C(0x8d9e53381fa9ba54));
-    assert_golden(hash_of_maps(2), UINT64_C(0xe5a67089b5b2a1ca), UINT64_C(0x3de65929de40d849));
+    assert_golden(hash_of_maps(1), UINT64_C(0xb7412fd9aaddecda), UINT64_C(0x13401cae8a65a20f));
+    assert_golden(hash_of_maps(2), UINT64_C(0xb12bc0ddda2125e3), UINT64_C(0x35c6014fcf08fed0));
 }
 
 /* ---- Refusals ---- */

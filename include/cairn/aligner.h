@@ -116,8 +116,9 @@ void cairn_aligner_clear(cairn_aligner *aligner);
 CAIRN_CHECKED cairn_status cairn_aligner_begin(cairn_aligner *aligner);
 
 /* Starts from the alignment that ended last: the scans that it has placed stay together, those that it has not are looked
- * for anew about map_scan[i], in the map of its result, which becomes their initial pose. When none is found elsewhere the
- * result stays as it is; else all are solved for together again. map_scan: [scans], not read of scans that are placed.
+ * for anew about map_scan[i], in the map of its result, which becomes their initial pose; as something else has moved them,
+ * which turns walls parallel, within 0.4 of the turns of begin(). When none is found elsewhere the result stays as it is; else
+ * all are solved for together again. map_scan: [scans], not read of scans that are placed.
  * CAIRN_EMPTY: no alignment has ended since scans were added or one was begun. CAIRN_BAD_ARGUMENT: NULL, a pose beyond 1e6 m.
  * CAIRN_NOT_FINITE. Linear in the scans; the steps pay for the scans that are looked for alone unless one is found. */
 CAIRN_CHECKED cairn_status cairn_aligner_begin_again(cairn_aligner *aligner, const cairn_pose *map_scan);

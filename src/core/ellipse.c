@@ -173,7 +173,7 @@ static cairn_status step_bounds(cairn_ellipse_set *set, cairn_budget *budget)
         if (budget->left <= 0)
             return CAIRN_MORE;
         budget->left--;
-        for (int32_t i = 0; i < 8 && set->cursor < set->count; i++, set->cursor++) {
+        for (int32_t i = 0; i < 4 && set->cursor < set->count; i++, set->cursor++) {
             const cairn_oriented_point *p = &set->points[set->cursor];
             cairn_status status = check(p, cairn_ellipse_weight(set, set->cursor));
 
@@ -334,10 +334,12 @@ static cairn_status step_peaks(cairn_ellipse_set *set, cairn_budget *budget)
                 set->cursor++;
             continue;
         }
-        if (!cairn_budget_pay(budget, &set->paid, 2 + about / 16 + set->peak_count / 8))
+        if (!cairn_budget_pay(budget, &set->paid, 1 + about / 32))
             return CAIRN_MORE;
-        if (is_peak(set, set->cursor))
+        if (is_peak(set, set->cursor)) {
+            set->paid -= 1 + set->peak_count / 8; /* owed to the next item */
             keep(set, set->cursor);
+        }
         set->cursor++;
     }
     return CAIRN_OK;

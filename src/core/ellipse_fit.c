@@ -13,6 +13,7 @@
 #include "src/core/ellipse_work.h"
 
 static const cairn_real DIRECTION_WEIGHT = CAIRN_REAL(0.1); /* of a direction's equation beside that of the place */
+static const cairn_real ROUNDED = CAIRN_REAL(1e-3);         /* more than what rounding makes of a distance, over it */
 static const cairn_real CIRCLE_WEIGHT = CAIRN_REAL(1e-3);   /* of the circle beside a point */
 
 /* ---- The shape ---- */
@@ -43,9 +44,9 @@ cairn_real cairn_ellipse_length(const cairn_ellipse *ellipse)
     return CAIRN_PI * (3 * (a + b) - cairn_sqrt((3 * a + b) * (a + 3 * b)));
 }
 
-cairn_real cairn_ellipse_distance(const cairn_ellipse *ellipse, cairn_vec2 point, cairn_vec2 *normal)
+static cairn_real distance_in(const cairn_ellipse *ellipse, cairn_transform map_ellipse, cairn_vec2 point,
+                              cairn_vec2 *normal)
 {
-    cairn_transform map_ellipse = cairn_transform_of(ellipse->centre);
     cairn_real a = ellipse->half_length, b = ellipse->half_width, radius, length;
     cairn_vec2 from = {point.x - map_ellipse.x, point.y - map_ellipse.y}, q, gradient = {0, 1};
 
@@ -63,19 +64,48 @@ cairn_real cairn_ellipse_distance(const cairn_ellipse *ellipse, cairn_vec2 point
     return (radius - 1) / length;
 }
 
+cairn_real cairn_ellipse_distance(const cairn_ellipse *ellipse, cairn_vec2 point, cairn_vec2 *normal)
+{
+    return distance_in(ellipse, cairn_transform_of(ellipse->centre), point, normal);
+}
+
+/* With r from the centre, r / a <= radius <= r / b, and the gradient is 1 / b at most: outside a point is off by
+ * b (r / a - 1) at least, inside by b - r. */
+cairn_ellipse_gate cairn_ellipse_gate_of(const cairn_ellipse *ellipse, cairn_real distance, cairn_real sine)
+{
+    cairn_real a = ellipse->half_length, b = ellipse->half_width;
+    cairn_ellipse_gate gate = {*ellipse, cairn_transform_of(ellipse->centre), distance, sine, 0, 0};
+
+    gate.inner = cairn_max(b - distance, 0) * (1 - ROUNDED);
+    gate.inner *= gate.inner;
+    gate.outer = a * (1 + distance / b) * (1 + ROUNDED);
+    gate.outer *= gate.outer;
+    return gate;
+}
+
+int32_t cairn_ellipse_lets_in(const cairn_ellipse_gate *gate, const cairn_oriented_point *point, cairn_real *off)
+{
+    cairn_vec2 normal, along;
+    cairn_real same;
+
+    *off = distance_in(&gate->ellipse, gate->map_ellipse, point->position, &normal);
+    along = cairn_vec2_left(normal);
+    same = cairn_vec2_dot(along, point->direction);
+    if (gate->ellipse.kind == CAIRN_ELLIPSE_COLUMN)
+        same = -same;
+    if (gate->ellipse.kind == CAIRN_ELLIPSE_ANY)
+        same = cairn_abs(same);
+    return cairn_abs(*off) <= gate->distance && same > 0 &&
+           cairn_abs(cairn_vec2_cross(along, point->direction)) <= gate->sine;
+}
+
 int32_t cairn_ellipse_has(const cairn_ellipse *ellipse, const cairn_oriented_point *point, cairn_real distance,
                           cairn_real sine)
 {
-    cairn_vec2 normal, along;
-    cairn_real off = cairn_ellipse_distance(ellipse, point->position, &normal), same;
+    cairn_ellipse_gate gate = cairn_ellipse_gate_of(ellipse, distance, sine);
+    cairn_real off;
 
-    along = cairn_vec2_left(normal);
-    same = cairn_vec2_dot(along, point->direction);
-    if (ellipse->kind == CAIRN_ELLIPSE_COLUMN)
-        same = -same;
-    if (ellipse->kind == CAIRN_ELLIPSE_ANY)
-        same = cairn_abs(same);
-    return cairn_abs(off) <= distance && same > 0 && cairn_abs(cairn_vec2_cross(along, point->direction)) <= sine;
+    return cairn_ellipse_lets_in(&gate, point, &off);
 }
 
 /* ---- The conic ---- */

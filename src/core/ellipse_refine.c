@@ -5,14 +5,43 @@
 
 #include "src/core/ellipse_work.h"
 
+/* Units of a point that is on the ellipse at hand, beside those of looking at it: owed to the next item. */
+enum { INSIDE_COST = 2 };
+
+/* How far off the ellipse at hand a point may be in this pass. */
+static cairn_real distance_of_pass(const cairn_ellipse_set *set)
+{
+    static const cairn_real shares[] = {0, CAIRN_REAL(0.5), CAIRN_REAL(0.25), CAIRN_REAL(0.1), 0};
+
+    return cairn_max(set->params.support_distance, shares[set->pass] * set->fit.half_width);
+}
+
+/* How many arcs the outline at hand has. */
+static int32_t arcs_of(const cairn_ellipse_set *set)
+{
+    cairn_real arcs = cairn_min(cairn_ellipse_length(&set->fit) / (2 * set->params.spacing), ELLIPSE_ARCS);
+
+    return cairn_real_to_int(cairn_max(arcs, ELLIPSE_LEAST_ARCS));
+}
+
+/* ... and how far off its direction. */
+static cairn_real sine_of_pass(const cairn_ellipse_set *set)
+{
+    return set->pass == ELLIPSE_COARSE ? cairn_min(2 * set->sine, 1) : set->sine;
+}
+
 static void start_pass(cairn_ellipse_set *set, int32_t pass)
 {
     set->pass = pass;
     set->cursor = 0;
     if (pass == ELLIPSE_RADIUS) {
         memset(set->radii, 0, sizeof set->radii);
-    } else if (pass == ELLIPSE_SUPPORT) {
+        return;
+    }
+    set->gate = cairn_ellipse_gate_of(&set->fit, distance_of_pass(set), sine_of_pass(set));
+    if (pass == ELLIPSE_SUPPORT) {
         set->weight = set->squared = 0;
+        set->arc_count = arcs_of(set);
         memset(set->arcs, 0, sizeof set->arcs);
     } else {
         set->sums = cairn_conic_begin(&set->fit);
@@ -68,30 +97,14 @@ static void take_radius(cairn_ellipse_set *set)
         cairn_max((cairn_real)best * (set->params.most_radius / (ELLIPSE_RADII - 1)), set->params.least_radius);
 }
 
-/* How far off the ellipse at hand a point may be in this pass. */
-static cairn_real gate(const cairn_ellipse_set *set)
-{
-    static const cairn_real shares[] = {0, CAIRN_REAL(0.5), CAIRN_REAL(0.25), CAIRN_REAL(0.1)};
-
-    return cairn_max(set->params.support_distance, shares[set->pass] * set->fit.half_width);
-}
-
-/* How many arcs the outline at hand has. */
-static int32_t arcs_of(const cairn_ellipse_set *set)
-{
-    cairn_real arcs = cairn_min(cairn_ellipse_length(&set->fit) / (2 * set->params.spacing), ELLIPSE_ARCS);
-
-    return cairn_real_to_int(cairn_max(arcs, ELLIPSE_LEAST_ARCS));
-}
-
 /* The arc, counted from the longer axis, in which a point lies. */
 static void mark_arc(cairn_ellipse_set *set, cairn_vec2 p)
 {
-    cairn_transform t = cairn_transform_of(set->fit.centre);
+    cairn_transform t = set->gate.map_ellipse;
     cairn_vec2 from = {p.x - t.x, p.y - t.y};
     cairn_real along = (t.cosine * from.x + t.sine * from.y) / set->fit.half_length;
     cairn_real across = (t.cosine * from.y - t.sine * from.x) / set->fit.half_width;
-    int32_t arcs = arcs_of(set);
+    int32_t arcs = set->arc_count;
     cairn_real place = (cairn_atan2(across, along) / (2 * CAIRN_PI) + CAIRN_REAL(0.5)) * (cairn_real)arcs;
     int32_t arc = cairn_real_to_int(cairn_min(cairn_floor(place), (cairn_real)(arcs - 1)));
 
@@ -101,21 +114,21 @@ static void mark_arc(cairn_ellipse_set *set, cairn_vec2 p)
 /* A point as far as it belongs to the ellipse at hand. */
 static void add_point(cairn_ellipse_set *set, const cairn_oriented_point *point, cairn_real weight)
 {
-    cairn_oriented_point p = {point->position, cairn_vec2_unit(point->direction)};
-    cairn_vec2 normal;
+    cairn_oriented_point p;
     cairn_real off;
 
-    if (!(weight > 0))
+    if (!(weight > 0) || (set->pass != ELLIPSE_RADIUS && cairn_ellipse_is_far(&set->gate, point->position)))
         return;
+    p.position = point->position;
+    p.direction = cairn_vec2_unit(point->direction);
     if (set->pass == ELLIPSE_RADIUS) {
         add_radius(set, &p, weight);
-    } else if (cairn_ellipse_has(&set->fit, &p, set->pass == ELLIPSE_SUPPORT ? set->params.support_distance : gate(set),
-                                 set->pass == ELLIPSE_COARSE ? cairn_min(2 * set->sine, 1) : set->sine)) {
+    } else if (cairn_ellipse_lets_in(&set->gate, &p, &off)) {
+        set->paid -= INSIDE_COST;
         if (set->pass != ELLIPSE_SUPPORT) {
             cairn_conic_add(&set->sums, &p, weight);
             return;
         }
-        off = cairn_ellipse_distance(&set->fit, p.position, &normal);
         set->weight += weight;
         set->squared += weight * off * off;
         mark_arc(set, p.position);
@@ -134,7 +147,7 @@ static int is_in_bounds(const cairn_ellipse_set *set)
 static void measure(cairn_ellipse_set *set)
 {
     cairn_ellipse *e = &set->fit;
-    int32_t arcs = arcs_of(set), marked = 0;
+    int32_t arcs = set->arc_count, marked = 0;
     cairn_real off = set->squared / set->weight;
 
     for (int32_t i = 0; i < arcs; i++)
@@ -183,13 +196,12 @@ cairn_status cairn_ellipse_refine(cairn_ellipse_set *set, cairn_budget *budget)
 {
     while (set->item < set->peak_count) {
         while (set->cursor < set->count) {
-            if (budget->left <= 0)
+            if (!cairn_budget_pay(budget, &set->paid, 1))
                 return CAIRN_MORE;
-            budget->left--;
             for (int32_t i = 0; i < 2 && set->cursor < set->count; i++, set->cursor++)
                 add_point(set, &set->points[set->cursor], cairn_ellipse_weight(set, set->cursor));
         }
-        if (!cairn_budget_pay(budget, &set->paid, 8 + set->work_count / 2))
+        if (!cairn_budget_pay(budget, &set->paid, 16 + set->work_count / 2))
             return CAIRN_MORE;
         end_pass(set);
     }

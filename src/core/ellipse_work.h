@@ -15,6 +15,15 @@ typedef struct cairn_conic_sums {
     cairn_real right[ELLIPSE_UNKNOWNS];
 } cairn_conic_sums;
 
+/* An ellipse and what belongs to it: what is alike for all points that are held against it. */
+typedef struct cairn_ellipse_gate {
+    cairn_ellipse ellipse;
+    cairn_transform map_ellipse;
+    cairn_real distance;     /* m from the outline */
+    cairn_real sine;         /* of the angle between directions */
+    cairn_real inner, outer; /* m^2 from the centre: what is nearer or farther is off by more than the distance */
+} cairn_ellipse_gate;
+
 typedef int32_t ellipse_phase;
 enum {
     ELLIPSE_IDLE,
@@ -62,7 +71,9 @@ struct cairn_ellipse_set {
     int32_t pass;
     cairn_ellipse fit;
     cairn_real radii[ELLIPSE_RADII]; /* weight by distance from the peak, the last for most_radius */
+    cairn_ellipse_gate gate;         /* of the fit, in this pass */
     cairn_conic_sums sums;
+    int32_t arc_count;
     cairn_real weight, squared;       /* ELLIPSE_SUPPORT: of points on the ellipse, and their squared distances */
     uint32_t arcs[ELLIPSE_ARCS / 32]; /* of the outline that points cover */
 };
@@ -81,6 +92,20 @@ void cairn_ellipse_start_peak(cairn_ellipse_set *set);
 cairn_status cairn_ellipse_refine(cairn_ellipse_set *set, cairn_budget *budget);
 
 /* ---- ellipse_fit.c ---- */
+
+cairn_ellipse_gate cairn_ellipse_gate_of(const cairn_ellipse *ellipse, cairn_real distance, cairn_real sine);
+
+/* As cairn_ellipse_has(); *off: m from the outline. */
+int32_t cairn_ellipse_lets_in(const cairn_ellipse_gate *gate, const cairn_oriented_point *point, cairn_real *off);
+
+/* 1: a point lies too far off whatever its direction. 0: it may belong to the ellipse. */
+static inline int32_t cairn_ellipse_is_far(const cairn_ellipse_gate *gate, cairn_vec2 point)
+{
+    cairn_vec2 from = {point.x - gate->map_ellipse.x, point.y - gate->map_ellipse.y};
+    cairn_real squared = cairn_vec2_norm_squared(from);
+
+    return squared < gate->inner || squared > gate->outer;
+}
 
 /* No points yet, about an ellipse. */
 cairn_conic_sums cairn_conic_begin(const cairn_ellipse *about);

@@ -188,7 +188,7 @@ static cairn_status step_bounds(cairn_hough *hough, cairn_budget *budget)
         if (budget->left <= 0)
             return CAIRN_MORE;
         budget->left--;
-        for (int32_t i = 0; i < 8 && hough->cursor < hough->count; i++, hough->cursor++) {
+        for (int32_t i = 0; i < 4 && hough->cursor < hough->count; i++, hough->cursor++) {
             const cairn_oriented_point *p = &hough->points[hough->cursor];
             cairn_status status = check(p, cairn_hough_weight(hough, hough->cursor));
 
@@ -267,7 +267,7 @@ static cairn_status step_vote(cairn_hough *hough, cairn_budget *budget)
         if (budget->left <= 0)
             return CAIRN_MORE;
         centre = rows_about(hough, p->direction, &first, &last);
-        if (!cairn_budget_pay(budget, &hough->paid, 2 + (last - first) / 8))
+        if (!cairn_budget_pay(budget, &hough->paid, 2 + (last - first) / 4))
             return CAIRN_MORE;
         if (weight > 0 && cairn_vec2_norm_squared(p->direction) > 0)
             vote_all(hough, cairn_vec2_sub(p->position, hough->middle), weight, centre, first, last);

@@ -4,7 +4,8 @@
  * for free space. For every turn, all shifts within the window are voted for at once, a point giving its vote to the shifts
  * that bring it onto a surface of its direction, and two votes against those that bring it into free space. The best few
  * are refined and compared by their evidence, also with where the scan was. All scans are looked for once, later those that
- * lie badly. A cluster beside the largest is looked for as a
+ * lie badly. Scans that something else has moved since, as walls that attract each other do, lie parallel to the rest before
+ * they meet it: they are looked for in fewer turns, by every second point. A cluster beside the largest is looked for as a
  * whole, by each of its scans; in the last round its scans are looked for one by one. */
 #include "src/core/build.h"
 
@@ -15,11 +16,16 @@
 enum { DIRECTIONS = 15, FREE_CELL = 1 << DIRECTIONS, TRY_ROUNDS = 3 };
 enum { VOTES_OF_ITEM = 20000, VOTES_OF_UNIT = 128 };
 
-static const cairn_real CELL = CAIRN_REAL(0.1);      /* m */
-static const cairn_real CLEARANCE = CAIRN_REAL(0.2); /* m before a surface that is not drawn free */
-static const cairn_real TURN = CAIRN_REAL(0.0349);   /* rad: 2 degrees */
-static const cairn_real WINDOW = CAIRN_REAL(2.2);    /* standard deviations */
-static const cairn_real WIDEST = CAIRN_REAL(1.875);  /* of the params' spread */
+/* Votes, halves of a point, that a find has at least; where scans are looked for again every so-manieth point votes, for as many,
+ * and a find may have one vote less. */
+enum { LEAST_VOTES = 3, AGAIN_STRIDE = 2 };
+
+static const cairn_real CELL = CAIRN_REAL(0.1);         /* m */
+static const cairn_real CLEARANCE = CAIRN_REAL(0.2);    /* m before a surface that is not drawn free */
+static const cairn_real TURN = CAIRN_REAL(0.0349);      /* rad: 2 degrees */
+static const cairn_real WINDOW = CAIRN_REAL(2.2);       /* standard deviations */
+static const cairn_real WIDEST = CAIRN_REAL(1.875);     /* of the params' spread */
+static const cairn_real STILL_TURNED = CAIRN_REAL(0.4); /* of the turns, where looked for again */
 static const cairn_real LIES_WELL = 10, LIES_SURELY = 40, BETTER = 2, ATTACHED = -2, TORN_OFF = 4, JOINED = 4,
                         CLEARLY = 3, HOPELESS = -40; /* nats */
 
@@ -91,6 +97,8 @@ static void expect(cairn_aligner *x, int32_t rest)
     x->cell = cairn_max(CELL, 2 * half / (cairn_real)(most - 1));
     x->side_cells = cairn_real_to_int(cairn_ceil(2 * half / x->cell));
     x->half_window = cairn_real_to_int(cairn_min(cairn_ceil(window / x->cell), (cairn_real)most_window));
+    if (x->again)
+        turned *= STILL_TURNED;
     x->turns = cairn_real_to_int(cairn_ceil(cairn_min(turned, CAIRN_PI) / TURN));
     x->corner.x = x->predicted.x - (cairn_real)x->side_cells * x->cell / 2;
     x->corner.y = x->predicted.y - (cairn_real)x->side_cells * x->cell / 2;
@@ -332,12 +340,18 @@ static int32_t draw(cairn_aligner *x)
 
 /* ---- The search ---- */
 
+/* Every so-manieth point votes. */
+static int32_t stride_of(const cairn_aligner *x)
+{
+    return x->again ? AGAIN_STRIDE : 1;
+}
+
 /* The votes of some points of the scan at hand, from the first-th on. */
 static void vote(cairn_aligner *x, cairn_transform pose, int32_t width, int32_t first, int32_t end)
 {
     int32_t side = x->side_cells;
 
-    for (int32_t i = first; i < end; i++) {
+    for (int32_t i = first; i < end; i += stride_of(x)) {
         const aligner_point *point = &x->points[i];
         cairn_vec2 p = cairn_transform_point(pose, point->position);
         cairn_vec2 direction = cairn_transform_direction(pose, x->segments[point->segment].direction);
@@ -364,10 +378,11 @@ static void count_votes(cairn_aligner *x, cairn_pose at, cairn_real turned, int3
     for (int32_t v = 0; v < width; v++)
         for (int32_t u = 0; u < width; u++) {
             cairn_real dx = (cairn_real)(u - x->half_window) * x->cell, dy = (cairn_real)(v - x->half_window) * x->cell;
-            cairn_real score = (cairn_real)x->votes[v * width + u] / 2;
+            int32_t votes = x->votes[v * width + u] * stride_of(x);
+            cairn_real score = (cairn_real)votes / 2;
             cairn_pose pose = {at.x + dx, at.y + dy, at.theta};
 
-            if (x->votes[v * width + u] < 3)
+            if (votes <= LEAST_VOTES - stride_of(x))
                 continue;
             score -=
                 ((dx * dx + dy * dy) / (x->sigma * x->sigma) + turned * turned / (x->sigma_angle * x->sigma_angle)) / 2;
@@ -379,7 +394,7 @@ static void count_votes(cairn_aligner *x, cairn_pose at, cairn_real turned, int3
 static int32_t search_turn(cairn_aligner *x)
 {
     int32_t width = 2 * x->half_window + 1, first = x->scans[x->i].first_point + x->l, last = x->scans[x->i].end_point;
-    int32_t end = first + 1 + VOTES_OF_ITEM / (width * width);
+    int32_t stride = stride_of(x), end = first + stride * (1 + VOTES_OF_ITEM / (width * width)), voted;
     cairn_real turned = (cairn_real)x->turn * TURN;
     cairn_pose at = x->predicted;
 
@@ -393,12 +408,13 @@ static int32_t search_turn(cairn_aligner *x)
     at.theta = cairn_wrap_angle(at.theta + turned);
     vote(x, cairn_transform_of(at), width, first, end);
     x->l += end - first;
+    voted = (end - first + stride - 1) / stride;
     if (end < last)
-        return 1 + (end - first) * width * width / VOTES_OF_UNIT;
+        return 1 + voted * width * width / VOTES_OF_UNIT;
     count_votes(x, at, turned, width);
     x->turn++;
     x->l = 0;
-    return 1 + (end - first + 4) * width * width / VOTES_OF_UNIT;
+    return 1 + (voted + 4) * width * width / VOTES_OF_UNIT;
 }
 
 /* The best of the finds, and the best score of another place. */

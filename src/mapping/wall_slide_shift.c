@@ -2,8 +2,9 @@
  *
  * For every shift that the initial poses allow, and for staying: the nats of the initial poses and of the walls' thickness, less what
  * speaks against it, two scans after the other. That last is the dear part, and can only take away: so always the shift that
- * is best by what has been looked at is looked at next. When it has met all scans no other can be better, and most
- * shifts never meet more than two. The best of those that are not near it follows in the same way. */
+ * is best by what has been looked at is looked at next. When it has met all scans no other can be better. The two scans that have
+ * spoken against a shift are asked first of the next, as they mostly do again: so most shifts never meet more than two. The best
+ * of those that are not near it follows in the same way. */
 #include "src/core/build.h"
 
 #include "src/mapping/wall_slide_work.h"
@@ -12,7 +13,8 @@ enum { SHIFTS_OF_UNIT = 16, SCANS_OF_UNIT = 16 };
 
 static const cairn_real SAME_PLACE = CAIRN_REAL(0.06); /* m, and half a step, so that no rounding decides */
 static const cairn_real BETTER = 2;                    /* nats that a part must gain to leave its place */
-static const cairn_real FARTHEST = 3;                  /* standard deviations */
+static const cairn_real PLAINLY = -1; /* nats with which two scans speak against a shift by themselves */
+static const cairn_real FARTHEST = 3; /* standard deviations */
 
 /* The multiples of the step that are as near to the expected shift as the initial poses allow, or one at least. */
 static void lay_shifts(cairn_wall_slide *x, cairn_real far)
@@ -46,8 +48,9 @@ int32_t cairn_slide_begin_pair(cairn_wall_slide *x, int32_t moving, int32_t fixe
         slide_trial *trial = &x->trials[i];
 
         trial->nats = -miss * miss / (2 * x->variance);
-        trial->scan = trial->partner = 0;
+        trial->scan = trial->partner = trial->is_begun = 0;
     }
+    x->objector.scan = x->objector.partner = SLIDE_NONE;
     x->i = x->j = 0;
     x->best = x->leaves = SLIDE_NONE;
     x->phase = x->params.thickness && x->result.thickness > 0 ? SLIDE_THICKNESS : SLIDE_OBJECT;
@@ -84,27 +87,44 @@ static int32_t find_two(const cairn_wall_slide *x, slide_trial *trial, int32_t *
     return found;
 }
 
+/* What two scans say of a shift; returns units. */
+static int32_t ask(cairn_wall_slide *x, int32_t i, slide_two two)
+{
+    const slide_scan *a = &x->scans[two.scan], *b = &x->scans[two.partner];
+    cairn_vec2 shift = cairn_vec2_add(a->shift, cairn_vec2_scale(x->parts[x->moving].along, cairn_slide_shift(x, i)));
+    cairn_pose pose = a->map_scan;
+    cairn_real nats;
+    int32_t units;
+
+    pose.x += shift.x - b->shift.x;
+    pose.y += shift.y - b->shift.y;
+    nats = cairn_aligner_objection(x->aligner, two.scan, two.partner, cairn_pose_between(b->map_scan, pose), &units);
+    x->trials[i].nats += nats;
+    if (nats < PLAINLY)
+        x->objector = two;
+    return 1 + units;
+}
+
 /* By the next two scans. */
 static int32_t object_to(cairn_wall_slide *x, int32_t i)
 {
     slide_trial *trial = &x->trials[i];
-    const slide_scan *a, *b;
-    int32_t units, passed;
-    cairn_vec2 shift;
-    cairn_pose pose;
+    slide_two two;
+    int32_t passed;
 
+    if (!trial->is_begun) {
+        trial->is_begun = 1;
+        trial->first = x->objector;
+        if (trial->first.scan != SLIDE_NONE)
+            return ask(x, i, trial->first);
+    }
     if (!find_two(x, trial, &passed))
         return passed;
-    a = &x->scans[trial->scan];
-    b = &x->scans[trial->partner];
-    shift = cairn_vec2_add(a->shift, cairn_vec2_scale(x->parts[x->moving].along, cairn_slide_shift(x, i)));
-    pose = a->map_scan;
-    pose.x += shift.x - b->shift.x;
-    pose.y += shift.y - b->shift.y;
-    trial->nats +=
-        cairn_aligner_objection(x->aligner, trial->scan, trial->partner, cairn_pose_between(b->map_scan, pose), &units);
-    trial->partner++;
-    return units + 1 + passed;
+    two.scan = trial->scan;
+    two.partner = trial->partner++;
+    if (two.scan == trial->first.scan && two.partner == trial->first.partner)
+        return passed;
+    return passed + ask(x, i, two);
 }
 
 /* ---- The best ---- */

@@ -47,10 +47,17 @@ typedef struct slide_part {
     int32_t scans;  /* 0: joined to another */
 } slide_part;
 
+/* A scan of the moving part and one of the fixed one; SLIDE_NONE: none. */
+typedef struct slide_two {
+    int32_t scan, partner;
+} slide_two;
+
 /* A shift that is tried. */
 typedef struct slide_trial {
     cairn_real nats;       /* for it, by what has been looked at */
     int32_t scan, partner; /* that are looked at next, or one after them; scan_count: no more */
+    slide_two first;       /* that are looked at before all others */
+    int32_t is_begun;
 } slide_trial;
 
 /* A part against one of a lesser number. */
@@ -82,6 +89,7 @@ struct cairn_wall_slide {
     int32_t first_shift, shifts; /* that are tried, in steps: first, first + 1, ...; the last may be staying, ... */
     int32_t stay;                /* ... which is this one */
     int32_t leaves, best;        /* the best shift; the one to take, that or staying; SLIDE_NONE: not known yet */
+    slide_two objector;          /* that have spoken plainly against the last shift against which any have */
     cairn_real step, expected, variance;
     cairn_wall_slide_result result;
 };

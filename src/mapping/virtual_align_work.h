@@ -1,0 +1,62 @@
+/* What the files of the virtual_align room share. */
+#ifndef CAIRN_MAPPING_VIRTUAL_ALIGN_WORK_H
+#define CAIRN_MAPPING_VIRTUAL_ALIGN_WORK_H
+
+#include "cairn/virtual_align.h"
+
+typedef int32_t virtual_align_phase;
+enum {
+    VIRTUAL_ALIGN_IDLE,
+    VIRTUAL_ALIGN_FIRST,
+    VIRTUAL_ALIGN_KEEP,
+    VIRTUAL_ALIGN_PLACE,
+    VIRTUAL_ALIGN_BEGIN_SLIDE,
+    VIRTUAL_ALIGN_SLIDE,
+    VIRTUAL_ALIGN_TAKE_SLID,
+    VIRTUAL_ALIGN_GATHER,
+    VIRTUAL_ALIGN_DETECT,
+    VIRTUAL_ALIGN_ITERATE,
+    VIRTUAL_ALIGN_HAND_BACK,
+    VIRTUAL_ALIGN_AGAIN,
+    VIRTUAL_ALIGN_JUDGE
+};
+
+/* How a scan comes in, where the aligner has placed it, and whether the field moves it. */
+struct cairn_virtual_place {
+    cairn_pose start;
+    cairn_aligner_pose aligned;
+    int32_t moves;
+};
+
+struct cairn_virtual_align {
+    cairn_virtual_align_params params;
+    cairn_aligner *aligner;
+    cairn_force_field *field;
+    cairn_virtual_scan *hypotheses;
+    cairn_wall_slide *slide;
+    struct cairn_virtual_place *places; /* [max_scans] */
+    cairn_pose *poses;                  /* [max_scans] that the aligner starts again from, or has come to, ... */
+    cairn_pose *kept;                   /* [max_scans] ... and those that they stand for */
+    virtual_align_phase phase;
+    int32_t cursor; /* scan */
+    int32_t since;  /* iterations of the field since the last virtual scan */
+    int32_t scan_count;
+    int32_t is_under_way; /* an iteration of the field */
+    int32_t is_done;      /* the last round has not made the result better */
+    cairn_real spread;    /* m, of the poses that scans come in with */
+    cairn_virtual_align_result result;
+    int32_t paid;
+};
+
+static inline void cairn_virtual_align_must(cairn_status status)
+{
+    CAIRN_ASSERT(status == CAIRN_OK);
+    (void)status;
+}
+
+/* ---- virtual_align_step.c ---- */
+
+/* To the end of the phase at hand, and on to the next. CAIRN_MORE: the budget is used up. */
+cairn_status cairn_virtual_align_go_on(cairn_virtual_align *align, cairn_budget *budget);
+
+#endif
