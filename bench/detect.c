@@ -13,6 +13,7 @@
 #include <string.h>
 
 #include "bench/bench_detect.h"
+#include "bench/bench_detect_look.h"
 #include "bench/bench_json.h"
 #include "cairn/output.h"
 #include "cairn/report.h"
@@ -21,8 +22,8 @@
 typedef struct settings {
     const char *class_name, *method, *data, *curves;
     const char *bundles;
-    int64_t most, candidates, matches, nearest;
-    double overlap;
+    int64_t most, candidates, matches, nearest, train;
+    double overlap, weight;
     int32_t each, no_mirror, modes;
 } settings;
 
@@ -44,6 +45,7 @@ typedef struct run {
     detect_tally tally[CLASSES];
     double *seconds;
     int32_t timed;
+    cairn_appearance_model look; /* of the class that is looked for, with --train */
 } run;
 
 /* ---- Images ---- */
@@ -67,6 +69,7 @@ static void print_each(const run *r, const group_image *image, int32_t class, co
         bench_json_number("along", (double)found[i].along);
         bench_json_number("agreement", (double)found[i].agreement);
         bench_json_number("distance", (double)found[i].distance);
+        bench_json_number("appearance", (double)found[i].appearance);
         bench_json_integer("parts", found[i].part_count);
         bench_json_number("size", (double)found[i].size / hypot(image->width, image->height));
         bench_json_integer("object", detect_object(truth, &found[i], &overlap));
@@ -101,13 +104,14 @@ static int run_chamfer(run *r, const group_image *image, int32_t own)
 }
 
 /* The time of an image and a model has that of the edges and the field, which all models of an image share. */
-static int run_default(run *r, const group_image *image, int32_t own, cairn_file_error *error)
+static int run_default(run *r, const group_image *image, const char *folder, int32_t own, cairn_file_error *error)
 {
     cairn_object_detect_params params = cairn_object_detect_default(image->width, image->height);
     cairn_raster_u8_view view = {image->edges, image->width, image->height, image->width};
     double start = bench_cpu_seconds(), field_seconds;
     cairn_contour_tokens tokens;
-    cairn_detect_field *field;
+    cairn_appearance_field *look = NULL;
+    cairn_detect_field *field = NULL;
     int ok = 1;
 
     params.candidates = (int32_t)r->s->candidates;
@@ -121,9 +125,12 @@ static int run_default(run *r, const group_image *image, int32_t own, cairn_file
     params.matches = (int32_t)r->s->matches;
     params.nearest = (int32_t)r->s->nearest;
     params.modes = r->s->modes;
-    if (cairn_contour_tokens_find(&tokens, view, 1, 0, image->name, error) != CAIRN_OK)
+    params.appearance_weight = (cairn_real)r->s->weight;
+    if (r->look.word_count > 0 && !detect_look_field(&look, &r->look, folder, image))
         return 0;
-    ok = cairn_detect_field_make(&field, &tokens, &params, image->name, error) == CAIRN_OK;
+    params.appearance = look;
+    ok = cairn_contour_tokens_find(&tokens, view, 1, 0, image->name, error) == CAIRN_OK;
+    ok = ok && cairn_detect_field_make(&field, &tokens, &params, image->name, error) == CAIRN_OK;
     field_seconds = bench_cpu_seconds() - start;
     for (int32_t k = 0; k < CLASSES && ok; k++) {
         cairn_detections d;
@@ -137,6 +144,7 @@ static int run_default(run *r, const group_image *image, int32_t own, cairn_file
         cairn_detections_free(&d);
     }
     cairn_detect_field_free(field);
+    cairn_appearance_field_free(look);
     cairn_contour_tokens_free(&tokens);
     return ok;
 }
@@ -149,11 +157,17 @@ static int run_image(run *r, const char *folder, const char *name, int32_t own)
 
     if (!group_image_read(&image, folder, name, classes[own].folder))
         return 0;
-    ok = r->s->method[0] == 'c' ? run_chamfer(r, &image, own) : run_default(r, &image, own, &error);
+    ok = r->s->method[0] == 'c' ? run_chamfer(r, &image, own) : run_default(r, &image, folder, own, &error);
     if (!ok)
         fprintf(stderr, "bench/detect: %s: %s\n", name, error.text);
     group_image_free(&image);
     return ok;
+}
+
+/* Of the class whose appearance is learnt, the images behind those that it is learnt from. */
+static int64_t first_scored(const run *r, int32_t own)
+{
+    return r->wanted[own] ? r->s->train : 0;
 }
 
 /* Every n-th of a folder's images, so that there are at most `most`. */
@@ -170,7 +184,7 @@ static int run_folder(run *r, int32_t own)
         return 0;
     }
     count = r->s->most < names.count ? r->s->most : names.count;
-    for (int64_t k = 0; k < count && ok; k++) {
+    for (int64_t k = first_scored(r, own); k < count && ok; k++) {
         fprintf(stderr, "%s/%s\n", classes[own].folder, names.name[k * names.count / count]);
         ok = run_image(r, folder, names.name[k * names.count / count], own);
     }
@@ -194,6 +208,19 @@ static int load_models(run *r)
             return 0;
         }
     }
+    return 1;
+}
+
+/* Without it (--train 0) or with no weight the appearance is none. */
+static int learn_looks(run *r)
+{
+    char folder[4096];
+
+    for (int32_t k = 0; k < CLASSES && r->s->train > 0 && r->s->weight > 0; k++)
+        if (r->wanted[k]) {
+            (void)snprintf(folder, sizeof folder, "%s/ethz/%s", r->s->data, classes[k].folder);
+            return detect_look_train(&r->look, folder, classes[k].folder, (int32_t)r->s->train);
+        }
     return 1;
 }
 
@@ -354,6 +381,9 @@ static option_result read_settings(settings *s, int argc, char **argv)
                       "of boxes, above which the better detection stays alone"),
         OPTION_FLAG("--no-mirror", &s->no_mirror, "not the mirrored models"),
         OPTION_FLAG("--each", &s->each, "a line for each detection, too"),
+        OPTION_INTEGER("--train", &s->train, 0, 1000, "N",
+                       "learns what the class looks like from its first N images, which are not looked at then"),
+        OPTION_NUMBER("--weight", &s->weight, 0, 1000, "LAMBDA", "of appearance, with --train"),
         OPTION_TEXT("--curves", &s->curves, "DIR", "writes CLASS.csv and CLASS.svg"),
         OPTION_TEXT("--data", &s->data, "DIR", "where ethz/ is"),
     };
@@ -369,6 +399,10 @@ static option_result read_settings(settings *s, int argc, char **argv)
     if (result == OPTIONS_READ && strcmp(s->bundles, "rule") != 0 && strcmp(s->bundles, "one") != 0 &&
         strcmp(s->bundles, "none") != 0)
         return (option_result)options_refuse("bench/detect", "--bundles %s, expected rule, one or none", s->bundles);
+    if (result == OPTIONS_READ && s->train > 0 &&
+        (s->class_name == NULL || s->most < 100000 || strcmp(s->method, "chamfer") == 0))
+        return (option_result)options_refuse(
+            "bench/detect", "--train %" PRId64 ", expected with --class, without --images, not of chamfer", s->train);
     if (result == OPTIONS_READ && s->class_name != NULL && !is_class(s->class_name))
         return (option_result)options_refuse(
             "bench/detect", "--class %s, expected Applelogos, Bottles, Giraffes, Mugs or Swans", s->class_name);
@@ -390,12 +424,14 @@ int main(int argc, char **argv)
     int ok;
 
     s.overlap = (double)params.overlap;
+    s.weight = (double)params.appearance_weight;
     result = read_settings(&s, argc, argv);
     if (result != OPTIONS_READ)
         return (int)result;
     r.s = &s;
     r.seconds = malloc(SECONDS_MOST * sizeof *r.seconds);
     ok = r.seconds != NULL && load_models(&r);
+    ok = ok && learn_looks(&r);
     for (int32_t k = 0; k < CLASSES && ok; k++)
         ok = run_folder(&r, k);
     ok = ok && print_all(&r);
@@ -403,6 +439,7 @@ int main(int argc, char **argv)
         cairn_shape_model_file_free(&r.model[k]);
         detect_tally_free(&r.tally[k]);
     }
+    cairn_appearance_free(&r.look);
     free(r.seconds);
     return ok ? 0 : 3;
 }

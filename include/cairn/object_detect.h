@@ -6,6 +6,7 @@
 #ifndef CAIRN_OBJECT_DETECT_H
 #define CAIRN_OBJECT_DETECT_H
 
+#include "cairn/appearance.h"
 #include "cairn/contour_search.h"
 
 #ifdef __cplusplus
@@ -34,13 +35,17 @@ typedef struct cairn_object_detect_params {
     cairn_real
         overlap; /* 0 ... 1: of two detections whose boxes share more, over their union, the better one stays (0.2); so it does when
                                       most of the smaller box lies in the other */
-    cairn_real min_score;       /* worse detections are not reported (0) */
+    cairn_real min_score;       /* detections of a worse one, before appearance counts, are not reported (0) */
     cairn_detect_method method; /* (EVIDENCE) */
     /* Of PARTS: */
     cairn_detect_bundles bundles; /* (BUNDLES) */
     int32_t matches;              /* 1 ... 64: chains that vote for each fragment (2, as in the thesis) */
     int32_t nearest;              /* 1 ... 64: votes that configurations are made of, near each vote (20) */
     int32_t modes;                /* 1: near the modes of the votes only (0) */
+    /* What detections look like counts, too: of the same image, which it must outlast; NULL: it does not (NULL) */
+    const cairn_appearance_field *appearance;
+    cairn_real
+        appearance_weight; /* 0 ... 1000: so much a score loses for looking unlike the class for certain (8, lambda of the thesis) */
 } cairn_object_detect_params;
 
 /* The values in brackets above; sizes from a tenth of the picture's diagonal, at least 24 px, to the whole. */
@@ -60,10 +65,11 @@ typedef struct cairn_detection {
     int32_t segment_count;
     int32_t first_outline; /* outline[first_outline ... + outline_count - 1] */
     int32_t outline_count; /* the model's */
-    /* Of PARTS, else 0; there rigid is 0, and score = 1 - distance. */
+    /* Of PARTS, else 0; there rigid is 0, and score = 1 - distance. With appearance a score is less by appearance_weight (1 - appearance). */
     cairn_real distance;            /* of the parts from the outline by their shape contexts, with what is missing */
     cairn_real agreement;           /* score of the configuration (part_configuration) */
     int32_t first_part, part_count; /* parts[first_part ... first_part + part_count - 1] */
+    cairn_real appearance;          /* how likely what is in the box shows the class, 0 ... 1; 0 without appearance */
 } cairn_detection;
 
 /* A fragment of the model's outline (part_bundle, by rule) where it was found. */
@@ -81,7 +87,8 @@ typedef struct cairn_detections {
     cairn_contour_place *outline; /* [outline_count] */
     cairn_detected_part *parts;   /* [part_count] */
     int32_t count, segment_count, outline_count, part_count;
-    int32_t bundles; /* of the model; 0: not looked for by parts */
+    int32_t bundles;        /* of the model; 0: not looked for by parts */
+    int32_t has_appearance; /* 1: it counted */
 } cairn_detections;
 
 /* What all models are looked for in: made once of a picture. */

@@ -81,7 +81,9 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
                                          CAIRN_DETECT_BUNDLES,
                                          2,
                                          20,
-                                         0};
+                                         0,
+                                         NULL,
+                                         8};
 
     return params;
 }
@@ -399,6 +401,15 @@ static void take_parts(const detect_hypothesis *h, cairn_detection *o)
     o->part_count = h->part_count;
 }
 
+/* What is in the box (Adluru 2008, eq. 5.1, with how unlikely it shows the class as the distance of appearance). */
+static void look_at(const detector *d, cairn_detection *o)
+{
+    const double box[4] = {(double)o->left, (double)o->top, (double)o->right, (double)o->bottom};
+
+    o->appearance = (cairn_real)cairn_appearance_probability(d->field->params.appearance, box);
+    o->score -= d->field->params.appearance_weight * (1 - o->appearance);
+}
+
 /* Bends the outline onto the edges about a candidate. 0: there is no memory. */
 static int verify(detector *d, const peak *p, cairn_detections *found)
 {
@@ -428,6 +439,8 @@ static int verify(detector *d, const peak *p, cairn_detections *found)
     if (p->hypothesis >= 0)
         take_parts(&d->hypotheses.list[p->hypothesis], o);
     found->count += o->score >= d->field->params.min_score;
+    if (d->field->params.appearance != NULL)
+        look_at(d, o);
     return 1;
 }
 
@@ -479,6 +492,7 @@ static cairn_status detect(detector *d, cairn_detections *found)
     found->parts = d->hypotheses.parts;
     found->part_count = d->hypotheses.part_count;
     found->bundles = d->hypotheses.bundles;
+    found->has_appearance = d->field->params.appearance != NULL;
     d->hypotheses.parts = NULL;
     found->found = malloc(((size_t)d->count + 1) * sizeof *found->found);
     found->outline = malloc(((size_t)d->count + 1) * (size_t)d->model->outline_count * sizeof *found->outline);
