@@ -4,17 +4,19 @@
 #include "bench/bench_detect_look.h"
 #include "cairn/vision.h"
 
+enum { PATH_ROOM = 4096 };
+
 static int say(const cairn_file_error *error)
 {
     fprintf(stderr, "bench/detect: %s\n", error->text);
     return 0;
 }
 
-static int read_grey(cairn_vision_image *grey, char path[4096], const char *folder, const char *name)
+static int read_grey(cairn_vision_image *grey, char path[PATH_ROOM], const char *folder, const char *name)
 {
     cairn_file_error error;
 
-    (void)snprintf(path, 4096, "%s/%s.jpg", folder, name);
+    (void)snprintf(path, PATH_ROOM, "%s/%s.jpg", folder, name);
     return cairn_vision_read_grey(grey, path, &error) == CAIRN_OK || say(&error);
 }
 
@@ -24,7 +26,7 @@ static int add(cairn_appearance_trainer *trainer, const char *folder, const char
     cairn_file_error error;
     cairn_vision_image grey;
     group_image image;
-    char path[4096];
+    char path[PATH_ROOM];
     int ok;
 
     if (!group_image_read(&image, folder, name, class_name))
@@ -73,7 +75,7 @@ int detect_look_field(cairn_appearance_field **field, const cairn_appearance_mod
 {
     cairn_file_error error;
     cairn_vision_image grey;
-    char path[4096];
+    char path[PATH_ROOM];
     int ok;
 
     *field = NULL;

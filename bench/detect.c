@@ -17,6 +17,7 @@
 #include "bench/bench_json.h"
 #include "cairn/output.h"
 #include "cairn/report.h"
+#include "cairn/vision.h"
 #include "tools/options.h"
 
 typedef struct settings {
@@ -24,7 +25,7 @@ typedef struct settings {
     const char *bundles;
     int64_t most, candidates, matches, nearest, train;
     double overlap, weight;
-    int32_t each, no_mirror, modes;
+    int32_t each, no_mirror, modes, stages;
 } settings;
 
 static const struct {
@@ -38,6 +39,13 @@ static const struct {
 
 enum { CLASSES = sizeof classes / sizeof *classes, SECONDS_MOST = 1 << 16 };
 
+/* Seconds of the processor by stage, over all images and models; those before VOTES are an image's, all models share them. */
+enum { STAGE_EDGES, STAGE_SEGMENTS, STAGE_FIELD, STAGE_LOOK, STAGE_SEARCH, STAGES = STAGE_SEARCH + 3 };
+typedef struct stage_clock {
+    double seconds[STAGES], begun;
+    int32_t stage, images, searches;
+} stage_clock;
+
 typedef struct run {
     const settings *s;
     cairn_shape_model_file model[CLASSES];
@@ -45,8 +53,49 @@ typedef struct run {
     detect_tally tally[CLASSES];
     double *seconds;
     int32_t timed;
+    stage_clock stages;
     cairn_appearance_model look; /* of the class that is looked for, with --train */
 } run;
+
+static void begin_stage(stage_clock *c, int32_t stage)
+{
+    double now = bench_cpu_seconds();
+
+    if (c->stage >= 0)
+        c->seconds[c->stage] += now - c->begun;
+    c->begun = bench_cpu_seconds();
+    c->stage = stage;
+}
+
+static void on_stage(void *context, cairn_detect_stage stage)
+{
+    begin_stage(context, STAGE_SEARCH + stage);
+}
+
+/* Canny's, which nothing is looked for in: the supplied ones stand for them. */
+static int time_edges(run *r, const char *folder, const char *name)
+{
+    cairn_vision_canny_params params = cairn_vision_canny_default();
+    cairn_file_error error = {.text = "no memory"};
+    cairn_vision_image grey;
+    char path[4096 + 300];
+    uint8_t *edges = NULL;
+    int ok;
+
+    (void)snprintf(path, sizeof path, "%s/%s.jpg", folder, name);
+    ok = cairn_vision_read_grey(&grey, path, &error) == CAIRN_OK;
+    if (ok) {
+        edges = malloc((size_t)grey.width * (size_t)grey.height);
+        begin_stage(&r->stages, STAGE_EDGES);
+        ok = edges != NULL && cairn_vision_canny(&grey, &params, edges, path, &error) == CAIRN_OK;
+        begin_stage(&r->stages, -1);
+        cairn_vision_free(&grey);
+    }
+    free(edges);
+    if (!ok)
+        fprintf(stderr, "bench/detect: %s\n", error.text);
+    return ok;
+}
 
 /* ---- Images ---- */
 
@@ -108,7 +157,7 @@ static int run_default(run *r, const group_image *image, const char *folder, int
 {
     cairn_object_detect_params params = cairn_object_detect_default(image->width, image->height);
     cairn_raster_u8_view view = {image->edges, image->width, image->height, image->width};
-    double start = bench_cpu_seconds(), field_seconds;
+    double start, field_seconds;
     cairn_contour_tokens tokens;
     cairn_appearance_field *look = NULL;
     cairn_detect_field *field = NULL;
@@ -126,11 +175,21 @@ static int run_default(run *r, const group_image *image, const char *folder, int
     params.nearest = (int32_t)r->s->nearest;
     params.modes = r->s->modes;
     params.appearance_weight = (cairn_real)r->s->weight;
+    params.on_stage = on_stage;
+    params.on_stage_context = &r->stages;
+    if (r->s->stages && !time_edges(r, folder, image->name))
+        return 0;
+    start = bench_cpu_seconds();
+    begin_stage(&r->stages, STAGE_LOOK);
     if (r->look.word_count > 0 && !detect_look_field(&look, &r->look, folder, image))
         return 0;
     params.appearance = look;
+    begin_stage(&r->stages, STAGE_SEGMENTS);
     ok = cairn_contour_tokens_find(&tokens, view, 1, 0, image->name, error) == CAIRN_OK;
+    begin_stage(&r->stages, STAGE_FIELD);
     ok = ok && cairn_detect_field_make(&field, &tokens, &params, image->name, error) == CAIRN_OK;
+    begin_stage(&r->stages, -1);
+    r->stages.images++;
     field_seconds = bench_cpu_seconds() - start;
     for (int32_t k = 0; k < CLASSES && ok; k++) {
         cairn_detections d;
@@ -139,6 +198,8 @@ static int run_default(run *r, const group_image *image, const char *folder, int
             continue;
         start = bench_cpu_seconds();
         ok = cairn_object_detect(&d, field, &r->model[k].model, image->name, error) == CAIRN_OK;
+        begin_stage(&r->stages, -1);
+        r->stages.searches++;
         if (ok)
             ok = count_image(r, image, k, own, d.found, d.count, field_seconds + bench_cpu_seconds() - start);
         cairn_detections_free(&d);
@@ -226,16 +287,27 @@ static int learn_looks(run *r)
 
 /* ---- Figures ---- */
 
+/* With the intervals of 95 % after Wilson 1927: of the objects that are found, of the detections that are right. */
+static void print_point(cairn_output *output, const detect_point *p)
+{
+    double low[2], high[2];
+
+    detect_interval(p->recall, p->instances, &low[0], &high[0]);
+    detect_interval(p->precision, p->detections, &low[1], &high[1]);
+    cairn_output_print(output, "%.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f\n", p->recall, low[0], high[0], p->precision, low[1],
+                       high[1], p->false_per_image);
+}
+
 static int write_table(const char *path, const detect_point *points, int32_t count)
 {
     cairn_file_error error;
     cairn_output *output;
 
     if (cairn_output_open(&output, path, &error) == CAIRN_OK) {
-        cairn_output_print(output, "recall,precision,false_per_image\n");
+        cairn_output_print(output,
+                           "recall,recall_low,recall_high,precision,precision_low,precision_high,false_per_image\n");
         for (int32_t i = 0; i < count; i++)
-            cairn_output_print(output, "%.6f,%.6f,%.6f\n", points[i].recall, points[i].precision,
-                               points[i].false_per_image);
+            print_point(output, &points[i]);
         if (cairn_output_commit(output, &error) == CAIRN_OK)
             return 1;
     }
@@ -243,37 +315,51 @@ static int write_table(const char *path, const detect_point *points, int32_t cou
     return 0;
 }
 
-/* Lines from point to point; by_recall: precision over recall, otherwise recall over false positives. */
-static void lay_lines(cairn_vec2 *line, const detect_point *points, int32_t count, int by_recall)
+/* Lines from point to point; by_recall: precision over recall, otherwise recall over false positives. bound: -1, 1: its interval's. */
+static void lay_lines(cairn_vec2 *line, const detect_point *points, int32_t count, int by_recall, int bound)
 {
     for (int32_t i = 0; i + 1 < count; i++)
         for (int32_t k = 0; k < 2; k++) {
             const detect_point *p = &points[i + k];
 
+            double low, high, value = by_recall ? p->precision : p->recall;
+
+            detect_interval(value, by_recall ? p->detections : p->instances, &low, &high);
             line[2 * i + k].x = (cairn_real)(by_recall ? p->recall : p->false_per_image);
-            line[2 * i + k].y = (cairn_real)(by_recall ? p->precision : p->recall);
+            line[2 * i + k].y = (cairn_real)(bound < 0 ? low : bound > 0 ? high : value);
         }
 }
 
 static int draw(const char *path, const char *title, const detect_point *points, int32_t count)
 {
-    cairn_vec2 *lines = malloc((4 * (size_t)count + 1) * sizeof *lines);
+    cairn_vec2 *lines = malloc((12 * (size_t)count + 1) * sizeof *lines);
     cairn_report_figure figure = cairn_report_figure_default();
-    cairn_report_layer layer[2] = {{NULL, "#2563eb", CAIRN_REPORT_LINES, count - 1, lines, 2, 1},
-                                   {NULL, "#dc2626", CAIRN_REPORT_LINES, count - 1, lines + 2 * count, 2, 1}};
+    cairn_report_layer layer[6];
     cairn_report_plot plot[2] = {
-        {.x_label = "recall", .y_label = "precision", .layer = &layer[0], .layer_count = 1, .box = {{0, 0}, {1, 1}}},
+        {.x_label = "recall", .y_label = "precision", .layer = &layer[0], .layer_count = 3, .box = {{0, 0}, {1, 1}}},
         {.x_label = "false positives per image",
          .y_label = "detection rate",
-         .layer = &layer[1],
-         .layer_count = 1,
+         .layer = &layer[3],
+         .layer_count = 3,
          .box = {{0, 0}, {CAIRN_REAL(1.5), 1}}}};
     cairn_file_error error = {.text = "no memory"};
     int ok = lines != NULL;
 
     if (ok) {
-        lay_lines(lines, points, count, 1);
-        lay_lines(lines + 2 * count, points, count, 0);
+        for (int32_t i = 0; i < 6; i++) {
+            static const char *const colours[] = {"#2563eb", "#93c5fd", "#93c5fd", "#dc2626", "#fca5a5", "#fca5a5"};
+            static const int bounds[] = {0, -1, 1};
+            cairn_report_layer own = {NULL,
+                                      colours[i],
+                                      CAIRN_REPORT_LINES,
+                                      count - 1,
+                                      lines + (size_t)i * 2 * (size_t)count,
+                                      i % 3 == 0 ? 2 : 1,
+                                      1};
+
+            layer[i] = own;
+            lay_lines(lines + (size_t)i * 2 * (size_t)count, points, count, i < 3, bounds[i % 3]);
+        }
         figure.title = title;
         figure.plot = plot;
         figure.plot_count = 2;
@@ -310,7 +396,7 @@ static int print_class(run *r, int32_t k, means *m)
     int ok = half != NULL && fifth != NULL;
 
     if (ok) {
-        double rate03, rate04, precision;
+        double rate03, rate04, precision, low, high;
 
         detect_curve(t, DETECT_HALF, half);
         detect_curve(t, DETECT_FIFTH, fifth);
@@ -322,8 +408,14 @@ static int print_class(run *r, int32_t k, means *m)
         bench_json_text("method", r->s->method);
         bench_json_integer("images", t->images);
         bench_json_integer("instances", t->instances);
+        detect_interval(rate03, t->instances, &low, &high);
         bench_json_number("dr03", rate03);
+        bench_json_number("dr03_low", low);
+        bench_json_number("dr03_high", high);
+        detect_interval(rate04, t->instances, &low, &high);
         bench_json_number("dr04", rate04);
+        bench_json_number("dr04_low", low);
+        bench_json_number("dr04_high", high);
         bench_json_number("ap", precision);
         bench_json_number("recall_most", t->count > 0 ? half[t->count - 1].recall : 0);
         bench_json_number("precision_at_recall", detect_precision_at(fifth, t->count, classes[k].recall));
@@ -340,6 +432,17 @@ static int print_class(run *r, int32_t k, means *m)
     return ok;
 }
 
+/* Means; of an image, then of an image and a model. */
+static void print_stages(const stage_clock *c)
+{
+    static const char *const names[STAGES] = {"seconds_edges",      "seconds_segments", "seconds_field",
+                                              "seconds_appearance", "seconds_voting",   "seconds_scoring",
+                                              "seconds_boxes"};
+
+    for (int32_t i = 0; i < STAGES && c->searches > 0; i++)
+        bench_json_number(names[i], c->seconds[i] / (i < STAGE_SEARCH ? c->images : c->searches));
+}
+
 static int print_all(run *r)
 {
     means m = {0, 0, 0, 0};
@@ -353,6 +456,7 @@ static int print_all(run *r)
     bench_json_number("dr04_mean", m.rate04 / m.classes);
     bench_json_number("ap_mean", m.precision / m.classes);
     bench_json_number("seconds_median", bench_median(r->seconds, (size_t)r->timed));
+    print_stages(&r->stages);
     bench_json_true("summary");
     bench_json_end();
     return 1;
@@ -380,6 +484,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_NUMBER("--overlap", &s->overlap, 0, 1, "SHARE",
                       "of boxes, above which the better detection stays alone"),
         OPTION_FLAG("--no-mirror", &s->no_mirror, "not the mirrored models"),
+        OPTION_FLAG("--stages", &s->stages, "also Canny's time (the images are decoded then); the other stages always"),
         OPTION_FLAG("--each", &s->each, "a line for each detection, too"),
         OPTION_INTEGER("--train", &s->train, 0, 1000, "N",
                        "learns what the class looks like from its first N images, which are not looked at then"),
@@ -429,6 +534,7 @@ int main(int argc, char **argv)
     if (result != OPTIONS_READ)
         return (int)result;
     r.s = &s;
+    r.stages.stage = -1;
     r.seconds = malloc(SECONDS_MOST * sizeof *r.seconds);
     ok = r.seconds != NULL && load_models(&r);
     ok = ok && learn_looks(&r);

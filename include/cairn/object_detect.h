@@ -26,6 +26,14 @@ enum {
     CAIRN_DETECT_NO_BUNDLES = 2      /* each fragment is a bundle of its own */
 };
 
+/* What a search does, one after the other; of PARTS the first two for the model and again for its mirror image. */
+typedef int32_t cairn_detect_stage;
+enum {
+    CAIRN_DETECT_VOTES = 0,  /* places are looked for, fragments matched */
+    CAIRN_DETECT_SCORES = 1, /* outlines bent onto the edges; of PARTS shapes compared */
+    CAIRN_DETECT_BOXES = 2   /* the best stays of those that overlap; of PARTS outlines bent, too */
+};
+
 typedef struct cairn_object_detect_params {
     /* px, of the diagonal of the object's box: 8 <= min <= max <= 2 CAIRN_CONTOUR_SIDE_MOST, min at least a fiftieth of the picture's longer
      * side. */
@@ -38,14 +46,14 @@ typedef struct cairn_object_detect_params {
     cairn_real min_score;       /* detections of a worse one, before appearance counts, are not reported (0) */
     cairn_detect_method method; /* (EVIDENCE) */
     /* Of PARTS: */
-    cairn_detect_bundles bundles; /* (BUNDLES) */
-    int32_t matches;              /* 1 ... 64: chains that vote for each fragment (2, as in the thesis) */
-    int32_t nearest;              /* 1 ... 64: votes that configurations are made of, near each vote (20) */
-    int32_t modes;                /* 1: near the modes of the votes only (0) */
-    /* What detections look like counts, too: of the same image, which it must outlast; NULL: it does not (NULL) */
-    const cairn_appearance_field *appearance;
-    cairn_real
-        appearance_weight; /* 0 ... 1000: so much a score loses for looking unlike the class for certain (8, lambda of the thesis) */
+    cairn_detect_bundles bundles;             /* (BUNDLES) */
+    int32_t matches;                          /* 1 ... 64: chains that vote for each fragment (2, as in the thesis) */
+    int32_t nearest;                          /* 1 ... 64: votes that configurations are made of, near each vote (20) */
+    int32_t modes;                            /* 1: near the modes of the votes only (0) */
+    const cairn_appearance_field *appearance; /* of the same image: what is in a box counts; NULL: it does not (NULL) */
+    cairn_real appearance_weight; /* 0 ... 1000: what a score loses for the unlikely, lambda of the thesis (8) */
+    void (*on_stage)(void *context, cairn_detect_stage stage); /* told when a stage begins; NULL: nobody (NULL) */
+    void *on_stage_context;
 } cairn_object_detect_params;
 
 /* The values in brackets above; sizes from a tenth of the picture's diagonal, at least 24 px, to the whole. */

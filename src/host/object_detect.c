@@ -83,7 +83,9 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
                                          20,
                                          0,
                                          NULL,
-                                         8};
+                                         8,
+                                         NULL,
+                                         NULL};
 
     return params;
 }
@@ -483,6 +485,7 @@ static cairn_status detect(detector *d, cairn_detections *found)
     d->window = cairn_contour_field_new();
     if (d->window == NULL || !cairn_contour_fit_new(&d->fit, d->model->outline_count) || !add_variants(d))
         return CAIRN_NO_MEMORY;
+    cairn_detect_tell(d->field, CAIRN_DETECT_VOTES);
     if (d->field->params.method == CAIRN_DETECT_PARTS)
         status = take_hypotheses(d);
     else if (!find_candidates(d))
@@ -498,9 +501,12 @@ static cairn_status detect(detector *d, cairn_detections *found)
     found->outline = malloc(((size_t)d->count + 1) * (size_t)d->model->outline_count * sizeof *found->outline);
     if (found->found == NULL || found->outline == NULL)
         return CAIRN_NO_MEMORY;
+    cairn_detect_tell(d->field,
+                      d->field->params.method == CAIRN_DETECT_PARTS ? CAIRN_DETECT_BOXES : CAIRN_DETECT_SCORES);
     for (int32_t i = 0; i < d->count; i++)
         if (!verify(d, &d->peaks[i], found))
             return CAIRN_NO_MEMORY;
+    cairn_detect_tell(d->field, CAIRN_DETECT_BOXES);
     keep_best(d, found);
     return CAIRN_OK;
 }
