@@ -291,7 +291,7 @@ static void tells_its_stages(void **state)
 /* Ten thousand chains of a picture without any object, by both methods: what comes back is bounded. */
 static void takes_very_many_chains(void **state)
 {
-    enum { CHAINS = 10000, SIDE = 500 };
+    enum { CHAINS = 10000, SIDE = 1600 };
     cairn_random random = cairn_random_seed(4, 4);
     cairn_shape_model_file model = make_model();
     cairn_contour_tokens tokens = {.width = SIDE, .height = SIDE, .count = CHAINS, .chains = CHAINS, .mean_length = 15};
@@ -318,6 +318,9 @@ static void takes_very_many_chains(void **state)
         cairn_detect_field *field;
         cairn_detections found;
 
+        params.candidates = 2;
+        params.min_size = 250;
+        params.max_size = 300;
         params.method = way;
         assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
         assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));

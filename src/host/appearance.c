@@ -186,10 +186,13 @@ cairn_status cairn_appearance_field_make(cairn_appearance_field **field, const c
         f = calloc(1, sizeof *f);
         if (f != NULL)
             f->words = malloc(((size_t)patches.count + 1) * sizeof *f->words);
-        if (f == NULL || f->words == NULL)
+        if (f == NULL || f->words == NULL) {
+            free(f);
+            f = NULL;
             status = cairn_file_error_system(error, path, "describe", ENOMEM);
+        }
     }
-    if (status == CAIRN_OK) {
+    if (f != NULL) {
         f->model = model;
         f->count = patches.count;
         for (int32_t i = 0; i < patches.count; i++)
@@ -198,8 +201,6 @@ cairn_status cairn_appearance_field_make(cairn_appearance_field **field, const c
         f->places = patches.places;
         patches.places = NULL;
         *field = f;
-    } else {
-        free(f);
     }
     cairn_appearance_patches_free(&patches);
     return status;

@@ -154,7 +154,7 @@ static const uint8_t **choose_patches(const cairn_appearance_trainer *t, int32_t
                     continue;
                 }
                 most = all < PATCHES_MOST ? all : PATCHES_MOST;
-                if ((seen + 1) * most / all > seen * most / all)
+                if (all > 0 && (seen + 1) * most / all > seen * most / all)
                     chosen[(*count)++] = &t->images[i].patches.descriptors[(size_t)k * APPEARANCE_NUMBERS];
                 seen++;
             }
@@ -383,12 +383,15 @@ static cairn_status learn(cairn_appearance_model *m, const samples *s, double co
     char words[CAIRN_APPEARANCE_SHIM_WORDS] = "";
     cairn_appearance_shim_machine machine = {m->histograms, m->weights, 0, 0};
     size_t row = (size_t)s->words;
-    float *table = malloc((size_t)s->count * row * sizeof *table);
-    int32_t *is_class = malloc((size_t)s->count * sizeof *is_class), count = 0, of_class = 0;
+    float *table = malloc(((size_t)s->count * row + 1) * sizeof *table);
+    int32_t *is_class = malloc(((size_t)s->count + 1) * sizeof *is_class), count = 0, of_class = 0;
     cairn_status status = shim == NULL ? CAIRN_UNSUPPORTED : CAIRN_OK;
 
-    if (table == NULL || is_class == NULL)
-        status = no_memory(path, error);
+    if (table == NULL || is_class == NULL) {
+        free(table);
+        free(is_class);
+        return no_memory(path, error);
+    }
     for (int32_t i = 0; i < s->count && status == CAIRN_OK; i++)
         if (fold < 0 || s->image[i] % folds != fold) {
             memcpy(&table[(size_t)count * row], &s->histograms[(size_t)i * row], row * sizeof *table);
@@ -480,8 +483,8 @@ static cairn_status make_machine(cairn_appearance_model *m, samples *s, const ca
 {
     cairn_status status;
 
-    m->histograms = malloc((size_t)s->count * (size_t)s->words * sizeof *m->histograms);
-    m->weights = malloc((size_t)s->count * sizeof *m->weights);
+    m->histograms = malloc(((size_t)s->count * (size_t)s->words + 1) * sizeof *m->histograms);
+    m->weights = malloc(((size_t)s->count + 1) * sizeof *m->weights);
     if (m->histograms == NULL || m->weights == NULL)
         return no_memory(path, error);
     m->gamma = gamma_of(s);
