@@ -42,6 +42,7 @@
 #include "cairn/output_set.h"
 #include "cairn/part_bundle.h"
 #include "cairn/part_configuration.h"
+#include "cairn/part_cut_file.h"
 #include "cairn/particle_filter.h"
 #include "cairn/place_map.h"
 #include "cairn/polyline.h"
@@ -917,7 +918,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_point_grid_cursor, all, 48, 36)},
     {SIZE(cairn_box_sweep_params, 4, 4)},
     {FIELD(cairn_box_sweep_params, max_boxes, 0, 0)},
-    {SIZE(cairn_object_detect_params, 96, 80)},
+    {SIZE(cairn_object_detect_params, 104, 88)},
     {FIELD(cairn_object_detect_params, min_size, 0, 0)},
     {FIELD(cairn_object_detect_params, max_size, 8, 4)},
     {FIELD(cairn_object_detect_params, mirror, 16, 8)},
@@ -925,13 +926,15 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_object_detect_params, min_score, 32, 20)},
     {FIELD(cairn_object_detect_params, method, 40, 24)},
     {FIELD(cairn_object_detect_params, bundles, 44, 28)},
-    {FIELD(cairn_object_detect_params, matches, 48, 32)},
-    {FIELD(cairn_object_detect_params, nearest, 52, 36)},
-    {FIELD(cairn_object_detect_params, modes, 56, 40)},
-    {FIELD(cairn_object_detect_params, appearance, 64, 48)},
-    {FIELD(cairn_object_detect_params, appearance_weight, 72, 56)},
-    {FIELD(cairn_object_detect_params, on_stage, 80, 64)},
-    {FIELD(cairn_object_detect_params, on_stage_context, 88, 72)},
+    {FIELD(cairn_object_detect_params, cuts, 48, 32)},
+    {FIELD(cairn_object_detect_params, cut_count, 56, 40)},
+    {FIELD(cairn_object_detect_params, matches, 60, 44)},
+    {FIELD(cairn_object_detect_params, nearest, 64, 48)},
+    {FIELD(cairn_object_detect_params, modes, 68, 52)},
+    {FIELD(cairn_object_detect_params, appearance, 72, 56)},
+    {FIELD(cairn_object_detect_params, appearance_weight, 80, 64)},
+    {FIELD(cairn_object_detect_params, on_stage, 88, 72)},
+    {FIELD(cairn_object_detect_params, on_stage_context, 96, 80)},
     {SIZE(cairn_detection, 144, 84)},
     {FIELD(cairn_detection, left, 0, 0)},
     {FIELD(cairn_detection, top, 8, 4)},

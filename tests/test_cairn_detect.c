@@ -136,6 +136,28 @@ static void test_by_parts(void **state)
     free(text);
 }
 
+/* Fragments by hand: only those are found, in their bundles. */
+static void test_cuts(void **state)
+{
+    static const char *const detect = "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape "
+                                      "--method parts --cuts @/%s -o @/cut --quiet";
+    const char *part;
+    char *text;
+
+    (void)state;
+    (void)files_write_text("hand.cuts", "0 40 0\n40 80 1\n80 0 5\n");
+    assert_done(programs_run(detect, "hand.cuts"));
+    text = read_in("cut/bottle0.json");
+    part = strstr(text, "\"parts\": [{\"bundle\": ");
+    assert_non_null(part);
+    for (part = strstr(text, "\"fragment\": "); part != NULL; part = strstr(part + 1, "\"fragment\": "))
+        assert_in_range(strtol(part + 12, NULL, 10), 0, 2);
+    free(text);
+    (void)files_write_text("far.cuts", "0 40 0\n40 4000 1\n");
+    assert_refused(programs_run(detect, "far.cuts"), "expected fragments by hand of its first outline");
+    assert_refused(programs_run(detect, "missing.cuts"), "missing.cuts: cannot open");
+}
+
 /* What was learnt from boxes counts; without the library of OpenCV that is said. */
 static void test_appearance(void **state)
 {
@@ -297,9 +319,9 @@ static void test_refusals(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_found),      cmocka_unit_test(test_by_parts),    cmocka_unit_test(test_halved),
-        cmocka_unit_test(test_appearance), cmocka_unit_test(test_many_images), cmocka_unit_test(test_quoted_names),
-        cmocka_unit_test(test_refusals),
+        cmocka_unit_test(test_found),        cmocka_unit_test(test_by_parts), cmocka_unit_test(test_halved),
+        cmocka_unit_test(test_appearance),   cmocka_unit_test(test_cuts),     cmocka_unit_test(test_many_images),
+        cmocka_unit_test(test_quoted_names), cmocka_unit_test(test_refusals),
     };
 
     programs_find(argc, argv);

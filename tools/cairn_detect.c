@@ -9,6 +9,7 @@
 #include "cairn/detection_file.h"
 #include "cairn/output.h"
 #include "cairn/output_set.h"
+#include "cairn/part_cut_file.h"
 #include "cairn/shape_model_file.h"
 #include "tools/cairn_picture.h"
 #include "tools/cairn_tool.h"
@@ -22,11 +23,13 @@ enum { RECORD_END = '\f', TABLE_BEGIN = '\v' };
 typedef struct settings {
     const char *images[IMAGES_MOST];
     size_t count;
-    const char *model, *folder, *table, *method, *bundles, *appearance;
+    const char *model, *folder, *table, *method, *bundles, *cuts, *appearance;
     picture_settings pictures;
     int64_t strength, jobs, candidates, nearest, matches;
     double overlap, score, weight;
     int32_t no_mirror, modes, quiet;
+    cairn_part_cut cut[CAIRN_PART_FRAGMENTS]; /* of --cuts */
+    int32_t cut_count;
     cairn_appearance_model look; /* of --appearance */
 } settings;
 
@@ -49,6 +52,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_INTEGER("--matches", &s->matches, 1, 64, "N", "of parts: chains that vote for each fragment"),
         OPTION_TEXT("--bundles", &s->bundles, "HOW",
                     "of parts: rule; one: the longest fragment of each; none: each fragment is a bundle"),
+        OPTION_TEXT("--cuts", &s->cuts, "FILE", "of parts: fragments by hand: sample, sample and bundle a line"),
         OPTION_FLAG("--modes", &s->modes, "of parts: configurations near the modes of the votes only"),
         OPTION_TEXT("--appearance", &s->appearance, "FILE",
                     "what the class looks like (cairn train): detections that look unlike it score less"),
@@ -122,6 +126,8 @@ static cairn_status detect(const settings *s, work *w, const cairn_shape_model *
     params.nearest = (int32_t)s->nearest;
     params.matches = (int32_t)s->matches;
     params.modes = s->modes;
+    params.cuts = s->cuts != NULL ? s->cut : NULL;
+    params.cut_count = s->cut_count;
     params.bundles = s->bundles[0] == 'o'   ? CAIRN_DETECT_BUNDLES_OF_ONE
                      : s->bundles[0] == 'n' ? CAIRN_DETECT_NO_BUNDLES
                                             : CAIRN_DETECT_BUNDLES;
@@ -374,8 +380,10 @@ int tool_detect(int argc, char **argv)
         return code;
     if (cairn_shape_model_file_load(&model, s.model, &image, &builder, NULL, &error) != CAIRN_OK)
         return tool_report(&error);
-    if (s.appearance != NULL &&
-        (cairn_appearance_read(&s.look, s.appearance, &error) != CAIRN_OK || cairn_appearance_load(&error) != CAIRN_OK))
+    if (s.cuts != NULL && cairn_part_cut_file_read(s.cut, &s.cut_count, s.cuts, &error) != CAIRN_OK)
+        code = tool_report(&error);
+    else if (s.appearance != NULL && (cairn_appearance_read(&s.look, s.appearance, &error) != CAIRN_OK ||
+                                      cairn_appearance_load(&error) != CAIRN_OK))
         code = tool_report(&error);
     else
         code = run(&s, &model.model);

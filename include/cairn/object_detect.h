@@ -8,6 +8,7 @@
 
 #include "cairn/appearance.h"
 #include "cairn/contour_search.h"
+#include "cairn/part_bundle.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -46,7 +47,9 @@ typedef struct cairn_object_detect_params {
     cairn_real min_score;       /* detections of a worse one, before appearance counts, are not reported (0) */
     cairn_detect_method method; /* (EVIDENCE) */
     /* Of PARTS: */
-    cairn_detect_bundles bundles;             /* (BUNDLES) */
+    cairn_detect_bundles bundles; /* (BUNDLES) */
+    const cairn_part_cut *cuts;   /* [cut_count] fragments by hand of the first outline; NULL: by rule (NULL) */
+    int32_t cut_count;
     int32_t matches;                          /* 1 ... 64: chains that vote for each fragment (2, as in the thesis) */
     int32_t nearest;                          /* 1 ... 64: votes that configurations are made of, near each vote (20) */
     int32_t modes;                            /* 1: near the modes of the votes only (0) */
@@ -110,7 +113,7 @@ CAIRN_CHECKED cairn_status cairn_detect_field_make(cairn_detect_field **field, c
 void cairn_detect_field_free(cairn_detect_field *field);
 
 /* Looks for a model. CAIRN_BAD_ARGUMENT, CAIRN_NOT_FINITE: a model that cairn_shape_model_check refuses; CAIRN_BAD_ARGUMENT: one with fewer
- * than 3 places of an outline, or one that lies 0.54 of its size or farther from its middle; CAIRN_NO_MEMORY. On failure there is
+ * than 3 places of an outline, or one that lies 0.54 of its size or farther from its middle; and cuts that its outline does not have; CAIRN_NO_MEMORY. On failure there is
  * nothing to free. */
 CAIRN_CHECKED cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detect_field *field,
                                                const cairn_shape_model *model, const char *path,

@@ -79,6 +79,8 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
                                          0,
                                          CAIRN_DETECT_EVIDENCE,
                                          CAIRN_DETECT_BUNDLES,
+                                         NULL,
+                                         0,
                                          2,
                                          20,
                                          0,
@@ -557,6 +559,9 @@ cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detec
     if (status == CAIRN_OK)
         return CAIRN_OK;
     cairn_detections_free(detections);
+    if (status != CAIRN_NO_MEMORY && field->params.cuts != NULL)
+        return cairn_file_error_set(error, status, path, 0, "%s, expected fragments by hand of its first outline",
+                                    cairn_status_text(status));
     if (status != CAIRN_NO_MEMORY)
         return cairn_file_error_set(error, status, path, 0, "%s, expected an outline with length of 3 to 4096 samples",
                                     cairn_status_text(status));

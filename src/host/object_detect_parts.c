@@ -199,7 +199,7 @@ static cairn_status cut_outline(searcher *s)
     for (int32_t i = 0; i < count && points != NULL; i++)
         points[i] = s->model->outline[i].position;
     if (status == CAIRN_OK)
-        status = cairn_part_bundle_begin(s->builder, points, count, NULL, 0);
+        status = cairn_part_bundle_begin(s->builder, points, count, s->field->params.cuts, s->field->params.cut_count);
     free(points);
     if (status != CAIRN_OK)
         return status;
