@@ -380,10 +380,9 @@ int tool_detect(int argc, char **argv)
         return code;
     if (cairn_shape_model_file_load(&model, s.model, &image, &builder, NULL, &error) != CAIRN_OK)
         return tool_report(&error);
-    if (s.cuts != NULL && cairn_part_cut_file_read(s.cut, &s.cut_count, s.cuts, &error) != CAIRN_OK)
-        code = tool_report(&error);
-    else if (s.appearance != NULL && (cairn_appearance_read(&s.look, s.appearance, &error) != CAIRN_OK ||
-                                      cairn_appearance_load(&error) != CAIRN_OK))
+    if ((s.cuts != NULL && cairn_part_cut_file_read(s.cut, &s.cut_count, s.cuts, &error) != CAIRN_OK) ||
+        (s.appearance != NULL && (cairn_appearance_read(&s.look, s.appearance, &error) != CAIRN_OK ||
+                                  cairn_appearance_load(&error) != CAIRN_OK)))
         code = tool_report(&error);
     else
         code = run(&s, &model.model);
