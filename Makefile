@@ -46,6 +46,7 @@ HAVE_TEST   := $(call has,cmocka.h)
 VISION_INC  := $(patsubst %/opencv2/imgcodecs.hpp,%,$(firstword $(call has,opencv4/opencv2/imgcodecs.hpp)))
 HOST_SRC    := $(if $(HAVE_HOST),$(wildcard src/host/*.c))
 VISION_SRC  := $(if $(VISION_INC),src/host/vision_shim.cpp)
+APPEARANCE_SRC := $(if $(and $(VISION_INC),$(call has,opencv4/opencv2/features2d.hpp),$(call has,opencv4/opencv2/ml.hpp)),src/host/appearance_shim.cpp)
 SIM_SRC     := $(if $(HAVE_SIM),$(wildcard sim/*.cpp))
 TEST_SRC    := $(if $(and $(HAVE_TEST),$(HAVE_SIM),$(HAVE_HOST)),$(wildcard tests/test_*.c))
 BENCH_SRC   := $(if $(and $(HAVE_SIM),$(HAVE_HOST)),$(filter-out bench/bench_%,$(wildcard bench/*.c)))
@@ -63,15 +64,16 @@ NEEDS_test_long   := $(wildcard tests/long_*.c)
 HOST_LIBS   := -lyaml -lpng -lz
 SIM_LIBS    := -lbox2d
 VISION_LIBS := -lopencv_imgcodecs -lopencv_imgproc -lopencv_core
+APPEARANCE_LIBS := -lopencv_features2d -lopencv_ml -lopencv_core
 
 object = $(patsubst %,$(BUILD)/$(1)/%.o,$(2))
 LIBS     := $(BUILD)/libcairn.a $(BUILD)/libcairn-float.a $(BUILD)/libcairn.so.$(SOVERSION) \
-            $(if $(HOST_SRC),$(BUILD)/libcairn-host.a) $(if $(VISION_SRC),$(BUILD)/libcairn-vision.so)
+            $(if $(HOST_SRC),$(BUILD)/libcairn-host.a) $(if $(VISION_SRC),$(BUILD)/libcairn-vision.so) $(if $(APPEARANCE_SRC),$(BUILD)/libcairn-appearance.so)
 TOOLS    := $(if $(CAIRN_SRC),$(BUILD)/cairn $(BUILD)/cairn-float) $(if $(ARENA_SRC),$(BUILD)/cairn-arena)
 TESTS    := $(TEST_SRC:tests/%.c=%)
 BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
-.PHONY: all help objects test run-tests golden run-golden demo run-demo bench run-bench vision check check-freestanding mutate amalgamation coverage
+.PHONY: all help objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance check check-freestanding mutate amalgamation coverage
 .PHONY: install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
 .DELETE_ON_ERROR:
 .SECONDARY:
@@ -85,6 +87,7 @@ help:
 	@echo "make golden         renews the files of results that the tests compare with (after a change of results)"
 	@echo "make bench          the measuring programs, build/bench/*"
 	@echo "make vision         libcairn-vision, through which images are read (installs OpenCV, some 130 packages)"
+	@echo "make appearance     libcairn-appearance, which learns what classes look like (installs OpenCV's features2d and ml)"
 	@echo "make check          warnings, formats, analyzers, freestanding proof, room order"
 	@echo "make mutate         plants faults in src/ and counts those that the tests find (N=40 SEED=1)"
 	@echo "make firmware       the library in a robot's loop on Cortex-M7 and M4F"
@@ -99,6 +102,7 @@ missing:
 	@$(if $(HAVE_HOST),:,echo "cairn: no libyaml, zlib or libpng: libcairn-host and the tools are left out (tools/deps.sh build)")
 	@$(if $(HAVE_SIM),:,echo "cairn: no Box2D: sim and cairn-arena are left out (tools/deps.sh build)")
 	@$(if $(VISION_INC),:,echo "cairn: no OpenCV: libcairn-vision is left out, images are read as PGM and PNG only (tools/deps.sh vision)")
+	@$(if $(APPEARANCE_SRC),:,echo "cairn: no features2d or ml of OpenCV: libcairn-appearance is left out, cairn train and --appearance do not work (tools/deps.sh appearance)")
 
 # Library objects, double and float.
 $(BUILD)/double/src/%.c.o: src/%.c
@@ -138,9 +142,11 @@ $(BUILD)/libcairn.so.$(SOVERSION): $(call object,double,$(LIB_SRC))
 	$(CC) -shared -Wl,-soname,$(@F) $(SAN) $(LDFLAGS) -o $@ $^ -lm
 
 # OpenCV's own headers are not held to our warnings.
-$(BUILD)/double/src/host/vision_shim.cpp.o: CXXFLAGS += -isystem $(VISION_INC)
+$(BUILD)/double/src/host/vision_shim.cpp.o $(BUILD)/double/src/host/appearance_shim.cpp.o: CXXFLAGS += -isystem $(VISION_INC)
 $(BUILD)/libcairn-vision.so: $(call object,double,$(VISION_SRC))
 	$(CXX) -shared -Wl,-soname,$(@F) $(SAN) $(LDFLAGS) -o $@ $^ $(VISION_LIBS)
+$(BUILD)/libcairn-appearance.so: $(call object,double,$(APPEARANCE_SRC))
+	$(CXX) -shared -Wl,-soname,$(@F) $(SAN) $(LDFLAGS) -o $@ $^ $(APPEARANCE_LIBS)
 
 link = @mkdir -p $(@D); $(CXX) $(SAN) $(if $(COVERAGE),--coverage) $(LDFLAGS) -o $@ -Wl,--start-group $^ -Wl,--end-group
 DOUBLE_LIBS := $(if $(SIM_SRC),$(BUILD)/libcairn-sim.a) $(BUILD)/libcairn-host.a $(BUILD)/libcairn.a
@@ -204,6 +210,10 @@ vision:
 	@sh tools/deps.sh build vision
 	@$(MAKE) $(PARALLEL) $(BUILD)/libcairn-vision.so
 
+appearance:
+	@sh tools/deps.sh build vision appearance
+	@$(MAKE) $(PARALLEL) $(BUILD)/libcairn-vision.so $(BUILD)/libcairn-appearance.so
+
 check:
 	@sh tools/deps.sh build test check
 	@sh tools/check.sh $(BUILD)
@@ -213,7 +223,7 @@ check-freestanding:
 
 # Every object of everything, for the checks of warnings.
 ALL_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(TEST_SRC) $(filter tests/%,$(TEST_COMMON)) $(GOLDEN) $(NEEDS_test_long) $(FW_LOOP) $(FW_SURVEY) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC)
-objects: $(call object,double,$(ALL_SRC) $(VISION_SRC)) $(call object,float,$(ALL_SRC))
+objects: $(call object,double,$(ALL_SRC) $(VISION_SRC) $(APPEARANCE_SRC)) $(call object,float,$(ALL_SRC))
 
 # The firmware: the float library in the loop of a robot on bare Cortex-M7 and M4F, and tests/golden.c in float and double.
 FW        := $(BUILD)/firmware

@@ -4,6 +4,8 @@
 
 #include "bench/bench_detect.h"
 
+#define WILSON_Z 1.96
+
 static double overlap(const group_box *a, const cairn_detection *b)
 {
     double w = fmin(a->right, (double)b->right) - fmax(a->left, (double)b->left);
@@ -87,6 +89,15 @@ static int compare_events(const void *a, const void *b)
     return x->hit[0] + x->hit[1] - y->hit[0] - y->hit[1];
 }
 
+void detect_interval(double share, int32_t count, double *low, double *high)
+{
+    double n = count > 0 ? count : 1, z2 = WILSON_Z * WILSON_Z, centre = (share + z2 / (2 * n)) / (1 + z2 / n);
+    double half = WILSON_Z / (1 + z2 / n) * sqrt(share * (1 - share) / n + z2 / (4 * n * n));
+
+    *low = fmax(0, centre - half);
+    *high = fmin(1, centre + half);
+}
+
 void detect_curve(detect_tally *tally, int32_t criterion, detect_point *points)
 {
     int32_t hits = 0;
@@ -98,6 +109,8 @@ void detect_curve(detect_tally *tally, int32_t criterion, detect_point *points)
         points[i].recall = (double)hits / (tally->instances > 0 ? tally->instances : 1);
         points[i].precision = (double)hits / (i + 1);
         points[i].false_per_image = (double)(i + 1 - hits) / (tally->images > 0 ? tally->images : 1);
+        points[i].instances = tally->instances;
+        points[i].detections = i + 1;
     }
 }
 

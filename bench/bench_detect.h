@@ -28,7 +28,11 @@ void detect_tally_free(detect_tally *tally);
 
 typedef struct detect_point {
     double recall, precision, false_per_image;
+    int32_t instances, detections; /* that recall and precision are shares of */
 } detect_point;
+
+/* The interval of 95 % of a share of `count` (Wilson 1927). */
+void detect_interval(double share, int32_t count, double *low, double *high);
 
 /* The curve, from the best score down: points[tally->count]. */
 void detect_curve(detect_tally *tally, int32_t criterion, detect_point *points);

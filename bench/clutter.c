@@ -6,7 +6,8 @@
  * the whole boundary lie within 3 px of its segments or, where there are none, of its completed pieces: the model's outline as it was laid
  * there; visible80, 80 % of that which is not hidden within 3 px of its segments alone; segments80, of the whole; boundary_f of the
  * segments; labels: lengths of
- * segments. false_per_image is counted on as many scenes without the object. */
+ * segments. --method detect, parts: cairn_object_detect, which turns no model, on the same scenes; its segments and its bent outline.
+ * false_per_image is counted on as many scenes without the object. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -17,6 +18,7 @@
 #include "bench/bench_scene.h"
 #include "cairn/contour_grouping.h"
 #include "cairn/edge_segment.h"
+#include "cairn/object_detect.h"
 #include "tools/options.h"
 
 #define DEGREE 0.017453292519943295
@@ -27,7 +29,7 @@ enum { MOST_SEGMENTS = 40000, MOST_VERTICES = 4000 };
 
 typedef struct settings {
     int64_t scenes, seed, k, particles, paths;
-    double noise, hidden, evidence, smallest, largest;
+    double noise, hidden, evidence, smallest, largest, score;
     const char *mode, *method, *tokens, *draw;
     int32_t no_model, no_skeleton, each;
 } settings;
@@ -42,6 +44,8 @@ typedef struct finder {
     cairn_grouping *grouping;
     cairn_segment lines[MOST_SEGMENTS];
     int32_t line_count;
+    cairn_contour_tokens tokens; /* of method detect and parts: what lines are, */
+    cairn_detections detections; /* and what was found */
 } finder;
 
 typedef struct sums {
@@ -116,8 +120,48 @@ static void take_edgels(finder *f, const cairn_edge_chain_result *r)
         }
 }
 
+static int is_group(const settings *s)
+{
+    return strcmp(s->method, "group") == 0;
+}
+
+static void free_found(finder *f)
+{
+    cairn_contour_tokens_free(&f->tokens);
+    cairn_detections_free(&f->detections);
+}
+
+/* By cairn_object_detect, which takes models as they stand, not turned. */
+static int detect(const settings *set, finder *f, const scene *s)
+{
+    cairn_raster_u8_view view = {s->edges, SCENE_WIDTH, SCENE_HEIGHT, SCENE_WIDTH};
+    cairn_object_detect_params params = cairn_object_detect_default(SCENE_WIDTH, SCENE_HEIGHT);
+    cairn_shape_model model = cairn_shape_builder_read(f->builder);
+    cairn_file_error error;
+    cairn_detect_field *field;
+    int ok;
+
+    free_found(f);
+    params.min_size = (cairn_real)(set->smallest * (double)model.size / 240);
+    params.max_size = (cairn_real)(set->largest * (double)model.size / 240);
+    params.method = strcmp(set->method, "parts") == 0 ? CAIRN_DETECT_PARTS : CAIRN_DETECT_EVIDENCE;
+    params.mirror = 0;
+    if (set->score > -100)
+        params.min_score = (cairn_real)set->score;
+    if (cairn_contour_tokens_find(&f->tokens, view, 1, 0, "scene", &error) != CAIRN_OK ||
+        f->tokens.count > MOST_SEGMENTS ||
+        cairn_detect_field_make(&field, &f->tokens, &params, "scene", &error) != CAIRN_OK)
+        return 0;
+    ok = cairn_object_detect(&f->detections, field, &model, "scene", &error) == CAIRN_OK;
+    cairn_detect_field_free(field);
+    f->line_count = f->tokens.count;
+    if (f->line_count > 0)
+        memcpy(f->lines, f->tokens.lines, (size_t)f->line_count * sizeof *f->lines);
+    return ok;
+}
+
 /* From edges to objects. */
-static int find(const settings *set, finder *f, const scene *s)
+static int group(const settings *set, finder *f, const scene *s)
 {
     cairn_raster_u8_view view = {s->edges, SCENE_WIDTH, SCENE_HEIGHT, SCENE_WIDTH};
     cairn_shape_model model = cairn_shape_builder_read(f->builder);
@@ -157,6 +201,11 @@ static int find(const settings *set, finder *f, const scene *s)
         status = cairn_grouping_step(f->grouping, &budget);
     } while (status == CAIRN_MORE);
     return status == CAIRN_OK;
+}
+
+static int find(const settings *set, finder *f, const scene *s)
+{
+    return is_group(set) ? group(set, f, s) : detect(set, f, s);
 }
 
 /* ---- Measures ---- */
@@ -200,9 +249,17 @@ static double share_near(const uint8_t *pixels, int32_t of, const uint8_t *other
     return count > 0 ? (double)near / count : 0;
 }
 
+static double share_of(const double b[4], const double box[4])
+{
+    double w = fmax(0, fmin(b[2], box[2]) - fmax(b[0], box[0]));
+    double h = fmax(0, fmin(b[3], box[3]) - fmax(b[1], box[1])), both = w * h;
+
+    return both / ((b[2] - b[0]) * (b[3] - b[1]) + (box[2] - box[0]) * (box[3] - box[1]) - both);
+}
+
 static double overlap(const cairn_shape_model *m, const cairn_grouped_object *o, const double box[4])
 {
-    double b[4] = {1e9, 1e9, -1e9, -1e9}, w, h, both;
+    double b[4] = {1e9, 1e9, -1e9, -1e9};
 
     for (int32_t i = 0; i < m->outline_count; i++) {
         double px = (double)m->outline[i].position.x, py = (double)m->outline[i].position.y;
@@ -214,10 +271,7 @@ static double overlap(const cairn_shape_model *m, const cairn_grouped_object *o,
         b[2] = fmax(b[2], x);
         b[3] = fmax(b[3], y);
     }
-    w = fmax(0, fmin(b[2], box[2]) - fmax(b[0], box[0]));
-    h = fmax(0, fmin(b[3], box[3]) - fmax(b[1], box[1]));
-    both = w * h;
-    return both / ((b[2] - b[0]) * (b[3] - b[1]) + (box[2] - box[0]) * (box[3] - box[1]) - both);
+    return share_of(b, box);
 }
 
 /* What an object's segments leave of its contour: the model's outline from where it was seen last to where it is again. */
@@ -299,49 +353,103 @@ static void draw(const char *folder, int64_t index, const scene *s, const uint8_
     (void)fclose(file);
 }
 
+/* The same of a detection: its bent outline where none of its segments is. */
+static void complete_detection(uint8_t *pixels, const cairn_contour_place *outline, int32_t count)
+{
+    for (int32_t i = 0; i < count; i++) {
+        const cairn_contour_place *p = &outline[i], *q = &outline[(i + 1) % count];
+
+        if (p->segment < 0 && p->part == q->part &&
+            cairn_vec2_norm(cairn_vec2_sub(q->at.position, p->at.position)) < 20) {
+            cairn_segment line = {p->at.position, q->at.position};
+
+            mark_line(pixels, line);
+        }
+    }
+}
+
+/* What was found best: its segments, their pixels, its box's share with the object's. */
+typedef struct best_one {
+    const int32_t *segments;
+    int32_t count, found; /* found: objects */
+    double share, score, evidence;
+} best_one;
+
+static best_one best_of(const settings *set, const finder *f, const scene *s)
+{
+    cairn_grouping_result r = cairn_grouping_read(f->grouping);
+    cairn_shape_model model = cairn_shape_builder_read(f->builder);
+    const cairn_detection *d = f->detections.found;
+    best_one best = {NULL, 0, r.object_count, 0, (double)r.best, (double)r.best_evidence};
+
+    if (!is_group(set)) {
+        best.found = f->detections.count;
+        best.score = best.evidence = best.found > 0 ? (double)d->score : 0;
+        if (best.found > 0) {
+            const double box[4] = {(double)d->left, (double)d->top, (double)d->right, (double)d->bottom};
+
+            best.segments = &f->detections.segments[d->first_segment];
+            best.count = d->segment_count;
+            best.share = share_of(box, s->box);
+        }
+    } else if (best.found > 0) {
+        best.segments = &r.segments[r.objects[0].first];
+        best.count = r.objects[0].count;
+        best.share = overlap(&model, &r.objects[0], s->box);
+    }
+    return best;
+}
+
+static void complete_best(const settings *set, const finder *f, uint8_t *pixels)
+{
+    cairn_grouping_result r = cairn_grouping_read(f->grouping);
+    cairn_shape_model model = cairn_shape_builder_read(f->builder);
+
+    if (is_group(set))
+        complete(pixels, &model, &r.objects[0], &r.along[r.objects[0].along]);
+    else
+        complete_detection(pixels, &f->detections.outline[f->detections.found[0].first_outline],
+                           f->detections.found[0].outline_count);
+}
+
 static void measure(const settings *set, sums *t, const finder *f, const scene *s, int64_t index)
 {
     static uint8_t grouped[SCENE_PIXELS], chosen[MOST_SEGMENTS];
     cairn_grouping_result r = cairn_grouping_read(f->grouping);
-    cairn_shape_model model = cairn_shape_builder_read(f->builder);
-    double coverage, precision, visible, box = 0;
+    best_one best = best_of(set, f, s);
+    double coverage, precision, visible;
 
     memset(grouped, 0, sizeof grouped);
     memset(chosen, 0, sizeof chosen);
-    if (r.object_count > 0) {
-        for (int32_t i = 0; i < r.objects[0].count; i++) {
-            int32_t segment = r.segments[r.objects[0].first + i];
-
-            chosen[segment] = 1;
-            mark_line(grouped, f->lines[segment]);
-        }
-        box = overlap(&model, &r.objects[0], s->box);
+    for (int32_t i = 0; i < best.count; i++) {
+        chosen[best.segments[i]] = 1;
+        mark_line(grouped, f->lines[best.segments[i]]);
     }
     coverage = share_near(s->truth, 1, grouped, 1);
     visible = share_near(s->truth, 2, grouped, 1);
     precision = share_near(grouped, 1, s->truth, 1);
     if (set->draw != NULL)
         draw(set->draw, index, s, grouped);
-    if (r.object_count > 0)
-        complete(grouped, &model, &r.objects[0], &r.along[r.objects[0].along]);
+    if (best.found > 0)
+        complete_best(set, f, grouped);
     t->completed += share_near(s->truth, 1, grouped, 1) >= 0.8;
-    t->hit += box >= 0.5;
+    t->hit += best.share >= 0.5;
     t->whole += coverage >= 0.8;
     t->visible += visible >= 0.8;
     t->f += coverage + precision > 0 ? 2 * coverage * precision / (coverage + precision) : 0;
     add_labels(t, f, s, chosen);
-    t->evidence[t->scenes] = (double)r.best_evidence;
+    t->evidence[t->scenes] = best.evidence;
     if (set->each) {
         bench_json_begin("clutter");
         bench_json_integer("scene", index);
-        bench_json_number("iou", box);
+        bench_json_number("iou", best.share);
         bench_json_number("coverage", coverage);
         bench_json_number("precision", precision);
-        bench_json_number("score", (double)r.best);
-        bench_json_number("evidence", (double)r.best_evidence);
+        bench_json_number("score", best.score);
+        bench_json_number("evidence", best.evidence);
         bench_json_integer("tokens", r.token_count);
         bench_json_integer("starts", r.starts);
-        bench_json_integer("objects", r.object_count);
+        bench_json_integer("objects", best.found);
         bench_json_number("seconds", t->seconds[t->scenes]);
         bench_json_end();
     }
@@ -368,8 +476,8 @@ static int run_scene(const settings *set, sums *t, finder *f, int64_t index)
     scene_draw(&s, &shape, &options, &random);
     if (!find(set, f, &s))
         return 0;
-    t->absent_evidence[t->scenes] = (double)cairn_grouping_read(f->grouping).best_evidence;
-    t->objects += cairn_grouping_read(f->grouping).object_count;
+    t->absent_evidence[t->scenes] = best_of(set, f, &s).evidence;
+    t->objects += best_of(set, f, &s).found;
     if (set->each) {
         bench_json_begin("clutter");
         bench_json_integer("without", index);
@@ -392,7 +500,7 @@ static void print_summary(const settings *s, const sums *t, const finder *f)
     double n = t->scenes;
 
     bench_json_begin("clutter");
-    bench_json_text("method", "group");
+    bench_json_text("method", s->method);
     bench_json_text("mode", s->mode);
     bench_json_integer("scenes", t->scenes);
     bench_json_integer("seed", s->seed);
@@ -427,10 +535,11 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_NUMBER("--noise", &s->noise, 0, 100, "SIGMA", "grey levels"),
         OPTION_NUMBER("--hidden", &s->hidden, 0, 0.9, "SHARE", "of the boundary"),
         OPTION_TEXT("--mode", &s->mode, "NAME", "instance or class"),
-        OPTION_TEXT("--method", &s->method, "NAME", "group"),
+        OPTION_TEXT("--method", &s->method, "NAME", "group; detect: by evidence for the outline; parts: by its parts"),
         OPTION_INTEGER("--particles", &s->particles, 1, 4096, "N", "of the filter"),
         OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_PATHS, "N", "of a model at most"),
         OPTION_NUMBER("--min-evidence", &s->evidence, 0, 1000, "E", "of a grouping that is reported"),
+        OPTION_NUMBER("--min-score", &s->score, -100, 100, "S", "of a detection that counts; -100: as is its default"),
         OPTION_NUMBER("--smallest", &s->smallest, 1, 1000, "PX", "height of an object that is searched"),
         OPTION_NUMBER("--largest", &s->largest, 1, 1000, "PX", "height of an object that is searched"),
         OPTION_TEXT("--tokens", &s->tokens, "NAME", "segments or edgels"),
@@ -454,8 +563,9 @@ static option_result read_settings(settings *s, int argc, char **argv)
     if (s->smallest > s->largest)
         return (option_result)options_refuse("bench/clutter", "--smallest %g, expected at most --largest %g",
                                              s->smallest, s->largest);
-    if (strcmp(s->method, "group") != 0)
-        return (option_result)options_refuse("bench/clutter", "--method %s, expected group", s->method);
+    if (!is_group(s) && strcmp(s->method, "detect") != 0 && strcmp(s->method, "parts") != 0)
+        return (option_result)options_refuse("bench/clutter", "--method %s, expected group, detect or parts",
+                                             s->method);
     return OPTIONS_READ;
 }
 
@@ -468,6 +578,7 @@ int main(int argc, char **argv)
                   .paths = CAIRN_SHAPE_PATHS,
                   .noise = 5,
                   .evidence = -1,
+                  .score = -100,
                   .smallest = 78,
                   .largest = 162,
                   .mode = "instance",
@@ -494,8 +605,10 @@ int main(int argc, char **argv)
         print_summary(&s, &t, f);
     else
         fprintf(stderr, "bench/clutter: a scene could not be grouped\n");
-    if (f != NULL)
+    if (f != NULL) {
+        free_found(f);
         free(f->memory);
+    }
     free(f);
     free(t.seconds);
     return ok ? 0 : 1;

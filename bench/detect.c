@@ -13,17 +13,19 @@
 #include <string.h>
 
 #include "bench/bench_detect.h"
+#include "bench/bench_detect_look.h"
 #include "bench/bench_json.h"
 #include "cairn/output.h"
 #include "cairn/report.h"
+#include "cairn/vision.h"
 #include "tools/options.h"
 
 typedef struct settings {
     const char *class_name, *method, *data, *curves;
     const char *bundles;
-    int64_t most, candidates, matches, nearest;
-    double overlap;
-    int32_t each, no_mirror, modes;
+    int64_t most, candidates, matches, nearest, train;
+    double overlap, weight;
+    int32_t each, no_mirror, modes, stages;
 } settings;
 
 static const struct {
@@ -37,6 +39,13 @@ static const struct {
 
 enum { CLASSES = sizeof classes / sizeof *classes, SECONDS_MOST = 1 << 16 };
 
+/* Seconds of the processor by stage, over all images and models; those before VOTES are an image's, all models share them. */
+enum { STAGE_EDGES, STAGE_SEGMENTS, STAGE_FIELD, STAGE_LOOK, STAGE_SEARCH, STAGES = STAGE_SEARCH + 3 };
+typedef struct stage_clock {
+    double seconds[STAGES], begun;
+    int32_t stage, images, searches;
+} stage_clock;
+
 typedef struct run {
     const settings *s;
     cairn_shape_model_file model[CLASSES];
@@ -44,7 +53,49 @@ typedef struct run {
     detect_tally tally[CLASSES];
     double *seconds;
     int32_t timed;
+    stage_clock stages;
+    cairn_appearance_model look; /* of the class that is looked for, with --train */
 } run;
+
+static void begin_stage(stage_clock *c, int32_t stage)
+{
+    double now = bench_cpu_seconds();
+
+    if (c->stage >= 0)
+        c->seconds[c->stage] += now - c->begun;
+    c->begun = bench_cpu_seconds();
+    c->stage = stage;
+}
+
+static void on_stage(void *context, cairn_detect_stage stage)
+{
+    begin_stage(context, STAGE_SEARCH + stage);
+}
+
+/* Canny's, which nothing is looked for in: the supplied ones stand for them. */
+static int time_edges(run *r, const char *folder, const char *name)
+{
+    cairn_vision_canny_params params = cairn_vision_canny_default();
+    cairn_file_error error = {.text = "no memory"};
+    cairn_vision_image grey;
+    char path[4096 + 300];
+    uint8_t *edges = NULL;
+    int ok;
+
+    (void)snprintf(path, sizeof path, "%s/%s.jpg", folder, name);
+    ok = cairn_vision_read_grey(&grey, path, &error) == CAIRN_OK;
+    if (ok) {
+        edges = malloc((size_t)grey.width * (size_t)grey.height);
+        begin_stage(&r->stages, STAGE_EDGES);
+        ok = edges != NULL && cairn_vision_canny(&grey, &params, edges, path, &error) == CAIRN_OK;
+        begin_stage(&r->stages, -1);
+        cairn_vision_free(&grey);
+    }
+    free(edges);
+    if (!ok)
+        fprintf(stderr, "bench/detect: %s\n", error.text);
+    return ok;
+}
 
 /* ---- Images ---- */
 
@@ -67,6 +118,7 @@ static void print_each(const run *r, const group_image *image, int32_t class, co
         bench_json_number("along", (double)found[i].along);
         bench_json_number("agreement", (double)found[i].agreement);
         bench_json_number("distance", (double)found[i].distance);
+        bench_json_number("appearance", (double)found[i].appearance);
         bench_json_integer("parts", found[i].part_count);
         bench_json_number("size", (double)found[i].size / hypot(image->width, image->height));
         bench_json_integer("object", detect_object(truth, &found[i], &overlap));
@@ -101,13 +153,14 @@ static int run_chamfer(run *r, const group_image *image, int32_t own)
 }
 
 /* The time of an image and a model has that of the edges and the field, which all models of an image share. */
-static int run_default(run *r, const group_image *image, int32_t own, cairn_file_error *error)
+static int run_default(run *r, const group_image *image, const char *folder, int32_t own, cairn_file_error *error)
 {
     cairn_object_detect_params params = cairn_object_detect_default(image->width, image->height);
     cairn_raster_u8_view view = {image->edges, image->width, image->height, image->width};
-    double start = bench_cpu_seconds(), field_seconds;
+    double start, field_seconds;
     cairn_contour_tokens tokens;
-    cairn_detect_field *field;
+    cairn_appearance_field *look = NULL;
+    cairn_detect_field *field = NULL;
     int ok = 1;
 
     params.candidates = (int32_t)r->s->candidates;
@@ -121,9 +174,22 @@ static int run_default(run *r, const group_image *image, int32_t own, cairn_file
     params.matches = (int32_t)r->s->matches;
     params.nearest = (int32_t)r->s->nearest;
     params.modes = r->s->modes;
-    if (cairn_contour_tokens_find(&tokens, view, 1, 0, image->name, error) != CAIRN_OK)
+    params.appearance_weight = (cairn_real)r->s->weight;
+    params.on_stage = on_stage;
+    params.on_stage_context = &r->stages;
+    if (r->s->stages && !time_edges(r, folder, image->name))
         return 0;
-    ok = cairn_detect_field_make(&field, &tokens, &params, image->name, error) == CAIRN_OK;
+    start = bench_cpu_seconds();
+    begin_stage(&r->stages, STAGE_LOOK);
+    if (r->look.word_count > 0 && !detect_look_field(&look, &r->look, folder, image))
+        return 0;
+    params.appearance = look;
+    begin_stage(&r->stages, STAGE_SEGMENTS);
+    ok = cairn_contour_tokens_find(&tokens, view, 1, 0, image->name, error) == CAIRN_OK;
+    begin_stage(&r->stages, STAGE_FIELD);
+    ok = ok && cairn_detect_field_make(&field, &tokens, &params, image->name, error) == CAIRN_OK;
+    begin_stage(&r->stages, -1);
+    r->stages.images++;
     field_seconds = bench_cpu_seconds() - start;
     for (int32_t k = 0; k < CLASSES && ok; k++) {
         cairn_detections d;
@@ -132,11 +198,14 @@ static int run_default(run *r, const group_image *image, int32_t own, cairn_file
             continue;
         start = bench_cpu_seconds();
         ok = cairn_object_detect(&d, field, &r->model[k].model, image->name, error) == CAIRN_OK;
+        begin_stage(&r->stages, -1);
+        r->stages.searches++;
         if (ok)
             ok = count_image(r, image, k, own, d.found, d.count, field_seconds + bench_cpu_seconds() - start);
         cairn_detections_free(&d);
     }
     cairn_detect_field_free(field);
+    cairn_appearance_field_free(look);
     cairn_contour_tokens_free(&tokens);
     return ok;
 }
@@ -149,11 +218,17 @@ static int run_image(run *r, const char *folder, const char *name, int32_t own)
 
     if (!group_image_read(&image, folder, name, classes[own].folder))
         return 0;
-    ok = r->s->method[0] == 'c' ? run_chamfer(r, &image, own) : run_default(r, &image, own, &error);
+    ok = r->s->method[0] == 'c' ? run_chamfer(r, &image, own) : run_default(r, &image, folder, own, &error);
     if (!ok)
         fprintf(stderr, "bench/detect: %s: %s\n", name, error.text);
     group_image_free(&image);
     return ok;
+}
+
+/* Of the class whose appearance is learnt, the images behind those that it is learnt from. */
+static int64_t first_scored(const run *r, int32_t own)
+{
+    return r->wanted[own] ? r->s->train : 0;
 }
 
 /* Every n-th of a folder's images, so that there are at most `most`. */
@@ -170,7 +245,7 @@ static int run_folder(run *r, int32_t own)
         return 0;
     }
     count = r->s->most < names.count ? r->s->most : names.count;
-    for (int64_t k = 0; k < count && ok; k++) {
+    for (int64_t k = first_scored(r, own); k < count && ok; k++) {
         fprintf(stderr, "%s/%s\n", classes[own].folder, names.name[k * names.count / count]);
         ok = run_image(r, folder, names.name[k * names.count / count], own);
     }
@@ -197,7 +272,31 @@ static int load_models(run *r)
     return 1;
 }
 
+/* Without it (--train 0) or with no weight the appearance is none. */
+static int learn_looks(run *r)
+{
+    char folder[4096];
+
+    for (int32_t k = 0; k < CLASSES && r->s->train > 0 && r->s->weight > 0; k++)
+        if (r->wanted[k]) {
+            (void)snprintf(folder, sizeof folder, "%s/ethz/%s", r->s->data, classes[k].folder);
+            return detect_look_train(&r->look, folder, classes[k].folder, (int32_t)r->s->train);
+        }
+    return 1;
+}
+
 /* ---- Figures ---- */
+
+/* With the intervals of 95 % after Wilson 1927: of the objects that are found, of the detections that are right. */
+static void print_point(cairn_output *output, const detect_point *p)
+{
+    double low[2], high[2];
+
+    detect_interval(p->recall, p->instances, &low[0], &high[0]);
+    detect_interval(p->precision, p->detections, &low[1], &high[1]);
+    cairn_output_print(output, "%.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f\n", p->recall, low[0], high[0], p->precision, low[1],
+                       high[1], p->false_per_image);
+}
 
 static int write_table(const char *path, const detect_point *points, int32_t count)
 {
@@ -205,10 +304,10 @@ static int write_table(const char *path, const detect_point *points, int32_t cou
     cairn_output *output;
 
     if (cairn_output_open(&output, path, &error) == CAIRN_OK) {
-        cairn_output_print(output, "recall,precision,false_per_image\n");
+        cairn_output_print(output,
+                           "recall,recall_low,recall_high,precision,precision_low,precision_high,false_per_image\n");
         for (int32_t i = 0; i < count; i++)
-            cairn_output_print(output, "%.6f,%.6f,%.6f\n", points[i].recall, points[i].precision,
-                               points[i].false_per_image);
+            print_point(output, &points[i]);
         if (cairn_output_commit(output, &error) == CAIRN_OK)
             return 1;
     }
@@ -216,37 +315,51 @@ static int write_table(const char *path, const detect_point *points, int32_t cou
     return 0;
 }
 
-/* Lines from point to point; by_recall: precision over recall, otherwise recall over false positives. */
-static void lay_lines(cairn_vec2 *line, const detect_point *points, int32_t count, int by_recall)
+/* Lines from point to point; by_recall: precision over recall, otherwise recall over false positives. bound: -1, 1: its interval's. */
+static void lay_lines(cairn_vec2 *line, const detect_point *points, int32_t count, int by_recall, int bound)
 {
     for (int32_t i = 0; i + 1 < count; i++)
         for (int32_t k = 0; k < 2; k++) {
             const detect_point *p = &points[i + k];
 
+            double low, high, value = by_recall ? p->precision : p->recall;
+
+            detect_interval(value, by_recall ? p->detections : p->instances, &low, &high);
             line[2 * i + k].x = (cairn_real)(by_recall ? p->recall : p->false_per_image);
-            line[2 * i + k].y = (cairn_real)(by_recall ? p->precision : p->recall);
+            line[2 * i + k].y = (cairn_real)(bound < 0 ? low : bound > 0 ? high : value);
         }
 }
 
 static int draw(const char *path, const char *title, const detect_point *points, int32_t count)
 {
-    cairn_vec2 *lines = malloc((4 * (size_t)count + 1) * sizeof *lines);
+    cairn_vec2 *lines = malloc((12 * (size_t)count + 1) * sizeof *lines);
     cairn_report_figure figure = cairn_report_figure_default();
-    cairn_report_layer layer[2] = {{NULL, "#2563eb", CAIRN_REPORT_LINES, count - 1, lines, 2, 1},
-                                   {NULL, "#dc2626", CAIRN_REPORT_LINES, count - 1, lines + 2 * count, 2, 1}};
+    cairn_report_layer layer[6];
     cairn_report_plot plot[2] = {
-        {.x_label = "recall", .y_label = "precision", .layer = &layer[0], .layer_count = 1, .box = {{0, 0}, {1, 1}}},
+        {.x_label = "recall", .y_label = "precision", .layer = &layer[0], .layer_count = 3, .box = {{0, 0}, {1, 1}}},
         {.x_label = "false positives per image",
          .y_label = "detection rate",
-         .layer = &layer[1],
-         .layer_count = 1,
+         .layer = &layer[3],
+         .layer_count = 3,
          .box = {{0, 0}, {CAIRN_REAL(1.5), 1}}}};
     cairn_file_error error = {.text = "no memory"};
     int ok = lines != NULL;
 
     if (ok) {
-        lay_lines(lines, points, count, 1);
-        lay_lines(lines + 2 * count, points, count, 0);
+        for (int32_t i = 0; i < 6; i++) {
+            static const char *const colours[] = {"#2563eb", "#93c5fd", "#93c5fd", "#dc2626", "#fca5a5", "#fca5a5"};
+            static const int bounds[] = {0, -1, 1};
+            cairn_report_layer own = {NULL,
+                                      colours[i],
+                                      CAIRN_REPORT_LINES,
+                                      count - 1,
+                                      lines + (size_t)i * 2 * (size_t)count,
+                                      i % 3 == 0 ? 2 : 1,
+                                      1};
+
+            layer[i] = own;
+            lay_lines(lines + (size_t)i * 2 * (size_t)count, points, count, i < 3, bounds[i % 3]);
+        }
         figure.title = title;
         figure.plot = plot;
         figure.plot_count = 2;
@@ -283,7 +396,7 @@ static int print_class(run *r, int32_t k, means *m)
     int ok = half != NULL && fifth != NULL;
 
     if (ok) {
-        double rate03, rate04, precision;
+        double rate03, rate04, precision, low, high;
 
         detect_curve(t, DETECT_HALF, half);
         detect_curve(t, DETECT_FIFTH, fifth);
@@ -295,8 +408,14 @@ static int print_class(run *r, int32_t k, means *m)
         bench_json_text("method", r->s->method);
         bench_json_integer("images", t->images);
         bench_json_integer("instances", t->instances);
+        detect_interval(rate03, t->instances, &low, &high);
         bench_json_number("dr03", rate03);
+        bench_json_number("dr03_low", low);
+        bench_json_number("dr03_high", high);
+        detect_interval(rate04, t->instances, &low, &high);
         bench_json_number("dr04", rate04);
+        bench_json_number("dr04_low", low);
+        bench_json_number("dr04_high", high);
         bench_json_number("ap", precision);
         bench_json_number("recall_most", t->count > 0 ? half[t->count - 1].recall : 0);
         bench_json_number("precision_at_recall", detect_precision_at(fifth, t->count, classes[k].recall));
@@ -313,6 +432,17 @@ static int print_class(run *r, int32_t k, means *m)
     return ok;
 }
 
+/* Means; of an image, then of an image and a model. */
+static void print_stages(const stage_clock *c)
+{
+    static const char *const names[STAGES] = {"seconds_edges",      "seconds_segments", "seconds_field",
+                                              "seconds_appearance", "seconds_voting",   "seconds_scoring",
+                                              "seconds_boxes"};
+
+    for (int32_t i = 0; i < STAGES && c->searches > 0; i++)
+        bench_json_number(names[i], c->seconds[i] / (i < STAGE_SEARCH ? c->images : c->searches));
+}
+
 static int print_all(run *r)
 {
     means m = {0, 0, 0, 0};
@@ -326,6 +456,7 @@ static int print_all(run *r)
     bench_json_number("dr04_mean", m.rate04 / m.classes);
     bench_json_number("ap_mean", m.precision / m.classes);
     bench_json_number("seconds_median", bench_median(r->seconds, (size_t)r->timed));
+    print_stages(&r->stages);
     bench_json_true("summary");
     bench_json_end();
     return 1;
@@ -353,7 +484,11 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_NUMBER("--overlap", &s->overlap, 0, 1, "SHARE",
                       "of boxes, above which the better detection stays alone"),
         OPTION_FLAG("--no-mirror", &s->no_mirror, "not the mirrored models"),
+        OPTION_FLAG("--stages", &s->stages, "also Canny's time (the images are decoded then); the other stages always"),
         OPTION_FLAG("--each", &s->each, "a line for each detection, too"),
+        OPTION_INTEGER("--train", &s->train, 0, 1000, "N",
+                       "learns what the class looks like from its first N images, which are not looked at then"),
+        OPTION_NUMBER("--weight", &s->weight, 0, 1000, "LAMBDA", "of appearance, with --train"),
         OPTION_TEXT("--curves", &s->curves, "DIR", "writes CLASS.csv and CLASS.svg"),
         OPTION_TEXT("--data", &s->data, "DIR", "where ethz/ is"),
     };
@@ -369,6 +504,10 @@ static option_result read_settings(settings *s, int argc, char **argv)
     if (result == OPTIONS_READ && strcmp(s->bundles, "rule") != 0 && strcmp(s->bundles, "one") != 0 &&
         strcmp(s->bundles, "none") != 0)
         return (option_result)options_refuse("bench/detect", "--bundles %s, expected rule, one or none", s->bundles);
+    if (result == OPTIONS_READ && s->train > 0 &&
+        (s->class_name == NULL || s->most < 100000 || strcmp(s->method, "chamfer") == 0))
+        return (option_result)options_refuse(
+            "bench/detect", "--train %" PRId64 ", expected with --class, without --images, not of chamfer", s->train);
     if (result == OPTIONS_READ && s->class_name != NULL && !is_class(s->class_name))
         return (option_result)options_refuse(
             "bench/detect", "--class %s, expected Applelogos, Bottles, Giraffes, Mugs or Swans", s->class_name);
@@ -390,12 +529,15 @@ int main(int argc, char **argv)
     int ok;
 
     s.overlap = (double)params.overlap;
+    s.weight = (double)params.appearance_weight;
     result = read_settings(&s, argc, argv);
     if (result != OPTIONS_READ)
         return (int)result;
     r.s = &s;
+    r.stages.stage = -1;
     r.seconds = malloc(SECONDS_MOST * sizeof *r.seconds);
     ok = r.seconds != NULL && load_models(&r);
+    ok = ok && learn_looks(&r);
     for (int32_t k = 0; k < CLASSES && ok; k++)
         ok = run_folder(&r, k);
     ok = ok && print_all(&r);
@@ -403,6 +545,7 @@ int main(int argc, char **argv)
         cairn_shape_model_file_free(&r.model[k]);
         detect_tally_free(&r.tally[k]);
     }
+    cairn_appearance_free(&r.look);
     free(r.seconds);
     return ok ? 0 : 3;
 }

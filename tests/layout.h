@@ -1,8 +1,10 @@
 /* Sizes and offsets of the open structs in bytes, double and float, on a 64-bit ABI. Made by tools/layout.sh. */
 /* clang-format off */
 #include "cairn/aligner.h"
+#include "cairn/appearance.h"
 #include "cairn/assignment.h"
 #include "cairn/block_solver.h"
+#include "cairn/box_table.h"
 #include "cairn/carmen_log.h"
 #include "cairn/contour_file.h"
 #include "cairn/contour_grouping.h"
@@ -40,6 +42,7 @@
 #include "cairn/output_set.h"
 #include "cairn/part_bundle.h"
 #include "cairn/part_configuration.h"
+#include "cairn/part_cut_file.h"
 #include "cairn/particle_filter.h"
 #include "cairn/place_map.h"
 #include "cairn/polyline.h"
@@ -121,6 +124,21 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_aligner_result, spread_angle, 56, 52)},
     {FIELD(cairn_aligner_result, units, 64, 56)},
     {FIELD(cairn_aligner_result, worst_step, 72, 64)},
+    {SIZE(cairn_appearance_model, 64, 64)},
+    {FIELD(cairn_appearance_model, word_count, 0, 0)},
+    {FIELD(cairn_appearance_model, support_count, 4, 4)},
+    {FIELD(cairn_appearance_model, words, 8, 8)},
+    {FIELD(cairn_appearance_model, histograms, 16, 16)},
+    {FIELD(cairn_appearance_model, weights, 24, 24)},
+    {FIELD(cairn_appearance_model, gamma, 32, 32)},
+    {FIELD(cairn_appearance_model, rho, 40, 40)},
+    {FIELD(cairn_appearance_model, slope, 48, 48)},
+    {FIELD(cairn_appearance_model, offset, 56, 56)},
+    {SIZE(cairn_appearance_params, 24, 24)},
+    {FIELD(cairn_appearance_params, words, 0, 0)},
+    {FIELD(cairn_appearance_params, negatives, 4, 4)},
+    {FIELD(cairn_appearance_params, cost, 8, 8)},
+    {FIELD(cairn_appearance_params, seed, 16, 16)},
     {SIZE(cairn_assignment_params, 8, 8)},
     {FIELD(cairn_assignment_params, max_rows, 0, 0)},
     {FIELD(cairn_assignment_params, max_columns, 4, 4)},
@@ -140,6 +158,10 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_block_solver_result, fill, 16, 16)},
     {FIELD(cairn_block_solver_result, pose, 20, 20)},
     {FIELD(cairn_block_solver_result, units, 24, 24)},
+    {SIZE(cairn_box_row, 296, 296)},
+    {FIELD(cairn_box_row, image, 0, 0)},
+    {FIELD(cairn_box_row, box, 256, 256)},
+    {FIELD(cairn_box_row, line, 288, 288)},
     {SIZE(cairn_carmen_params, 32, 32)},
     {FIELD(cairn_carmen_params, range_max, 0, 0)},
     {FIELD(cairn_carmen_params, range_sigma, 8, 8)},
@@ -896,7 +918,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_point_grid_cursor, all, 48, 36)},
     {SIZE(cairn_box_sweep_params, 4, 4)},
     {FIELD(cairn_box_sweep_params, max_boxes, 0, 0)},
-    {SIZE(cairn_object_detect_params, 64, 44)},
+    {SIZE(cairn_object_detect_params, 104, 88)},
     {FIELD(cairn_object_detect_params, min_size, 0, 0)},
     {FIELD(cairn_object_detect_params, max_size, 8, 4)},
     {FIELD(cairn_object_detect_params, mirror, 16, 8)},
@@ -904,10 +926,16 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_object_detect_params, min_score, 32, 20)},
     {FIELD(cairn_object_detect_params, method, 40, 24)},
     {FIELD(cairn_object_detect_params, bundles, 44, 28)},
-    {FIELD(cairn_object_detect_params, matches, 48, 32)},
-    {FIELD(cairn_object_detect_params, nearest, 52, 36)},
-    {FIELD(cairn_object_detect_params, modes, 56, 40)},
-    {SIZE(cairn_detection, 136, 80)},
+    {FIELD(cairn_object_detect_params, cuts, 48, 32)},
+    {FIELD(cairn_object_detect_params, cut_count, 56, 40)},
+    {FIELD(cairn_object_detect_params, matches, 60, 44)},
+    {FIELD(cairn_object_detect_params, nearest, 64, 48)},
+    {FIELD(cairn_object_detect_params, modes, 68, 52)},
+    {FIELD(cairn_object_detect_params, appearance, 72, 56)},
+    {FIELD(cairn_object_detect_params, appearance_weight, 80, 64)},
+    {FIELD(cairn_object_detect_params, on_stage, 88, 72)},
+    {FIELD(cairn_object_detect_params, on_stage_context, 96, 80)},
+    {SIZE(cairn_detection, 144, 84)},
     {FIELD(cairn_detection, left, 0, 0)},
     {FIELD(cairn_detection, top, 8, 4)},
     {FIELD(cairn_detection, right, 16, 8)},
@@ -927,6 +955,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_detection, agreement, 120, 68)},
     {FIELD(cairn_detection, first_part, 128, 72)},
     {FIELD(cairn_detection, part_count, 132, 76)},
+    {FIELD(cairn_detection, appearance, 136, 80)},
     {SIZE(cairn_detected_part, 40, 28)},
     {FIELD(cairn_detected_part, bundle, 0, 0)},
     {FIELD(cairn_detected_part, fragment, 4, 4)},
@@ -945,6 +974,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_detections, outline_count, 40, 40)},
     {FIELD(cairn_detections, part_count, 44, 44)},
     {FIELD(cairn_detections, bundles, 48, 48)},
+    {FIELD(cairn_detections, has_appearance, 52, 52)},
     {SIZE(cairn_occupancy_grid_params, 32, 20)},
     {FIELD(cairn_occupancy_grid_params, width, 0, 0)},
     {FIELD(cairn_occupancy_grid_params, height, 4, 4)},

@@ -1,6 +1,7 @@
 /* cairn detect: shapes found in pictures of edges, their files; many images at once; bad input of all kinds. */
 #include "tests/programs.h"
 
+#include "cairn/appearance.h"
 #include "cairn/json_text.h"
 #include "cairn/vision.h"
 #include "src/host/map_file_image.h"
@@ -135,6 +136,65 @@ static void test_by_parts(void **state)
     free(text);
 }
 
+/* Fragments by hand: only those are found, in their bundles. */
+static void test_cuts(void **state)
+{
+    static const char *const detect = "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape "
+                                      "--method parts --cuts @/%s -o @/cut --quiet";
+    const char *part;
+    char *text;
+
+    (void)state;
+    (void)files_write_text("hand.cuts", "0 40 0\n40 80 1\n80 0 5\n");
+    assert_done(programs_run(detect, "hand.cuts"));
+    text = read_in("cut/bottle0.json");
+    part = strstr(text, "\"parts\": [{\"bundle\": ");
+    assert_non_null(part);
+    for (part = strstr(text, "\"fragment\": "); part != NULL; part = strstr(part + 1, "\"fragment\": "))
+        assert_in_range(strtol(part + 12, NULL, 10), 0, 2);
+    free(text);
+    (void)files_write_text("far.cuts", "0 40 0\n40 4000 1\n");
+    assert_refused(programs_run(detect, "far.cuts"), "expected fragments by hand of its first outline");
+    assert_refused(programs_run(detect, "missing.cuts"), "missing.cuts: cannot open");
+}
+
+/* What was learnt from boxes counts; without the library of OpenCV that is said. */
+static void test_appearance(void **state)
+{
+    static const char *const learn =
+        "cairn train @/bottle0.png @/bottle1.png @/bottle2.png --boxes @/boxes.csv --words 10 --quiet -o @/bottle.look";
+    static const char *const detect = "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape "
+                                      "--appearance @/%s -o @/looked --quiet";
+    const char *value;
+    char *text;
+
+    (void)state;
+    (void)files_write_text("boxes.csv", "image,left,top,right,bottom\nbottle0.png,27,30,94,180\n"
+                                        "bottle1.png,52,30,119,180\nbottle2.png,77,30,144,180\n");
+    if (cairn_appearance_load(NULL) == CAIRN_UNSUPPORTED) {
+        assert_refused(programs_run("%s", learn), "needs libcairn-appearance.so");
+        return;
+    }
+    assert_done(programs_run("%s", learn));
+    assert_done(programs_run(detect, "bottle.look"));
+    text = read_in("looked/bottle0.json");
+    value = strstr(text, "\"appearance\": ");
+    assert_non_null(value);
+    assert_true(strtod(value + 14, NULL) > 0.5 && strtod(value + 14, NULL) <= 1);
+    free(text);
+    text = read_in("found/bottle0.json");
+    assert_null(strstr(text, "\"appearance\""));
+    free(text);
+    (void)files_write_text("other.look", "cairn-appearance 7\n");
+    assert_refused(programs_run(detect, "other.look"), "other.look:1: a model of version 7, expected 1");
+    assert_refused(programs_run(detect, "missing.look"), "missing.look: cannot open");
+    (void)files_write_text("boxes.csv", "image,left,top,right,bottom\nbottle9.png,27,30,94,180\n");
+    assert_refused(programs_run("%s", learn), "boxes.csv:2: a box in 'bottle9.png', expected one of the images");
+    assert_refused(programs_run("cairn train @/bottle0.png -o @/x.look"), "no boxes (--boxes), expected");
+    assert_refused(programs_run("cairn train --boxes @/boxes.csv -o @/x.look"), "no image, expected");
+    assert_refused(programs_run("cairn train @/bottle0.png --boxes @/boxes.csv"), "no file to write to (-o), expected");
+}
+
 /* What is halved comes out in the image's own pixels. */
 static void test_halved(void **state)
 {
@@ -233,6 +293,8 @@ static void test_refusals(void **state)
         {"@/bottle0.png --model @/bottle.shape --low 9 --high 8 -o @/refused", "--low 9 is above --high 8, expected"},
         {"@/bottle0.png --model @/bottle.shape --jobs 0 -o @/refused", "expected"},
         {"@/bottle0.png --model @/bottle.shape --method best -o @/refused", "--method best, expected evidence or"},
+        {"@/bottle0.png --model @/bottle.shape --bundles two -o @/refused", "--bundles two, expected rule, one or"},
+        {"@/bottle0.png --model @/bottle.shape --nearest 65 -o @/refused", "expected"},
         {"@/bottle0.png --model @/bottle.shape --overlap 2 -o @/refused", "expected"},
         {"@/missing.png --edges @/edges.png --model @/bottle.shape -o @/refused", "missing.png: cannot open"},
         {"@/bottle0.png --edges @/edges.png --model @/missing.shape -o @/refused", "missing.shape: cannot open"},
@@ -257,8 +319,9 @@ static void test_refusals(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_found),       cmocka_unit_test(test_by_parts),     cmocka_unit_test(test_halved),
-        cmocka_unit_test(test_many_images), cmocka_unit_test(test_quoted_names), cmocka_unit_test(test_refusals),
+        cmocka_unit_test(test_found),        cmocka_unit_test(test_by_parts), cmocka_unit_test(test_halved),
+        cmocka_unit_test(test_appearance),   cmocka_unit_test(test_cuts),     cmocka_unit_test(test_many_images),
+        cmocka_unit_test(test_quoted_names), cmocka_unit_test(test_refusals),
     };
 
     programs_find(argc, argv);

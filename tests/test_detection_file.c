@@ -33,8 +33,8 @@ static cairn_detection found[] = {{.left = 1,
                                    .outline_count = 5}};
 
 static const cairn_contour_tokens tokens = {lines, chains, strengths, 3, 2, 64, 48, 5, 0};
-static const cairn_detections detections = {found, segments, outline, NULL, 1, 2, 5, 0, 0},
-                              none = {NULL, NULL, NULL, NULL, 0, 0, 0, 0, 0};
+static const cairn_detections detections = {found, segments, outline, NULL, 1, 2, 5, 0, 0, 0},
+                              none = {NULL, NULL, NULL, NULL, 0, 0, 0, 0, 0, 0};
 
 static cairn_detection_picture picture_of(const cairn_detections *d)
 {
@@ -94,7 +94,7 @@ static void writes_parts(void **state)
                                           {2, 7, 1, 1, CAIRN_REAL(0.75), 4, CAIRN_REAL(20.5)},
                                           {1, 5, 0, 0, CAIRN_REAL(0.5), 0, 9}};
     cairn_detection by_parts = found[0];
-    cairn_detections all = {&by_parts, segments, outline, parts, 1, 2, 5, 3, 4};
+    cairn_detections all = {&by_parts, segments, outline, parts, 1, 2, 5, 3, 4, 0};
     cairn_detection_picture p = picture_of(&all);
     char *text;
 

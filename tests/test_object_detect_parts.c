@@ -163,18 +163,108 @@ static void takes_odd_pictures(void **state)
     tokens = find_tokens(0);
     assert_true(tokens.count > 1000);
     found = detect(&tokens, &params);
+    assert_int_equal(found.count, 0);
     cairn_detections_free(&found);
     cairn_contour_tokens_free(&tokens);
 }
 
+/* Stages come one after the other, of the model and of its mirror image. */
+static void hear_stage(void *context, cairn_detect_stage stage)
+{
+    char *heard = context;
+    size_t count = strlen(heard);
+
+    assert_true(count < 15);
+    heard[count] = (char)('0' + stage);
+}
+
+static void tells_its_stages(void **state)
+{
+    static const char *const expected[] = {"012", "0010122"};
+
+    (void)state;
+    memset(edges, 0, sizeof edges);
+    draw_flag(110, 40, 1, 0, -1);
+    for (int32_t way = 0; way < 2; way++) {
+        cairn_object_detect_params params = parts_params();
+        cairn_shape_model_file model = make_model();
+        cairn_contour_tokens tokens = find_tokens();
+        char heard[16] = "";
+        cairn_detect_field *field;
+        cairn_detections found;
+
+        params.method = way;
+        params.on_stage = hear_stage;
+        params.on_stage_context = heard;
+        assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
+        assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));
+        assert_string_equal(heard, expected[way]);
+        cairn_detections_free(&found);
+        cairn_detect_field_free(field);
+        cairn_contour_tokens_free(&tokens);
+        cairn_shape_model_file_free(&model);
+    }
+}
+
+/* Ten thousand chains of a picture without any object, by both methods: what comes back is bounded. */
+static void takes_very_many_chains(void **state)
+{
+    enum { CHAINS = 10000, SIDE = 1600 };
+    cairn_random random = cairn_random_seed(4, 4);
+    cairn_shape_model_file model = make_model();
+    cairn_contour_tokens tokens = {.width = SIDE, .height = SIDE, .count = CHAINS, .chains = CHAINS, .mean_length = 15};
+
+    (void)state;
+    tokens.lines = malloc(CHAINS * sizeof *tokens.lines);
+    tokens.chain = malloc(CHAINS * sizeof *tokens.chain);
+    tokens.strength = malloc(CHAINS * sizeof *tokens.strength);
+    assert_non_null(tokens.lines);
+    assert_non_null(tokens.chain);
+    assert_non_null(tokens.strength);
+    for (int32_t i = 0; i < CHAINS; i++) {
+        cairn_real x = cairn_random_uniform(&random, 30, SIDE - 30), y = cairn_random_uniform(&random, 30, SIDE - 30);
+
+        tokens.lines[i].a.x = x;
+        tokens.lines[i].a.y = y;
+        tokens.lines[i].b.x = x + cairn_random_uniform(&random, -20, 20);
+        tokens.lines[i].b.y = y + cairn_random_uniform(&random, -20, 20);
+        tokens.chain[i] = i;
+        tokens.strength[i] = CAIRN_REAL(0.5);
+    }
+    for (int32_t way = 0; way < 2; way++) {
+        cairn_object_detect_params params = cairn_object_detect_default(SIDE, SIDE);
+        cairn_detect_field *field;
+        cairn_detections found;
+
+        params.candidates = 2;
+        params.min_size = 250;
+        params.max_size = 300;
+        params.method = way;
+        assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
+        assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));
+        assert_in_range(found.count, 0, params.candidates);
+        cairn_detections_free(&found);
+        cairn_detect_field_free(field);
+    }
+    cairn_contour_tokens_free(&tokens);
+    cairn_shape_model_file_free(&model);
+}
+
 static void refuses_what_cannot_be(void **state)
 {
-    static const char *const what[] = {"method 2, expected 0 or 1",      "method -1",  "bundles 3, expected 0 to 2",
-                                       "0 matches and 20 nearest",       "65 matches", "2 matches and 0 nearest votes",
-                                       "65 nearest votes, expected 1 to"};
+    static const char *const what[] = {"method 2, expected 0 or 1",
+                                       "method -1",
+                                       "bundles 3, expected 0 to 2",
+                                       "0 matches and 20 nearest",
+                                       "65 matches",
+                                       "2 matches and 0 nearest votes",
+                                       "65 nearest votes, expected 1 to",
+                                       "appearance_weight -1, expected",
+                                       "appearance_weight 1001"};
     enum { BAD = sizeof what / sizeof *what };
     cairn_object_detect_params good = parts_params(), bad[BAD];
     cairn_shape_model_file model = make_model();
+    int32_t full = model.model.outline_count;
     cairn_contour_tokens tokens = {.width = WIDTH, .height = HEIGHT};
     cairn_detect_field *field;
     cairn_detections found;
@@ -189,10 +279,20 @@ static void refuses_what_cannot_be(void **state)
     bad[4].matches = 65;
     bad[5].nearest = 0;
     bad[6].nearest = 65;
+    bad[7].appearance_weight = -1;
+    bad[8].appearance_weight = 1001;
     for (int i = 0; i < BAD; i++) {
         assert_status(cairn_detect_field_make(&field, &tokens, &bad[i], "edges", &error), CAIRN_BAD_ARGUMENT);
         assert_error_holds(what[i]);
     }
+    /* One vertex is no outline. */
+    assert_ok(cairn_detect_field_make(&field, &tokens, &good, "edges", &error));
+    model.model.outline_count = 1;
+    assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error), CAIRN_BAD_ARGUMENT);
+    assert_non_null(strstr(error.text, "expected"));
+    assert_null(found.found);
+    model.model.outline_count = full;
+    cairn_detect_field_free(field);
     /* An outline without length has no fragments. */
     assert_ok(cairn_detect_field_make(&field, &tokens, &good, "edges", &error));
     for (int32_t i = 0; i < model.model.outline_count; i++)
@@ -210,6 +310,8 @@ int main(void)
         cmocka_unit_test(finds_it_by_every_way),
         cmocka_unit_test(follows_chains),
         cmocka_unit_test(takes_odd_pictures),
+        cmocka_unit_test(tells_its_stages),
+        cmocka_unit_test(takes_very_many_chains),
         cmocka_unit_test(refuses_what_cannot_be),
     };
 

@@ -23,6 +23,7 @@ static const tool_command commands[] = {
     {"skeleton", "contours and axes of symmetric parts of images, with no model", tool_skeleton},
     {"model", "the model of a shape, from a silhouette or a drawing", tool_model},
     {"symmetry", "the axes that divide a shape into two parts most alike", tool_symmetry},
+    {"train", "what a class of objects looks like, from boxes in images", tool_train},
     {"info", "what a CARMEN log holds: scans, beams, time, path, damage", tool_info},
     {"replay", "a robot's recorded run once more, bit by bit", tool_replay},
 };

@@ -9,6 +9,7 @@
 #include "cairn/detection_file.h"
 #include "cairn/output.h"
 #include "cairn/output_set.h"
+#include "cairn/part_cut_file.h"
 #include "cairn/shape_model_file.h"
 #include "tools/cairn_picture.h"
 #include "tools/cairn_tool.h"
@@ -22,11 +23,14 @@ enum { RECORD_END = '\f', TABLE_BEGIN = '\v' };
 typedef struct settings {
     const char *images[IMAGES_MOST];
     size_t count;
-    const char *model, *folder, *table, *method;
+    const char *model, *folder, *table, *method, *bundles, *cuts, *appearance;
     picture_settings pictures;
-    int64_t strength, jobs, candidates;
-    double overlap, score;
-    int32_t no_mirror, quiet;
+    int64_t strength, jobs, candidates, nearest, matches;
+    double overlap, score, weight;
+    int32_t no_mirror, modes, quiet;
+    cairn_part_cut cut[CAIRN_PART_FRAGMENTS]; /* of --cuts */
+    int32_t cut_count;
+    cairn_appearance_model look; /* of --appearance */
 } settings;
 
 static option_result read_settings(settings *s, int argc, char **argv)
@@ -40,9 +44,19 @@ static option_result read_settings(settings *s, int argc, char **argv)
                     "the image's edges, strengths 0 ... 255, from a detector of your own; of one image only"),
         OPTION_INTEGER("--jobs", &s->jobs, 1, JOBS_MOST, "N",
                        "images at once; without it as many as there are processors"),
-        OPTION_NUMBER("--min-score", &s->score, -100, 100, "S", "of a detection that is reported"),
+        OPTION_NUMBER("--min-score", &s->score, -100, 100, "S",
+                      "of a detection that is reported, by its outline alone"),
         OPTION_TEXT("--method", &s->method, "NAME",
                     "evidence: every place and size by its edges; parts: fragments of the outline that agree"),
+        OPTION_INTEGER("--nearest", &s->nearest, 1, 64, "K", "of parts: votes that configurations are made of"),
+        OPTION_INTEGER("--matches", &s->matches, 1, 64, "N", "of parts: chains that vote for each fragment"),
+        OPTION_TEXT("--bundles", &s->bundles, "HOW",
+                    "of parts: rule; one: the longest fragment of each; none: each fragment is a bundle"),
+        OPTION_TEXT("--cuts", &s->cuts, "FILE", "of parts: fragments by hand: sample, sample and bundle a line"),
+        OPTION_FLAG("--modes", &s->modes, "of parts: configurations near the modes of the votes only"),
+        OPTION_TEXT("--appearance", &s->appearance, "FILE",
+                    "what the class looks like (cairn train): detections that look unlike it score less"),
+        OPTION_NUMBER("--lambda", &s->weight, 0, 1000, "L", "so much less, when they surely do not"),
         OPTION_INTEGER("--candidates", &s->candidates, 1, 64, "N", "places of an image that are looked at closely"),
         OPTION_NUMBER("--overlap", &s->overlap, 0, 1, "SHARE",
                       "of two detections whose boxes share more, over their union, the better one stays"),
@@ -74,6 +88,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
                                              set.synopsis);
     if (strcmp(s->method, "evidence") != 0 && strcmp(s->method, "parts") != 0)
         return (option_result)options_refuse(PROGRAM, "--method %s, expected evidence or parts", s->method);
+    if (strcmp(s->bundles, "rule") != 0 && strcmp(s->bundles, "one") != 0 && strcmp(s->bundles, "none") != 0)
+        return (option_result)options_refuse(PROGRAM, "--bundles %s, expected rule, one or none", s->bundles);
     if (s->pictures.edges != NULL && s->count > 1)
         return (option_result)options_refuse(PROGRAM, "--edges with %zu images, expected one", s->count);
     if (s->pictures.canny.low > s->pictures.canny.high)
@@ -97,6 +113,8 @@ static cairn_status detect(const settings *s, work *w, const cairn_shape_model *
     const cairn_vision_image *edges = &w->picture.edges;
     cairn_raster_u8_view view = {edges->samples, edges->width, edges->height, edges->width};
     cairn_object_detect_params params = cairn_object_detect_default(edges->width, edges->height);
+    const cairn_vision_image *grey = &w->picture.grey;
+    cairn_appearance_field *look = NULL;
     cairn_detect_field *field;
     cairn_status status = cairn_contour_tokens_find(&w->tokens, view, (int32_t)s->strength, 0, w->path, error);
 
@@ -105,12 +123,25 @@ static cairn_status detect(const settings *s, work *w, const cairn_shape_model *
     params.candidates = (int32_t)s->candidates;
     params.overlap = (cairn_real)s->overlap;
     params.min_score = (cairn_real)s->score;
+    params.nearest = (int32_t)s->nearest;
+    params.matches = (int32_t)s->matches;
+    params.modes = s->modes;
+    params.cuts = s->cuts != NULL ? s->cut : NULL;
+    params.cut_count = s->cut_count;
+    params.bundles = s->bundles[0] == 'o'   ? CAIRN_DETECT_BUNDLES_OF_ONE
+                     : s->bundles[0] == 'n' ? CAIRN_DETECT_NO_BUNDLES
+                                            : CAIRN_DETECT_BUNDLES;
+    params.appearance_weight = (cairn_real)s->weight;
+    if (status == CAIRN_OK && s->appearance != NULL)
+        status = cairn_appearance_field_make(&look, &s->look, grey->samples, grey->width, grey->height, w->path, error);
+    params.appearance = look;
     if (status == CAIRN_OK)
         status = cairn_detect_field_make(&field, &w->tokens, &params, w->path, error);
-    if (status != CAIRN_OK)
-        return status;
-    status = cairn_object_detect(&w->detections, field, model, w->path, error);
-    cairn_detect_field_free(field);
+    if (status == CAIRN_OK) {
+        status = cairn_object_detect(&w->detections, field, model, w->path, error);
+        cairn_detect_field_free(field);
+    }
+    cairn_appearance_field_free(look);
     return status;
 }
 
@@ -331,6 +362,10 @@ int tool_detect(int argc, char **argv)
     s.jobs = sysconf(_SC_NPROCESSORS_ONLN);
     s.jobs = s.jobs < 1 ? 1 : s.jobs > JOBS_MOST ? JOBS_MOST : s.jobs;
     s.method = "evidence";
+    s.bundles = "rule";
+    s.nearest = params.nearest;
+    s.matches = params.matches;
+    s.weight = (double)params.appearance_weight;
     s.candidates = params.candidates;
     s.overlap = (double)params.overlap;
     s.score = (double)params.min_score;
@@ -345,7 +380,13 @@ int tool_detect(int argc, char **argv)
         return code;
     if (cairn_shape_model_file_load(&model, s.model, &image, &builder, NULL, &error) != CAIRN_OK)
         return tool_report(&error);
-    code = run(&s, &model.model);
+    if ((s.cuts != NULL && cairn_part_cut_file_read(s.cut, &s.cut_count, s.cuts, &error) != CAIRN_OK) ||
+        (s.appearance != NULL && (cairn_appearance_read(&s.look, s.appearance, &error) != CAIRN_OK ||
+                                  cairn_appearance_load(&error) != CAIRN_OK)))
+        code = tool_report(&error);
+    else
+        code = run(&s, &model.model);
+    cairn_appearance_free(&s.look);
     cairn_shape_model_file_free(&model);
     return code;
 }

@@ -31,6 +31,7 @@ int tool_model(int argc, char **argv);
 int tool_replay(int argc, char **argv);
 int tool_skeleton(int argc, char **argv);
 int tool_symmetry(int argc, char **argv);
+int tool_train(int argc, char **argv);
 
 /* Reads the command line "LOG -o DIR [options]"; `folder` is where the table's -o goes to. OPTIONS_READ: both were given. */
 option_result tool_read_options(const option_set *set, int argc, char **argv, const char **log,

@@ -1,3 +1,6 @@
+    [ -n "$opencv" ] || cpp_files=$(echo "$cpp_files" | grep -v /vision_shim)
+    [ -f "$opencv/opencv2/features2d.hpp" ] && [ -f "$opencv/opencv2/ml.hpp" ] ||
+        cpp_files=$(echo "$cpp_files" | grep -v /appearance_shim)
 #!/bin/sh
 # All that `make check` checks: tools/check.sh BUILD [STEP]...
 #
@@ -61,11 +64,11 @@ step_tidy()
     host_files=$(echo "$c_files" | grep -v '^firmware/\(board_cortex_m\|soft_double\|mission_\|survey_\)')
     # Without OpenCV its headers cannot be read.
     opencv=$(ls -d /usr/include/opencv4 /usr/local/include/opencv4 2>/dev/null | head -1)
-    [ -n "$opencv" ] || cpp_files=$(echo "$cpp_files" | grep -v /vision_shim)
+    [ -n "$opencv" ] || cpp_files=$(echo "$cpp_files" | grep -v "/vision_shim\|/appearance_shim")
     export OPENCV="$opencv"
     echo "$cpp_files" "$host_files" | xargs -P 2 -n 1 sh -c '
         case $1 in
-        */vision_shim.cpp) clang-tidy --quiet "$1" -- -std=c++17 -I. -Iinclude -isystem "$OPENCV" ;;
+        */vision_shim.cpp | */appearance_shim.cpp) clang-tidy --quiet "$1" -- -std=c++17 -I. -Iinclude -isystem "$OPENCV" ;;
         *.cpp) clang-tidy --quiet "$1" -- -std=c++17 -I. -Iinclude ;;
         tests/* | bench/*) clang-tidy --quiet --checks="$LOOSE" "$1" -- $FLAGS ;;
         *) clang-tidy --quiet "$1" -- $FLAGS ;;

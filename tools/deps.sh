@@ -1,5 +1,5 @@
 #!/bin/sh
-# Brings what cairn needs on Debian: tools/deps.sh [build|test|solver|vision|firmware|check]...   (default: build)
+# Brings what cairn needs on Debian: tools/deps.sh [build|test|solver|vision|appearance|firmware|check]...   (default: build)
 #
 # Says nothing and exits with 0 when all is there already. As root it installs with apt-get; otherwise it asks on a
 # terminal and installs with sudo after a yes. When it cannot install, it prints the command and exits with 3.
@@ -19,6 +19,9 @@ solver   libsuitesparse-dev      suitesparse/ldl.h
 vision   libopencv-core-dev      opencv4/opencv2/core.hpp
 vision   libopencv-imgproc-dev   opencv4/opencv2/imgproc.hpp
 vision   libopencv-imgcodecs-dev opencv4/opencv2/imgcodecs.hpp
+appearance libopencv-core-dev       opencv4/opencv2/core.hpp
+appearance libopencv-features2d-dev opencv4/opencv2/features2d.hpp
+appearance libopencv-ml-dev         opencv4/opencv2/ml.hpp
 firmware gcc-arm-none-eabi       arm-none-eabi-gcc
 firmware libnewlib-arm-none-eabi /usr/include/newlib/newlib.h
 firmware qemu-system-arm         qemu-system-arm
@@ -57,9 +60,9 @@ installed()
 [ $# -gt 0 ] || set -- build
 for use in "$@"; do
     case $use in
-    build | test | solver | vision | firmware | check) ;;
+    build | test | solver | vision | appearance | firmware | check) ;;
     *)
-        echo "tools/deps.sh: unknown use '$use', expected build, test, solver, vision, firmware or check" >&2
+        echo "tools/deps.sh: unknown use '$use', expected build, test, solver, vision, appearance, firmware or check" >&2
         exit 2
         ;;
     esac

@@ -17,6 +17,7 @@ install -m 644 "$build/libcairn.a" "$build/libcairn-float.a" "$to/lib/"
 install -m 755 "$build/libcairn.so.$soversion" "$to/lib/"
 ln -sf "libcairn.so.$soversion" "$to/lib/libcairn.so"
 [ ! -f "$build/libcairn-vision.so" ] || install -m 755 "$build/libcairn-vision.so" "$to/lib/"
+[ ! -f "$build/libcairn-appearance.so" ] || install -m 755 "$build/libcairn-appearance.so" "$to/lib/"
 for tool in cairn cairn-float cairn-arena; do
     [ ! -f "$build/$tool" ] || install -m 755 "$build/$tool" "$to/bin/"
 done

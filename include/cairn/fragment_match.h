@@ -68,7 +68,7 @@ CAIRN_CHECKED cairn_status cairn_fragment_match_begin(cairn_fragment_matcher *ma
 
 /* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the matches stand, or nothing was begun. For each step and each chain that
  * is long enough about a unit a sample, and for each fragment at a scale within the limits one for eight cells; then for each match
- * about nine for a sample of the fragment times samples. */
+ * about nine for a sample of the fragment times samples, and one for four pairs. */
 CAIRN_CHECKED cairn_status cairn_fragment_match_step(cairn_fragment_matcher *matcher, cairn_budget *budget);
 
 /* All zero until step() returns CAIRN_OK. */

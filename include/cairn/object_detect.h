@@ -6,7 +6,9 @@
 #ifndef CAIRN_OBJECT_DETECT_H
 #define CAIRN_OBJECT_DETECT_H
 
+#include "cairn/appearance.h"
 #include "cairn/contour_search.h"
+#include "cairn/part_bundle.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -25,6 +27,14 @@ enum {
     CAIRN_DETECT_NO_BUNDLES = 2      /* each fragment is a bundle of its own */
 };
 
+/* What a search does, one after the other; of PARTS the first two for the model and again for its mirror image. */
+typedef int32_t cairn_detect_stage;
+enum {
+    CAIRN_DETECT_VOTES = 0,  /* places are looked for, fragments matched */
+    CAIRN_DETECT_SCORES = 1, /* outlines bent onto the edges; of PARTS shapes compared */
+    CAIRN_DETECT_BOXES = 2   /* the best stays of those that overlap; of PARTS outlines bent, too */
+};
+
 typedef struct cairn_object_detect_params {
     /* px, of the diagonal of the object's box: 8 <= min <= max <= 2 CAIRN_CONTOUR_SIDE_MOST, min at least a fiftieth of the picture's longer
      * side. */
@@ -34,13 +44,19 @@ typedef struct cairn_object_detect_params {
     cairn_real
         overlap; /* 0 ... 1: of two detections whose boxes share more, over their union, the better one stays (0.2); so it does when
                                       most of the smaller box lies in the other */
-    cairn_real min_score;       /* worse detections are not reported (0) */
+    cairn_real min_score;       /* detections of a worse one, before appearance counts, are not reported (0) */
     cairn_detect_method method; /* (EVIDENCE) */
     /* Of PARTS: */
     cairn_detect_bundles bundles; /* (BUNDLES) */
-    int32_t matches;              /* 1 ... 64: chains that vote for each fragment (2, as in the thesis) */
-    int32_t nearest;              /* 1 ... 64: votes that configurations are made of, near each vote (20) */
-    int32_t modes;                /* 1: near the modes of the votes only (0) */
+    const cairn_part_cut *cuts;   /* [cut_count] fragments by hand of the first outline; NULL: by rule (NULL) */
+    int32_t cut_count;
+    int32_t matches;                          /* 1 ... 64: chains that vote for each fragment (2, as in the thesis) */
+    int32_t nearest;                          /* 1 ... 64: votes that configurations are made of, near each vote (20) */
+    int32_t modes;                            /* 1: near the modes of the votes only (0) */
+    const cairn_appearance_field *appearance; /* of the same image: what is in a box counts; NULL: it does not (NULL) */
+    cairn_real appearance_weight; /* 0 ... 1000: what a score loses for the unlikely, lambda of the thesis (8) */
+    void (*on_stage)(void *context, cairn_detect_stage stage); /* told when a stage begins; NULL: nobody (NULL) */
+    void *on_stage_context;
 } cairn_object_detect_params;
 
 /* The values in brackets above; sizes from a tenth of the picture's diagonal, at least 24 px, to the whole. */
@@ -60,10 +76,11 @@ typedef struct cairn_detection {
     int32_t segment_count;
     int32_t first_outline; /* outline[first_outline ... + outline_count - 1] */
     int32_t outline_count; /* the model's */
-    /* Of PARTS, else 0; there rigid is 0, and score = 1 - distance. */
+    /* Of PARTS, else 0; there rigid is 0, and score = 1 - distance. With appearance a score is less by appearance_weight (1 - appearance). */
     cairn_real distance;            /* of the parts from the outline by their shape contexts, with what is missing */
     cairn_real agreement;           /* score of the configuration (part_configuration) */
     int32_t first_part, part_count; /* parts[first_part ... first_part + part_count - 1] */
+    cairn_real appearance;          /* how likely what is in the box shows the class, 0 ... 1; 0 without appearance */
 } cairn_detection;
 
 /* A fragment of the model's outline (part_bundle, by rule) where it was found. */
@@ -81,7 +98,8 @@ typedef struct cairn_detections {
     cairn_contour_place *outline; /* [outline_count] */
     cairn_detected_part *parts;   /* [part_count] */
     int32_t count, segment_count, outline_count, part_count;
-    int32_t bundles; /* of the model; 0: not looked for by parts */
+    int32_t bundles;        /* of the model; 0: not looked for by parts */
+    int32_t has_appearance; /* 1: it counted */
 } cairn_detections;
 
 /* What all models are looked for in: made once of a picture. */
@@ -95,7 +113,7 @@ CAIRN_CHECKED cairn_status cairn_detect_field_make(cairn_detect_field **field, c
 void cairn_detect_field_free(cairn_detect_field *field);
 
 /* Looks for a model. CAIRN_BAD_ARGUMENT, CAIRN_NOT_FINITE: a model that cairn_shape_model_check refuses; CAIRN_BAD_ARGUMENT: one with fewer
- * than 3 places of an outline, or one that lies 0.54 of its size or farther from its middle; CAIRN_NO_MEMORY. On failure there is
+ * than 3 places of an outline, or one that lies 0.54 of its size or farther from its middle; and cuts that its outline does not have; CAIRN_NO_MEMORY. On failure there is
  * nothing to free. */
 CAIRN_CHECKED cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detect_field *field,
                                                const cairn_shape_model *model, const char *path,

@@ -6,7 +6,7 @@
 #include "src/contour/fragment_match_work.h"
 
 /* Chain samples that are gone through at once; cells and points for a unit. */
-enum { BLOCK = 16, CELLS_A_UNIT = 8, POINTS_A_UNIT = 4 };
+enum { BLOCK = 16, CELLS_A_UNIT = 8, PAIRS_A_UNIT = 4, POINTS_A_UNIT = 4 };
 /* Samples of a closed chain that have neighbours on both sides. */
 enum { LEAST_CLOSED = 3 };
 
@@ -304,14 +304,21 @@ static void fit(const cairn_fragment_matcher *m, const kept_match *k, const cair
 
 static int do_pair(cairn_fragment_matcher *m, cairn_budget *budget)
 {
-    cairn_fragment_match *match = &m->matches[m->match_count];
-    const kept_match *k = kept_next(m);
-    cairn_sequence_result r;
-    int32_t first, last;
-
     if (cairn_sequence_step(m->pairing, budget) != CAIRN_OK)
         return 0;
-    r = cairn_sequence_read(m->pairing);
+    m->phase = FRAGMENT_FIT;
+    return 1;
+}
+
+static int do_fit(cairn_fragment_matcher *m, cairn_budget *budget)
+{
+    cairn_fragment_match *match = &m->matches[m->match_count];
+    const kept_match *k = kept_next(m);
+    cairn_sequence_result r = cairn_sequence_read(m->pairing);
+    int32_t first, last;
+
+    if (!cairn_budget_pay(budget, &m->paid, 1 + r.count / PAIRS_A_UNIT))
+        return 0;
     first = window_start(m, k) + r.pairs[0].second;
     last = window_start(m, k) + r.pairs[r.count - 1].second;
     fit(m, k, &r, match);
@@ -341,6 +348,7 @@ cairn_status cairn_fragment_match_step(cairn_fragment_matcher *m, cairn_budget *
         more = m->phase == FRAGMENT_SAMPLE  ? do_sample(m, budget)
                : m->phase == FRAGMENT_ALIGN ? do_align(m, budget)
                : m->phase == FRAGMENT_TRACE ? do_trace(m, budget)
-                                            : do_pair(m, budget);
+               : m->phase == FRAGMENT_PAIR  ? do_pair(m, budget)
+                                            : do_fit(m, budget);
     return more ? CAIRN_OK : CAIRN_MORE;
 }

@@ -7,7 +7,7 @@
 
 /* Of a turn; what a pair of the same direction gains; samples before the end of an alignment for each of the fragment's. */
 enum { FRAGMENT_DIRECTIONS = 1024, FRAGMENT_UNIT = 1024, FRAGMENT_WINDOW = 3, FRAGMENT_SAMPLES_EACH_MOST = 64 };
-enum { FRAGMENT_IDLE, FRAGMENT_SAMPLE, FRAGMENT_ALIGN, FRAGMENT_TRACE, FRAGMENT_PAIR, FRAGMENT_DONE };
+enum { FRAGMENT_IDLE, FRAGMENT_SAMPLE, FRAGMENT_ALIGN, FRAGMENT_TRACE, FRAGMENT_PAIR, FRAGMENT_FIT, FRAGMENT_DONE };
 
 /* The end of an alignment: behind row and column. */
 typedef struct kept_match {

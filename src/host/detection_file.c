@@ -99,6 +99,8 @@ static void print_detection(cairn_output *output, const cairn_detection_picture 
                        (double)d->score, (double)d->rigid, (double)d->bent, (double)d->along, box[0], box[1], box[2],
                        box[3], image_x(p, d->origin.x), image_x(p, d->origin.y), (double)d->size * p->shrink,
                        d->mirrored ? "true" : "false");
+    if (p->detections->has_appearance)
+        cairn_output_print(output, "\"appearance\": %.4f, ", (double)d->appearance);
     if (p->detections->bundles > 0)
         print_parts(output, p, d);
     print_segments(output, p, d);

@@ -79,9 +79,15 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
                                          0,
                                          CAIRN_DETECT_EVIDENCE,
                                          CAIRN_DETECT_BUNDLES,
+                                         NULL,
+                                         0,
                                          2,
                                          20,
-                                         0};
+                                         0,
+                                         NULL,
+                                         8,
+                                         NULL,
+                                         NULL};
 
     return params;
 }
@@ -399,6 +405,15 @@ static void take_parts(const detect_hypothesis *h, cairn_detection *o)
     o->part_count = h->part_count;
 }
 
+/* What is in the box (Adluru 2008, eq. 5.1, with how unlikely it shows the class as the distance of appearance). */
+static void look_at(const detector *d, cairn_detection *o)
+{
+    const double box[4] = {(double)o->left, (double)o->top, (double)o->right, (double)o->bottom};
+
+    o->appearance = (cairn_real)cairn_appearance_probability(d->field->params.appearance, box);
+    o->score -= d->field->params.appearance_weight * (1 - o->appearance);
+}
+
 /* Bends the outline onto the edges about a candidate. 0: there is no memory. */
 static int verify(detector *d, const peak *p, cairn_detections *found)
 {
@@ -428,6 +443,8 @@ static int verify(detector *d, const peak *p, cairn_detections *found)
     if (p->hypothesis >= 0)
         take_parts(&d->hypotheses.list[p->hypothesis], o);
     found->count += o->score >= d->field->params.min_score;
+    if (d->field->params.appearance != NULL)
+        look_at(d, o);
     return 1;
 }
 
@@ -470,6 +487,7 @@ static cairn_status detect(detector *d, cairn_detections *found)
     d->window = cairn_contour_field_new();
     if (d->window == NULL || !cairn_contour_fit_new(&d->fit, d->model->outline_count) || !add_variants(d))
         return CAIRN_NO_MEMORY;
+    cairn_detect_tell(d->field, CAIRN_DETECT_VOTES);
     if (d->field->params.method == CAIRN_DETECT_PARTS)
         status = take_hypotheses(d);
     else if (!find_candidates(d))
@@ -479,14 +497,18 @@ static cairn_status detect(detector *d, cairn_detections *found)
     found->parts = d->hypotheses.parts;
     found->part_count = d->hypotheses.part_count;
     found->bundles = d->hypotheses.bundles;
+    found->has_appearance = d->field->params.appearance != NULL;
     d->hypotheses.parts = NULL;
     found->found = malloc(((size_t)d->count + 1) * sizeof *found->found);
     found->outline = malloc(((size_t)d->count + 1) * (size_t)d->model->outline_count * sizeof *found->outline);
     if (found->found == NULL || found->outline == NULL)
         return CAIRN_NO_MEMORY;
+    cairn_detect_tell(d->field,
+                      d->field->params.method == CAIRN_DETECT_PARTS ? CAIRN_DETECT_BOXES : CAIRN_DETECT_SCORES);
     for (int32_t i = 0; i < d->count; i++)
         if (!verify(d, &d->peaks[i], found))
             return CAIRN_NO_MEMORY;
+    cairn_detect_tell(d->field, CAIRN_DETECT_BOXES);
     keep_best(d, found);
     return CAIRN_OK;
 }
@@ -537,6 +559,9 @@ cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detec
     if (status == CAIRN_OK)
         return CAIRN_OK;
     cairn_detections_free(detections);
+    if (status != CAIRN_NO_MEMORY && field->params.cuts != NULL)
+        return cairn_file_error_set(error, status, path, 0, "%s, expected fragments by hand of its first outline",
+                                    cairn_status_text(status));
     if (status != CAIRN_NO_MEMORY)
         return cairn_file_error_set(error, status, path, 0, "%s, expected an outline with length of 3 to 4096 samples",
                                     cairn_status_text(status));

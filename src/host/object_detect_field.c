@@ -39,7 +39,8 @@ enum {
     SIZE_MOST = 2 * CAIRN_CONTOUR_SIDE_MOST,
     CANDIDATES_MOST = 64,
     MATCHES_MOST = 64,
-    NEAREST_MOST = 64
+    NEAREST_MOST = 64,
+    WEIGHT_MOST = 1000
 };
 
 typedef struct maker {
@@ -204,6 +205,9 @@ static cairn_status check_params(const cairn_object_detect_params *p, const cair
     if (!cairn_is_finite(p->min_score))
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "min_score %g, expected a finite one",
                                     (double)p->min_score);
+    if (!(p->appearance_weight >= 0 && p->appearance_weight <= WEIGHT_MOST))
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "appearance_weight %g, expected 0 to %d",
+                                    (double)p->appearance_weight, WEIGHT_MOST);
     return check_parts(p, path, error);
 }
 

@@ -183,7 +183,7 @@ static cairn_status cut_outline(searcher *s)
     for (int32_t i = 0; i < count && points != NULL; i++)
         points[i] = s->model->outline[i].position;
     if (status == CAIRN_OK)
-        status = cairn_part_bundle_begin(s->builder, points, count, NULL, 0);
+        status = cairn_part_bundle_begin(s->builder, points, count, s->field->params.cuts, s->field->params.cut_count);
     free(points);
     if (status != CAIRN_OK)
         return status;
@@ -417,10 +417,12 @@ static cairn_status search(searcher *s, int32_t mirrored, int32_t *match_of)
     cairn_fragment_match_result matches;
     cairn_status status;
 
+    cairn_detect_tell(s->field, CAIRN_DETECT_VOTES);
     turn_model(s, mirrored);
     status = match(s, &matches);
     if (status == CAIRN_OK)
         status = configure(s, vote(s, &matches, match_of), &configurations);
+    cairn_detect_tell(s->field, CAIRN_DETECT_SCORES);
     for (int32_t i = 0; status == CAIRN_OK && i < configurations.count; i++)
         status = add_hypothesis(s, &configurations.found[i], configurations.votes, matches.matches, match_of);
     return status;

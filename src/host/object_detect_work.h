@@ -49,6 +49,12 @@ static inline size_t cairn_detect_layer(const detect_plane *p)
     return cairn_detect_row(p) * ((size_t)p->height + 2 * DETECT_MARGIN);
 }
 
+static inline void cairn_detect_tell(const cairn_detect_field *f, cairn_detect_stage stage)
+{
+    if (f->params.on_stage != NULL)
+        f->params.on_stage(f->params.on_stage_context, stage);
+}
+
 /* Hypotheses of one model at most, and parts of each. */
 enum { DETECT_HYPOTHESES = 128, DETECT_PARTS_MOST = 64 };
 

@@ -6,16 +6,15 @@
  * Limits: decoders of JPEG keep what can be seen of a damaged one; only where its end is missing it is refused. */
 #include "src/core/build.h"
 
-#include <dlfcn.h>
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include "cairn/vision.h"
 #include "src/host/map_file_image.h"
+#include "src/host/shim.h"
 #include "src/host/vision_format.h"
 #include "src/host/vision_shim.h"
 
@@ -25,50 +24,11 @@
 #define SIGMA_MOST      50
 #define SLOPE_MOST      1000
 
-enum { PATH_BYTES = 4096 };
-
 /* ---- The library ---- */
 
-static const cairn_vision_shim *shim_at(const char *path)
-{
-    const cairn_vision_shim *(*table)(void);
-    void *library = dlopen(path, RTLD_NOW | RTLD_LOCAL), *found;
-
-    if (library == NULL)
-        return NULL;
-    /* dlsym gives an object pointer, which is a function's here (POSIX). */
-    found = dlsym(library, "cairn_vision_shim_table");
-    memcpy(&table, &found, sizeof table);
-    return found != NULL && table()->version == CAIRN_VISION_SHIM_VERSION ? table() : NULL;
-}
-
-/* The folder of the program that runs; "" when the system does not tell. */
-static void find_program(char folder[PATH_BYTES])
-{
-    ssize_t length = readlink("/proc/self/exe", folder, PATH_BYTES - 1);
-    char *slash;
-
-    folder[length > 0 ? length : 0] = '\0';
-    slash = strrchr(folder, '/');
-    folder[slash != NULL ? slash - folder : 0] = '\0';
-}
-
-/* dlopen counts how often a library was asked for, and loads it once. */
 static const cairn_vision_shim *find_shim(void)
 {
-    static const char *const places[] = {"", "/..", "/../lib"};
-    const char *given = getenv("CAIRN_VISION");
-    const cairn_vision_shim *shim = NULL;
-    char folder[PATH_BYTES], path[PATH_BYTES + 64];
-
-    if (given != NULL)
-        return shim_at(given);
-    find_program(folder);
-    for (size_t i = 0; i < sizeof places / sizeof *places && shim == NULL && *folder != '\0'; i++) {
-        (void)snprintf(path, sizeof path, "%s%s/%s", folder, places[i], LIBRARY);
-        shim = shim_at(path);
-    }
-    return shim != NULL ? shim : shim_at(LIBRARY);
+    return cairn_shim_find(LIBRARY, "CAIRN_VISION", "cairn_vision_shim_table", CAIRN_VISION_SHIM_VERSION);
 }
 
 static const cairn_vision_shim *need_shim(const char *path, cairn_file_error *error)

@@ -1,0 +1,36 @@
+/* box_table: boxes about objects in images, as a CSV file.
+ *
+ *   image,left,top,right,bottom
+ *
+ * px; other columns are passed over, so that the table of `cairn detect --detections` can be read. A field that holds , or " stands in
+ * quotes, " doubled. */
+#ifndef CAIRN_BOX_TABLE_H
+#define CAIRN_BOX_TABLE_H
+
+#include "cairn/file_error.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define CAIRN_BOX_TABLE_ROWS_MOST   1000000
+#define CAIRN_BOX_TABLE_NAME_BYTES  256
+#define CAIRN_BOX_TABLE_FIELDS_MOST 64
+
+typedef struct cairn_box_row {
+    char image[CAIRN_BOX_TABLE_NAME_BYTES];
+    double box[4]; /* left < right, top < bottom, within 1e6 */
+    int64_t line;  /* from 1 */
+} cairn_box_row;
+
+/* Reads a table, plain or gzipped, into memory from the heap: *row [*count]. CAIRN_BAD_FORMAT: a column is missing, a field is none, a box is
+ * not as said above: the error names the line; CAIRN_FULL, CAIRN_TRUNCATED (gzip), CAIRN_EMPTY: no head; CAIRN_IO, CAIRN_NO_MEMORY. On failure there is
+ * nothing to free. */
+CAIRN_CHECKED cairn_status cairn_box_table_read(const char *path, cairn_box_row **row, int32_t *count,
+                                                cairn_file_error *error);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,113 @@
+// OpenCV behind appearance_shim.h: the whole of libcairn-appearance.so.
+#include <algorithm>
+#include <cstdio>
+#include <new>
+#include <string>
+#include <vector>
+
+#include <opencv2/core.hpp>
+#include <opencv2/core/utils/logger.hpp>
+#include <opencv2/features2d.hpp>
+#include <opencv2/ml.hpp>
+
+#include "cairn/status.h"
+#include "src/host/appearance_shim.h"
+
+namespace
+{
+
+constexpr int numbers = CAIRN_APPEARANCE_SHIM_NUMBERS;
+constexpr int least_side = 96;
+
+// In one line.
+int32_t fail(int32_t status, const std::string &text, char *words, size_t room)
+{
+    std::string line(text);
+
+    for (char &c : line)
+        c = c == '\n' || c == '\t' ? ' ' : c;
+    (void)std::snprintf(words, room, "%s", line.c_str());
+    return status;
+}
+
+// Runs the work, which may throw, on one processor: cairn shares images out among processes.
+template <typename Work> int32_t guarded(char *words, size_t room, const Work &work) noexcept
+{
+    try {
+        cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
+        cv::setNumThreads(0);
+        return work();
+    } catch (const cv::Exception &e) {
+        return fail(e.code == cv::Error::StsNoMem ? CAIRN_NO_MEMORY : CAIRN_BAD_ARGUMENT, e.err, words, room);
+    } catch (const std::bad_alloc &) {
+        return fail(CAIRN_NO_MEMORY, "no memory", words, room);
+    } catch (const std::exception &e) {
+        return fail(CAIRN_BAD_ARGUMENT, e.what(), words, room);
+    } catch (...) {
+        return fail(CAIRN_BAD_ARGUMENT, "unknown", words, room);
+    }
+}
+
+int32_t describe(const uint8_t *grey, int32_t width, int32_t height, const cairn_appearance_shim_place *places,
+                 int32_t count, uint8_t *descriptors, char *words, size_t room)
+{
+    return guarded(words, room, [&]() -> int32_t {
+        // OpenCV takes only what may be written; this is not.
+        const cv::Mat picture(height, width, CV_8U, const_cast<uint8_t *>(grey));
+        std::vector<cv::KeyPoint> points;
+        cv::Mat large, found, bytes(count, numbers, CV_8U, descriptors);
+
+        // OpenCV 4.6 writes beyond its buffer where the image is smaller than a patch.
+        cv::copyMakeBorder(picture, large, 0, std::max(0, least_side - height), 0, std::max(0, least_side - width),
+                           cv::BORDER_REPLICATE);
+        points.reserve(static_cast<size_t>(count));
+        for (int32_t i = 0; i < count; i++)
+            points.emplace_back(places[i].x, places[i].y, places[i].size, 0.0F, 1.0F, places[i].octave, i);
+        cv::SIFT::create()->compute(large, points, found);
+        if (found.rows != count || found.cols != numbers)
+            return fail(CAIRN_BAD_ARGUMENT, "descriptors are missing", words, room);
+        found.convertTo(bytes, CV_8U);
+        return CAIRN_OK;
+    });
+}
+
+int32_t train(const float *samples, const int32_t *is_class, int32_t count, int32_t width, double cost, double gamma,
+              cairn_appearance_shim_machine *machine, char *words, size_t room)
+{
+    return guarded(words, room, [&]() -> int32_t {
+        const cv::Mat table(count, width, CV_32F, const_cast<float *>(samples));
+        cv::Mat labels(count, 1, CV_32S), alpha, index;
+        const cv::Ptr<cv::ml::SVM> svm = cv::ml::SVM::create();
+
+        for (int32_t i = 0; i < count; i++)
+            labels.at<int32_t>(i) = is_class[i] != 0 ? 1 : 0;
+        svm->setType(cv::ml::SVM::C_SVC);
+        svm->setKernel(cv::ml::SVM::CHI2);
+        svm->setC(cost);
+        svm->setGamma(gamma);
+        svm->setTermCriteria(cv::TermCriteria(cv::TermCriteria::MAX_ITER + cv::TermCriteria::EPS, 100000, 1e-7));
+        if (!svm->train(table, cv::ml::ROW_SAMPLE, labels))
+            return fail(CAIRN_BAD_ARGUMENT, "nothing was learnt", words, room);
+        // OpenCV's sum is above rho for the lower label.
+        machine->rho = -svm->getDecisionFunction(0, alpha, index);
+        const cv::Mat support = svm->getSupportVectors();
+        machine->count = static_cast<int32_t>(index.total());
+        for (int32_t i = 0; i < machine->count; i++) {
+            const float *row = support.ptr<float>(index.at<int32_t>(i));
+
+            machine->weight[i] = -alpha.at<double>(i);
+            for (int32_t k = 0; k < width; k++)
+                machine->support[static_cast<size_t>(i) * static_cast<size_t>(width) + static_cast<size_t>(k)] = row[k];
+        }
+        return CAIRN_OK;
+    });
+}
+
+const cairn_appearance_shim table = {CAIRN_APPEARANCE_SHIM_VERSION, describe, train};
+
+} // namespace
+
+const cairn_appearance_shim *cairn_appearance_shim_table()
+{
+    return &table;
+}

@@ -1,0 +1,70 @@
+/* Fragments of an outline by hand. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "cairn/number_text.h"
+#include "cairn/part_cut_file.h"
+#include "src/host/carmen_log_reader.h"
+
+#define EXPECTED "expected two samples of the outline, from 0, and a bundle of 0 to 7"
+
+enum { NUMBERS = 3, SAMPLES_MOST = 4095 };
+
+/* The numbers of a line; *count: how many there are, -1: one is none. */
+static void read_numbers(const char *line, size_t length, int64_t number[NUMBERS], int32_t *count)
+{
+    const char *comment = memchr(line, '#', length), *at = line, *token;
+    const char *end = comment != NULL ? comment : line + length;
+    size_t size;
+
+    for (*count = 0; (size = cairn_token_next(&at, end, &token)) > 0; (*count)++)
+        if (*count == NUMBERS || !cairn_number_read_integer(token, size, &number[*count])) {
+            *count = -1;
+            return;
+        }
+}
+
+static cairn_status read_lines(cairn_line_reader *lines, cairn_part_cut *cuts, int32_t *count, const char *path,
+                               cairn_file_error *error)
+{
+    const char *line;
+    size_t length;
+    cairn_status status;
+
+    while ((status = cairn_line_reader_next(lines, &line, &length, error)) == CAIRN_OK || status == CAIRN_FULL) {
+        int64_t number[NUMBERS] = {0}, at = cairn_line_reader_number(lines);
+        int32_t numbers = -1;
+
+        if (status == CAIRN_OK)
+            read_numbers(line, length, number, &numbers);
+        if (numbers == 0)
+            continue;
+        if (numbers != NUMBERS || number[0] < 0 || number[0] > SAMPLES_MOST || number[1] < 0 ||
+            number[1] > SAMPLES_MOST || number[0] == number[1] || number[2] < 0 || number[2] >= CAIRN_PART_BUNDLES)
+            return cairn_file_error_set(error, CAIRN_BAD_FORMAT, path, at, "not a fragment, " EXPECTED);
+        if (*count == CAIRN_PART_FRAGMENTS)
+            return cairn_file_error_set(error, CAIRN_FULL, path, at, "one fragment more, expected at most %d",
+                                        CAIRN_PART_FRAGMENTS);
+        cuts[*count].from = (int32_t)number[0];
+        cuts[*count].to = (int32_t)number[1];
+        cuts[(*count)++].bundle = (int32_t)number[2];
+    }
+    if (status != CAIRN_EMPTY)
+        return status;
+    return *count > 0 ? CAIRN_OK : cairn_file_error_set(error, CAIRN_EMPTY, path, 0, "no fragment, " EXPECTED);
+}
+
+cairn_status cairn_part_cut_file_read(cairn_part_cut cuts[CAIRN_PART_FRAGMENTS], int32_t *count, const char *path,
+                                      cairn_file_error *error)
+{
+    cairn_line_reader *lines;
+    cairn_status status = cairn_line_reader_open(&lines, path, error);
+
+    *count = 0;
+    if (status != CAIRN_OK)
+        return status;
+    status = read_lines(lines, cuts, count, path, error);
+    cairn_line_reader_close(lines);
+    return status;
+}
