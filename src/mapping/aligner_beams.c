@@ -292,6 +292,7 @@ static void measure_circle(cairn_aligner *x, aligner_scan *scan)
     scan->radius = cairn_vec2_norm(cairn_vec2_sub(scan->sensor, scan->middle));
     for (int32_t i = scan->first_point; i < scan->end_point; i++)
         scan->radius = cairn_max(scan->radius, cairn_vec2_norm(cairn_vec2_sub(x->points[i].position, scan->middle)));
+    scan->extent = scan->radius + cairn_vec2_norm(scan->middle);
 }
 
 static void copy_surfaces(cairn_aligner *x, aligner_scan *scan, const cairn_scan_view *view)

@@ -12,9 +12,8 @@ static int may_ever_meet(const cairn_aligner *x, int32_t i, int32_t j)
 {
     const aligner_scan *a = &x->scans[i], *b = &x->scans[j];
     cairn_real dx = a->initial.x - b->initial.x, dy = a->initial.y - b->initial.y;
-    cairn_real reach = a->radius + cairn_vec2_norm(a->middle) + b->radius + cairn_vec2_norm(b->middle);
+    cairn_real reach = a->extent + b->extent + 2 * x->params.spread;
 
-    reach += 2 * x->params.spread;
     return dx * dx + dy * dy <= reach * reach;
 }
 
@@ -22,12 +21,13 @@ static int may_ever_meet(const cairn_aligner *x, int32_t i, int32_t j)
 static cairn_real nearness_of(const cairn_aligner *x, int32_t i, int32_t j)
 {
     cairn_transform map_i = x->poses[i], map_j = x->poses[j];
-    cairn_vec2 p = cairn_transform_point(map_i, x->scans[i].middle);
-    cairn_vec2 q = cairn_transform_point(map_j, x->scans[j].middle);
+    cairn_vec2 p, q;
     int32_t shown = 0;
 
     if (!may_ever_meet(x, i, j))
         return -1;
+    p = cairn_transform_point(map_i, x->scans[i].middle);
+    q = cairn_transform_point(map_j, x->scans[j].middle);
     if (cairn_aligner_may_meet(x, i, j, map_i, map_j))
         shown = cairn_aligner_shown(x, i, j, cairn_aligner_between(map_i, map_j));
     return (cairn_real)shown + 1 / (1 + cairn_vec2_norm_squared(cairn_vec2_sub(p, q)));

@@ -125,6 +125,7 @@ static const aligner_fit *fit_of(cairn_aligner *x, int32_t cluster)
         return fit;
     memset(fit, 0, sizeof *fit);
     fit->stamp = x->clusters[cluster].stamp;
+    fit->learnt = -1;
     fit->gauge = cairn_aligner_gauge(x, cluster);
     middle = cairn_aligner_compose(fit->gauge, x->poses[head]);
     fit->origin.x = middle.x;
@@ -281,6 +282,22 @@ cairn_real cairn_aligner_prior(cairn_aligner *x, int32_t moving, int32_t fixed, 
     return -(together - own_misfit(x, moving) - own_misfit(x, fixed)) / 2;
 }
 
+/* What is left of a cluster by itself at the standard deviations that the params expect; found anew when it has changed. */
+static const aligner_fit *learn_from(cairn_aligner *x, int32_t cluster)
+{
+    aligner_fit *fit = &x->fits[cluster];
+    remains m;
+
+    if (fit->stamp == x->clusters[cluster].stamp && fit->learnt == fit->stamp)
+        return fit;
+    m = own_remains(x, cluster);
+    fit->learnt = fit->stamp;
+    fit->squares = m.squares;
+    fit->squares_angle = m.squares_angle;
+    x->debt++;
+    return fit;
+}
+
 void cairn_aligner_learn_spread(cairn_aligner *x)
 {
     cairn_real expected = x->params.spread * x->params.spread / 3;
@@ -293,11 +310,10 @@ void cairn_aligner_learn_spread(cairn_aligner *x)
     x->sigma_angle = cairn_sqrt(expected_angle);
     for (int32_t c = 0; c < x->scan_count; c++)
         if (x->clusters[c].size > 1) {
-            remains m = own_remains(x, c);
+            const aligner_fit *fit = learn_from(x, c);
 
-            x->debt++;
-            squares += m.squares;
-            squares_angle += m.squares_angle;
+            squares += fit->squares;
+            squares_angle += fit->squares_angle;
             count += (cairn_real)(x->clusters[c].size - 1);
         }
     x->sigma = cairn_min(x->sigma, cairn_sqrt(squares / (2 * count)));

@@ -257,6 +257,7 @@ static void put_wall(cairn_aligner *x, int32_t w)
 /* The wall that a segment fits best, of those that have been looked at. */
 typedef struct fitting {
     placed segment;
+    cairn_real slope; /* tangent of the angle that its walls may be off */
     cairn_real best;
     int32_t wall;
     int32_t passed;
@@ -279,6 +280,19 @@ static void look_through(const cairn_aligner *x, int32_t tile, fitting *f)
     }
 }
 
+/* 0 when no wall that has its middle in a tile can fit: its line passes the segment's end by less than the gate, and leaves
+ * the segment's own line by the slope of the cone at most. */
+static int may_hold(const fitting *f, int32_t u, int32_t v)
+{
+    const placed *p = &f->segment;
+    cairn_vec2 middle = {((cairn_real)u + CAIRN_REAL(0.5)) * TILE, ((cairn_real)v + CAIRN_REAL(0.5)) * TILE};
+    cairn_vec2 from = cairn_vec2_sub(middle, p->a);
+    cairn_real far = TILE / 2 * (cairn_abs(p->direction.x) + cairn_abs(p->direction.y)) + SLACK;
+    cairn_real along = cairn_abs(cairn_vec2_dot(p->direction, from));
+
+    return cairn_abs(cairn_vec2_cross(p->direction, from)) <= far + (along + far) * f->slope;
+}
+
 /* Looks at every wall of a way that the segment may fit. */
 static void look_along(const cairn_aligner *x, int32_t way, fitting *f)
 {
@@ -291,13 +305,14 @@ static void look_along(const cairn_aligner *x, int32_t way, fitting *f)
     look_through(x, ALIGNER_TILES + way, f);
     for (int32_t v = south; v <= north; v++)
         for (int32_t u = west; u <= east; u++, f->passed++)
-            look_through(x, tile_of(u, v, way), f);
+            if (may_hold(f, u, v))
+                look_through(x, tile_of(u, v, way), f);
 }
 
 int32_t cairn_aligner_find_wall(const cairn_aligner *x, const aligner_segment *s, int32_t *passed)
 {
-    fitting f = {place_segment(x, s), CAIRN_REAL_MAX, -1, 0};
     cairn_transform cone = s->stub ? CONE_STUB : CONE;
+    fitting f = {place_segment(x, s), cone.sine / cone.cosine, CAIRN_REAL_MAX, -1, 0};
     int32_t last = way_of(cairn_transform_direction(cone, f.segment.direction)), way;
 
     cone.sine = -cone.sine;

@@ -74,6 +74,7 @@ typedef struct aligner_scan {
     int32_t first_point, end_point, first_segment, end_segment, first_patch;
     cairn_vec2 sensor, middle; /* of the circle about sensor and points */
     cairn_real radius;
+    cairn_real extent;                 /* from the origin of its frame to the far side of the circle */
     cairn_vec2 axis;                   /* middle of the directions that are seen, from the sensor */
     cairn_real view_cosine, view_sine; /* of what is seen to either side of it; cosine <= 0: half a turn or more */
     cairn_pose initial;
@@ -107,6 +108,8 @@ typedef struct aligner_fit {
     cairn_real cosine, sine;    /* of these errors */
     cairn_real far, turned;     /* the greatest error along an axis, and of a heading */
     cairn_real radius;          /* of a place from the origin */
+    int32_t learnt;             /* stamp of the cluster when squares and squares_angle were found */
+    cairn_real squares, squares_angle;
 } aligner_fit;
 
 /* A relative pose of two scans: `first` as seen from `second`. */
