@@ -30,7 +30,7 @@ TRAPS     := $(if $(ASSERTIONS),$(if $(SANITIZE)$(COVERAGE),,$(shell t='-fsaniti
              $(CC) -Werror $$t -x c -c /dev/null -o /dev/null 2>/dev/null && echo "$$t")))
 # The library itself is freestanding C11; all that runs on a desktop may use POSIX and is built with assertions on.
 LIB_FLAGS  = -std=c11 $(CWARN) $(WERROR) $(COMMON) -fno-math-errno $(if $(ASSERTIONS),-DCAIRN_ASSERTIONS) $(TRAPS)
-HOST_FLAGS = -std=c11 -D_POSIX_C_SOURCE=200809L $(CWARN) $(WERROR) $(COMMON) $(TRAPS)
+HOST_FLAGS = -std=c11 -D_POSIX_C_SOURCE=200809L -D_DEFAULT_SOURCE $(CWARN) $(WERROR) $(COMMON) $(TRAPS)
 CXX_FLAGS  = -std=c++17 $(WARN) $(WERROR) $(COMMON)
 
 # Rooms. Box2D, libyaml, zlib, libpng, OpenCV and cmocka are looked for where Debian puts them; what is missing switches off what

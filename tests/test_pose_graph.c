@@ -622,6 +622,76 @@ static void too_much_fill_is_told(void **state)
     test_pool_free(&made.pool);
 }
 
+static int graphs_are_equal(const cairn_pose_graph *a, const cairn_pose_graph *b, int32_t poses)
+{
+    cairn_pose_graph_state s = cairn_pose_graph_read(a), t = cairn_pose_graph_read(b);
+
+    for (int32_t i = 0; i < poses; i++) {
+        cairn_pose p = cairn_pose_graph_pose(a, i), q = cairn_pose_graph_pose(b, i);
+
+        if (memcmp(&p, &q, sizeof p) != 0)
+            return 0;
+    }
+    return memcmp(&s, &t, sizeof s) == 0;
+}
+
+/* A graph that has no room for a factor takes it when it knows how much, and goes on to the same bits; not before, not for
+ * another graph, not beside a solver of the user's own. */
+static void room_is_taken_when_the_fill_is_known(void **state)
+{
+    struct problem p = a_problem(8, 0.05);
+    cairn_pose_graph_params params = small_params();
+    struct made whole, made;
+    cairn_block_solver_params inner;
+    cairn_block_solver *solver;
+    cairn_pose_solver face;
+    cairn_pool more;
+    int32_t fill;
+    size_t bytes;
+
+    (void)state;
+    whole = make_graph(&p, &params, NULL);
+    fill = solve(whole.graph).fill;
+    bytes = cairn_block_solver_extend_memory(fill);
+    params.max_fill = 0;
+    made = make_graph(&p, &params, NULL);
+    more = test_pool(bytes);
+    assert_status(cairn_pose_graph_extend(NULL, &more, fill), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_pose_graph_extend(made.graph, &more, fill), CAIRN_BAD_ARGUMENT);
+    assert_ok(cairn_pose_graph_solve(made.graph));
+    assert_status(cairn_pose_graph_extend(made.graph, &more, fill), CAIRN_BAD_ARGUMENT); /* it runs */
+    assert_status(run(made.graph, 3), CAIRN_FULL);
+    assert_ok(cairn_pose_graph_set_pose(made.graph, 1, cairn_pose_graph_pose(made.graph, 1)));
+    assert_status(cairn_pose_graph_extend(made.graph, &more, fill), CAIRN_BAD_ARGUMENT); /* it has been changed */
+    for (int k = 0; k < 2; k++) {
+        cairn_pool less = test_pool(bytes - 16);
+
+        assert_ok(cairn_pose_graph_solve(made.graph));
+        assert_status(run(made.graph, 3), CAIRN_FULL);
+        assert_status(cairn_pose_graph_extend(made.graph, &less, fill), CAIRN_NO_MEMORY);
+        assert_status(cairn_pose_graph_extend(made.graph, &more, fill - 1), CAIRN_BAD_ARGUMENT);
+        test_pool_free(&less);
+    }
+    assert_ok(cairn_pose_graph_extend(made.graph, &more, fill));
+    assert_status(cairn_pose_graph_extend(made.graph, &more, fill), CAIRN_BAD_ARGUMENT);
+    assert_ok(run(made.graph, 3));
+    assert_true(graphs_are_equal(made.graph, whole.graph, cairn_pose_graph_read(whole.graph).poses));
+    assert_status(cairn_pose_graph_extend(made.graph, &more, fill), CAIRN_BAD_ARGUMENT);
+    test_pool_free(&made.pool);
+    test_pool_free(&more);
+    inner = (cairn_block_solver_params){params.max_poses, params.max_links, 0};
+    more = test_pool(cairn_block_solver_memory(&inner) + bytes);
+    assert_ok(cairn_block_solver_create(&solver, &more, &inner));
+    face = cairn_pose_solver_of(solver);
+    made = make_graph(&p, &params, &face);
+    assert_ok(cairn_pose_graph_solve(made.graph));
+    assert_status(run(made.graph, 3), CAIRN_FULL);
+    assert_status(cairn_pose_graph_extend(made.graph, &more, fill), CAIRN_BAD_ARGUMENT);
+    test_pool_free(&more);
+    test_pool_free(&made.pool);
+    test_pool_free(&whole.pool);
+}
+
 /* A solver around the built-in one that counts, and refuses on demand. */
 static struct {
     cairn_pose_solver inner;
@@ -752,7 +822,7 @@ static void weak_motions_take_few_factors(void **state)
         double sigma; /* m of a link */
         int32_t factors, iterations;
     } known[] = {{2, 0.1, 4, NUMBER(8, 3)},
-                 {6, 0.1, 3, NUMBER(6, 1)},
+                 {6, 0.1, 3, NUMBER(6, 2)},
                  {9, 0.1, NUMBER(4, 3), NUMBER(7, 1)},
                  {3, 0.2, NUMBER(10, 3), NUMBER(11, 1)},
                  {9, 0.2, NUMBER(6, 4), NUMBER(9, 2)}};
@@ -912,7 +982,7 @@ static void budgets_do_not_matter(void **state)
     uint64_t hash = hash_with(CAIRN_UNBOUNDED);
 
     (void)state;
-    if (hash != NUMBER(UINT64_C(0x22035a1efadab595), UINT64_C(0xe4752ced72397e33)))
+    if (hash != NUMBER(UINT64_C(0xa0f6c5dd56523c92), UINT64_C(0x01b812c902065f60)))
         fail_msg("the hash is %#llx", (unsigned long long)hash);
     assert_true(hash_with(1) == hash);
     assert_true(hash_with(7) == hash);
@@ -976,18 +1046,18 @@ static void paths_stay_as_they_are(void **state)
         int32_t graduated, fixed;
         uint64_t in_double, in_float;
     } known[] = {
-        {CAIRN_POSE_GRAPH_SQUARE, CAIRN_POSE_GRAPH_GIVEN, 3, 0.2, 0, 0, UINT64_C(0x8a9256d829c05a22),
-         UINT64_C(0x89846975e53cc094)},
-        {CAIRN_POSE_GRAPH_HUBER, CAIRN_POSE_GRAPH_CHORDAL, 2, 0.1, 0, 7, UINT64_C(0x439b20a98ea475b7),
-         UINT64_C(0xd46b56e3de9aab1a)},
-        {CAIRN_POSE_GRAPH_CAUCHY, CAIRN_POSE_GRAPH_BEST, 1, 0.05, 0, 0, UINT64_C(0x8916799f25b47af0),
-         UINT64_C(0xadfc7f157c9ff0ec)},
-        {CAIRN_POSE_GRAPH_GEMAN_MCCLURE, CAIRN_POSE_GRAPH_GIVEN, 4, 0.1, 1, 0, UINT64_C(0x7c15f0758305d90a),
-         UINT64_C(0x3086c18dada0d6d9)},
-        {CAIRN_POSE_GRAPH_GEMAN_MCCLURE, CAIRN_POSE_GRAPH_BEST, 4, 0.4, 0, 20, UINT64_C(0x0fd2a12fece1a069),
-         UINT64_C(0x523c20a148d066a2)},
-        {CAIRN_POSE_GRAPH_DCS, CAIRN_POSE_GRAPH_CHORDAL, 2, 0.1, 0, 0, UINT64_C(0x3ffba4b4ca82a13d),
-         UINT64_C(0xc59e76ca2a5550c9)},
+        {CAIRN_POSE_GRAPH_SQUARE, CAIRN_POSE_GRAPH_GIVEN, 3, 0.2, 0, 0, UINT64_C(0x3d1980f24b9947bd),
+         UINT64_C(0x0dfe049c50f9284f)},
+        {CAIRN_POSE_GRAPH_HUBER, CAIRN_POSE_GRAPH_CHORDAL, 2, 0.1, 0, 7, UINT64_C(0xa74d5125e69f3b21),
+         UINT64_C(0x7ad781e210eb29c0)},
+        {CAIRN_POSE_GRAPH_CAUCHY, CAIRN_POSE_GRAPH_BEST, 1, 0.05, 0, 0, UINT64_C(0xd9fe2523bc525d01),
+         UINT64_C(0xc54e568bcbc2e343)},
+        {CAIRN_POSE_GRAPH_GEMAN_MCCLURE, CAIRN_POSE_GRAPH_GIVEN, 4, 0.1, 1, 0, UINT64_C(0xb4e0dcde8a619151),
+         UINT64_C(0xb505aeca867f7a98)},
+        {CAIRN_POSE_GRAPH_GEMAN_MCCLURE, CAIRN_POSE_GRAPH_BEST, 4, 0.4, 0, 20, UINT64_C(0x49bd01254f080bca),
+         UINT64_C(0xac4d17cb68abe0fe)},
+        {CAIRN_POSE_GRAPH_DCS, CAIRN_POSE_GRAPH_CHORDAL, 2, 0.1, 0, 0, UINT64_C(0x5b7de22a79679394),
+         UINT64_C(0xd1c6971ec4ac273b)},
     };
 
     (void)state;
@@ -1271,6 +1341,7 @@ int main(void)
         cmocka_unit_test(covariances_are_of_the_last_poses),
         cmocka_unit_test(pieces_are_told),
         cmocka_unit_test(too_much_fill_is_told),
+        cmocka_unit_test(room_is_taken_when_the_fill_is_known),
         cmocka_unit_test(a_solver_of_ones_own),
         cmocka_unit_test(weak_motions_take_few_factors),
         cmocka_unit_test(old_factors_do_not_end_it),

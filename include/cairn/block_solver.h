@@ -68,9 +68,18 @@ CAIRN_CHECKED cairn_status cairn_block_solver_begin(cairn_block_solver *solver, 
 CAIRN_CHECKED cairn_status cairn_block_solver_add_link(cairn_block_solver *solver, int32_t first, int32_t second);
 
 /* Starts to order and count; all values are 0 afterwards. The step that ends it returns CAIRN_FULL when the factor would
- * have more than max_fill blocks, `fill` tells how many: the structure stays, and only begin() goes on.
+ * have more than max_fill blocks, `fill` tells how many: the structure stays, and only extend() and begin() go on.
  * CAIRN_BAD_ARGUMENT: no structure, or it has been analyzed. Cost: near linear in `fill` on graphs in the plane. */
 CAIRN_CHECKED cairn_status cairn_block_solver_analyze(cairn_block_solver *solver);
+
+/* Takes room for max_fill blocks in place of that which was too small, which stays taken, from a pool whose memory must
+ * stay, and goes on: what analyze() has found is kept. So the memory can be what the graph needs: begin with max_fill of 0, and read
+ * `fill`. CAIRN_BAD_ARGUMENT: no step has just returned CAIRN_FULL, max_fill is less than `fill` or above 2^26.
+ * CAIRN_NO_MEMORY: the pool has less than extend_memory() bytes; nothing has changed. */
+CAIRN_CHECKED cairn_status cairn_block_solver_extend(cairn_block_solver *solver, cairn_pool *pool, int32_t max_fill);
+
+/* 0 for a max_fill that extend() would refuse in any case. */
+size_t cairn_block_solver_extend_memory(int32_t max_fill);
 
 /* Sets all values to 0. CAIRN_BAD_ARGUMENT: not analyzed. Cost: a linear pass over poses and fill. */
 CAIRN_CHECKED cairn_status cairn_block_solver_clear(cairn_block_solver *solver);

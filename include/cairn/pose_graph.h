@@ -116,6 +116,12 @@ CAIRN_CHECKED cairn_status cairn_pose_graph_create(cairn_pose_graph **graph, cai
                                                    const cairn_pose_graph_params *params,
                                                    const cairn_pose_solver *solver);
 
+/* After a step that returned CAIRN_FULL: takes room for max_fill blocks from a pool whose memory must stay, and
+ * goes on with the solution: a graph that was made with max_fill of 0 so takes what it needs. The bytes are those of
+ * cairn_block_solver_extend_memory(). CAIRN_BAD_ARGUMENT: no such step, the graph has been changed since, it has a solver
+ * of the user's own, or max_fill is less than the state's fill. CAIRN_NO_MEMORY: nothing has changed. */
+CAIRN_CHECKED cairn_status cairn_pose_graph_extend(cairn_pose_graph *graph, cairn_pool *pool, int32_t max_fill);
+
 /* Forgets all poses and links. */
 void cairn_pose_graph_clear(cairn_pose_graph *graph);
 

@@ -39,6 +39,12 @@ static void carve_order(struct cairn_block_order *o, cairn_pool *pool, const cai
         *arrays[k] = cairn_pool_take(pool, poses, sizeof(int32_t));
 }
 
+static void carve_fill(cairn_block_solver *s, cairn_pool *pool, size_t fill)
+{
+    s->rows = cairn_pool_take(pool, fill, sizeof *s->rows);
+    s->blocks = cairn_pool_take(pool, fill, sizeof *s->blocks);
+}
+
 /* Sets the pointers of *s, which is then to be copied to the first piece that was taken. */
 static cairn_block_solver *carve(cairn_block_solver *s, cairn_pool *pool, const cairn_block_solver_params *params)
 {
@@ -51,13 +57,13 @@ static cairn_block_solver *carve(cairn_block_solver *s, cairn_pool *pool, const 
     s->order = cairn_pool_take(pool, poses, sizeof *s->order);
     s->place = cairn_pool_take(pool, poses, sizeof *s->place);
     s->column = cairn_pool_take(pool, poses + 1, sizeof *s->column);
-    s->rows = cairn_pool_take(pool, fill, sizeof *s->rows);
-    s->blocks = cairn_pool_take(pool, fill, sizeof *s->blocks);
+    carve_fill(s, pool, fill);
     s->diagonal = cairn_pool_take(pool, poses, sizeof *s->diagonal);
     s->x = cairn_pool_take(pool, poses, sizeof *s->x);
     s->sums = cairn_pool_take(pool, poses, sizeof *s->sums);
     s->p.factor = cairn_pool_take(pool, BLOCK_SOLVER_FACTOR, sizeof *s->p.factor);
     carve_order(&s->o, pool, params);
+    s->o.score = s->column;
     return made;
 }
 
@@ -156,12 +162,40 @@ cairn_status cairn_block_solver_analyze(cairn_block_solver *solver)
     return CAIRN_OK;
 }
 
+size_t cairn_block_solver_extend_memory(int32_t max_fill)
+{
+    cairn_block_solver layout;
+    cairn_pool counting;
+
+    if (max_fill < 1 || max_fill > MAX_FILL)
+        return 0;
+    cairn_pool_init_counting(&counting);
+    carve_fill(&layout, &counting, (size_t)max_fill);
+    return cairn_pool_counted(&counting);
+}
+
+cairn_status cairn_block_solver_extend(cairn_block_solver *solver, cairn_pool *pool, int32_t max_fill)
+{
+    size_t need = cairn_block_solver_extend_memory(max_fill);
+
+    if (pool == NULL || need == 0 || !is_in(solver, CAIRN_BLOCK_SOLVER_NEW) || !solver->closed ||
+        solver->result.fill <= solver->params.max_fill || solver->result.fill > max_fill)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pool_has_room(pool, need))
+        return CAIRN_NO_MEMORY;
+    carve_fill(solver, pool, (size_t)max_fill);
+    solver->params.max_fill = max_fill;
+    cairn_block_pattern_go_on(solver);
+    return CAIRN_OK;
+}
+
 /* ---- Values ---- */
 
 static void clear_values(cairn_block_solver *s)
 {
     memset(s->diagonal, 0, (size_t)s->result.poses * sizeof *s->diagonal);
     memset(s->blocks, 0, (size_t)s->result.fill * sizeof *s->blocks);
+    s->empty = 1;
     s->solved = 0;
     s->coupled = 0;
     s->result.pose = -1;
@@ -172,7 +206,8 @@ cairn_status cairn_block_solver_clear(cairn_block_solver *solver)
 {
     if (solver == NULL || is_running(solver) || solver->result.state == CAIRN_BLOCK_SOLVER_NEW)
         return CAIRN_BAD_ARGUMENT;
-    clear_values(solver);
+    if (!solver->empty)
+        clear_values(solver);
     return CAIRN_OK;
 }
 
@@ -185,6 +220,7 @@ cairn_status cairn_block_solver_add_pose_block(cairn_block_solver *solver, int32
     if (!(cairn_is_finite(block.xx) && cairn_is_finite(block.xy) && cairn_is_finite(block.xz) &&
           cairn_is_finite(block.yy) && cairn_is_finite(block.yz) && cairn_is_finite(block.zz)))
         return CAIRN_NOT_FINITE;
+    solver->empty = 0;
     to = &solver->diagonal[solver->place[pose]];
     to->xx += block.xx;
     to->xy += block.xy;
@@ -211,6 +247,7 @@ cairn_status cairn_block_solver_add_link_block(cairn_block_solver *solver, int32
     for (int k = 0; k < 9; k++)
         if (!cairn_is_finite(block[k]))
             return CAIRN_NOT_FINITE;
+    solver->empty = 0;
     add_block(solver->blocks[solver->slot[link]], block,
               solver->place[solver->first[link]] < solver->place[solver->second[link]]);
     solver->coupled |= block[2] != 0 || block[5] != 0 || block[6] != 0 || block[7] != 0 || block[8] != 0;
@@ -223,6 +260,7 @@ cairn_status cairn_block_solver_factor(cairn_block_solver *solver)
 {
     if (!is_in(solver, CAIRN_BLOCK_SOLVER_ANALYZED))
         return CAIRN_BAD_ARGUMENT;
+    solver->empty = 0;
     cairn_block_factor_begin(solver);
     return CAIRN_OK;
 }

@@ -45,6 +45,12 @@ void cairn_block_pattern_begin(cairn_block_solver *s)
     s->phase = BLOCK_SOLVER_COUNT;
 }
 
+void cairn_block_pattern_go_on(cairn_block_solver *s)
+{
+    s->at = s->result.poses;
+    s->phase = BLOCK_SOLVER_COUNT;
+}
+
 static int32_t count_row(struct cairn_block_order *o, int32_t r)
 {
     int32_t walked = 1;

@@ -1,4 +1,4 @@
-/* What the parts of block_solver share: block_solver.c (structure, values, steps), block_solver_order.c (minimum degree),
+/* What the parts of block_solver share: block_solver.c (structure, values, steps), block_solver_order.c (ordering),
  * block_solver_pattern.c (pattern of the factor), block_solver_factor.c (LDL^T, solutions), block_solver_inverse.c (selected
  * inverse). */
 #ifndef CAIRN_CORE_BLOCK_SOLVER_WORK_H
@@ -10,7 +10,7 @@
 enum { BLOCK_SOLVER_ENTRIES = 16 };
 /* Columns that are subtracted at a time, and columns from which they are. */
 enum {
-    BLOCK_SOLVER_WIDTH = 16,
+    BLOCK_SOLVER_WIDTH = 32,
     BLOCK_SOLVER_PANEL = 4,
     BLOCK_SOLVER_FACTOR = 9 * BLOCK_SOLVER_WIDTH * BLOCK_SOLVER_PANEL
 };
@@ -48,13 +48,14 @@ struct cairn_block_order {
     int32_t *mark;     /* [max_poses] 0: element that is gone; else compared with tag */
     int32_t *member;   /* [max_poses] next pose of the same variable, -1: last */
     int32_t *tail;     /* [max_poses] last pose of the variable */
-    int32_t *head;     /* [max_poses] first variable of a degree */
-    int32_t *next;     /* [max_poses] variable of the same degree, or of the same hash */
-    int32_t *previous; /* [max_poses] variable of the same degree, or the hash */
+    int32_t *score;    /* [max_poses] of a variable, what it is taken by; lies in the solver's `column` */
+    int32_t *head;     /* [max_poses] first variable of a score */
+    int32_t *next;     /* [max_poses] variable of the same score, or of the same hash */
+    int32_t *previous; /* [max_poses] variable of the same score, or the hash */
     int32_t *hashes;   /* [max_poses] first variable of a hash */
     int32_t end;       /* of the used part of graph */
     int32_t tag, largest; /* largest: poses of an element, so far */
-    int32_t lowest;       /* no variable has a lower degree */
+    int32_t lowest;       /* no variable has a lower score */
     int32_t pivot, cursor, write;
     int32_t left;   /* poses not yet eliminated */
     int32_t filled; /* entries of `order` */
@@ -79,6 +80,7 @@ struct cairn_block_solver {
     int32_t phase;
     int32_t debt;         /* units of items done that are not yet paid for */
     int32_t closed;       /* 1: the structure takes no more links */
+    int32_t empty;        /* 1: all values are 0 */
     int32_t solved;       /* 1: x holds a solution */
     int32_t coupled;      /* 1: some pose's third unknown is coupled with another unknown */
     cairn_status outcome; /* for the step that ends the part */
@@ -108,6 +110,7 @@ int32_t cairn_block_order_item(cairn_block_solver *s);
 
 /* Pattern, factor and solution. */
 void cairn_block_pattern_begin(cairn_block_solver *s);
+void cairn_block_pattern_go_on(cairn_block_solver *s); /* when there is room for the blocks that were counted */
 int32_t cairn_block_pattern_item(cairn_block_solver *s);
 int32_t cairn_block_find(const cairn_block_solver *s, int32_t row, int32_t column);
 void cairn_block_factor_begin(cairn_block_solver *s);

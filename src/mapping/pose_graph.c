@@ -168,7 +168,6 @@ cairn_status cairn_pose_graph_create(cairn_pose_graph **graph, cairn_pool *pool,
 {
     size_t need = cairn_pose_graph_memory(params, solver);
     cairn_block_solver_params inner;
-    cairn_block_solver *own;
     cairn_pose_graph layout, *made;
     cairn_status status;
 
@@ -182,15 +181,29 @@ cairn_status cairn_pose_graph_create(cairn_pose_graph **graph, cairn_pool *pool,
     layout.state.pose = -1;
     if (solver == NULL) {
         inner = solver_params(params);
-        status = cairn_block_solver_create(&own, pool, &inner);
+        status = cairn_block_solver_create(&layout.own, pool, &inner);
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
-        layout.solver = cairn_pose_solver_of(own);
+        layout.solver = cairn_pose_solver_of(layout.own);
     } else {
         layout.solver = *solver;
     }
     *made = layout;
     *graph = made;
+    return CAIRN_OK;
+}
+
+cairn_status cairn_pose_graph_extend(cairn_pose_graph *graph, cairn_pool *pool, int32_t max_fill)
+{
+    cairn_status status;
+
+    if (graph == NULL || !cairn_pose_graph_is_idle(graph) || !graph->full)
+        return CAIRN_BAD_ARGUMENT;
+    status = cairn_block_solver_extend(graph->own, pool, max_fill);
+    if (status != CAIRN_OK)
+        return status;
+    graph->full = 0;
+    cairn_pose_graph_go_on(graph);
     return CAIRN_OK;
 }
 
@@ -209,6 +222,7 @@ void cairn_pose_graph_clear(cairn_pose_graph *graph)
     graph->debt = 0;
     graph->fixed_count = 0;
     graph->analyzed = 0;
+    graph->full = 0;
     graph->settled = 0;
     graph->has_marginals = 0;
     graph->outcome = CAIRN_OK;
@@ -216,6 +230,7 @@ void cairn_pose_graph_clear(cairn_pose_graph *graph)
 
 static void changed(cairn_pose_graph *g)
 {
+    g->full = 0;
     g->settled = 0;
     g->has_marginals = 0;
 }

@@ -110,46 +110,50 @@ static void add(cairn_sym3 *to, cairn_sym3 m)
     to->zz += m.zz;
 }
 
-/* product = m a^T, for row-major 3 x 3 m and a */
-static void multiply_transposed(const cairn_real m[9], const cairn_real a[9], cairn_real product[9])
+/* product = A^T W, where the third row of A is (0 0 1) */
+static void multiply_transposed(const cairn_real a[9], cairn_sym3 w, cairn_real product[9])
 {
-    for (int r = 0; r < 3; r++)
-        for (int c = 0; c < 3; c++)
-            product[3 * r + c] = m[3 * r] * a[3 * c] + m[3 * r + 1] * a[3 * c + 1] + m[3 * r + 2] * a[3 * c + 2];
+    const cairn_real rows[3][3] = {{w.xx, w.xy, w.xz}, {w.xy, w.yy, w.yz}, {w.xz, w.yz, w.zz}};
+
+    for (int c = 0; c < 3; c++) {
+        product[c] = a[0] * rows[0][c] + a[3] * rows[1][c];
+        product[3 + c] = a[1] * rows[0][c] + a[4] * rows[1][c];
+        product[6 + c] = a[2] * rows[0][c] + a[5] * rows[1][c] + rows[2][c];
+    }
+}
+
+/* The symmetric product m A */
+static cairn_sym3 multiply(const cairn_real m[9], const cairn_real a[9])
+{
+    cairn_sym3 product = {m[0] * a[0] + m[1] * a[3],        m[0] * a[1] + m[1] * a[4],
+                          m[0] * a[2] + m[1] * a[5] + m[2], m[3] * a[1] + m[4] * a[4],
+                          m[3] * a[2] + m[4] * a[5] + m[5], m[6] * a[2] + m[7] * a[5] + m[8]};
+    return product;
 }
 
 /* Adds W, A^T W A and -A^T W of a link to the normal equations. */
 static void add_blocks(cairn_pose_graph *g, int32_t index, cairn_sym3 w, const cairn_real a[9])
 {
     const struct pose_graph_link *link = &g->links[index];
-    const cairn_real full[9] = {w.xx, w.xy, w.xz, w.xy, w.yy, w.yz, w.xz, w.yz, w.zz};
-    const cairn_real turned[9] = {a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8]}; /* A^T */
-    cairn_real aw[9], awa[9];
+    cairn_real aw[9];
     int moves_first = !cairn_pose_graph_stays(g, link->first), moves_second = !cairn_pose_graph_stays(g, link->second);
 
-    multiply_transposed(turned, full, aw);
-    multiply_transposed(aw, turned, awa);
+    multiply_transposed(a, w, aw);
     if (moves_second)
         add(&g->diagonal[link->second], w);
-    if (moves_first) {
-        cairn_sym3 block = {awa[0], awa[1], awa[2], awa[4], awa[5], awa[8]};
-
-        add(&g->diagonal[link->first], block);
-    }
+    if (moves_first)
+        add(&g->diagonal[link->first], multiply(aw, a));
     if (moves_first && moves_second) {
-        cairn_real block[9];
-
         for (int k = 0; k < 9; k++)
-            block[k] = -aw[k];
-        if (g->solver.add_link_block(g->solver.context, index, block) != CAIRN_OK)
+            aw[k] = -aw[k];
+        if (g->solver.add_link_block(g->solver.context, index, aw) != CAIRN_OK)
             g->outcome = CAIRN_NOT_FINITE;
     }
 }
 
-/* Adds a link to the right side, and to the matrix unless its factor serves again. */
-static void add_link(cairn_pose_graph *g, int32_t index, const cairn_real e[3], cairn_sym3 w, const cairn_real a[9])
+static void add_right_side(cairn_pose_graph *g, const struct pose_graph_link *link, const cairn_real e[3], cairn_sym3 w,
+                           const cairn_real a[9])
 {
-    const struct pose_graph_link *link = &g->links[index];
     const cairn_real we[3] = {w.xx * e[0] + w.xy * e[1] + w.xz * e[2], w.xy * e[0] + w.yy * e[1] + w.yz * e[2],
                               w.xz * e[0] + w.yz * e[1] + w.zz * e[2]};
 
@@ -159,8 +163,13 @@ static void add_link(cairn_pose_graph *g, int32_t index, const cairn_real e[3], 
     if (!cairn_pose_graph_stays(g, link->first))
         for (int k = 0; k < 3; k++)
             g->right[link->first][k] += a[k] * we[0] + a[3 + k] * we[1] + a[6 + k] * we[2];
-    if (!g->reuse)
-        add_blocks(g, index, w, a);
+}
+
+/* Adds a link to the right side and to the matrix. */
+static void add_link(cairn_pose_graph *g, int32_t index, const cairn_real e[3], cairn_sym3 w, const cairn_real a[9])
+{
+    add_right_side(g, &g->links[index], e, w, a);
+    add_blocks(g, index, w, a);
 }
 
 const cairn_pose *cairn_pose_graph_base(const cairn_pose_graph *g)
@@ -210,13 +219,11 @@ cairn_real cairn_pose_graph_curvature_of_link(const cairn_pose_graph *g, int32_t
     return link->weight * cairn_sym3_form(cairn_pose_graph_turned(link->information, a.theta), e);
 }
 
-void cairn_pose_graph_cost_of_link(cairn_pose_graph *g, struct pose_graph_link *link, const cairn_pose *poses)
+static void cost_of_link(cairn_pose_graph *g, struct pose_graph_link *link, const cairn_pose *poses, cairn_real e[3],
+                         cairn_sym3 *w)
 {
-    cairn_real e[3];
-    cairn_sym3 w;
-
-    residual(link, poses, e, &w);
-    link->chi2 = cairn_sym3_form(w, e);
+    residual(link, poses, e, w);
+    link->chi2 = cairn_sym3_form(*w, e);
     if (link->dropped) {
         link->weight = 0;
         return;
@@ -224,4 +231,26 @@ void cairn_pose_graph_cost_of_link(cairn_pose_graph *g, struct pose_graph_link *
     g->chi2 += link->chi2;
     g->cost += rho(g, link->chi2, &link->weight);
     g->largest = cairn_max(g->largest, link->chi2);
+}
+
+void cairn_pose_graph_cost_of_link(cairn_pose_graph *g, int32_t index)
+{
+    cairn_real e[3];
+    cairn_sym3 w;
+
+    cost_of_link(g, &g->links[index], g->poses, e, &w);
+}
+
+void cairn_pose_graph_try_link(cairn_pose_graph *g, int32_t index)
+{
+    struct pose_graph_link *link = &g->links[index];
+    cairn_real a[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, e[3];
+    cairn_sym3 w;
+
+    cost_of_link(g, link, g->trial, e, &w);
+    if (link->dropped || g->mode != POSE_GRAPH_NEWTON)
+        return;
+    set_lever(a, g->trial[link->second].x - g->trial[link->first].x,
+              g->trial[link->second].y - g->trial[link->first].y);
+    add_right_side(g, link, e, times(w, link->weight), a);
 }

@@ -43,7 +43,7 @@ static const cairn_real NARROWING = CAIRN_REAL(1.4);
 
 /* ---- Stages ---- */
 
-static void enter(cairn_pose_graph *g, int32_t mode, int32_t stage)
+void cairn_pose_graph_enter(cairn_pose_graph *g, int32_t mode, int32_t stage)
 {
     g->mode = mode;
     g->stage = stage;
@@ -63,7 +63,7 @@ static void end(cairn_pose_graph *g, cairn_status outcome)
 static void finish(cairn_pose_graph *g, cairn_pose_graph_verdict verdict)
 {
     g->state.verdict = verdict;
-    enter(g, POSE_GRAPH_NEWTON, POSE_GRAPH_REPORT);
+    cairn_pose_graph_enter(g, POSE_GRAPH_NEWTON, POSE_GRAPH_REPORT);
 }
 
 static void accept(cairn_pose_graph *g)
@@ -83,7 +83,7 @@ static void begin_newton(cairn_pose_graph *g)
     g->widening = 1;
     if (g->params.graduated && g->params.kernel == CAIRN_POSE_GRAPH_GEMAN_MCCLURE)
         g->widening = cairn_max(1, 2 * g->largest / c2);
-    enter(g, POSE_GRAPH_NEWTON, POSE_GRAPH_CLEAR);
+    cairn_pose_graph_enter(g, POSE_GRAPH_NEWTON, POSE_GRAPH_CLEAR);
 }
 
 static int raise_damping(cairn_pose_graph *g)
@@ -125,13 +125,23 @@ static int goes_ahead(const cairn_pose_graph *g, cairn_real better)
     return !g->reuse && g->length == 1 && g->widening <= 1 && -better <= SMALL_STEP * g->base_cost;
 }
 
+/* The next step begins at the poses that were tried, whose right sides are there, with the factor at hand; or with one of its
+ * own. */
+static void begin_step(cairn_pose_graph *g)
+{
+    if (g->reuse && !g->ahead)
+        g->base_cost = g->cost;
+    g->widening = cairn_max(1, g->widening / NARROWING);
+    cairn_pose_graph_enter(g, POSE_GRAPH_NEWTON, g->reuse ? POSE_GRAPH_TURN : POSE_GRAPH_CLEAR);
+}
+
 /* A step has been tried: its cost is g->cost, that of the base g->base_cost, both with the same kernel. One with an old
  * factor tells nothing about rest; its slope does, see end_slope(). */
 static void judge_step(cairn_pose_graph *g)
 {
     cairn_real better = g->base_cost - g->cost;
     int at_rest = !g->reuse && cairn_abs(better) <= little(g) && g->widening <= 1, damped = g->damping > LEAST_DAMPING;
-    int32_t next = POSE_GRAPH_CLEAR;
+    int shorter = 0;
 
     g->state.iterations++;
     if (better >= 0) {
@@ -154,7 +164,7 @@ static void judge_step(cairn_pose_graph *g)
         g->reuse = 0;
     } else if (g->length > SHORTEST) {
         g->length /= 2;
-        next = POSE_GRAPH_MOVE;
+        shorter = 1;
     } else if (!raise_damping(g)) {
         at_rest = 1;
     }
@@ -162,10 +172,10 @@ static void judge_step(cairn_pose_graph *g)
         finish(g, CAIRN_POSE_GRAPH_CONVERGED);
     } else if (g->state.iterations >= g->params.max_iterations) {
         finish(g, CAIRN_POSE_GRAPH_OUT_OF_ITERATIONS);
+    } else if (shorter) {
+        cairn_pose_graph_enter(g, POSE_GRAPH_NEWTON, POSE_GRAPH_MOVE);
     } else {
-        if (next == POSE_GRAPH_CLEAR)
-            g->widening = cairn_max(1, g->widening / NARROWING);
-        enter(g, POSE_GRAPH_NEWTON, next);
+        begin_step(g);
     }
 }
 
@@ -184,7 +194,7 @@ static void end_cost(cairn_pose_graph *g)
         if (g->params.start == CAIRN_POSE_GRAPH_GIVEN)
             begin_newton(g);
         else
-            enter(g, POSE_GRAPH_HEADINGS, POSE_GRAPH_CLEAR);
+            cairn_pose_graph_enter(g, POSE_GRAPH_HEADINGS, POSE_GRAPH_CLEAR);
     } else if (g->mode == POSE_GRAPH_JOINT) {
         if (finite && (g->params.start == CAIRN_POSE_GRAPH_CHORDAL || g->cost < g->state.cost)) {
             accept(g);
@@ -213,7 +223,7 @@ static void not_positive(cairn_pose_graph *g, int32_t pose)
         g->state.pose = pose;
         finish(g, CAIRN_POSE_GRAPH_SINGULAR);
     } else {
-        enter(g, POSE_GRAPH_NEWTON, POSE_GRAPH_CLEAR);
+        cairn_pose_graph_enter(g, POSE_GRAPH_NEWTON, POSE_GRAPH_CLEAR);
     }
 }
 
@@ -278,6 +288,7 @@ static void move_pose(cairn_pose_graph *g, int32_t index)
     cairn_real x[3], length = g->length;
 
     g->trial[index] = pose;
+    memset(g->right[index], 0, sizeof g->right[index]);
     if (cairn_pose_graph_stays(g, index))
         return;
     if (g->reuse) {
@@ -304,8 +315,6 @@ static int32_t clear_equations(cairn_pose_graph *g)
     cairn_status status;
 
     memset(g->right, 0, (size_t)g->state.poses * sizeof *g->right);
-    if (g->reuse)
-        return g->state.poses;
     status = g->solver.clear(g->solver.context);
     CAIRN_ASSERT(status == CAIRN_OK);
     (void)status;
@@ -319,7 +328,7 @@ static void end_slope(cairn_pose_graph *g)
     if (!g->ahead && cairn_abs(g->slope) <= little(g))
         finish(g, CAIRN_POSE_GRAPH_CONVERGED);
     else
-        enter(g, g->mode, POSE_GRAPH_DIRECTION);
+        cairn_pose_graph_enter(g, g->mode, POSE_GRAPH_DIRECTION);
 }
 
 /* Where there is no way down the factor serves no longer. */
@@ -327,10 +336,10 @@ static void end_curvature(cairn_pose_graph *g)
 {
     if (g->slope > 0 && g->curvature > 0) {
         g->last_slope = g->slope;
-        enter(g, g->mode, POSE_GRAPH_MOVE);
+        cairn_pose_graph_enter(g, g->mode, POSE_GRAPH_MOVE);
     } else {
         g->reuse = g->ahead = 0;
-        enter(g, g->mode, POSE_GRAPH_CLEAR);
+        cairn_pose_graph_enter(g, g->mode, POSE_GRAPH_CLEAR);
     }
 }
 
@@ -357,8 +366,9 @@ static void end_part(cairn_pose_graph *g, cairn_status status)
     if (g->stage == POSE_GRAPH_ANALYZE) {
         g->state.fill = result.fill;
         g->analyzed = status == CAIRN_OK;
+        g->full = status == CAIRN_FULL;
         if (status == CAIRN_OK)
-            enter(g, g->mode, g->mode == POSE_GRAPH_AS_GIVEN ? POSE_GRAPH_COST : POSE_GRAPH_CLEAR);
+            cairn_pose_graph_enter(g, g->mode, g->mode == POSE_GRAPH_AS_GIVEN ? POSE_GRAPH_COST : POSE_GRAPH_CLEAR);
         else
             end(g, status);
     } else if (result.state == CAIRN_BLOCK_SOLVER_NOT_POSITIVE || status != CAIRN_OK) {
@@ -371,7 +381,7 @@ static void end_part(cairn_pose_graph *g, cairn_status status)
         begin_solve(g);
     } else if (g->stage == POSE_GRAPH_SOLVE) {
         g->slope = g->curvature = 0;
-        enter(g, g->mode, g->reuse ? POSE_GRAPH_SLOPE : POSE_GRAPH_MOVE);
+        cairn_pose_graph_enter(g, g->mode, g->reuse ? POSE_GRAPH_SLOPE : POSE_GRAPH_MOVE);
     } else {
         g->has_marginals = 1;
         end(g, CAIRN_OK);
@@ -399,16 +409,15 @@ static int32_t do_item(cairn_pose_graph *g)
     switch (g->stage) {
     case POSE_GRAPH_CLEAR:
         poses = clear_equations(g);
-        enter(g, g->mode, POSE_GRAPH_LINKS);
+        cairn_pose_graph_enter(g, g->mode, POSE_GRAPH_LINKS);
         return 1 + poses / POSES_A_UNIT;
     case POSE_GRAPH_LINKS:
         if (g->at < links) {
             cairn_pose_graph_assemble_link(g, g->at++);
-            return g->reuse ? UNITS_LINK : UNITS_EQUATIONS;
+            return UNITS_EQUATIONS;
         }
-        if (!g->ahead)
-            g->base_cost = g->cost;
-        enter(g, g->mode, g->reuse ? POSE_GRAPH_TURN : POSE_GRAPH_POSES);
+        g->base_cost = g->cost;
+        cairn_pose_graph_enter(g, g->mode, POSE_GRAPH_POSES);
         return UNITS_POSE;
     case POSE_GRAPH_POSES:
         if (g->at < poses)
@@ -434,7 +443,7 @@ static int32_t do_item(cairn_pose_graph *g)
         if (g->at < poses)
             set_direction(g, g->at++);
         else
-            enter(g, g->mode, POSE_GRAPH_CURVATURE);
+            cairn_pose_graph_enter(g, g->mode, POSE_GRAPH_CURVATURE);
         return UNITS_POSE;
     case POSE_GRAPH_CURVATURE:
         if (g->at < links) {
@@ -447,23 +456,21 @@ static int32_t do_item(cairn_pose_graph *g)
         if (g->at < poses)
             move_pose(g, g->at++);
         else if (g->mode == POSE_GRAPH_HEADINGS)
-            enter(g, POSE_GRAPH_JOINT, POSE_GRAPH_CLEAR);
+            cairn_pose_graph_enter(g, POSE_GRAPH_JOINT, POSE_GRAPH_CLEAR);
         else
-            enter(g, g->mode, POSE_GRAPH_COST);
+            cairn_pose_graph_enter(g, g->mode, POSE_GRAPH_COST);
         return UNITS_POSE;
     case POSE_GRAPH_COST:
         if (g->at < links) {
-            cairn_pose_graph_cost_of_link(g, &g->links[g->at++], g->trial);
+            cairn_pose_graph_try_link(g, g->at++);
             return UNITS_LINK;
         }
         end_cost(g);
         return 1 + poses / POSES_A_UNIT;
     default:
         if (g->at < links) {
-            struct pose_graph_link *link = &g->links[g->at++];
-
-            cairn_pose_graph_cost_of_link(g, link, g->poses);
-            g->state.outliers += link->chi2 > g->params.outlier;
+            cairn_pose_graph_cost_of_link(g, g->at);
+            g->state.outliers += g->links[g->at++].chi2 > g->params.outlier;
             return UNITS_LINK;
         }
         end_report(g);
@@ -502,103 +509,4 @@ cairn_status cairn_pose_graph_step(cairn_pose_graph *graph, cairn_budget *budget
     outcome = graph->outcome;
     graph->outcome = CAIRN_OK;
     return outcome;
-}
-
-/* ---- Begin ---- */
-
-static int32_t find_root(int32_t *root, int32_t pose)
-{
-    while (root[pose] != pose) {
-        root[pose] = root[root[pose]];
-        pose = root[pose];
-    }
-    return pose;
-}
-
-/* The lower pose is the root. */
-static void join(int32_t *root, int32_t a, int32_t b)
-{
-    a = find_root(root, a);
-    b = find_root(root, b);
-    if (a < b)
-        root[b] = a;
-    else
-        root[a] = b;
-}
-
-/* The first pose that is not joined to one that stays, -1: none. */
-static int32_t find_split(cairn_pose_graph *g)
-{
-    int32_t stays = -1;
-
-    for (int32_t i = 0; i < g->state.poses; i++)
-        g->root[i] = i;
-    for (int32_t i = 0; i < g->state.poses; i++)
-        if (cairn_pose_graph_stays(g, i)) {
-            if (stays >= 0)
-                join(g->root, stays, i);
-            stays = i;
-        }
-    for (int32_t l = 0; l < g->state.links; l++)
-        if (!g->links[l].dropped)
-            join(g->root, g->links[l].first, g->links[l].second);
-    for (int32_t i = 0; i < g->state.poses; i++)
-        if (find_root(g->root, i) != find_root(g->root, stays))
-            return i;
-    return -1;
-}
-
-/* Gives the solver the structure if it does not know it. */
-static cairn_status begin_structure(cairn_pose_graph *g)
-{
-    cairn_status status = g->solver.begin(g->solver.context, g->state.poses);
-
-    for (int32_t l = 0; l < g->state.links && status == CAIRN_OK; l++)
-        status = g->solver.add_link(g->solver.context, g->links[l].first, g->links[l].second);
-    return status == CAIRN_OK ? g->solver.analyze(g->solver.context) : status;
-}
-
-cairn_status cairn_pose_graph_solve(cairn_pose_graph *graph)
-{
-    cairn_pose_graph_state fresh;
-
-    if (graph == NULL || !cairn_pose_graph_is_idle(graph))
-        return CAIRN_BAD_ARGUMENT;
-    if (graph->state.poses == 0)
-        return CAIRN_EMPTY;
-    memset(&fresh, 0, sizeof fresh);
-    fresh.poses = graph->state.poses;
-    fresh.links = graph->state.links;
-    fresh.fill = graph->analyzed ? graph->state.fill : 0;
-    fresh.pose = find_split(graph);
-    graph->settled = 0;
-    graph->has_marginals = 0;
-    if (fresh.pose >= 0) {
-        fresh.verdict = CAIRN_POSE_GRAPH_SPLIT;
-        graph->state = fresh;
-        return CAIRN_OK;
-    }
-    if (!graph->analyzed) {
-        cairn_status status = begin_structure(graph);
-
-        if (status != CAIRN_OK)
-            return status;
-    }
-    graph->state = fresh;
-    graph->widening = 1;
-    graph->length = 1;
-    graph->ahead = 0;
-    memcpy(graph->trial, graph->poses, (size_t)fresh.poses * sizeof *graph->trial);
-    enter(graph, POSE_GRAPH_AS_GIVEN, graph->analyzed ? POSE_GRAPH_COST : POSE_GRAPH_ANALYZE);
-    return CAIRN_OK;
-}
-
-cairn_status cairn_pose_graph_marginals(cairn_pose_graph *graph)
-{
-    if (graph == NULL || !cairn_pose_graph_is_idle(graph) || !graph->settled)
-        return CAIRN_BAD_ARGUMENT;
-    graph->has_marginals = 0;
-    graph->widening = 1;
-    enter(graph, POSE_GRAPH_COVARIANCE, POSE_GRAPH_CLEAR);
-    return CAIRN_OK;
 }

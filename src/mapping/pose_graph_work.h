@@ -1,4 +1,5 @@
-/* What the parts of pose_graph share: pose_graph.c (the graph) and pose_graph_solve.c (iterations). */
+/* What the parts of pose_graph share: pose_graph.c (the graph), pose_graph_begin.c (what
+ * a solution begins with), pose_graph_solve.c (iterations) and pose_graph_link.c (links). */
 #ifndef CAIRN_MAPPING_POSE_GRAPH_WORK_H
 #define CAIRN_MAPPING_POSE_GRAPH_WORK_H
 
@@ -44,7 +45,8 @@ struct cairn_pose_graph {
     cairn_pose_graph_params params;
     cairn_pose_graph_state state;
     cairn_pose_solver solver;
-    cairn_pose *poses; /* [max_poses] accepted */
+    cairn_block_solver *own; /* NULL: the solver is the user's */
+    cairn_pose *poses;       /* [max_poses] accepted */
     cairn_pose *trial;
     int32_t *fixed;
     int32_t *root; /* of the piece that a pose is in */
@@ -55,6 +57,7 @@ struct cairn_pose_graph {
     struct pose_graph_link *links; /* [max_links] */
     int32_t fixed_count;
     int32_t analyzed;      /* 1: the solver knows the structure */
+    int32_t full;          /* 1: the solver has too little room for the factor */
     int32_t settled;       /* 1: the poses are a solution */
     int32_t has_marginals; /* 1: the solver holds the inverse */
     cairn_status outcome;  /* for the step that ends */
@@ -79,10 +82,18 @@ cairn_sym3 cairn_pose_graph_turned(cairn_sym3 information, cairn_real theta);
 const cairn_pose *cairn_pose_graph_base(const cairn_pose_graph *g);
 
 /* Adds what a link asks for in the mode at hand to the normal equations; its part of the curvature along the direction;
- * chi2 and cost of a link at these poses. */
+ * adds chi2 and cost of a link at the accepted poses; the same at the trial ones, where a Newton step may begin with a factor
+ * that is there, so that it adds to the right side as well. */
 void cairn_pose_graph_assemble_link(cairn_pose_graph *g, int32_t index);
 cairn_real cairn_pose_graph_curvature_of_link(const cairn_pose_graph *g, int32_t index);
-void cairn_pose_graph_cost_of_link(cairn_pose_graph *g, struct pose_graph_link *link, const cairn_pose *poses);
+void cairn_pose_graph_cost_of_link(cairn_pose_graph *g, int32_t index);
+void cairn_pose_graph_try_link(cairn_pose_graph *g, int32_t index);
+
+/* Begins a stage of a mode. */
+void cairn_pose_graph_enter(cairn_pose_graph *g, int32_t mode, int32_t stage);
+
+/* Waits for the solver's structure once more. */
+void cairn_pose_graph_go_on(cairn_pose_graph *g);
 
 /* 1 when no solution runs. */
 static inline int cairn_pose_graph_is_idle(const cairn_pose_graph *g)

@@ -1,0 +1,108 @@
+/* What a solution of a pose graph begins with: whether its poses hang together, and the solver's structure. */
+#include "src/core/build.h"
+
+#include <string.h>
+
+#include "src/mapping/pose_graph_work.h"
+
+static int32_t find_root(int32_t *root, int32_t pose)
+{
+    while (root[pose] != pose) {
+        root[pose] = root[root[pose]];
+        pose = root[pose];
+    }
+    return pose;
+}
+
+/* The lower pose is the root. */
+static void join(int32_t *root, int32_t a, int32_t b)
+{
+    a = find_root(root, a);
+    b = find_root(root, b);
+    if (a < b)
+        root[b] = a;
+    else
+        root[a] = b;
+}
+
+/* The first pose that is not joined to one that stays, -1: none. */
+static int32_t find_split(cairn_pose_graph *g)
+{
+    int32_t stays = -1;
+
+    for (int32_t i = 0; i < g->state.poses; i++)
+        g->root[i] = i;
+    for (int32_t i = 0; i < g->state.poses; i++)
+        if (cairn_pose_graph_stays(g, i)) {
+            if (stays >= 0)
+                join(g->root, stays, i);
+            stays = i;
+        }
+    for (int32_t l = 0; l < g->state.links; l++)
+        if (!g->links[l].dropped)
+            join(g->root, g->links[l].first, g->links[l].second);
+    for (int32_t i = 0; i < g->state.poses; i++)
+        if (find_root(g->root, i) != find_root(g->root, stays))
+            return i;
+    return -1;
+}
+
+/* Gives the solver the structure if it does not know it. */
+static cairn_status begin_structure(cairn_pose_graph *g)
+{
+    cairn_status status = g->solver.begin(g->solver.context, g->state.poses);
+
+    for (int32_t l = 0; l < g->state.links && status == CAIRN_OK; l++)
+        status = g->solver.add_link(g->solver.context, g->links[l].first, g->links[l].second);
+    return status == CAIRN_OK ? g->solver.analyze(g->solver.context) : status;
+}
+
+void cairn_pose_graph_go_on(cairn_pose_graph *g)
+{
+    cairn_pose_graph_enter(g, POSE_GRAPH_AS_GIVEN, POSE_GRAPH_ANALYZE);
+}
+
+cairn_status cairn_pose_graph_solve(cairn_pose_graph *graph)
+{
+    cairn_pose_graph_state fresh;
+
+    if (graph == NULL || !cairn_pose_graph_is_idle(graph))
+        return CAIRN_BAD_ARGUMENT;
+    if (graph->state.poses == 0)
+        return CAIRN_EMPTY;
+    memset(&fresh, 0, sizeof fresh);
+    fresh.poses = graph->state.poses;
+    fresh.links = graph->state.links;
+    fresh.fill = graph->analyzed ? graph->state.fill : 0;
+    fresh.pose = find_split(graph);
+    graph->settled = 0;
+    graph->has_marginals = 0;
+    if (fresh.pose >= 0) {
+        fresh.verdict = CAIRN_POSE_GRAPH_SPLIT;
+        graph->state = fresh;
+        return CAIRN_OK;
+    }
+    if (!graph->analyzed) {
+        cairn_status status = begin_structure(graph);
+
+        if (status != CAIRN_OK)
+            return status;
+    }
+    graph->state = fresh;
+    graph->widening = 1;
+    graph->length = 1;
+    graph->ahead = 0;
+    memcpy(graph->trial, graph->poses, (size_t)fresh.poses * sizeof *graph->trial);
+    cairn_pose_graph_enter(graph, POSE_GRAPH_AS_GIVEN, graph->analyzed ? POSE_GRAPH_COST : POSE_GRAPH_ANALYZE);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_pose_graph_marginals(cairn_pose_graph *graph)
+{
+    if (graph == NULL || !cairn_pose_graph_is_idle(graph) || !graph->settled)
+        return CAIRN_BAD_ARGUMENT;
+    graph->has_marginals = 0;
+    graph->widening = 1;
+    cairn_pose_graph_enter(graph, POSE_GRAPH_COVARIANCE, POSE_GRAPH_CLEAR);
+    return CAIRN_OK;
+}
