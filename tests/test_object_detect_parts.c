@@ -183,12 +183,12 @@ static void tells_its_stages(void **state)
     static const char *const expected[] = {"012", "0010122"};
 
     (void)state;
-    memset(edges, 0, sizeof edges);
-    draw_flag(110, 40, 1, 0, -1);
+    clear_picture();
+    draw_flag(110, 40, 1, 0);
     for (int32_t way = 0; way < 2; way++) {
         cairn_object_detect_params params = parts_params();
         cairn_shape_model_file model = make_model();
-        cairn_contour_tokens tokens = find_tokens();
+        cairn_contour_tokens tokens = find_tokens(0);
         char heard[16] = "";
         cairn_detect_field *field;
         cairn_detections found;

@@ -643,7 +643,7 @@ static void the_budget_does_not_matter(void **state)
             assert_memory_equal(&now, &shift[i], sizeof now);
         }
     }
-    assert_int_equal(first.units, NUMBER(62073, 39933));
+    assert_int_equal(first.units, NUMBER(62073, 39925));
     assert_true(first.slid > 3);
     assert_near(cairn_wall_slide_shift_of(bed.slide, SCANS).x, 0, 0);
     assert_near(cairn_wall_slide_shift_of(bed.slide, -1).x, 0, 0);
