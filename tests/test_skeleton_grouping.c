@@ -433,8 +433,10 @@ static int32_t starts_of(double contrast, double white, double left, double righ
     params.contrast = (cairn_real)contrast;
     f = with(params);
     for (int32_t i = 0; i < 20; i++) {
-        add(20 + 40 * (i % 5) - 6, 20 + 40 * (i / 5), 1, 0);
-        add(20 + 40 * (i % 5) + 6, 20 + 40 * (i / 5), -1, 0);
+        int32_t column = i % 5, row = i / 5;
+
+        add(20 + 40 * column - 6, 20 + 40 * row, 1, 0);
+        add(20 + 40 * column + 6, 20 + 40 * row, -1, 0);
     }
     (void)run(f.skeleton, 5, 8);
     for (int32_t i = 0; i < edgel_count; i++)

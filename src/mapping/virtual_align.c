@@ -77,42 +77,40 @@ static cairn_wall_slide_params slide_of(const cairn_virtual_align_params *params
     return slide;
 }
 
+/* Its own arrays; NULL where the pool only counts. */
 static cairn_virtual_align *carve(cairn_pool *pool, const cairn_virtual_align_params *params)
 {
-    cairn_force_field_params field = field_of(params);
-    cairn_virtual_scan_params hypotheses = hypotheses_of(params);
-    cairn_wall_slide_params slide = slide_of(params);
-    cairn_virtual_align *align = cairn_pool_take_one(pool, sizeof *align);
-    struct cairn_virtual_place *places = cairn_pool_take(pool, (size_t)params->aligner.max_scans, sizeof *places);
-    cairn_pose *poses = cairn_pool_take(pool, (size_t)params->aligner.max_scans, sizeof *poses);
-    cairn_pose *kept = cairn_pool_take(pool, (size_t)params->aligner.max_scans, sizeof *kept);
+    size_t scans = (size_t)params->aligner.max_scans;
+    cairn_virtual_align *made = cairn_pool_take_one(pool, sizeof *made), arrays;
 
-    if (pool->base == NULL) {
-        cairn_pool_count(pool, cairn_aligner_memory(&params->aligner));
-        cairn_pool_count(pool, cairn_force_field_memory(&field));
-        cairn_pool_count(pool, cairn_virtual_scan_memory(&hypotheses));
-        cairn_pool_count(pool, cairn_wall_slide_memory(&slide));
-        return NULL;
-    }
-    memset(align, 0, sizeof *align);
-    align->places = places;
-    align->poses = poses;
-    align->kept = kept;
-    cairn_virtual_align_must(cairn_aligner_create(&align->aligner, pool, &params->aligner));
-    cairn_virtual_align_must(cairn_force_field_create(&align->field, pool, &field));
-    cairn_virtual_align_must(cairn_virtual_scan_create(&align->hypotheses, pool, &hypotheses));
-    cairn_virtual_align_must(cairn_wall_slide_create(&align->slide, pool, &slide));
-    return align;
+    memset(&arrays, 0, sizeof arrays);
+    arrays.params = *params;
+    arrays.places = cairn_pool_take(pool, scans, sizeof *arrays.places);
+    arrays.poses = cairn_pool_take(pool, scans, sizeof *arrays.poses);
+    arrays.kept = cairn_pool_take(pool, scans, sizeof *arrays.kept);
+    if (made != NULL)
+        *made = arrays;
+    return made;
 }
 
 size_t cairn_virtual_align_memory(const cairn_virtual_align_params *params)
 {
+    cairn_force_field_params field;
+    cairn_virtual_scan_params hypotheses;
+    cairn_wall_slide_params slide;
     cairn_pool counting;
 
     if (params == NULL || params->every < 1 || params->max_rounds < 1 || cairn_aligner_memory(&params->aligner) == 0)
         return 0;
+    field = field_of(params);
+    hypotheses = hypotheses_of(params);
+    slide = slide_of(params);
     cairn_pool_init_counting(&counting);
     (void)carve(&counting, params);
+    cairn_pool_count(&counting, cairn_aligner_memory(&params->aligner));
+    cairn_pool_count(&counting, cairn_force_field_memory(&field));
+    cairn_pool_count(&counting, cairn_virtual_scan_memory(&hypotheses));
+    cairn_pool_count(&counting, cairn_wall_slide_memory(&slide));
     return cairn_pool_counted(&counting);
 }
 
@@ -120,14 +118,23 @@ cairn_status cairn_virtual_align_create(cairn_virtual_align **align, cairn_pool 
                                         const cairn_virtual_align_params *params)
 {
     size_t need = cairn_virtual_align_memory(params);
+    cairn_force_field_params field;
+    cairn_virtual_scan_params hypotheses;
+    cairn_wall_slide_params slide;
     cairn_virtual_align *made;
 
     if (align == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pool_has_room(pool, need))
         return CAIRN_NO_MEMORY;
+    field = field_of(params);
+    hypotheses = hypotheses_of(params);
+    slide = slide_of(params);
     made = carve(pool, params);
-    made->params = *params;
+    cairn_virtual_align_must(cairn_aligner_create(&made->aligner, pool, &params->aligner));
+    cairn_virtual_align_must(cairn_force_field_create(&made->field, pool, &field));
+    cairn_virtual_align_must(cairn_virtual_scan_create(&made->hypotheses, pool, &hypotheses));
+    cairn_virtual_align_must(cairn_wall_slide_create(&made->slide, pool, &slide));
     *align = made;
     return CAIRN_OK;
 }
