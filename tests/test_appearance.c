@@ -268,8 +268,8 @@ static void takes_tiny_images(void **state)
 
 static void refuses_what_cannot_be_learnt(void **state)
 {
-    static const double bad[][4] = {{10, 10, 10, 20}, {10, 10, 20, 5},  {300, 10, 320, 20},
-                                    {10, -9, 20, -1}, {NAN, 1, 20, 20}, {-1e9, 1, 20, 20}};
+    static const double bad[][4] = {{10, 10, 10, 20}, {10, 10, 20, 5},          {300, 10, 320, 20},
+                                    {10, -9, 20, -1}, {(double)NAN, 1, 20, 20}, {-1e9, 1, 20, 20}};
     static const double whole[4] = {0, 0, WIDTH, HEIGHT}, tiny[4] = {10, 10, 20, 20};
     cairn_appearance_params params = small_params(), odd;
     cairn_appearance_trainer *trainer = cairn_appearance_trainer_new();

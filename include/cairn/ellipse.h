@@ -75,8 +75,9 @@ CAIRN_CHECKED cairn_status cairn_ellipse_begin(cairn_ellipse_set *set, const cai
 
 /* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the search has ended, or none was begun. CAIRN_NOT_FINITE,
  * CAIRN_BAD_ARGUMENT (a weight below 0 or beyond 1e6, a coordinate beyond 1e6 m): the search is given up, and the last result
- * stays. Costs a unit for eight centres that a point votes for, for 16 cells, and for each centre and two points, five times; two more
- * for each point that is on the ellipse then. */
+ * stays. Costs a unit for eight centres that a point votes for, for 16 cells (one that may be a peak costs one more for 32 cells about it,
+ * a peak one for eight others), for four points of an ellipse's bounds, and for each centre and two points, five times; two more for
+ * each point that is on the ellipse then. */
 CAIRN_CHECKED cairn_status cairn_ellipse_step(cairn_ellipse_set *set, cairn_budget *budget);
 
 /* The ellipses of the last search that ended, the one with the most votes first; valid until the next search ends. */

@@ -70,7 +70,8 @@ CAIRN_CHECKED cairn_status cairn_hough_begin(cairn_hough *hough, const cairn_ori
 
 /* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the search has ended, or none was begun. CAIRN_NOT_FINITE,
  * CAIRN_BAD_ARGUMENT (a weight below 0; a coordinate beyond 1e6 m, a weight beyond 1e6): the search is given up, and the last result stays.
- * Costs about a unit for each point and four bins that it votes for, for 64 bins in all, and for each line and four points. */
+ * Costs two units for each point and one for four bins that it votes for, one for 64 bins in all, and one for each line and four points,
+ * twice. */
 CAIRN_CHECKED cairn_status cairn_hough_step(cairn_hough *hough, cairn_budget *budget);
 
 /* The lines of the last search that ended, the one with the most votes first; valid until the next search ends. */

@@ -118,8 +118,9 @@ CAIRN_CHECKED cairn_status cairn_pose_graph_create(cairn_pose_graph **graph, cai
 
 /* After a step that returned CAIRN_FULL: takes room for max_fill blocks from a pool whose memory must stay, and
  * goes on with the solution: a graph that was made with max_fill of 0 so takes what it needs. The bytes are those of
- * cairn_block_solver_extend_memory(). CAIRN_BAD_ARGUMENT: no such step, the graph has been changed since, it has a solver
- * of the user's own, or max_fill is less than the state's fill. CAIRN_NO_MEMORY: nothing has changed. */
+ * cairn_block_solver_extend_memory(). CAIRN_BAD_ARGUMENT: NULL, no such step, the graph has been changed since (a new kernel
+ * is a change), it has a solver of the user's own, or max_fill is less than the state's fill or more than 2^26.
+ * CAIRN_NO_MEMORY: nothing has changed. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_extend(cairn_pose_graph *graph, cairn_pool *pool, int32_t max_fill);
 
 /* Forgets all poses and links. */
@@ -165,7 +166,7 @@ CAIRN_CHECKED cairn_status cairn_pose_graph_solve(cairn_pose_graph *graph);
 CAIRN_CHECKED cairn_status cairn_pose_graph_marginals(cairn_pose_graph *graph);
 
 /* CAIRN_OK: nothing left to do, the verdict stands. CAIRN_MORE: go on. CAIRN_FULL: the factor has more than max_fill
- * blocks, the state tells how many; nothing was solved. CAIRN_NOT_FINITE: a cost overflows; nothing was solved. Costs 9
+ * blocks, the state tells how many; nothing was solved; extend() goes on. CAIRN_NOT_FINITE: a cost overflows; nothing was solved. Costs 9
  * units for each link whose equations are formed, 4 for each whose cost is, 1 for each pose in a pass over them, and what
  * the solver takes. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_step(cairn_pose_graph *graph, cairn_budget *budget);

@@ -74,8 +74,8 @@ typedef struct cairn_pose_graph_solution {
 /* Solves a graph: least squares first; when its chi2 is beyond what good links give by chance (six standard deviations
  * of chi2 with 3 links - 3 poses degrees of freedom), again with the kernel of Geman and McClure from the poses of the
  * file, and then by least squares of the links that are within 99.9 % there. The graph's own poses stay as they are.
- * CAIRN_UNSUPPORTED: SuiteSparse is not installed. CAIRN_NOT_FINITE: a cost overflows. CAIRN_NO_MEMORY. On failure
- * there is nothing to free. */
+ * CAIRN_UNSUPPORTED: SuiteSparse is not installed. CAIRN_NOT_FINITE: a cost overflows. CAIRN_NO_MEMORY, also
+ * where the factor would have more than 2^26 blocks. On failure there is nothing to free. */
 CAIRN_CHECKED cairn_status cairn_pose_graph_file_solve(const cairn_pose_graph_file *file,
                                                        cairn_pose_graph_solution *solution);
 

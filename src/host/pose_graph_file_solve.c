@@ -99,7 +99,7 @@ static cairn_status extend(struct solving *s)
     cairn_pool pool;
 
     if (bytes == 0)
-        return CAIRN_FULL;
+        return CAIRN_NO_MEMORY;
     status = new_pool(&pool, &s->fill_memory, bytes);
     s->out->pool_bytes += bytes;
     return status == CAIRN_OK ? cairn_pose_graph_extend(s->graph, &pool, fill) : status;

@@ -32,7 +32,6 @@ static const cairn_transform CONE_STUB = {0, 0, CAIRN_REAL(0.6964), CAIRN_REAL(0
 
 static const cairn_real TILE = 6;                 /* m */
 static const cairn_real SLACK = CAIRN_REAL(0.15); /* m: more than any gate */
-enum { MOST_TILES = 6 };                          /* along each axis, that are looked through for one segment */
 enum { WALLS_OF_UNIT = 12 };
 
 static cairn_real gate_of(int32_t round)
