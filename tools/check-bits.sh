@@ -3,19 +3,17 @@
 #
 # Builds the library with tests/golden*.c in many ways, in double and in float, and compares what they print with each other
 # and with tests/golden-double.txt and tests/golden-float.txt, which a change of results must bring up to date. The options
-# do not say -ffp-contract=off: src/core/build.h must see to it alone. Compilers that are not there are left out; aarch64 runs
-# under qemu-user. Bare Cortex-M: tools/firmware-test.sh.
+# do not say -ffp-contract=off: src/core/build.h must see to it alone. -std=c11 -O2 is what tests/test_golden.c is built with.
+# Compilers that are not there are left out; aarch64 runs under qemu-user. Bare Cortex-M: tools/firmware-test.sh.
 work=$1/bits
 rm -rf "$work"
 mkdir -p "$work"
 sources="firmware/board_host.c $(ls tests/golden*.c src/core/*.c src/contour/*.c src/mapping/*.c 2>/dev/null | tr '\n' ' ')"
 
 variants="gcc -std=gnu11 -O0
-gcc -std=c11 -O2
 gcc -std=gnu11 -O3 -march=native
 gcc -std=gnu11 -Os -fno-inline
 clang -std=gnu11 -O0
-clang -std=c11 -O2
 clang -std=gnu11 -O3 -march=native
 aarch64-linux-gnu-gcc -std=gnu11 -O0 -static
 aarch64-linux-gnu-gcc -std=gnu11 -O3 -static"

@@ -69,7 +69,8 @@ CAIRN_CHECKED cairn_status cairn_block_solver_add_link(cairn_block_solver *solve
 
 /* Starts to order and count; all values are 0 afterwards. The step that ends it returns CAIRN_FULL when the factor would
  * have more than max_fill blocks, `fill` tells how many: the structure stays, and only extend() and begin() go on.
- * CAIRN_BAD_ARGUMENT: no structure, or it has been analyzed. Cost: near linear in `fill` on graphs in the plane. */
+ * CAIRN_BAD_ARGUMENT: no structure, or it has been analyzed. Cost: on graphs in the plane about
+ * as `fill` (measured, docs/accuracy.md). */
 CAIRN_CHECKED cairn_status cairn_block_solver_analyze(cairn_block_solver *solver);
 
 /* Takes room for max_fill blocks in place of that which was too small, which stays taken, from a pool whose memory must

@@ -36,6 +36,8 @@ static int32_t score_of(const struct cairn_block_order *o, int32_t variable, int
     return (int32_t)(score < n / 2 ? score : n / 2 + degree / 2);
 }
 
+enum { MOST_HEADS = 1024 }; /* that one item looks at */
+
 static void put_in(struct cairn_block_order *o, int32_t variable, int32_t score)
 {
     int32_t after = o->head[score];
@@ -196,17 +198,17 @@ static int32_t gather(struct cairn_block_order *o, const int32_t *list, int32_t 
     return poses;
 }
 
-/* Takes the variable of the lowest score and makes it an element with its neighbours. */
+/* Takes the variable of the lowest score and makes it an element with its neighbours; where there are many scores that none
+ * has, the next item goes on looking. */
 static int32_t pivot_item(cairn_block_solver *s)
 {
     struct cairn_block_order *o = &s->o;
     int32_t n = s->result.poses, capacity = 2 * s->params.max_links + s->params.max_poses;
     int32_t walked = 1, start, count, p;
 
-    while (o->head[o->lowest] == -1) {
-        o->lowest++;
-        walked++;
-    }
+    for (; o->head[o->lowest] == -1; o->lowest++)
+        if (walked++ == MOST_HEADS)
+            return walked;
     p = o->head[o->lowest];
     take_out(o, p);
     if (o->degree[p] > capacity - o->end) {

@@ -412,7 +412,6 @@ cairn_status cairn_ellipse_step(cairn_ellipse_set *set, cairn_budget *budget)
         if (status < 0)
             return status;
         set->cursor = 0;
-        set->paid = 0;
         set->item = 0;
         if (set->phase == ELLIPSE_FIT && set->peak_count > 0)
             cairn_ellipse_start_peak(set);
