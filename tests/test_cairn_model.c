@@ -78,6 +78,7 @@ static void test_options(void **state)
     cairn_shape_model_file model, mirrored;
     cairn_file_error error;
     outcome o;
+    char *svg;
 
     (void)state;
     o = programs_run("cairn model @/solid.png -o @/few.shape --points 64 --samples 10 --paths 1 --quiet");
@@ -87,6 +88,13 @@ static void test_options(void **state)
     assert_int_equal(model.model.outline_count, 64);
     assert_int_equal(model.model.path_count, 1);
     assert_true(model.model.sample_count <= 10);
+    (void)files_write_text("two.cuts", "0 20 0\n20 40 1\n");
+    o = programs_run("cairn model @/few.shape -o @/again.shape --quiet --cuts @/two.cuts --parts @/two.svg");
+    assert_done(o);
+    svg = files_read(files_path("two.svg"), NULL);
+    assert_non_null(svg);
+    assert_holds(svg, "2 fragments in 2 bundles");
+    free(svg);
     o = programs_run("cairn model @/few.shape -o @/mirrored.shape --mirror --svg @/mirrored.svg");
     assert_done(o);
     assert_null(strstr(o.out, "picture"));
@@ -114,6 +122,9 @@ static void test_refusals(void **state)
     assert_refused(programs_run("cairn model @/solid.png -o @/none/out.shape"), "none");
     assert_refused(programs_run("cairn model @/solid.png"), "no file to write to (-o), expected");
     assert_refused(programs_run("cairn model -o @/out.shape"), "no picture, expected");
+    assert_refused(programs_run("cairn model @/solid.png -o @/out.shape --cuts @/text.txt"), "--cuts without --parts");
+    assert_refused(programs_run("cairn model @/solid.png -o @/out.shape --cuts @/text.txt --parts @/out.svg"),
+                   "text.txt:1");
     assert_refused(programs_run("cairn model @/solid.png -o @/out.shape --holes some"), "--holes some, expected keep");
     assert_refused(programs_run("cairn model @/solid.png -o @/out.shape --points 8"), "expected");
     assert_int_equal(files_count(), before);

@@ -275,10 +275,11 @@ static void test_parts_drawn(void **state)
     cairn_shape_model_file made = make();
     cairn_shape_model bad = made.model;
     cairn_oriented_point two[34];
+    cairn_part_cut by_hand[3] = {{0, 8, 0}, {8, 16, 0}, {16, 24, 1}};
     char *text;
 
     (void)state;
-    assert_ok(cairn_shape_model_file_draw_parts(&made.model, "a <cross>", files_path("parts.svg"), &error));
+    assert_ok(cairn_shape_model_file_draw_parts(&made.model, NULL, 0, "a <cross>", files_path("parts.svg"), &error));
     text = files_read(files_path("parts.svg"), NULL);
     assert_non_null(text);
     assert_well_formed(text);
@@ -298,20 +299,33 @@ static void test_parts_drawn(void **state)
     }
     bad.outline = two;
     bad.outline_count = 34;
-    assert_ok(cairn_shape_model_file_draw_parts(&bad, "two", files_path("parts.svg"), &error));
+    assert_ok(cairn_shape_model_file_draw_parts(&bad, NULL, 0, "two", files_path("parts.svg"), &error));
     text = files_read(files_path("parts.svg"), NULL);
     assert_non_null(text);
     assert_int_equal(count_of_pieces(text, "class=\"fragment\""), 24);
     free(text);
+    /* By hand: two sides in one bundle, a third in another; a sample that is not there. */
+    assert_ok(cairn_shape_model_file_draw_parts(&bad, by_hand, 3, "three", files_path("parts.svg"), &error));
+    text = files_read(files_path("parts.svg"), NULL);
+    assert_non_null(text);
+    assert_non_null(strstr(text, "3 fragments in 2 bundles"));
+    assert_int_equal(count_of_pieces(text, "class=\"fragment\""), 3);
+    free(text);
+    by_hand[1].to = 32;
+    assert_status(cairn_shape_model_file_draw_parts(&bad, by_hand, 3, "three", files_path("a.svg"), &error),
+                  CAIRN_BAD_ARGUMENT);
+    assert_non_null(strstr(error.text, "expected fragments by hand of the first outline"));
     bad.outline_count = 2;
-    assert_status(cairn_shape_model_file_draw_parts(&bad, "a", files_path("a.svg"), &error), CAIRN_EMPTY);
+    assert_status(cairn_shape_model_file_draw_parts(&bad, NULL, 0, "a", files_path("a.svg"), &error), CAIRN_EMPTY);
     for (int32_t i = 0; i < 5; i++)
         two[i].position = two[0].position;
     bad.outline_count = 5;
-    assert_status(cairn_shape_model_file_draw_parts(&bad, "a", files_path("a.svg"), &error), CAIRN_EMPTY);
+    assert_status(cairn_shape_model_file_draw_parts(&bad, NULL, 0, "a", files_path("a.svg"), &error), CAIRN_EMPTY);
     bad.size = 0;
-    assert_status(cairn_shape_model_file_draw_parts(&bad, "a", files_path("a.svg"), &error), CAIRN_BAD_ARGUMENT);
-    assert_status(cairn_shape_model_file_draw_parts(&made.model, "a", files_path("none/a.svg"), &error), CAIRN_IO);
+    assert_status(cairn_shape_model_file_draw_parts(&bad, NULL, 0, "a", files_path("a.svg"), &error),
+                  CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_shape_model_file_draw_parts(&made.model, NULL, 0, "a", files_path("none/a.svg"), &error),
+                  CAIRN_IO);
     cairn_shape_model_file_free(&made);
 }
 

@@ -4,13 +4,14 @@
 #include <string.h>
 
 #include "cairn/output.h"
+#include "cairn/part_cut_file.h"
 #include "cairn/shape_model_file.h"
 #include "tools/cairn_tool.h"
 
 #define PROGRAM "cairn model"
 
 typedef struct settings {
-    const char *shape, *output, *picture, *parts, *holes;
+    const char *shape, *output, *picture, *parts, *cuts, *holes;
     int64_t points, samples, paths;
     double gap, part;
     int32_t mirror, quiet;
@@ -22,6 +23,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_TEXT("-o", &s->output, "FILE", "the model, a text file"),
         OPTION_TEXT("--svg", &s->picture, "FILE", "draws it: outline, axes, radii"),
         OPTION_TEXT("--parts", &s->parts, "FILE", "draws the fragments of its outline, in bundles (SVG)"),
+        OPTION_TEXT("--cuts", &s->cuts, "FILE", "of --parts: fragments by hand: sample, sample and bundle a line"),
         OPTION_INTEGER("--points", &s->points, 16, 1024, "N", "samples of the outline"),
         OPTION_INTEGER("--samples", &s->samples, 4, 256, "N", "of a path that holds all of the outline"),
         OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_PATHS, "N", "at most; 1: the longest alone"),
@@ -49,6 +51,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
                                              count < 1 ? "no picture" : "no file to write to (-o)", set.synopsis);
     if (strcmp(s->holes, "keep") != 0 && strcmp(s->holes, "fill") != 0 && strcmp(s->holes, "refuse") != 0)
         return (option_result)options_refuse(PROGRAM, "--holes %s, expected keep, fill or refuse", s->holes);
+    if (s->cuts != NULL && s->parts == NULL)
+        return (option_result)options_refuse(PROGRAM, "--cuts without --parts, expected a picture to draw them in");
     s->shape = words[0];
     return OPTIONS_READ;
 }
@@ -91,9 +95,21 @@ static void print_summary(const cairn_shape_model *m, const cairn_shape_image *t
                100 * (double)m->paths[i].share, m->paths[i].parent < 0 ? "" : ", a branch");
 }
 
+static cairn_status draw_parts(const settings *s, const cairn_shape_model *model, cairn_file_error *error)
+{
+    cairn_part_cut cut[CAIRN_PART_FRAGMENTS];
+    int32_t count = 0;
+    cairn_status status = s->cuts == NULL ? CAIRN_OK : cairn_part_cut_file_read(cut, &count, s->cuts, error);
+
+    if (status != CAIRN_OK)
+        return status;
+    return cairn_shape_model_file_draw_parts(model, s->cuts != NULL ? cut : NULL, count, cairn_path_name(s->shape),
+                                             s->parts, error);
+}
+
 int tool_model(int argc, char **argv)
 {
-    settings s = {NULL, NULL, NULL, NULL, "keep", 128, 32, CAIRN_SHAPE_PATHS, 0.1, 0.01, 0, 0};
+    settings s = {NULL, NULL, NULL, NULL, NULL, "keep", 128, 32, CAIRN_SHAPE_PATHS, 0.1, 0.01, 0, 0};
     option_result result = read_settings(&s, argc, argv);
     cairn_shape_model_file file;
     cairn_shape_image traced;
@@ -109,7 +125,7 @@ int tool_model(int argc, char **argv)
     status = s.picture == NULL ? CAIRN_OK
                                : cairn_shape_model_file_draw(&file.model, cairn_path_name(s.shape), s.picture, &error);
     if (status == CAIRN_OK && s.parts != NULL)
-        status = cairn_shape_model_file_draw_parts(&file.model, cairn_path_name(s.shape), s.parts, &error);
+        status = draw_parts(&s, &file.model, &error);
     if (status == CAIRN_OK)
         status = cairn_shape_model_file_write(&file.model, s.output, &error);
     if (status == CAIRN_OK && !s.quiet)

@@ -16,6 +16,7 @@
 #define CAIRN_SHAPE_MODEL_FILE_H
 
 #include "cairn/file_error.h"
+#include "cairn/part_bundle.h"
 #include "cairn/shape_image.h"
 
 #ifdef __cplusplus
@@ -72,10 +73,11 @@ void cairn_shape_model_file_mirror(cairn_shape_model_file *file);
 CAIRN_CHECKED cairn_status cairn_shape_model_file_draw(const cairn_shape_model *model, const char *title,
                                                        const char *path, cairn_file_error *error);
 
-/* Draws the fragments of its first outline, bundle by bundle (SVG, part_bundle by rule). CAIRN_EMPTY: fewer than 3 samples; statuses of
- * write. */
-CAIRN_CHECKED cairn_status cairn_shape_model_file_draw_parts(const cairn_shape_model *model, const char *title,
-                                                             const char *path, cairn_file_error *error);
+/* Draws the fragments of its first outline, bundle by bundle (SVG): cuts: [cut_count] those by hand; NULL: part_bundle's, by rule.
+ * CAIRN_EMPTY: fewer than 3 samples; statuses of cairn_part_bundle_begin() and of write. */
+CAIRN_CHECKED cairn_status cairn_shape_model_file_draw_parts(const cairn_shape_model *model, const cairn_part_cut *cuts,
+                                                             int32_t cut_count, const char *title, const char *path,
+                                                             cairn_file_error *error);
 
 void cairn_shape_model_file_free(cairn_shape_model_file *file);
 

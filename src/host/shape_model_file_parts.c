@@ -18,6 +18,8 @@ static const char *const colours[CAIRN_PART_BUNDLES] = {"#2563eb", "#ea580c", "#
 
 typedef struct sheet {
     const cairn_shape_model *model;
+    const cairn_part_cut *cuts; /* NULL: by rule */
+    int32_t cut_count;
     int32_t outline; /* samples of the first outline, which alone has fragments */
     cairn_part_model parts;
     double head;
@@ -83,7 +85,7 @@ static cairn_status print_sheet(sheet *s, const char *title, const char *path, c
     return cairn_output_commit(output, error);
 }
 
-/* The fragments by rule, in memory that the builder stands in. */
+/* The fragments, in memory that the builder stands in. */
 static cairn_status find_parts(sheet *s, void *memory, size_t bytes, const cairn_part_bundle_params *params,
                                cairn_vec2 *points)
 {
@@ -97,7 +99,7 @@ static cairn_status find_parts(sheet *s, void *memory, size_t bytes, const cairn
     if (status == CAIRN_OK)
         status = cairn_part_bundle_create(&builder, &pool, params);
     if (status == CAIRN_OK)
-        status = cairn_part_bundle_begin(builder, points, s->outline, NULL, 0);
+        status = cairn_part_bundle_begin(builder, points, s->outline, s->cuts, s->cut_count);
     if (status != CAIRN_OK)
         return status;
     do {
@@ -108,13 +110,14 @@ static cairn_status find_parts(sheet *s, void *memory, size_t bytes, const cairn
     return status;
 }
 
-cairn_status cairn_shape_model_file_draw_parts(const cairn_shape_model *model, const char *title, const char *path,
+cairn_status cairn_shape_model_file_draw_parts(const cairn_shape_model *model, const cairn_part_cut *cuts,
+                                               int32_t cut_count, const char *title, const char *path,
                                                cairn_file_error *error)
 {
     cairn_fault fault = {-1, NULL};
     cairn_status status = cairn_shape_model_check(model, &fault);
     cairn_part_bundle_params params = cairn_part_bundle_default();
-    sheet s = {.model = model};
+    sheet s = {.model = model, .cuts = cuts, .cut_count = cut_count};
     cairn_vec2 *points;
     size_t bytes;
     void *memory;
@@ -133,8 +136,9 @@ cairn_status cairn_shape_model_file_draw_parts(const cairn_shape_model *model, c
     if (status == CAIRN_OK)
         status = print_sheet(&s, title, path, error);
     else
-        status = cairn_file_error_set(error, status, path, 0, "%s, expected an outline with length",
-                                      cairn_status_text(status));
+        status = cairn_file_error_set(error, status, path, 0, "%s, expected %s", cairn_status_text(status),
+                                      cuts != NULL ? "fragments by hand of the first outline, which has a length"
+                                                   : "an outline with length");
     free(memory);
     free(points);
     return status;
