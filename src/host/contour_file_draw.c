@@ -1,37 +1,12 @@
 /* Contours over their image, as SVG. */
 #include "src/core/build.h"
 
-#include <errno.h>
-#include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 
 #include "cairn/contour_file.h"
-#include "src/host/map_file_image.h"
-#include "src/host/report_text.h"
-
-#define PICTURE 1000.0 /* px, the longer side */
-#define FOOT    50.0
+#include "src/host/report_overlay.h"
 
 static const char *const side_names[3] = {"left", "right", "other"};
-
-static cairn_status print_image(cairn_output *output, const cairn_contour_picture *p)
-{
-    uint8_t *png;
-    size_t count;
-    cairn_status status = cairn_image_encode_png(&png, &count, p->grey, p->tokens->width, p->tokens->height, 1);
-
-    if (status != CAIRN_OK)
-        return status;
-    cairn_output_print(
-        output,
-        "<image x=\"-0.5\" y=\"-0.5\" width=\"%d\" height=\"%d\" opacity=\"0.55\" href=\"data:image/png;base64,",
-        (int)p->tokens->width, (int)p->tokens->height);
-    cairn_report_print_base64(output, png, count);
-    cairn_output_print(output, "\"/>\n");
-    free(png);
-    return CAIRN_OK;
-}
 
 /* 0 left, 1 right, 2 neither. */
 static int32_t side_of(const cairn_contour_picture *p, const cairn_contour_object *o, int32_t segment)
@@ -103,29 +78,17 @@ static void print_object(cairn_output *output, const cairn_contour_picture *p, c
                        (double)o->found.origin.y, (double)o->found.score);
 }
 
-static void print_key(cairn_output *output, double y)
-{
-    static const struct {
-        const char *words, *colour;
-    } keys[] = {{"left side", "#2563eb"},
-                {"right side", "#ea580c"},
-                {"ends and others", "#16a34a"},
-                {"skeleton", "#dc2626"},
-                {"outline, bent; dashed where not seen", "#7c3aed"}};
-
-    for (int i = 0; i < (int)(sizeof keys / sizeof *keys); i++) {
-        double x = CAIRN_REPORT_MARGIN + 2 + 160 * i;
-
-        cairn_output_print(output, "<path stroke=\"%s\" stroke-width=\"3\" d=\"M%.1f %.1fh22\"/>\n", keys[i].colour, x,
-                           y - 4);
-        cairn_report_print_text(output, x + 30, y, "font-size=\"13\" fill=\"#334155\"", keys[i].words);
-    }
-}
-
 cairn_status cairn_contour_file_draw(const cairn_contour_picture *p, const char *path, cairn_file_error *error)
 {
-    double scale = PICTURE / fmax(p->tokens->width, p->tokens->height), head, width, height;
-    char subtitle[256];
+    static const cairn_report_key keys[] = {{"left side", "stroke=\"#2563eb\""},
+                                            {"right side", "stroke=\"#ea580c\""},
+                                            {"ends and others", "stroke=\"#16a34a\""},
+                                            {"skeleton", "stroke=\"#dc2626\""},
+                                            {"outline, bent; dashed where not seen", "stroke=\"#7c3aed\""}};
+    char subtitle[256], style[640];
+    const cairn_report_overlay overlay = {
+        p->image, subtitle, p->grey, p->tokens->width, p->tokens->height, 860, keys, sizeof keys / sizeof *keys, 160};
+    double scale = cairn_report_overlay_scale(&overlay);
     cairn_output *output;
     cairn_status status = cairn_output_open(&output, path, error);
 
@@ -134,32 +97,16 @@ cairn_status cairn_contour_file_draw(const cairn_contour_picture *p, const char 
     (void)snprintf(subtitle, sizeof subtitle, "%d of %.120s, best score %.2f; %d segments of %d chains",
                    (int)p->result->object_count, p->model_name, (double)p->result->best, (int)p->tokens->count,
                    (int)p->tokens->chains);
-    head = cairn_report_head_height(p->image, subtitle);
-    width = fmax(860, 2 * CAIRN_REPORT_MARGIN + scale * p->tokens->width);
-    height = head + scale * p->tokens->height + FOOT;
-    cairn_report_print_head(output, width, height, p->image, subtitle);
-    cairn_output_print(
-        output,
-        "<style>path{fill:none}.left,.right,.other{stroke-width:%.2f;stroke-linecap:round}"
+    (void)snprintf(
+        style, sizeof style,
+        "path{fill:none}.left,.right,.other{stroke-width:%.2f;stroke-linecap:round}"
         ".left{stroke:#2563eb}.right{stroke:#ea580c}.other{stroke:#16a34a}.axis{stroke:#dc2626;stroke-width:%.2f}"
         ".completed{stroke:#7c3aed;stroke-width:%.2f;stroke-dasharray:%.2f}.disc{fill:none;stroke:#dc2626;stroke-width:"
         "%.2f;opacity:.35}.model{stroke:#7c3aed;stroke-width:%.2f;"
-        "stroke-linecap:round}.score{font-size:%.1fpx;fill:#dc2626}</style>\n",
+        "stroke-linecap:round}.score{font-size:%.1fpx;fill:#dc2626}",
         2.6 / scale, 2 / scale, 2 / scale, 6 / scale, 1 / scale, 2 / scale, 18 / scale);
-    cairn_output_print(output, "<g transform=\"translate(%.1f %.1f) scale(%.6f)\">\n",
-                       CAIRN_REPORT_MARGIN + 0.5 * scale, head + 0.5 * scale, scale);
-    cairn_output_print(output, "<rect x=\"-0.5\" y=\"-0.5\" width=\"%d\" height=\"%d\" fill=\"#fff\"/>\n",
-                       (int)p->tokens->width, (int)p->tokens->height);
-    if (p->grey != NULL)
-        status = print_image(output, p);
+    status = cairn_report_overlay_begin(output, &overlay, style);
     for (int32_t i = 0; i < p->result->object_count; i++)
         print_object(output, p, &p->result->objects[i]);
-    cairn_output_print(output, "</g>\n");
-    print_key(output, height - CAIRN_REPORT_MARGIN);
-    cairn_output_print(output, "</svg>\n");
-    if (status != CAIRN_OK) {
-        cairn_output_discard(output);
-        return cairn_file_error_system(error, path, "draw", ENOMEM);
-    }
-    return cairn_output_commit(output, error);
+    return cairn_report_overlay_end(output, &overlay, status, path, error);
 }

@@ -1,18 +1,11 @@
 /* Detections as JSON and as SVG over their image. */
 #include "src/core/build.h"
 
-#include <errno.h>
-#include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 
 #include "cairn/detection_file.h"
 #include "cairn/output.h"
-#include "src/host/map_file_image.h"
-#include "src/host/report_text.h"
-
-#define PICTURE 1000.0 /* px, the longer side */
-#define FOOT    50.0
+#include "src/host/report_overlay.h"
 
 static double image_x(const cairn_detection_picture *p, cairn_real x)
 {
@@ -135,24 +128,6 @@ cairn_status cairn_detection_file_write(const cairn_detection_picture *p, const 
 
 /* ---- SVG ---- */
 
-static cairn_status draw_image(cairn_output *output, const cairn_detection_picture *p)
-{
-    uint8_t *png;
-    size_t count;
-    cairn_status status = cairn_image_encode_png(&png, &count, p->grey, p->tokens->width, p->tokens->height, 1);
-
-    if (status != CAIRN_OK)
-        return status;
-    cairn_output_print(
-        output,
-        "<image x=\"-0.5\" y=\"-0.5\" width=\"%d\" height=\"%d\" opacity=\"0.55\" href=\"data:image/png;base64,",
-        (int)p->tokens->width, (int)p->tokens->height);
-    cairn_report_print_base64(output, png, count);
-    cairn_output_print(output, "\"/>\n");
-    free(png);
-    return CAIRN_OK;
-}
-
 /* The samples that are seen, or those that are not. */
 static void draw_outline(cairn_output *output, const cairn_detection_picture *p, const cairn_detection *d, int is_seen)
 {
@@ -186,27 +161,15 @@ static void draw_detection(cairn_output *output, const cairn_detection_picture *
                        (double)d->left, (double)d->top, (double)d->score);
 }
 
-static void draw_key(cairn_output *output, double y)
-{
-    static const struct {
-        const char *words, *colour;
-    } keys[] = {{"edge segments along it", "#ea580c"},
-                {"outline, bent; dashed where not seen", "#7c3aed"},
-                {"box and score", "#dc2626"}};
-
-    for (int i = 0; i < (int)(sizeof keys / sizeof *keys); i++) {
-        double x = CAIRN_REPORT_MARGIN + 2 + 280 * i;
-
-        cairn_output_print(output, "<path stroke=\"%s\" stroke-width=\"3\" d=\"M%.1f %.1fh22\"/>\n", keys[i].colour, x,
-                           y - 4);
-        cairn_report_print_text(output, x + 30, y, "font-size=\"13\" fill=\"#334155\"", keys[i].words);
-    }
-}
-
 cairn_status cairn_detection_file_draw(const cairn_detection_picture *p, const char *path, cairn_file_error *error)
 {
-    double scale = PICTURE / fmax(p->tokens->width, p->tokens->height), head, width, height;
-    char subtitle[256];
+    static const cairn_report_key keys[] = {{"edge segments along it", "stroke=\"#ea580c\""},
+                                            {"outline, bent; dashed where not seen", "stroke=\"#7c3aed\""},
+                                            {"box and score", "stroke=\"#dc2626\""}};
+    char subtitle[256], style[320];
+    const cairn_report_overlay overlay = {
+        p->image, subtitle, p->grey, p->tokens->width, p->tokens->height, 860, keys, sizeof keys / sizeof *keys, 280};
+    double scale = cairn_report_overlay_scale(&overlay);
     cairn_output *output;
     cairn_status status = cairn_output_open(&output, path, error);
 
@@ -214,29 +177,13 @@ cairn_status cairn_detection_file_draw(const cairn_detection_picture *p, const c
         return status;
     (void)snprintf(subtitle, sizeof subtitle, "%d of %.120s; %d segments of %d chains", (int)p->detections->count,
                    p->model_name, (int)p->tokens->count, (int)p->tokens->chains);
-    head = cairn_report_head_height(p->image, subtitle);
-    width = fmax(860, 2 * CAIRN_REPORT_MARGIN + scale * p->tokens->width);
-    height = head + scale * p->tokens->height + FOOT;
-    cairn_report_print_head(output, width, height, p->image, subtitle);
-    cairn_output_print(output,
-                       "<style>path,.box{fill:none}.segment{stroke:#ea580c;stroke-width:%.2f;stroke-linecap:round}"
-                       ".seen,.missing{stroke:#7c3aed;stroke-width:%.2f}.missing{stroke-dasharray:%.2f}"
-                       ".box{stroke:#dc2626;stroke-width:%.2f}.score{font-size:%.1fpx;fill:#dc2626}</style>\n",
-                       2.6 / scale, 1.5 / scale, 4 / scale, 2 / scale, 18 / scale);
-    cairn_output_print(output, "<g transform=\"translate(%.1f %.1f) scale(%.6f)\">\n",
-                       CAIRN_REPORT_MARGIN + 0.5 * scale, head + 0.5 * scale, scale);
-    cairn_output_print(output, "<rect x=\"-0.5\" y=\"-0.5\" width=\"%d\" height=\"%d\" fill=\"#fff\"/>\n",
-                       (int)p->tokens->width, (int)p->tokens->height);
-    if (p->grey != NULL)
-        status = draw_image(output, p);
+    (void)snprintf(style, sizeof style,
+                   "path,.box{fill:none}.segment{stroke:#ea580c;stroke-width:%.2f;stroke-linecap:round}"
+                   ".seen,.missing{stroke:#7c3aed;stroke-width:%.2f}.missing{stroke-dasharray:%.2f}"
+                   ".box{stroke:#dc2626;stroke-width:%.2f}.score{font-size:%.1fpx;fill:#dc2626}",
+                   2.6 / scale, 1.5 / scale, 4 / scale, 2 / scale, 18 / scale);
+    status = cairn_report_overlay_begin(output, &overlay, style);
     for (int32_t i = 0; i < p->detections->count; i++)
         draw_detection(output, p, &p->detections->found[i]);
-    cairn_output_print(output, "</g>\n");
-    draw_key(output, height - CAIRN_REPORT_MARGIN);
-    cairn_output_print(output, "</svg>\n");
-    if (status != CAIRN_OK) {
-        cairn_output_discard(output);
-        return cairn_file_error_system(error, path, "draw", ENOMEM);
-    }
-    return cairn_output_commit(output, error);
+    return cairn_report_overlay_end(output, &overlay, status, path, error);
 }

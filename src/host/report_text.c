@@ -43,6 +43,16 @@ void cairn_report_print_text(cairn_output *output, double x, double y, const cha
     cairn_output_print(output, "</text>\n");
 }
 
+void cairn_report_print_keys(cairn_output *output, double y, double step, const cairn_report_key *keys, int32_t count)
+{
+    for (int32_t i = 0; i < count; i++) {
+        double x = CAIRN_REPORT_MARGIN + 2 + step * i;
+
+        cairn_output_print(output, "<path %s stroke-width=\"3\" d=\"M%.1f %.1fh22\"/>\n", keys[i].style, x, y - 4);
+        cairn_report_print_text(output, x + 30, y, "font-size=\"13\" fill=\"#334155\"", keys[i].words);
+    }
+}
+
 double cairn_report_head_height(const char *title, const char *subtitle)
 {
     return CAIRN_REPORT_MARGIN + (title != NULL ? 24 : 0) + (subtitle != NULL ? 20 : 0) +

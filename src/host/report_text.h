@@ -18,6 +18,14 @@ void cairn_report_print_json(cairn_output *output, const char *text);
 /* An SVG text element; style: its attributes. */
 void cairn_report_print_text(cairn_output *output, double x, double y, const char *style, const char *text);
 
+/* What a line of a picture means. */
+typedef struct cairn_report_key {
+    const char *words, *style; /* the line's attributes */
+} cairn_report_key;
+
+/* Keys side by side, each so far from the one before. */
+void cairn_report_print_keys(cairn_output *output, double y, double step, const cairn_report_key *keys, int32_t count);
+
 /* The start of a picture: the svg element, its title and background, title and subtitle as texts (NULL: none). */
 void cairn_report_print_head(cairn_output *output, double width, double height, const char *title,
                              const char *subtitle);

@@ -85,28 +85,13 @@ static void print_axes(cairn_output *output, const cairn_shape_model *m, const v
     }
 }
 
-/* What the colours mean. */
-static void print_key(cairn_output *output, double y)
-{
-    static const struct {
-        const char *words, *colour;
-    } keys[] = {{"outline", "#0f172a"},
-                {"axis, from its dot on", "#dc2626"},
-                {"left side", "#2563eb"},
-                {"right side", "#d97706"}};
-
-    for (int i = 0; i < (int)(sizeof keys / sizeof *keys); i++) {
-        double x = CAIRN_REPORT_MARGIN + 2 + 180 * i;
-
-        cairn_output_print(output, "<path stroke=\"%s\" stroke-width=\"3\" d=\"M%.1f %.1fh22\"/>\n", keys[i].colour, x,
-                           y - 4);
-        cairn_report_print_text(output, x + 30, y, "font-size=\"13\" fill=\"#334155\"", keys[i].words);
-    }
-}
-
 cairn_status cairn_shape_model_file_draw(const cairn_shape_model *model, const char *title, const char *path,
                                          cairn_file_error *error)
 {
+    static const cairn_report_key keys[] = {{"outline", "stroke=\"#0f172a\""},
+                                            {"axis, from its dot on", "stroke=\"#dc2626\""},
+                                            {"left side", "stroke=\"#2563eb\""},
+                                            {"right side", "stroke=\"#d97706\""}};
     cairn_fault fault = {-1, NULL};
     cairn_status status = cairn_shape_model_check(model, &fault);
     char subtitle[128];
@@ -136,7 +121,7 @@ cairn_status cairn_shape_model_file_draw(const cairn_shape_model *model, const c
     print_radii(output, model, &v, 0);
     print_radii(output, model, &v, 1);
     print_axes(output, model, &v);
-    print_key(output, height - CAIRN_REPORT_MARGIN);
+    cairn_report_print_keys(output, height - CAIRN_REPORT_MARGIN, 180, keys, sizeof keys / sizeof *keys);
     cairn_output_print(output, "</svg>\n");
     return cairn_output_commit(output, error);
 }

@@ -1,18 +1,11 @@
 /* Skeletons as JSON, and over their image as SVG. */
 #include "src/core/build.h"
 
-#include <errno.h>
-#include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 
 #include "cairn/output.h"
 #include "cairn/skeleton_file.h"
-#include "src/host/map_file_image.h"
-#include "src/host/report_text.h"
-
-#define PICTURE 1000.0 /* px, the longer side */
-#define FOOT    50.0
+#include "src/host/report_overlay.h"
 
 /* ---- JSON ---- */
 
@@ -72,24 +65,6 @@ cairn_status cairn_skeleton_file_write(const cairn_skeleton_picture *p, const ch
 
 /* ---- SVG ---- */
 
-static cairn_status print_image(cairn_output *output, const cairn_skeleton_picture *p)
-{
-    uint8_t *png;
-    size_t count;
-    cairn_status status = cairn_image_encode_png(&png, &count, p->grey, p->width, p->height, 1);
-
-    if (status != CAIRN_OK)
-        return status;
-    cairn_output_print(
-        output,
-        "<image x=\"-0.5\" y=\"-0.5\" width=\"%d\" height=\"%d\" opacity=\"0.55\" href=\"data:image/png;base64,",
-        (int)p->width, (int)p->height);
-    cairn_report_print_base64(output, png, count);
-    cairn_output_print(output, "\"/>\n");
-    free(png);
-    return CAIRN_OK;
-}
-
 /* Of one side the stretches that were seen, or those that were not. */
 static void print_side(cairn_output *output, const cairn_skeleton_point *q, int32_t count, int32_t side, int seen)
 {
@@ -118,26 +93,15 @@ static void print_axis(cairn_output *output, const cairn_skeleton_picture *p, co
     cairn_output_print(output, "\"/>\n");
 }
 
-static void print_key(cairn_output *output, double y)
-{
-    static const struct {
-        const char *words, *style;
-    } keys[] = {{"contour", "stroke=\"#2563eb\""},
-                {"carried on", "stroke=\"#2563eb\" stroke-dasharray=\"3 4\""},
-                {"axis", "stroke=\"#dc2626\""}};
-
-    for (int i = 0; i < (int)(sizeof keys / sizeof *keys); i++) {
-        double x = CAIRN_REPORT_MARGIN + 2 + 160 * i;
-
-        cairn_output_print(output, "<path %s stroke-width=\"3\" d=\"M%.1f %.1fh22\"/>\n", keys[i].style, x, y - 4);
-        cairn_report_print_text(output, x + 30, y, "font-size=\"13\" fill=\"#334155\"", keys[i].words);
-    }
-}
-
 cairn_status cairn_skeleton_file_draw(const cairn_skeleton_picture *p, const char *path, cairn_file_error *error)
 {
-    double scale = PICTURE / fmax(p->width, p->height), head, width, height;
-    char subtitle[256];
+    static const cairn_report_key keys[] = {{"contour", "stroke=\"#2563eb\""},
+                                            {"carried on", "stroke=\"#2563eb\" stroke-dasharray=\"3 4\""},
+                                            {"axis", "stroke=\"#dc2626\""}};
+    char subtitle[256], style[320];
+    const cairn_report_overlay overlay = {
+        p->image, subtitle, p->grey, p->width, p->height, 640, keys, sizeof keys / sizeof *keys, 160};
+    double scale = cairn_report_overlay_scale(&overlay);
     cairn_output *output;
     cairn_status status = cairn_output_open(&output, path, error);
 
@@ -146,20 +110,11 @@ cairn_status cairn_skeleton_file_draw(const cairn_skeleton_picture *p, const cha
     (void)snprintf(subtitle, sizeof subtitle, "%d parts of %d objects, radii %.1f to %.1f px, %d edgels",
                    (int)p->result.part_count, (int)p->result.object_count, (double)p->result.min_radius,
                    (double)p->result.max_radius, (int)p->edgel_count);
-    head = cairn_report_head_height(p->image, subtitle);
-    width = fmax(640, 2 * CAIRN_REPORT_MARGIN + scale * p->width);
-    height = head + scale * p->height + FOOT;
-    cairn_report_print_head(output, width, height, p->image, subtitle);
-    cairn_output_print(output,
-                       "<style>path{fill:none;stroke-linecap:round}.contour,.carried{stroke:#2563eb;stroke-width:%.2f}"
-                       ".carried{stroke-dasharray:%.2f}.axis{stroke:#dc2626;stroke-width:%.2f}</style>\n",
-                       2.6 / scale, 5 / scale, 2.2 / scale);
-    cairn_output_print(output, "<g transform=\"translate(%.1f %.1f) scale(%.6f)\">\n",
-                       CAIRN_REPORT_MARGIN + 0.5 * scale, head + 0.5 * scale, scale);
-    cairn_output_print(output, "<rect x=\"-0.5\" y=\"-0.5\" width=\"%d\" height=\"%d\" fill=\"#fff\"/>\n",
-                       (int)p->width, (int)p->height);
-    if (p->grey != NULL)
-        status = print_image(output, p);
+    (void)snprintf(style, sizeof style,
+                   "path{fill:none;stroke-linecap:round}.contour,.carried{stroke:#2563eb;stroke-width:%.2f}"
+                   ".carried{stroke-dasharray:%.2f}.axis{stroke:#dc2626;stroke-width:%.2f}",
+                   2.6 / scale, 5 / scale, 2.2 / scale);
+    status = cairn_report_overlay_begin(output, &overlay, style);
     for (int32_t i = 0; i < p->result.part_count; i++) {
         const cairn_skeleton_part *s = &p->result.parts[i];
 
@@ -168,12 +123,5 @@ cairn_status cairn_skeleton_file_draw(const cairn_skeleton_picture *p, const cha
                 print_side(output, &p->result.points[s->first], s->count, side, seen);
         print_axis(output, p, s);
     }
-    cairn_output_print(output, "</g>\n");
-    print_key(output, height - CAIRN_REPORT_MARGIN);
-    cairn_output_print(output, "</svg>\n");
-    if (status != CAIRN_OK) {
-        cairn_output_discard(output);
-        return cairn_file_error_system(error, path, "draw", ENOMEM);
-    }
-    return cairn_output_commit(output, error);
+    return cairn_report_overlay_end(output, &overlay, status, path, error);
 }

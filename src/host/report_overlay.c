@@ -1,0 +1,73 @@
+/* Pictures over an image: head, the image in pale grey, keys below. */
+#include "src/core/build.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "src/host/map_file_image.h"
+#include "src/host/report_overlay.h"
+
+#define PICTURE 1000.0 /* px, the longer side */
+#define FOOT    50.0
+
+static cairn_status print_image(cairn_output *output, const cairn_report_overlay *o)
+{
+    uint8_t *png;
+    size_t count;
+    cairn_status status = cairn_image_encode_png(&png, &count, o->grey, o->width, o->height, 1);
+
+    if (status != CAIRN_OK)
+        return status;
+    cairn_output_print(
+        output,
+        "<image x=\"-0.5\" y=\"-0.5\" width=\"%d\" height=\"%d\" opacity=\"0.55\" href=\"data:image/png;base64,",
+        (int)o->width, (int)o->height);
+    cairn_report_print_base64(output, png, count);
+    cairn_output_print(output, "\"/>\n");
+    free(png);
+    return CAIRN_OK;
+}
+
+double cairn_report_overlay_scale(const cairn_report_overlay *overlay)
+{
+    return PICTURE / fmax(overlay->width, overlay->height);
+}
+
+static double head_of(const cairn_report_overlay *o)
+{
+    return cairn_report_head_height(o->title, o->subtitle);
+}
+
+static double height_of(const cairn_report_overlay *o)
+{
+    return head_of(o) + cairn_report_overlay_scale(o) * o->height + FOOT;
+}
+
+cairn_status cairn_report_overlay_begin(cairn_output *output, const cairn_report_overlay *overlay, const char *style)
+{
+    double scale = cairn_report_overlay_scale(overlay);
+
+    cairn_report_print_head(output, fmax(overlay->least_width, 2 * CAIRN_REPORT_MARGIN + scale * overlay->width),
+                            height_of(overlay), overlay->title, overlay->subtitle);
+    cairn_output_print(output, "<style>%s</style>\n", style);
+    cairn_output_print(output, "<g transform=\"translate(%.1f %.1f) scale(%.6f)\">\n",
+                       CAIRN_REPORT_MARGIN + 0.5 * scale, head_of(overlay) + 0.5 * scale, scale);
+    cairn_output_print(output, "<rect x=\"-0.5\" y=\"-0.5\" width=\"%d\" height=\"%d\" fill=\"#fff\"/>\n",
+                       (int)overlay->width, (int)overlay->height);
+    return overlay->grey != NULL ? print_image(output, overlay) : CAIRN_OK;
+}
+
+cairn_status cairn_report_overlay_end(cairn_output *output, const cairn_report_overlay *overlay, cairn_status status,
+                                      const char *path, cairn_file_error *error)
+{
+    cairn_output_print(output, "</g>\n");
+    cairn_report_print_keys(output, height_of(overlay) - CAIRN_REPORT_MARGIN, overlay->key_step, overlay->keys,
+                            overlay->key_count);
+    cairn_output_print(output, "</svg>\n");
+    if (status != CAIRN_OK) {
+        cairn_output_discard(output);
+        return cairn_file_error_system(error, path, "draw", ENOMEM);
+    }
+    return cairn_output_commit(output, error);
+}
