@@ -245,6 +245,31 @@ static void bad_links_are_dropped(void **state)
         }
 }
 
+/* A chain of three whose ends are 3 m apart and whose links say 1 m each: what is FIXed stays, the rest is between. */
+static void fixed_poses_stay(void **state)
+{
+    (void)state;
+    for (int both = 0; both < 2; both++) {
+        cairn_pose_graph_file file =
+            read_text(both ? "VERTEX_SE2 4 0 0 0\nVERTEX_SE2 5 1 1 0.2\nVERTEX_SE2 6 3 0 0\nFIX 4 6\n"
+                             "EDGE_SE2 4 5 1 0 0" INFORMATION "EDGE_SE2 5 6 1 0 0" INFORMATION
+                           : "VERTEX_SE2 4 0 0 0\nVERTEX_SE2 5 1 1 0.2\nVERTEX_SE2 6 3 0 0\nFIX 6\n"
+                             "EDGE_SE2 4 5 1 0 0" INFORMATION "EDGE_SE2 5 6 1 0 0" INFORMATION);
+        cairn_pose_graph_solution out;
+
+        memset(&out, 0, sizeof out);
+        out.keep_all = 1;
+        assert_ok(cairn_pose_graph_file_solve(&file, &out));
+        assert_near(out.pose[2].x, 3, 0);
+        assert_near(out.pose[2].y, 0, 0);
+        assert_near(out.pose[0].x, both ? 0 : 1, NUMBER(1e-6, 1e-3));
+        assert_near(out.pose[1].x, both ? 1.5 : 2, NUMBER(1e-6, 1e-3));
+        assert_near(out.pose[1].y, 0, NUMBER(1e-6, 1e-3));
+        cairn_pose_graph_solution_free(&out);
+        cairn_pose_graph_file_free(&file);
+    }
+}
+
 /* A square of side x side poses, a metre apart and each with a heading of its own, with links to the right and upwards
  * that are right to the bit; the poses given are up to 0.2 m and 0.1 rad off, all but the first. */
 static cairn_pose_graph_file a_grid(int32_t side)
@@ -409,15 +434,11 @@ static void the_command(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_fault_has_its_line),
-        cmocka_unit_test(files_come_back_as_they_were),
-        cmocka_unit_test(poses_come_from_the_edges),
-        cmocka_unit_test(trees_are_chained),
-        cmocka_unit_test(bad_links_are_dropped),
-        cmocka_unit_test(large_graphs_are_solved),
-        cmocka_unit_test(the_picture_shows_dropped_links_in_red),
-        cmocka_unit_test(pictures_fit_their_panels),
-        cmocka_unit_test(the_command),
+        cmocka_unit_test(every_fault_has_its_line),  cmocka_unit_test(files_come_back_as_they_were),
+        cmocka_unit_test(poses_come_from_the_edges), cmocka_unit_test(trees_are_chained),
+        cmocka_unit_test(bad_links_are_dropped),     cmocka_unit_test(large_graphs_are_solved),
+        cmocka_unit_test(fixed_poses_stay),          cmocka_unit_test(the_picture_shows_dropped_links_in_red),
+        cmocka_unit_test(pictures_fit_their_panels), cmocka_unit_test(the_command),
     };
 
     programs_find(argc, argv);
