@@ -226,6 +226,7 @@ static double slow_similarity(const matching *m, int32_t fragment, int32_t chain
     const cairn_curve *c = &m->chains[chain];
     int32_t n = m->model.samples_each;
     double own[SAMPLES], theirs[2048], best = 0;
+    double slack = sqrt(fmax(1, (double)(m->params.step_ratio * m->params.min_scale / m->params.max_scale)));
     cairn_vec2 places[2048];
 
     for (int32_t i = 0; i < n; i++)
@@ -235,7 +236,7 @@ static double slow_similarity(const matching *m, int32_t fragment, int32_t chain
         double scale = step * (n - 1) / (double)f->length;
         int32_t steps = (int32_t)((double)cairn_curve_length(c) / step), closed = c->closed && steps >= n;
 
-        if (scale < (double)m->params.min_scale || scale > (double)m->params.max_scale || steps < 1)
+        if (scale * slack < (double)m->params.min_scale || scale > (double)m->params.max_scale * slack || steps < 1)
             continue;
         assert_ok(cairn_curve_resample(c, places, NULL, closed || c->closed ? steps : steps + 1));
         if (c->closed && !closed)
@@ -293,6 +294,37 @@ static void is_as_good_as_whole_tables(void **state)
     }
     assert_in_range(compared, 60, 10000);
     assert_in_range(none, 60, 10000);
+}
+
+/* However near each other the limits are, there is a step between them for every fragment. */
+static void narrow_limits_lose_little(void **state)
+{
+    static const double widths[] = {2, 1.1, 1.03, 1};
+    int32_t all = 0;
+
+    (void)state;
+    for (size_t i = 0; i < sizeof widths / sizeof *widths; i++) {
+        cairn_fragment_match_params params = small_params();
+        cairn_fragment_match_result r;
+        int32_t right = 0;
+        matching m;
+
+        params.min_scale = (cairn_real)(100 / widths[i]);
+        params.max_scale = (cairn_real)(100 * widths[i]);
+        start(&m, &params);
+        lay(&m, 0, CORNERS, 100, 200, 150, 0);
+        r = run(&m);
+        for (int32_t k = 0; k < r.count; k++) {
+            double dx = (double)r.matches[k].centre.x - 200 - 100 * (double)m.model.centroid.x;
+            double dy = (double)r.matches[k].centre.y - 150 - 100 * (double)m.model.centroid.y;
+
+            right += hypot(dx, dy) < 15 && (double)r.matches[k].similarity > 0.8;
+        }
+        all = i == 0 ? right : all;
+        assert_true(all >= 16);
+        assert_in_range(right, 3 * all / 4, 24);
+        end(&m);
+    }
 }
 
 /* Kept are the best of a longer list, each on its own chain. */
@@ -594,6 +626,7 @@ int main(void)
         cmocka_unit_test(finds_what_was_laid),
         cmocka_unit_test(prefers_the_larger_scale),
         cmocka_unit_test(is_as_good_as_whole_tables),
+        cmocka_unit_test(narrow_limits_lose_little),
         cmocka_unit_test(keeps_the_best),
         cmocka_unit_test(matches_nothing),
         cmocka_unit_test(is_bounded),

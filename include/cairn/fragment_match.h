@@ -13,14 +13,16 @@ extern "C" {
 #endif
 
 typedef struct cairn_fragment_match_params {
-    int32_t max_fragments;           /* of a model, 1 ... 65536 (CAIRN_PART_FRAGMENTS) */
-    int32_t samples_each;            /* of a fragment at most, 2 ... 64 (20) */
-    int32_t max_chains;              /* 1 ... 2^24 (10,000) */
-    int32_t max_samples;             /* of a chain at min_step, 4 ... 2^20 (4096) */
-    int32_t matches_each;            /* kept of a fragment, each on a chain of its own, 1 ... 64 (2) */
-    cairn_real min_scale, max_scale; /* px for a unit of the model, 0 < min <= max <= 1e6 (24 ... 800) */
-    cairn_real min_step;             /* px, >= 0.5: chains are sampled at steps of this and more (1.5) */
-    cairn_real step_ratio;           /* from one step to the next, 1.05 ... 2 (1.19) */
+    int32_t max_fragments; /* of a model, 1 ... 65536 (CAIRN_PART_FRAGMENTS) */
+    int32_t samples_each;  /* of a fragment at most, 2 ... 64 (20) */
+    int32_t max_chains;    /* 1 ... 2^24 (10,000) */
+    int32_t max_samples;   /* of a chain at min_step, 4 ... 2^20 (4096) */
+    int32_t matches_each;  /* kept of a fragment, each on a chain of its own, 1 ... 64 (2) */
+    /* px for a unit of the model, 0 < min <= max <= 1e6 (24 ... 800); limits that are nearer to each other than step_ratio
+     * stand for limits about them that are as far apart as that. */
+    cairn_real min_scale, max_scale;
+    cairn_real min_step;   /* px, >= 0.5: chains are sampled at steps of this and more (1.5) */
+    cairn_real step_ratio; /* from one step to the next, 1.05 ... 2 (1.19) */
     cairn_real turn; /* rad, 0.02 ... pi: so far apart, directions speak neither for nor against each other (pi/8) */
     cairn_real gap;  /* 0.5 ... 4: cost of a sample that is left out, of what one gains that agrees (0.5) */
     cairn_real min_similarity; /* > 0 ... 1 (0.5) */
@@ -66,8 +68,8 @@ CAIRN_CHECKED cairn_status cairn_fragment_match_create(cairn_fragment_matcher **
 CAIRN_CHECKED cairn_status cairn_fragment_match_begin(cairn_fragment_matcher *matcher, const cairn_part_model *model,
                                                       const cairn_curve *chains, int32_t chain_count);
 
-/* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the matches stand, or nothing was begun. For each step and each chain that
- * is long enough about a unit a sample, and for each fragment at a scale within the limits one for eight cells; then for each match
+/* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the matches stand, or nothing was begun. For each step that a
+ * fragment needs and each chain that is long enough about a unit a sample, paid at once, and for each fragment at a scale within the limits one for eight cells; then for each match
  * about nine for a sample of the fragment times samples, and one for four pairs. */
 CAIRN_CHECKED cairn_status cairn_fragment_match_step(cairn_fragment_matcher *matcher, cairn_budget *budget);
 

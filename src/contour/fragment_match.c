@@ -125,6 +125,7 @@ cairn_status cairn_fragment_match_create(cairn_fragment_matcher **matcher, cairn
         return CAIRN_NO_MEMORY;
     *matcher = carve(pool, params);
     (*matcher)->params = *params;
+    (*matcher)->slack = cairn_sqrt(cairn_max(1, params->step_ratio * params->min_scale / params->max_scale));
     fill_gains(*matcher);
     pairing = pairing_params(params);
     return cairn_sequence_create(&(*matcher)->pairing, pool, &pairing);
@@ -204,14 +205,22 @@ static cairn_status check_chains(const cairn_fragment_matcher *m, const cairn_cu
     return CAIRN_OK;
 }
 
-/* The largest step at which a fragment is looked for. */
-static cairn_real last_step(const cairn_fragment_matcher *m)
+/* The steps at which fragments are looked for: from the first that one of them needs to the last. */
+static void begin_steps(cairn_fragment_matcher *m)
 {
-    cairn_real last = 0;
+    cairn_real last = 0, first = m->params.max_scale * FAR;
 
     for (int32_t i = 0; i < m->model.fragment_count; i++)
-        last = cairn_max(last, m->model.fragments[i].length * m->params.max_scale);
-    return last / (cairn_real)(m->model.samples_each - 1);
+        if (m->model.fragments[i].length > 0) {
+            first = cairn_min(first, m->model.fragments[i].length * m->params.min_scale);
+            last = cairn_max(last, m->model.fragments[i].length * m->params.max_scale);
+        }
+    first /= (cairn_real)(m->model.samples_each - 1) * m->slack;
+    m->last = last / (cairn_real)(m->model.samples_each - 1) * m->slack;
+    m->level = 0;
+    for (m->step = m->params.min_step; m->step * m->params.step_ratio < first && m->step <= m->last;
+         m->step *= m->params.step_ratio)
+        m->level++;
 }
 
 cairn_status cairn_fragment_match_begin(cairn_fragment_matcher *m, const cairn_part_model *model,
@@ -239,9 +248,8 @@ cairn_status cairn_fragment_match_begin(cairn_fragment_matcher *m, const cairn_p
         cairn_real_to_int(cairn_ceil(m->params.min_similarity * (cairn_real)(FRAGMENT_UNIT * model->samples_each)));
     m->need = (m->least + FRAGMENT_UNIT - 1) / FRAGMENT_UNIT;
     m->need = m->need > 2 ? m->need : 2;
-    m->step = m->params.min_step;
-    m->last = last_step(m);
-    m->level = m->chain = m->fragment = m->next = m->match_count = m->kept_all = m->paid = 0;
+    begin_steps(m);
+    m->chain = m->fragment = m->next = m->match_count = m->kept_all = m->paid = 0;
     m->cells = 0;
     m->phase = chain_count > 0 && m->step <= m->last ? FRAGMENT_SAMPLE : FRAGMENT_DONE;
     return CAIRN_OK;

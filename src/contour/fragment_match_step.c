@@ -113,11 +113,10 @@ static cairn_real scale_of(const cairn_fragment_matcher *m, int32_t fragment)
     return length > 0 ? m->step * (cairn_real)(m->model.samples_each - 1) / length : 0;
 }
 
-static int is_looked_for(const cairn_fragment_matcher *m, int32_t fragment)
+/* Within the limits; where these are nearer to each other than two steps, they lie apart as far as these. */
+static int is_allowed(const cairn_fragment_matcher *m, cairn_real scale)
 {
-    cairn_real scale = scale_of(m, fragment);
-
-    return scale >= m->params.min_scale && scale <= m->params.max_scale;
+    return scale * m->slack >= m->params.min_scale && scale <= m->params.max_scale * m->slack;
 }
 
 /* ---- Going on ---- */
@@ -182,7 +181,7 @@ static int do_align(cairn_fragment_matcher *m, cairn_budget *budget)
     int32_t n = m->model.samples_each, left = m->columns - m->at, block = left < BLOCK ? left : BLOCK;
     const int16_t *codes = cairn_fragment_match_codes(m, m->fragment, m->reversed);
 
-    if (!is_looked_for(m, m->fragment)) {
+    if (!is_allowed(m, scale_of(m, m->fragment))) {
         if (!cairn_budget_pay(budget, &m->paid, 1))
             return 0;
         next_alignment(m);
@@ -322,7 +321,7 @@ static int do_fit(cairn_fragment_matcher *m, cairn_budget *budget)
     first = window_start(m, k) + r.pairs[0].second;
     last = window_start(m, k) + r.pairs[r.count - 1].second;
     fit(m, k, &r, match);
-    if (last - first < m->samples && match->scale >= m->params.min_scale && match->scale <= m->params.max_scale) {
+    if (last - first < m->samples && is_allowed(m, match->scale)) {
         match->fragment = m->fragment;
         match->chain = k->chain;
         match->reversed = k->reversed;

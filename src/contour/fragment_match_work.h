@@ -28,6 +28,7 @@ struct cairn_fragment_matcher {
     cairn_sequence *pairing;
     int32_t gain[FRAGMENT_DIRECTIONS];
     int32_t column[FRAGMENT_SAMPLES_EACH_MOST];
+    cairn_real slack;      /* >= 1: that the limits of the scale are beyond themselves */
     int32_t gap, least;    /* parts of FRAGMENT_UNIT; of a similarity */
     int32_t need;          /* samples of a chain at least */
     cairn_real step, last; /* px */
