@@ -4,6 +4,7 @@
 #include <math.h>
 
 #include "cairn/part_configuration.h"
+#include "src/contour/part_configuration_work.h"
 
 enum { VOTES = 400, NEAREST = 64 };
 
@@ -367,6 +368,29 @@ static void is_bounded(void **state)
 }
 
 /* Few distances are measured of votes that lie apart. */
+/* All at one place, so in one bucket: no step looks at more votes than it has units. */
+static void equal_votes_are_looked_at_one_by_one(void **state)
+{
+    cairn_part_configuration_params params = cairn_part_configuration_default();
+    cairn_status status = CAIRN_MORE;
+    voting v;
+
+    (void)state;
+    start(&v, &params);
+    for (int32_t i = 0; i < VOTES; i++)
+        (void)vote(&v, i % 3, 100, 100, 100, 1);
+    assert_ok(cairn_part_configuration_begin(v.configurator, v.votes, v.count, NULL));
+    for (int32_t i = 0; i < 100000 && status == CAIRN_MORE; i++) {
+        cairn_budget budget = {20};
+        int64_t before = v.configurator->pairs;
+
+        status = cairn_part_configuration_step(v.configurator, &budget);
+        assert_in_range(v.configurator->pairs - before, 0, 20 + 16);
+    }
+    assert_ok(status);
+    test_pool_free(&v.pool);
+}
+
 static void looks_near_only(void **state)
 {
     cairn_part_configuration_params params = cairn_part_configuration_default();
@@ -558,6 +582,7 @@ int main(void)
         cmocka_unit_test(is_bounded),
         cmocka_unit_test(looks_near_only),
         cmocka_unit_test(does_not_depend_on_budgets),
+        cmocka_unit_test(equal_votes_are_looked_at_one_by_one),
         cmocka_unit_test(refuses_bad_params),
         cmocka_unit_test(refuses_bad_votes),
     };

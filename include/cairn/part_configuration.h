@@ -83,7 +83,8 @@ CAIRN_CHECKED cairn_status cairn_part_configuration_begin(cairn_part_configurato
                                                           cairn_fault *fault);
 
 /* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the configurations stand, or nothing was begun. For each vote: one for each cell of
- * the index and vote in it that is within reach, one for each node, one for four of those found. */
+ * the index that is within reach and each vote that shares its bucket, one for each node, one for four of those found; so quadratic in votes
+ * that all lie at one place. */
 CAIRN_CHECKED cairn_status cairn_part_configuration_step(cairn_part_configurator *configurator, cairn_budget *budget);
 
 /* All zero until step() returns CAIRN_OK. */

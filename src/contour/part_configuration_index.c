@@ -47,6 +47,18 @@ void cairn_part_configuration_insert(cairn_part_configurator *c, int32_t vote)
     c->sizes[bucket]++;
 }
 
+/* Votes of a bucket that are looked at in one item. */
+enum { VOTES_OF_ITEM = 16 };
+
+static void enter_cell(cairn_part_configurator *c)
+{
+    vote_query *q = &c->query;
+    uint32_t bucket = bucket_of(c, q->layer, q->x, q->y);
+
+    q->vote = c->heads[bucket];
+    q->left = c->sizes[bucket];
+}
+
 /* Cells of the query's layer. */
 static void enter_layer(cairn_part_configurator *c)
 {
@@ -58,6 +70,7 @@ static void enter_layer(cairn_part_configurator *c)
     q->max_x = floor_of((q->at.centre.x + reach) / cell);
     q->y = floor_of((q->at.centre.y - reach) / cell);
     q->max_y = floor_of((q->at.centre.y + reach) / cell);
+    enter_cell(c);
 }
 
 void cairn_part_configuration_query(cairn_part_configurator *c, vote_place at)
@@ -83,7 +96,7 @@ int32_t cairn_part_configuration_query_cost(const cairn_part_configurator *c)
 
     if (q->all)
         return q->x < c->count;
-    return q->layer <= q->last_layer ? 1 + c->sizes[bucket_of(c, q->layer, q->x, q->y)] : 0;
+    return q->layer <= q->last_layer ? 1 + (q->left < VOTES_OF_ITEM ? q->left : VOTES_OF_ITEM) : 0;
 }
 
 /* Takes a vote among the nearest K: by its distance, then its index. */
@@ -123,6 +136,24 @@ static int is_in_cell(const cairn_part_configurator *c, int32_t vote)
            floor_of(c->votes[vote].centre.y / q->cell) == q->y;
 }
 
+/* To the next cell. */
+static void leave_cell(cairn_part_configurator *c)
+{
+    vote_query *q = &c->query;
+
+    if (q->x < q->max_x) {
+        q->x++;
+    } else if (q->y < q->max_y) {
+        q->x = q->min_x;
+        q->y++;
+    } else {
+        if (++q->layer <= q->last_layer)
+            enter_layer(c);
+        return;
+    }
+    enter_cell(c);
+}
+
 void cairn_part_configuration_query_next(cairn_part_configurator *c)
 {
     vote_query *q = &c->query;
@@ -131,18 +162,9 @@ void cairn_part_configuration_query_next(cairn_part_configurator *c)
         offer(c, q->x++);
         return;
     }
-    for (int32_t v = c->heads[bucket_of(c, q->layer, q->x, q->y)]; v >= 0; v = c->next[v])
-        if (is_in_cell(c, v))
-            offer(c, v);
-    if (q->x < q->max_x) {
-        q->x++;
-        return;
-    }
-    q->x = q->min_x;
-    if (q->y < q->max_y) {
-        q->y++;
-        return;
-    }
-    if (++q->layer <= q->last_layer)
-        enter_layer(c);
+    for (int32_t i = 0; i < VOTES_OF_ITEM && q->left > 0; i++, q->left--, q->vote = c->next[q->vote])
+        if (is_in_cell(c, q->vote))
+            offer(c, q->vote);
+    if (q->left == 0)
+        leave_cell(c);
 }

@@ -38,7 +38,8 @@ typedef struct vote_query {
     vote_place at;
     cairn_real cell; /* px, of the layer */
     int32_t layer, last_layer, x, y, min_x, max_x, max_y;
-    int32_t all; /* 1: the cells are more than the votes, which are looked at one by one; the next in x */
+    int32_t vote, left; /* of the cell's bucket: the next, and how many are not looked at */
+    int32_t all;        /* 1: the cells are more than the votes, which are looked at one by one; the next in x */
 } vote_query;
 
 struct cairn_part_configurator {
@@ -71,9 +72,9 @@ struct cairn_part_configurator {
 /* The index. A layer holds the scales within one reach, its cells are as wide as the reach of its largest. */
 void cairn_part_configuration_insert(cairn_part_configurator *c, int32_t vote);
 void cairn_part_configuration_query(cairn_part_configurator *c, vote_place at);
-/* Units of the next cell of the query; 0: there is none. */
+/* Units of the query's next item; 0: there is none. */
 int32_t cairn_part_configuration_query_cost(const cairn_part_configurator *c);
-/* Takes the next cell's votes among the nearest. */
+/* Takes the next votes of a cell, a few at once, among the nearest. */
 void cairn_part_configuration_query_next(cairn_part_configurator *c);
 
 /* The tree of configurations of the nearest votes. */
