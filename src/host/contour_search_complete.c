@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "src/host/contour_search_ends.h"
 #include "src/host/contour_search_fit.h"
 
 /* Of the object's size: a gap within a chain that is closed, whatever lies in it. */
@@ -28,8 +29,6 @@
 #define BEYOND_SHARE 0.2
 #define BEND_COSINE  0.5
 #define ON_COSINE    0.6
-/* Pixels between ends of chains that meet. */
-#define JUNCTION 4
 enum { ROUNDS = 8 };
 
 typedef struct placed {
@@ -124,16 +123,6 @@ static void follow(const cairn_contour_tokens *t, const contour_laid *c, int32_t
             taken[i] = (uint8_t)goes_on(c, t->lines[i + 1], t->lines[i]);
 }
 
-static int meet(cairn_segment a, cairn_segment b)
-{
-    const cairn_real most = JUNCTION * JUNCTION;
-
-    return cairn_vec2_norm_squared(cairn_vec2_sub(a.a, b.a)) <= most ||
-           cairn_vec2_norm_squared(cairn_vec2_sub(a.a, b.b)) <= most ||
-           cairn_vec2_norm_squared(cairn_vec2_sub(a.b, b.a)) <= most ||
-           cairn_vec2_norm_squared(cairn_vec2_sub(a.b, b.b)) <= most;
-}
-
 static int32_t end_of(const cairn_contour_tokens *t, int32_t from)
 {
     int32_t to = from + 1;
@@ -144,18 +133,22 @@ static int32_t end_of(const cairn_contour_tokens *t, int32_t from)
 }
 
 /* Takes the ends of chains that go on where one that was taken ends; how many. */
-static int32_t cross_junctions(const cairn_contour_tokens *t, const contour_laid *c, const int32_t *ends,
-                               int32_t end_count, uint8_t *taken)
+static int32_t cross_junctions(const cairn_contour_tokens *t, const contour_laid *c, contour_ends *ends, uint8_t *taken)
 {
     int32_t crossed = 0;
 
-    for (int32_t i = 0; i < end_count; i++)
-        for (int32_t k = 0; k < end_count && taken[ends[i]]; k++)
-            if (!taken[ends[k]] && meet(t->lines[ends[i]], t->lines[ends[k]]) &&
-                goes_on(c, t->lines[ends[i]], t->lines[ends[k]])) {
-                taken[ends[k]] = 1;
+    for (int32_t i = 0; i < ends->count; i++) {
+        int32_t from = ends->listed[i], near = taken[from] ? cairn_contour_ends_near(ends, i) : 0;
+
+        for (int32_t k = 0; k < near; k++) {
+            int32_t to = ends->listed[ends->near[k]];
+
+            if (!taken[to] && goes_on(c, t->lines[from], t->lines[to])) {
+                taken[to] = 1;
                 crossed++;
             }
+        }
+    }
     return crossed;
 }
 
@@ -244,7 +237,7 @@ static int continues(cairn_segment from, cairn_segment to)
         cairn_vec2 end = k % 2 == 0 ? from.b : from.a, out = cairn_vec2_sub(end, k % 2 == 0 ? from.a : from.b);
         cairn_vec2 start = k / 2 == 0 ? to.a : to.b, on = cairn_vec2_sub(k / 2 == 0 ? to.b : to.a, start);
 
-        if (cairn_vec2_norm_squared(cairn_vec2_sub(start, end)) <= JUNCTION * JUNCTION &&
+        if (cairn_vec2_norm_squared(cairn_vec2_sub(start, end)) <= CONTOUR_JUNCTION * CONTOUR_JUNCTION &&
             cairn_vec2_dot(cairn_vec2_unit(out), cairn_vec2_unit(on)) >= (cairn_real)ON_COSINE)
             return 1;
     }
@@ -289,7 +282,7 @@ static void extend_chain(extender *e, int32_t from, int32_t to)
 }
 
 /* Follows edges on beyond the outline, where they leave it. */
-static void extend_all(extender *e, const int32_t *ends, int32_t end_count)
+static void extend_all(extender *e, contour_ends *ends)
 {
     for (int32_t round = 0; round < ROUNDS; round++) {
         e->grown = 0;
@@ -297,17 +290,19 @@ static void extend_all(extender *e, const int32_t *ends, int32_t end_count)
             to = end_of(e->tokens, from);
             extend_chain(e, from, to);
         }
-        for (int32_t i = 0; i < end_count; i++)
-            for (int32_t k = 0; k < end_count && e->beyond[ends[i]] < e->limit; k++)
-                if (i != k && continues(e->tokens->lines[ends[i]], e->tokens->lines[ends[k]]))
-                    extend(e, ends[i], ends[k]);
+        for (int32_t i = 0; i < ends->count; i++) {
+            int32_t own = ends->listed[i], near = e->beyond[own] < e->limit ? cairn_contour_ends_near(ends, i) : 0;
+
+            for (int32_t k = 0; k < near; k++)
+                if (continues(e->tokens->lines[own], e->tokens->lines[ends->listed[ends->near[k]]]))
+                    extend(e, own, ends->listed[ends->near[k]]);
+        }
         if (!e->grown)
             break;
     }
 }
 
-static int extend_taken(const cairn_contour_tokens *t, const contour_laid *c, const int32_t *ends, int32_t end_count,
-                        uint8_t *taken)
+static int extend_taken(const cairn_contour_tokens *t, const contour_laid *c, contour_ends *ends, uint8_t *taken)
 {
     cairn_real beyond = (cairn_real)BEYOND_SHARE * c->size;
     cairn_box box = cairn_box_empty();
@@ -323,7 +318,7 @@ static int extend_taken(const cairn_contour_tokens *t, const contour_laid *c, co
     e.most = cairn_vec2_add(box.max, (cairn_vec2){beyond, beyond});
     for (int32_t i = 0; i < t->count; i++)
         e.beyond[i] = taken[i] ? 0 : CAIRN_REAL_MAX;
-    extend_all(&e, ends, end_count);
+    extend_all(&e, ends);
     for (int32_t i = 0; i < t->count; i++)
         taken[i] = e.beyond[i] < CAIRN_REAL_MAX;
     free(e.beyond);
@@ -333,18 +328,20 @@ static int extend_taken(const cairn_contour_tokens *t, const contour_laid *c, co
 int cairn_contour_collect(const cairn_contour_tokens *t, const contour_laid *c, int32_t *list, int32_t *count)
 {
     uint8_t *taken = calloc((size_t)t->count + 1, 1);
-    int32_t *ends = malloc(((size_t)t->count + 1) * sizeof *ends), end_count;
-    int ok = taken != NULL && ends != NULL;
+    int32_t *listed = malloc(((size_t)t->count + 1) * sizeof *listed);
+    contour_ends ends;
+    int ok =
+        taken != NULL && listed != NULL && cairn_contour_ends_make(&ends, t->lines, listed, list_ends(t, c, listed));
 
     if (ok) {
         collect(t, c, taken);
-        end_count = list_ends(t, c, ends);
         complete_chains(t, c, taken);
-        for (int32_t round = 0; round < ROUNDS && cross_junctions(t, c, ends, end_count, taken) > 0; round++)
+        for (int32_t round = 0; round < ROUNDS && cross_junctions(t, c, &ends, taken) > 0; round++)
             complete_chains(t, c, taken);
-        ok = extend_taken(t, c, ends, end_count, taken) && list_taken(t, c, taken, list, count);
+        ok = extend_taken(t, c, &ends, taken) && list_taken(t, c, taken, list, count);
+        cairn_contour_ends_free(&ends);
     }
     free(taken);
-    free(ends);
+    free(listed);
     return ok;
 }

@@ -1,0 +1,77 @@
+/* contour_search_ends: the segments that meet are those of comparing all with all. */
+#include "tests/test.h"
+
+#include "src/host/contour_search_ends.h"
+
+enum { LINES = 400 };
+
+static void assert_same_as_all(const cairn_segment *lines, int32_t count)
+{
+    int32_t listed[LINES], listed_count = 0, met = 0;
+    contour_ends ends;
+
+    for (int32_t i = 0; i < count; i++)
+        if (i % 7 != 3)
+            listed[listed_count++] = i;
+    assert_true(cairn_contour_ends_make(&ends, lines, listed, listed_count));
+    for (int32_t round = 0; round < 2; round++)
+        for (int32_t i = 0; i < listed_count; i++) {
+            int32_t near = cairn_contour_ends_near(&ends, i), at = 0;
+
+            for (int32_t k = 0; k < listed_count; k++)
+                if (k != i && cairn_contour_meet(lines[listed[i]], lines[listed[k]])) {
+                    assert_true(at < near);
+                    assert_int_equal(ends.near[at++], k);
+                }
+            assert_int_equal(at, near);
+            met += near;
+        }
+    assert_true(count < LINES / 2 || met > LINES / 4);
+    cairn_contour_ends_free(&ends);
+}
+
+static void finds_all_that_meet(void **state)
+{
+    static const double widths[] = {0, 10, 60, 300, 5000, 900000};
+    cairn_segment lines[LINES];
+
+    (void)state;
+    for (size_t w = 0; w < sizeof widths / sizeof *widths; w++) {
+        cairn_random random = cairn_random_seed(w, 2);
+        cairn_real width = (cairn_real)widths[w];
+
+        for (int32_t i = 0; i < LINES; i++) {
+            cairn_real reach = 30;
+
+            lines[i].a.x = cairn_random_uniform(&random, -width, width);
+            lines[i].a.y = cairn_random_uniform(&random, 0, 1) * width;
+            lines[i].b.x = lines[i].a.x + cairn_random_uniform(&random, -reach, reach);
+            lines[i].b.y = lines[i].a.y + cairn_random_uniform(&random, -reach, reach);
+            /* Every third begins about where the one before ends, and some to the bit as far off as ends may lie. */
+            if (i % 3 == 2) {
+                lines[i].a = lines[i - 1].b;
+                lines[i].a.x += i % 2 == 0 ? CONTOUR_JUNCTION : cairn_random_uniform(&random, -5, 5);
+            }
+        }
+        assert_same_as_all(lines, LINES);
+    }
+}
+
+static void few_lines(void **state)
+{
+    static const cairn_segment lines[] = {{{1, 1}, {5, 1}}, {{9, 1}, {20, 1}}, {{9, 5}, {9, 5}}};
+
+    (void)state;
+    for (int32_t count = 0; count <= 3; count++)
+        assert_same_as_all(lines, count);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(finds_all_that_meet),
+        cmocka_unit_test(few_lines),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
