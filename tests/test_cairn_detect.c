@@ -145,7 +145,7 @@ static void test_cuts(void **state)
     char *text;
 
     (void)state;
-    (void)files_write_text("hand.cuts", "0 40 0\n40 80 1\n80 0 5\n");
+    (void)files_write_text("hand.cuts", "0 40 0\n40 80 1\n80 0 2\n");
     assert_done(programs_run(detect, "hand.cuts"));
     text = read_in("cut/bottle0.json");
     part = strstr(text, "\"parts\": [{\"bundle\": ");

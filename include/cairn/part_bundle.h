@@ -60,7 +60,7 @@ CAIRN_CHECKED cairn_status cairn_part_bundle_create(cairn_part_builder **builder
 /* A fragment by hand. */
 typedef struct cairn_part_cut {
     int32_t from, to; /* vertices of the outline, not the same */
-    int32_t bundle;   /* 0 ... CAIRN_PART_BUNDLES - 1 */
+    int32_t bundle;   /* 0 ... CAIRN_PART_BUNDLES - 1: there are none without a fragment below the last */
 } cairn_part_cut;
 
 /* Starts on a closed outline, copied. cuts: [cut_count] fragments by hand, whose ends are the model's vertices; NULL: by rule: the arcs of

@@ -288,6 +288,7 @@ static cairn_real cut_length(const cairn_vec2 *points, int32_t count, const cair
 static cairn_status check_cuts(const cairn_vec2 *points, int32_t count, const cairn_part_cut *cuts, int32_t cut_count)
 {
     int32_t vertices = 0;
+    uint32_t bundles = 0;
 
     if (cut_count < 1)
         return CAIRN_BAD_ARGUMENT;
@@ -295,6 +296,10 @@ static cairn_status check_cuts(const cairn_vec2 *points, int32_t count, const ca
         if (cuts[k].from < 0 || cuts[k].from >= count || cuts[k].to < 0 || cuts[k].to >= count ||
             cuts[k].from == cuts[k].to || cuts[k].bundle < 0 || cuts[k].bundle >= CAIRN_PART_BUNDLES)
             return CAIRN_BAD_ARGUMENT;
+    for (int32_t k = 0; k < cut_count; k++)
+        bundles |= UINT32_C(1) << cuts[k].bundle;
+    if ((bundles & (bundles + 1)) != 0) /* one below the last has no fragment */
+        return CAIRN_BAD_ARGUMENT;
     if (cut_count > CAIRN_PART_FRAGMENTS)
         return CAIRN_FULL;
     for (int32_t i = 0; i < count; i++)
