@@ -61,7 +61,7 @@ static void test_json(void **state)
     static const char expected[] =
         "{\"image\": \"a \\u0022\\u003cimage\\u003e\\u0022.png\", \"width\": 60, \"height\": 50, \"min_radius\": 2.00, "
         "\"max_radius\": 6.50, \"proposed\": true,\n"
-        " \"edgels\": 11, \"centres\": 21, \"lines\": 4, \"starts\": 6, \"verdict\": \"found\",\n"
+        " \"edgels\": 11, \"centres\": 21, \"lines\": 4, \"starts\": 6, \"left_out\": 0, \"verdict\": \"found\",\n"
         " \"objects\": [\n  {\"log_odds\": 15.75, \"parts\": 2, \"free_ends\": 3}],\n \"parts\": [\n"
         "  {\"log_odds\": 12.50, \"object\": 0, \"joints\": [-1, -1], \"first\": 0,\n"
         "   \"axis\": [[10.00, 20.00, 4.00], [20.00, 20.00, 5.00], [30.00, 20.00, 6.00]],\n"

@@ -632,6 +632,45 @@ static void little_room(void **state)
     }
 }
 
+/* Each edgel that is looked at may be in two CPs. */
+static void few_centres(void **state)
+{
+    (void)state;
+    for (int32_t most = 1; most < 12; most++) {
+        cairn_skeleton_params params = small_params();
+        cairn_skeleton_result found;
+        struct fixture f;
+
+        params.max_centres = most;
+        f = with(params);
+        draw_scene();
+        found = run(f.skeleton, 4, 12);
+        check(&found, &params);
+        assert_in_range(found.centres, 0, most);
+        test_pool_free(&f.pool);
+    }
+}
+
+/* What room is missing for is told. */
+static void starts_are_left_out(void **state)
+{
+    (void)state;
+    for (int32_t k = 0; k < 3; k++) {
+        cairn_skeleton_params params = small_params();
+        cairn_skeleton_result found;
+        struct fixture f;
+
+        params.max_parts = k == 1 ? 1 : 256;
+        params.max_points = k == 2 ? 2 * params.max_steps : 16384;
+        f = with(params);
+        draw_scene();
+        found = run(f.skeleton, 4, 12);
+        assert_int_equal(found.left_out > 0, k > 0);
+        assert_int_equal(found.starts, k == 0 ? found.starts : k == 1 ? 1 : 0);
+        test_pool_free(&f.pool);
+    }
+}
+
 /* ---- Budgets ---- */
 
 static uint64_t tell(void *context)
@@ -694,6 +733,28 @@ static void it_begins_anew(void **state)
     (void)state;
     draw_scene();
     test_begins_anew(&object, 9);
+    test_pool_free(&f.pool);
+}
+
+/* Nothing of the slopes of the image before. */
+static void steepness_is_of_the_image(void **state)
+{
+    static const double slopes[] = {1, 3, 17.3, NUMBER(1e300, 1e30), NUMBER(1e-300, 1e-30)};
+    struct fixture f = with(small_params());
+    uint64_t first = 0;
+
+    (void)state;
+    for (size_t k = 0; k < sizeof slopes / sizeof *slopes; k++) {
+        edgel_count = 0;
+        add(WIDTH / 2.0, HEIGHT / 2.0, 1, 0);
+        edgels[0].slope = (cairn_real)slopes[k];
+        (void)run(f.skeleton, 4, 12);
+        edgel_count = 0;
+        draw_scene();
+        (void)run(f.skeleton, 4, 12);
+        first = k == 0 ? tell(f.skeleton) : first;
+        assert_int_equal(tell(f.skeleton), first);
+    }
     test_pool_free(&f.pool);
 }
 
@@ -872,6 +933,9 @@ int main(void)
         cmocka_unit_test(little_room),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(it_begins_anew),
+        cmocka_unit_test(steepness_is_of_the_image),
+        cmocka_unit_test(few_centres),
+        cmocka_unit_test(starts_are_left_out),
         cmocka_unit_test(bad_input_is_refused),
         cmocka_unit_test(bad_params_are_refused),
         cmocka_unit_test(memory_is_what_it_says),

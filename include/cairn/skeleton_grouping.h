@@ -32,9 +32,9 @@ typedef struct cairn_skeleton_params {
     int32_t max_centres;           /* CPs, 1 ... 2^20: of more, one in so many (4000) */
     int32_t max_lines;             /* through CPs, also while they are fitted, and starts, 1 ... 4096 (256) */
     int32_t max_parts;             /* 1 ... 4096 (256) */
-    int32_t max_points;            /* of the axes of all parts, 1 ... 2^20 (8192) */
-    int32_t max_steps;             /* of a walk, 1 ... 1024 (96) */
-    int32_t particles;             /* 1 ... 1024 (16) */
+    int32_t max_points; /* of the axes of all parts, 1 ... 2^20 (8192); 2 max_steps + 1 of them free for each walk */
+    int32_t max_steps;  /* of a walk, 1 ... 1024 (96) */
+    int32_t particles;  /* 1 ... 1024 (16) */
     cairn_skeleton_weight weight;
     cairn_real duality;      /* rad, > 0, D sigma: of directions, and of the loss of symmetry (20 degrees) */
     cairn_real reach;        /* px, > 0, C sigma: how far a step looks for edgels (8) */
@@ -75,7 +75,9 @@ typedef struct cairn_skeleton_input {
 CAIRN_CHECKED cairn_status cairn_skeleton_begin(cairn_skeleton *skeleton, const cairn_skeleton_input *input);
 
 /* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the parts stand, or nothing was begun. While lines are fitted it may use what an item of `polyline` costs beyond the budget. CAIRN_NOT_FINITE: an edgel; given up, and there
- * are none. The result does not depend on the budgets. */
+ * are none. The result does not depend on the budgets. Costs a unit for each edgel, for four edgels in reach of one that a CP is looked for
+ * for, what `polyline` takes for the CPs, about 150 for each state of each particle's walk and one for four edgels about it, for each part that
+ * is chosen one for eight discs of all others, and for it and four points of all parts one. */
 CAIRN_CHECKED cairn_status cairn_skeleton_step(cairn_skeleton *skeleton, cairn_budget *budget);
 
 /* One disc along an axis. */
@@ -105,6 +107,7 @@ typedef struct cairn_skeleton_result {
     const cairn_skeleton_object *objects; /* [object_count], the likeliest first */
     int32_t point_count, part_count, object_count;
     int32_t centres, lines, starts;    /* CPs found, lines through them, and those that walks began on */
+    int32_t left_out;                  /* starts for whose walks max_parts or max_points had no room */
     cairn_real min_radius, max_radius; /* px, the range that was given or proposed */
 } cairn_skeleton_result;
 

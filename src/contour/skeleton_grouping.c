@@ -247,6 +247,7 @@ cairn_status cairn_skeleton_begin(cairn_skeleton *g, const cairn_skeleton_input 
     g->start = g->direction = g->is_walking = 0;
     g->cursor = g->other = g->sense = g->item = g->paid = g->stage = 0;
     g->steep_count = 0;
+    g->log_slope = 0;
     memset(g->histogram, 0, sizeof g->histogram);
     g->phase = INDEX;
     return CAIRN_OK;
@@ -406,6 +407,7 @@ cairn_skeleton_result cairn_skeleton_read(const cairn_skeleton *g)
     r.centres = g->centres_seen;
     r.lines = g->line_count;
     r.starts = g->walked;
+    r.left_out = g->start_count - g->start;
     r.min_radius = g->input.min_radius;
     r.max_radius = g->input.max_radius;
     return r;

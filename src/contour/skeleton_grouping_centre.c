@@ -20,7 +20,7 @@
 /* Radii where none are given, px and share of the image's shorter side. */
 #define LEAST_RADIUS CAIRN_REAL(3.0)
 #define MOST_RADIUS  CAIRN_REAL(0.15)
-enum { BINS_AN_OCTAVE = 8, UNITS_AN_EDGEL = 4, EDGELS_A_UNIT = 4 };
+enum { BINS_AN_OCTAVE = 8, UNITS_AN_EDGEL = 4 };
 
 /* Where the search for partners ends. */
 typedef struct wedge {
@@ -32,9 +32,9 @@ typedef struct wedge {
 static void set_limits(cairn_skeleton *g)
 {
     cairn_real side = (cairn_real)(g->input.width < g->input.height ? g->input.width : g->input.height);
-    int64_t twice = 2 * (int64_t)g->edgel_count;
+    int32_t room = g->params.max_centres > 1 ? g->params.max_centres / 2 : 1; /* of edgels, with two CPs each */
 
-    g->stride = (int32_t)((twice + g->params.max_centres - 1) / g->params.max_centres);
+    g->stride = (int32_t)(((int64_t)g->edgel_count + room - 1) / room);
     g->stride = g->stride > 0 ? g->stride : 1;
     g->low = g->input.min_radius / ROOM;
     g->high = g->input.max_radius * ROOM_ABOVE;
@@ -66,15 +66,7 @@ static wedge wedge_of(const cairn_skeleton *g, const skeleton_edgel *e, int32_t 
 
 static int32_t cost_of_wedge(const cairn_skeleton *g, const wedge *w)
 {
-    int32_t count = 0;
-
-    for (int32_t y = w->y0; y <= w->y1; y++) {
-        int32_t from, end;
-
-        skeleton_row(g, y, w->x0, w->x1, &from, &end);
-        count += end - from;
-    }
-    return UNITS_AN_EDGEL + (w->y1 - w->y0) + count / EDGELS_A_UNIT;
+    return UNITS_AN_EDGEL + skeleton_cost(g, w->x0, w->x1, w->y0, w->y1);
 }
 
 /* How ill a pair fits, in half squares of sigmas; COST_MOST: not at all. */
@@ -137,7 +129,8 @@ static void keep_centre(cairn_skeleton *g, int32_t first, int32_t sense, int32_t
     skeleton_centre *c = &g->centres[g->centre_count];
     cairn_symmetric_point sp;
 
-    if (!cairn_symmetric_point_of(oriented(&g->edgels[first]), oriented(&g->edgels[second]), 1, &sp))
+    if (g->centre_count == g->params.max_centres ||
+        !cairn_symmetric_point_of(oriented(&g->edgels[first]), oriented(&g->edgels[second]), 1, &sp))
         return;
     c->at = sp.centre;
     c->radius = sp.radius;

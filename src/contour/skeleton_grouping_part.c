@@ -52,6 +52,12 @@ static void value(const cairn_skeleton *g, skeleton_part *p)
     }
 }
 
+/* The next item pays for the edgels of these cells. */
+static void owe(cairn_skeleton *g, int32_t x0, int32_t x1, int32_t y0, int32_t y1)
+{
+    g->paid -= skeleton_cost(g, x0, x1, y0, y1);
+}
+
 /* Edgels along a piece of the contour belong to the part. */
 static void take_along(cairn_skeleton *g, cairn_segment line)
 {
@@ -63,6 +69,7 @@ static void take_along(cairn_skeleton *g, cairn_segment line)
     x0 = cairn_skeleton_column(g, box.min.x);
     x1 = cairn_skeleton_column(g, box.max.x);
     y1 = cairn_skeleton_line(g, box.max.y);
+    owe(g, x0, x1, cairn_skeleton_line(g, box.min.y), y1);
     for (int32_t y = cairn_skeleton_line(g, box.min.y); y <= y1; y++) {
         int32_t from, end;
 
@@ -115,6 +122,7 @@ static void show(cairn_skeleton *g, const skeleton_part *p)
     part->object = g->part_count;
     part->joint[0] = part->joint[1] = -1;
     part->log_odds = p->log_odds;
+    g->group[g->part_count] = g->part_count;
     g->bright[g->part_count] = 0;
     for (int32_t i = p->from; i < p->end; i++) {
         g->points[g->point_count++] = shown(g, p, i);
@@ -125,12 +133,21 @@ static void show(cairn_skeleton *g, const skeleton_part *p)
     g->part_count++;
 }
 
-/* Round by round: cursor counts candidates, item rounds. */
+/* The walk of most log odds that is not chosen; -1: there is none. */
+static int32_t best_of(const cairn_skeleton *g)
+{
+    int32_t best = -1;
+
+    for (int32_t i = 0; i < g->candidate_count; i++)
+        if (g->candidates[i].state == 0 && (best < 0 || g->candidates[i].log_odds > g->candidates[best].log_odds))
+            best = i;
+    return best;
+}
+
+/* Round by round: the cursor counts candidates, and is beyond them while the best one's part is paid for. */
 cairn_status cairn_skeleton_choose(cairn_skeleton *g, cairn_budget *budget)
 {
     for (;;) {
-        int32_t best = -1;
-
         for (; g->cursor < g->candidate_count; g->cursor++) {
             skeleton_part *p = &g->candidates[g->cursor];
 
@@ -142,16 +159,19 @@ cairn_status cairn_skeleton_choose(cairn_skeleton *g, cairn_budget *budget)
             if (p->log_odds < g->params.min_log_odds || p->end - p->from < LEAST_DISCS)
                 p->state = -1;
         }
-        for (int32_t i = 0; i < g->candidate_count; i++)
-            if (g->candidates[i].state == 0 && (best < 0 || g->candidates[i].log_odds > g->candidates[best].log_odds))
-                best = i;
-        if (best < 0)
-            return CAIRN_OK;
-        if (!cairn_budget_pay(budget, &g->paid, 1 + 8 * (g->candidates[best].end - g->candidates[best].from)))
+        if (g->cursor == g->candidate_count) {
+            if (!cairn_budget_pay(budget, &g->paid, 1 + g->candidate_count / 32))
+                return CAIRN_MORE;
+            g->other = best_of(g);
+            if (g->other < 0)
+                return CAIRN_OK;
+            g->cursor++;
+        }
+        if (!cairn_budget_pay(budget, &g->paid, 1 + 8 * (g->candidates[g->other].end - g->candidates[g->other].from)))
             return CAIRN_MORE;
-        take(g, &g->candidates[best]);
-        show(g, &g->candidates[best]);
-        g->candidates[best].state = 1;
+        take(g, &g->candidates[g->other]);
+        show(g, &g->candidates[g->other]);
+        g->candidates[g->other].state = 1;
         g->cursor = 0;
     }
 }
@@ -160,18 +180,27 @@ cairn_status cairn_skeleton_choose(cairn_skeleton *g, cairn_budget *budget)
 
 static int32_t root(const cairn_skeleton *g, int32_t part)
 {
-    while (g->group[part] != part)
+    while (g->group[part] != part) {
+        g->group[part] = g->group[g->group[part]];
         part = g->group[part];
+    }
     return part;
 }
 
+/* By halves: parts' points lie one part behind the other. */
 static int32_t part_of(const cairn_skeleton *g, int32_t point)
 {
-    int32_t part = 0;
+    int32_t low = 0, high = g->part_count - 1;
 
-    while (point >= g->parts[part].first + g->parts[part].count)
-        part++;
-    return part;
+    while (low < high) {
+        int32_t middle = (low + high) / 2;
+
+        if (point >= g->parts[middle].first + g->parts[middle].count)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
 }
 
 /* 1: one lies within contours that are brighter inside, the other within such that are darker. */
@@ -181,7 +210,7 @@ static int are_opposite(const cairn_skeleton *g, int32_t a, int32_t b)
 }
 
 /* 1: an edge runs across a way from one axis to another. */
-static int is_crossed(const cairn_skeleton *g, cairn_vec2 from, cairn_vec2 to)
+static int is_crossed(cairn_skeleton *g, cairn_vec2 from, cairn_vec2 to)
 {
     cairn_segment way = {from, to};
     cairn_vec2 unit = cairn_vec2_unit(cairn_vec2_sub(to, from));
@@ -189,6 +218,7 @@ static int is_crossed(const cairn_skeleton *g, cairn_vec2 from, cairn_vec2 to)
     int32_t x0 = cairn_skeleton_column(g, box.min.x), x1 = cairn_skeleton_column(g, box.max.x);
     int32_t y1 = cairn_skeleton_line(g, box.max.y), count = 0;
 
+    owe(g, x0, x1, cairn_skeleton_line(g, box.min.y), y1);
     for (int32_t y = cairn_skeleton_line(g, box.min.y); y <= y1; y++) {
         int32_t begin, end;
 
@@ -204,7 +234,7 @@ static int is_crossed(const cairn_skeleton *g, cairn_vec2 from, cairn_vec2 to)
 }
 
 /* The point of another part that an end of this one leads into; -1: it is free. */
-static int32_t joint_of(const cairn_skeleton *g, const cairn_skeleton_part *p, int32_t end)
+static int32_t joint_of(cairn_skeleton *g, const cairn_skeleton_part *p, int32_t end)
 {
     const cairn_skeleton_point *last = &g->points[end ? p->first + p->count - 1 : p->first];
     const cairn_skeleton_point *before =
@@ -213,19 +243,21 @@ static int32_t joint_of(const cairn_skeleton *g, const cairn_skeleton_part *p, i
     cairn_real nearest = CAIRN_REAL_MAX;
     int32_t joint = -1;
 
-    for (int32_t i = 0; i < g->point_count; i++) {
-        cairn_vec2 way = cairn_vec2_sub(g->points[i].centre, last->centre);
-        cairn_real distance = cairn_vec2_norm(way);
+    for (int32_t k = 0; k < g->part_count; k++) {
+        const cairn_skeleton_part *other = &g->parts[k];
 
-        if (i >= p->first && i < p->first + p->count)
+        if (other == p || are_opposite(g, g->cursor, k))
             continue;
-        if (are_opposite(g, g->cursor, part_of(g, i)))
-            continue;
-        if (distance < nearest && distance <= g->points[i].radius + LEAD * last->radius &&
-            cairn_vec2_dot(way, heading) >= LEAD_COSINE * distance &&
-            !is_crossed(g, last->centre, g->points[i].centre)) {
-            nearest = distance;
-            joint = i;
+        for (int32_t i = other->first; i < other->first + other->count; i++) {
+            cairn_vec2 way = cairn_vec2_sub(g->points[i].centre, last->centre);
+            cairn_real distance = cairn_vec2_norm(way);
+
+            if (distance < nearest && distance <= g->points[i].radius + LEAD * last->radius &&
+                cairn_vec2_dot(way, heading) >= LEAD_COSINE * distance &&
+                !is_crossed(g, last->centre, g->points[i].centre)) {
+                nearest = distance;
+                joint = i;
+            }
         }
     }
     return joint;
@@ -250,27 +282,68 @@ static void gather(cairn_skeleton *g)
     }
 }
 
-/* The likeliest objects first. */
+/* 1: the object a stands behind b: of equal ones the later. */
+static int is_behind(const cairn_skeleton *g, int32_t a, int32_t b)
+{
+    cairn_real x = g->objects[a].log_odds, y = g->objects[b].log_odds;
+
+    return x < y || (x <= y && a > b);
+}
+
+/* Restores the heap of group[0 ... count - 1], whose root stands behind all others, below a place. */
+static void sift(cairn_skeleton *g, int32_t place, int32_t count)
+{
+    for (;;) {
+        int32_t child = 2 * place + 1, moved = g->group[place];
+
+        if (child >= count)
+            return;
+        if (child + 1 < count && is_behind(g, g->group[child + 1], g->group[child]))
+            child++;
+        if (!is_behind(g, g->group[child], moved))
+            return;
+        g->group[place] = g->group[child];
+        g->group[child] = moved;
+        place = child;
+    }
+}
+
+/* The likeliest objects first: group[] becomes their order, bright[] the place of each in it. */
 static void rank(cairn_skeleton *g)
 {
     for (int32_t i = 0; i < g->object_count; i++)
         g->group[i] = i;
-    for (int32_t i = 1; i < g->object_count; i++)
-        for (int32_t k = i; k > 0 && g->objects[k].log_odds > g->objects[k - 1].log_odds; k--) {
-            cairn_skeleton_object moved = g->objects[k];
-            int32_t index = g->group[k];
+    for (int32_t i = g->object_count / 2 - 1; i >= 0; i--)
+        sift(g, i, g->object_count);
+    for (int32_t count = g->object_count - 1; count > 0; count--) {
+        int32_t last = g->group[0];
 
-            g->objects[k] = g->objects[k - 1];
-            g->objects[k - 1] = moved;
-            g->group[k] = g->group[k - 1];
-            g->group[k - 1] = index;
-        }
+        g->group[0] = g->group[count];
+        g->group[count] = last;
+        sift(g, 0, count);
+    }
+    for (int32_t i = 0; i < g->object_count; i++)
+        g->bright[g->group[i]] = i;
     for (int32_t p = 0; p < g->part_count; p++)
-        for (int32_t i = 0; i < g->object_count; i++)
-            if (g->group[i] == g->parts[p].object) {
-                g->parts[p].object = i;
-                break;
-            }
+        g->parts[p].object = g->bright[g->parts[p].object];
+    for (int32_t i = 0; i < g->object_count; i++)
+        while (g->bright[i] != i) {
+            int32_t place = g->bright[i];
+            cairn_skeleton_object moved = g->objects[place];
+
+            g->objects[place] = g->objects[i];
+            g->objects[i] = moved;
+            g->bright[i] = g->bright[place];
+            g->bright[place] = place;
+        }
+}
+
+/* Puts two parts into one group: its first part stands for it. */
+static void unite(cairn_skeleton *g, int32_t first, int32_t second)
+{
+    int32_t a = root(g, first), b = root(g, second);
+
+    g->group[a < b ? b : a] = a < b ? a : b;
 }
 
 cairn_status cairn_skeleton_join(cairn_skeleton *g, cairn_budget *budget)
@@ -280,18 +353,13 @@ cairn_status cairn_skeleton_join(cairn_skeleton *g, cairn_budget *budget)
 
         if (!cairn_budget_pay(budget, &g->paid, 2 + g->point_count / 4))
             return CAIRN_MORE;
-        g->group[g->cursor] = g->cursor;
-        p->joint[0] = joint_of(g, p, 0);
-        p->joint[1] = joint_of(g, p, 1);
+        for (int32_t end = 0; end < 2; end++) {
+            p->joint[end] = joint_of(g, p, end);
+            if (p->joint[end] >= 0)
+                unite(g, g->cursor, part_of(g, p->joint[end]));
+        }
     }
-    for (int32_t i = 0; i < g->part_count; i++)
-        for (int32_t end = 0; end < 2; end++)
-            if (g->parts[i].joint[end] >= 0) {
-                int32_t a = root(g, i), b = root(g, part_of(g, g->parts[i].joint[end]));
-
-                g->group[a < b ? b : a] = a < b ? a : b;
-            }
-    if (!cairn_budget_pay(budget, &g->paid, 1 + g->part_count * g->part_count / 32))
+    if (!cairn_budget_pay(budget, &g->paid, 1 + 2 * g->part_count))
         return CAIRN_MORE;
     gather(g);
     rank(g);

@@ -26,12 +26,12 @@
 /* Losses are no larger than this. */
 #define LOSS_MOST       CAIRN_REAL(-4.0)
 #define RANGE_LOSS_MOST CAIRN_REAL(-2.0)
-/* Likelihoods are this root of the odds, so that several ways live on. */
 /* The inside of a disc, of its radius; how many edgels lie there, of those in the background; what that counts. */
 #define CORE    CAIRN_REAL(0.6)
 #define EMPTIER CAIRN_REAL(0.3)
 #define HOLLOW  CAIRN_REAL(0.4)
-#define TEMPER  CAIRN_REAL(0.35)
+/* Likelihoods are this root of the odds, so that several ways live on. */
+#define TEMPER CAIRN_REAL(0.35)
 /* (3.7) of an edgel strewn by chance, about. */
 #define BY_CHANCE CAIRN_REAL(0.25)
 #define TURN_MOST (50 * (CAIRN_PI / 180))
@@ -72,6 +72,12 @@ static cairn_vec2 ahead_of(const skeleton_state *s, int32_t side)
     cairn_vec2 tangent = cairn_vec2_left(s->inward[side]);
 
     return cairn_vec2_dot(tangent, s->heading) < 0 ? cairn_vec2_scale(tangent, -1) : tangent;
+}
+
+/* Where the contour goes on if it is straight. */
+static cairn_vec2 wanted_of(const skeleton_state *s, int32_t side, cairn_real step)
+{
+    return cairn_vec2_add(s->touch[side], cairn_vec2_scale(ahead_of(s, side), step));
 }
 
 /* The gain of an edgel as the next one of a side. */
@@ -116,7 +122,7 @@ static void offer_choice(choice *list, int32_t *count, const choice *c)
 /* The edgels that a side may go on with, and none. */
 static int32_t choices_of(const cairn_skeleton *g, const skeleton_state *s, int32_t side, cairn_real step, choice *list)
 {
-    cairn_vec2 ahead = ahead_of(s, side), wanted = cairn_vec2_add(s->touch[side], cairn_vec2_scale(ahead, step));
+    cairn_vec2 ahead = ahead_of(s, side), wanted = wanted_of(s, side, step);
     cairn_real look = LOOK * step, log_density = cairn_log(cairn_skeleton_density(g, wanted));
     int32_t x0 = cairn_skeleton_column(g, wanted.x - look), x1 = cairn_skeleton_column(g, wanted.x + look);
     int32_t y1 = cairn_skeleton_line(g, wanted.y + look), count = 0;
@@ -194,6 +200,13 @@ static cairn_real gain_of(const cairn_skeleton *g, const skeleton_state *before,
     return SIDES * (left->gain + right->gain) + pair_gain(g, before, s) + range;
 }
 
+/* Units for the edgels within a distance of a place. */
+static int32_t cost_about(const cairn_skeleton *g, cairn_vec2 place, cairn_real reach)
+{
+    return skeleton_cost(g, cairn_skeleton_column(g, place.x - reach), cairn_skeleton_column(g, place.x + reach),
+                         cairn_skeleton_line(g, place.y - reach), cairn_skeleton_line(g, place.y + reach));
+}
+
 /* What the inside of the next disc says: it is emptier than the background, where it is an object's. */
 static cairn_real hollow_gain(const cairn_skeleton *g, cairn_vec2 centre, cairn_real radius)
 {
@@ -267,6 +280,17 @@ static int has_been(const skeleton_state *last, cairn_vec2 next)
     return 0;
 }
 
+/* Of the steps from a state. */
+static int32_t cost_of(const cairn_skeleton *g, const skeleton_state *s, cairn_real step)
+{
+    cairn_vec2 next = cairn_vec2_add(s->centre, cairn_vec2_scale(s->heading, step));
+    int32_t cost = UNITS_A_PROPOSAL + s->length / HISTORY_A_UNIT + cost_about(g, next, CORE * s->radius);
+
+    for (int32_t side = 0; side < 2; side++)
+        cost += cost_about(g, wanted_of(s, side, step), LOOK * step);
+    return cost;
+}
+
 static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index, cairn_budget *budget)
 {
     cairn_skeleton *g = context;
@@ -275,7 +299,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     int32_t count[2];
     cairn_real step = step_of(g, before->radius), hollow;
 
-    if (!cairn_budget_pay(budget, &g->stage, UNITS_A_PROPOSAL + before->length / HISTORY_A_UNIT))
+    if (!cairn_budget_pay(budget, &g->stage, cost_of(g, before, step)))
         return CAIRN_MORE;
     if (before->best - before->total > g->params.stop ||
         has_been(before, cairn_vec2_add(before->centre, cairn_vec2_scale(before->heading, step))))

@@ -6,7 +6,7 @@
 #include "cairn/skeleton_grouping.h"
 
 /* Side of a cell of the index, px. */
-enum { SKELETON_CELL = 8 };
+enum { SKELETON_CELL = 8, SKELETON_EDGELS_A_UNIT = 4 };
 /* Edgels that a side may choose from; what a step may choose from with no edgel as well. */
 enum {
     SKELETON_CHOICE = 3,
@@ -78,8 +78,9 @@ struct cairn_skeleton {
     cairn_skeleton_point *points;   /* [max_points] */
     cairn_skeleton_part *parts;     /* [max_parts] */
     cairn_skeleton_object *objects; /* [max_parts] */
-    int32_t *group;                 /* [max_parts] */
-    int32_t *bright; /* [max_parts] places of the contour with the brighter side inside, less the others */
+    int32_t *group;                 /* [max_parts] another part of the same object; at last, the objects' order */
+    int32_t *
+        bright; /* [max_parts] places of the contour with the brighter side inside, less the others; at last, objects' places */
     cairn_real histogram[SKELETON_BINS];
     cairn_real log_slope; /* mean of the edgels' whose slope is known */
     cairn_real low, high; /* px, of radii that are looked for: the range with room on both sides */
@@ -98,6 +99,18 @@ static inline void skeleton_row(const cairn_skeleton *g, int32_t y, int32_t x0, 
 {
     *from = g->first[y * g->columns + x0];
     *end = g->first[y * g->columns + x1 + 1];
+}
+
+/* Units for looking at the edgels of cells. */
+static inline int32_t skeleton_cost(const cairn_skeleton *g, int32_t x0, int32_t x1, int32_t y0, int32_t y1)
+{
+    int32_t count = 0, from, end;
+
+    for (int32_t y = y0; y <= y1; y++) {
+        skeleton_row(g, y, x0, x1, &from, &end);
+        count += end - from;
+    }
+    return y1 - y0 + count / SKELETON_EDGELS_A_UNIT;
 }
 
 int32_t cairn_skeleton_column(const cairn_skeleton *g, cairn_real x);

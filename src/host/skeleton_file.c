@@ -47,10 +47,11 @@ cairn_status cairn_skeleton_file_write(const cairn_skeleton_picture *p, const ch
     cairn_output_print(
         output,
         ", \"width\": %d, \"height\": %d, \"min_radius\": %.2f, \"max_radius\": %.2f, \"proposed\": %s,\n"
-        " \"edgels\": %d, \"centres\": %d, \"lines\": %d, \"starts\": %d, \"verdict\": \"%s\",\n"
+        " \"edgels\": %d, \"centres\": %d, \"lines\": %d, \"starts\": %d, \"left_out\": %d, \"verdict\": \"%s\",\n"
         " \"objects\": [",
         (int)p->width, (int)p->height, (double)r->min_radius, (double)r->max_radius, p->proposed ? "true" : "false",
-        (int)p->edgel_count, (int)r->centres, (int)r->lines, (int)r->starts, r->part_count > 0 ? "found" : "none");
+        (int)p->edgel_count, (int)r->centres, (int)r->lines, (int)r->starts, (int)r->left_out,
+        r->part_count > 0 ? "found" : "none");
     for (int32_t i = 0; i < r->object_count; i++)
         cairn_output_print(output, "%s\n  {\"log_odds\": %.2f, \"parts\": %d, \"free_ends\": %d}", i > 0 ? "," : "",
                            (double)r->objects[i].log_odds, (int)r->objects[i].parts, (int)r->objects[i].free_ends);
