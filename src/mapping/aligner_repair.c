@@ -473,6 +473,7 @@ static int32_t place(cairn_aligner *x)
     } else {
         cairn_aligner_put_back(x, better || x->home < 0 ? rest : x->home, better ? x->best : x->before);
         if (better) {
+            memset(&x->scans[x->i].pull, 0, sizeof x->scans[x->i].pull);
             x->scans[x->i].stirred = ALIGNER_JOINED;
             x->scans[x->i].joined = x->changes;
         }

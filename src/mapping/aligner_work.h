@@ -155,6 +155,7 @@ typedef struct aligner_relax {
     int32_t cluster, round, rounds;
     cairn_real gate;
     int32_t i, partner;                   /* scan at hand, and which of its partners */
+    int32_t old;                          /* 0: of those that it has not met, 1: of the others */
     aligner_sums pairs[ALIGNER_PARTNERS]; /* what it has in common with each */
     aligner_sums sums;
 } aligner_relax;
