@@ -1287,17 +1287,17 @@ static uint64_t hash_of_scene(const struct scene *scene)
 static void results_stay_as_they_are(void **state)
 {
     static const struct scene scenes[] = {
-        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0xadde7a3a6fcfab3d), UINT64_C(0x920b552ce292d998)},
-        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x8330b25e8ffe8b88), UINT64_C(0x6fe282cc738f0e6b)},
-        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0xf69b724afc4d2a6f), UINT64_C(0x917218de82f8fdae)},
-        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x4efb929988d564be), UINT64_C(0x44367e1c8231d8ff)},
-        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0x3e45808ba0006869), UINT64_C(0x2520a657aeb03770)},
-        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x940531c2f8ae580f), UINT64_C(0x475aa3d12cc2df4d)},
-        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0x22527d2d187f39e6), UINT64_C(0xcc4c56ccb0a10e6b)},
-        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0xdc63ede80a4b7cd4), UINT64_C(0xf09fa4f510a65e63)},
-        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0xe3c2d3d3212bf98f), UINT64_C(0x21461bea2a417050)},
-        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x68d05958d9e3f999), UINT64_C(0x2360244d51bb0f12)},
-        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x020b29c1a997e2a5), UINT64_C(0x01efdc04b6eaa1e9)},
+        {12, 4, 0, 240, 1, 0.3, 20, 0, 190, UINT64_C(0x8dc645c5a7eacd36), UINT64_C(0x3fad131c2397ada9)},
+        {16, 0, 0, 40, 1, 0.6, 40, 0, 190, UINT64_C(0x65c520fd67e363ff), UINT64_C(0xd1167589f1e851d8)},
+        {8, 0, 0, 100, 1, 1.2, 90, 0, 190, UINT64_C(0x742f3f9ce7a941ac), UINT64_C(0x7536e235425816e2)},
+        {16, 0, 5, 300, 1, 0.1, 5, 0, 190, UINT64_C(0x8d8620eed6b28b99), UINT64_C(0x36dd1ffdbd60f848)},
+        {10, 2, 4, 200, 0, 0.2, 10, 0, 190, UINT64_C(0xec17002846945207), UINT64_C(0xbcce5546fb6a6d92)},
+        {12, 3, 0, 200, 1, 0.4, 20, 1, 120, UINT64_C(0x7c826a2a209fa1ac), UINT64_C(0xa29ad5d58a1f7b40)},
+        {10, 0, 3, 200, 1, 0.2, 10, 2, 60, UINT64_C(0x54cd583ecfc538bd), UINT64_C(0xe23f92726313f655)},
+        {16, 5, 0, 300, 1, 0.5, 30, 3, 190, UINT64_C(0x1da9b33329e611d4), UINT64_C(0x3e62598380477308)},
+        {12, 2, 5, 200, 1, 0.3, 15, 4, 90, UINT64_C(0x183d0b014be503ba), UINT64_C(0x731c640d1f2b38a1)},
+        {10, 4, 0, 200, 0, 0.3, 20, 5, 150, UINT64_C(0x5f8606e6f4d44bbd), UINT64_C(0xbfca53eddecd4913)},
+        {14, 0, 0, 250, 1, 0.8, 60, 6, 70, UINT64_C(0x4e8fceabac552350), UINT64_C(0x692000aafb576a61)},
     };
 
     (void)state;

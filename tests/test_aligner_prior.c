@@ -263,6 +263,39 @@ static void spread_is_that_of_the_scans(void **state)
     }
 }
 
+/* What is kept of a cluster, and told anew after each change, against what its scans say when nothing is kept. */
+static void spread_learnt_bit_by_bit_is_that_of_all(void **state)
+{
+    (void)state;
+    for (uint64_t seed = 1; seed <= 20; seed++) {
+        struct bed bed = make_bed(seed, seed % 2 ? 0.2 : 1.5);
+        cairn_random random = cairn_random_seed(seed, 2);
+        cairn_aligner *x = bed.x;
+
+        for (int32_t change = 0; change < 40; change++) {
+            int32_t scan = cairn_real_to_int(cairn_random_uniform(&random, 0, SCANS - CAIRN_REAL(0.01)));
+            int32_t to = cairn_random_uniform(&random, 0, 1) < CAIRN_REAL(0.5) ? bed.first : bed.second;
+            cairn_real sigma, sigma_angle;
+
+            if (x->clusters[x->scans[scan].part].size > 1) {
+                cairn_aligner_remove(x, scan);
+                cairn_aligner_insert(x, scan, to);
+            }
+            cairn_aligner_learn_spread(x);
+            sigma = x->sigma;
+            sigma_angle = x->sigma_angle;
+            if (change % 8 == 7) { /* in between, the sums go on from what was kept */
+                for (int32_t c = 0; c <= SCANS; c++)
+                    x->fits[c].stamp = -1;
+                cairn_aligner_learn_spread(x);
+                assert_near((double)sigma, (double)x->sigma, NUMBER(1e-9, 1e-4));
+                assert_near((double)sigma_angle, (double)x->sigma_angle, NUMBER(1e-9, 1e-4));
+            }
+        }
+        test_pool_free(&bed.pool);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -270,6 +303,7 @@ int main(void)
         cmocka_unit_test(sums_follow_scans_that_come_and_go),
         cmocka_unit_test(single_scans_have_no_misfit),
         cmocka_unit_test(spread_is_that_of_the_scans),
+        cmocka_unit_test(spread_learnt_bit_by_bit_is_that_of_all),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -134,11 +134,68 @@ static void kept_walls_are_found_where_they_are(void **state)
     test_pool_free(&pool);
 }
 
+/* A segment near the line of another, often about as far along, off and turned as may just fit it. */
+static aligner_segment continuation(cairn_random *random, const aligner_segment *of)
+{
+    static const cairn_real lengths[] = {CAIRN_REAL(0.1), CAIRN_REAL(0.5), 3, 12};
+    aligner_segment s = *of;
+    cairn_real turn, sine, cosine, gap, off = cairn_random_uniform(random, -CAIRN_REAL(0.09), CAIRN_REAL(0.09));
+
+    s.length = lengths[cairn_real_to_int(cairn_floor(cairn_random_uniform(random, 0, CAIRN_REAL(3.99))))];
+    s.stub = s.length < CAIRN_REAL(0.3);
+    turn = cairn_random_uniform(random, -1, 1) * CAIRN_REAL(0.09) / s.length;
+    turn = cairn_max(cairn_min(turn, CAIRN_REAL(0.85)), -CAIRN_REAL(0.85));
+    cairn_sincos(turn, &sine, &cosine);
+    s.direction.x = cosine * of->direction.x - sine * of->direction.y;
+    s.direction.y = sine * of->direction.x + cosine * of->direction.y;
+    gap = cairn_random_uniform(random, -7, 7);
+    s.a = cairn_vec2_add(of->a, cairn_vec2_scale(of->direction, gap < 0 ? gap - s.length : gap + of->length));
+    s.a = cairn_vec2_add(s.a, cairn_vec2_scale(cairn_vec2_left(of->direction), off));
+    s.mean = cairn_vec2_add(s.a, cairn_vec2_scale(s.direction, s.length / 2));
+    s.scan = cairn_real_to_int(cairn_floor(cairn_random_uniform(random, 0, SCANS)));
+    return s;
+}
+
+/* No tile is passed over that holds a wall which the segment fits. */
+static void what_fits_is_found(void **state)
+{
+    cairn_random random = cairn_random_seed(5, 1);
+    cairn_pool pool;
+    cairn_aligner *x = make_aligner(&pool, 5);
+    int32_t fitting = 0, far = 0;
+
+    (void)state;
+    for (int32_t i = 0; i < 40000; i++) {
+        aligner_segment wall = random_segment(&random, cairn_random_uniform(&random, -3, 3)), s;
+        int32_t passed;
+        cairn_real misfit;
+
+        wall.length = cairn_max(wall.length, CAIRN_REAL(0.4));
+        wall.stub = 0;
+        s = continuation(&random, &wall);
+        x->segments[0] = wall;
+        x->segments[1] = s;
+        x->segment_count = 2;
+        x->home = 0;
+        x->at = 0;
+        x->round = i % 6;
+        (void)cairn_aligner_associate_item(x);
+        misfit = cairn_aligner_misfit(x, &s, &x->walls[0]);
+        assert_int_equal(cairn_aligner_find_wall(x, &s, &passed), misfit >= 0 ? 0 : -1);
+        fitting += misfit >= 0;
+        far += misfit >= CAIRN_REAL(0.2); /* over more than 3 m */
+    }
+    assert_in_range(fitting, 2000, 38000);
+    assert_true(far > 100);
+    test_pool_free(&pool);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(tiles_find_what_a_look_at_every_wall_finds),
         cmocka_unit_test(kept_walls_are_found_where_they_are),
+        cmocka_unit_test(what_fits_is_found),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -12,7 +12,7 @@
 
 static const cairn_real COUNT_GATE = CAIRN_REAL(0.07);
 static const cairn_real ARM = CAIRN_REAL(1.5);       /* m: makes turns comparable to shifts */
-static const cairn_real AT_REST = CAIRN_REAL(0.003); /* m: a scan that moves by less does not stir others */
+static const cairn_real AT_REST = CAIRN_REAL(0.006); /* m: a scan that moves by less does not stir others */
 
 void cairn_aligner_insert(cairn_aligner *x, int32_t scan, int32_t cluster)
 {
@@ -219,6 +219,28 @@ static int is_move(const cairn_real motion[3])
     return cairn_max(cairn_abs(motion[0]), cairn_abs(motion[1])) + ARM * cairn_abs(motion[2]) > AT_REST;
 }
 
+static void add_sums(aligner_sums *to, const aligner_sums *from)
+{
+    cairn_sym3 *m = &to->equations.information;
+    const cairn_sym3 *n = &from->equations.information;
+
+    m->xx += n->xx;
+    m->xy += n->xy;
+    m->xz += n->xz;
+    m->yy += n->yy;
+    m->yz += n->yz;
+    m->zz += n->zz;
+    for (int k = 0; k < 3; k++)
+        to->equations.gradient[k] += from->equations.gradient[k];
+    to->pairs += from->pairs;
+}
+
+/* 1 when two scans have been relaxed together in a cluster before. */
+static int have_met(const cairn_aligner *x, int32_t i, int32_t j)
+{
+    return x->scans[i].stirred != ALIGNER_JOINED || x->scans[i].joined == x->scans[j].joined;
+}
+
 /* Adds to the pull on scan j what has changed of that between scan i and it: by the motion of i, and, when they have not met
  * before, all of it. j is stirred when that would move it. */
 static void pass_on(cairn_aligner *x, int32_t i, int32_t j, const aligner_sums *pair, const cairn_real motion[3])
@@ -228,7 +250,7 @@ static void pass_on(cairn_aligner *x, int32_t i, int32_t j, const aligner_sums *
     cairn_vec2 from = cairn_transform_point(x->poses[i], scan->middle);
     cairn_vec2 arm = cairn_vec2_sub(from, cairn_transform_point(x->poses[j], partner->middle));
     const cairn_sym3 *m = &pair->equations.information;
-    int met = scan->stirred != ALIGNER_JOINED || scan->joined == partner->joined;
+    int met = have_met(x, i, j);
     cairn_real moved[3], pull[3];
 
     pull[0] = m->xx * motion[0] + m->xy * motion[1] + m->xz * motion[2];
@@ -244,16 +266,25 @@ static void pass_on(cairn_aligner *x, int32_t i, int32_t j, const aligner_sums *
         partner->stirred = ALIGNER_MET;
 }
 
-static void end_scan(cairn_aligner *x)
+static void next_scan(cairn_aligner *x)
+{
+    aligner_relax *relax = &x->relax;
+
+    memset(relax->pairs, 0, sizeof relax->pairs);
+    memset(&relax->sums, 0, sizeof relax->sums);
+    relax->i = x->scans[relax->i].next;
+    relax->partner = relax->old = 0;
+    if (relax->i < 0)
+        end_round(x);
+}
+
+static void end_scan(cairn_aligner *x, const cairn_real motion[3])
 {
     aligner_relax *relax = &x->relax;
     aligner_scan *scan = &x->scans[relax->i];
     cairn_transform *pose = &x->poses[relax->i];
     cairn_vec2 centre = cairn_transform_point(*pose, scan->middle);
-    cairn_real motion[3];
 
-    if (!cairn_aligner_solve(&relax->sums, motion))
-        memset(motion, 0, sizeof motion);
     for (int32_t k = 0; k < scan->partner_count; k++)
         if (relax->pairs[k].pairs > 0)
             pass_on(x, relax->i, cairn_aligner_partner(x, relax->i, k), &relax->pairs[k], motion);
@@ -261,11 +292,31 @@ static void end_scan(cairn_aligner *x)
     scan->pull = relax->sums;
     memset(scan->pull.equations.gradient, 0, sizeof scan->pull.equations.gradient);
     scan->stirred = is_move(motion) ? ALIGNER_MET : 0;
-    memset(&relax->sums, 0, sizeof relax->sums);
-    relax->i = scan->next;
+    next_scan(x);
+}
+
+/* All new partners of the scan at hand are known. When what they add to the pull that it knows of would not move it, that is
+ * all; else, its old ones follow. */
+static void end_new_partners(cairn_aligner *x)
+{
+    static const cairn_real still[3] = {0, 0, 0};
+    aligner_relax *relax = &x->relax;
+    aligner_scan *scan = &x->scans[relax->i];
+    aligner_sums sums = scan->pull;
+    cairn_real motion[3];
+
     relax->partner = 0;
-    if (relax->i < 0)
-        end_round(x);
+    relax->old = 1;
+    add_sums(&sums, &relax->sums);
+    if (relax->all || scan->stirred != ALIGNER_JOINED || scan->pull.pairs == 0 ||
+        (cairn_aligner_solve(&sums, motion) && is_move(motion)))
+        return;
+    for (int32_t k = 0; k < scan->partner_count; k++)
+        if (relax->pairs[k].pairs > 0)
+            pass_on(x, relax->i, cairn_aligner_partner(x, relax->i, k), &relax->pairs[k], still);
+    scan->pull = sums;
+    scan->stirred = 0;
+    next_scan(x);
 }
 
 /* Passes over scans of the cluster that are to stay; units. */
@@ -283,23 +334,7 @@ static int32_t pass_still(cairn_aligner *x)
     return 1 + passed / ALIGNER_FAR_OF_UNIT;
 }
 
-static void add_sums(aligner_sums *to, const aligner_sums *from)
-{
-    cairn_sym3 *m = &to->equations.information;
-    const cairn_sym3 *n = &from->equations.information;
-
-    m->xx += n->xx;
-    m->xy += n->xy;
-    m->xz += n->xz;
-    m->yy += n->yy;
-    m->yz += n->yz;
-    m->zz += n->zz;
-    for (int k = 0; k < 3; k++)
-        to->equations.gradient[k] += from->equations.gradient[k];
-    to->pairs += from->pairs;
-}
-
-/* A scan of the cluster from its partner at hand on, up to the next that it may meet. */
+/* A scan of the cluster from its partner at hand on, up to the next that it may meet: first those that it has not met. */
 int32_t cairn_aligner_relax_item(cairn_aligner *x)
 {
     aligner_relax *relax = &x->relax;
@@ -309,7 +344,15 @@ int32_t cairn_aligner_relax_item(cairn_aligner *x)
     if (!relax->all && x->scans[i].stirred == 0)
         return pass_still(x);
     if (relax->partner >= x->scans[i].partner_count) {
-        end_scan(x);
+        cairn_real motion[3];
+
+        if (!relax->old) {
+            end_new_partners(x);
+        } else {
+            if (!cairn_aligner_solve(&relax->sums, motion))
+                memset(motion, 0, sizeof motion);
+            end_scan(x, motion);
+        }
         return 4 + x->scans[i].partner_count / 8;
     }
     centre = cairn_transform_point(x->poses[i], x->scans[i].middle);
@@ -318,14 +361,30 @@ int32_t cairn_aligner_relax_item(cairn_aligner *x)
         aligner_sums *pair = &relax->pairs[k];
 
         passed++;
-        memset(pair, 0, sizeof *pair);
-        if (x->scans[j].part != relax->cluster || !cairn_aligner_may_meet(x, i, j, x->poses[i], x->poses[j]))
+        if (x->scans[j].part != relax->cluster || have_met(x, i, j) != relax->old ||
+            !cairn_aligner_may_meet(x, i, j, x->poses[i], x->poses[j]))
             continue;
         work = cairn_aligner_pull(x, i, j, x->poses[i], x->poses[j], relax->gate, 1, centre, pair);
         work += cairn_aligner_pull(x, j, i, x->poses[j], x->poses[i], relax->gate, -1, centre, pair);
         add_sums(&relax->sums, pair);
     }
     return 1 + passed / ALIGNER_FAR_OF_UNIT + work / ALIGNER_POINTS_OF_UNIT;
+}
+
+/* The pull on a scan of a cluster that turns. */
+static void turn_pull(aligner_sums *sums, cairn_transform pose)
+{
+    cairn_sym3 *m = &sums->equations.information;
+    cairn_real *g = sums->equations.gradient, c = pose.cosine, s = pose.sine;
+    cairn_real xx = m->xx, xy = m->xy, yy = m->yy, xz = m->xz, gx = g[0];
+
+    m->xx = c * c * xx - 2 * c * s * xy + s * s * yy;
+    m->xy = c * s * (xx - yy) + (c * c - s * s) * xy;
+    m->yy = s * s * xx + 2 * c * s * xy + c * c * yy;
+    m->xz = c * xz - s * m->yz;
+    m->yz = s * xz + c * m->yz;
+    g[0] = c * gx - s * g[1];
+    g[1] = s * gx + c * g[1];
 }
 
 /* The smaller cluster enters the frame of the larger one; returns that. pose: fixed_moving. */
@@ -344,6 +403,7 @@ int32_t cairn_aligner_join(cairn_aligner *x, int32_t moving, int32_t fixed, cair
         int32_t scan = x->clusters[moving].head;
 
         x->poses[scan] = cairn_aligner_compose(pose, x->poses[scan]);
+        turn_pull(&x->scans[scan].pull, pose);
         x->scans[scan].stirred = ALIGNER_JOINED;
         x->scans[scan].joined = event;
         cairn_aligner_remove(x, scan);

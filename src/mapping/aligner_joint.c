@@ -21,7 +21,7 @@ static const cairn_real LEAST_SUPPORT = 2;          /* nats of a placed scan */
 /* Chi-squared beyond which a segment loses weight. */
 static const cairn_real tolerances[] = {1000, 300, 100, 50, 25, 15, 12};
 
-enum { AGAIN_FROM = 5 }; /* round that follows when scans have slid: the others lie well */
+enum { AGAIN_FROM = 6 }; /* round that follows when scans have slid: the others lie well */
 enum { TOLERATED = 4 };  /* round whose tolerance the covariances have */
 enum { OF_ITEM = 64 };   /* segments, scans or walls that one item adds */
 

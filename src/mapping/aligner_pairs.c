@@ -11,7 +11,7 @@
 static const cairn_real TRIAL_GATE = CAIRN_REAL(0.15), COUNT_GATE = CAIRN_REAL(0.07);
 static const cairn_real LEAST_LENGTH = CAIRN_REAL(0.15);               /* m, of a segment that gives a direction */
 static const cairn_real LEAST_TRIAL = CAIRN_REAL(0.5), LEAST_KEPT = 1; /* nats, ... */
-static const cairn_real LEAST_HALF = -2;                               /* ... by the points of one scan of the two */
+static const cairn_real LEAST_HALF = 0;                                /* ... by the points of one scan of the two */
 static const cairn_real SAME_PLACE = CAIRN_REAL(0.15);                 /* m */
 
 enum { TRIAL_ROUNDS = 4, CLOSEST = 12 };

@@ -17,8 +17,8 @@ static int may_ever_meet(const cairn_aligner *x, int32_t i, int32_t j)
     return dx * dx + dy * dy <= reach * reach;
 }
 
-/* Nearness of two scans by their initial poses; negative: they cannot meet. */
-static cairn_real nearness_of(const cairn_aligner *x, int32_t i, int32_t j)
+/* Nearness of two scans by their initial poses; negative: they cannot meet, or it is no more than `least`. */
+static cairn_real nearness_of(const cairn_aligner *x, int32_t i, int32_t j, cairn_real least)
 {
     cairn_transform map_i = x->poses[i], map_j = x->poses[j];
     cairn_vec2 p, q;
@@ -26,10 +26,12 @@ static cairn_real nearness_of(const cairn_aligner *x, int32_t i, int32_t j)
 
     if (!may_ever_meet(x, i, j))
         return -1;
-    p = cairn_transform_point(map_i, x->scans[i].middle);
-    q = cairn_transform_point(map_j, x->scans[j].middle);
     if (cairn_aligner_may_meet(x, i, j, map_i, map_j))
         shown = cairn_aligner_shown(x, i, j, cairn_aligner_between(map_i, map_j));
+    if ((cairn_real)shown + 1 <= least)
+        return -1;
+    p = cairn_transform_point(map_i, x->scans[i].middle);
+    q = cairn_transform_point(map_j, x->scans[j].middle);
     return (cairn_real)shown + 1 / (1 + cairn_vec2_norm_squared(cairn_vec2_sub(p, q)));
 }
 
@@ -57,7 +59,8 @@ static int32_t find_nearest(cairn_aligner *x)
 
     for (int32_t k = 0; k < SCANS_OF_ITEM && x->j < x->scan_count; k++, x->j++)
         if (x->j != x->i) {
-            cairn_real nearness = nearness_of(x, x->i, x->j);
+            cairn_real least = x->nearest_count == ALIGNER_NEAREST ? x->nearest[ALIGNER_NEAREST - 1].nearness : -1;
+            cairn_real nearness = nearness_of(x, x->i, x->j, least);
 
             units += nearness < 1 ? 1 : 4;
             if (nearness >= 0)

@@ -14,7 +14,8 @@
 #include "src/mapping/aligner_work.h"
 
 enum { DIRECTIONS = 15, FREE_CELL = 1 << DIRECTIONS, TRY_ROUNDS = 3 };
-enum { VOTES_OF_ITEM = 20000, VOTES_OF_UNIT = 128 };
+/* Of one item of the search: so many votes, or cells whose votes are counted as far as the units go. */
+enum { VOTES_OF_ITEM = 2400, VOTES_OF_UNIT = 24, CELLS_OF_UNIT = 16, FIND_COST = 3, UNITS_OF_COUNT = 100 };
 
 /* Votes, halves of a point, that a find has at least; where scans are looked for again every so-manieth point votes, for as many,
  * and a find may have one vote less. */
@@ -320,7 +321,7 @@ static int32_t draw(cairn_aligner *x)
     count = x->scans[x->i].partner_count;
     if (x->j == count) {
         x->phase = x->k == 1 ? ALIGNER_SEARCH : x->phase;
-        x->k = 1;
+        x->k = !x->k; /* drawn all: none of the votes has been counted */
         x->j = 0;
         return 1;
     }
@@ -372,49 +373,59 @@ static void vote(cairn_aligner *x, cairn_transform pose, int32_t width, int32_t 
     }
 }
 
-/* The shifts that have found most votes at one turn, what the initial pose says weighed in. */
-static void count_votes(cairn_aligner *x, cairn_pose at, cairn_real turned, int32_t width)
+/* A shift that has found enough votes at one turn, what the initial pose says weighed in. */
+static void take_votes(cairn_aligner *x, cairn_pose at, int32_t cell, int32_t width, int32_t votes)
 {
-    for (int32_t v = 0; v < width; v++)
-        for (int32_t u = 0; u < width; u++) {
-            cairn_real dx = (cairn_real)(u - x->half_window) * x->cell, dy = (cairn_real)(v - x->half_window) * x->cell;
-            int32_t votes = x->votes[v * width + u] * stride_of(x);
-            cairn_real score = (cairn_real)votes / 2;
-            cairn_pose pose = {at.x + dx, at.y + dy, at.theta};
+    cairn_real dx = (cairn_real)(cell % width - x->half_window) * x->cell;
+    cairn_real dy = (cairn_real)(cell / width - x->half_window) * x->cell, turned = (cairn_real)x->turn * TURN;
+    cairn_real off = (dx * dx + dy * dy) / (x->sigma * x->sigma) + turned * turned / (x->sigma_angle * x->sigma_angle);
+    cairn_pose pose = {at.x + dx, at.y + dy, at.theta};
 
-            if (votes <= LEAST_VOTES - stride_of(x))
-                continue;
-            score -=
-                ((dx * dx + dy * dy) / (x->sigma * x->sigma) + turned * turned / (x->sigma_angle * x->sigma_angle)) / 2;
-            keep_find(x, pose, score);
-        }
+    keep_find(x, pose, (cairn_real)votes / 2 - off / 2);
 }
 
-/* All shifts at one turn: some points, and after the last of them the votes. */
+/* The shifts that have found most votes at one turn: some, and after the last of them the next turn. */
+static int32_t count_votes(cairn_aligner *x, cairn_pose at, int32_t width)
+{
+    int32_t stride = stride_of(x), units = 1, begin = x->k;
+
+    for (; x->k < width * width && units + (x->k - begin) / CELLS_OF_UNIT < UNITS_OF_COUNT; x->k++) {
+        int32_t votes = x->votes[x->k] * stride;
+
+        if (votes <= LEAST_VOTES - stride)
+            continue;
+        take_votes(x, at, x->k, width, votes);
+        units += FIND_COST;
+    }
+    units += (x->k - begin) / CELLS_OF_UNIT;
+    if (x->k == width * width) {
+        x->turn++;
+        x->k = x->l = 0;
+    }
+    return units;
+}
+
+/* All shifts at one turn: votes of some points, or, when all have voted, a look at some of the votes. */
 static int32_t search_turn(cairn_aligner *x)
 {
     int32_t width = 2 * x->half_window + 1, first = x->scans[x->i].first_point + x->l, last = x->scans[x->i].end_point;
     int32_t stride = stride_of(x), end = first + stride * (1 + VOTES_OF_ITEM / (width * width)), voted;
-    cairn_real turned = (cairn_real)x->turn * TURN;
     cairn_pose at = x->predicted;
 
     if (x->turn > x->turns) {
         x->phase = ALIGNER_TRY;
         return 1;
     }
+    at.theta = cairn_wrap_angle(at.theta + (cairn_real)x->turn * TURN);
+    if (first >= last)
+        return count_votes(x, at, width);
     if (x->l == 0)
         memset(x->votes, 0, (size_t)width * (size_t)width * sizeof *x->votes);
     end = end < last ? end : last;
-    at.theta = cairn_wrap_angle(at.theta + turned);
     vote(x, cairn_transform_of(at), width, first, end);
     x->l += end - first;
     voted = (end - first + stride - 1) / stride;
-    if (end < last)
-        return 1 + voted * width * width / VOTES_OF_UNIT;
-    count_votes(x, at, turned, width);
-    x->turn++;
-    x->l = 0;
-    return 1 + (voted + 4) * width * width / VOTES_OF_UNIT;
+    return 1 + voted + voted * width * width / VOTES_OF_UNIT;
 }
 
 /* The best of the finds, and the best score of another place. */
@@ -473,6 +484,7 @@ static int32_t place(cairn_aligner *x)
     } else {
         cairn_aligner_put_back(x, better || x->home < 0 ? rest : x->home, better ? x->best : x->before);
         if (better) {
+            memset(&x->scans[x->i].pull, 0, sizeof x->scans[x->i].pull);
             x->scans[x->i].stirred = ALIGNER_JOINED;
             x->scans[x->i].joined = x->changes;
         }

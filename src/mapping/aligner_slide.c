@@ -47,20 +47,31 @@ static int find_weak(const cairn_aligner *x, int32_t i, cairn_vec2 *along)
     return 1;
 }
 
-/* Shift along `along` that brings segment s of a scan at pose onto the line of a wall; 0 when there is none. */
-static int shift_to(const aligner_segment *s, cairn_transform pose, cairn_vec2 along, const aligner_wall *wall,
-                    cairn_real *shift)
-{
-    cairn_vec2 direction = cairn_transform_direction(pose, s->direction), mean = cairn_transform_point(pose, s->mean);
-    cairn_vec2 way = cairn_aligner_along(wall);
-    cairn_real across = cairn_vec2_dot(wall->normal, along), place, half;
+/* A segment in the map, at a pose of its scan. */
+typedef struct placed {
+    const aligner_segment *segment;
+    cairn_vec2 direction, mean;
+} placed;
 
-    if ((wall->scans == 1 && wall->first_scan == s->scan) || cairn_abs(across) < LEAST_ACROSS ||
-        !cairn_aligner_same_line(wall, s, direction))
+static placed place_at(const aligner_segment *s, cairn_transform pose)
+{
+    placed p = {s, cairn_transform_direction(pose, s->direction), cairn_transform_point(pose, s->mean)};
+
+    return p;
+}
+
+/* Shift along `along` that brings a segment onto the line of a wall; 0 when there is none. */
+static int shift_to(const placed *p, cairn_vec2 along, const aligner_wall *wall, cairn_real *shift)
+{
+    cairn_real across = cairn_vec2_dot(wall->normal, along), place, half;
+    cairn_vec2 way = cairn_aligner_along(wall);
+
+    if (cairn_abs(across) < LEAST_ACROSS || (wall->scans == 1 && wall->first_scan == p->segment->scan) ||
+        !cairn_aligner_same_line(wall, p->segment, p->direction))
         return 0;
-    *shift = (wall->offset - cairn_vec2_dot(wall->normal, mean)) / across;
-    place = cairn_vec2_dot(way, mean) + *shift * cairn_vec2_dot(way, along);
-    half = s->length / 2 + GAP;
+    *shift = (wall->offset - cairn_vec2_dot(wall->normal, p->mean)) / across;
+    place = cairn_vec2_dot(way, p->mean) + *shift * cairn_vec2_dot(way, along);
+    half = p->segment->length / 2 + GAP;
     return place > wall->low - half && place < wall->high + half;
 }
 
@@ -92,11 +103,13 @@ static void find_shifts(cairn_aligner *x)
     x->find_count = x->find_at = 0;
     keep_shift(x, 0);
     keep_shift(x, cairn_vec2_dot(x->along, off));
-    for (int32_t k = scan->first_segment; k < scan->end_segment; k++)
-        for (int32_t w = 0; w < x->wall_count && x->segments[k].weight > 0; w++)
-            if (shift_to(&x->segments[k], x->before, x->along, &x->walls[w], &shift) &&
-                cairn_abs(shift) <= x->params.spread)
+    for (int32_t k = scan->first_segment; k < scan->end_segment; k++) {
+        placed p = place_at(&x->segments[k], x->before);
+
+        for (int32_t w = 0; w < x->wall_count && p.segment->weight > 0; w++)
+            if (shift_to(&p, x->along, &x->walls[w], &shift) && cairn_abs(shift) <= x->params.spread)
                 keep_shift(x, shift);
+    }
 }
 
 /* What the surfaces of the scan at hand that lie on walls add, nats. */
@@ -107,12 +120,13 @@ static cairn_real line_nats(const cairn_aligner *x, cairn_transform pose)
 
     for (int32_t k = scan->first_segment; k < scan->end_segment; k++) {
         const aligner_segment *s = &x->segments[k];
+        placed p = place_at(s, pose);
         cairn_real least = NEAR_LINE;
 
         if (!(s->weight > 0))
             continue;
         for (int32_t w = 0; w < x->wall_count; w++)
-            if (shift_to(s, pose, x->along, &x->walls[w], &shift))
+            if (shift_to(&p, x->along, &x->walls[w], &shift))
                 least = cairn_min(least, cairn_abs(shift));
         least /= NEAR_LINE;
         sum += LINE_NATS * (s->stub ? CAIRN_REAL(0.5) : cairn_min(s->length / FULL_LENGTH, 1)) * (1 - least * least);

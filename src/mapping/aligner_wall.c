@@ -292,34 +292,27 @@ static int may_hold(const fitting *f, int32_t u, int32_t v)
     return cairn_abs(cairn_vec2_cross(p->direction, from)) <= far + (along + far) * f->slope;
 }
 
-/* Looks at every wall of a way that the segment may fit. */
-static void look_along(const cairn_aligner *x, int32_t way, fitting *f)
-{
-    const placed *p = &f->segment;
-    cairn_real gap = cairn_min(cairn_max(p->far, GAP_LONG * p->segment->length), cairn_max(p->far, GAP_LONG * TILE));
-    cairn_real reach = gap + TILE / 2 + SLACK;
-    int32_t west = step_of(cairn_min(p->a.x, p->b.x) - reach), east = step_of(cairn_max(p->a.x, p->b.x) + reach);
-    int32_t south = step_of(cairn_min(p->a.y, p->b.y) - reach), north = step_of(cairn_max(p->a.y, p->b.y) + reach);
-
-    look_through(x, ALIGNER_TILES + way, f);
-    for (int32_t v = south; v <= north; v++)
-        for (int32_t u = west; u <= east; u++, f->passed++)
-            if (may_hold(f, u, v))
-                look_through(x, tile_of(u, v, way), f);
-}
-
 int32_t cairn_aligner_find_wall(const cairn_aligner *x, const aligner_segment *s, int32_t *passed)
 {
     cairn_transform cone = s->stub ? CONE_STUB : CONE;
     fitting f = {place_segment(x, s), cone.sine / cone.cosine, CAIRN_REAL_MAX, -1, 0};
-    int32_t last = way_of(cairn_transform_direction(cone, f.segment.direction)), way;
+    const placed *p = &f.segment;
+    cairn_real gap = cairn_min(cairn_max(p->far, GAP_LONG * s->length), cairn_max(p->far, GAP_LONG * TILE));
+    cairn_real reach = gap + TILE / 2 + SLACK;
+    int32_t west = step_of(cairn_min(p->a.x, p->b.x) - reach), east = step_of(cairn_max(p->a.x, p->b.x) + reach);
+    int32_t south = step_of(cairn_min(p->a.y, p->b.y) - reach), north = step_of(cairn_max(p->a.y, p->b.y) + reach);
+    int32_t last = way_of(cairn_transform_direction(cone, p->direction)), first, ways;
 
     cone.sine = -cone.sine;
-    way = way_of(cairn_transform_direction(cone, f.segment.direction));
-    for (look_along(x, way, &f); way != last;) {
-        way = (way + 1) & (ALIGNER_WAYS - 1);
-        look_along(x, way, &f);
-    }
+    first = way_of(cairn_transform_direction(cone, p->direction));
+    ways = 1 + ((last - first) & (ALIGNER_WAYS - 1));
+    for (int32_t k = 0; k < ways; k++)
+        look_through(x, ALIGNER_TILES + ((first + k) & (ALIGNER_WAYS - 1)), &f);
+    for (int32_t v = south; v <= north; v++)
+        for (int32_t u = west; u <= east; u++, f.passed++)
+            if (may_hold(&f, u, v))
+                for (int32_t k = 0; k < ways; k++)
+                    look_through(x, tile_of(u, v, (first + k) & (ALIGNER_WAYS - 1)), &f);
     *passed = f.passed;
     return f.wall;
 }

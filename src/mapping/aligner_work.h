@@ -152,6 +152,7 @@ typedef struct aligner_look {
 /* Relaxation of the scans of a cluster, one by one: all, or those that have joined it and those that meet them. */
 typedef struct aligner_relax {
     int32_t active, all;
+    int32_t old; /* partners at hand: 0: those that the scan has not met yet, 1: the others */
     int32_t cluster, round, rounds;
     cairn_real gate;
     int32_t i, partner;                   /* scan at hand, and which of its partners */
