@@ -5,7 +5,7 @@
  * the precision at the thesis's recall, which counts boxes above 0.2 as hits (precision_at_recall; with 0.5: precision_at_recall_half).
  * --method parts: by configurations of parts, as in the thesis; --bundles, --nearest and --modes change what it is made of. --method
  * chamfer: the plain oriented chamfer twin. --curves DIR: CLASS.csv and CLASS.svg, precision over recall and detection rate
- * over false positives per image. */
+ * over false positives per image. --verify: detections verified by contour grouping. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -22,7 +22,7 @@ typedef struct settings {
     const char *class_name, *method, *data, *curves;
     const char *bundles;
     int64_t most, candidates, matches, nearest, train;
-    double overlap, weight;
+    double overlap, weight, verify;
     int32_t each, no_mirror, modes, stages;
 } settings;
 
@@ -200,6 +200,8 @@ static int run_default(run *r, const group_image *image, const char *folder, int
         start = bench_cpu_seconds();
         ok = cairn_object_detect(&d, field, &r->model[k].model, image->name, error) == CAIRN_OK;
         begin_stage(&r->stages, -1);
+        if (ok && r->s->verify > 0)
+            ok = detect_verify(&d, &tokens, &r->model[k].model, r->s->verify, image->name, error);
         r->stages.searches++;
         if (ok)
             ok = count_image(r, image, k, own, d.found, d.count, field_seconds + bench_cpu_seconds() - start);
@@ -406,6 +408,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_INTEGER("--train", &s->train, 0, 1000, "N",
                        "learns what the class looks like from its first N images, which are not looked at then"),
         OPTION_NUMBER("--weight", &s->weight, 0, 1000, "LAMBDA", "of appearance, with --train"),
+        OPTION_NUMBER("--verify", &s->verify, 0, 100, "WEIGHT",
+                      "of what contour grouping finds where a detection is; 0: it is not asked"),
         OPTION_TEXT("--curves", &s->curves, "DIR", "writes CLASS.csv and CLASS.svg"),
         OPTION_TEXT("--data", &s->data, "DIR", "where ethz/ is"),
     };
