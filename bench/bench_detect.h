@@ -3,6 +3,7 @@
 #define CAIRN_BENCH_DETECT_H
 
 #include "bench/bench_group.h"
+#include "cairn/detection_curve.h"
 #include "cairn/object_detect.h"
 
 enum { DETECT_HALF = 0, DETECT_FIFTH = 1, DETECT_CRITERIA = 2 };
@@ -26,22 +27,13 @@ int detect_tally_add(detect_tally *tally, const cairn_detection *found, int32_t 
 int32_t detect_object(const group_image *truth, const cairn_detection *detection, double *share);
 void detect_tally_free(detect_tally *tally);
 
-typedef struct detect_point {
-    double recall, precision, false_per_image;
-    int32_t instances, detections; /* that recall and precision are shares of */
-} detect_point;
+/* The curve by one of the criteria, from the best score down: points[tally->count]. 0: there is no memory. */
+int detect_curve(const detect_tally *tally, int32_t criterion, cairn_detection_point *points);
 
-/* The interval of 95 % of a share of `count` (Wilson 1927). */
-void detect_interval(double share, int32_t count, double *low, double *high);
-
-/* The curve, from the best score down: points[tally->count]. */
-void detect_curve(detect_tally *tally, int32_t criterion, detect_point *points);
-
-/* Recall at so many false positives per image; the mean of the best precision at recalls of 0, 0.1 ... 1; the best precision at a recall or
- * above, 0 where it is not reached. */
-double detect_rate_at(const detect_point *points, int32_t count, double false_per_image);
-double detect_average_precision(const detect_point *points, int32_t count);
-double detect_precision_at(const detect_point *points, int32_t count, double recall);
+/* Adds to each detection's score weight times the evidence of a contour grouped at the same place (chapter 2), to what the grouping asks for, and
+ * sorts them anew. 0: it failed. */
+int detect_verify(cairn_detections *detections, const cairn_contour_tokens *tokens, const cairn_shape_model *model,
+                  double weight, const char *path, cairn_file_error *error);
 
 /* Plain oriented chamfer matching, the twin that all else is measured by: eight directions, distances cut at a share of the size, nine
  * sizes, three proportions, the mirror image, NMS at 0.2. Detections from the heap. -1: there is no memory. */

@@ -5,7 +5,7 @@
  * the precision at the thesis's recall, which counts boxes above 0.2 as hits (precision_at_recall; with 0.5: precision_at_recall_half).
  * --method parts: by configurations of parts, as in the thesis; --bundles, --nearest and --modes change what it is made of. --method
  * chamfer: the plain oriented chamfer twin. --curves DIR: CLASS.csv and CLASS.svg, precision over recall and detection rate
- * over false positives per image. */
+ * over false positives per image. --verify: detections verified by contour grouping. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -15,8 +15,6 @@
 #include "bench/bench_detect.h"
 #include "bench/bench_detect_look.h"
 #include "bench/bench_json.h"
-#include "cairn/output.h"
-#include "cairn/report.h"
 #include "cairn/vision.h"
 #include "tools/options.h"
 
@@ -24,7 +22,7 @@ typedef struct settings {
     const char *class_name, *method, *data, *curves;
     const char *bundles;
     int64_t most, candidates, matches, nearest, train;
-    double overlap, weight;
+    double overlap, weight, verify;
     int32_t each, no_mirror, modes, stages;
 } settings;
 
@@ -116,6 +114,9 @@ static void print_each(const run *r, const group_image *image, int32_t class, co
         bench_json_number("rigid", (double)found[i].rigid);
         bench_json_number("bent", (double)found[i].bent);
         bench_json_number("along", (double)found[i].along);
+        bench_json_number("close", (double)found[i].close);
+        bench_json_number("turned", (double)found[i].turned);
+        bench_json_number("strained", (double)found[i].strained);
         bench_json_number("agreement", (double)found[i].agreement);
         bench_json_number("distance", (double)found[i].distance);
         bench_json_number("appearance", (double)found[i].appearance);
@@ -199,6 +200,8 @@ static int run_default(run *r, const group_image *image, const char *folder, int
         start = bench_cpu_seconds();
         ok = cairn_object_detect(&d, field, &r->model[k].model, image->name, error) == CAIRN_OK;
         begin_stage(&r->stages, -1);
+        if (ok && r->s->verify > 0)
+            ok = detect_verify(&d, &tokens, &r->model[k].model, r->s->verify, image->name, error);
         r->stages.searches++;
         if (ok)
             ok = count_image(r, image, k, own, d.found, d.count, field_seconds + bench_cpu_seconds() - start);
@@ -287,101 +290,18 @@ static int learn_looks(run *r)
 
 /* ---- Figures ---- */
 
-/* With the intervals of 95 % after Wilson 1927: of the objects that are found, of the detections that are right. */
-static void print_point(cairn_output *output, const detect_point *p)
-{
-    double low[2], high[2];
-
-    detect_interval(p->recall, p->instances, &low[0], &high[0]);
-    detect_interval(p->precision, p->detections, &low[1], &high[1]);
-    cairn_output_print(output, "%.6f,%.6f,%.6f,%.6f,%.6f,%.6f,%.6f\n", p->recall, low[0], high[0], p->precision, low[1],
-                       high[1], p->false_per_image);
-}
-
-static int write_table(const char *path, const detect_point *points, int32_t count)
+static int write_curves(const settings *s, const char *name, const cairn_detection_point *points, int32_t count)
 {
     cairn_file_error error;
-    cairn_output *output;
-
-    if (cairn_output_open(&output, path, &error) == CAIRN_OK) {
-        cairn_output_print(output,
-                           "recall,recall_low,recall_high,precision,precision_low,precision_high,false_per_image\n");
-        for (int32_t i = 0; i < count; i++)
-            print_point(output, &points[i]);
-        if (cairn_output_commit(output, &error) == CAIRN_OK)
-            return 1;
-    }
-    fprintf(stderr, "bench/detect: %s\n", error.text);
-    return 0;
-}
-
-/* Lines from point to point; by_recall: precision over recall, otherwise recall over false positives. bound: -1, 1: its interval's. */
-static void lay_lines(cairn_vec2 *line, const detect_point *points, int32_t count, int by_recall, int bound)
-{
-    for (int32_t i = 0; i + 1 < count; i++)
-        for (int32_t k = 0; k < 2; k++) {
-            const detect_point *p = &points[i + k];
-
-            double low, high, value = by_recall ? p->precision : p->recall;
-
-            detect_interval(value, by_recall ? p->detections : p->instances, &low, &high);
-            line[2 * i + k].x = (cairn_real)(by_recall ? p->recall : p->false_per_image);
-            line[2 * i + k].y = (cairn_real)(bound < 0 ? low : bound > 0 ? high : value);
-        }
-}
-
-static int draw(const char *path, const char *title, const detect_point *points, int32_t count)
-{
-    cairn_vec2 *lines = malloc((12 * (size_t)count + 1) * sizeof *lines);
-    cairn_report_figure figure = cairn_report_figure_default();
-    cairn_report_layer layer[6];
-    cairn_report_plot plot[2] = {
-        {.x_label = "recall", .y_label = "precision", .layer = &layer[0], .layer_count = 3, .box = {{0, 0}, {1, 1}}},
-        {.x_label = "false positives per image",
-         .y_label = "detection rate",
-         .layer = &layer[3],
-         .layer_count = 3,
-         .box = {{0, 0}, {CAIRN_REAL(1.5), 1}}}};
-    cairn_file_error error = {.text = "no memory"};
-    int ok = lines != NULL;
-
-    if (ok) {
-        for (int32_t i = 0; i < 6; i++) {
-            static const char *const colours[] = {"#2563eb", "#93c5fd", "#93c5fd", "#dc2626", "#fca5a5", "#fca5a5"};
-            static const int bounds[] = {0, -1, 1};
-            cairn_report_layer own = {NULL,
-                                      colours[i],
-                                      CAIRN_REPORT_LINES,
-                                      count - 1,
-                                      lines + (size_t)i * 2 * (size_t)count,
-                                      i % 3 == 0 ? 2 : 1,
-                                      1};
-
-            layer[i] = own;
-            lay_lines(lines + (size_t)i * 2 * (size_t)count, points, count, i < 3, bounds[i % 3]);
-        }
-        figure.title = title;
-        figure.plot = plot;
-        figure.plot_count = 2;
-        ok = cairn_report_figure_write(path, &figure, &error) == CAIRN_OK;
-    }
-    if (!ok)
-        fprintf(stderr, "bench/detect: %s\n", error.text);
-    free(lines);
-    return ok;
-}
-
-static int write_curves(const settings *s, const char *name, const detect_point *points, int32_t count)
-{
-    char path[4096];
+    char stem[4000];
 
     if (s->curves == NULL || count < 2)
         return 1;
-    (void)snprintf(path, sizeof path, "%s/%s.csv", s->curves, name);
-    if (!write_table(path, points, count))
-        return 0;
-    (void)snprintf(path, sizeof path, "%s/%s.svg", s->curves, name);
-    return draw(path, name, points, count);
+    (void)snprintf(stem, sizeof stem, "%s/%s", s->curves, name);
+    if (cairn_detection_curve_write(stem, name, points, count, &error) == CAIRN_OK)
+        return 1;
+    fprintf(stderr, "bench/detect: %s\n", error.text);
+    return 0;
 }
 
 typedef struct means {
@@ -391,35 +311,34 @@ typedef struct means {
 static int print_class(run *r, int32_t k, means *m)
 {
     detect_tally *t = &r->tally[k];
-    detect_point *half = malloc(((size_t)t->count + 1) * sizeof *half);
-    detect_point *fifth = malloc(((size_t)t->count + 1) * sizeof *fifth);
-    int ok = half != NULL && fifth != NULL;
+    cairn_detection_point *half = malloc(((size_t)t->count + 1) * sizeof *half);
+    cairn_detection_point *fifth = malloc(((size_t)t->count + 1) * sizeof *fifth);
+    int ok =
+        half != NULL && fifth != NULL && detect_curve(t, DETECT_HALF, half) && detect_curve(t, DETECT_FIFTH, fifth);
 
     if (ok) {
         double rate03, rate04, precision, low, high;
 
-        detect_curve(t, DETECT_HALF, half);
-        detect_curve(t, DETECT_FIFTH, fifth);
-        rate03 = detect_rate_at(half, t->count, 0.3);
-        rate04 = detect_rate_at(half, t->count, 0.4);
-        precision = detect_average_precision(half, t->count);
+        rate03 = cairn_detection_rate_at(half, t->count, 0.3);
+        rate04 = cairn_detection_rate_at(half, t->count, 0.4);
+        precision = cairn_detection_average_precision(half, t->count);
         bench_json_begin("detect");
         bench_json_text("class", classes[k].folder);
         bench_json_text("method", r->s->method);
         bench_json_integer("images", t->images);
         bench_json_integer("instances", t->instances);
-        detect_interval(rate03, t->instances, &low, &high);
+        cairn_detection_interval(rate03, t->instances, &low, &high);
         bench_json_number("dr03", rate03);
         bench_json_number("dr03_low", low);
         bench_json_number("dr03_high", high);
-        detect_interval(rate04, t->instances, &low, &high);
+        cairn_detection_interval(rate04, t->instances, &low, &high);
         bench_json_number("dr04", rate04);
         bench_json_number("dr04_low", low);
         bench_json_number("dr04_high", high);
         bench_json_number("ap", precision);
         bench_json_number("recall_most", t->count > 0 ? half[t->count - 1].recall : 0);
-        bench_json_number("precision_at_recall", detect_precision_at(fifth, t->count, classes[k].recall));
-        bench_json_number("precision_at_recall_half", detect_precision_at(half, t->count, classes[k].recall));
+        bench_json_number("precision_at_recall", cairn_detection_precision_at(fifth, t->count, classes[k].recall));
+        bench_json_number("precision_at_recall_half", cairn_detection_precision_at(half, t->count, classes[k].recall));
         bench_json_end();
         m->rate03 += rate03;
         m->rate04 += rate04;
@@ -489,6 +408,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_INTEGER("--train", &s->train, 0, 1000, "N",
                        "learns what the class looks like from its first N images, which are not looked at then"),
         OPTION_NUMBER("--weight", &s->weight, 0, 1000, "LAMBDA", "of appearance, with --train"),
+        OPTION_NUMBER("--verify", &s->verify, 0, 100, "WEIGHT",
+                      "of what contour grouping finds where a detection is; 0: it is not asked"),
         OPTION_TEXT("--curves", &s->curves, "DIR", "writes CLASS.csv and CLASS.svg"),
         OPTION_TEXT("--data", &s->data, "DIR", "where ethz/ is"),
     };

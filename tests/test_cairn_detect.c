@@ -214,6 +214,15 @@ static void test_halved(void **state)
 }
 
 /* In as many processes as there may be: the same bytes. */
+static void write_truth(const char *name, const char *rows)
+{
+    FILE *f = fopen(files_path(name), "w");
+
+    assert_non_null(f);
+    fprintf(f, "image,left,top,right,bottom\n%s", rows);
+    assert_int_equal(fclose(f), 0);
+}
+
 static void test_many_images(void **state)
 {
     static const char *const images = "@/bottle0.png @/bottle1.png @/bottle2.png @/bottle3.png @/bottle4.png";
@@ -232,6 +241,13 @@ static void test_many_images(void **state)
     assert_string_equal(first, three.out);
     free(first);
     assert_same("one.csv", "three.csv");
+    write_truth("all.csv", "bottle0.png,27,30,93,180\nbottle3.png,102,30,168,180\n");
+    assert_done(programs_run("cairn detect %s --model @/bottle.shape --jobs 1 -o @/one --truth @/all.csv --curves @/c1",
+                             images));
+    assert_done(programs_run(
+        "cairn detect %s --model @/bottle.shape --jobs 3 -o @/three --truth @/all.csv --curves @/c3", images));
+    assert_same("c1.csv", "c3.csv");
+    assert_same("c1.svg", "c3.svg");
     for (int k = 0; k < IMAGES; k++) {
         char a[32], b[32];
 
@@ -245,6 +261,49 @@ static void test_many_images(void **state)
                      "--detections @/some.csv");
     assert_refused(one, "missing.png: cannot open");
     assert_int_not_equal(access(files_path("some.csv"), F_OK), 0);
+}
+
+/* The last line of curves: recall at the most, and false positives per image there. */
+static void read_last(const char *name, double *recall, double *false_per_image)
+{
+    char *text = read_in(name), *line = strrchr(text, ','), *end;
+
+    assert_int_equal(strncmp(text, "score,recall,recall_low,recall_high,precision,", 46), 0);
+    assert_non_null(line);
+    *false_per_image = strtod(line + 1, NULL);
+    while (line > text && line[-1] != '\n')
+        line--;
+    (void)strtod(line, &end);
+    *recall = strtod(end + 1, NULL);
+    free(text);
+}
+
+/* One object of the image, one of an image that was not looked at; then, too, one that is not there. */
+static void test_truth(void **state)
+{
+    static const char *const command = "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape "
+                                       "--min-score -100 -o @/found --truth @/truth.csv --curves @/%s";
+    double recall, more, false_per_image, more_false;
+    char *text;
+
+    (void)state;
+    write_truth("truth.csv", "bottle0.png,27,30,93,180\nelsewhere.png,10,10,50,50\n");
+    assert_done(programs_run(command, "right"));
+    read_last("right.csv", &recall, &false_per_image);
+    assert_near(recall, 1, 1e-9);
+    text = read_in("right.svg");
+    assert_well_formed(text);
+    free(text);
+    write_truth("truth.csv", "bottle0.png,27,30,93,180\nbottle0.png,230,190,239,199\n");
+    assert_done(programs_run(command, "half"));
+    read_last("half.csv", &more, &more_false);
+    assert_near(more, 0.5, 1e-9);
+    assert_near(more_false, false_per_image, 1e-9);
+    write_truth("truth.csv", "");
+    assert_done(programs_run(command, "none"));
+    read_last("none.csv", &more, &more_false);
+    assert_near(more, 0, 1e-9);
+    assert_near(more_false, false_per_image + 1, 1e-9);
 }
 
 static void write_grey_as_text(const char *name)
@@ -304,6 +363,11 @@ static void test_refusals(void **state)
         {"'@/end\f.png' --model @/bottle.shape -o @/refused", "end?.png' holds a control character"},
         {"@/bottle0.png --edges @/edges.png --model '@/a\vb\177.shape' -o @/refused",
          "a?b?.shape' holds a control character"},
+        {"@/bottle0.png --model @/bottle.shape -o @/refused --truth @/truth.csv",
+         "--truth alone, expected --truth and"},
+        {"@/bottle0.png --model @/bottle.shape -o @/refused --curves @/c", "--curves alone, expected --truth and"},
+        {"@/bottle0.png --edges @/edges.png --model @/bottle.shape -o @/refused --truth @/no.csv --curves @/c",
+         "no.csv: cannot open"},
         /* Before anything is searched. */
         {"@/bottle0.png --edges @/edges.png --model @/bottle.shape -o @/refused --detections @/nowhere/table.csv",
          "nowhere"},
@@ -321,7 +385,7 @@ int main(int argc, char **argv)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_found),        cmocka_unit_test(test_by_parts), cmocka_unit_test(test_halved),
         cmocka_unit_test(test_appearance),   cmocka_unit_test(test_cuts),     cmocka_unit_test(test_many_images),
-        cmocka_unit_test(test_quoted_names), cmocka_unit_test(test_refusals),
+        cmocka_unit_test(test_quoted_names), cmocka_unit_test(test_truth),    cmocka_unit_test(test_refusals),
     };
 
     programs_find(argc, argv);

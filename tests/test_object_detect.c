@@ -240,6 +240,134 @@ static void looks_at_every_place(void **state)
     cairn_shape_model_file_free(&model);
 }
 
+/* ---- How the bent outline fits ---- */
+
+/* The nearest edge in sigmas of 0.012 sizes and of a sine of 0.35, of all there are. */
+static double close_of(const cairn_contour_tokens *tokens, const cairn_contour_place *places, const cairn_detection *d)
+{
+    double sum = 0;
+
+    for (int32_t i = 0; i < d->outline_count; i++) {
+        cairn_oriented_point at = places[i].at;
+        double best = 0;
+
+        for (int32_t k = 0; k < tokens->count; k++) {
+            cairn_segment s = tokens->lines[k];
+            double x = (double)(s.b.x - s.a.x), y = (double)(s.b.y - s.a.y), length = hypot(x, y);
+            double u = (double)(at.position.x - s.a.x), v = (double)(at.position.y - s.a.y);
+            double share = fmin(1, fmax(0, (u * x + v * y) / (length * length)));
+            double far = hypot(u - share * x, v - share * y) / (double)d->size / 0.012;
+            double turn = fabs(x * (double)at.direction.y - y * (double)at.direction.x) / length / 0.35;
+
+            if (far <= 4 && turn <= 2)
+                best = fmax(best, exp(-(far * far + turn * turn) / 2));
+        }
+        sum += best;
+    }
+    return sum / d->outline_count;
+}
+
+/* Angles of the ways from two samples before to two behind, by atan2; the flag has one outline. */
+static double turned_of(const cairn_shape_model *m, const cairn_contour_place *places, const cairn_detection *d)
+{
+    double sum = 0;
+    int32_t n = m->outline_count;
+
+    for (int32_t i = 0; i < n; i++) {
+        int32_t a = (i + n - 2) % n, b = (i + 2) % n;
+        double x = (double)(m->outline[b].position.x - m->outline[a].position.x) * (d->mirrored ? -1 : 1);
+        double was = atan2((double)(m->outline[b].position.y - m->outline[a].position.y), x);
+        double is = atan2((double)(places[b].at.position.y - places[a].at.position.y),
+                          (double)(places[b].at.position.x - places[a].at.position.x));
+
+        sum += 1 - cos(was - is);
+    }
+    return sum / n;
+}
+
+/* What is left of one coordinate after the best a + b x + c y: Gram and Schmidt on the columns, in place of normal equations. */
+static double residual_of(const cairn_shape_model *m, double *value, double slope[2])
+{
+    enum { MOST = 1024 };
+    static double column[3][MOST];
+    double scale[3], along[3][3] = {{0}}, part[3], left = 0;
+    int32_t n = m->outline_count;
+
+    assert_in_range(n, 3, MOST);
+    for (int32_t i = 0; i < n; i++) {
+        column[0][i] = 1;
+        column[1][i] = (double)m->outline[i].position.x;
+        column[2][i] = (double)m->outline[i].position.y;
+    }
+    for (int32_t k = 0; k < 3; k++) {
+        for (int32_t j = 0; j < k; j++) {
+            for (int32_t i = 0; i < n; i++)
+                along[k][j] += column[k][i] * column[j][i] / scale[j];
+            for (int32_t i = 0; i < n; i++)
+                column[k][i] -= along[k][j] * column[j][i];
+        }
+        scale[k] = part[k] = 0;
+        for (int32_t i = 0; i < n; i++)
+            scale[k] += column[k][i] * column[k][i];
+        for (int32_t i = 0; i < n; i++)
+            part[k] += column[k][i] * value[i] / scale[k];
+        for (int32_t i = 0; i < n; i++)
+            value[i] -= part[k] * column[k][i];
+    }
+    slope[1] = part[2];
+    slope[0] = part[1] - along[2][1] * part[2];
+    for (int32_t i = 0; i < n; i++)
+        left += value[i] * value[i];
+    return left;
+}
+
+static double strained_of(const cairn_shape_model *m, const cairn_contour_place *places)
+{
+    static double value[1024];
+    double slope[2][2], left;
+
+    for (int32_t i = 0; i < m->outline_count; i++)
+        value[i] = (double)places[i].at.position.x;
+    left = residual_of(m, value, slope[0]);
+    for (int32_t i = 0; i < m->outline_count; i++)
+        value[i] = (double)places[i].at.position.y;
+    left += residual_of(m, value, slope[1]);
+    return fmin(1, sqrt(left / m->outline_count / fabs(slope[0][0] * slope[1][1] - slope[0][1] * slope[1][0])));
+}
+
+static void measures_how_the_outline_fits(void **state)
+{
+    cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
+    cairn_shape_model_file model = make_model();
+    cairn_contour_tokens tokens;
+    cairn_detections found;
+
+    (void)state;
+    clear_picture();
+    draw_clutter(60);
+    draw_flag(30, 60, 1, 0);
+    draw_flag(270, 60, 1, 1);
+    tokens = find_tokens(0);
+    params.min_score = -100;
+    found = detect(&tokens, &params);
+    assert_true(found.count >= 4);
+    for (int32_t i = 0; i < found.count; i++) {
+        const cairn_detection *d = &found.found[i];
+        const cairn_contour_place *places = &found.outline[d->first_outline];
+
+        assert_near(d->close, close_of(&tokens, places, d), 1e-3);
+        assert_near(d->turned, turned_of(&model.model, places, d), 1e-4);
+        assert_near(d->strained, strained_of(&model.model, places), 1e-4);
+        /* The flags are as drawn; what is laid along clutter is not. */
+        assert_true(i < 2 ? d->close > CAIRN_REAL(0.8) : d->close < found.found[1].close);
+        assert_true(i < 2 ? d->turned < CAIRN_REAL(0.03) : d->turned > found.found[1].turned);
+        assert_true(i < 2 ? d->strained < CAIRN_REAL(0.03) : d->strained > found.found[1].strained);
+    }
+    cairn_detections_free(&found);
+    cairn_contour_tokens_free(&tokens);
+    cairn_shape_model_file_free(&model);
+}
+
 /* Chance lays more small outlines along edges than are kept: the large one, which comes last, is found still. */
 static void finds_a_large_shape_among_very_many_peaks(void **state)
 {
@@ -422,6 +550,7 @@ int main(void)
         cmocka_unit_test(finds_two_shapes),
         cmocka_unit_test(weighs_edges_as_the_obvious_way_does),
         cmocka_unit_test(looks_at_every_place),
+        cmocka_unit_test(measures_how_the_outline_fits),
         cmocka_unit_test(finds_a_large_shape_among_very_many_peaks),
         cmocka_unit_test(takes_odd_pictures),
         cmocka_unit_test(refuses_what_cannot_be),

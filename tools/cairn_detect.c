@@ -11,19 +11,21 @@
 #include "cairn/output_set.h"
 #include "cairn/part_cut_file.h"
 #include "cairn/shape_model_file.h"
+#include "tools/cairn_detect_truth.h"
 #include "tools/cairn_picture.h"
 #include "tools/cairn_tool.h"
 
 #define PROGRAM "cairn detect"
 
 enum { IMAGES_MOST = 4096, JOBS_MOST = 64 };
-/* Between what is said of one image and the next, and between its summary and its detections; in no text of them. */
-enum { RECORD_END = '\f', TABLE_BEGIN = '\v' };
+/* Between what is said of one image and the next; before its detections, and before what they are by the truth; in no text of them. */
+/* RECORD_END begins a line of its own: what follows TRUTH_BEGIN is read by lines. */
+enum { RECORD_END = '\f', TABLE_BEGIN = '\v', TRUTH_BEGIN = '\b', LINE_BYTES = 64 };
 
 typedef struct settings {
     const char *images[IMAGES_MOST];
     size_t count;
-    const char *model, *folder, *table, *method, *bundles, *cuts, *appearance;
+    const char *model, *folder, *table, *method, *bundles, *cuts, *appearance, *truth_path, *curves;
     picture_settings pictures;
     int64_t strength, jobs, candidates, nearest, matches;
     double overlap, score, weight;
@@ -31,6 +33,7 @@ typedef struct settings {
     cairn_part_cut cut[CAIRN_PART_FRAGMENTS]; /* of --cuts */
     int32_t cut_count;
     cairn_appearance_model look; /* of --appearance */
+    detect_truth truth;          /* of --truth */
 } settings;
 
 static option_result read_settings(settings *s, int argc, char **argv)
@@ -40,6 +43,10 @@ static option_result read_settings(settings *s, int argc, char **argv)
                     "what to look for: a model (cairn model), a silhouette or a drawing"),
         OPTION_TEXT("-o", &s->folder, "DIR", "folder to write NAME.svg and NAME.json to, for each image NAME.*"),
         OPTION_TEXT("--detections", &s->table, "FILE", "also all detections as one table (CSV)"),
+        OPTION_TEXT("--truth", &s->truth_path, "FILE",
+                    "all objects' boxes in the images (CSV: image, left, top, right, bottom); with --curves"),
+        OPTION_TEXT("--curves", &s->curves, "STEM",
+                    "STEM.csv and STEM.svg: precision over recall, detection rate over false positives per image"),
         OPTION_TEXT("--edges", &s->pictures.edges, "FILE",
                     "the image's edges, strengths 0 ... 255, from a detector of your own; of one image only"),
         OPTION_INTEGER("--jobs", &s->jobs, 1, JOBS_MOST, "N",
@@ -90,6 +97,9 @@ static option_result read_settings(settings *s, int argc, char **argv)
         return (option_result)options_refuse(PROGRAM, "--method %s, expected evidence or parts", s->method);
     if (strcmp(s->bundles, "rule") != 0 && strcmp(s->bundles, "one") != 0 && strcmp(s->bundles, "none") != 0)
         return (option_result)options_refuse(PROGRAM, "--bundles %s, expected rule, one or none", s->bundles);
+    if ((s->truth_path == NULL) != (s->curves == NULL))
+        return (option_result)options_refuse(PROGRAM, "%s alone, expected --truth and --curves together",
+                                             s->curves == NULL ? "--truth" : "--curves");
     if (s->pictures.edges != NULL && s->count > 1)
         return (option_result)options_refuse(PROGRAM, "--edges with %zu images, expected one", s->count);
     if (s->pictures.canny.low > s->pictures.canny.high)
@@ -200,7 +210,7 @@ static void print_row(const settings *s, const work *w, const cairn_detection *d
 /* What is said of an image: a summary for the eye, then its lines of the table. */
 static void print_record(const settings *s, const work *w, FILE *record)
 {
-    cairn_detection_picture p = {.shrink = w->picture.shrink};
+    cairn_detection_picture p = {.shrink = w->picture.shrink, .detections = &w->detections};
 
     fprintf(record, "%s: %" PRId32 " detection%s; %" PRId32 " segments of %" PRId32 " chains\n", w->path,
             w->detections.count, w->detections.count == 1 ? "" : "s", w->tokens.count, w->tokens.chains);
@@ -219,7 +229,10 @@ static void print_record(const settings *s, const work *w, FILE *record)
                 print_row(s, w, d, box, record);
         }
     }
-    fputc(RECORD_END, record);
+    fputc(TRUTH_BEGIN, record);
+    if (s->truth_path != NULL)
+        detect_truth_print(&s->truth, cairn_path_name(w->path), &p, record);
+    fputs("\f\n", record);
 }
 
 static int run_image(const settings *s, const char *path, const cairn_shape_model *model, FILE *record)
@@ -284,28 +297,42 @@ static int run_jobs(const settings *s, const cairn_shape_model *model, FILE **re
     return code;
 }
 
-/* The records in the order of the images: summaries to standard output, the rest to the table. */
-static void merge_records(const settings *s, FILE **records, cairn_output *table)
+/* The record of an image: its summary to standard output, its rows to the table, what they are to the truth. 0: there is no memory. */
+static int merge_record(const settings *s, FILE *record, cairn_output *table, detect_truth *truth)
 {
+    char line[LINE_BYTES];
+    int c, part = 0;
+
+    while ((c = fgetc(record)) != RECORD_END && c != EOF && c != TRUTH_BEGIN)
+        if (c == TABLE_BEGIN)
+            part = 1;
+        else if (part == 1 && table != NULL)
+            cairn_output_print(table, "%c", c);
+        else if (part == 0 && !s->quiet)
+            putchar(c);
+    while (c == TRUTH_BEGIN && fgets(line, sizeof line, record) != NULL && line[0] != RECORD_END)
+        if (!detect_truth_take(truth, line))
+            return 0;
+    return 1;
+}
+
+/* The records in the order of the images. */
+static int merge_records(const settings *s, FILE **records, cairn_output *table, detect_truth *truth)
+{
+    int ok = 1;
+
     if (table != NULL)
         cairn_output_print(table, "image,class,left,top,right,bottom,score,mirrored\n");
     for (int32_t job = 0; job < s->jobs; job++)
         rewind(records[job]);
-    for (size_t i = 0; i < s->count; i++) {
-        FILE *record = records[i % (size_t)s->jobs];
-        int c, in_table = 0;
-
-        while ((c = fgetc(record)) != RECORD_END && c != EOF)
-            if (c == TABLE_BEGIN)
-                in_table = 1;
-            else if (in_table && table != NULL)
-                cairn_output_print(table, "%c", c);
-            else if (!in_table && !s->quiet)
-                putchar(c);
-    }
+    for (size_t i = 0; i < s->count && ok; i++)
+        ok = merge_record(s, records[i % (size_t)s->jobs], table, truth);
+    if (!ok)
+        fprintf(stderr, "%s: no memory\n", PROGRAM);
+    return ok ? TOOL_OK : TOOL_FAILED;
 }
 
-static int run_all(const settings *s, const cairn_shape_model *model, cairn_output *table)
+static int run_all(const settings *s, const cairn_shape_model *model, cairn_output *table, detect_truth *truth)
 {
     FILE *records[JOBS_MOST] = {NULL};
     int code = TOOL_OK;
@@ -320,7 +347,7 @@ static int run_all(const settings *s, const cairn_shape_model *model, cairn_outp
     if (code == TOOL_OK)
         code = s->jobs > 1 ? run_jobs(s, model, records) : run_job(s, 0, model, records[0]);
     if (code == TOOL_OK)
-        merge_records(s, records, table);
+        code = merge_records(s, records, table, truth);
     for (int32_t job = 0; job < s->jobs; job++)
         if (records[job] != NULL)
             (void)fclose(records[job]);
@@ -328,7 +355,7 @@ static int run_all(const settings *s, const cairn_shape_model *model, cairn_outp
 }
 
 /* The table is begun first: nobody wants to hear after an hour that it cannot be written. */
-static int run(const settings *s, const cairn_shape_model *model)
+static int run(const settings *s, const cairn_shape_model *model, detect_truth *truth)
 {
     cairn_file_error error;
     cairn_output *table = NULL;
@@ -336,7 +363,10 @@ static int run(const settings *s, const cairn_shape_model *model)
 
     if (s->table != NULL && cairn_output_open(&table, s->table, &error) != CAIRN_OK)
         return tool_report(&error);
-    code = run_all(s, model, table);
+    code = run_all(s, model, table, truth);
+    if (code == TOOL_OK && s->curves != NULL &&
+        detect_truth_write(truth, s->images, s->count, s->curves, cairn_path_name(s->model), &error) != CAIRN_OK)
+        code = tool_report(&error);
     if (code != TOOL_OK)
         cairn_output_discard(table);
     else if (table != NULL && cairn_output_commit(table, &error) != CAIRN_OK)
@@ -381,11 +411,14 @@ int tool_detect(int argc, char **argv)
     if (cairn_shape_model_file_load(&model, s.model, &image, &builder, NULL, &error) != CAIRN_OK)
         return tool_report(&error);
     if ((s.cuts != NULL && cairn_part_cut_file_read(s.cut, &s.cut_count, s.cuts, &error) != CAIRN_OK) ||
+        (s.truth_path != NULL &&
+         cairn_box_table_read(s.truth_path, &s.truth.rows, &s.truth.count, &error) != CAIRN_OK) ||
         (s.appearance != NULL && (cairn_appearance_read(&s.look, s.appearance, &error) != CAIRN_OK ||
                                   cairn_appearance_load(&error) != CAIRN_OK)))
         code = tool_report(&error);
     else
-        code = run(&s, &model.model);
+        code = run(&s, &model.model, &s.truth);
+    detect_truth_free(&s.truth);
     cairn_appearance_free(&s.look);
     cairn_shape_model_file_free(&model);
     return code;

@@ -40,7 +40,7 @@ typedef struct cairn_object_detect_params {
      * side. */
     cairn_real min_size, max_size;
     int32_t mirror;     /* 1: the mirrored model is looked for, too (1) */
-    int32_t candidates; /* 1 ... 64: places that are looked at again (20) */
+    int32_t candidates; /* 1 ... 64: places that are looked at again (30) */
     cairn_real
         overlap; /* 0 ... 1: of two detections whose boxes share more, over their union, the better one stays (0.2); so it does when
                                       most of the smaller box lies in the other */
@@ -66,12 +66,16 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
  * object than by chance, where the model was laid first, and where its bent outline lies, less what bending costs. */
 typedef struct cairn_detection {
     cairn_real left, top, right, bottom; /* px, the box about the bent outline */
-    cairn_real score; /* of rigid, bent, along, the box's proportions, the size to the picture's diagonal */
+    /* Of rigid, bent, close, turned, strained, the box's proportions, the size to the picture's diagonal. */
+    cairn_real score;
     cairn_real rigid, bent;
-    cairn_real along;      /* length of the segments to that of the outline */
-    cairn_vec2 origin;     /* px, where the model's origin lies */
-    cairn_real size;       /* px, of the diagonal of the model's box */
-    int32_t mirrored;      /* 1: it is the mirrored model */
+    cairn_real along;    /* length of the segments to that of the outline */
+    cairn_real close;    /* 0 ... 1, mean over the bent outline of how near an edge of its direction is */
+    cairn_real turned;   /* 0 ... 2, mean of 1 - cos of the angles between the bent outline and the drawn one */
+    cairn_real strained; /* 0 ... 1, rms of what an affine map of the drawn outline leaves of the bent one, in sizes */
+    cairn_vec2 origin;   /* px, where the model's origin lies */
+    cairn_real size;     /* px, of the diagonal of the model's box */
+    int32_t mirrored;    /* 1: it is the mirrored model */
     int32_t first_segment; /* segments[first_segment ... + segment_count - 1]: those along the outline */
     int32_t segment_count;
     int32_t first_outline; /* outline[first_outline ... + outline_count - 1] */

@@ -46,13 +46,15 @@ typedef struct bender {
     const contour_field *field;
     const cairn_shape_model *model;
     contour_fit *fit;
-    cairn_vec2 *base;             /* [outline_count] px */
-    cairn_real *value[2];         /* [LABELS_MOST] of the sample before and of this one */
-    uint8_t (*from)[LABELS_MOST]; /* [2 * outline_count] the move that led to each label */
-    cairn_real size, spacing;     /* px; of the size, of the samples */
-    cairn_real bending;           /* what all moves have cost */
-    int32_t reach, width, labels; /* of the round */
-    cairn_real step;              /* px */
+    cairn_vec2 *base;                       /* [outline_count] px */
+    cairn_real *value[2];                   /* [LABELS_MOST] of the sample before and of this one */
+    uint8_t (*from)[LABELS_MOST];           /* [2 * outline_count] the move that led to each label */
+    cairn_real (*gain)[LABELS_MOST];        /* [outline_count] what each sample is worth at each label */
+    cairn_real no_edge[CONTOUR_FIELD_BINS]; /* what a place is worth that no edge is near */
+    cairn_real size, spacing;               /* px; of the size, of the samples */
+    cairn_real bending;                     /* what all moves have cost */
+    int32_t reach, width, labels;           /* of the round */
+    cairn_real step;                        /* px */
 } bender;
 
 int cairn_contour_fit_new(contour_fit *fit, int32_t outline_count)
@@ -75,16 +77,22 @@ void cairn_contour_fit_free(contour_fit *fit)
     memset(fit, 0, sizeof *fit);
 }
 
-/* The log of how much likelier the edges at a place are with an outline in a direction there than by chance. */
-static cairn_real worth_of(const contour_field *f, cairn_vec2 at, int32_t bin)
+/* The log of how much likelier edges of such a cost are with an outline in a direction there than by chance. */
+static cairn_real worth_at(const contour_field *f, cairn_real cost, int32_t bin)
 {
+    return cairn_log((cairn_real)HIDDEN + (1 - (cairn_real)HIDDEN) * cairn_exp(-cost) / f->chance[bin]);
+}
+
+static cairn_real worth_of(const bender *b, cairn_vec2 at, int32_t bin)
+{
+    const contour_field *f = b->field;
     int32_t x = (int32_t)floor((double)((at.x - f->corner.x) / f->cell)),
             y = (int32_t)floor((double)((at.y - f->corner.y) / f->cell));
     cairn_real cost = CONTOUR_FIELD_MOST;
 
     if (x >= 0 && y >= 0 && x < CONTOUR_FIELD_SIDE && y < CONTOUR_FIELD_SIDE)
         cost = f->cost[((size_t)bin * CONTOUR_FIELD_SIDE + (size_t)y) * CONTOUR_FIELD_SIDE + (size_t)x];
-    return cairn_log((cairn_real)HIDDEN + (1 - (cairn_real)HIDDEN) * cairn_exp(-cost) / f->chance[bin]);
+    return cost < CONTOUR_FIELD_MOST ? worth_at(f, cost, bin) : b->no_edge[bin];
 }
 
 static cairn_vec2 shift_of(const bender *b, int32_t label)
@@ -123,13 +131,13 @@ static void take_ways(bender *b, const cairn_real *before, cairn_real *now, uint
     }
 }
 
-static void add_worth(const bender *b, int32_t sample, cairn_real *value)
+static void find_gain(const bender *b, int32_t sample, cairn_real *gain)
 {
     int32_t bin = cairn_contour_field_bin(b->fit->outline[sample].direction);
 
     for (int32_t label = 0; label < b->labels; label++)
-        value[label] += b->spacing / (cairn_real)PIECE *
-                        worth_of(b->field, cairn_vec2_add(b->base[sample], shift_of(b, label)), bin);
+        gain[label] =
+            b->spacing / (cairn_real)PIECE * worth_of(b, cairn_vec2_add(b->base[sample], shift_of(b, label)), bin);
 }
 
 /* Shifts the samples first ... first + count - 1 to where they lie best. */
@@ -143,7 +151,10 @@ static void bend_outline(bender *b, int32_t first, int32_t count)
         cairn_real *other = before;
 
         take_ways(b, before, now, b->from[k]);
-        add_worth(b, first + k % count, now);
+        if (k < count)
+            find_gain(b, first + k, b->gain[k]);
+        for (int32_t i = 0; i < b->labels; i++)
+            now[i] += b->gain[k % count][i];
         before = now;
         now = other;
     }
@@ -240,7 +251,7 @@ static void weigh(bender *b)
 {
     for (int32_t i = 0; i < b->model->outline_count; i++)
         b->fit->worth[i] =
-            worth_of(b->field, b->fit->outline[i].position, cairn_contour_field_bin(b->fit->outline[i].direction));
+            worth_of(b, b->fit->outline[i].position, cairn_contour_field_bin(b->fit->outline[i].direction));
 }
 
 /* What it costs that an affine map stretches one direction more than the other. */
@@ -373,12 +384,16 @@ int cairn_contour_fit_run(contour_fit *fit, const contour_field *field, const ca
     b.value[0] = malloc(LABELS_MOST * sizeof *b.value[0]);
     b.value[1] = malloc(LABELS_MOST * sizeof *b.value[1]);
     b.from = malloc(2 * count * sizeof *b.from);
-    ok = b.base != NULL && b.value[0] != NULL && b.value[1] != NULL && b.from != NULL;
+    b.gain = malloc(count * sizeof *b.gain);
+    for (int32_t bin = 0; bin < CONTOUR_FIELD_BINS; bin++)
+        b.no_edge[bin] = worth_at(field, CONTOUR_FIELD_MOST, bin);
+    ok = b.base != NULL && b.value[0] != NULL && b.value[1] != NULL && b.from != NULL && b.gain != NULL;
     if (ok)
         bend(&b, object);
     free(b.base);
     free(b.value[0]);
     free(b.value[1]);
     free(b.from);
+    free(b.gain);
     return ok;
 }

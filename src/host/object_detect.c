@@ -3,7 +3,7 @@
  * Method: for each size, the model and its mirror image, and three proportions of each, a map of the mean worth of the outline's samples
  * (object_detect_field.c) for every place of its middle: sums of shifted planes. Of the peaks of all maps the best are taken that do not
  * lie on better ones, and looked at again: the outline is bent onto the edges about them (contour_search_fit.c). Both means, before and
- * after, make the score; boxes are those of the bent outlines. Of detections that overlap the best stays.
+ * after, make the score, with how the bent outline fits (object_detect_shape.c); boxes are those of the bent outlines. Of detections that overlap the best stays.
  *
  * PARTS: the candidates are configurations of parts (object_detect_parts.c) and keep their scores; bending gives the box only.
  *
@@ -26,11 +26,16 @@ enum { ASPECTS = sizeof aspects / sizeof *aspects, PEAKS_MOST = 1 << 16 };
 #define CANDIDATE_OVERLAP 0.5F
 /* Of bent outlines evidence is counted in pieces of this length (contour_search_fit.c). */
 #define PIECE 0.08
-/* What the outline before bending, the length of segments along it and the logarithm of the size, to the picture's diagonal, count beside
- * the bent one. A piece of a small outline is a few pixels, along which chance lays an edge more easily. */
+/* What the outline before bending and the logarithm of the size, to the picture's diagonal, count beside the bent one. A piece of a small
+ * outline is a few pixels, along which chance lays an edge more easily. */
 #define RIGID 2
-#define ALONG 0.5
 #define SIZE  1
+/* And how near edges are to the bent outline, how far it is turned and strained against the drawn one (object_detect_shape.c). */
+#define NEAR     12
+#define TURNED   32
+#define STRAINED 16
+/* What all that comes to where there is no object, so that 0 is where most pictures without one have none left (docs/accuracy.md). */
+#define NOTHING 9.5
 /* And the square of the logarithm of how much wider its box is, to its height, than the model's. */
 #define PROPORTION 1
 /* What the logarithm of the size counts beside the outline before bending, for candidates. */
@@ -64,6 +69,7 @@ typedef struct detector {
     peak *peaks;
     int32_t count;
     contour_field *window;
+    int32_t *near; /* [segments] of the one that is looked at */
     contour_fit fit;
     detect_hypotheses hypotheses;
 } detector;
@@ -74,7 +80,7 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
     cairn_object_detect_params params = {cairn_max(24, diagonal / 10),
                                          cairn_max(24, diagonal),
                                          1,
-                                         20,
+                                         30,
                                          CAIRN_REAL(0.2),
                                          0,
                                          CAIRN_DETECT_EVIDENCE,
@@ -391,8 +397,9 @@ static cairn_real score_of(const detector *d, const cairn_detection *o)
     double proportion = (double)(o->right - o->left) * (double)(plain->bottom - plain->top) /
                         ((double)(o->bottom - o->top) * (double)(plain->right - plain->left));
 
-    return o->bent + (cairn_real)RIGID * o->rigid + (cairn_real)ALONG * o->along +
-           (cairn_real)(SIZE * log((double)o->size / diagonal) - PROPORTION * log(proportion) * log(proportion));
+    return o->bent + RIGID * o->rigid + NEAR * o->close - TURNED * o->turned - STRAINED * o->strained +
+           (cairn_real)(SIZE * log((double)o->size / diagonal) - PROPORTION * log(proportion) * log(proportion) -
+                        NOTHING);
 }
 
 /* What the thesis says of a hypothesis by its parts. */
@@ -439,6 +446,7 @@ static int verify(detector *d, const peak *p, cairn_detections *found)
     take_outline(d, found, o);
     if (!take_segments(d, found, o))
         return 0;
+    cairn_detect_shape(d->field->tokens, &d->fit, d->variant[v->mirrored ? ASPECTS : 0].outline, d->near, o);
     o->score = score_of(d, o);
     if (p->hypothesis >= 0)
         take_parts(&d->hypotheses.list[p->hypothesis], o);
@@ -485,7 +493,9 @@ static cairn_status detect(detector *d, cairn_detections *found)
     cairn_status status = CAIRN_OK;
 
     d->window = cairn_contour_field_new();
-    if (d->window == NULL || !cairn_contour_fit_new(&d->fit, d->model->outline_count) || !add_variants(d))
+    d->near = malloc(((size_t)d->field->tokens->count + 1) * sizeof *d->near);
+    if (d->window == NULL || d->near == NULL || !cairn_contour_fit_new(&d->fit, d->model->outline_count) ||
+        !add_variants(d))
         return CAIRN_NO_MEMORY;
     cairn_detect_tell(d->field, CAIRN_DETECT_VOTES);
     if (d->field->params.method == CAIRN_DETECT_PARTS)
@@ -554,6 +564,7 @@ cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detec
     cairn_detect_parts_free(&d.hypotheses);
     free(d.outlines);
     free(d.peaks);
+    free(d.near);
     cairn_contour_field_free(d.window);
     cairn_contour_fit_free(&d.fit);
     if (status == CAIRN_OK)

@@ -1,0 +1,88 @@
+#include "tools/cairn_detect_truth.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cairn/output.h"
+
+#define LEAST_OVERLAP 0.5
+
+/* The best detection takes its object first, each is taken once; without memory for it all are false. */
+void detect_truth_print(const detect_truth *truth, const char *image, const cairn_detection_picture *picture,
+                        FILE *record)
+{
+    const cairn_detections *found = picture->detections;
+    double(*objects)[4] = malloc(((size_t)truth->count + 1) * sizeof *objects);
+    int32_t *taken = calloc((size_t)truth->count + 1, sizeof *taken), count = 0;
+
+    for (int32_t i = 0; i < truth->count && objects != NULL && taken != NULL; i++)
+        if (strcmp(truth->rows[i].image, image) == 0)
+            memcpy(objects[count++], truth->rows[i].box, sizeof *objects);
+    for (int32_t i = 0; i < found->count; i++) {
+        double box[4], share;
+        int32_t object, hit;
+
+        cairn_detection_box(picture, &found->found[i], box);
+        object = cairn_detection_object((const double(*)[4])objects, taken, count, box, &share);
+        hit = object >= 0 && share >= LEAST_OVERLAP;
+        if (hit)
+            taken[object] = 1;
+        fprintf(record, "%.17g %" PRId32 "\n", (double)found->found[i].score, hit);
+    }
+    free(objects);
+    free(taken);
+}
+
+int detect_truth_take(detect_truth *truth, const char *line)
+{
+    cairn_detection_event *e;
+    char *end;
+
+    if (truth->event_count == truth->event_room) {
+        int32_t room = 2 * truth->event_room + 64;
+
+        e = realloc(truth->events, (size_t)room * sizeof *e);
+        if (e == NULL)
+            return 0;
+        truth->events = e;
+        truth->event_room = room;
+    }
+    e = &truth->events[truth->event_count++];
+    e->score = strtod(line, &end);
+    e->hit = (int32_t)strtol(end, NULL, 10);
+    return 1;
+}
+
+static int32_t count_objects(const detect_truth *truth, const char *const *images, size_t count)
+{
+    int32_t objects = 0;
+
+    for (int32_t i = 0; i < truth->count; i++)
+        for (size_t k = 0; k < count; k++)
+            objects += strcmp(truth->rows[i].image, cairn_path_name(images[k])) == 0;
+    return objects;
+}
+
+cairn_status detect_truth_write(detect_truth *truth, const char *const *images, size_t count, const char *stem,
+                                const char *title, cairn_file_error *error)
+{
+    cairn_detection_point *points = malloc(((size_t)truth->event_count + 1) * sizeof *points);
+    cairn_status status;
+
+    if (points == NULL)
+        return cairn_file_error_system(error, stem, "curves", ENOMEM);
+    cairn_detection_curve(truth->events, truth->event_count, (int32_t)count, count_objects(truth, images, count),
+                          points);
+    status = cairn_detection_curve_write(stem, title, points, truth->event_count, error);
+    free(points);
+    return status;
+}
+
+void detect_truth_free(detect_truth *truth)
+{
+    free(truth->rows);
+    free(truth->events);
+    memset(truth, 0, sizeof *truth);
+}
