@@ -643,7 +643,7 @@ static void the_budget_does_not_matter(void **state)
             assert_memory_equal(&now, &shift[i], sizeof now);
         }
     }
-    assert_int_equal(first.units, NUMBER(62073, 39925));
+    assert_int_equal(first.units, NUMBER(98611, 38688));
     assert_true(first.slid > 3);
     assert_near(cairn_wall_slide_shift_of(bed.slide, SCANS).x, 0, 0);
     assert_near(cairn_wall_slide_shift_of(bed.slide, -1).x, 0, 0);
@@ -739,7 +739,7 @@ static void starts_may_be_exact(void **state)
     loosen(&s, 0);
     run(bed.slide, &s, CAIRN_UNBOUNDED);
     assert_true(cairn_wall_slide_read(bed.slide).joined > 1);
-    assert_int_equal(cairn_wall_slide_read(bed.slide).units, NUMBER(199798, 141084));
+    assert_int_equal(cairn_wall_slide_read(bed.slide).units, NUMBER(207989, 138535));
     s.spread = CAIRN_REAL(1e-6);
     run(bed.slide, &s, CAIRN_UNBOUNDED);
     assert_true(cairn_wall_slide_read(bed.slide).joined > 0);
@@ -750,7 +750,8 @@ static void starts_may_be_exact(void **state)
     for (int32_t i = 0; i < SCANS; i++) {
         cairn_vec2 now = cairn_wall_slide_shift_of(bed.slide, i);
 
-        assert_memory_equal(&now, &shift[i], sizeof now);
+        assert_near((double)now.x, (double)shift[i].x, NUMBER(1e-12, 1e-5));
+        assert_near((double)now.y, (double)shift[i].y, NUMBER(1e-12, 1e-5));
     }
     test_pool_free(&bed.pool);
     close_scene(&s);
