@@ -322,6 +322,39 @@ static void test_what_is_followed(void **state)
 }
 
 /* Pieces of an outline of two parts that no segment goes along. */
+/* Under a line that ends in a gap of its drawing: what begins below it, off by 8 px and at a right angle, is followed about the gap, and only
+ * there. */
+static void test_what_goes_on_at_a_gap(void **state)
+{
+    static const int32_t apart[3] = {0, 1, 2};
+    const cairn_segment lines[3] = {{{150, 100}, {170, 100}}, {{170, 108}, {170, 128}}, {{170, 135}, {170, 138}}};
+    cairn_oriented_point outline[41];
+    contour_laid laid = {outline, 41, {100, 100}, 200};
+    contour_gaps gaps = {.at = {{200, 100}}, .count = 0};
+    cairn_contour_tokens tokens;
+    int32_t list[3], listed;
+
+    (void)state;
+    memset(&tokens, 0, sizeof tokens);
+    for (int32_t i = 0; i < 41; i++) {
+        outline[i].position.x = (cairn_real)(5 * i);
+        outline[i].position.y = 100;
+        outline[i].direction.x = 1;
+        outline[i].direction.y = 0;
+    }
+    tokens.lines = (cairn_segment *)lines;
+    tokens.chain = (int32_t *)apart;
+    tokens.count = 3;
+    assert_true(cairn_contour_collect_open(&tokens, &laid, &gaps, list, &listed));
+    assert_int_equal(listed, 1);
+    gaps.count = 1;
+    assert_true(cairn_contour_collect_open(&tokens, &laid, &gaps, list, &listed));
+    assert_int_equal(listed, 3);
+    gaps.at[0].x = 50;
+    assert_true(cairn_contour_collect_open(&tokens, &laid, &gaps, list, &listed));
+    assert_int_equal(listed, 1);
+}
+
 static void test_pieces_not_seen(void **state)
 {
     static const char seen[] = "..++.+..|..+++..", *const wanted = "aa++b+cc|dd+++ee";
@@ -585,6 +618,7 @@ int main(void)
         cmocka_unit_test(test_what_lies_along),
         cmocka_unit_test(test_what_is_completed),
         cmocka_unit_test(test_what_is_followed),
+        cmocka_unit_test(test_what_goes_on_at_a_gap),
         cmocka_unit_test(test_pieces_not_seen),
         cmocka_unit_test(test_hidden_piece_is_predicted),
         cmocka_unit_test(test_the_walk_is_watched),

@@ -3,7 +3,7 @@
 
 #include "src/host/contour_search_ends.h"
 
-enum { LINES = 400 };
+enum { LINES = 400, APART = 4 };
 
 static void assert_same_as_all(const cairn_segment *lines, int32_t count)
 {
@@ -13,13 +13,13 @@ static void assert_same_as_all(const cairn_segment *lines, int32_t count)
     for (int32_t i = 0; i < count; i++)
         if (i % 7 != 3)
             listed[listed_count++] = i;
-    assert_true(cairn_contour_ends_make(&ends, lines, listed, listed_count));
+    assert_true(cairn_contour_ends_make(&ends, lines, listed, listed_count, APART));
     for (int32_t round = 0; round < 2; round++)
         for (int32_t i = 0; i < listed_count; i++) {
             int32_t near = cairn_contour_ends_near(&ends, i), at = 0;
 
             for (int32_t k = 0; k < listed_count; k++)
-                if (k != i && cairn_contour_meet(lines[listed[i]], lines[listed[k]])) {
+                if (k != i && cairn_contour_meet(lines[listed[i]], lines[listed[k]], APART)) {
                     assert_true(at < near);
                     assert_int_equal(ends.near[at++], k);
                 }
@@ -50,7 +50,7 @@ static void finds_all_that_meet(void **state)
             /* Every third begins about where the one before ends, and some to the bit as far off as ends may lie. */
             if (i % 3 == 2) {
                 lines[i].a = lines[i - 1].b;
-                lines[i].a.x += i % 2 == 0 ? CONTOUR_JUNCTION : cairn_random_uniform(&random, -5, 5);
+                lines[i].a.x += i % 2 == 0 ? APART : cairn_random_uniform(&random, -5, 5);
             }
         }
         assert_same_as_all(lines, LINES);

@@ -256,6 +256,10 @@ static void test_gaps(void **state)
     assert_int_equal(image.is_drawing, 1);
     assert_int_equal(image.count, 1);
     assert_int_equal(image.joined, 2);
+    assert_near(image.gaps[0].x, 42, 0.6);
+    assert_near(image.gaps[0].y, 10, 0);
+    assert_near(image.gaps[1].x, 63, 0.6);
+    assert_near(image.gaps[1].y, 69, 0);
     assert_near(area_of(&image.outlines[0]), 60 * 60, 10);
     cairn_shape_image_free(&image);
     params.max_gap = 0.08;

@@ -28,6 +28,8 @@ static void assert_same(const cairn_shape_model *a, const cairn_shape_model *b)
     assert_int_equal(a->sample_count, b->sample_count);
     assert_int_equal(a->path_count, b->path_count);
     assert_int_equal(a->outline_count, b->outline_count);
+    assert_int_equal(a->gap_count, b->gap_count);
+    assert_memory_equal(a->gaps, b->gaps, sizeof a->gaps);
     assert_true(a->size == b->size && a->origin.x == b->origin.x && a->origin.y == b->origin.y);
     assert_memory_equal(a->samples, b->samples, (size_t)a->sample_count * sizeof *a->samples);
     assert_memory_equal(a->paths, b->paths, (size_t)a->path_count * sizeof *a->paths);
@@ -191,6 +193,49 @@ static const char *write_picture(void)
         memset(&grey[y * 100 + 10], 0, 70);
     assert_ok(cairn_image_write_png(files_path("bar.png"), grey, 100, 60, &error));
     return files_path("bar.png");
+}
+
+/* A box drawn with a gap in its upper side, off its middle. */
+static const char *write_drawing(void)
+{
+    uint8_t grey[120 * 100];
+
+    memset(grey, 255, sizeof grey);
+    for (int32_t i = 10; i <= 109; i++)
+        grey[20 * 120 + i] = grey[69 * 120 + i] = 0;
+    for (int32_t i = 20; i <= 69; i++)
+        grey[i * 120 + 10] = grey[i * 120 + 109] = 0;
+    memset(&grey[20 * 120 + 80], 255, 7);
+    assert_ok(cairn_image_write_png(files_path("box.png"), grey, 120, 100, &error));
+    return files_path("box.png");
+}
+
+/* The middle of the gap is told in the model's frame, in its file, and in its mirror image. */
+static void test_gaps(void **state)
+{
+    cairn_shape_image_params image = cairn_shape_image_default();
+    cairn_shape_builder_params builder = cairn_shape_builder_default();
+    cairn_shape_model_file file, again;
+
+    (void)state;
+    assert_ok(cairn_shape_model_file_load(&file, write_drawing(), &image, &builder, NULL, &error));
+    assert_int_equal(file.model.gap_count, 1);
+    assert_near(file.model.gaps[0].x * file.model.size + file.model.origin.x, 83, 0.6);
+    assert_near(file.model.gaps[0].y * file.model.size + file.model.origin.y, 20, 1e-3);
+    assert_ok(cairn_shape_model_file_write(&file.model, files_path("box.shape"), &error));
+    assert_ok(cairn_shape_model_file_read(&again, files_path("box.shape"), &error));
+    assert_same(&file.model, &again.model);
+    cairn_shape_model_file_mirror(&again);
+    assert_near(again.model.gaps[0].x, -file.model.gaps[0].x, 0);
+    assert_near(again.model.gaps[0].y, file.model.gaps[0].y, 0);
+    again.model.gap_count = CAIRN_SHAPE_GAPS + 1;
+    assert_status(cairn_shape_model_check(&again.model, NULL), CAIRN_BAD_ARGUMENT);
+    cairn_shape_model_file_free(&again);
+    cairn_shape_model_file_free(&file);
+    assert_refused(HEAD OUTLINE "gap 1\npath -1 -1 1 1\n" SAMPLE, CAIRN_BAD_FORMAT, 7, "no gap");
+    assert_refused(HEAD OUTLINE "path -1 -1 1 1\n" SAMPLE "gap 1 2\n", CAIRN_BAD_FORMAT, 9, "no gap");
+    assert_refused(HEAD OUTLINE "gap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\ngap 0 0\n",
+                   CAIRN_FULL, 15, "one more gap");
 }
 
 static void test_load(void **state)
@@ -377,6 +422,7 @@ int main(void)
         cmocka_unit_test(test_faults_of_the_model),
         cmocka_unit_test(test_what_cannot_be_read_or_written),
         cmocka_unit_test(test_outlines_that_make_no_model),
+        cmocka_unit_test(test_gaps),
         cmocka_unit_test(test_load),
         cmocka_unit_test(test_mirror),
         cmocka_unit_test(test_drawn),

@@ -34,9 +34,10 @@ typedef struct cairn_shape_image_params {
 typedef struct cairn_shape_image {
     cairn_curve outlines[CAIRN_SHAPE_OUTLINES];
     int32_t count, holes;
-    int32_t is_drawing; /* 1: of lines */
-    int32_t joined;     /* gaps that were closed */
-    int32_t specks;     /* parts and holes that were left out as too small */
+    int32_t is_drawing;                /* 1: of lines */
+    int32_t joined;                    /* gaps that were closed */
+    cairn_vec2 gaps[CAIRN_SHAPE_GAPS]; /* the middles of the first ones */
+    int32_t specks;                    /* parts and holes that were left out as too small */
     cairn_vec2 *points;
 } cairn_shape_image;
 

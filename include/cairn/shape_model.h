@@ -17,6 +17,8 @@ extern "C" {
 /* The most outlines and paths of a model. */
 #define CAIRN_SHAPE_OUTLINES 8
 #define CAIRN_SHAPE_PATHS    8
+/* And of the gaps of a drawing that are kept. */
+#define CAIRN_SHAPE_GAPS 8
 
 /* One disc on a path. The frame has its origin in the middle of the box about the outlines. Sides: 0 to the left of the path
  * in image coordinates (y down) when it is walked from its first sample to its last, 1 to the right. */
@@ -45,6 +47,9 @@ typedef struct cairn_shape_model {
     int32_t sample_count, path_count, outline_count;
     cairn_real size;   /* what 1 was in the units of the outline, > 0 */
     cairn_vec2 origin; /* and where the origin was there */
+    /* Middles of gaps of the drawing, over which its outline was closed: the object goes on there, as at legs. */
+    cairn_vec2 gaps[CAIRN_SHAPE_GAPS];
+    int32_t gap_count; /* 0 ... CAIRN_SHAPE_GAPS; a builder's model has none */
 } cairn_shape_model;
 
 /* Adluru 2008, section 2.5: D_k, the displacement of sample k of a path from its first one. */
@@ -56,7 +61,7 @@ static inline cairn_vec2 cairn_shape_displacement(const cairn_shape_model *model
 }
 
 /* CAIRN_OK: a model that can be grouped with: finite, at least one path, every path of at least one sample, within samples[],
- * its parent before it, radii and size above 0, directions of length 1 (to 1e-3), shares 0 ... 1. CAIRN_BAD_ARGUMENT,
+ * its parent before it, radii and size above 0, directions of length 1 (to 1e-3), shares 0 ... 1, gaps 0 ... CAIRN_SHAPE_GAPS. CAIRN_BAD_ARGUMENT,
  * CAIRN_NOT_FINITE; *fault, when not NULL, says which sample or path. Cost: linear. */
 CAIRN_CHECKED cairn_status cairn_shape_model_check(const cairn_shape_model *model, cairn_fault *fault);
 

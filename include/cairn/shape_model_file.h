@@ -6,6 +6,7 @@
  *   outline 128                      # samples: x y, direction x y
  *   -0.31 0.02 0.98 0.19
  *   ...
+ *   gap -0.11 0.36                   # the middle of a gap of the drawing (cairn_shape_model); up to 8, or none
  *   path -1 -1 0.87 28               # parent, sample of the parent that it branches off, share of the outline, samples:
  *   -0.2 0.1 0.05 0.01  -0.2 0.05 1 0 0.02  -0.2 0.15 1 0 0.02
  *   ...                              # centre x y, radius, deviation (rad); of the left and of the right side: x y, direction x y, share

@@ -366,6 +366,15 @@ static cairn_status check_path(const cairn_shape_model *m, int32_t index, cairn_
     return CAIRN_OK;
 }
 
+static int are_gaps(const cairn_shape_model *m)
+{
+    int32_t good = m->gap_count >= 0 && m->gap_count <= CAIRN_SHAPE_GAPS;
+
+    for (int32_t i = 0; good && i < m->gap_count; i++)
+        good = cairn_is_finite(m->gaps[i].x) && cairn_is_finite(m->gaps[i].y);
+    return good;
+}
+
 cairn_status cairn_shape_model_check(const cairn_shape_model *m, cairn_fault *fault)
 {
     cairn_status status = CAIRN_OK;
@@ -374,6 +383,8 @@ cairn_status cairn_shape_model_check(const cairn_shape_model *m, cairn_fault *fa
         m->path_count < 1 || m->path_count > CAIRN_SHAPE_PATHS || m->outline_count < 1 || !(m->size > 0) ||
         !cairn_is_finite(m->size) || !cairn_is_finite(m->origin.x) || !cairn_is_finite(m->origin.y))
         return cairn_refuse(fault, -1, "no model, expected a size, paths, samples and an outline", CAIRN_BAD_ARGUMENT);
+    if (!are_gaps(m))
+        return cairn_refuse(fault, -1, "gaps out of range, expected at most 8 finite places", CAIRN_BAD_ARGUMENT);
     for (int32_t i = 0; i < m->sample_count && status == CAIRN_OK; i++)
         status = check_sample(&m->samples[i], i, fault);
     for (int32_t i = 0; i < m->path_count && status == CAIRN_OK; i++)

@@ -205,6 +205,16 @@ static void count_seen(const cairn_contour_result *r, cairn_contour_object *o, c
         o->found.seen += r->discs[o->first_disc + k].side[0] >= 0 || r->discs[o->first_disc + k].side[1] >= 0;
 }
 
+/* Where the bent outline is at the gaps of the model's drawing. */
+static contour_gaps gaps_of(const contour_fit *fit, const cairn_shape_model *model)
+{
+    contour_gaps gaps = {.count = model->gap_count};
+
+    for (int32_t i = 0; i < gaps.count; i++)
+        gaps.at[i] = fit->outline[nearest_sample(model, model->gaps[i])].position;
+    return gaps;
+}
+
 /* Bends the model onto the edges about an object of the grouping, and lists the segments along it. Objects with too little evidence are
  * not added. 0: there is no memory. */
 static int add_object(searcher *s, const cairn_grouping_result *found, int32_t index, const cairn_shape_model *model,
@@ -213,6 +223,7 @@ static int add_object(searcher *s, const cairn_grouping_result *found, int32_t i
     cairn_contour_result *r = s->result;
     cairn_contour_object o = {found->objects[index], mirrored, r->disc_count, r->outline_count, model->outline_count};
     contour_laid laid = {s->fit.outline, model->outline_count, {0, 0}, 0};
+    contour_gaps gaps;
 
     cairn_contour_field_fill(s->field, s->tokens, &o.found);
     if (!cairn_contour_fit_run(&s->fit, s->field, model, &o.found))
@@ -223,7 +234,8 @@ static int add_object(searcher *s, const cairn_grouping_result *found, int32_t i
     o.found.along = 0;
     laid.origin = o.found.origin;
     laid.size = o.found.size;
-    if (!cairn_contour_collect(s->tokens, &laid, &r->segments[o.found.first], &o.found.count))
+    gaps = gaps_of(&s->fit, model);
+    if (!cairn_contour_collect_open(s->tokens, &laid, &gaps, &r->segments[o.found.first], &o.found.count))
         return 0;
     o.found.evidence = (s->fit.evidence + RIGID * found->objects[index].evidence) / s->fit.length;
     for (int32_t i = 0; i < model->outline_count; i++) {

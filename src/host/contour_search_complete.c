@@ -2,7 +2,8 @@
  *
  * Method: a segment belongs to the contour when most of it runs near the outline and in its direction. Segments between two of one chain
  * lie on the same edge. Behind its last ones a chain is followed as long as it keeps to the outline, and across junctions to other chains
- * that begin there; how far an edge lies off the outline may grow slowly on the way. */
+ * that begin there; how far an edge lies off the outline may grow slowly on the way. About the gaps
+ * of a drawing, where the object goes on that was not drawn, edges are followed round any corner. */
 #include "src/core/build.h"
 
 #include <stdlib.h>
@@ -29,6 +30,13 @@
 #define BEYOND_SHARE 0.2
 #define BEND_COSINE  0.5
 #define ON_COSINE    0.6
+/* Within such a share of the size of a gap of the drawing the object goes on: there edges are followed round bends like these, and between
+ * ends so many pixels apart in any direction. */
+#define OPEN_SHARE    0.3
+#define OPEN_COSINE   0.3
+#define OPEN_JUNCTION 10
+/* Pixels between ends of chains that meet. */
+#define JUNCTION 4
 enum { ROUNDS = 8 };
 
 typedef struct placed {
@@ -224,21 +232,21 @@ static void collect(const cairn_contour_tokens *t, const contour_laid *c, uint8_
 
 /* ---- Beyond the outline ---- */
 
-static int bends_little(cairn_segment from, cairn_segment to)
+static int bends_little(cairn_segment from, cairn_segment to, cairn_real cosine)
 {
     return cairn_vec2_dot(cairn_vec2_unit(cairn_vec2_sub(from.b, from.a)),
-                          cairn_vec2_unit(cairn_vec2_sub(to.b, to.a))) >= (cairn_real)BEND_COSINE;
+                          cairn_vec2_unit(cairn_vec2_sub(to.b, to.a))) >= cosine;
 }
 
-/* 1 when the second line goes on about straight from an end of the first. */
-static int continues(cairn_segment from, cairn_segment to)
+/* 1 when the second line goes on from an end of the first, at most so many pixels off and turned by so little. */
+static int continues(cairn_segment from, cairn_segment to, cairn_real junction, cairn_real cosine)
 {
     for (int32_t k = 0; k < 4; k++) {
         cairn_vec2 end = k % 2 == 0 ? from.b : from.a, out = cairn_vec2_sub(end, k % 2 == 0 ? from.a : from.b);
         cairn_vec2 start = k / 2 == 0 ? to.a : to.b, on = cairn_vec2_sub(k / 2 == 0 ? to.b : to.a, start);
 
-        if (cairn_vec2_norm_squared(cairn_vec2_sub(start, end)) <= CONTOUR_JUNCTION * CONTOUR_JUNCTION &&
-            cairn_vec2_dot(cairn_vec2_unit(out), cairn_vec2_unit(on)) >= (cairn_real)ON_COSINE)
+        if (cairn_vec2_norm_squared(cairn_vec2_sub(start, end)) <= junction * junction &&
+            cairn_vec2_dot(cairn_vec2_unit(out), cairn_vec2_unit(on)) >= cosine)
             return 1;
     }
     return 0;
@@ -246,12 +254,24 @@ static int continues(cairn_segment from, cairn_segment to)
 
 typedef struct extender {
     const cairn_contour_tokens *tokens;
-    cairn_vec2 least, most; /* px, of the middles of segments */
-    cairn_real limit;       /* px */
+    cairn_vec2 least, most;   /* px, of the middles of segments */
+    cairn_real limit;         /* px */
+    cairn_real bend, on;      /* cosines along a chain and between chains */
+    const contour_gaps *gaps; /* only about these; NULL: anywhere */
+    cairn_real reach;         /* px, of a gap */
     cairn_real *
         beyond; /* [tokens->count] px of edges from the outline to the end of each segment; CAIRN_REAL_MAX: not taken */
     int32_t grown;
 } extender;
+
+static int is_open(const extender *e, cairn_vec2 at)
+{
+    int32_t near = e->gaps == NULL;
+
+    for (int32_t i = 0; !near && i < e->gaps->count; i++)
+        near = cairn_vec2_norm(cairn_vec2_sub(at, e->gaps->at[i])) <= e->reach;
+    return near;
+}
 
 /* Goes on from one segment to another. */
 static void extend(extender *e, int32_t from, int32_t to)
@@ -263,7 +283,7 @@ static void extend(extender *e, int32_t from, int32_t to)
         return;
     beyond = e->beyond[from] + cairn_segment_length(e->tokens->lines[to]);
     if (beyond <= e->limit && beyond < e->beyond[to] && at.x >= e->least.x && at.y >= e->least.y && at.x <= e->most.x &&
-        at.y <= e->most.y) {
+        at.y <= e->most.y && is_open(e, at)) {
         e->beyond[to] = beyond;
         e->grown = 1;
     }
@@ -274,10 +294,10 @@ static void extend_chain(extender *e, int32_t from, int32_t to)
     const cairn_segment *lines = e->tokens->lines;
 
     for (int32_t i = from + 1; i < to; i++)
-        if (bends_little(lines[i - 1], lines[i]))
+        if (bends_little(lines[i - 1], lines[i], e->bend))
             extend(e, i - 1, i);
     for (int32_t i = to - 2; i >= from; i--)
-        if (bends_little(lines[i], lines[i + 1]))
+        if (bends_little(lines[i], lines[i + 1], e->bend))
             extend(e, i + 1, i);
 }
 
@@ -294,7 +314,7 @@ static void extend_all(extender *e, contour_ends *ends)
             int32_t own = ends->listed[i], near = e->beyond[own] < e->limit ? cairn_contour_ends_near(ends, i) : 0;
 
             for (int32_t k = 0; k < near; k++)
-                if (continues(e->tokens->lines[own], e->tokens->lines[ends->listed[ends->near[k]]]))
+                if (continues(e->tokens->lines[own], e->tokens->lines[ends->listed[ends->near[k]]], ends->apart, e->on))
                     extend(e, own, ends->listed[ends->near[k]]);
         }
         if (!e->grown)
@@ -302,12 +322,34 @@ static void extend_all(extender *e, contour_ends *ends)
     }
 }
 
-static int extend_taken(const cairn_contour_tokens *t, const contour_laid *c, contour_ends *ends, uint8_t *taken)
+/* Once more, about the gaps, from all that is taken. */
+static int extend_gaps(extender *e, const contour_gaps *gaps, const contour_ends *ends)
+{
+    contour_ends wide;
+
+    if (!cairn_contour_ends_make(&wide, ends->lines, ends->listed, ends->count, OPEN_JUNCTION))
+        return 0;
+    for (int32_t i = 0; i < e->tokens->count; i++)
+        e->beyond[i] = e->beyond[i] < CAIRN_REAL_MAX ? 0 : CAIRN_REAL_MAX;
+    e->gaps = gaps;
+    e->bend = (cairn_real)OPEN_COSINE;
+    e->on = -1;
+    extend_all(e, &wide);
+    cairn_contour_ends_free(&wide);
+    return 1;
+}
+
+static int extend_taken(const cairn_contour_tokens *t, const contour_laid *c, const contour_gaps *gaps,
+                        contour_ends *ends, uint8_t *taken)
 {
     cairn_real beyond = (cairn_real)BEYOND_SHARE * c->size;
     cairn_box box = cairn_box_empty();
+    int ok = 1;
     extender e = {.tokens = t,
                   .limit = (cairn_real)EXTEND_SHARE * c->size,
+                  .bend = (cairn_real)BEND_COSINE,
+                  .on = (cairn_real)ON_COSINE,
+                  .reach = (cairn_real)OPEN_SHARE * c->size,
                   .beyond = malloc(((size_t)t->count + 1) * sizeof *e.beyond)};
 
     if (e.beyond == NULL)
@@ -319,29 +361,39 @@ static int extend_taken(const cairn_contour_tokens *t, const contour_laid *c, co
     for (int32_t i = 0; i < t->count; i++)
         e.beyond[i] = taken[i] ? 0 : CAIRN_REAL_MAX;
     extend_all(&e, ends);
+    if (gaps->count > 0)
+        ok = extend_gaps(&e, gaps, ends);
     for (int32_t i = 0; i < t->count; i++)
         taken[i] = e.beyond[i] < CAIRN_REAL_MAX;
     free(e.beyond);
-    return 1;
+    return ok;
 }
 
-int cairn_contour_collect(const cairn_contour_tokens *t, const contour_laid *c, int32_t *list, int32_t *count)
+int cairn_contour_collect_open(const cairn_contour_tokens *t, const contour_laid *c, const contour_gaps *gaps,
+                               int32_t *list, int32_t *count)
 {
     uint8_t *taken = calloc((size_t)t->count + 1, 1);
     int32_t *listed = malloc(((size_t)t->count + 1) * sizeof *listed);
     contour_ends ends;
-    int ok =
-        taken != NULL && listed != NULL && cairn_contour_ends_make(&ends, t->lines, listed, list_ends(t, c, listed));
+    int ok = taken != NULL && listed != NULL &&
+             cairn_contour_ends_make(&ends, t->lines, listed, list_ends(t, c, listed), JUNCTION);
 
     if (ok) {
         collect(t, c, taken);
         complete_chains(t, c, taken);
         for (int32_t round = 0; round < ROUNDS && cross_junctions(t, c, &ends, taken) > 0; round++)
             complete_chains(t, c, taken);
-        ok = extend_taken(t, c, &ends, taken) && list_taken(t, c, taken, list, count);
+        ok = extend_taken(t, c, gaps, &ends, taken) && list_taken(t, c, taken, list, count);
         cairn_contour_ends_free(&ends);
     }
     free(taken);
     free(listed);
     return ok;
+}
+
+int cairn_contour_collect(const cairn_contour_tokens *t, const contour_laid *c, int32_t *list, int32_t *count)
+{
+    const contour_gaps none = {.count = 0};
+
+    return cairn_contour_collect_open(t, c, &none, list, count);
 }

@@ -9,9 +9,9 @@
 
 enum { CELLS_OF_END = 4 };
 
-int cairn_contour_meet(cairn_segment a, cairn_segment b)
+int cairn_contour_meet(cairn_segment a, cairn_segment b, cairn_real apart)
 {
-    const cairn_real most = CONTOUR_JUNCTION * CONTOUR_JUNCTION;
+    const cairn_real most = apart * apart;
 
     return cairn_vec2_norm_squared(cairn_vec2_sub(a.a, b.a)) <= most ||
            cairn_vec2_norm_squared(cairn_vec2_sub(a.a, b.b)) <= most ||
@@ -31,16 +31,17 @@ static int32_t cell_of(cairn_real offset, cairn_real cell)
     return cairn_real_to_int(offset / cell);
 }
 
-int cairn_contour_ends_make(contour_ends *ends, const cairn_segment *lines, const int32_t *listed, int32_t count)
+int cairn_contour_ends_make(contour_ends *ends, const cairn_segment *lines, const int32_t *listed, int32_t count,
+                            cairn_real apart)
 {
     cairn_box box = cairn_box_empty();
-    contour_ends e = {.lines = lines, .listed = listed, .count = count};
+    contour_ends e = {.lines = lines, .listed = listed, .count = count, .apart = apart};
     size_t cells;
 
     for (int32_t i = 0; i < 2 * count; i++)
         box = cairn_box_extend(box, place_of(&e, i));
     e.origin = count > 0 ? box.min : (cairn_vec2){0, 0};
-    e.cell = CONTOUR_JUNCTION * CAIRN_REAL(1.001);
+    e.cell = apart * CAIRN_REAL(1.001);
     do {
         e.columns = count > 0 ? 1 + cell_of(box.max.x - box.min.x, e.cell) : 1;
         e.rows = count > 0 ? 1 + cell_of(box.max.y - box.min.y, e.cell) : 1;
@@ -91,7 +92,7 @@ int32_t cairn_contour_ends_near(contour_ends *e, int32_t place)
                     int32_t other = i / 2;
 
                     if (other == place || e->seen[other] == e->queries ||
-                        !cairn_contour_meet(e->lines[e->listed[place]], e->lines[e->listed[other]]))
+                        !cairn_contour_meet(e->lines[e->listed[place]], e->lines[e->listed[other]], e->apart))
                         continue;
                     e->seen[other] = e->queries;
                     e->near[count++] = other;

@@ -4,27 +4,25 @@
 
 #include "cairn/geometry.h"
 
-/* Pixels between ends of segments that meet. */
-#define CONTOUR_JUNCTION 4
-
-/* 1 when an end of one lies so near to an end of the other. */
-int cairn_contour_meet(cairn_segment a, cairn_segment b);
+/* 1 when an end of one lies at most so far from an end of the other, px. */
+int cairn_contour_meet(cairn_segment a, cairn_segment b, cairn_real apart);
 
 typedef struct contour_ends {
     const cairn_segment *lines;
     const int32_t *listed; /* [count] of lines */
     int32_t count, columns, rows;
     cairn_vec2 origin;
-    cairn_real cell; /* px */
-    int32_t *heads;  /* [columns * rows] an end: 2 * place in the list + 1 for b */
-    int32_t *next;   /* [2 * count] */
-    int32_t *seen;   /* [count] by which query it was met last */
+    cairn_real apart, cell; /* px: of ends that meet; of the grid */
+    int32_t *heads;         /* [columns * rows] an end: 2 * place in the list + 1 for b */
+    int32_t *next;          /* [2 * count] */
+    int32_t *seen;          /* [count] by which query it was met last */
     int32_t queries;
     int32_t *near; /* [count] */
 } contour_ends;
 
-/* lines and listed must stay; finite, within 1e6 px. Cost: linear. 0: no memory, and nothing to free. */
-int cairn_contour_ends_make(contour_ends *ends, const cairn_segment *lines, const int32_t *listed, int32_t count);
+/* lines and listed must stay; finite, within 1e6 px; apart: px, > 0, of ends that meet. Cost: linear. 0: no memory, and nothing to free. */
+int cairn_contour_ends_make(contour_ends *ends, const cairn_segment *lines, const int32_t *listed, int32_t count,
+                            cairn_real apart);
 
 /* The places in the list whose segments meet that of another place, ascending, in ends->near; how many. Cost: those in the cells about
  * its ends. */

@@ -18,8 +18,18 @@ typedef struct contour_laid {
     cairn_real size;   /* px */
 } contour_laid;
 
+/* Where a drawing's outline is open: places of the bent outline. */
+typedef struct contour_gaps {
+    cairn_vec2 at[CAIRN_SHAPE_GAPS]; /* px */
+    int32_t count;
+} contour_gaps;
+
 /* The segments of an outline: those along it, what lies between two of them on one chain, and what goes on behind the last ones along the
  * outline. list: [tokens->count] in the order of the outline, *count of them. 0: no memory. */
 int cairn_contour_collect(const cairn_contour_tokens *tokens, const contour_laid *laid, int32_t *list, int32_t *count);
+
+/* The same, and about the gaps whatever goes on from them, in any direction. */
+int cairn_contour_collect_open(const cairn_contour_tokens *tokens, const contour_laid *laid, const contour_gaps *gaps,
+                               int32_t *list, int32_t *count);
 
 #endif

@@ -309,7 +309,7 @@ static cairn_status trace_picture(shape_picture *p, cairn_raster_u8_view grey, c
                                     LEAST_DIAGONAL);
     image->is_drawing = thickness(p) <= fmax(2, LINE_SHARE * diagonal);
     if (image->is_drawing)
-        status = cairn_shape_image_join(p, params->max_gap * diagonal, &image->joined);
+        status = cairn_shape_image_join(p, params->max_gap * diagonal, image);
     return status == CAIRN_OK ? choose_and_trace(p, params, image) : status;
 }
 

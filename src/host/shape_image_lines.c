@@ -57,7 +57,8 @@ static void draw_line(shape_picture *p, cairn_edge_pixel a, cairn_edge_pixel b)
     }
 }
 
-static int32_t join_ends(shape_picture *p, cairn_edge_pixel *ends, int32_t count, double reach)
+/* gaps: [CAIRN_SHAPE_GAPS] the middles of the first ones that are joined, without the ink's frame of one pixel. */
+static int32_t join_ends(shape_picture *p, cairn_edge_pixel *ends, int32_t count, double reach, cairn_vec2 *gaps)
 {
     int32_t joined = 0;
 
@@ -78,13 +79,17 @@ static int32_t join_ends(shape_picture *p, cairn_edge_pixel *ends, int32_t count
         if (first < 0)
             return joined;
         draw_line(p, ends[first], ends[second]);
+        if (joined < CAIRN_SHAPE_GAPS) {
+            gaps[joined].x = (cairn_real)(ends[first].x + ends[second].x) / 2 - 1;
+            gaps[joined].y = (cairn_real)(ends[first].y + ends[second].y) / 2 - 1;
+        }
         joined++;
         ends[second] = ends[--count];
         ends[first] = ends[--count];
     }
 }
 
-cairn_status cairn_shape_image_join(shape_picture *p, double reach, int32_t *joined)
+cairn_status cairn_shape_image_join(shape_picture *p, double reach, cairn_shape_image *image)
 {
     cairn_edge_chain_params params = cairn_edge_chain_default();
     cairn_edge_pixel ends[ENDS_MOST];
@@ -112,7 +117,7 @@ cairn_status cairn_shape_image_join(shape_picture *p, double reach, int32_t *joi
     if (status == CAIRN_OK)
         status = find_ends(p, set, ends, &count);
     free(memory);
-    *joined = status == CAIRN_OK ? join_ends(p, ends, count, reach) : 0;
+    image->joined = status == CAIRN_OK ? join_ends(p, ends, count, reach, image->gaps) : 0;
     return status;
 }
 

@@ -16,7 +16,7 @@ typedef struct shape_picture {
 } shape_picture;
 
 /* Joins loose ends of lines that are at most `reach` pixels apart, the nearest first. *joined: how many pairs. */
-CAIRN_CHECKED cairn_status cairn_shape_image_join(shape_picture *picture, double reach, int32_t *joined);
+CAIRN_CHECKED cairn_status cairn_shape_image_join(shape_picture *picture, double reach, cairn_shape_image *image);
 
 /* The outline of the pixels of one label, from its first pixel in the order of rows: middles of the pixels' sides, smoothed.
  * corners: 1: pixels that meet in a corner are neighbours. points: NULL: counts only. The number of points. */

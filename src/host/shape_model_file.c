@@ -312,6 +312,21 @@ static cairn_status check(const shape_reader *r, const cairn_shape_model *m)
     return cairn_file_error_set(r->error, status, r->path, line, "%s", fault.what);
 }
 
+/* A gap, whose line has been read. */
+static cairn_status read_gap(const shape_reader *r, cairn_shape_model *m)
+{
+    cairn_vec2 gap = {(cairn_real)r->number[0], (cairn_real)r->number[1]};
+
+    if (m->path_count > 0 || r->count != 2)
+        return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r),
+                                    "no gap, expected \"gap\" and x y, before the paths");
+    if (m->gap_count == CAIRN_SHAPE_GAPS)
+        return cairn_file_error_set(r->error, CAIRN_FULL, r->path, line_of(r), "one more gap, expected at most %d",
+                                    CAIRN_SHAPE_GAPS);
+    m->gaps[m->gap_count++] = gap;
+    return CAIRN_OK;
+}
+
 static cairn_status read_all(shape_reader *r, cairn_shape_model_file *f)
 {
     cairn_status status = read_head(r, &f->model);
@@ -321,7 +336,7 @@ static cairn_status read_all(shape_reader *r, cairn_shape_model_file *f)
     while (status == CAIRN_OK) {
         status = next_line(r, 1);
         if (status == CAIRN_OK)
-            status = read_path(r, f);
+            status = is_word(r, "gap") ? read_gap(r, &f->model) : read_path(r, f);
     }
     if (status != CAIRN_EMPTY)
         return status;
@@ -410,6 +425,11 @@ static void print_model(cairn_output *output, const cairn_shape_model *m)
     cairn_output_print(output, "outline %d\n", (int)m->outline_count);
     for (int32_t i = 0; i < m->outline_count; i++)
         print_point(output, &m->outline[i], "\n");
+    for (int32_t i = 0; i < m->gap_count; i++) {
+        cairn_output_print(output, "gap ");
+        print_number(output, m->gaps[i].x, " ");
+        print_number(output, m->gaps[i].y, "\n");
+    }
     for (int32_t i = 0; i < m->path_count; i++) {
         const cairn_shape_path *p = &m->paths[i];
 

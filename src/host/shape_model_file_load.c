@@ -6,6 +6,14 @@
 #include "cairn/shape_model_file.h"
 #include "cairn/vision.h"
 
+/* The drawing's gaps, in the model's frame. */
+static void take_gaps(cairn_shape_model *m, const cairn_shape_image *shape)
+{
+    m->gap_count = shape->joined < CAIRN_SHAPE_GAPS ? shape->joined : CAIRN_SHAPE_GAPS;
+    for (int32_t i = 0; i < m->gap_count; i++)
+        m->gaps[i] = cairn_vec2_scale(cairn_vec2_sub(shape->gaps[i], m->origin), 1 / m->size);
+}
+
 static cairn_status load_picture(cairn_shape_model_file *file, const char *path, const cairn_shape_image_params *image,
                                  const cairn_shape_builder_params *builder, cairn_shape_image *traced,
                                  cairn_file_error *error)
@@ -26,6 +34,8 @@ static cairn_status load_picture(cairn_shape_model_file *file, const char *path,
     if (status != CAIRN_OK)
         return status;
     status = cairn_shape_model_file_build(file, shape.outlines, shape.count, builder, path, error);
+    if (status == CAIRN_OK)
+        take_gaps(&file->model, &shape);
     if (status == CAIRN_OK && traced != NULL) {
         *traced = shape;
         memset(traced->outlines, 0, sizeof traced->outlines);
@@ -71,6 +81,8 @@ void cairn_shape_model_file_mirror(cairn_shape_model_file *file)
         mirror_point(&s->side[0]);
         mirror_point(&s->side[1]);
     }
+    for (int32_t i = 0; i < file->model.gap_count; i++)
+        file->model.gaps[i].x = -file->model.gaps[i].x;
     /* Walked the other way round, the inside stays on the same hand. */
     for (int32_t i = 0; i < n; i++) {
         mirror_point(&file->outline[i]);
