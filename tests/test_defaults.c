@@ -578,7 +578,7 @@ static void of_contours(void **state)
         VALUE(detect.min_size, 50),
         VALUE(detect.max_size, 500),
         VALUE(detect.mirror, 1),
-        VALUE(detect.candidates, 20),
+        VALUE(detect.candidates, 30),
         VALUE(detect.overlap, 0.2),
         VALUE(detect.min_score, 0),
         VALUE(detect.method, CAIRN_DETECT_EVIDENCE),

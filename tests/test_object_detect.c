@@ -416,6 +416,7 @@ static void takes_odd_pictures(void **state)
 
 static void refuses_what_cannot_be(void **state)
 {
+    cairn_oriented_point line[3] = {{{0, 0}, {1, 0}}, {{0, 0}, {1, 0}}, {{0, 0}, {1, 0}}};
     static const char *const what[10] = {"min_size 7, expected 8 to 16384 pixels",
                                          "min_size",
                                          "max_size",
@@ -463,6 +464,14 @@ static void refuses_what_cannot_be(void **state)
     model.model.outline_count = 2;
     assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error), CAIRN_BAD_ARGUMENT);
     assert_error_holds("fewer than 3 places, expected an outline");
+    model.model.outline_count = 3;
+    for (int32_t upright = 0; upright < 2; upright++) {
+        for (int32_t i = 0; i < 3; i++)
+            line[i].position = upright ? (cairn_vec2){0, (cairn_real)i / 10} : (cairn_vec2){(cairn_real)i / 10, 0};
+        model.model.outline = line;
+        assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error), CAIRN_BAD_ARGUMENT);
+        assert_error_holds("along one straight line");
+    }
     cairn_detect_field_free(field);
     cairn_detect_field_free(NULL);
     cairn_shape_model_file_free(&model);

@@ -293,11 +293,11 @@ static void refuses_what_cannot_be(void **state)
     assert_null(found.found);
     model.model.outline_count = full;
     cairn_detect_field_free(field);
-    /* An outline without length has no fragments. */
+    /* An outline without length is none. */
     assert_ok(cairn_detect_field_make(&field, &tokens, &good, "edges", &error));
     for (int32_t i = 0; i < model.model.outline_count; i++)
         model.outline[i].position = model.outline[0].position;
-    assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error), CAIRN_EMPTY);
+    assert_status(cairn_object_detect(&found, field, &model.model, "edges", &error), CAIRN_BAD_ARGUMENT);
     assert_null(found.found);
     cairn_detect_field_free(field);
     cairn_shape_model_file_free(&model);

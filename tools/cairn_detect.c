@@ -266,7 +266,7 @@ static int run_job(const settings *s, int32_t job, const cairn_shape_model *mode
 
     for (size_t i = (size_t)job; i < s->count && code == TOOL_OK; i += (size_t)s->jobs)
         code = run_image(s, s->images[i], model, record);
-    if (fflush(record) != 0 && code == TOOL_OK) {
+    if ((fflush(record) != 0 || ferror(record)) && code == TOOL_OK) {
         perror(PROGRAM);
         code = TOOL_FAILED;
     }
@@ -297,8 +297,8 @@ static int run_jobs(const settings *s, const cairn_shape_model *model, FILE **re
     return code;
 }
 
-/* The record of an image: its summary to standard output, its rows to the table, what they are to the truth. 0: there is no memory. */
-static int merge_record(const settings *s, FILE *record, cairn_output *table, detect_truth *truth)
+/* The record of an image: its summary to standard output, its rows to the table, what they are to the truth. */
+static cairn_status merge_record(const settings *s, FILE *record, cairn_output *table, detect_truth *truth)
 {
     char line[LINE_BYTES];
     int c, part = 0;
@@ -310,26 +310,31 @@ static int merge_record(const settings *s, FILE *record, cairn_output *table, de
             cairn_output_print(table, "%c", c);
         else if (part == 0 && !s->quiet)
             putchar(c);
-    while (c == TRUTH_BEGIN && fgets(line, sizeof line, record) != NULL && line[0] != RECORD_END)
-        if (!detect_truth_take(truth, line))
-            return 0;
-    return 1;
+    while (c == TRUTH_BEGIN)
+        if (fgets(line, sizeof line, record) == NULL)
+            c = EOF;
+        else if (line[0] == RECORD_END)
+            c = RECORD_END;
+        else if (!detect_truth_take(truth, line))
+            return CAIRN_NO_MEMORY;
+    return c == RECORD_END ? CAIRN_OK : CAIRN_TRUNCATED;
 }
 
 /* The records in the order of the images. */
 static int merge_records(const settings *s, FILE **records, cairn_output *table, detect_truth *truth)
 {
-    int ok = 1;
+    cairn_status status = CAIRN_OK;
 
     if (table != NULL)
         cairn_output_print(table, "image,class,left,top,right,bottom,score,mirrored\n");
     for (int32_t job = 0; job < s->jobs; job++)
         rewind(records[job]);
-    for (size_t i = 0; i < s->count && ok; i++)
-        ok = merge_record(s, records[i % (size_t)s->jobs], table, truth);
-    if (!ok)
-        fprintf(stderr, "%s: no memory\n", PROGRAM);
-    return ok ? TOOL_OK : TOOL_FAILED;
+    for (size_t i = 0; i < s->count && status == CAIRN_OK; i++)
+        status = merge_record(s, records[i % (size_t)s->jobs], table, truth);
+    if (status != CAIRN_OK)
+        fprintf(stderr, "%s: what the processes have found cannot be read again: %s\n", PROGRAM,
+                cairn_status_text(status));
+    return status == CAIRN_OK ? TOOL_OK : TOOL_FAILED;
 }
 
 static int run_all(const settings *s, const cairn_shape_model *model, cairn_output *table, detect_truth *truth)

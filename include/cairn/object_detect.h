@@ -117,8 +117,9 @@ CAIRN_CHECKED cairn_status cairn_detect_field_make(cairn_detect_field **field, c
 void cairn_detect_field_free(cairn_detect_field *field);
 
 /* Looks for a model. CAIRN_BAD_ARGUMENT, CAIRN_NOT_FINITE: a model that cairn_shape_model_check refuses; CAIRN_BAD_ARGUMENT: one with fewer
- * than 3 places of an outline, or one that lies 0.54 of its size or farther from its middle; and cuts that its outline does not have; CAIRN_NO_MEMORY. On failure there is
- * nothing to free. */
+ * than 3 places of an outline, without a width or a height, or one that lies 0.54 of its size or farther from its middle; by parts also what
+ * cairn_part_bundle_begin() refuses (CAIRN_EMPTY, CAIRN_FULL, CAIRN_BAD_ARGUMENT: cuts); CAIRN_NO_MEMORY. On failure there is nothing to
+ * free. */
 CAIRN_CHECKED cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detect_field *field,
                                                const cairn_shape_model *model, const char *path,
                                                cairn_file_error *error);

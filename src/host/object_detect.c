@@ -537,12 +537,25 @@ static int is_within_margins(const cairn_shape_model *m)
     return 1;
 }
 
+/* 1 when the box of the outline has a width and a height. */
+static int has_area(const cairn_shape_model *m)
+{
+    cairn_box box = cairn_box_empty();
+
+    for (int32_t i = 0; i < m->outline_count; i++)
+        box = cairn_box_extend(box, m->outline[i].position);
+    return box.max.x > box.min.x && box.max.y > box.min.y;
+}
+
 static cairn_status check_model(const cairn_shape_model *model, cairn_fault *fault)
 {
     cairn_status status = cairn_shape_model_check(model, fault);
 
     if (status == CAIRN_OK && model->outline_count < 3)
         status = cairn_refuse(fault, -1, "a model of fewer than 3 places, expected an outline", CAIRN_BAD_ARGUMENT);
+    if (status == CAIRN_OK && !has_area(model))
+        status = cairn_refuse(fault, -1, "an outline along one straight line, expected one with a width and a height",
+                              CAIRN_BAD_ARGUMENT);
     if (status == CAIRN_OK && !is_within_margins(model))
         status =
             cairn_refuse(fault, -1, "the outline lies farther from its middle than half its size, expected it within",

@@ -320,7 +320,7 @@ static cairn_vec2 point_along(const cairn_curve *chain, cairn_real along)
 static int32_t lay_parts(const searcher *s, const detect_hypothesis *h, cairn_vec2 *points)
 {
     cairn_real step = s->parts.length * h->size / (cairn_real)s->outline_count, all = 0;
-    int32_t count = 0, room = PART_POINTS - 2 * h->part_count;
+    int32_t count = 0, room = PART_POINTS - 2 * h->part_count; /* besides the ends of each */
 
     for (int32_t i = 0; i < h->part_count; i++)
         all += s->made->parts[h->first_part + i].to - s->made->parts[h->first_part + i].from;
@@ -329,7 +329,7 @@ static int32_t lay_parts(const searcher *s, const detect_hypothesis *h, cairn_ve
 
     for (int32_t i = 0; i < h->part_count; i++) {
         const cairn_detected_part *p = &s->made->parts[h->first_part + i];
-        int32_t here = 1 + (int32_t)((double)(p->to - p->from) / (double)step);
+        int32_t here = room > 0 ? 1 + (int32_t)((double)(p->to - p->from) / (double)step) : 1;
 
         for (int32_t k = 0; k <= here && count < PART_POINTS; k++) {
             cairn_vec2 at = point_along(&s->field->chains.curves[p->chain],
