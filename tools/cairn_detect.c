@@ -207,10 +207,11 @@ static void print_row(const settings *s, const work *w, const cairn_detection *d
             d->mirrored);
 }
 
-/* What is said of an image: a summary for the eye, then its lines of the table. */
-static void print_record(const settings *s, const work *w, FILE *record)
+/* What is said of an image: a summary for the eye, its lines of the table, what it is by the truth. */
+static cairn_status print_record(const settings *s, const work *w, FILE *record, cairn_file_error *error)
 {
     cairn_detection_picture p = {.shrink = w->picture.shrink, .detections = &w->detections};
+    cairn_status status = CAIRN_OK;
 
     fprintf(record, "%s: %" PRId32 " detection%s; %" PRId32 " segments of %" PRId32 " chains\n", w->path,
             w->detections.count, w->detections.count == 1 ? "" : "s", w->tokens.count, w->tokens.chains);
@@ -231,8 +232,9 @@ static void print_record(const settings *s, const work *w, FILE *record)
     }
     fputc(TRUTH_BEGIN, record);
     if (s->truth_path != NULL)
-        detect_truth_print(&s->truth, cairn_path_name(w->path), &p, record);
+        status = detect_truth_print(&s->truth, w->path, &p, record, error);
     fputs("\f\n", record);
+    return status;
 }
 
 static int run_image(const settings *s, const char *path, const cairn_shape_model *model, FILE *record)
@@ -250,7 +252,7 @@ static int run_image(const settings *s, const char *path, const cairn_shape_mode
     if (status == CAIRN_OK)
         status = write_all(s, &w, &error);
     if (status == CAIRN_OK)
-        print_record(s, &w, record);
+        status = print_record(s, &w, record, &error);
     picture_free(&w.picture);
     cairn_contour_tokens_free(&w.tokens);
     cairn_detections_free(&w.detections);

@@ -9,30 +9,43 @@
 
 #define LEAST_OVERLAP 0.5
 
-/* The best detection takes its object first, each is taken once; without memory for it all are false. */
-void detect_truth_print(const detect_truth *truth, const char *image, const cairn_detection_picture *picture,
-                        FILE *record)
+/* The best detection takes its object first, each is taken once. */
+static void print_hits(const cairn_detection_picture *picture, const double (*objects)[4], int32_t count,
+                       int32_t *taken, FILE *record)
 {
     const cairn_detections *found = picture->detections;
-    double(*objects)[4] = malloc(((size_t)truth->count + 1) * sizeof *objects);
-    int32_t *taken = calloc((size_t)truth->count + 1, sizeof *taken), count = 0;
 
-    for (int32_t i = 0; i < truth->count && objects != NULL && taken != NULL; i++)
-        if (strcmp(truth->rows[i].image, image) == 0)
-            memcpy(objects[count++], truth->rows[i].box, sizeof *objects);
     for (int32_t i = 0; i < found->count; i++) {
         double box[4], share;
         int32_t object, hit;
 
         cairn_detection_box(picture, &found->found[i], box);
-        object = cairn_detection_object((const double(*)[4])objects, taken, count, box, &share);
+        object = cairn_detection_object(objects, taken, count, box, &share);
         hit = object >= 0 && share >= LEAST_OVERLAP;
         if (hit)
             taken[object] = 1;
         fprintf(record, "%.17g %" PRId32 "\n", (double)found->found[i].score, hit);
     }
+}
+
+cairn_status detect_truth_print(const detect_truth *truth, const char *path, const cairn_detection_picture *picture,
+                                FILE *record, cairn_file_error *error)
+{
+    double(*objects)[4] = malloc(((size_t)truth->count + 1) * sizeof *objects);
+    int32_t *taken = calloc((size_t)truth->count + 1, sizeof *taken), count = 0;
+    cairn_status status = CAIRN_OK;
+
+    if (objects != NULL && taken != NULL) {
+        for (int32_t i = 0; i < truth->count; i++)
+            if (strcmp(truth->rows[i].image, cairn_path_name(path)) == 0)
+                memcpy(objects[count++], truth->rows[i].box, sizeof *objects);
+        print_hits(picture, (const double(*)[4])objects, count, taken, record);
+    } else {
+        status = cairn_file_error_system(error, path, "detect", ENOMEM);
+    }
     free(objects);
     free(taken);
+    return status;
 }
 
 int detect_truth_take(detect_truth *truth, const char *line)

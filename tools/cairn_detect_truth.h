@@ -15,9 +15,11 @@ typedef struct detect_truth {
     int32_t event_count, event_room;
 } detect_truth;
 
-/* Writes a line for each detection of an image: its score, and 1 where it is the best for an object that it shares half of the union with. */
-void detect_truth_print(const detect_truth *truth, const char *image, const cairn_detection_picture *picture,
-                        FILE *record);
+/* Writes a line for each detection of an image: its score, and 1 where it is the best for an object that it shares half of the union with.
+ * CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status detect_truth_print(const detect_truth *truth, const char *path,
+                                              const cairn_detection_picture *picture, FILE *record,
+                                              cairn_file_error *error);
 /* Takes such a line. 0: there is no memory. */
 int detect_truth_take(detect_truth *truth, const char *line);
 /* Writes STEM.csv and STEM.svg over these images; objects of others do not count. */

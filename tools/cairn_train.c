@@ -11,7 +11,7 @@
 
 #define PROGRAM "cairn train"
 
-enum { IMAGES_MOST = CAIRN_APPEARANCE_IMAGES_MOST, BOXES_MOST = 256 };
+enum { IMAGES_MOST = CAIRN_APPEARANCE_IMAGES_MOST };
 
 typedef struct settings {
     const char *images[IMAGES_MOST];
@@ -74,18 +74,22 @@ static int check_rows(const settings *s, const cairn_box_row *row, int32_t count
 static cairn_status add_image(cairn_appearance_trainer *trainer, const char *path, const cairn_box_row *row,
                               int32_t count, cairn_file_error *error)
 {
-    double boxes[BOXES_MOST][4];
+    double *boxes = malloc(((size_t)count + 1) * 4 * sizeof *boxes);
     cairn_vision_image grey;
     int32_t own = 0;
-    cairn_status status = cairn_vision_read_grey(&grey, path, error);
+    cairn_status status;
 
-    if (status != CAIRN_OK)
-        return status;
-    for (int32_t i = 0; i < count; i++)
-        if (strcmp(cairn_path_name(path), row[i].image) == 0 && own < BOXES_MOST)
-            memcpy(boxes[own++], row[i].box, sizeof boxes[0]);
-    status = cairn_appearance_trainer_add(trainer, grey.samples, grey.width, grey.height, boxes[0], own, path, error);
-    cairn_vision_free(&grey);
+    if (boxes == NULL)
+        return cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0, "no memory");
+    status = cairn_vision_read_grey(&grey, path, error);
+    if (status == CAIRN_OK) {
+        for (int32_t i = 0; i < count; i++)
+            if (strcmp(cairn_path_name(path), row[i].image) == 0)
+                memcpy(&boxes[4 * own++], row[i].box, 4 * sizeof *boxes);
+        status = cairn_appearance_trainer_add(trainer, grey.samples, grey.width, grey.height, boxes, own, path, error);
+        cairn_vision_free(&grey);
+    }
+    free(boxes);
     return status;
 }
 

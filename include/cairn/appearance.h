@@ -73,7 +73,8 @@ CAIRN_CHECKED cairn_status cairn_appearance_field_make(cairn_appearance_field **
                                                        cairn_file_error *error);
 void cairn_appearance_field_free(cairn_appearance_field *field);
 
-/* How likely a box shows the class, 0 ... 1, from the patches whose middles lie in it. */
+/* How likely a box shows the class, 0 ... 1, from the patches whose middles lie in it; 0.5 when there are none. Cost: linear in the patches of
+ * the image. */
 double cairn_appearance_probability(const cairn_appearance_field *field, const double box[4]);
 
 /* The same for a histogram [word_count]. */

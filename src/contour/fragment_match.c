@@ -218,9 +218,11 @@ static void begin_steps(cairn_fragment_matcher *m)
     first /= (cairn_real)(m->model.samples_each - 1) * m->slack;
     m->last = last / (cairn_real)(m->model.samples_each - 1) * m->slack;
     m->level = 0;
-    for (m->step = m->params.min_step; m->step * m->params.step_ratio < first && m->step <= m->last;
-         m->step *= m->params.step_ratio)
+    m->step = m->params.min_step;
+    while (m->step * m->params.step_ratio < first && m->step <= m->last) {
+        m->step *= m->params.step_ratio;
         m->level++;
+    }
 }
 
 cairn_status cairn_fragment_match_begin(cairn_fragment_matcher *m, const cairn_part_model *model,

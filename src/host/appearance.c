@@ -20,6 +20,9 @@
 /* px between patches of the image, and their size for SIFT, whose patch is six times as wide; twice that in the image of half the size. */
 enum { STEP = 6, SIZE = 4, OCTAVES = 2, EARLY = 32 };
 
+/* Of a box without a patch. */
+static const double NOTHING_KNOWN = 0.5;
+
 struct cairn_appearance_field {
     const cairn_appearance_model *model;
     cairn_appearance_shim_place *places;
@@ -218,10 +221,15 @@ void cairn_appearance_field_free(cairn_appearance_field *field)
 double cairn_appearance_probability(const cairn_appearance_field *f, const double box[4])
 {
     float histogram[CAIRN_APPEARANCE_WORDS_MOST] = {0};
+    int32_t patches = 0;
 
     for (int32_t i = 0; i < f->count; i++)
-        if (cairn_appearance_is_in(&f->places[i], box))
+        if (cairn_appearance_is_in(&f->places[i], box)) {
             histogram[f->words[i]]++;
+            patches++;
+        }
+    if (patches == 0)
+        return NOTHING_KNOWN;
     cairn_appearance_share(histogram, f->model->word_count);
     return cairn_appearance_judge(f->model, histogram);
 }

@@ -85,8 +85,10 @@ static cairn_status take_whole(appearance_reader *r, int32_t least, int32_t most
     double number = 0;
     cairn_status status = take_number(r, least, most, &number);
 
+    if (status != CAIRN_OK)
+        return status;
     *value = (int32_t)number;
-    if (status == CAIRN_OK && *value != number)
+    if (*value != number)
         return cairn_file_error_set(r->error, CAIRN_BAD_FORMAT, r->path, line_of(r), "%g, expected a whole number",
                                     number);
     return status;

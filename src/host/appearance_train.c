@@ -8,6 +8,7 @@
 #include "src/core/build.h"
 
 #include <errno.h>
+#include <inttypes.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -19,6 +20,7 @@ enum { PATCHES_MOST = 8000, ROUNDS = 25, TRIES = 50, FOLDS = 5, NEWTON = 100, HA
 /* Windows share less with every box, over their union. */
 #define APART 0.2
 /* Of one seed, numbers for different ends. */
+enum { WINDOWS_MOST = 10 * CAIRN_APPEARANCE_SUPPORT_MOST }; /* that are drawn; not all of them are kept */
 enum { STREAM_WORDS = 11, STREAM_WINDOWS = 12 };
 
 typedef struct trained_image {
@@ -93,6 +95,8 @@ cairn_status cairn_appearance_trainer_add(cairn_appearance_trainer *t, const uin
     if (t->count == CAIRN_APPEARANCE_IMAGES_MOST)
         return cairn_file_error_set(error, CAIRN_FULL, path, 0, "one image more, expected at most %d",
                                     CAIRN_APPEARANCE_IMAGES_MOST);
+    if (count < 0 || (boxes == NULL && count > 0))
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "%d boxes, expected none or more", (int)count);
     for (int32_t i = 0; i < count; i++)
         if (!is_box(&boxes[4 * i], width, height))
             return cairn_file_error_set(
@@ -295,18 +299,24 @@ static int draw_window(const cairn_appearance_trainer *t, const trained_image *i
     return 0;
 }
 
-static int32_t count_boxes(const cairn_appearance_trainer *t)
+static int64_t count_boxes(const cairn_appearance_trainer *t)
 {
-    int32_t boxes = 0;
+    int64_t boxes = 0;
 
     for (int32_t i = 0; i < t->count; i++)
         boxes += t->images[i].box_count;
     return boxes;
 }
 
+/* Boxes, and windows that are drawn beside them. */
+static int64_t windows_of(const cairn_appearance_trainer *t, const cairn_appearance_params *params)
+{
+    return (params->negatives + 1) * (count_boxes(t) + t->count);
+}
+
 static int new_samples(samples *s, const cairn_appearance_trainer *t, const cairn_appearance_params *params)
 {
-    s->room = (params->negatives + 1) * (count_boxes(t) + t->count);
+    s->room = (int32_t)windows_of(t, params);
     s->words = params->words;
     s->histograms = malloc((size_t)s->room * (size_t)s->words * sizeof *s->histograms);
     s->is_class = malloc((size_t)s->room * sizeof *s->is_class);
@@ -328,7 +338,7 @@ static int take_samples(samples *s, const cairn_appearance_model *m, const cairn
                         const cairn_appearance_params *params)
 {
     cairn_random random = cairn_random_seed(params->seed, STREAM_WINDOWS);
-    int32_t boxes = count_boxes(t);
+    int32_t boxes = (int32_t)count_boxes(t);
 
     if (!new_samples(s, t, params))
         return 0;
@@ -506,6 +516,9 @@ static cairn_status check(const cairn_appearance_trainer *t, const cairn_appeara
             (int)p->negatives, p->cost, CAIRN_APPEARANCE_WORDS_MOST);
     if (count_boxes(t) == 0)
         return cairn_file_error_set(error, CAIRN_EMPTY, path, 0, "no box in any image, expected at least one");
+    if (windows_of(t, p) > WINDOWS_MOST)
+        return cairn_file_error_set(error, CAIRN_FULL, path, 0, "%" PRId64 " windows to try, expected at most %d",
+                                    windows_of(t, p), WINDOWS_MOST);
     return CAIRN_OK;
 }
 

@@ -350,7 +350,7 @@ static int extend_taken(const cairn_contour_tokens *t, const contour_laid *c, co
                   .bend = (cairn_real)BEND_COSINE,
                   .on = (cairn_real)ON_COSINE,
                   .reach = (cairn_real)OPEN_SHARE * c->size,
-                  .beyond = malloc(((size_t)t->count + 1) * sizeof *e.beyond)};
+                  .beyond = calloc((size_t)t->count + 1, sizeof *e.beyond)};
 
     if (e.beyond == NULL)
         return 0;

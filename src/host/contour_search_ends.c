@@ -3,7 +3,6 @@
 #include "src/core/build.h"
 
 #include <stdlib.h>
-#include <string.h>
 
 #include "src/host/contour_search_ends.h"
 
@@ -49,22 +48,20 @@ int cairn_contour_ends_make(contour_ends *ends, const cairn_segment *lines, cons
         e.cell *= 2;
     } while (cells > 1024 + (size_t)CELLS_OF_END * (size_t)count);
     e.cell /= 2;
-    e.heads = malloc(cells * sizeof *e.heads);
+    e.heads = calloc(cells + 1, sizeof *e.heads);
     e.next = malloc((2 * (size_t)count + 1) * sizeof *e.next);
-    e.seen = malloc(((size_t)count + 1) * sizeof *e.seen);
+    e.seen = calloc((size_t)count + 1, sizeof *e.seen);
     e.near = malloc(((size_t)count + 1) * sizeof *e.near);
     if (e.heads == NULL || e.next == NULL || e.seen == NULL || e.near == NULL) {
         cairn_contour_ends_free(&e);
         return 0;
     }
-    memset(e.heads, 0xff, cells * sizeof *e.heads);
-    memset(e.seen, 0, (size_t)count * sizeof *e.seen);
     for (int32_t i = 0; i < 2 * count; i++) {
         cairn_vec2 at = cairn_vec2_sub(place_of(&e, i), e.origin);
         int32_t *head = &e.heads[(size_t)cell_of(at.y, e.cell) * (size_t)e.columns + (size_t)cell_of(at.x, e.cell)];
 
         e.next[i] = *head;
-        *head = i;
+        *head = i + 1;
     }
     *ends = e;
     return 1;
@@ -88,8 +85,8 @@ int32_t cairn_contour_ends_near(contour_ends *e, int32_t place)
 
         for (int32_t row = y > 0 ? y - 1 : 0; row <= y + 1 && row < e->rows; row++)
             for (int32_t column = x > 0 ? x - 1 : 0; column <= x + 1 && column < e->columns; column++)
-                for (int32_t i = e->heads[row * e->columns + column]; i >= 0; i = e->next[i]) {
-                    int32_t other = i / 2;
+                for (int32_t i = e->heads[row * e->columns + column]; i > 0; i = e->next[i - 1]) {
+                    int32_t other = (i - 1) / 2;
 
                     if (other == place || e->seen[other] == e->queries ||
                         !cairn_contour_meet(e->lines[e->listed[place]], e->lines[e->listed[other]], e->apart))

@@ -13,7 +13,7 @@ typedef struct contour_ends {
     int32_t count, columns, rows;
     cairn_vec2 origin;
     cairn_real apart, cell; /* px: of ends that meet; of the grid */
-    int32_t *heads;         /* [columns * rows] an end: 2 * place in the list + 1 for b */
+    int32_t *heads;         /* [columns * rows] 1 + an end: 2 * place in the list, + 1 for b; 0: none */
     int32_t *next;          /* [2 * count] */
     int32_t *seen;          /* [count] by which query it was met last */
     int32_t queries;

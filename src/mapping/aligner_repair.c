@@ -376,8 +376,8 @@ static void vote(cairn_aligner *x, cairn_transform pose, int32_t width, int32_t 
 /* A shift that has found enough votes at one turn, what the initial pose says weighed in. */
 static void take_votes(cairn_aligner *x, cairn_pose at, int32_t cell, int32_t width, int32_t votes)
 {
-    cairn_real dx = (cairn_real)(cell % width - x->half_window) * x->cell;
-    cairn_real dy = (cairn_real)(cell / width - x->half_window) * x->cell, turned = (cairn_real)x->turn * TURN;
+    int32_t column = cell % width - x->half_window, row = cell / width - x->half_window;
+    cairn_real dx = (cairn_real)column * x->cell, dy = (cairn_real)row * x->cell, turned = (cairn_real)x->turn * TURN;
     cairn_real off = (dx * dx + dy * dy) / (x->sigma * x->sigma) + turned * turned / (x->sigma_angle * x->sigma_angle);
     cairn_pose pose = {at.x + dx, at.y + dy, at.theta};
 
