@@ -179,21 +179,29 @@ static void test_completed_along_the_chains(void **state)
     cairn_contour_tokens_free(&tokens);
 }
 
-/* An outline from left to right at a height of 100, and edges about it: which of them are collected, and their order. */
-static void collect(const cairn_segment *lines, const int32_t *chains, int32_t count, const char *wanted)
-{
-    cairn_oriented_point outline[41];
-    contour_laid laid = {outline, 41, {100, 100}, 200};
-    cairn_contour_tokens tokens;
-    int32_t list[16], listed = 0, known[16] = {0};
+enum { LEVEL = 41 };
 
-    memset(&tokens, 0, sizeof tokens);
-    for (int32_t i = 0; i < 41; i++) {
+/* An outline from left to right at a height of 100. */
+static void draw_level(cairn_oriented_point outline[LEVEL])
+{
+    for (int32_t i = 0; i < LEVEL; i++) {
         outline[i].position.x = (cairn_real)(5 * i);
         outline[i].position.y = 100;
         outline[i].direction.x = 1;
         outline[i].direction.y = 0;
     }
+}
+
+/* Such an outline, and edges about it: which of them are collected, and their order. */
+static void collect(const cairn_segment *lines, const int32_t *chains, int32_t count, const char *wanted)
+{
+    cairn_oriented_point outline[LEVEL];
+    contour_laid laid = {outline, LEVEL, {100, 100}, 200};
+    cairn_contour_tokens tokens;
+    int32_t list[16], listed = 0, known[16] = {0};
+
+    memset(&tokens, 0, sizeof tokens);
+    draw_level(outline);
     tokens.lines = (cairn_segment *)lines;
     tokens.chain = (int32_t *)chains;
     tokens.count = count;
@@ -328,20 +336,15 @@ static void test_what_goes_on_at_a_gap(void **state)
 {
     static const int32_t apart[3] = {0, 1, 2};
     const cairn_segment lines[3] = {{{150, 100}, {170, 100}}, {{170, 108}, {170, 128}}, {{170, 135}, {170, 138}}};
-    cairn_oriented_point outline[41];
-    contour_laid laid = {outline, 41, {100, 100}, 200};
+    cairn_oriented_point outline[LEVEL];
+    contour_laid laid = {outline, LEVEL, {100, 100}, 200};
     contour_gaps gaps = {.at = {{200, 100}}, .count = 0};
     cairn_contour_tokens tokens;
     int32_t list[3], listed;
 
     (void)state;
     memset(&tokens, 0, sizeof tokens);
-    for (int32_t i = 0; i < 41; i++) {
-        outline[i].position.x = (cairn_real)(5 * i);
-        outline[i].position.y = 100;
-        outline[i].direction.x = 1;
-        outline[i].direction.y = 0;
-    }
+    draw_level(outline);
     tokens.lines = (cairn_segment *)lines;
     tokens.chain = (int32_t *)apart;
     tokens.count = 3;
