@@ -115,11 +115,14 @@ static void files(void **state)
     char *text;
 
     (void)state;
-    cairn_detection_curve(e, 2, 1, 1, p);
+    cairn_detection_curve(e, 2, 2, 4, p);
     assert_ok(cairn_detection_curve_write(files_path("curve"), "a < b", p, 2, &error));
     text = files_read(files_path("curve.csv"), NULL);
     assert_non_null(text);
-    assert_non_null(strstr(text, "\n2.000000,1.000000,0.206543,1.000000,1.000000,"));
+    /* Wilson's intervals of 1 in 4 instances, and of 1 in 1 and 1 in 2 detections. */
+    assert_string_equal(strchr(text, '\n'),
+                        "\n2.000000,0.250000,0.045586,0.699364,1.000000,0.206543,1.000000,0.000000\n"
+                        "1.000000,0.250000,0.045586,0.699364,0.500000,0.094529,0.905471,0.500000\n");
     free(text);
     text = files_read(files_path("curve.svg"), NULL);
     assert_non_null(text);

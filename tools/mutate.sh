@@ -184,6 +184,7 @@ files_of() # a variable of the Makefile
     printf 'include Makefile\nshow:\n\t@echo "$(%s)"\n' "$1" | make -s -f - show
 }
 cairn=$(files_of CAIRN_SRC) arena=$(files_of ARENA_SRC) common=$(files_of TEST_COMMON)
+shims="$([ -z "$(files_of VISION_SRC)" ] || echo "$build/libcairn-vision.so") $([ -z "$(files_of APPEARANCE_SRC)" ] || echo "$build/libcairn-appearance.so")"
 needs=$(printf 'include Makefile\nshow:\n\t@$(foreach test,$(TESTS),echo $(test) $(NEEDS_$(test));)\n' | make -s -f - show)
 needs_of() # the files that a test alone is linked with
 {
@@ -192,7 +193,7 @@ needs_of() # the files that a test alone is linked with
 mkdir -p "$work/uses/tests"
 (
     # shellcheck disable=SC2046,SC2086
-    mutate_make -j2 $libraries $(objects $common $(for t in $tests; do echo "tests/$t.c"; needs_of "$t"; done) $cairn $arena) || exit 2
+    mutate_make -j2 $libraries $shims $(objects $common $(for t in $tests; do echo "tests/$t.c"; needs_of "$t"; done) $cairn $arena) || exit 2
     # shellcheck disable=SC2086
     c++ -shared -o "$build/libfaulty.so" -Wl,--whole-archive $libraries -Wl,--no-whole-archive $system_libs || exit 2
     # shellcheck disable=SC2086
