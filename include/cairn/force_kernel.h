@@ -87,7 +87,7 @@ typedef struct cairn_force_pull {
     cairn_real spring_xx, spring_xy, spring_yy; /* k d d^T */
 } cairn_force_pull;
 
-/* How far a sum has come; all 0 before the first call. */
+/* How far a sum has come; all 0 before the first call. When all is done it serves again with row 0. */
 typedef struct cairn_force_cursor {
     int32_t row, next;     /* point of the first strip; of the second */
     int32_t is_begun;      /* the row has been */

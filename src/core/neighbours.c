@@ -464,9 +464,12 @@ cairn_status cairn_box_sweep_begin_in(cairn_box_sweep *sweep, const cairn_box *b
     return status;
 }
 
-static int is_in_window(const cairn_box_sweep *sweep, int32_t i)
+static int is_in_window(const cairn_box_sweep *sweep, const cairn_box *box)
 {
-    return !sweep->has_window || cairn_box_overlap(sweep->boxes[i], sweep->window);
+    const cairn_box *window = &sweep->window;
+
+    return !sweep->has_window || (box->min.x <= window->max.x && window->min.x <= box->max.x &&
+                                  box->min.y <= window->max.y && window->min.y <= box->max.y);
 }
 
 /* 1 when the box exists and holds a point; false for a NaN. */
@@ -520,16 +523,18 @@ static int test_some(cairn_box_sweep *sweep, int64_t *operations, int32_t *first
     while (left > 0 && sweep->first < end) {
         int32_t a = order[sweep->first], at = sweep->second;
         int32_t stop = end - at < left ? end : at + (int32_t)left;
-        cairn_box box = boxes[a];
+        cairn_real right = boxes[a].max.x, low = boxes[a].min.y, high = boxes[a].max.y;
 
-        if (!is_in_window(sweep, a))
+        if (at == sweep->first + 1 && !is_in_window(sweep, &boxes[a]))
             stop = at;
 
-        for (; at < stop && boxes[order[at]].min.x <= box.max.x; at++) {
+        for (; at < stop; at++) {
             const cairn_box *other = &boxes[order[at]];
 
-            /* One branch, as neither half can be guessed. */
-            if ((other->min.y <= box.max.y) & (box.min.y <= other->max.y) && is_in_window(sweep, order[at])) {
+            if (other->min.x > right)
+                break;
+            /* One comparison, as neither half of it can be guessed. */
+            if (cairn_max(other->min.y, low) <= cairn_min(other->max.y, high) && is_in_window(sweep, other)) {
                 *first = a < order[at] ? a : order[at];
                 *second = a < order[at] ? order[at] : a;
                 *operations = left - (at + 1 - sweep->second);
@@ -552,11 +557,15 @@ static int test_some(cairn_box_sweep *sweep, int64_t *operations, int32_t *first
 /* Charges operations, which are paid for two at a time; what is left of a unit serves the next call. */
 static void charge(cairn_box_sweep *sweep, cairn_budget *budget, int64_t operations)
 {
-    int64_t due = operations - sweep->credit,
-            units = due > 0 ? (due + OPERATIONS_PER_UNIT - 1) / OPERATIONS_PER_UNIT : 0;
+    int64_t due = operations - sweep->credit;
 
-    budget->left -= (int32_t)units;
-    sweep->credit = (int32_t)(units * OPERATIONS_PER_UNIT - due);
+    if (due > 0) {
+        int32_t units = (int32_t)(((uint64_t)due + OPERATIONS_PER_UNIT - 1) / OPERATIONS_PER_UNIT);
+
+        budget->left -= units;
+        due -= (int64_t)units * OPERATIONS_PER_UNIT;
+    }
+    sweep->credit = (int32_t)-due;
 }
 
 cairn_status cairn_box_sweep_next(cairn_box_sweep *sweep, cairn_budget *budget, int32_t *first, int32_t *second)
@@ -564,10 +573,12 @@ cairn_status cairn_box_sweep_next(cairn_box_sweep *sweep, cairn_budget *budget, 
     int64_t most = sweep->credit + (int64_t)(budget->left > 0 ? budget->left : 0) * OPERATIONS_PER_UNIT, left = most;
     int found = 0;
 
-    for (; left >= OPERATIONS_OF_MOVE && sweep->stride > 0; left -= OPERATIONS_OF_MOVE)
+    for (; sweep->stride > 0 && left >= OPERATIONS_OF_MOVE; left -= OPERATIONS_OF_MOVE)
         sort_once(sweep);
     if (sweep->stride == 0) {
-        for (; left > 0 && sweep->first < sweep->boxes_end && !is_box(sweep, sweep->order[sweep->boxes_end - 1]);
+        /* Before the first test. */
+        for (; sweep->second == 1 && left > 0 && sweep->boxes_end > 0 &&
+               !is_box(sweep, sweep->order[sweep->boxes_end - 1]);
              left--)
             sweep->boxes_end--;
         found = test_some(sweep, &left, first, second);

@@ -1,7 +1,7 @@
 /* Corners by sweep and prune.
  *
- * Method: the boxes of all segments are grown by the end distance, so that the boxes of two segments that make a corner
- * hold it both; the sweep reports the candidates. The lines of a candidate are tested for their angle first (no root
+ * Method: all segments are made longer by the end distance at both ends and boxed, so that the boxes of two segments that
+ * make a corner, which lies on both lines, hold it both; the sweep reports the candidates. The lines of a candidate are tested for their angle first (no root
  * needed), then intersected. Found corners go through a heap with the weakest at its root, which makes room for stronger
  * ones when the capacity is used up; the emptied heap is the sorted result, which is then thinned out.
  *
@@ -19,8 +19,11 @@
 
 enum { MAX_COUNT = 1 << 28 };
 
-/* Relative growth of boxes beyond what exact arithmetic needs. */
+/* Relative growth of cosines beyond what exact arithmetic needs. */
 #define SLACK CAIRN_REAL(1.001)
+
+/* Growth of boxes beyond it, in end distances: many times the rounding of a corner. */
+#define MARGIN (CAIRN_REAL(1.0) / 16)
 
 typedef int32_t search_phase;
 enum { IDLE, BOXES, PAIRS, SORT, MERGE };
@@ -269,18 +272,28 @@ static int find_corner(const cairn_corner_set *set, int32_t first, int32_t secon
 
 /* Each phase returns CAIRN_OK when it is done. */
 
+/* The box of a segment made longer at both ends. */
+static cairn_box box_of(cairn_segment s, cairn_real by)
+{
+    cairn_vec2 along = cairn_vec2_unit(cairn_vec2_sub(s.b, s.a));
+    cairn_real x = by * (cairn_abs(along.x) + MARGIN), y = by * (cairn_abs(along.y) + MARGIN);
+    cairn_box box = {{cairn_min(s.a.x, s.b.x) - x, cairn_min(s.a.y, s.b.y) - y},
+                     {cairn_max(s.a.x, s.b.x) + x, cairn_max(s.a.y, s.b.y) + y}};
+
+    return box;
+}
+
 static cairn_status step_boxes(cairn_corner_set *set, cairn_budget *budget)
 {
     for (; set->cursor < set->segment_count; set->cursor++) {
         cairn_segment s = set->segments[set->cursor];
-        cairn_box box = {s.a, s.a};
 
         if (budget->left <= 0)
             return CAIRN_MORE;
         budget->left--;
         if (!cairn_is_finite(s.a.x) || !cairn_is_finite(s.a.y) || !cairn_is_finite(s.b.x) || !cairn_is_finite(s.b.y))
             return CAIRN_NOT_FINITE;
-        set->boxes[set->cursor] = cairn_box_grow(cairn_box_extend(box, s.b), set->params.end_distance * SLACK);
+        set->boxes[set->cursor] = box_of(s, set->params.end_distance);
     }
     return cairn_box_sweep_begin(set->sweep, set->boxes, set->segment_count);
 }

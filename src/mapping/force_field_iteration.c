@@ -498,6 +498,7 @@ static cairn_status begin_phase(cairn_force_field *field)
         return cairn_box_sweep_begin(field->sweep, field->boxes, boxes_of(field));
     case PHASE_PAIRS:
         field->pair.is_begun = field->pair.due = 0;
+        memset(&field->pair.cursor, 0, sizeof field->pair.cursor);
         field->tiles[0].line = field->tiles[1].line = -1;
         field->bond_count = field->bonds_dropped = 0;
         return cairn_box_sweep_begin_in(field->sweep, field->boxes, boxes_of(field), field->free_box);

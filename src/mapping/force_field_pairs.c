@@ -190,11 +190,12 @@ static void begin_pair(cairn_force_field *field, int32_t first, int32_t second)
     pair->due = PAIR_COST;
     pair->is_begun = 1;
     pair->is_summed = 0;
-    pair->tile[0] = pair->tile[1] = pair->loaded = 0;
-    memset(&pair->cursor, 0, sizeof pair->cursor);
+    pair->tile[0] = pair->tile[1] = pair->loaded = pair->cursor.row = 0;
     memset(&pair->sum, 0, sizeof pair->sum);
-    memset(&pair->springs, 0, sizeof pair->springs);
-    pair->sum.springs = cairn_force_has_springs(field) ? &pair->springs : NULL;
+    if (cairn_force_has_springs(field)) {
+        memset(&pair->springs, 0, sizeof pair->springs);
+        pair->sum.springs = &pair->springs;
+    }
     pair->sum.centre = field->bodies[b->scan].centre; /* runs come first: b is a segment */
 }
 
@@ -269,8 +270,7 @@ static int are_far(const cairn_force_field *field)
 /* Goes on to the next two tiles; 0 when there are none. */
 static int next_tiles(struct cairn_force_pair *pair)
 {
-    memset(&pair->cursor, 0, sizeof pair->cursor);
-    pair->loaded = 0;
+    pair->loaded = pair->cursor.row = 0;
     pair->tile[1] += CAIRN_FORCE_STRIP;
     if (pair->tile[1] < pair->line[1].count)
         return 1;

@@ -171,53 +171,54 @@ static inline cairn_status add_strips(const cairn_force_kernel *kernel, const ca
                                       int32_t with_springs, cairn_force_sum *sum, cairn_budget *budget)
 {
     static const cairn_force_pull none = {0, 0, 0, 0, 0, 0, 0, 0, 0};
-    int32_t left = budget->left, before;
+    const int32_t near_cost = 1 + (b->count + COMPARED - 1) / COMPARED;
+    cairn_vec2 centre = sum->centre, force = sum->force;
+    cairn_real torque = sum->torque, potential = sum->potential;
+    cairn_force_pull pull = cursor->pull;
+    int32_t left = budget->left, row = cursor->row, next = cursor->next;
 
-    for (; cursor->row < a->count; cursor->row++) {
-        cairn_vec2 p = a->position[cursor->row];
-        cairn_real mass = a->mass[cursor->row];
-        cairn_force_pull pull = none;
+    for (; row < a->count; row++) {
+        cairn_vec2 p = a->position[row];
+        cairn_real mass = a->mass[row];
+        int32_t before;
 
-        pull.x = cursor->pull.x;
-        pull.y = cursor->pull.y;
-        pull.potential = cursor->pull.potential;
-        if (with_springs)
-            pull = cursor->pull;
         if (!cursor->is_begun) {
-            int32_t cost = 1;
+            int outside = is_outside(&b->zone, p);
+            int32_t cost = (outside ? 1 : near_cost) - cursor->paid;
 
-            cursor->next = is_outside(&b->zone, p) ? b->count : 0;
-            if (cursor->next < b->count)
-                cost += (b->count + COMPARED - 1) / COMPARED;
-            if (left < cost - cursor->paid) {
+            if (left < cost) {
                 cursor->paid += left;
                 left = 0;
                 break;
             }
-            left -= cost - cursor->paid;
+            left -= cost;
             cursor->paid = 0;
-            cursor->is_begun = 1;
+            if (outside)
+                continue;
+            next = 0;
         }
         before = left;
-        add_row(kernel, p, b, &cursor->next, &left, with_potential, with_springs, &pull);
+        add_row(kernel, p, b, &next, &left, with_potential, with_springs, &pull);
         sum->pairs += before - left;
-        if (cursor->next < b->count) {
-            cursor->pull = pull;
+        cursor->is_begun = next < b->count;
+        if (cursor->is_begun)
             break;
-        }
-        sum->force.x += mass * pull.x;
-        sum->force.y += mass * pull.y;
-        sum->torque += mass * ((p.x - sum->centre.x) * pull.y - (p.y - sum->centre.y) * pull.x);
-        sum->potential += mass * pull.potential;
+        force.x += mass * pull.x;
+        force.y += mass * pull.y;
+        torque += mass * ((p.x - centre.x) * pull.y - (p.y - centre.y) * pull.x);
+        potential += mass * pull.potential;
         if (with_springs)
-            add_springs(sum->springs, cairn_vec2_sub(p, sum->centre), mass, &pull);
-        cursor->pull.x = cursor->pull.y = cursor->pull.potential = 0;
-        if (with_springs)
-            cursor->pull = none;
-        cursor->is_begun = 0;
+            add_springs(sum->springs, cairn_vec2_sub(p, centre), mass, &pull);
+        pull = none;
     }
+    sum->force = force;
+    sum->torque = torque;
+    sum->potential = potential;
+    cursor->pull = pull;
+    cursor->next = next;
+    cursor->row = row;
     budget->left = left;
-    return cursor->row < a->count ? CAIRN_MORE : CAIRN_OK;
+    return row < a->count ? CAIRN_MORE : CAIRN_OK;
 }
 
 cairn_status cairn_force_kernel_strips(const cairn_force_kernel *kernel, const cairn_force_strip *a,
