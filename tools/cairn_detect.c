@@ -393,7 +393,7 @@ int tool_detect(int argc, char **argv)
     int code;
 
     memset(&s, 0, sizeof s);
-    s.pictures.side = 800;
+    s.pictures.side = PICTURE_SIDE;
     s.pictures.canny = cairn_vision_canny_default();
     s.strength = 1;
     s.jobs = sysconf(_SC_NPROCESSORS_ONLN);
@@ -418,8 +418,7 @@ int tool_detect(int argc, char **argv)
     if (cairn_shape_model_file_load(&model, s.model, &image, &builder, NULL, &error) != CAIRN_OK)
         return tool_report(&error);
     if ((s.cuts != NULL && cairn_part_cut_file_read(s.cut, &s.cut_count, s.cuts, &error) != CAIRN_OK) ||
-        (s.truth_path != NULL &&
-         cairn_box_table_read(s.truth_path, &s.truth.rows, &s.truth.count, &error) != CAIRN_OK) ||
+        (s.truth_path != NULL && detect_truth_read(&s.truth, s.truth_path, &error) != CAIRN_OK) ||
         (s.appearance != NULL && (cairn_appearance_read(&s.look, s.appearance, &error) != CAIRN_OK ||
                                   cairn_appearance_load(&error) != CAIRN_OK)))
         code = tool_report(&error);
