@@ -31,7 +31,7 @@ typedef struct settings {
     int64_t scenes, seed, k, particles, paths;
     double noise, hidden, evidence, smallest, largest, score;
     const char *mode, *method, *tokens, *draw;
-    int32_t no_model, no_skeleton, each;
+    int32_t no_model, no_skeleton, each, occluded;
 } settings;
 
 /* What the objects of a run share. */
@@ -146,6 +146,7 @@ static int detect(const settings *set, finder *f, const scene *s)
     params.max_size = (cairn_real)(set->largest * (double)model.size / 240);
     params.method = strcmp(set->method, "parts") == 0 ? CAIRN_DETECT_PARTS : CAIRN_DETECT_EVIDENCE;
     params.mirror = 0;
+    params.occluded = set->occluded;
     if (set->score > -100)
         params.min_score = (cairn_real)set->score;
     if (cairn_contour_tokens_find(&f->tokens, view, 1, 0, "scene", &error) != CAIRN_OK ||
@@ -502,6 +503,7 @@ static void print_summary(const settings *s, const sums *t, const finder *f)
     bench_json_begin("clutter");
     bench_json_text("method", s->method);
     bench_json_text("mode", s->mode);
+    bench_json_integer("occluded", s->occluded);
     bench_json_integer("scenes", t->scenes);
     bench_json_integer("seed", s->seed);
     bench_json_integer("k", s->k);
@@ -543,6 +545,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_NUMBER("--smallest", &s->smallest, 1, 1000, "PX", "height of an object that is searched"),
         OPTION_NUMBER("--largest", &s->largest, 1, 1000, "PX", "height of an object that is searched"),
         OPTION_TEXT("--tokens", &s->tokens, "NAME", "segments or edgels"),
+        OPTION_FLAG("--occluded", &s->occluded, "of detect: told that objects may be hidden in part"),
         OPTION_FLAG("--no-model", &s->no_model, "without the model term"),
         OPTION_FLAG("--no-skeleton", &s->no_skeleton, "without the skeleton term"),
         OPTION_FLAG("--each", &s->each, "a line for each scene, too"),

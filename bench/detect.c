@@ -23,7 +23,7 @@ typedef struct settings {
     const char *bundles;
     int64_t most, candidates, matches, nearest, train;
     double overlap, weight, verify;
-    int32_t each, no_mirror, modes, stages;
+    int32_t each, no_mirror, modes, stages, occluded;
 } settings;
 
 static const struct {
@@ -117,6 +117,7 @@ static void print_each(const run *r, const group_image *image, int32_t class, co
         bench_json_number("close", (double)found[i].close);
         bench_json_number("turned", (double)found[i].turned);
         bench_json_number("strained", (double)found[i].strained);
+        bench_json_number("agreed", (double)found[i].agreed);
         bench_json_number("agreement", (double)found[i].agreement);
         bench_json_number("distance", (double)found[i].distance);
         bench_json_number("appearance", (double)found[i].appearance);
@@ -172,6 +173,7 @@ static int run_default(run *r, const group_image *image, const char *folder, int
     params.bundles = r->s->bundles[0] == 'o'   ? CAIRN_DETECT_BUNDLES_OF_ONE
                      : r->s->bundles[0] == 'n' ? CAIRN_DETECT_NO_BUNDLES
                                                : CAIRN_DETECT_BUNDLES;
+    params.occluded = r->s->occluded;
     params.matches = (int32_t)r->s->matches;
     params.nearest = (int32_t)r->s->nearest;
     params.modes = r->s->modes;
@@ -403,6 +405,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_NUMBER("--overlap", &s->overlap, 0, 1, "SHARE",
                       "of boxes, above which the better detection stays alone"),
         OPTION_FLAG("--no-mirror", &s->no_mirror, "not the mirrored models"),
+        OPTION_FLAG("--occluded", &s->occluded, "objects may be hidden in part"),
         OPTION_FLAG("--stages", &s->stages, "also Canny's time (the images are decoded then); the other stages always"),
         OPTION_FLAG("--each", &s->each, "a line for each detection, too"),
         OPTION_INTEGER("--train", &s->train, 0, 1000, "N",

@@ -138,6 +138,48 @@ static void refuses_what_is_no_model(void **state)
     assert_status(cairn_appearance_read(&m, files_path("missing.look"), &error), CAIRN_IO);
 }
 
+/* Nothing is written that reading would refuse. */
+static void writes_nothing_unreadable(void **state)
+{
+    static float beyond[] = {1, 0, 1.5F, 0};
+    static double none[] = {2, (double)NAN};
+
+    (void)state;
+    for (int k = 0; k < 8; k++) {
+        cairn_appearance_model m = make_small();
+
+        switch (k) {
+        case 0:
+            m.gamma = 0;
+            break;
+        case 1:
+            m.gamma = (double)INFINITY;
+            break;
+        case 2:
+            m.rho = (double)NAN;
+            break;
+        case 3:
+            m.slope = -2e9;
+            break;
+        case 4:
+            m.histograms = beyond;
+            break;
+        case 5:
+            m.weights = none;
+            break;
+        case 6:
+            m.support_count = 0;
+            break;
+        default:
+            m.word_count = 1;
+            break;
+        }
+        assert_status(cairn_appearance_write(&m, files_path("never.look"), &error), CAIRN_BAD_ARGUMENT);
+        assert_non_null(strstr(error.text, "never.look: a model beyond what is read again, expected"));
+        assert_null(files_read(files_path("never.look"), NULL));
+    }
+}
+
 /* What is not there says what it is. */
 static void lives_without_the_library(void **state)
 {
@@ -249,6 +291,35 @@ static void tells_textures_apart(void **state)
     cairn_appearance_free(&m);
 }
 
+/* All of an image's boxes are learnt from, however many: the last of them alone has the patches that are asked for. */
+static void takes_many_boxes(void **state)
+{
+    enum { BOXES = 300 };
+    static double boxes[BOXES][4];
+    cairn_appearance_params params = small_params();
+    cairn_appearance_trainer *trainer = cairn_appearance_trainer_new();
+    cairn_appearance_model m;
+
+    (void)state;
+    assert_non_null(trainer);
+    if (cairn_appearance_load(&error) == CAIRN_OK) {
+        draw(LEFT, TOP, 1, 1);
+        for (int32_t i = 0; i < BOXES; i++) {
+            boxes[i][2] = boxes[i][3] = 2; /* the first patch has its middle at (3, 3) */
+        }
+        boxes[BOXES - 1][0] = LEFT;
+        boxes[BOXES - 1][1] = TOP;
+        boxes[BOXES - 1][2] = LEFT + SIDE;
+        boxes[BOXES - 1][3] = TOP + SIDE;
+        params.negatives = 1;
+        assert_ok(cairn_appearance_trainer_add(trainer, grey, WIDTH, HEIGHT, boxes[0], BOXES, "image", &error));
+        assert_ok(cairn_appearance_train(&m, trainer, &params, "images", &error));
+        cairn_appearance_free(&m);
+    }
+    cairn_appearance_trainer_free(trainer);
+    need_library();
+}
+
 static void takes_tiny_images(void **state)
 {
     static const double all[4] = {0, 0, 8, 8};
@@ -320,8 +391,10 @@ int main(void)
         cmocka_unit_test(finds_the_nearest_word),
         cmocka_unit_test(keeps_models),
         cmocka_unit_test(refuses_what_is_no_model),
+        cmocka_unit_test(writes_nothing_unreadable),
         cmocka_unit_test(lives_without_the_library),
         cmocka_unit_test(tells_textures_apart),
+        cmocka_unit_test(takes_many_boxes),
         cmocka_unit_test(takes_tiny_images),
         cmocka_unit_test(refuses_what_cannot_be_learnt),
     };

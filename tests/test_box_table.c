@@ -38,6 +38,35 @@ static void reads_boxes(void **state)
     }
 }
 
+/* Rows of an image are found together, in the order of the file. */
+static void finds_rows_of_an_image(void **state)
+{
+    static const char *const names[] = {"", "a.png", "b", "b.png", "z.png"};
+    static const int32_t firsts[] = {0, 0, 2, 2, 5}, counts[] = {0, 2, 0, 3, 0};
+    cairn_box_row *row;
+    int32_t count, own;
+
+    (void)state;
+    assert_ok(cairn_box_table_read(files_write_text("mixed.csv", "image,left,top,right,bottom\nb.png,9,0,10,1\n"
+                                                                 "a.png,8,0,9,1\nb.png,7,0,8,1\na.png,6,0,7,1\n"
+                                                                 "b.png,8,0,9,1\n"),
+                                   &row, &count, &error));
+    cairn_box_table_sort(row, count);
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        assert_int_equal(cairn_box_table_find(row, count, names[i], &own), firsts[i]);
+        assert_int_equal(own, counts[i]);
+    }
+    assert_near(row[0].box[0], 8, 0);
+    assert_near(row[1].box[0], 6, 0);
+    assert_near(row[2].box[0], 9, 0);
+    assert_near(row[3].box[0], 7, 0);
+    assert_near(row[4].box[0], 8, 0);
+    cairn_box_table_sort(NULL, 0);
+    assert_int_equal(cairn_box_table_find(NULL, 0, "a", &own), 0);
+    assert_int_equal(own, 0);
+    free(row);
+}
+
 static void refuses_what_is_no_table(void **state)
 {
     static const struct {
@@ -80,6 +109,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(reads_boxes),
+        cmocka_unit_test(finds_rows_of_an_image),
         cmocka_unit_test(refuses_what_is_no_table),
     };
 

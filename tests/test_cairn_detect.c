@@ -158,6 +158,29 @@ static void test_cuts(void **state)
     assert_refused(programs_run(detect, "missing.cuts"), "missing.cuts: cannot open");
 }
 
+/* Pictures of twice the size are halved, their boxes with them: what is learnt is the same. */
+static void learns_at_the_scale_of_the_search(const char *learn)
+{
+    static uint8_t large[4 * WIDTH * HEIGHT];
+    cairn_file_error error;
+
+    for (int32_t k = 0; k < 3; k++) {
+        char name[32];
+
+        for (int32_t i = 0; i < 4 * WIDTH * HEIGHT; i++)
+            large[i] = is_bottle(i % (2 * WIDTH) / 2, i / (2 * WIDTH) / 2, 60 + 25 * k) ? 60 : 200;
+        (void)snprintf(name, sizeof name, "large%d.png", (int)k);
+        assert_int_equal(cairn_image_write_png(files_path(name), large, 2 * WIDTH, 2 * HEIGHT, &error), CAIRN_OK);
+    }
+    assert_done(programs_run("%s", learn));
+    (void)files_write_text("large.csv", "image,left,top,right,bottom\nlarge0.png,54,60,188,360\n"
+                                        "large2.png,154,60,288,360\nlarge1.png,104,60,238,360\n");
+    assert_done(
+        programs_run("cairn train @/large0.png @/large1.png @/large2.png --boxes @/large.csv --words 10 --quiet "
+                     "--max-side 300 -o @/large.look"));
+    assert_same("large.look", "bottle.look");
+}
+
 /* What was learnt from boxes counts; without the library of OpenCV that is said. */
 static void test_appearance(void **state)
 {
@@ -185,6 +208,10 @@ static void test_appearance(void **state)
     text = read_in("found/bottle0.json");
     assert_null(strstr(text, "\"appearance\""));
     free(text);
+    learns_at_the_scale_of_the_search(learn);
+    assert_refused(programs_run("cairn train @/bottle0.png @/bottle1.png @/bottle2.png --boxes @/boxes.csv "
+                                "-o @/no/where.look"),
+                   "where.look");
     (void)files_write_text("other.look", "cairn-appearance 7\n");
     assert_refused(programs_run(detect, "other.look"), "other.look:1: a model of version 7, expected 1");
     assert_refused(programs_run(detect, "missing.look"), "missing.look: cannot open");

@@ -35,6 +35,10 @@ static void refuses_what_is_none(void **state)
                       CAIRN_BAD_FORMAT);
         assert_non_null(strstr(error.text, "b.cuts:1: not a fragment, expected two samples"));
     }
+    /* What was read before is not offered. */
+    assert_status(cairn_part_cut_file_read(cuts, &count, files_write_text("b.cuts", "0 9 0\n9 x 0\n"), &error),
+                  CAIRN_BAD_FORMAT);
+    assert_int_equal(count, 0);
     assert_status(cairn_part_cut_file_read(cuts, &count, files_write_text("b.cuts", "# no\n"), &error), CAIRN_EMPTY);
     for (int i = 0; i <= CAIRN_PART_FRAGMENTS; i++)
         strcat(text, "0 9 0\n");

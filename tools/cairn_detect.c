@@ -29,7 +29,7 @@ typedef struct settings {
     picture_settings pictures;
     int64_t strength, jobs, candidates, nearest, matches;
     double overlap, score, weight;
-    int32_t no_mirror, modes, quiet;
+    int32_t no_mirror, modes, occluded, quiet;
     cairn_part_cut cut[CAIRN_PART_FRAGMENTS]; /* of --cuts */
     int32_t cut_count;
     cairn_appearance_model look; /* of --appearance */
@@ -67,6 +67,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_INTEGER("--candidates", &s->candidates, 1, 64, "N", "places of an image that are looked at closely"),
         OPTION_NUMBER("--overlap", &s->overlap, 0, 1, "SHARE",
                       "of two detections whose boxes share more, over their union, the better one stays"),
+        OPTION_FLAG("--occluded", &s->occluded,
+                    "of evidence: objects have the model's own shape and may be hidden in part"),
         OPTION_FLAG("--no-mirror", &s->no_mirror, "the model only as it is, not its mirror image"),
         OPTION_INTEGER("--min-strength", &s->strength, 1, 255, "N", "of edges: weaker ones are passed over"),
         OPTION_NUMBER("--sigma", &s->pictures.canny.sigma, 0, 50, "PX", "blur before edges are looked for (Canny)"),
@@ -130,6 +132,7 @@ static cairn_status detect(const settings *s, work *w, const cairn_shape_model *
 
     params.method = s->method[0] == 'p' ? CAIRN_DETECT_PARTS : CAIRN_DETECT_EVIDENCE;
     params.mirror = !s->no_mirror;
+    params.occluded = s->occluded;
     params.candidates = (int32_t)s->candidates;
     params.overlap = (cairn_real)s->overlap;
     params.min_score = (cairn_real)s->score;
@@ -393,7 +396,7 @@ int tool_detect(int argc, char **argv)
     int code;
 
     memset(&s, 0, sizeof s);
-    s.pictures.side = 800;
+    s.pictures.side = PICTURE_SIDE;
     s.pictures.canny = cairn_vision_canny_default();
     s.strength = 1;
     s.jobs = sysconf(_SC_NPROCESSORS_ONLN);
@@ -418,8 +421,7 @@ int tool_detect(int argc, char **argv)
     if (cairn_shape_model_file_load(&model, s.model, &image, &builder, NULL, &error) != CAIRN_OK)
         return tool_report(&error);
     if ((s.cuts != NULL && cairn_part_cut_file_read(s.cut, &s.cut_count, s.cuts, &error) != CAIRN_OK) ||
-        (s.truth_path != NULL &&
-         cairn_box_table_read(s.truth_path, &s.truth.rows, &s.truth.count, &error) != CAIRN_OK) ||
+        (s.truth_path != NULL && detect_truth_read(&s.truth, s.truth_path, &error) != CAIRN_OK) ||
         (s.appearance != NULL && (cairn_appearance_read(&s.look, s.appearance, &error) != CAIRN_OK ||
                                   cairn_appearance_load(&error) != CAIRN_OK)))
         code = tool_report(&error);

@@ -31,20 +31,29 @@ static void print_hits(const cairn_detection_picture *picture, const double (*ob
 cairn_status detect_truth_print(const detect_truth *truth, const char *path, const cairn_detection_picture *picture,
                                 FILE *record, cairn_file_error *error)
 {
-    double(*objects)[4] = malloc(((size_t)truth->count + 1) * sizeof *objects);
-    int32_t *taken = calloc((size_t)truth->count + 1, sizeof *taken), count = 0;
+    int32_t count, first = cairn_box_table_find(truth->rows, truth->count, cairn_path_name(path), &count);
+    double(*objects)[4] = malloc(((size_t)count + 1) * sizeof *objects);
+    int32_t *taken = calloc((size_t)count + 1, sizeof *taken);
     cairn_status status = CAIRN_OK;
 
     if (objects != NULL && taken != NULL) {
-        for (int32_t i = 0; i < truth->count; i++)
-            if (strcmp(truth->rows[i].image, cairn_path_name(path)) == 0)
-                memcpy(objects[count++], truth->rows[i].box, sizeof *objects);
+        for (int32_t i = 0; i < count; i++)
+            memcpy(objects[i], truth->rows[first + i].box, sizeof *objects);
         print_hits(picture, (const double(*)[4])objects, count, taken, record);
     } else {
         status = cairn_file_error_system(error, path, "detect", ENOMEM);
     }
     free(objects);
     free(taken);
+    return status;
+}
+
+cairn_status detect_truth_read(detect_truth *truth, const char *path, cairn_file_error *error)
+{
+    cairn_status status = cairn_box_table_read(path, &truth->rows, &truth->count, error);
+
+    if (status == CAIRN_OK)
+        cairn_box_table_sort(truth->rows, truth->count);
     return status;
 }
 
@@ -72,9 +81,12 @@ static int32_t count_objects(const detect_truth *truth, const char *const *image
 {
     int32_t objects = 0;
 
-    for (int32_t i = 0; i < truth->count; i++)
-        for (size_t k = 0; k < count; k++)
-            objects += strcmp(truth->rows[i].image, cairn_path_name(images[k])) == 0;
+    for (size_t k = 0; k < count; k++) {
+        int32_t own;
+
+        (void)cairn_box_table_find(truth->rows, truth->count, cairn_path_name(images[k]), &own);
+        objects += own;
+    }
     return objects;
 }
 

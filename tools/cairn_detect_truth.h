@@ -9,11 +9,14 @@
 #include "cairn/detection_file.h"
 
 typedef struct detect_truth {
-    cairn_box_row *rows; /* [count] */
+    cairn_box_row *rows; /* [count] sorted */
     int32_t count;
     cairn_detection_event *events; /* [event_count] of all images */
     int32_t event_count, event_room;
 } detect_truth;
+
+/* Statuses of cairn_box_table_read; then there is nothing to free. */
+CAIRN_CHECKED cairn_status detect_truth_read(detect_truth *truth, const char *path, cairn_file_error *error);
 
 /* Writes a line for each detection of an image: its score, and 1 where it is the best for an object that it shares half of the union with.
  * CAIRN_NO_MEMORY. */

@@ -33,6 +33,15 @@ static void halve(cairn_vision_image *grey, int32_t take_most)
     grey->height = height;
 }
 
+int32_t picture_shrink(cairn_vision_image *grey, int64_t side)
+{
+    int32_t shrink = 1;
+
+    for (; grey->width > side || grey->height > side; shrink *= 2)
+        halve(grey, 0);
+    return shrink;
+}
+
 void picture_free(searched_picture *p)
 {
     cairn_vision_free(&p->grey);
@@ -55,13 +64,12 @@ cairn_status picture_read(searched_picture *p, const char *path, const picture_s
                                     "%" PRId32 " x %" PRId32 " pixels, expected %" PRId32 " x %" PRId32
                                     " as of the image",
                                     p->edges.width, p->edges.height, p->grey.width, p->grey.height);
-    for (p->shrink = 1; p->grey.width > settings->side || p->grey.height > settings->side; p->shrink *= 2) {
-        halve(&p->grey, 0);
-        if (settings->edges != NULL)
+    p->shrink = picture_shrink(&p->grey, settings->side);
+    if (settings->edges != NULL) {
+        for (int32_t shrink = 1; shrink < p->shrink; shrink *= 2)
             halve(&p->edges, 1);
-    }
-    if (settings->edges != NULL)
         return CAIRN_OK;
+    }
     p->edges = p->grey;
     p->edges.samples = malloc((size_t)p->grey.width * (size_t)p->grey.height);
     if (p->edges.samples == NULL)

@@ -23,6 +23,12 @@ CAIRN_CHECKED cairn_status picture_read(searched_picture *p, const char *path, c
                                         cairn_file_error *error);
 void picture_free(searched_picture *p);
 
+/* Larger images are halved until they fit, so that what is learnt is of the scale of what is searched (px a side). */
+enum { PICTURE_SIDE = 800 };
+
+/* Halves an 8-bit grey image in place until neither side is longer than `side`: 1, 2, 4 ... of its pixels are one now. */
+int32_t picture_shrink(cairn_vision_image *grey, int64_t side);
+
 /* "folder/swan.jpg" -> "swan"; 0: there is no such name. */
 int picture_stem(const char *path, char stem[PICTURE_NAME_BYTES]);
 

@@ -17,7 +17,7 @@ typedef struct settings {
     const char *images[IMAGES_MOST];
     size_t count;
     const char *boxes, *output;
-    int64_t words, negatives;
+    int64_t words, negatives, side;
     double cost;
     uint64_t seed;
     int32_t quiet;
@@ -31,6 +31,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_TEXT("-o", &s->output, "FILE", "what was learnt, a text file for cairn detect --appearance"),
         OPTION_INTEGER("--words", &s->words, 2, CAIRN_APPEARANCE_WORDS_MOST, "N", "of the dictionary"),
         OPTION_INTEGER("--negatives", &s->negatives, 1, 100, "N", "windows beside the objects, for each box"),
+        OPTION_INTEGER("--max-side", &s->side, 16, CAIRN_APPEARANCE_SIDE_MOST, "PX",
+                       "larger images are halved until they fit, as cairn detect does"),
         OPTION_NUMBER("--cost", &s->cost, 1e-6, 1e6, "C", "of a window on the wrong side"),
         OPTION_SEED("--seed", &s->seed, "of the dictionary and of the windows"),
         OPTION_FLAG("--quiet", &s->quiet, "no progress, no summary"),
@@ -54,43 +56,66 @@ static option_result read_settings(settings *s, int argc, char **argv)
     return OPTIONS_READ;
 }
 
-/* Every box must be of an image, or it would be missed in silence. */
+/* Every box must be of an image, or it would be missed in silence: the first in the file that is of none. Rows are sorted. */
 static int check_rows(const settings *s, const cairn_box_row *row, int32_t count)
 {
-    for (int32_t i = 0; i < count; i++) {
-        size_t k = 0;
+    uint8_t *is_known = calloc((size_t)count + 1, sizeof *is_known);
+    const cairn_box_row *unknown = NULL;
 
-        while (k < s->count && strcmp(cairn_path_name(s->images[k]), row[i].image) != 0)
-            k++;
-        if (k == s->count) {
-            fprintf(stderr, "%s:%lld: a box in '%s', expected one of the images given\n", s->boxes,
-                    (long long)row[i].line, row[i].image);
-            return TOOL_BAD;
-        }
+    if (is_known == NULL) {
+        fprintf(stderr, "%s: no memory\n", s->boxes);
+        return TOOL_FAILED;
     }
-    return TOOL_OK;
+    for (size_t k = 0; k < s->count; k++) {
+        int32_t own, first = cairn_box_table_find(row, count, cairn_path_name(s->images[k]), &own);
+
+        memset(&is_known[first], 1, (size_t)own);
+    }
+    for (int32_t i = 0; i < count; i++)
+        if (!is_known[i] && (unknown == NULL || row[i].line < unknown->line))
+            unknown = &row[i];
+    free(is_known);
+    if (unknown == NULL)
+        return TOOL_OK;
+    fprintf(stderr, "%s:%lld: a box in '%s', expected one of the images given\n", s->boxes, (long long)unknown->line,
+            unknown->image);
+    return TOOL_BAD;
 }
 
-static cairn_status add_image(cairn_appearance_trainer *trainer, const char *path, const cairn_box_row *row,
-                              int32_t count, cairn_file_error *error)
+/* The image may be halved, and its boxes with it. */
+static cairn_status add_image(const settings *s, cairn_appearance_trainer *trainer, const char *path,
+                              const cairn_box_row *row, int32_t count, cairn_file_error *error)
 {
-    double *boxes = malloc(((size_t)count + 1) * 4 * sizeof *boxes);
+    int32_t own, first = cairn_box_table_find(row, count, cairn_path_name(path), &own);
+    double *boxes = malloc(((size_t)own + 1) * 4 * sizeof *boxes);
     cairn_vision_image grey;
-    int32_t own = 0;
     cairn_status status;
 
     if (boxes == NULL)
         return cairn_file_error_set(error, CAIRN_NO_MEMORY, path, 0, "no memory");
     status = cairn_vision_read_grey(&grey, path, error);
     if (status == CAIRN_OK) {
-        for (int32_t i = 0; i < count; i++)
-            if (strcmp(cairn_path_name(path), row[i].image) == 0)
-                memcpy(&boxes[4 * own++], row[i].box, 4 * sizeof *boxes);
+        int32_t shrink = picture_shrink(&grey, s->side);
+
+        for (int32_t i = 0; i < 4 * own; i++)
+            boxes[i] = row[first + i / 4].box[i % 4] / shrink;
         status = cairn_appearance_trainer_add(trainer, grey.samples, grey.width, grey.height, boxes, own, path, error);
         cairn_vision_free(&grey);
     }
     free(boxes);
     return status;
+}
+
+/* Nobody wants to hear after an hour that what was learnt cannot be written. */
+static int check_output(const settings *s)
+{
+    cairn_file_error error;
+    cairn_output *output;
+
+    if (cairn_output_open(&output, s->output, &error) != CAIRN_OK)
+        return tool_report(&error);
+    cairn_output_discard(output);
+    return TOOL_OK;
 }
 
 static int run(const settings *s, const cairn_box_row *row, int32_t count)
@@ -108,7 +133,7 @@ static int run(const settings *s, const cairn_box_row *row, int32_t count)
     params.cost = s->cost;
     params.seed = s->seed;
     for (size_t i = 0; i < s->count && status == CAIRN_OK; i++) {
-        status = add_image(trainer, s->images[i], row, count, &error);
+        status = add_image(s, trainer, s->images[i], row, count, &error);
         tool_progress_at(&progress, (int64_t)i + 1);
     }
     tool_progress_end(&progress);
@@ -139,6 +164,7 @@ int tool_train(int argc, char **argv)
     s.negatives = params.negatives;
     s.cost = params.cost;
     s.seed = params.seed;
+    s.side = PICTURE_SIDE;
     result = read_settings(&s, argc, argv);
     if (result != OPTIONS_READ)
         return (int)result;
@@ -147,7 +173,10 @@ int tool_train(int argc, char **argv)
         return code;
     if (cairn_box_table_read(s.boxes, &row, &count, &error) != CAIRN_OK)
         return tool_report(&error);
+    cairn_box_table_sort(row, count);
     code = check_rows(&s, row, count);
+    if (code == TOOL_OK)
+        code = check_output(&s);
     if (code == TOOL_OK && cairn_appearance_load(&error) != CAIRN_OK)
         code = tool_report(&error);
     if (code == TOOL_OK)

@@ -50,12 +50,13 @@ void cairn_appearance_free(cairn_appearance_model *model);
  *
  * # begins a comment. */
 
-/* Reads a model, plain or gzipped. CAIRN_UNSUPPORTED: of another version; CAIRN_BAD_FORMAT, CAIRN_TRUNCATED, CAIRN_FULL (beyond the limits
+/* Reads a model, plain or gzipped. CAIRN_UNSUPPORTED: of another version, or not a regular file; CAIRN_BAD_FORMAT, CAIRN_TRUNCATED, CAIRN_FULL (beyond the limits
  * above): the error names the line; CAIRN_IO, CAIRN_NO_MEMORY. On failure there is nothing to free. */
 CAIRN_CHECKED cairn_status cairn_appearance_read(cairn_appearance_model *model, const char *path,
                                                  cairn_file_error *error);
 
-/* Writes a model, so that reading gives the same bits. CAIRN_IO, CAIRN_NO_MEMORY. */
+/* Writes a model, so that reading gives the same bits. CAIRN_BAD_ARGUMENT: one that could not be read again, beyond the limits above, a number
+ * that is none or beyond 1e9, gamma not above 0; CAIRN_IO, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_appearance_write(const cairn_appearance_model *model, const char *path,
                                                   cairn_file_error *error);
 
@@ -106,8 +107,12 @@ CAIRN_CHECKED cairn_status cairn_appearance_trainer_add(cairn_appearance_trainer
 
 /* Makes the dictionary of what is in the boxes, and the machine of the boxes and of windows of the same sizes that share less than a fifth
  * with any box (over their union). CAIRN_BAD_ARGUMENT: params; CAIRN_EMPTY: no box, too few patches in them, or no
- * window beside them; CAIRN_UNSUPPORTED, CAIRN_FULL: more than SUPPORT_MOST windows; CAIRN_NO_MEMORY. On failure there is nothing to free. The same images in the same order give the same
- * model on one machine; OpenCV's SIFT is not held to the same bits on others. */
+ * window beside them; CAIRN_UNSUPPORTED: no libcairn-appearance; CAIRN_FULL: more than SUPPORT_MOST windows; CAIRN_NO_MEMORY. On failure there
+ * is nothing to free. The same images in the same order give the same model on one machine; OpenCV's SIFT is not held to the same bits on others.
+ *
+ * Cost: the dictionary words times at most 8000 patches, at most 25 times; then words times all patches of all images; then machines of the
+ * windows, six of them in all, each between their square and their cube times words. Memory: windows times words, twice, and all images'
+ * patches, which the trainer keeps (about 128 bytes for every 29 pixels). */
 CAIRN_CHECKED cairn_status cairn_appearance_train(cairn_appearance_model *model,
                                                   const cairn_appearance_trainer *trainer,
                                                   const cairn_appearance_params *params, const char *path,

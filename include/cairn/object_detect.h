@@ -57,6 +57,9 @@ typedef struct cairn_object_detect_params {
     cairn_real appearance_weight; /* 0 ... 1000: what a score loses for the unlikely, lambda of the thesis (8) */
     void (*on_stage)(void *context, cairn_detect_stage stage); /* told when a stage begins; NULL: nobody (NULL) */
     void *on_stage_context;
+    /* Of EVIDENCE, 1: objects may be hidden in part, and have the model's own shape. Only what agrees on one similarity map of the drawn outline
+     * counts (agreed), whatever became of the rest, and outlines are laid by it, not bent. Among many edges it finds more that is false (0). */
+    int32_t occluded;
 } cairn_object_detect_params;
 
 /* The values in brackets above; sizes from a tenth of the picture's diagonal, at least 24 px, to the whole. */
@@ -66,16 +69,19 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
  * object than by chance, where the model was laid first, and where its bent outline lies, less what bending costs. */
 typedef struct cairn_detection {
     cairn_real left, top, right, bottom; /* px, the box about the bent outline */
-    /* Of rigid, bent, close, turned, strained, the box's proportions, the size to the picture's diagonal. */
+    /* Of rigid, bent, close, turned, strained, the box's proportions, the size to the picture's diagonal; with `occluded` of agreed, rigid and
+     * that size. */
     cairn_real score;
     cairn_real rigid, bent;
     cairn_real along;    /* length of the segments to that of the outline */
     cairn_real close;    /* 0 ... 1, mean over the bent outline of how near an edge of its direction is */
     cairn_real turned;   /* 0 ... 2, mean of 1 - cos of the angles between the bent outline and the drawn one */
     cairn_real strained; /* 0 ... 1, rms of what an affine map of the drawn outline leaves of the bent one, in sizes */
-    cairn_vec2 origin;   /* px, where the model's origin lies */
-    cairn_real size;     /* px, of the diagonal of the model's box */
-    int32_t mirrored;    /* 1: it is the mirrored model */
+    cairn_real
+        agreed; /* 0 ... 1, as close, of what lies where one similarity map of the drawn outline lays it, too: seen and not bent */
+    cairn_vec2 origin;     /* px, where the model's origin lies */
+    cairn_real size;       /* px, of the diagonal of the model's box */
+    int32_t mirrored;      /* 1: it is the mirrored model */
     int32_t first_segment; /* segments[first_segment ... + segment_count - 1]: those along the outline */
     int32_t segment_count;
     int32_t first_outline; /* outline[first_outline ... + outline_count - 1] */

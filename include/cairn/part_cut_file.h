@@ -15,7 +15,8 @@ extern "C" {
 #endif
 
 /* Reads cuts, plain or gzipped. CAIRN_BAD_FORMAT: a line is not as said; CAIRN_FULL: more than CAIRN_PART_FRAGMENTS; CAIRN_EMPTY: none;
- * CAIRN_TRUNCATED (gzip), CAIRN_IO, CAIRN_NO_MEMORY. The error names the line. Whether an outline has these samples is not known here. */
+ * CAIRN_TRUNCATED (gzip), CAIRN_UNSUPPORTED (not a regular file), CAIRN_IO, CAIRN_NO_MEMORY. The error names the line; *count is 0
+ * then. Whether an outline has these samples is not known here. */
 CAIRN_CHECKED cairn_status cairn_part_cut_file_read(cairn_part_cut cuts[CAIRN_PART_FRAGMENTS], int32_t *count,
                                                     const char *path, cairn_file_error *error);
 

@@ -14,6 +14,9 @@
 #define HEAD "cairn-appearance"
 
 enum { VERSION = 1 };
+/* Of the numbers of a machine. */
+#define NUMBER_MOST 1e9
+#define LEAST_GAMMA 1e-9
 
 typedef struct appearance_reader {
     cairn_line_reader *lines;
@@ -156,7 +159,7 @@ static cairn_status read_support(appearance_reader *r, cairn_appearance_model *m
     cairn_status status = next_line(r, "a support vector");
 
     if (status == CAIRN_OK)
-        status = take_number(r, -1e9, 1e9, &m->weights[index]);
+        status = take_number(r, -NUMBER_MOST, NUMBER_MOST, &m->weights[index]);
     for (int32_t k = 0; k < m->word_count && status == CAIRN_OK; k++) {
         double value = 0;
 
@@ -174,7 +177,7 @@ static cairn_status read_machine(appearance_reader *r, cairn_appearance_model *m
     if (status == CAIRN_OK)
         status = take_word(r, "machine");
     for (int i = 0; i < (int)(sizeof numbers / sizeof *numbers) && status == CAIRN_OK; i++)
-        status = take_number(r, i == 0 ? 1e-9 : -1e9, 1e9, numbers[i]);
+        status = take_number(r, i == 0 ? LEAST_GAMMA : -NUMBER_MOST, NUMBER_MOST, numbers[i]);
     if (status == CAIRN_OK)
         status = take_whole(r, 1, CAIRN_APPEARANCE_SUPPORT_MOST, &m->support_count);
     if (status == CAIRN_OK)
@@ -216,11 +219,35 @@ cairn_status cairn_appearance_read(cairn_appearance_model *model, const char *pa
     return status;
 }
 
+static int is_within(double value, double least, double most)
+{
+    return value >= least && value <= most;
+}
+
+/* 1 when what is written can be read again. */
+static int is_writable(const cairn_appearance_model *m)
+{
+    int ok = m->word_count >= 2 && m->word_count <= CAIRN_APPEARANCE_WORDS_MOST && m->support_count >= 1 &&
+             m->support_count <= CAIRN_APPEARANCE_SUPPORT_MOST && is_within(m->gamma, LEAST_GAMMA, NUMBER_MOST) &&
+             is_within(m->rho, -NUMBER_MOST, NUMBER_MOST) && is_within(m->slope, -NUMBER_MOST, NUMBER_MOST) &&
+             is_within(m->offset, -NUMBER_MOST, NUMBER_MOST);
+
+    for (int32_t i = 0; ok && i < m->support_count; i++)
+        ok = is_within(m->weights[i], -NUMBER_MOST, NUMBER_MOST);
+    for (int64_t i = 0; ok && i < (int64_t)m->support_count * m->word_count; i++)
+        ok = is_within((double)m->histograms[i], 0, 1);
+    return ok;
+}
+
 cairn_status cairn_appearance_write(const cairn_appearance_model *m, const char *path, cairn_file_error *error)
 {
     cairn_output *output;
-    cairn_status status = cairn_output_open(&output, path, error);
+    cairn_status status;
 
+    if (!is_writable(m))
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
+                                    "a model beyond what is read again, expected one that was trained");
+    status = cairn_output_open(&output, path, error);
     if (status != CAIRN_OK)
         return status;
     cairn_output_print(output, HEAD " %d\nwords %d\n", VERSION, (int)m->word_count);

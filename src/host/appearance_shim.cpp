@@ -30,12 +30,34 @@ int32_t fail(int32_t status, const std::string &text, char *words, size_t room)
     return status;
 }
 
-// Runs the work, which may throw, on one processor: cairn shares images out among processes.
+// Meanwhile OpenCV prints nothing and stays on one processor: cairn shares images out among processes. Then it is as the program that calls
+// had it.
+class Quiet
+{
+  public:
+    Quiet() : level(cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT)), threads(cv::getNumThreads())
+    {
+        cv::setNumThreads(0);
+    }
+    ~Quiet()
+    {
+        cv::setNumThreads(threads);
+        cv::utils::logging::setLogLevel(level);
+    }
+    Quiet(const Quiet &) = delete;
+    Quiet &operator=(const Quiet &) = delete;
+
+  private:
+    cv::utils::logging::LogLevel level;
+    int threads;
+};
+
+// Runs the work, which may throw.
 template <typename Work> int32_t guarded(char *words, size_t room, const Work &work) noexcept
 {
     try {
-        cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
-        cv::setNumThreads(0);
+        const Quiet quiet;
+
         return work();
     } catch (const cv::Exception &e) {
         return fail(e.code == cv::Error::StsNoMem ? CAIRN_NO_MEMORY : CAIRN_BAD_ARGUMENT, e.err, words, room);

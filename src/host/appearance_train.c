@@ -2,7 +2,7 @@
  *
  * Method: k-means (Lloyd 1982, started as Arthur and Vassilvitskii 2007 do) of the patches in the boxes, evenly chosen where there are many; its means are
  * rounded to whole numbers. Windows of what is not the class have the sizes of boxes, at places by chance. gamma is 1 over the mean chi2
- * of all pairs of histograms. Sigmoid after Lin, Lin and Weng 2007, from machines that did not see the images they judge (folds of images).
+ * of pairs of histograms. Sigmoid after Lin, Lin and Weng 2007, from machines that did not see the images they judge (folds of images).
  *
  * Source: Adluru 2008, section 5.3.2, which says what the steps are. */
 #include "src/core/build.h"
@@ -17,6 +17,10 @@
 #include "src/host/appearance_work.h"
 
 enum { PATCHES_MOST = 8000, ROUNDS = 25, TRIES = 50, FOLDS = 5, NEWTON = 100, HALVINGS = 30 };
+/* Samples of whose pairs gamma is the mean: their number grows with the square. */
+enum { PAIRED_MOST = 1000 };
+/* Beyond it the kernel tells nothing but the same apart. */
+#define GAMMA_MOST 1e9
 /* Windows share less with every box, over their union. */
 #define APART 0.2
 /* Of one seed, numbers for different ends. */
@@ -373,16 +377,22 @@ static int32_t count_class(const samples *s)
     return count;
 }
 
-/* 1 over the mean of chi2; of all pairs that are the same no more can be learnt, whatever it is. */
+static const float *evenly(const samples *s, int32_t index, int32_t count)
+{
+    return &s->histograms[(size_t)((int64_t)index * s->count / count) * (size_t)s->words];
+}
+
+/* 1 over the mean of chi2 of the pairs of at most PAIRED_MOST samples, evenly chosen; of all pairs that are the same no more can be learnt,
+ * whatever it is. */
 static double gamma_of(const samples *s)
 {
+    int32_t count = s->count < PAIRED_MOST ? s->count : PAIRED_MOST;
     double sum = 0;
 
-    for (int32_t i = 0; i < s->count; i++)
+    for (int32_t i = 0; i < count; i++)
         for (int32_t k = 0; k < i; k++)
-            sum += cairn_appearance_chi2(&s->histograms[(size_t)i * (size_t)s->words],
-                                         &s->histograms[(size_t)k * (size_t)s->words], s->words);
-    return sum > 0 ? s->count * (s->count - 1.0) / 2 / sum : 1;
+            sum += cairn_appearance_chi2(evenly(s, i, count), evenly(s, k, count), s->words);
+    return sum > 0 ? fmin(GAMMA_MOST, count * (count - 1.0) / 2 / sum) : 1;
 }
 
 /* Learns from the samples whose images are not of the fold (-1: from all). CAIRN_EMPTY: of one kind there are none. */
@@ -476,6 +486,8 @@ static void fit_sigmoid(cairn_appearance_model *m, const samples *s)
         if (fabs(g1) < 1e-5 && fabs(g2) < 1e-5)
             return;
         det = h11 * h22 - h21 * h21;
+        if (!(det > 0))
+            return; /* by rounding: all say the same */
         a = -(h22 * g1 - h21 * g2) / det;
         b = -(h11 * g2 - h21 * g1) / det;
         now = entropy(s, target, m->slope, m->offset);

@@ -154,6 +154,45 @@ static cairn_status read_rows(box_reader *r, cairn_box_row **row, int32_t *count
                                            "nothing in it, expected image,left,top,right,bottom");
 }
 
+static int compare_rows(const void *a, const void *b)
+{
+    const cairn_box_row *x = a, *y = b;
+    int order = strcmp(x->image, y->image);
+
+    return order != 0 ? order : (x->line > y->line) - (x->line < y->line);
+}
+
+void cairn_box_table_sort(cairn_box_row *row, int32_t count)
+{
+    if (count > 1)
+        qsort(row, (size_t)count, sizeof *row, compare_rows);
+}
+
+/* The first row whose name is not before this one, or, `behind`, is behind it. */
+static int32_t bound_of(const cairn_box_row *row, int32_t count, const char *image, int behind)
+{
+    int32_t low = 0, high = count;
+
+    while (low < high) {
+        int32_t middle = low + (high - low) / 2;
+        int order = strcmp(row[middle].image, image);
+
+        if (order < 0 || (behind && order == 0))
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+int32_t cairn_box_table_find(const cairn_box_row *row, int32_t count, const char *image, int32_t *own)
+{
+    int32_t first = bound_of(row, count, image, 0);
+
+    *own = bound_of(row, count, image, 1) - first;
+    return first;
+}
+
 cairn_status cairn_box_table_read(const char *path, cairn_box_row **row, int32_t *count, cairn_file_error *error)
 {
     box_reader *r = malloc(sizeof *r);

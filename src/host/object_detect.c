@@ -38,6 +38,12 @@ enum { ASPECTS = sizeof aspects / sizeof *aspects, PEAKS_MOST = 1 << 16 };
 #define NOTHING 9.5
 /* And the square of the logarithm of how much wider its box is, to its height, than the model's. */
 #define PROPORTION 1
+/* Where objects may be hidden in part: what of the outline agrees on one similarity map counts, and little else, as what is hidden was bent
+ * onto what hides it. Scores have the same 0. */
+#define OCCLUDED_AGREED  20
+#define OCCLUDED_RIGID   1
+#define OCCLUDED_SIZE    2
+#define OCCLUDED_NOTHING 3.5
 /* What the logarithm of the size counts beside the outline before bending, for candidates. */
 #define FIRST_SIZE 0.4F
 /* Of two detections one goes, too, when more of the smaller box than this lies in the other: parts of an object look like small ones. */
@@ -69,7 +75,8 @@ typedef struct detector {
     peak *peaks;
     int32_t count;
     contour_field *window;
-    int32_t *near; /* [segments] of the one that is looked at */
+    int32_t *near;    /* [segments] of the one that is looked at */
+    cairn_real *room; /* [2 samples] */
     contour_fit fit;
     detect_hypotheses hypotheses;
 } detector;
@@ -93,7 +100,8 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
                                          NULL,
                                          8,
                                          NULL,
-                                         NULL};
+                                         NULL,
+                                         0};
 
     return params;
 }
@@ -397,6 +405,9 @@ static cairn_real score_of(const detector *d, const cairn_detection *o)
     double proportion = (double)(o->right - o->left) * (double)(plain->bottom - plain->top) /
                         ((double)(o->bottom - o->top) * (double)(plain->right - plain->left));
 
+    if (d->field->params.occluded)
+        return OCCLUDED_AGREED * o->agreed + OCCLUDED_RIGID * o->rigid +
+               (cairn_real)(OCCLUDED_SIZE * log((double)o->size / diagonal) - OCCLUDED_NOTHING);
     return o->bent + RIGID * o->rigid + NEAR * o->close - TURNED * o->turned - STRAINED * o->strained +
            (cairn_real)(SIZE * log((double)o->size / diagonal) - PROPORTION * log(proportion) * log(proportion) -
                         NOTHING);
@@ -426,6 +437,8 @@ static int verify(detector *d, const peak *p, cairn_detections *found)
 {
     cairn_detection *o = &found->found[found->count];
     const variant *v = &d->variant[p->variant];
+    const cairn_oriented_point *drawn = d->variant[v->mirrored ? ASPECTS : 0].outline;
+    detect_similarity laid;
     cairn_shape_model model = *d->model;
     cairn_grouped_object object;
 
@@ -444,9 +457,14 @@ static int verify(detector *d, const peak *p, cairn_detections *found)
     o->size = object.size;
     o->mirrored = v->mirrored;
     take_outline(d, found, o);
+    cairn_detect_shape(d->field->tokens, &d->fit, drawn, d->near, d->room, &laid, o);
+    if (d->field->params.occluded && o->agreed > 0) {
+        cairn_detect_lay(&laid, drawn, &d->fit, o);
+        found->outline_count -= o->outline_count;
+        take_outline(d, found, o);
+    }
     if (!take_segments(d, found, o))
         return 0;
-    cairn_detect_shape(d->field->tokens, &d->fit, d->variant[v->mirrored ? ASPECTS : 0].outline, d->near, o);
     o->score = score_of(d, o);
     if (p->hypothesis >= 0)
         take_parts(&d->hypotheses.list[p->hypothesis], o);
@@ -494,8 +512,9 @@ static cairn_status detect(detector *d, cairn_detections *found)
 
     d->window = cairn_contour_field_new();
     d->near = malloc(((size_t)d->field->tokens->count + 1) * sizeof *d->near);
-    if (d->window == NULL || d->near == NULL || !cairn_contour_fit_new(&d->fit, d->model->outline_count) ||
-        !add_variants(d))
+    d->room = malloc(2 * (size_t)d->model->outline_count * sizeof *d->room);
+    if (d->window == NULL || d->near == NULL || d->room == NULL ||
+        !cairn_contour_fit_new(&d->fit, d->model->outline_count) || !add_variants(d))
         return CAIRN_NO_MEMORY;
     cairn_detect_tell(d->field, CAIRN_DETECT_VOTES);
     if (d->field->params.method == CAIRN_DETECT_PARTS)
@@ -578,6 +597,7 @@ cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detec
     free(d.outlines);
     free(d.peaks);
     free(d.near);
+    free(d.room);
     cairn_contour_field_free(d.window);
     cairn_contour_fit_free(&d.fit);
     if (status == CAIRN_OK)

@@ -77,10 +77,21 @@ typedef struct detect_hypotheses {
 int cairn_detect_chains_make(detect_chains *chains, const cairn_contour_tokens *tokens);
 void cairn_detect_chains_free(detect_chains *chains);
 
-/* Fills close, turned and strained of a detection that has its box, origin, size and outline_count. drawn: the model's outline, mirrored
- * where the detection is; list: [tokens->count] is overwritten. Cost: samples times the segments in the box. */
+/* The similarity map x -> (a x - b y, b x + a y) + shift. */
+typedef struct detect_similarity {
+    cairn_real a, b;
+    cairn_vec2 shift;
+} detect_similarity;
+
+/* Fills close, turned, strained and agreed of a detection that has its box, origin, size and outline_count. drawn: the model's outline, mirrored
+ * where the detection is; list: [tokens->count] and room: [2 outline_count] are overwritten. laid: where most of the outline agrees that it
+ * lies, from the detection's origin in its sizes, when agreed > 0. Cost: samples times the segments in the box. */
 void cairn_detect_shape(const cairn_contour_tokens *tokens, const contour_fit *fit, const cairn_oriented_point *drawn,
-                        int32_t *list, cairn_detection *o);
+                        int32_t *list, cairn_real *room, detect_similarity *laid, cairn_detection *o);
+
+/* Lays the drawn outline there in place of the bent one; origin and size of the detection become those. */
+void cairn_detect_lay(const detect_similarity *laid, const cairn_oriented_point *drawn, contour_fit *fit,
+                      cairn_detection *o);
 
 /* CAIRN_NO_MEMORY, CAIRN_EMPTY: an outline without length. On failure there is nothing to free. */
 cairn_status cairn_detect_parts(detect_hypotheses *made, const cairn_detect_field *field,

@@ -66,5 +66,7 @@ cairn_status cairn_part_cut_file_read(cairn_part_cut cuts[CAIRN_PART_FRAGMENTS],
         return status;
     status = read_lines(lines, cuts, count, path, error);
     cairn_line_reader_close(lines);
+    if (status != CAIRN_OK)
+        *count = 0;
     return status;
 }

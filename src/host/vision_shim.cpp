@@ -62,11 +62,30 @@ int32_t fail(int32_t status, const std::string &text, char *words, size_t room)
     return status;
 }
 
+// Meanwhile OpenCV logs nothing; then it does again what the program that calls has it do.
+class Quiet
+{
+  public:
+    Quiet() : level(cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT))
+    {
+    }
+    ~Quiet()
+    {
+        cv::utils::logging::setLogLevel(level);
+    }
+    Quiet(const Quiet &) = delete;
+    Quiet &operator=(const Quiet &) = delete;
+
+  private:
+    cv::utils::logging::LogLevel level;
+};
+
 // Runs the work, which may throw; its status.
 template <typename Work> int32_t guarded(char *words, size_t room, int32_t refused, const Work &work) noexcept
 {
     try {
-        cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
+        const Quiet quiet;
+
         return work();
     } catch (const cv::Exception &e) {
         return fail(e.code == cv::Error::StsNoMem ? CAIRN_NO_MEMORY : refused, e.err, words, room);
