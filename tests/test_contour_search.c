@@ -512,6 +512,43 @@ static void test_least_of_evidence_and_score(void **state)
     }
 }
 
+/* A flag as it was drawn, and one whose edges are shifted in its lower half: of that the shape takes more from the evidence. */
+static void test_shape_counts(void **state)
+{
+    cairn_real left[2];
+
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        cairn_contour_search_params params = generous();
+        cairn_contour_tokens tokens;
+        cairn_contour_result r;
+        const cairn_contour_object *o;
+
+        clear_picture();
+        draw_flag(60, 40, 1, 0);
+        tokens = find_tokens(0);
+        for (int32_t i = 0; i < tokens.count; i++) {
+            cairn_segment *line = &tokens.lines[i];
+
+            line->a.x += k == 1 && line->a.y > 90 ? 14 : 0;
+            line->b.x += k == 1 && line->b.y > 90 ? 14 : 0;
+        }
+        params.min_size = 120;
+        params.max_size = 170;
+        params.min_evidence = 0;
+        r = run(&tokens, &params);
+        assert_true(r.object_count >= 1);
+        o = &r.objects[0];
+        assert_true(o->shape.close > CAIRN_REAL(0.5) && o->shape.close <= 1);
+        assert_true(o->shape.turned >= 0 && o->shape.strained >= 0);
+        left[k] = o->found.evidence - o->bent - 2 * o->rigid;
+        assert_true(k == 0 || o->shape.turned > CAIRN_REAL(0.01));
+        cairn_contour_result_free(&r);
+        cairn_contour_tokens_free(&tokens);
+    }
+    assert_true(left[1] < left[0] - 3);
+}
+
 /* Of edges in three strengths each has the share of the length that is weaker. */
 static void test_strengths(void **state)
 {
@@ -627,6 +664,7 @@ int main(void)
         cmocka_unit_test(test_the_walk_is_watched),
         cmocka_unit_test(test_no_walk_no_particles),
         cmocka_unit_test(test_least_of_evidence_and_score),
+        cmocka_unit_test(test_shape_counts),
         cmocka_unit_test(test_strengths),
         cmocka_unit_test(test_empty_and_full),
         cmocka_unit_test(test_limits),

@@ -3,7 +3,7 @@
  * Method: for each size, the model and its mirror image, and three proportions of each, a map of the mean worth of the outline's samples
  * (object_detect_field.c) for every place of its middle: sums of shifted planes. Of the peaks of all maps the best are taken that do not
  * lie on better ones, and looked at again: the outline is bent onto the edges about them (contour_search_fit.c). Both means, before and
- * after, make the score, with how the bent outline fits (object_detect_shape.c); boxes are those of the bent outlines. Of detections that overlap the best stays.
+ * after, make the score, with how the bent outline fits (contour_search_shape.c); boxes are those of the bent outlines. Of detections that overlap the best stays.
  *
  * PARTS: the candidates are configurations of parts (object_detect_parts.c) and keep their scores; bending gives the box only.
  *
@@ -30,7 +30,7 @@ enum { ASPECTS = sizeof aspects / sizeof *aspects, PEAKS_MOST = 1 << 16 };
  * outline is a few pixels, along which chance lays an edge more easily. */
 #define RIGID 2
 #define SIZE  1
-/* And how near edges are to the bent outline, how far it is turned and strained against the drawn one (object_detect_shape.c). */
+/* And how near edges are to the bent outline, how far it is turned and strained against the drawn one (contour_search_shape.c). */
 #define NEAR     12
 #define TURNED   32
 #define STRAINED 16
@@ -390,6 +390,18 @@ static int take_segments(const detector *d, cairn_detections *found, cairn_detec
     return 1;
 }
 
+/* Objects stand upright: a turn of the whole counts as bending does. */
+static void measure_shape(const detector *d, cairn_detection *o)
+{
+    const contour_laid laid = {d->fit.outline, o->outline_count, o->origin, o->size};
+    const contour_drawn drawn = {d->variant[o->mirrored ? ASPECTS : 0].outline, {1, 0}};
+    cairn_contour_shape shape = cairn_contour_shape_of(d->field->tokens, &laid, d->fit.part, &drawn, d->near);
+
+    o->close = shape.close;
+    o->turned = shape.turned;
+    o->strained = shape.strained;
+}
+
 static cairn_real score_of(const detector *d, const cairn_detection *o)
 {
     const variant *plain = &d->variant[0];
@@ -446,7 +458,7 @@ static int verify(detector *d, const peak *p, cairn_detections *found)
     take_outline(d, found, o);
     if (!take_segments(d, found, o))
         return 0;
-    cairn_detect_shape(d->field->tokens, &d->fit, d->variant[v->mirrored ? ASPECTS : 0].outline, d->near, o);
+    measure_shape(d, o);
     o->score = score_of(d, o);
     if (p->hypothesis >= 0)
         take_parts(&d->hypotheses.list[p->hypothesis], o);

@@ -77,11 +77,6 @@ typedef struct detect_hypotheses {
 int cairn_detect_chains_make(detect_chains *chains, const cairn_contour_tokens *tokens);
 void cairn_detect_chains_free(detect_chains *chains);
 
-/* Fills close, turned and strained of a detection that has its box, origin, size and outline_count. drawn: the model's outline, mirrored
- * where the detection is; list: [tokens->count] is overwritten. Cost: samples times the segments in the box. */
-void cairn_detect_shape(const cairn_contour_tokens *tokens, const contour_fit *fit, const cairn_oriented_point *drawn,
-                        int32_t *list, cairn_detection *o);
-
 /* CAIRN_NO_MEMORY, CAIRN_EMPTY: an outline without length. On failure there is nothing to free. */
 cairn_status cairn_detect_parts(detect_hypotheses *made, const cairn_detect_field *field,
                                 const cairn_shape_model *model);
