@@ -145,6 +145,59 @@ static void test_both_of_two(void **state)
 }
 
 /* Of a flag alone in the picture all edges but bits about the corners belong to the object, each segment once. */
+/* A flag of which the picture's border cuts off the tip of the cloth. */
+static void test_cut_by_the_border(void **state)
+{
+    cairn_contour_search_params params = generous();
+    cairn_contour_tokens tokens;
+    cairn_contour_result r;
+
+    (void)state;
+    clear_picture();
+    draw_flag(WIDTH - 55, 40, 1, 0);
+    tokens = find_tokens(0);
+    params.min_size = 120;
+    params.max_size = 170;
+    r = run(&tokens, &params);
+    assert_whole(&r, &tokens);
+    assert_true(r.object_count >= 1);
+    assert_near(r.objects[0].found.origin.x, WIDTH - 55 + 40, 10);
+    assert_near(r.objects[0].found.origin.y, 100, 10);
+    assert_true(r.objects[0].found.score < CAIRN_REAL(0.95));
+    cairn_contour_result_free(&r);
+    cairn_contour_tokens_free(&tokens);
+}
+
+/* A triangle by its three corners is a model like any other. */
+static void test_model_of_three_points(void **state)
+{
+    static const cairn_vec2 corners[] = {{0, 0}, {90, 10}, {30, 100}};
+    cairn_curve outline = {corners, 3, 1};
+    cairn_shape_builder_params builder = cairn_shape_builder_default();
+    cairn_contour_search_params params = generous();
+    cairn_shape_model_file model;
+    cairn_contour_tokens tokens;
+    cairn_contour_result r;
+
+    (void)state;
+    assert_ok(cairn_shape_model_file_build(&model, &outline, 1, &builder, "triangle", &error));
+    clear_picture();
+    for (int32_t i = 0; i < 3; i++)
+        draw_line(80 + (double)corners[i].x, 50 + (double)corners[i].y, 80 + (double)corners[(i + 1) % 3].x,
+                  50 + (double)corners[(i + 1) % 3].y);
+    tokens = find_tokens(0);
+    params.min_size = 100;
+    params.max_size = 170;
+    params.min_evidence = 0;
+    assert_ok(cairn_contour_search_run(&r, &tokens, &model.model, &params, "edges", &error));
+    assert_true(r.object_count >= 1);
+    assert_near(r.objects[0].found.origin.x, 80 + (double)model.model.origin.x, 6);
+    assert_near(r.objects[0].found.origin.y, 50 + (double)model.model.origin.y, 6);
+    cairn_contour_result_free(&r);
+    cairn_contour_tokens_free(&tokens);
+    cairn_shape_model_file_free(&model);
+}
+
 static void test_completed_along_the_chains(void **state)
 {
     cairn_contour_search_params params = generous();
@@ -654,6 +707,8 @@ int main(void)
         cmocka_unit_test(test_found_among_edgels),
         cmocka_unit_test(test_without_mirror),
         cmocka_unit_test(test_both_of_two),
+        cmocka_unit_test(test_cut_by_the_border),
+        cmocka_unit_test(test_model_of_three_points),
         cmocka_unit_test(test_completed_along_the_chains),
         cmocka_unit_test(test_what_lies_along),
         cmocka_unit_test(test_what_is_completed),

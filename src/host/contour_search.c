@@ -28,12 +28,12 @@
 #define RIGID 2
 /* And how near edges are to the bent outline, how far it is turned and, squared, strained against the drawn one (contour_search_shape.c), and
  * how much of it is seen: among many edges evidence forgives what a drawing would not. */
-#define CLOSE    60
-#define TURNED   150
-#define STRAINED 7500
-#define SEEN     50
+#define CLOSE    20
+#define TURNED   100
+#define STRAINED 4500
+#define SEEN     60
 /* What these come to where the evidence of both outlines alone would just do. */
-#define COMMON 66
+#define COMMON 58
 /* Sizes that are searched at once differ by this factor at most: of sizes at one place a search keeps the best alone. */
 #define BAND 2.2
 /* Evidence of an object, and of one that is looked at again; and how many of these there are at most. */
