@@ -145,6 +145,59 @@ static void test_both_of_two(void **state)
 }
 
 /* Of a flag alone in the picture all edges but bits about the corners belong to the object, each segment once. */
+/* A flag of which the picture's border cuts off the tip of the cloth. */
+static void test_cut_by_the_border(void **state)
+{
+    cairn_contour_search_params params = generous();
+    cairn_contour_tokens tokens;
+    cairn_contour_result r;
+
+    (void)state;
+    clear_picture();
+    draw_flag(WIDTH - 55, 40, 1, 0);
+    tokens = find_tokens(0);
+    params.min_size = 120;
+    params.max_size = 170;
+    r = run(&tokens, &params);
+    assert_whole(&r, &tokens);
+    assert_true(r.object_count >= 1);
+    assert_near(r.objects[0].found.origin.x, WIDTH - 55 + 40, 10);
+    assert_near(r.objects[0].found.origin.y, 100, 10);
+    assert_true(r.objects[0].found.score < CAIRN_REAL(0.95));
+    cairn_contour_result_free(&r);
+    cairn_contour_tokens_free(&tokens);
+}
+
+/* A triangle by its three corners is a model like any other. */
+static void test_model_of_three_points(void **state)
+{
+    static const cairn_vec2 corners[] = {{0, 0}, {90, 10}, {30, 100}};
+    cairn_curve outline = {corners, 3, 1};
+    cairn_shape_builder_params builder = cairn_shape_builder_default();
+    cairn_contour_search_params params = generous();
+    cairn_shape_model_file model;
+    cairn_contour_tokens tokens;
+    cairn_contour_result r;
+
+    (void)state;
+    assert_ok(cairn_shape_model_file_build(&model, &outline, 1, &builder, "triangle", &error));
+    clear_picture();
+    for (int32_t i = 0; i < 3; i++)
+        draw_line(80 + (double)corners[i].x, 50 + (double)corners[i].y, 80 + (double)corners[(i + 1) % 3].x,
+                  50 + (double)corners[(i + 1) % 3].y);
+    tokens = find_tokens(0);
+    params.min_size = 100;
+    params.max_size = 170;
+    params.min_evidence = 0;
+    assert_ok(cairn_contour_search_run(&r, &tokens, &model.model, &params, "edges", &error));
+    assert_true(r.object_count >= 1);
+    assert_near(r.objects[0].found.origin.x, 80 + (double)model.model.origin.x, 6);
+    assert_near(r.objects[0].found.origin.y, 50 + (double)model.model.origin.y, 6);
+    cairn_contour_result_free(&r);
+    cairn_contour_tokens_free(&tokens);
+    cairn_shape_model_file_free(&model);
+}
+
 static void test_completed_along_the_chains(void **state)
 {
     cairn_contour_search_params params = generous();
@@ -512,6 +565,43 @@ static void test_least_of_evidence_and_score(void **state)
     }
 }
 
+/* A flag as it was drawn, and one whose edges are shifted in its lower half: of that the shape takes more from the evidence. */
+static void test_shape_counts(void **state)
+{
+    cairn_real left[2];
+
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        cairn_contour_search_params params = generous();
+        cairn_contour_tokens tokens;
+        cairn_contour_result r;
+        const cairn_contour_object *o;
+
+        clear_picture();
+        draw_flag(60, 40, 1, 0);
+        tokens = find_tokens(0);
+        for (int32_t i = 0; i < tokens.count; i++) {
+            cairn_segment *line = &tokens.lines[i];
+
+            line->a.x += k == 1 && line->a.y > 90 ? 14 : 0;
+            line->b.x += k == 1 && line->b.y > 90 ? 14 : 0;
+        }
+        params.min_size = 120;
+        params.max_size = 170;
+        params.min_evidence = 0;
+        r = run(&tokens, &params);
+        assert_true(r.object_count >= 1);
+        o = &r.objects[0];
+        assert_true(o->shape.close > CAIRN_REAL(0.5) && o->shape.close <= 1);
+        assert_true(o->shape.turned >= 0 && o->shape.strained >= 0);
+        left[k] = o->found.evidence - o->bent - 2 * o->rigid;
+        assert_true(k == 0 || o->shape.turned > CAIRN_REAL(0.01));
+        cairn_contour_result_free(&r);
+        cairn_contour_tokens_free(&tokens);
+    }
+    assert_true(left[1] < left[0] - 3);
+}
+
 /* Of edges in three strengths each has the share of the length that is weaker. */
 static void test_strengths(void **state)
 {
@@ -617,6 +707,8 @@ int main(void)
         cmocka_unit_test(test_found_among_edgels),
         cmocka_unit_test(test_without_mirror),
         cmocka_unit_test(test_both_of_two),
+        cmocka_unit_test(test_cut_by_the_border),
+        cmocka_unit_test(test_model_of_three_points),
         cmocka_unit_test(test_completed_along_the_chains),
         cmocka_unit_test(test_what_lies_along),
         cmocka_unit_test(test_what_is_completed),
@@ -627,6 +719,7 @@ int main(void)
         cmocka_unit_test(test_the_walk_is_watched),
         cmocka_unit_test(test_no_walk_no_particles),
         cmocka_unit_test(test_least_of_evidence_and_score),
+        cmocka_unit_test(test_shape_counts),
         cmocka_unit_test(test_strengths),
         cmocka_unit_test(test_empty_and_full),
         cmocka_unit_test(test_limits),

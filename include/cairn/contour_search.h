@@ -52,7 +52,15 @@ typedef struct cairn_contour_place {
     int32_t part;            /* of which outline of the model, each of which goes round, it is a sample */
 } cairn_contour_place;
 
-/* evidence: about the logarithm of how much likelier its edges are with the object than by chance, for each size of outline. score: the
+/* How well an outline fits where it was bent to, whatever lies round it. */
+typedef struct cairn_contour_shape {
+    cairn_real close;    /* 0 ... 1, mean over the bent outline of how near an edge of its direction is */
+    cairn_real turned;   /* 0 ... 2, mean of 1 - cos of the angles between the bent outline and the drawn one */
+    cairn_real strained; /* 0 ... 1, rms of what an affine map of the drawn outline leaves of the bent one, in sizes */
+} cairn_contour_shape;
+
+/* evidence: about the logarithm of how much likelier its edges are with the object than by chance, for each size of outline, more or
+ * less as the bent outline fits: its shape (turned: against the drawing turned as the object is) and the score count. score: the
  * share of the outline that is seen. */
 typedef struct cairn_contour_object {
     cairn_grouped_object found; /* first: the index of its first segment in segments[] below; along: 0 */
@@ -60,6 +68,8 @@ typedef struct cairn_contour_object {
     int32_t first_disc;         /* discs[first_disc ... + the model's samples - 1], path by path */
     int32_t first_outline;      /* outline[first_outline ... + outline_count - 1] */
     int32_t outline_count;      /* the model's */
+    cairn_real rigid, bent;     /* of the evidence: of the outline before it was bent, and of the bent one */
+    cairn_contour_shape shape;
 } cairn_contour_object;
 
 typedef struct cairn_contour_result {

@@ -89,12 +89,14 @@ static void print_completed(cairn_output *output, const cairn_contour_picture *p
 static void print_object(cairn_output *output, const cairn_contour_picture *p, const cairn_contour_object *o)
 {
     cairn_output_print(output,
-                       "  {\"score\": %.4f, \"evidence\": %.2f, \"x\": %.2f, \"y\": %.2f, \"size\": %.2f, "
+                       "  {\"score\": %.4f, \"evidence\": %.2f, \"rigid\": %.2f, \"bent\": %.2f, \"close\": %.4f, "
+                       "\"turned\": %.4f, \"strained\": %.4f, \"x\": %.2f, \"y\": %.2f, \"size\": %.2f, "
                        "\"turn_deg\": %.2f, \"mirrored\": %s, "
                        "\"seen_samples\": %d, \"seen_share\": %.3f, \"start_sample\": %d,\n   ",
-                       (double)o->found.score, (double)o->found.evidence, image_x(p, o->found.origin.x),
-                       image_x(p, o->found.origin.y), image_length(p, o->found.size), DEGREES * (double)o->found.turn,
-                       o->mirrored ? "true" : "false", (int)o->found.seen,
+                       (double)o->found.score, (double)o->found.evidence, (double)o->rigid, (double)o->bent,
+                       (double)o->shape.close, (double)o->shape.turned, (double)o->shape.strained,
+                       image_x(p, o->found.origin.x), image_x(p, o->found.origin.y), image_length(p, o->found.size),
+                       DEGREES * (double)o->found.turn, o->mirrored ? "true" : "false", (int)o->found.seen,
                        (double)o->found.seen / p->model->sample_count, (int)o->found.start);
     print_segments(output, p, &o->found);
     cairn_output_print(output, ",\n   ");

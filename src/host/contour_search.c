@@ -2,9 +2,10 @@
  *
  * Method: the grouping runs with the model, and with its mirror image when that is asked for, in one band of sizes after the other. What it
  * finds, with little evidence as well, is looked at again: the model's outline is bent onto the edges there (contour_search_fit.c), the
- * segments along it are the contour (contour_search_complete.c). The evidence of both outlines, for each size of outline, decides what is
- * reported; of objects that lie on each other the better one stays. Each sample of the model's axis has its sides where the bent outline
- * has them, and where both are seen the disc is that of their symmetric point. */
+ * segments along it are the contour (contour_search_complete.c). The evidence of both outlines, for each size of outline, with how well the
+ * bent one fits as it was drawn (contour_search_shape.c), decides what is reported; of objects that lie on each other the better one stays.
+ * Each sample of the model's axis has its sides where the bent outline has them, and where both are seen the disc is that of their
+ * symmetric point. */
 #include "src/core/build.h"
 
 #include <errno.h>
@@ -25,6 +26,14 @@
 #define LEAST_TOKENS 64
 /* What the evidence of the outline as it is is worth, beside that of the bent one. */
 #define RIGID 2
+/* And how near edges are to the bent outline, how far it is turned and, squared, strained against the drawn one (contour_search_shape.c), and
+ * how much of it is seen: among many edges evidence forgives what a drawing would not. */
+#define CLOSE    20
+#define TURNED   100
+#define STRAINED 4500
+#define SEEN     60
+/* What these come to where the evidence of both outlines alone would just do. */
+#define COMMON 58
 /* Sizes that are searched at once differ by this factor at most: of sizes at one place a search keeps the best alone. */
 #define BAND 2.2
 /* Evidence of an object, and of one that is looked at again; and how many of these there are at most. */
@@ -42,6 +51,7 @@ typedef struct searcher {
     const cairn_contour_search_params *params;
     contour_field *field;
     contour_fit fit;
+    int32_t *near; /* [tokens->count] of the object that is looked at */
 } searcher;
 
 cairn_contour_search_params cairn_contour_search_default(int32_t width, int32_t height)
@@ -215,13 +225,33 @@ static contour_gaps gaps_of(const contour_fit *fit, const cairn_shape_model *mod
     return gaps;
 }
 
+static cairn_contour_shape shape_of(const searcher *s, const contour_laid *laid, cairn_real turn,
+                                    const cairn_shape_model *model)
+{
+    const contour_drawn drawn = {model->outline, {(cairn_real)cos((double)turn), (cairn_real)sin((double)turn)}};
+
+    return cairn_contour_shape_of(s->tokens, laid, s->fit.part, &drawn, s->near, NULL);
+}
+
+static cairn_real evidence_of(const cairn_contour_object *o)
+{
+    const cairn_contour_shape *shape = &o->shape;
+
+    return o->bent + RIGID * o->rigid + CLOSE * shape->close - TURNED * shape->turned -
+           STRAINED * shape->strained * shape->strained + SEEN * o->found.score - COMMON;
+}
+
 /* Bends the model onto the edges about an object of the grouping, and lists the segments along it. Objects with too little evidence are
  * not added. 0: there is no memory. */
 static int add_object(searcher *s, const cairn_grouping_result *found, int32_t index, const cairn_shape_model *model,
                       int32_t mirrored)
 {
     cairn_contour_result *r = s->result;
-    cairn_contour_object o = {found->objects[index], mirrored, r->disc_count, r->outline_count, model->outline_count};
+    cairn_contour_object o = {.found = found->objects[index],
+                              .mirrored = mirrored,
+                              .first_disc = r->disc_count,
+                              .first_outline = r->outline_count,
+                              .outline_count = model->outline_count};
     contour_laid laid = {s->fit.outline, model->outline_count, {0, 0}, 0};
     contour_gaps gaps;
 
@@ -237,7 +267,9 @@ static int add_object(searcher *s, const cairn_grouping_result *found, int32_t i
     gaps = gaps_of(&s->fit, model);
     if (!cairn_contour_collect_open(s->tokens, &laid, &gaps, &r->segments[o.found.first], &o.found.count))
         return 0;
-    o.found.evidence = (s->fit.evidence + RIGID * found->objects[index].evidence) / s->fit.length;
+    o.rigid = found->objects[index].evidence / s->fit.length;
+    o.bent = s->fit.evidence / s->fit.length;
+    o.shape = shape_of(s, &laid, o.found.turn, model);
     for (int32_t i = 0; i < model->outline_count; i++) {
         r->outline[o.first_outline + i].at = s->fit.outline[i];
         r->outline[o.first_outline + i].segment = segment_at(s, &o.found, s->fit.outline[i]);
@@ -246,6 +278,7 @@ static int add_object(searcher *s, const cairn_grouping_result *found, int32_t i
     for (int32_t k = 0; k < model->sample_count; k++)
         r->discs[o.first_disc + k] = disc_of(s, &o, model, k);
     count_seen(r, &o, model);
+    o.found.evidence = evidence_of(&o);
     r->best = cairn_max(r->best, o.found.score);
     r->best_evidence = cairn_max(r->best_evidence, o.found.evidence);
     if (o.found.evidence < s->params->min_evidence || o.found.score < s->params->min_score)
@@ -482,8 +515,10 @@ cairn_status cairn_contour_search_run(cairn_contour_result *result, const cairn_
     result->pool_bytes = cairn_grouping_memory(&grouping) + CAIRN_ALIGN;
     memory = malloc(result->pool_bytes);
     s.field = cairn_contour_field_new();
-    if (memory == NULL || s.field == NULL || !cairn_contour_fit_new(&s.fit, model->outline_count)) {
+    s.near = malloc(((size_t)tokens->count + 1) * sizeof *s.near);
+    if (memory == NULL || s.field == NULL || s.near == NULL || !cairn_contour_fit_new(&s.fit, model->outline_count)) {
         free(memory);
+        free(s.near);
         cairn_contour_field_free(s.field);
         return cairn_file_error_system(error, path, "search", ENOMEM);
     }
@@ -491,6 +526,7 @@ cairn_status cairn_contour_search_run(cairn_contour_result *result, const cairn_
     if (status == CAIRN_OK)
         status = search_both(&s, model, &pool, &grouping);
     free(memory);
+    free(s.near);
     cairn_contour_field_free(s.field);
     cairn_contour_fit_free(&s.fit);
     if (status != CAIRN_OK) {

@@ -1,4 +1,4 @@
-/* contour_search_fit: a model's outline bent onto the edges about an object. Internal to the host library. */
+/* contour_search_fit: a model's outline bent onto the edges about an object, and how well it fits there. Internal to the host library. */
 #ifndef CAIRN_HOST_CONTOUR_SEARCH_FIT_H
 #define CAIRN_HOST_CONTOUR_SEARCH_FIT_H
 
@@ -39,5 +39,17 @@ int cairn_contour_fit_run(contour_fit *fit, const contour_field *field, const ca
                           cairn_grouped_object *object);
 int cairn_contour_fit_new(contour_fit *fit, int32_t outline_count);
 void cairn_contour_fit_free(contour_fit *fit);
+
+/* The drawing that an outline was bent from. */
+typedef struct contour_drawn {
+    const cairn_oriented_point *outline; /* [laid outline_count] of the model, mirrored where the object is */
+    cairn_vec2 turn;                     /* its x axis in the image, of length 1; (1, 0): turns of the object count */
+} contour_drawn;
+
+/* How well a bent outline fits, whatever lies round it (contour_search_shape.c). part: the fit's; list: [tokens->count] is overwritten.
+ * near: NULL, or [outline_count], takes how near an edge is to each sample, 0 ... 1. Cost: samples times the segments in its box. */
+cairn_contour_shape cairn_contour_shape_of(const cairn_contour_tokens *tokens, const contour_laid *laid,
+                                           const int32_t *part, const contour_drawn *drawn, int32_t *list,
+                                           cairn_real *near);
 
 #endif

@@ -3,7 +3,7 @@
  * Method: for each size, the model and its mirror image, and three proportions of each, a map of the mean worth of the outline's samples
  * (object_detect_field.c) for every place of its middle: sums of shifted planes. Of the peaks of all maps the best are taken that do not
  * lie on better ones, and looked at again: the outline is bent onto the edges about them (contour_search_fit.c). Both means, before and
- * after, make the score, with how the bent outline fits (object_detect_shape.c); boxes are those of the bent outlines. Of detections that overlap the best stays.
+ * after, make the score, with how the bent outline fits (contour_search_shape.c); boxes are those of the bent outlines. Of detections that overlap the best stays.
  *
  * PARTS: the candidates are configurations of parts (object_detect_parts.c) and keep their scores; bending gives the box only.
  *
@@ -30,7 +30,7 @@ enum { ASPECTS = sizeof aspects / sizeof *aspects, PEAKS_MOST = 1 << 16 };
  * outline is a few pixels, along which chance lays an edge more easily. */
 #define RIGID 2
 #define SIZE  1
-/* And how near edges are to the bent outline, how far it is turned and strained against the drawn one (object_detect_shape.c). */
+/* And how near edges are to the bent outline, how far it is turned and strained against the drawn one (contour_search_shape.c). */
 #define NEAR     12
 #define TURNED   32
 #define STRAINED 16
@@ -398,6 +398,25 @@ static int take_segments(const detector *d, cairn_detections *found, cairn_detec
     return 1;
 }
 
+/* As it was drawn, mirrored where the detection is. */
+static const cairn_oriented_point *drawn_outline(const detector *d, const cairn_detection *o)
+{
+    return d->variant[o->mirrored ? ASPECTS : 0].outline;
+}
+
+/* Objects stand upright: a turn of the whole counts as bending does. map: see cairn_detect_agreed(). */
+static void measure_shape(const detector *d, cairn_detection *o, detect_similarity *map)
+{
+    const contour_laid laid = {d->fit.outline, o->outline_count, o->origin, o->size};
+    const contour_drawn drawn = {drawn_outline(d, o), {1, 0}};
+    cairn_contour_shape shape = cairn_contour_shape_of(d->field->tokens, &laid, d->fit.part, &drawn, d->near, d->room);
+
+    o->close = shape.close;
+    o->turned = shape.turned;
+    o->strained = shape.strained;
+    o->agreed = cairn_detect_agreed(&laid, drawn.outline, d->room, d->room + o->outline_count, map);
+}
+
 static cairn_real score_of(const detector *d, const cairn_detection *o)
 {
     const variant *plain = &d->variant[0];
@@ -437,8 +456,7 @@ static int verify(detector *d, const peak *p, cairn_detections *found)
 {
     cairn_detection *o = &found->found[found->count];
     const variant *v = &d->variant[p->variant];
-    const cairn_oriented_point *drawn = d->variant[v->mirrored ? ASPECTS : 0].outline;
-    detect_similarity laid;
+    detect_similarity map;
     cairn_shape_model model = *d->model;
     cairn_grouped_object object;
 
@@ -457,9 +475,9 @@ static int verify(detector *d, const peak *p, cairn_detections *found)
     o->size = object.size;
     o->mirrored = v->mirrored;
     take_outline(d, found, o);
-    cairn_detect_shape(d->field->tokens, &d->fit, drawn, d->near, d->room, &laid, o);
+    measure_shape(d, o, &map);
     if (d->field->params.occluded && o->agreed > 0) {
-        cairn_detect_lay(&laid, drawn, &d->fit, o);
+        cairn_detect_lay(&map, drawn_outline(d, o), &d->fit, o);
         found->outline_count -= o->outline_count;
         take_outline(d, found, o);
     }

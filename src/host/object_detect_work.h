@@ -83,11 +83,11 @@ typedef struct detect_similarity {
     cairn_vec2 shift;
 } detect_similarity;
 
-/* Fills close, turned, strained and agreed of a detection that has its box, origin, size and outline_count. drawn: the model's outline, mirrored
- * where the detection is; list: [tokens->count] and room: [2 outline_count] are overwritten. laid: where most of the outline agrees that it
- * lies, from the detection's origin in its sizes, when agreed > 0. Cost: samples times the segments in the box. */
-void cairn_detect_shape(const cairn_contour_tokens *tokens, const contour_fit *fit, const cairn_oriented_point *drawn,
-                        int32_t *list, cairn_real *room, detect_similarity *laid, cairn_detection *o);
+/* How much of an outline agrees on one map of the drawn one, 0 ... 1 (object_detect_agree.c). near: [outline_count] how near an edge is to
+ * each sample; weight: [outline_count] is overwritten. map: where most of the outline agrees that it lies, from its origin in its sizes,
+ * when it is > 0. Cost: some 40 passes over the samples. */
+cairn_real cairn_detect_agreed(const contour_laid *laid, const cairn_oriented_point *drawn, const cairn_real *near,
+                               cairn_real *weight, detect_similarity *map);
 
 /* Lays the drawn outline there in place of the bent one; origin and size of the detection become those. */
 void cairn_detect_lay(const detect_similarity *laid, const cairn_oriented_point *drawn, contour_fit *fit,
