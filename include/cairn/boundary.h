@@ -23,11 +23,10 @@ extern "C" {
 typedef struct cairn_boundary_params {
     int32_t max_width, max_height; /* pixels, 1 ... 8192 (640 and 480) */
     int32_t max_regions;     /* 1 ... 2^22: basins beyond so many, the shallowest last, join their neighbours (8192) */
-    int32_t max_contours;    /* that are reported, 1 ... 2^24 (16,384) */
-    int32_t max_points;      /* of these, 1 ... 2^28 (262,144) */
+    int32_t max_points;      /* of contours that are reported, 1 ... 2^28; 2 pixels + 3 max_regions suffice (262,144) */
     int32_t fine, coarse;    /* pixels, 1 ... 32: half the widths of the windows, each passed over thrice (3 and 6) */
     cairn_real distribution; /* >= 0: weight of the change of histograms, that of means by 10 units of L, a, b being 1 (8) */
-    cairn_real small;        /* 0 ... 1: a border's strength times the smaller side's share of the image to this power (0.1) */
+    cairn_real small;        /* 0 ... 1: a border's strength times the smaller side's share of the image to this power (0.05) */
     cairn_real min_strength; /* >= 0: of a contour that is reported (0) */
 } cairn_boundary_params;
 
@@ -68,8 +67,8 @@ CAIRN_CHECKED cairn_status cairn_boundary_create(cairn_boundary **boundary, cair
  * than max_width or max_height. Time linear in max_regions. */
 CAIRN_CHECKED cairn_status cairn_boundary_begin(cairn_boundary *boundary, const cairn_boundary_image *image);
 
-/* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the contours stand, or nothing was begun. CAIRN_FULL: more than max_contours
- * or max_points; given up, and there are none. In all about 60 units a pixel in colour, 25 in grey. */
+/* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the contours stand, or nothing was begun. CAIRN_FULL: more than max_points;
+ * given up, and there are none. In all about 60 units a pixel in colour, 25 in grey. */
 CAIRN_CHECKED cairn_status cairn_boundary_step(cairn_boundary *boundary, cairn_budget *budget);
 
 /* Empty until step() returns CAIRN_OK; valid until the next begin(). The strongest contour comes first. An image of one colour is one

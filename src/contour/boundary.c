@@ -13,8 +13,9 @@
 
 #include "src/contour/boundary_work.h"
 
-enum { MAX_SIDE = 8192, MAX_REGIONS = 1 << 22, MAX_CONTOURS = 1 << 24, MAX_POINTS = 1 << 28, MAX_HALF = 32 };
-/* Of regions in a plane, each with another one once. */
+enum { MAX_SIDE = 8192, MAX_REGIONS = 1 << 22, MAX_POINTS = 1 << 28, MAX_HALF = 32 };
+/* Regions of a plane have at most so many borders, and as many stretches of these from junction to junction: with the image's border every
+ * junction has three, so of V junctions, E stretches and C pieces 3 V <= 2 E, and Euler's V - E + regions = C leaves E <= 3 regions. */
 enum { BORDERS_EACH = 3 };
 
 cairn_boundary_params cairn_boundary_default(void)
@@ -23,12 +24,11 @@ cairn_boundary_params cairn_boundary_default(void)
         .max_width = 640,
         .max_height = 480,
         .max_regions = 8192,
-        .max_contours = 16384,
         .max_points = 262144,
         .fine = 3,
         .coarse = 6,
         .distribution = 8,
-        .small = CAIRN_REAL(0.1),
+        .small = CAIRN_REAL(0.05),
         .min_strength = 0,
     };
     return params;
@@ -42,8 +42,7 @@ static int within(int32_t value, int32_t most)
 static int params_are_valid(const cairn_boundary_params *p)
 {
     return p != NULL && within(p->max_width, MAX_SIDE) && within(p->max_height, MAX_SIDE) &&
-           within(p->max_regions, MAX_REGIONS) && within(p->max_contours, MAX_CONTOURS) &&
-           within(p->max_points, MAX_POINTS) && within(p->fine, MAX_HALF) && within(p->coarse, MAX_HALF) &&
+           within(p->max_regions, MAX_REGIONS) && within(p->max_points, MAX_POINTS) && within(p->fine, MAX_HALF) && within(p->coarse, MAX_HALF) &&
            p->distribution >= 0 && cairn_is_finite(p->distribution) && p->small >= 0 && p->small <= 1 &&
            p->min_strength >= 0 && cairn_is_finite(p->min_strength);
 }
@@ -61,7 +60,7 @@ static int32_t table_size_of(const cairn_boundary_params *params)
 static cairn_boundary *carve(cairn_pool *pool, const cairn_boundary_params *p)
 {
     size_t pixels = (size_t)p->max_width * (size_t)p->max_height, regions = (size_t)p->max_regions;
-    size_t borders = BORDERS_EACH * regions, contours = (size_t)p->max_contours;
+    size_t borders = BORDERS_EACH * regions;
     cairn_boundary *made = cairn_pool_take_one(pool, sizeof *made), taken;
 
     memset(&taken, 0, sizeof taken);
@@ -83,9 +82,9 @@ static cairn_boundary *carve(cairn_pool *pool, const cairn_boundary_params *p)
     taken.regions = cairn_pool_take(pool, regions, sizeof *taken.regions);
     taken.borders = cairn_pool_take(pool, borders, sizeof *taken.borders);
     taken.table = cairn_pool_take(pool, (size_t)taken.table_size, sizeof *taken.table);
-    taken.heap = cairn_pool_take(pool, borders > contours ? borders : contours, sizeof *taken.heap);
-    taken.found = cairn_pool_take(pool, contours, sizeof *taken.found);
-    taken.ranked = cairn_pool_take(pool, contours, sizeof *taken.ranked);
+    taken.heap = cairn_pool_take(pool, borders, sizeof *taken.heap);
+    taken.found = cairn_pool_take(pool, borders, sizeof *taken.found);
+    taken.ranked = cairn_pool_take(pool, borders, sizeof *taken.ranked);
     taken.corners = cairn_pool_take(pool, (size_t)p->max_points, sizeof *taken.corners);
     if (made != NULL)
         *made = taken;

@@ -97,8 +97,7 @@ static cairn_status begin_walk(cairn_boundary *b)
     cairn_boundary_contour none = {b->corner_count, 0, b->loops, 0, 0, 0};
     side s;
 
-    if (b->contour_count == b->params.max_contours)
-        return CAIRN_FULL;
+    CAIRN_ASSERT(b->contour_count < b->max_borders);
     (void)parts(b, b->x, b->y, b->heading, &s);
     none.level = b->borders[boundary_border_of(b, b->label[s.pixel], b->label[s.other])].level;
     b->found[b->contour_count] = none;

@@ -68,9 +68,9 @@ struct cairn_boundary {
     boundary_region *regions; /* [max_regions] */
     boundary_border *borders; /* [max_borders] */
     int32_t *table;           /* [table_size]: borders by their regions, -1: free */
-    int32_t *heap;            /* [max_borders or max_contours]: of borders by their keys, then of contours by strength */
+    int32_t *heap;            /* [max_borders]: of borders by their keys, then of contours by strength */
     /* Contours. */
-    cairn_boundary_contour *found, *ranked; /* [max_contours] */
+    cairn_boundary_contour *found, *ranked; /* [max_borders] */
     cairn_boundary_corner *corners;         /* [max_points] */
 
     int32_t max_borders, table_size;
