@@ -72,15 +72,19 @@ static void draw_blots(uint64_t seed, int32_t noise)
     for (int32_t i = 0; i < 3 * PIXELS; i++)
         picture[i] = 110;
     for (int32_t k = 0; k < 6; k++) {
-        double x = WIDTH * (double)cairn_random_uniform(&random, 0, 1), y = HEIGHT * (double)cairn_random_uniform(&random, 0, 1);
+        double x = WIDTH * (double)cairn_random_uniform(&random, 0, 1),
+               y = HEIGHT * (double)cairn_random_uniform(&random, 0, 1);
         double r = 4 + 8 * (double)cairn_random_uniform(&random, 0, 1);
 
         for (int32_t c = 0; c < 3; c++) {
             uint8_t value = (uint8_t)(40 + 180 * (double)cairn_random_uniform(&random, 0, 1));
 
-            for (int32_t i = 0; i < PIXELS; i++)
-                if (hypot(i % WIDTH - x, i / WIDTH - y) < r)
+            for (int32_t i = 0; i < PIXELS; i++) {
+                int32_t column = i % WIDTH, row = i / WIDTH;
+
+                if (hypot(column - x, row - y) < r)
                     picture[3 * i + c] = value;
+            }
         }
     }
     for (int32_t i = 0; i < 3 * PIXELS; i++)
@@ -389,9 +393,9 @@ static void the_strongest_come_first(void **state)
 static void draw_disc(const uint8_t inside[3], const uint8_t outside[3])
 {
     for (int32_t i = 0; i < 3 * PIXELS; i++) {
-        int32_t pixel = i / 3;
+        int32_t column = i / 3 % WIDTH, row = i / 3 / WIDTH;
 
-        picture[i] = hypot(pixel % WIDTH - 23.5, pixel / WIDTH - 17.5) < 10 ? inside[i % 3] : outside[i % 3];
+        picture[i] = hypot(column - 23.5, row - 17.5) < 10 ? inside[i % 3] : outside[i % 3];
     }
 }
 
@@ -618,7 +622,8 @@ static void the_least_pictures_are_one_region(void **state)
     image.width = image.height = 1;
     assert_int_equal(find(&f, image).region_count, 1);
     image.width = WIDTH;
-    assert_int_equal(find(&f, image).corner_count, 2 * find(&f, image).contour_count); /* one pixel high: sides across */
+    assert_int_equal(find(&f, image).corner_count,
+                     2 * find(&f, image).contour_count); /* one pixel high: sides across */
     test_pool_free(&f.pool);
 }
 

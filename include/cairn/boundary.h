@@ -22,11 +22,13 @@ extern "C" {
 
 typedef struct cairn_boundary_params {
     int32_t max_width, max_height; /* pixels, 1 ... 8192 (640 and 480) */
-    int32_t max_regions;     /* 1 ... 2^22: basins beyond so many, the shallowest last, join their neighbours (8192) */
-    int32_t max_points;      /* of contours that are reported, 1 ... 2^28; 2 pixels + 3 max_regions suffice (262,144) */
-    int32_t fine, coarse;    /* pixels, 1 ... 32: half the widths of the windows, each passed over thrice (3 and 6) */
-    cairn_real distribution; /* >= 0: weight of the change of histograms, that of means by 10 units of L, a, b being 1 (8) */
-    cairn_real small;        /* 0 ... 1: a border's strength times the smaller side's share of the image to this power (0.05) */
+    int32_t max_regions;  /* 1 ... 2^22: basins beyond so many, the shallowest last, join their neighbours (8192) */
+    int32_t max_points;   /* of contours that are reported, 1 ... 2^28; 2 pixels + 3 max_regions suffice (262,144) */
+    int32_t fine, coarse; /* pixels, 1 ... 32: half the widths of the windows, each passed over thrice (3 and 6) */
+    cairn_real
+        distribution; /* >= 0: weight of the change of histograms, that of means by 10 units of L, a, b being 1 (8) */
+    cairn_real
+        small; /* 0 ... 1: a border's strength times the smaller side's share of the image to this power (0.05) */
     cairn_real min_strength; /* >= 0: of a contour that is reported (0) */
 } cairn_boundary_params;
 
@@ -77,8 +79,9 @@ typedef struct cairn_boundary_result {
     const cairn_boundary_contour *contours; /* [contour_count] */
     const cairn_boundary_corner *corners;   /* [corner_count] */
     int32_t contour_count, corner_count;
-    int32_t region_count;             /* before any are joined */
-    cairn_raster_real_view strengths; /* of pixels; about 1 between colours 10 units of L, a, b apart, 4 at the clearest edges */
+    int32_t region_count; /* before any are joined */
+    cairn_raster_real_view
+        strengths; /* of pixels; about 1 between colours 10 units of L, a, b apart, 4 at the clearest edges */
 } cairn_boundary_result;
 
 cairn_boundary_result cairn_boundary_read(const cairn_boundary *boundary);

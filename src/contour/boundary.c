@@ -42,9 +42,9 @@ static int within(int32_t value, int32_t most)
 static int params_are_valid(const cairn_boundary_params *p)
 {
     return p != NULL && within(p->max_width, MAX_SIDE) && within(p->max_height, MAX_SIDE) &&
-           within(p->max_regions, MAX_REGIONS) && within(p->max_points, MAX_POINTS) && within(p->fine, MAX_HALF) && within(p->coarse, MAX_HALF) &&
-           p->distribution >= 0 && cairn_is_finite(p->distribution) && p->small >= 0 && p->small <= 1 &&
-           p->min_strength >= 0 && cairn_is_finite(p->min_strength);
+           within(p->max_regions, MAX_REGIONS) && within(p->max_points, MAX_POINTS) && within(p->fine, MAX_HALF) &&
+           within(p->coarse, MAX_HALF) && p->distribution >= 0 && cairn_is_finite(p->distribution) && p->small >= 0 &&
+           p->small <= 1 && p->min_strength >= 0 && cairn_is_finite(p->min_strength);
 }
 
 /* A power of two, so that the table is at most half full. */
@@ -157,7 +157,7 @@ cairn_status cairn_boundary_begin(cairn_boundary *b, const cairn_boundary_image 
     b->paid = 0;
     for (int32_t i = 0; i < b->table_size; i++)
         b->table[i] = -1;
-    boundary_flood_begin(b);
+    cairn_boundary_flood_begin(b);
     b->phase = BOUNDARY_COLOUR;
     return CAIRN_OK;
 }
@@ -167,12 +167,12 @@ static int32_t cost_of(const cairn_boundary *b)
     int32_t cost;
 
     if (b->phase < BOUNDARY_FLOOD)
-        return boundary_measure_cost(b);
+        return cairn_boundary_measure_cost(b);
     if (b->phase == BOUNDARY_BORDER)
         return b->image.width;
     if (b->phase != BOUNDARY_JOIN)
         return 1;
-    cost = boundary_join_cost(b);
+    cost = cairn_boundary_join_cost(b);
     return cost > 0 ? cost : 1;
 }
 
@@ -182,28 +182,28 @@ static cairn_status do_item(cairn_boundary *b)
     cairn_status status;
 
     if (b->phase < BOUNDARY_FLOOD) {
-        boundary_measure_row(b);
+        cairn_boundary_measure_row(b);
     } else if (b->phase == BOUNDARY_FLOOD) {
-        if (!boundary_flood_pixel(b)) {
+        if (!cairn_boundary_flood_pixel(b)) {
             b->row = 0;
             b->phase = BOUNDARY_BORDER;
         }
     } else if (b->phase == BOUNDARY_BORDER) {
-        boundary_border_row(b);
+        cairn_boundary_border_row(b);
         if (b->row == b->image.height)
             b->phase = BOUNDARY_JOIN;
     } else if (b->phase == BOUNDARY_JOIN) {
-        if (boundary_join_cost(b) > 0)
-            boundary_join_next(b);
+        if (cairn_boundary_join_cost(b) > 0)
+            cairn_boundary_join_next(b);
         else
             b->phase = BOUNDARY_TRACE;
     } else if (b->phase == BOUNDARY_TRACE) {
-        status = boundary_trace_side(b);
+        status = cairn_boundary_trace_side(b);
         if (status < CAIRN_OK)
             return status;
         if (status == CAIRN_OK)
             b->phase = BOUNDARY_RANK;
-    } else if (!boundary_rank_next(b)) {
+    } else if (!cairn_boundary_rank_next(b)) {
         b->phase = BOUNDARY_DONE;
     }
     return CAIRN_MORE;

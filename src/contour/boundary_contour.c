@@ -92,14 +92,23 @@ static int next_corner(cairn_boundary *b)
     return !b->loops++;
 }
 
+/* The side that the walk goes along next. */
+static void side_ahead(const cairn_boundary *b, side *s)
+{
+    int there = parts(b, b->x, b->y, b->heading, s);
+
+    CAIRN_ASSERT(there);
+    (void)there;
+}
+
 static cairn_status begin_walk(cairn_boundary *b)
 {
     cairn_boundary_contour none = {b->corner_count, 0, b->loops, 0, 0, 0};
     side s;
 
     CAIRN_ASSERT(b->contour_count < b->max_borders);
-    (void)parts(b, b->x, b->y, b->heading, &s);
-    none.level = b->borders[boundary_border_of(b, b->label[s.pixel], b->label[s.other])].level;
+    side_ahead(b, &s);
+    none.level = b->borders[cairn_boundary_border_of(b, b->label[s.pixel], b->label[s.other])].level;
     b->found[b->contour_count] = none;
     b->walk_sum = 0;
     b->walking = 1;
@@ -139,7 +148,7 @@ static cairn_status walk(cairn_boundary *b)
     cairn_status status;
     side s;
 
-    (void)parts(b, b->x, b->y, b->heading, &s);
+    side_ahead(b, &s);
     b->walked[s.pixel] |= s.walked;
     b->walk_sum += cairn_max(b->one[s.pixel], b->one[s.other]);
     b->x += (b->heading == RIGHT) - (b->heading == LEFT);
@@ -158,7 +167,7 @@ static cairn_status walk(cairn_boundary *b)
     return CAIRN_MORE;
 }
 
-cairn_status boundary_trace_side(cairn_boundary *b)
+cairn_status cairn_boundary_trace_side(cairn_boundary *b)
 {
     if (b->walking)
         return walk(b);
@@ -175,7 +184,7 @@ cairn_status boundary_trace_side(cairn_boundary *b)
 /* Of two equal contours the one found first. */
 static int ahead(const cairn_boundary *b, int32_t p, int32_t q)
 {
-    return b->found[p].strength > b->found[q].strength || (b->found[p].strength >= b->found[q].strength && p < q);
+    return b->found[p].strength > b->found[q].strength || (p < q && b->found[p].strength >= b->found[q].strength);
 }
 
 static void rise(const cairn_boundary *b, int32_t contour)
@@ -201,7 +210,7 @@ static void sink(const cairn_boundary *b, int32_t contour)
     b->heap[at] = contour;
 }
 
-int boundary_rank_next(cairn_boundary *b)
+int cairn_boundary_rank_next(cairn_boundary *b)
 {
     if (b->ranked_count == 0 && b->heap_count < b->contour_count) {
         rise(b, b->heap_count++);

@@ -25,7 +25,7 @@ static int32_t maps_each(const cairn_boundary *b)
     return 1 + L_BINS + (b->channels > 1 ? 2 * (1 + AB_BINS) : 0);
 }
 
-int32_t boundary_maps(const cairn_boundary *b)
+static int32_t maps_of(const cairn_boundary *b)
 {
     return SCALES * maps_each(b);
 }
@@ -46,8 +46,7 @@ static map_name name_of(const cairn_boundary *b)
 /* The cube root, and below it the line that touches it. */
 static cairn_real lightness(cairn_real t)
 {
-    return t > CAIRN_REAL(216.0) / 24389 ? cairn_exp(cairn_log(t) / 3)
-                                         : (CAIRN_REAL(24389.0) / 27 * t + 16) / 116;
+    return t > CAIRN_REAL(216.0) / 24389 ? cairn_exp(cairn_log(t) / 3) : (CAIRN_REAL(24389.0) / 27 * t + 16) / 116;
 }
 
 static void colour_row(const cairn_boundary *b)
@@ -201,7 +200,7 @@ static void strength_row(const cairn_boundary *b)
 
 /* ---- Rows ---- */
 
-int32_t boundary_measure_cost(const cairn_boundary *b)
+int32_t cairn_boundary_measure_cost(const cairn_boundary *b)
 {
     int32_t width = b->image.width;
 
@@ -226,7 +225,7 @@ static void clear_change(const cairn_boundary *b)
 static void next_map(cairn_boundary *b)
 {
     b->some = 0;
-    b->phase = ++b->map < boundary_maps(b) ? BOUNDARY_FILL : BOUNDARY_STRENGTH;
+    b->phase = ++b->map < maps_of(b) ? BOUNDARY_FILL : BOUNDARY_STRENGTH;
 }
 
 /* A map that is 0 everywhere changes nowhere. */
@@ -251,7 +250,7 @@ static void end_rows(cairn_boundary *b)
     }
 }
 
-void boundary_measure_row(cairn_boundary *b)
+void cairn_boundary_measure_row(cairn_boundary *b)
 {
     if (b->phase == BOUNDARY_COLOUR) {
         colour_row(b);
@@ -264,7 +263,7 @@ void boundary_measure_row(cairn_boundary *b)
         change_row(b);
     } else {
         strength_row(b);
-        boundary_flood_row(b, b->row);
+        cairn_boundary_flood_row(b, b->row);
     }
     if (++b->row == b->image.height)
         end_rows(b);

@@ -25,14 +25,14 @@ static int32_t level_of(const cairn_boundary *b, int32_t pixel)
     return cairn_real_to_int(cairn_min(b->one[pixel] * STEPS, BOUNDARY_LEVELS - 1));
 }
 
-void boundary_flood_begin(cairn_boundary *b)
+void cairn_boundary_flood_begin(cairn_boundary *b)
 {
     for (int32_t i = 0; i < BOUNDARY_LEVELS; i++)
         b->head[i] = b->tail[i] = b->first[i] = -1;
     b->level = 0;
 }
 
-void boundary_flood_row(cairn_boundary *b, int32_t row)
+void cairn_boundary_flood_row(cairn_boundary *b, int32_t row)
 {
     for (int32_t x = 0; x < b->image.width; x++) {
         int32_t pixel = row * b->image.width + x, level = level_of(b, pixel);
@@ -73,7 +73,7 @@ static void spread(cairn_boundary *b, int32_t pixel)
         }
 }
 
-int boundary_flood_pixel(cairn_boundary *b)
+int cairn_boundary_flood_pixel(cairn_boundary *b)
 {
     int32_t pixel = b->head[b->level];
 
@@ -99,7 +99,7 @@ int boundary_flood_pixel(cairn_boundary *b)
 
 static int before(const cairn_boundary *b, int32_t p, int32_t q)
 {
-    return b->borders[p].key < b->borders[q].key || (b->borders[p].key <= b->borders[q].key && p < q);
+    return b->borders[p].key < b->borders[q].key || (p < q && b->borders[p].key <= b->borders[q].key);
 }
 
 static void put(const cairn_boundary *b, int32_t at, int32_t border)
@@ -194,8 +194,7 @@ static int32_t place_of(const cairn_boundary *b, int32_t p, int32_t q)
     uint32_t mask = (uint32_t)b->table_size - 1;
     uint32_t at = ((uint32_t)p * UINT32_C(2654435761) ^ (uint32_t)q * UINT32_C(2246822519)) & mask;
 
-    while (b->table[at] >= 0 &&
-           (b->borders[b->table[at]].first[0] != p || b->borders[b->table[at]].first[1] != q))
+    while (b->table[at] >= 0 && (b->borders[b->table[at]].first[0] != p || b->borders[b->table[at]].first[1] != q))
         at = (at + 1) & mask;
     return (int32_t)at;
 }
@@ -226,7 +225,7 @@ static void add_side(cairn_boundary *b, int32_t pixel, int32_t other)
     border->length++;
 }
 
-void boundary_border_row(cairn_boundary *b)
+void cairn_boundary_border_row(cairn_boundary *b)
 {
     int32_t at = b->row * b->image.width;
 
@@ -241,7 +240,7 @@ void boundary_border_row(cairn_boundary *b)
 
 /* ---- Joining ---- */
 
-int32_t boundary_join_cost(const cairn_boundary *b)
+int32_t cairn_boundary_join_cost(const cairn_boundary *b)
 {
     const boundary_border *weakest;
 
@@ -317,7 +316,7 @@ static void join(cairn_boundary *b)
     }
 }
 
-void boundary_join_next(cairn_boundary *b)
+void cairn_boundary_join_next(cairn_boundary *b)
 {
     if (b->fed < b->border_count)
         feed(b);
@@ -325,7 +324,7 @@ void boundary_join_next(cairn_boundary *b)
         join(b);
 }
 
-int32_t boundary_border_of(const cairn_boundary *b, int32_t p, int32_t q)
+int32_t cairn_boundary_border_of(const cairn_boundary *b, int32_t p, int32_t q)
 {
     int32_t last, border;
 

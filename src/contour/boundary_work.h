@@ -24,8 +24,8 @@ enum {
 
 /* The common border of two regions. Sides 0 and 1 of border e are the half-borders 2 e and 2 e + 1, each in the list of its region. */
 typedef struct boundary_border {
-    int32_t first[2];           /* regions that it parted at first, the smaller number first: what the table knows it by */
-    int32_t region[2];          /* and does now */
+    int32_t first[2];  /* regions that it parted at first, the smaller number first: what the table knows it by */
+    int32_t region[2]; /* and does now */
     int32_t next[2], before[2]; /* half-borders of the same region; -1: none */
     int32_t length;             /* sides of pixels */
     int32_t at;                 /* in the heap; -1: no longer */
@@ -36,10 +36,10 @@ typedef struct boundary_border {
 } boundary_border;
 
 typedef struct boundary_region {
-    int32_t first; /* half-border; -1: none */
-    int32_t size;  /* pixels */
-    int32_t count; /* of borders */
-    int32_t mark;  /* border with the region that another one is joined to; -1 */
+    int32_t first;    /* half-border; -1: none */
+    int32_t size;     /* pixels */
+    int32_t count;    /* of borders */
+    int32_t mark;     /* border with the region that another one is joined to; -1 */
     cairn_real share; /* of the image, to the power */
 } boundary_region;
 
@@ -96,27 +96,25 @@ static inline int32_t boundary_share(int32_t n, int32_t of)
     return (n + of - 1) / of;
 }
 
-/* Maps that the change is summed over: 0 ... maps - 1. */
-int32_t boundary_maps(const cairn_boundary *b);
 /* Rows of the phases COLOUR to STRENGTH, and what comes after them. */
-void boundary_measure_row(cairn_boundary *b);
-int32_t boundary_measure_cost(const cairn_boundary *b);
+void cairn_boundary_measure_row(cairn_boundary *b);
+int32_t cairn_boundary_measure_cost(const cairn_boundary *b);
 
-void boundary_flood_begin(cairn_boundary *b);
+void cairn_boundary_flood_begin(cairn_boundary *b);
 /* Files the pixels of a row under their levels. */
-void boundary_flood_row(cairn_boundary *b, int32_t row);
+void cairn_boundary_flood_row(cairn_boundary *b, int32_t row);
 /* One pixel. 0: all are labelled. */
-int boundary_flood_pixel(cairn_boundary *b);
-void boundary_border_row(cairn_boundary *b);
+int cairn_boundary_flood_pixel(cairn_boundary *b);
+void cairn_boundary_border_row(cairn_boundary *b);
 /* What the next border's way into the heap or the next joint costs; 0: there is none. */
-int32_t boundary_join_cost(const cairn_boundary *b);
-void boundary_join_next(cairn_boundary *b);
+int32_t cairn_boundary_join_cost(const cairn_boundary *b);
+void cairn_boundary_join_next(cairn_boundary *b);
 /* The border between two regions, as found. */
-int32_t boundary_border_of(const cairn_boundary *b, int32_t p, int32_t q);
+int32_t cairn_boundary_border_of(const cairn_boundary *b, int32_t p, int32_t q);
 
 /* One side of a pixel. CAIRN_MORE: there is more. CAIRN_FULL. */
-cairn_status boundary_trace_side(cairn_boundary *b);
+cairn_status cairn_boundary_trace_side(cairn_boundary *b);
 /* One contour. 0: all are ranked. */
-int boundary_rank_next(cairn_boundary *b);
+int cairn_boundary_rank_next(cairn_boundary *b);
 
 #endif

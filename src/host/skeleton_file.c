@@ -46,8 +46,8 @@ static int turns(const cairn_boundary_contour *c, const cairn_boundary_corner *q
 {
     const cairn_boundary_corner *last = &q[i > 0 ? i - 1 : c->count - 1], *next = &q[i + 1 < c->count ? i + 1 : 0];
 
-    return (!c->closed && (i == 0 || i == c->count - 1)) ||
-           (last->x != next->x && last->y != next->y) || (last->x == next->x && last->y == next->y);
+    return (!c->closed && (i == 0 || i == c->count - 1)) || (last->x != next->x && last->y != next->y) ||
+           (last->x == next->x && last->y == next->y);
 }
 
 static void print_contour(cairn_output *output, const cairn_boundary_result *r, int32_t contour)
