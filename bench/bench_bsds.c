@@ -59,7 +59,8 @@ int bsds_read(bsds_image *image, const char *folder, const char *name)
         fprintf(stderr, "%s/%s: no picture with its truth, expected NAME.jpg and NAME_gtK.png\n", folder, name);
         return 0;
     }
-    if (cairn_vision_read_grey(&image->grey, path, &error) != CAIRN_OK ||
+    if (cairn_vision_read(&image->colour, path, &error) != CAIRN_OK ||
+        cairn_vision_read_grey(&image->grey, path, &error) != CAIRN_OK ||
         cairn_vision_read_grey(&image->truth, truth, &error) != CAIRN_OK) {
         fprintf(stderr, "%s\n", error.text);
         bsds_free(image);
@@ -79,6 +80,7 @@ int bsds_read(bsds_image *image, const char *folder, const char *name)
 
 void bsds_free(bsds_image *image)
 {
+    cairn_vision_free(&image->colour);
     cairn_vision_free(&image->grey);
     cairn_vision_free(&image->truth);
     free(image->near);
@@ -138,6 +140,32 @@ bsds_point bsds_grouped(const bsds_image *image, const cairn_skeleton_result *r,
     memset(pixels, 0, (size_t)pixels_of(image));
     for (int32_t i = 0; i < r->part_count && p.recall < least; i++) {
         mark_part(image, pixels, r, i);
+        p = bsds_score(image, pixels);
+    }
+    return p;
+}
+
+/* Of the two pixels beside each side the left or the upper one. */
+static void mark_contour(const bsds_image *image, uint8_t *pixels, const cairn_boundary_result *r, int32_t contour)
+{
+    const cairn_boundary_contour *c = &r->contours[contour];
+    const cairn_boundary_corner *q = &r->corners[c->first];
+
+    for (int32_t i = 0; i + !c->closed < c->count; i++) {
+        const cairn_boundary_corner *a = &q[i], *b = &q[(i + 1) % c->count];
+        int32_t x = a->x < b->x ? a->x : b->x, y = a->y < b->y ? a->y : b->y;
+
+        pixels[a->x == b->x ? y * image->grey.width + x - 1 : (y - 1) * image->grey.width + x] = 1;
+    }
+}
+
+bsds_point bsds_contours(const bsds_image *image, const cairn_boundary_result *r, double least, uint8_t *pixels)
+{
+    bsds_point p = {0, 0};
+
+    memset(pixels, 0, (size_t)pixels_of(image));
+    for (int32_t i = 0; i < r->contour_count && p.recall < least; i++) {
+        mark_contour(image, pixels, r, i);
         p = bsds_score(image, pixels);
     }
     return p;

@@ -11,6 +11,7 @@
 #include "cairn/mapper.h"
 #include "cairn/occupancy_grid.h"
 #include "cairn/place_map.h"
+#include "cairn/boundary.h"
 #include "cairn/edgel.h"
 #include "cairn/inner_distance.h"
 #include "cairn/self_similarity.h"
@@ -39,6 +40,7 @@ int main(void)
     cairn_scan_match_params match = cairn_scan_match_default();
     cairn_hough_params hough = cairn_hough_default();
     cairn_rectangle_params rectangle = cairn_rectangle_default();
+    cairn_boundary_params boundary = cairn_boundary_default();
     cairn_edgel_params edgel = cairn_edgel_default();
     cairn_skeleton_params skeleton = cairn_skeleton_default();
     cairn_inner_distance_params inner = cairn_inner_distance_default();
@@ -72,6 +74,7 @@ int main(void)
     print("ellipse", "2 x 96 x 96 cells, 32 ellipses", cairn_ellipse_memory(&ellipse));
     print("inner_distance", "128 points", cairn_inner_distance_memory(&inner));
     print("self_similarity", "96 points, 48 of holes", cairn_self_similarity_memory(&similarity));
+    print("boundary", "640 x 480 pixels, 8192 regions, 262144 points", cairn_boundary_memory(&boundary));
     print("edgel", "640 x 480 pixels, 40000 edgels", cairn_edgel_memory(&edgel));
     print("skeleton", "640 x 480 pixels, 40000 edgels, 4000 centres, 256 lines", cairn_skeleton_memory(&skeleton));
     print("fragment_match", "96 fragments of 20 samples, 2 matches each, 10000 chains of up to 4096 samples",

@@ -15,6 +15,7 @@
 #include "bench/bench_group.h"
 #include "bench/bench_json.h"
 #include "bench/bench_sweep.h"
+#include "cairn/boundary.h"
 #include "cairn/skeleton_grouping.h"
 #include "tools/options.h"
 
@@ -35,6 +36,7 @@ typedef struct finder {
     void *memory;
     cairn_edgel_set *edgels;
     cairn_skeleton *skeleton;
+    cairn_boundary *boundary; /* of photographs alone */
 } finder;
 
 typedef struct place {
@@ -54,6 +56,7 @@ typedef struct sums {
 
 static int open_finder(finder *f, const settings *s)
 {
+    cairn_boundary_params boundary = cairn_boundary_default();
     cairn_edgel_params edgel = cairn_edgel_default();
     cairn_skeleton_params skeleton = cairn_skeleton_default();
     size_t bytes;
@@ -62,6 +65,7 @@ static int open_finder(finder *f, const settings *s)
         edgel.max_width = edgel.max_height = skeleton.max_width = skeleton.max_height = 1024;
         edgel.max_edgels = skeleton.max_edgels = 100000;
         skeleton.min_log_odds = 5;
+        boundary.max_width = boundary.max_height = 1024;
     } else {
         edgel.max_width = skeleton.max_width = SCENE_WIDTH;
         edgel.max_height = skeleton.max_height = SCENE_HEIGHT;
@@ -72,11 +76,13 @@ static int open_finder(finder *f, const settings *s)
     skeleton.contrast = (cairn_real)s->contrast;
     if (strcmp(s->weight, "as-written") == 0)
         skeleton.weight = CAIRN_SKELETON_AS_WRITTEN;
-    bytes = cairn_edgel_memory(&edgel) + cairn_skeleton_memory(&skeleton) + 64;
+    bytes = cairn_edgel_memory(&edgel) + cairn_skeleton_memory(&skeleton) + 64 +
+            (s->bsds ? cairn_boundary_memory(&boundary) : 0);
     f->memory = malloc(bytes);
     return f->memory != NULL && cairn_pool_init(&f->pool, f->memory, bytes) == CAIRN_OK &&
            cairn_edgel_create(&f->edgels, &f->pool, &edgel) == CAIRN_OK &&
-           cairn_skeleton_create(&f->skeleton, &f->pool, &skeleton) == CAIRN_OK;
+           cairn_skeleton_create(&f->skeleton, &f->pool, &skeleton) == CAIRN_OK &&
+           (!s->bsds || cairn_boundary_create(&f->boundary, &f->pool, &boundary) == CAIRN_OK);
 }
 
 static cairn_status run_edgels(cairn_edgel_set *set)
@@ -393,20 +399,63 @@ static void measure(const settings *set, sums *t, const finder *f, const scene *
 
 /* ---- Images ---- */
 
-typedef struct image_sums {
-    int32_t images, lacking; /* lacking: recall below the least */
+/* Of one way to group: how precise it is beside Canny's best at its recall. */
+typedef struct way_sums {
     double gain, precision, canny, recall;
+    int32_t lacking; /* recall below the least */
     double *seconds;
+} way_sums;
+
+typedef struct image_sums {
+    int32_t images;
+    way_sums contours, parts;
 } image_sums;
+
+static void add_way_point(const settings *set, way_sums *t, const bsds_image *image, const char *name, const char *way,
+                          bsds_point p)
+{
+    double canny = bsds_canny(image, p.recall);
+
+    t->lacking += p.recall < LEAST_RECALL;
+    t->gain += p.precision - canny;
+    t->precision += p.precision;
+    t->canny += canny;
+    t->recall += p.recall;
+    if (!set->each)
+        return;
+    bench_json_begin("skeleton");
+    bench_json_text("image", name);
+    bench_json_text("grouped", way);
+    bench_json_number("precision", p.precision);
+    bench_json_number("canny_precision", canny);
+    bench_json_number("recall", p.recall);
+    bench_json_end();
+}
+
+static int find_contours(finder *f, const bsds_image *image)
+{
+    const cairn_vision_image *c = &image->colour;
+    cairn_boundary_image in = {c->samples, c->width, c->height, c->channels, (ptrdiff_t)c->width * c->channels};
+    cairn_budget budget = {INT32_MAX};
+    cairn_status status;
+
+    if (c->sample_bytes != 1 || cairn_boundary_begin(f->boundary, &in) != CAIRN_OK)
+        return 0;
+    do {
+        budget.left = INT32_MAX;
+        status = cairn_boundary_step(f->boundary, &budget);
+    } while (status == CAIRN_MORE);
+    return status == CAIRN_OK;
+}
 
 static int run_image(const settings *set, image_sums *t, finder *f, const char *folder, const char *name)
 {
     bsds_image image;
     cairn_raster_u8_view view;
-    cairn_skeleton_result r;
+    cairn_skeleton_result parts;
+    cairn_boundary_result contours;
     uint8_t *pixels;
-    bsds_point p;
-    double start, canny;
+    double start;
     int ok;
 
     if (!bsds_read(&image, folder, name))
@@ -417,35 +466,42 @@ static int run_image(const settings *set, image_sums *t, finder *f, const char *
     view.stride = image.grey.width;
     pixels = malloc((size_t)view.width * (size_t)view.height);
     start = bench_seconds();
-    ok = pixels != NULL && group(f, view, 0, 0);
+    ok = pixels != NULL && find_contours(f, &image);
+    t->contours.seconds[t->images] = bench_seconds() - start;
+    start = bench_seconds();
+    ok = ok && group(f, view, 0, 0);
+    t->parts.seconds[t->images] = bench_seconds() - start;
     if (ok) {
-        t->seconds[t->images] = bench_seconds() - start;
-        r = cairn_skeleton_read(f->skeleton);
-        p = bsds_grouped(&image, &r, LEAST_RECALL, pixels);
-        canny = bsds_canny(&image, p.recall);
+        contours = cairn_boundary_read(f->boundary);
+        add_way_point(set, &t->contours, &image, name, "contours",
+                      bsds_contours(&image, &contours, LEAST_RECALL, pixels));
+        parts = cairn_skeleton_read(f->skeleton);
+        add_way_point(set, &t->parts, &image, name, "parts", bsds_grouped(&image, &parts, LEAST_RECALL, pixels));
         t->images++;
-        t->lacking += p.recall < LEAST_RECALL;
-        t->gain += p.precision - canny;
-        t->precision += p.precision;
-        t->canny += canny;
-        t->recall += p.recall;
-        if (set->each) {
-            bench_json_begin("skeleton");
-            bench_json_text("image", name);
-            bench_json_number("precision", p.precision);
-            bench_json_number("canny_precision", canny);
-            bench_json_number("recall", p.recall);
-            bench_json_integer("parts", r.part_count);
-            bench_json_integer("starts", r.starts);
-            bench_json_number("min_radius", (double)r.min_radius);
-            bench_json_number("max_radius", (double)r.max_radius);
-            bench_json_number("seconds", t->seconds[t->images - 1]);
-            bench_json_end();
-        }
     }
     free(pixels);
     bsds_free(&image);
     return ok;
+}
+
+static void print_way(const settings *set, const way_sums *t, int32_t images, const char *way, const finder *f)
+{
+    double n = images;
+
+    bench_json_begin("skeleton");
+    bench_json_text("data", "bsds");
+    bench_json_text("grouped", way);
+    bench_json_text("weight", set->weight);
+    bench_json_integer("images", images);
+    bench_json_number("precision_gain", t->gain / n);
+    bench_json_number("precision", t->precision / n);
+    bench_json_number("canny_precision", t->canny / n);
+    bench_json_number("recall", t->recall / n);
+    bench_json_integer("below_recall", t->lacking);
+    bench_json_number("seconds_median", bench_median(t->seconds, (size_t)images));
+    bench_json_integer("pool_bytes", (int64_t)f->pool.peak);
+    bench_json_true("summary");
+    bench_json_end();
 }
 
 static int run_images(const settings *set, finder *f)
@@ -453,7 +509,6 @@ static int run_images(const settings *set, finder *f)
     char folder[1024];
     group_names names;
     image_sums t;
-    double n;
     int ok;
 
     memset(&t, 0, sizeof t);
@@ -462,29 +517,18 @@ static int run_images(const settings *set, finder *f)
         fprintf(stderr, "bench/skeleton: %s: no images, expected NAME.jpg and NAME_gtK.png (--data)\n", folder);
         return 3;
     }
-    t.seconds = calloc((size_t)names.count, sizeof *t.seconds);
-    ok = t.seconds != NULL;
+    t.contours.seconds = calloc(2 * (size_t)names.count, sizeof *t.contours.seconds);
+    ok = t.contours.seconds != NULL;
+    t.parts.seconds = t.contours.seconds + names.count;
     for (int32_t i = 0; i < names.count && ok && i < set->images; i++) {
         fprintf(stderr, "%s\n", names.name[i]);
         ok = run_image(set, &t, f, folder, names.name[i]);
     }
-    n = t.images;
     if (ok) {
-        bench_json_begin("skeleton");
-        bench_json_text("data", "bsds");
-        bench_json_text("weight", set->weight);
-        bench_json_integer("images", t.images);
-        bench_json_number("precision_gain", t.gain / n);
-        bench_json_number("precision", t.precision / n);
-        bench_json_number("canny_precision", t.canny / n);
-        bench_json_number("recall", t.recall / n);
-        bench_json_integer("below_recall", t.lacking);
-        bench_json_number("seconds_median", bench_median(t.seconds, (size_t)t.images));
-        bench_json_integer("pool_bytes", (int64_t)f->pool.peak);
-        bench_json_true("summary");
-        bench_json_end();
+        print_way(set, &t.contours, t.images, "contours", f);
+        print_way(set, &t.parts, t.images, "parts", f);
     }
-    free(t.seconds);
+    free(t.contours.seconds);
     group_names_free(&names);
     return ok ? 0 : 1;
 }

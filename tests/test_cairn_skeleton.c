@@ -90,6 +90,14 @@ static void a_bar_is_found(void **state)
     text = read_file("found/bar.svg");
     assert_well_formed(text);
     assert_int_equal(count_of(text, "class=\"axis\""), 1);
+    assert_int_equal(count_of(text, "class=\"boundary\""), 1);
+    free(text);
+    text = read_file("found/bar.json");
+    assert_true(number_of(text, "strength") > 2);
+    free(text);
+    assert_done(programs_run("cairn skeleton @/bar.png --min-strength 100 --quiet -o @/strong"));
+    text = read_file("strong/bar.json");
+    assert_holds(text, "\"contours\": []");
     free(text);
     assert_done(programs_run("cairn skeleton @/bar.png --weight as-written --quiet -o @/written"));
     text = read_file("written/bar.json");

@@ -9,6 +9,7 @@
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
 #include "cairn/curve_evolution.h"
+#include "cairn/boundary.h"
 #include "cairn/edgel.h"
 #include "cairn/inner_distance.h"
 #include "cairn/self_similarity.h"
@@ -539,6 +540,7 @@ static void of_contours(void **state)
     cairn_edge_chain_params chain = cairn_edge_chain_default();
     cairn_edge_segment_params segment = cairn_edge_segment_default();
     cairn_edgel_params edgel = cairn_edgel_default();
+    cairn_boundary_params boundary = cairn_boundary_default();
     cairn_assignment_params assignment = cairn_assignment_default();
     cairn_shape_context_params context = cairn_shape_context_default();
     cairn_part_bundle_params bundle = cairn_part_bundle_default();
@@ -629,6 +631,15 @@ static void of_contours(void **state)
         VALUE(edgel.sigma, 1.5),
         VALUE(edgel.min_slope, 2),
         VALUE(edgel.max_turn, 60 * DEGREE),
+        VALUE(boundary.max_width, 640),
+        VALUE(boundary.max_height, 480),
+        VALUE(boundary.max_regions, 8192),
+        VALUE(boundary.max_points, 262144),
+        VALUE(boundary.fine, 3),
+        VALUE(boundary.coarse, 6),
+        VALUE(boundary.distribution, 8),
+        VALUE(boundary.small, 0.05),
+        VALUE(boundary.min_strength, 0),
         VALUE(skeleton.max_width, 640),
         VALUE(skeleton.max_height, 480),
         VALUE(skeleton.max_edgels, 40000),

@@ -3,6 +3,7 @@
 #include "tests/test.h"
 
 #include "cairn/assignment.h"
+#include "cairn/boundary.h"
 #include "cairn/curve_evolution.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
@@ -95,6 +96,7 @@ static cairn_distance_map_params distance_map_params(void)
 #define STEPPED(X)                                                                                                     \
     X(aligner, aligner)                                                                                                \
     X(assignment, assignment)                                                                                          \
+    X(boundary, boundary)                                                                                              \
     X(corner, corner_set)                                                                                              \
     X(edge_chain, edge_chain_set)                                                                                      \
     X(edge_segment, edge_segment_set)                                                                                  \

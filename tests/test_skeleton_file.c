@@ -18,6 +18,11 @@ static const cairn_skeleton_part parts[] = {{0, 3, 0, {-1, -1}, CAIRN_REAL(12.5)
                                             {3, 2, 0, {-1, 1}, CAIRN_REAL(3.25)}};
 static const cairn_skeleton_object objects[] = {{2, 3, CAIRN_REAL(15.75)}};
 static uint8_t grey[60 * 50];
+/* A square of two pixels a side, and an angle. */
+static const cairn_boundary_corner corners[] = {{3, 4}, {4, 4}, {5, 4}, {5, 5}, {5, 6}, {4, 6},
+                                                {3, 6}, {3, 5}, {7, 1}, {8, 1}, {9, 1}, {9, 2}};
+static const cairn_boundary_contour contours[] = {{0, 8, 1, CAIRN_REAL(2.5), 4, 5},
+                                                  {8, 4, 0, 1, CAIRN_REAL(2.25), CAIRN_REAL(1.5)}};
 
 static cairn_skeleton_picture picture(int there)
 {
@@ -43,6 +48,10 @@ static cairn_skeleton_picture picture(int there)
     p.result.centres = 21;
     p.result.lines = 4;
     p.result.starts = 6;
+    p.boundary.contours = contours;
+    p.boundary.corners = corners;
+    p.boundary.contour_count = 2;
+    p.boundary.corner_count = 12;
     return p;
 }
 
@@ -70,7 +79,12 @@ static void test_json(void **state)
         "  {\"log_odds\": 3.25, \"object\": 0, \"joints\": [-1, 1], \"first\": 3,\n"
         "   \"axis\": [[20.00, 40.00, 2.00], [20.00, 30.00, 3.00]],\n"
         "   \"left\": [[18.00, 40.00, false], [17.00, 30.00, true]],\n"
-        "   \"right\": [[22.00, 40.00, false], [23.00, 30.00, true]]}]}\n";
+        "   \"right\": [[22.00, 40.00, false], [23.00, 30.00, true]]}],\n"
+        " \"contours\": [\n"
+        "  {\"strength\": 5.00, \"level\": 2.50, \"closed\": true, \"points\": [[2.5, 3.5], [4.5, 3.5], [4.5, 5.5], "
+        "[2.5, 5.5]]},\n"
+        "  {\"strength\": 1.50, \"level\": 1.00, \"closed\": false, \"points\": [[6.5, 0.5], [8.5, 0.5], [8.5, "
+        "1.5]]}]}\n";
     cairn_skeleton_picture p = picture(1);
     char *text;
 
@@ -97,6 +111,8 @@ static void test_picture(void **state)
     assert_int_equal(count_of(text, "class=\"contour\" d=\"M10.0 16.0L20.0 15.0M20.0 15.0L30.0 14.0\""), 1);
     assert_int_equal(count_of(text, "class=\"carried\" d=\"M10.0 24.0L20.0 25.0M20.0 25.0L30.0 26.0\""), 1);
     assert_int_equal(count_of(text, "class=\"carried\" d=\"M18.0 40.0L17.0 30.0\""), 1);
+    assert_int_equal(
+        count_of(text, "class=\"boundary\" d=\"M2.5 3.5L4.5 3.5L4.5 5.5L2.5 5.5ZM6.5 0.5L8.5 0.5L8.5 1.5\""), 1);
     assert_int_equal(count_of(text, "2 parts of 1 objects, radii 2.0 to 6.5 px, 11 edgels"), 1);
     free(text);
 }
@@ -114,6 +130,7 @@ static void test_nothing_found(void **state)
     assert_int_equal(count_of(text, "\"proposed\": false"), 1);
     assert_int_equal(count_of(text, "\"objects\": []"), 1);
     assert_int_equal(count_of(text, "\"parts\": []"), 1);
+    assert_int_equal(count_of(text, "\"contours\": []"), 1);
     free(text);
     assert_ok(cairn_skeleton_file_draw(&p, files_path("b.svg"), &error));
     text = files_read(files_path("b.svg"), NULL);

@@ -4,6 +4,7 @@
 
 #include "cairn/aligner.h"
 #include "cairn/assignment.h"
+#include "cairn/boundary.h"
 #include "cairn/curve_evolution.h"
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
@@ -38,6 +39,7 @@ typedef union any_params {
     cairn_edge_chain_params edge_chain;
     cairn_edge_segment_params edge_segment;
     cairn_edgel_params edgel;
+    cairn_boundary_params boundary;
     cairn_curve_evolution_params curve_evolution;
     cairn_inner_distance_params inner_distance;
     cairn_self_similarity_params self_similarity;
@@ -92,6 +94,7 @@ ROOM(corner)
 ROOM(edge_chain)
 ROOM(edge_segment)
 ROOM(edgel)
+ROOM(boundary)
 ROOM(curve_evolution)
 ROOM(inner_distance)
 ROOM(self_similarity)
@@ -262,6 +265,9 @@ const pool_object pool_objects[] = {
     {OBJECT(self_similarity),
      0,
      {HAS(self_similarity, "point", points), HAS(self_similarity, "point of holes", hole_points)}},
+    {OBJECT(boundary),
+     1,
+     {HAS(boundary, "column", max_width), HAS(boundary, "region", max_regions), HAS(boundary, "point", max_points)}},
     {OBJECT(edgel), 1, {HAS(edgel, "edgel", max_edgels), HAS(edgel, "column", max_width)}},
     {OBJECT(symmetric_point),
      2,

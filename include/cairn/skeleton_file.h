@@ -1,7 +1,9 @@
-/* skeleton_file: axes and contours that skeleton_grouping has found, as JSON and as pictures over the image. */
+/* skeleton_file: axes and contours that skeleton_grouping has found, and contours between regions (boundary), as JSON and as pictures
+ * over the image. */
 #ifndef CAIRN_SKELETON_FILE_H
 #define CAIRN_SKELETON_FILE_H
 
+#include "cairn/boundary.h"
 #include "cairn/file_error.h"
 #include "cairn/skeleton_grouping.h"
 
@@ -17,13 +19,14 @@ typedef struct cairn_skeleton_picture {
     int32_t edgel_count;
     int32_t proposed; /* 1: the range of radii was proposed from the image */
     cairn_skeleton_result result;
+    cairn_boundary_result boundary; /* all 0: not looked for */
 } cairn_skeleton_picture;
 
 /* As JSON; docs/formats.md says its keys. CAIRN_IO, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_skeleton_file_write(const cairn_skeleton_picture *picture, const char *path,
                                                      cairn_file_error *error);
 
-/* Over the image (SVG): contours blue, dashed where none was seen; axes red. CAIRN_IO, CAIRN_NO_MEMORY. */
+/* Over the image (SVG): contours between regions green; contours of parts blue, dashed where none was seen; axes red. CAIRN_IO, CAIRN_NO_MEMORY. */
 CAIRN_CHECKED cairn_status cairn_skeleton_file_draw(const cairn_skeleton_picture *picture, const char *path,
                                                     cairn_file_error *error);
 

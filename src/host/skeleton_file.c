@@ -1,4 +1,4 @@
-/* Skeletons as JSON, and over their image as SVG. */
+/* Skeletons and contours between regions as JSON, and over their image as SVG. */
 #include "src/core/build.h"
 
 #include <stdio.h>
@@ -34,6 +34,39 @@ static void print_part(cairn_output *output, const cairn_skeleton_picture *p, in
     cairn_output_print(output, "]}");
 }
 
+/* Corners of pixels lie half a pixel up and left of the pixel that they are named after. */
+static void print_corner(cairn_output *output, const char *before, const char *between, cairn_boundary_corner corner,
+                         const char *after)
+{
+    cairn_output_print(output, "%s%.1f%s%.1f%s", before, corner.x - 0.5, between, corner.y - 0.5, after);
+}
+
+/* Where a contour ends or turns. */
+static int turns(const cairn_boundary_contour *c, const cairn_boundary_corner *q, int32_t i)
+{
+    const cairn_boundary_corner *last = &q[i > 0 ? i - 1 : c->count - 1], *next = &q[i + 1 < c->count ? i + 1 : 0];
+
+    return (!c->closed && (i == 0 || i == c->count - 1)) || (last->x != next->x && last->y != next->y) ||
+           (last->x == next->x && last->y == next->y);
+}
+
+static void print_contour(cairn_output *output, const cairn_boundary_result *r, int32_t contour)
+{
+    const cairn_boundary_contour *c = &r->contours[contour];
+    const cairn_boundary_corner *q = &r->corners[c->first];
+    const char *comma = "";
+
+    cairn_output_print(output, "  {\"strength\": %.2f, \"level\": %.2f, \"closed\": %s, \"points\": [",
+                       (double)c->strength, (double)c->level, c->closed ? "true" : "false");
+    for (int32_t i = 0; i < c->count; i++)
+        if (turns(c, q, i)) {
+            cairn_output_print(output, "%s", comma);
+            print_corner(output, "[", ", ", q[i], "]");
+            comma = ", ";
+        }
+    cairn_output_print(output, "]}");
+}
+
 cairn_status cairn_skeleton_file_write(const cairn_skeleton_picture *p, const char *path, cairn_file_error *error)
 {
     const cairn_skeleton_result *r = &p->result;
@@ -59,6 +92,11 @@ cairn_status cairn_skeleton_file_write(const cairn_skeleton_picture *p, const ch
     for (int32_t i = 0; i < r->part_count; i++) {
         cairn_output_print(output, "%s\n", i > 0 ? "," : "");
         print_part(output, p, i);
+    }
+    cairn_output_print(output, "],\n \"contours\": [");
+    for (int32_t i = 0; i < p->boundary.contour_count; i++) {
+        cairn_output_print(output, "%s\n", i > 0 ? "," : "");
+        print_contour(output, &p->boundary, i);
     }
     cairn_output_print(output, "]}\n");
     return cairn_output_commit(output, error);
@@ -94,12 +132,34 @@ static void print_axis(cairn_output *output, const cairn_skeleton_picture *p, co
     cairn_output_print(output, "\"/>\n");
 }
 
+/* All contours between regions. */
+static void print_boundary(cairn_output *output, const cairn_boundary_result *r)
+{
+    if (r->contour_count == 0)
+        return;
+    cairn_output_print(output, "<path class=\"boundary\" d=\"");
+    for (int32_t k = 0; k < r->contour_count; k++) {
+        const cairn_boundary_contour *c = &r->contours[k];
+        const cairn_boundary_corner *q = &r->corners[c->first];
+        const char *to = "M";
+
+        for (int32_t i = 0; i < c->count; i++)
+            if (turns(c, q, i)) {
+                print_corner(output, to, " ", q[i], "");
+                to = "L";
+            }
+        cairn_output_print(output, "%s", c->closed ? "Z" : "");
+    }
+    cairn_output_print(output, "\"/>\n");
+}
+
 cairn_status cairn_skeleton_file_draw(const cairn_skeleton_picture *p, const char *path, cairn_file_error *error)
 {
     static const cairn_report_key keys[] = {{"contour", "stroke=\"#2563eb\""},
                                             {"carried on", "stroke=\"#2563eb\" stroke-dasharray=\"3 4\""},
-                                            {"axis", "stroke=\"#dc2626\""}};
-    char subtitle[256], style[320];
+                                            {"axis", "stroke=\"#dc2626\""},
+                                            {"between regions", "stroke=\"#16a34a\""}};
+    char subtitle[256], style[400];
     const cairn_report_overlay overlay = {
         p->image, subtitle, p->grey, p->width, p->height, 640, keys, sizeof keys / sizeof *keys, 160};
     double scale = cairn_report_overlay_scale(&overlay);
@@ -113,9 +173,11 @@ cairn_status cairn_skeleton_file_draw(const cairn_skeleton_picture *p, const cha
                    (double)p->result.max_radius, (int)p->edgel_count);
     (void)snprintf(style, sizeof style,
                    "path{fill:none;stroke-linecap:round}.contour,.carried{stroke:#2563eb;stroke-width:%.2f}"
-                   ".carried{stroke-dasharray:%.2f}.axis{stroke:#dc2626;stroke-width:%.2f}",
-                   2.6 / scale, 5 / scale, 2.2 / scale);
+                   ".carried{stroke-dasharray:%.2f}.axis{stroke:#dc2626;stroke-width:%.2f}"
+                   ".boundary{stroke:#16a34a;stroke-width:%.2f}",
+                   2.6 / scale, 5 / scale, 2.2 / scale, 1.4 / scale);
     status = cairn_report_overlay_begin(output, &overlay, style);
+    print_boundary(output, &p->boundary);
     for (int32_t i = 0; i < p->result.part_count; i++) {
         const cairn_skeleton_part *s = &p->result.parts[i];
 

@@ -1,0 +1,120 @@
+/* What the files of boundary share. */
+#ifndef CAIRN_CONTOUR_BOUNDARY_WORK_H
+#define CAIRN_CONTOUR_BOUNDARY_WORK_H
+
+#include "cairn/boundary.h"
+
+enum { BOUNDARY_CHANNELS = 3, BOUNDARY_LEVELS = 4096 };
+
+typedef int32_t boundary_phase;
+enum {
+    BOUNDARY_IDLE,
+    BOUNDARY_COLOUR,
+    BOUNDARY_FILL,
+    BOUNDARY_COLUMNS,
+    BOUNDARY_CHANGE,
+    BOUNDARY_STRENGTH,
+    BOUNDARY_FLOOD,
+    BOUNDARY_BORDER,
+    BOUNDARY_JOIN,
+    BOUNDARY_TRACE,
+    BOUNDARY_RANK,
+    BOUNDARY_DONE
+};
+
+/* The common border of two regions. Sides 0 and 1 of border e are the half-borders 2 e and 2 e + 1, each in the list of its region. */
+typedef struct boundary_border {
+    int32_t first[2];  /* regions that it parted at first, the smaller number first: what the table knows it by */
+    int32_t region[2]; /* and does now */
+    int32_t next[2], before[2]; /* half-borders of the same region; -1: none */
+    int32_t length;             /* sides of pixels */
+    int32_t at;                 /* in the heap; -1: no longer */
+    int32_t into;               /* the border that it became part of; itself */
+    cairn_real sum;             /* of strengths along it */
+    cairn_real key;             /* in the heap */
+    cairn_real level;           /* at which the two became one */
+} boundary_border;
+
+typedef struct boundary_region {
+    int32_t first;    /* half-border; -1: none */
+    int32_t size;     /* pixels */
+    int32_t count;    /* of borders */
+    int32_t mark;     /* border with the region that another one is joined to; -1 */
+    cairn_real share; /* of the image, to the power */
+} boundary_region;
+
+/* Tensors of change: xx, xy, yy. */
+typedef struct boundary_change {
+    cairn_real xx, xy, yy;
+} boundary_change;
+
+struct cairn_boundary {
+    cairn_boundary_params params;
+    cairn_boundary_image image;
+    cairn_real linear[256]; /* light of a sample */
+    /* Pictures, rows of the image's width without gaps. */
+    cairn_real *colour;      /* [BOUNDARY_CHANNELS][pixels] */
+    cairn_real *one, *other; /* [pixels]; one: strengths in the end */
+    boundary_change *change; /* [pixels] */
+    cairn_real *line;        /* [2][max_width]: a row on its way, sums of columns */
+    /* Flooding. */
+    int32_t *label;       /* [pixels], -1: none yet */
+    int32_t *queue;       /* [pixels]: the next one of the same level to go on from */
+    int32_t *same;        /* [pixels]: the next pixel of the same level */
+    uint8_t *walked;      /* [pixels]: upper side 1, left side 2 */
+    int32_t *head, *tail; /* [BOUNDARY_LEVELS]: of queues; tail: of the level's pixels before it is flooded */
+    int32_t *first;       /* [BOUNDARY_LEVELS]: of the level's pixels */
+    /* Joining. */
+    boundary_region *regions; /* [max_regions] */
+    boundary_border *borders; /* [max_borders] */
+    int32_t *table;           /* [table_size]: borders by their regions, -1: free */
+    int32_t *heap;            /* [max_borders]: of borders by their keys, then of contours by strength */
+    /* Contours. */
+    cairn_boundary_contour *found, *ranked; /* [max_borders] */
+    cairn_boundary_corner *corners;         /* [max_points] */
+
+    int32_t max_borders, table_size;
+    int32_t pixels, channels;
+    int32_t map, row, pass; /* of the change at hand */
+    int32_t some;           /* the map at hand is not 0 everywhere */
+    int32_t level;
+    int32_t region_count, border_count, heap_count;
+    int32_t fed; /* borders that have come to the heap */
+    int32_t contour_count, corner_count, ranked_count;
+    int32_t x, y, heading, walking; /* corner of a walk, 0 ... 3: right, down, left, up */
+    int32_t from_x, from_y;         /* corner where walks are looked for */
+    int32_t loops;                  /* 1: only closed contours are left */
+    cairn_real walk_sum;
+    cairn_real joined; /* the highest key so far */
+    boundary_phase phase;
+    int32_t paid;
+};
+
+/* The least integer not below the quotient, both above 0. */
+static inline int32_t boundary_share(int32_t n, int32_t of)
+{
+    return (n + of - 1) / of;
+}
+
+/* Rows of the phases COLOUR to STRENGTH, and what comes after them. */
+void cairn_boundary_measure_row(cairn_boundary *b);
+int32_t cairn_boundary_measure_cost(const cairn_boundary *b);
+
+void cairn_boundary_flood_begin(cairn_boundary *b);
+/* Files the pixels of a row under their levels. */
+void cairn_boundary_flood_row(cairn_boundary *b, int32_t row);
+/* One pixel. 0: all are labelled. */
+int cairn_boundary_flood_pixel(cairn_boundary *b);
+void cairn_boundary_border_row(cairn_boundary *b);
+/* What the next border's way into the heap or the next joint costs; 0: there is none. */
+int32_t cairn_boundary_join_cost(const cairn_boundary *b);
+void cairn_boundary_join_next(cairn_boundary *b);
+/* The border between two regions, as found. */
+int32_t cairn_boundary_border_of(const cairn_boundary *b, int32_t p, int32_t q);
+
+/* One side of a pixel. CAIRN_MORE: there is more. CAIRN_FULL. */
+cairn_status cairn_boundary_trace_side(cairn_boundary *b);
+/* One contour. 0: all are ranked. */
+int cairn_boundary_rank_next(cairn_boundary *b);
+
+#endif
