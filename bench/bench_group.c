@@ -377,6 +377,9 @@ void group_found_add(group_found *found, const group_image *image, const cairn_c
         memcpy(g->outline, &result->outline[o->first_outline], (size_t)g->outline_count * sizeof *g->outline);
         g->object = o->found;
         g->mirrored = o->mirrored;
+        g->rigid = (double)o->rigid;
+        g->bent = (double)o->bent;
+        g->shape = o->shape;
         for (int32_t k = 0; k < o->found.count; k++)
             mark(image, tokens->lines[result->segments[o->found.first + k]], g);
         found->count++;

@@ -45,6 +45,8 @@ typedef struct group_grouping {
     cairn_contour_place *outline; /* [outline_count] */
     int32_t outline_count;
     int32_t mirrored;
+    double rigid, bent; /* of the evidence */
+    cairn_contour_shape shape;
 } group_grouping;
 
 typedef struct group_found {

@@ -107,11 +107,19 @@ static int search_own(const settings *s, sums *t, const group_image *image, cons
     return 1;
 }
 
-/* The first grouping, and the most evidence of any, reported or not. */
+/* The first grouping with what its evidence is made of, and the most evidence of any, reported or not. */
 static void print_best(const group_found *found)
 {
-    bench_json_number("score", found->count > 0 ? (double)found->grouping[0].object.score : 0);
-    bench_json_number("evidence", found->count > 0 ? (double)found->grouping[0].object.evidence : 0);
+    static const group_grouping none;
+    const group_grouping *g = found->count > 0 ? &found->grouping[0] : &none;
+
+    bench_json_number("score", (double)g->object.score);
+    bench_json_number("evidence", (double)g->object.evidence);
+    bench_json_number("rigid", g->rigid);
+    bench_json_number("bent", g->bent);
+    bench_json_number("close", (double)g->shape.close);
+    bench_json_number("turned", (double)g->shape.turned);
+    bench_json_number("strained", (double)g->shape.strained);
     bench_json_number("best", found->best);
 }
 
