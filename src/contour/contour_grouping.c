@@ -339,21 +339,38 @@ static cairn_real cost_of(const cairn_grouping *g, int32_t token, cairn_vec2 at,
     return CAIRN_REAL(0.5) * (across * across + along * along + sine * sine);
 }
 
+/* 1: the token is turned by so much, or lies so far across, that it costs more than the limit: no more than two products tell of most.
+ * bound: a little over the square root of twice the limit, so that rounding spares what might do. */
+static int is_far(const cairn_grouping *g, const grouping_token *t, cairn_vec2 at, cairn_vec2 unit, cairn_real sigma,
+                  cairn_real bound)
+{
+    cairn_real sine = cairn_abs(cairn_vec2_cross(unit, t->direction));
+    cairn_real across = cairn_abs(cairn_vec2_cross(unit, cairn_vec2_sub(t->at, at)));
+
+    return sine > bound * g->params.turn || across - t->half * sine > bound * sigma;
+}
+
 int32_t cairn_grouping_near(const cairn_grouping *g, cairn_vec2 at, cairn_vec2 direction, cairn_real sigma,
                             int32_t most, int32_t *token, cairn_real *cost)
 {
-    cairn_real reach = cairn_min(cairn_max(3 * sigma, 4) + g->params.token / 2, 64), limit = CAIRN_REAL(4.5);
+    const cairn_real limit = CAIRN_REAL(4.5), bound = CAIRN_REAL(3.01);
+    cairn_real reach = cairn_min(cairn_max(3 * sigma, 4) + g->params.token / 2, 64);
     cairn_vec2 low = {at.x - reach, at.y - reach}, high = {at.x + reach, at.y + reach},
                unit = cairn_vec2_unit(direction);
-    int32_t from = cell_of(g, low), to = cell_of(g, high), count = 0;
+    int32_t from = cell_of(g, low), to = cell_of(g, high), columns = g->columns, count = 0;
+    int32_t left = from % columns, right = to % columns, bottom = to / columns;
 
-    for (int32_t y = from / g->columns; y <= to / g->columns; y++)
-        for (int32_t x = from % g->columns; x <= to % g->columns; x++)
-            for (int32_t t = g->head[y * g->columns + x]; t >= 0; t = g->tokens[t].next) {
-                cairn_real c = cost_of(g, t, at, unit, cairn_max(sigma, CAIRN_REAL(1.5)));
+    sigma = cairn_max(sigma, CAIRN_REAL(1.5));
+    for (int32_t y = from / columns; y <= bottom; y++)
+        for (int32_t x = left; x <= right; x++)
+            for (int32_t t = g->head[y * columns + x]; t >= 0; t = g->tokens[t].next) {
+                cairn_real c;
                 int32_t i;
 
-                if (g->tokens[t].taken || c > limit || (count == most && c >= cost[count - 1]))
+                if (g->tokens[t].taken || is_far(g, &g->tokens[t], at, unit, sigma, bound))
+                    continue;
+                c = cost_of(g, t, at, unit, sigma);
+                if (c > limit || (count == most && c >= cost[count - 1]))
                     continue;
                 count += count < most;
                 for (i = count - 1; i > 0 && cost[i - 1] > c; i--) {
