@@ -70,7 +70,7 @@ CAIRN_CHECKED cairn_status cairn_boundary_create(cairn_boundary **boundary, cair
 CAIRN_CHECKED cairn_status cairn_boundary_begin(cairn_boundary *boundary, const cairn_boundary_image *image);
 
 /* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the contours stand, or nothing was begun. CAIRN_FULL: more than max_points;
- * given up, and there are none. In all about 60 units a pixel in colour, 25 in grey. */
+ * given up, and there are none. In all about 130 units a pixel in colour, 60 in grey. */
 CAIRN_CHECKED cairn_status cairn_boundary_step(cairn_boundary *boundary, cairn_budget *budget);
 
 /* Empty until step() returns CAIRN_OK; valid until the next begin(). The strongest contour comes first. An image of one colour is one
