@@ -72,10 +72,9 @@ typedef struct cairn_symmetry_axis {
     cairn_symmetry_arc arc[2]; /* the two parts, what lies between critical points left out */
     cairn_real dissimilarity;  /* >= 0, of the greatest inner distance: by which axes are ranked */
     cairn_real misfit; /* of that: how far one arc is from the mirror image of the other in the mean; 0 as written */
-    cairn_real
-        warp; /* and how unlike the arcs are, stretch by stretch, up to motions; 0 where joints explain nothing */
-    cairn_real bend; /* rad, by which the axis turns from end[0] to end[1]; 0 as written */
-    cairn_real skew; /* tangent of the angle by which ribs lean against the axis; 0 as written */
+    cairn_real warp;   /* and, of a quarter of it: how unlike stretches of the arcs are; 0: no limbs turned */
+    cairn_real bend;   /* rad, by which the axis turns from end[0] to end[1]; 0 as written */
+    cairn_real skew;   /* tangent of the angle by which ribs lean against the axis; 0 as written */
     /* The line in which one arc, mirrored, lies best on the other: a point of it and its direction, of length 1. Of an axis that neither
      * bends nor leans it is the axis itself, told by all samples and not by its ends alone. As written: that through both ends. */
     cairn_vec2 mirror_point, mirror_along;
