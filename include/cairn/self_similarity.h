@@ -4,7 +4,8 @@
  * As written in the thesis: the outline is cut at two critical points (discrete curve evolution) into two arcs, and the arcs
  * are compared by what their points see of the shape, their inner distances to all of its outline, by warping one arc onto
  * the other (Adluru 2008, chapter 4). Re-ranked, the default: places between critical points are tried, too, and the best cuts are
- * judged once more by how well one side is the mirror image of the other when a bend and a skew of the whole are taken back. */
+ * judged once more by how well one side is the mirror image of the other when a bend and a skew of the whole are taken back; where
+ * those do not explain the shape, by its parts: what turned at a joint looks the same on both sides up to a motion. */
 #ifndef CAIRN_SELF_SIMILARITY_H
 #define CAIRN_SELF_SIMILARITY_H
 
@@ -71,7 +72,7 @@ typedef struct cairn_symmetry_axis {
     cairn_symmetry_arc arc[2]; /* the two parts, what lies between critical points left out */
     cairn_real dissimilarity;  /* >= 0, of the greatest inner distance: by which axes are ranked */
     cairn_real misfit; /* of that: how far one arc is from the mirror image of the other in the mean; 0 as written */
-    cairn_real warp;   /* and how unlike the arcs are by nearby inner distances; 0 where joints explain nothing */
+    cairn_real warp;   /* and, of a quarter of it: how unlike stretches of the arcs are; 0: no limbs turned */
     cairn_real bend;   /* rad, by which the axis turns from end[0] to end[1]; 0 as written */
     cairn_real skew;   /* tangent of the angle by which ribs lean against the axis; 0 as written */
     /* The line in which one arc, mirrored, lies best on the other: a point of it and its direction, of length 1. Of an axis that neither

@@ -371,6 +371,9 @@ static void begin_phase(cairn_self_similarity *s, similarity_phase phase)
     case SIMILARITY_FIT:
         cairn_similarity_fits_begin(s);
         break;
+    case SIMILARITY_SCAN_NEAR:
+        cairn_similarity_scan_near_begin(s);
+        break;
     case SIMILARITY_BLEND:
         cairn_similarity_blend_begin(s);
         break;
@@ -399,6 +402,8 @@ static cairn_status step_phase(cairn_self_similarity *s, cairn_budget *budget)
         return cairn_similarity_fits_step(s, budget);
     case SIMILARITY_COMPARE_NEAR:
         return cairn_similarity_near_step(s, budget);
+    case SIMILARITY_SLIDE:
+        return cairn_similarity_slide_step(s, budget);
     case SIMILARITY_SCAN_NEAR:
         return cairn_similarity_scan_near_step(s, budget);
     case SIMILARITY_BLEND:

@@ -13,8 +13,9 @@
 #define STRAIGHT  CAIRN_REAL(1e-3)
 #define MOST_BEND CAIRN_REAL(3.0)
 #define MOST_SKEW CAIRN_REAL(1.0)
-/* In spans: no sample counts for more, where joints moved and elsewhere. */
+/* In spans: no sample counts for more: of what lies close, of a fit where joints moved, elsewhere. */
 #define CLOSE       CAIRN_REAL(0.01)
+#define ROBUST      CAIRN_REAL(0.02)
 #define MOST_MISFIT CAIRN_REAL(0.1)
 /* In spans a rad, the first degrees of a bend the most, and spans for ribs that lean by 45 degrees. */
 #define BEND_COST CAIRN_REAL(0.03)
@@ -180,7 +181,8 @@ static cairn_real misfit_of_holes(cairn_self_similarity *s, const similarity_cut
 
 void cairn_similarity_try(cairn_self_similarity *s, similarity_trial *t, int32_t stride)
 {
-    cairn_real sum = 0, close = 0, most = MOST_MISFIT * s->span, bend = cairn_abs(t->cut.bend);
+    cairn_real sum = 0, close = 0, robust = 0, most = MOST_MISFIT * s->span;
+    cairn_real bend = cairn_abs(t->cut.bend), price, all;
     int32_t count = 0;
 
     t->sides = cairn_similarity_sides(s, &t->cut, stride);
@@ -192,12 +194,17 @@ void cairn_similarity_try(cairn_self_similarity *s, similarity_trial *t, int32_t
             t->near[count++] = nearest_side(&t->flat, arc, i, &distance);
             sum += cairn_min(distance, most);
             close += cairn_min(distance, CLOSE * s->span);
+            robust += cairn_min(distance, ROBUST * s->span);
         }
-    t->cut.close = count > 0 ? close / ((cairn_real)count * s->span) : CLOSE;
+    all = (cairn_real)count * s->span;
+    price = BEND_COST * bend / (1 + bend / BEND_HALF) + SKEW_COST * cairn_abs(t->cut.skew);
+    t->cut.close = count > 0 ? close / all : CLOSE;
+    robust = count > 0 ? robust / all : ROBUST;
     sum += s->holes > 0 ? misfit_of_holes(s, &t->cut, most, &count) : 0;
     s->comparisons++;
     t->cut.misfit = count > 0 ? sum / ((cairn_real)count * s->span) : MOST_MISFIT;
-    t->cut.cost = t->cut.misfit + BEND_COST * bend / (1 + bend / BEND_HALF) + SKEW_COST * cairn_abs(t->cut.skew);
+    t->cut.whole = t->cut.misfit + price;
+    t->cut.cost = s->robust ? robust + price : t->cut.whole;
 }
 
 int32_t cairn_similarity_trial_units(const cairn_self_similarity *s, int32_t stride)

@@ -24,6 +24,7 @@ enum {
     SIMILARITY_SCAN,
     SIMILARITY_FIT,
     SIMILARITY_COMPARE_NEAR,
+    SIMILARITY_SLIDE,
     SIMILARITY_SCAN_NEAR,
     SIMILARITY_BLEND,
     SIMILARITY_TURN,
@@ -37,6 +38,7 @@ typedef struct similarity_cut {
     cairn_real from[2], to[2];
     cairn_real cost; /* by which it is ranked */
     cairn_real misfit, warp;
+    cairn_real whole; /* misfit, bend and skew: what the cut costs where joints explain nothing */
     cairn_real close; /* the misfit of the outline alone, with distances that end to count early */
     cairn_real bend, skew;
     int32_t vertices, division;
@@ -96,7 +98,8 @@ struct cairn_self_similarity {
     similarity_trial trial[2];
     int32_t current; /* the trial that stands */
     int32_t round;   /* of the fit */
-    int32_t warped;  /* of scanned: the first so many are to be ranked by their warp */
+    int32_t warped;  /* of scanned: the first so many come from the scan of joints */
+    int32_t robust;  /* 1: trials are judged by what lies close, limbs may have turned */
     cairn_real damping;
     cairn_real span;    /* the greatest inner distance */
     cairn_real jointed; /* 0: a bend and a skew explain the shape; 1: they do not */
@@ -159,7 +162,21 @@ void cairn_similarity_scan_begin(cairn_self_similarity *s);
 cairn_status cairn_similarity_scan_step(cairn_self_similarity *s, cairn_budget *budget);
 void cairn_similarity_fits_begin(cairn_self_similarity *s);
 cairn_status cairn_similarity_fits_step(cairn_self_similarity *s, cairn_budget *budget);
+
+/* Whether the ends of the cut at samples i > k are far enough apart both ways round; that cut. */
+int cairn_similarity_makes_cut(const cairn_self_similarity *s, int32_t i, int32_t k);
+similarity_cut cairn_similarity_cut_at(int32_t i, int32_t k);
+
+/* Puts the first `most` cuts of a list behind the first `kept` of those that are to be looked at. */
+void cairn_similarity_line_up(cairn_self_similarity *s, int32_t kept, const similarity_list *list, int32_t most);
+
+/* Makes the cut between the places of its ends a division of all of the outline. */
+void cairn_similarity_set_arcs(const cairn_self_similarity *s, similarity_cut *cut);
+
+/* Re-ranking where limbs turned at joints. */
 cairn_status cairn_similarity_near_step(cairn_self_similarity *s, cairn_budget *budget);
+cairn_status cairn_similarity_slide_step(cairn_self_similarity *s, cairn_budget *budget);
+void cairn_similarity_scan_near_begin(cairn_self_similarity *s);
 cairn_status cairn_similarity_scan_near_step(cairn_self_similarity *s, cairn_budget *budget);
 void cairn_similarity_blend_begin(cairn_self_similarity *s);
 cairn_status cairn_similarity_blend_step(cairn_self_similarity *s, cairn_budget *budget);
