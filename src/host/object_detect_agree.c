@@ -80,28 +80,29 @@ static cairn_real weigh(const contour_laid *c, const cairn_oriented_point *drawn
     return sum / (cairn_real)c->outline_count;
 }
 
-cairn_real cairn_detect_agreed(const contour_laid *c, const cairn_oriented_point *drawn, const cairn_real *near,
-                               cairn_real *weight, detect_similarity *laid)
+cairn_real cairn_detect_agreed(const contour_laid *laid, const cairn_oriented_point *drawn, const cairn_real *near,
+                               cairn_real *weight, detect_similarity *map)
 {
     cairn_real most = 0;
 
     for (int32_t half = 0; half <= HALVES; half++) {
-        int32_t count = c->outline_count, first = (int32_t)((int64_t)half * count / HALVES), is_whole = half == HALVES;
+        int32_t count = laid->outline_count, first = (int32_t)((int64_t)half * count / HALVES),
+                is_whole = half == HALVES;
         cairn_real share = 0;
         detect_similarity s;
 
         for (int32_t i = 0; i < count; i++)
             weight[i] = is_whole || (i - first + count) % count < count / 2 ? near[i] : 0;
         for (int32_t round = 0; round < ROUNDS; round++) {
-            if (!solve_similarity(c, drawn, weight, &s)) {
+            if (!solve_similarity(laid, drawn, weight, &s)) {
                 share = 0;
                 break;
             }
-            share = weigh(c, drawn, &s, (cairn_real)(AGREED * widening[round]), near, weight);
+            share = weigh(laid, drawn, &s, (cairn_real)(AGREED * widening[round]), near, weight);
         }
         if (share > most) {
             most = share;
-            *laid = s;
+            *map = s;
         }
     }
     return most;
