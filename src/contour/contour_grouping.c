@@ -18,7 +18,7 @@
 
 #include "src/contour/contour_grouping_work.h"
 
-enum { IDLE, CUT, LOOK, WEIGH, WALK, COLLECT, FINISH, DONE };
+enum { IDLE, CUT, SORT, LOOK, WEIGH, WALK, COLLECT, FINISH, DONE };
 /* Ends of segments that are so near to each other are of one chain, px. */
 enum { CHAIN_GAP = 3 };
 /* Of a segment, and of all together before they are thinned out. */
@@ -107,7 +107,8 @@ static cairn_grouping *carve(cairn_pool *pool, const cairn_grouping_params *p)
     size_t sights = (size_t)cells(p->max_width, GROUPING_SIGHT) * (size_t)cells(p->max_height, GROUPING_SIGHT);
     cairn_grouping *g = cairn_pool_take_one(pool, sizeof *g);
     grouping_token *tokens = cairn_pool_take(pool, (size_t)p->max_tokens, sizeof *tokens);
-    int32_t *head = cairn_pool_take(pool, lists, sizeof *head);
+    grouping_near *near = cairn_pool_take(pool, (size_t)p->max_tokens, sizeof *near);
+    int32_t *head = cairn_pool_take(pool, lists + 1, sizeof *head);
     uint8_t *sight = cairn_pool_take(pool, sights, 1);
     grouping_start *starts = cairn_pool_take(pool, (size_t)p->particles, sizeof *starts);
     cairn_grouping_trace *trace = cairn_pool_take(pool, (size_t)p->max_samples, sizeof *trace);
@@ -119,12 +120,14 @@ static cairn_grouping *carve(cairn_pool *pool, const cairn_grouping_params *p)
     cairn_vec2 *shift = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *shift);
     cairn_vec2 *bent = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *bent);
     int32_t *apart = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *apart);
+    cairn_real *bend = cairn_pool_take(pool, (size_t)p->max_outline, sizeof *bend);
     grouping_cell *way = cairn_pool_take(pool, (size_t)p->max_outline * GROUPING_CELLS, sizeof *way);
     cairn_particle_filter *filter = carve_filter(pool, p, g);
 
     if (g != NULL) {
         memset(g, 0, sizeof *g);
         g->tokens = tokens;
+        g->near = near;
         g->head = head;
         g->sight = sight;
         g->starts = starts;
@@ -137,6 +140,7 @@ static cairn_grouping *carve(cairn_pool *pool, const cairn_grouping_params *p)
         g->shift = shift;
         g->bent = bent;
         g->apart = apart;
+        g->bend = bend;
         g->cells = way;
         g->filter = filter;
     }
@@ -215,6 +219,7 @@ cairn_status cairn_grouping_begin(cairn_grouping *g, const cairn_grouping_input 
         g->looked = 0;
     g->best = g->best_evidence = 0;
     g->cursor = g->other = g->paid = g->stage = g->has_walked = 0;
+    g->link = -1;
     cairn_grouping_outline_begin(g);
     g->phase = CUT;
     return CAIRN_OK;
@@ -321,6 +326,29 @@ static cairn_status step_cut(cairn_grouping *g, cairn_budget *budget)
     return CAIRN_OK;
 }
 
+/* Lays the tokens side by side, cell by cell: `cursor` cells have been begun, `other` tokens lie there, `link` is next. */
+static cairn_status step_sort(cairn_grouping *g, cairn_budget *budget)
+{
+    int32_t lists = g->columns * g->rows;
+
+    while (g->link >= 0 || g->cursor < lists) {
+        if (!cairn_budget_pay(budget, &g->paid, 1))
+            return CAIRN_MORE;
+        if (g->link >= 0) {
+            const grouping_token *t = &g->tokens[g->link];
+            grouping_near near = {t->at, t->direction, t->half, g->link};
+
+            g->near[g->other++] = near;
+            g->link = t->next;
+        } else {
+            g->link = g->head[g->cursor];
+            g->head[g->cursor++] = g->other;
+        }
+    }
+    g->head[lists] = g->other;
+    return CAIRN_OK;
+}
+
 cairn_vec2 cairn_grouping_touch(const cairn_grouping *g, int32_t token, cairn_vec2 p)
 {
     const grouping_token *t = &g->tokens[token];
@@ -339,47 +367,55 @@ static cairn_real cost_of(const cairn_grouping *g, int32_t token, cairn_vec2 at,
     return CAIRN_REAL(0.5) * (across * across + along * along + sine * sine);
 }
 
-/* 1: the token is turned by so much, or lies so far across, that it costs more than the limit: no more than two products tell of most.
- * bound: a little over the square root of twice the limit, so that rounding spares what might do. */
-static int is_far(const cairn_grouping *g, const grouping_token *t, cairn_vec2 at, cairn_vec2 unit, cairn_real sigma,
-                  cairn_real bound)
+/* 1: the token is turned by so much, or lies so far across, that it costs more than `most`, a little less the rounding: few products
+ * tell of most tokens. Twice most is compared with squares of sigmas. */
+static int is_far(const grouping_near *t, cairn_vec2 at, cairn_vec2 unit, cairn_real sigma2, cairn_real turn2,
+                  cairn_real most)
 {
-    cairn_real sine = cairn_abs(cairn_vec2_cross(unit, t->direction));
-    cairn_real across = cairn_abs(cairn_vec2_cross(unit, cairn_vec2_sub(t->at, at)));
+    const cairn_real twice = CAIRN_REAL(2.01) * most;
+    cairn_real sine = cairn_abs(cairn_vec2_cross(unit, t->direction)), across;
 
-    return sine > bound * g->params.turn || across - t->half * sine > bound * sigma;
+    if (sine * sine > twice * turn2)
+        return 1;
+    across = cairn_abs(cairn_vec2_cross(unit, cairn_vec2_sub(t->at, at))) - t->half * sine;
+    return across > 0 && across * across > twice * sigma2;
 }
 
 int32_t cairn_grouping_near(const cairn_grouping *g, cairn_vec2 at, cairn_vec2 direction, cairn_real sigma,
                             int32_t most, int32_t *token, cairn_real *cost)
 {
-    const cairn_real limit = CAIRN_REAL(4.5), bound = CAIRN_REAL(3.01);
-    cairn_real reach = cairn_min(cairn_max(3 * sigma, 4) + g->params.token / 2, 64);
+    cairn_real reach = cairn_min(cairn_max(3 * sigma, 4) + g->params.token / 2, 64), limit = CAIRN_REAL(4.5);
     cairn_vec2 low = {at.x - reach, at.y - reach}, high = {at.x + reach, at.y + reach},
                unit = cairn_vec2_unit(direction);
     int32_t from = cell_of(g, low), to = cell_of(g, high), columns = g->columns, count = 0;
     int32_t left = from % columns, right = to % columns, bottom = to / columns;
+    cairn_real turn2 = g->params.turn * g->params.turn, sigma2;
 
     sigma = cairn_max(sigma, CAIRN_REAL(1.5));
-    for (int32_t y = from / columns; y <= bottom; y++)
-        for (int32_t x = left; x <= right; x++)
-            for (int32_t t = g->head[y * columns + x]; t >= 0; t = g->tokens[t].next) {
-                cairn_real c;
-                int32_t i;
+    sigma2 = sigma * sigma;
+    for (int32_t y = from / columns; y <= bottom; y++) {
+        const grouping_near *n = &g->near[g->head[y * columns + left]],
+                            *end = &g->near[g->head[y * columns + right + 1]];
 
-                if (g->tokens[t].taken || is_far(g, &g->tokens[t], at, unit, sigma, bound))
-                    continue;
-                c = cost_of(g, t, at, unit, sigma);
-                if (c > limit || (count == most && c >= cost[count - 1]))
-                    continue;
-                count += count < most;
-                for (i = count - 1; i > 0 && cost[i - 1] > c; i--) {
-                    cost[i] = cost[i - 1];
-                    token[i] = token[i - 1];
-                }
-                cost[i] = c;
-                token[i] = t;
+        for (; n < end; n++) {
+            cairn_real c;
+            int32_t i;
+
+            if (is_far(n, at, unit, sigma2, turn2, limit) || g->tokens[n->token].taken)
+                continue;
+            c = cost_of(g, n->token, at, unit, sigma);
+            if (c > limit || (count == most && c >= cost[count - 1]))
+                continue;
+            count += count < most;
+            for (i = count - 1; i > 0 && cost[i - 1] > c; i--) {
+                cost[i] = cost[i - 1];
+                token[i] = token[i - 1];
             }
+            cost[i] = c;
+            token[i] = n->token;
+            limit = count == most ? cost[count - 1] : limit;
+        }
+    }
     return count;
 }
 
@@ -432,6 +468,8 @@ static cairn_status step_phase(cairn_grouping *g, cairn_budget *budget)
     switch (g->phase) {
     case CUT:
         return step_cut(g, budget);
+    case SORT:
+        return step_sort(g, budget);
     case LOOK:
         return cairn_grouping_look(g, budget);
     case WEIGH:

@@ -88,23 +88,22 @@ static cairn_real cost_of_leaving(const cairn_grouping *g, int32_t token, cairn_
                : 0;
 }
 
-/* What it costs to come from one cell to another. */
+/* What it costs to come from one cell to another; what it costs to leave the chain of the one, and to come upon that of the other. */
 static cairn_real cost_of_step(const cairn_grouping *g, const grouping_cell *from, const grouping_cell *to,
-                               cairn_vec2 direction, cairn_real bend)
+                               cairn_vec2 direction, cairn_real bend, cairn_real leave, cairn_real come)
 {
     cairn_real jump;
 
     if (from->token == to->token)
         return 0;
     if (from->token < 0)
-        return BORDER + cost_of_leaving(g, to->token, direction, -1);
+        return BORDER + come;
     if (to->token < 0)
-        return BORDER + cost_of_leaving(g, from->token, direction, 1);
+        return BORDER + leave;
     if (goes_on(g, from->token, to->token, direction))
         return -BEND * bend;
     jump = to->off - from->off;
-    return CHANGE + jump * jump + cost_of_leaving(g, from->token, direction, 1) +
-           cost_of_leaving(g, to->token, direction, -1);
+    return CHANGE + jump * jump + leave + come;
 }
 
 /* The cells of a sample: hidden, and the tokens near it; their number. */
@@ -141,14 +140,17 @@ static void lay_sample(cairn_grouping *g, int32_t i)
     const cairn_oriented_point *o = &g->input.model->outline[i];
     grouping_cell *row = &g->cells[i * GROUPING_CELLS], *before = row - GROUPING_CELLS;
     cairn_vec2 direction = grouping_direction(&g->pose, o->direction);
-    cairn_real bend = bend_at(g->input.model, i);
+    cairn_real bend = g->bend[i], leave[GROUPING_CELLS];
     int32_t count = look_around(g, &g->pose, o, bend, row);
 
+    for (int32_t j = 0; j < g->cell_count && i > 0; j++)
+        leave[j] = before[j].token < 0 ? 0 : cost_of_leaving(g, before[j].token, direction, 1);
     for (int32_t k = 0; k < count && i > 0; k++) {
         cairn_real most = -CAIRN_REAL_MAX;
+        cairn_real come = row[k].token < 0 ? 0 : cost_of_leaving(g, row[k].token, direction, -1);
 
         for (int32_t j = 0; j < g->cell_count; j++) {
-            cairn_real value = before[j].value - cost_of_step(g, &before[j], &row[k], direction, bend);
+            cairn_real value = before[j].value - cost_of_step(g, &before[j], &row[k], direction, bend, leave[j], come);
 
             if (value > most) {
                 most = value;
@@ -286,6 +288,8 @@ void cairn_grouping_outline_begin(cairn_grouping *g)
     for (int32_t i = 1; i < m->outline_count; i++)
         sum += cairn_vec2_norm(cairn_vec2_sub(m->outline[i].position, m->outline[i - 1].position));
     g->spacing = sum / (cairn_real)m->outline_count;
+    for (int32_t i = 0; i < m->outline_count; i++)
+        g->bend[i] = bend_at(m, i);
     g->most = 0;
     g->sample = g->round = g->cell_count = g->is_laying = g->is_listing = 0;
 }

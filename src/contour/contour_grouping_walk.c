@@ -147,8 +147,7 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     cairn_grouping *g = context;
     const grouping_state *s = state;
     const cairn_shape_sample *d = &g->input.model->samples[s->sample];
-    cairn_real missing = cairn_log(g->params.missing), sigma = g->params.deform * grouping_size(&s->pose), place,
-               radius;
+    cairn_real missing = g->missing, sigma = g->params.deform * grouping_size(&s->pose), place, radius;
 
     (void)filter;
     (void)index;
@@ -204,6 +203,7 @@ cairn_status cairn_grouping_walk_begin(cairn_grouping *g)
     cairn_status status = cairn_particle_filter_clear(g->filter, g->params.seed);
 
     g->steps = g->stage = 0;
+    g->missing = cairn_log(g->params.missing);
     g->has_walked = g->start_count > 0;
     for (int32_t i = 0; i < g->start_count && status == CAIRN_OK; i++) {
         const cairn_shape_sample *d = &g->input.model->samples[g->starts[i].sample];

@@ -26,10 +26,17 @@ typedef struct grouping_token {
     cairn_vec2 at, direction; /* its middle */
     cairn_real half;          /* px, half its length */
     int32_t segment;
-    int32_t next;  /* in its cell */
+    int32_t next;  /* in its cell, -1: none; until they are laid side by side */
     int32_t chain; /* those of one chain follow each other, along it */
     int32_t taken; /* 1: by an object */
 } grouping_token;
+
+/* What is looked at of a token near a place; those of a cell lie side by side, and so do those of the cells of a row. */
+typedef struct grouping_near {
+    cairn_vec2 at, direction;
+    cairn_real half;
+    int32_t token;
+} grouping_near;
 
 /* One way in which a sample of the outline may be seen. */
 typedef struct grouping_cell {
@@ -70,9 +77,10 @@ struct cairn_grouping {
     cairn_grouping_input input;
     cairn_particle_filter *filter;
     grouping_token *tokens;
-    int32_t *head;               /* first token of each cell, -1: none */
-    uint8_t *sight;              /* bits of the directions near each cell */
-    grouping_start *starts;      /* [particles] */
+    grouping_near *near;    /* [max_tokens] by cells */
+    int32_t *head;          /* [cells + 1] first of each cell in near; first token, -1: none, until they are there */
+    uint8_t *sight;         /* bits of the directions near each cell */
+    grouping_start *starts; /* [particles] */
     cairn_grouping_trace *trace; /* [max_samples] */
     int32_t *segments;           /* [max_objects * max_outline] */
     cairn_grouped_object *objects;
@@ -81,6 +89,7 @@ struct cairn_grouping {
     cairn_real *cost;                /* [max_outline] and how well it fits */
     cairn_vec2 *shift, *bent;        /* [max_outline] px: how far the contour lies off the pose; the next ones */
     int32_t *apart;                  /* [max_outline] samples to the nearest one that is seen */
+    cairn_real *bend;                /* [max_outline] how much the outline bends there, 0 ... 1 */
     grouping_cell *cells;            /* [max_outline * GROUPING_CELLS] */
     cairn_vec2 turn_axis;            /* the middle of the turns that are searched, and the cosine of half their range */
     cairn_real turn_cosine, reach;   /* px, between two sides */
@@ -89,6 +98,7 @@ struct cairn_grouping {
     int32_t has_walked; /* 1: the filter holds the walks of this image */
     int32_t start_count, object_count, segment_count, steps, looked;
     cairn_real best, best_evidence;
+    cairn_real missing; /* the log of the parameter */
     /* How the outline lies: the pose at hand, its evidence, the most of any so far. */
     grouping_pose pose;
     cairn_real evidence, most;
@@ -96,7 +106,7 @@ struct cairn_grouping {
     cairn_real spacing;                           /* of the outline's samples, of the size */
     int32_t sample, round, cell_count, is_laying; /* cell_count: cells of the sample before */
     int32_t is_listing;                           /* 1: it is there, and what matters is which tokens are its own */
-    int32_t cursor, other;
+    int32_t cursor, other, link;
     int32_t phase, paid;
     int32_t stage; /* of a callback: 0: not paid */
 };

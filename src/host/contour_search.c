@@ -371,11 +371,12 @@ typedef struct watcher {
 
 static void look(const searcher *s, const cairn_grouping *grouping, int32_t mirrored, int32_t most_steps, watcher *w)
 {
-    int32_t steps, count = cairn_grouping_particles(grouping, w->particles, w->most, &steps);
+    int32_t steps, count = cairn_grouping_particles(grouping, NULL, 0, &steps);
 
     if (steps == w->seen || steps > most_steps)
         return;
     w->seen = steps;
+    (void)cairn_grouping_particles(grouping, w->particles, w->most, NULL);
     count = count < w->most ? count : w->most;
     s->result->modes[mirrored][s->result->steps[mirrored] + steps - 1] = count_modes(w->particles, count, w->mode);
     if (s->params->on_step != NULL)

@@ -75,12 +75,16 @@ static void enter(contour_field *f, cairn_segment line, cairn_real strength)
 /* Least of the costs in reach, step cells apart, of a row or column of cells. */
 static void spread_line(cairn_real *cost, int32_t step)
 {
-    cairn_real was[SIDE + 2 * SPREAD];
+    cairn_real was[SIDE + 2 * SPREAD], lowest = CONTOUR_FIELD_MOST;
 
     for (int32_t i = 0; i < SPREAD; i++)
         was[i] = was[SIDE + SPREAD + i] = CONTOUR_FIELD_MOST;
-    for (int32_t i = 0; i < SIDE; i++)
+    for (int32_t i = 0; i < SIDE; i++) {
         was[SPREAD + i] = cost[i * step];
+        lowest = cairn_min(lowest, cost[i * step]);
+    }
+    if (!(lowest < CONTOUR_FIELD_MOST))
+        return; /* no edge */
     for (int32_t i = 0; i < SIDE; i++) {
         cairn_real least = was[SPREAD + i];
 
@@ -96,6 +100,7 @@ static void spread_line(cairn_real *cost, int32_t step)
 /* Spreads one direction's costs, and takes the mean of how likely they are. */
 static cairn_real spread(cairn_real *cost)
 {
+    const double none = exp(-(double)CONTOUR_FIELD_MOST);
     double sum = 0;
 
     for (int32_t i = 0; i < SIDE; i++)
@@ -103,7 +108,7 @@ static cairn_real spread(cairn_real *cost)
     for (int32_t i = 0; i < SIDE; i++)
         spread_line(&cost[i], SIDE);
     for (int32_t i = 0; i < SIDE * SIDE; i++)
-        sum += exp(-(double)cost[i]);
+        sum += cost[i] < CONTOUR_FIELD_MOST ? exp(-(double)cost[i]) : none;
     return (cairn_real)fmax(LEAST_CHANCE, sum / (SIDE * SIDE));
 }
 
