@@ -87,7 +87,7 @@ cairn_status cairn_contour_file_draw(const cairn_contour_picture *p, const char 
                                             {"outline, bent; dashed where not seen", "stroke=\"#7c3aed\""}};
     char subtitle[256], style[640];
     const cairn_report_overlay overlay = {
-        p->image, subtitle, p->grey, p->tokens->width, p->tokens->height, 860, keys, sizeof keys / sizeof *keys, 160};
+        p->image, subtitle, p->grey, p->tokens->width, p->tokens->height, 960, keys, sizeof keys / sizeof *keys, 160};
     double scale = cairn_report_overlay_scale(&overlay);
     cairn_output *output;
     cairn_status status = cairn_output_open(&output, path, error);
