@@ -565,6 +565,73 @@ static void evidence_is_that_of_the_slow_twin(void **state)
 /* ---- Degenerate input ---- */
 
 /* Edges everywhere: so many tokens as there is room for, evenly; and it comes to an end. */
+/* Pairs of lines, each a token, that may be both sides of a sample, by angles. */
+static int32_t twin_sights(const finder *f, const scene *s, const cairn_grouping_input *in)
+{
+    int32_t count = 0;
+
+    for (int32_t k = 0; k < s->count * s->count * f->model.sample_count; k++) {
+        int32_t p = k % s->count, q = k / s->count % s->count;
+        const cairn_oriented_point *side = f->model.samples[k / s->count / s->count].side;
+        double mx = (double)(side[1].position.x - side[0].position.x),
+               my = (double)(side[1].position.y - side[0].position.y), at[2][2], turned[2], size, turn, off;
+
+        for (int e = 0; e < 2; e++) {
+            const cairn_segment *line = &s->lines[e ? q : p];
+
+            at[e][0] = (double)(line->a.x + line->b.x) / 2;
+            at[e][1] = (double)(line->a.y + line->b.y) / 2;
+            turned[e] = atan2((double)(line->b.y - line->a.y), (double)(line->b.x - line->a.x)) -
+                        atan2((double)side[e].direction.y, (double)side[e].direction.x);
+        }
+        if (p == q || hypot(mx, my) == 0)
+            continue;
+        size = hypot(at[1][0] - at[0][0], at[1][1] - at[0][1]) / hypot(mx, my);
+        turn = atan2(at[1][1] - at[0][1], at[1][0] - at[0][0]) - atan2(my, mx);
+        off = remainder(turn - (double)(in->min_turn + in->max_turn) / 2, 2 * PI);
+        count += size >= (double)in->min_size && size <= (double)in->max_size &&
+                 fabs(off) <= (double)(in->max_turn - in->min_turn) / 2 && fabs(cos(turned[0] - turn)) >= 0.9 &&
+                 fabs(cos(turned[1] - turn)) >= 0.9;
+    }
+    return count;
+}
+
+static void first_sight_passes_nothing_over(void **state)
+{
+    static const double turns[][2] = {{-15, 15}, {-180, 180}, {20, 50}, {-90, 90}, {-89, 89}, {150, 180}, {0, 1}};
+    cairn_grouping_params params = small_params();
+    finder f = new_finder(&params);
+    cairn_random random = cairn_random_seed(5, 3);
+    scene s = {.count = 0};
+    int32_t all = 0;
+
+    (void)state;
+    for (int i = 0; i < 90; i++) {
+        double x = (double)cairn_random_uniform(&random, 10, WIDTH - 10);
+        double y = (double)cairn_random_uniform(&random, 10, HEIGHT - 10);
+        double turn = (double)cairn_random_uniform(&random, 0, (cairn_real)PI);
+
+        add_line(&s, x, y, x + 6 * cos(turn), y + 6 * sin(turn));
+    }
+    for (size_t i = 0; i < sizeof turns / sizeof *turns; i++) {
+        cairn_grouping_input in = input_of(&f, &s);
+        cairn_grouping_result r;
+        int32_t wanted;
+
+        in.min_size = 60;
+        in.max_size = 150;
+        in.min_turn = (cairn_real)(turns[i][0] * DEGREE);
+        in.max_turn = (cairn_real)(turns[i][1] * DEGREE);
+        wanted = twin_sights(&f, &s, &in);
+        r = group(&f, &in);
+        assert_int_equal(r.token_count, s.count);
+        assert_int_equal(r.starts, wanted);
+        all += wanted;
+    }
+    assert_true(all > 1000);
+    test_pool_free(&f.pool);
+}
+
 static void an_image_full_of_edges_is_thinned_out(void **state)
 {
     cairn_grouping_params params = small_params();
@@ -864,6 +931,7 @@ int main(void)
         cmocka_unit_test(a_part_is_enough),
         cmocka_unit_test(what_the_border_cuts_is_found),
         cmocka_unit_test(evidence_is_that_of_the_slow_twin),
+        cmocka_unit_test(first_sight_passes_nothing_over),
         cmocka_unit_test(an_image_full_of_edges_is_thinned_out),
         cmocka_unit_test(small_models_and_images),
         cmocka_unit_test(parts_can_be_switched_off),

@@ -12,6 +12,11 @@
 /* Half squares of sigmas at which a sample counts by a third in the score. */
 #define SCORE_COST 3
 
+/* Walks that end within so much of each other, of their size, come to the same place. */
+#define SAME_END CAIRN_REAL(0.002)
+/* Ends that a unit compares. */
+enum { ENDS_A_UNIT = 16 };
+
 /* So often the outline follows what an object has been laid onto before its segments are listed. */
 enum { BENDS = 8 };
 
@@ -204,6 +209,22 @@ cairn_status cairn_grouping_weigh(cairn_grouping *g, cairn_budget *budget)
     return CAIRN_OK;
 }
 
+/* 1 when a walk before has ended where the pose at hand is; 0: it is a new end. The starts, which the walk has done with, keep them. */
+static int has_ended_here(cairn_grouping *g)
+{
+    cairn_real size = grouping_size(&g->pose), least = SAME_END * SAME_END * size * size;
+
+    for (int32_t i = 0; i < g->other; i++) {
+        const grouping_pose *end = &g->starts[i].pose;
+        cairn_real a = end->a - g->pose.a, b = end->b - g->pose.b;
+
+        if (cairn_vec2_norm_squared(cairn_vec2_sub(end->t, g->pose.t)) + a * a + b * b <= least)
+            return 1;
+    }
+    g->starts[g->other++].pose = g->pose;
+    return 0;
+}
+
 cairn_status cairn_grouping_collect(cairn_grouping *g, cairn_budget *budget)
 {
     int32_t count = g->start_count > 0 ? cairn_particle_filter_count(g->filter) : 0;
@@ -212,8 +233,13 @@ cairn_status cairn_grouping_collect(cairn_grouping *g, cairn_budget *budget)
         const grouping_state *s = cairn_particle_filter_particle(g->filter, g->cursor).state;
         cairn_status status;
 
-        if (!g->is_laying)
+        if (!g->is_laying) {
+            if (!cairn_budget_pay(budget, &g->paid, 1 + g->other / ENDS_A_UNIT))
+                return CAIRN_MORE;
             g->pose = s->pose;
+            if (has_ended_here(g))
+                continue;
+        }
         status = cairn_grouping_refine(g, budget);
         if (status != CAIRN_OK)
             return status;

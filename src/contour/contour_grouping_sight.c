@@ -16,6 +16,11 @@
 #define CLOSE CAIRN_REAL(0.3)
 enum { CROWDS = 8 };
 enum { MOST_PAIRS = 1 << 22 };
+/* Cosines of half the range of turns above this tell a chord that is turned too far without a root. */
+#define NARROW CAIRN_REAL(0.1)
+/* Room for rounding. */
+#define LESS CAIRN_REAL(0.9999)
+#define MORE CAIRN_REAL(1.0001)
 
 /* The bin of a direction, 0 ... 7 over half a turn, by comparisons only. */
 static int32_t bin_of(cairn_vec2 d)
@@ -132,6 +137,32 @@ static int runs_so(const grouping_token *t, const grouping_pose *pose, cairn_vec
     return cairn_abs(cairn_vec2_dot(t->direction, grouping_direction(pose, d))) >= LEAST_COSINE * size;
 }
 
+/* What a chord of tokens is compared with: sizes, and turns. */
+typedef struct sight_bounds {
+    cairn_real least, most; /* squares of sizes */
+    cairn_real
+        cosine2; /* least square of the chord's projection on the turned model's, by the squares of both lengths */
+} sight_bounds;
+
+static sight_bounds bounds_of(const cairn_grouping *g)
+{
+    sight_bounds b = {g->input.min_size * g->input.min_size * LESS, g->input.max_size * g->input.max_size * MORE,
+                      g->turn_cosine > NARROW ? g->turn_cosine * g->turn_cosine * LESS : -2};
+
+    return b;
+}
+
+/* 0: a chord of tokens, whose length squared is cc, is too short, too long or turned too far for a sample's; 1: it may not be. */
+static int may_be(const cairn_grouping *g, const sight_bounds *b, int32_t sample, cairn_vec2 c, cairn_real cc)
+{
+    const cairn_shape_sample *s = &g->input.model->samples[sample];
+    cairn_vec2 m = cairn_vec2_sub(s->side[1].position, s->side[0].position);
+    cairn_real mm = cairn_vec2_norm_squared(m);
+    cairn_real along = cairn_vec2_dot(m, c) * g->turn_axis.x + cairn_vec2_cross(m, c) * g->turn_axis.y;
+
+    return cc >= mm * b->least && cc <= mm * b->most && along * cairn_abs(along) >= b->cosine2 * mm * cc;
+}
+
 /* A pair of tokens as the sides 0 and 1 of a sample. */
 static void try_sample(cairn_grouping *g, const grouping_token *p, const grouping_token *q, int32_t sample)
 {
@@ -166,6 +197,7 @@ cairn_status cairn_grouping_look(cairn_grouping *g, cairn_budget *budget)
 {
     int32_t cells = g->sight_columns * g->sight_rows, samples = g->input.model->sample_count;
     cairn_real reach = g->reach * g->reach;
+    sight_bounds bounds = bounds_of(g);
 
     for (; g->cursor < cells; g->cursor++) {
         if (!cairn_budget_pay(budget, &g->paid, 1))
@@ -182,17 +214,20 @@ cairn_status cairn_grouping_look(cairn_grouping *g, cairn_budget *budget)
 
         for (; g->other < g->token_count; g->other++) {
             const grouping_token *q = &g->tokens[g->other];
+            cairn_vec2 c = cairn_vec2_sub(q->at, p->at);
+            cairn_real cc = cairn_vec2_norm_squared(c);
 
             if (budget->left <= 0)
                 return CAIRN_MORE;
-            if (p == q || cairn_vec2_norm_squared(cairn_vec2_sub(q->at, p->at)) > reach) {
+            if (p == q || cc > reach) {
                 budget->left -= g->other % 16 == 0;
                 continue;
             }
             if (!cairn_budget_pay(budget, &g->paid, samples))
                 return CAIRN_MORE;
             for (int32_t k = 0; k < samples; k++)
-                try_sample(g, p, q, k);
+                if (may_be(g, &bounds, k, c, cc))
+                    try_sample(g, p, q, k);
         }
         g->other = 0;
     }

@@ -7,6 +7,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "src/host/contour_search_fit.h"
 
@@ -72,41 +73,57 @@ static void enter(contour_field *f, cairn_segment line, cairn_real strength)
     }
 }
 
-/* Least of the costs in reach, step cells apart, of a row or column of cells. */
-static void spread_line(cairn_real *cost, int32_t step)
+/* Costs of SIDE cells of a line: the least of what there was up to SPREAD steps to either side. */
+static void spread_line(cairn_real *cost, const cairn_real *was, int32_t step)
 {
-    cairn_real was[SIDE + 2 * SPREAD], lowest = CONTOUR_FIELD_MOST;
+    memcpy(cost, was, SIDE * sizeof *cost);
+    for (int32_t k = 1; k <= SPREAD; k++) {
+        const cairn_real *low = was - k * step, *high = was + k * step;
+        cairn_real far = (cairn_real)(k * k) / (cairn_real)(2 * SIGMA * SIGMA);
 
-    for (int32_t i = 0; i < SPREAD; i++)
-        was[i] = was[SIDE + SPREAD + i] = CONTOUR_FIELD_MOST;
-    for (int32_t i = 0; i < SIDE; i++) {
-        was[SPREAD + i] = cost[i * step];
-        lowest = cairn_min(lowest, cost[i * step]);
-    }
-    if (!(lowest < CONTOUR_FIELD_MOST))
-        return; /* no edge */
-    for (int32_t i = 0; i < SIDE; i++) {
-        cairn_real least = was[SPREAD + i];
-
-        for (int32_t k = 1; k <= SPREAD; k++) {
-            cairn_real far = (cairn_real)(k * k) / (cairn_real)(2 * SIGMA * SIGMA);
-
-            least = cairn_min(least, cairn_min(was[SPREAD + i - k], was[SPREAD + i + k]) + far);
-        }
-        cost[i * step] = least;
+        for (int32_t i = 0; i < SIDE; i++)
+            cost[i] = cairn_min(cost[i], cairn_min(low[i], high[i]) + far);
     }
 }
 
+/* 1 when there is an edge in so many cells. */
+static int is_marked(const cairn_real *cost, int32_t count)
+{
+    int32_t i = 0;
+
+    while (i < count && !(cost[i] < CONTOUR_FIELD_MOST))
+        i++;
+    return i < count;
+}
+
+/* Along every row of cells, then across all of them; plane: [(SIDE + 2 * SPREAD) * SIDE] is overwritten. */
+static void spread_both(cairn_real *cost, cairn_real *plane)
+{
+    cairn_real line[SIDE + 2 * SPREAD];
+
+    if (!is_marked(cost, SIDE * SIDE))
+        return;
+    for (int32_t i = 0; i < SPREAD; i++)
+        line[i] = line[SIDE + SPREAD + i] = CONTOUR_FIELD_MOST;
+    for (int32_t i = 0; i < SIDE; i++) {
+        memcpy(&line[SPREAD], &cost[i * SIDE], SIDE * sizeof *line);
+        if (is_marked(&line[SPREAD], SIDE))
+            spread_line(&cost[i * SIDE], &line[SPREAD], 1);
+    }
+    for (int32_t i = 0; i < SPREAD * SIDE; i++)
+        plane[i] = plane[(SIDE + SPREAD) * SIDE + i] = CONTOUR_FIELD_MOST;
+    memcpy(&plane[SPREAD * SIDE], cost, sizeof *plane * SIDE * SIDE);
+    for (int32_t i = 0; i < SIDE; i++)
+        spread_line(&cost[i * SIDE], &plane[(SPREAD + i) * SIDE], SIDE);
+}
+
 /* Spreads one direction's costs, and takes the mean of how likely they are. */
-static cairn_real spread(cairn_real *cost)
+static cairn_real spread(cairn_real *cost, cairn_real *plane)
 {
     const double none = exp(-(double)CONTOUR_FIELD_MOST);
     double sum = 0;
 
-    for (int32_t i = 0; i < SIDE; i++)
-        spread_line(&cost[i * SIDE], 1);
-    for (int32_t i = 0; i < SIDE; i++)
-        spread_line(&cost[i], SIDE);
+    spread_both(cost, plane);
     for (int32_t i = 0; i < SIDE * SIDE; i++)
         sum += cost[i] < CONTOUR_FIELD_MOST ? exp(-(double)cost[i]) : none;
     return (cairn_real)fmax(LEAST_CHANCE, sum / (SIDE * SIDE));
@@ -116,19 +133,22 @@ contour_field *cairn_contour_field_new(void)
 {
     contour_field *f = calloc(1, sizeof *f);
 
-    if (f != NULL)
-        f->cost = malloc((size_t)BINS * SIDE * SIDE * sizeof *f->cost);
-    if (f == NULL || f->cost == NULL) {
-        free(f);
+    if (f == NULL)
         return NULL;
-    }
-    return f;
+    f->cost = malloc((size_t)BINS * SIDE * SIDE * sizeof *f->cost);
+    f->plane = malloc((size_t)(SIDE + 2 * SPREAD) * SIDE * sizeof *f->plane);
+    if (f->cost != NULL && f->plane != NULL)
+        return f;
+    cairn_contour_field_free(f);
+    return NULL;
 }
 
 void cairn_contour_field_free(contour_field *field)
 {
-    if (field != NULL)
+    if (field != NULL) {
         free(field->cost);
+        free(field->plane);
+    }
     free(field);
 }
 
@@ -146,7 +166,7 @@ void cairn_contour_field_fill(contour_field *f, const cairn_contour_tokens *toke
         if (!is_outside(f, tokens->lines[i]))
             enter(f, tokens->lines[i], tokens->strength[i]);
     for (int32_t bin = 0; bin < BINS; bin++)
-        f->chance[bin] = spread(&f->cost[(size_t)bin * SIDE * SIDE]);
+        f->chance[bin] = spread(&f->cost[(size_t)bin * SIDE * SIDE], f->plane);
 }
 
 int32_t cairn_contour_field_bin(cairn_vec2 direction)

@@ -35,6 +35,7 @@
 #define BREAK 3
 
 enum { REACH_MOST = 8, LABELS_MOST = (2 * REACH_MOST + 1) * (2 * REACH_MOST + 1), ROUNDS = 4 };
+enum { PADDED_MOST = (2 * REACH_MOST + 3) * (2 * REACH_MOST + 3) };
 
 /* Shifts of the rounds: so many steps either way, each of such a share of the size. */
 static const struct {
@@ -105,29 +106,32 @@ static cairn_vec2 shift_of(const bender *b, int32_t label)
 
 /* ---- One outline ---- */
 
-/* The best way to each label of a sample; the first one has none. */
-static void take_ways(bender *b, const cairn_real *before, cairn_real *now, uint8_t *from)
+/* The best way to each label of a sample; the first one has none. About the labels there is a border that no way comes from. */
+static void take_ways(const bender *b, const cairn_real *before, cairn_real *now, uint8_t *from)
 {
-    cairn_real move = (cairn_real)STRETCH * b->step / b->size;
+    cairn_real move = (cairn_real)STRETCH * b->step / b->size, padded[PADDED_MOST];
+    int32_t row = b->width + 2;
 
-    for (int32_t label = 0; label < b->labels; label++) {
-        int32_t x = label % b->width, y = label / b->width;
-        cairn_real most = before[label];
+    for (int32_t i = 0; i < row * row; i++)
+        padded[i] = -CAIRN_REAL_MAX;
+    for (int32_t y = 0; y < b->width; y++)
+        memcpy(&padded[(y + 1) * row + 1], &before[y * b->width], (size_t)b->width * sizeof *before);
+    memcpy(now, before, (size_t)b->labels * sizeof *now);
+    memset(from, 4, (size_t)b->labels);
+    for (int32_t k = 0; k < 9; k++) {
+        cairn_real cost = (k % 2 == 0 ? CAIRN_REAL(1.4142) : 1) * move;
 
-        from[label] = 4;
-        for (int32_t k = 0; k < 9; k++) {
-            int32_t u = x + k % 3 - 1, v = y + k / 3 - 1;
-            cairn_real value;
+        for (int32_t y = 0; y < b->width && k != 4; y++) {
+            const cairn_real *other = &padded[(y + k / 3) * row + k % 3];
 
-            if (k == 4 || u < 0 || v < 0 || u >= b->width || v >= b->width)
-                continue;
-            value = before[v * b->width + u] - (k % 2 == 0 ? CAIRN_REAL(1.4142) : 1) * move;
-            if (value > most) {
-                most = value;
-                from[label] = (uint8_t)k;
+            for (int32_t x = 0, label = y * b->width; x < b->width; x++, label++) {
+                cairn_real value = other[x] - cost;
+                int better = value > now[label];
+
+                now[label] = better ? value : now[label];
+                from[label] = better ? (uint8_t)k : from[label];
             }
         }
-        now[label] = most;
     }
 }
 
