@@ -30,11 +30,6 @@ void detect_tally_free(detect_tally *tally);
 /* The curve by one of the criteria, from the best score down: points[tally->count]. 0: there is no memory. */
 int detect_curve(const detect_tally *tally, int32_t criterion, cairn_detection_point *points);
 
-/* Adds to each detection's score weight times the evidence of a contour grouped at the same place (chapter 2), to what the grouping asks for, and
- * sorts them anew. 0: it failed. */
-int detect_verify(cairn_detections *detections, const cairn_contour_tokens *tokens, const cairn_shape_model *model,
-                  double weight, const char *path, cairn_file_error *error);
-
 /* Plain oriented chamfer matching, the twin that all else is measured by: eight directions, distances cut at a share of the size, nine
  * sizes, three proportions, the mirror image, NMS at 0.2. Detections from the heap. -1: there is no memory. */
 int32_t detect_chamfer(const group_image *image, const cairn_shape_model *model, cairn_detection **found);

@@ -203,7 +203,8 @@ static int run_default(run *r, const group_image *image, const char *folder, int
         ok = cairn_object_detect(&d, field, &r->model[k].model, image->name, error) == CAIRN_OK;
         begin_stage(&r->stages, -1);
         if (ok && r->s->verify > 0)
-            ok = detect_verify(&d, &tokens, &r->model[k].model, r->s->verify, image->name, error);
+            ok = cairn_detections_verify(&d, &tokens, &r->model[k].model, (cairn_real)r->s->verify, image->name,
+                                         error) == CAIRN_OK;
         r->stages.searches++;
         if (ok)
             ok = count_image(r, image, k, own, d.found, d.count, field_seconds + bench_cpu_seconds() - start);
@@ -411,7 +412,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_INTEGER("--train", &s->train, 0, 1000, "N",
                        "learns what the class looks like from its first N images, which are not looked at then"),
         OPTION_NUMBER("--weight", &s->weight, 0, 1000, "LAMBDA", "of appearance, with --train"),
-        OPTION_NUMBER("--verify", &s->verify, 0, 100, "WEIGHT",
+        OPTION_NUMBER("--verify", &s->verify, 0, CAIRN_DETECT_VERIFY_MOST, "WEIGHT",
                       "of what contour grouping finds where a detection is; 0: it is not asked"),
         OPTION_TEXT("--curves", &s->curves, "DIR", "writes CLASS.csv and CLASS.svg"),
         OPTION_TEXT("--data", &s->data, "DIR", "where ethz/ is"),

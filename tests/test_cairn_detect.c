@@ -115,6 +115,31 @@ static void test_found(void **state)
     assert_holds(o.out, ": 0 detections");
 }
 
+static double best_score(const char *json)
+{
+    char *text = read_in(json);
+    const char *score = strstr(text, "\"score\": ");
+    double value;
+
+    assert_non_null(score);
+    value = strtod(score + 9, NULL);
+    free(text);
+    return value;
+}
+
+/* What is grouped where the bottle is adds to its score; nothing with weight 0. */
+static void test_verified(void **state)
+{
+    static const char *const detect =
+        "cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape --verify %s -o @/%s --quiet";
+
+    (void)state;
+    assert_done(programs_run(detect, "0", "plain"));
+    assert_done(programs_run(detect, "2", "verified"));
+    assert_same("found/bottle0.json", "plain/bottle0.json");
+    assert_true(best_score("verified/bottle0.json") > best_score("plain/bottle0.json") + 1);
+}
+
 /* By parts, with the configuration; none of it without. */
 static void test_by_parts(void **state)
 {
@@ -382,6 +407,8 @@ static void test_refusals(void **state)
         {"@/bottle0.png --model @/bottle.shape --bundles two -o @/refused", "--bundles two, expected rule, one or"},
         {"@/bottle0.png --model @/bottle.shape --nearest 65 -o @/refused", "expected"},
         {"@/bottle0.png --model @/bottle.shape --overlap 2 -o @/refused", "expected"},
+        {"@/bottle0.png --model @/bottle.shape --verify 101 -o @/refused", "--verify"},
+        {"@/bottle0.png --model @/bottle.shape --verify -1 -o @/refused", "--verify"},
         {"@/missing.png --edges @/edges.png --model @/bottle.shape -o @/refused", "missing.png: cannot open"},
         {"@/bottle0.png --edges @/edges.png --model @/missing.shape -o @/refused", "missing.shape: cannot open"},
         {"@/bottle0.png --edges @/edges.png --model @/bottle.shape -o @/edges.png", "edges.png"},
@@ -410,9 +437,10 @@ static void test_refusals(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_found),        cmocka_unit_test(test_by_parts), cmocka_unit_test(test_halved),
-        cmocka_unit_test(test_appearance),   cmocka_unit_test(test_cuts),     cmocka_unit_test(test_many_images),
-        cmocka_unit_test(test_quoted_names), cmocka_unit_test(test_truth),    cmocka_unit_test(test_refusals),
+        cmocka_unit_test(test_found),       cmocka_unit_test(test_verified),     cmocka_unit_test(test_by_parts),
+        cmocka_unit_test(test_halved),      cmocka_unit_test(test_appearance),   cmocka_unit_test(test_cuts),
+        cmocka_unit_test(test_many_images), cmocka_unit_test(test_quoted_names), cmocka_unit_test(test_truth),
+        cmocka_unit_test(test_refusals),
     };
 
     programs_find(argc, argv);

@@ -28,7 +28,7 @@ typedef struct settings {
     const char *model, *folder, *table, *method, *bundles, *cuts, *appearance, *truth_path, *curves;
     picture_settings pictures;
     int64_t strength, jobs, candidates, nearest, matches;
-    double overlap, score, weight;
+    double overlap, score, weight, verify;
     int32_t no_mirror, modes, occluded, quiet;
     cairn_part_cut cut[CAIRN_PART_FRAGMENTS]; /* of --cuts */
     int32_t cut_count;
@@ -69,6 +69,9 @@ static option_result read_settings(settings *s, int argc, char **argv)
                       "of two detections whose boxes share more, over their union, the better one stays"),
         OPTION_FLAG("--occluded", &s->occluded,
                     "of evidence: objects have the model's own shape and may be hidden in part"),
+        OPTION_NUMBER(
+            "--verify", &s->verify, 0, CAIRN_DETECT_VERIFY_MOST, "WEIGHT",
+            "scores go up by so much evidence of contours grouped at the same place; 0: they are not grouped"),
         OPTION_FLAG("--no-mirror", &s->no_mirror, "the model only as it is, not its mirror image"),
         OPTION_INTEGER("--min-strength", &s->strength, 1, 255, "N", "of edges: weaker ones are passed over"),
         OPTION_NUMBER("--sigma", &s->pictures.canny.sigma, 0, 50, "PX", "blur before edges are looked for (Canny)"),
@@ -154,6 +157,8 @@ static cairn_status detect(const settings *s, work *w, const cairn_shape_model *
         status = cairn_object_detect(&w->detections, field, model, w->path, error);
         cairn_detect_field_free(field);
     }
+    if (status == CAIRN_OK)
+        status = cairn_detections_verify(&w->detections, &w->tokens, model, (cairn_real)s->verify, w->path, error);
     cairn_appearance_field_free(look);
     return status;
 }

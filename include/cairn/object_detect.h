@@ -129,6 +129,16 @@ void cairn_detect_field_free(cairn_detect_field *field);
 CAIRN_CHECKED cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detect_field *field,
                                                const cairn_shape_model *model, const char *path,
                                                cairn_file_error *error);
+
+/* Verifies detections by contour grouping (chapter 2; contour_search): it is run with the same model over the same edges, at the sizes of the
+ * detections alone, with any evidence; a detection's score goes up by weight times the most evidence, to what grouping asks for, of a contour
+ * whose box shares half of their union with the detection's. They are sorted anew; none is added or dropped. `weight`: 0 (nothing is done) to
+ * CAIRN_DETECT_VERIFY_MOST. Cost: about that of a search for contours at these sizes. CAIRN_BAD_ARGUMENT: weight; else as cairn_contour_search_run(). On failure
+ * detections are as they were. */
+enum { CAIRN_DETECT_VERIFY_MOST = 100 };
+CAIRN_CHECKED cairn_status cairn_detections_verify(cairn_detections *detections, const cairn_contour_tokens *tokens,
+                                                   const cairn_shape_model *model, cairn_real weight, const char *path,
+                                                   cairn_file_error *error);
 void cairn_detections_free(cairn_detections *detections);
 
 #ifdef __cplusplus

@@ -5,7 +5,9 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "bench/bench_detect.h"
+#include "cairn/contour_search.h"
+#include "cairn/detection_curve.h"
+#include "cairn/object_detect.h"
 
 /* Boxes that share so much of their union are of one object. */
 #define SAME 0.5
@@ -51,13 +53,19 @@ static double evidence_at(const cairn_contour_result *r, const cairn_detection *
     return most;
 }
 
-int detect_verify(cairn_detections *d, const cairn_contour_tokens *tokens, const cairn_shape_model *model,
-                  double weight, const char *path, cairn_file_error *error)
+cairn_status cairn_detections_verify(cairn_detections *d, const cairn_contour_tokens *tokens,
+                                     const cairn_shape_model *model, cairn_real weight, const char *path,
+                                     cairn_file_error *error)
 {
     cairn_contour_search_params params = cairn_contour_search_default(tokens->width, tokens->height);
     double asked = (double)params.min_evidence, least = HUGE_VAL, most = 0;
     cairn_contour_result grouped;
+    cairn_status status;
 
+    if (!(weight >= 0 && weight <= CAIRN_DETECT_VERIFY_MOST))
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
+                                    "a weight of verification of %g, expected 0 to %d", (double)weight,
+                                    CAIRN_DETECT_VERIFY_MOST);
     for (int32_t i = 0; i < d->count; i++) {
         least = fmin(least, (double)d->found[i].size / ROOM);
         most = fmax(most, (double)d->found[i].size * ROOM);
@@ -66,13 +74,14 @@ int detect_verify(cairn_detections *d, const cairn_contour_tokens *tokens, const
     params.max_size = cairn_min(params.max_size, (cairn_real)most);
     params.min_evidence = 0;
     params.min_score = 0;
-    if (d->count == 0 || params.min_size > params.max_size)
-        return 1;
-    if (cairn_contour_search_run(&grouped, tokens, model, &params, path, error) != CAIRN_OK)
-        return 0;
+    if (!(weight > 0) || d->count == 0 || params.min_size > params.max_size)
+        return CAIRN_OK;
+    status = cairn_contour_search_run(&grouped, tokens, model, &params, path, error);
+    if (status != CAIRN_OK)
+        return status;
     for (int32_t i = 0; i < d->count; i++)
-        d->found[i].score += (cairn_real)(weight * evidence_at(&grouped, &d->found[i], asked));
+        d->found[i].score += (cairn_real)((double)weight * evidence_at(&grouped, &d->found[i], asked));
     cairn_contour_result_free(&grouped);
     qsort(d->found, (size_t)d->count, sizeof *d->found, compare_scores);
-    return 1;
+    return CAIRN_OK;
 }
