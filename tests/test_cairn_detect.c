@@ -284,10 +284,12 @@ static void test_many_images(void **state)
     (void)state;
     if (cairn_vision_load(NULL) == CAIRN_UNSUPPORTED)
         skip();
-    one = programs_run("cairn detect %s --model @/bottle.shape --jobs 1 -o @/one --detections @/one.csv", images);
+    one = programs_run("cairn detect %s --model @/bottle.shape --verify 1 --jobs 1 -o @/one --detections @/one.csv",
+                       images);
     assert_done(one);
     first = strdup(one.out);
-    three = programs_run("cairn detect %s --model @/bottle.shape --jobs 3 -o @/three --detections @/three.csv", images);
+    three = programs_run(
+        "cairn detect %s --model @/bottle.shape --verify 1 --jobs 3 -o @/three --detections @/three.csv", images);
     assert_done(three);
     assert_non_null(first);
     assert_string_equal(first, three.out);

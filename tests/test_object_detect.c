@@ -455,6 +455,48 @@ static void finds_a_large_shape_among_very_many_peaks(void **state)
     cairn_contour_tokens_free(&tokens);
 }
 
+/* Grouping finds the flag, too: its score goes up in proportion to the weight, that of nothing goes down, and the best is first. With
+ * no weight all is as it was; weights that are none are refused, and lose nothing. */
+static void verifies_what_is_grouped_as_well(void **state)
+{
+    static const cairn_real refused[] = {-1, CAIRN_DETECT_VERIFY_MOST + 1, (cairn_real)NAN, (cairn_real)INFINITY};
+    cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
+    cairn_shape_model_file model = make_model();
+    cairn_contour_tokens tokens;
+    cairn_detections plain, found;
+    double gain[3] = {0};
+
+    (void)state;
+    clear_picture();
+    draw_clutter(30);
+    draw_flag(110, 40, 1, 0);
+    tokens = find_tokens(0);
+    plain = detect(&tokens, &params);
+    assert_true(plain.count >= 1);
+    for (int weight = 0; weight < 3; weight++) {
+        found = detect(&tokens, &params);
+        assert_ok(cairn_detections_verify(&found, &tokens, &model.model, (cairn_real)weight, "edges", &error));
+        assert_int_equal(found.count, plain.count);
+        gain[weight] = (double)(found.found[0].score - plain.found[0].score);
+        assert_true(found.found[0].left == plain.found[0].left);
+        for (int32_t i = 1; i < found.count; i++)
+            assert_true(found.found[i].score <= found.found[i - 1].score);
+        cairn_detections_free(&found);
+    }
+    assert_true(gain[0] == 0);
+    assert_true(gain[1] > 0.5);
+    assert_near(gain[2], 2 * gain[1], 1e-3);
+    for (size_t i = 0; i < sizeof refused / sizeof *refused; i++) {
+        assert_int_equal(cairn_detections_verify(&plain, &tokens, &model.model, refused[i], "edges", &error),
+                         CAIRN_BAD_ARGUMENT);
+        assert_non_null(strstr(error.text, "expected 0 to 100"));
+        assert_true(plain.count >= 1);
+    }
+    cairn_detections_free(&plain);
+    cairn_shape_model_file_free(&model);
+    cairn_contour_tokens_free(&tokens);
+}
+
 /* ---- Odd pictures, refusals ---- */
 
 static void takes_odd_pictures(void **state)
@@ -626,6 +668,7 @@ int main(void)
         cmocka_unit_test(measures_how_the_outline_fits),
         cmocka_unit_test(finds_what_is_hidden_in_part),
         cmocka_unit_test(finds_a_large_shape_among_very_many_peaks),
+        cmocka_unit_test(verifies_what_is_grouped_as_well),
         cmocka_unit_test(takes_odd_pictures),
         cmocka_unit_test(refuses_what_cannot_be),
         cmocka_unit_test(takes_sizes_up_to_the_bounds),

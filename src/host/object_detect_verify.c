@@ -2,6 +2,8 @@
  *
  * Method: the grouping walks with the same model over the same edges, at the sizes of the detections alone. What it groups where a detection
  * is says that there is one: the detection's score goes up in proportion to its evidence. */
+#include "src/core/build.h"
+
 #include <math.h>
 #include <stdlib.h>
 
