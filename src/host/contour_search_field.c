@@ -136,8 +136,9 @@ contour_field *cairn_contour_field_new(void)
     if (f == NULL)
         return NULL;
     f->cost = malloc((size_t)BINS * SIDE * SIDE * sizeof *f->cost);
+    f->worth = malloc((size_t)BINS * SIDE * SIDE * sizeof *f->worth);
     f->plane = malloc((size_t)(SIDE + 2 * SPREAD) * SIDE * sizeof *f->plane);
-    if (f->cost != NULL && f->plane != NULL)
+    if (f->cost != NULL && f->worth != NULL && f->plane != NULL)
         return f;
     cairn_contour_field_free(f);
     return NULL;
@@ -147,6 +148,7 @@ void cairn_contour_field_free(contour_field *field)
 {
     if (field != NULL) {
         free(field->cost);
+        free(field->worth);
         free(field->plane);
     }
     free(field);
@@ -160,6 +162,8 @@ void cairn_contour_field_fill(contour_field *f, const cairn_contour_tokens *toke
     half = SIDE * f->cell / 2;
     f->corner.x = o->origin.x - half;
     f->corner.y = o->origin.y - half;
+    for (int32_t i = 0; i < BINS * SIDE * SIDE; i++)
+        f->worth[i] = CAIRN_REAL_MAX;
     for (int32_t bin = 0; bin < BINS; bin++)
         clear(&f->cost[(size_t)bin * SIDE * SIDE]);
     for (int32_t i = 0; i < tokens->count; i++)

@@ -84,16 +84,19 @@ static cairn_real worth_at(const contour_field *f, cairn_real cost, int32_t bin)
     return cairn_log((cairn_real)HIDDEN + (1 - (cairn_real)HIDDEN) * cairn_exp(-cost) / f->chance[bin]);
 }
 
+/* Each cell is worked out once: neighbouring samples and later rounds ask for the same ones. */
 static cairn_real worth_of(const bender *b, cairn_vec2 at, int32_t bin)
 {
     const contour_field *f = b->field;
     int32_t x = (int32_t)floor((double)((at.x - f->corner.x) / f->cell)),
             y = (int32_t)floor((double)((at.y - f->corner.y) / f->cell));
-    cairn_real cost = CONTOUR_FIELD_MOST;
+    size_t cell = ((size_t)bin * CONTOUR_FIELD_SIDE + (size_t)y) * CONTOUR_FIELD_SIDE + (size_t)x;
 
-    if (x >= 0 && y >= 0 && x < CONTOUR_FIELD_SIDE && y < CONTOUR_FIELD_SIDE)
-        cost = f->cost[((size_t)bin * CONTOUR_FIELD_SIDE + (size_t)y) * CONTOUR_FIELD_SIDE + (size_t)x];
-    return cost < CONTOUR_FIELD_MOST ? worth_at(f, cost, bin) : b->no_edge[bin];
+    if (x < 0 || y < 0 || x >= CONTOUR_FIELD_SIDE || y >= CONTOUR_FIELD_SIDE || !(f->cost[cell] < CONTOUR_FIELD_MOST))
+        return b->no_edge[bin];
+    if (f->worth[cell] == CAIRN_REAL_MAX)
+        f->worth[cell] = worth_at(f, f->cost[cell], bin);
+    return f->worth[cell];
 }
 
 static cairn_vec2 shift_of(const bender *b, int32_t label)
