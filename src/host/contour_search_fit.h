@@ -10,9 +10,9 @@ enum { CONTOUR_FIELD_BINS = 12, CONTOUR_FIELD_SIDE = 192 };
 #define CONTOUR_FIELD_MOST CAIRN_REAL(30.0)
 
 typedef struct contour_field {
-    cairn_real *cost;                      /* [BINS * SIDE * SIDE] -log of how well an edge fits there */
-    cairn_real *worth;                     /* [BINS * SIDE * SIDE] what it says of an outline; CAIRN_REAL_MAX: not yet asked for */
-    cairn_real *plane;                     /* one direction's, and what lies about them, while they are made */
+    cairn_real *cost;  /* [BINS * SIDE * SIDE] -log of how well an edge fits there */
+    cairn_real *worth; /* [BINS * SIDE * SIDE] what it says of an outline; CAIRN_REAL_MAX: not yet asked for */
+    cairn_real *plane; /* one direction's, and what lies about them, while they are made */
     cairn_real chance[CONTOUR_FIELD_BINS]; /* how well one does by chance */
     cairn_vec2 corner;                     /* px */
     cairn_real cell;                       /* px */
