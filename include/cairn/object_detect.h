@@ -69,8 +69,8 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
  * object than by chance, where the model was laid first, and where its bent outline lies, less what bending costs. */
 typedef struct cairn_detection {
     cairn_real left, top, right, bottom; /* px, the box about the bent outline */
-    /* Of rigid, bent, close, turned, strained, the box's proportions, the size to the picture's diagonal; with `occluded` of agreed, rigid and
-     * that size. */
+    /* Of rigid, bent, close, turned, strained, the box's proportions, the size to the picture's diagonal; with `occluded` of agreed, grouped
+     * and that size. */
     cairn_real score;
     cairn_real rigid, bent;
     cairn_real along;    /* length of the segments to that of the outline */
@@ -79,6 +79,7 @@ typedef struct cairn_detection {
     cairn_real strained; /* 0 ... 1, rms of what an affine map of the drawn outline leaves of the bent one, in sizes */
     cairn_real
         agreed; /* 0 ... 1, as close, of what lies where one similarity map of the drawn outline lays it, too: seen and not bent */
+    cairn_real grouped; /* with `occluded`: the most evidence (contour_grouping) of a contour grouped at its place; else, and of nothing, 0 */
     cairn_vec2 origin;     /* px, where the model's origin lies */
     cairn_real size;       /* px, of the diagonal of the model's box */
     int32_t mirrored;      /* 1: it is the mirrored model */

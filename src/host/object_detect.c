@@ -38,12 +38,12 @@ enum { ASPECTS = sizeof aspects / sizeof *aspects, PEAKS_MOST = 1 << 16 };
 #define NOTHING 9.5
 /* And the square of the logarithm of how much wider its box is, to its height, than the model's. */
 #define PROPORTION 1
-/* Where objects may be hidden in part: what of the outline agrees on one similarity map counts, and little else, as what is hidden was bent
- * onto what hides it. Scores have the same 0. */
+/* Where objects may be hidden in part: what of the outline agrees on one similarity map counts, as what is hidden was bent onto what hides
+ * it, with the evidence of what is grouped there, the size, and nothing else. Scores have the same 0. */
 #define OCCLUDED_AGREED  20
-#define OCCLUDED_RIGID   1
+#define OCCLUDED_GROUPED CAIRN_REAL(0.5)
 #define OCCLUDED_SIZE    2
-#define OCCLUDED_NOTHING 3.5
+#define OCCLUDED_NOTHING 8
 /* What the logarithm of the size counts beside the outline before bending, for candidates. */
 #define FIRST_SIZE 0.4F
 /* Of two detections one goes, too, when more of the smaller box than this lies in the other: parts of an object look like small ones. */
@@ -63,6 +63,7 @@ typedef struct variant {
 typedef struct peak {
     float score, rigid, x, y, size; /* px */
     int32_t variant;
+    float turn;         /* rad */
     int32_t hypothesis; /* by parts; -1: none */
 } peak;
 
@@ -79,6 +80,7 @@ typedef struct detector {
     cairn_real *room; /* [2 samples] */
     contour_fit fit;
     detect_hypotheses hypotheses;
+    detect_groupings groupings; /* with `occluded` */
 } detector;
 
 cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t height)
@@ -206,6 +208,7 @@ static void add_peaks(detector *d, const detect_plane *p, const float *sum, int3
                 q->x = ((float)x + 0.5F) * (float)p->cell;
                 q->y = ((float)y + 0.5F) * (float)p->cell;
                 q->size = (float)p->size;
+                q->turn = 0;
                 q->variant = index;
                 q->hypothesis = -1;
             }
@@ -298,6 +301,7 @@ static cairn_status take_hypotheses(detector *d)
         q->x = (float)h->origin.x;
         q->y = (float)h->origin.y;
         q->size = (float)h->size;
+        q->turn = 0;
         q->variant = h->mirrored ? ASPECTS : 0;
         q->hypothesis = i;
     }
@@ -327,6 +331,26 @@ static int find_candidates(detector *d)
         return 0;
     keep_candidates(d);
     return 1;
+}
+
+/* What is grouped makes as many candidates more, at most. PEAKS_MOST leaves room for them. */
+static cairn_status add_grouped(detector *d)
+{
+    cairn_status status = cairn_detect_group(&d->groupings, d->field, d->model);
+
+    for (int32_t i = 0; status == CAIRN_OK && i < d->groupings.count && i < d->field->params.candidates; i++) {
+        const detect_grouping *g = &d->groupings.list[i];
+        peak *q = &d->peaks[d->count++];
+
+        q->score = q->rigid = 0;
+        q->x = (float)g->found.origin.x;
+        q->y = (float)g->found.origin.y;
+        q->size = (float)g->found.size;
+        q->turn = (float)g->found.turn;
+        q->variant = g->mirrored ? ASPECTS : 0;
+        q->hypothesis = -1;
+    }
+    return status;
 }
 
 /* ---- Detections ---- */
@@ -425,7 +449,7 @@ static cairn_real score_of(const detector *d, const cairn_detection *o)
                         ((double)(o->bottom - o->top) * (double)(plain->right - plain->left));
 
     if (d->field->params.occluded)
-        return OCCLUDED_AGREED * o->agreed + OCCLUDED_RIGID * o->rigid +
+        return OCCLUDED_AGREED * o->agreed + OCCLUDED_GROUPED * o->grouped +
                (cairn_real)(OCCLUDED_SIZE * log((double)o->size / diagonal) - OCCLUDED_NOTHING);
     return o->bent + RIGID * o->rigid + NEAR * o->close - TURNED * o->turned - STRAINED * o->strained +
            (cairn_real)(SIZE * log((double)o->size / diagonal) - PROPORTION * log(proportion) * log(proportion) -
@@ -464,6 +488,7 @@ static int verify(detector *d, const peak *p, cairn_detections *found)
     object.origin.x = (cairn_real)p->x;
     object.origin.y = (cairn_real)p->y;
     object.size = (cairn_real)p->size;
+    object.turn = (cairn_real)p->turn;
     model.outline = v->outline;
     cairn_contour_field_fill(d->window, d->field->tokens, &object);
     if (!cairn_contour_fit_run(&d->fit, d->window, &model, &object))
@@ -483,6 +508,7 @@ static int verify(detector *d, const peak *p, cairn_detections *found)
     }
     if (!take_segments(d, found, o))
         return 0;
+    o->grouped = cairn_detect_grouped_at(&d->groupings, o);
     o->score = score_of(d, o);
     if (p->hypothesis >= 0)
         take_parts(&d->hypotheses.list[p->hypothesis], o);
@@ -539,6 +565,8 @@ static cairn_status detect(detector *d, cairn_detections *found)
         status = take_hypotheses(d);
     else if (!find_candidates(d))
         status = CAIRN_NO_MEMORY;
+    else if (d->field->params.occluded)
+        status = add_grouped(d);
     if (status != CAIRN_OK)
         return status;
     found->parts = d->hypotheses.parts;
@@ -612,6 +640,7 @@ cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detec
         return cairn_file_error_set(error, status, path, 0, "%s", fault.what);
     status = detect(&d, detections);
     cairn_detect_parts_free(&d.hypotheses);
+    cairn_detect_group_free(&d.groupings);
     free(d.outlines);
     free(d.peaks);
     free(d.near);

@@ -73,6 +73,30 @@ typedef struct detect_hypotheses {
     int32_t count, part_count, bundles;
 } detect_hypotheses;
 
+/* What was grouped: where, and the box of the model there. */
+typedef struct detect_grouping {
+    cairn_grouped_object found; /* first, along: nothing */
+    double box[4];              /* px: left, top, right, bottom */
+    int32_t mirrored;
+} detect_grouping;
+
+/* Objects of one search of the grouping, and searches (bands of sizes, the model as it is and mirrored) at most. */
+enum { DETECT_GROUPED_EACH = 12, DETECT_GROUPINGS = 22 * DETECT_GROUPED_EACH };
+
+typedef struct detect_groupings {
+    detect_grouping *list; /* [count] most evidence first */
+    int32_t count;
+} detect_groupings;
+
+/* Groups the model's contour among the edges of a field, in the sizes of its params. CAIRN_NO_MEMORY, or as cairn_grouping_begin(). On
+ * failure there is something to free, too. */
+cairn_status cairn_detect_group(detect_groupings *made, const cairn_detect_field *field,
+                                const cairn_shape_model *model);
+void cairn_detect_group_free(detect_groupings *made);
+
+/* The most evidence of what is grouped where a detection is; 0: nothing is. */
+cairn_real cairn_detect_grouped_at(const detect_groupings *made, const cairn_detection *o);
+
 /* 0: there is no memory; then, too, there is something to free. */
 int cairn_detect_chains_make(detect_chains *chains, const cairn_contour_tokens *tokens);
 void cairn_detect_chains_free(detect_chains *chains);

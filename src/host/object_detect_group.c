@@ -1,0 +1,192 @@
+/* Objects by contour grouping (chapter 2), for those that are hidden in part.
+ *
+ * Method: the grouping looks for the model as it is and mirrored, in one band of sizes after the other. Its evidence is of what is seen
+ * along chains of edges: the rest may be hidden at little cost, and objects may be turned.
+ *
+ * Source: Adluru 2008, chapter 2 (contour_grouping). */
+#include "src/core/build.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cairn/contour_grouping.h"
+#include "cairn/detection_curve.h"
+#include "cairn/shape_model_file.h"
+#include "src/host/object_detect_work.h"
+
+/* Sizes that are searched at once differ by this factor at most: of sizes at one place a search keeps the best alone. */
+#define BAND 2.2
+/* Least evidence of what is kept: chance has more about every object. */
+#define EVIDENCE 2
+/* rad: so far objects are turned, either way. */
+#define TURN_MOST (15 * (CAIRN_PI / 180))
+/* Boxes that share so much of their union are of one object. */
+#define SAME 0.5
+enum { LEAST_TOKENS = 64 };
+
+void cairn_detect_group_free(detect_groupings *made)
+{
+    free(made->list);
+    memset(made, 0, sizeof *made);
+}
+
+/* What the pieces of all segments come to. */
+static int32_t count_tokens(const cairn_contour_tokens *tokens, cairn_real token)
+{
+    double count = 0;
+
+    for (int32_t i = 0; i < tokens->count; i++)
+        count += ceil((double)cairn_segment_length(tokens->lines[i]) / (double)token);
+    return (int32_t)fmax(LEAST_TOKENS, fmin(count, CAIRN_CONTOUR_TOKENS_MOST));
+}
+
+static cairn_grouping_params params_for(const cairn_contour_tokens *tokens, const cairn_shape_model *model)
+{
+    cairn_grouping_params params = cairn_grouping_default();
+
+    params.max_width = tokens->width;
+    params.max_height = tokens->height;
+    params.max_tokens = count_tokens(tokens, params.token);
+    params.max_samples = model->sample_count;
+    params.max_outline = model->outline_count;
+    params.max_objects = DETECT_GROUPED_EACH;
+    params.min_evidence = EVIDENCE;
+    params.min_score = 0;
+    return params;
+}
+
+/* The box of the model where it was grouped. */
+static void lay_box(const cairn_shape_model *m, detect_grouping *g)
+{
+    double c = cos((double)g->found.turn) * (double)g->found.size, s = sin((double)g->found.turn) * (double)g->found.size;
+
+    g->box[0] = g->box[1] = HUGE_VAL;
+    g->box[2] = g->box[3] = -HUGE_VAL;
+    for (int32_t i = 0; i < m->outline_count; i++) {
+        double px = (double)m->outline[i].position.x, py = (double)m->outline[i].position.y;
+        double x = (double)g->found.origin.x + c * px - s * py, y = (double)g->found.origin.y + s * px + c * py;
+
+        g->box[0] = fmin(g->box[0], x);
+        g->box[1] = fmin(g->box[1], y);
+        g->box[2] = fmax(g->box[2], x);
+        g->box[3] = fmax(g->box[3], y);
+    }
+}
+
+static void take(detect_groupings *made, const cairn_grouping *grouping, const cairn_shape_model *model,
+                 int32_t mirrored)
+{
+    cairn_grouping_result r = cairn_grouping_read(grouping);
+
+    for (int32_t i = 0; i < r.object_count && made->count < DETECT_GROUPINGS; i++) {
+        detect_grouping *g = &made->list[made->count++];
+
+        g->found = r.objects[i];
+        g->mirrored = mirrored;
+        lay_box(model, g);
+    }
+}
+
+/* Looks for the model in sizes of one band. */
+static cairn_status search_band(cairn_grouping *grouping, const cairn_contour_tokens *tokens,
+                                const cairn_shape_model *model, double min_size, double max_size)
+{
+    cairn_grouping_input input = {.segments = tokens->lines,
+                                  .count = tokens->count,
+                                  .width = tokens->width,
+                                  .height = tokens->height,
+                                  .model = model,
+                                  .min_size = (cairn_real)min_size,
+                                  .max_size = (cairn_real)fmax(min_size, max_size),
+                                  .min_turn = -TURN_MOST,
+                                  .max_turn = TURN_MOST,
+                                  .mean_length = tokens->mean_length > 0 ? tokens->mean_length : 5};
+    cairn_status status = cairn_grouping_begin(grouping, &input);
+    cairn_budget budget;
+
+    if (status != CAIRN_OK)
+        return status;
+    do {
+        budget.left = CAIRN_UNBOUNDED;
+        status = cairn_grouping_step(grouping, &budget);
+    } while (status == CAIRN_MORE);
+    return status;
+}
+
+static cairn_status search(detect_groupings *made, const cairn_detect_field *field, const cairn_shape_model *model,
+                           int32_t mirrored, cairn_grouping *grouping)
+{
+    double least = (double)field->params.min_size, range = log((double)field->params.max_size / least);
+    int32_t bands = 1 + (int32_t)(range / log(BAND));
+    cairn_status status = CAIRN_OK;
+
+    for (int32_t k = 0; k < bands && status == CAIRN_OK; k++) {
+        status = search_band(grouping, field->tokens, model, least * exp(range * k / bands),
+                             least * exp(range * (k + 1) / bands));
+        if (status == CAIRN_OK)
+            take(made, grouping, model, mirrored);
+    }
+    return status;
+}
+
+static cairn_status search_mirrored(detect_groupings *made, const cairn_detect_field *field,
+                                    const cairn_shape_model *model, cairn_grouping *grouping)
+{
+    cairn_shape_model_file mirrored;
+    cairn_status status = cairn_shape_model_file_copy(&mirrored, model);
+
+    if (status != CAIRN_OK)
+        return status;
+    cairn_shape_model_file_mirror(&mirrored);
+    status = search(made, field, &mirrored.model, 1, grouping);
+    cairn_shape_model_file_free(&mirrored);
+    return status;
+}
+
+static int compare_groupings(const void *a, const void *b)
+{
+    const detect_grouping *x = a, *y = b;
+
+    if (x->found.evidence != y->found.evidence)
+        return x->found.evidence < y->found.evidence ? 1 : -1;
+    if (x->mirrored != y->mirrored)
+        return x->mirrored - y->mirrored;
+    if (x->found.origin.y != y->found.origin.y)
+        return x->found.origin.y < y->found.origin.y ? -1 : 1;
+    return x->found.origin.x < y->found.origin.x ? -1 : x->found.origin.x > y->found.origin.x;
+}
+
+cairn_status cairn_detect_group(detect_groupings *made, const cairn_detect_field *field, const cairn_shape_model *model)
+{
+    cairn_grouping_params params = params_for(field->tokens, model);
+    size_t bytes = cairn_grouping_memory(&params) + CAIRN_ALIGN;
+    void *memory = malloc(bytes);
+    cairn_grouping *grouping = NULL;
+    cairn_status status;
+    cairn_pool pool;
+
+    made->count = 0;
+    made->list = malloc(DETECT_GROUPINGS * sizeof *made->list);
+    status = memory != NULL && made->list != NULL ? cairn_pool_init(&pool, memory, bytes) : CAIRN_NO_MEMORY;
+    if (status == CAIRN_OK)
+        status = cairn_grouping_create(&grouping, &pool, &params);
+    if (status == CAIRN_OK)
+        status = search(made, field, model, 0, grouping);
+    if (status == CAIRN_OK && field->params.mirror)
+        status = search_mirrored(made, field, model, grouping);
+    free(memory);
+    if (status == CAIRN_OK && made->count > 1)
+        qsort(made->list, (size_t)made->count, sizeof *made->list, compare_groupings);
+    return status;
+}
+
+cairn_real cairn_detect_grouped_at(const detect_groupings *made, const cairn_detection *o)
+{
+    const double own[4] = {(double)o->left, (double)o->top, (double)o->right, (double)o->bottom};
+
+    for (int32_t i = 0; i < made->count; i++)
+        if (cairn_detection_overlap(made->list[i].box, own) >= SAME)
+            return made->list[i].found.evidence;
+    return 0;
+}
