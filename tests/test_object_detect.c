@@ -432,6 +432,88 @@ static void finds_what_is_hidden_in_part(void **state)
     cairn_shape_model_file_free(&model);
 }
 
+/* The flag turned about its middle; sides from..., the others are hidden. */
+static void draw_turned_flag(double x, double y, double turn, int32_t first, int32_t sides)
+{
+    for (int32_t i = first; i < first + sides; i++) {
+        double p[2][2];
+
+        for (int32_t k = 0; k < 2; k++) {
+            double u = (double)flag[(i + k) % CORNERS].x - 40, v = (double)flag[(i + k) % CORNERS].y - 60;
+
+            p[k][0] = x + cos(turn) * u - sin(turn) * v;
+            p[k][1] = y + sin(turn) * u + cos(turn) * v;
+        }
+        draw_line(p[0][0], p[0][1], p[1][0], p[1][1]);
+    }
+}
+
+/* A flag that leans by 12 degrees and has lost its pole: candidates stand upright, grouping makes one that leans, and its evidence counts; nothing is
+ * grouped when nobody says that anything may be hidden. */
+static void finds_what_is_turned_and_hidden_by_grouping(void **state)
+{
+    cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
+    cairn_contour_tokens tokens;
+    cairn_detections found;
+
+    (void)state;
+    clear_picture();
+    draw_clutter(40);
+    draw_turned_flag(150, 110, 0.21, 0, 7);
+    tokens = find_tokens(0);
+    params.min_score = -100;
+    found = detect(&tokens, &params);
+    for (int32_t i = 0; i < found.count; i++)
+        assert_true(found.found[i].grouped == 0);
+    cairn_detections_free(&found);
+    params.min_score = 0;
+    params.occluded = 1;
+    found = detect(&tokens, &params);
+    assert_int_equal(found.count, 1);
+    assert_true(found.found[0].grouped > 13);
+    assert_near(found.found[0].origin.x, 150, 12);
+    assert_near(found.found[0].size, hypot(80, 120), 12);
+    cairn_detections_free(&found);
+    cairn_contour_tokens_free(&tokens);
+}
+
+/* Flags of two sizes, one mirrored: both are grouped, most evidence first, where they are, and nowhere else. */
+static void groups_in_all_sizes(void **state)
+{
+    cairn_object_detect_params params = cairn_object_detect_default(WIDTH, HEIGHT);
+    cairn_shape_model_file model = make_model();
+    cairn_contour_tokens tokens;
+    cairn_detect_field *field;
+    detect_groupings made;
+    cairn_detection at[3] = {{.left = 30, .top = 50, .right = 110, .bottom = 170},
+                             {.left = 214, .top = 120, .right = 270, .bottom = 204},
+                             {.left = 140, .top = 10, .right = 200, .bottom = 90}};
+    cairn_real evidence[3];
+
+    (void)state;
+    clear_picture();
+    draw_flag(30, 50, 1, 0);
+    draw_flag(270, 120, 0.7, 1);
+    tokens = find_tokens(0);
+    for (int32_t mirror = 1; mirror >= 0; mirror--) {
+        params.mirror = mirror;
+        assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
+        assert_ok(cairn_detect_group(&made, field, &model.model));
+        for (int32_t i = 0; i < made.count; i++) {
+            assert_true(i == 0 || made.list[i].found.evidence <= made.list[i - 1].found.evidence);
+            assert_true(mirror || !made.list[i].mirrored);
+        }
+        for (int32_t i = 0; i < 3; i++)
+            evidence[i] = cairn_detect_grouped_at(&made, &at[i]);
+        assert_true(evidence[0] > 13 && evidence[2] == 0);
+        assert_true(mirror ? evidence[1] > 13 : evidence[1] < evidence[0] / 2);
+        cairn_detect_group_free(&made);
+        cairn_detect_field_free(field);
+    }
+    cairn_contour_tokens_free(&tokens);
+    cairn_shape_model_file_free(&model);
+}
+
 /* Chance lays more small outlines along edges than are kept: the large one, which comes last, is found still. */
 static void finds_a_large_shape_among_very_many_peaks(void **state)
 {
@@ -667,6 +749,8 @@ int main(void)
         cmocka_unit_test(looks_at_every_place),
         cmocka_unit_test(measures_how_the_outline_fits),
         cmocka_unit_test(finds_what_is_hidden_in_part),
+        cmocka_unit_test(finds_what_is_turned_and_hidden_by_grouping),
+        cmocka_unit_test(groups_in_all_sizes),
         cmocka_unit_test(finds_a_large_shape_among_very_many_peaks),
         cmocka_unit_test(verifies_what_is_grouped_as_well),
         cmocka_unit_test(takes_odd_pictures),

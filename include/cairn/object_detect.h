@@ -58,7 +58,9 @@ typedef struct cairn_object_detect_params {
     void (*on_stage)(void *context, cairn_detect_stage stage); /* told when a stage begins; NULL: nobody (NULL) */
     void *on_stage_context;
     /* Of EVIDENCE, 1: objects may be hidden in part, and have the model's own shape. Only what agrees on one similarity map of the drawn outline
-     * counts (agreed), whatever became of the rest, and outlines are laid by it, not bent. Among many edges it finds more that is false (0). */
+     * counts (agreed), whatever became of the rest, with the evidence of contours grouped there (contour_grouping), which is looked for in all
+     * sizes and turns of 15 degrees either way and makes up to `candidates` candidates more; outlines are laid by that map, not bent. Among
+     * many edges it finds more that is false (0). */
     int32_t occluded;
 } cairn_object_detect_params;
 
@@ -87,7 +89,7 @@ typedef struct cairn_detection {
     int32_t segment_count;
     int32_t first_outline; /* outline[first_outline ... + outline_count - 1] */
     int32_t outline_count; /* the model's */
-    /* Of PARTS, else 0; there rigid is 0, and score = 1 - distance. With appearance a score is less by appearance_weight (1 - appearance). */
+    /* Of PARTS, else 0; there, as of candidates by grouping, rigid is 0, and score = 1 - distance. With appearance a score is less by appearance_weight (1 - appearance). */
     cairn_real distance;            /* of the parts from the outline by their shape contexts, with what is missing */
     cairn_real agreement;           /* score of the configuration (part_configuration) */
     int32_t first_part, part_count; /* parts[first_part ... first_part + part_count - 1] */

@@ -87,11 +87,11 @@ static void print_detection(cairn_output *output, const cairn_detection_picture 
     cairn_detection_box(p, d, box);
     cairn_output_print(output,
                        "  {\"score\": %.4f, \"rigid\": %.4f, \"bent\": %.4f, \"along\": %.4f, "
-                       "\"close\": %.4f, \"turned\": %.4f, \"strained\": %.4f, \"agreed\": %.4f, "
+                       "\"close\": %.4f, \"turned\": %.4f, \"strained\": %.4f, \"agreed\": %.4f, \"grouped\": %.4f, "
                        "\"box\": [%.2f, %.2f, %.2f, %.2f], \"x\": %.2f, \"y\": %.2f, \"size\": %.2f, "
                        "\"mirrored\": %s,\n   ",
                        (double)d->score, (double)d->rigid, (double)d->bent, (double)d->along, (double)d->close,
-                       (double)d->turned, (double)d->strained, (double)d->agreed, box[0], box[1], box[2], box[3],
+                       (double)d->turned, (double)d->strained, (double)d->agreed, (double)d->grouped, box[0], box[1], box[2], box[3],
                        image_x(p, d->origin.x), image_x(p, d->origin.y), (double)d->size * p->shrink,
                        d->mirrored ? "true" : "false");
     if (p->detections->has_appearance)
