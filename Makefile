@@ -6,6 +6,7 @@
 
 BUILD    ?= build
 OPT      ?= -O2
+HOST_OPT ?= $(OPT:-O2=-O3)
 CFLAGS   ?=
 CXXFLAGS ?= $(CFLAGS)
 LDFLAGS  ?=
@@ -28,9 +29,10 @@ COMMON    = $(OPT) -g -I. -Iinclude -MMD -MP -ffp-contract=off -fPIC $(SAN) $(CO
 # can do that without a library of its own.
 TRAPS     := $(if $(ASSERTIONS),$(if $(SANITIZE)$(COVERAGE),,$(shell t='-fsanitize=undefined -fsanitize-undefined-trap-on-error'; \
              $(CC) -Werror $$t -x c -c /dev/null -o /dev/null 2>/dev/null && echo "$$t")))
-# The library itself is freestanding C11; all that runs on a desktop may use POSIX and is built with assertions on.
+# The library itself is freestanding C11; all that runs on a desktop may use POSIX and is built with assertions on. There long loops over
+# planes become vectors, the same bits.
 LIB_FLAGS  = -std=c11 $(CWARN) $(WERROR) $(COMMON) -fno-math-errno $(if $(ASSERTIONS),-DCAIRN_ASSERTIONS) $(TRAPS)
-HOST_FLAGS = -std=c11 -D_POSIX_C_SOURCE=200809L -D_DEFAULT_SOURCE $(CWARN) $(WERROR) $(COMMON) $(TRAPS)
+HOST_FLAGS = -std=c11 -D_POSIX_C_SOURCE=200809L -D_DEFAULT_SOURCE $(CWARN) $(WERROR) $(COMMON) $(HOST_OPT) $(TRAPS)
 CXX_FLAGS  = -std=c++17 $(WARN) $(WERROR) $(COMMON)
 
 # Rooms. Box2D, libyaml, zlib, libpng, OpenCV and cmocka are looked for where Debian puts them; what is missing switches off what

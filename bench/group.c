@@ -230,6 +230,15 @@ static int run_folder(const settings *s, sums *t, const char *class_folder, int6
     return ok;
 }
 
+static double most_of(const double *values, int32_t count)
+{
+    double most = 0;
+
+    for (int32_t i = 0; i < count; i++)
+        most = fmax(most, values[i]);
+    return most;
+}
+
 static void print_summary(const settings *s, sums *t)
 {
     double n = t->instances > 0 ? t->instances : 1, p = t->hits / n, z2 = WILSON_Z * WILSON_Z;
@@ -256,6 +265,7 @@ static void print_summary(const settings *s, sums *t)
     bench_json_number("coverage", t->coverage / n);
     bench_json_number("precision", t->precision / n);
     bench_json_number("seconds_median", bench_median(t->seconds, (size_t)t->timed));
+    bench_json_number("seconds_most", most_of(t->seconds, t->timed));
     bench_json_integer("pool_bytes", (int64_t)t->pool_bytes);
     bench_json_true("summary");
     bench_json_end();

@@ -564,7 +564,6 @@ static void evidence_is_that_of_the_slow_twin(void **state)
 
 /* ---- Degenerate input ---- */
 
-/* Edges everywhere: so many tokens as there is room for, evenly; and it comes to an end. */
 /* Pairs of lines, each a token, that may be both sides of a sample, by angles. */
 static int32_t twin_sights(const finder *f, const scene *s, const cairn_grouping_input *in)
 {
@@ -632,6 +631,7 @@ static void first_sight_passes_nothing_over(void **state)
     test_pool_free(&f.pool);
 }
 
+/* Edges everywhere: so many tokens as there is room for, evenly; and it comes to an end. */
 static void an_image_full_of_edges_is_thinned_out(void **state)
 {
     cairn_grouping_params params = small_params();

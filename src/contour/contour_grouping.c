@@ -220,6 +220,7 @@ cairn_status cairn_grouping_begin(cairn_grouping *g, const cairn_grouping_input 
     g->best = g->best_evidence = 0;
     g->cursor = g->other = g->paid = g->stage = g->has_walked = 0;
     g->link = -1;
+    cairn_grouping_look_begin(g);
     cairn_grouping_outline_begin(g);
     g->phase = CUT;
     return CAIRN_OK;
@@ -349,20 +350,28 @@ static cairn_status step_sort(cairn_grouping *g, cairn_budget *budget)
     return CAIRN_OK;
 }
 
+/* The point nearest to p of a line of half a length on either side of its middle. */
+static cairn_vec2 nearest_on(cairn_vec2 middle, cairn_vec2 direction, cairn_real half, cairn_vec2 p)
+{
+    cairn_real along = cairn_vec2_dot(direction, cairn_vec2_sub(p, middle));
+
+    return cairn_vec2_add(middle, cairn_vec2_scale(direction, cairn_max(-half, cairn_min(along, half))));
+}
+
 cairn_vec2 cairn_grouping_touch(const cairn_grouping *g, int32_t token, cairn_vec2 p)
 {
     const grouping_token *t = &g->tokens[token];
-    cairn_real along = cairn_vec2_dot(t->direction, cairn_vec2_sub(p, t->at));
 
-    return cairn_vec2_add(t->at, cairn_vec2_scale(t->direction, cairn_max(-t->half, cairn_min(along, t->half))));
+    return nearest_on(t->at, t->direction, t->half, p);
 }
 
 /* Half the square of sigmas that a token lies off a place, and of its turn; sigmas of the gap are twice as wide. */
-static cairn_real cost_of(const cairn_grouping *g, int32_t token, cairn_vec2 at, cairn_vec2 unit, cairn_real sigma)
+static cairn_real cost_of(const cairn_grouping *g, const grouping_near *t, cairn_vec2 at, cairn_vec2 unit,
+                          cairn_real sigma)
 {
-    cairn_vec2 off = cairn_vec2_sub(cairn_grouping_touch(g, token, at), at);
+    cairn_vec2 off = cairn_vec2_sub(nearest_on(t->at, t->direction, t->half, at), at);
     cairn_real across = cairn_vec2_cross(unit, off) / sigma, along = cairn_vec2_dot(unit, off) / (2 * sigma);
-    cairn_real sine = cairn_vec2_cross(unit, g->tokens[token].direction) / g->params.turn;
+    cairn_real sine = cairn_vec2_cross(unit, t->direction) / g->params.turn;
 
     return CAIRN_REAL(0.5) * (across * across + along * along + sine * sine);
 }
@@ -401,10 +410,10 @@ int32_t cairn_grouping_near(const cairn_grouping *g, cairn_vec2 at, cairn_vec2 d
             cairn_real c;
             int32_t i;
 
-            if (is_far(n, at, unit, sigma2, turn2, limit) || g->tokens[n->token].taken)
+            if (is_far(n, at, unit, sigma2, turn2, limit))
                 continue;
-            c = cost_of(g, n->token, at, unit, sigma);
-            if (c > limit || (count == most && c >= cost[count - 1]))
+            c = cost_of(g, n, at, unit, sigma);
+            if (c > limit || (count == most && c >= cost[count - 1]) || g->tokens[n->token].taken)
                 continue;
             count += count < most;
             for (i = count - 1; i > 0 && cost[i - 1] > c; i--) {

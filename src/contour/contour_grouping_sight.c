@@ -80,17 +80,17 @@ static cairn_real sight_score(const cairn_grouping *g, const grouping_pose *pose
     return (cairn_real)seen / (cairn_real)count;
 }
 
-static int is_same(const grouping_pose *a, const grouping_pose *b)
+static int is_same(const grouping_start *a, const grouping_start *b, cairn_real sizes)
 {
-    cairn_real size = grouping_size(a), other = grouping_size(b), da = a->a - b->a, db = a->b - b->b;
+    cairn_real da = a->pose.a - b->pose.a, db = a->pose.b - b->pose.b;
 
-    return cairn_vec2_norm_squared(cairn_vec2_sub(a->t, b->t)) < SAME_PLACE * SAME_PLACE * size * other &&
-           da * da + db * db < SAME_SIZE * SAME_SIZE * size * other;
+    return cairn_vec2_norm_squared(cairn_vec2_sub(a->pose.t, b->pose.t)) < SAME_PLACE * SAME_PLACE * sizes &&
+           da * da + db * db < SAME_SIZE * SAME_SIZE * sizes;
 }
 
-static int is_close(const grouping_pose *a, const grouping_pose *b)
+static int is_close(const grouping_start *a, const grouping_start *b, cairn_real sizes)
 {
-    return cairn_vec2_norm_squared(cairn_vec2_sub(a->t, b->t)) < CLOSE * CLOSE * grouping_size(a) * grouping_size(b);
+    return cairn_vec2_norm_squared(cairn_vec2_sub(a->pose.t, b->pose.t)) < CLOSE * CLOSE * sizes;
 }
 
 /* The place that a new one may only take the place of: one that is nearly the same, or the worst of a crowd; -1: none. */
@@ -99,12 +99,14 @@ static int32_t rival(const cairn_grouping *g, const grouping_start *start)
     int32_t crowd = g->params.particles / CROWDS, close = 0, worst = -1;
 
     for (int32_t i = 0; i < g->start_count; i++) {
-        if (is_same(&g->starts[i].pose, &start->pose))
+        cairn_real sizes = g->starts[i].size * start->size;
+
+        if (!is_close(&g->starts[i], start, sizes))
+            continue;
+        if (is_same(&g->starts[i], start, sizes))
             return i;
-        if (is_close(&g->starts[i].pose, &start->pose)) {
-            close++;
-            worst = i;
-        }
+        close++;
+        worst = i;
     }
     return close > crowd ? worst : -1;
 }
@@ -137,47 +139,85 @@ static int runs_so(const grouping_token *t, const grouping_pose *pose, cairn_vec
     return cairn_abs(cairn_vec2_dot(t->direction, grouping_direction(pose, d))) >= LEAST_COSINE * size;
 }
 
-/* What a chord of tokens is compared with: sizes, and turns. */
-typedef struct sight_bounds {
-    cairn_real least, most; /* squares of sizes */
-    cairn_real
-        cosine2; /* least square of the chord's projection on the turned model's, by the squares of both lengths */
-} sight_bounds;
-
-static sight_bounds bounds_of(const cairn_grouping *g)
+/* Which of the ways a chord runs, 0 ... GROUPING_WAYS - 1 once around: like an angle, but without an arc tangent. */
+static int32_t way_of(cairn_vec2 c)
 {
-    sight_bounds b = {g->input.min_size * g->input.min_size * LESS, g->input.max_size * g->input.max_size * MORE,
-                      g->turn_cosine > NARROW ? g->turn_cosine * g->turn_cosine * LESS : -2};
+    cairn_real sum = cairn_abs(c.x) + cairn_abs(c.y), along = sum > 0 ? c.x / sum : 0;
+    int32_t way = cairn_real_to_int((1 - along) * (GROUPING_WAYS / 4));
 
-    return b;
+    way = way < GROUPING_WAYS / 2 ? way : GROUPING_WAYS / 2 - 1;
+    return c.y < 0 ? GROUPING_WAYS - 1 - way : way;
+}
+
+/* Chords of a way may be this sample's. */
+static void admit(grouping_way *way, int32_t sample)
+{
+    way->from = sample < way->from ? sample : way->from;
+    way->to = sample + 1 > way->to ? sample + 1 : way->to;
+}
+
+/* The chord between the touches of a sample. */
+static cairn_vec2 chord_of(const cairn_grouping *g, int32_t sample)
+{
+    const cairn_shape_sample *s = &g->input.model->samples[sample];
+
+    return cairn_vec2_sub(s->side[1].position, s->side[0].position);
+}
+
+/* The ways that chords of a sample may run, turned as far as asked for to either side, and one more for rounding. */
+static void admit_ways(cairn_grouping *g, int32_t sample)
+{
+    cairn_vec2 m = chord_of(g, sample), axis = g->turn_axis;
+    cairn_vec2 middle = {m.x * axis.x - m.y * axis.y, m.x * axis.y + m.y * axis.x};
+    cairn_real cosine = cairn_sqrt(cairn_max(g->cosine2, 0)), sine = cairn_sqrt(1 - cosine * cosine);
+    cairn_vec2 low = {middle.x * cosine + middle.y * sine, middle.y * cosine - middle.x * sine};
+    cairn_vec2 high = {middle.x * cosine - middle.y * sine, middle.y * cosine + middle.x * sine};
+    int32_t first = way_of(low) + GROUPING_WAYS - 1;
+    int32_t count = g->cosine2 < 0 ? GROUPING_WAYS : (way_of(high) + GROUPING_WAYS - way_of(low)) % GROUPING_WAYS + 3;
+
+    for (int32_t i = 0; i < count; i++)
+        admit(&g->ways[(first + i) % GROUPING_WAYS], sample);
+}
+
+void cairn_grouping_look_begin(cairn_grouping *g)
+{
+    g->least2 = g->input.min_size * g->input.min_size * LESS;
+    g->most2 = g->input.max_size * g->input.max_size * MORE;
+    g->cosine2 = g->turn_cosine > NARROW ? g->turn_cosine * g->turn_cosine * LESS : -2;
+    for (int32_t i = 0; i < GROUPING_WAYS; i++) {
+        g->ways[i].from = INT32_MAX;
+        g->ways[i].to = 0;
+    }
+    for (int32_t k = 0; k < g->input.model->sample_count; k++)
+        admit_ways(g, k);
 }
 
 /* 0: a chord of tokens, whose length squared is cc, is too short, too long or turned too far for a sample's; 1: it may not be. */
-static int may_be(const cairn_grouping *g, const sight_bounds *b, int32_t sample, cairn_vec2 c, cairn_real cc)
+static int may_be(const cairn_grouping *g, int32_t sample, cairn_vec2 c, cairn_real cc)
 {
-    const cairn_shape_sample *s = &g->input.model->samples[sample];
-    cairn_vec2 m = cairn_vec2_sub(s->side[1].position, s->side[0].position);
+    cairn_vec2 m = chord_of(g, sample);
     cairn_real mm = cairn_vec2_norm_squared(m);
     cairn_real along = cairn_vec2_dot(m, c) * g->turn_axis.x + cairn_vec2_cross(m, c) * g->turn_axis.y;
 
-    return cc >= mm * b->least && cc <= mm * b->most && along * cairn_abs(along) >= b->cosine2 * mm * cc;
+    return cc >= mm * g->least2 && cc <= mm * g->most2 && along * cairn_abs(along) >= g->cosine2 * mm * cc;
 }
 
 /* A pair of tokens as the sides 0 and 1 of a sample. */
 static void try_sample(cairn_grouping *g, const grouping_token *p, const grouping_token *q, int32_t sample)
 {
     const cairn_shape_sample *s = &g->input.model->samples[sample];
-    cairn_vec2 m = cairn_vec2_sub(s->side[1].position, s->side[0].position), c = cairn_vec2_sub(q->at, p->at);
-    cairn_real mm = cairn_vec2_norm_squared(m), cc = cairn_vec2_norm_squared(c), size;
+    cairn_vec2 m = chord_of(g, sample), c = cairn_vec2_sub(q->at, p->at);
+    cairn_real mm = cairn_vec2_norm_squared(m), cc = cairn_vec2_norm_squared(c);
     grouping_start start;
 
     if (mm == 0 || cc < mm * g->input.min_size * g->input.min_size || cc > mm * g->input.max_size * g->input.max_size)
         return;
     start.pose.a = cairn_vec2_dot(m, c) / mm;
     start.pose.b = cairn_vec2_cross(m, c) / mm;
-    size = grouping_size(&start.pose);
-    if (start.pose.a * g->turn_axis.x + start.pose.b * g->turn_axis.y < g->turn_cosine * size ||
-        !runs_so(p, &start.pose, s->side[0].direction, size) || !runs_so(q, &start.pose, s->side[1].direction, size))
+    start.size = grouping_size(&start.pose);
+    if (start.pose.a * g->turn_axis.x + start.pose.b * g->turn_axis.y < g->turn_cosine * start.size ||
+        !runs_so(p, &start.pose, s->side[0].direction, start.size) ||
+        !runs_so(q, &start.pose, s->side[1].direction, start.size))
         return;
     start.pose.t = cairn_vec2_sub(p->at, grouping_direction(&start.pose, s->side[0].position));
     start.score = sight_score(g, &start.pose);
@@ -197,7 +237,6 @@ cairn_status cairn_grouping_look(cairn_grouping *g, cairn_budget *budget)
 {
     int32_t cells = g->sight_columns * g->sight_rows, samples = g->input.model->sample_count;
     cairn_real reach = g->reach * g->reach;
-    sight_bounds bounds = bounds_of(g);
 
     for (; g->cursor < cells; g->cursor++) {
         if (!cairn_budget_pay(budget, &g->paid, 1))
@@ -216,6 +255,7 @@ cairn_status cairn_grouping_look(cairn_grouping *g, cairn_budget *budget)
             const grouping_token *q = &g->tokens[g->other];
             cairn_vec2 c = cairn_vec2_sub(q->at, p->at);
             cairn_real cc = cairn_vec2_norm_squared(c);
+            grouping_way way;
 
             if (budget->left <= 0)
                 return CAIRN_MORE;
@@ -225,8 +265,9 @@ cairn_status cairn_grouping_look(cairn_grouping *g, cairn_budget *budget)
             }
             if (!cairn_budget_pay(budget, &g->paid, samples))
                 return CAIRN_MORE;
-            for (int32_t k = 0; k < samples; k++)
-                if (may_be(g, &bounds, k, c, cc))
+            way = g->ways[way_of(c)];
+            for (int32_t k = way.from; k < way.to; k++)
+                if (may_be(g, k, c, cc))
                     try_sample(g, p, q, k);
         }
         g->other = 0;

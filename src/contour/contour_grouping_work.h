@@ -5,7 +5,9 @@
 #include "cairn/contour_grouping.h"
 
 /* Sides of the cells: of the lists of tokens, and of the map of first sight. */
-enum { GROUPING_CELL = 8, GROUPING_SIGHT = 4, GROUPING_BINS = 8 };
+enum { GROUPING_CELL = 8, GROUPING_SIGHT = 4 };
+/* Ways in which a chord between two tokens may run. */
+enum { GROUPING_WAYS = 64 };
 /* Tokens that a side may choose from, and what a step may choose from with no token as well. */
 enum {
     GROUPING_CHOICE = 3,
@@ -49,9 +51,15 @@ typedef struct grouping_cell {
 /* A place that looks like the model at first sight. */
 typedef struct grouping_start {
     grouping_pose pose;
+    cairn_real size;  /* at first sight */
     cairn_real score; /* at first sight the share of the outline that is seen, then its evidence */
     int32_t sample;
 } grouping_start;
+
+/* Samples whose chords may run one way: none before the one and none from the other on. */
+typedef struct grouping_way {
+    int32_t from, to;
+} grouping_way;
 
 /* Sums for the similarity that lies best. */
 typedef struct grouping_sums {
@@ -84,15 +92,19 @@ struct cairn_grouping {
     cairn_grouping_trace *trace; /* [max_samples] */
     int32_t *segments;           /* [max_objects * max_outline] */
     cairn_grouped_object *objects;
-    int32_t *along;                  /* [max_objects * max_outline] segment of each sample of an object's outline */
-    int32_t *match;                  /* [max_outline] token of each sample of the outline, -1: none */
-    cairn_real *cost;                /* [max_outline] and how well it fits */
-    cairn_vec2 *shift, *bent;        /* [max_outline] px: how far the contour lies off the pose; the next ones */
-    int32_t *apart;                  /* [max_outline] samples to the nearest one that is seen */
-    cairn_real *bend;                /* [max_outline] how much the outline bends there, 0 ... 1 */
-    grouping_cell *cells;            /* [max_outline * GROUPING_CELLS] */
-    cairn_vec2 turn_axis;            /* the middle of the turns that are searched, and the cosine of half their range */
-    cairn_real turn_cosine, reach;   /* px, between two sides */
+    int32_t *along;                /* [max_objects * max_outline] segment of each sample of an object's outline */
+    int32_t *match;                /* [max_outline] token of each sample of the outline, -1: none */
+    cairn_real *cost;              /* [max_outline] and how well it fits */
+    cairn_vec2 *shift, *bent;      /* [max_outline] px: how far the contour lies off the pose; the next ones */
+    int32_t *apart;                /* [max_outline] samples to the nearest one that is seen */
+    cairn_real *bend;              /* [max_outline] how much the outline bends there, 0 ... 1 */
+    grouping_cell *cells;          /* [max_outline * GROUPING_CELLS] */
+    cairn_vec2 turn_axis;          /* the middle of the turns that are searched, and the cosine of half their range */
+    cairn_real turn_cosine, reach; /* px, between two sides */
+    cairn_real least2, most2;      /* squares of the sizes that are searched, with room for rounding */
+    cairn_real
+        cosine2; /* least square of the cosine of a turn that is searched, with room for rounding; < 0: any turn is */
+    grouping_way ways[GROUPING_WAYS];
     int32_t piece_count, pieces_cut; /* of all segments, more than tokens where there are too many */
     int32_t token_count, columns, rows, sight_columns, sight_rows;
     int32_t has_walked; /* 1: the filter holds the walks of this image */
@@ -145,7 +157,8 @@ int32_t cairn_grouping_near(const cairn_grouping *g, cairn_vec2 at, cairn_vec2 d
 /* The point of a token nearest to p. */
 cairn_vec2 cairn_grouping_touch(const cairn_grouping *g, int32_t token, cairn_vec2 p);
 
-/* First sight. */
+/* First sight: what is needed of the model; and the places. */
+void cairn_grouping_look_begin(cairn_grouping *g);
 cairn_status cairn_grouping_look(cairn_grouping *g, cairn_budget *budget);
 
 /* The walk. */
