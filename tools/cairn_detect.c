@@ -69,9 +69,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
                       "of two detections whose boxes share more, over their union, the better one stays"),
         OPTION_FLAG("--occluded", &s->occluded,
                     "of evidence: objects have the model's own shape and may be hidden in part"),
-        OPTION_NUMBER(
-            "--verify", &s->verify, 0, CAIRN_DETECT_VERIFY_MOST, "WEIGHT",
-            "scores go up by so much evidence of contours grouped at the same place; 0: they are not grouped"),
+        OPTION_NUMBER("--verify", &s->verify, 0, 100, "WEIGHT",
+                      "of evidence: of the evidence of contours grouped at the same place; 0: they are not grouped"),
         OPTION_FLAG("--no-mirror", &s->no_mirror, "the model only as it is, not its mirror image"),
         OPTION_INTEGER("--min-strength", &s->strength, 1, 255, "N", "of edges: weaker ones are passed over"),
         OPTION_NUMBER("--sigma", &s->pictures.canny.sigma, 0, 50, "PX", "blur before edges are looked for (Canny)"),
@@ -136,6 +135,7 @@ static cairn_status detect(const settings *s, work *w, const cairn_shape_model *
     params.method = s->method[0] == 'p' ? CAIRN_DETECT_PARTS : CAIRN_DETECT_EVIDENCE;
     params.mirror = !s->no_mirror;
     params.occluded = s->occluded;
+    params.verify = (cairn_real)s->verify;
     params.candidates = (int32_t)s->candidates;
     params.overlap = (cairn_real)s->overlap;
     params.min_score = (cairn_real)s->score;
@@ -157,8 +157,6 @@ static cairn_status detect(const settings *s, work *w, const cairn_shape_model *
         status = cairn_object_detect(&w->detections, field, model, w->path, error);
         cairn_detect_field_free(field);
     }
-    if (status == CAIRN_OK)
-        status = cairn_detections_verify(&w->detections, &w->tokens, model, (cairn_real)s->verify, w->path, error);
     cairn_appearance_field_free(look);
     return status;
 }
@@ -411,6 +409,7 @@ int tool_detect(int argc, char **argv)
     s.nearest = params.nearest;
     s.matches = params.matches;
     s.weight = (double)params.appearance_weight;
+    s.verify = (double)params.verify;
     s.candidates = params.candidates;
     s.overlap = (double)params.overlap;
     s.score = (double)params.min_score;

@@ -1,7 +1,7 @@
 /* object_detect: objects of a class in a picture's edges, from one model of its outline.
  *
  * Every place and size is looked at: what each edge is worth for the outline there, against what edges near it come to by chance.
- * The best places are looked at again with the outline bent onto the edges (contour_search). Or, as in the thesis, places come from parts:
+ * The best places are looked at again with the outline bent onto the edges (contour_search), and verified by contour grouping. Or, as in the thesis, places come from parts:
  * fragments of the outline along chains of edges that agree. Image coordinates, pixels. */
 #ifndef CAIRN_OBJECT_DETECT_H
 #define CAIRN_OBJECT_DETECT_H
@@ -58,10 +58,12 @@ typedef struct cairn_object_detect_params {
     void (*on_stage)(void *context, cairn_detect_stage stage); /* told when a stage begins; NULL: nobody (NULL) */
     void *on_stage_context;
     /* Of EVIDENCE, 1: objects may be hidden in part, and have the model's own shape. Only what agrees on one similarity map of the drawn outline
-     * counts (agreed), whatever became of the rest, with the evidence of contours grouped there (contour_grouping), which is looked for in all
-     * sizes and turns of 15 degrees either way and makes up to `candidates` candidates more; outlines are laid by that map, not bent. Among
-     * many edges it finds more that is false (0). */
+     * counts (agreed), whatever became of the rest, with the evidence of what is grouped there, and what is grouped makes up to `candidates`
+     * candidates more; outlines are laid by that map, not bent. Among many edges it finds more that is false (0). */
     int32_t occluded;
+    /* Of EVIDENCE, 0 ... 100: what a score gains for each unit of evidence of a contour grouped at its place (grouped; contour_grouping). Of a
+     * search it takes more than half the time. 0: nothing is grouped, but with `occluded`, which counts it by a weight of its own (0.05). */
+    cairn_real verify;
 } cairn_object_detect_params;
 
 /* The values in brackets above; sizes from a tenth of the picture's diagonal, at least 24 px, to the whole. */
@@ -71,8 +73,8 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
  * object than by chance, where the model was laid first, and where its bent outline lies, less what bending costs. */
 typedef struct cairn_detection {
     cairn_real left, top, right, bottom; /* px, the box about the bent outline */
-    /* Of rigid, bent, close, turned, strained, the box's proportions, the size to the picture's diagonal; with `occluded` of agreed, grouped
-     * and that size. */
+    /* Of rigid, bent, close, turned, strained, the box's proportions, the size to the picture's diagonal, and grouped; with `occluded` of
+     * agreed, grouped and that size. */
     cairn_real score;
     cairn_real rigid, bent;
     cairn_real along;    /* length of the segments to that of the outline */
@@ -81,7 +83,9 @@ typedef struct cairn_detection {
     cairn_real strained; /* 0 ... 1, rms of what an affine map of the drawn outline leaves of the bent one, in sizes */
     cairn_real
         agreed; /* 0 ... 1, as close, of what lies where one similarity map of the drawn outline lays it, too: seen and not bent */
-    cairn_real grouped; /* with `occluded`: the most evidence (contour_grouping) of a contour grouped at its place; else, and of nothing, 0 */
+    /* The most evidence of what contour grouping finds, in all sizes and turned by up to 15 degrees either way, with a box that shares half of
+     * their union with this one; 0: nothing, or nobody asked. */
+    cairn_real grouped;
     cairn_vec2 origin;     /* px, where the model's origin lies */
     cairn_real size;       /* px, of the diagonal of the model's box */
     int32_t mirrored;      /* 1: it is the mirrored model */
@@ -133,15 +137,6 @@ CAIRN_CHECKED cairn_status cairn_object_detect(cairn_detections *detections, con
                                                const cairn_shape_model *model, const char *path,
                                                cairn_file_error *error);
 
-/* Verifies detections by contour grouping (chapter 2; contour_search): it is run with the same model over the same edges, at the sizes of the
- * detections alone, with any evidence; a detection's score goes up by weight times the most evidence, to what grouping asks for, of a contour
- * whose box shares half of their union with the detection's. They are sorted anew; none is added or dropped. `weight`: 0 (nothing is done) to
- * CAIRN_DETECT_VERIFY_MOST. Cost: about that of a search for contours at these sizes. CAIRN_BAD_ARGUMENT: weight; else as cairn_contour_search_run(). On failure
- * detections are as they were. */
-enum { CAIRN_DETECT_VERIFY_MOST = 100 };
-CAIRN_CHECKED cairn_status cairn_detections_verify(cairn_detections *detections, const cairn_contour_tokens *tokens,
-                                                   const cairn_shape_model *model, cairn_real weight, const char *path,
-                                                   cairn_file_error *error);
 void cairn_detections_free(cairn_detections *detections);
 
 #ifdef __cplusplus

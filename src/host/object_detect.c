@@ -3,7 +3,8 @@
  * Method: for each size, the model and its mirror image, and three proportions of each, a map of the mean worth of the outline's samples
  * (object_detect_field.c) for every place of its middle: sums of shifted planes. Of the peaks of all maps the best are taken that do not
  * lie on better ones, and looked at again: the outline is bent onto the edges about them (contour_search_fit.c). Both means, before and
- * after, make the score, with how the bent outline fits (contour_search_shape.c); boxes are those of the bent outlines. Of detections that overlap the best stays.
+ * after, make the score, with how the bent outline fits (contour_search_shape.c) and what contour grouping finds there
+ * (object_detect_group.c); boxes are those of the bent outlines. Of detections that overlap the best stays.
  *
  * PARTS: the candidates are configurations of parts (object_detect_parts.c) and keep their scores; bending gives the box only.
  *
@@ -80,7 +81,7 @@ typedef struct detector {
     cairn_real *room; /* [2 samples] */
     contour_fit fit;
     detect_hypotheses hypotheses;
-    detect_groupings groupings; /* with `occluded` */
+    detect_groupings groupings;
 } detector;
 
 cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t height)
@@ -103,7 +104,8 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
                                          8,
                                          NULL,
                                          NULL,
-                                         0};
+                                         0,
+                                         CAIRN_REAL(0.05)};
 
     return params;
 }
@@ -333,12 +335,14 @@ static int find_candidates(detector *d)
     return 1;
 }
 
-/* What is grouped makes as many candidates more, at most. PEAKS_MOST leaves room for them. */
-static cairn_status add_grouped(detector *d)
+/* With `occluded` what is grouped makes as many candidates more, at most. PEAKS_MOST leaves room for them. */
+static cairn_status group(detector *d)
 {
-    cairn_status status = cairn_detect_group(&d->groupings, d->field, d->model);
+    const cairn_object_detect_params *p = &d->field->params;
+    cairn_status status =
+        p->occluded || p->verify > 0 ? cairn_detect_group(&d->groupings, d->field, d->model) : CAIRN_OK;
 
-    for (int32_t i = 0; status == CAIRN_OK && i < d->groupings.count && i < d->field->params.candidates; i++) {
+    for (int32_t i = 0; status == CAIRN_OK && p->occluded && i < d->groupings.count && i < p->candidates; i++) {
         const detect_grouping *g = &d->groupings.list[i];
         peak *q = &d->peaks[d->count++];
 
@@ -451,7 +455,8 @@ static cairn_real score_of(const detector *d, const cairn_detection *o)
     if (d->field->params.occluded)
         return OCCLUDED_AGREED * o->agreed + OCCLUDED_GROUPED * o->grouped +
                (cairn_real)(OCCLUDED_SIZE * log((double)o->size / diagonal) - OCCLUDED_NOTHING);
-    return o->bent + RIGID * o->rigid + NEAR * o->close - TURNED * o->turned - STRAINED * o->strained +
+    return o->bent + RIGID * o->rigid + d->field->params.verify * o->grouped + NEAR * o->close - TURNED * o->turned -
+           STRAINED * o->strained +
            (cairn_real)(SIZE * log((double)o->size / diagonal) - PROPORTION * log(proportion) * log(proportion) -
                         NOTHING);
 }
@@ -565,8 +570,8 @@ static cairn_status detect(detector *d, cairn_detections *found)
         status = take_hypotheses(d);
     else if (!find_candidates(d))
         status = CAIRN_NO_MEMORY;
-    else if (d->field->params.occluded)
-        status = add_grouped(d);
+    else
+        status = group(d);
     if (status != CAIRN_OK)
         return status;
     found->parts = d->hypotheses.parts;

@@ -40,7 +40,8 @@ enum {
     CANDIDATES_MOST = 64,
     MATCHES_MOST = 64,
     NEAREST_MOST = 64,
-    WEIGHT_MOST = 1000
+    WEIGHT_MOST = 1000,
+    VERIFY_MOST = 100
 };
 
 typedef struct maker {
@@ -208,6 +209,9 @@ static cairn_status check_params(const cairn_object_detect_params *p, const cair
     if (!(p->appearance_weight >= 0 && p->appearance_weight <= WEIGHT_MOST))
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "appearance_weight %g, expected 0 to %d",
                                     (double)p->appearance_weight, WEIGHT_MOST);
+    if (!(p->verify >= 0 && p->verify <= VERIFY_MOST))
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "verify %g, expected 0 to %d",
+                                    (double)p->verify, VERIFY_MOST);
     return check_parts(p, path, error);
 }
 

@@ -1,7 +1,7 @@
-/* Objects by contour grouping (chapter 2), for those that are hidden in part.
+/* Detections verified by contour grouping (chapter 2), and those that are hidden in part found by it.
  *
  * Method: the grouping looks for the model as it is and mirrored, in one band of sizes after the other. Its evidence is of what is seen
- * along chains of edges: the rest may be hidden at little cost, and objects may be turned.
+ * along chains of edges, whatever is hidden, and objects may be turned: what a bent outline has not counted.
  *
  * Source: Adluru 2008, chapter 2 (contour_grouping). */
 #include "src/core/build.h"
@@ -59,7 +59,8 @@ static cairn_grouping_params params_for(const cairn_contour_tokens *tokens, cons
 /* The box of the model where it was grouped. */
 static void lay_box(const cairn_shape_model *m, detect_grouping *g)
 {
-    double c = cos((double)g->found.turn) * (double)g->found.size, s = sin((double)g->found.turn) * (double)g->found.size;
+    double c = cos((double)g->found.turn) * (double)g->found.size,
+           s = sin((double)g->found.turn) * (double)g->found.size;
 
     g->box[0] = g->box[1] = HUGE_VAL;
     g->box[2] = g->box[3] = -HUGE_VAL;
