@@ -225,7 +225,7 @@ static int run_picture(const settings *s, sums t[MODES], const char *path, const
             shape[count++] = image.outlines[i];
     ok = bench_reflections_find(&truth, shape, count);
     for (int mode = 0; mode < MODES && ok && truth.count > 0 && truth.axes[0].overlap >= RIGID; mode++) {
-        cairn_self_similarity_result r;
+        cairn_self_similarity_result r = {.count = 0};
         cairn_box box = cairn_box_empty();
         cairn_vec2 middle;
         int among = 0, first = 0;

@@ -350,69 +350,59 @@ static cairn_status step_sort(cairn_grouping *g, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* The point nearest to p of a line of half a length on either side of its middle. */
-static cairn_vec2 nearest_on(cairn_vec2 middle, cairn_vec2 direction, cairn_real half, cairn_vec2 p)
-{
-    cairn_real along = cairn_vec2_dot(direction, cairn_vec2_sub(p, middle));
-
-    return cairn_vec2_add(middle, cairn_vec2_scale(direction, cairn_max(-half, cairn_min(along, half))));
-}
-
 cairn_vec2 cairn_grouping_touch(const cairn_grouping *g, int32_t token, cairn_vec2 p)
 {
     const grouping_token *t = &g->tokens[token];
+    cairn_real along = cairn_vec2_dot(t->direction, cairn_vec2_sub(p, t->at));
 
-    return nearest_on(t->at, t->direction, t->half, p);
+    return cairn_vec2_add(t->at, cairn_vec2_scale(t->direction, cairn_max(-t->half, cairn_min(along, t->half))));
 }
 
-/* Half the square of sigmas that a token lies off a place, and of its turn; sigmas of the gap are twice as wide. */
-static cairn_real cost_of(const cairn_grouping *g, const grouping_near *t, cairn_vec2 at, cairn_vec2 unit,
-                          cairn_real sigma)
+/* A place of the contour, and by how much a token may lie off it: 1 / sigma^2 across it and of the sine of the turn; sigmas of the gap
+ * along it are twice as wide. */
+typedef struct near_place {
+    cairn_vec2 at, along;
+    cairn_real across, turn;
+} near_place;
+
+/* Half the squares of sigmas that a token lies off a place; more than limit as soon as its turn alone or the least that it may lie across
+ * come to that, which few products tell of most tokens. */
+static cairn_real cost_of(const near_place *p, const grouping_near *t, cairn_real limit)
 {
-    cairn_vec2 off = cairn_vec2_sub(nearest_on(t->at, t->direction, t->half, at), at);
-    cairn_real across = cairn_vec2_cross(unit, off) / sigma, along = cairn_vec2_dot(unit, off) / (2 * sigma);
-    cairn_real sine = cairn_vec2_cross(unit, t->direction) / g->params.turn;
+    cairn_real sine = cairn_vec2_cross(p->along, t->direction), turned = sine * sine * p->turn, across, middle, gap;
+    cairn_vec2 off = cairn_vec2_sub(t->at, p->at);
 
-    return CAIRN_REAL(0.5) * (across * across + along * along + sine * sine);
-}
-
-/* 1: the token is turned by so much, or lies so far across, that it costs more than `most`, a little less the rounding: few products
- * tell of most tokens. Twice most is compared with squares of sigmas. */
-static int is_far(const grouping_near *t, cairn_vec2 at, cairn_vec2 unit, cairn_real sigma2, cairn_real turn2,
-                  cairn_real most)
-{
-    const cairn_real twice = CAIRN_REAL(2.01) * most;
-    cairn_real sine = cairn_abs(cairn_vec2_cross(unit, t->direction)), across;
-
-    if (sine * sine > twice * turn2)
-        return 1;
-    across = cairn_abs(cairn_vec2_cross(unit, cairn_vec2_sub(t->at, at))) - t->half * sine;
-    return across > 0 && across * across > twice * sigma2;
+    if (turned > 2 * limit)
+        return turned;
+    middle = cairn_vec2_cross(p->along, off);
+    across = cairn_max(cairn_abs(middle) - t->half * cairn_abs(sine), 0);
+    if (across * across * p->across > 2 * limit)
+        return CAIRN_REAL_MAX;
+    gap = cairn_max(-t->half, cairn_min(-cairn_vec2_dot(t->direction, off), t->half));
+    across = middle + sine * gap;
+    gap = CAIRN_REAL(0.5) * (cairn_vec2_dot(p->along, off) + cairn_vec2_dot(p->along, t->direction) * gap);
+    return CAIRN_REAL(0.5) * ((across * across + gap * gap) * p->across + turned);
 }
 
 int32_t cairn_grouping_near(const cairn_grouping *g, cairn_vec2 at, cairn_vec2 direction, cairn_real sigma,
                             int32_t most, int32_t *token, cairn_real *cost)
 {
     cairn_real reach = cairn_min(cairn_max(3 * sigma, 4) + g->params.token / 2, 64), limit = CAIRN_REAL(4.5);
-    cairn_vec2 low = {at.x - reach, at.y - reach}, high = {at.x + reach, at.y + reach},
-               unit = cairn_vec2_unit(direction);
+    cairn_vec2 low = {at.x - reach, at.y - reach}, high = {at.x + reach, at.y + reach};
+    near_place place = {at, cairn_vec2_unit(direction), 0, 1 / (g->params.turn * g->params.turn)};
     int32_t from = cell_of(g, low), to = cell_of(g, high), columns = g->columns, count = 0;
     int32_t left = from % columns, right = to % columns, bottom = to / columns;
-    cairn_real turn2 = g->params.turn * g->params.turn, sigma2;
 
     sigma = cairn_max(sigma, CAIRN_REAL(1.5));
-    sigma2 = sigma * sigma;
+    place.across = 1 / (sigma * sigma);
     for (int32_t y = from / columns; y <= bottom; y++) {
         const grouping_near *n = &g->near[g->head[y * columns + left]],
                             *end = &g->near[g->head[y * columns + right + 1]];
 
         for (; n < end; n++) {
-            cairn_real c;
+            cairn_real c = cost_of(&place, n, limit);
             int32_t i;
 
-            if (is_far(n, at, unit, sigma2, turn2, limit))
-                continue;
-            c = cost_of(g, n, at, unit, sigma);
             if (c > limit || (count == most && c >= cost[count - 1]) || g->tokens[n->token].taken)
                 continue;
             count += count < most;

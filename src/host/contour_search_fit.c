@@ -34,8 +34,8 @@
 /* Neighbours farther apart than so many spacings are of two outlines. */
 #define BREAK 3
 
-enum { REACH_MOST = 8, LABELS_MOST = (2 * REACH_MOST + 1) * (2 * REACH_MOST + 1), ROUNDS = 4 };
-enum { PADDED_MOST = (2 * REACH_MOST + 3) * (2 * REACH_MOST + 3) };
+enum { REACH_MOST = 8, WIDTH_MOST = 2 * REACH_MOST + 1, LABELS_MOST = WIDTH_MOST * WIDTH_MOST, ROUNDS = 4 };
+enum { PADDED_MOST = (WIDTH_MOST + 2) * (WIDTH_MOST + 2) };
 
 /* Shifts of the rounds: so many steps either way, each of such a share of the size. */
 static const struct {
@@ -48,9 +48,8 @@ typedef struct bender {
     const cairn_shape_model *model;
     contour_fit *fit;
     cairn_vec2 *base;                       /* [outline_count] px */
-    cairn_real *value[2];                   /* [LABELS_MOST] of the sample before and of this one */
-    uint8_t (*from)[LABELS_MOST];           /* [2 * outline_count] the move that led to each label */
-    cairn_real (*gain)[LABELS_MOST];        /* [outline_count] what each sample is worth at each label */
+    cairn_real *value;                      /* [(2 * outline_count + 1) * LABELS_MOST] of the best ways to each label */
+    cairn_real *gain;                       /* [outline_count * LABELS_MOST] what each sample is worth at each label */
     cairn_real no_edge[CONTOUR_FIELD_BINS]; /* what a place is worth that no edge is near */
     cairn_real size, spacing;               /* px; of the size, of the samples */
     cairn_real bending;                     /* what all moves have cost */
@@ -84,12 +83,15 @@ static cairn_real worth_at(const contour_field *f, cairn_real cost, int32_t bin)
     return cairn_log((cairn_real)HIDDEN + (1 - (cairn_real)HIDDEN) * cairn_exp(-cost) / f->chance[bin]);
 }
 
+static int32_t cell_at(cairn_real from_corner, cairn_real cell)
+{
+    return (int32_t)floor((double)(from_corner / cell));
+}
+
 /* Each cell is worked out once: neighbouring samples and later rounds ask for the same ones. */
-static cairn_real worth_of(const bender *b, cairn_vec2 at, int32_t bin)
+static cairn_real worth_in(const bender *b, int32_t x, int32_t y, int32_t bin)
 {
     const contour_field *f = b->field;
-    int32_t x = (int32_t)floor((double)((at.x - f->corner.x) / f->cell)),
-            y = (int32_t)floor((double)((at.y - f->corner.y) / f->cell));
     size_t cell = ((size_t)bin * CONTOUR_FIELD_SIDE + (size_t)y) * CONTOUR_FIELD_SIDE + (size_t)x;
 
     if (x < 0 || y < 0 || x >= CONTOUR_FIELD_SIDE || y >= CONTOUR_FIELD_SIDE || !(f->cost[cell] < CONTOUR_FIELD_MOST))
@@ -97,6 +99,13 @@ static cairn_real worth_of(const bender *b, cairn_vec2 at, int32_t bin)
     if (f->worth[cell] == CAIRN_REAL_MAX)
         f->worth[cell] = worth_at(f, f->cost[cell], bin);
     return f->worth[cell];
+}
+
+static cairn_real worth_of(const bender *b, cairn_vec2 at, int32_t bin)
+{
+    const contour_field *f = b->field;
+
+    return worth_in(b, cell_at(at.x - f->corner.x, f->cell), cell_at(at.y - f->corner.y, f->cell), bin);
 }
 
 static cairn_vec2 shift_of(const bender *b, int32_t label)
@@ -109,73 +118,99 @@ static cairn_vec2 shift_of(const bender *b, int32_t label)
 
 /* ---- One outline ---- */
 
-/* The best way to each label of a sample; the first one has none. About the labels there is a border that no way comes from. */
-static void take_ways(const bender *b, const cairn_real *before, cairn_real *now, uint8_t *from)
+/* What a step costs: to a neighbour on the grid of shifts, and to one across its corner. */
+static cairn_real cost_of_move(const bender *b, int32_t move)
 {
-    cairn_real move = (cairn_real)STRETCH * b->step / b->size, padded[PADDED_MOST];
+    return (move == 4 ? 0 : move % 2 == 0 ? CAIRN_REAL(1.4142) : 1) * ((cairn_real)STRETCH * b->step / b->size);
+}
+
+/* The value of the best way to each label of a sample from those of the sample before. About the labels there is a border that no way
+ * comes from; of the moves, which are alike to the left and to the right, the better one is taken first. */
+static void take_ways(const bender *b, const cairn_real *before, cairn_real *now)
+{
+    cairn_real near = cost_of_move(b, 1), far = cost_of_move(b, 0), padded[PADDED_MOST], beside[PADDED_MOST];
     int32_t row = b->width + 2;
 
     for (int32_t i = 0; i < row * row; i++)
         padded[i] = -CAIRN_REAL_MAX;
     for (int32_t y = 0; y < b->width; y++)
         memcpy(&padded[(y + 1) * row + 1], &before[y * b->width], (size_t)b->width * sizeof *before);
-    memcpy(now, before, (size_t)b->labels * sizeof *now);
-    memset(from, 4, (size_t)b->labels);
-    for (int32_t k = 0; k < 9; k++) {
-        cairn_real cost = (k % 2 == 0 ? CAIRN_REAL(1.4142) : 1) * move;
+    for (int32_t i = 1; i < row * row - 1; i++)
+        beside[i] = cairn_max(padded[i - 1], padded[i + 1]);
+    for (int32_t y = 0; y < b->width; y++) {
+        const cairn_real *here = &padded[(y + 1) * row + 1], *along = &beside[(y + 1) * row + 1];
 
-        for (int32_t y = 0; y < b->width && k != 4; y++) {
-            const cairn_real *other = &padded[(y + k / 3) * row + k % 3];
+        for (int32_t x = 0; x < b->width; x++) {
+            cairn_real straight = cairn_max(along[x], cairn_max(here[x - row], here[x + row]));
+            cairn_real diagonal = cairn_max(along[x - row], along[x + row]);
 
-            for (int32_t x = 0, label = y * b->width; x < b->width; x++, label++) {
-                cairn_real value = other[x] - cost;
-                int better = value > now[label];
-
-                now[label] = better ? value : now[label];
-                from[label] = better ? (uint8_t)k : from[label];
-            }
+            now[y * b->width + x] = cairn_max(here[x], cairn_max(straight - near, diagonal - far));
         }
     }
 }
 
+/* The move that leads best to a label from the values of the sample before: (dy + 1) * 3 + dx + 1. */
+static int32_t best_move(const bender *b, const cairn_real *before, int32_t label)
+{
+    int32_t x = label % b->width, y = label / b->width, best = 4;
+    cairn_real most = before[label];
+
+    for (int32_t k = 0; k < 9; k++) {
+        int32_t u = x + k % 3 - 1, v = y + k / 3 - 1;
+        cairn_real value;
+
+        if (k == 4 || u < 0 || v < 0 || u >= b->width || v >= b->width)
+            continue;
+        value = before[v * b->width + u] - cost_of_move(b, k);
+        if (value > most) {
+            most = value;
+            best = k;
+        }
+    }
+    return best;
+}
+
+/* What a sample is worth at each label: the cells of the grid's columns and rows are looked up once. */
 static void find_gain(const bender *b, int32_t sample, cairn_real *gain)
 {
-    int32_t bin = cairn_contour_field_bin(b->fit->outline[sample].direction);
+    int32_t bin = cairn_contour_field_bin(b->fit->outline[sample].direction), column[WIDTH_MOST], row[WIDTH_MOST];
 
-    for (int32_t label = 0; label < b->labels; label++)
-        gain[label] =
-            b->spacing / (cairn_real)PIECE * worth_of(b, cairn_vec2_add(b->base[sample], shift_of(b, label)), bin);
+    for (int32_t i = 0; i < b->width; i++) {
+        cairn_real shift = b->step * (cairn_real)(i - b->reach);
+
+        column[i] = cell_at(b->base[sample].x + shift - b->field->corner.x, b->field->cell);
+        row[i] = cell_at(b->base[sample].y + shift - b->field->corner.y, b->field->cell);
+    }
+    for (int32_t y = 0; y < b->width; y++)
+        for (int32_t x = 0; x < b->width; x++)
+            *gain++ = b->spacing / (cairn_real)PIECE * worth_in(b, column[x], row[y], bin);
 }
 
 /* Shifts the samples first ... first + count - 1 to where they lie best. */
 static void bend_outline(bender *b, int32_t first, int32_t count)
 {
-    cairn_real *before = b->value[0], *now = b->value[1];
+    size_t labels = (size_t)b->labels;
+    cairn_real *last = &b->value[2 * (size_t)count * labels];
     int32_t label = b->labels / 2;
 
-    memset(before, 0, (size_t)b->labels * sizeof *before);
+    memset(b->value, 0, labels * sizeof *b->value);
     for (int32_t k = 0; k < 2 * count; k++) {
-        cairn_real *other = before;
+        cairn_real *now = &b->value[((size_t)k + 1) * labels], *gain = &b->gain[(size_t)(k % count) * labels];
 
-        take_ways(b, before, now, b->from[k]);
+        take_ways(b, now - labels, now);
         if (k < count)
-            find_gain(b, first + k, b->gain[k]);
-        for (int32_t i = 0; i < b->labels; i++)
-            now[i] += b->gain[k % count][i];
-        before = now;
-        now = other;
+            find_gain(b, first + k, gain);
+        for (size_t i = 0; i < labels; i++)
+            now[i] += gain[i];
     }
     for (int32_t i = 0; i < b->labels; i++)
-        label = before[i] > before[label] ? i : label;
+        label = last[i] > last[label] ? i : label;
     for (int32_t k = 2 * count - 1; k >= count / 2; k--) {
-        int32_t move = b->from[k][label], sample = first + k % count;
+        int32_t move = best_move(b, &b->value[(size_t)k * labels], label), sample = first + k % count;
 
         if (k < count / 2 + count) {
             b->fit->outline[sample].position = cairn_vec2_add(b->base[sample], shift_of(b, label));
-            b->bending += (move == 4       ? 0
-                           : move % 2 == 0 ? CAIRN_REAL(1.4142)
-                                           : 1) *
-                          (cairn_real)STRETCH * b->step / b->size;
+            b->bending += cost_of_move(b, move);
         }
         label += move % 3 - 1 + b->width * (move / 3 - 1);
     }
@@ -388,19 +423,15 @@ int cairn_contour_fit_run(contour_fit *fit, const contour_field *field, const ca
     int ok;
 
     b.base = malloc(count * sizeof *b.base);
-    b.value[0] = malloc(LABELS_MOST * sizeof *b.value[0]);
-    b.value[1] = malloc(LABELS_MOST * sizeof *b.value[1]);
-    b.from = malloc(2 * count * sizeof *b.from);
-    b.gain = malloc(count * sizeof *b.gain);
+    b.value = malloc((2 * count + 1) * LABELS_MOST * sizeof *b.value);
+    b.gain = malloc(count * LABELS_MOST * sizeof *b.gain);
     for (int32_t bin = 0; bin < CONTOUR_FIELD_BINS; bin++)
         b.no_edge[bin] = worth_at(field, CONTOUR_FIELD_MOST, bin);
-    ok = b.base != NULL && b.value[0] != NULL && b.value[1] != NULL && b.from != NULL && b.gain != NULL;
+    ok = b.base != NULL && b.value != NULL && b.gain != NULL;
     if (ok)
         bend(&b, object);
     free(b.base);
-    free(b.value[0]);
-    free(b.value[1]);
-    free(b.from);
+    free(b.value);
     free(b.gain);
     return ok;
 }

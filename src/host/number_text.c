@@ -192,6 +192,7 @@ int32_t cairn_number_read_stamp(const char *text, size_t length, int64_t *nanose
 
 char *cairn_number_write(char text[CAIRN_NUMBER_TEXT_BYTES], cairn_real value)
 {
+    char digits_text[CAIRN_NUMBER_TEXT_BYTES];
     cairn_c_locale scope;
     double back;
 
@@ -202,12 +203,12 @@ char *cairn_number_write(char text[CAIRN_NUMBER_TEXT_BYTES], cairn_real value)
     scope = cairn_c_locale_enter();
     /* 17 digits, 9 of a float, tell any number. */
     for (int digits = sizeof value > sizeof(float) ? 15 : 6; digits <= 17; digits++) {
-        (void)snprintf(text, CAIRN_NUMBER_TEXT_BYTES, "%.*g", digits, (double)value);
-        if (cairn_number_read(text, strlen(text), &back) && (cairn_real)back == value)
+        (void)snprintf(digits_text, sizeof digits_text, "%.*g", digits, (double)value);
+        if (cairn_number_read(digits_text, strlen(digits_text), &back) && (cairn_real)back == value)
             break;
     }
     cairn_c_locale_leave(scope);
-    return text;
+    return strcpy(text, digits_text);
 }
 
 char *cairn_number_write_stamp(char text[CAIRN_NUMBER_TEXT_BYTES], int64_t nanoseconds)
