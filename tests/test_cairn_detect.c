@@ -135,7 +135,7 @@ static void test_verified(void **state)
 
     (void)state;
     assert_done(programs_run(detect, "0", "plain"));
-    assert_done(programs_run(detect, "0.05", "verified"));
+    assert_done(programs_run(detect, "0.08", "verified"));
     assert_same("found/bottle0.json", "verified/bottle0.json");
     assert_true(best_score("verified/bottle0.json") > best_score("plain/bottle0.json") + 0.5);
 }

@@ -62,7 +62,7 @@ typedef struct cairn_object_detect_params {
      * candidates more; outlines are laid by that map, not bent. Among many edges it finds more that is false (0). */
     int32_t occluded;
     /* Of EVIDENCE, 0 ... 100: what a score gains for each unit of evidence of a contour grouped at its place (grouped; contour_grouping). Of a
-     * search it takes more than half the time. 0: nothing is grouped, but with `occluded`, which counts it by a weight of its own (0.05). */
+     * search it takes more than half the time. 0: nothing is grouped, but with `occluded`, which counts it by a weight of its own (0.08). */
     cairn_real verify;
 } cairn_object_detect_params;
 

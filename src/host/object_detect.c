@@ -36,7 +36,7 @@ enum { ASPECTS = sizeof aspects / sizeof *aspects, PEAKS_MOST = 1 << 16 };
 #define TURNED   32
 #define STRAINED 16
 /* What all that comes to where there is no object, so that 0 is where most pictures without one have none left (docs/accuracy.md). */
-#define NOTHING 9.5
+#define NOTHING 10.7
 /* And the square of the logarithm of how much wider its box is, to its height, than the model's. */
 #define PROPORTION 1
 /* Where objects may be hidden in part: what of the outline agrees on one similarity map counts, as what is hidden was bent onto what hides
@@ -105,7 +105,7 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
                                          NULL,
                                          NULL,
                                          0,
-                                         CAIRN_REAL(0.05)};
+                                         CAIRN_REAL(0.08)};
 
     return params;
 }
