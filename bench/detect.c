@@ -5,7 +5,7 @@
  * the precision at the thesis's recall, which counts boxes above 0.2 as hits (precision_at_recall; with 0.5: precision_at_recall_half).
  * --method parts: by configurations of parts, as in the thesis; --bundles, --nearest and --modes change what it is made of. --method
  * chamfer: the plain oriented chamfer twin. --curves DIR: CLASS.csv and CLASS.svg, precision over recall and detection rate
- * over false positives per image. --verify: detections verified by contour grouping. */
+ * over false positives per image. --verify: the weight of verification by contour grouping, 0: without. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>

@@ -77,10 +77,11 @@ static void writes_json(void **state)
     (void)state;
     assert_json(text);
     assert_non_null(strstr(text, "\"width\": 128, \"height\": 96, \"shrink\": 2, \"chains\": 2, \"segments\": 3"));
-    assert_non_null(strstr(text, "{\"score\": 1.5000, \"rigid\": 0.5000, \"bent\": 1.0000, \"along\": 0.7500, "
-                                 "\"close\": 0.6250, \"turned\": 0.1250, \"strained\": 0.0625, \"agreed\": 0.3750, \"grouped\": 9.7500, "
-                                 "\"box\": [2.50, 4.50, 40.50, 30.50], \"x\": 20.50, \"y\": 16.50, \"size\": 46.00, "
-                                 "\"mirrored\": true"));
+    assert_non_null(strstr(
+        text, "{\"score\": 1.5000, \"rigid\": 0.5000, \"bent\": 1.0000, \"along\": 0.7500, "
+              "\"close\": 0.6250, \"turned\": 0.1250, \"strained\": 0.0625, \"agreed\": 0.3750, \"grouped\": 9.7500, "
+              "\"box\": [2.50, 4.50, 40.50, 30.50], \"x\": 20.50, \"y\": 16.50, \"size\": 46.00, "
+              "\"mirrored\": true"));
     assert_non_null(strstr(text, "\"segments\": [{\"id\": 1, \"chain\": 0, \"line\": [20.50, 4.50, 20.50, 40.50]}, "
                                  "{\"id\": 0, \"chain\": 0, \"line\": [2.50, 4.50, 20.50, 4.50]}]"));
     assert_non_null(strstr(text, "\"outline\": [[2.50, 4.50, 0], [18.50, 4.50, -1], [40.50, 18.50, 1], "

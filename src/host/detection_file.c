@@ -91,8 +91,8 @@ static void print_detection(cairn_output *output, const cairn_detection_picture 
                        "\"box\": [%.2f, %.2f, %.2f, %.2f], \"x\": %.2f, \"y\": %.2f, \"size\": %.2f, "
                        "\"mirrored\": %s,\n   ",
                        (double)d->score, (double)d->rigid, (double)d->bent, (double)d->along, (double)d->close,
-                       (double)d->turned, (double)d->strained, (double)d->agreed, (double)d->grouped, box[0], box[1], box[2], box[3],
-                       image_x(p, d->origin.x), image_x(p, d->origin.y), (double)d->size * p->shrink,
+                       (double)d->turned, (double)d->strained, (double)d->agreed, (double)d->grouped, box[0], box[1],
+                       box[2], box[3], image_x(p, d->origin.x), image_x(p, d->origin.y), (double)d->size * p->shrink,
                        d->mirrored ? "true" : "false");
     if (p->detections->has_appearance)
         cairn_output_print(output, "\"appearance\": %.4f, ", (double)d->appearance);
