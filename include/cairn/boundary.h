@@ -1,13 +1,15 @@
 /* boundary: contours between the regions of an image, in colour or grey, ranked by how much parts the two sides.
  *
  * On photographs a step of grey levels says little: textures are full of them. Here an edge is where the *distribution* of colours
- * about a pixel changes: of each of the three channels L, a, b the mean within a window, and the histogram within it, at two
- * scales. The change of a histogram h over a small way is its Fisher information 4 sum (d sqrt h)^2, the chi-squared difference of the
+ * about a pixel changes: of each of the three channels L, a, b the mean within a window, at three scales, and the histogram within it, at
+ * two. The change of a histogram h over a small way is its Fisher information 4 sum (d sqrt h)^2, the chi-squared difference of the
  * two halves of a window in the limit (Martin, Fowlkes and Malik 2004 compare the halves); all changes add up in one tensor, whose
- * larger root is the square of the pixel's strength. Regions are the basins of the strengths; the two neighbours with the weakest common
- * border are joined first, small ones before large ones, until all is one (Arbelaez, Maire, Fowlkes and Malik 2011, the ultrametric
- * contour map): the strength at which the two sides of a contour become one is what the grouping of the whole image says of it.
- * Contours run along the corners of pixels, from junction to junction, and are ranked by that and by their own mean strength.
+ * larger root is the square of the pixel's strength. Regions are the basins of the strengths. To the strength of a border adds what the
+ * cuts that part the whole image best have there (the first eigenvectors of a graph of the regions). Then the two neighbours with the
+ * weakest common border are joined until all is one (Arbelaez, Maire, Fowlkes and Malik 2011, the ultrametric contour map), in five ways,
+ * and once more by the mean of their levels: the level at which the two sides of a contour become one is what the grouping of the whole
+ * image says of it. Contours run along the corners of pixels, from junction to junction, and are ranked by that and by their own mean
+ * strength; those above any level have no loose ends within the image.
  *
  *     begin(image) -> step(budget) until CAIRN_OK -> read() */
 #ifndef CAIRN_BOUNDARY_H
@@ -22,13 +24,17 @@ extern "C" {
 
 typedef struct cairn_boundary_params {
     int32_t max_width, max_height; /* pixels, 1 ... 8192 (640 and 480) */
-    int32_t max_regions;  /* 1 ... 2^22: basins beyond so many, the shallowest last, join their neighbours (8192) */
-    int32_t max_points;   /* of contours that are reported, 1 ... 2^28; 2 pixels + 3 max_regions suffice (262,144) */
-    int32_t fine, coarse; /* pixels, 1 ... 32: half the widths of the windows, each passed over thrice (3 and 6) */
+    int32_t max_regions; /* 1 ... 2^22: basins beyond so many, the shallowest last, join their neighbours (8192) */
+    int32_t max_points;  /* of contours that are reported, 1 ... 2^28; 2 pixels + 3 max_regions suffice (262,144) */
+    int32_t fine,
+        coarse; /* pixels, 1 ... 32: half the widths of the windows of histograms, each passed over thrice (2 and 5); those of
+                             means are the fine one, the one between both and both together */
     cairn_real
-        distribution; /* >= 0: weight of the change of histograms, that of means by 10 units of L, a, b being 1 (8) */
+        distribution;  /* >= 0: weight of the change of histograms, that of means by 10 units of L, a, b being 1 (8) */
+    cairn_real global; /* >= 0: what the cuts of the whole image add to borders, of the mean of their strengths (0.3) */
     cairn_real
-        small; /* 0 ... 1: a border's strength times the smaller side's share of the image to this power (0.05) */
+        small; /* 0 ... 1: a border's strength times the smaller side's share of the image to the powers 0 to 2 times this (0.1) */
+    cairn_real contrast; /* 0 ... 1: power of how far the colours of both sides are apart, where that counts (0.15) */
     cairn_real min_strength; /* >= 0: of a contour that is reported (0) */
 } cairn_boundary_params;
 
@@ -70,7 +76,7 @@ CAIRN_CHECKED cairn_status cairn_boundary_create(cairn_boundary **boundary, cair
 CAIRN_CHECKED cairn_status cairn_boundary_begin(cairn_boundary *boundary, const cairn_boundary_image *image);
 
 /* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the contours stand, or nothing was begun. CAIRN_FULL: more than max_points;
- * given up, and there are none. In all about 130 units a pixel in colour, 60 in grey. */
+ * given up, and there are none. In all about 180 units a pixel in colour, 120 in grey. */
 CAIRN_CHECKED cairn_status cairn_boundary_step(cairn_boundary *boundary, cairn_budget *budget);
 
 /* Empty until step() returns CAIRN_OK; valid until the next begin(). The strongest contour comes first. An image of one colour is one

@@ -1,9 +1,9 @@
 /* Boundaries of regions: the room itself.
  *
- * Phases: colours; for each map and scale its windows and its change (boundary_measure.c); strengths; basins, their borders and joints
- * (boundary_region.c); contours and their ranks (boundary_contour.c).
+ * Phases: colours; for each map and scale its windows and its change (boundary_measure.c); strengths; basins and their borders
+ * (boundary_region.c); cuts (boundary_spectral.c); joints, each way anew (boundary_joint.c); contours and their ranks (boundary_contour.c).
  *
- * Layout: pictures of reals for the colours, a map and its average, and the tensors; labels and queues; borders and regions.
+ * Layout: pictures of reals for the colours, a map and its average, and the tensors; labels and queues; borders and regions; vectors.
  *
  * Limits: strengths above 8 are told apart no more when basins are made. Contours run along pixels' sides, not between them: the place of
  * an edge is known to half a pixel at best, of a soft one to about the half width of the windows; edgel is exact there. */
@@ -25,10 +25,12 @@ cairn_boundary_params cairn_boundary_default(void)
         .max_height = 480,
         .max_regions = 8192,
         .max_points = 262144,
-        .fine = 3,
-        .coarse = 6,
+        .fine = 2,
+        .coarse = 5,
         .distribution = 8,
-        .small = CAIRN_REAL(0.05),
+        .global = CAIRN_REAL(0.3),
+        .small = CAIRN_REAL(0.1),
+        .contrast = CAIRN_REAL(0.15),
         .min_strength = 0,
     };
     return params;
@@ -43,8 +45,9 @@ static int params_are_valid(const cairn_boundary_params *p)
 {
     return p != NULL && within(p->max_width, MAX_SIDE) && within(p->max_height, MAX_SIDE) &&
            within(p->max_regions, MAX_REGIONS) && within(p->max_points, MAX_POINTS) && within(p->fine, MAX_HALF) &&
-           within(p->coarse, MAX_HALF) && p->distribution >= 0 && cairn_is_finite(p->distribution) && p->small >= 0 &&
-           p->small <= 1 && p->min_strength >= 0 && cairn_is_finite(p->min_strength);
+           within(p->coarse, MAX_HALF) && p->distribution >= 0 && cairn_is_finite(p->distribution) && p->global >= 0 &&
+           cairn_is_finite(p->global) && p->small >= 0 && p->small <= 1 && p->contrast >= 0 && p->contrast <= 1 &&
+           p->min_strength >= 0 && cairn_is_finite(p->min_strength);
 }
 
 /* A power of two, so that the table is at most half full. */
@@ -80,6 +83,10 @@ static cairn_boundary *carve(cairn_pool *pool, const cairn_boundary_params *p)
     taken.tail = cairn_pool_take(pool, BOUNDARY_LEVELS, sizeof *taken.tail);
     taken.first = cairn_pool_take(pool, BOUNDARY_LEVELS, sizeof *taken.first);
     taken.regions = cairn_pool_take(pool, regions, sizeof *taken.regions);
+    taken.first_bins = cairn_pool_take(pool, BOUNDARY_BINS * regions, sizeof *taken.first_bins);
+    taken.bins = cairn_pool_take(pool, BOUNDARY_BINS * regions, sizeof *taken.bins);
+    taken.root = cairn_pool_take(pool, regions, sizeof *taken.root);
+    taken.vectors = cairn_pool_take(pool, (BOUNDARY_BLOCK + 2) * regions, sizeof *taken.vectors);
     taken.borders = cairn_pool_take(pool, borders, sizeof *taken.borders);
     taken.table = cairn_pool_take(pool, (size_t)taken.table_size, sizeof *taken.table);
     taken.heap = cairn_pool_take(pool, borders, sizeof *taken.heap);
@@ -154,6 +161,7 @@ cairn_status cairn_boundary_begin(cairn_boundary *b, const cairn_boundary_image 
     b->contour_count = b->corner_count = b->ranked_count = 0;
     b->from_x = b->from_y = b->loops = b->walking = 0;
     b->joined = 0;
+    b->way = b->stage = 0;
     b->paid = 0;
     for (int32_t i = 0; i < b->table_size; i++)
         b->table[i] = -1;
@@ -170,10 +178,18 @@ static int32_t cost_of(const cairn_boundary *b)
         return cairn_boundary_measure_cost(b);
     if (b->phase == BOUNDARY_BORDER)
         return b->image.width;
+    if (b->phase == BOUNDARY_CUT)
+        return cairn_boundary_cuts_cost(b);
     if (b->phase != BOUNDARY_JOIN)
         return 1;
     cost = cairn_boundary_join_cost(b);
     return cost > 0 ? cost : 1;
+}
+
+static void end_joints(cairn_boundary *b)
+{
+    b->fed = 0;
+    b->phase = cairn_boundary_has_ways(b) ? BOUNDARY_TELL : BOUNDARY_TRACE;
 }
 
 /* CAIRN_MORE: there is more. */
@@ -190,13 +206,24 @@ static cairn_status do_item(cairn_boundary *b)
         }
     } else if (b->phase == BOUNDARY_BORDER) {
         cairn_boundary_border_row(b);
-        if (b->row == b->image.height)
+        if (b->row == b->image.height) {
+            cairn_boundary_ties_begin(b);
+            b->phase = BOUNDARY_CUT;
+        }
+    } else if (b->phase == BOUNDARY_CUT) {
+        if (!cairn_boundary_cuts_next(b))
+            b->phase = BOUNDARY_CLEAR;
+    } else if (b->phase == BOUNDARY_CLEAR) {
+        if (!cairn_boundary_clear_next(b))
             b->phase = BOUNDARY_JOIN;
     } else if (b->phase == BOUNDARY_JOIN) {
         if (cairn_boundary_join_cost(b) > 0)
             cairn_boundary_join_next(b);
         else
-            b->phase = BOUNDARY_TRACE;
+            end_joints(b);
+    } else if (b->phase == BOUNDARY_TELL) {
+        if (!cairn_boundary_tell_next(b))
+            b->phase = BOUNDARY_CLEAR;
     } else if (b->phase == BOUNDARY_TRACE) {
         status = cairn_boundary_trace_side(b);
         if (status < CAIRN_OK)

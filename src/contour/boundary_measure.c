@@ -9,10 +9,9 @@
 
 #include "src/contour/boundary_work.h"
 
-enum { L_BINS = 16, AB_BINS = 13, PASSES = 3, SCALES = 2 };
+enum { L_BINS = 16, AB_BINS = 13, PASSES = 3, SCALES = 2, MEAN_SCALES = 3 };
 
 #define MEAN_UNIT CAIRN_REAL(10.0) /* units of L, a, b that weigh 1 */
-#define AB_MOST   CAIRN_REAL(45.0) /* a and b beyond it fall into the last bins */
 #define EMPTY     CAIRN_REAL(1e-3) /* a share of a window that says nothing yet */
 
 /* A map: -1: the channel's values, otherwise a bin of its histogram. */
@@ -20,24 +19,33 @@ typedef struct map_name {
     int32_t channel, bin, half;
 } map_name;
 
-static int32_t maps_each(const cairn_boundary *b)
+static int32_t bins_each(const cairn_boundary *b)
 {
-    return 1 + L_BINS + (b->channels > 1 ? 2 * (1 + AB_BINS) : 0);
+    return L_BINS + (b->channels > 1 ? 2 * AB_BINS : 0);
 }
 
 static int32_t maps_of(const cairn_boundary *b)
 {
-    return SCALES * maps_each(b);
+    return SCALES * bins_each(b) + MEAN_SCALES * b->channels;
 }
 
+/* Bins of both scales, then means of three: the fine one, between both, and of both together. */
 static map_name name_of(const cairn_boundary *b)
 {
-    int32_t each = maps_each(b), map = b->map % each;
+    const int32_t halves[MEAN_SCALES] = {b->params.fine, (b->params.fine + b->params.coarse) / 2,
+                                         b->params.fine + b->params.coarse};
+    int32_t each = bins_each(b), map = b->map % each, mean = b->map - SCALES * each;
     map_name name;
 
+    if (mean >= 0) {
+        name.half = halves[mean / b->channels];
+        name.channel = mean % b->channels;
+        name.bin = -1;
+        return name;
+    }
     name.half = b->map < each ? b->params.fine : b->params.coarse;
-    name.channel = map <= L_BINS ? 0 : 1 + (map - L_BINS - 1) / (1 + AB_BINS);
-    name.bin = map <= L_BINS ? map - 1 : (map - L_BINS - 1) % (1 + AB_BINS) - 1;
+    name.channel = map < L_BINS ? 0 : 1 + (map - L_BINS) / AB_BINS;
+    name.bin = map < L_BINS ? map : (map - L_BINS) % AB_BINS;
     return name;
 }
 
@@ -100,7 +108,7 @@ static void average_row(const cairn_real *from, cairn_real *to, int32_t width, i
 /* How far a value belongs to a bin. */
 static cairn_real belongs(const map_name *name, cairn_real value)
 {
-    cairn_real most = name->channel == 0 ? 100 : AB_MOST, least = name->channel == 0 ? 0 : -AB_MOST;
+    cairn_real most = name->channel == 0 ? 100 : BOUNDARY_AB_MOST, least = name->channel == 0 ? 0 : -BOUNDARY_AB_MOST;
     cairn_real last = (cairn_real)((name->channel == 0 ? L_BINS : AB_BINS) - 1);
     cairn_real at = (cairn_max(least, cairn_min(most, value)) - least) / (most - least) * last;
 
@@ -208,7 +216,7 @@ int32_t cairn_boundary_measure_cost(const cairn_boundary *b)
     case BOUNDARY_COLOUR:
         return 5 * width;
     case BOUNDARY_COLUMNS:
-        return boundary_share(width * (b->row == 0 ? b->params.coarse + 2 : 1), 8);
+        return boundary_share(width * (b->row == 0 ? b->params.fine + b->params.coarse + 2 : 1), 8);
     default:
         return boundary_share(width, 2);
     }

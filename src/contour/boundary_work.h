@@ -5,6 +5,11 @@
 #include "cairn/boundary.h"
 
 enum { BOUNDARY_CHANNELS = 3, BOUNDARY_LEVELS = 4096 };
+/* Bins of a region's histograms, of L, a and b: all of them, of L alone, of a and of b. */
+enum { BOUNDARY_L_BINS = 9, BOUNDARY_AB_BINS = 7, BOUNDARY_BINS = BOUNDARY_L_BINS + 2 * BOUNDARY_AB_BINS };
+/* Vectors that are iterated at once. */
+enum { BOUNDARY_BLOCK = 12 };
+#define BOUNDARY_AB_MOST CAIRN_REAL(45.0) /* a and b beyond it fall into the last bins */
 
 typedef int32_t boundary_phase;
 enum {
@@ -16,28 +21,38 @@ enum {
     BOUNDARY_STRENGTH,
     BOUNDARY_FLOOD,
     BOUNDARY_BORDER,
+    BOUNDARY_CUT,
+    BOUNDARY_CLEAR,
     BOUNDARY_JOIN,
+    BOUNDARY_TELL,
     BOUNDARY_TRACE,
     BOUNDARY_RANK,
     BOUNDARY_DONE
 };
+
+/* Of the cuts. */
+typedef int32_t boundary_stage;
+enum { BOUNDARY_TIE, BOUNDARY_DAMP, BOUNDARY_STRAIGHTEN, BOUNDARY_PROJECT, BOUNDARY_TURN };
 
 /* The common border of two regions. Sides 0 and 1 of border e are the half-borders 2 e and 2 e + 1, each in the list of its region. */
 typedef struct boundary_border {
     int32_t first[2];  /* regions that it parted at first, the smaller number first: what the table knows it by */
     int32_t region[2]; /* and does now */
     int32_t next[2], before[2]; /* half-borders of the same region; -1: none */
-    int32_t length;             /* sides of pixels */
+    int32_t sides, length;      /* of pixels: at first, and with those that became part of it */
     int32_t at;                 /* in the heap; -1: no longer */
     int32_t into;               /* the border that it became part of; itself */
+    cairn_real own;             /* mean strength at first, with what the whole image says of it */
     cairn_real sum;             /* of strengths along it */
+    cairn_real logs;            /* of its levels, each way of joining */
     cairn_real key;             /* in the heap */
     cairn_real level;           /* at which the two became one */
 } boundary_border;
 
 typedef struct boundary_region {
     int32_t first;    /* half-border; -1: none */
-    int32_t size;     /* pixels */
+    int32_t pixels;   /* at first */
+    int32_t size;     /* and with those that were joined to it */
     int32_t count;    /* of borders */
     int32_t mark;     /* border with the region that another one is joined to; -1 */
     cairn_real share; /* of the image, to the power */
@@ -69,6 +84,16 @@ struct cairn_boundary {
     boundary_border *borders; /* [max_borders] */
     int32_t *table;           /* [table_size]: borders by their regions, -1: free */
     int32_t *heap;            /* [max_borders]: of borders by their keys, then of contours by strength */
+    cairn_real *first_bins,
+        *bins; /* [max_regions][BOUNDARY_BINS]: how much of each colour a region has, at first and now */
+    /* Cuts. */
+    cairn_real *root;    /* [max_regions]: 1 / the root of what a region's ties come to */
+    cairn_real *vectors; /* [BOUNDARY_BLOCK + 2][regions]: and two that are at work */
+    cairn_real small_matrix[BOUNDARY_BLOCK][BOUNDARY_BLOCK], basis[BOUNDARY_BLOCK][BOUNDARY_BLOCK];
+    cairn_real value[BOUNDARY_BLOCK]; /* the greatest first */
+    cairn_real mean_strength, cut;    /* of borders; values below it are damped */
+    boundary_stage stage;
+    int32_t block, turn, member, degree;
     /* Contours. */
     cairn_boundary_contour *found, *ranked; /* [max_borders] */
     cairn_boundary_corner *corners;         /* [max_points] */
@@ -79,7 +104,8 @@ struct cairn_boundary {
     int32_t some;           /* the map at hand is not 0 everywhere */
     int32_t level;
     int32_t region_count, border_count, heap_count;
-    int32_t fed; /* borders that have come to the heap */
+    int32_t fed; /* borders that have come to the heap; regions and borders that are cleared or told */
+    int32_t way; /* of joining */
     int32_t contour_count, corner_count, ranked_count;
     int32_t x, y, heading, walking; /* corner of a walk, 0 ... 3: right, down, left, up */
     int32_t from_x, from_y;         /* corner where walks are looked for */
@@ -106,6 +132,17 @@ void cairn_boundary_flood_row(cairn_boundary *b, int32_t row);
 /* One pixel. 0: all are labelled. */
 int cairn_boundary_flood_pixel(cairn_boundary *b);
 void cairn_boundary_border_row(cairn_boundary *b);
+/* The strengths of borders before anything is joined, and the cuts of the whole image that add to them: an item, what it costs. 0: it
+ * was the last one. */
+void cairn_boundary_ties_begin(cairn_boundary *b);
+int cairn_boundary_cuts_next(cairn_boundary *b);
+int32_t cairn_boundary_cuts_cost(const cairn_boundary *b);
+/* Regions and borders become what they were before they were joined, and afterwards say at which level they were; one of them.
+ * 0: it was the last one. */
+int cairn_boundary_clear_next(cairn_boundary *b);
+int cairn_boundary_tell_next(cairn_boundary *b);
+/* 1: borders are joined once more after this way. */
+int cairn_boundary_has_ways(const cairn_boundary *b);
 /* What the next border's way into the heap or the next joint costs; 0: there is none. */
 int32_t cairn_boundary_join_cost(const cairn_boundary *b);
 void cairn_boundary_join_next(cairn_boundary *b);
