@@ -99,7 +99,8 @@ static cairn_real turned_of(const contour_laid *c, const int32_t *part, const co
             sum += 1 - cairn_vec2_dot(cairn_vec2_unit(turned), cairn_vec2_unit(is));
         }
     }
-    return sum / (cairn_real)c->outline_count;
+    /* One less a cosine may round to less than 0. */
+    return cairn_max(0, sum) / (cairn_real)c->outline_count;
 }
 
 /* The affine map by least squares; 0: there is none. */
