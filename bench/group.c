@@ -137,8 +137,8 @@ static int search_from_detections(const settings *s, sums *t, const group_image 
     cairn_contour_tokens tokens;
     cairn_file_error error;
     double start = bench_seconds();
-    int ok = cairn_contour_tokens_find(&tokens, view, (int32_t)s->strength, s->tokens[0] == 'e', image->name,
-                                       &error) == CAIRN_OK;
+    int ok = cairn_contour_tokens_find(&tokens, view, (int32_t)s->strength, s->tokens[0] == 'e', image->name, &error) ==
+             CAIRN_OK;
 
     if (ok) {
         ok = search_detected(s, image, &tokens, model, found, &error);
@@ -427,9 +427,25 @@ static int load_model(const settings *s, int which, cairn_shape_model_file *mode
 
 int main(int argc, char **argv)
 {
-    settings s = {"Swans", "searched", "../shared/data", NULL, "segments", 100000, 300, CAIRN_SHAPE_PATHS,
-                  1,       1,          100000,           -1,   -1,         0,      0,   0,
-                  0,       0,          0};
+    settings s = {"Swans",
+                  "searched",
+                  "../shared/data",
+                  NULL,
+                  "segments",
+                  100000,
+                  300,
+                  CAIRN_SHAPE_PATHS,
+                  1,
+                  1,
+                  100000,
+                  -1,
+                  -1,
+                  0,
+                  0,
+                  0,
+                  0,
+                  0,
+                  0};
     option_result result = read_settings(&s, argc, argv);
     cairn_shape_model_file model;
     int which = 0, ok;
