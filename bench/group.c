@@ -18,16 +18,20 @@
 
 #include "bench/bench_group.h"
 #include "bench/bench_json.h"
+#include "cairn/object_detect.h"
 #include "tools/options.h"
 
 #define SIZE_SLACK 0.1
 #define WILSON_Z   1.96
+/* Of a detection's size on both sides; least IoU of a grouping with it. */
+#define DETECTED_SLACK 1.25
+#define DETECTED_IOU   0.5
 
 typedef struct settings {
     const char *class_name, *scale, *data, *draw, *tokens;
     int64_t most, particles, paths, strength, seed, others;
     double score, evidence;
-    int32_t no_model, no_skeleton, no_mirror, no_others, each;
+    int32_t no_model, no_skeleton, no_mirror, no_others, each, from_detections;
 } settings;
 
 typedef struct sums {
@@ -59,6 +63,93 @@ static cairn_contour_search_params params_of(const settings *s, const group_imag
     if (s->evidence >= 0)
         p.min_evidence = (cairn_real)s->evidence;
     return p;
+}
+
+static double overlap_with(const cairn_detection *d, const cairn_contour_result *result, const cairn_contour_object *o)
+{
+    double left = HUGE_VAL, top = HUGE_VAL, right = -HUGE_VAL, bottom = -HUGE_VAL, w, h, both;
+
+    for (int32_t i = 0; i < o->outline_count; i++) {
+        const cairn_oriented_point *at = &result->outline[o->first_outline + i].at;
+
+        left = fmin(left, (double)at->position.x);
+        top = fmin(top, (double)at->position.y);
+        right = fmax(right, (double)at->position.x);
+        bottom = fmax(bottom, (double)at->position.y);
+    }
+    w = fmin(right, (double)d->right) - fmax(left, (double)d->left);
+    h = fmin(bottom, (double)d->bottom) - fmax(top, (double)d->top);
+    if (!(w > 0) || !(h > 0))
+        return 0;
+    both = (right - left) * (bottom - top) + (double)(d->right - d->left) * (double)(d->bottom - d->top);
+    return w * h / (both - w * h);
+}
+
+static void keep_detected(cairn_contour_result *result, const cairn_detection *d)
+{
+    int32_t kept = 0;
+
+    for (int32_t i = 0; i < result->object_count; i++)
+        if (overlap_with(d, result, &result->objects[i]) >= DETECTED_IOU)
+            result->objects[kept++] = result->objects[i];
+    result->object_count = kept;
+}
+
+/* Groups at the size of each detection. */
+static int search_detected(const settings *s, const group_image *image, const cairn_contour_tokens *tokens,
+                           const cairn_shape_model *model, group_found *found, cairn_file_error *error)
+{
+    cairn_object_detect_params params = cairn_object_detect_default(image->width, image->height);
+    const cairn_contour_search_params all = params_of(s, image);
+    cairn_detect_field *field = NULL;
+    cairn_detections d;
+    int ok;
+
+    params.mirror = !s->no_mirror;
+    if (cairn_detect_field_make(&field, tokens, &params, image->name, error) != CAIRN_OK)
+        return 0;
+    ok = cairn_object_detect(&d, field, model, image->name, error) == CAIRN_OK;
+    for (int32_t i = 0; i < d.count && ok; i++) {
+        cairn_contour_search_params p = all;
+        cairn_contour_result result;
+
+        p.min_size = (cairn_real)fmax((double)all.min_size, (double)d.found[i].size / DETECTED_SLACK);
+        p.max_size = (cairn_real)fmin((double)all.max_size, (double)d.found[i].size * DETECTED_SLACK);
+        if (p.min_size > p.max_size)
+            continue;
+        ok = cairn_contour_search_run(&result, tokens, model, &p, image->name, error) == CAIRN_OK;
+        if (ok) {
+            keep_detected(&result, &d.found[i]);
+            group_found_add(found, image, tokens, &result);
+            cairn_contour_result_free(&result);
+        }
+    }
+    cairn_detections_free(&d);
+    cairn_detect_field_free(field);
+    return ok;
+}
+
+/* 0: a line was printed. */
+static int search_from_detections(const settings *s, sums *t, const group_image *image, const cairn_shape_model *model,
+                                  group_found *found)
+{
+    cairn_raster_u8_view view = {image->edges, image->width, image->height, image->width};
+    cairn_contour_tokens tokens;
+    cairn_file_error error;
+    double start = bench_seconds();
+    int ok = cairn_contour_tokens_find(&tokens, view, (int32_t)s->strength, s->tokens[0] == 'e', image->name, &error) ==
+             CAIRN_OK;
+
+    if (ok) {
+        ok = search_detected(s, image, &tokens, model, found, &error);
+        cairn_contour_tokens_free(&tokens);
+        group_found_sort(found);
+    }
+    if (ok && t->timed < SECONDS_MOST)
+        t->seconds[t->timed++] = bench_seconds() - start;
+    if (!ok)
+        fprintf(stderr, "bench/group: %s\n", error.text);
+    return ok;
 }
 
 /* Runs the search on an image; 0: a line was printed. */
@@ -93,6 +184,8 @@ static int search_own(const settings *s, sums *t, const group_image *image, cons
 {
     cairn_contour_search_params params = params_of(s, image);
 
+    if (s->from_detections)
+        return search_from_detections(s, t, image, model, found);
     if (s->scale[0] == 's')
         return search(s, t, image, model, &params, found);
     for (int32_t i = 0; i < image->instances; i++) {
@@ -188,7 +281,8 @@ static int run_other(const settings *s, sums *t, const char *folder, const char 
         return 0;
     params = params_of(s, &image);
     group_found_clear(&found);
-    ok = search(s, t, &image, model, &params, &found);
+    ok = s->from_detections ? search_from_detections(s, t, &image, model, &found)
+                            : search(s, t, &image, model, &params, &found);
     t->other_images++;
     t->false_groupings += found.count;
     if (s->each && ok) {
@@ -289,6 +383,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_FLAG("--no-model", &s->no_model, "without the model term"),
         OPTION_FLAG("--no-skeleton", &s->no_skeleton, "without the skeleton term"),
         OPTION_FLAG("--no-mirror", &s->no_mirror, "not the mirrored model"),
+        OPTION_FLAG("--from-detections", &s->from_detections, "only where and as large as the object is detected"),
         OPTION_FLAG("--each", &s->each, "a line for each instance, too"),
         OPTION_TEXT("--draw", &s->draw, "DIR", "pictures of what was found (PPM)"),
         OPTION_TEXT("--data", &s->data, "DIR", "where ethz/ is, or the folders of the classes"),
@@ -332,9 +427,25 @@ static int load_model(const settings *s, int which, cairn_shape_model_file *mode
 
 int main(int argc, char **argv)
 {
-    settings s = {"Swans", "searched", "../shared/data", NULL, "segments", 100000, 300, CAIRN_SHAPE_PATHS,
-                  1,       1,          100000,           -1,   -1,         0,      0,   0,
-                  0,       0};
+    settings s = {"Swans",
+                  "searched",
+                  "../shared/data",
+                  NULL,
+                  "segments",
+                  100000,
+                  300,
+                  CAIRN_SHAPE_PATHS,
+                  1,
+                  1,
+                  100000,
+                  -1,
+                  -1,
+                  0,
+                  0,
+                  0,
+                  0,
+                  0,
+                  0};
     option_result result = read_settings(&s, argc, argv);
     cairn_shape_model_file model;
     int which = 0, ok;
