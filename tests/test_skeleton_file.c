@@ -106,6 +106,11 @@ static void test_picture(void **state)
     text = files_read(files_path("a.svg"), NULL);
     assert_well_formed(text);
     assert_int_equal(count_of(text, "<image x"), 1);
+    /* What lies over the image ends with it. */
+    assert_int_equal(count_of(text, ".over path,.over circle,.over .box{clip-path:url(#frame)}"), 1);
+    assert_int_equal(count_of(text, "<g class=\"over\""), 1);
+    assert_int_equal(count_of(text, "<clipPath id=\"frame\"><rect x=\"-0.5\" y=\"-0.5\" width=\"60\" height=\"50\"/>"),
+                     1);
     assert_int_equal(count_of(text, "class=\"axis\" d=\"M10.0 20.0L20.0 20.0L30.0 20.0\""), 1);
     assert_int_equal(count_of(text, "class=\"axis\" d=\"M20.0 40.0L20.0 30.0M20.0 30.0L20.0 20.0\""), 1);
     assert_int_equal(count_of(text, "class=\"contour\" d=\"M10.0 16.0L20.0 15.0M20.0 15.0L30.0 14.0\""), 1);

@@ -50,11 +50,13 @@ cairn_status cairn_report_overlay_begin(cairn_output *output, const cairn_report
 
     cairn_report_print_head(output, fmax(overlay->least_width, 2 * CAIRN_REPORT_MARGIN + scale * overlay->width),
                             height_of(overlay), overlay->title, overlay->subtitle);
-    cairn_output_print(output, "<style>%s</style>\n", style);
-    cairn_output_print(output, "<g transform=\"translate(%.1f %.1f) scale(%.6f)\">\n",
+    cairn_output_print(output, "<style>.over path,.over circle,.over .box{clip-path:url(#frame)}%s</style>\n", style);
+    cairn_output_print(output, "<g class=\"over\" transform=\"translate(%.1f %.1f) scale(%.6f)\">\n",
                        CAIRN_REPORT_MARGIN + 0.5 * scale, head_of(overlay) + 0.5 * scale, scale);
-    cairn_output_print(output, "<rect x=\"-0.5\" y=\"-0.5\" width=\"%d\" height=\"%d\" fill=\"#fff\"/>\n",
-                       (int)overlay->width, (int)overlay->height);
+    cairn_output_print(output,
+                       "<clipPath id=\"frame\"><rect x=\"-0.5\" y=\"-0.5\" width=\"%d\" height=\"%d\"/></clipPath>\n"
+                       "<rect x=\"-0.5\" y=\"-0.5\" width=\"%d\" height=\"%d\" fill=\"#fff\"/>\n",
+                       (int)overlay->width, (int)overlay->height, (int)overlay->width, (int)overlay->height);
     return overlay->grey != NULL ? print_image(output, overlay) : CAIRN_OK;
 }
 
