@@ -189,7 +189,7 @@ static void solve_small(cairn_boundary *b, int32_t order[BLOCK])
 /* The vectors become the eigenvectors within their span. */
 static void turn_vectors(cairn_boundary *b)
 {
-    int32_t order[BLOCK];
+    int32_t order[BLOCK] = {0};
 
     solve_small(b, order);
     for (int32_t i = 0; i < b->region_count; i++) {
