@@ -143,7 +143,7 @@ static int runs_so(const grouping_token *t, const grouping_pose *pose, cairn_vec
 static int32_t way_of(cairn_vec2 c)
 {
     cairn_real sum = cairn_abs(c.x) + cairn_abs(c.y), along = sum > 0 ? c.x / sum : 0;
-    int32_t way = cairn_real_to_int((1 - along) * (GROUPING_WAYS / 4));
+    int32_t way = cairn_real_to_int((1 - along) * GROUPING_WAYS / 4);
 
     way = way < GROUPING_WAYS / 2 ? way : GROUPING_WAYS / 2 - 1;
     return c.y < 0 ? GROUPING_WAYS - 1 - way : way;

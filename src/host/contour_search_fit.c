@@ -128,7 +128,8 @@ static cairn_real cost_of_move(const bender *b, int32_t move)
  * comes from; of the moves, which are alike to the left and to the right, the better one is taken first. */
 static void take_ways(const bender *b, const cairn_real *before, cairn_real *now)
 {
-    cairn_real near = cost_of_move(b, 1), far = cost_of_move(b, 0), padded[PADDED_MOST], beside[PADDED_MOST];
+    cairn_real near = cost_of_move(b, 1), far = cost_of_move(b, 0), padded[PADDED_MOST] = {0},
+               beside[PADDED_MOST] = {0};
     int32_t row = b->width + 2;
 
     for (int32_t i = 0; i < row * row; i++)

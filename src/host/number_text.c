@@ -208,7 +208,8 @@ char *cairn_number_write(char text[CAIRN_NUMBER_TEXT_BYTES], cairn_real value)
             break;
     }
     cairn_c_locale_leave(scope);
-    return strcpy(text, digits_text);
+    memcpy(text, digits_text, strlen(digits_text) + 1);
+    return text;
 }
 
 char *cairn_number_write_stamp(char text[CAIRN_NUMBER_TEXT_BYTES], int64_t nanoseconds)
