@@ -76,7 +76,7 @@ TESTS    := $(TEST_SRC:tests/%.c=%)
 BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
 .PHONY: all help objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance check check-freestanding mutate amalgamation coverage
-.PHONY: install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
+.PHONY: thesis install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
 .DELETE_ON_ERROR:
 .SECONDARY:
 
@@ -90,6 +90,7 @@ help:
 	@echo "make bench          the measuring programs, build/bench/*"
 	@echo "make vision         libcairn-vision, through which images are read (installs OpenCV, some 130 packages)"
 	@echo "make appearance     libcairn-appearance, which learns what classes look like (installs OpenCV's features2d and ml)"
+	@echo "make thesis         runs the experiments of the thesis, writes docs/thesis.md (DATA=FOLDER ITEMS='2/29 ...')"
 	@echo "make check          warnings, formats, analyzers, freestanding proof, room order"
 	@echo "make mutate         plants faults in src/ and counts those that the tests find (N=40 SEED=1)"
 	@echo "make firmware       the library in a robot's loop on Cortex-M7 and M4F"
@@ -215,6 +216,13 @@ vision:
 appearance:
 	@sh tools/deps.sh build vision appearance
 	@$(MAKE) $(PARALLEL) $(BUILD)/libcairn-vision.so $(BUILD)/libcairn-appearance.so
+
+# What the thesis reports, measured anew: docs/thesis.md. DATA: the folder of the public data.
+DATA ?= ../shared/data
+thesis:
+	@sh tools/deps.sh build vision appearance
+	@$(MAKE) $(PARALLEL) run-bench
+	@sh tools/thesis.sh $(BUILD) $(DATA) $(ITEMS)
 
 check:
 	@sh tools/deps.sh build test check

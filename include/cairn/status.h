@@ -1,4 +1,4 @@
-/* status: what a call returns, where an input went wrong, and how much work a step may do.
+/* status: what a call returns, where an input went wrong, how much work a step may do, and which method it follows.
  *
  * A status says whether a call could be carried out. What was found out by it (converged, ambiguous, unobservable) is a
  * field of the result, never a status. */
@@ -69,6 +69,12 @@ static inline int cairn_budget_pay(cairn_budget *budget, int32_t *paid, int32_t 
     *paid = 0;
     return 1;
 }
+
+/* The method that an object follows: field `mode` of its params. */
+enum {
+    CAIRN_MODE_DEFAULT = 0,   /* the library's own */
+    CAIRN_MODE_AS_WRITTEN = 1 /* that of Adluru 2008 as it is printed, with its constants; headers list what it leaves open */
+};
 
 /* A budget that is never used up by one call. */
 #define CAIRN_UNBOUNDED INT32_MAX
