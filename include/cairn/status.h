@@ -72,8 +72,9 @@ static inline int cairn_budget_pay(cairn_budget *budget, int32_t *paid, int32_t 
 
 /* The method that an object follows: field `mode` of its params. */
 enum {
-    CAIRN_MODE_DEFAULT = 0,   /* the library's own */
-    CAIRN_MODE_AS_WRITTEN = 1 /* that of Adluru 2008 as it is printed, with its constants; headers list what it leaves open */
+    CAIRN_MODE_DEFAULT = 0, /* the library's own */
+    CAIRN_MODE_AS_WRITTEN =
+        1 /* that of Adluru 2008 as it is printed, with its constants; headers list what it leaves open */
 };
 
 /* A budget that is never used up by one call. */
