@@ -166,12 +166,19 @@ step_readme()
     said "README: the example compiles and runs" $? "$out/readme.log"
 }
 
+step_thesis()
+{
+    gcc_build run-bench >"$out/thesis.log" 2>&1 &&
+        sh tools/check-thesis-test.sh "$out/gcc" >>"$out/thesis.log" 2>&1 && sh tools/check-thesis.sh "$out/gcc" >>"$out/thesis.log" 2>&1
+    said "docs/thesis.md: functions, commands, experiments" $? "$out/thesis.log"
+}
+
 step_install()
 {
     sh tools/install-test.sh "$out/gcc"
 }
 
-[ $# -gt 0 ] || set -- rooms headers format layout page warnings freestanding bits amalgamation readme install analyzer cppcheck tidy
+[ $# -gt 0 ] || set -- rooms headers format layout page warnings freestanding bits amalgamation readme thesis install analyzer cppcheck tidy
 failures=
 for step in "$@"; do
     start=$(date +%s)
