@@ -143,12 +143,6 @@ step_layout()
     said "tests/layout.h holds all open structs" $? "$out/layout.log"
 }
 
-step_page()
-{
-    sh tools/page.sh | diff src/host/report_player_page.c - >"$out/page.log" 2>&1
-    said "src/host/report_player_page.c is report_player.html" $? "$out/page.log"
-}
-
 step_bits()
 {
     sh tools/check-bits.sh "$out"
@@ -170,7 +164,7 @@ step_install()
     sh tools/install-test.sh "$out/gcc"
 }
 
-[ $# -gt 0 ] || set -- rooms headers format layout page warnings freestanding bits amalgamation readme install analyzer cppcheck tidy
+[ $# -gt 0 ] || set -- rooms headers format layout warnings freestanding bits amalgamation readme install analyzer cppcheck tidy
 failures=
 for step in "$@"; do
     start=$(date +%s)
