@@ -46,7 +46,7 @@ HAVE_HOST   := $(and $(call has,yaml.h),$(call has,zlib.h),$(call has,png.h))
 HAVE_SIM    := $(call has,box2d/box2d.h)
 HAVE_TEST   := $(call has,cmocka.h)
 VISION_INC  := $(patsubst %/opencv2/imgcodecs.hpp,%,$(firstword $(call has,opencv4/opencv2/imgcodecs.hpp)))
-HOST_SRC    := $(if $(HAVE_HOST),$(wildcard src/host/*.c))
+HOST_SRC    := $(if $(HAVE_HOST),$(wildcard src/host/*.c) src/host/report_player_page.c)
 VISION_SRC  := $(if $(VISION_INC),src/host/vision_shim.cpp)
 APPEARANCE_SRC := $(if $(and $(VISION_INC),$(call has,opencv4/opencv2/features2d.hpp),$(call has,opencv4/opencv2/ml.hpp)),src/host/appearance_shim.cpp)
 SIM_SRC     := $(if $(HAVE_SIM),$(wildcard sim/*.cpp))
@@ -114,6 +114,13 @@ $(BUILD)/double/src/%.c.o: src/%.c
 $(BUILD)/float/src/%.c.o: src/%.c
 	@mkdir -p $(@D)
 	$(CC) -DCAIRN_FLOAT $(if $(filter host/%,$*),$(HOST_FLAGS),$(LIB_FLAGS)) $(CFLAGS) -c $< -o $@
+# The page of the player is made of its HTML.
+$(BUILD)/src/host/report_player_page.c: src/host/report_player.html tools/page.sh
+	@mkdir -p $(@D)
+	sh tools/page.sh >$@.part && mv $@.part $@
+$(BUILD)/%/src/host/report_player_page.c.o: $(BUILD)/src/host/report_player_page.c
+	@mkdir -p $(@D)
+	$(CC) $(if $(filter float,$*),-DCAIRN_FLOAT) $(HOST_FLAGS) $(CFLAGS) -c $< -o $@
 # Everything else.
 $(BUILD)/double/%.c.o: %.c
 	@mkdir -p $(@D)

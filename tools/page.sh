@@ -1,11 +1,8 @@
 #!/bin/sh
-# Prints the page of the player, src/host/report_player.html, as the C strings that the library holds:
-#
-#   sh tools/page.sh > src/host/report_player_page.c       after a change of the page
-#   sh tools/page.sh | diff src/host/report_player_page.c -
+# Prints the page of the player, src/host/report_player.html, as the C strings that the library holds: tools/page.sh
 export LC_ALL=C
 cat <<'END'
-/* The page of the player, line by line. Made by tools/page.sh from report_player.html. */
+/* The page of the player, line by line. Made by tools/page.sh from src/host/report_player.html. */
 #include "src/core/build.h"
 
 #include "src/host/report_player.h"
