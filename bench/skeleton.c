@@ -4,7 +4,7 @@
  * grey levels. Given is the range of radii alone, from 0.8 of the object's least to 1.2 of its largest, both times --wrong. Of the objects
  * found the likeliest counts: skeleton_f, of places along its axis and the true one that lie within 1 % of the image's diagonal of the other;
  * radius_error, median over scenes of the median over places of the axis that are right; boundary_f, of the contour at 3 px; disks_iou, of the
- * union of its discs with the object; free_ends, mean share of the true number. all_f counts every part that was found. */
+ * union of its discs with the object; free_ends, mean share of the true number. all_f and all_boundary_f count every part that was found; parts is their mean number. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -25,10 +25,12 @@
 enum { MOST_PLACES = 20000 };
 
 typedef struct settings {
-    int64_t scenes, seed, k, particles, images;
-    double noise, wrong, slope, sigma, contrast;
+    int64_t scenes, seed, k, images;
+    int64_t particles; /* 0: not given */
+    double noise, wrong, slope, sigma;
+    double contrast; /* NaN: not given */
     const char *weight, *draw, *data;
-    int32_t each, propose, bsds;
+    int32_t each, propose, bsds, written;
 } settings;
 
 typedef struct finder {
@@ -50,7 +52,7 @@ typedef struct places {
 
 typedef struct sums {
     int32_t scenes;
-    double f, all_f, boundary_f, iou, ends, errors;
+    double f, all_f, boundary_f, all_boundary_f, parts, iou, ends, errors;
     double *seconds, *error;
 } sums;
 
@@ -58,13 +60,14 @@ static int open_finder(finder *f, const settings *s)
 {
     cairn_boundary_params boundary = cairn_boundary_default();
     cairn_edgel_params edgel = cairn_edgel_default();
-    cairn_skeleton_params skeleton = cairn_skeleton_default();
+    cairn_skeleton_params skeleton = s->written ? cairn_skeleton_as_written() : cairn_skeleton_default();
     size_t bytes;
 
     if (s->bsds) {
         edgel.max_width = edgel.max_height = skeleton.max_width = skeleton.max_height = 1024;
         edgel.max_edgels = skeleton.max_edgels = 100000;
-        skeleton.min_log_odds = 5;
+        if (!s->written)
+            skeleton.min_log_odds = 5;
         boundary.max_width = boundary.max_height = 1024;
     } else {
         edgel.max_width = skeleton.max_width = SCENE_WIDTH;
@@ -72,10 +75,10 @@ static int open_finder(finder *f, const settings *s)
     }
     edgel.sigma = (cairn_real)s->sigma;
     edgel.min_slope = (cairn_real)s->slope;
-    skeleton.particles = (int32_t)s->particles;
-    skeleton.contrast = (cairn_real)s->contrast;
-    if (strcmp(s->weight, "as-written") == 0)
-        skeleton.weight = CAIRN_SKELETON_AS_WRITTEN;
+    if (s->particles > 0)
+        skeleton.particles = (int32_t)s->particles;
+    if (!isnan(s->contrast))
+        skeleton.contrast = (cairn_real)s->contrast;
     bytes = cairn_edgel_memory(&edgel) + cairn_skeleton_memory(&skeleton) + 64 +
             (s->bsds ? cairn_boundary_memory(&boundary) : 0);
     f->memory = malloc(bytes);
@@ -266,7 +269,8 @@ static double discs_iou(const places *found, const scene *s)
     return either > 0 ? (double)both / either : 0;
 }
 
-static double boundary_f(const cairn_skeleton_result *r, const scene *s)
+/* Of the contours of the likeliest object, or of all. */
+static double boundary_f(const cairn_skeleton_result *r, const scene *s, int all)
 {
     static places found, truth;
 
@@ -274,7 +278,7 @@ static double boundary_f(const cairn_skeleton_result *r, const scene *s)
     for (int32_t i = 0; i < r->part_count; i++) {
         const cairn_skeleton_point *q = &r->points[r->parts[i].first];
 
-        for (int32_t k = 0; r->parts[i].object == 0 && k + 1 < r->parts[i].count; k++)
+        for (int32_t k = 0; (all || r->parts[i].object == 0) && k + 1 < r->parts[i].count; k++)
             for (int side = 0; side < 2; side++) {
                 place a = {(double)q[k].touch[side].x, (double)q[k].touch[side].y, 0};
                 place b = {(double)q[k + 1].touch[side].x, (double)q[k + 1].touch[side].y, 0};
@@ -354,7 +358,7 @@ static void measure(const settings *set, sums *t, const finder *f, const scene *
 {
     static places truth, found;
     cairn_skeleton_result r = cairn_skeleton_read(f->skeleton);
-    double all, axis, error, iou, ends, boundary;
+    double all, axis, error, iou, ends, boundary, all_boundary;
 
     add_truth(&truth, s, shape);
     add_found(&found, &r, 1);
@@ -363,12 +367,15 @@ static void measure(const settings *set, sums *t, const finder *f, const scene *
     axis = axis_f(&found, &truth);
     error = radius_error(&found, &truth);
     iou = discs_iou(&found, s);
-    boundary = boundary_f(&r, s);
+    boundary = boundary_f(&r, s, 0);
+    all_boundary = boundary_f(&r, s, 1);
     ends = r.object_count > 0 ? (double)r.objects[0].free_ends / shape->ends : 0;
     t->f += axis;
     t->all_f += all;
     t->iou += iou;
     t->boundary_f += boundary;
+    t->all_boundary_f += all_boundary;
+    t->parts += r.part_count;
     t->ends += ends;
     if (error == error)
         t->error[(int32_t)t->errors++] = error;
@@ -383,6 +390,7 @@ static void measure(const settings *set, sums *t, const finder *f, const scene *
     bench_json_number("all_f", all);
     bench_json_number("radius_error", error);
     bench_json_number("boundary_f", boundary);
+    bench_json_number("all_boundary_f", all_boundary);
     bench_json_number("disks_iou", iou);
     bench_json_number("free_ends", ends);
     bench_json_integer("parts", r.part_count);
@@ -492,6 +500,7 @@ static void print_way(const settings *set, const way_sums *t, int32_t images, co
     bench_json_text("data", "bsds");
     bench_json_text("grouped", way);
     bench_json_text("weight", set->weight);
+    bench_json_text("mode", set->written ? "as_written" : "default");
     bench_json_integer("images", images);
     bench_json_number("precision_gain", t->gain / n);
     bench_json_number("precision", t->precision / n);
@@ -568,6 +577,7 @@ static void print_summary(const settings *s, const sums *t, const finder *f)
 
     bench_json_begin("skeleton");
     bench_json_text("weight", s->weight);
+    bench_json_text("mode", s->written ? "as_written" : "default");
     bench_json_integer("scenes", t->scenes);
     bench_json_integer("seed", s->seed);
     bench_json_integer("k", s->k);
@@ -579,6 +589,8 @@ static void print_summary(const settings *s, const sums *t, const finder *f)
     bench_json_number("disks_iou", t->iou / n);
     bench_json_number("free_ends", t->ends / n);
     bench_json_number("all_f", t->all_f / n);
+    bench_json_number("all_boundary_f", t->all_boundary_f / n);
+    bench_json_number("parts", t->parts / n);
     bench_json_number("seconds_median", bench_median(t->seconds, (size_t)t->scenes));
     bench_json_integer("pool_bytes", (int64_t)f->pool.peak);
     bench_json_true("summary");
@@ -597,10 +609,12 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_FLAG("--propose", &s->propose, "no range is given"),
         OPTION_NUMBER("--min-slope", &s->slope, 0.01, 1000, "G", "grey levels per pixel, of edgels"),
         OPTION_NUMBER("--sigma", &s->sigma, 0.7, 8, "PX", "blur before edgels are looked for"),
-        OPTION_TEXT("--weight", &s->weight, "NAME", "evidence or as-written"),
+        OPTION_FLAG("--as-written", &s->written, "Adluru 2008, chapter 3, as it is printed"),
+        OPTION_TEXT("--weight", &s->weight, "NAME", "evidence, or as-written, which is --as-written"),
         OPTION_NUMBER("--contrast", &s->contrast, 0, 100, "L",
-                      "log odds of an edge e times as steep as the mean one; 0: all edges are the same"),
-        OPTION_INTEGER("--particles", &s->particles, 1, 1024, "N", "of the filter"),
+                      "log odds of an edge e times as steep as the mean one; 0: all edges are the same\n"
+                      "(6); not as written"),
+        OPTION_INTEGER("--particles", &s->particles, 1, 1024, "N", "of the filter (16; as written 50)"),
         OPTION_FLAG("--each", &s->each, "a line for each scene, too"),
         OPTION_TEXT("--draw", &s->draw, "DIR", "pictures of what was found"),
         OPTION_FLAG("--bsds", &s->bsds, "Berkeley images in place of scenes, no range given"),
@@ -615,9 +629,18 @@ static option_result read_settings(settings *s, int argc, char **argv)
 
     if (result != OPTIONS_READ)
         return result;
-    if (strcmp(s->weight, "evidence") != 0 && strcmp(s->weight, "as-written") != 0)
+    if (s->weight != NULL && strcmp(s->weight, "evidence") != 0 && strcmp(s->weight, "as-written") != 0)
         return (option_result)options_refuse("bench/skeleton", "--weight %s, expected evidence or as-written",
                                              s->weight);
+    if (s->weight != NULL && strcmp(s->weight, "evidence") == 0 && s->written)
+        return (option_result)options_refuse("bench/skeleton",
+                                             "--as-written and --weight evidence, expected one of them");
+    s->written |= s->weight != NULL && strcmp(s->weight, "as-written") == 0;
+    if (s->written && !isnan(s->contrast))
+        return (option_result)options_refuse("bench/skeleton",
+                                             "--contrast with --as-written, expected one of them: the "
+                                             "thesis does not use how steep edges are");
+    s->weight = s->written ? "as-written" : "evidence";
     return OPTIONS_READ;
 }
 
@@ -632,9 +655,7 @@ int main(int argc, char **argv)
                   .sigma = 1.5,
                   .images = 100000,
                   .data = "../shared/data",
-                  .particles = cairn_skeleton_default().particles,
-                  .contrast = (double)cairn_skeleton_default().contrast,
-                  .weight = "evidence"};
+                  .contrast = (double)NAN};
     option_result result = read_settings(&s, argc, argv);
     finder *f;
     sums t;

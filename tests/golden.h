@@ -115,6 +115,7 @@ uint64_t golden_edgels(void);
 uint64_t golden_symmetry(void);
 uint64_t golden_grouped(void);
 uint64_t golden_skeletons(void);
+uint64_t golden_skeletons_written(void);
 
 typedef struct golden_scene {
     const char *name;

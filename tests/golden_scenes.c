@@ -28,5 +28,6 @@ const golden_scene golden_scenes[] = {
     {"symmetry", golden_symmetry},
     {"grouped", golden_grouped},
     {"skeletons", golden_skeletons},
+    {"skeletons_written", golden_skeletons_written},
     {NULL, NULL},
 };

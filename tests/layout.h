@@ -1818,7 +1818,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_skeleton_params, max_points, 24, 24)},
     {FIELD(cairn_skeleton_params, max_steps, 28, 28)},
     {FIELD(cairn_skeleton_params, particles, 32, 32)},
-    {FIELD(cairn_skeleton_params, weight, 36, 36)},
+    {FIELD(cairn_skeleton_params, mode, 36, 36)},
     {FIELD(cairn_skeleton_params, duality, 40, 40)},
     {FIELD(cairn_skeleton_params, reach, 48, 44)},
     {FIELD(cairn_skeleton_params, radius, 56, 48)},

@@ -551,7 +551,7 @@ static void of_contours(void **state)
     cairn_inner_distance_params inner = cairn_inner_distance_default();
     cairn_self_similarity_params similarity = cairn_self_similarity_default();
     cairn_symmetric_point_params sp = cairn_symmetric_point_default();
-    cairn_skeleton_params skeleton = cairn_skeleton_default();
+    cairn_skeleton_params skeleton = cairn_skeleton_default(), written = cairn_skeleton_as_written();
     cairn_shape_builder_params shape = cairn_shape_builder_default();
     cairn_grouping_params group = cairn_grouping_default();
     cairn_vision_canny_params canny = cairn_vision_canny_default();
@@ -651,7 +651,7 @@ static void of_contours(void **state)
         VALUE(skeleton.max_points, 8192),
         VALUE(skeleton.max_steps, 96),
         VALUE(skeleton.particles, 16),
-        VALUE(skeleton.weight, CAIRN_SKELETON_EVIDENCE),
+        VALUE(skeleton.mode, CAIRN_MODE_DEFAULT),
         VALUE(skeleton.duality, 20 * DEGREE),
         VALUE(skeleton.reach, 8),
         VALUE(skeleton.radius, 0.2),
@@ -662,6 +662,18 @@ static void of_contours(void **state)
         VALUE(skeleton.min_log_odds, 20),
         VALUE(skeleton.min_mirror, 0.6),
         VALUE(skeleton.seed, 1),
+        VALUE(written.mode, CAIRN_MODE_AS_WRITTEN),
+        VALUE(written.max_centres, 8000),
+        VALUE(written.max_points, 32768),
+        VALUE(written.max_parts, 512),
+        VALUE(written.max_steps, 256),
+        VALUE(written.particles, 50),
+        VALUE(written.duality, 20 * DEGREE),
+        VALUE(written.reach, 8),
+        VALUE(written.radius, 2),
+        VALUE(written.symmetry, 10 * DEGREE),
+        VALUE(written.stop, 2),
+        VALUE(written.min_log_odds, 6),
         VALUE(sp.max_segments, 4096),
         VALUE(sp.max_points, 8192),
         VALUE(sp.samples, 5),

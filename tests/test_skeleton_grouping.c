@@ -413,13 +413,6 @@ static void steep_edges_stand_out(void **state)
     run_two_bars(&params, 10, 90, odds);
     assert_near(odds[0], even[0], 1e-3 * even[0]);
     assert_near(odds[1], even[1], 1e-3 * even[1]);
-    params.contrast = 2;
-    params.min_log_odds = 5;
-    params.weight = CAIRN_SKELETON_AS_WRITTEN;
-    run_two_bars(&params, 10, 10, even);
-    run_two_bars(&params, 10, 90, odds);
-    assert_near(odds[0], even[0], 0);
-    assert_near(odds[1], even[1], 0);
 }
 
 /* Starts on lone pairs of edgels, far apart in a draughtboard, after such as are all alike: the slopes of the white squares' pairs, and
@@ -458,26 +451,6 @@ static void walks_start_where_edges_are_steep(void **state)
     assert_int_equal(starts_of(6, 300, 3000, 3000), all / 2);
     assert_int_equal(starts_of(6, 10, 1, 30), all / 2);
     assert_int_equal(starts_of(6, 10, 30, 1), all / 2);
-}
-
-static void as_written_finds_a_bar(void **state)
-{
-    cairn_skeleton_params params = small_params();
-    struct fixture f;
-    cairn_skeleton_result found;
-
-    (void)state;
-    params.weight = CAIRN_SKELETON_AS_WRITTEN;
-    params.min_log_odds = 5;
-    f = with(params);
-    add_bar(40, 80, 160, 80, 9);
-    found = run(f.skeleton, 7, 11);
-    check(&found, &params);
-    assert_true(found.part_count >= 1);
-    assert_true(found.parts[0].count > 15);
-    assert_near(found.points[found.parts[0].count / 2].centre.y, 80, 3);
-    assert_near(found.points[found.parts[0].count / 2].radius, 9, 4);
-    test_pool_free(&f.pool);
 }
 
 /* ---- The twin: every edgel with every other ---- */
@@ -882,9 +855,9 @@ static void bad_params_are_refused(void **state)
         assert_int_equal(cairn_skeleton_memory(&p), 0);
     }
     p = good;
-    p.weight = 2;
+    p.mode = 2;
     assert_int_equal(cairn_skeleton_memory(&p), 0);
-    p.weight = -1;
+    p.mode = -1;
     assert_int_equal(cairn_skeleton_memory(&p), 0);
     p = good;
     p.min_log_odds = p.contrast = 0;
@@ -929,7 +902,6 @@ int main(void)
         cmocka_unit_test(noise_is_no_object),
         cmocka_unit_test(steep_edges_stand_out),
         cmocka_unit_test(walks_start_where_edges_are_steep),
-        cmocka_unit_test(as_written_finds_a_bar),
         cmocka_unit_test(centres_are_those_of_all_pairs),
         cmocka_unit_test(little_or_nothing),
         cmocka_unit_test(circles_and_squares),

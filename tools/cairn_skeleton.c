@@ -21,17 +21,18 @@
 /* Where contours agree best with those that people draw (F, 25 photographs). */
 #define LEAST_STRENGTH 2
 
-enum { IMAGES_MOST = 4096, NAME_BYTES = 256, PATH_BYTES = 4096, FILES = 2, RADII_MOST = 1 << 16 };
+enum { IMAGES_MOST = 4096, NAME_BYTES = 256, PATH_BYTES = 4096, FILES = 3, RADII_MOST = 1 << 16 };
 
 typedef struct settings {
     const char *images[IMAGES_MOST];
     size_t count;
     const char *radius, *learn, *weight, *folder;
-    int64_t particles;
-    double sigma, slope, contrast, log_odds, strength;
-    double least, most; /* px, of radii; 0 and 0: proposed */
+    int64_t particles; /* 0: not given */
+    double sigma, slope;
+    double contrast, log_odds, strength; /* NaN: not given */
+    double least, most;                  /* px, of radii; 0 and 0: proposed */
     uint64_t seed;
-    int32_t quiet;
+    int32_t quiet, written, lines;
 } settings;
 
 /* "A:B". 0: it is none, or not 1 <= A <= B. */
@@ -44,6 +45,21 @@ static int read_range(const char *text, double *least, double *most)
            *least >= 1 && *least <= *most && *most <= 8192;
 }
 
+/* --weight as-written is --as-written; what the thesis does not have is refused beside it. */
+static option_result check_written(settings *s)
+{
+    if (s->weight != NULL && strcmp(s->weight, "evidence") == 0 && s->written)
+        return (option_result)options_refuse(PROGRAM, "--as-written and --weight evidence, expected one of them");
+    s->written |= s->weight != NULL && strcmp(s->weight, "as-written") == 0;
+    if (s->written && !isnan(s->contrast))
+        return (option_result)options_refuse(
+            PROGRAM, "--contrast with --as-written: the thesis does not use how steep edges are, expected one of them");
+    if (s->written && !isnan(s->strength))
+        return (option_result)options_refuse(PROGRAM, "--min-strength with --as-written: the thesis has no contours "
+                                                      "between regions, expected one of them");
+    return OPTIONS_READ;
+}
+
 static option_result check_settings(settings *s)
 {
     if (s->count < 1 || s->folder == NULL)
@@ -54,9 +70,9 @@ static option_result check_settings(settings *s)
     if (s->radius != NULL && !read_range(s->radius, &s->least, &s->most))
         return (option_result)options_refuse(PROGRAM, "--radius %s, expected A:B in pixels, 1 <= A <= B <= 8192",
                                              s->radius);
-    if (strcmp(s->weight, "evidence") != 0 && strcmp(s->weight, "as-written") != 0)
+    if (s->weight != NULL && strcmp(s->weight, "evidence") != 0 && strcmp(s->weight, "as-written") != 0)
         return (option_result)options_refuse(PROGRAM, "--weight %s, expected evidence or as-written", s->weight);
-    return OPTIONS_READ;
+    return check_written(s);
 }
 
 static option_result read_settings(settings *s, int argc, char **argv)
@@ -68,21 +84,29 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_TEXT("--learn", &s->learn, "DIR",
                     "the range of radii is that of the objects in DIR, silhouettes or drawings of outlines,\n"
                     "in the scale of the images"),
-        OPTION_TEXT("--weight", &s->weight, "NAME", "of a step: evidence, or as-written (Adluru 2008, 3.7 to 3.9)"),
-        OPTION_NUMBER("--min-log-odds", &s->log_odds, 0, 1e6, "L", "of a part that is reported"),
-        OPTION_NUMBER("--min-strength", &s->strength, 0, 1e6, "S", "of a contour between regions that is reported"),
+        OPTION_FLAG("--as-written", &s->written,
+                    "the method of Adluru 2008, chapter 3, as it is printed: particles start on the\n"
+                    "centre points of every pair of edges about lines, weights 3.7 to 3.9"),
+        OPTION_TEXT("--weight", &s->weight, "NAME", "evidence, or as-written, which is --as-written"),
+        OPTION_NUMBER("--min-log-odds", &s->log_odds, 0, 1e6, "L",
+                      "of a part that is reported (20; as written the logarithm of p_min, 3)"),
+        OPTION_NUMBER("--min-strength", &s->strength, 0, 1e6, "S",
+                      "of a contour between regions that is reported (2); not as written"),
         OPTION_NUMBER("--sigma", &s->sigma, 0.7, 8, "PX", "blur before edges are looked for"),
         OPTION_NUMBER("--min-slope", &s->slope, 0.01, 1000, "G", "grey levels per pixel, of an edge"),
         OPTION_NUMBER("--contrast", &s->contrast, 0, 100, "L",
-                      "log odds of an edge e times as steep as the mean one; 0: all edges are the same"),
-        OPTION_INTEGER("--particles", &s->particles, 1, 1024, "N", "of the filter"),
+                      "log odds of an edge e times as steep as the mean one; 0: all edges are the same\n"
+                      "(6); not as written"),
+        OPTION_INTEGER("--particles", &s->particles, 1, 1024, "N", "of the filter (16; as written 50)"),
         {"--seed", OPTION_IS_SEED, &s->seed, 0, 0, "N", "of the filter", NULL},
+        OPTION_FLAG("--lines", &s->lines,
+                    "also NAME-lines.svg: centre points of edges that face each other, and lines through them"),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
     };
     const option_set set = {
         PROGRAM, "IMAGE... -o DIR [options]",
         "Groups the contours and axes of the symmetric parts of images (TIFF, PNG, JPEG, PGM) at once,\n"
-        "with no model: particles walk between edges that face each other. Contours between regions\n"
+        "with no model: walks between edges that face each other. Contours between regions\n"
         "of different colours are ranked by how much parts the two sides.",
         table, sizeof table / sizeof *table};
     option_result result;
@@ -174,7 +198,7 @@ typedef struct work {
 static cairn_status open_rooms(const settings *s, work *w)
 {
     cairn_edgel_params edgel = cairn_edgel_default();
-    cairn_skeleton_params skeleton = cairn_skeleton_default();
+    cairn_skeleton_params skeleton = s->written ? cairn_skeleton_as_written() : cairn_skeleton_default();
     cairn_boundary_params boundary = cairn_boundary_default();
     size_t need;
 
@@ -183,24 +207,27 @@ static cairn_status open_rooms(const settings *s, work *w)
     /* Windows blur: basins of photographs have some 100 pixels. */
     boundary.max_regions = (w->grey.width * w->grey.height + 31) / 32;
     boundary.max_points = 2 * w->grey.width * w->grey.height + 3 * boundary.max_regions;
-    boundary.min_strength = (cairn_real)s->strength;
+    boundary.min_strength = isnan(s->strength) ? LEAST_STRENGTH : (cairn_real)s->strength;
     edgel.max_width = skeleton.max_width = w->grey.width;
     edgel.max_height = skeleton.max_height = w->grey.height;
     /* An edgel for each row and column of a pixel at most. */
     edgel.max_edgels = skeleton.max_edgels = 2 * w->grey.width * w->grey.height;
     edgel.sigma = (cairn_real)s->sigma;
     edgel.min_slope = (cairn_real)s->slope;
-    skeleton.particles = (int32_t)s->particles;
-    skeleton.contrast = (cairn_real)s->contrast;
-    skeleton.min_log_odds = (cairn_real)s->log_odds;
-    skeleton.weight = s->weight[0] == 'a' ? CAIRN_SKELETON_AS_WRITTEN : CAIRN_SKELETON_EVIDENCE;
+    if (s->particles > 0)
+        skeleton.particles = (int32_t)s->particles;
+    if (!isnan(s->contrast))
+        skeleton.contrast = (cairn_real)s->contrast;
+    if (!isnan(s->log_odds))
+        skeleton.min_log_odds = (cairn_real)s->log_odds;
     skeleton.seed = s->seed;
-    need = cairn_edgel_memory(&edgel) + cairn_skeleton_memory(&skeleton) + cairn_boundary_memory(&boundary);
+    need = cairn_edgel_memory(&edgel) + cairn_skeleton_memory(&skeleton) +
+           (s->written ? 0 : cairn_boundary_memory(&boundary));
     if (tool_pool_open(&w->pool, PROGRAM, NULL, need) != TOOL_OK)
         return CAIRN_NO_MEMORY;
     w->has_pool = 1;
     if (cairn_edgel_create(&w->edgels, &w->pool, &edgel) != CAIRN_OK ||
-        cairn_boundary_create(&w->boundary, &w->pool, &boundary) != CAIRN_OK)
+        (!s->written && cairn_boundary_create(&w->boundary, &w->pool, &boundary) != CAIRN_OK))
         return CAIRN_NO_MEMORY;
     return cairn_skeleton_create(&w->skeleton, &w->pool, &skeleton);
 }
@@ -267,7 +294,7 @@ static cairn_status group(const settings *s, work *w)
     status = cairn_skeleton_begin(w->skeleton, &in);
     if (status == CAIRN_OK)
         status = run_skeleton(w->skeleton);
-    if (status == CAIRN_OK)
+    if (status == CAIRN_OK && !s->written)
         status = run_boundary(w);
     w->picture.image = cairn_path_name(w->path);
     w->picture.grey = w->grey.samples;
@@ -281,22 +308,25 @@ static cairn_status group(const settings *s, work *w)
 
 static cairn_status write_all(const settings *s, const work *w, cairn_file_error *error)
 {
-    static const char *const endings[FILES] = {"svg", "json"};
-    char name[FILES][NAME_BYTES + 8];
+    static const char *const endings[FILES] = {".svg", ".json", "-lines.svg"};
+    char name[FILES][NAME_BYTES + 12];
     const char *names[FILES];
+    int32_t files = s->lines ? FILES : FILES - 1;
     cairn_output_set *set;
     cairn_status status;
 
-    for (int32_t i = 0; i < FILES; i++) {
-        (void)snprintf(name[i], sizeof name[i], "%s.%s", w->stem, endings[i]);
+    for (int32_t i = 0; i < files; i++) {
+        (void)snprintf(name[i], sizeof name[i], "%s%s", w->stem, endings[i]);
         names[i] = name[i];
     }
-    status = cairn_output_set_open(&set, s->folder, names, FILES, error);
+    status = cairn_output_set_open(&set, s->folder, names, files, error);
     if (status != CAIRN_OK)
         return status;
     status = cairn_skeleton_file_draw(&w->picture, cairn_output_set_path(set, 0), error);
     if (status == CAIRN_OK)
         status = cairn_skeleton_file_write(&w->picture, cairn_output_set_path(set, 1), error);
+    if (status == CAIRN_OK && s->lines)
+        status = cairn_skeleton_file_draw_lines(&w->picture, w->skeleton, cairn_output_set_path(set, 2), error);
     if (status == CAIRN_OK)
         return cairn_output_set_commit(set, error);
     cairn_output_set_discard(set);
@@ -361,6 +391,14 @@ static int run_image(const settings *s, const char *path)
     return status == CAIRN_OK ? TOOL_OK : tool_report(&error);
 }
 
+/* 1: the pictures of lines of one image would have the name of the other's picture. */
+static int is_its_lines(const settings *s, const char *stem, const char *other)
+{
+    size_t length = strlen(stem);
+
+    return s->lines && strncmp(stem, other, length) == 0 && strcmp(other + length, "-lines") == 0;
+}
+
 /* Names that would overwrite each other are refused before anything is written. */
 static int check_names(const settings *s)
 {
@@ -370,7 +408,11 @@ static int check_names(const settings *s)
         if (!stem_of(s->images[i], stem))
             return options_refuse(PROGRAM, "'%s', expected the name of an image", s->images[i]);
         for (size_t k = 0; k < i; k++)
-            if (stem_of(s->images[k], other) && strcmp(stem, other) == 0)
+            if (stem_of(s->images[k], other) && (is_its_lines(s, stem, other) || is_its_lines(s, other, stem)))
+                return options_refuse(PROGRAM,
+                                      "--lines: a picture of %s would overwrite one of %s, expected other names",
+                                      s->images[k], s->images[i]);
+            else if (strcmp(stem, other) == 0)
                 return options_refuse(PROGRAM, "%s and %s are both named '%s', expected different names", s->images[k],
                                       s->images[i], stem);
     }
@@ -381,18 +423,13 @@ int tool_skeleton(int argc, char **argv)
 {
     static settings s;
     cairn_edgel_params edgel = cairn_edgel_default();
-    cairn_skeleton_params skeleton = cairn_skeleton_default();
     option_result result;
     int code;
 
     memset(&s, 0, sizeof s);
-    s.weight = "evidence";
-    s.particles = skeleton.particles;
-    s.contrast = (double)skeleton.contrast;
-    s.log_odds = (double)skeleton.min_log_odds;
+    s.contrast = s.log_odds = s.strength = (double)NAN;
     s.sigma = (double)edgel.sigma;
     s.slope = (double)edgel.min_slope;
-    s.strength = LEAST_STRENGTH;
     s.seed = 1;
     result = read_settings(&s, argc, argv);
     if (result != OPTIONS_READ)

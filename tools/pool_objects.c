@@ -169,6 +169,11 @@ static void occupancy_grid_set_default(void *params)
     *(cairn_occupancy_grid_params *)params = grid;
 }
 
+static void written_skeleton_set_default(void *params)
+{
+    *(cairn_skeleton_params *)params = cairn_skeleton_as_written();
+}
+
 static void pose_graph_set_default(void *params)
 {
     *(cairn_pose_graph_params *)params = cairn_pose_graph_default();
@@ -273,6 +278,12 @@ const pool_object pool_objects[] = {
      2,
      {HAS(symmetric_point, "segment", max_segments), HAS(symmetric_point, "point", max_points)}},
     {OBJECT(skeleton),
+     2,
+     {HAS(skeleton, "edgel", max_edgels), HAS(skeleton, "centre", max_centres), HAS(skeleton, "line", max_lines),
+      HAS(skeleton, "part", max_parts), HAS(skeleton, "disc", max_points), HAS(skeleton, "particle", particles)}},
+    {.name = "skeleton_as_written",
+     .set_default = written_skeleton_set_default,
+     .memory = skeleton_memory,
      2,
      {HAS(skeleton, "edgel", max_edgels), HAS(skeleton, "centre", max_centres), HAS(skeleton, "line", max_lines),
       HAS(skeleton, "part", max_parts), HAS(skeleton, "disc", max_points), HAS(skeleton, "particle", particles)}},

@@ -30,6 +30,12 @@ CAIRN_CHECKED cairn_status cairn_skeleton_file_write(const cairn_skeleton_pictur
 CAIRN_CHECKED cairn_status cairn_skeleton_file_draw(const cairn_skeleton_picture *picture, const char *path,
                                                     cairn_file_error *error);
 
+/* Centre points as dots, the larger their radius the redder, and the mirror symmetric lines through them in cyan, over the image (SVG; Adluru
+ * 2008, fig. 3.3). The skeleton is the one that has found picture->result. CAIRN_IO, CAIRN_NO_MEMORY. */
+CAIRN_CHECKED cairn_status cairn_skeleton_file_draw_lines(const cairn_skeleton_picture *picture,
+                                                          const cairn_skeleton *skeleton, const char *path,
+                                                          cairn_file_error *error);
+
 #ifdef __cplusplus
 }
 #endif

@@ -6,6 +6,8 @@
  * (skeleton_grouping_walk.c). The walks rival for the edgels by their log odds; the winners that lead into each other are objects
  * (skeleton_grouping_part.c).
  *
+ * As written: CPs of all pairs (skeleton_grouping_written.c), and a filter for each line (skeleton_grouping_written_walk.c).
+ *
  * Layout: edgels in order of their cells, CPs, starts, the filter with the whole past of its walks, the discs of all walks.
  *
  * Limits: an axis is found from its sides: round blobs, which have no direction, are found in part. Contours closer than two
@@ -17,7 +19,7 @@
 
 #include <string.h>
 
-#include "src/contour/skeleton_grouping_work.h"
+#include "src/contour/skeleton_grouping_written.h"
 
 enum { IDLE, INDEX, CENTRES, RANGE, LINES, MIRROR, WALKS, CHOOSE, JOIN, DONE };
 
@@ -33,7 +35,7 @@ cairn_skeleton_params cairn_skeleton_default(void)
         .max_points = 8192,
         .max_steps = 96,
         .particles = 16,
-        .weight = CAIRN_SKELETON_EVIDENCE,
+        .mode = CAIRN_MODE_DEFAULT,
         .duality = 20 * (CAIRN_PI / 180),
         .reach = 8,
         .radius = CAIRN_REAL(0.2),
@@ -46,6 +48,23 @@ cairn_skeleton_params cairn_skeleton_default(void)
         .min_mirror = CAIRN_REAL(0.6),
         .seed = 1,
     };
+    return params;
+}
+
+cairn_skeleton_params cairn_skeleton_as_written(void)
+{
+    cairn_skeleton_params params = cairn_skeleton_default();
+
+    params.mode = CAIRN_MODE_AS_WRITTEN;
+    params.max_centres = 8000;
+    params.max_points = 32768;
+    params.max_parts = 512;
+    params.max_steps = 256;
+    params.particles = 50;
+    params.radius = 2;
+    params.symmetry = 10 * (CAIRN_PI / 180);
+    params.stop = 2;
+    params.min_log_odds = 6;
     return params;
 }
 
@@ -69,8 +88,7 @@ static int params_are_valid(const cairn_skeleton_params *p)
     return p != NULL && is_count(p->max_width, 8192) && is_count(p->max_height, 8192) &&
            is_count(p->max_edgels, 1 << 24) && is_count(p->max_centres, 1 << 20) && is_count(p->max_lines, 4096) &&
            is_count(p->max_parts, 4096) && is_count(p->max_points, 1 << 20) && is_count(p->max_steps, 1024) &&
-           is_count(p->particles, 1024) &&
-           (p->weight == CAIRN_SKELETON_EVIDENCE || p->weight == CAIRN_SKELETON_AS_WRITTEN) &&
+           is_count(p->particles, 1024) && (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
            is_positive(p->duality) && is_positive(p->reach) && is_positive(p->radius) && is_positive(p->symmetry) &&
            is_share(p->detection) && is_share(p->flip) && p->contrast >= 0 && cairn_is_finite(p->contrast) &&
            is_positive(p->stop) && p->min_log_odds >= 0 && cairn_is_finite(p->min_log_odds) && p->min_mirror >= 0 &&
@@ -82,9 +100,18 @@ static cairn_particle_filter_params filter_params(const cairn_skeleton_params *p
     cairn_particle_filter_params f = cairn_particle_filter_default();
 
     f.particles = f.max_particles = p->particles;
+    f.max_blocks = (p->max_steps + 2) * p->particles;
+    if (p->mode == CAIRN_MODE_AS_WRITTEN) {
+        /* Prior boosting: all followers, each with its weight. */
+        f.proposal = CAIRN_PROPOSAL_PRIOR;
+        f.by_entropy = 0;
+        f.max_followers = WRITTEN_FOLLOWERS;
+        f.max_candidates = p->particles * WRITTEN_FOLLOWERS;
+        f.state_bytes = (int32_t)sizeof(written_state);
+        return f;
+    }
     f.max_followers = SKELETON_FOLLOWERS;
     f.max_candidates = p->particles * SKELETON_CANDIDATES;
-    f.max_blocks = (p->max_steps + 2) * p->particles;
     f.state_bytes = (int32_t)sizeof(skeleton_state);
     return f;
 }
@@ -120,7 +147,8 @@ static int32_t cells(int32_t side)
 static cairn_particle_filter *carve_filter(cairn_pool *pool, const cairn_skeleton_params *p, cairn_skeleton *g)
 {
     cairn_particle_filter_params f = filter_params(p);
-    cairn_particle_model model = cairn_skeleton_model(g);
+    cairn_particle_model model =
+        p->mode == CAIRN_MODE_AS_WRITTEN ? cairn_skeleton_written_model(g) : cairn_skeleton_model(g);
     cairn_particle_filter *filter = NULL;
     cairn_status status;
 
@@ -153,13 +181,15 @@ static cairn_polyline *carve_polyline(cairn_pool *pool, const cairn_skeleton_par
 static cairn_skeleton *carve(cairn_pool *pool, const cairn_skeleton_params *p)
 {
     size_t lists = (size_t)cells(p->max_width) * (size_t)cells(p->max_height) + 1;
+    int written = p->mode == CAIRN_MODE_AS_WRITTEN;
     size_t parts = (size_t)p->max_parts, points = (size_t)p->max_points;
     cairn_skeleton *g = cairn_pool_take_one(pool, sizeof *g);
     skeleton_edgel *edgels = cairn_pool_take(pool, (size_t)p->max_edgels, sizeof *edgels);
     int32_t *first = cairn_pool_take(pool, lists, sizeof *first);
     skeleton_centre *centres = cairn_pool_take(pool, (size_t)p->max_centres, sizeof *centres);
     skeleton_start *starts = cairn_pool_take(pool, (size_t)p->max_lines, sizeof *starts);
-    skeleton_state *path = cairn_pool_take(pool, (size_t)p->max_steps + 1, sizeof *path);
+    skeleton_state *path = written ? NULL : cairn_pool_take(pool, (size_t)p->max_steps + 1, sizeof *path);
+    skeleton_written *work = written ? cairn_pool_take_one(pool, sizeof *work) : NULL;
     skeleton_disc *discs = cairn_pool_take(pool, points, sizeof *discs);
     skeleton_part *candidates = cairn_pool_take(pool, parts, sizeof *candidates);
     cairn_skeleton_point *shown = cairn_pool_take(pool, points, sizeof *shown);
@@ -177,6 +207,7 @@ static cairn_skeleton *carve(cairn_pool *pool, const cairn_skeleton_params *p)
         g->centres = centres;
         g->starts = starts;
         g->path = path;
+        g->written = work;
         g->discs = discs;
         g->candidates = candidates;
         g->points = shown;
@@ -242,7 +273,7 @@ cairn_status cairn_skeleton_begin(cairn_skeleton *g, const cairn_skeleton_input 
     g->columns = cells(input->width);
     g->rows = cells(input->height);
     g->edgel_count = input->count;
-    g->centre_count = g->centres_seen = g->start_count = g->line_count = g->walked = 0;
+    g->centre_count = g->centres_seen = g->start_count = g->line_count = g->walked = g->line_starts = 0;
     g->disc_count = g->candidate_count = g->point_count = g->part_count = g->object_count = 0;
     g->start = g->direction = g->is_walking = 0;
     g->cursor = g->other = g->sense = g->item = g->paid = g->stage = 0;
@@ -359,19 +390,14 @@ cairn_real cairn_skeleton_density(const cairn_skeleton *g, cairn_vec2 at)
 
 static cairn_status step_phase(cairn_skeleton *g, cairn_budget *budget)
 {
-    static cairn_status (*const phase[])(cairn_skeleton *, cairn_budget *) = {
-        NULL,
-        cairn_skeleton_index,
-        cairn_skeleton_centres,
-        cairn_skeleton_propose_range,
-        cairn_skeleton_lines,
-        cairn_skeleton_mirror,
-        cairn_skeleton_walks,
-        cairn_skeleton_choose,
-        cairn_skeleton_join,
+    static cairn_status (*const phase[2][DONE])(cairn_skeleton *, cairn_budget *) = {
+        {NULL, cairn_skeleton_index, cairn_skeleton_centres, cairn_skeleton_propose_range, cairn_skeleton_lines,
+         cairn_skeleton_mirror, cairn_skeleton_walks, cairn_skeleton_choose, cairn_skeleton_join},
+        {NULL, cairn_skeleton_index, cairn_skeleton_written_centres, cairn_skeleton_written_range, cairn_skeleton_lines,
+         cairn_skeleton_mirror, cairn_skeleton_written_walks, cairn_skeleton_choose, cairn_skeleton_join},
     };
 
-    return phase[g->phase](g, budget);
+    return phase[g->params.mode == CAIRN_MODE_AS_WRITTEN][g->phase](g, budget);
 }
 
 cairn_status cairn_skeleton_step(cairn_skeleton *g, cairn_budget *budget)
@@ -411,4 +437,26 @@ cairn_skeleton_result cairn_skeleton_read(const cairn_skeleton *g)
     r.min_radius = g->input.min_radius;
     r.max_radius = g->input.max_radius;
     return r;
+}
+
+int32_t cairn_skeleton_centre_point(const cairn_skeleton *g, int32_t index, cairn_vec2 *at, cairn_real *radius)
+{
+    if (g == NULL || g->phase != DONE || index < 0 || index >= g->centre_count)
+        return 0;
+    *at = g->centres[index].at;
+    *radius = g->centres[index].radius;
+    return 1;
+}
+
+int32_t cairn_skeleton_mirror_line(const cairn_skeleton *g, int32_t index, cairn_polyline_segment *line)
+{
+    cairn_polyline_view view;
+    int32_t start;
+
+    if (g == NULL || g->phase != DONE || index < 0 || index >= g->line_starts)
+        return 0;
+    view = cairn_polyline_read(g->polyline);
+    start = g->starts[index].centre;
+    *line = view.segments[g->params.mode == CAIRN_MODE_AS_WRITTEN ? start : view.label[start]];
+    return 1;
 }

@@ -29,15 +29,16 @@ typedef struct wedge {
     int32_t sense;
 } wedge;
 
-static void set_limits(cairn_skeleton *g)
+void cairn_skeleton_set_limits(cairn_skeleton *g)
 {
+    int written = g->params.mode == CAIRN_MODE_AS_WRITTEN;
     cairn_real side = (cairn_real)(g->input.width < g->input.height ? g->input.width : g->input.height);
     int32_t room = g->params.max_centres > 1 ? g->params.max_centres / 2 : 1; /* of edgels, with two CPs each */
 
     g->stride = (int32_t)(((int64_t)g->edgel_count + room - 1) / room);
     g->stride = g->stride > 0 ? g->stride : 1;
-    g->low = g->input.min_radius / ROOM;
-    g->high = g->input.max_radius * ROOM_ABOVE;
+    g->low = written ? g->input.min_radius : g->input.min_radius / ROOM;
+    g->high = written ? g->input.max_radius : g->input.max_radius * ROOM_ABOVE;
     if (g->input.max_radius == 0) {
         g->low = LEAST_RADIUS;
         g->high = cairn_max(MOST_RADIUS * side, LEAST_RADIUS);
@@ -145,7 +146,7 @@ static void keep_centre(cairn_skeleton *g, int32_t first, int32_t sense, int32_t
 cairn_status cairn_skeleton_centres(cairn_skeleton *g, cairn_budget *budget)
 {
     if (g->cursor == 0 && g->sense == 0)
-        set_limits(g);
+        cairn_skeleton_set_limits(g);
     for (; g->cursor < g->edgel_count; g->cursor += g->stride) {
         for (; g->sense < 2; g->sense++) {
             wedge w = wedge_of(g, &g->edgels[g->cursor], g->sense);

@@ -30,12 +30,31 @@ static cairn_real worth(const cairn_skeleton *g, const skeleton_disc *d)
     return taken == 0 ? d->gain : taken == 1 ? cairn_min(d->gain, ONE_TAKEN) : BOTH_TAKEN;
 }
 
+static int is_written(const cairn_skeleton *g)
+{
+    return g->params.mode == CAIRN_MODE_AS_WRITTEN;
+}
+
+/* As written: the whole walk, whatever others there are. */
+static void value_whole(const cairn_skeleton *g, skeleton_part *p)
+{
+    p->from = p->first;
+    p->end = p->first + p->count;
+    p->log_odds = 0;
+    for (int32_t i = p->from; i < p->end; i++)
+        p->log_odds += g->discs[i].gain;
+}
+
 /* The stretch of discs of the largest sum. */
 static void value(const cairn_skeleton *g, skeleton_part *p)
 {
     cairn_real sum = 0;
     int32_t from = p->first;
 
+    if (is_written(g)) {
+        value_whole(g, p);
+        return;
+    }
     p->log_odds = 0;
     p->from = p->end = p->first;
     for (int32_t i = p->first; i < p->first + p->count; i++) {
@@ -95,13 +114,13 @@ static void take(cairn_skeleton *g, const skeleton_part *p)
         }
 }
 
-/* The disc's place in its part, smoothed along the axis. */
+/* The disc's place in its part, smoothed along the axis; as written as it is. */
 static cairn_skeleton_point shown(const cairn_skeleton *g, const skeleton_part *p, int32_t i)
 {
     const skeleton_disc *d = &g->discs[i], *a = i > p->from ? d - 1 : d, *b = i + 1 < p->end ? d + 1 : d;
     cairn_skeleton_point q;
 
-    if (a == d || b == d)
+    if (a == d || b == d || is_written(g))
         a = b = d;
     q.centre = cairn_vec2_add(cairn_vec2_scale(d->centre, CAIRN_REAL(0.5)),
                               cairn_vec2_scale(cairn_vec2_add(a->centre, b->centre), CAIRN_REAL(0.25)));
@@ -156,7 +175,7 @@ cairn_status cairn_skeleton_choose(cairn_skeleton *g, cairn_budget *budget)
             if (!cairn_budget_pay(budget, &g->paid, 1 + p->count / 8))
                 return CAIRN_MORE;
             value(g, p);
-            if (p->log_odds < g->params.min_log_odds || p->end - p->from < LEAST_DISCS)
+            if (p->log_odds < g->params.min_log_odds || (!is_written(g) && p->end - p->from < LEAST_DISCS))
                 p->state = -1;
         }
         if (g->cursor == g->candidate_count) {
@@ -169,7 +188,8 @@ cairn_status cairn_skeleton_choose(cairn_skeleton *g, cairn_budget *budget)
         }
         if (!cairn_budget_pay(budget, &g->paid, 1 + 8 * (g->candidates[g->other].end - g->candidates[g->other].from)))
             return CAIRN_MORE;
-        take(g, &g->candidates[g->other]);
+        if (!is_written(g))
+            take(g, &g->candidates[g->other]);
         show(g, &g->candidates[g->other]);
         g->candidates[g->other].state = 1;
         g->cursor = 0;
@@ -353,7 +373,7 @@ cairn_status cairn_skeleton_join(cairn_skeleton *g, cairn_budget *budget)
 
         if (!cairn_budget_pay(budget, &g->paid, 2 + g->point_count / 4))
             return CAIRN_MORE;
-        for (int32_t end = 0; end < 2; end++) {
+        for (int32_t end = 0; end < 2 && !is_written(g); end++) {
             p->joint[end] = joint_of(g, p, end);
             if (p->joint[end] >= 0)
                 unite(g, g->cursor, part_of(g, p->joint[end]));

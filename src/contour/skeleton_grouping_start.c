@@ -1,7 +1,7 @@
 /* Bootstrapping: lines through the CPs in (x, y, radius), and the CP in the middle of each that is an axis of mirror symmetry. */
 #include "src/core/build.h"
 
-#include "src/contour/skeleton_grouping_work.h"
+#include "src/contour/skeleton_grouping_written.h"
 
 /* Distances of two edgels from the axis that differ by less are alike. */
 #define ALIKE CAIRN_REAL(0.2)
@@ -39,8 +39,7 @@ cairn_status cairn_skeleton_lines(cairn_skeleton *g, cairn_budget *budget)
     return status;
 }
 
-/* 1: the edgels of a CP lie on both sides of its line, about equally far. */
-static int is_mirrored(const cairn_skeleton *g, const skeleton_centre *c, const cairn_polyline_segment *s)
+int cairn_skeleton_is_mirrored(const cairn_skeleton *g, const skeleton_centre *c, const cairn_polyline_segment *s)
 {
     cairn_vec2 a = {s->a[0], s->a[1]}, b = {s->b[0], s->b[1]}, along = cairn_vec2_unit(cairn_vec2_sub(b, a));
     cairn_real first = cairn_vec2_cross(along, cairn_vec2_sub(g->edgels[c->edgel[0]].at, a));
@@ -83,8 +82,7 @@ static void sort_in(cairn_skeleton *g, const skeleton_start *start)
 static int may_start(const cairn_skeleton *g, const skeleton_centre *c)
 {
     return c->deviation <= g->params.symmetry && c->sense[0] == c->sense[1] &&
-           (g->params.contrast == 0 || g->params.weight == CAIRN_SKELETON_AS_WRITTEN ||
-            (g->edgels[c->edgel[0]].contrast >= 0 && g->edgels[c->edgel[1]].contrast >= 0));
+           (g->params.contrast == 0 || (g->edgels[c->edgel[0]].contrast >= 0 && g->edgels[c->edgel[1]].contrast >= 0));
 }
 
 /* The room that is left goes to them, evenly over the image: they are counted, and one in so many is taken. */
@@ -127,7 +125,7 @@ cairn_status cairn_skeleton_mirror(cairn_skeleton *g, cairn_budget *budget)
             const skeleton_centre *c = &g->centres[i];
             cairn_real off;
 
-            if (view.label[i] != g->cursor || !is_mirrored(g, c, s))
+            if (view.label[i] != g->cursor || !cairn_skeleton_is_mirrored(g, c, s))
                 continue;
             start.support++;
             off = off_middle(c, s);
@@ -136,8 +134,14 @@ cairn_status cairn_skeleton_mirror(cairn_skeleton *g, cairn_budget *budget)
                 start.centre = i;
             }
         }
+        /* As written the line is where walks begin, from all of its CPs. */
+        if (start.centre >= 0 && g->params.mode == CAIRN_MODE_AS_WRITTEN)
+            start.centre = g->cursor;
         if (start.centre >= 0 && (cairn_real)start.support >= g->params.min_mirror * (cairn_real)s->count)
             sort_in(g, &start);
     }
-    return add_loose(g, budget);
+    if (g->params.mode != CAIRN_MODE_AS_WRITTEN)
+        return add_loose(g, budget);
+    g->line_starts = g->start_count;
+    return CAIRN_OK;
 }

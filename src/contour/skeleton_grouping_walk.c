@@ -31,9 +31,7 @@
 #define EMPTIER CAIRN_REAL(0.3)
 #define HOLLOW  CAIRN_REAL(0.4)
 /* Likelihoods are this root of the odds, so that several ways live on. */
-#define TEMPER CAIRN_REAL(0.35)
-/* (3.7) of an edgel strewn by chance, about. */
-#define BY_CHANCE CAIRN_REAL(0.25)
+#define TEMPER    CAIRN_REAL(0.35)
 #define TURN_MOST (50 * (CAIRN_PI / 180))
 enum { UNITS_A_PROPOSAL = 150, HISTORY_A_UNIT = 8, NEAR_PAST = 3 };
 
@@ -86,14 +84,14 @@ static cairn_real side_gain(const cairn_skeleton *g, const skeleton_state *s, in
 {
     cairn_vec2 chord = cairn_vec2_sub(c->at, s->touch[side]);
     cairn_real bend = angle_from(ahead, chord), turn = angle_from(s->inward[side], c->inward);
-    cairn_real contrast = g->params.weight == CAIRN_SKELETON_EVIDENCE ? g->params.contrast : 0;
     cairn_real flip = c->sense == s->sense[side] ? 1 - g->params.flip : g->params.flip;
 
     if (cairn_abs(bend) > TURN_MOST)
         return -CAIRN_REAL_MAX;
     return cairn_log(g->params.detection * 2 * flip * 2 * CAIRN_PI / cairn_max(c->chord, 1)) - log_density +
            log_normal(bend, CAIRN_REAL(0.75) * g->params.duality) +
-           log_normal(turn - 2 * bend, CAIRN_REAL(0.5) * g->params.duality) + contrast * g->edgels[c->edgel].contrast;
+           log_normal(turn - 2 * bend, CAIRN_REAL(0.5) * g->params.duality) +
+           g->params.contrast * g->edgels[c->edgel].contrast;
 }
 
 /* Into the list, the best first; of two at about the same place only the better. */
@@ -169,31 +167,11 @@ static cairn_real pair_gain(const cairn_skeleton *g, const skeleton_state *befor
     return cairn_max(symmetry, LOSS_MOST) + cairn_max(slope, LOSS_MOST);
 }
 
-/* (3.8) of one side: what its normal turned by against what the way to the centre turned by, and the loss of symmetry. */
-static cairn_real written_side(const cairn_skeleton *g, const skeleton_state *before, const skeleton_state *s,
-                               int32_t side, const choice *c)
-{
-    cairn_real way =
-        angle_from(cairn_vec2_sub(before->centre, before->touch[side]), cairn_vec2_sub(s->centre, s->touch[side]));
-    cairn_real turn = angle_from(before->inward[side], c->inward);
-    cairn_real h = cairn_abs(cairn_wrap_angle(turn - way)) + cairn_max(s->deviation - before->deviation, 0);
-
-    if (c->edgel < 0)
-        return 0;
-    return cairn_exp(-half_square(h / g->params.duality) - half_square(c->chord / g->params.reach));
-}
-
 static cairn_real gain_of(const cairn_skeleton *g, const skeleton_state *before, const skeleton_state *s,
                           const choice *left, const choice *right)
 {
     cairn_real range = range_gain(g, s->radius);
 
-    if (g->params.weight == CAIRN_SKELETON_AS_WRITTEN)
-        return cairn_max(cairn_log(cairn_max(written_side(g, before, s, 0, left) + written_side(g, before, s, 1, right),
-                                             CAIRN_REAL(1e-6)) /
-                                   2 / BY_CHANCE),
-                         LOSS_MOST) +
-               range;
     /* A contour on one side alone says nothing of an axis. */
     if (left->edgel < 0 || right->edgel < 0)
         return SIDES * ((left->edgel < 0 ? left->gain : 0) + (right->edgel < 0 ? right->gain : 0)) + range;

@@ -35,7 +35,7 @@ typedef struct skeleton_centre {
 
 /* Where a walk may begin: the centre in the middle of a line. */
 typedef struct skeleton_start {
-    int32_t centre;
+    int32_t centre;  /* as written: the line */
     int32_t support; /* CPs of the line that are mirror images; 0: a CP of its own */
 } skeleton_start;
 
@@ -63,6 +63,9 @@ typedef struct skeleton_part {
     int32_t state; /* 0: may be chosen, 1: chosen, -1: dropped */
 } skeleton_part;
 
+/* What the method as written works with. */
+typedef struct skeleton_written skeleton_written;
+
 struct cairn_skeleton {
     cairn_skeleton_params params;
     cairn_skeleton_input input;
@@ -72,7 +75,8 @@ struct cairn_skeleton {
     int32_t *first;                 /* [cells + 1] of each cell in edgels[] */
     skeleton_centre *centres;       /* [max_centres] */
     skeleton_start *starts;         /* [max_lines] */
-    skeleton_state *path;           /* [max_steps] the best walk */
+    skeleton_state *path;           /* [max_steps + 1] the best walk; NULL as written */
+    skeleton_written *written;      /* NULL unless as written */
     skeleton_disc *discs;           /* [max_points] of all candidates */
     skeleton_part *candidates;      /* [max_parts] */
     cairn_skeleton_point *points;   /* [max_points] */
@@ -87,7 +91,7 @@ struct cairn_skeleton {
     int32_t columns, rows, edgel_count, steep_count, stride;
     int32_t centre_count, centres_seen, start_count, line_starts, line_count, walked;
     int32_t disc_count, candidate_count, point_count, part_count, object_count;
-    int32_t path_count, back_count;
+    int32_t path_count;
     cairn_real path_best;
     int32_t start, direction, is_walking;
     int32_t cursor, other, sense, item;
@@ -124,6 +128,9 @@ static inline cairn_vec2 skeleton_inward(const skeleton_edgel *e, int32_t sense)
 
 /* Edgels for each pixel about a place. */
 cairn_real cairn_skeleton_density(const cairn_skeleton *g, cairn_vec2 at);
+
+/* Radii that are looked for: the range, with room about it in the default mode. */
+void cairn_skeleton_set_limits(cairn_skeleton *g);
 
 /* The phases. */
 cairn_status cairn_skeleton_index(cairn_skeleton *g, cairn_budget *budget);

@@ -188,3 +188,53 @@ cairn_status cairn_skeleton_file_draw(const cairn_skeleton_picture *p, const cha
     }
     return cairn_report_overlay_end(output, &overlay, status, path, error);
 }
+
+/* ---- SVG of what walks started from ---- */
+
+/* Share of the range of radii, in percent. */
+static int percent_of(const cairn_skeleton_result *r, cairn_real radius)
+{
+    cairn_real width = cairn_max(r->max_radius - r->min_radius, CAIRN_REAL(1e-3));
+
+    return (int)(100 * cairn_min(cairn_max((radius - r->min_radius) / width, 0), 1));
+}
+
+cairn_status cairn_skeleton_file_draw_lines(const cairn_skeleton_picture *p, const cairn_skeleton *skeleton,
+                                            const char *path, cairn_file_error *error)
+{
+    static const cairn_report_key keys[] = {{"small radius", "stroke=\"rgb(0,0,255)\""},
+                                            {"large radius", "stroke=\"rgb(255,0,0)\""},
+                                            {"line", "stroke=\"#06b6d4\""}};
+    char subtitle[256], style[200];
+    const cairn_report_overlay overlay = {
+        p->image, subtitle, p->grey, p->width, p->height, 640, keys, sizeof keys / sizeof *keys, 160};
+    double scale = cairn_report_overlay_scale(&overlay);
+    cairn_polyline_segment line;
+    cairn_output *output;
+    cairn_vec2 at;
+    cairn_real radius;
+    int32_t lines = 0;
+    cairn_status status = cairn_output_open(&output, path, error);
+
+    if (status != CAIRN_OK)
+        return status;
+    while (cairn_skeleton_mirror_line(skeleton, lines, &line))
+        lines++;
+    (void)snprintf(subtitle, sizeof subtitle,
+                   "%d centre points, radii %.1f to %.1f px, %d of %d lines mirror symmetric", (int)p->result.centres,
+                   (double)p->result.min_radius, (double)p->result.max_radius, (int)lines, (int)p->result.lines);
+    (void)snprintf(style, sizeof style,
+                   "path{fill:none;stroke-linecap:round;stroke-width:%.2f}.line{stroke:#06b6d4;stroke-width:%.2f}",
+                   2 / scale, 3 / scale);
+    status = cairn_report_overlay_begin(output, &overlay, style);
+    for (int32_t i = 0; cairn_skeleton_centre_point(skeleton, i, &at, &radius); i++) {
+        int red = percent_of(&p->result, radius);
+
+        cairn_output_print(output, "<path stroke=\"rgb(%d%%,0%%,%d%%)\" d=\"M%.1f %.1fh0\"/>\n", red, 100 - red,
+                           (double)at.x, (double)at.y);
+    }
+    for (int32_t i = 0; cairn_skeleton_mirror_line(skeleton, i, &line); i++)
+        cairn_output_print(output, "<path class=\"line\" d=\"M%.1f %.1fL%.1f %.1f\"/>\n", (double)line.a[0],
+                           (double)line.a[1], (double)line.b[0], (double)line.b[1]);
+    return cairn_report_overlay_end(output, &overlay, status, path, error);
+}
