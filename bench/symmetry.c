@@ -1,4 +1,5 @@
-/* bench/symmetry: axes of self-similarity of shapes whose axis is known. */
+/* bench/symmetry: axes of self-similarity of shapes whose axis is known, a line for the method as written in the thesis, then one
+ * for the default; --as-written: the first alone. */
 #include <dirent.h>
 #include <inttypes.h>
 #include <math.h>
@@ -23,13 +24,16 @@
 
 enum { MODES = 2, FILES_MOST = 4096 };
 
+/* In the order of the lines. */
+static const int32_t modes[MODES] = {CAIRN_MODE_AS_WRITTEN, CAIRN_MODE_DEFAULT};
 static const char *const mode_names[MODES] = {"as written", "re-ranked"};
 
 typedef struct settings {
     int64_t shapes;
     uint64_t seed;
     double bend, skew, noise, turn;
-    int32_t articulated, mpeg7, each;
+    int32_t articulated, mpeg7, each, as_written;
+    int modes; /* the first so many of them */
     const char *data;
 } settings;
 
@@ -41,7 +45,7 @@ typedef struct sums {
     double *seconds; /* [shapes] */
 } sums;
 
-static int open_mode(sums *t, cairn_pool *pool, cairn_symmetry_mode mode, int64_t shapes)
+static int open_mode(sums *t, cairn_pool *pool, int32_t mode, int64_t shapes)
 {
     cairn_self_similarity_params params = cairn_self_similarity_default();
     size_t need;
@@ -133,7 +137,7 @@ static int run_generated(const settings *s, sums t[MODES])
             bench_shape_swept(&shape, seed, s->bend * DEGREE, s->skew, s->noise);
         else if (!bench_shape_articulated(&shape, seed, s->turn * DEGREE))
             return 0;
-        for (int mode = 0; mode < MODES; mode++) {
+        for (int mode = 0; mode < s->modes; mode++) {
             cairn_curve outline = {shape.points, shape.count, 1};
             cairn_self_similarity_result r;
             double off = 1, best = 1;
@@ -224,7 +228,7 @@ static int run_picture(const settings *s, sums t[MODES], const char *path, const
         if (cairn_polygon_contains(shape[0].points, shape[0].count, image.outlines[i].points[0]))
             shape[count++] = image.outlines[i];
     ok = bench_reflections_find(&truth, shape, count);
-    for (int mode = 0; mode < MODES && ok && truth.count > 0 && truth.axes[0].overlap >= RIGID; mode++) {
+    for (int mode = 0; mode < s->modes && ok && truth.count > 0 && truth.axes[0].overlap >= RIGID; mode++) {
         cairn_self_similarity_result r = {.count = 0};
         cairn_box box = cairn_box_empty();
         cairn_vec2 middle;
@@ -325,6 +329,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_FLAG("--articulated", &s->articulated, "bodies with limbs that are turned at their joints"),
         OPTION_NUMBER("--turn", &s->turn, 0, 80, "DEG", "of limbs, at most, to either side"),
         OPTION_FLAG("--mpeg7", &s->mpeg7, "shapes of MPEG-7 that have a mirror axis"),
+        OPTION_FLAG("--as-written", &s->as_written, "the method of the thesis alone"),
         OPTION_FLAG("--each", &s->each, "a line for each shape, too"),
         OPTION_TEXT("--data", &s->data, "DIR", "where shapes/mpeg7 is, or the folder of the shapes"),
     };
@@ -350,15 +355,16 @@ int main(int argc, char **argv)
         return (int)result;
     if (s.shapes == 0)
         s.shapes = s.mpeg7 ? FILES_MOST : 200;
-    for (int mode = 0; mode < MODES; mode++)
-        if (!open_mode(&t[mode], &pools[mode], mode, s.shapes)) {
+    s.modes = s.as_written ? 1 : MODES;
+    for (int mode = 0; mode < s.modes; mode++)
+        if (!open_mode(&t[mode], &pools[mode], modes[mode], s.shapes)) {
             fprintf(stderr, PROGRAM ": no memory\n");
             return 1;
         }
     code = s.mpeg7 ? run_mpeg7(&s, t) : !run_generated(&s, t);
-    for (int mode = 0; mode < MODES && code == 0; mode++)
+    for (int mode = 0; mode < s.modes && code == 0; mode++)
         print_summary(&s, mode, &t[mode]);
-    for (int mode = 0; mode < MODES; mode++) {
+    for (int mode = 0; mode < s.modes; mode++) {
         free(t[mode].seconds);
         free(t[mode].memory);
     }

@@ -400,12 +400,15 @@ uint64_t golden_skeletons_written(void)
     return golden_skeletons_of(cairn_skeleton_as_written());
 }
 
-/* ---- The axes of a leaf, as written and re-ranked ---- */
+/* ---- The axes of a leaf ---- */
 
-uint64_t golden_symmetry(void)
+static uint64_t symmetry_of_leaf(const cairn_self_similarity_params *params)
 {
     enum { LEAF = 60 };
-    cairn_self_similarity_params params = cairn_self_similarity_default();
+    cairn_budget budget = {INT32_MAX};
+    cairn_self_similarity *similarity;
+    cairn_self_similarity_result r;
+    cairn_pool pool;
     cairn_vec2 leaf[LEAF];
     cairn_curve outline = {leaf, LEAF, 1};
     uint64_t hash = GOLDEN_START;
@@ -418,25 +421,31 @@ uint64_t golden_symmetry(void)
         leaf[i].x = (30 + 6 * lobes) * (cosine + CAIRN_REAL(0.3) * sine);
         leaf[i].y = (20 + 4 * lobes) * sine + 5 * cosine * cosine;
     }
-    for (params.mode = CAIRN_SYMMETRY_AS_WRITTEN; params.mode <= CAIRN_SYMMETRY_RERANKED; params.mode++) {
-        cairn_budget budget = {INT32_MAX};
-        cairn_self_similarity *similarity;
-        cairn_self_similarity_result r;
-        cairn_pool pool;
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        cairn_self_similarity_create(&similarity, &pool, params) != CAIRN_OK ||
+        cairn_self_similarity_begin(similarity, &outline, 1) != CAIRN_OK ||
+        cairn_self_similarity_step(similarity, &budget) != CAIRN_OK)
+        return 0;
+    r = cairn_self_similarity_read(similarity);
+    for (int32_t i = 0; i < r.count; i++) {
+        const cairn_symmetry_axis *a = &r.axes[i];
 
-        if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
-            cairn_self_similarity_create(&similarity, &pool, &params) != CAIRN_OK ||
-            cairn_self_similarity_begin(similarity, &outline, 1) != CAIRN_OK ||
-            cairn_self_similarity_step(similarity, &budget) != CAIRN_OK)
-            return 0;
-        r = cairn_self_similarity_read(similarity);
-        for (int32_t i = 0; i < r.count; i++) {
-            const cairn_symmetry_axis *a = &r.axes[i];
-
-            hash = add_point(add_point(add_real(hash, a->dissimilarity), a->end[0]), a->end[1]);
-            hash = add_real(add_real(hash, a->bend), a->skew);
-        }
-        hash = add_bytes(hash, &budget.left, sizeof budget.left);
+        hash = add_point(add_point(add_real(hash, a->dissimilarity), a->end[0]), a->end[1]);
+        hash = add_real(add_real(hash, a->bend), a->skew);
     }
-    return hash;
+    return add_bytes(hash, &budget.left, sizeof budget.left);
+}
+
+uint64_t golden_symmetry(void)
+{
+    cairn_self_similarity_params params = cairn_self_similarity_default();
+
+    return symmetry_of_leaf(&params);
+}
+
+uint64_t golden_symmetry_as_written(void)
+{
+    cairn_self_similarity_params params = cairn_self_similarity_as_written();
+
+    return symmetry_of_leaf(&params);
 }

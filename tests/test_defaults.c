@@ -617,7 +617,7 @@ static void of_contours(void **state)
         VALUE(configuration.overlap, 0.2),
         VALUE(inner.max_points, 128),
         VALUE(inner.fill_holes, 0),
-        VALUE(similarity.mode, CAIRN_SYMMETRY_RERANKED),
+        VALUE(similarity.mode, CAIRN_MODE_DEFAULT),
         VALUE(similarity.points, 96),
         VALUE(similarity.hole_points, 48),
         VALUE(similarity.least_vertices, 5),

@@ -20,14 +20,16 @@ typedef struct settings {
     const char *folder, *mode, *holes;
     int64_t points;
     double gap, part;
-    int32_t sheet, quiet;
+    int32_t as_written, sheet, quiet;
 } settings;
 
 static option_result read_settings(settings *s, int argc, char **argv)
 {
     const option table[] = {
         OPTION_TEXT("-o", &s->folder, "DIR", "folder to write NAME.svg and NAME.json to, for each shape NAME.*"),
-        OPTION_TEXT("--mode", &s->mode, "NAME", "re-ranked, or as-written: cuts at critical points alone"),
+        OPTION_FLAG("--as-written", &s->as_written,
+                    "the thesis's method: cuts at critical points alone, by the least sum"),
+        OPTION_TEXT("--mode", &s->mode, "NAME", "re-ranked, or as-written, which is --as-written"),
         OPTION_INTEGER("--points", &s->points, 16, SYMMETRY_POINTS_MOST, "N", "samples of the outline"),
         OPTION_TEXT("--holes", &s->holes, "NAME", "keep: they are outside; fill, or refuse"),
         OPTION_NUMBER("--gap", &s->gap, 0, 1, "SHARE",
@@ -51,8 +53,12 @@ static option_result read_settings(settings *s, int argc, char **argv)
     if (s->count < 1 || s->folder == NULL)
         return (option_result)options_refuse(PROGRAM, "%s, expected %s",
                                              s->count < 1 ? "no picture" : "no folder to write to (-o)", set.synopsis);
-    if (strcmp(s->mode, "re-ranked") != 0 && strcmp(s->mode, "as-written") != 0)
+    if (s->mode != NULL && strcmp(s->mode, "re-ranked") != 0 && strcmp(s->mode, "as-written") != 0)
         return (option_result)options_refuse(PROGRAM, "--mode %s, expected re-ranked or as-written", s->mode);
+    if (s->as_written && s->mode != NULL && strcmp(s->mode, "as-written") != 0)
+        return (option_result)options_refuse(
+            PROGRAM, "--mode %s with --as-written, which is another method, expected one of them", s->mode);
+    s->as_written |= s->mode != NULL && strcmp(s->mode, "as-written") == 0;
     if (strcmp(s->holes, "keep") != 0 && strcmp(s->holes, "fill") != 0 && strcmp(s->holes, "refuse") != 0)
         return (option_result)options_refuse(PROGRAM, "--holes %s, expected keep, fill or refuse", s->holes);
     return OPTIONS_READ;
@@ -187,8 +193,8 @@ static cairn_status write_sheet(const settings *s, const symmetry_found *found, 
     return status;
 }
 
-static cairn_status run(const settings *s, cairn_self_similarity *similarity, cairn_symmetry_mode mode,
-                        symmetry_found *found, cairn_file_error *error)
+static cairn_status run(const settings *s, cairn_self_similarity *similarity, int32_t mode, symmetry_found *found,
+                        cairn_file_error *error)
 {
     cairn_status status = CAIRN_OK;
 
@@ -221,7 +227,6 @@ int tool_symmetry(int argc, char **argv)
     int code;
 
     memset(&s, 0, sizeof s);
-    s.mode = "re-ranked";
     s.holes = "keep";
     s.points = params.points;
     s.gap = image.max_gap;
@@ -229,7 +234,8 @@ int tool_symmetry(int argc, char **argv)
     result = read_settings(&s, argc, argv);
     if (result != OPTIONS_READ)
         return (int)result;
-    params.mode = s.mode[0] == 'a' ? CAIRN_SYMMETRY_AS_WRITTEN : CAIRN_SYMMETRY_RERANKED;
+    if (s.as_written)
+        params = cairn_self_similarity_as_written();
     params.points = (int32_t)s.points;
     params.most_vertices = params.points < params.most_vertices ? params.points : params.most_vertices;
     found = calloc(s.count, sizeof *found);

@@ -15,14 +15,14 @@ typedef struct symmetry_found {
     int32_t parts;           /* that the picture has; the largest is looked at */
     int32_t holes;           /* of that one */
     cairn_curve shape[CAIRN_SHAPE_OUTLINES];
-    cairn_symmetry_mode mode;
+    int32_t mode; /* CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN */
     cairn_symmetry_axis axes[CAIRN_SYMMETRY_AXES];
     cairn_vec2 samples[SYMMETRY_POINTS_MOST];
     cairn_self_similarity_result result; /* its arrays are the two above */
 } symmetry_found;
 
 /* "as written", "re-ranked". */
-const char *symmetry_mode_name(cairn_symmetry_mode mode);
+const char *symmetry_mode_name(int32_t mode);
 
 /* What a result says, in words. */
 const char *symmetry_verdict_name(cairn_symmetry_verdict verdict);

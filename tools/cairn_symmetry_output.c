@@ -15,9 +15,9 @@
 #define STRAIGHT   1e-3
 #define AXES_DRAWN 8
 
-const char *symmetry_mode_name(cairn_symmetry_mode mode)
+const char *symmetry_mode_name(int32_t mode)
 {
-    return mode == CAIRN_SYMMETRY_AS_WRITTEN ? "as written" : "re-ranked";
+    return mode == CAIRN_MODE_AS_WRITTEN ? "as written" : "re-ranked";
 }
 
 const char *symmetry_verdict_name(cairn_symmetry_verdict verdict)

@@ -1,11 +1,20 @@
 /* self_similarity: the axes that divide a shape into two parts most alike: of mirror symmetry, also of shapes that are skewed, bent at
  * their joints, bent as a whole, or noisy.
  *
- * As written in the thesis: the outline is cut at two critical points (discrete curve evolution) into two arcs, and the arcs
- * are compared by what their points see of the shape, their inner distances to all of its outline, by warping one arc onto
- * the other (Adluru 2008, chapter 4). Re-ranked, the default: places between critical points are tried, too, and the best cuts are
- * judged once more by how well one side is the mirror image of the other when a bend and a skew of the whole are taken back; where
- * those do not explain the shape, by its parts: what turned at a joint looks the same on both sides up to a motion. */
+ * As written in the thesis (CAIRN_MODE_AS_WRITTEN): the outline is cut at two critical points (discrete curve evolution) into two
+ * arcs, and the arcs are compared by what their points see of the shape, their inner distances to all of its outline: the dissimilarity is
+ * the least sum of distances along a path from corner to corner of their matrix (Adluru 2008, chapter 4, eq. 4.1 to 4.4); the least one of
+ * all cuts on 16 levels is the axis. By default it is re-ranked: the sum is divided by the path's length, places between critical points are
+ * tried, too, and the best cuts are judged once more by how well one side is the mirror image of the other when a bend and a skew of
+ * the whole are taken back; where those do not explain the shape, by its parts: what turned at a joint looks the same on both sides up to
+ * a motion.
+ *
+ * Choices of the mode as written, where the text is silent or misprinted: N = 96 samples of the outline (no number is given), holes of the
+ * shape are outside, D' begins at the point itself as D does (eq. 4.3 as printed is shifted by one sample), the norm of eq. 4.4 is Euclidean
+ * and told in units of sqrt(N) times the greatest distance (one factor for all cuts of a shape: no order changes, on a level or across
+ * levels), levels that discrete curve evolution does not reach without touching itself are left out, an axis ends halfway between the arcs'
+ * ends where they share none, of equal cuts the coarser level's is the better one. Ties, rotations and the list behind the first axis are
+ * not of the text. */
 #ifndef CAIRN_SELF_SIMILARITY_H
 #define CAIRN_SELF_SIMILARITY_H
 
@@ -21,27 +30,24 @@ extern "C" {
 /* The most outlines of a shape. */
 #define CAIRN_SYMMETRY_OUTLINES 16
 
-typedef int32_t cairn_symmetry_mode;
-enum {
-    CAIRN_SYMMETRY_AS_WRITTEN = 0, /* axes end at critical points or halfway between two */
-    CAIRN_SYMMETRY_RERANKED = 1
-};
-
 typedef struct cairn_self_similarity_params {
-    cairn_symmetry_mode mode; /* (CAIRN_SYMMETRY_RERANKED) */
-    int32_t points;           /* samples of the outline, 16 ... 512 (96) */
-    int32_t hole_points;      /* samples of all holes together at most, 0: holes are filled, or 4 ... 512 (48) */
-    int32_t least_vertices;   /* of the coarsest level, 4 ... 32 (5) */
-    int32_t most_vertices;    /* of the finest, least_vertices ... 32, at most `points` (20) */
-    cairn_real tie;           /* >= 0, of the best dissimilarity: axes no worse than that are as good (0.01) */
-    cairn_real tie_floor;     /* >= 0: so is what differs less than that (0.001) */
-    cairn_real separation;    /* > 0 ... 0.25, of the outline: axes whose ends are all nearer are one (0.05) */
+    int32_t mode;           /* CAIRN_MODE_DEFAULT: re-ranked, or CAIRN_MODE_AS_WRITTEN (DEFAULT) */
+    int32_t points;         /* samples of the outline, 16 ... 512 (96) */
+    int32_t hole_points;    /* samples of all holes together at most, 0: holes are filled, or 4 ... 512 (48) */
+    int32_t least_vertices; /* of the coarsest level, 4 ... 32 (5) */
+    int32_t most_vertices;  /* of the finest, least_vertices ... 32, at most `points` (20) */
+    cairn_real tie;         /* >= 0, of the best dissimilarity: axes no worse than that are as good (0.01) */
+    cairn_real tie_floor;   /* >= 0: so is what differs less than that (0.001) */
+    cairn_real separation;  /* > 0 ... 0.25, of the outline: axes whose ends are all nearer are one (0.05) */
 } cairn_self_similarity_params;
 
 typedef struct cairn_self_similarity cairn_self_similarity;
 
 /* The values in brackets above. */
 cairn_self_similarity_params cairn_self_similarity_default(void);
+
+/* CAIRN_MODE_AS_WRITTEN, the thesis's 5 to 20 vertices, the other values as above. */
+cairn_self_similarity_params cairn_self_similarity_as_written(void);
 
 /* 0 for params that create() would refuse. Grows with the square of the points. */
 size_t cairn_self_similarity_memory(const cairn_self_similarity_params *params);
@@ -61,7 +67,7 @@ CAIRN_CHECKED cairn_status cairn_self_similarity_begin(cairn_self_similarity *si
 CAIRN_CHECKED cairn_status cairn_self_similarity_step(cairn_self_similarity *similarity, cairn_budget *budget);
 
 /* Part of the outline, in shares of its length from the first vertex of outlines[0], in the sense of its vertices: from `from`, which
- * is below 1, on to `to`, which may be up to from + 1. */
+ * is below 1, on to `to`, which may be up to from + 1; as written an arc may be one critical point, from == to. */
 typedef struct cairn_symmetry_arc {
     cairn_real from, to;
 } cairn_symmetry_arc;
@@ -70,7 +76,7 @@ typedef struct cairn_symmetry_axis {
     cairn_vec2 end[2];         /* where the axis leaves the outline */
     cairn_real place[2];       /* the same in shares of the outline's length, 0 ... 1; arc[0] begins at place[0] */
     cairn_symmetry_arc arc[2]; /* the two parts, what lies between critical points left out */
-    cairn_real dissimilarity;  /* >= 0, of the greatest inner distance: by which axes are ranked */
+    cairn_real dissimilarity;  /* >= 0, of the greatest inner distance: by which axes are ranked; as written c(S, T) */
     cairn_real misfit; /* of that: how far one arc is from the mirror image of the other in the mean; 0 as written */
     cairn_real warp;   /* and, of a quarter of it: how unlike stretches of the arcs are; 0: no limbs turned */
     cairn_real bend;   /* rad, by which the axis turns from end[0] to end[1]; 0 as written */

@@ -2,8 +2,8 @@
  *
  * Method: the outline is sampled evenly. Every sample is described by its inner distances to all samples, in both senses of
  * rotation; two samples are alike when what one sees ahead the other sees behind. Arcs between two cuts are compared by warping
- * the one, walked forward, onto the other, walked backward; the sum along the warp is divided by its length, so that long and short
- * arcs compare. Cuts are sought on all levels of the discrete curve evolution, whose vertices are samples.
+ * the one, walked forward, onto the other, walked backward; as written by the sum along the warp, by default divided by its length, so
+ * that long and short arcs compare. Cuts are sought on all levels of the discrete curve evolution, whose vertices are samples.
  *
  * Layout: samples, the square of differences, two rows of a warp, cuts, axes; the inner distances and the evolution own theirs.
  *
@@ -26,7 +26,7 @@ enum { DISTANCES_A_UNIT = 24, UNITS_AN_AXIS = 4 };
 cairn_self_similarity_params cairn_self_similarity_default(void)
 {
     cairn_self_similarity_params params = {
-        .mode = CAIRN_SYMMETRY_RERANKED,
+        .mode = CAIRN_MODE_DEFAULT,
         .points = 96,
         .hole_points = 48,
         .least_vertices = 5,
@@ -38,9 +38,17 @@ cairn_self_similarity_params cairn_self_similarity_default(void)
     return params;
 }
 
+cairn_self_similarity_params cairn_self_similarity_as_written(void)
+{
+    cairn_self_similarity_params params = cairn_self_similarity_default();
+
+    params.mode = CAIRN_MODE_AS_WRITTEN;
+    return params;
+}
+
 static int params_are_valid(const cairn_self_similarity_params *p)
 {
-    return p != NULL && (p->mode == CAIRN_SYMMETRY_AS_WRITTEN || p->mode == CAIRN_SYMMETRY_RERANKED) &&
+    return p != NULL && (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) &&
            p->points >= LEAST_POINTS && p->points <= MOST_POINTS &&
            (p->hole_points == 0 || (p->hole_points >= LEAST_HOLE && p->hole_points <= MOST_POINTS)) &&
            p->least_vertices >= LEAST_VERTICES && p->most_vertices >= p->least_vertices &&
@@ -327,7 +335,7 @@ static cairn_symmetry_axis axis_of(const cairn_self_similarity *s, const similar
 /* An axis a time, then the verdict. */
 static cairn_status step_judge(cairn_self_similarity *s, cairn_budget *budget)
 {
-    int32_t fits = s->params.mode != CAIRN_SYMMETRY_AS_WRITTEN, count = s->list.count;
+    int32_t fits = s->params.mode != CAIRN_MODE_AS_WRITTEN, count = s->list.count;
     int32_t units = UNITS_AN_AXIS + (fits ? cairn_similarity_mirror_units(s) : 0);
     cairn_real good;
 
@@ -350,7 +358,7 @@ static cairn_status step_judge(cairn_self_similarity *s, cairn_budget *budget)
 /* What comes behind a phase: as written, nothing of the ranking; where no joints moved, nothing of the nearby warps. */
 static similarity_phase phase_after(const cairn_self_similarity *s)
 {
-    if (s->phase == SIMILARITY_SPLIT && s->params.mode == CAIRN_SYMMETRY_AS_WRITTEN)
+    if (s->phase == SIMILARITY_SPLIT && s->params.mode == CAIRN_MODE_AS_WRITTEN)
         return SIMILARITY_TURN;
     if (s->phase == SIMILARITY_FIT && !(s->jointed > 0))
         return SIMILARITY_TURN;

@@ -132,13 +132,15 @@ static cairn_real warp_of(cairn_self_similarity *s, const similarity_cut *cut, i
 {
     similarity_sides sides = cairn_similarity_sides(s, cut, stride);
     int32_t *there = s->walk, *back = there + sides.count[0], n = s->params.points;
+    similarity_warp warp;
 
     for (int32_t i = 0; i < sides.count[0]; i++)
         there[i] = (sides.first[0] + i * stride) % n;
     for (int32_t i = 0; i < sides.count[1]; i++)
         back[i] = (sides.first[1] + (sides.count[1] - 1 - i) * stride) % n;
     s->comparisons++;
-    return cairn_similarity_warp(s, there, sides.count[0], back, sides.count[1]);
+    warp = cairn_similarity_warp(s, there, sides.count[0], back, sides.count[1]);
+    return warp.sum / (cairn_real)warp.pairs;
 }
 
 /* Of a warp between two ends. */

@@ -6,9 +6,10 @@
 /* Units: cells of a warp's table. */
 enum { CELLS_A_UNIT = 8, VERTICES_A_UNIT = 32, DIVISIONS = 4 };
 
-cairn_real cairn_similarity_warp(cairn_self_similarity *s, const int32_t *first, int32_t first_count,
-                                 const int32_t *second, int32_t second_count)
+similarity_warp cairn_similarity_warp(cairn_self_similarity *s, const int32_t *first, int32_t first_count,
+                                      const int32_t *second, int32_t second_count)
 {
+    similarity_warp warp;
     cairn_real *above = s->sum, *sum = s->sum + s->params.points;
     int32_t *steps_above = s->steps, *steps = s->steps + s->params.points;
 
@@ -42,7 +43,9 @@ cairn_real cairn_similarity_warp(cairn_self_similarity *s, const int32_t *first,
         sum = sum_kept;
         steps = steps_kept;
     }
-    return above[second_count - 1] / (cairn_real)steps_above[second_count - 1];
+    warp.sum = above[second_count - 1];
+    warp.pairs = steps_above[second_count - 1];
+    return warp;
 }
 
 /* ---- Levels ---- */
@@ -92,17 +95,24 @@ static cairn_real end_between(const cairn_self_similarity *s, cairn_real last, c
     return place < n ? place : place - n;
 }
 
+static int is_as_written(const cairn_self_similarity *s)
+{
+    return s->params.mode == CAIRN_MODE_AS_WRITTEN;
+}
+
 static void try_division(cairn_self_similarity *s, run first, run second)
 {
     int32_t there[SIMILARITY_VERTICES], back[SIMILARITY_VERTICES], m = s->level;
     cairn_real n = (cairn_real)s->params.points;
     similarity_cut cut = {.vertices = m, .division = s->division};
+    similarity_warp warp;
 
     for (int32_t i = 0; i < first.count; i++)
         there[i] = s->vertex[(first.first + i) % m];
     for (int32_t i = 0; i < second.count; i++)
         back[i] = s->vertex[(second.first + second.count - 1 - i) % m];
-    cut.cost = cairn_similarity_warp(s, there, first.count, back, second.count);
+    warp = cairn_similarity_warp(s, there, first.count, back, second.count);
+    cut.cost = is_as_written(s) ? warp.sum : warp.sum / (cairn_real)warp.pairs;
     cut.from[0] = sample_at(s, first.first);
     cut.to[0] = sample_at(s, first.first + first.count - 1);
     cut.from[1] = sample_at(s, second.first);
@@ -153,8 +163,8 @@ cairn_status cairn_similarity_split_step(cairn_self_similarity *s, cairn_budget 
             continue;
         }
         divide(m, s->i, s->k, s->division, &first, &second);
-        /* Neighbours are no cut; the second division is the same from i to k and from k to i. */
-        if (gap > 1 && gap < m - 1 && second.count > 1 && (s->division != 2 || s->i < s->k)) {
+        /* Neighbours are no cut; the second division is the same from i to k and from k to i. An arc of one vertex is one as written. */
+        if (gap > 1 && gap < m - 1 && (second.count > 1 || is_as_written(s)) && (s->division != 2 || s->i < s->k)) {
             if (!cairn_budget_pay(budget, &s->paid, 2 + first.count * second.count / CELLS_A_UNIT))
                 return CAIRN_MORE;
             try_division(s, first, second);

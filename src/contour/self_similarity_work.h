@@ -113,9 +113,13 @@ struct cairn_self_similarity {
     int64_t comparisons;
 };
 
-/* The mean over the least warp (by its sum) of first[] onto second[], lists of samples, each of 1 ... points. */
-cairn_real cairn_similarity_warp(cairn_self_similarity *s, const int32_t *first, int32_t first_count,
-                                 const int32_t *second, int32_t second_count);
+/* The least warp of first[] onto second[], lists of samples, each of 1 ... points: its sum and its pairs. */
+typedef struct similarity_warp {
+    cairn_real sum;
+    int32_t pairs;
+} similarity_warp;
+similarity_warp cairn_similarity_warp(cairn_self_similarity *s, const int32_t *first, int32_t first_count,
+                                      const int32_t *second, int32_t second_count);
 
 /* Keeps a cut unless a better one is near, in place of worse ones that are. */
 void cairn_similarity_offer(const cairn_self_similarity *s, similarity_list *list, const similarity_cut *cut);
