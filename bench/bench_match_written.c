@@ -128,7 +128,7 @@ int bench_match_draw_written(const bench_match_settings *settings, const bench_m
                              const char *folder)
 {
     static const char *const titles[BENCH_PANELS] = {
-        "(a) odometry by shape", "(b) and ICP (in the thesis: CARMEN)", "(c) and decoupled ICP", "(d) actual poses"};
+        "(a) by shape", "(b) + ICP", "(c) decoupled", "(d) actual"};
     size_t n = (size_t)p->scan_count;
     sim_pose *places = malloc(BENCH_WRITTEN_STAGES * n * sizeof *places);
     sim_pose *scans = malloc(BENCH_WRITTEN_STAGES * n * sizeof *scans);
