@@ -33,7 +33,29 @@ void bench_match_free(bench_match_problem *p)
     free(p->scans);
     free(p->place_scan);
     free(p->truth);
+    free(p->frame);
     free(p->first_scan);
+}
+
+/* Frames of the places by the truth: where the first scan was taken; as written with one heading, that of the first scan of all, up to
+ * its error, which the first place does not have. */
+static void place_frames(const bench_match_settings *s, uint64_t seed, bench_match_problem *p)
+{
+    cairn_random random = cairn_random_seed(seed, 93);
+
+    for (int32_t k = 0; k < p->scan_count; k++) {
+        int32_t place = p->scans[k].place;
+
+        p->truth[k] = p->scans[k].truth;
+        if (place < p->place_count)
+            continue;
+        p->first_scan[p->place_count] = k;
+        p->frame[p->place_count] = p->truth[k];
+        if (s->as_written && k > 0)
+            p->frame[p->place_count].theta = p->truth[0].theta + (double)cairn_random_uniform(&random, -1, 1) *
+                                                                     s->heading_error * BENCH_DEGREE;
+        p->place_count++;
+    }
 }
 
 /* Where the scans lie in their places, by the truth and the error that is asked for. */
@@ -45,10 +67,7 @@ static void place_scans(const bench_match_settings *s, uint64_t seed, bench_matc
         int32_t place = p->scans[k].place;
         sim_pose seen;
 
-        p->truth[k] = p->scans[k].truth;
-        if (place == p->place_count)
-            p->first_scan[p->place_count++] = k;
-        seen = bench_pose_between(p->truth[p->first_scan[place]], p->truth[k]);
+        seen = bench_pose_between(p->frame[place], p->truth[k]);
         if (k != p->first_scan[place]) {
             seen.x += (double)cairn_random_uniform(&random, -1, 1) * s->sub_error[0];
             seen.y += (double)cairn_random_uniform(&random, -1, 1) * s->sub_error[0];
@@ -75,6 +94,7 @@ static int add_survey(const bench_match_settings *s, uint64_t seed, int32_t inde
     arena_options.scene = sim_scene_find(s->scene);
     survey_options.places = places;
     survey_options.headings = BENCH_MATCH_HEADINGS;
+    survey_options.same_headings = s->same_headings || s->as_written;
     survey_options.tilt = s->tilt;
     survey_options.crowd = s->movers;
     survey_options.movers = s->walkers;
@@ -114,13 +134,16 @@ int bench_match_make(const bench_match_settings *s, uint64_t seed, bench_match_p
         p->bad_share = share_of_bad_beams(p);
         p->place_scan = malloc(n * sizeof *p->place_scan);
         p->truth = malloc(n * sizeof *p->truth);
+        p->frame = malloc(n * sizeof *p->frame);
         p->first_scan = malloc(n * sizeof *p->first_scan);
-        done = p->place_scan != NULL && p->truth != NULL && p->first_scan != NULL;
+        done = p->place_scan != NULL && p->truth != NULL && p->frame != NULL && p->first_scan != NULL;
     }
-    if (done)
+    if (done) {
+        place_frames(s, seed, p);
         place_scans(s, seed, p);
-    else
+    } else {
         bench_match_free(p);
+    }
     return done;
 }
 

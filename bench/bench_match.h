@@ -19,6 +19,9 @@ typedef struct bench_match_settings {
     double tilt, movers;
     double sub_error[2]; /* m, degrees */
     int32_t walkers, strangers;
+    int32_t same_headings; /* 1: the scans of all places have the same headings, as in the thesis */
+    int32_t as_written;    /* 1: the method and the setting of chapter 6: headings of places are the same, and known, up to ... */
+    double heading_error;  /* ... uniform +-, degrees */
 } bench_match_settings;
 
 /* What a mapper is given of an arena, or of two that have nothing to do with each other, and the truth that it is not. */
@@ -30,6 +33,7 @@ typedef struct bench_match_problem {
     double bad_share;       /* of the beams: on movers or the floor */
     cairn_pose *place_scan; /* [scan_count] as the mapper is told */
     sim_pose *truth;        /* [scan_count] */
+    sim_pose *frame;        /* [place_count] of the places, by the truth */
     int32_t *first_scan;    /* [place_count] */
 } bench_match_problem;
 
@@ -56,6 +60,16 @@ cairn_scan_view bench_match_view(bench_match_machine *machine, const sim_scan *s
 int bench_match_map(const bench_match_problem *problem, bench_match_machine *machine);
 
 sim_pose bench_sim_pose(cairn_pose pose);
+
+/* The mapper as written, after so many of its stages: shape alone, and ICP, and decoupled ICP. */
+typedef int32_t bench_match_written_stage;
+enum { BENCH_WRITTEN_SHAPE, BENCH_WRITTEN_ICP, BENCH_WRITTEN_DECOUPLED, BENCH_WRITTEN_STAGES };
+cairn_place_map_params bench_match_written_params(const bench_match_settings *settings,
+                                                  bench_match_written_stage stage);
+
+/* Maps an arena as written and draws fig-6.6-SEED.svg and fig-6.7-SEED.svg into a folder. 0: a line on standard error. */
+int bench_match_draw_written(const bench_match_settings *settings, const bench_match_problem *problem, uint64_t seed,
+                             const char *folder);
 
 /* The method of chapter 6 after each of its stages, and all but one of them, on the arenas of the settings, a JSON line each;
  * params: of the scan reader's maps. 0 on failure. */

@@ -1,4 +1,4 @@
-/* bench/match --ablate: what each stage of the method of chapter 6 is worth. */
+/* bench/match --ablate: what each stage of the method of chapter 6 is worth; with --as-written of the method as printed. */
 #include "bench/bench_match.h"
 
 #include <stdlib.h>
@@ -7,41 +7,49 @@
 #include "bench/bench_json.h"
 #include "cairn/random.h"
 
-enum { STAGES = 5, BEFORE = 3, ABLATED_POINTS = 4096 };
+enum { STAGES = 5, BEFORE = 3, ABLATED_POINTS = 4096, ABLATED_BEAMS = 8192 };
 
+static const double WRITTEN_WINDOW = 2 * BENCH_DEGREE; /* rotations that are tried: -2 ... 2 degrees */
 static const double RIGHT_PAIR = 0.25; /* m between the points of a right correspondence, the query in its true place */
 
 typedef struct ablation {
     int64_t pairs, pairs_right, matches, right, within_half, units;
 } ablation;
 
-/* The points of the scans of a place, in the frame of another place by the truth. */
+/* The points of the scans of a place, as written its readings, in the frame of another place by the truth. */
 static int32_t points_of_place(const bench_match_problem *p, bench_match_machine *m, int32_t place, int32_t seen_from,
-                               cairn_oriented_point *out)
+                               int32_t as_written, cairn_oriented_point *out)
 {
+    static cairn_oriented_point readings[ABLATED_BEAMS];
     int32_t count = 0;
 
     for (int32_t k = p->first_scan[place]; k < p->scan_count && p->scans[k].place == place; k++) {
-        sim_pose seen = bench_pose_between(p->truth[p->first_scan[seen_from]], p->truth[k]);
+        sim_pose seen = bench_pose_between(p->frame[seen_from], p->truth[k]);
         cairn_pose pose = {(cairn_real)seen.x, (cairn_real)seen.y, (cairn_real)seen.theta};
         cairn_transform t = cairn_transform_of(pose);
         cairn_status status;
         cairn_scan_view view = bench_match_view(m, &p->scans[k], &status);
 
-        for (int32_t i = 0; i < view.point_count && status == CAIRN_OK && count < ABLATED_POINTS; i++) {
-            out[count].position = cairn_transform_point(t, view.points[i].position);
-            out[count++].direction = cairn_transform_direction(t, view.points[i].direction);
+        const cairn_oriented_point *points = as_written ? readings : view.points;
+        int32_t points_count = view.point_count;
+
+        if (as_written && status == CAIRN_OK)
+            points_count = view.beam_count <= ABLATED_BEAMS ? cairn_scan_match_readings(&view, readings) : 0;
+        for (int32_t i = 0; i < points_count && status == CAIRN_OK && count < ABLATED_POINTS; i++) {
+            out[count].position = cairn_transform_point(t, points[i].position);
+            out[count++].direction = cairn_transform_direction(t, points[i].direction);
         }
     }
     return count;
 }
 
 /* Matches a place with the union of the last three in their true places, the heading known, as in the thesis. Both point
- * sets are in the frame of the place, but for the target's shift. */
+ * sets are in the frame of the place, but for the target's shift. angle: half of the window, rad. */
 static int ablate_match(cairn_scan_match *match, const cairn_oriented_point *query, int32_t count,
-                        const cairn_oriented_point *target, int32_t target_count, cairn_pose shift, ablation *out)
+                        const cairn_oriented_point *target, int32_t target_count, cairn_pose shift, double angle,
+                        ablation *out)
 {
-    const cairn_scan_match_window window = {20, 0};
+    const cairn_scan_match_window window = {20, (cairn_real)angle};
     cairn_scan_match_part asked = {query, NULL, NULL, count, 0, 0}, known = {target, NULL, NULL, target_count, 0, 0};
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_scan_match_result found;
@@ -85,13 +93,16 @@ static int ablate_arena(const bench_match_settings *s, const cairn_place_map_par
         return 0;
     done = bench_match_machine_make(params, &m);
     for (int32_t place = BEFORE; place < p.place_count && done; place++) {
-        int32_t count = points_of_place(&p, &m, place, place, query), target_count = 0;
+        int32_t count = points_of_place(&p, &m, place, place, s->as_written, query), target_count = 0;
         cairn_pose shift = {2 * cairn_random_uniform(&random, -1, 1), 2 * cairn_random_uniform(&random, -1, 1), 0};
 
         for (int32_t i = place - BEFORE; i < place; i++)
-            target_count += points_of_place(&p, &m, i, place, target + target_count);
+            target_count += points_of_place(&p, &m, i, place, s->as_written, target + target_count);
+        if (s->as_written)
+            shift.theta = cairn_random_uniform(&random, -1, 1) * (cairn_real)(s->heading_error * BENCH_DEGREE);
         for (int k = 0; k < STAGES && done; k++)
-            done = ablate_match(match[k], query, count, target, target_count, shift, &out[k]);
+            done = ablate_match(match[k], query, count, target, target_count, shift,
+                                s->as_written ? WRITTEN_WINDOW : 0, &out[k]);
     }
     free(m.memory);
     bench_match_free(&p);
@@ -111,6 +122,7 @@ static void print_ablation(const bench_match_settings *s, const ablation *all)
         bench_json_text("ablation", names[k]);
         bench_json_integer("arenas", s->arenas);
         bench_json_integer("matches", all[k].matches);
+        bench_json_integer("as_written", s->as_written);
         bench_json_number("correspondences", (double)all[k].pairs / matches);
         bench_json_number("correspondences_right", (double)all[k].pairs_right / pairs);
         bench_json_number("near", (double)all[k].within_half / matches);
@@ -122,10 +134,12 @@ static void print_ablation(const bench_match_settings *s, const ablation *all)
 
 int bench_match_ablate(const bench_match_settings *s, const cairn_place_map_params *map)
 {
-    static const cairn_scan_match_mode modes[STAGES] = {CAIRN_SCAN_MATCH_SHAPE_COMMON, CAIRN_SCAN_MATCH_SHAPE_COLINEAR,
-                                                        CAIRN_SCAN_MATCH_SHAPE_SEGMENTS, CAIRN_SCAN_MATCH_SHAPE,
-                                                        CAIRN_SCAN_MATCH_SHAPE_LINES};
-    cairn_scan_match_params params = cairn_scan_match_default();
+    static const cairn_scan_match_mode modes[2][STAGES] = {
+        {CAIRN_SCAN_MATCH_SHAPE_COMMON, CAIRN_SCAN_MATCH_SHAPE_COLINEAR, CAIRN_SCAN_MATCH_SHAPE_SEGMENTS,
+         CAIRN_SCAN_MATCH_SHAPE, CAIRN_SCAN_MATCH_SHAPE_LINES},
+        {CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON, CAIRN_SCAN_MATCH_AS_WRITTEN_COLINEAR, CAIRN_SCAN_MATCH_AS_WRITTEN_SEGMENTS,
+         CAIRN_SCAN_MATCH_AS_WRITTEN, CAIRN_SCAN_MATCH_AS_WRITTEN_LINES}};
+    cairn_scan_match_params params = s->as_written ? cairn_scan_match_as_written() : cairn_scan_match_default();
     cairn_scan_match *match[STAGES];
     void *memory[STAGES] = {NULL};
     ablation all[STAGES];
@@ -138,7 +152,7 @@ int bench_match_ablate(const bench_match_settings *s, const cairn_place_map_para
         cairn_pool pool;
         size_t bytes;
 
-        params.mode = modes[k];
+        params.mode = modes[s->as_written][k];
         bytes = cairn_scan_match_memory(&params) + CAIRN_ALIGN;
         memory[k] = malloc(bytes);
         done = memory[k] != NULL && cairn_pool_init(&pool, memory[k], bytes) == CAIRN_OK &&

@@ -19,7 +19,6 @@ void bench_pose_errors(const sim_pose *truth, const sim_pose *poses, int32_t cou
     }
 }
 
-static const char *const PANEL_TITLES[BENCH_PANELS] = {"odometry", "sequence", "cairn", "truth"};
 
 /* End points of the beams of all scans, in the frames of the scans: scans[k].point into one array; NULL: no memory. */
 static cairn_vec2 *hits_of(const sim_scan *sims, int32_t count, cairn_report_scan *scans)
@@ -71,8 +70,8 @@ static void fill_panel(const sim_scan *sims, int32_t count, const sim_pose *pose
     panel->pose = out;
 }
 
-int bench_draw_maps(const char *folder, uint64_t seed, const sim_scan *sims, int32_t count,
-                    const sim_pose *const poses[BENCH_PANELS])
+int bench_draw_maps(const char *path, const char *heading, const char *const titles[BENCH_PANELS], const sim_scan *sims,
+                    int32_t count, const sim_pose *const poses[BENCH_PANELS])
 {
     size_t n = (size_t)count;
     cairn_report_map picture = cairn_report_map_default();
@@ -80,20 +79,19 @@ int bench_draw_maps(const char *folder, uint64_t seed, const sim_scan *sims, int
     cairn_report_scan *scans = malloc(n * sizeof *scans);
     cairn_pose *copies = malloc(BENCH_PANELS * n * sizeof *copies);
     cairn_vec2 *points = scans != NULL ? hits_of(sims, count, scans) : NULL;
-    char notes[BENCH_PANELS][80], path[512];
+    char notes[BENCH_PANELS][80];
     cairn_file_error error;
     int done = 0;
 
     if (points != NULL && copies != NULL) {
         for (int k = 0; k < BENCH_PANELS; k++)
-            fill_panel(sims, count, poses[k], PANEL_TITLES[k], notes[k], sizeof notes[k], copies + (size_t)k * n,
+            fill_panel(sims, count, poses[k], titles[k], notes[k], sizeof notes[k], copies + (size_t)k * n,
                        &panels[k]);
-        picture.title = "Places without odometry";
+        picture.title = heading;
         picture.panel = panels;
         picture.panel_count = BENCH_PANELS;
         picture.scan = scans;
         picture.scan_count = count;
-        (void)snprintf(path, sizeof path, "%s/match-%" PRIu64 ".svg", folder, seed);
         done = cairn_report_map_write(path, &picture, &error) == CAIRN_OK;
         if (!done)
             fprintf(stderr, "bench/match: cannot write %s\n", path);

@@ -44,7 +44,7 @@ static int score(const bench_match_problem *p, const bench_match_machine *m, sim
     for (int32_t i = 0; i < p->place_count && done; i++) {
         cairn_place_map_place place = cairn_place_map_place_of(m->map, i);
 
-        truth[i] = p->truth[p->first_scan[i]];
+        truth[i] = p->frame[i];
         places[i] = bench_sim_pose(place.map_place);
         use[i] = place.part == 0;
     }
@@ -87,6 +87,8 @@ static cairn_place_map_params params_of(const settings *s)
 {
     cairn_place_map_params params = cairn_place_map_default();
 
+    if (s->world.as_written)
+        return bench_match_written_params(&s->world, BENCH_WRITTEN_DECOUPLED);
     params.max_places = (int32_t)s->world.places;
     params.max_scans = BENCH_MATCH_HEADINGS * (int32_t)s->world.places;
     if (s->decoupled || s->by_icp)
@@ -100,7 +102,7 @@ static cairn_place_map_params params_of(const settings *s)
     return params;
 }
 
-/* Maps the places one after the other for comparison, and draws all. poses: ours. */
+/* Maps the places one after the other for comparison, and draws match-SEED.svg and errors-SEED.svg. poses: ours. */
 static int draw_arena(const settings *s, const bench_match_problem *p, uint64_t seed, sim_pose *poses)
 {
     cairn_place_map_params params = params_of(s);
@@ -116,9 +118,13 @@ static int draw_arena(const settings *s, const bench_match_problem *p, uint64_t 
         score(p, &m, others + n, &unused)) {
         const sim_pose *const all[BENCH_PANELS] = {others, others + n, poses, p->truth};
 
+        static const char *const titles[BENCH_PANELS] = {"odometry", "sequence", "cairn", "truth"};
+        char path[512];
+
         for (size_t k = 0; k < n; k++)
             others[k] = p->scans[k].odometry;
-        done = bench_draw_maps(s->pictures, seed, p->scans, p->scan_count, all) &&
+        (void)snprintf(path, sizeof path, "%s/match-%" PRIu64 ".svg", s->pictures, seed);
+        done = bench_draw_maps(path, "Places without odometry", titles, p->scans, p->scan_count, all) &&
                bench_draw_errors(s->pictures, seed, p->scans, p->scan_count, poses);
     }
     free(others);
@@ -166,7 +172,8 @@ static int run_arena(const settings *s, uint64_t seed, outcome *out)
         bench_json_end();
     }
     if (done && s->pictures != NULL)
-        done = draw_arena(s, &p, seed, poses);
+        done = s->world.as_written ? bench_match_draw_written(&s->world, &p, seed, s->pictures)
+                                   : draw_arena(s, &p, seed, poses);
     free(poses);
     free(m.memory);
     bench_match_free(&p);
@@ -200,6 +207,7 @@ static void print_summary(const settings *s, const outcome *all, size_t count)
     bench_json_number("tilt", s->world.tilt);
     bench_json_number("movers", s->world.movers);
     bench_json_number("sub_error_m", s->world.sub_error[0]);
+    bench_json_number("places_right_share", (double)right / (double)places);
     bench_json_integer("decoupled", params_of(s).decoupled);
     bench_json_integer("arenas", (int64_t)count);
     bench_json_integer("arenas_ok", ok);
@@ -219,14 +227,22 @@ static void print_summary(const settings *s, const outcome *all, size_t count)
 }
 
 /* 1 when the settings can be run, or one line on standard error. */
-static int check(const settings *s)
+static int check(settings *s)
 {
     if (sim_scene_find(s->world.scene) < 0) {
         fprintf(stderr, "bench/match: unknown scene '%s', expected one of cairn-arena's\n", s->world.scene);
         return 0;
     }
-    if (strcmp(s->method, "consensus") != 0 && strcmp(s->method, "sequential") != 0 &&
-        strcmp(s->method, "shape") != 0) {
+    if (s->world.as_written && (s->method != NULL || s->decoupled || s->by_icp)) {
+        fprintf(stderr,
+                "bench/match: --as-written with %s, which it has not or always does: expected without\n",
+                s->method != NULL ? "--method" : s->decoupled ? "--decoupled" : "--decoupled-icp");
+        return 0;
+    }
+    if (s->world.as_written || s->method == NULL)
+        s->method = s->world.as_written ? "as_written" : "consensus";
+    else if (strcmp(s->method, "consensus") != 0 && strcmp(s->method, "sequential") != 0 &&
+             strcmp(s->method, "shape") != 0) {
         fprintf(stderr, "bench/match: unknown method '%s', expected consensus, sequential or shape\n", s->method);
         return 0;
     }
@@ -252,8 +268,14 @@ static int run(const settings *s)
 
 int main(int argc, char **argv)
 {
-    settings s = {.world = {.scene = "rescue", .arenas = 20, .seed = 1, .places = 16}, .method = "consensus"};
+    settings s = {.world = {.scene = "rescue", .arenas = 20, .seed = 1, .places = 16, .heading_error = 2}};
     const option table[] = {
+        OPTION_FLAG("--as-written", &s.world.as_written,
+                    "chapter 6 as printed: the heading known, each place with the last three, decoupled ICP"),
+        OPTION_FLAG("--same-headings", &s.world.same_headings,
+                    "the scans of all places have the same headings, as always with --as-written"),
+        OPTION_NUMBER("--heading-error", &s.world.heading_error, 0, 180, "DEG",
+                      "headings of places are off, uniform +-, degrees (--as-written)"),
         OPTION_INTEGER("--arenas", &s.world.arenas, 1, 10000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.world.seed, 0, 9e15, "N", "of the first arena; the others follow"),
         OPTION_TEXT("--method", &s.method, "NAME", "consensus, sequential or shape (consensus)"),
@@ -264,7 +286,8 @@ int main(int argc, char **argv)
         OPTION_COUNT("--walkers", &s.world.walkers, 0, 100, "N", "people who walk about the arena"),
         OPTION_PAIR("--sub-error", s.world.sub_error, 0, 10, "M,DEG",
                     "scans within a place are off, uniform +-, m and degrees"),
-        OPTION_TEXT("--pictures", &s.pictures, "DIR", "draws match-SEED.svg and errors-SEED.svg into a folder"),
+        OPTION_TEXT("--pictures", &s.pictures, "DIR",
+                    "draws match-SEED.svg and errors-SEED.svg into a folder; as written fig-6.6- and fig-6.7-SEED.svg"),
         OPTION_FLAG("--decoupled", &s.decoupled, "at the end every scan is aligned by itself, all at once"),
         OPTION_FLAG("--ablate", &s.ablate, "the method of chapter 6 after each of its stages instead"),
         OPTION_COUNT("--strangers", &s.world.strangers, 0, 255, "N", "so many of the places are of another arena"),

@@ -163,6 +163,8 @@ typedef struct sim_survey_options {
     double slip_drift;    /* rad of heading per root m */
     double bias_scale;    /* share by which distance and turn are off all the way, uniform +- */
     double bias_drift;    /* rad per m of heading, all the way, uniform +- */
+
+    int32_t same_headings; /* 1: every place has the headings of the first one, as by a compass; 0: each its own */
 } sim_survey_options;
 
 /* The scene's places x 4 headings of 100 degrees, 401 beams, 1 cm noise, 8 m, positions of a place 0.15 m apart. */

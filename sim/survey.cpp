@@ -242,9 +242,15 @@ static void survey_places(sim_survey &survey, Expedition &expedition)
     const FreeSpace &space = survey.arena->space;
     Random poses(o.seed, pose_stream), speeds(o.seed, sweep_stream);
 
+    double first_heading = 0;
+
     for (size_t place = 0; place < survey.places.size(); place++) {
         double heading = poses.uniform(-pi, pi);
 
+        if (place == 0)
+            first_heading = heading;
+        if (o.same_headings)
+            heading = first_heading;
         for (int32_t k = 0; k < o.headings; k++) {
             sim_pose next = pose_at(survey, place, heading + 2 * pi * k / o.headings, poses);
             double speed = speeds.uniform(-1, 1) * o.sweep_speed, turn_rate = speeds.uniform(-1, 1) * o.sweep_turn;

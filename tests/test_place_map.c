@@ -523,7 +523,8 @@ static void one_place(void **state)
     rooms_add_box(&room, -3, -2, 3, 2);
     scans.count = 0;
     add_room_scan(&scans, &room, 0, cairn_pose_identity());
-    for (params.mode = 0; params.mode < 2; params.mode++) {
+    for (int k = 0; k < 2; k++) {
+        params.mode = k == 0 ? CAIRN_PLACE_MAP_CONSENSUS : CAIRN_PLACE_MAP_SEQUENTIAL;
         make_mapper(&m, &params);
         assert_status(cairn_place_map_begin(m.map), CAIRN_EMPTY);
         load(&m, &scans);

@@ -433,7 +433,7 @@ static void refuses_params(void **state)
     (void)state;
     for (int i = 0; i < 32; i++)
         bad[i] = good;
-    bad[count++].mode = CAIRN_SCAN_MATCH_SHAPE_LINES + 1;
+    bad[count++].mode = CAIRN_SCAN_MATCH_AS_WRITTEN_LINES + 1;
     bad[count++].mode = -1;
     bad[count++].max_target = 0;
     bad[count++].max_target = (1 << 20) + 1;

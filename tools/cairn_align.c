@@ -27,9 +27,49 @@ static const struct align_method *method_of(const align_settings *s)
     return NULL;
 }
 
+/* What has no sense without poses, and why. */
+static const struct refusal {
+    const char *name, *why;
+} without_poses[] = {
+    {"--method", "places are matched as wholes, which is a method of its own"},
+    {"--spread", "there is no start that is off"},
+    {"--virtual", "no scan has a start to be guessed from"},
+    {"--steps", "it does not go in steps"},
+    {"--report", "it has no steps to play"},
+};
+
+enum { OPTIONS_MOST = 32 };
+
+/* OPTIONS_READ when the options of --no-poses go together with the others. given: of the options of the table. */
+static option_result check_places(const align_settings *s, const option *table, const int32_t *given, size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        const char *name = table[i].name;
+        int only = strcmp(name, "--headings") == 0 || strcmp(name, "--as-written") == 0;
+
+        for (size_t k = 0; k < sizeof without_poses / sizeof *without_poses && given[i] && s->no_poses; k++)
+            if (strcmp(name, without_poses[k].name) == 0) {
+                (void)options_refuse(ALIGN_PROGRAM, "%s with --no-poses, expected without: %s", name,
+                                     without_poses[k].why);
+                return OPTIONS_BAD;
+            }
+        if (given[i] && only && !s->no_poses) {
+            (void)options_refuse(ALIGN_PROGRAM, "%s without --no-poses, expected with it", name);
+            return OPTIONS_BAD;
+        }
+        if (given[i] && s->as_written && strcmp(name, "--spacing") == 0) {
+            (void)options_refuse(ALIGN_PROGRAM,
+                                 "--spacing with --as-written, expected without: it takes the readings as they come");
+            return OPTIONS_BAD;
+        }
+    }
+    return OPTIONS_READ;
+}
+
 static option_result read_settings(align_settings *s, int argc, char **argv)
 {
-    const option table[] = {
+    int32_t given[OPTIONS_MOST] = {0};
+    option table[] = {
         OPTION_TEXT("-o", &s->folder, "DIR", "folder for poses.csv, map.pgm, map.yaml and map.svg"),
         OPTION_TEXT("--method", &s->method, "NAME",
                     "default, gradient (force field simulation as in the thesis) or lum (Lu and Milios)"),
@@ -37,6 +77,14 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
                     "poses in the log are off by at most about so much, m in x and y, degrees (default)"),
         OPTION_FLAG("--virtual", &s->by_hypotheses,
                     "scans that find no place go by lines and rooms that the map suggests (default)"),
+        OPTION_FLAG("--no-poses", &s->no_poses,
+                    "how places lie is not read from the log: they are matched, all with all, as wholes"),
+        OPTION_INTEGER("--headings", &s->headings, 1, 64, "N",
+                       "N scans a place, evenly around, no pose of the log is read; else the log says which scans are of one "
+                       "place, and how they lie in it (--no-poses)"),
+        OPTION_FLAG("--as-written", &s->as_written,
+                    "the map of the thesis, chapter 6: each place with the last three, headings known to 2 degrees "
+                    "(--no-poses)"),
         OPTION_INTEGER("--steps", &s->steps, 1, 100000, "N", "iterations at most (gradient, lum)"),
         OPTION_INTEGER("--max-scans", &s->max_scans, 1, 100000, "N", "scans at most"),
         OPTION_NUMBER("--spacing", &s->spacing, 0.01, 1, "M",
@@ -53,10 +101,15 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
     const option_set set = {
         ALIGN_PROGRAM, "LOG -o DIR [options]",
         "Aligns all scans of a CARMEN log (plain or gzipped) at once. Their order does not matter; the\n"
-        "poses in the log are the start.",
+        "poses in the log are the start, or with --no-poses not read.",
         table, sizeof table / sizeof *table};
-    option_result result = tool_read_options(&set, argc, argv, &s->log, &s->folder);
+    option_result result;
 
+    for (size_t i = 0; i < set.count && i < OPTIONS_MOST; i++)
+        table[i].given = &given[i];
+    result = tool_read_options(&set, argc, argv, &s->log, &s->folder);
+    if (result == OPTIONS_READ)
+        result = check_places(s, table, given, set.count);
     if (result != OPTIONS_READ)
         return result;
     if (method_of(s) == NULL) {
@@ -214,7 +267,9 @@ static int run(align_job *job)
     job->scan.max_beams = job->log->info.beams_most;
     job->scan.spacing = (cairn_real)job->settings->spacing;
     code = measure(job);
-    if (code == TOOL_OK)
+    if (code == TOOL_OK && job->settings->no_poses)
+        code = align_by_places(job);
+    else if (code == TOOL_OK)
         code = job->settings->by_hypotheses ? align_by_hypotheses(job) : method_of(job->settings)->run(job);
     if (code == TOOL_OK)
         code = write_all(job);
@@ -230,7 +285,14 @@ static int run(align_job *job)
 
 int tool_align(int argc, char **argv)
 {
-    align_settings s = {NULL, NULL, "default", NULL, NULL, 500, 50, 1, 0.05, 30, 0, (double)NAN, {0.6, 35}, 0, 0};
+    align_settings s = {.method = "default",
+                        .max_scans = 500,
+                        .steps = 50,
+                        .seed = 1,
+                        .resolution = 0.05,
+                        .range = 30,
+                        .spacing = (double)NAN,
+                        .spread = {0.6, 35}};
     cairn_file_error error;
     option_result result;
     cairn_carmen_scans log;

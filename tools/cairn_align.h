@@ -15,6 +15,8 @@ typedef struct align_settings {
     double resolution, range, range_max, spacing;
     double spread[2]; /* m, degrees */
     int32_t quiet, by_hypotheses;
+    int32_t no_poses, as_written;
+    int64_t headings; /* scans of a place; 0: by the poses of the log */
 } align_settings;
 
 typedef struct align_job {
@@ -54,5 +56,6 @@ int align_by_default(align_job *job);
 int align_by_hypotheses(align_job *job); /* default, and virtual scans for what it leaves */
 int align_by_field(align_job *job);
 int align_by_lum(align_job *job);
+int align_by_places(align_job *job); /* without poses: places matched as wholes */
 
 #endif

@@ -23,7 +23,7 @@ typedef struct command {
     const char *folder;
 } command;
 
-enum { TABLE = 21 };
+enum { TABLE = 22 };
 
 static void make_table(command *c, option *table)
 {
@@ -36,6 +36,7 @@ static void make_table(command *c, option *table)
         OPTION_NUMBER("--rubble", &c->arena.rubble, 0, 3, "SHARE", "amount of loose bodies, 0 to 3"),
         OPTION_COUNT("--places", &s->places, 0, 1000, "N", "places to scan from; 0: the scene's own"),
         OPTION_COUNT("--headings", &s->headings, 1, 64, "N", "scans at each place, evenly around"),
+        OPTION_FLAG("--same-headings", &s->same_headings, "every place has the headings of the first one"),
         OPTION_PAIR("--jitter", c->jitter, 0, 360, "M,DEG", "how far scans of one place lie apart, m and degrees"),
         OPTION_COUNT("--drive", &s->drive, 0, 100000, "N", "N scans while a robot drives along the places instead"),
         OPTION_NUMBER("--drive-every", &s->drive_distance, 0.01, 100, "M", "m between two scans of a drive"),

@@ -15,6 +15,9 @@
 #define PROGRAM "cairn match"
 #define RADIANS (3.14159265358979323846 / 180)
 
+/* Degrees to which the heading is known as written. */
+#define WRITTEN_HEADINGS 2
+
 /* Metres and degrees of a start may be so large. */
 #define START_MOST 1e5
 
@@ -27,12 +30,12 @@ typedef struct settings {
     double window[2]; /* m, degrees */
     double spacing, range_max;
     double start[3]; /* m, m, degrees */
-    int32_t window_given, pictures, json, quiet;
+    int32_t window_given, method_given, spacing_given, as_written, pictures, json, quiet;
 } settings;
 
 static int is_by_shape(const settings *s)
 {
-    return strcmp(s->method, "shape") == 0;
+    return s->as_written || strcmp(s->method, "shape") == 0;
 }
 
 static int32_t file_count(const settings *s)
@@ -59,7 +62,16 @@ static option_result check_settings(settings *s, size_t count)
         (void)options_refuse(PROGRAM, "%s, expected A and B", count == 0 ? "no scans" : "only one scan");
         return OPTIONS_BAD;
     }
-    if (strcmp(s->method, "default") != 0 && !is_by_shape(s)) {
+    if (s->as_written && (s->method_given || s->spacing_given)) {
+        (void)options_refuse(PROGRAM, s->method_given
+                                          ? "--as-written with --method, expected one of them: it is a method"
+                                          : "--as-written with --spacing, expected without: it takes the readings as "
+                                            "they come");
+        return OPTIONS_BAD;
+    }
+    if (s->as_written)
+        s->method = "as_written";
+    if (!s->as_written && strcmp(s->method, "default") != 0 && !is_by_shape(s)) {
         (void)options_refuse(PROGRAM, "unknown method '%s', expected default or shape", s->method);
         return OPTIONS_BAD;
     }
@@ -85,6 +97,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_FLAG("--pictures", &s->pictures,
                     "draw A and B before and after, the directions of B; by shape also what each stage does"),
         OPTION_TEXT("--method", &s->method, "NAME", "default, or shape: sequences of directions, as in the thesis"),
+        OPTION_FLAG("--as-written", &s->as_written,
+                    "the method of the thesis as printed: the heading is that of --start (0) to 2 degrees, or by --window"),
         OPTION_TEXT("--start", &s->start_text, "X,Y,DEG", "where B may be as seen from A, m, m, degrees (anywhere)"),
         OPTION_PAIR("--window", s->window, 0, 1000, "M,DEG",
                     "B is at most so far from --start in x, y, m, and heading, degrees"),
@@ -106,16 +120,18 @@ static option_result read_settings(settings *s, int argc, char **argv)
     option_result result;
 
     for (size_t i = 0; i < sizeof table / sizeof *table; i++)
-        if (strcmp(table[i].name, "--window") == 0)
-            table[i].given = &s->window_given;
+        table[i].given = strcmp(table[i].name, "--window") == 0    ? &s->window_given
+                         : strcmp(table[i].name, "--method") == 0  ? &s->method_given
+                         : strcmp(table[i].name, "--spacing") == 0 ? &s->spacing_given
+                                                                   : NULL;
     result = options_read(&set, argc, argv, s->word, &count);
     return result == OPTIONS_READ ? check_settings(s, count) : result;
 }
 
 /* ---- the match ---- */
 
-/* Fits one side's scan, and makes its dense points. */
-static int prepare(match_side *side, cairn_scan *scan)
+/* Fits one side's scan, and makes its dense points, or its readings the points. */
+static int prepare(match_side *side, cairn_scan *scan, int32_t as_written)
 {
     cairn_fault fault = {-1, NULL};
     cairn_budget budget = {CAIRN_UNBOUNDED};
@@ -132,6 +148,13 @@ static int prepare(match_side *side, cairn_scan *scan)
     if (side->dense == NULL)
         return tool_report_scan(side->input.path, side->input.line, CAIRN_NO_MEMORY, NULL);
     side->dense_count = cairn_scan_match_dense(&side->view, side->dense);
+    if (!as_written)
+        return TOOL_OK;
+    side->readings = malloc(((size_t)side->view.beam_count + 1) * sizeof *side->readings);
+    if (side->readings == NULL)
+        return tool_report_scan(side->input.path, side->input.line, CAIRN_NO_MEMORY, NULL);
+    side->view.point_count = cairn_scan_match_readings(&side->view, side->readings);
+    side->view.points = side->readings;
     return TOOL_OK;
 }
 
@@ -139,6 +162,11 @@ static cairn_scan_match_part part_of(const match_side *side)
 {
     cairn_scan_match_part part = cairn_scan_match_part_of(&side->view);
 
+    if (side->readings != NULL) {
+        part.beams = NULL;
+        part.beam_count = 0;
+        return part;
+    }
     part.dense = side->dense;
     part.dense_count = side->dense_count;
     return part;
@@ -151,9 +179,13 @@ static int32_t at_least_1(int32_t count)
 
 static cairn_scan_match_params params_of(const settings *s, const match_record *record)
 {
-    cairn_scan_match_params params = cairn_scan_match_default();
+    cairn_scan_match_params params = s->as_written ? cairn_scan_match_as_written() : cairn_scan_match_default();
 
     params.max_target = at_least_1(record->target.view.point_count);
+    if (s->as_written) {
+        params.max_query = at_least_1(record->query.view.point_count);
+        return params;
+    }
     params.max_dense = at_least_1(record->target.dense_count);
     params.max_views = 1;
     params.max_query = at_least_1(record->query.view.point_count);
@@ -180,7 +212,8 @@ static cairn_status match_query(const match_record *record, cairn_scan_match *ma
 static cairn_status run_match(const settings *s, match_record *record, cairn_scan_match *match)
 {
     cairn_scan_match_part target = part_of(&record->target);
-    cairn_scan_match_window window = {(cairn_real)s->window[0], (cairn_real)(s->window[1] * RADIANS)};
+    double angle = s->as_written && !s->window_given ? WRITTEN_HEADINGS : s->window[1];
+    cairn_scan_match_window window = {(cairn_real)s->window[0], (cairn_real)(angle * RADIANS)};
     cairn_status status = cairn_scan_match_add_target(match, &target, cairn_pose_identity(), NULL);
 
     if (status == CAIRN_OK)
@@ -288,7 +321,7 @@ static int run(const settings *s, match_record *record)
     for (int i = 0; i < 2 && code == TOOL_OK; i++) {
         cairn_status status = cairn_scan_create(&scan, &pool, &params[i]);
 
-        code = status == CAIRN_OK ? prepare(side[i], scan)
+        code = status == CAIRN_OK ? prepare(side[i], scan, s->as_written)
                                   : tool_report_scan(side[i]->input.path, side[i]->input.line, status, NULL);
     }
     if (code == TOOL_OK)
@@ -299,7 +332,7 @@ static int run(const settings *s, match_record *record)
 
 int tool_match(int argc, char **argv)
 {
-    settings s = {{NULL, NULL}, NULL, "default", NULL, NULL, {1, 30}, 0.1, 0, {0, 0, 0}, 0, 0, 0, 0};
+    settings s = {.method = "default", .window = {1, 30}, .spacing = 0.1};
     match_record record;
     option_result result = read_settings(&s, argc, argv);
     cairn_file_error error;
@@ -324,5 +357,7 @@ int tool_match(int argc, char **argv)
     match_input_free(&record.query.input);
     free(record.target.dense);
     free(record.query.dense);
+    free(record.target.readings);
+    free(record.query.readings);
     return code;
 }

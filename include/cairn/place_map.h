@@ -4,7 +4,7 @@
  * scanners); how the places lie to each other is not. All pairs of places are matched with unknown position and heading, each
  * hypothesis is weighed by what the two saw of each other (surface on surface against surface in free space), the poses
  * that agree best are found by consensus, every place is matched again with the map of all others, and the poses are
- * refined (Adluru 2008, chapter 6, with all pairs in place of the last three scans).
+ * refined (after Adluru 2008, chapter 6, with all pairs in place of the last three scans; mode `as_written` is that chapter as printed).
  *
  *     clear() -> add_scan() ... -> begin() -> step(budget) until CAIRN_OK -> read(), place(), scan() */
 #ifndef CAIRN_PLACE_MAP_H
@@ -23,8 +23,9 @@ typedef struct cairn_place_map cairn_place_map;
 
 typedef int32_t cairn_place_map_mode;
 enum {
-    CAIRN_PLACE_MAP_CONSENSUS = 0,
-    CAIRN_PLACE_MAP_SEQUENTIAL = 1 /* each place to the union of the last `recent` ones, in order, as in the thesis */
+    CAIRN_PLACE_MAP_CONSENSUS = CAIRN_MODE_DEFAULT,
+    CAIRN_PLACE_MAP_AS_WRITTEN = CAIRN_MODE_AS_WRITTEN, /* Adluru 2008, chapter 6: see cairn_place_map_as_written() */
+    CAIRN_PLACE_MAP_SEQUENTIAL = 2 /* each place to the union of the last `recent` ones, in order, by params.match */
 };
 
 /* Whether and how the scans of a place, whose poses within it may be a little off, are aligned each by itself at the end. */
@@ -66,6 +67,21 @@ typedef struct cairn_place_map_params {
  * hypotheses of 768 candidates, once 0; of the consensus 4096 hypotheses, ambiguous from 1e-5,
  * believed from 12 nats. */
 cairn_place_map_params cairn_place_map_default(void);
+
+/* The map of Adluru 2008, chapter 6, as printed: mode `as_written`, matches by cairn_scan_match_as_written(), 2,048 readings a place,
+ * scans of a place decoupled by ICP; otherwise as the default. Each place is matched with the union of the `recent` (3) places
+ * before it, its heading known: the frames of all places have one heading up to 2 degrees (the window in which rotations are
+ * tried), where they lie is unknown. Then each of its scans is aligned by itself with the same target (6.5.1), and the next place
+ * is matched. match.mode is AS_WRITTEN or one of its parts; without ICP in it, decoupled is COUPLED. Not read: max_place_beams, rounds,
+ * sweeps, and all that weighs evidence (sight_reach ... chance, consensus, aligner).
+ *
+ * Choices, where the text is silent:
+ * - the scans of a place, one after the other, are one sequence and one set of points for the histograms (the "complete scan");
+ * - a place starts from the position of the place before it, and from the heading of the first;
+ * - scans are decoupled right after the ICP of their place, with its target, its overlap distance and its rules;
+ * - a place none of whose correspondences are left lies in a part of its own, and is nobody's target.
+ * The thesis does not tell doubtful places: `ambiguous` and `support` are 0. */
+cairn_place_map_params cairn_place_map_as_written(void);
 
 /* 0 for params that create() would refuse. */
 size_t cairn_place_map_memory(const cairn_place_map_params *params);

@@ -6,7 +6,8 @@
  *     clear_target() -> add_target() ... -> begin(query) -> step(budget) until CAIRN_OK -> read()
  *
  * Mode `correlative` searches the whole window (position and heading; the full circle and all positions if asked) and
- * refines what it finds by point-to-line distances at full resolution. Mode `shape` is the method of Adluru 2008, chapter 6. */
+ * refines what it finds by point-to-line distances at full resolution. Mode `shape` is after Adluru 2008, chapter 6, with what an
+ * unknown heading needs; mode `as_written` is that chapter as it is printed. */
 #ifndef CAIRN_SCAN_MATCH_H
 #define CAIRN_SCAN_MATCH_H
 
@@ -20,13 +21,19 @@ typedef struct cairn_scan_match cairn_scan_match;
 
 typedef int32_t cairn_scan_match_mode;
 enum {
-    CAIRN_SCAN_MATCH_CORRELATIVE = 0,
-    CAIRN_SCAN_MATCH_SHAPE = 1, /* common subsequence of directions and angular histograms (Adluru 2008, 6.2-6.4) */
-    /* Parts of it, to see what each is worth: */
-    CAIRN_SCAN_MATCH_SHAPE_COMMON = 2,   /* the common subsequence alone */
-    CAIRN_SCAN_MATCH_SHAPE_COLINEAR = 3, /* and the colinear filter, in its strict form */
-    CAIRN_SCAN_MATCH_SHAPE_SEGMENTS = 4, /* and the segment filter and its translation: all but ICP */
-    CAIRN_SCAN_MATCH_SHAPE_LINES = 5     /* all but the colinear filter */
+    CAIRN_SCAN_MATCH_CORRELATIVE = CAIRN_MODE_DEFAULT,
+    CAIRN_SCAN_MATCH_AS_WRITTEN = CAIRN_MODE_AS_WRITTEN, /* Adluru 2008, 6.2-6.4: see cairn_scan_match_as_written() */
+    CAIRN_SCAN_MATCH_SHAPE = 2, /* common subsequence of directions and angular histograms, after the same */
+    /* Parts of mode `shape`, to see what each is worth: */
+    CAIRN_SCAN_MATCH_SHAPE_COMMON = 3,   /* the common subsequence alone */
+    CAIRN_SCAN_MATCH_SHAPE_COLINEAR = 4, /* and the colinear filter, in its strict form */
+    CAIRN_SCAN_MATCH_SHAPE_SEGMENTS = 5, /* and the segment filter and its translation: all but ICP */
+    CAIRN_SCAN_MATCH_SHAPE_LINES = 6,    /* all but the colinear filter */
+    /* The same parts of mode `as_written`: */
+    CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON = 7,
+    CAIRN_SCAN_MATCH_AS_WRITTEN_COLINEAR = 8,
+    CAIRN_SCAN_MATCH_AS_WRITTEN_SEGMENTS = 9,
+    CAIRN_SCAN_MATCH_AS_WRITTEN_LINES = 10
 };
 
 typedef struct cairn_scan_match_params {
@@ -53,6 +60,24 @@ typedef struct cairn_scan_match_params {
 /* Correlative; 2048 target points, 4096 dense ones, 16 views, 1024 query points, 8 hypotheses, 128 candidates, 65536 cells, once, spacing
  * 0.10 m, sigma 0.01 m, weak below 0.001. */
 cairn_scan_match_params cairn_scan_match_default(void);
+
+/* Adluru 2008, 6.2 to 6.4, as printed: points are the readings of cairn_scan_match_readings(), target parts are whole scans in
+ * the order in which they were taken. The heading is known to the window's angle about the start (2 degrees without a window),
+ * tried every degree; the position is unknown, and the window's distance is not read. Thresholds are those of the thesis: 10
+ * degrees; 36 bins, 0.5 m, 2 bins, 0.25; 0.30 m, 2 d + 0.20 m; d + 0.40 m; 20 iterations. Params: 4,812 target and 1,604 query
+ * points, one hypothesis, no dense points, no views; otherwise as the default.
+ *
+ * Choices, where the text is silent:
+ * - a histogram is divided by its fullest bin, in steps of 1/255, and counts bearings in the frame of the map;
+ * - the query lies at the start's position when the colinear filter looks where the vectors of correspondences point (a vector
+ *   of length 0 passes); the filter is applied once, before the list is cut into segments;
+ * - the pairs of the segment whose translation is tried are held to its mean distance like all others;
+ * - a query point counts for the overlap when any target point of a direction within 10 degrees is near enough, and its partner
+ *   is the nearest of these; of equal overlaps the first rotation wins;
+ * - ICP is point to point in closed form; its distance threshold is the mean distance of the overlapping points in the pose that
+ *   the iteration starts from.
+ * The thesis has no verdict: that and the evidence are the library's own and change nothing in the pose. */
+cairn_scan_match_params cairn_scan_match_as_written(void);
 
 /* A scan, or a piece of a map, in a frame of its own. The arrays are the caller's and are only read. */
 typedef struct cairn_scan_match_part {
@@ -134,6 +159,11 @@ cairn_scan_match_part cairn_scan_match_part_of(const cairn_scan_view *view);
  * through the hits about it. dense: [view->beam_count]. Returns how many. Cost: linear in the beams. */
 int32_t cairn_scan_match_dense(const cairn_scan_view *view, cairn_oriented_point *dense);
 
+/* Readings with directions, as mode `as_written` takes them (Adluru 2008, 6.2.1): the end of every beam that hit, in the order of
+ * the scan, with the direction of the nearest segment. readings: [view->beam_count]. Returns the number of readings; 0 for a scan without
+ * segments. Cost: beams times segments. */
+int32_t cairn_scan_match_readings(const cairn_scan_view *view, cairn_oriented_point *readings);
+
 /* Forgets the target, the last result and a match that is running. Constant time. */
 void cairn_scan_match_clear_target(cairn_scan_match *match);
 
@@ -151,6 +181,12 @@ CAIRN_CHECKED cairn_status cairn_scan_match_add_target(cairn_scan_match *match, 
 CAIRN_CHECKED cairn_status cairn_scan_match_begin(cairn_scan_match *match, const cairn_scan_match_part *query,
                                                   cairn_pose start, const cairn_scan_match_window *window,
                                                   cairn_fault *fault);
+
+/* Starts the ICP of mode `as_written` alone, from a start pose: for parts of a scan that was matched as a whole (decoupled ICP,
+ * Adluru 2008, 6.5.1). Points overlap up to the distance of the last match with this target, up to 0.40 m when there was none.
+ * Statuses as begin(); CAIRN_BAD_ARGUMENT, too, in a mode that has no such ICP. Cost: linear in the query. */
+CAIRN_CHECKED cairn_status cairn_scan_match_begin_icp(cairn_scan_match *match, const cairn_scan_match_part *query,
+                                                      cairn_pose start, cairn_fault *fault);
 
 /* CAIRN_OK: nothing left to do, the verdict stands. CAIRN_MORE: go on. CAIRN_BAD_ARGUMENT: NULL. */
 CAIRN_CHECKED cairn_status cairn_scan_match_step(cairn_scan_match *match, cairn_budget *budget);
@@ -177,7 +213,7 @@ typedef struct cairn_scan_match_pair {
     cairn_scan_match_stage stage;
 } cairn_scan_match_pair;
 
-/* Pairs of the common subsequence; 0 in mode correlative, while a match is running, and without points. */
+/* Pairs of the common subsequence; 0 in mode correlative, after begin_icp(), while a match is running, and without points. */
 int32_t cairn_scan_match_pair_count(const cairn_scan_match *match);
 
 /* Pair 0 <= index < pair_count, in the order of the scans. Logarithmic in the pairs. */

@@ -18,7 +18,7 @@
  * Limits: the pairs grow with the square of the places. Evidence counts every point by itself, though points of one wall
  * hang together: nats are worth comparing, not to be taken as odds; about four of them are one.
  *
- * Source: Adluru 2008, chapter 6; the sequential mode is its order of matching. */
+ * Source: Adluru 2008, chapter 6; the sequential mode is its order of matching, mode as_written all of it (place_map_written.c). */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -64,6 +64,32 @@ cairn_place_map_params cairn_place_map_default(void)
     return params;
 }
 
+cairn_place_map_params cairn_place_map_as_written(void)
+{
+    cairn_place_map_params params = cairn_place_map_default();
+
+    params.mode = CAIRN_PLACE_MAP_AS_WRITTEN;
+    params.match = cairn_scan_match_as_written();
+    params.max_place_points = 2048;
+    params.decoupled = CAIRN_PLACE_MAP_BY_ICP;
+    return params;
+}
+
+static int is_written(const cairn_place_map_params *p)
+{
+    return p->mode == CAIRN_PLACE_MAP_AS_WRITTEN;
+}
+
+/* The match is one of those as written, and scans are decoupled by its ICP or not at all. */
+static int written_is_good(const cairn_place_map_params *p)
+{
+    cairn_scan_match_mode match = p->match.mode;
+    int has_icp = match == CAIRN_SCAN_MATCH_AS_WRITTEN || match == CAIRN_SCAN_MATCH_AS_WRITTEN_LINES;
+
+    return (has_icp || (match >= CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON && match <= CAIRN_SCAN_MATCH_AS_WRITTEN_LINES)) &&
+           (p->decoupled == CAIRN_PLACE_MAP_COUPLED || (has_icp && p->decoupled == CAIRN_PLACE_MAP_BY_ICP));
+}
+
 static int is_positive(cairn_real x)
 {
     return x > 0 && x <= CAIRN_REAL(1e6);
@@ -71,7 +97,7 @@ static int is_positive(cairn_real x)
 
 static int counts_are_good(const cairn_place_map_params *p)
 {
-    return (p->mode == CAIRN_PLACE_MAP_CONSENSUS || p->mode == CAIRN_PLACE_MAP_SEQUENTIAL) && p->max_places >= 2 &&
+    return p->mode >= CAIRN_PLACE_MAP_CONSENSUS && p->mode <= CAIRN_PLACE_MAP_SEQUENTIAL && p->max_places >= 2 &&
            p->max_places <= MAX_PLACES && p->max_scans >= p->max_places && p->max_scans <= MAX_COUNT &&
            p->max_place_points >= 1 && p->max_place_points <= MAX_MATCHED_POINTS / p->max_places &&
            p->max_place_beams >= 1 && p->max_place_beams <= MAX_MATCHED_POINTS / p->max_places && p->recent >= 1 &&
@@ -81,11 +107,17 @@ static int counts_are_good(const cairn_place_map_params *p)
 
 static int params_are_good(const cairn_place_map_params *p)
 {
-    return p != NULL && counts_are_good(p) && is_positive(p->sight_reach) && is_positive(p->sight_cell) &&
+    return p != NULL && counts_are_good(p) && (!is_written(p) || written_is_good(p)) && is_positive(p->sight_reach) && is_positive(p->sight_cell) &&
            is_positive(p->sight_margin) && p->sight_margin <= 20 * p->sight_cell && is_positive(p->for_point) &&
            is_positive(p->for_floating) && is_positive(p->for_back) && is_positive(p->for_rough) &&
            is_positive(p->against_point) && p->for_free >= 0 && p->for_free <= CAIRN_REAL(1e6) && p->floating >= 0 &&
            p->floating <= 1 && p->chance >= 0 && p->chance <= CAIRN_REAL(1e6) && cairn_place_map_side(p) > 0;
+}
+
+/* Places that mode as_written matches with. */
+static int32_t written_target(const cairn_place_map_params *params)
+{
+    return params->recent < params->max_places - 1 ? params->recent : params->max_places - 1;
 }
 
 /* Params of the objects within: the capacities follow from those of the map. */
@@ -93,6 +125,12 @@ static cairn_scan_match_params match_params(const cairn_place_map_params *params
 {
     cairn_scan_match_params match = params->match;
 
+    if (is_written(params)) {
+        match.max_target = written_target(params) * params->max_place_points;
+        match.max_query = params->max_place_points;
+        match.max_dense = match.max_views = 0;
+        return match;
+    }
     match.max_target = params->max_places * params->max_place_points;
     match.max_query = match.max_target;
     match.max_dense = 0;
@@ -143,6 +181,12 @@ static cairn_place_map *carve(cairn_pool *pool, const cairn_place_map_params *pa
     made.places = cairn_pool_take(pool, places, sizeof *made.places);
     made.scans = cairn_pool_take(pool, (size_t)params->max_scans, sizeof *made.scans);
     made.points = cairn_pool_take(pool, places * points, sizeof *made.points);
+    if (is_written(params)) {
+        made.query_points = cairn_pool_take(pool, points, sizeof *made.query_points);
+        if (map != NULL)
+            *map = made;
+        return map;
+    }
     made.doubt = cairn_pool_take(pool, places * points, sizeof *made.doubt);
     made.hypotheses = cairn_pool_take(pool, (size_t)params->consensus.max_hypotheses, sizeof *made.hypotheses);
     made.beams = cairn_pool_take(pool, places * beams, sizeof *made.beams);
@@ -167,7 +211,7 @@ static int count_objects(cairn_pool *counting, const cairn_place_map_params *par
     int jointly = params->decoupled == CAIRN_PLACE_MAP_JOINTLY;
     size_t bytes[] = {cairn_scan_match_memory(&match), cairn_pose_consensus_memory(&consensus), cairn_icp_memory(&icp),
                       jointly ? cairn_aligner_memory(&aligner) : 0};
-    int count = jointly ? 4 : 3;
+    int count = is_written(params) ? 1 : jointly ? 4 : 3;
 
     for (int i = 0; i < count; i++) {
         if (bytes[i] == 0)
@@ -211,6 +255,11 @@ cairn_status cairn_place_map_create(cairn_place_map **map, cairn_pool *pool, con
         cairn_sincos((cairn_real)k * 2 * CAIRN_PI / CAIRN_SIGHT_DIRECTIONS, &made->directions[k].y,
                      &made->directions[k].x);
     status = cairn_scan_match_create(&made->match, pool, &match);
+    if (is_written(params)) {
+        CAIRN_ASSERT(status == CAIRN_OK);
+        *map = made;
+        return status;
+    }
     if (status == CAIRN_OK)
         status = cairn_pose_consensus_create(&made->consensus, pool, &consensus);
     if (status == CAIRN_OK)
@@ -231,6 +280,23 @@ void cairn_place_map_clear(cairn_place_map *map)
         cairn_aligner_clear(map->aligner);
 }
 
+/* Points and beams that are kept of a scan: as written, its readings. */
+static int32_t points_of(const cairn_place_map *map, const cairn_scan_view *view)
+{
+    int32_t count = 0;
+
+    if (!is_written(&map->params))
+        return view->point_count;
+    for (int32_t i = 0; i < view->beam_count && view->segment_count > 0; i++)
+        count += view->beams[i].kind == CAIRN_BEAM_HIT;
+    return count;
+}
+
+static int32_t beams_of(const cairn_place_map *map, const cairn_scan_view *view)
+{
+    return is_written(&map->params) ? 0 : view->beam_count;
+}
+
 static cairn_status check_scan(const cairn_place_map *map, int32_t place, const cairn_scan_view *view,
                                cairn_pose place_scan, cairn_fault *fault)
 {
@@ -244,7 +310,7 @@ static cairn_status check_scan(const cairn_place_map *map, int32_t place, const 
         return cairn_refuse(fault, -1, "the pose is too far off", CAIRN_BAD_ARGUMENT);
     if (place == params->max_places || map->scan_count == params->max_scans)
         return cairn_refuse(fault, -1, "more places or scans than max_places and max_scans", CAIRN_FULL);
-    if (view->point_count > params->max_place_points - points || view->beam_count > params->max_place_beams - beams)
+    if (points_of(map, view) > params->max_place_points - points || beams_of(map, view) > params->max_place_beams - beams)
         return cairn_refuse(fault, -1, "more points or beams than max_place_points and max_place_beams", CAIRN_FULL);
     return CAIRN_OK;
 }
@@ -273,16 +339,20 @@ cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place, const
     scan->place_scan = place_scan;
     scan->first_point = map->point_count;
     scan->first_beam = map->beam_count;
-    scan->point_count = view->point_count;
-    scan->beam_count = view->beam_count;
-    memcpy(map->points + map->point_count, view->points, (size_t)view->point_count * sizeof *map->points);
-    memcpy(map->beams + map->beam_count, view->beams, (size_t)view->beam_count * sizeof *map->beams);
-    cairn_place_map_find_floating(map, scan, view);
-    map->point_count += view->point_count;
-    map->beam_count += view->beam_count;
+    scan->point_count = points_of(map, view);
+    scan->beam_count = beams_of(map, view);
+    if (is_written(&map->params)) {
+        (void)cairn_scan_match_readings(view, map->points + map->point_count);
+    } else {
+        memcpy(map->points + map->point_count, view->points, (size_t)view->point_count * sizeof *map->points);
+        memcpy(map->beams + map->beam_count, view->beams, (size_t)view->beam_count * sizeof *map->beams);
+        cairn_place_map_find_floating(map, scan, view);
+    }
+    map->point_count += scan->point_count;
+    map->beam_count += scan->beam_count;
     map->places[place].scan_count++;
-    map->places[place].point_count += view->point_count;
-    map->places[place].beam_count += view->beam_count;
+    map->places[place].point_count += scan->point_count;
+    map->places[place].beam_count += scan->beam_count;
     map->scan_count++;
     map->phase = CAIRN_PLACE_MAP_IDLE;
     map->debt = 0;
@@ -296,11 +366,13 @@ cairn_status cairn_place_map_begin(cairn_place_map *map)
     if (map->scan_count == 0)
         return CAIRN_EMPTY;
     memset(&map->result, 0, sizeof map->result);
-    map->phase = CAIRN_PLACE_MAP_SIGHT;
-    for (int32_t i = 0; i < map->point_count; i++)
+    map->phase = is_written(&map->params) ? CAIRN_PLACE_MAP_TARGET : CAIRN_PLACE_MAP_SIGHT;
+    for (int32_t i = 0; i < map->point_count && map->doubt != NULL; i++)
         map->doubt[i] &= CAIRN_POINT_FLOATING;
     map->hypothesis_count = map->polished = 0;
     map->next = map->place = map->query = map->round = map->sweep = map->running = map->is_judged = map->debt = 0;
+    if (is_written(&map->params))
+        map->query = 1; /* the first place is where the map begins */
     for (int32_t i = 0; i < map->place_count; i++) {
         map->places[i].map_place = cairn_pose_identity();
         map->places[i].part = 0;

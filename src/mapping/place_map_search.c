@@ -17,7 +17,7 @@ static const cairn_real LEAST_EVIDENCE = -3;
 /* m: a place that the consensus moves farther has changed the map. */
 static const cairn_real MOVED = CAIRN_REAL(0.3);
 
-static void enter(cairn_place_map *map, cairn_place_map_phase phase)
+void cairn_place_map_enter(cairn_place_map *map, cairn_place_map_phase phase)
 {
     map->phase = phase;
     map->next = map->running = 0;
@@ -43,7 +43,7 @@ static void see_item(cairn_place_map *map)
     if (map->place == map->place_count) {
         map->place = 0;
         map->query = 1;
-        enter(map, CAIRN_PLACE_MAP_TARGET);
+        cairn_place_map_enter(map, CAIRN_PLACE_MAP_TARGET);
     }
 }
 
@@ -100,7 +100,7 @@ static void make_target(cairn_place_map *map)
         if (is_target(map, i))
             add_to_target(map, i, is_pair ? cairn_pose_identity() : map->places[i].map_place);
     map->debt++;
-    enter(map, CAIRN_PLACE_MAP_MATCH);
+    cairn_place_map_enter(map, CAIRN_PLACE_MAP_MATCH);
 }
 
 static void add_to_query(cairn_place_map *map, const cairn_place_scan *scan, cairn_pose query_scan,
@@ -217,11 +217,11 @@ static void next_match(cairn_place_map *map)
         map->query = map->place + 1;
     }
     if (map->query < map->place_count) {
-        enter(map, is_pair && map->query > map->place + 1 ? CAIRN_PLACE_MAP_MATCH : CAIRN_PLACE_MAP_TARGET);
+        cairn_place_map_enter(map, is_pair && map->query > map->place + 1 ? CAIRN_PLACE_MAP_MATCH : CAIRN_PLACE_MAP_TARGET);
         return;
     }
     map->place = 0;
-    enter(map, map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL ? CAIRN_PLACE_MAP_REFINE : CAIRN_PLACE_MAP_WEIGH);
+    cairn_place_map_enter(map, map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL ? CAIRN_PLACE_MAP_REFINE : CAIRN_PLACE_MAP_WEIGH);
     if (map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL)
         map->sweep = map->params.sweeps;
 }
@@ -284,7 +284,7 @@ static void weigh_item(cairn_place_map *map)
     }
     if (map->next == map->hypothesis_count) {
         map->polished = map->hypothesis_count;
-        enter(map, CAIRN_PLACE_MAP_AGREE);
+        cairn_place_map_enter(map, CAIRN_PLACE_MAP_AGREE);
         return;
     }
     h->score = (map->next < map->polished ? cairn_place_map_weigh(map, h->first, h->second, h->first_second)
@@ -334,7 +334,7 @@ static void agree_item(cairn_place_map *map, cairn_budget *budget)
         take_consensus(map);
         if (!is_last_round(map) || map->is_judged) {
             map->query = map->place = map->sweep = 0;
-            enter(map, CAIRN_PLACE_MAP_DOUBT);
+            cairn_place_map_enter(map, CAIRN_PLACE_MAP_DOUBT);
         } else {
             cairn_status status = cairn_pose_consensus_islands(map->consensus);
 
@@ -363,7 +363,7 @@ static void doubt_item(cairn_place_map *map)
         cairn_place_map_doubt(map, map->next++, map->is_judged);
         return;
     }
-    enter(map, map->is_judged ? CAIRN_PLACE_MAP_REFINE : CAIRN_PLACE_MAP_TARGET);
+    cairn_place_map_enter(map, map->is_judged ? CAIRN_PLACE_MAP_REFINE : CAIRN_PLACE_MAP_TARGET);
     map->result.placed = count_placed(map);
     map->round++;
     map->debt++;
@@ -392,7 +392,7 @@ static void target_others(cairn_place_map *map, int32_t place, int32_t only_scan
     map->debt++;
 }
 
-static void place_scans(cairn_place_map *map, int32_t place)
+void cairn_place_map_place_scans(cairn_place_map *map, int32_t place)
 {
     const cairn_place *here = &map->places[place];
 
@@ -409,8 +409,8 @@ static int32_t first_of_part(const cairn_place_map *map, int32_t place)
     return first;
 }
 
-/* Poses become those seen from the part's first place, the last places first, as they need the first one's as it is. */
-static void finish(cairn_place_map *map)
+/* The last places first, as they need the first one's as it is. */
+void cairn_place_map_finish(cairn_place_map *map)
 {
     cairn_place_map_result *result = &map->result;
 
@@ -426,7 +426,7 @@ static void finish(cairn_place_map *map)
     }
     result->placed = count_placed(map);
     map->debt += map->place_count;
-    enter(map, CAIRN_PLACE_MAP_DONE);
+    cairn_place_map_enter(map, CAIRN_PLACE_MAP_DONE);
 }
 
 /* Aligns a place with all others of its part, in turn. */
@@ -436,15 +436,15 @@ static void refine_item(cairn_place_map *map, cairn_budget *budget)
 
     if (map->sweep == 0 && map->place == 0 && !map->running)
         for (int32_t i = 0; i < map->place_count; i++)
-            place_scans(map, i);
+            cairn_place_map_place_scans(map, i);
     if (map->sweep >= map->params.sweeps) {
         for (int32_t i = 0; i < map->place_count; i++)
-            place_scans(map, i);
+            cairn_place_map_place_scans(map, i);
         map->place = 0;
         if (map->params.decoupled == CAIRN_PLACE_MAP_COUPLED)
-            finish(map);
+            cairn_place_map_finish(map);
         else
-            enter(map, map->aligner != NULL ? CAIRN_PLACE_MAP_JOIN : CAIRN_PLACE_MAP_DECOUPLE);
+            cairn_place_map_enter(map, map->aligner != NULL ? CAIRN_PLACE_MAP_JOIN : CAIRN_PLACE_MAP_DECOUPLE);
         return;
     }
     if (!map->running) {
@@ -461,7 +461,7 @@ static void refine_item(cairn_place_map *map, cairn_budget *budget)
 
         if (aligned.verdict != CAIRN_ICP_TOO_FEW_PAIRS) {
             here->map_place = aligned.target_query;
-            place_scans(map, map->place);
+            cairn_place_map_place_scans(map, map->place);
         }
     } else {
         return;
@@ -503,7 +503,7 @@ static void decouple_item(cairn_place_map *map, cairn_budget *budget)
         return;
     map->place = 0;
     if (++map->sweep == map->params.sweeps + DECOUPLED_SWEEPS)
-        finish(map);
+        cairn_place_map_finish(map);
 }
 
 /* Parts lie so far apart, m, that the aligner does not see them together. */
@@ -545,15 +545,19 @@ static void join_item(cairn_place_map *map, cairn_budget *budget)
         map->debt += map->scan_count;
         map->running = status == CAIRN_OK;
         if (!map->running)
-            finish(map);
+            cairn_place_map_finish(map);
     } else if (cairn_aligner_step(map->aligner, budget) == CAIRN_OK) {
         take_aligned(map);
-        finish(map);
+        cairn_place_map_finish(map);
     }
 }
 
 void cairn_place_map_item(cairn_place_map *map, cairn_budget *budget)
 {
+    if (map->params.mode == CAIRN_PLACE_MAP_AS_WRITTEN) {
+        cairn_place_map_written_item(map, budget);
+        return;
+    }
     switch (map->phase) {
     case CAIRN_PLACE_MAP_SIGHT:
         see_item(map);

@@ -155,6 +155,19 @@ void cairn_place_map_keep(cairn_place_map *map, int32_t first, int32_t second, c
 /* Moves a hypothesis to a pose near it that has more evidence, if there is one, and returns the evidence. */
 cairn_real cairn_place_map_polish(cairn_place_map *map, cairn_pose_hypothesis *hypothesis);
 
+/* ---- Shared by the modes ---- */
+
+void cairn_place_map_enter(cairn_place_map *map, cairn_place_map_phase phase);
+
+/* Poses of the scans of a place from that of the place. */
+void cairn_place_map_place_scans(cairn_place_map *map, int32_t place);
+
+/* Poses become those seen from the part's first place; the result stands. */
+void cairn_place_map_finish(cairn_place_map *map);
+
+/* place_map_written.c: one item of mode as_written. */
+void cairn_place_map_written_item(cairn_place_map *map, cairn_budget *budget);
+
 /* Does one item and adds its cost to the debt; items of the match, the consensus and icp take from the budget instead. */
 void cairn_place_map_item(cairn_place_map *map, cairn_budget *budget);
 

@@ -21,6 +21,8 @@
 
 enum { POINTS_MOST = 1 << 20, VIEWS_MOST = 4096, HYPOTHESES_MOST = 64, CANDIDATES_MOST = 1024 };
 
+enum { WRITTEN_READINGS = 1604 }; /* of a scan in the thesis: 4 x 401 */
+
 static const cairn_real LEAST_SPACING = CAIRN_REAL(1e-3); /* m: cells as small as that can still be counted */
 
 cairn_scan_match_params cairn_scan_match_default(void)
@@ -40,6 +42,18 @@ cairn_scan_match_params cairn_scan_match_default(void)
     return params;
 }
 
+cairn_scan_match_params cairn_scan_match_as_written(void)
+{
+    cairn_scan_match_params params = cairn_scan_match_default();
+
+    params.mode = CAIRN_SCAN_MATCH_AS_WRITTEN;
+    params.max_target = 3 * WRITTEN_READINGS;
+    params.max_query = WRITTEN_READINGS;
+    params.max_dense = params.max_views = 0;
+    params.max_hypotheses = params.max_candidates = 1;
+    return params;
+}
+
 static int is_positive(cairn_real v)
 {
     return v > 0 && v <= CAIRN_SCAN_EXTENT;
@@ -52,7 +66,7 @@ static int is_within(int32_t n, int32_t least, int32_t most)
 
 static int params_are_good(const cairn_scan_match_params *p)
 {
-    return p != NULL && is_within(p->mode, CAIRN_SCAN_MATCH_CORRELATIVE, CAIRN_SCAN_MATCH_SHAPE_LINES) &&
+    return p != NULL && is_within(p->mode, CAIRN_SCAN_MATCH_CORRELATIVE, CAIRN_SCAN_MATCH_AS_WRITTEN_LINES) &&
            is_within(p->max_target, 1, POINTS_MOST) && is_within(p->max_dense, 0, POINTS_MOST) &&
            is_within(p->max_views, 0, VIEWS_MOST) && is_within(p->max_query, 1, POINTS_MOST) &&
            is_within(p->max_hypotheses, 1, HYPOTHESES_MOST) && is_within(p->max_candidates, 1, CANDIDATES_MOST) &&
@@ -177,6 +191,8 @@ void cairn_scan_match_clear_target(cairn_scan_match *x)
     x->target_count = x->dense_count = x->view_count = x->part_count = 0;
     x->lacks_dense = 0;
     x->is_indexed = 0;
+    if (x->shape != NULL)
+        x->shape->overlap_gate = 0;
     x->target_low.x = x->target_low.y = CAIRN_SCAN_EXTENT;
     x->target_high.x = x->target_high.y = -CAIRN_SCAN_EXTENT;
     x->target_sum.x = x->target_sum.y = 0;
@@ -324,18 +340,12 @@ static void take_window(cairn_scan_match *x, cairn_pose start, const cairn_scan_
     x->prior.sigma_theta = cairn_max(share * cairn_min(window->angle, CAIRN_PI), CAIRN_REAL(0.01));
 }
 
-cairn_status cairn_scan_match_begin(cairn_scan_match *x, const cairn_scan_match_part *query, cairn_pose start,
-                                    const cairn_scan_match_window *window, cairn_fault *fault)
+/* Checks a query and makes it the one at work; MATCH_DONE when there is nothing to match. */
+static cairn_status take_query(cairn_scan_match *x, const cairn_scan_match_part *query, cairn_pose start,
+                               cairn_fault *fault)
 {
-    cairn_status status;
+    cairn_status status = check_part(query, start, fault);
 
-    if (x == NULL || query == NULL)
-        return cairn_refuse(fault, -1, "no object or no query", CAIRN_BAD_ARGUMENT);
-    if (window != NULL && !(window->distance >= 0 && window->angle >= 0))
-        return cairn_refuse(fault, -1, "a window is negative or not a number", CAIRN_BAD_ARGUMENT);
-    if (window == NULL)
-        start = cairn_pose_identity();
-    status = check_part(query, start, fault);
     if (status != CAIRN_OK)
         return status;
     if (query->count > x->params.max_query)
@@ -350,11 +360,49 @@ cairn_status cairn_scan_match_begin(cairn_scan_match *x, const cairn_scan_match_
         x->result.hypotheses = x->hypotheses;
         x->result.verdict = CAIRN_SCAN_MATCH_NONE;
         x->phase = MATCH_DONE;
-        return CAIRN_OK;
     }
+    return CAIRN_OK;
+}
+
+cairn_status cairn_scan_match_begin(cairn_scan_match *x, const cairn_scan_match_part *query, cairn_pose start,
+                                    const cairn_scan_match_window *window, cairn_fault *fault)
+{
+    cairn_status status;
+
+    if (x == NULL || query == NULL)
+        return cairn_refuse(fault, -1, "no object or no query", CAIRN_BAD_ARGUMENT);
+    if (window != NULL && !(window->distance >= 0 && window->angle >= 0))
+        return cairn_refuse(fault, -1, "a window is negative or not a number", CAIRN_BAD_ARGUMENT);
+    if (window == NULL)
+        start = cairn_pose_identity();
+    status = take_query(x, query, start, fault);
+    if (status != CAIRN_OK)
+        return status;
+    if (x->phase == MATCH_DONE)
+        return CAIRN_OK;
     measure_query(x);
     take_window(x, start, window);
     cairn_match_start(x);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_scan_match_begin_icp(cairn_scan_match *x, const cairn_scan_match_part *query, cairn_pose start,
+                                        cairn_fault *fault)
+{
+    cairn_status status;
+
+    if (x == NULL || query == NULL)
+        return cairn_refuse(fault, -1, "no object or no query", CAIRN_BAD_ARGUMENT);
+    if (!cairn_match_is_as_written(x) || !cairn_match_has_icp(x))
+        return cairn_refuse(fault, -1, "the mode has no ICP of its own", CAIRN_BAD_ARGUMENT);
+    status = take_query(x, query, start, fault);
+    if (status != CAIRN_OK)
+        return status;
+    if (x->phase == MATCH_DONE)
+        return CAIRN_OK;
+    measure_query(x);
+    take_window(x, start, NULL);
+    cairn_match_start_icp(x, start);
     return CAIRN_OK;
 }
 

@@ -82,3 +82,33 @@ int32_t cairn_scan_match_dense(const cairn_scan_view *view, cairn_oriented_point
     }
     return count;
 }
+
+/* The direction of the segment nearest to a point. */
+static cairn_vec2 nearest_direction(const cairn_scan_view *view, cairn_vec2 p)
+{
+    cairn_real nearest = CAIRN_REAL_MAX;
+    int32_t best = 0;
+
+    for (int32_t k = 0; k < view->segment_count; k++) {
+        cairn_real distance = cairn_segment_distance(view->segments[k], p);
+
+        if (distance < nearest) {
+            nearest = distance;
+            best = k;
+        }
+    }
+    return cairn_vec2_unit(cairn_vec2_sub(view->segments[best].b, view->segments[best].a));
+}
+
+int32_t cairn_scan_match_readings(const cairn_scan_view *view, cairn_oriented_point *readings)
+{
+    int32_t count = 0;
+
+    for (int32_t i = 0; i < view->beam_count && view->segment_count > 0; i++) {
+        if (view->beams[i].kind != CAIRN_BEAM_HIT)
+            continue;
+        readings[count].position = view->beams[i].to;
+        readings[count++].direction = nearest_direction(view, view->beams[i].to);
+    }
+    return count;
+}

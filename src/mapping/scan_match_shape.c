@@ -16,6 +16,9 @@
  * every 1 about the best; ICP point to point in closed form, its gate the mean distance of its pairs but at least 1.5
  * spacings.
  *
+ * Mode as_written takes the readings themselves, every degree, and applies each filter once, as printed; its ICP stands in
+ * scan_match_written.c, its choices in the header.
+ *
  * Layout: descriptors in bytes, 0 ... 255 for 0 ... 1. */
 #include "src/core/build.h"
 
@@ -30,6 +33,8 @@ static const cairn_real ALIKE_SINE = CAIRN_REAL(0.17364818);
 static const cairn_real JUMP = CAIRN_REAL(0.3); /* m, between segments */
 static const cairn_real SEGMENT_FACTOR = 2, SEGMENT_SLACK = CAIRN_REAL(0.2);
 static const cairn_real OVERLAP_SLACK = CAIRN_REAL(0.4); /* m */
+/* As written: the heading is known to +-this, rad; a window that is short of a whole degree by this share of one has it. */
+static const cairn_real WRITTEN_HEADINGS = 2 * CAIRN_PI / 180, STEP_SLACK = CAIRN_REAL(1e-3);
 
 enum { BIN_DIFFERS = 64, BINS_DIFFER = 2, COARSE = 5, ITERATIONS = 20, LEAST_PAIRS = 3 };
 
@@ -105,10 +110,12 @@ void cairn_match_shape_begin(cairn_scan_match *x)
     cairn_real half = x->has_window ? cairn_min(x->window.angle, CAIRN_PI) : CAIRN_PI;
     int32_t steps;
 
+    if (cairn_match_is_as_written(x) && !x->has_window)
+        half = WRITTEN_HEADINGS;
     s->shift.x = x->has_window ? x->start.x : 0;
     s->shift.y = x->has_window ? x->start.y : 0;
-    s->step = half <= COARSE * DEGREE ? DEGREE : COARSE * DEGREE;
-    steps = cairn_real_to_int(cairn_floor(half / s->step));
+    s->step = half <= COARSE * DEGREE || cairn_match_is_as_written(x) ? DEGREE : COARSE * DEGREE;
+    steps = cairn_real_to_int(cairn_floor(half / s->step + (cairn_match_is_as_written(x) ? STEP_SLACK : 0)));
     s->rotations = 2 * steps + 1;
     s->first_angle = (x->has_window ? x->start.theta : 0) - s->step * (cairn_real)steps;
     if (half >= CAIRN_PI)
@@ -194,8 +201,10 @@ static int32_t is_dropped(const cairn_scan_match *x, cairn_sequence_pair pair)
 {
     const match_shape *s = x->shape;
 
-    if (x->params.mode == CAIRN_SCAN_MATCH_SHAPE_COMMON || x->params.mode == CAIRN_SCAN_MATCH_SHAPE_LINES)
+    if (!cairn_match_has_colinear_filter(x))
         return 0;
+    if (cairn_match_is_as_written(x))
+        return is_colinear(x, pair);
     return is_colinear(x, pair) ||
            (!s->with_lines && (is_straight(&s->query[pair.first], s->turned[pair.first].direction) ||
                                is_straight(&s->target[pair.second], x->target[pair.second].direction)));
@@ -300,7 +309,7 @@ int32_t cairn_match_shape_translate(cairn_scan_match *x)
     cairn_match_charge(x, 8 + 2 * s->pair_count);
     if (x->at == 0)
         s->most_pairs = 0;
-    if (x->params.mode == CAIRN_SCAN_MATCH_SHAPE_COMMON || x->params.mode == CAIRN_SCAN_MATCH_SHAPE_COLINEAR) {
+    if (!cairn_match_has_segment_filter(x)) {
         shift_by_all(x);
         return 1;
     }
@@ -325,10 +334,9 @@ int32_t cairn_match_shape_translate(cairn_scan_match *x)
 
 /* ---- Overlap ---- */
 
-/* The target point that a query point lies on, of like direction. */
-static const cairn_oriented_point *partner(cairn_scan_match *x, const cairn_oriented_point *q,
-                                           cairn_transform transform, cairn_real gate, cairn_vec2 *p,
-                                           cairn_real *distance)
+const cairn_oriented_point *cairn_match_shape_partner(cairn_scan_match *x, const cairn_oriented_point *q,
+                                                      cairn_transform transform, cairn_real gate, cairn_vec2 *p,
+                                                      cairn_real *distance)
 {
     match_search search;
     int32_t parts = 8;
@@ -374,7 +382,7 @@ int32_t cairn_match_shape_overlap(cairn_scan_match *x)
     at.x = s->shift.x + s->best_shift.x;
     at.y = s->shift.y + s->best_shift.y;
     if (s->most_pairs > 0)
-        s->overlap += partner(x, &x->query.points[x->at], at, s->best_distance + OVERLAP_SLACK, &p, &distance) != NULL;
+        s->overlap += cairn_match_shape_partner(x, &x->query.points[x->at], at, s->best_distance + OVERLAP_SLACK, &p, &distance) != NULL;
     cairn_match_charge(x, 2);
     if (++x->at < x->query.count)
         return 0;
@@ -419,11 +427,22 @@ void cairn_match_shape_icp_begin(cairn_scan_match *x)
     s->overlap_gate = s->gate;
     s->last = s->best;
     s->last_overlap = -1;
+    s->is_summing = 0;
     memset(&s->sums, 0, sizeof s->sums);
 }
 
-/* The motion that brings the pairs together, in closed form. */
-static cairn_pose closed_form(const shape_sums *sums, cairn_pose pose)
+void cairn_match_written_icp_at(cairn_scan_match *x, cairn_pose start)
+{
+    match_shape *s = x->shape;
+
+    s->rotations = 0;
+    s->best = start;
+    s->best_overlap = 1;
+    s->gate = s->overlap_gate > 0 ? s->overlap_gate : OVERLAP_SLACK;
+    cairn_match_shape_icp_begin(x);
+}
+
+cairn_pose cairn_match_shape_moved(const shape_sums *sums, cairn_pose pose)
 {
     cairn_real n = (cairn_real)sums->pairs;
     cairn_vec2 from = cairn_vec2_scale(sums->from, 1 / n), to = cairn_vec2_scale(sums->to, 1 / n);
@@ -451,7 +470,7 @@ static int32_t end_iteration(cairn_scan_match *x)
     }
     if (s->iteration++ == ITERATIONS || sums->pairs < LEAST_PAIRS)
         return 1;
-    moved = closed_form(sums, s->best);
+    moved = cairn_match_shape_moved(sums, s->best);
     s->last = s->best;
     s->last_overlap = sums->overlap;
     s->last_mean = mean;
@@ -460,6 +479,16 @@ static int32_t end_iteration(cairn_scan_match *x)
     memset(&s->sums, 0, sizeof s->sums);
     x->at = 0;
     return 0;
+}
+
+void cairn_match_shape_add(shape_sums *sums, cairn_vec2 p, cairn_vec2 partner, cairn_real distance)
+{
+    sums->pairs++;
+    sums->distance += distance;
+    sums->from = cairn_vec2_add(sums->from, p);
+    sums->to = cairn_vec2_add(sums->to, partner);
+    sums->cross += cairn_vec2_cross(p, partner);
+    sums->dot += cairn_vec2_dot(p, partner);
 }
 
 /* One query point, or the end of an iteration; 1 when the alignment ended. */
@@ -475,95 +504,13 @@ int32_t cairn_match_shape_icp(cairn_scan_match *x)
         s->turn = cairn_transform_of(s->best);
     if (x->at == x->query.count)
         return end_iteration(x);
-    found = partner(x, &x->query.points[x->at++], s->turn, s->overlap_gate, &p, &distance);
+    found = cairn_match_shape_partner(x, &x->query.points[x->at++], s->turn, s->overlap_gate, &p, &distance);
     if (found == NULL)
         return 0;
     sums->overlap++;
     sums->overlap_distance += distance;
     if (distance > s->gate)
         return 0;
-    sums->pairs++;
-    sums->distance += distance;
-    sums->from = cairn_vec2_add(sums->from, p);
-    sums->to = cairn_vec2_add(sums->to, found->position);
-    sums->cross += cairn_vec2_cross(p, found->position);
-    sums->dot += cairn_vec2_dot(p, found->position);
+    cairn_match_shape_add(sums, p, found->position, distance);
     return 0;
-}
-
-/* ---- For pictures ---- */
-
-static int is_done(const cairn_scan_match *x)
-{
-    return x != NULL && x->shape != NULL && x->phase == MATCH_DONE && x->query.count > 0 && x->target_count > 0;
-}
-
-int32_t cairn_scan_match_pair_count(const cairn_scan_match *match)
-{
-    return is_done(match) ? cairn_sequence_read(match->shape->sequence).count : 0;
-}
-
-/* Whether the segment that holds filtered pair k was kept. */
-static int32_t is_kept(const cairn_scan_match *x, int32_t k)
-{
-    const match_shape *s = x->shape;
-    int32_t low = 0, high = s->segment_count - 1;
-
-    if (x->params.mode == CAIRN_SCAN_MATCH_SHAPE_COMMON || x->params.mode == CAIRN_SCAN_MATCH_SHAPE_COLINEAR)
-        return 1;
-    while (low < high) {
-        int32_t middle = (low + high + 1) / 2;
-
-        if (s->segments[middle].first <= k)
-            low = middle;
-        else
-            high = middle - 1;
-    }
-    return s->segments[low].kept;
-}
-
-cairn_scan_match_pair cairn_scan_match_pair_at(const cairn_scan_match *match, int32_t index)
-{
-    const match_shape *s = match->shape;
-    cairn_sequence_pair own = cairn_sequence_read(s->sequence).pairs[index];
-    cairn_scan_match_pair pair = {own.first, own.second, CAIRN_SCAN_MATCH_COLINEAR};
-    int32_t low = 0, high = s->pair_count;
-
-    while (low < high) { /* the filtered pairs are in the same order */
-        int32_t middle = (low + high) / 2;
-
-        if (s->pairs[middle].first < own.first)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    if (low < s->pair_count && s->pairs[low].first == own.first)
-        pair.stage = is_kept(match, low) ? CAIRN_SCAN_MATCH_KEPT : CAIRN_SCAN_MATCH_APART;
-    return pair;
-}
-
-cairn_pose cairn_scan_match_pair_pose(const cairn_scan_match *match)
-{
-    cairn_pose pose = cairn_pose_identity();
-
-    if (!is_done(match))
-        return pose;
-    pose.x = match->shape->shift.x;
-    pose.y = match->shape->shift.y;
-    pose.theta = cairn_wrap_angle(match->shape->turned_angle);
-    return pose;
-}
-
-cairn_status cairn_scan_match_histogram(const cairn_scan_match *match, int32_t point,
-                                        cairn_real share[CAIRN_SCAN_MATCH_BINS])
-{
-    if (match == NULL || share == NULL)
-        return CAIRN_BAD_ARGUMENT;
-    if (!is_done(match))
-        return CAIRN_EMPTY;
-    if (point < 0 || point >= match->query.count)
-        return CAIRN_BAD_ARGUMENT;
-    for (int32_t b = 0; b < SHAPE_BINS; b++)
-        share[b] = (cairn_real)match->shape->query[point].bin[b] / 255;
-    return CAIRN_OK;
 }

@@ -29,6 +29,7 @@ struct match_shape {
     shape_descriptor *target, *query; /* [max_target], [max_query] */
     int32_t *part_of;                 /* [max_target] number of the part of a target point */
     int32_t part_first;               /* first point of the part at work */
+    int32_t is_summing;               /* as written: 1: pairs of an iteration are summed up, 0: its quality is measured */
     cairn_oriented_point *turned;     /* [max_query] the query as it lies now */
     cairn_sequence_pair *pairs;       /* [max_query] */
     shape_segment *segments;          /* [max_query + 1] */
@@ -54,6 +55,31 @@ struct match_shape {
     shape_sums sums;
 };
 
+/* What the mode does; the modes after AS_WRITTEN_COMMON are parts of AS_WRITTEN. */
+static inline int32_t cairn_match_is_as_written(const cairn_scan_match *x)
+{
+    return x->params.mode == CAIRN_SCAN_MATCH_AS_WRITTEN || x->params.mode >= CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON;
+}
+
+static inline int32_t cairn_match_has_colinear_filter(const cairn_scan_match *x)
+{
+    return x->params.mode != CAIRN_SCAN_MATCH_SHAPE_COMMON && x->params.mode != CAIRN_SCAN_MATCH_SHAPE_LINES &&
+           x->params.mode != CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON && x->params.mode != CAIRN_SCAN_MATCH_AS_WRITTEN_LINES;
+}
+
+static inline int32_t cairn_match_has_segment_filter(const cairn_scan_match *x)
+{
+    return x->params.mode != CAIRN_SCAN_MATCH_SHAPE_COMMON && x->params.mode != CAIRN_SCAN_MATCH_SHAPE_COLINEAR &&
+           x->params.mode != CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON &&
+           x->params.mode != CAIRN_SCAN_MATCH_AS_WRITTEN_COLINEAR;
+}
+
+static inline int32_t cairn_match_has_icp(const cairn_scan_match *x)
+{
+    return x->params.mode == CAIRN_SCAN_MATCH_SHAPE || x->params.mode == CAIRN_SCAN_MATCH_SHAPE_LINES ||
+           x->params.mode == CAIRN_SCAN_MATCH_AS_WRITTEN || x->params.mode == CAIRN_SCAN_MATCH_AS_WRITTEN_LINES;
+}
+
 int32_t cairn_match_shape_target(cairn_scan_match *x);
 void cairn_match_shape_begin(cairn_scan_match *x);
 int32_t cairn_match_shape_turn(cairn_scan_match *x);
@@ -67,5 +93,18 @@ int32_t cairn_match_shape_is_turned(const cairn_scan_match *x);
 int32_t cairn_match_shape_again(cairn_scan_match *x);
 void cairn_match_shape_icp_begin(cairn_scan_match *x);
 int32_t cairn_match_shape_icp(cairn_scan_match *x);
+/* The target point nearest to a query point that lies transformed by `transform`, of a direction within 10 degrees and within the
+ * gate; NULL: none. *p: the query point in the target's frame. */
+const cairn_oriented_point *cairn_match_shape_partner(cairn_scan_match *x, const cairn_oriented_point *q,
+                                                      cairn_transform transform, cairn_real gate, cairn_vec2 *p,
+                                                      cairn_real *distance);
+/* Adds a pair of ICP. */
+void cairn_match_shape_add(shape_sums *sums, cairn_vec2 p, cairn_vec2 partner, cairn_real distance);
+/* The pose moved by the motion that brings the pairs together. */
+cairn_pose cairn_match_shape_moved(const shape_sums *sums, cairn_pose pose);
+
+/* scan_match_written.c: one query point, or the end of a pass; 1 when the alignment ended. */
+void cairn_match_written_icp_at(cairn_scan_match *x, cairn_pose start);
+int32_t cairn_match_written_icp(cairn_scan_match *x);
 
 #endif

@@ -93,6 +93,12 @@ static void place_item(cairn_scan_match *x)
     enter(x, x->shape != NULL ? MATCH_SHAPE_TARGET : MATCH_VOTE);
 }
 
+/* What follows when the target is known: without rotations only ICP is left. */
+static match_phase first_of_shape(const cairn_scan_match *x)
+{
+    return x->shape->rotations > 0 ? MATCH_SHAPE_TURN : MATCH_SHAPE_ICP;
+}
+
 void cairn_match_start(cairn_scan_match *x)
 {
     if (x->shape != NULL)
@@ -102,6 +108,12 @@ void cairn_match_start(cairn_scan_match *x)
     enter(x, x->shape != NULL ? MATCH_SHAPE_TURN : MATCH_VOTE);
     if (!x->is_indexed)
         enter(x, MATCH_RESET);
+}
+
+void cairn_match_start_icp(cairn_scan_match *x, cairn_pose start)
+{
+    cairn_match_written_icp_at(x, start);
+    enter(x, x->is_indexed ? MATCH_SHAPE_ICP : MATCH_RESET);
 }
 
 /* Of the candidates those that stand for a peak become the hypotheses that are refined. */
@@ -222,8 +234,7 @@ static void start_last_stage(cairn_scan_match *x)
 /* All rotations are through, and the pairs are those of the best one. */
 static void end_shape(cairn_scan_match *x)
 {
-    if ((x->params.mode != CAIRN_SCAN_MATCH_SHAPE && x->params.mode != CAIRN_SCAN_MATCH_SHAPE_LINES) ||
-        x->shape->best_overlap <= 0) {
+    if (!cairn_match_has_icp(x) || x->shape->best_overlap <= 0) {
         start_last_stage(x);
         return;
     }
@@ -250,7 +261,7 @@ static void run_shape(cairn_scan_match *x)
     switch (x->phase) {
     case MATCH_SHAPE_TARGET:
         if (cairn_match_shape_target(x))
-            enter(x, MATCH_SHAPE_TURN);
+            enter(x, first_of_shape(x));
         break;
     case MATCH_SHAPE_TURN:
         if (cairn_match_shape_turn(x))
@@ -277,7 +288,7 @@ static void run_shape(cairn_scan_match *x)
             end_rotation(x);
         break;
     default:
-        if (cairn_match_shape_icp(x))
+        if (cairn_match_is_as_written(x) ? cairn_match_written_icp(x) : cairn_match_shape_icp(x))
             start_last_stage(x);
         break;
     }

@@ -224,8 +224,9 @@ void cairn_match_votes_begin(cairn_scan_match *x);
 int32_t cairn_match_vote(cairn_scan_match *x);
 int32_t cairn_match_peaks(cairn_scan_match *x);
 
-/* scan_match_step.c: the first phase of a match. */
+/* scan_match_step.c: the first phase of a match, or of an alignment by ICP alone. */
 void cairn_match_start(cairn_scan_match *x);
+void cairn_match_start_icp(cairn_scan_match *x, cairn_pose start);
 
 /* scan_match_fit.c */
 void cairn_match_fit_begin(cairn_scan_match *x, cairn_pose pose);

@@ -1,0 +1,173 @@
+/* The map of Adluru 2008, chapter 6, as written: place after place, each with the last few.
+ *
+ * Method. 1. The target is the union of the last `recent` places that were placed, each one part in the order of its readings.
+ * 2. The place, its scans one after the other, is matched with it by shape and ICP (scan_match, mode as_written), from the position of the
+ * place before and the heading of the first. 3. On request each of its scans is aligned by itself by the same ICP with the same target.
+ *
+ * `next` counts the scans of the place that are decoupled; `place` is not used. */
+#include "src/core/build.h"
+
+#include "src/mapping/place_map_work.h"
+
+enum { POINTS_TO_UNIT = 16 };
+
+static const cairn_real WRITTEN_HEADINGS = 2 * CAIRN_PI / 180; /* rad: headings of places are known to +-this */
+
+/* The points of a scan, moved, behind what is there. Returns the number of points then. */
+static int32_t append_scan(cairn_place_map *map, const cairn_place_scan *scan, cairn_pose pose, int32_t count)
+{
+    cairn_transform t = cairn_transform_of(pose);
+
+    for (int32_t i = scan->first_point; i < scan->first_point + scan->point_count; i++) {
+        map->query_points[count].position = cairn_transform_point(t, map->points[i].position);
+        map->query_points[count++].direction = cairn_transform_direction(t, map->points[i].direction);
+    }
+    map->debt += scan->point_count / POINTS_TO_UNIT;
+    return count;
+}
+
+/* A place as one part of points: in the map (is_map), or in its own frame. */
+static cairn_scan_match_part whole_of(cairn_place_map *map, int32_t place, int32_t is_map)
+{
+    const cairn_place *here = &map->places[place];
+    cairn_scan_match_part part = {map->query_points, NULL, NULL, 0, 0, 0};
+
+    for (int32_t s = here->first_scan; s < here->first_scan + here->scan_count; s++) {
+        const cairn_place_scan *scan = &map->scans[s];
+
+        part.count = append_scan(map, scan, is_map ? scan->map_scan : scan->place_scan, part.count);
+    }
+    return part;
+}
+
+/* The last place before the query that was placed; the first one always was. */
+static int32_t placed_before(const cairn_place_map *map, int32_t place)
+{
+    do
+        place--;
+    while (map->places[place].part > 0);
+    return place;
+}
+
+static void target_item(cairn_place_map *map)
+{
+    int32_t first = map->query;
+
+    map->debt++;
+    if (map->query == 1)
+        cairn_place_map_place_scans(map, 0);
+    if (map->query >= map->place_count) {
+        cairn_place_map_finish(map);
+        return;
+    }
+    for (int32_t k = 0; k < map->params.recent && first > 0; k++)
+        first = placed_before(map, first);
+    cairn_scan_match_clear_target(map->match);
+    for (int32_t i = first; i < map->query; i++) {
+        cairn_scan_match_part part;
+
+        if (map->places[i].part > 0)
+            continue;
+        part = whole_of(map, i, 1);
+        if (cairn_scan_match_add_target(map->match, &part, cairn_pose_identity(), NULL) != CAIRN_OK)
+            map->debt++; /* too far off to match with */
+    }
+    cairn_place_map_enter(map, CAIRN_PLACE_MAP_MATCH);
+}
+
+static void next_place(cairn_place_map *map)
+{
+    map->query++;
+    cairn_place_map_enter(map, CAIRN_PLACE_MAP_TARGET);
+}
+
+/* The place at work becomes a part of its own. */
+static void leave_out(cairn_place_map *map)
+{
+    cairn_place *here = &map->places[map->query];
+
+    for (int32_t i = 0; i < map->query; i++)
+        here->part = map->places[i].part >= here->part ? map->places[i].part + 1 : here->part;
+    map->debt += 1 + map->query / POINTS_TO_UNIT;
+    cairn_place_map_place_scans(map, map->query);
+    next_place(map);
+}
+
+/* The match of a place is done. */
+static void take_match(cairn_place_map *map)
+{
+    cairn_scan_match_result found = cairn_scan_match_read(map->match);
+    cairn_place *here = &map->places[map->query];
+
+    map->result.matches++;
+    if (found.count == 0) {
+        leave_out(map);
+        return;
+    }
+    here->map_place = found.hypotheses[0].target_query;
+    cairn_place_map_place_scans(map, map->query);
+    if (map->params.decoupled == CAIRN_PLACE_MAP_COUPLED)
+        next_place(map);
+    else
+        cairn_place_map_enter(map, CAIRN_PLACE_MAP_DECOUPLE);
+}
+
+static void match_item(cairn_place_map *map, cairn_budget *budget)
+{
+    cairn_scan_match_window window = {CAIRN_SCAN_EXTENT, WRITTEN_HEADINGS};
+    cairn_pose start = cairn_pose_identity();
+    cairn_scan_match_part part;
+    cairn_pose before;
+
+    if (map->running) {
+        if (cairn_scan_match_step(map->match, budget) == CAIRN_OK)
+            take_match(map);
+        return;
+    }
+    before = map->places[placed_before(map, map->query)].map_place;
+    start.x = before.x;
+    start.y = before.y;
+    part = whole_of(map, map->query, 0);
+    map->debt++;
+    map->running = cairn_scan_match_begin(map->match, &part, start, &window, NULL) == CAIRN_OK;
+    if (!map->running)
+        leave_out(map);
+}
+
+static void decouple_item(cairn_place_map *map, cairn_budget *budget)
+{
+    const cairn_place *here = &map->places[map->query];
+    cairn_place_scan *scan = &map->scans[here->first_scan + map->next];
+
+    if (map->running) {
+        if (cairn_scan_match_step(map->match, budget) == CAIRN_OK) {
+            cairn_scan_match_result found = cairn_scan_match_read(map->match);
+
+            if (found.count > 0) {
+                scan->map_scan = found.hypotheses[0].target_query;
+                map->result.decoupled++;
+            }
+            map->running = 0;
+            map->next++;
+        }
+    } else if (map->next == here->scan_count) {
+        map->debt++;
+        next_place(map);
+    } else {
+        cairn_scan_match_part part = {map->points + scan->first_point, NULL, NULL, scan->point_count, 0, 0};
+
+        map->debt++;
+        map->running = cairn_scan_match_begin_icp(map->match, &part, scan->map_scan, NULL) == CAIRN_OK;
+        map->next += !map->running;
+    }
+}
+
+void cairn_place_map_written_item(cairn_place_map *map, cairn_budget *budget)
+{
+    if (map->phase == CAIRN_PLACE_MAP_TARGET)
+        target_item(map);
+    else if (map->phase == CAIRN_PLACE_MAP_MATCH)
+        match_item(map, budget);
+    else
+        decouple_item(map, budget);
+}

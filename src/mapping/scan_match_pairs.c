@@ -1,0 +1,80 @@
+/* What matching by shape saw, for pictures: correspondences, how far each came, and angular histograms. */
+#include "src/core/build.h"
+
+#include "src/mapping/scan_match_shape.h"
+
+static int is_done(const cairn_scan_match *x)
+{
+    return x != NULL && x->shape != NULL && x->phase == MATCH_DONE && x->query.count > 0 && x->target_count > 0 &&
+           x->shape->rotations > 0;
+}
+
+int32_t cairn_scan_match_pair_count(const cairn_scan_match *match)
+{
+    return is_done(match) ? cairn_sequence_read(match->shape->sequence).count : 0;
+}
+
+/* Whether the segment that holds filtered pair k was kept. */
+static int32_t is_kept(const cairn_scan_match *x, int32_t k)
+{
+    const match_shape *s = x->shape;
+    int32_t low = 0, high = s->segment_count - 1;
+
+    if (!cairn_match_has_segment_filter(x))
+        return 1;
+    while (low < high) {
+        int32_t middle = (low + high + 1) / 2;
+
+        if (s->segments[middle].first <= k)
+            low = middle;
+        else
+            high = middle - 1;
+    }
+    return s->segments[low].kept;
+}
+
+cairn_scan_match_pair cairn_scan_match_pair_at(const cairn_scan_match *match, int32_t index)
+{
+    const match_shape *s = match->shape;
+    cairn_sequence_pair own = cairn_sequence_read(s->sequence).pairs[index];
+    cairn_scan_match_pair pair = {own.first, own.second, CAIRN_SCAN_MATCH_COLINEAR};
+    int32_t low = 0, high = s->pair_count;
+
+    while (low < high) { /* the filtered pairs are in the same order */
+        int32_t middle = (low + high) / 2;
+
+        if (s->pairs[middle].first < own.first)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    if (low < s->pair_count && s->pairs[low].first == own.first)
+        pair.stage = is_kept(match, low) ? CAIRN_SCAN_MATCH_KEPT : CAIRN_SCAN_MATCH_APART;
+    return pair;
+}
+
+cairn_pose cairn_scan_match_pair_pose(const cairn_scan_match *match)
+{
+    cairn_pose pose = cairn_pose_identity();
+
+    if (!is_done(match))
+        return pose;
+    pose.x = match->shape->shift.x;
+    pose.y = match->shape->shift.y;
+    pose.theta = cairn_wrap_angle(match->shape->turned_angle);
+    return pose;
+}
+
+cairn_status cairn_scan_match_histogram(const cairn_scan_match *match, int32_t point,
+                                        cairn_real share[CAIRN_SCAN_MATCH_BINS])
+{
+    if (match == NULL || share == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    if (!is_done(match))
+        return CAIRN_EMPTY;
+    if (point < 0 || point >= match->query.count)
+        return CAIRN_BAD_ARGUMENT;
+    for (int32_t b = 0; b < SHAPE_BINS; b++)
+        share[b] = (cairn_real)match->shape->query[point].bin[b] / 255;
+    return CAIRN_OK;
+}

@@ -1,0 +1,589 @@
+/* scan_match, mode as_written: every stage beside its slow obvious twin. */
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "cairn/scan_match.h"
+#include "tests/rooms.h"
+
+enum { MOST = 400 };
+
+static const double DEGREE = 0.017453292519943295;
+
+#define assert_pose_near(actual, expected, metres, radians)                                                            \
+    do {                                                                                                               \
+        cairn_pose actual_pose = (actual), expected_pose = (expected);                                                 \
+        assert_near(actual_pose.x, expected_pose.x, metres);                                                           \
+        assert_near(actual_pose.y, expected_pose.y, metres);                                                           \
+        assert_near(cairn_wrap_angle(actual_pose.theta - expected_pose.theta), 0, radians);                            \
+    } while (0)
+
+/* The corners of a room with niches, counter-clockwise. */
+static const cairn_vec2 room[] = {{-2, -2}, {3, -2}, {3, 0},  {2, 0},  {2, 1},   {3, 1},
+                                  {3, 3},   {-2, 3}, {-2, 1}, {-3, 1}, {-3, -1}, {-2, -1}};
+
+/* Points every 9.3 cm along the room's walls as seen from a pose, those of some walls left out. */
+static int32_t see(cairn_oriented_point *points, cairn_pose pose, int32_t first_wall, int32_t walls)
+{
+    cairn_transform t = cairn_transform_of(cairn_pose_inverse(pose));
+    int32_t corners = sizeof room / sizeof *room, count = 0;
+
+    for (int32_t w = first_wall; w < first_wall + walls; w++) {
+        cairn_vec2 a = room[w % corners], along = cairn_vec2_sub(room[(w + 1) % corners], a);
+        cairn_vec2 unit = cairn_vec2_unit(along);
+
+        for (cairn_real s = CAIRN_REAL(0.05); s < cairn_vec2_norm(along); s += CAIRN_REAL(0.093)) {
+            assert_true(count < MOST);
+            points[count].position = cairn_transform_point(t, cairn_vec2_add(a, cairn_vec2_scale(unit, s)));
+            points[count++].direction = cairn_transform_direction(t, unit);
+        }
+    }
+    return count;
+}
+
+typedef struct bed {
+    cairn_pool pool;
+    cairn_scan_match *match;
+    cairn_oriented_point target[MOST], query[MOST];
+    cairn_scan_match_part target_part, query_part;
+    cairn_pose start, truth;
+} bed;
+
+static cairn_scan_match_params small_params(cairn_scan_match_mode mode)
+{
+    cairn_scan_match_params params = cairn_scan_match_as_written();
+
+    params.mode = mode;
+    params.max_query = MOST;
+    params.max_target = 2 * MOST;
+    return params;
+}
+
+/* Target and query share seven walls of the room; the query is turned by 1.3 degrees and shifted. */
+static void make_bed(bed *b, cairn_scan_match_mode mode)
+{
+    static const cairn_pose from = {CAIRN_REAL(0.35), CAIRN_REAL(-0.15), CAIRN_REAL(0.3227)};
+    static const cairn_pose home = {0, 0, CAIRN_REAL(0.3)};
+    cairn_scan_match_params params = small_params(mode);
+
+    memset(b, 0, sizeof *b);
+    b->pool = test_pool(cairn_scan_match_memory(&params));
+    assert_ok(cairn_scan_match_create(&b->match, &b->pool, &params));
+    b->target_part.points = b->target;
+    b->target_part.count = see(b->target, home, 0, 10);
+    b->query_part.points = b->query;
+    b->query_part.count = see(b->query, from, 3, 9);
+    b->truth = cairn_pose_between(home, from);
+    assert_ok(cairn_scan_match_add_target(b->match, &b->target_part, cairn_pose_identity(), NULL));
+}
+
+static cairn_scan_match_result run(bed *b, const cairn_scan_match_window *window)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    assert_ok(cairn_scan_match_begin(b->match, &b->query_part, b->start, window, NULL));
+    assert_int_equal(cairn_scan_match_pair_count(b->match), 0);
+    assert_ok(cairn_scan_match_step(b->match, &budget));
+    return cairn_scan_match_read(b->match);
+}
+
+/* ---- The slow twin ---- */
+
+typedef struct twin {
+    double query[MOST][2], target[MOST][2]; /* of the pairs that the colinear filter leaves */
+    int32_t count;
+    double x, y, distance; /* the translation of the segment that wins, and its mean distance */
+    int32_t kept;
+} twin;
+
+/* Angle between two lines, rad, 0 ... pi / 2. */
+static double between_lines(double ax, double ay, double bx, double by)
+{
+    return acos(fmin(fabs(ax * bx + ay * by) / (hypot(ax, ay) * hypot(bx, by)), 1));
+}
+
+/* Tells the pairs by the colinear filter as printed, checks it, and keeps what it leaves. */
+static void filter_pairs(const bed *b, twin *out, int32_t *dropped)
+{
+    cairn_pose pose = cairn_scan_match_pair_pose(b->match);
+    double c = cos((double)pose.theta), s = sin((double)pose.theta);
+
+    out->count = *dropped = 0;
+    for (int32_t i = 0; i < cairn_scan_match_pair_count(b->match); i++) {
+        cairn_scan_match_pair pair = cairn_scan_match_pair_at(b->match, i);
+        const cairn_oriented_point *q = &b->query[pair.query], *p = &b->target[pair.target];
+        double qx = c * (double)q->position.x - s * (double)q->position.y + (double)pose.x;
+        double qy = s * (double)q->position.x + c * (double)q->position.y + (double)pose.y;
+        double vx = (double)p->position.x - qx, vy = (double)p->position.y - qy;
+        double one = between_lines(vx, vy, (double)p->direction.x, (double)p->direction.y);
+        double other = between_lines(vx, vy, c * (double)q->direction.x - s * (double)q->direction.y,
+                                     s * (double)q->direction.x + c * (double)q->direction.y);
+        int drops = fmin(one, other) < 10 * DEGREE;
+
+        if (fabs(fmin(one, other) - 10 * DEGREE) > 1e-4)
+            assert_int_equal(pair.stage == CAIRN_SCAN_MATCH_COLINEAR, drops);
+        *dropped += pair.stage == CAIRN_SCAN_MATCH_COLINEAR;
+        if (pair.stage == CAIRN_SCAN_MATCH_COLINEAR)
+            continue;
+        out->query[out->count][0] = qx;
+        out->query[out->count][1] = qy;
+        out->target[out->count][0] = (double)p->position.x;
+        out->target[out->count++][1] = (double)p->position.y;
+    }
+}
+
+static double jump(const double a[2], const double b[2])
+{
+    return hypot(a[0] - b[0], a[1] - b[1]);
+}
+
+/* Mean vector of pairs first ... end-1, and their mean distance from a translation. */
+static void mean_vector(const twin *t, int32_t first, int32_t end, double mean[2])
+{
+    mean[0] = mean[1] = 0;
+    for (int32_t i = first; i < end; i++)
+        for (int k = 0; k < 2; k++)
+            mean[k] += (t->target[i][k] - t->query[i][k]) / (end - first);
+}
+
+static double off(const twin *t, int32_t i, const double mean[2])
+{
+    return hypot(t->target[i][0] - t->query[i][0] - mean[0], t->target[i][1] - t->query[i][1] - mean[1]);
+}
+
+static double mean_off(const twin *t, int32_t first, int32_t end, const double mean[2])
+{
+    double sum = 0;
+
+    for (int32_t i = first; i < end; i++)
+        sum += off(t, i, mean);
+    return sum / (end - first);
+}
+
+/* The segment filter and the segment-wise translation, 6.2.4 and 6.3. */
+static void translate(twin *t)
+{
+    int32_t first[MOST + 1], segments = 0, best = -1, most = 0, agrees[MOST];
+
+    for (int32_t i = 0; i < t->count; i++)
+        if (i == 0 || jump(t->query[i], t->query[i - 1]) >= 0.3 || jump(t->target[i], t->target[i - 1]) >= 0.3)
+            first[segments++] = i;
+    first[segments] = t->count;
+    for (int32_t m = 0; m < segments; m++) {
+        double mean[2], own;
+        int32_t left = 0;
+
+        mean_vector(t, first[m], first[m + 1], mean);
+        own = mean_off(t, first[m], first[m + 1], mean);
+        for (int32_t k = 0; k < segments; k++)
+            if (k == m || mean_off(t, first[k], first[k + 1], mean) <= 2 * own + 0.2)
+                left += first[k + 1] - first[k];
+        if (left > most) {
+            most = left;
+            best = m;
+        }
+    }
+    assert_true(best >= 0);
+    {
+        double mean[2], own;
+
+        mean_vector(t, first[best], first[best + 1], mean);
+        own = mean_off(t, first[best], first[best + 1], mean);
+        for (int32_t k = 0; k < segments; k++)
+            agrees[k] = k == best || mean_off(t, first[k], first[k + 1], mean) <= 2 * own + 0.2;
+    }
+    t->kept = 0;
+    for (int32_t m = 0; m < segments; m++) {
+        double mean[2], own;
+        int32_t left = 0;
+
+        if (!agrees[m])
+            continue;
+        mean_vector(t, first[m], first[m + 1], mean);
+        own = mean_off(t, first[m], first[m + 1], mean);
+        for (int32_t k = 0; k < segments; k++)
+            for (int32_t i = first[k]; agrees[k] && i < first[k + 1]; i++)
+                left += off(t, i, mean) <= own + 1e-6;
+        if (left > t->kept) {
+            t->kept = left;
+            t->x = mean[0];
+            t->y = mean[1];
+            t->distance = own;
+        }
+    }
+}
+
+typedef struct overlap {
+    int32_t count;
+    double distance, mean[4], cross, dot; /* of the pairs within `gate`: from and to; about their means */
+    int32_t pairs;
+} overlap;
+
+/* Which query points overlap the target within `reach`; the pairs of those within `gate`. */
+static overlap look(const bed *b, cairn_pose pose, double reach, double gate)
+{
+    double c = cos((double)pose.theta), s = sin((double)pose.theta);
+    static double all[MOST][4];
+    overlap out;
+
+    memset(&out, 0, sizeof out);
+    for (int32_t i = 0; i < b->query_part.count; i++) {
+        const cairn_oriented_point *q = &b->query[i];
+        double x = c * (double)q->position.x - s * (double)q->position.y + (double)pose.x;
+        double y = s * (double)q->position.x + c * (double)q->position.y + (double)pose.y;
+        double dx = c * (double)q->direction.x - s * (double)q->direction.y;
+        double dy = s * (double)q->direction.x + c * (double)q->direction.y, nearest = 1e9;
+        int32_t at = -1;
+
+        for (int32_t k = 0; k < b->target_part.count; k++) {
+            const cairn_oriented_point *p = &b->target[k];
+            double distance = hypot((double)p->position.x - x, (double)p->position.y - y);
+
+            if (distance < nearest &&
+                dx * (double)p->direction.x + dy * (double)p->direction.y >= cos(10 * DEGREE)) {
+                nearest = distance;
+                at = k;
+            }
+        }
+        if (nearest >= reach)
+            continue;
+        out.count++;
+        out.distance += nearest;
+        if (nearest >= gate)
+            continue;
+        all[out.pairs][0] = x;
+        all[out.pairs][1] = y;
+        all[out.pairs][2] = (double)b->target[at].position.x;
+        all[out.pairs++][3] = (double)b->target[at].position.y;
+    }
+    for (int32_t i = 0; i < out.pairs; i++)
+        for (int k = 0; k < 4; k++)
+            out.mean[k] += all[i][k] / out.pairs;
+    for (int32_t i = 0; i < out.pairs; i++) {
+        double ax = all[i][0] - out.mean[0], ay = all[i][1] - out.mean[1];
+        double bx = all[i][2] - out.mean[2], by = all[i][3] - out.mean[3];
+
+        out.cross += ax * by - ay * bx;
+        out.dot += ax * bx + ay * by;
+    }
+    out.distance /= out.count > 0 ? out.count : 1;
+    return out;
+}
+
+/* ICP of 6.4 from a pose. */
+static cairn_pose icp(const bed *b, cairn_pose pose, double reach)
+{
+    cairn_pose last = pose;
+    overlap before = look(b, pose, reach, 0);
+
+    for (int k = 0; k < 20; k++) {
+        overlap pairs = look(b, pose, reach, before.distance), now;
+        double turn = atan2(pairs.cross, pairs.dot), c = cos(turn), s = sin(turn);
+        double x = (double)pose.x - pairs.mean[0], y = (double)pose.y - pairs.mean[1];
+
+        last = pose;
+        pose.x = (cairn_real)(c * x - s * y + pairs.mean[2]);
+        pose.y = (cairn_real)(s * x + c * y + pairs.mean[3]);
+        pose.theta = (cairn_real)((double)pose.theta + turn);
+        now = look(b, pose, reach, 0);
+        if (now.count < before.count && now.distance > before.distance)
+            return last;
+        before = now;
+    }
+    return pose;
+}
+
+/* ---- Tests ---- */
+
+static void finds_and_each_stage_follows_its_twin(void **state)
+{
+    static const cairn_pose starts[] = {{0, 0, 0}, {CAIRN_REAL(0.2), CAIRN_REAL(-0.1), 0}, {-1, 1, CAIRN_REAL(0.02)}};
+    const cairn_scan_match_window window = {2, 2 * CAIRN_PI / 180};
+    int32_t all_dropped = 0, all_kept = 0;
+
+    (void)state;
+    for (int k = 0; k < 3; k++) {
+        static bed b, whole;
+        static twin t;
+        cairn_scan_match_result by_shape, found;
+        cairn_pose pose, expected;
+        int32_t dropped;
+
+        make_bed(&b, CAIRN_SCAN_MATCH_AS_WRITTEN_SEGMENTS);
+        b.start = starts[k];
+        by_shape = run(&b, &window);
+        assert_int_equal(by_shape.count, 1);
+        assert_int_equal(cairn_scan_match_measured(b.match).candidates, 5);
+        filter_pairs(&b, &t, &dropped);
+        translate(&t);
+        all_dropped += dropped;
+        all_kept += t.count;
+        pose = by_shape.hypotheses[0].target_query;
+        assert_near(pose.theta, cairn_scan_match_pair_pose(b.match).theta, 1e-6);
+        assert_near(pose.x, (double)b.start.x + t.x, NUMBER(1e-9, 1e-4));
+        assert_near(pose.y, (double)b.start.y + t.y, NUMBER(1e-9, 1e-4));
+
+        make_bed(&whole, CAIRN_SCAN_MATCH_AS_WRITTEN);
+        whole.start = starts[k];
+        found = run(&whole, &window);
+        assert_int_equal(found.count, 1);
+        expected = icp(&whole, pose, t.distance + 0.4);
+        assert_pose_near(found.hypotheses[0].target_query, expected, NUMBER(1e-9, 2e-2), NUMBER(1e-9, 1e-2));
+        if (k < 2)
+            assert_pose_near(found.hypotheses[0].target_query, b.truth, 0.15, 0.06);
+        test_pool_free(&b.pool);
+        test_pool_free(&whole.pool);
+    }
+    assert_true(all_dropped > 5 && all_kept > 20);
+}
+
+/* Points of bare walls that the other modes leave out are kept, when their vectors lead off the walls. */
+static void the_colinear_filter_stands_alone(void **state)
+{
+    static bed b;
+    static twin t;
+    int32_t dropped, count;
+
+    (void)state;
+    make_bed(&b, CAIRN_SCAN_MATCH_AS_WRITTEN_COLINEAR);
+    for (int k = 0; k < 8; k++) {
+        b.start.x = CAIRN_REAL(0.13) * (cairn_real)k;
+        b.start.y = CAIRN_REAL(-0.21) * (cairn_real)(k % 3);
+        (void)run(&b, NULL);
+        filter_pairs(&b, &t, &dropped);
+        count = cairn_scan_match_pair_count(b.match);
+        assert_true(count > 20 && dropped + t.count == count);
+    }
+    test_pool_free(&b.pool);
+    make_bed(&b, CAIRN_SCAN_MATCH_AS_WRITTEN_LINES);
+    (void)run(&b, NULL);
+    for (int32_t i = 0; i < cairn_scan_match_pair_count(b.match); i++)
+        assert_true(cairn_scan_match_pair_at(b.match, i).stage != CAIRN_SCAN_MATCH_COLINEAR);
+    test_pool_free(&b.pool);
+}
+
+static void every_degree_of_the_window(void **state)
+{
+    static const struct {
+        double degrees;
+        int32_t rotations;
+    } windows[] = {{0, 1}, {0.9, 1}, {2, 5}, {5, 11}, {7.5, 15}, {180, 360}, {400, 360}};
+    static bed b;
+
+    (void)state;
+    make_bed(&b, CAIRN_SCAN_MATCH_AS_WRITTEN_COMMON);
+    b.query_part.count = 40;
+    b.start.theta = CAIRN_REAL(0.1);
+    for (size_t k = 0; k < sizeof windows / sizeof *windows; k++) {
+        cairn_scan_match_window window = {0, (cairn_real)(windows[k].degrees * DEGREE)};
+        double turned;
+
+        (void)run(&b, &window);
+        assert_int_equal(cairn_scan_match_measured(b.match).candidates, windows[k].rotations);
+        turned = (double)(cairn_scan_match_pair_pose(b.match).theta - b.start.theta) / DEGREE;
+        assert_near(turned, round(turned), 1e-3);
+    }
+    test_pool_free(&b.pool);
+}
+
+static void budgets_do_not_matter(void **state)
+{
+    static const int32_t each[] = {1, 7, 1000};
+    cairn_scan_match_hypothesis whole;
+    int64_t units;
+    static bed b;
+
+    (void)state;
+    make_bed(&b, CAIRN_SCAN_MATCH_AS_WRITTEN);
+    b.query_part.count = b.target_part.count = 90;
+    cairn_scan_match_clear_target(b.match);
+    assert_ok(cairn_scan_match_add_target(b.match, &b.target_part, cairn_pose_identity(), NULL));
+    assert_int_equal(run(&b, NULL).count, 1);
+    whole = cairn_scan_match_read(b.match).hypotheses[0];
+    units = cairn_scan_match_measured(b.match).units;
+    for (int k = 0; k < 3; k++) {
+        cairn_status status = CAIRN_MORE;
+        int64_t used = 0;
+
+        cairn_scan_match_clear_target(b.match);
+        assert_ok(cairn_scan_match_add_target(b.match, &b.target_part, cairn_pose_identity(), NULL));
+        assert_ok(cairn_scan_match_begin(b.match, &b.query_part, b.start, NULL, NULL));
+        while (status == CAIRN_MORE) {
+            cairn_budget budget = {each[k]};
+
+            status = cairn_scan_match_step(b.match, &budget);
+            assert_true(budget.left >= 0);
+            used += each[k] - budget.left;
+        }
+        assert_ok(status);
+        assert_int_equal(used, units);
+        assert_memory_equal(&whole, &cairn_scan_match_read(b.match).hypotheses[0], sizeof whole);
+    }
+    test_pool_free(&b.pool);
+}
+
+/* Of a scan matched as a whole each half finds its own pose, by the overlap distance of the whole. */
+static void parts_by_icp_alone(void **state)
+{
+    static bed b;
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_scan_match_part half;
+    cairn_scan_match_result found;
+    cairn_fault fault;
+    cairn_pose start, expected;
+
+    (void)state;
+    make_bed(&b, CAIRN_SCAN_MATCH_AS_WRITTEN);
+    start = b.truth;
+    start.x += CAIRN_REAL(0.06);
+    start.theta -= CAIRN_REAL(0.01);
+    expected = icp(&b, start, 0.4);
+    assert_ok(cairn_scan_match_begin_icp(b.match, &b.query_part, start, NULL));
+    assert_ok(cairn_scan_match_step(b.match, &budget));
+    found = cairn_scan_match_read(b.match);
+    assert_int_equal(found.count, 1);
+    assert_pose_near(found.hypotheses[0].target_query, expected, NUMBER(1e-9, 2e-2), NUMBER(1e-9, 1e-2));
+    assert_int_equal(cairn_scan_match_pair_count(b.match), 0);
+
+    (void)run(&b, NULL); /* the target is still known by its descriptors */
+    assert_int_equal(cairn_scan_match_read(b.match).count, 1);
+    half = b.query_part;
+    half.count /= 2;
+    budget.left = CAIRN_UNBOUNDED;
+    assert_ok(cairn_scan_match_begin_icp(b.match, &half, start, NULL));
+    assert_ok(cairn_scan_match_step(b.match, &budget));
+    assert_pose_near(cairn_scan_match_read(b.match).hypotheses[0].target_query, b.truth, 0.1, 0.05);
+
+    start.x = 500;
+    assert_ok(cairn_scan_match_begin_icp(b.match, &half, start, NULL));
+    budget.left = CAIRN_UNBOUNDED;
+    assert_ok(cairn_scan_match_step(b.match, &budget));
+    assert_int_equal(cairn_scan_match_read(b.match).count, 0);
+    assert_int_equal(cairn_scan_match_read(b.match).verdict, CAIRN_SCAN_MATCH_NONE);
+    half.count = 0;
+    assert_ok(cairn_scan_match_begin_icp(b.match, &half, start, NULL));
+    assert_int_equal(cairn_scan_match_read(b.match).verdict, CAIRN_SCAN_MATCH_NONE);
+    half.count = -1;
+    assert_fault(&fault, cairn_scan_match_begin_icp(b.match, &half, start, &fault), CAIRN_BAD_ARGUMENT, -1);
+    half.count = MOST + 1;
+    start.x = (cairn_real)NAN;
+    assert_fault(&fault, cairn_scan_match_begin_icp(b.match, &b.query_part, start, &fault), CAIRN_NOT_FINITE, -1);
+    assert_fault(&fault, cairn_scan_match_begin_icp(b.match, NULL, start, &fault), CAIRN_BAD_ARGUMENT, -1);
+    assert_status(cairn_scan_match_begin_icp(NULL, &half, start, NULL), CAIRN_BAD_ARGUMENT);
+    test_pool_free(&b.pool);
+
+    make_bed(&b, CAIRN_SCAN_MATCH_SHAPE);
+    assert_fault(&fault, cairn_scan_match_begin_icp(b.match, &b.query_part, b.truth, &fault), CAIRN_BAD_ARGUMENT, -1);
+    test_pool_free(&b.pool);
+}
+
+/* Nothing of the shapes is alike: no hypothesis. */
+static void nothing_in_common(void **state)
+{
+    static bed b;
+
+    (void)state;
+    make_bed(&b, CAIRN_SCAN_MATCH_AS_WRITTEN);
+    b.query_part.count = 4; /* of one wall, whose direction is turned away from all */
+    for (int32_t i = 0; i < 4; i++) {
+        b.query[i].direction.x = CAIRN_REAL(0.6);
+        b.query[i].direction.y = CAIRN_REAL(0.8);
+    }
+    b.target_part.count = 20;
+    cairn_scan_match_clear_target(b.match);
+    assert_ok(cairn_scan_match_add_target(b.match, &b.target_part, cairn_pose_identity(), NULL));
+    assert_int_equal(run(&b, NULL).count, 0);
+    assert_int_equal(cairn_scan_match_read(b.match).verdict, CAIRN_SCAN_MATCH_NONE);
+    test_pool_free(&b.pool);
+}
+
+static cairn_status create(void *context, cairn_pool *pool)
+{
+    cairn_scan_match *match;
+
+    return cairn_scan_match_create(&match, pool, context);
+}
+
+static void takes_exactly_what_it_says(void **state)
+{
+    cairn_scan_match_params params = small_params(CAIRN_SCAN_MATCH_AS_WRITTEN);
+
+    (void)state;
+    params.max_query = 6;
+    params.max_target = 5;
+    test_every_pool_size(create, &params, cairn_scan_match_memory(&params));
+    params.mode = CAIRN_SCAN_MATCH_AS_WRITTEN_LINES + 1;
+    assert_int_equal(cairn_scan_match_memory(&params), 0);
+    params = cairn_scan_match_as_written();
+    assert_int_equal(params.mode, CAIRN_MODE_AS_WRITTEN);
+    assert_int_equal(params.max_target, 4812);
+    assert_int_equal(params.max_query, 1604);
+}
+
+/* A reading for every beam that hit, with the direction of the segment that is nearest. */
+static void readings_have_the_direction_of_the_nearest_segment(void **state)
+{
+    static rooms_scan taken;
+    cairn_oriented_point readings[ROOMS_BEAMS];
+    cairn_scan_params params = cairn_scan_default();
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    rooms_room box = {.count = 0};
+    cairn_scan_input input;
+    cairn_scan_view view;
+    cairn_pool pool;
+    cairn_scan *scan;
+    int32_t count, at = 0;
+
+    (void)state;
+    rooms_add_box(&box, -3, -2, 3, 2);
+    rooms_add_box(&box, 1, 0.5, 1.8, 1.1);
+    input = rooms_take_scan(&box, (cairn_pose){0, 0, CAIRN_REAL(0.4)}, 3, &taken);
+    for (int i = 0; i < ROOMS_BEAMS; i += 9)
+        taken.range[i] = i % 2 ? (float)NAN : 0;
+    pool = test_pool(cairn_scan_memory(&params));
+    assert_ok(cairn_scan_create(&scan, &pool, &params));
+    assert_ok(cairn_scan_begin(scan, &input, NULL));
+    assert_ok(cairn_scan_step(scan, &budget));
+    view = cairn_scan_read(scan);
+    count = cairn_scan_match_readings(&view, readings);
+    for (int32_t i = 0; i < view.beam_count; i++) {
+        double nearest = 1e9, own = 1e9;
+
+        if (view.beams[i].kind != CAIRN_BEAM_HIT)
+            continue;
+        assert_true(at < count);
+        assert_near(readings[at].position.x, view.beams[i].to.x, 0);
+        assert_near(cairn_vec2_norm(readings[at].direction), 1, 1e-5);
+        for (int32_t k = 0; k < view.segment_count; k++) {
+            cairn_vec2 along = cairn_vec2_unit(cairn_vec2_sub(view.segments[k].b, view.segments[k].a));
+            cairn_vec2 foot = cairn_segment_nearest(view.segments[k], view.beams[i].to, NULL);
+            double distance = (double)cairn_vec2_norm(cairn_vec2_sub(foot, view.beams[i].to));
+
+            nearest = fmin(nearest, distance);
+            if (cairn_vec2_dot(along, readings[at].direction) > CAIRN_REAL(0.99999))
+                own = fmin(own, distance);
+        }
+        assert_near(own, nearest, 1e-5);
+        at++;
+    }
+    assert_true(count == at && count > 200 && count < ROOMS_BEAMS);
+    view.segment_count = 0;
+    assert_int_equal(cairn_scan_match_readings(&view, readings), 0);
+    test_pool_free(&pool);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(finds_and_each_stage_follows_its_twin),
+        cmocka_unit_test(the_colinear_filter_stands_alone),
+        cmocka_unit_test(every_degree_of_the_window),
+        cmocka_unit_test(budgets_do_not_matter),
+        cmocka_unit_test(parts_by_icp_alone),
+        cmocka_unit_test(nothing_in_common),
+        cmocka_unit_test(takes_exactly_what_it_says),
+        cmocka_unit_test(readings_have_the_direction_of_the_nearest_segment),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,225 @@
+/* cairn align --no-poses: places matched as wholes, with no odometry; with --as-written as in Adluru 2008, chapter 6. */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cairn/place_map.h"
+#include "tools/cairn_align.h"
+
+/* Scans of one place lie so near to its first one by the log, m. */
+#define PLACE_RADIUS 0.5
+
+/* Hypotheses of the consensus for a pair of places. */
+#define HYPOTHESES_OF_PAIR 34
+
+enum { PLACES_MOST = 256, HYPOTHESES_MOST = 1 << 20 };
+
+typedef struct grouping {
+    int32_t *place;         /* [scans] */
+    cairn_pose *place_scan; /* [scans] */
+    int32_t places, points_most, beams_most;
+} grouping;
+
+/* Whether scan i is of the place of the scan before it. */
+static int is_same_place(const align_job *job, int32_t first, int32_t i)
+{
+    cairn_pose a = job->log->record[first].robot, b = job->log->record[i].robot;
+
+    if (job->settings->headings > 0)
+        return i % job->settings->headings != 0;
+    return hypot((double)(b.x - a.x), (double)(b.y - a.y)) <= PLACE_RADIUS;
+}
+
+/* Pose of a scan in its place; as written its frame has the heading of the log. */
+static cairn_pose pose_in_place(const align_job *job, int32_t first, int32_t i)
+{
+    const align_settings *s = job->settings;
+    cairn_pose a = job->log->record[first].robot, pose = cairn_pose_identity();
+
+    if (s->headings > 0) {
+        pose.theta = cairn_wrap_angle((cairn_real)(i - first) * 2 * CAIRN_PI / (cairn_real)s->headings);
+        return pose;
+    }
+    if (s->as_written)
+        pose.theta = a.theta;
+    return cairn_pose_compose(pose, cairn_pose_between(a, job->log->record[i].robot));
+}
+
+/* Which scans are of one place, and how they lie in it. */
+static void group_scans(const align_job *job, grouping *g)
+{
+    int32_t first = 0, points = 0, beams = 0;
+
+    for (int32_t i = 0; i < job->log->count; i++) {
+        if (i == 0 || !is_same_place(job, first, i)) {
+            g->places++;
+            first = i;
+            points = beams = 0;
+        }
+        g->place[i] = g->places - 1;
+        g->place_scan[i] = pose_in_place(job, first, i);
+        points += job->scans[i].point_count;
+        beams += job->log->record[i].scan.count;
+        g->points_most = points > g->points_most ? points : g->points_most;
+        g->beams_most = beams > g->beams_most ? beams : g->beams_most;
+    }
+}
+
+static int check_grouping(const align_job *job, const grouping *g)
+{
+    const align_settings *s = job->settings;
+
+    if (s->headings > 0 && job->log->count % s->headings != 0)
+        return options_refuse(ALIGN_PROGRAM,
+                              "%s holds %" PRId32 " scans, expected a multiple of --headings %" PRId64, s->log,
+                              job->log->count, s->headings);
+    if (g->places < 2)
+        return options_refuse(ALIGN_PROGRAM, "%s holds one place, expected two or more%s", s->log,
+                              s->headings > 0 ? "" : ": scans within 0.5 m by the log are of one, or give --headings N");
+    if (g->places > PLACES_MOST)
+        return options_refuse(ALIGN_PROGRAM, "%s holds %" PRId32 " places, expected at most %d", s->log, g->places,
+                              PLACES_MOST);
+    return TOOL_OK;
+}
+
+static cairn_place_map_params params_of(const align_job *job, const grouping *g)
+{
+    int as_written = job->settings->as_written;
+    cairn_place_map_params params = as_written ? cairn_place_map_as_written() : cairn_place_map_default();
+    int32_t pairs = g->places * (g->places - 1) / 2, wanted = HYPOTHESES_OF_PAIR * pairs;
+
+    params.max_places = g->places;
+    params.max_scans = job->log->count;
+    params.max_place_points = as_written || g->points_most == 0 ? g->beams_most : g->points_most;
+    params.max_place_beams = g->beams_most;
+    if (wanted > params.consensus.max_hypotheses)
+        params.consensus.max_hypotheses = wanted < HYPOTHESES_MOST ? wanted : HYPOTHESES_MOST;
+    if (as_written)
+        return params;
+    params.match.spacing = (cairn_real)job->settings->spacing;
+    params.decoupled = CAIRN_PLACE_MAP_JOINTLY; /* how scans lie in their places is known by odometry at best */
+    params.aligner = align_params_of(job);
+    params.aligner.spread = cairn_aligner_default().spread;
+    params.aligner.spread_angle = cairn_aligner_default().spread_angle;
+    return params;
+}
+
+/* ---- The map ---- */
+
+typedef struct adding {
+    cairn_place_map *map;
+    const grouping *grouping;
+    int32_t at;
+} adding;
+
+static cairn_status add_to_map(void *context, const cairn_scan_view *view, cairn_pose start, cairn_fault *fault)
+{
+    adding *to = context;
+    int32_t i = to->at++;
+
+    (void)start;
+    return cairn_place_map_add_scan(to->map, to->grouping->place[i], view, to->grouping->place_scan[i], fault);
+}
+
+static cairn_status run(const align_job *job, cairn_place_map *map)
+{
+    tool_progress progress = tool_progress_begin("map", 1, job->settings->quiet);
+    cairn_status status = cairn_place_map_begin(map);
+
+    while (status == CAIRN_OK || status == CAIRN_MORE) {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        status = cairn_place_map_step(map, &budget);
+        if (status == CAIRN_OK)
+            break;
+    }
+    tool_progress_end(&progress);
+    return status;
+}
+
+static const char *verdict_of(const map_scan *scan, const cairn_place_map_place *place)
+{
+    return scan->point_count == 0 ? "blind" : place->part > 0 ? "apart" : place->ambiguous ? "uncertain" : "placed";
+}
+
+/* Poses of all scans; those of other parts are in frames of their own and are not drawn. */
+static void read_result(align_job *job, const grouping *g, const cairn_place_map *map)
+{
+    cairn_place_map_result result = cairn_place_map_read(map);
+
+    for (int32_t i = 0; i < job->log->count; i++) {
+        cairn_place_map_place place = cairn_place_map_place_of(map, g->place[i]);
+        map_scan *scan = &job->scans[i];
+
+        scan->after = cairn_place_map_scan_pose(map, i);
+        scan->verdict = verdict_of(scan, &place);
+        scan->doubtful = place.part > 0 || place.ambiguous;
+        if (!job->settings->as_written)
+            scan->support = place.support;
+        if (place.part > 0)
+            scan->beam_count = scan->point_count = scan->segment_count = 0;
+    }
+    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " places without odometry%s", result.places,
+             job->settings->as_written ? ", as written" : "");
+    snprintf(job->summary, sizeof job->summary,
+             "places     %" PRId32 ", %" PRId32 " in the largest of %" PRId32 " parts, %" PRId32
+             " ambiguous; %" PRId32 " scans aligned by themselves\n%s",
+             result.places, result.placed, result.parts, result.ambiguous, result.decoupled,
+             job->settings->as_written ? "           as written: places that lie wrongly are not told\n" : "");
+}
+
+static int map_places(align_job *job, const grouping *g)
+{
+    cairn_place_map_params params = params_of(job, g);
+    adding to = {NULL, g, 0};
+    cairn_scan *scan = NULL;
+    cairn_status status;
+    cairn_pool pool;
+    size_t need = cairn_place_map_memory(&params);
+    int code;
+
+    if (need == 0)
+        return options_refuse(ALIGN_PROGRAM,
+                              "%s: %" PRId32 " places of up to %" PRId32 " points and %" PRId32
+                              " beams are too many, expected at most %d of each in all",
+                              job->settings->log, g->places, params.max_place_points, g->beams_most, 1 << 20);
+    code = tool_pool_open(&pool, ALIGN_PROGRAM, job->settings->pool, need + cairn_scan_memory(&job->scan));
+    if (code != TOOL_OK)
+        return code;
+    status = cairn_scan_create(&scan, &pool, &job->scan);
+    if (status == CAIRN_OK)
+        status = cairn_place_map_create(&to.map, &pool, &params);
+    if (status == CAIRN_OK)
+        code = align_add_scans(job, scan, add_to_map, &to);
+    if (status == CAIRN_OK && code == TOOL_OK)
+        status = run(job, to.map);
+    if (status < 0)
+        code = align_refuse(job, status);
+    else if (code == TOOL_OK)
+        read_result(job, g, to.map);
+    job->pool_bytes = pool.peak;
+    tool_pool_close(&pool);
+    return code;
+}
+
+int align_by_places(align_job *job)
+{
+    size_t n = (size_t)job->log->count;
+    grouping g = {malloc(n * sizeof *g.place), malloc(n * sizeof *g.place_scan), 0, 0, 0};
+    int code;
+
+    if (g.place == NULL || g.place_scan == NULL) {
+        (void)options_refuse(ALIGN_PROGRAM, "no memory for %" PRId32 " scans", job->log->count);
+        code = TOOL_FAILED;
+    } else {
+        group_scans(job, &g);
+        code = check_grouping(job, &g);
+        if (code == TOOL_OK)
+            code = map_places(job, &g);
+    }
+    free(g.place);
+    free(g.place_scan);
+    return code;
+}
