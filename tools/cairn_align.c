@@ -12,6 +12,9 @@
 /* The most points, and segments, of all scans. */
 #define POINTS_MOST (1 << 24)
 
+/* m, degrees: how far poses in the log are off when nothing else is said. */
+static const double SPREAD_M = 0.6, SPREAD_DEG = 35;
+
 /* Lu and Milios pair points of scans one by one: those spaced evenly lock into each other at half their spacing. */
 static const struct align_method {
     const char *name;
@@ -33,6 +36,10 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
         OPTION_TEXT("-o", &s->folder, "DIR", "folder for poses.csv, map.pgm, map.yaml and map.svg"),
         OPTION_TEXT("--method", &s->method, "NAME",
                     "default, gradient (force field simulation as in the thesis) or lum (Lu and Milios)"),
+        OPTION_FLAG("--as-written", &s->as_written,
+                    "as chapter 7 of the thesis is printed, with its constants: method gradient"),
+        OPTION_FLAG("--online", &s->online,
+                    "scan after scan, each against all before, --steps iterations each (gradient)"),
         OPTION_PAIR("--spread", s->spread, 0.001, 360, "M,DEG",
                     "poses in the log are off by at most about so much, m in x and y, degrees (default)"),
         OPTION_FLAG("--virtual", &s->by_hypotheses,
@@ -59,8 +66,24 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
 
     if (result != OPTIONS_READ)
         return result;
+    if (s->as_written && s->method == methods[0].name)
+        s->method = "gradient";
     if (method_of(s) == NULL) {
         (void)options_refuse(ALIGN_PROGRAM, "unknown method '%s', expected default, gradient or lum", s->method);
+        return OPTIONS_BAD;
+    }
+    if ((s->as_written || s->online) && method_of(s)->run != align_by_field) {
+        (void)options_refuse(ALIGN_PROGRAM, "%s with method %s, expected with method gradient",
+                             s->as_written ? "--as-written" : "--online", s->method);
+        return OPTIONS_BAD;
+    }
+    if (s->as_written && (s->spread[0] != SPREAD_M || s->spread[1] != SPREAD_DEG)) {
+        (void)options_refuse(ALIGN_PROGRAM, "--spread with --as-written, expected without: the thesis knows no spread");
+        return OPTIONS_BAD;
+    }
+    if (s->online && s->report != NULL) {
+        (void)options_refuse(ALIGN_PROGRAM,
+                             "--report with --online, expected without: the player needs all scans at first");
         return OPTIONS_BAD;
     }
     if (s->by_hypotheses && method_of(s) != methods) {
@@ -230,7 +253,8 @@ static int run(align_job *job)
 
 int tool_align(int argc, char **argv)
 {
-    align_settings s = {NULL, NULL, "default", NULL, NULL, 500, 50, 1, 0.05, 30, 0, (double)NAN, {0.6, 35}, 0, 0};
+    align_settings s = {NULL, NULL, methods[0].name, NULL,      NULL, 500, 50, 1, 0.05,
+                        30,   0,    (double)NAN,     {0.6, 35}, 0,    0,   0,  0};
     cairn_file_error error;
     option_result result;
     cairn_carmen_scans log;

@@ -15,6 +15,7 @@ typedef struct align_settings {
     double resolution, range, range_max, spacing;
     double spread[2]; /* m, degrees */
     int32_t quiet, by_hypotheses;
+    int32_t as_written, online; /* of gradient */
 } align_settings;
 
 typedef struct align_job {
