@@ -14,13 +14,13 @@
 #include "bench/bench_align.h"
 #include "bench/bench_bound.h"
 #include "bench/bench_chain.h"
+#include "bench/bench_gradient.h"
 #include "bench/bench_growth.h"
 #include "bench/bench_json.h"
 #include "bench/bench_lum.h"
 #include "bench/bench_problem.h"
 #include "bench/bench_score.h"
 #include "bench/bench_sequential.h"
-#include "cairn/force_field.h"
 #include "cairn/random.h"
 #include "tools/options.h"
 
@@ -34,9 +34,10 @@ typedef struct settings {
     const char *method;
     bench_problem_kind kind;
     int64_t arenas, seed, steps;
-    double within[2];    /* m, degrees: of the truth, to be aligned */
-    int32_t again;       /* --return */
-    int32_t chain;       /* --chain */
+    double within[2]; /* m, degrees: of the truth, to be aligned */
+    int32_t again;    /* --return */
+    int32_t chain;    /* --chain */
+    int32_t as_written, online;
     double sub_error[2]; /* m, degrees: of the poses within a place, for the chain */
     int32_t ablate, growth;
     bench_ingredient without;
@@ -56,124 +57,14 @@ typedef struct outcome {
 
 /* ---- The method ---- */
 
-static cairn_pose pose_of(sim_pose p)
-{
-    cairn_pose pose = {(cairn_real)p.x, (cairn_real)p.y, (cairn_real)p.theta};
-
-    return pose;
-}
-
-static sim_pose sim_of(cairn_pose p)
-{
-    sim_pose pose = {(double)p.x, (double)p.y, (double)p.theta};
-
-    return pose;
-}
-
-/* How much room the scans need in a field. */
-static cairn_status count_room(const cairn_scan_params *scan_params, const sim_scan *scans, int32_t count,
-                               cairn_force_field_params *params)
-{
-    size_t bytes = cairn_scan_memory(scan_params) + CAIRN_ALIGN;
-    void *memory = malloc(bytes);
-    cairn_scan *scan = NULL;
-    cairn_pool pool;
-    cairn_status status = memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);
-
-    params->max_scans = count;
-    params->max_segments = 1;
-    params->max_points = 1;
-    if (status == CAIRN_OK)
-        status = cairn_scan_create(&scan, &pool, scan_params);
-    for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {
-        cairn_scan_view view;
-
-        status = bench_fit_scan(scan, &scans[i], &view);
-        params->max_segments += view.segment_count;
-        params->max_points += view.point_count;
-    }
-    params->max_corners = params->max_segments;
-    free(memory);
-    return status;
-}
-
-/* Adds all scans and lets the field run; the poses when it stands. */
-static cairn_status simulate(const sim_scan *scans, int32_t count, cairn_scan *scan, cairn_force_field *field,
-                             bench_pose *poses, outcome *out)
-{
-    double start = bench_cpu_seconds(), stepped;
-    cairn_force_field_state state;
-    cairn_status status = CAIRN_OK;
-    cairn_real before = 0;
-
-    for (int32_t i = 0; i < count && status == CAIRN_OK; i++) {
-        cairn_scan_view view;
-
-        status = bench_fit_scan(scan, &scans[i], &view);
-        if (status == CAIRN_OK)
-            status = cairn_force_field_add_scan(field, &view, NULL, pose_of(poses[i].pose), NULL);
-    }
-    if (status != CAIRN_OK)
-        return status;
-    stepped = bench_cpu_seconds();
-    do {
-        cairn_budget budget = {CAIRN_UNBOUNDED};
-
-        status = cairn_force_field_iterate(field, &budget);
-        state = cairn_force_field_read(field);
-        out->steps_rising += state.iterations > 1 && state.potential > before;
-        before = state.potential;
-    } while (status >= 0 && state.verdict == CAIRN_FORCE_FIELD_RUNNING);
-    out->steps = state.iterations;
-    out->seconds = bench_cpu_seconds() - start;
-    out->step_ms = 1e3 * (bench_cpu_seconds() - stepped) / (state.iterations > 0 ? state.iterations : 1);
-    for (int32_t i = 0; i < count && status >= 0; i++)
-        poses[i].pose = sim_of(cairn_force_field_pose(field, i));
-    return status < 0 ? status : CAIRN_OK;
-}
-
-/* Force field simulation as in the thesis. Ranges in, poses out; 0 on failure. */
-static int run_gradient(const settings *s, const sim_scan *scans, int32_t count, bench_pose *poses, outcome *out)
-{
-    cairn_scan_params scan_params = cairn_scan_default();
-    cairn_force_field_params params = cairn_force_field_default();
-    cairn_force_field *field = NULL;
-    cairn_scan *scan = NULL;
-    cairn_pool pool;
-    cairn_status status;
-    void *memory = NULL;
-    size_t bytes;
-
-    scan_params.max_beams = scans[0].count;
-    params.max_steps = (int32_t)s->steps;
-    status = count_room(&scan_params, scans, count, &params);
-    if (status == CAIRN_OK) {
-        bytes = cairn_force_field_memory(&params) + cairn_scan_memory(&scan_params) + CAIRN_ALIGN;
-        memory = malloc(bytes);
-        status = memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);
-    }
-    if (status == CAIRN_OK)
-        status = cairn_scan_create(&scan, &pool, &scan_params);
-    if (status == CAIRN_OK)
-        status = cairn_force_field_create(&field, &pool, &params);
-    if (status == CAIRN_OK)
-        status = simulate(scans, count, scan, field, poses, out);
-    if (status == CAIRN_OK)
-        out->pool_bytes = pool.peak;
-    else
-        fprintf(stderr, "bench/align: %s\n", cairn_status_text(status));
-    free(memory);
-    return status == CAIRN_OK;
-}
-
 static int run_method(const settings *s, const sim_scan *scans, int32_t count, bench_pose *poses, outcome *out)
 {
     bench_run run = {0, 0, 0, 0, 0, 0, 0};
     int done;
 
     if (strcmp(s->method, "gradient") == 0)
-        return run_gradient(s, scans, count, poses, out);
-    if (strcmp(s->method, "icp") == 0)
+        done = bench_run_gradient(scans, count, (int32_t)s->steps, s->online, poses, &run);
+    else if (strcmp(s->method, "icp") == 0)
         done = bench_run_icp(scans, count, 20, poses, &run);
     else if (strncmp(s->method, "lum", 3) == 0)
         done = bench_run_lum(scans, count, (int32_t)s->steps, strcmp(s->method, "lum") == 0, poses, &run);
@@ -184,6 +75,7 @@ static int run_method(const settings *s, const sim_scan *scans, int32_t count, b
     else
         done = bench_run_default(scans, count, s->without, poses, &run);
     out->steps = run.steps;
+    out->steps_rising = run.rising;
     out->units = run.units;
     out->worst_step = run.worst_step;
     out->seconds = run.seconds;
@@ -401,8 +293,10 @@ static void print_common(const settings *s, const outcome *o)
     bench_json_number("median_trans_m", o->median_m);
     bench_json_number("median_rot_deg", o->median_deg);
     bench_json_number("median_ratio", o->median_ratio);
-    if (strcmp(s->method, "gradient") == 0)
+    if (strcmp(s->method, "gradient") == 0 && !s->online)
         bench_json_integer("rising_steps", o->steps_rising);
+    if (s->online)
+        bench_json_true("online");
     if (o->flags) {
         bench_json_number("false_flags", share_of(o->false_flags, o->observable));
         bench_json_number("missed_flags", share_of(o->missed_flags, o->unobservable));
@@ -492,6 +386,10 @@ static int check(const settings *s)
         fprintf(stderr, "bench/align: unknown method '%s', expected " METHODS "\n", s->method);
         return 0;
     }
+    if ((s->as_written || s->online) && strcmp(s->method, "gradient") != 0) {
+        fprintf(stderr, "bench/align: --as-written or --online with method %s, expected gradient\n", s->method);
+        return 0;
+    }
     if ((s->ablate || s->growth) && strcmp(s->method, "default") != 0) {
         fprintf(stderr, "bench/align: --ablate and --growth are for method default\n");
         return 0;
@@ -519,16 +417,20 @@ static int run_all(const settings *s, outcome *all)
 
 int main(int argc, char **argv)
 {
-    settings s = {"default", bench_problem_kind_default(), 20, 1, 50, {0.05, 1}, 0, 0, {0, 0}, 0, 0, BENCH_ALL};
+    settings s = {.kind = bench_problem_kind_default(), .arenas = 20, .seed = 1, .steps = 50, .within = {0.05, 1}};
+    const char *given_method = NULL;
     const option table[] = {
         OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
         OPTION_NUMBER("--trans", &s.kind.metres, 0.001, 10, "M", "disturbance of x and y, uniform +-, m"),
         OPTION_NUMBER("--rot", &s.kind.degrees, 0.01, 180, "DEG", "disturbance of the heading, uniform +-, degrees"),
         OPTION_TEXT(
-            "--method", &s.method, "NAME",
+            "--method", &given_method, "NAME",
             "default, gradient (as in the thesis), icp, lum, lum-alone: without registration, sequential: scan by "
             "scan by the mapper, filter: by 30 particles (default)"),
+        OPTION_FLAG("--as-written", &s.as_written, "chapter 7 of the thesis: method gradient"),
+        OPTION_FLAG("--online", &s.online,
+                    "scan after scan, each against all before (section 7.3.6), with --as-written or method gradient"),
         OPTION_TEXT("--scene", &s.kind.scene, "NAME", "scene of the arenas (rescue)"),
         OPTION_PAIR("--size", s.kind.size, 0, 60, "W,H", "of the arenas, m; 0: the scene's own (0,0)"),
         OPTION_INTEGER("--places", &s.kind.places, 1, 1000, "N", "places with scans"),
@@ -560,6 +462,7 @@ int main(int argc, char **argv)
     default:
         break;
     }
+    s.method = given_method != NULL ? given_method : s.as_written ? "gradient" : "default";
     if (!check(&s))
         return 2;
     if (s.growth)

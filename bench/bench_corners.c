@@ -95,7 +95,7 @@ static cairn_status run_field(const char *preset, double spacing, const corner c
     cairn_force_field_params params = strcmp(preset, "springs") == 0
                                           ? cairn_force_field_springs(CAIRN_REAL(0.4), FIELD_STEPS)
                                       : strcmp(preset, "spaced") == 0 ? cairn_force_field_spaced((cairn_real)spacing)
-                                                                      : cairn_force_field_default();
+                                                                      : cairn_force_field_as_written();
     cairn_force_field *field = NULL;
     cairn_budget budget = {CAIRN_UNBOUNDED};
     cairn_pool pool;
@@ -168,16 +168,25 @@ static cairn_status run_nearest(const corner corners[CORNERS], cairn_pose poses[
 
 /* ---- Output ---- */
 
-static void print(const char *method, double spacing, int32_t steps, const cairn_pose poses[CORNERS])
+/* Greatest difference between two scans' poses. */
+static void differ(const cairn_pose poses[CORNERS], double *metres, double *degrees)
 {
-    double metres = 0, degrees = 0;
-
+    *metres = *degrees = 0;
     for (int i = 0; i < CORNERS; i++) {
         cairn_pose p = cairn_pose_between(poses[i], poses[(i + 1) % CORNERS]);
 
-        metres = fmax(metres, hypot((double)p.x, (double)p.y));
-        degrees = fmax(degrees, fabs((double)p.theta) / DEGREE);
+        *metres = fmax(*metres, hypot((double)p.x, (double)p.y));
+        *degrees = fmax(*degrees, fabs((double)p.theta) / DEGREE);
     }
+}
+
+/* other: another method's poses, whose differences are printed, too; NULL: none. */
+static void print(const char *method, double spacing, int32_t steps, const cairn_pose poses[CORNERS],
+                  const cairn_pose *other)
+{
+    double metres, degrees;
+
+    differ(poses, &metres, &degrees);
     bench_json_begin("field");
     bench_json_text("scene", "corners");
     bench_json_text("preset", method);
@@ -185,6 +194,11 @@ static void print(const char *method, double spacing, int32_t steps, const cairn
     bench_json_integer("steps", steps);
     bench_json_number("apart_m", metres);
     bench_json_number("apart_deg", degrees);
+    if (other != NULL) {
+        differ(other, &metres, &degrees);
+        bench_json_number("nearest_m", metres);
+        bench_json_number("nearest_deg", degrees);
+    }
     bench_json_end();
 }
 
@@ -241,8 +255,8 @@ int bench_corners(const char *preset, double spacing, const char *svg)
         fprintf(stderr, "bench/field: corners: %s\n", cairn_status_text(status));
     done = status == CAIRN_OK;
     if (done) {
-        print(preset, spacing, FIELD_STEPS, poses[1]);
-        print("nearest", spacing, NEAREST_STEPS, poses[2]);
+        print("nearest", spacing, NEAREST_STEPS, poses[2], NULL);
+        print(preset, spacing, FIELD_STEPS, poses[1], poses[2]);
         done = svg == NULL || draw(svg, preset, corners, poses);
     }
     free(corners);

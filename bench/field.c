@@ -17,37 +17,24 @@
 #include <string.h>
 
 #include "bench/bench_corners.h"
+#include "bench/bench_field.h"
 #include "bench/bench_json.h"
-#include "bench/bench_score.h"
 #include "cairn/force_field.h"
-#include "cairn/random.h"
 #include "cairn/report.h"
 #include "tools/options.h"
-
-#define DEGREE 0.017453292519943295
-
-enum { MOST_STEPS = 1000 };
 
 typedef struct settings {
     const char *scene, *preset, *svg;
     int64_t arenas, seed;
     double spacing, sigma;
+    double trans, rot; /* m, degrees: of the start; NaN: the scene's own */
+    double mass, pace; /* of points in regions of interest, NaN: the mode's; factor of dt */
+    int32_t as_written;
 } settings;
 
-/* One scene: the scans, where they are, where they are thought to be. */
-typedef struct scene {
-    const char *name;
-    sim_arena *arena;
-    sim_survey *survey;
-    const sim_scan *scans;
-    sim_pose *truth, *start, *poses; /* [count] */
-    cairn_pose *history;             /* [(steps + 1) * count] */
-    double sigma[MOST_STEPS];        /* of the steps */
-    int32_t count, steps, drive;
-} scene;
-
 typedef struct outcome {
-    double start_m, start_deg, end_m, end_deg, start_gap, end_gap;
+    field_error start, end, moved;
+    double start_gap, end_gap;
     double step_ms, potential_start, potential_end;
     int32_t scans, steps, rising, rising_first_10; /* steps in which the potential rose */
     int32_t judged, met;
@@ -66,103 +53,6 @@ static sim_pose sim_of(cairn_pose p)
     sim_pose pose = {(double)p.x, (double)p.y, (double)p.theta};
 
     return pose;
-}
-
-static double angle_error(double a, double b)
-{
-    return fabs(remainder(a - b, 6.283185307179586)) / DEGREE;
-}
-
-/* ---- Scenes ---- */
-
-static void shuffle_poses(scene *s, uint64_t seed, double metres, double degrees)
-{
-    cairn_random random = cairn_random_seed(seed, 78);
-
-    for (int32_t i = 0; i < s->count; i++) {
-        s->start[i].x += (double)cairn_random_uniform(&random, -1, 1) * metres;
-        s->start[i].y += (double)cairn_random_uniform(&random, -1, 1) * metres;
-        s->start[i].theta += (double)cairn_random_uniform(&random, -1, 1) * degrees * DEGREE;
-    }
-}
-
-/* The drive bends by 0.5 m and 5 degrees from its first scan to its last: a loop that was closed onto the wrong place. */
-static void bend(scene *s, uint64_t seed)
-{
-    cairn_random random = cairn_random_seed(seed, 79);
-    double towards = (double)cairn_random_uniform(&random, -1, 1) * 180 * DEGREE;
-
-    for (int32_t i = 0; i < s->count; i++) {
-        double share = s->count > 1 ? (double)i / (s->count - 1) : 0;
-
-        s->start[i].x += 0.5 * share * cos(towards);
-        s->start[i].y += 0.5 * share * sin(towards);
-        s->start[i].theta += 5 * share * DEGREE;
-    }
-    shuffle_poses(s, seed, 0.05, 2);
-}
-
-static void scene_free(scene *s)
-{
-    free(s->truth);
-    free(s->start);
-    free(s->poses);
-    free(s->history);
-    sim_survey_free(s->survey);
-    sim_arena_free(s->arena);
-}
-
-/* 0 and a line on standard error when the scene cannot be had. */
-static int scene_make(scene *s, const char *name, uint64_t seed)
-{
-    sim_arena_options arena = sim_arena_default();
-    sim_survey_options survey = sim_survey_default();
-    char fault[256] = "no memory";
-    size_t n = 0;
-
-    memset(s, 0, sizeof *s);
-    s->name = name;
-    s->steps = 50;
-    arena.seed = survey.seed = seed;
-    arena.scene = sim_scene_find(name);
-    if (arena.scene == SIM_MAZE) {
-        survey.places = 16;
-        survey.headings = 1;
-        survey.fov = 360 * DEGREE;
-        s->steps = 20;
-    } else if (arena.scene == SIM_APARTMENT) {
-        survey.drive = 200;
-        survey.drive_distance = 0.3;
-        survey.fov = 180 * DEGREE;
-        s->steps = 150;
-        s->drive = 1;
-    } else {
-        survey.places = 15;
-    }
-    s->arena = sim_arena_create(&arena, fault, sizeof fault);
-    if (s->arena != NULL)
-        s->survey = sim_survey_create(s->arena, &survey, fault, sizeof fault);
-    if (s->survey != NULL) {
-        s->scans = sim_survey_scans(s->survey, &s->count);
-        n = (size_t)s->count;
-        s->truth = malloc(n * sizeof *s->truth);
-        s->start = malloc(n * sizeof *s->start);
-        s->poses = malloc(n * sizeof *s->poses);
-        s->history = malloc(n * (MOST_STEPS + 1) * sizeof *s->history);
-    }
-    if (s->truth == NULL || s->start == NULL || s->poses == NULL || s->history == NULL) {
-        fprintf(stderr, "bench/field: %s\n", fault);
-        scene_free(s);
-        return 0;
-    }
-    for (size_t i = 0; i < n; i++)
-        s->truth[i] = s->start[i] = s->scans[i].truth;
-    if (s->drive)
-        bend(s, seed);
-    else
-        shuffle_poses(s, seed, arena.scene == SIM_MAZE ? 0.25 : 0.30, 20);
-    memcpy(s->poses, s->start, n * sizeof *s->poses);
-    return 1;
 }
 
 /* ---- The field ---- */
@@ -338,55 +228,6 @@ static cairn_status run_field(scene *s, const views *v, cairn_force_field_params
     return status < 0 ? status : watch_potential(s, v, params, out->steps, out);
 }
 
-/* ---- Scores ---- */
-
-static void errors(const scene *s, const sim_pose *poses, double *metres, double *degrees)
-{
-    double ex = 0, ey = 0, tx = 0, ty = 0, sine = 0, cosine = 0, turn;
-
-    *metres = *degrees = 0;
-    for (int32_t i = 0; i < s->count; i++) {
-        ex += poses[i].x / s->count;
-        ey += poses[i].y / s->count;
-        tx += s->truth[i].x / s->count;
-        ty += s->truth[i].y / s->count;
-    }
-    for (int32_t i = 0; i < s->count; i++) {
-        double px = poses[i].x - ex, py = poses[i].y - ey, qx = s->truth[i].x - tx, qy = s->truth[i].y - ty;
-
-        sine += px * qy - py * qx;
-        cosine += px * qx + py * qy;
-    }
-    turn = atan2(sine, cosine);
-    for (int32_t i = 0; i < s->count; i++) {
-        double px = poses[i].x - ex, py = poses[i].y - ey;
-        double x = cos(turn) * px - sin(turn) * py, y = sin(turn) * px + cos(turn) * py;
-
-        *metres += hypot(x - (s->truth[i].x - tx), y - (s->truth[i].y - ty)) / s->count;
-        *degrees += angle_error(poses[i].theta + turn, s->truth[i].theta) / s->count;
-    }
-}
-
-/* Where a drive comes back: mean error of the relative position of scans within 1.5 m of each other, a quarter of the
- * drive apart. */
-static double gap(const scene *s, const sim_pose *poses)
-{
-    double sum = 0;
-    int32_t pairs = 0;
-
-    for (int32_t i = 0; i < s->count; i++)
-        for (int32_t j = i + s->count / 4; j < s->count; j++) {
-            sim_pose truth = bench_pose_between(s->truth[i], s->truth[j]);
-            sim_pose found = bench_pose_between(poses[i], poses[j]);
-
-            if (hypot(truth.x, truth.y) > 1.5)
-                continue;
-            sum += hypot(found.x - truth.x, found.y - truth.y);
-            pairs++;
-        }
-    return pairs > 0 ? sum / pairs : (double)NAN;
-}
-
 /* ---- Pictures ---- */
 
 static int draw(const settings *set, const scene *s, const views *v, uint64_t seed)
@@ -432,12 +273,16 @@ static void print(const settings *set, const scene *s, const outcome *o)
     bench_json_number("spacing", set->spacing);
     bench_json_integer("scans", o->scans);
     bench_json_integer("steps", o->steps);
-    bench_json_number("start_mean_m", o->start_m);
-    bench_json_number("start_mean_deg", o->start_deg);
-    bench_json_number("end_mean_m", o->end_m);
-    bench_json_number("end_mean_deg", o->end_deg);
-    bench_json_number("ratio_m", o->end_m / o->start_m);
-    bench_json_number("ratio_deg", o->end_deg / o->start_deg);
+    bench_json_number("start_mean_m", o->start.metres);
+    bench_json_number("start_mean_deg", o->start.degrees);
+    bench_json_number("end_mean_m", o->end.metres);
+    bench_json_number("end_mean_deg", o->end.degrees);
+    bench_json_number("ratio_m", o->end.metres / o->start.metres);
+    bench_json_number("ratio_deg", o->end.degrees / o->start.degrees);
+    bench_json_number("end_median_m", o->end.median_metres);
+    bench_json_number("end_median_deg", o->end.median_degrees);
+    bench_json_number("moved_mean_m", o->moved.metres);
+    bench_json_number("moved_mean_deg", o->moved.degrees);
     bench_json_number("start_gap_m", o->start_gap);
     bench_json_number("end_gap_m", o->end_gap);
     bench_json_number("potential_start", o->potential_start);
@@ -452,11 +297,17 @@ static void print(const settings *set, const scene *s, const outcome *o)
 
 static cairn_force_field_params preset_of(const settings *set, const scene *s)
 {
-    if (strcmp(set->preset, "thesis") == 0)
-        return cairn_force_field_default();
+    cairn_force_field_params params = cairn_force_field_as_written();
+
     if (strcmp(set->preset, "spaced") == 0)
         return cairn_force_field_spaced((cairn_real)set->spacing);
-    return cairn_force_field_springs((cairn_real)(set->sigma > 0 ? set->sigma : s->drive ? 0.15 : 0.8), s->steps);
+    if (strcmp(set->preset, "springs") == 0)
+        return cairn_force_field_springs((cairn_real)(set->sigma > 0 ? set->sigma : s->drive ? 0.15 : 0.8), s->steps);
+    if (!isnan(set->mass))
+        params.roi_mass = (cairn_real)set->mass;
+    params.dt_start *= (cairn_real)set->pace;
+    params.dt_end *= (cairn_real)set->pace;
+    return params;
 }
 
 /* Whether the thesis's result is there. */
@@ -464,7 +315,7 @@ static void judge(const scene *s, outcome *o)
 {
     o->judged = 1;
     if (strcmp(s->name, "maze") == 0) {
-        o->met = o->end_m <= o->start_m / 5 && o->end_deg <= o->start_deg / 5;
+        o->met = o->end.metres <= o->start.metres / 5 && o->end.degrees <= o->start.degrees / 5;
     } else if (s->drive) {
         o->judged = !isnan(o->start_gap);
         o->met = o->judged && o->end_gap <= o->start_gap / 4 && o->rising_first_10 > 0;
@@ -482,14 +333,15 @@ static int run_scene(const settings *set, uint64_t seed, scene *s, outcome *o)
 
     memset(o, 0, sizeof *o);
     o->scans = s->count;
-    errors(s, s->start, &o->start_m, &o->start_deg);
-    o->start_gap = s->drive ? gap(s, s->start) : (double)NAN;
+    o->start = field_error_of(s, s->start);
+    o->start_gap = s->drive ? field_gap(s, s->start) : (double)NAN;
     if (status == CAIRN_OK)
         status = run_field(s, &v, params, o);
     if (status != CAIRN_OK)
         fprintf(stderr, "bench/field: %s\n", cairn_status_text(status));
-    errors(s, s->poses, &o->end_m, &o->end_deg);
-    o->end_gap = s->drive ? gap(s, s->poses) : (double)NAN;
+    o->end = field_error_of(s, s->poses);
+    o->moved = field_moved(s, s->poses);
+    o->end_gap = s->drive ? field_gap(s, s->poses) : (double)NAN;
     judge(s, o);
     done = status == CAIRN_OK && (set->svg == NULL || draw(set, s, &v, seed));
     views_free(&v);
@@ -499,10 +351,14 @@ static int run_scene(const settings *set, uint64_t seed, scene *s, outcome *o)
 /* Means over the arenas; counts are sums. */
 static void add(outcome *sum, const outcome *o, double share)
 {
-    sum->start_m += share * o->start_m;
-    sum->start_deg += share * o->start_deg;
-    sum->end_m += share * o->end_m;
-    sum->end_deg += share * o->end_deg;
+    sum->start.metres += share * o->start.metres;
+    sum->start.degrees += share * o->start.degrees;
+    sum->end.metres += share * o->end.metres;
+    sum->end.degrees += share * o->end.degrees;
+    sum->end.median_metres += share * o->end.median_metres;
+    sum->end.median_degrees += share * o->end.median_degrees;
+    sum->moved.metres += share * o->moved.metres;
+    sum->moved.degrees += share * o->moved.degrees;
     if (o->judged) { /* made means at the end */
         sum->start_gap += o->start_gap;
         sum->end_gap += o->end_gap;
@@ -531,7 +387,7 @@ static int run_all(const settings *set)
         scene s;
         int done;
 
-        if (!scene_make(&s, set->scene, seed))
+        if (!field_scene_make(&s, set->scene, seed, set->trans, set->rot))
             return 0;
         done = run_scene(set, seed, &s, &o);
         if (done) {
@@ -542,7 +398,7 @@ static int run_all(const settings *set)
             add(&sum, &o, 1 / (double)set->arenas);
         }
         last.name = s.name;
-        scene_free(&s);
+        field_scene_free(&s);
         if (!done)
             return 0;
     }
@@ -558,17 +414,59 @@ static int run_all(const settings *set)
     return 1;
 }
 
+/* 1 when the settings can be run, else a line on standard error. */
+static int check(const settings *s, const char *given_preset)
+{
+    static const char *const scenes[] = {"rescue", "maze", "apartment", "corners"};
+    static const char *const presets[] = {"thesis", "as-written", "spaced", "springs"};
+    int32_t is_scene = 0, is_preset = 0;
+
+    for (int i = 0; i < 4; i++) {
+        is_scene |= strcmp(s->scene, scenes[i]) == 0;
+        is_preset |= strcmp(s->preset, presets[i]) == 0;
+    }
+    if (!is_scene)
+        fprintf(stderr, "bench/field: unknown scene '%s', expected rescue, maze, apartment or corners\n", s->scene);
+    else if (!is_preset)
+        fprintf(stderr, "bench/field: unknown preset '%s', expected thesis, spaced or springs\n", s->preset);
+    else if (s->as_written && (given_preset != NULL || s->sigma > 0 || s->pace != 1))
+        fprintf(stderr, "bench/field: --as-written with --preset, --sigma or --dt, expected the thesis's constants\n");
+    else if ((!isnan(s->mass) || s->pace != 1) && strcmp(s->preset, "thesis") != 0 && !s->as_written)
+        fprintf(stderr, "bench/field: --mass or --dt with preset %s, expected thesis\n", s->preset);
+    else if ((!isnan(s->trans) || !isnan(s->rot)) &&
+             (strcmp(s->scene, "apartment") == 0 || strcmp(s->scene, "corners") == 0))
+        fprintf(stderr, "bench/field: --trans or --rot with %s, whose start is given, expected rescue or maze\n",
+                s->scene);
+    else
+        return 1;
+    return 0;
+}
+
 int main(int argc, char **argv)
 {
-    settings s = {"rescue", "thesis", NULL, 3, 1, 0.10, 0};
+    settings s = {.scene = "rescue",
+                  .arenas = 3,
+                  .seed = 1,
+                  .spacing = 0.10,
+                  .trans = (double)NAN,
+                  .rot = (double)NAN,
+                  .mass = (double)NAN,
+                  .pace = 1};
+    const char *given_preset = NULL;
     const option table[] = {
         OPTION_TEXT("--scene", &s.scene, "NAME", "rescue, maze, apartment or corners (rescue)"),
-        OPTION_TEXT("--preset", &s.preset, "NAME",
-                    "thesis: its own constants; spaced: dt for the spacing; springs (thesis)"),
+        OPTION_FLAG("--as-written", &s.as_written, "chapter 7 of the thesis, as without --preset"),
+        OPTION_TEXT("--preset", &given_preset, "NAME",
+                    "thesis: as written; spaced: dt for the spacing; springs (thesis)"),
         OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 9e15, "N", "of the first arena; the others follow"),
         OPTION_NUMBER("--spacing", &s.spacing, 0.01, 1, "M", "of the resampled points, m"),
         OPTION_NUMBER("--sigma", &s.sigma, 0, 10, "M", "of springs at the start; 0: 0.8, apartment 0.15"),
+        OPTION_NUMBER("--trans", &s.trans, 0, 10, "M", "disturbance of x and y, uniform +-, m (0.30; maze 0.25)"),
+        OPTION_NUMBER("--rot", &s.rot, 0, 180, "DEG", "disturbance of the heading, uniform +-, degrees (20)"),
+        OPTION_NUMBER("--mass", &s.mass, 0.01, 1000, "M",
+                      "of points in regions of interest, which the thesis leaves open (4)"),
+        OPTION_NUMBER("--dt", &s.pace, 0.01, 100, "F", "times this the thesis's dt"),
         OPTION_TEXT("--svg", &s.svg, "DIR", "pictures of start and end"),
     };
     const option_set set = {"bench/field", "[options]", "Force field simulation on the scenes of the thesis.", table,
@@ -583,15 +481,9 @@ int main(int argc, char **argv)
     default:
         break;
     }
-    if (strcmp(s.scene, "rescue") != 0 && strcmp(s.scene, "maze") != 0 && strcmp(s.scene, "apartment") != 0 &&
-        strcmp(s.scene, "corners") != 0) {
-        fprintf(stderr, "bench/field: unknown scene '%s', expected rescue, maze, apartment or corners\n", s.scene);
+    s.preset = s.as_written ? "as-written" : given_preset != NULL ? given_preset : "thesis";
+    if (!check(&s, given_preset))
         return 2;
-    }
-    if (strcmp(s.preset, "thesis") != 0 && strcmp(s.preset, "spaced") != 0 && strcmp(s.preset, "springs") != 0) {
-        fprintf(stderr, "bench/field: unknown preset '%s', expected thesis, spaced or springs\n", s.preset);
-        return 2;
-    }
     if (strcmp(s.scene, "corners") == 0)
         return bench_corners(s.preset, s.spacing, s.svg) ? 0 : 1;
     return run_all(&s) ? 0 : 1;

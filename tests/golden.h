@@ -94,6 +94,7 @@ uint64_t golden_random_numbers(void);
 uint64_t golden_poses_and_segments(void);
 uint64_t golden_small_matrices(void);
 uint64_t golden_force_field(void);
+uint64_t golden_force_field_as_written(void);
 uint64_t golden_scans_and_grid(void);
 uint64_t golden_matches(void);
 uint64_t golden_links_and_cover(void);

@@ -106,14 +106,14 @@ cairn_pose golden_thought_pose(cairn_random *random, int32_t i)
     return pose;
 }
 
-/* Six scans of the corner of a room, some walls longer than others, aligned by 20 iterations. */
-uint64_t golden_force_field(void)
+/* Six scans of the corner of a room, some walls longer than others, aligned by 20 iterations; past: share of the walls beyond
+ * the corner. */
+static uint64_t align_corners(cairn_force_field_params params, cairn_real past)
 {
     enum { SCANS = 6, WALLS = 2, POINTS = 12 };
     static _Alignas(
         CAIRN_ALIGN) unsigned char memory[CAIRN_FORCE_FIELD_BYTES(SCANS, SCANS * WALLS * POINTS, SCANS * WALLS, 128)];
     static const int32_t first_point[WALLS + 1] = {0, POINTS, WALLS * POINTS};
-    cairn_force_field_params params = cairn_force_field_default();
     cairn_random random = cairn_random_seed(5, 1);
     cairn_force_field_state state;
     cairn_force_field *field;
@@ -141,6 +141,8 @@ uint64_t golden_force_field(void)
             cairn_real place = size * (cairn_real)(k % POINTS) / (POINTS - 1);
             cairn_oriented_point upward = {{0, place - size}, {0, 1}}, leftward = {{-place, 0}, {-1, 0}};
 
+            upward.position.y += past * size;
+            leftward.position.x += past * size;
             points[k] = k < POINTS ? upward : leftward;
         }
         for (int k = 0; k < WALLS; k++) {
@@ -166,6 +168,17 @@ uint64_t golden_force_field(void)
     for (int i = 0; i < SCANS; i++)
         hash = add_pose(hash, cairn_force_field_pose(field, i));
     return add_real(hash, state.potential);
+}
+
+uint64_t golden_force_field(void)
+{
+    return align_corners(cairn_force_field_default(), 0);
+}
+
+/* X crossings. */
+uint64_t golden_force_field_as_written(void)
+{
+    return align_corners(cairn_force_field_as_written(), CAIRN_REAL(0.375));
 }
 
 uint64_t golden_scans_and_grid(void)

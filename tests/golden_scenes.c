@@ -7,6 +7,7 @@ const golden_scene golden_scenes[] = {
     {"poses_and_segments", golden_poses_and_segments},
     {"small_matrices", golden_small_matrices},
     {"force_field", golden_force_field},
+    {"force_field_as_written", golden_force_field_as_written},
     {"scans_and_grid", golden_scans_and_grid},
     {"matches", golden_matches},
     {"links_and_cover", golden_links_and_cover},

@@ -377,7 +377,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_corner, strength, 56, 28)},
     {FIELD(cairn_corner, segment, 64, 32)},
     {FIELD(cairn_corner, kind, 72, 40)},
-    {SIZE(cairn_corner_params, 48, 28)},
+    {SIZE(cairn_corner_params, 56, 32)},
     {FIELD(cairn_corner_params, max_segments, 0, 0)},
     {FIELD(cairn_corner_params, max_corners, 4, 4)},
     {FIELD(cairn_corner_params, min_opening, 8, 8)},

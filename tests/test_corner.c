@@ -83,8 +83,11 @@ static int slow_corner(const cairn_corner_params *p, const cairn_segment *segmen
         double to_a = distance(x, s[k]->a), to_b = distance(x, s[k]->b);
         double dx = (double)s[k]->b.x - (double)s[k]->a.x, dy = (double)s[k]->b.y - (double)s[k]->a.y;
 
+        double on =
+            (((double)x.x - (double)s[k]->a.x) * dx + ((double)x.y - (double)s[k]->a.y) * dy) / (dx * dx + dy * dy);
+
         forward[k] = to_a <= to_b;
-        if (fmin(to_a, to_b) > (double)p->end_distance)
+        if (fmin(to_a, to_b) > (double)p->end_distance && !(p->crossings && on >= 0 && on <= 1))
             return 0;
         length[k] = fmax(to_a, to_b);
         direction[k] = forward[k] ? atan2(dy, dx) : atan2(-dy, -dx);
@@ -414,6 +417,42 @@ static void test_all_pairs(void **state)
     p.merge_angle = CAIRN_REAL(0.2);
     for (uint64_t seed = 1; seed <= 5; seed++)
         compare_with_slow(p, seed);
+    p.crossings = 1;
+    for (uint64_t seed = 1; seed <= 5; seed++)
+        compare_with_slow(p, seed);
+}
+
+/* L, T and X, 0.2 m and 0.4 m from touching, with and without crossings. */
+static void test_crossings(void **state)
+{
+    cairn_corner_params p = cairn_corner_default();
+    cairn_segment wall = segment(-2, 0, 2, 0), l = segment(2, 0.2, 2, 3), t = segment(0.5, 0.2, 0.5, 3);
+    cairn_segment x = segment(0.5, -3, 0.5, 3), far = segment(0.5, 0.4, 0.5, 3), beyond = segment(2.4, -3, 2.4, 3);
+    struct fixture without = set_with(p), with;
+    const cairn_corner *c;
+    cairn_segment both[2] = {wall, x};
+    int32_t found;
+
+    (void)state;
+    p.crossings = 1;
+    with = set_with(p);
+    assert_int_equal(count_of(without.set, wall, l), 1);
+    assert_int_equal(count_of(without.set, wall, t), 0);
+    assert_int_equal(count_of(without.set, wall, x), 0);
+    assert_int_equal(count_of(with.set, wall, l), 1);
+    assert_int_equal(count_of(with.set, wall, t), 1);
+    assert_int_equal(count_of(with.set, t, wall), 1);
+    assert_int_equal(count_of(with.set, wall, x), 1);
+    assert_int_equal(count_of(with.set, wall, far), 0);
+    assert_int_equal(count_of(with.set, wall, beyond), 0);
+    /* The legs of a crossing are the longer parts of its segments; the strength is that of the shorter leg. */
+    c = search(with.set, both, 2, &found);
+    assert_int_equal(found, 1);
+    assert_near(c->position.x, 0.5, 1e-6);
+    assert_near(c->position.y, 0, 1e-6);
+    assert_near(c->strength, 2.5, 1e-6);
+    test_pool_free(&with.pool);
+    test_pool_free(&without.pool);
 }
 
 static void test_the_strongest_stay(void **state)
@@ -601,6 +640,7 @@ int main(void)
         cmocka_unit_test(test_limits_of_the_distance),
         cmocka_unit_test(test_strength_is_the_nearer_far_end),
         cmocka_unit_test(test_all_pairs),
+        cmocka_unit_test(test_crossings),
         cmocka_unit_test(test_the_strongest_stay),
         cmocka_unit_test(test_ties_by_index),
         cmocka_unit_test(test_merging),

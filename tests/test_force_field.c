@@ -31,6 +31,15 @@ struct slow_line {
     double ax, ay, bx, by;
 };
 
+/* From a segment. */
+static double slow_distance(struct slow_line s, double x, double y)
+{
+    double dx = s.bx - s.ax, dy = s.by - s.ay;
+    double along = fmin(fmax(((x - s.ax) * dx + (y - s.ay) * dy) / (dx * dx + dy * dy), 0), 1);
+
+    return hypot(x - s.ax - along * dx, y - s.ay - along * dy);
+}
+
 static int slow_corner(const cairn_force_field_params *p, struct slow_line s, struct slow_line t, double *x, double *y)
 {
     double dx1 = s.bx - s.ax, dy1 = s.by - s.ay, dx2 = t.bx - t.ax, dy2 = t.by - t.ay;
@@ -42,6 +51,8 @@ static int slow_corner(const cairn_force_field_params *p, struct slow_line s, st
     along = ((t.ax - s.ax) * dy2 - (t.ay - s.ay) * dx2) / det;
     *x = s.ax + along * dx1;
     *y = s.ay + along * dy1;
+    if (p->roi == CAIRN_FORCE_FIELD_ROI_CROSSINGS)
+        return slow_distance(s, *x, *y) <= limit && slow_distance(t, *x, *y) <= limit;
     return fmin(hypot(*x - s.ax, *y - s.ay), hypot(*x - s.bx, *y - s.by)) <= limit &&
            fmin(hypot(*x - t.ax, *y - t.ay), hypot(*x - t.bx, *y - t.by)) <= limit;
 }
@@ -318,6 +329,25 @@ static void test_the_defaults_are_the_thesis(void **state)
     assert_near(p.reach, 4, 0);
 }
 
+/* As it is written: the motion of the thesis, and corners wherever two segments cross. */
+static void test_as_written_is_the_thesis(void **state)
+{
+    cairn_force_field_params p = cairn_force_field_as_written(), q = cairn_force_field_default();
+
+    (void)state;
+    assert_int_equal(p.mode, CAIRN_MODE_AS_WRITTEN);
+    assert_int_equal(p.mode, CAIRN_FORCE_FIELD_GRADIENT);
+    assert_int_equal(p.roi, CAIRN_FORCE_FIELD_ROI_CROSSINGS);
+    assert_int_equal(q.roi, CAIRN_FORCE_FIELD_ROI_ENDS);
+    assert_int_equal(cairn_force_field_memory(&p), cairn_force_field_memory(&q));
+    assert_near(p.sigma_start, 0.15, 1e-8);
+    assert_near(p.sigma_end, 0.04, 1e-8);
+    assert_near(p.dt_start, 0.05, 1e-8);
+    assert_near(p.dt_end, 0.01, 1e-8);
+    assert_near(p.sides_below, 0, 0);
+    assert_int_equal(p.max_steps, 50);
+}
+
 static cairn_status create_with(void *params, cairn_pool *pool)
 {
     cairn_force_field *field;
@@ -440,6 +470,8 @@ static void test_all_pairs(void **state)
     p.stop_relocation = 0;
     compare_with_slow(&p, NUMBER(12, 2), 0);
     compare_with_slow(&p, 2, 3);
+    p.roi = CAIRN_FORCE_FIELD_ROI_CROSSINGS;
+    compare_with_slow(&p, NUMBER(12, 2), 0);
     p.roi = 0;
     compare_with_slow(&p, NUMBER(12, 2), 0);
     p.potential = 0;
@@ -580,6 +612,7 @@ static void test_three_corners_come_together(void **state)
 {
     (void)state;
     three_corners(0.02, cairn_force_field_default(), 12, 0.02, 0.5);
+    three_corners(0.02, cairn_force_field_as_written(), 12, 0.02, 0.5);
     three_corners(0.03, cairn_force_field_spaced(CAIRN_REAL(0.03)), 12, 0.02, 0.6);
     three_corners(0.05, cairn_force_field_spaced(CAIRN_REAL(0.05)), 12, 0.03, 1);
     three_corners(0.10, cairn_force_field_spaced(CAIRN_REAL(0.10)), 50, 0.04, 1);
@@ -1812,6 +1845,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_params_are_refused),
         cmocka_unit_test(test_the_defaults_are_the_thesis),
+        cmocka_unit_test(test_as_written_is_the_thesis),
         cmocka_unit_test(test_memory_is_exact),
         cmocka_unit_test(test_all_pairs),
         cmocka_unit_test(test_force_is_minus_the_gradient),

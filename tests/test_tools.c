@@ -1033,6 +1033,30 @@ static void damage_of_all_kinds_among_good_scans(void **state)
     free(t.bytes);
 }
 
+/* The method as it is printed has two names; scan after scan it is another one. */
+static void aligned_as_written(void **state)
+{
+    char *of_all, *online;
+    outcome o;
+
+    (void)state;
+    o = programs_run("cairn align @/places/scans.log -o @/gradient --method gradient --steps 4");
+    assert_done(o);
+    assert_holds(o.out, "steps      4 (out of steps)\n");
+    assert_done(programs_run("cairn align @/places/scans.log -o @/written --as-written --steps 4 --quiet"));
+    assert_same_files("gradient", "written", map_files);
+    o = programs_run("cairn align @/places/scans.log -o @/online --as-written --online --steps 4");
+    assert_done(o);
+    assert_holds(o.out, "steps      ");
+    of_all = files_read(files_path("written/poses.csv"), NULL);
+    online = files_read(files_path("online/poses.csv"), NULL);
+    assert_string_not_equal(of_all, online);
+    free(of_all);
+    free(online);
+    assert_done(programs_run("cairn align @/places/scans.log -o @/online-again --method gradient --online --steps 4"));
+    assert_same_files("online", "online-again", map_files);
+}
+
 static void a_log_without_walls(void **state)
 {
     text t = {NULL, 0, 0};
@@ -1268,6 +1292,15 @@ static void command_lines(void **state)
          "cairn align: ", "unknown method 'magic', expected default, gradient or lum"},
         {"cairn align @/drive/scans.log -o @/refused --method lum --virtual",
          "cairn align: ", "--virtual with method lum, expected with method default"},
+        {"cairn align @/drive/scans.log -o @/refused --as-written --method lum",
+         "cairn align: ", "--as-written with method lum, expected with method gradient"},
+        {"cairn align @/drive/scans.log -o @/refused --as-written --method default",
+         "cairn align: ", "--as-written with method default, expected with method gradient"},
+        {"cairn align @/drive/scans.log -o @/refused --as-written --spread 1,20",
+         "cairn align: ", "--spread with --as-written, expected without"},
+        {"cairn align @/drive/scans.log -o @/refused --online", "cairn align: ", "--online with method default"},
+        {"cairn align @/drive/scans.log -o @/refused --as-written --online --report @/refused/map.html",
+         "cairn align: ", "--report with --online, expected without"},
         {"cairn align @/drive/scans.log -o @/refused --spread 0,1", "cairn align: ", "--spread is '0,1'"},
         {"cairn align @/drive/scans.log -o @/refused --steps 0",
          "cairn align: ", "--steps is '0', expected a whole number from 1 to 100000"},
@@ -1465,6 +1498,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(a_tenth_of_the_lines_is_damaged),
         cmocka_unit_test(tables_of_ranges_and_several_logs),
         cmocka_unit_test(damage_of_all_kinds_among_good_scans),
+        cmocka_unit_test(aligned_as_written),
         cmocka_unit_test(a_log_without_walls),
         cmocka_unit_test(large_rooms_get_more_room),
         cmocka_unit_test(key_scans_that_go_leave_their_scans),

@@ -12,6 +12,9 @@
 /* The most points, and segments, of all scans. */
 #define POINTS_MOST (1 << 24)
 
+/* m, degrees: how far poses in the log are off when nothing else is said. */
+static const double SPREAD_M = 0.6, SPREAD_DEG = 35;
+
 /* Lu and Milios pair points of scans one by one: those spaced evenly lock into each other at half their spacing. */
 static const struct align_method {
     const char *name;
@@ -45,7 +48,7 @@ static option_result check_places(const align_settings *s, const option *table, 
 {
     for (size_t i = 0; i < count; i++) {
         const char *name = table[i].name;
-        int only = strcmp(name, "--headings") == 0 || strcmp(name, "--as-written") == 0;
+        int only = strcmp(name, "--headings") == 0;
 
         for (size_t k = 0; k < sizeof without_poses / sizeof *without_poses && given[i] && s->no_poses; k++)
             if (strcmp(name, without_poses[k].name) == 0) {
@@ -57,7 +60,7 @@ static option_result check_places(const align_settings *s, const option *table, 
             (void)options_refuse(ALIGN_PROGRAM, "%s without --no-poses, expected with it", name);
             return OPTIONS_BAD;
         }
-        if (given[i] && s->as_written && strcmp(name, "--spacing") == 0) {
+        if (given[i] && s->as_written && s->no_poses && strcmp(name, "--spacing") == 0) {
             (void)options_refuse(ALIGN_PROGRAM,
                                  "--spacing with --as-written, expected without: it takes the readings as they come");
             return OPTIONS_BAD;
@@ -73,6 +76,11 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
         OPTION_TEXT("-o", &s->folder, "DIR", "folder for poses.csv, map.pgm, map.yaml and map.svg"),
         OPTION_TEXT("--method", &s->method, "NAME",
                     "default, gradient (force field simulation as in the thesis) or lum (Lu and Milios)"),
+        OPTION_FLAG("--as-written", &s->as_written,
+                    "as the thesis is printed, with its constants: chapter 7 (method gradient, then the default), chapter 6 "
+                    "(--no-poses: each place with the three before, headings known to 2 degrees)"),
+        OPTION_FLAG("--online", &s->online,
+                    "scan after scan, each against all before, --steps iterations each (gradient)"),
         OPTION_PAIR("--spread", s->spread, 0.001, 360, "M,DEG",
                     "poses in the log are off by at most about so much, m in x and y, degrees (default)"),
         OPTION_FLAG("--virtual", &s->by_hypotheses,
@@ -82,9 +90,6 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
         OPTION_INTEGER("--headings", &s->headings, 1, 64, "N",
                        "N scans a place, evenly around, no pose of the log is read; else the log says which scans are of one "
                        "place, and how they lie in it (--no-poses)"),
-        OPTION_FLAG("--as-written", &s->as_written,
-                    "the map of the thesis, chapter 6: each place with the last three, headings known to 2 degrees "
-                    "(--no-poses)"),
         OPTION_INTEGER("--steps", &s->steps, 1, 100000, "N", "iterations at most (gradient, lum)"),
         OPTION_INTEGER("--max-scans", &s->max_scans, 1, 100000, "N", "scans at most"),
         OPTION_NUMBER("--spacing", &s->spacing, 0.01, 1, "M",
@@ -112,8 +117,24 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
         result = check_places(s, table, given, set.count);
     if (result != OPTIONS_READ)
         return result;
+    if (s->as_written && !s->no_poses && strcmp(s->method, methods[0].name) == 0)
+        s->method = "gradient";
     if (method_of(s) == NULL) {
         (void)options_refuse(ALIGN_PROGRAM, "unknown method '%s', expected default, gradient or lum", s->method);
+        return OPTIONS_BAD;
+    }
+    if (((s->as_written && !s->no_poses) || s->online) && method_of(s)->run != align_by_field) {
+        (void)options_refuse(ALIGN_PROGRAM, "%s with method %s, expected with method gradient",
+                             s->as_written ? "--as-written" : "--online", s->method);
+        return OPTIONS_BAD;
+    }
+    if (s->as_written && (s->spread[0] != SPREAD_M || s->spread[1] != SPREAD_DEG)) {
+        (void)options_refuse(ALIGN_PROGRAM, "--spread with --as-written, expected without: the thesis knows no spread");
+        return OPTIONS_BAD;
+    }
+    if (s->online && s->report != NULL) {
+        (void)options_refuse(ALIGN_PROGRAM,
+                             "--report with --online, expected without: the player needs all scans at first");
         return OPTIONS_BAD;
     }
     if (s->by_hypotheses && method_of(s) != methods) {
@@ -285,7 +306,7 @@ static int run(align_job *job)
 
 int tool_align(int argc, char **argv)
 {
-    align_settings s = {.method = "default",
+    align_settings s = {.method = methods[0].name,
                         .max_scans = 500,
                         .steps = 50,
                         .seed = 1,

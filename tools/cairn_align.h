@@ -16,6 +16,7 @@ typedef struct align_settings {
     double spread[2]; /* m, degrees */
     int32_t quiet, by_hypotheses;
     int32_t no_poses, as_written;
+    int32_t online;   /* of gradient */
     int64_t headings; /* scans of a place; 0: by the poses of the log */
 } align_settings;
 

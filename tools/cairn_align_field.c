@@ -1,4 +1,5 @@
-/* cairn align --method gradient: force field simulation. */
+/* cairn align --as-written, --method gradient: force field simulation, of all scans at once or, with --online, of those before
+ * and each scan that comes. */
 #include <inttypes.h>
 #include <stdio.h>
 
@@ -9,11 +10,12 @@ static cairn_status add_to_field(void *field, const cairn_scan_view *view, cairn
     return cairn_force_field_add_scan(field, view, NULL, start, fault);
 }
 
-/* Lets the field run; the record, when not NULL, sees every iteration. */
+/* Lets the field run; the record, when not NULL, sees every iteration. first_potential: of the poses at the last start. */
 static cairn_status iterate(const align_job *job, cairn_force_field *field, player_field *record,
                             cairn_real *first_potential)
 {
-    tool_progress progress = tool_progress_begin("align", job->settings->steps, job->settings->quiet);
+    int32_t quiet = job->settings->quiet || job->settings->online;
+    tool_progress progress = tool_progress_begin("align", job->settings->steps, quiet);
     cairn_force_field_state state;
     cairn_status status;
 
@@ -26,9 +28,9 @@ static cairn_status iterate(const align_job *job, cairn_force_field *field, play
         state = cairn_force_field_read(field);
         if (status >= 0 && record != NULL)
             status = player_field_after(record);
-        if (state.iterations == 1)
+        if (state.start_iterations == 1)
             *first_potential = state.potential;
-        tool_progress_at(&progress, state.iterations);
+        tool_progress_at(&progress, state.start_iterations);
     } while (status >= 0 && state.verdict == CAIRN_FORCE_FIELD_RUNNING);
     tool_progress_end(&progress);
     return status >= 0 && record != NULL ? player_field_end(record) : status;
@@ -48,6 +50,40 @@ static cairn_status iterate_and_record(align_job *job, cairn_force_field *field,
     return status;
 }
 
+typedef struct online {
+    const align_job *job;
+    cairn_force_field *field;
+    tool_progress progress;
+    int32_t scans;
+    cairn_real first_potential;
+} online;
+
+/* Section 7.3.6: the scan is added where its log has it, and all scans that are there are aligned. */
+static cairn_status add_online(void *to, const cairn_scan_view *view, cairn_pose start, cairn_fault *fault)
+{
+    online *o = to;
+    cairn_status status = cairn_force_field_add_scan(o->field, view, NULL, start, fault);
+
+    if (status != CAIRN_OK)
+        return status;
+    cairn_force_field_restart(o->field);
+    status = iterate(o->job, o->field, NULL, &o->first_potential);
+    tool_progress_at(&o->progress, ++o->scans);
+    return status < 0 ? status : CAIRN_OK;
+}
+
+static int align_online(align_job *job, cairn_scan *scan, cairn_force_field *field, cairn_real *first_potential)
+{
+    online o = {.job = job, .field = field};
+    int code;
+
+    o.progress = tool_progress_begin("align", job->log->count, job->settings->quiet);
+    code = align_add_scans(job, scan, add_online, &o);
+    tool_progress_end(&o.progress);
+    *first_potential = o.first_potential;
+    return code;
+}
+
 static void read_result(align_job *job, const cairn_force_field *field, cairn_real first_potential,
                         cairn_real first_sigma)
 {
@@ -58,7 +94,8 @@ static void read_result(align_job *job, const cairn_force_field *field, cairn_re
         job->scans[i].doubtful = job->scans[i].point_count == 0;
         job->scans[i].verdict = job->scans[i].doubtful ? "blind" : "aligned";
     }
-    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " steps of force field simulation", state.iterations);
+    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " steps of force field simulation%s", state.iterations,
+             job->settings->online ? ", online" : "");
     snprintf(job->summary, sizeof job->summary,
              "steps      %" PRId32 " (%s)\n"
              "potential  %.6g at sigma %.3g m -> %.6g at sigma %.3g m\n",
@@ -68,7 +105,7 @@ static void read_result(align_job *job, const cairn_force_field *field, cairn_re
 
 int align_by_field(align_job *job)
 {
-    cairn_force_field_params params = cairn_force_field_default();
+    cairn_force_field_params params = cairn_force_field_as_written();
     cairn_force_field *field = NULL;
     cairn_scan *scan = NULL;
     cairn_real first_potential = 0;
@@ -89,9 +126,11 @@ int align_by_field(align_job *job)
         status = cairn_force_field_create(&field, &pool, &params);
     if (status == CAIRN_OK)
         status = align_open_player(job, player_field_params(&params), "force field simulation");
-    if (status == CAIRN_OK)
+    if (status == CAIRN_OK && job->settings->online)
+        code = align_online(job, scan, field, &first_potential);
+    else if (status == CAIRN_OK)
         code = align_add_scans(job, scan, add_to_field, field);
-    if (status == CAIRN_OK && code == TOOL_OK)
+    if (status == CAIRN_OK && code == TOOL_OK && !job->settings->online)
         status = iterate_and_record(job, field, &first_potential);
     if (status < 0)
         code = align_refuse(job, status);

@@ -41,6 +41,9 @@ typedef struct cairn_corner_params {
         merge_radius;       /* m, >= 0: of corners of one kind nearer than this whose legs agree within merge_angle only
                                 the strongest stays (0.10); 0: all stay */
     cairn_real merge_angle; /* rad, 0 ... pi (10 degrees) */
+    /* Not 0: the corner is at most end_distance from both segments, wherever along them: T and X crossings count, too, as in
+     * section 7.3.4 (0). */
+    int32_t crossings;
 } cairn_corner_params;
 
 typedef struct cairn_corner_set cairn_corner_set;

@@ -5,6 +5,13 @@
  * shrink from iteration to iteration (Adluru 2008, chapter 7, algorithm 1). Points near corners of the global map, the
  * regions of interest, have a higher mass in the forces; in the motion all points have mass 1.
  *
+ * cairn_force_field_as_written() is chapter 7 as it is printed. Choices, where the text is silent or misprinted: lengths are
+ * in cm there, so dt 5 ... 1 is 0.05 ... 0.01 s in m; |cos| for the cos of eq. 7.2, as directions are those of lines; points
+ * that coincide exert no force; a point in a region has 4 times its mass; a corner lies within 0.30 m of both segments; the
+ * centre of rotation becomes the sensor when sigma is below half of its start; it stops when the mean relocation is below
+ * 0.1 mm (printed: "until > Threshold"); points farther apart than 4 sigma are left out, not only the lines whose boxes,
+ * grown by 2 sigma, are apart. Points are to be 0.10 m apart, as scan's are by default.
+ *
  * What to expect: steps are proportional to the density of points, and the force of eq. 7.1 does not fade towards
  * distance 0, so that scans at their goal swing by about 1/2 a dt^2 rather than come to rest. P(g) at the end of a run
  * compares with P(g) at its start only for the same sigma.
@@ -26,12 +33,16 @@ extern "C" {
 /* How scans are moved. */
 typedef int32_t cairn_force_field_mode;
 enum {
-    CAIRN_FORCE_FIELD_GRADIENT =
-        1, /* as in the thesis: each scan on its own, with the accelerations of eqs. 7.6 and 7.7 */
+    /* As in the thesis: each scan on its own, with the accelerations of eqs. 7.6 and 7.7. */
+    CAIRN_FORCE_FIELD_GRADIENT = CAIRN_MODE_AS_WRITTEN,
     CAIRN_FORCE_FIELD_SPRINGS =
         2 /* all scans together, each pair of points as a spring that pulls as the force does: by
                                        1/2 dt^2 times the motion that brings all springs to rest */
 };
+
+/* Regions of interest: about intersections of the lines of two segments at about a right angle, near an end of both (ENDS),
+ * or near both segments, wherever along them (CROSSINGS: T and X, too, as in the thesis). */
+enum { CAIRN_FORCE_FIELD_ROI_NONE = 0, CAIRN_FORCE_FIELD_ROI_ENDS = 1, CAIRN_FORCE_FIELD_ROI_CROSSINGS = 2 };
 
 /* In brackets the defaults; where the thesis has a value it is the default, in its cm for comparison. The thesis's dt of 5
  * to 1 is 0.05 to 0.01 here: accelerations in m are 1e4 times those in cm. */
@@ -54,10 +65,10 @@ typedef struct cairn_force_field_params {
                                       3e-4 of its start: the thesis grows the boxes of segments by 2 sigma) */
     cairn_real sensor_below; /* the centre of rotation is the centre of mass while sigma >= sensor_below *
                                       sigma_start, then the sensor; 0: always the centre of mass (0.5) */
-    int32_t roi;             /* not 0: regions of interest (1) */
+    int32_t roi;             /* regions of interest (CAIRN_FORCE_FIELD_ROI_ENDS) */
     cairn_real roi_radius;   /* m, > 0: about each corner (0.05; 5 cm) */
     cairn_real roi_mass;     /* > 0: what the mass of a point in a region is multiplied by (4) */
-    cairn_real corner_distance;    /* m, > 0: a corner is at most so far from an end of both segments (0.30) */
+    cairn_real corner_distance;    /* m, > 0: of a corner from both segments or their ends (see roi), at most (0.30) */
     cairn_real corner_min_opening; /* rad, > 0 (80 degrees) */
     cairn_real corner_max_opening; /* rad, >= corner_min_opening, < pi (100 degrees) */
     int32_t potential;             /* not 0: P(g) is computed, too (1); always with twist */
@@ -148,6 +159,11 @@ typedef struct cairn_force_field cairn_force_field;
 
 /* The defaults above. */
 cairn_force_field_params cairn_force_field_default(void);
+
+/* Force field simulation as it is written: the defaults, but corners are intersections near the segments, wherever along
+ * them (section 7.3.4, fig. 7.5), not only near their ends. 50 iterations (figs 7.8, 7.9); the thesis has 150 for the apartment,
+ * 20 for the maze, 12 for three corners. */
+cairn_force_field_params cairn_force_field_as_written(void);
 
 /* The defaults with dt_start and dt_end for points that are `spacing` m apart: forces are proportional to the density of the
  * points and steps to dt^2, so dt grows with the root of the spacing. The defaults are those for 0.02. */

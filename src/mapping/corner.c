@@ -46,8 +46,8 @@ struct cairn_corner_set {
     int32_t kept, against; /* MERGE: corners that stay, the next of them to be compared */
     int32_t first, second; /* PAIRS: near segments to be tested next; first -1: none */
     int32_t is_found;      /* PAIRS: `found` waits to be kept */
+    int32_t paid;          /* units towards the item at hand */
     cairn_corner found;
-    int32_t paid; /* units towards the item at hand */
 };
 
 cairn_corner_params cairn_corner_default(void)
@@ -60,6 +60,7 @@ cairn_corner_params cairn_corner_default(void)
         .end_distance = CAIRN_REAL(0.30),
         .merge_radius = CAIRN_REAL(0.10),
         .merge_angle = 10 * (CAIRN_PI / 180),
+        .crossings = 0,
     };
     return params;
 }
@@ -224,17 +225,22 @@ static void keep(cairn_corner_set *set, const cairn_corner *c)
         sift_down(set->work, set->work_count, 0, c);
 }
 
-/* The leg of a corner at p along a segment: *forward when it runs as a -> b. 0 when p is too far from both ends. */
-static int find_leg(cairn_segment segment, cairn_vec2 p, cairn_real end_distance, cairn_vec2 *leg, cairn_real *length,
-                    int *forward)
+/* The leg of a corner at p, on the line of a segment: *forward when it runs as a -> b. 0 when p is too far from both ends or,
+ * where crossings count, from the segment. */
+static int find_leg(const cairn_corner_params *params, cairn_segment segment, cairn_vec2 p, cairn_vec2 *leg,
+                    cairn_real *length, int *forward)
 {
+    cairn_vec2 along = cairn_vec2_sub(segment.b, segment.a);
     cairn_real to_a = cairn_vec2_norm(cairn_vec2_sub(segment.a, p));
     cairn_real to_b = cairn_vec2_norm(cairn_vec2_sub(segment.b, p));
 
     *forward = to_a <= to_b;
     *length = *forward ? to_b : to_a;
-    *leg = cairn_vec2_unit(*forward ? cairn_vec2_sub(segment.b, segment.a) : cairn_vec2_sub(segment.a, segment.b));
-    return (*forward ? to_a : to_b) <= end_distance;
+    *leg = cairn_vec2_unit(*forward ? along : cairn_vec2_sub(segment.a, segment.b));
+    if (params->crossings && cairn_vec2_dot(cairn_vec2_sub(p, segment.a), along) >= 0 &&
+        cairn_vec2_dot(cairn_vec2_sub(p, segment.b), along) <= 0)
+        return 1;
+    return (*forward ? to_a : to_b) <= params->end_distance;
 }
 
 /* 1 and *c set when the two segments make a corner. */
@@ -248,8 +254,8 @@ static int find_corner(const cairn_corner_set *set, int32_t first, int32_t secon
     if (along * along > set->cos_squared * cairn_vec2_norm_squared(u) * cairn_vec2_norm_squared(v))
         return 0;
     if (!cairn_line_intersection(s, t, &c->position) ||
-        !find_leg(s, c->position, set->params.end_distance, &leg_s, &length_s, &forward_s) ||
-        !find_leg(t, c->position, set->params.end_distance, &leg_t, &length_t, &forward_t))
+        !find_leg(&set->params, s, c->position, &leg_s, &length_s, &forward_s) ||
+        !find_leg(&set->params, t, c->position, &leg_t, &length_t, &forward_t))
         return 0;
     cosine = cairn_vec2_dot(leg_s, leg_t);
     if (cosine > set->cos_min || cosine < set->cos_max)

@@ -34,8 +34,12 @@ static cairn_scan_set_params set_params(const cairn_force_field_params *p)
 
 static cairn_corner_params corner_params(const cairn_force_field_params *p)
 {
-    cairn_corner_params params = {
-        p->max_segments, p->max_corners, p->corner_min_opening, p->corner_max_opening, p->corner_distance, 0, 0};
+    cairn_corner_params params = {.max_segments = p->max_segments,
+                                  .max_corners = p->max_corners,
+                                  .min_opening = p->corner_min_opening,
+                                  .max_opening = p->corner_max_opening,
+                                  .end_distance = p->corner_distance,
+                                  .crossings = p->roi == CAIRN_FORCE_FIELD_ROI_CROSSINGS};
     return params;
 }
 

@@ -31,7 +31,7 @@ cairn_force_field_params cairn_force_field_default(void)
         .dt_factor = CAIRN_REAL(0.96),
         .reach = 4,
         .sensor_below = CAIRN_REAL(0.5),
-        .roi = 1,
+        .roi = CAIRN_FORCE_FIELD_ROI_ENDS,
         .roi_radius = CAIRN_REAL(0.05),
         .roi_mass = 4,
         .corner_distance = CAIRN_REAL(0.30),
@@ -48,6 +48,15 @@ cairn_force_field_params cairn_force_field_default(void)
         .twist = 0,
         .max_relocation = CAIRN_REAL(0.3),
     };
+    return params;
+}
+
+cairn_force_field_params cairn_force_field_as_written(void)
+{
+    cairn_force_field_params params = cairn_force_field_default();
+
+    params.mode = CAIRN_MODE_AS_WRITTEN;
+    params.roi = CAIRN_FORCE_FIELD_ROI_CROSSINGS;
     return params;
 }
 

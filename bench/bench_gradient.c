@@ -1,0 +1,175 @@
+#include "bench/bench_gradient.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "bench/bench_json.h"
+#include "cairn/force_field.h"
+
+/* The field, and two that look at P(g) of given poses, before and after an iteration. */
+enum { FIELD, BEFORE, AFTER, FIELDS };
+
+typedef struct simulation {
+    const sim_scan *scans;
+    int32_t count, online;
+    cairn_scan_params scan_params;
+    cairn_force_field_params params, probe_params;
+    cairn_scan *scan;
+    cairn_force_field *field[FIELDS];
+    void *memory;
+    double stepped; /* s, in iterations */
+    int32_t steps, rising;
+} simulation;
+
+static cairn_pose pose_of(sim_pose p)
+{
+    cairn_pose pose = {(cairn_real)p.x, (cairn_real)p.y, (cairn_real)p.theta};
+
+    return pose;
+}
+
+static sim_pose sim_of(cairn_pose p)
+{
+    sim_pose pose = {(double)p.x, (double)p.y, (double)p.theta};
+
+    return pose;
+}
+
+/* How much room the scans need in a field. */
+static cairn_status count_room(simulation *s)
+{
+    size_t bytes = cairn_scan_memory(&s->scan_params) + CAIRN_ALIGN;
+    void *memory = malloc(bytes);
+    cairn_scan *scan = NULL;
+    cairn_pool pool;
+    cairn_status status = memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);
+
+    s->params.max_scans = s->count;
+    s->params.max_segments = 1;
+    s->params.max_points = 1;
+    if (status == CAIRN_OK)
+        status = cairn_scan_create(&scan, &pool, &s->scan_params);
+    for (int32_t i = 0; i < s->count && status == CAIRN_OK; i++) {
+        cairn_scan_view view;
+
+        status = bench_fit_scan(scan, &s->scans[i], &view);
+        s->params.max_segments += view.segment_count;
+        s->params.max_points += view.point_count;
+    }
+    s->params.max_corners = s->params.max_segments;
+    free(memory);
+    return status;
+}
+
+/* The pool holds the scan and the field, then, without online, the two that look. *bytes: of the first two. */
+static cairn_status open_fields(simulation *s, size_t *bytes)
+{
+    int32_t fields = s->online ? BEFORE : FIELDS;
+    cairn_pool pool;
+    cairn_status status;
+    size_t all;
+
+    s->probe_params = s->params;
+    s->probe_params.roi = CAIRN_FORCE_FIELD_ROI_NONE;
+    s->probe_params.stop_relocation = 0;
+    *bytes = cairn_force_field_memory(&s->params) + cairn_scan_memory(&s->scan_params);
+    all = *bytes + 2 * cairn_force_field_memory(&s->probe_params) + CAIRN_ALIGN;
+    s->memory = malloc(all);
+    status = s->memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, s->memory, all);
+    if (status == CAIRN_OK)
+        status = cairn_scan_create(&s->scan, &pool, &s->scan_params);
+    for (int32_t k = 0; k < fields && status == CAIRN_OK; k++)
+        status = cairn_force_field_create(&s->field[k], &pool, k == FIELD ? &s->params : &s->probe_params);
+    return status;
+}
+
+/* P of the field's poses at the sigma of the iteration that the probe has not yet done. */
+static cairn_status look(const simulation *s, cairn_force_field *probe, cairn_real *potential)
+{
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_status status = CAIRN_OK;
+
+    for (int32_t i = 0; i < s->count && status == CAIRN_OK; i++)
+        status = cairn_force_field_place(probe, i, cairn_force_field_pose(s->field[FIELD], i));
+    if (status == CAIRN_OK)
+        status = cairn_force_field_iterate(probe, &budget);
+    *potential = cairn_force_field_read(probe).potential;
+    return status;
+}
+
+/* Iterates until the field stands. */
+static cairn_status run_field(simulation *s)
+{
+    cairn_force_field_state state;
+    cairn_status status = CAIRN_OK;
+
+    do {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+        cairn_real before = 0, after = 0;
+        double start;
+
+        if (!s->online)
+            status = look(s, s->field[BEFORE], &before);
+        start = bench_cpu_seconds();
+        if (status >= 0)
+            status = cairn_force_field_iterate(s->field[FIELD], &budget);
+        s->stepped += bench_cpu_seconds() - start;
+        s->steps++;
+        if (status >= 0 && !s->online)
+            status = look(s, s->field[AFTER], &after);
+        s->rising += after > before;
+        state = cairn_force_field_read(s->field[FIELD]);
+    } while (status >= 0 && state.verdict == CAIRN_FORCE_FIELD_RUNNING);
+    return status < 0 ? status : CAIRN_OK;
+}
+
+/* Adds all scans and lets the field run; the poses when it stands. */
+static cairn_status simulate(simulation *s, bench_pose *poses)
+{
+    cairn_status status = CAIRN_OK;
+
+    for (int32_t i = 0; i < s->count && status == CAIRN_OK; i++) {
+        cairn_scan_view view;
+
+        status = bench_fit_scan(s->scan, &s->scans[i], &view);
+        for (int32_t k = 0; k < FIELDS && status == CAIRN_OK; k++)
+            if (s->field[k] != NULL)
+                status = cairn_force_field_add_scan(s->field[k], &view, NULL, pose_of(poses[i].pose), NULL);
+        if (!s->online || status != CAIRN_OK)
+            continue;
+        cairn_force_field_restart(s->field[FIELD]);
+        status = run_field(s);
+    }
+    if (status == CAIRN_OK && !s->online)
+        status = run_field(s);
+    for (int32_t i = 0; i < s->count && status == CAIRN_OK; i++)
+        poses[i].pose = sim_of(cairn_force_field_pose(s->field[FIELD], i));
+    return status;
+}
+
+int bench_run_gradient(const sim_scan *scans, int32_t count, int32_t iterations, int32_t online, bench_pose *poses,
+                       bench_run *run)
+{
+    simulation s = {.scans = scans, .count = count, .online = online};
+    cairn_status status;
+    size_t bytes = 0;
+
+    s.scan_params = cairn_scan_default();
+    s.scan_params.max_beams = scans[0].count;
+    s.params = cairn_force_field_as_written();
+    s.params.max_steps = iterations;
+    status = count_room(&s);
+    if (status == CAIRN_OK)
+        status = open_fields(&s, &bytes);
+    if (status == CAIRN_OK)
+        status = simulate(&s, poses);
+    if (status != CAIRN_OK)
+        fprintf(stderr, "bench/align: %s\n", cairn_status_text(status));
+    run->steps = s.steps;
+    run->rising = s.rising;
+    run->seconds = s.stepped;
+    run->step_ms = 1e3 * s.stepped / (s.steps > 0 ? s.steps : 1);
+    run->pool_bytes = bytes;
+    free(s.memory);
+    return status == CAIRN_OK;
+}

@@ -1,0 +1,14 @@
+/* Force field simulation as the thesis has it, on simulated scans. */
+#ifndef CAIRN_BENCH_GRADIENT_H
+#define CAIRN_BENCH_GRADIENT_H
+
+#include "bench/bench_align.h"
+
+/* At most `iterations`, or as many after each scan with online: then the scans come one by one, and all that are there are
+ * aligned together before the next one (section 7.3.6). run->rising: iterations after which P(g) is above what it was before
+ * them, both at the iteration's sigma and without regions of interest; 0 with online. poses: the start, then the result. 0 on
+ * failure, with a line on standard error. */
+int bench_run_gradient(const sim_scan *scans, int32_t count, int32_t iterations, int32_t online, bench_pose *poses,
+                       bench_run *run);
+
+#endif
