@@ -65,6 +65,17 @@ static cairn_lum_params small_params(void)
     return params;
 }
 
+static cairn_lum_params as_written_params(void)
+{
+    cairn_lum_params params = small_params(), written = cairn_lum_as_written();
+
+    written.max_scans = params.max_scans;
+    written.max_points = params.max_points;
+    written.max_links = params.max_links;
+    written.max_fill = params.max_fill;
+    return written;
+}
+
 static cairn_lum *new_lum(cairn_pool *pool, const cairn_lum_params *params)
 {
     cairn_lum *lum;
@@ -168,6 +179,39 @@ static void eliminate(double *m, int n)
         m[r * (n + 1) + n] /= m[r * (n + 1) + r];
 }
 
+/* D^T C^-1 D as eq. 10.2 has it: D the measured difference, C = s^2 (M^T M)^-1 built and inverted again. */
+static double twin_w(double h[3][3], const double d[3], double variance)
+{
+    double c[3][6], w = 0;
+
+    for (int u = 0; u < 3; u++)
+        for (int v = 0; v < 6; v++)
+            c[u][v] = v < 3 ? h[u][v] : v - 3 == u;
+    for (int again = 0; again < 2; again++) {
+        for (int p = 0; p < 3; p++) {
+            double by = c[p][p];
+
+            for (int v = 0; v < 6; v++)
+                c[p][v] /= by;
+            for (int r = 0; r < 3; r++) {
+                double f = c[r][p];
+
+                for (int v = 0; v < 6 && r != p; v++)
+                    c[r][v] -= f * c[p][v];
+            }
+        }
+        for (int u = 0; u < 3; u++)
+            for (int v = 0; v < 3; v++) {
+                c[u][v] = c[u][v + 3] * (again ? 1 : variance);
+                c[u][v + 3] = u == v;
+            }
+    }
+    for (int u = 0; u < 3; u++)
+        for (int v = 0; v < 3; v++)
+            w += d[u] * c[u][v] * d[v];
+    return w;
+}
+
 /* Moves the poses by one iteration; returns W of the differences before it. */
 static double twin_iterate(const cairn_lum_params *params, cairn_pose *poses)
 {
@@ -192,7 +236,7 @@ static double twin_iterate(const cairn_lum_params *params, cairn_pose *poses)
             eliminate(&d[0][0], 3);
             left = miss - d[0][3] * g[0] - d[1][3] * g[1] - d[2][3] * g[2];
             by = 1 / fmax(left / (2.0 * pairs - 3), (double)params->sigma * (double)params->sigma);
-            error += by * miss;
+            error += twin_w(h, (const double[]){d[0][3], d[1][3], d[2][3]}, 1 / by);
             for (int u = 0; u < 3; u++) {
                 for (int v = 0; v < 3; v++) {
                     if (i > 0) {
@@ -221,8 +265,8 @@ static double twin_iterate(const cairn_lum_params *params, cairn_pose *poses)
 static void iterations_are_those_of_the_twin(void **state)
 {
     (void)state;
-    for (int32_t rebuild = 0; rebuild < 3; rebuild++) {
-        cairn_lum_params params = small_params();
+    for (int32_t rebuild = 0; rebuild < 4; rebuild++) {
+        cairn_lum_params params = small_params(), told;
         cairn_pose poses[SCANS];
         cairn_pool pool;
         cairn_lum *lum;
@@ -231,7 +275,15 @@ static void iterations_are_those_of_the_twin(void **state)
         params.rebuild = rebuild;
         params.sigma = rebuild == 1 ? CAIRN_REAL(0.001) : params.sigma;
         params.direction_gate = rebuild == 2 ? CAIRN_PI : params.direction_gate;
-        lum = new_lum(&pool, &params);
+        told = params;
+        if (rebuild == 3) { /* as written: what the mode does not read is told wrong */
+            told = params = as_written_params();
+            told.rebuild = 1;
+            told.direction_gate = CAIRN_REAL(0.1);
+            told.sigma = 1;
+            told.registers = 1;
+        }
+        lum = new_lum(&pool, &told);
         add_all(lum);
         for (int32_t i = 0; i < SCANS; i++)
             poses[i] = scans[i].start;
