@@ -19,6 +19,9 @@ static const struct align_method {
     double spacing; /* m, of the points */
 } methods[] = {{"default", align_by_default, 0.1}, {"gradient", align_by_field, 0.1}, {"lum", align_by_lum, 0.03}};
 
+/* Iterations at most as written: of algorithm 2 those of fig. 8.12, of Lu and Milios those of section 10.5.1. */
+enum { VIRTUAL_STEPS = 100, LUM_STEPS = 500 };
+
 static const struct align_method *method_of(const align_settings *s)
 {
     for (size_t k = 0; k < sizeof methods / sizeof *methods; k++)
@@ -27,17 +30,66 @@ static const struct align_method *method_of(const align_settings *s)
     return NULL;
 }
 
+/* 1 when the settings go together, else 0 after a line on standard error. */
+static int check_settings(align_settings *s)
+{
+    int is_lum, is_gradient;
+
+    if (s->method == NULL)
+        s->method = s->as_written ? "gradient" : "default";
+    if (method_of(s) == NULL) {
+        (void)options_refuse(ALIGN_PROGRAM, "unknown method '%s', expected default, gradient or lum", s->method);
+        return 0;
+    }
+    is_lum = strcmp(s->method, "lum") == 0;
+    is_gradient = strcmp(s->method, "gradient") == 0;
+    if (s->by_hypotheses && is_lum) {
+        (void)options_refuse(ALIGN_PROGRAM, "--virtual with method %s, expected with method default or gradient",
+                             s->method);
+        return 0;
+    }
+    if (s->as_written && !is_lum && !is_gradient) {
+        (void)options_refuse(ALIGN_PROGRAM,
+                             "--as-written with method %s, which the thesis does not have, expected gradient or lum",
+                             s->method);
+        return 0;
+    }
+    if (s->as_written && s->spread_given) {
+        (void)options_refuse(
+            ALIGN_PROGRAM,
+            "--spread with --as-written: the thesis's methods do not ask how far off poses are, expected "
+            "one of the two");
+        return 0;
+    }
+    if (s->as_written && is_lum && s->spacing_given) {
+        (void)options_refuse(ALIGN_PROGRAM,
+                             "--spacing with --as-written and method lum, which pairs the scans' own points, expected "
+                             "without --spacing");
+        return 0;
+    }
+    s->as_written |= s->by_hypotheses && is_gradient;
+    if (s->as_written && !s->steps_given)
+        s->steps = is_lum ? LUM_STEPS : s->by_hypotheses ? VIRTUAL_STEPS : s->steps;
+    if (isnan(s->spacing))
+        s->spacing = method_of(s)->spacing;
+    return 1;
+}
+
 static option_result read_settings(align_settings *s, int argc, char **argv)
 {
-    const option table[] = {
+    option table[] = {
         OPTION_TEXT("-o", &s->folder, "DIR", "folder for poses.csv, map.pgm, map.yaml and map.svg"),
         OPTION_TEXT("--method", &s->method, "NAME",
                     "default, gradient (force field simulation as in the thesis) or lum (Lu and Milios)"),
         OPTION_PAIR("--spread", s->spread, 0.001, 360, "M,DEG",
                     "poses in the log are off by at most about so much, m in x and y, degrees (default)"),
         OPTION_FLAG("--virtual", &s->by_hypotheses,
-                    "scans that find no place go by lines and rooms that the map suggests (default)"),
-        OPTION_INTEGER("--steps", &s->steps, 1, 100000, "N", "iterations at most (gradient, lum)"),
+                    "scans that find no place go by lines and rooms that the map suggests (default); with gradient: "
+                    "algorithm 2 of the thesis"),
+        OPTION_FLAG("--as-written", &s->as_written,
+                    "as the thesis has it: gradient, with --virtual or without, or lum"),
+        OPTION_INTEGER("--steps", &s->steps, 1, 100000, "N",
+                       "iterations at most (gradient, lum); as written 100 with --virtual, 500 with lum"),
         OPTION_INTEGER("--max-scans", &s->max_scans, 1, 100000, "N", "scans at most"),
         OPTION_NUMBER("--spacing", &s->spacing, 0.01, 1, "M",
                       "distance of the points along walls, m; 0.03 for lum if not given (0.1)"),
@@ -55,21 +107,20 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
         "Aligns all scans of a CARMEN log (plain or gzipped) at once. Their order does not matter; the\n"
         "poses in the log are the start.",
         table, sizeof table / sizeof *table};
-    option_result result = tool_read_options(&set, argc, argv, &s->log, &s->folder);
+    option_result result;
 
+    for (size_t i = 0; i < sizeof table / sizeof *table; i++) {
+        if (strcmp(table[i].name, "--steps") == 0)
+            table[i].given = &s->steps_given;
+        else if (strcmp(table[i].name, "--spacing") == 0)
+            table[i].given = &s->spacing_given;
+        else if (strcmp(table[i].name, "--spread") == 0)
+            table[i].given = &s->spread_given;
+    }
+    result = tool_read_options(&set, argc, argv, &s->log, &s->folder);
     if (result != OPTIONS_READ)
         return result;
-    if (method_of(s) == NULL) {
-        (void)options_refuse(ALIGN_PROGRAM, "unknown method '%s', expected default, gradient or lum", s->method);
-        return OPTIONS_BAD;
-    }
-    if (s->by_hypotheses && method_of(s) != methods) {
-        (void)options_refuse(ALIGN_PROGRAM, "--virtual with method %s, expected with method default", s->method);
-        return OPTIONS_BAD;
-    }
-    if (isnan(s->spacing))
-        s->spacing = method_of(s)->spacing;
-    return OPTIONS_READ;
+    return check_settings(s) ? OPTIONS_READ : OPTIONS_BAD;
 }
 
 /* ---- what the methods share ---- */
@@ -230,7 +281,13 @@ static int run(align_job *job)
 
 int tool_align(int argc, char **argv)
 {
-    align_settings s = {NULL, NULL, "default", NULL, NULL, 500, 50, 1, 0.05, 30, 0, (double)NAN, {0.6, 35}, 0, 0};
+    align_settings s = {.max_scans = 500,
+                        .steps = 50,
+                        .seed = 1,
+                        .resolution = 0.05,
+                        .range = 30,
+                        .spacing = (double)NAN,
+                        .spread = {0.6, 35}};
     cairn_file_error error;
     option_result result;
     cairn_carmen_scans log;

@@ -15,6 +15,8 @@ typedef struct align_settings {
     double resolution, range, range_max, spacing;
     double spread[2]; /* m, degrees */
     int32_t quiet, by_hypotheses;
+    int32_t as_written; /* the method as the thesis prints it; with hypotheses, method gradient is that */
+    int32_t steps_given, spacing_given, spread_given;
 } align_settings;
 
 typedef struct align_job {
