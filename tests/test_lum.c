@@ -282,6 +282,7 @@ static void iterations_are_those_of_the_twin(void **state)
             told.direction_gate = CAIRN_REAL(0.1);
             told.sigma = 1;
             told.registers = 1;
+            assert_int_equal(cairn_lum_memory(&told), cairn_lum_memory(&params));
         }
         lum = new_lum(&pool, &told);
         add_all(lum);
@@ -765,6 +766,45 @@ static void defaults(void **state)
     assert_near(p.register_spacing, 0.08, 1e-7);
 }
 
+/* Nothing but what the thesis has; pairs that fit exactly do not divide by 0. */
+static void as_written(void **state)
+{
+    cairn_lum_params p = as_written_params(), other = p;
+    cairn_pool pool;
+    cairn_lum *lum;
+
+    (void)state;
+    assert_int_equal(p.mode, CAIRN_MODE_AS_WRITTEN);
+    assert_int_equal(p.rebuild, 0);
+    assert_int_equal(p.min_pairs, 5);
+    assert_int_equal(p.max_iterations, 500);
+    assert_int_equal(p.registers, 0);
+    assert_near(p.distance, 0.2, 1e-7);
+    assert_near(p.direction_gate, acos(-1), 1e-6);
+    other.registers = 1;
+    other.register_gate = 2;
+    assert_int_equal(cairn_lum_memory(&other), cairn_lum_memory(&p));
+    other.mode = 2;
+    assert_int_equal(cairn_lum_memory(&other), 0);
+    make_scans(0, 0);
+    lum = new_lum(&pool, &p);
+    for (int32_t i = 0; i < SCANS; i++) { /* all the same, with opposite directions in every other one */
+        for (int32_t k = 0; k < scans[0].count && i % 2 != 0; k++)
+            scans[0].at[k].direction = cairn_vec2_scale(scans[0].at[k].direction, -1);
+        assert_ok(cairn_lum_add_scan(lum, scans[0].at, scans[0].count, scans[0].truth, NULL));
+    }
+    assert_ok(cairn_lum_begin(lum));
+    assert_ok(run(lum, CAIRN_UNBOUNDED));
+    assert_int_equal(cairn_lum_read(lum).verdict, CAIRN_LUM_CONVERGED);
+    assert_int_equal(cairn_lum_read(lum).iterations, 1);
+    assert_int_equal(cairn_lum_read(lum).links, SCANS * (SCANS - 1) / 2);
+    assert_int_equal(cairn_lum_read(lum).pairs, SCANS * (SCANS - 1) / 2 * scans[0].count);
+    assert_near(cairn_lum_read(lum).error, 0, NUMBER(1e-9, 1e-3));
+    for (int32_t i = 0; i < SCANS; i++)
+        assert_near(cairn_lum_pose(lum, i).x, scans[0].truth.x, 1e-5);
+    test_pool_free(&pool);
+}
+
 /* What an alignment of three scans, one of them empty, is charged. */
 static void units_are_as_told(void **state)
 {
@@ -941,6 +981,7 @@ int main(void)
         cmocka_unit_test(scans_that_just_meet),
         cmocka_unit_test(of_equal_distances_the_lowest_index),
         cmocka_unit_test(defaults),
+        cmocka_unit_test(as_written),
         cmocka_unit_test(units_are_as_told),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(refusals),
