@@ -4,7 +4,7 @@
  * is right when every scan lies within 4 units and 1 degree after the best common motion. rubble and round: the arenas of
  * bench/align, and those without a straight wall; shares as there. rescue110: the first, seen by scans of 110 degrees. halls: the
  * rooms, whose hallway is 12 m long, by scans of half a circle; rooms far off: by full ones from starts 1 m and 20 degrees off. Each with
- * hypotheses and without, on the same starts. Without: what the aligner alone finds, or the field of the thesis; field without:
+ * hypotheses and without, on the same starts. Without: what the aligner alone finds; gradient: algorithm 2 as written; field without:
  * the aligner, its field, and parts that slide, but no hypotheses. wall_rms_m: of the hits on walls that lie in one line about their common line.
  *
  * box: a flat box in a room, two scans of 110 degrees that face it from either side, with no long side and no wall across
@@ -40,8 +40,7 @@ enum { ROOM_STEPS = 30 /* fig. 8.10 */ };
 
 typedef struct settings {
     int64_t seeds, seed, arenas, halls, scenes, boxes, lies;
-    int32_t steps;      /* --steps: prints every virtual scan */
-    int32_t as_written; /* --as-written: algorithm 2 alone */
+    int32_t steps, as_written; /* --steps: prints every virtual scan; --as-written: algorithm 2 alone */
 } settings;
 
 /* Which field moves what the aligner leaves over. */
@@ -204,24 +203,6 @@ static cairn_virtual_align_params params_of(const method *m, const problem *p)
     return params;
 }
 
-static void print_hypotheses(const cairn_virtual_align *align)
-{
-    static const char *const kinds[] = {"line", "rectangle", "ellipse", "of the caller"};
-    cairn_virtual_align_result result = cairn_virtual_align_read(align);
-    int32_t count;
-    const cairn_hypothesis *h = cairn_virtual_scan_hypotheses(cairn_virtual_align_hypotheses(align), &count);
-
-    for (int32_t i = 0; i < count; i++) {
-        bench_json_begin("virtual");
-        bench_json_integer("step", result.iterations);
-        bench_json_text("kind", kinds[h[i].kind]);
-        bench_json_number("strength", (double)h[i].strength);
-        bench_json_number("weight", (double)h[i].weight);
-        bench_json_integer("points", h[i].end_point - h[i].first_point);
-        bench_json_end();
-    }
-}
-
 /* Of this thread, whatever else the machine does. */
 static double processor_seconds(void)
 {
@@ -253,7 +234,7 @@ static cairn_status align(const settings *s, problem *p, cairn_scan *scan, cairn
         if (alone)
             break;
         if (s->steps)
-            print_hypotheses(align);
+            bench_guess_print(cairn_virtual_align_hypotheses(align), cairn_virtual_align_read(align).iterations);
         if (p->lie != NULL && cairn_virtual_align_read(align).iterations >= 15)
             p->believed |= bench_lie_is_believed(p->lie, cairn_virtual_align_hypotheses(align));
     }
@@ -449,22 +430,6 @@ static int run_boxes(const settings *s, const char *name, double metres, double 
     return 1;
 }
 
-/* Somewhere among the scans, as large as a room. */
-static bench_lie draw_lie(const problem *p, uint64_t seed)
-{
-    cairn_random random = cairn_random_seed(seed, 85);
-    bench_lie lie;
-
-    memset(&lie, 0, sizeof lie);
-    lie.when = 1;
-    lie.rectangle.centre.x = (cairn_real)p->start[seed % (uint64_t)p->count].x + cairn_random_uniform(&random, -1, 1);
-    lie.rectangle.centre.y = (cairn_real)p->start[seed % (uint64_t)p->count].y + cairn_random_uniform(&random, -1, 1);
-    lie.rectangle.centre.theta = cairn_random_uniform(&random, 0, CAIRN_PI / 2);
-    lie.rectangle.half_length = cairn_random_uniform(&random, 1, 3);
-    lie.rectangle.half_width = cairn_random_uniform(&random, 1, 3);
-    return lie;
-}
-
 static int run_lies(const settings *s, const scene *rooms)
 {
     static const method springs = {"springs with hypotheses", 0, 1, SPRINGS, 30 * UNIT};
@@ -479,7 +444,7 @@ static int run_lies(const settings *s, const scene *rooms)
 
             memset(&out, 0, sizeof out);
             if (done) {
-                lie = draw_lie(&p, (uint64_t)(s->seed + i));
+                lie = bench_lie_draw(p.start, p.count, (uint64_t)(s->seed + i));
                 p.lie = told ? &lie : NULL;
                 done = run(s, &p, &springs, &out);
             }
@@ -528,7 +493,7 @@ static int run_as_written(const settings *s, const scene *rooms, const scene *ru
     static const method in_rubble[] = {{"gradient with hypotheses", 0, 1, AS_WRITTEN, 0},
                                        {"gradient without", 0, 0, AS_WRITTEN, 0}};
     row of_rooms[3] = {{0}}, of_rubble[2] = {{0}};
-    int32_t collapsed[2] = {0, 0};
+    int32_t collapsed[2] = {0};
 
     if ((s->boxes > 0 && (!run_boxes(s, "box", 0.1, 5, collapsed) || !run_boxes(s, "box far off", 0.3, 15, NULL))) ||
         (s->seeds > 0 && !run_scene(s, rooms, s->seeds, methods, 3, 4 * UNIT, of_rooms)) ||

@@ -170,7 +170,7 @@ int align_by_lum(align_job *job)
     if (status == CAIRN_OK)
         status = cairn_lum_create(&lum, &pool, &params);
     if (status == CAIRN_OK)
-        status = align_open_player(job, player_params(), "Lu and Milios");
+        status = align_open_player(job, player_params(), as_written ? "Lu and Milios as written" : "Lu and Milios");
     if (status == CAIRN_OK)
         code = align_add_scans(job, scan, as_written ? add_hits : add_to_lum, lum);
     if (status == CAIRN_OK && code == TOOL_OK)

@@ -163,7 +163,8 @@ cairn_status cairn_lum_create(cairn_lum **lum, cairn_pool *pool, const cairn_lum
     memset(&layout, 0, sizeof layout);
     layout.params = in_mode(params);
     made = carve(&layout, pool, &layout.params);
-    layout.least_cosine = layout.params.direction_gate < CAIRN_PI ? cairn_cos(layout.params.direction_gate) : -2;
+    /* As written any: no rounding of two opposite directions may exclude a pair. */
+    layout.least_cosine = params->mode == CAIRN_MODE_AS_WRITTEN ? -2 : cairn_cos(params->direction_gate);
     inner = solver_params(&layout.params);
     status = cairn_block_solver_create(&layout.solver, pool, &inner);
     if (status == CAIRN_OK && layout.params.registers) {
