@@ -67,7 +67,11 @@ static int run_method(const settings *s, const sim_scan *scans, int32_t count, b
     else if (strcmp(s->method, "icp") == 0)
         done = bench_run_icp(scans, count, 20, poses, &run);
     else if (strncmp(s->method, "lum", 3) == 0)
-        done = bench_run_lum(scans, count, (int32_t)s->steps, strcmp(s->method, "lum") == 0, poses, &run);
+        done = bench_run_lum(scans, count, (int32_t)s->steps,
+                             s->as_written                   ? BENCH_LUM_AS_WRITTEN
+                             : strcmp(s->method, "lum") == 0 ? BENCH_LUM_REGISTERED
+                                                             : BENCH_LUM_ALONE,
+                             poses, &run);
     else if (strcmp(s->method, "sequential") == 0)
         done = bench_run_sequential(scans, count, 0, poses, &run);
     else if (strcmp(s->method, "filter") == 0)
@@ -282,6 +286,8 @@ static void print_common(const settings *s, const outcome *o)
     bench_json_text("method", s->method);
     if (s->ablate)
         bench_json_text("without", bench_ingredient_name(s->without));
+    if (s->as_written)
+        bench_json_true("as_written");
     bench_json_text("scene", s->kind.scene);
     bench_json_number("trans", s->kind.metres);
     bench_json_number("rot", s->kind.degrees);
@@ -386,8 +392,12 @@ static int check(const settings *s)
         fprintf(stderr, "bench/align: unknown method '%s', expected " METHODS "\n", s->method);
         return 0;
     }
-    if ((s->as_written || s->online) && strcmp(s->method, "gradient") != 0) {
-        fprintf(stderr, "bench/align: --as-written or --online with method %s, expected gradient\n", s->method);
+    if (s->as_written && strncmp(s->method, "lum", 3) != 0 && strcmp(s->method, "gradient") != 0) {
+        fprintf(stderr, "bench/align: --as-written with method %s, expected gradient, lum or lum-alone\n", s->method);
+        return 0;
+    }
+    if (s->online && strcmp(s->method, "gradient") != 0) {
+        fprintf(stderr, "bench/align: --online with method %s, expected gradient\n", s->method);
         return 0;
     }
     if ((s->ablate || s->growth) && strcmp(s->method, "default") != 0) {
@@ -440,6 +450,8 @@ int main(int argc, char **argv)
         OPTION_PAIR("--jitter", s.kind.jitter, 0, 360, "M,DEG", "spread of the sensors of one place, m and degrees"),
         OPTION_PAIR("--within", s.within, 0.001, 180, "M,DEG", "of the truth, to be aligned (0.05,1)"),
         OPTION_INTEGER("--steps", &s.steps, 1, 100000, "N", "iterations of gradient and lum at most"),
+        OPTION_FLAG("--as-written", &s.as_written,
+                    "gradient, lum and lum-alone (the same then) as the thesis has them"),
         OPTION_FLAG("--return", &s.again, "disturbs the solution, too, and aligns it again"),
         OPTION_FLAG("--chain", &s.chain,
                     "poses from nothing: the scans of each place matched as a whole, then the method"),

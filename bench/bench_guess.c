@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bench/bench_json.h"
 #include "cairn/random.h"
 #include "cairn/small_matrix.h"
 
@@ -426,4 +427,37 @@ int bench_lie_is_believed(const bench_lie *lie, const cairn_virtual_scan *hypoth
             return 1;
     }
     return 0;
+}
+
+bench_lie bench_lie_draw(const sim_pose *start, int32_t count, uint64_t seed)
+{
+    cairn_random random = cairn_random_seed(seed, 85);
+    const sim_pose *about = &start[seed % (uint64_t)count];
+    bench_lie lie;
+
+    memset(&lie, 0, sizeof lie);
+    lie.when = 1;
+    lie.rectangle.centre.x = (cairn_real)about->x + cairn_random_uniform(&random, -1, 1);
+    lie.rectangle.centre.y = (cairn_real)about->y + cairn_random_uniform(&random, -1, 1);
+    lie.rectangle.centre.theta = cairn_random_uniform(&random, 0, CAIRN_PI / 2);
+    lie.rectangle.half_length = cairn_random_uniform(&random, 1, 3);
+    lie.rectangle.half_width = cairn_random_uniform(&random, 1, 3);
+    return lie;
+}
+
+void bench_guess_print(const cairn_virtual_scan *hypotheses, int32_t step)
+{
+    static const char *const kinds[] = {"line", "rectangle", "ellipse", "of the caller"};
+    int32_t count;
+    const cairn_hypothesis *h = cairn_virtual_scan_hypotheses(hypotheses, &count);
+
+    for (int32_t i = 0; i < count; i++) {
+        bench_json_begin("virtual");
+        bench_json_integer("step", step);
+        bench_json_text("kind", kinds[h[i].kind]);
+        bench_json_number("strength", (double)h[i].strength);
+        bench_json_number("weight", (double)h[i].weight);
+        bench_json_integer("points", h[i].end_point - h[i].first_point);
+        bench_json_end();
+    }
 }

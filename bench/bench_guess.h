@@ -36,9 +36,15 @@ typedef struct bench_lie {
     int32_t when, detections;
 } bench_lie;
 
+/* Somewhere among the scans, which stand at start[0 ... count-1], as large as a room; told in the second detection. */
+bench_lie bench_lie_draw(const sim_pose *start, int32_t count, uint64_t seed);
+
 cairn_hypothesis_detector bench_lie_detector(bench_lie *lie);
 
 /* 1 when a hypothesis of some weight lies along most of that rectangle's outline. */
 int bench_lie_is_believed(const bench_lie *lie, const cairn_virtual_scan *hypotheses);
+
+/* A line of JSON for each hypothesis of the last detection, with the step that it belongs to. */
+void bench_guess_print(const cairn_virtual_scan *hypotheses, int32_t step);
 
 #endif

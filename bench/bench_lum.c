@@ -7,7 +7,22 @@
 #include "bench/bench_json.h"
 #include "cairn/lum.h"
 
-static cairn_status align(const sim_scan *scans, int32_t count, cairn_scan *scan, cairn_lum *lum, bench_pose *poses)
+int32_t bench_lum_hits(const cairn_scan_view *view, cairn_oriented_point *points)
+{
+    const cairn_vec2 any = {1, 0};
+    int32_t count = 0;
+
+    for (int32_t k = 0; k < view->beam_count; k++)
+        if (view->beams[k].kind == CAIRN_BEAM_HIT) {
+            points[count].position = view->beams[k].to;
+            points[count++].direction = any;
+        }
+    return count;
+}
+
+/* hits: [beams of a scan] to work in, as written; NULL: the scans' points are aligned. */
+static cairn_status align(const sim_scan *scans, int32_t count, cairn_scan *scan, cairn_lum *lum,
+                          cairn_oriented_point *hits, bench_pose *poses)
 {
     cairn_status status = CAIRN_OK;
 
@@ -17,7 +32,9 @@ static cairn_status align(const sim_scan *scans, int32_t count, cairn_scan *scan
         cairn_scan_view view;
 
         status = bench_fit_scan(scan, &scans[i], &view);
-        if (status == CAIRN_OK)
+        if (status == CAIRN_OK && hits != NULL)
+            status = cairn_lum_add_scan(lum, hits, bench_lum_hits(&view, hits), pose, NULL);
+        else if (status == CAIRN_OK)
             status = cairn_lum_add_scan(lum, view.points, view.point_count, pose, NULL);
     }
     if (status == CAIRN_OK)
@@ -39,12 +56,13 @@ static cairn_status align(const sim_scan *scans, int32_t count, cairn_scan *scan
     return status;
 }
 
-int bench_run_lum(const sim_scan *scans, int32_t count, int32_t iterations, int registers, bench_pose *poses,
+int bench_run_lum(const sim_scan *scans, int32_t count, int32_t iterations, bench_lum_way way, bench_pose *poses,
                   bench_run *run)
 {
     double start = bench_seconds();
     cairn_scan_params scan_params = cairn_scan_default();
-    cairn_lum_params params = cairn_lum_default();
+    cairn_lum_params params = way == BENCH_LUM_AS_WRITTEN ? cairn_lum_as_written() : cairn_lum_default();
+    cairn_oriented_point *hits = NULL;
     cairn_scan *scan = NULL;
     cairn_lum *lum = NULL;
     cairn_status status;
@@ -60,17 +78,22 @@ int bench_run_lum(const sim_scan *scans, int32_t count, int32_t iterations, int 
     params.max_points = count * scan_params.max_points;
     params.max_links = params.max_fill = count * (count - 1) / 2 + 1;
     params.max_iterations = iterations;
-    params.rebuild = 5;
-    params.registers = registers;
+    if (way == BENCH_LUM_AS_WRITTEN) {
+        hits = malloc(((size_t)scans[0].count + 1) * sizeof *hits);
+    } else {
+        params.rebuild = 5;
+        params.registers = way == BENCH_LUM_REGISTERED;
+    }
     bytes = cairn_lum_memory(&params) + cairn_scan_memory(&scan_params) + CAIRN_ALIGN;
     memory = malloc(bytes);
-    status = memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, memory, bytes);
+    status = memory == NULL || (way == BENCH_LUM_AS_WRITTEN && hits == NULL) ? CAIRN_NO_MEMORY
+                                                                             : cairn_pool_init(&pool, memory, bytes);
     if (status == CAIRN_OK)
         status = cairn_scan_create(&scan, &pool, &scan_params);
     if (status == CAIRN_OK)
         status = cairn_lum_create(&lum, &pool, &params);
     if (status == CAIRN_OK)
-        status = align(scans, count, scan, lum, poses);
+        status = align(scans, count, scan, lum, hits, poses);
     if (status == CAIRN_OK) {
         run->steps = cairn_lum_read(lum).iterations;
         run->seconds = bench_seconds() - start;
@@ -79,6 +102,7 @@ int bench_run_lum(const sim_scan *scans, int32_t count, int32_t iterations, int 
     } else {
         fprintf(stderr, "bench: %s\n", cairn_status_text(status));
     }
+    free(hits);
     free(memory);
     return status == CAIRN_OK;
 }

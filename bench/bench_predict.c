@@ -1,7 +1,9 @@
 /* Spearman's rank correlation with intervals by drawing arenas anew. */
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 
+#include "bench/bench_json.h"
 #include "bench/bench_predict.h"
 #include "cairn/random.h"
 
@@ -147,4 +149,16 @@ int bench_predict(const bench_predict_maps *all, uint64_t seed, bench_prediction
     close_ranking(&r);
     free(drawn);
     return done;
+}
+
+void bench_predict_print(const char *name, const bench_prediction *p)
+{
+    char key[64];
+
+    snprintf(key, sizeof key, "%s_rank_correlation", name);
+    bench_json_number(key, p->rho);
+    snprintf(key, sizeof key, "%s_rank_correlation_low", name);
+    bench_json_number(key, p->low);
+    snprintf(key, sizeof key, "%s_rank_correlation_high", name);
+    bench_json_number(key, p->high);
 }

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bench/bench_lum.h"
 #include "cairn/aligner.h"
 #include "cairn/force_field.h"
 #include "cairn/lum.h"
@@ -87,7 +88,7 @@ static cairn_status add_all(const bench_problem *problem, cairn_scan *scan, add_
 
 /* Counts segments and points. */
 typedef struct room {
-    int32_t segments, points;
+    int32_t segments, points, beams;
 } room;
 
 static cairn_status add_room(void *object, const cairn_scan_view *view, cairn_pose pose)
@@ -97,6 +98,7 @@ static cairn_status add_room(void *object, const cairn_scan_view *view, cairn_po
     (void)pose;
     r->segments += view->segment_count;
     r->points += view->point_count;
+    r->beams += view->beam_count;
     return CAIRN_OK;
 }
 
@@ -223,27 +225,34 @@ static cairn_status lum_add(void *object, const cairn_scan_view *view, cairn_pos
     return cairn_lum_add_scan(object, view->points, view->point_count, pose, NULL);
 }
 
-static cairn_status run_lum(const bench_problem *problem, cairn_scan *scan, room most, cairn_pose *poses,
-                            int32_t *steps)
+static cairn_status lum_add_hits(void *object, const cairn_scan_view *view, cairn_pose pose)
+{
+    cairn_oriented_point *hits = malloc(((size_t)view->beam_count + 1) * sizeof *hits);
+    cairn_status status = CAIRN_NO_MEMORY;
+
+    if (hits != NULL)
+        status = cairn_lum_add_scan(object, hits, bench_lum_hits(view, hits), pose, NULL);
+    free(hits);
+    return status;
+}
+
+static cairn_status run_lum_with(cairn_lum_params params, add_scan add, const bench_problem *problem, cairn_scan *scan,
+                                 cairn_pose *poses, int32_t *steps)
 {
     aligning a = {NULL, lum_iterate, lum_running, lum_pose};
-    cairn_lum_params params = cairn_lum_default();
     cairn_lum *lum = NULL;
     cairn_pool pool;
     void *memory;
     cairn_status status;
 
     params.max_scans = problem->count;
-    params.max_points = most.points + 1;
     params.max_links = params.max_fill = problem->count * (problem->count - 1) / 2 + 1;
     params.max_iterations = BENCH_TRACK_LAST;
-    params.rebuild = 5;
-    params.registers = 1;
     status = open_pool(&pool, &memory, cairn_lum_memory(&params));
     if (status == CAIRN_OK)
         status = cairn_lum_create(&lum, &pool, &params);
     if (status == CAIRN_OK)
-        status = add_all(problem, scan, lum_add, lum);
+        status = add_all(problem, scan, add, lum);
     if (status == CAIRN_OK)
         status = cairn_lum_begin(lum);
     a.object = lum;
@@ -253,13 +262,34 @@ static cairn_status run_lum(const bench_problem *problem, cairn_scan *scan, room
     return status;
 }
 
-int bench_track_run(bench_track_method method, const bench_problem *problem, cairn_pose *poses, int32_t *steps)
+static cairn_status run_lum(const bench_problem *problem, cairn_scan *scan, room most, cairn_pose *poses,
+                            int32_t *steps)
+{
+    cairn_lum_params params = cairn_lum_default();
+
+    params.max_points = most.points + 1;
+    params.rebuild = 5;
+    params.registers = 1;
+    return run_lum_with(params, lum_add, problem, scan, poses, steps);
+}
+
+static cairn_status run_lum_as_written(const bench_problem *problem, cairn_scan *scan, room most, cairn_pose *poses,
+                                       int32_t *steps)
+{
+    cairn_lum_params params = cairn_lum_as_written();
+
+    params.max_points = most.beams + 1;
+    return run_lum_with(params, lum_add_hits, problem, scan, poses, steps);
+}
+
+int bench_track_run(bench_track_method method, const bench_problem *problem, int32_t as_written, cairn_pose *poses,
+                    int32_t *steps)
 {
     static cairn_status (*const runs[])(const bench_problem *, cairn_scan *, room, cairn_pose *,
                                         int32_t *) = {run_field, run_aligner, run_lum};
     cairn_scan_params params = cairn_scan_default();
     cairn_scan *scan = NULL;
-    room most = {0, 0};
+    room most = {0, 0, 0};
     cairn_pool pool;
     void *memory;
     cairn_status status;
@@ -273,7 +303,8 @@ int bench_track_run(bench_track_method method, const bench_problem *problem, cai
     if (status == CAIRN_OK)
         status = add_all(problem, scan, add_room, &most);
     if (status == CAIRN_OK)
-        status = runs[method](problem, scan, most, poses, steps);
+        status = (as_written && method == BENCH_TRACK_LUM ? run_lum_as_written : runs[method])(problem, scan, most,
+                                                                                               poses, steps);
     free(memory);
     if (status < 0)
         fprintf(stderr, "bench: %s: %s\n", bench_track_name(method), cairn_status_text(status));

@@ -30,6 +30,7 @@ typedef struct settings {
     int64_t arenas, seed;
     double resolution, least, good; /* m of a cell; probability; m: worse maps do not enter the correlations */
     const char *svg;
+    int32_t as_written;
 } settings;
 
 /* Of a map, or of what lies in one quadrant of it: its cells, and the scans that were taken there. */
@@ -299,7 +300,7 @@ static int run_arena(const settings *set, int32_t arena, study *all)
         size_t place = (size_t)arena * METHODS + (size_t)m;
         const figures *end = map_of(all, arena, m, SAMPLES - 1);
 
-        done = bench_track_run(m, &s.problem, poses, &all->steps[place]) &&
+        done = bench_track_run(m, &s.problem, set->as_written, poses, &all->steps[place]) &&
                measure_track(&s, set, poses, all->map + place * SAMPLES);
         if (!done)
             break;
@@ -439,18 +440,6 @@ static int print_methods(const study *all)
     return 1;
 }
 
-static void print_prediction(const char *name, const bench_prediction *p)
-{
-    char key[64];
-
-    snprintf(key, sizeof key, "%s_rank_correlation", name);
-    bench_json_number(key, p->rho);
-    snprintf(key, sizeof key, "%s_rank_correlation_low", name);
-    bench_json_number(key, p->low);
-    snprintf(key, sizeof key, "%s_rank_correlation_high", name);
-    bench_json_number(key, p->high);
-}
-
 static int print_summary(const study *all, const settings *set, double seconds)
 {
     bench_prediction entropy, likelihood;
@@ -462,11 +451,13 @@ static int print_summary(const study *all, const settings *set, double seconds)
     bench_json_integer("arenas", all->arenas);
     bench_json_number("trans", set->kind.metres);
     bench_json_number("rot", set->kind.degrees);
-    print_prediction("entropy", &entropy);
-    print_prediction("likelihood", &likelihood);
+    bench_predict_print("entropy", &entropy);
+    bench_predict_print("likelihood", &likelihood);
     bench_json_integer("maps", entropy.maps);
     done = print_methods(all);
     bench_json_number("seconds", seconds);
+    if (set->as_written)
+        bench_json_true("as_written");
     bench_json_true("summary");
     bench_json_end();
     return done;
@@ -561,7 +552,7 @@ static int run(const settings *set, study *all)
 
 int main(int argc, char **argv)
 {
-    settings s = {bench_problem_kind_default(), 20, 1, 0.05, 1e-3, 0.15, NULL};
+    settings s = {bench_problem_kind_default(), 20, 1, 0.05, 1e-3, 0.15, NULL, 0};
     const char *unused = NULL;
     const option table[] = {
         OPTION_INTEGER("--arenas", &s.arenas, 1, 10000, "N", "arenas"),
@@ -573,6 +564,7 @@ int main(int argc, char **argv)
         OPTION_NUMBER("--resolution", &s.resolution, 0.01, 1, "M", "side of a cell, m"),
         OPTION_NUMBER("--least", &s.least, 1e-9, 0.5, "P", "probability of a beam that no map explains"),
         OPTION_NUMBER("--good", &s.good, 0.001, 100, "M", "only maps with a smaller mean error are ranked, m"),
+        OPTION_FLAG("--as-written", &s.as_written, "lum as the thesis has it; gradient is so anyway"),
         OPTION_TEXT("--svg", &s.svg, "FILE", "the curves as a picture"),
         OPTION_TEXT("--data", &unused, "DIR", "not needed: the arenas are simulated"),
     };

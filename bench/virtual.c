@@ -4,7 +4,7 @@
  * is right when every scan lies within 4 units and 1 degree after the best common motion. rubble and round: the arenas of
  * bench/align, and those without a straight wall; shares as there. rescue110: the first, seen by scans of 110 degrees. halls: the
  * rooms, whose hallway is 12 m long, by scans of half a circle; rooms far off: by full ones from starts 1 m and 20 degrees off. Each with
- * hypotheses and without, on the same starts. Without: what the aligner alone finds, or the field of the thesis; field without:
+ * hypotheses and without, on the same starts. Without: what the aligner alone finds; gradient: algorithm 2 as written; field without:
  * the aligner, its field, and parts that slide, but no hypotheses. wall_rms_m: of the hits on walls that lie in one line about their common line.
  *
  * box: a flat box in a room, two scans of 110 degrees that face it from either side, with no long side and no wall across
@@ -36,18 +36,19 @@
 #define DEGREE 0.017453292519943295
 #define UNIT   0.03 /* m */
 
+enum { ROOM_STEPS = 30 /* fig. 8.10 */ };
+
 typedef struct settings {
     int64_t seeds, seed, arenas, halls, scenes, boxes, lies;
-    int32_t steps; /* --steps: prints every virtual scan */
+    int32_t steps, as_written; /* --steps: prints every virtual scan; --as-written: algorithm 2 alone */
 } settings;
 
 /* Which field moves what the aligner leaves over. */
 typedef int32_t field_kind;
 enum {
-    NO_FIELD, /* the aligner alone */
-    SPRINGS,  /* as virtual_align asks for it */
-    THESIS,   /* the gradient of the thesis as it is written */
-    FACES     /* the same, but the two faces of a wall do not attract each other */
+    NO_FIELD,  /* the aligner alone */
+    SPRINGS,   /* as virtual_align asks for it */
+    AS_WRITTEN /* algorithm 2, with hypotheses or without */
 };
 
 /* One way to align. */
@@ -169,57 +170,37 @@ static cairn_status count_room(cairn_scan *scan, const problem *p, cairn_virtual
     return status;
 }
 
-/* In 30 steps from sigma down to 0.04 m. */
-static cairn_force_field_params gradient_field(double sigma)
+/* Algorithm 2 as written. Of the rooms the text gives only sigma at the start and 30 iterations; sigma at the end and dt keep the ratios to it that
+ * they have in section 7.4.2 (dt is a length: its square times a force, which is one over a length), and sigma falls evenly. */
+static cairn_virtual_align_params as_written(const method *m)
 {
-    cairn_force_field_params field = cairn_force_field_default();
+    cairn_virtual_align_params params = cairn_virtual_align_as_written();
+    cairn_real scale = (cairn_real)m->sigma / params.field.sigma_start;
 
-    field.sigma_start = (cairn_real)sigma;
-    field.sigma_end = (cairn_real)0.04;
-    field.sigma_step = (field.sigma_start - field.sigma_end) / (cairn_real)29.35;
-    field.dt_start = (cairn_real)0.2;
-    field.dt_end = (cairn_real)0.04;
-    field.dt_factor = (cairn_real)0.9477;
-    field.max_steps = 30;
-    field.potential = 0;
-    field.roi = 0;
-    return field;
+    if (m->sigma > 0) {
+        params.field.max_steps = ROOM_STEPS;
+        params.field.sigma_start *= scale;
+        params.field.sigma_end *= scale;
+        params.field.sigma_step = (params.field.sigma_start - params.field.sigma_end) / (ROOM_STEPS - 1);
+        params.field.dt_start *= scale;
+        params.field.dt_end *= scale;
+    }
+    params.field.potential = 0;
+    return params;
 }
 
 static cairn_virtual_align_params params_of(const method *m, const problem *p)
 {
-    cairn_virtual_align_params params = cairn_virtual_align_default();
+    cairn_virtual_align_params params = m->field == AS_WRITTEN ? as_written(m) : cairn_virtual_align_default();
 
-    params.align = m->align;
-    if (m->field == THESIS || m->field == FACES) {
-        params.field = gradient_field(m->sigma);
-        params.field.sides_below = m->field == FACES ? params.field.sigma_start : 0;
-        params.every = 15;
-    }
+    if (m->field != AS_WRITTEN)
+        params.align = m->align;
     if (p->lie != NULL)
         params.every = 5;
     if (!m->hypotheses)
         params.hypotheses.lines = params.hypotheses.rectangles = params.hypotheses.ellipses = params.slide.thickness =
             0;
     return params;
-}
-
-static void print_hypotheses(const cairn_virtual_align *align)
-{
-    static const char *const kinds[] = {"line", "rectangle", "ellipse", "of the caller"};
-    cairn_virtual_align_result result = cairn_virtual_align_read(align);
-    int32_t count;
-    const cairn_hypothesis *h = cairn_virtual_scan_hypotheses(cairn_virtual_align_hypotheses(align), &count);
-
-    for (int32_t i = 0; i < count; i++) {
-        bench_json_begin("virtual");
-        bench_json_integer("step", result.iterations);
-        bench_json_text("kind", kinds[h[i].kind]);
-        bench_json_number("strength", (double)h[i].strength);
-        bench_json_number("weight", (double)h[i].weight);
-        bench_json_integer("points", h[i].end_point - h[i].first_point);
-        bench_json_end();
-    }
 }
 
 /* Of this thread, whatever else the machine does. */
@@ -253,7 +234,7 @@ static cairn_status align(const settings *s, problem *p, cairn_scan *scan, cairn
         if (alone)
             break;
         if (s->steps)
-            print_hypotheses(align);
+            bench_guess_print(cairn_virtual_align_hypotheses(align), cairn_virtual_align_read(align).iterations);
         if (p->lie != NULL && cairn_virtual_align_read(align).iterations >= 15)
             p->believed |= bench_lie_is_believed(p->lie, cairn_virtual_align_hypotheses(align));
     }
@@ -379,20 +360,32 @@ static int run_scene(const settings *s, const scene *from, int64_t seeds, const 
     return 1;
 }
 
+/* What algorithm 2 reaches in rooms: with hypotheses, without, without from another sigma. */
+static void print_gradient(const row rows[3])
+{
+    static const char *const keys[] = {"gradient_with", "without30", "without80"};
+
+    for (int k = 0; k < 3; k++) {
+        char name[64];
+
+        snprintf(name, sizeof name, "%s_ok", keys[k]);
+        bench_json_number(name, (double)rows[k].right / rows[k].seeds);
+        snprintf(name, sizeof name, "%s_share", keys[k]);
+        bench_json_number(name, (double)rows[k].aligned / rows[k].observable);
+    }
+}
+
 /* ---- A box, and a lie ---- */
 
-/* Each method on the same starts; how many boxes it has collapsed. */
-static int run_boxes(const settings *s, const char *name, double metres, double degrees)
+/* Each method on the same starts; how many boxes it has collapsed. of_last: [2] those of the last two methods; NULL: not wanted. */
+static int run_boxes(const settings *s, const char *name, double metres, double degrees, int32_t *of_last)
 {
-    static const method methods[] = {{"default with hypotheses", 1, 1, SPRINGS, 30 * UNIT},
-                                     {"default without", 1, 0, NO_FIELD, 30 * UNIT},
-                                     {"springs with hypotheses", 0, 1, SPRINGS, 30 * UNIT},
-                                     {"springs without", 0, 0, SPRINGS, 30 * UNIT},
-                                     {"gradient with hypotheses", 0, 1, FACES, 30 * UNIT},
-                                     {"gradient with hypotheses, faces alike", 0, 1, THESIS, 30 * UNIT},
-                                     {"gradient without", 0, 0, THESIS, 30 * UNIT}};
+    static const method methods[] = {
+        {"default with hypotheses", 1, 1, SPRINGS, 30 * UNIT},     {"default without", 1, 0, NO_FIELD, 30 * UNIT},
+        {"springs with hypotheses", 0, 1, SPRINGS, 30 * UNIT},     {"springs without", 0, 0, SPRINGS, 30 * UNIT},
+        {"gradient with hypotheses", 0, 1, AS_WRITTEN, 30 * UNIT}, {"gradient without", 0, 0, AS_WRITTEN, 30 * UNIT}};
 
-    for (size_t k = 0; k < sizeof methods / sizeof *methods; k++) {
+    for (size_t k = s->as_written ? 4 : 0; k < sizeof methods / sizeof *methods; k++) {
         int32_t collapsed = 0;
         double off = 0, thinnest = (double)INFINITY;
 
@@ -423,6 +416,8 @@ static int run_boxes(const settings *s, const char *name, double metres, double 
             off += fabs(thickness - box.thickness);
             thinnest = fmin(thinnest, thickness);
         }
+        if (of_last != NULL && k + 2 >= sizeof methods / sizeof *methods)
+            of_last[k + 2 - sizeof methods / sizeof *methods] = collapsed;
         bench_json_begin("virtual");
         bench_json_text("scene", name);
         bench_json_text("method", methods[k].name);
@@ -433,22 +428,6 @@ static int run_boxes(const settings *s, const char *name, double metres, double 
         bench_json_end();
     }
     return 1;
-}
-
-/* Somewhere among the scans, as large as a room. */
-static bench_lie draw_lie(const problem *p, uint64_t seed)
-{
-    cairn_random random = cairn_random_seed(seed, 85);
-    bench_lie lie;
-
-    memset(&lie, 0, sizeof lie);
-    lie.when = 1;
-    lie.rectangle.centre.x = (cairn_real)p->start[seed % (uint64_t)p->count].x + cairn_random_uniform(&random, -1, 1);
-    lie.rectangle.centre.y = (cairn_real)p->start[seed % (uint64_t)p->count].y + cairn_random_uniform(&random, -1, 1);
-    lie.rectangle.centre.theta = cairn_random_uniform(&random, 0, CAIRN_PI / 2);
-    lie.rectangle.half_length = cairn_random_uniform(&random, 1, 3);
-    lie.rectangle.half_width = cairn_random_uniform(&random, 1, 3);
-    return lie;
 }
 
 static int run_lies(const settings *s, const scene *rooms)
@@ -465,7 +444,7 @@ static int run_lies(const settings *s, const scene *rooms)
 
             memset(&out, 0, sizeof out);
             if (done) {
-                lie = draw_lie(&p, (uint64_t)(s->seed + i));
+                lie = bench_lie_draw(p.start, p.count, (uint64_t)(s->seed + i));
                 p.lie = told ? &lie : NULL;
                 done = run(s, &p, &springs, &out);
             }
@@ -508,6 +487,33 @@ static int run_detector(const settings *s, const char *name, detector find)
     return 1;
 }
 
+/* Rooms, arenas and boxes by algorithm 2; methods: with hypotheses, without, without from another sigma. */
+static int run_as_written(const settings *s, const scene *rooms, const scene *rubble, const method *methods)
+{
+    static const method in_rubble[] = {{"gradient with hypotheses", 0, 1, AS_WRITTEN, 0},
+                                       {"gradient without", 0, 0, AS_WRITTEN, 0}};
+    row of_rooms[3] = {{0}}, of_rubble[2] = {{0}};
+    int32_t collapsed[2] = {0};
+
+    if ((s->boxes > 0 && (!run_boxes(s, "box", 0.1, 5, collapsed) || !run_boxes(s, "box far off", 0.3, 15, NULL))) ||
+        (s->seeds > 0 && !run_scene(s, rooms, s->seeds, methods, 3, 4 * UNIT, of_rooms)) ||
+        (s->arenas > 0 && !run_scene(s, rubble, s->arenas, in_rubble, 2, 0.05, of_rubble)))
+        return 0;
+    bench_json_begin("virtual");
+    bench_json_true("summary");
+    bench_json_true("as_written");
+    print_gradient(of_rooms);
+    bench_json_number("rubble_share_with", (double)of_rubble[0].aligned / of_rubble[0].observable);
+    bench_json_number("rubble_share_without", (double)of_rubble[1].aligned / of_rubble[1].observable);
+    bench_json_number("rubble_rms_with_m", sqrt(of_rubble[0].squares / of_rubble[0].hits));
+    bench_json_number("rubble_rms_without_m", sqrt(of_rubble[1].squares / of_rubble[1].hits));
+    bench_json_integer("boxes_collapsed_with", collapsed[0]);
+    bench_json_integer("boxes_collapsed_without", collapsed[1]);
+    bench_json_integer("boxes", s->boxes);
+    bench_json_end();
+    return 1;
+}
+
 int main(int argc, char **argv)
 {
     static const scene rooms = {"rooms", SIM_ROOMS, 5, 1, 360, 25 * UNIT, 15};
@@ -517,14 +523,14 @@ int main(int argc, char **argv)
     static const scene halls = {"halls", SIM_ROOMS, 6, 2, 180, 0.5, 20};
     static const scene far_off = {"rooms far off", SIM_ROOMS, 5, 1, 360, 1, 20};
     static const method rooms_methods[] = {
-        {"default with hypotheses", 1, 1, SPRINGS, 30 * UNIT}, {"default without", 1, 0, NO_FIELD, 30 * UNIT},
-        {"gradient with hypotheses", 0, 1, FACES, 30 * UNIT},  {"gradient without", 0, 0, THESIS, 30 * UNIT},
-        {"gradient without", 0, 0, THESIS, 80 * UNIT},
+        {"default with hypotheses", 1, 1, SPRINGS, 30 * UNIT},     {"default without", 1, 0, NO_FIELD, 30 * UNIT},
+        {"gradient with hypotheses", 0, 1, AS_WRITTEN, 30 * UNIT}, {"gradient without", 0, 0, AS_WRITTEN, 30 * UNIT},
+        {"gradient without", 0, 0, AS_WRITTEN, 80 * UNIT},
     };
     static const method long_methods[] = {{"default with hypotheses", 1, 1, SPRINGS, 30 * UNIT},
                                           {"default without", 1, 0, NO_FIELD, 30 * UNIT},
                                           {"default, field without hypotheses", 1, 0, SPRINGS, 30 * UNIT}};
-    settings s = {100, 1, 20, 100, 200, 20, 20, 0};
+    settings s = {100, 1, 20, 100, 200, 20, 20, 0, 0};
     const option table[] = {
         OPTION_INTEGER("--seeds", &s.seeds, 0, 1000, "N", "rooms to align"),
         OPTION_INTEGER("--arenas", &s.arenas, 0, 1000, "N", "arenas with rubble, and with round walls, to align"),
@@ -533,6 +539,8 @@ int main(int argc, char **argv)
         OPTION_INTEGER("--boxes", &s.boxes, 0, 1000, "N", "boxes seen from two sides"),
         OPTION_INTEGER("--lies", &s.lies, 0, 1000, "N", "rooms with a false hypothesis"),
         OPTION_INTEGER("--seed", &s.seed, 0, 1000000000, "N", "first seed"),
+        OPTION_FLAG("--as-written", &s.as_written,
+                    "algorithm 2 as written alone, with hypotheses and without: rooms, boxes, arenas"),
         OPTION_FLAG("--steps", &s.steps, "print the hypotheses of every step"),
     };
     const option_set set = {"bench/virtual", "[options]", "Measures what virtual scans are worth.", table,
@@ -544,10 +552,12 @@ int main(int argc, char **argv)
 
     if (result != OPTIONS_READ)
         return (int)result;
+    if (s.as_written)
+        return !run_as_written(&s, &rooms, &rubble, rooms_methods + 2);
     if (s.scenes > 0 && (!run_detector(&s, "detector of rectangles", bench_rectangles_find) ||
                          !run_detector(&s, "detector of ellipses", bench_guess_ellipses)))
         return 1;
-    if ((s.boxes > 0 && (!run_boxes(&s, "box", 0.1, 5) || !run_boxes(&s, "box far off", 0.3, 15))) ||
+    if ((s.boxes > 0 && (!run_boxes(&s, "box", 0.1, 5, NULL) || !run_boxes(&s, "box far off", 0.3, 15, NULL))) ||
         (s.lies > 0 && !run_lies(&s, &rooms)))
         return 1;
     if (s.seeds > 0 && !run_scene(&s, &rooms, s.seeds, rooms_methods, 5, 4 * UNIT, in_rooms))
@@ -563,9 +573,7 @@ int main(int argc, char **argv)
     bench_json_true("summary");
     bench_json_number("with_ok", (double)in_rooms[0].right / in_rooms[0].seeds);
     bench_json_number("default_without_ok", (double)in_rooms[1].right / in_rooms[1].seeds);
-    bench_json_number("gradient_with_ok", (double)in_rooms[2].right / in_rooms[2].seeds);
-    bench_json_number("without30_ok", (double)in_rooms[3].right / in_rooms[3].seeds);
-    bench_json_number("without80_ok", (double)in_rooms[4].right / in_rooms[4].seeds);
+    print_gradient(in_rooms + 2);
     bench_json_number("rubble_share_with", (double)in_rubble[0].aligned / in_rubble[0].observable);
     bench_json_number("rubble_share_without", (double)in_rubble[1].aligned / in_rubble[1].observable);
     bench_json_number("halls_share_with", (double)in_halls[0].aligned / in_halls[0].observable);

@@ -107,6 +107,8 @@ uint64_t golden_particles(void);
 uint64_t golden_registered(void);
 uint64_t golden_hypotheses(void);
 uint64_t golden_virtual_aligned(void);
+uint64_t golden_lum_as_written(void);
+uint64_t golden_virtual_as_written(void);
 uint64_t golden_mapped(void);
 uint64_t golden_filtered(void);
 uint64_t golden_places(void);

@@ -256,10 +256,9 @@ static int look(cairn_scan *scan, cairn_random *random, int32_t i, cairn_scan_vi
     return 1;
 }
 
-/* All sweeps by lum with registration, from poses that are far off. */
-uint64_t golden_registered(void)
+/* All sweeps by lum in at most 4 iterations, from poses that are `far` m and rad farther off; 0 when it fails. */
+static uint64_t lum_of(cairn_lum_params params, cairn_real far)
 {
-    cairn_lum_params params = cairn_lum_default();
     cairn_random random = cairn_random_seed(13, 1);
     cairn_budget budget = unbounded();
     cairn_scan_view view;
@@ -272,31 +271,42 @@ uint64_t golden_registered(void)
     params.max_points = GOLDEN_VIEWS * 256;
     params.max_links = params.max_fill = GOLDEN_VIEWS * GOLDEN_VIEWS;
     params.max_iterations = 4;
-    params.registers = 1;
     if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK || (scan = golden_new_scan(&pool)) == NULL ||
         cairn_lum_create(&lum, &pool, &params) != CAIRN_OK)
         return 0;
     for (int32_t i = 0; i < GOLDEN_VIEWS; i++) {
         cairn_pose pose = golden_thought_pose(&random, i);
 
-        pose.x += argument(&random, CAIRN_REAL(0.2), 0);
-        pose.theta += argument(&random, CAIRN_REAL(0.2), 0);
+        pose.x += argument(&random, far, 0);
+        pose.theta += argument(&random, far, 0);
         if (!look(scan, &random, i, &view) ||
             cairn_lum_add_scan(lum, view.points, view.point_count, pose, NULL) != CAIRN_OK)
             return 0;
     }
     if (cairn_lum_begin(lum) != CAIRN_OK || cairn_lum_step(lum, &budget) != CAIRN_OK ||
-        cairn_lum_read(lum).registered == 0)
+        (params.registers && cairn_lum_read(lum).registered == 0) || cairn_lum_read(lum).links == 0)
         return 0;
     for (int32_t i = 0; i < GOLDEN_VIEWS; i++)
         hash = add_pose(hash, cairn_lum_pose(lum, i));
     return add_real(hash, cairn_lum_read(lum).error);
 }
 
-static cairn_virtual_scan_params small_hypotheses(void)
+/* With registration, from poses that are far off. */
+uint64_t golden_registered(void)
 {
-    cairn_virtual_scan_params params = cairn_virtual_scan_default();
+    cairn_lum_params params = cairn_lum_default();
 
+    params.registers = 1;
+    return lum_of(params, CAIRN_REAL(0.2));
+}
+
+uint64_t golden_lum_as_written(void)
+{
+    return lum_of(cairn_lum_as_written(), CAIRN_REAL(0.02));
+}
+
+static cairn_virtual_scan_params small_hypotheses(cairn_virtual_scan_params params)
+{
     params.max_scans = GOLDEN_VIEWS;
     params.max_points = GOLDEN_VIEWS * 256;
     params.max_segments = GOLDEN_VIEWS * 32;
@@ -314,7 +324,7 @@ static cairn_virtual_scan_params small_hypotheses(void)
 uint64_t golden_hypotheses(void)
 {
     cairn_scan_set_params set_params = {GOLDEN_VIEWS, GOLDEN_VIEWS * 32, GOLDEN_VIEWS * 256, 0};
-    cairn_virtual_scan_params params = small_hypotheses();
+    cairn_virtual_scan_params params = small_hypotheses(cairn_virtual_scan_default());
     cairn_random random = cairn_random_seed(14, 1);
     cairn_pose pose[GOLDEN_VIEWS];
     cairn_budget budget = unbounded();
@@ -352,10 +362,9 @@ uint64_t golden_hypotheses(void)
     return hash;
 }
 
-/* The aligner that asks for more than the sweeps have, so that hypotheses must help. */
-uint64_t golden_virtual_aligned(void)
+/* Three sweeps by the aligner that asks for more than they have, so that hypotheses must help, or as written. */
+static uint64_t virtual_aligned_of(cairn_virtual_align_params params, cairn_virtual_scan_params hypotheses)
 {
-    cairn_virtual_align_params params = cairn_virtual_align_default();
     cairn_random random = cairn_random_seed(15, 1);
     cairn_budget budget = unbounded();
     cairn_virtual_align_result result;
@@ -372,7 +381,7 @@ uint64_t golden_virtual_aligned(void)
     params.aligner.max_fill = 64;
     params.aligner.least_evidence = 1000;
     params.aligner.max_repairs = 0;
-    params.hypotheses = small_hypotheses();
+    params.hypotheses = small_hypotheses(hypotheses);
     params.field.max_steps = 6;
     params.max_rounds = 1;
     if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK || (scan = golden_new_scan(&pool)) == NULL ||
@@ -393,6 +402,16 @@ uint64_t golden_virtual_aligned(void)
         hash = add_covariance(add_pose(hash, pose.map_scan), pose.covariance);
     }
     return hash;
+}
+
+uint64_t golden_virtual_aligned(void)
+{
+    return virtual_aligned_of(cairn_virtual_align_default(), cairn_virtual_scan_default());
+}
+
+uint64_t golden_virtual_as_written(void)
+{
+    return virtual_aligned_of(cairn_virtual_align_as_written(), cairn_virtual_scan_as_written());
 }
 
 /* The mapper on a drive through the room, without odometry. */

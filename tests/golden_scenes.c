@@ -20,6 +20,8 @@ const golden_scene golden_scenes[] = {
     {"registered", golden_registered},
     {"hypotheses", golden_hypotheses},
     {"virtual_aligned", golden_virtual_aligned},
+    {"lum_as_written", golden_lum_as_written},
+    {"virtual_as_written", golden_virtual_as_written},
     {"mapped", golden_mapped},
     {"filtered", golden_filtered},
     {"places", golden_places},

@@ -114,6 +114,10 @@ static void slow_lay(struct slow *s)
     s->rows = s->p->oriented ? 2 * s->p->angles : s->p->angles;
     s->votes = malloc((size_t)s->rows * (size_t)s->p->distances * sizeof *s->votes);
     assert_non_null(s->votes);
+}
+
+static void slow_vote(struct slow *s)
+{
     for (int32_t row = 0; row < s->rows; row++)
         for (int32_t column = 0; column < s->p->distances; column++)
             s->votes[row * s->p->distances + column] = slow_votes(s, row, column);
@@ -260,6 +264,7 @@ static void slow_thin(struct slow *s)
 static void slow_search(struct slow *s)
 {
     slow_lay(s);
+    slow_vote(s);
     s->count = 0;
     for (int32_t row = 0; row < s->rows; row++)
         for (int32_t column = 0; column < s->p->distances; column++) {
@@ -365,6 +370,148 @@ static void finds_what_the_obvious_way_finds(void **state)
             assert_same_line(&lines[i], &s.lines[i], &p);
         test_pool_free(&f.pool);
     }
+}
+
+/* ---- As written ---- */
+
+/* Points that lie in a bin, each in one column of every row, whatever their directions. */
+static double slow_count(const struct slow *s, int32_t row, int32_t column, int32_t *bin)
+{
+    double turn = PI / s->p->angles, sum = 0;
+
+    for (int32_t i = 0; i < s->c->count; i++) {
+        const cairn_oriented_point *p = &s->c->points[i];
+        double distance = ((double)p->position.y - s->middle_y) * cos(row * turn) -
+                          ((double)p->position.x - s->middle_x) * sin(row * turn);
+
+        bin[i] = floor(distance / s->step + (s->p->distances - 1) * 0.5 + 0.5) == column;
+        sum += bin[i] ? (double)s->c->weights[i] : 0;
+    }
+    return sum;
+}
+
+/* The bins that no other within the separation exceeds, or equals and comes before, by all pairs of bins; then as many as are not on
+ * a stronger one. */
+static void slow_as_written(struct slow *s)
+{
+    static int32_t bin[MANY];
+
+    slow_lay(s);
+    for (int32_t row = 0; row < s->rows; row++)
+        for (int32_t column = 0; column < s->p->distances; column++)
+            s->votes[row * s->p->distances + column] = slow_count(s, row, column, bin);
+    s->count = 0;
+    for (int32_t row = 0; row < s->rows; row++)
+        for (int32_t column = 0; column < s->p->distances; column++) {
+            double turn = PI / s->p->angles, distance = (column - (s->p->distances - 1) * 0.5) * s->step, t = 0, tt = 0;
+            double dx = cos(row * turn), dy = sin(row * turn);
+            struct slow_line *l = &s->lines[s->count];
+
+            if (s->votes[row * s->p->distances + column] < (double)s->p->least_votes || !slow_is_peak(s, row, column))
+                continue;
+            assert_true(s->count < MOST_LINES);
+            l->peak = l->votes = slow_count(s, row, column, bin);
+            l->dx = dx;
+            l->dy = dy;
+            l->x = s->middle_x - distance * dy;
+            l->y = s->middle_y + distance * dx;
+            l->low = (double)INFINITY;
+            l->high = -(double)INFINITY;
+            for (int32_t i = 0; i < s->c->count; i++) {
+                double x = (double)s->c->points[i].position.x - l->x, y = (double)s->c->points[i].position.y - l->y;
+
+                if (!bin[i])
+                    continue;
+                t += (double)s->c->weights[i] * (x * dx + y * dy) / l->votes;
+                tt += (double)s->c->weights[i] * (y * dx - x * dy) * (y * dx - x * dy) / l->votes;
+                l->low = fmin(l->low, x * dx + y * dy);
+                l->high = fmax(l->high, x * dx + y * dy);
+            }
+            l->low -= t;
+            l->high -= t;
+            l->x += t * dx;
+            l->y += t * dy;
+            l->rms = sqrt(tt);
+            s->count++;
+        }
+    free(s->votes);
+    qsort(s->lines, (size_t)s->count, sizeof *s->lines, by_votes);
+    slow_thin(s);
+}
+
+/* All points count for all directions: what the directions of the points are changes nothing. */
+static void as_written_is_the_classical_transform(void **state)
+{
+    static struct cloud c;
+    static struct slow s;
+
+    (void)state;
+    for (uint64_t seed = 1; seed <= 2; seed++) {
+        cairn_hough_params p = cairn_hough_as_written();
+        cairn_random random = cairn_random_seed(seed, 9);
+        struct fixture f;
+        const cairn_hough_line *lines;
+        cairn_hough_line first[MOST_LINES];
+        int32_t found, again;
+
+        p.angles = 60;
+        p.distances = 130 + (int32_t)seed;
+        p.max_lines = MOST_LINES;
+        p.least_votes = 40;
+        scatter(&c, seed);
+        s.p = &p;
+        s.c = &c;
+        slow_as_written(&s);
+        p.oriented = 1; /* not read, as these two */
+        p.angle_tolerance = CAIRN_REAL(0.01);
+        p.support_distance = CAIRN_REAL(0.001);
+        f = hough_with(p);
+        lines = search(f.hough, &c, &found);
+        p.oriented = 0;
+        assert_in_range(s.count, 5, MOST_LINES - 1);
+        assert_int_equal(found, s.count);
+        for (int32_t i = 0; i < found; i++) {
+            double sign = (double)lines[i].direction.x * s.lines[i].dx + (double)lines[i].direction.y * s.lines[i].dy;
+
+            first[i] = lines[i];
+            assert_near(fabs(sign), 1, NUMBER(1e-9, 1e-5));
+            assert_near(lines[i].votes, s.lines[i].votes, NUMBER(1e-9, 1e-3));
+            assert_near(lines[i].point.x, s.lines[i].x, NUMBER(1e-9, 2e-4));
+            assert_near(lines[i].point.y, s.lines[i].y, NUMBER(1e-9, 2e-4));
+            assert_near(lines[i].low, sign > 0 ? s.lines[i].low : -s.lines[i].high, NUMBER(1e-9, 2e-4));
+            assert_near(lines[i].high, sign > 0 ? s.lines[i].high : -s.lines[i].low, NUMBER(1e-9, 2e-4));
+            assert_near(lines[i].rms, s.lines[i].rms, NUMBER(1e-9, 2e-4));
+        }
+        for (int32_t i = 0; i < c.count; i++)
+            c.points[i].direction.x = cairn_random_uniform(&random, -1, 1);
+        lines = search(f.hough, &c, &again);
+        assert_int_equal(again, found);
+        assert_memory_equal(lines, first, (size_t)found * sizeof *first);
+        test_pool_free(&f.pool);
+    }
+}
+
+/* The number of points of a wall and of those that happen to lie in its bin. */
+static void as_written_votes_are_points(void **state)
+{
+    static struct cloud c;
+    cairn_hough_params p = cairn_hough_as_written();
+    struct fixture f;
+    const cairn_hough_line *lines;
+    int32_t found;
+
+    (void)state;
+    c.count = 0;
+    lay(&c, 0, 0, 0, 50, 0.1);
+    lay(&c, 8, 0, PI / 2, 20, 0.1); /* its first point lies on the first wall's line */
+    lay(&c, 3, 3, PI, 1, 0);
+    f = hough_with(p);
+    lines = search(f.hough, &c, &found);
+    assert_int_equal(found, 2);
+    assert_near(lines[0].votes, 51, 0);
+    assert_near(lines[0].high - lines[0].low, 8, 1e-5);
+    assert_near(lines[1].votes, 20, 0);
+    test_pool_free(&f.pool);
 }
 
 /* ---- What is known exactly ---- */
@@ -995,6 +1142,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(finds_what_the_obvious_way_finds),
+        cmocka_unit_test(as_written_is_the_classical_transform),
+        cmocka_unit_test(as_written_votes_are_points),
         cmocka_unit_test(pieces_of_a_wall_are_one_line),
         cmocka_unit_test(faces_are_one_without_orientation),
         cmocka_unit_test(separation),

@@ -65,6 +65,17 @@ static cairn_lum_params small_params(void)
     return params;
 }
 
+static cairn_lum_params as_written_params(void)
+{
+    cairn_lum_params params = small_params(), written = cairn_lum_as_written();
+
+    written.max_scans = params.max_scans;
+    written.max_points = params.max_points;
+    written.max_links = params.max_links;
+    written.max_fill = params.max_fill;
+    return written;
+}
+
 static cairn_lum *new_lum(cairn_pool *pool, const cairn_lum_params *params)
 {
     cairn_lum *lum;
@@ -168,6 +179,39 @@ static void eliminate(double *m, int n)
         m[r * (n + 1) + n] /= m[r * (n + 1) + r];
 }
 
+/* D^T C^-1 D as eq. 10.2 has it: D the measured difference, C = s^2 (M^T M)^-1 built and inverted again. */
+static double twin_w(double h[3][3], const double d[3], double variance)
+{
+    double c[3][6], w = 0;
+
+    for (int u = 0; u < 3; u++)
+        for (int v = 0; v < 6; v++)
+            c[u][v] = v < 3 ? h[u][v] : v - 3 == u;
+    for (int again = 0; again < 2; again++) {
+        for (int p = 0; p < 3; p++) {
+            double by = c[p][p];
+
+            for (int v = 0; v < 6; v++)
+                c[p][v] /= by;
+            for (int r = 0; r < 3; r++) {
+                double f = c[r][p];
+
+                for (int v = 0; v < 6 && r != p; v++)
+                    c[r][v] -= f * c[p][v];
+            }
+        }
+        for (int u = 0; u < 3; u++)
+            for (int v = 0; v < 3; v++) {
+                c[u][v] = c[u][v + 3] * (again ? 1 : variance);
+                c[u][v + 3] = u == v;
+            }
+    }
+    for (int u = 0; u < 3; u++)
+        for (int v = 0; v < 3; v++)
+            w += d[u] * c[u][v] * d[v];
+    return w;
+}
+
 /* Moves the poses by one iteration; returns W of the differences before it. */
 static double twin_iterate(const cairn_lum_params *params, cairn_pose *poses)
 {
@@ -192,7 +236,7 @@ static double twin_iterate(const cairn_lum_params *params, cairn_pose *poses)
             eliminate(&d[0][0], 3);
             left = miss - d[0][3] * g[0] - d[1][3] * g[1] - d[2][3] * g[2];
             by = 1 / fmax(left / (2.0 * pairs - 3), (double)params->sigma * (double)params->sigma);
-            error += by * miss;
+            error += twin_w(h, (const double[]){d[0][3], d[1][3], d[2][3]}, 1 / by);
             for (int u = 0; u < 3; u++) {
                 for (int v = 0; v < 3; v++) {
                     if (i > 0) {
@@ -221,8 +265,8 @@ static double twin_iterate(const cairn_lum_params *params, cairn_pose *poses)
 static void iterations_are_those_of_the_twin(void **state)
 {
     (void)state;
-    for (int32_t rebuild = 0; rebuild < 3; rebuild++) {
-        cairn_lum_params params = small_params();
+    for (int32_t rebuild = 0; rebuild < 4; rebuild++) {
+        cairn_lum_params params = small_params(), told;
         cairn_pose poses[SCANS];
         cairn_pool pool;
         cairn_lum *lum;
@@ -231,7 +275,16 @@ static void iterations_are_those_of_the_twin(void **state)
         params.rebuild = rebuild;
         params.sigma = rebuild == 1 ? CAIRN_REAL(0.001) : params.sigma;
         params.direction_gate = rebuild == 2 ? CAIRN_PI : params.direction_gate;
-        lum = new_lum(&pool, &params);
+        told = params;
+        if (rebuild == 3) { /* as written: what the mode does not read is told wrong */
+            told = params = as_written_params();
+            told.rebuild = 1;
+            told.direction_gate = CAIRN_REAL(0.1);
+            told.sigma = 1;
+            told.registers = 1;
+            assert_int_equal(cairn_lum_memory(&told), cairn_lum_memory(&params));
+        }
+        lum = new_lum(&pool, &told);
         add_all(lum);
         for (int32_t i = 0; i < SCANS; i++)
             poses[i] = scans[i].start;
@@ -713,6 +766,45 @@ static void defaults(void **state)
     assert_near(p.register_spacing, 0.08, 1e-7);
 }
 
+/* Nothing but what the thesis has; pairs that fit exactly do not divide by 0. */
+static void as_written(void **state)
+{
+    cairn_lum_params p = as_written_params(), other = p;
+    cairn_pool pool;
+    cairn_lum *lum;
+
+    (void)state;
+    assert_int_equal(p.mode, CAIRN_MODE_AS_WRITTEN);
+    assert_int_equal(p.rebuild, 0);
+    assert_int_equal(p.min_pairs, 5);
+    assert_int_equal(p.max_iterations, 500);
+    assert_int_equal(p.registers, 0);
+    assert_near(p.distance, 0.2, 1e-7);
+    assert_near(p.direction_gate, acos(-1), 1e-6);
+    other.registers = 1;
+    other.register_gate = 2;
+    assert_int_equal(cairn_lum_memory(&other), cairn_lum_memory(&p));
+    other.mode = 2;
+    assert_int_equal(cairn_lum_memory(&other), 0);
+    make_scans(0, 0);
+    lum = new_lum(&pool, &p);
+    for (int32_t i = 0; i < SCANS; i++) { /* all the same, with opposite directions in every other one */
+        for (int32_t k = 0; k < scans[0].count && i % 2 != 0; k++)
+            scans[0].at[k].direction = cairn_vec2_scale(scans[0].at[k].direction, -1);
+        assert_ok(cairn_lum_add_scan(lum, scans[0].at, scans[0].count, scans[0].truth, NULL));
+    }
+    assert_ok(cairn_lum_begin(lum));
+    assert_ok(run(lum, CAIRN_UNBOUNDED));
+    assert_int_equal(cairn_lum_read(lum).verdict, CAIRN_LUM_CONVERGED);
+    assert_int_equal(cairn_lum_read(lum).iterations, 1);
+    assert_int_equal(cairn_lum_read(lum).links, SCANS * (SCANS - 1) / 2);
+    assert_int_equal(cairn_lum_read(lum).pairs, SCANS * (SCANS - 1) / 2 * scans[0].count);
+    assert_near(cairn_lum_read(lum).error, 0, NUMBER(1e-9, 1e-3));
+    for (int32_t i = 0; i < SCANS; i++)
+        assert_near(cairn_lum_pose(lum, i).x, scans[0].truth.x, 1e-5);
+    test_pool_free(&pool);
+}
+
 /* What an alignment of three scans, one of them empty, is charged. */
 static void units_are_as_told(void **state)
 {
@@ -889,6 +981,7 @@ int main(void)
         cmocka_unit_test(scans_that_just_meet),
         cmocka_unit_test(of_equal_distances_the_lowest_index),
         cmocka_unit_test(defaults),
+        cmocka_unit_test(as_written),
         cmocka_unit_test(units_are_as_told),
         cmocka_unit_test(budgets_do_not_matter),
         cmocka_unit_test(refusals),

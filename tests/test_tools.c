@@ -372,13 +372,19 @@ static void a_pose_for_every_scan(void **state)
         const char *log, *poses, *truth, *verdicts;
         int32_t relative;
         double error;
-    } sample[] = {{"drive/scans.log", "map/poses.csv", "drive/truth.csv", "first matched predicted blind ", 1, 0.1},
-                  {"places/scans.log", "align/poses.csv", "places/truth.csv", "placed uncertain apart blind ", 0, 0.05},
-                  {"places/scans.log", "lum/poses.csv", "places/truth.csv", "aligned apart blind ", 1, 0.2},
-                  {"places/scans.log", "virtual/poses.csv", "places/truth.csv", "placed uncertain apart guessed blind ",
-                   0, 0.05}};
+    } sample[] = {
+        {"drive/scans.log", "map/poses.csv", "drive/truth.csv", "first matched predicted blind ", 1, 0.1},
+        {"places/scans.log", "align/poses.csv", "places/truth.csv", "placed uncertain apart blind ", 0, 0.05},
+        {"places/scans.log", "lum/poses.csv", "places/truth.csv", "aligned apart blind ", 1, 0.2},
+        {"places/scans.log", "virtual/poses.csv", "places/truth.csv", "placed uncertain apart guessed blind ", 0, 0.05},
+        {"places/scans.log", "written/poses.csv", "places/truth.csv", "aligned blind ", 1, 0.5},
+        {"places/scans.log", "written-lum/poses.csv", "places/truth.csv", "aligned apart blind ", 1, 1.0}};
 
     (void)state;
+    assert_done(programs_run("cairn align @/places/scans.log --as-written --virtual --steps 8 -o @/written"));
+    assert_done(programs_run("cairn align @/places/scans.log --method gradient --virtual --steps 8 -o @/written-2"));
+    assert_same_files("written", "written-2", map_files);
+    assert_done(programs_run("cairn align @/places/scans.log --method lum --as-written --steps 8 -o @/written-lum"));
     assert_done(programs_run("cairn align @/places/scans.log --method lum -o @/lum"));
     assert_done(programs_run("cairn align @/places/scans.log --virtual -o @/virtual"));
     for (size_t k = 0; k < sizeof sample / sizeof *sample; k++) {
@@ -580,16 +586,22 @@ static void help_and_version(void **state)
 /* The page that --report asks for: beside the other files, in a folder that is made, or in that at hand. */
 static void pages(void **state)
 {
-    static const char *const commands[] = {
-        "map @/drive/scans.log", "align @/places/scans.log --method gradient --steps 20", "align @/places/scans.log",
-        "align @/places/scans.log --method lum", "align @/places/scans.log --virtual --spread 0.05,1"};
+    static const char *const commands[] = {"map @/drive/scans.log",
+                                           "align @/places/scans.log --method gradient --steps 20",
+                                           "align @/places/scans.log",
+                                           "align @/places/scans.log --method lum",
+                                           "align @/places/scans.log --virtual --spread 0.05,1",
+                                           "align @/places/scans.log --as-written --virtual --steps 3",
+                                           "align @/places/scans.log --method lum --as-written --steps 3"};
     static const char *const pieces[][3] = {
         {"{\"title\":\"scans.log, mapped\"", "\"step_name\":\"scan\"", "\n{\"step\":29,\"label\":\""},
         {"{\"title\":\"scans.log, aligned\"", "\"step_name\":\"step\"", "\n{\"step\":20,\"label\":\"end\""},
         {"{\"title\":\"scans.log, aligned\"", "\"label\":\"12 parts, the largest of 1 scans\"",
          "scans placed, the others in red\""},
         {"\"label\":\"start\"", " scans registered one after the other\"", "\"label\":\"iteration 1\""},
-        {"\"name\":\"hypotheses\"", " scans placed, the others in red\"", "\"label\":\"end: "}};
+        {"\"name\":\"hypotheses\"", " scans placed, the others in red\"", "\"label\":\"end: "},
+        {"force field simulation with virtual scans", "\"name\":\"hypotheses\"", "\"label\":\"end: 3 iterations\""},
+        {"Lu and Milios as written", "\"label\":\"start\"", "\"label\":\"iteration 1\""}};
     outcome o;
 
     (void)state;
@@ -1290,17 +1302,24 @@ static void command_lines(void **state)
         {"cairn align @/drive/scans.log -o @/refused -x", "cairn align: ", "unknown option '-x'"},
         {"cairn align @/drive/scans.log -o @/refused --method magic",
          "cairn align: ", "unknown method 'magic', expected default, gradient or lum"},
-        {"cairn align @/drive/scans.log -o @/refused --method lum --virtual",
-         "cairn align: ", "--virtual with method lum, expected with method default"},
-        {"cairn align @/drive/scans.log -o @/refused --as-written --method lum",
-         "cairn align: ", "--as-written with method lum, expected with method gradient"},
-        {"cairn align @/drive/scans.log -o @/refused --as-written --method default",
-         "cairn align: ", "--as-written with method default, expected with method gradient"},
-        {"cairn align @/drive/scans.log -o @/refused --as-written --spread 1,20",
-         "cairn align: ", "--spread with --as-written, expected without"},
-        {"cairn align @/drive/scans.log -o @/refused --online", "cairn align: ", "--online with method default"},
+        {"cairn align @/drive/scans.log -o @/refused --method lum --virtual", "cairn align: ",
+         "--virtual with --method lum: hypotheses go with default or gradient; expected one of the two"},
+        {"cairn align @/drive/scans.log -o @/refused --method default --as-written",
+         "cairn align: ", "--as-written with --method default: the thesis has gradient and lum"},
+        {"cairn align @/drive/scans.log -o @/refused --as-written --virtual --spread 0.1,5",
+         "cairn align: ", "--spread with --as-written: the thesis's methods do not ask how far off poses are"},
+        {"cairn align @/drive/scans.log -o @/refused --method lum --as-written --spacing 0.1",
+         "cairn align: ", "--spacing with --as-written: method lum pairs the scans' own points"},
+        {"cairn align @/drive/scans.log -o @/refused --online",
+         "cairn align: ", "--online with a method other than gradient"},
         {"cairn align @/drive/scans.log -o @/refused --as-written --online --report @/refused/map.html",
-         "cairn align: ", "--report with --online, expected without"},
+         "cairn align: ", "--report with --online: the player needs all scans at first"},
+        {"cairn align @/drive/scans.log -o @/refused --headings 4",
+         "cairn align: ", "--headings with the poses of the log"},
+        {"cairn align @/drive/scans.log -o @/refused --no-poses --spread 1,20",
+         "cairn align: ", "--spread with --no-poses: there is no start that is off"},
+        {"cairn align @/drive/scans.log -o @/refused --no-poses --as-written --spacing 0.1",
+         "cairn align: ", "--spacing with --as-written: it takes the readings as they come"},
         {"cairn align @/drive/scans.log -o @/refused --spread 0,1", "cairn align: ", "--spread is '0,1'"},
         {"cairn align @/drive/scans.log -o @/refused --steps 0",
          "cairn align: ", "--steps is '0', expected a whole number from 1 to 100000"},

@@ -22,6 +22,9 @@ static const struct align_method {
     double spacing; /* m, of the points */
 } methods[] = {{"default", align_by_default, 0.1}, {"gradient", align_by_field, 0.1}, {"lum", align_by_lum, 0.03}};
 
+/* Iterations at most as written: of algorithm 2 those of fig. 8.12, of Lu and Milios those of section 10.5.1. */
+enum { VIRTUAL_STEPS = 100, LUM_STEPS = 500 };
+
 static const struct align_method *method_of(const align_settings *s)
 {
     for (size_t k = 0; k < sizeof methods / sizeof *methods; k++)
@@ -30,67 +33,93 @@ static const struct align_method *method_of(const align_settings *s)
     return NULL;
 }
 
-/* What has no sense without poses, and why. */
-static const struct refusal {
-    const char *name, *why;
-} without_poses[] = {
-    {"--method", "places are matched as wholes, which is a method of its own"},
-    {"--spread", "there is no start that is off"},
-    {"--virtual", "no scan has a start to be guessed from"},
-    {"--steps", "it does not go in steps"},
-    {"--report", "it has no steps to play"},
-};
+/* An option that does not go together with others, and why. */
+typedef struct align_rule {
+    int32_t is_broken; /* 1: what it does not go together with is given */
+    const char *option, *with, *why;
+} align_rule;
 
-enum { OPTIONS_MOST = 32 };
-
-/* OPTIONS_READ when the options of --no-poses go together with the others. given: of the options of the table. */
-static option_result check_places(const align_settings *s, const option *table, const int32_t *given, size_t count)
+/* 1 when an option of the table is given. */
+static int32_t is_given(const option *table, size_t count, const char *name)
 {
-    for (size_t i = 0; i < count; i++) {
-        const char *name = table[i].name;
-        int only = strcmp(name, "--headings") == 0;
+    for (size_t i = 0; i < count; i++)
+        if (strcmp(table[i].name, name) == 0)
+            return *table[i].given;
+    return 0;
+}
 
-        for (size_t k = 0; k < sizeof without_poses / sizeof *without_poses && given[i] && s->no_poses; k++)
-            if (strcmp(name, without_poses[k].name) == 0) {
-                (void)options_refuse(ALIGN_PROGRAM, "%s with --no-poses, expected without: %s", name,
-                                     without_poses[k].why);
-                return OPTIONS_BAD;
-            }
-        if (given[i] && only && !s->no_poses) {
-            (void)options_refuse(ALIGN_PROGRAM, "%s without --no-poses, expected with it", name);
-            return OPTIONS_BAD;
-        }
-        if (given[i] && s->as_written && s->no_poses && strcmp(name, "--spacing") == 0) {
-            (void)options_refuse(ALIGN_PROGRAM,
-                                 "--spacing with --as-written, expected without: it takes the readings as they come");
-            return OPTIONS_BAD;
-        }
+/* 1 when the settings go together, else 0 after a line on standard error. Sets what follows from them. */
+static int check_settings(align_settings *s, const option *table, size_t count)
+{
+    int32_t is_lum, is_gradient;
+
+    if (s->method == NULL)
+        s->method = s->as_written && !s->no_poses ? "gradient" : methods[0].name;
+    if (method_of(s) == NULL) {
+        (void)options_refuse(ALIGN_PROGRAM, "unknown method '%s', expected default, gradient or lum", s->method);
+        return 0;
     }
-    return OPTIONS_READ;
+    is_lum = strcmp(s->method, "lum") == 0;
+    is_gradient = strcmp(s->method, "gradient") == 0;
+    const align_rule rules[] = {
+        {s->no_poses, "--method", "--no-poses", "places are matched as wholes, which is a method of its own"},
+        {s->no_poses, "--spread", "--no-poses", "there is no start that is off"},
+        {s->no_poses, "--virtual", "--no-poses", "no scan has a start to be guessed from"},
+        {s->no_poses, "--online", "--no-poses", "no scan has a start to be moved from"},
+        {s->no_poses, "--steps", "--no-poses", "it does not go in steps"},
+        {s->no_poses, "--report", "--no-poses", "it has no steps to play"},
+        {!s->no_poses, "--headings", "the poses of the log",
+         "it says how many scans a place has where no poses are read (--no-poses)"},
+        {s->as_written && !s->no_poses && !is_lum && !is_gradient, "--as-written", "--method default",
+         "the thesis has gradient and lum"},
+        {s->as_written, "--spread", "--as-written", "the thesis's methods do not ask how far off poses are"},
+        {s->as_written && is_lum, "--spacing", "--as-written", "method lum pairs the scans' own points"},
+        {s->as_written && s->no_poses, "--spacing", "--as-written", "it takes the readings as they come"},
+        {is_lum, "--virtual", "--method lum", "hypotheses go with default or gradient"},
+        {!is_gradient, "--online", "a method other than gradient", "scan after scan is a mode of gradient"},
+        {s->online, "--virtual", "--online", "hypotheses are made of all scans"},
+        {s->online, "--report", "--online", "the player needs all scans at first"},
+    };
+    for (size_t i = 0; i < sizeof rules / sizeof *rules; i++)
+        if (rules[i].is_broken && is_given(table, count, rules[i].option)) {
+            (void)options_refuse(ALIGN_PROGRAM, "%s with %s: %s; expected one of the two", rules[i].option,
+                                 rules[i].with, rules[i].why);
+            return 0;
+        }
+    s->as_written |= s->by_hypotheses && is_gradient;
+    if (s->as_written && !is_given(table, count, "--steps"))
+        s->steps = is_lum ? LUM_STEPS : s->by_hypotheses ? VIRTUAL_STEPS : s->steps;
+    if (isnan(s->spacing))
+        s->spacing = method_of(s)->spacing;
+    return 1;
 }
 
 static option_result read_settings(align_settings *s, int argc, char **argv)
 {
-    int32_t given[OPTIONS_MOST] = {0};
+    int32_t given[32] = {0};
     option table[] = {
         OPTION_TEXT("-o", &s->folder, "DIR", "folder for poses.csv, map.pgm, map.yaml and map.svg"),
         OPTION_TEXT("--method", &s->method, "NAME",
                     "default, gradient (force field simulation as in the thesis) or lum (Lu and Milios)"),
-        OPTION_FLAG("--as-written", &s->as_written,
-                    "as the thesis is printed, with its constants: chapter 7 (method gradient, then the default), chapter 6 "
-                    "(--no-poses: each place with the three before, headings known to 2 degrees)"),
+        OPTION_FLAG(
+            "--as-written", &s->as_written,
+            "as the thesis is printed, with its constants: chapter 7 (gradient, then the default), 8 (--virtual), 10 "
+            "(lum), 6 (--no-poses: each place with the three before, headings known to 2 degrees)"),
         OPTION_FLAG("--online", &s->online,
                     "scan after scan, each against all before, --steps iterations each (gradient)"),
         OPTION_PAIR("--spread", s->spread, 0.001, 360, "M,DEG",
                     "poses in the log are off by at most about so much, m in x and y, degrees (default)"),
         OPTION_FLAG("--virtual", &s->by_hypotheses,
-                    "scans that find no place go by lines and rooms that the map suggests (default)"),
+                    "scans that find no place go by lines and rooms that the map suggests (default); with gradient: "
+                    "algorithm 2 of the thesis"),
         OPTION_FLAG("--no-poses", &s->no_poses,
                     "how places lie is not read from the log: they are matched, all with all, as wholes"),
-        OPTION_INTEGER("--headings", &s->headings, 1, 64, "N",
-                       "N scans a place, evenly around, no pose of the log is read; else the log says which scans are of one "
-                       "place, and how they lie in it (--no-poses)"),
-        OPTION_INTEGER("--steps", &s->steps, 1, 100000, "N", "iterations at most (gradient, lum)"),
+        OPTION_INTEGER(
+            "--headings", &s->headings, 1, 64, "N",
+            "N scans a place, evenly around, no pose of the log is read; else the log says which scans are of one "
+            "place, and how they lie in it (--no-poses)"),
+        OPTION_INTEGER("--steps", &s->steps, 1, 100000, "N",
+                       "iterations at most (gradient, lum); as written 100 with --virtual, 500 with lum"),
         OPTION_INTEGER("--max-scans", &s->max_scans, 1, 100000, "N", "scans at most"),
         OPTION_NUMBER("--spacing", &s->spacing, 0.01, 1, "M",
                       "distance of the points along walls, m; 0.03 for lum if not given (0.1)"),
@@ -110,40 +139,12 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
         table, sizeof table / sizeof *table};
     option_result result;
 
-    for (size_t i = 0; i < set.count && i < OPTIONS_MOST; i++)
+    for (size_t i = 0; i < set.count; i++)
         table[i].given = &given[i];
     result = tool_read_options(&set, argc, argv, &s->log, &s->folder);
-    if (result == OPTIONS_READ)
-        result = check_places(s, table, given, set.count);
     if (result != OPTIONS_READ)
         return result;
-    if (s->as_written && !s->no_poses && strcmp(s->method, methods[0].name) == 0)
-        s->method = "gradient";
-    if (method_of(s) == NULL) {
-        (void)options_refuse(ALIGN_PROGRAM, "unknown method '%s', expected default, gradient or lum", s->method);
-        return OPTIONS_BAD;
-    }
-    if (((s->as_written && !s->no_poses) || s->online) && method_of(s)->run != align_by_field) {
-        (void)options_refuse(ALIGN_PROGRAM, "%s with method %s, expected with method gradient",
-                             s->as_written ? "--as-written" : "--online", s->method);
-        return OPTIONS_BAD;
-    }
-    if (s->as_written && (s->spread[0] != SPREAD_M || s->spread[1] != SPREAD_DEG)) {
-        (void)options_refuse(ALIGN_PROGRAM, "--spread with --as-written, expected without: the thesis knows no spread");
-        return OPTIONS_BAD;
-    }
-    if (s->online && s->report != NULL) {
-        (void)options_refuse(ALIGN_PROGRAM,
-                             "--report with --online, expected without: the player needs all scans at first");
-        return OPTIONS_BAD;
-    }
-    if (s->by_hypotheses && method_of(s) != methods) {
-        (void)options_refuse(ALIGN_PROGRAM, "--virtual with method %s, expected with method default", s->method);
-        return OPTIONS_BAD;
-    }
-    if (isnan(s->spacing))
-        s->spacing = method_of(s)->spacing;
-    return OPTIONS_READ;
+    return check_settings(s, table, set.count) ? OPTIONS_READ : OPTIONS_BAD;
 }
 
 /* ---- what the methods share ---- */
@@ -306,14 +307,13 @@ static int run(align_job *job)
 
 int tool_align(int argc, char **argv)
 {
-    align_settings s = {.method = methods[0].name,
-                        .max_scans = 500,
+    align_settings s = {.max_scans = 500,
                         .steps = 50,
                         .seed = 1,
                         .resolution = 0.05,
                         .range = 30,
                         .spacing = (double)NAN,
-                        .spread = {0.6, 35}};
+                        .spread = {SPREAD_M, SPREAD_DEG}};
     cairn_file_error error;
     option_result result;
     cairn_carmen_scans log;

@@ -15,9 +15,10 @@ typedef struct align_settings {
     double resolution, range, range_max, spacing;
     double spread[2]; /* m, degrees */
     int32_t quiet, by_hypotheses;
-    int32_t no_poses, as_written;
-    int32_t online;   /* of gradient */
-    int64_t headings; /* scans of a place; 0: by the poses of the log */
+    int32_t no_poses;
+    int32_t as_written; /* the method as the thesis prints it; with hypotheses, method gradient is that */
+    int32_t online;     /* of gradient */
+    int64_t headings;   /* scans of a place; 0: by the poses of the log */
 } align_settings;
 
 typedef struct align_job {

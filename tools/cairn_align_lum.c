@@ -1,4 +1,4 @@
-/* cairn align --method lum: sequential registration, then Lu and Milios. */
+/* cairn align --method lum: sequential registration, then Lu and Milios; as written Lu and Milios alone. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -7,12 +7,35 @@
 #include "cairn/lum.h"
 #include "tools/cairn_align.h"
 
+/* Points that an object takes at most. */
+#define POINTS_MOST (1 << 24)
+
 /* Iterations between two searches for links. */
 #define REBUILD 5
 
 static cairn_status add_to_lum(void *lum, const cairn_scan_view *view, cairn_pose start, cairn_fault *fault)
 {
     return cairn_lum_add_scan(lum, view->points, view->point_count, start, fault);
+}
+
+/* As written: the hits of the beams, whose directions are not asked for. */
+static cairn_status add_hits(void *lum, const cairn_scan_view *view, cairn_pose start, cairn_fault *fault)
+{
+    cairn_oriented_point *hit = malloc(((size_t)view->beam_count + 1) * sizeof *hit);
+    cairn_status status = CAIRN_NO_MEMORY;
+    int32_t count = 0;
+
+    for (int32_t k = 0; k < view->beam_count && hit != NULL; k++) {
+        if (view->beams[k].kind != CAIRN_BEAM_HIT)
+            continue;
+        hit[count].position = view->beams[k].to;
+        hit[count].direction.x = 1;
+        hit[count++].direction.y = 0;
+    }
+    if (hit != NULL)
+        status = cairn_lum_add_scan(lum, hit, count, start, fault);
+    free(hit);
+    return status;
 }
 
 static cairn_report_player_params player_params(void)
@@ -92,6 +115,9 @@ static void read_result(align_job *job, const cairn_lum *lum)
         scan->verdict = blind ? "blind" : apart ? "apart" : "aligned";
     }
     snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " iterations of Lu and Milios", state.iterations);
+    if (job->settings->as_written)
+        snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " iterations of Lu and Milios as written",
+                 state.iterations);
     snprintf(job->summary, sizeof job->summary,
              "registered %" PRId32 " scans, one after the other\n"
              "links      %" PRId32 ", which join the scans to %" PRId32 " parts\n"
@@ -110,9 +136,18 @@ static int32_t links_most(int32_t scans)
     return (int32_t)(all < most ? all : most) + 1;
 }
 
+/* Beams of all scans. */
+static int32_t hits_most(const align_job *job)
+{
+    int64_t all = (int64_t)job->log->count * job->log->info.beams_most;
+
+    return all < POINTS_MOST ? (int32_t)all : POINTS_MOST;
+}
+
 int align_by_lum(align_job *job)
 {
-    cairn_lum_params params = cairn_lum_default();
+    int32_t as_written = job->settings->as_written;
+    cairn_lum_params params = as_written ? cairn_lum_as_written() : cairn_lum_default();
     cairn_scan *scan = NULL;
     cairn_lum *lum = NULL;
     cairn_status status;
@@ -120,11 +155,13 @@ int align_by_lum(align_job *job)
     int code;
 
     params.max_scans = job->log->count;
-    params.max_points = job->points;
+    params.max_points = as_written ? hits_most(job) : job->points;
     params.max_links = params.max_fill = links_most(job->log->count);
     params.max_iterations = (int32_t)job->settings->steps;
-    params.rebuild = REBUILD;
-    params.registers = 1;
+    if (!as_written) {
+        params.rebuild = REBUILD;
+        params.registers = 1;
+    }
     code = tool_pool_open(&pool, ALIGN_PROGRAM, job->settings->pool,
                           cairn_lum_memory(&params) + cairn_scan_memory(&job->scan));
     if (code != TOOL_OK)
@@ -133,9 +170,9 @@ int align_by_lum(align_job *job)
     if (status == CAIRN_OK)
         status = cairn_lum_create(&lum, &pool, &params);
     if (status == CAIRN_OK)
-        status = align_open_player(job, player_params(), "Lu and Milios");
+        status = align_open_player(job, player_params(), as_written ? "Lu and Milios as written" : "Lu and Milios");
     if (status == CAIRN_OK)
-        code = align_add_scans(job, scan, add_to_lum, lum);
+        code = align_add_scans(job, scan, as_written ? add_hits : add_to_lum, lum);
     if (status == CAIRN_OK && code == TOOL_OK)
         status = iterate(job, lum);
     if (status < 0)

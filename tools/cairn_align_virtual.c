@@ -1,4 +1,5 @@
-/* cairn align --virtual: method default, and virtual scans for what it finds no place for. */
+/* cairn align --virtual: method default, and virtual scans for what it finds no place for; with method gradient the algorithm 2 of the
+ * thesis. */
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
@@ -16,6 +17,7 @@ typedef struct virtual_record {
     uint8_t *doubtful;
     cairn_report_guess *guess;
     int32_t scans, guess_room;
+    int32_t as_written;
     int64_t step;
 } virtual_record;
 
@@ -40,6 +42,28 @@ static cairn_report_player_params player_params(void)
     return params;
 }
 
+/* Points of the virtual scan at most, as written, and bins across the map: lines reach over all of it. */
+enum { AS_WRITTEN_POINTS = 1 << 15, AS_WRITTEN_DISTANCES = 512 };
+
+static cairn_virtual_align_params params_of(const align_job *job)
+{
+    cairn_virtual_align_params params;
+
+    if (!job->settings->as_written) {
+        params = cairn_virtual_align_default();
+        params.aligner = align_params_of(job);
+        return params;
+    }
+    params = cairn_virtual_align_as_written();
+    params.aligner = align_params_of(job);
+    params.aligner.max_hypotheses = params.aligner.max_fill = 1; /* it does not run */
+    params.field.max_steps = (int32_t)job->settings->steps;
+    params.hypotheses.spacing = (cairn_real)job->settings->spacing;
+    params.hypotheses.max_virtual = AS_WRITTEN_POINTS;
+    params.hypotheses.hough.distances = AS_WRITTEN_DISTANCES;
+    return params;
+}
+
 static cairn_status record_begin(virtual_record *record, const align_job *job, const cairn_virtual_align *align)
 {
     size_t scans = (size_t)job->log->count + 1;
@@ -47,7 +71,8 @@ static cairn_status record_begin(virtual_record *record, const align_job *job, c
     record->player = job->player;
     record->align = align;
     record->scans = job->log->count;
-    record->guess_room = cairn_virtual_align_default().hypotheses.max_virtual;
+    record->as_written = job->settings->as_written;
+    record->guess_room = params_of(job).hypotheses.max_virtual;
     record->pose = malloc(scans * sizeof *record->pose);
     record->doubtful = calloc(scans, 1);
     record->guess = malloc((size_t)record->guess_room * sizeof *record->guess);
@@ -105,7 +130,7 @@ static double take_poses(virtual_record *record)
         cairn_pose last = record->pose[i];
 
         record->pose[i] = pose.aligned.map_scan;
-        record->doubtful[i] = !pose.aligned.placed;
+        record->doubtful[i] = !record->as_written && !pose.aligned.placed;
         if (pose.moved && record->step > 0) {
             way += hypot((double)(record->pose[i].x - last.x), (double)(record->pose[i].y - last.y));
             moving++;
@@ -133,6 +158,8 @@ static cairn_status record_frame(virtual_record *record)
                  result.hypotheses, sigma);
         frame.guess = record->guess;
         frame.guess_count = take_guesses(record);
+    } else if (record->as_written) {
+        snprintf(label, sizeof label, "end: %" PRId32 " iterations", result.iterations);
     } else {
         snprintf(label, sizeof label, "%s%" PRId32 " scans placed, the others in red",
                  cairn_virtual_align_running(record->align) ? "" : "end: ", result.aligner.placed);
@@ -191,16 +218,35 @@ static void read_result(align_job *job, const cairn_virtual_align *align)
     align_summarize(job, &result.aligner);
 }
 
+/* As written no scan is placed by anything but the field. */
+static void read_as_written(align_job *job, const cairn_virtual_align *align)
+{
+    cairn_virtual_align_result result = cairn_virtual_align_read(align);
+    cairn_force_field_state state = cairn_force_field_read(cairn_virtual_align_field(align));
+
+    for (int32_t i = 0; i < job->log->count; i++) {
+        map_scan *scan = &job->scans[i];
+
+        scan->after = cairn_virtual_align_pose_of(align, i).aligned.map_scan;
+        scan->doubtful = scan->point_count == 0;
+        scan->verdict = scan->doubtful ? "blind" : "aligned";
+    }
+    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " steps of algorithm 2", result.iterations);
+    snprintf(job->summary, sizeof job->summary,
+             "steps      %" PRId32 " (%s), %" PRId32 " with a virtual scan, the last of %" PRId32 " hypotheses\n",
+             result.iterations, state.verdict == CAIRN_FORCE_FIELD_CONVERGED ? "converged" : "out of steps",
+             result.active, result.hypotheses);
+}
+
 int align_by_hypotheses(align_job *job)
 {
-    cairn_virtual_align_params params = cairn_virtual_align_default();
+    cairn_virtual_align_params params = params_of(job);
     cairn_virtual_align *align = NULL;
     cairn_scan *scan = NULL;
     cairn_status status;
     cairn_pool pool;
     int code;
 
-    params.aligner = align_params_of(job);
     code = tool_pool_open(&pool, ALIGN_PROGRAM, job->settings->pool,
                           cairn_virtual_align_memory(&params) + cairn_scan_memory(&job->scan));
     if (code != TOOL_OK)
@@ -209,13 +255,17 @@ int align_by_hypotheses(align_job *job)
     if (status == CAIRN_OK)
         status = cairn_virtual_align_create(&align, &pool, &params);
     if (status == CAIRN_OK)
-        status = align_open_player(job, player_params(), "scans without a place go by hypotheses");
+        status = align_open_player(job, player_params(),
+                                   job->settings->as_written ? "force field simulation with virtual scans"
+                                                             : "scans without a place go by hypotheses");
     if (status == CAIRN_OK)
         code = align_add_scans(job, scan, add_to_align, align);
     if (status == CAIRN_OK && code == TOOL_OK)
         status = run(job, align);
     if (status < 0)
         code = align_refuse(job, status);
+    else if (code == TOOL_OK && job->settings->as_written)
+        read_as_written(job, align);
     else if (code == TOOL_OK)
         read_result(job, align);
     job->pool_bytes = pool.peak;

@@ -193,6 +193,11 @@ static void spaced_force_field_set_default(void *params)
     *(cairn_force_field_params *)params = field;
 }
 
+static void virtual_align_as_written_set_default(void *params)
+{
+    *(cairn_virtual_align_params *)params = cairn_virtual_align_as_written();
+}
+
 #define OBJECT(room) .name = #room, .set_default = room##_set_default, .memory = room##_memory
 #define HAS(room, name, field)                                                                                         \
     {                                                                                                                  \
@@ -340,6 +345,12 @@ const pool_object pool_objects[] = {
      {HAS(force_field, "scan", max_scans), HAS(force_field, "segment", max_segments),
       HAS(force_field, "point", max_points), HAS(force_field, "corner", max_corners),
       HAS(force_field, "bond", max_bonds), HAS(force_field, "extra point", max_extra)}},
+    {.name = "virtual_align_as_written",
+     .set_default = virtual_align_as_written_set_default,
+     .memory = virtual_align_memory,
+     0,
+     {HAS(virtual_align, "scan", aligner.max_scans), HAS(virtual_align, "segment", aligner.max_segments),
+      HAS(virtual_align, "point", aligner.max_points), HAS(virtual_align, "virtual point", hypotheses.max_virtual)}},
     {.name = NULL},
 };
 

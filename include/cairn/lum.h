@@ -5,7 +5,14 @@
  * all differences are met at once in the least squares sense (Lu and Milios 1997; Adluru 2008, chapter 10). The first scan
  * stays. Scans that no links join to it keep the place of the first of their piece, and are told.
  *
- * Optionally the scans are first registered one after the other, as 3DTK, the implementation of the thesis, does. */
+ * Optionally the scans are first registered one after the other, as 3DTK, the implementation of the thesis, does.
+ *
+ * Mode as written (cairn_lum_as_written): section 10.3.2, and nothing more. Links are built once, from the initial poses, between scans
+ * with more than 5 closest pairs within 0.20 m; a point's nearest point counts whatever the directions of the two; every link
+ * weighs by the covariance that its own pairs give; there is no registration before. Choices: closest points are looked for from
+ * the later scan of a link to the earlier one; a variance below (0.1 mm)^2 counts as that, as pairs that fit exactly have none;
+ * a link with 5 pairs or fewer in a later iteration is left out of that iteration; the end is when no scan moves farther than
+ * 0.1 mm, or 500 iterations. The 6-D method on 2-D scans is the 2-D one (section 10.3.2, last paragraph), which this is. */
 #ifndef CAIRN_LUM_H
 #define CAIRN_LUM_H
 
@@ -42,12 +49,17 @@ typedef struct cairn_lum_params {
      * as those of the placed scans have moved. 0: none (0); 1: links of 0.20 m alone keep what is nearly right and do
      * not find what is far. */
     int32_t registers;
+    /* CAIRN_MODE_DEFAULT; CAIRN_MODE_AS_WRITTEN: rebuild, direction_gate, sigma and registers are not read (CAIRN_MODE_DEFAULT) */
+    int32_t mode;
     cairn_real register_gate;    /* m, >= distance: of a pair at first (0.7) */
     cairn_real register_turn;    /* rad, [0, pi]: also tried with its start turned so much, both ways (10 degrees) */
     cairn_real register_spacing; /* m, >= 0: points of a scan nearer to the one before are left out of it (0.08) */
 } cairn_lum_params;
 
 cairn_lum_params cairn_lum_default(void);
+
+/* Mode as written, with the thesis's constants where it has any: see above. */
+cairn_lum_params cairn_lum_as_written(void);
 
 typedef int32_t cairn_lum_verdict;
 enum {
@@ -65,8 +77,9 @@ typedef struct cairn_lum_state {
     int32_t pieces;     /* of scans that links join; 1 is good */
     int32_t registered; /* scans that registration has matched with others */
     int64_t pairs;      /* of points, in the last iteration */
-    cairn_real error;   /* W of eq. 10.2 before the last iteration's step, with covariances of that iteration */
-    cairn_real motion;  /* m: the largest of the last iteration */
+    cairn_real
+        error; /* W of eq. 10.2 before the last iteration's step: of its measured differences, with their covariances */
+    cairn_real motion; /* m: the largest of the last iteration */
 } cairn_lum_state;
 
 /* 0 for params that create() would refuse. */

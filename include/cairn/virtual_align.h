@@ -13,7 +13,14 @@
  * So the influence of hypotheses is not set by hand: they propose, and how much better the map explains itself decides. They
  * never move what the scans themselves have settled, and are not made for scans that they cannot help: those that show walls
  * of one direction only, and those that may slide. When the aligner finds no two scans that belong together, all move, and the
- * virtual scan is made anew every few iterations. */
+ * virtual scan is made anew every few iterations.
+ *
+ * Mode as written (cairn_virtual_align_as_written): algorithm 2, and nothing else: no aligner, no slide. Force field simulation moves all
+ * scans, with the gradient of chapter 7; the first iteration has no virtual scan; after every iteration one is made anew from the real
+ * scans as they then lie, as written (virtual_scan.h). Real points weigh 1: no regions of interest. The end is that of the force field.
+ * Choices: at most 100 iterations (fig. 8.12); sigma and dt are those of section 7.4.2, as chapter 8 gives a sigma at the start alone, "in units of the data
+ * set": for data whose unit is u m, sigma and dt are u times the thesis's numbers (section 7.4.2 has u = 0.01 m, and so have the defaults: sigma 15 to 4,
+ * dt 5 to 1). */
 #ifndef CAIRN_VIRTUAL_ALIGN_H
 #define CAIRN_VIRTUAL_ALIGN_H
 
@@ -37,6 +44,9 @@ typedef struct cairn_virtual_align_params {
         every; /* >= 1: iterations of the field from one virtual scan to the next while the scans that it is made of move (8) */
     int32_t max_rounds; /* >= 1: of the field, each followed by the aligner, as long as scans are without a place (2) */
     int32_t align;      /* 0: without the aligner: all scans move from their initial poses, and none slides (1) */
+    int32_t
+        mode; /* CAIRN_MODE_DEFAULT; CAIRN_MODE_AS_WRITTEN: every, max_rounds, align, slide, hypotheses.mode and of the field mode, roi and
+                           sides_below are not read (CAIRN_MODE_DEFAULT) */
 } cairn_virtual_align_params;
 
 /* A scan in the result. */
@@ -60,6 +70,9 @@ typedef struct cairn_virtual_align cairn_virtual_align;
 
 /* The defaults above. */
 cairn_virtual_align_params cairn_virtual_align_default(void);
+
+/* Mode as written: see above. */
+cairn_virtual_align_params cairn_virtual_align_as_written(void);
 
 /* 0 for params that create() would refuse. */
 size_t cairn_virtual_align_memory(const cairn_virtual_align_params *params);

@@ -9,7 +9,14 @@
  *
  * How much a hypothesis weighs follows from it, not from a setting by hand: a point of it weighs at most what one real scan that
  * saw it whole would add, in proportion to the share of its outline that scans do show; and a line or an ellipse counts only when it brings
- * together walls of several scans, since one scan knows its own walls better. */
+ * together walls of several scans, since one scan knows its own walls better.
+ *
+ * Mode as written (cairn_virtual_scan_as_written): section 8.4. Lines come from the Hough transform as written (hough.h) of all points;
+ * the strength of a line is the number of points that take part in it, by that of the strongest line, as a strength is to compare with a
+ * real point's weight of 1. Rectangles come from segments merged to prototypes, four of them near parallel and near perpendicular, by their
+ * slopes, lengths and distances; faces of walls are not told apart. No other condition is put to a hypothesis, and sigma changes nothing.
+ * Choices, where the text gives no number: lines of 40 points and more; points of the virtual scan as far apart as real ones (0.10 m); weight 1
+ * of strength 1; a rectangle's strength is the covered share of its outline, less with the square of the deviation from right angles. */
 #ifndef CAIRN_VIRTUAL_SCAN_H
 #define CAIRN_VIRTUAL_SCAN_H
 
@@ -35,8 +42,8 @@ typedef struct cairn_hypothesis {
     cairn_hypothesis_kind kind;
     int32_t first_point, end_point; /* of the virtual scan */
     int32_t scans;                  /* that show it; 0: not asked for */
-    cairn_real strength;            /* 0 ... 1, share of the outline that is seen */
-    cairn_real weight;              /* of each of its points */
+    cairn_real strength; /* 0 ... 1, share of the outline that is seen; of a line as written its votes by the most */
+    cairn_real weight;   /* of each of its points */
 } cairn_hypothesis;
 
 /* The map that hypotheses are made from, as the scans lie. */
@@ -83,7 +90,9 @@ typedef struct cairn_virtual_scan_params {
     cairn_real line_support; /* in sigma, > 0: how far from a line or ellipse its points may be ... (0.3) */
     cairn_real line_angle;   /* rad per m of sigma, > 0: ... and how far off in direction, from 4 to 10 degrees (0.2) */
     int32_t least_scans;     /* >= 1: that a line or ellipse brings together (2) */
-    cairn_real least_length; /* m, >= 0: of walls that a scan has on it to count (0.5) */
+    int32_t mode; /* CAIRN_MODE_DEFAULT; CAIRN_MODE_AS_WRITTEN: ellipses, stride, line_support, line_angle, least_scans,
+                                least_length, hough.mode and rectangle.oriented are not read (CAIRN_MODE_DEFAULT) */
+    cairn_real least_length;          /* m, >= 0: of walls that a scan has on it to count (0.5) */
     cairn_hough_params hough;         /* its tolerances are the least ones, at sigma 0 */
     cairn_rectangle_params rectangle; /* its max_segments is not read */
     cairn_ellipse_params ellipse;     /* its tolerances are the least ones, too */
@@ -94,6 +103,9 @@ typedef struct cairn_virtual_scan cairn_virtual_scan;
 /* The defaults above; hough with 72 angles, 128 distances and steps of 0.10 m, rectangles with sides from 1 m of
  * whose outline 55 % is seen. */
 cairn_virtual_scan_params cairn_virtual_scan_default(void);
+
+/* Mode as written: see above. */
+cairn_virtual_scan_params cairn_virtual_scan_as_written(void);
 
 /* 0 for params that create() would refuse. */
 size_t cairn_virtual_scan_memory(const cairn_virtual_scan_params *params);

@@ -4,7 +4,8 @@
  * votes in all rows about its own direction, less the farther, and in each row for the two columns that its distance lies
  * between, so that peaks are smooth. Without orientation a row and the one half a turn away are the same with the columns
  * reversed. A peak is refined by two weighted regressions across its line, in the line's own frame, where float has digits
- * to spare; a last pass measures the support. Lines that came to lie on a stronger one are dropped (hough_lines.c).
+ * to spare; a last pass measures the support. Lines that came to lie on a stronger one are dropped (hough_lines.c). As written
+ * a point votes for one column of every row, and the points of a peak's bin are its support.
  *
  * Layout: directions of the rows; the votes; a bit for each place along the line at hand; the peaks; two lists of lines, one
  * in work, one that readers see.
@@ -32,6 +33,7 @@ cairn_hough_params cairn_hough_default(void)
         .distances = 256,
         .distance_step = CAIRN_REAL(0.05),
         .oriented = 1,
+        .mode = CAIRN_MODE_DEFAULT,
         .angle_tolerance = 10 * (CAIRN_PI / 180),
         .separation = CAIRN_REAL(0.20),
         .separation_angle = 10 * (CAIRN_PI / 180),
@@ -40,6 +42,29 @@ cairn_hough_params cairn_hough_default(void)
         .least_votes = 20,
     };
     return params;
+}
+
+cairn_hough_params cairn_hough_as_written(void)
+{
+    cairn_hough_params params = cairn_hough_default();
+
+    params.mode = CAIRN_MODE_AS_WRITTEN;
+    params.oriented = 0;
+    params.distance_step = CAIRN_REAL(0.10);
+    return params;
+}
+
+/* The params with what the mode leaves no choice of. */
+static cairn_hough_params in_mode(const cairn_hough_params *params)
+{
+    cairn_hough_params p = *params;
+
+    if (p.mode == CAIRN_MODE_AS_WRITTEN) {
+        p.oriented = 0;
+        p.angle_tolerance = CAIRN_PI / 2;
+        p.support_distance = p.distance_step;
+    }
+    return p;
 }
 
 static int is_length(cairn_real x)
@@ -54,11 +79,11 @@ static int is_angle(cairn_real x)
 
 static int params_are_valid(const cairn_hough_params *p)
 {
-    return p != NULL && p->max_lines >= 1 && p->max_lines <= 256 && p->angles >= 8 && p->angles <= 1 << 12 &&
-           p->distances >= 8 && p->distances <= 1 << 14 && is_length(p->distance_step) &&
-           is_angle(p->angle_tolerance) && is_length(p->separation) && is_angle(p->separation_angle) &&
-           is_length(p->support_distance) && is_length(p->spacing) && p->least_votes > 0 &&
-           cairn_is_finite(p->least_votes);
+    return p->max_lines >= 1 && p->max_lines <= 256 && p->angles >= 8 && p->angles <= 1 << 12 && p->distances >= 8 &&
+           p->distances <= 1 << 14 && is_length(p->distance_step) && is_angle(p->angle_tolerance) &&
+           is_length(p->separation) && is_angle(p->separation_angle) && is_length(p->support_distance) &&
+           is_length(p->spacing) && p->least_votes > 0 && cairn_is_finite(p->least_votes) &&
+           (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN);
 }
 
 static int32_t rows_of(const cairn_hough_params *params)
@@ -91,12 +116,16 @@ static cairn_hough *carve(cairn_pool *pool, const cairn_hough_params *params)
 
 size_t cairn_hough_memory(const cairn_hough_params *params)
 {
+    cairn_hough_params used;
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (params == NULL)
+        return 0;
+    used = in_mode(params);
+    if (!params_are_valid(&used))
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)carve(&counting, &used);
     return cairn_pool_counted(&counting);
 }
 
@@ -110,16 +139,18 @@ static void take_params(cairn_hough *hough, const cairn_hough_params *params)
 cairn_status cairn_hough_create(cairn_hough **hough, cairn_pool *pool, const cairn_hough_params *params)
 {
     size_t need = cairn_hough_memory(params);
+    cairn_hough_params used;
     cairn_hough *made;
 
     if (hough == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pool_has_room(pool, need))
         return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    take_params(made, params);
-    made->rows = rows_of(params);
-    made->turn = CAIRN_PI / (cairn_real)params->angles;
+    used = in_mode(params);
+    made = carve(pool, &used);
+    take_params(made, &used);
+    made->rows = rows_of(&used);
+    made->turn = CAIRN_PI / (cairn_real)used.angles;
     for (int32_t row = 0; row < made->rows; row++)
         cairn_sincos((cairn_real)row * made->turn, &made->direction[row].y, &made->direction[row].x);
     *hough = made;
@@ -128,12 +159,17 @@ cairn_status cairn_hough_create(cairn_hough **hough, cairn_pool *pool, const cai
 
 cairn_status cairn_hough_adjust(cairn_hough *hough, const cairn_hough_params *params)
 {
-    if (hough == NULL || !params_are_valid(params) || params->max_lines != hough->params.max_lines ||
-        params->angles != hough->params.angles || params->distances != hough->params.distances ||
-        (params->oriented != 0) != (hough->params.oriented != 0))
+    cairn_hough_params used;
+
+    if (hough == NULL || params == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    used = in_mode(params);
+    if (!params_are_valid(&used) || used.max_lines != hough->params.max_lines || used.angles != hough->params.angles ||
+        used.distances != hough->params.distances || (used.oriented != 0) != (hough->params.oriented != 0) ||
+        used.mode != hough->params.mode)
         return CAIRN_BAD_ARGUMENT;
     hough->phase = IDLE;
-    take_params(hough, params);
+    take_params(hough, &used);
     return CAIRN_OK;
 }
 
@@ -257,6 +293,29 @@ static void vote_all(cairn_hough *hough, cairn_vec2 p, cairn_real weight, cairn_
     }
 }
 
+/* One vote in every row. */
+static void vote_as_written(cairn_hough *hough, cairn_vec2 p, cairn_real weight)
+{
+    for (int32_t row = 0; row < hough->rows; row++) {
+        int32_t column = cairn_hough_bin(hough, row, p);
+
+        CAIRN_ASSERT(column >= 0 && column < hough->params.distances);
+        hough->votes[row * hough->params.distances + column] += weight;
+    }
+}
+
+static cairn_status step_vote_as_written(cairn_hough *hough, cairn_budget *budget)
+{
+    for (; hough->cursor < hough->count; hough->cursor++) {
+        cairn_vec2 p = cairn_vec2_sub(hough->points[hough->cursor].position, hough->middle);
+
+        if (!cairn_budget_pay(budget, &hough->paid, 2 + hough->rows / 4))
+            return CAIRN_MORE;
+        vote_as_written(hough, p, cairn_hough_weight(hough, hough->cursor));
+    }
+    return CAIRN_OK;
+}
+
 static cairn_status step_vote(cairn_hough *hough, cairn_budget *budget)
 {
     for (; hough->cursor < hough->count; hough->cursor++) {
@@ -316,10 +375,12 @@ static void keep(cairn_hough *hough, int32_t row, int32_t column)
     hough->peaks[at] = p;
 }
 
-/* A line between two columns loses half of its votes to the other one, and some more between two rows. */
+/* A line between two columns loses half of its votes to the other one, and some more between two rows; as written it keeps them. */
 static int may_be_peak(const cairn_hough *hough, int32_t bin)
 {
-    return hough->votes[bin] >= CAIRN_REAL(0.4) * hough->params.least_votes;
+    cairn_real share = cairn_hough_is_as_written(hough) ? 1 : CAIRN_REAL(0.4);
+
+    return hough->votes[bin] >= share * hough->params.least_votes;
 }
 
 static cairn_status step_peaks(cairn_hough *hough, cairn_budget *budget)
@@ -355,7 +416,7 @@ static cairn_status step_phase(cairn_hough *hough, cairn_budget *budget)
     case CLEAR:
         return step_clear(hough, budget);
     case VOTE:
-        return step_vote(hough, budget);
+        return cairn_hough_is_as_written(hough) ? step_vote_as_written(hough, budget) : step_vote(hough, budget);
     case PEAKS:
         return step_peaks(hough, budget);
     case FIT:

@@ -1,5 +1,5 @@
 /* The line at each peak: fitted to the points by two weighted regressions across it, then measured, and dropped when it has come
- * to lie on a stronger one. */
+ * to lie on a stronger one. As written it is the middle of its bin, and measured alone. */
 #include "src/core/build.h"
 
 #include <string.h>
@@ -30,7 +30,7 @@ static void start_line(cairn_hough *hough)
 
     hough->fit.direction = direction;
     hough->fit.point = cairn_vec2_add(hough->middle, cairn_vec2_scale(cairn_vec2_left(direction), distance));
-    hough->pass = COARSE;
+    hough->pass = cairn_hough_is_as_written(hough) ? SUPPORT : COARSE;
     start_pass(hough);
 }
 
@@ -43,21 +43,34 @@ static void mark_place(cairn_hough *hough, cairn_vec2 p)
     hough->places[place / 32] |= (uint32_t)1 << (place % 32);
 }
 
+/* 1 when the point belongs to the line at hand, from which it is s away. As written: when it has voted for it. */
+static int belongs(const cairn_hough *hough, const cairn_oriented_point *p, cairn_real s)
+{
+    cairn_real reach = hough->params.support_distance, along, across;
+
+    if (cairn_hough_is_as_written(hough)) {
+        const peak *at = &hough->peaks[hough->line];
+
+        return cairn_hough_bin(hough, at->row, cairn_vec2_sub(p->position, hough->middle)) == at->column;
+    }
+    along = cairn_vec2_dot(hough->fit.direction, p->direction);
+    across = cairn_vec2_cross(hough->fit.direction, p->direction);
+    if (hough->pass == COARSE)
+        reach = cairn_max(2 * reach, 2 * hough->step);
+    if (!hough->params.oriented)
+        along = cairn_abs(along);
+    return cairn_abs(s) <= reach && along > 0 &&
+           cairn_abs(across) <= hough->sine_tolerance * cairn_vec2_norm(p->direction);
+}
+
 /* A point as far as it belongs to the line at hand. */
 static void add_point(cairn_hough *hough, const cairn_oriented_point *p, cairn_real weight)
 {
     cairn_vec2 d = hough->fit.direction, from = cairn_vec2_sub(p->position, hough->fit.point);
     cairn_real t = cairn_vec2_dot(d, from), s = cairn_vec2_cross(d, from);
-    cairn_real along = cairn_vec2_dot(d, p->direction), across = cairn_vec2_cross(d, p->direction);
-    cairn_real reach = hough->params.support_distance;
     moments *m = &hough->sum;
 
-    if (hough->pass == COARSE)
-        reach = cairn_max(2 * reach, 2 * hough->step);
-    if (!hough->params.oriented)
-        along = cairn_abs(along);
-    if (!(weight > 0) || cairn_abs(s) > reach || !(along > 0) ||
-        cairn_abs(across) > hough->sine_tolerance * cairn_vec2_norm(p->direction))
+    if (!(weight > 0) || !belongs(hough, p, s))
         return;
     m->w += weight;
     m->t += weight * t;
@@ -113,7 +126,7 @@ static void measure(cairn_hough *hough)
 {
     const moments *m = &hough->sum;
     cairn_hough_line *l = &hough->fit;
-    cairn_real t = m->t / m->w, s = m->s / m->w;
+    cairn_real t = m->t / m->w, s = cairn_hough_is_as_written(hough) ? 0 : m->s / m->w;
 
     l->point = cairn_vec2_add(l->point, cairn_vec2_scale(l->direction, t));
     l->low -= t;

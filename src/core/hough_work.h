@@ -55,6 +55,19 @@ static inline cairn_real cairn_hough_column(const cairn_hough *hough, cairn_real
     return distance / hough->step + (cairn_real)(hough->params.distances - 1) * CAIRN_REAL(0.5);
 }
 
+static inline int cairn_hough_is_as_written(const cairn_hough *hough)
+{
+    return hough->params.mode == CAIRN_MODE_AS_WRITTEN;
+}
+
+/* As written: the column in which a point, from the middle, votes in a row. */
+static inline int32_t cairn_hough_bin(const cairn_hough *hough, int32_t row, cairn_vec2 p)
+{
+    cairn_real at = cairn_hough_column(hough, cairn_vec2_cross(hough->direction[row], p));
+
+    return cairn_real_to_int(cairn_floor(at + CAIRN_REAL(0.5)));
+}
+
 /* Goes to the first of the peaks. */
 void cairn_hough_begin_lines(cairn_hough *hough);
 

@@ -29,24 +29,52 @@ enum { MAX_SCANS = 1 << 16, MAX_POINTS = 1 << 24, MAX_LINKS = 1 << 24 };
 
 static const cairn_real FARTHEST = CAIRN_REAL(1e6);
 
+/* m: standard deviation of a pair of points below which one is not believed to be, as written: pairs that fit exactly have none. */
+static const cairn_real LEAST_SIGMA = CAIRN_REAL(0.0001);
+
 cairn_lum_params cairn_lum_default(void)
 {
-    cairn_lum_params params = {64,
-                               8192,
-                               2016,
-                               2016,
-                               5,
-                               500,
-                               0,
-                               CAIRN_REAL(0.2),
-                               CAIRN_PI / 3,
-                               CAIRN_REAL(0.02),
-                               CAIRN_REAL(0.0001),
-                               0,
-                               CAIRN_REAL(0.7),
-                               CAIRN_PI / 18,
-                               CAIRN_REAL(0.08)};
+    cairn_lum_params params = {
+        .max_scans = 64,
+        .max_points = 8192,
+        .max_links = 2016,
+        .max_fill = 2016,
+        .min_pairs = 5,
+        .max_iterations = 500,
+        .rebuild = 0,
+        .distance = CAIRN_REAL(0.2),
+        .direction_gate = CAIRN_PI / 3,
+        .sigma = CAIRN_REAL(0.02),
+        .converged = CAIRN_REAL(0.0001),
+        .registers = 0,
+        .mode = CAIRN_MODE_DEFAULT,
+        .register_gate = CAIRN_REAL(0.7),
+        .register_turn = CAIRN_PI / 18,
+        .register_spacing = CAIRN_REAL(0.08),
+    };
     return params;
+}
+
+/* The params with what the mode leaves no choice of. */
+static cairn_lum_params in_mode(const cairn_lum_params *params)
+{
+    cairn_lum_params p = *params;
+
+    if (p.mode == CAIRN_MODE_AS_WRITTEN) {
+        p.rebuild = 0;
+        p.direction_gate = CAIRN_PI;
+        p.sigma = LEAST_SIGMA;
+        p.registers = 0;
+    }
+    return p;
+}
+
+cairn_lum_params cairn_lum_as_written(void)
+{
+    cairn_lum_params params = cairn_lum_default();
+
+    params.mode = CAIRN_MODE_AS_WRITTEN;
+    return in_mode(&params);
 }
 
 /* ---- Creation ---- */
@@ -58,13 +86,13 @@ static int is_length(cairn_real x)
 
 static int params_are_good(const cairn_lum_params *p)
 {
-    return p != NULL && p->max_scans >= 1 && p->max_scans <= MAX_SCANS && p->max_points >= 1 &&
-           p->max_points <= MAX_POINTS && p->max_links >= 1 && p->max_links <= MAX_LINKS && p->min_pairs >= 2 &&
-           p->max_iterations >= 1 && p->rebuild >= 0 && is_length(p->distance) && p->direction_gate > 0 &&
-           p->direction_gate <= CAIRN_PI && is_length(p->sigma) && is_length(p->converged) &&
-           (p->registers == 0 || p->registers == 1) && p->register_gate >= p->distance && is_length(p->register_gate) &&
-           p->register_turn >= 0 && p->register_turn <= CAIRN_PI && p->register_spacing >= 0 &&
-           p->register_spacing <= FARTHEST;
+    return p->max_scans >= 1 && p->max_scans <= MAX_SCANS && p->max_points >= 1 && p->max_points <= MAX_POINTS &&
+           p->max_links >= 1 && p->max_links <= MAX_LINKS && p->min_pairs >= 2 && p->max_iterations >= 1 &&
+           p->rebuild >= 0 && is_length(p->distance) && p->direction_gate > 0 && p->direction_gate <= CAIRN_PI &&
+           is_length(p->sigma) && is_length(p->converged) && (p->registers == 0 || p->registers == 1) &&
+           (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) && p->register_gate >= p->distance &&
+           is_length(p->register_gate) && p->register_turn >= 0 && p->register_turn <= CAIRN_PI &&
+           p->register_spacing >= 0 && p->register_spacing <= FARTHEST;
 }
 
 static cairn_block_solver_params solver_params(const cairn_lum_params *params)
@@ -97,20 +125,24 @@ size_t cairn_lum_memory(const cairn_lum_params *params)
     cairn_block_solver_params inner;
     cairn_icp_params icp;
     cairn_pool counting;
+    cairn_lum_params used;
     cairn_lum layout;
     size_t bytes, more = 0;
 
-    if (!params_are_good(params))
+    if (params == NULL)
         return 0;
-    inner = solver_params(params);
+    used = in_mode(params);
+    if (!params_are_good(&used))
+        return 0;
+    inner = solver_params(&used);
     bytes = cairn_block_solver_memory(&inner);
-    if (params->registers) {
-        icp = cairn_lum_register_icp(params);
+    if (used.registers) {
+        icp = cairn_lum_register_icp(&used);
         more = cairn_icp_memory(&icp);
     }
     cairn_pool_init_counting(&counting);
-    (void)carve(&layout, &counting, params);
-    if (bytes == 0 || (params->registers && more == 0) || more > SIZE_MAX - bytes ||
+    (void)carve(&layout, &counting, &used);
+    if (bytes == 0 || (used.registers && more == 0) || more > SIZE_MAX - bytes ||
         counting.used >= SIZE_MAX - bytes - more)
         return 0;
     return counting.used + bytes + more;
@@ -129,13 +161,14 @@ cairn_status cairn_lum_create(cairn_lum **lum, cairn_pool *pool, const cairn_lum
     if (!cairn_pool_has_room(pool, need))
         return CAIRN_NO_MEMORY;
     memset(&layout, 0, sizeof layout);
-    made = carve(&layout, pool, params);
-    layout.params = *params;
-    layout.least_cosine = cairn_cos(params->direction_gate);
-    inner = solver_params(params);
+    layout.params = in_mode(params);
+    made = carve(&layout, pool, &layout.params);
+    /* As written any: no rounding of two opposite directions may exclude a pair. */
+    layout.least_cosine = params->mode == CAIRN_MODE_AS_WRITTEN ? -2 : cairn_cos(params->direction_gate);
+    inner = solver_params(&layout.params);
     status = cairn_block_solver_create(&layout.solver, pool, &inner);
-    if (status == CAIRN_OK && params->registers) {
-        icp = cairn_lum_register_icp(params);
+    if (status == CAIRN_OK && layout.params.registers) {
+        icp = cairn_lum_register_icp(&layout.params);
         status = cairn_icp_create(&layout.registers.icp, pool, &icp);
     }
     CAIRN_ASSERT(status == CAIRN_OK);

@@ -94,7 +94,7 @@ cairn_status cairn_lum_add_link(cairn_lum *l, int32_t index)
     const struct lum_sums *s = &l->sums;
     const cairn_real n = (cairn_real)s->pairs, mz[3] = {s->zx, s->zy, s->turn};
     cairn_sym3 m = {n, 0, -s->y, n, s->x, s->squares};
-    cairn_real d[3] = {0, 0, 0}, by, left = s->miss;
+    cairn_real d[3] = {0, 0, 0}, by, explained = 0;
     cairn_real block[9] = {0};
     int moves_first = l->root[l->first] != l->first, moves_second = l->root[l->second] != l->second;
     cairn_status status = CAIRN_OK;
@@ -102,9 +102,9 @@ cairn_status cairn_lum_add_link(cairn_lum *l, int32_t index)
     if (s->pairs <= l->params.min_pairs)
         return CAIRN_OK; /* built from other poses, and now out of sight of each other */
     if (cairn_sym3_solve(m, mz, d))
-        left -= d[0] * mz[0] + d[1] * mz[1] + d[2] * mz[2];
-    by = 1 / cairn_max(left / (2 * n - 3), l->params.sigma * l->params.sigma);
-    l->error += by * s->miss;
+        explained = d[0] * mz[0] + d[1] * mz[1] + d[2] * mz[2];
+    by = 1 / cairn_max((s->miss - explained) / (2 * n - 3), l->params.sigma * l->params.sigma);
+    l->error += by * explained; /* D^T C^-1 D, as C^-1 = M^T M / s^2 and the poses have not moved yet */
     l->pairs += s->pairs;
     m.xx *= by;
     m.xz *= by;

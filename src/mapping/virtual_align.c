@@ -31,6 +31,7 @@ cairn_virtual_align_params cairn_virtual_align_default(void)
         .every = 8,
         .max_rounds = 2,
         .align = 1,
+        .mode = CAIRN_MODE_DEFAULT,
     };
 
     params.field.sides_below = params.field.sigma_start;
@@ -38,6 +39,38 @@ cairn_virtual_align_params cairn_virtual_align_default(void)
     params.hypotheses.spacing = CAIRN_REAL(0.30);
     params.hypotheses.weight = 3;
     return params;
+}
+
+/* Iterations of algorithm 2 at most, those of fig. 8.12. */
+enum { STEPS_AS_WRITTEN = 100 };
+
+/* The params with what the mode leaves no choice of. */
+static cairn_virtual_align_params in_mode(const cairn_virtual_align_params *params)
+{
+    cairn_virtual_align_params p = *params;
+
+    if (p.mode == CAIRN_MODE_AS_WRITTEN) {
+        p.field.mode = CAIRN_FORCE_FIELD_GRADIENT;
+        p.field.roi = 0;
+        p.field.sides_below = 0;
+        p.hypotheses.mode = CAIRN_MODE_AS_WRITTEN;
+        p.slide = cairn_wall_slide_default();
+        p.every = 1;
+        p.max_rounds = 1;
+        p.align = 0;
+    }
+    return p;
+}
+
+cairn_virtual_align_params cairn_virtual_align_as_written(void)
+{
+    cairn_virtual_align_params params = cairn_virtual_align_default();
+
+    params.mode = CAIRN_MODE_AS_WRITTEN;
+    params.field = cairn_force_field_default();
+    params.field.max_steps = STEPS_AS_WRITTEN;
+    params.hypotheses = cairn_virtual_scan_as_written();
+    return in_mode(&params);
 }
 
 /* Of each with 32 others, the virtual one among them. */
@@ -97,17 +130,21 @@ size_t cairn_virtual_align_memory(const cairn_virtual_align_params *params)
 {
     cairn_force_field_params field;
     cairn_virtual_scan_params hypotheses;
+    cairn_virtual_align_params used;
     cairn_wall_slide_params slide;
     cairn_pool counting;
 
-    if (params == NULL || params->every < 1 || params->max_rounds < 1 || cairn_aligner_memory(&params->aligner) == 0)
+    if (params == NULL || (params->mode != CAIRN_MODE_DEFAULT && params->mode != CAIRN_MODE_AS_WRITTEN))
         return 0;
-    field = field_of(params);
-    hypotheses = hypotheses_of(params);
-    slide = slide_of(params);
+    used = in_mode(params);
+    if (used.every < 1 || used.max_rounds < 1 || cairn_aligner_memory(&used.aligner) == 0)
+        return 0;
+    field = field_of(&used);
+    hypotheses = hypotheses_of(&used);
+    slide = slide_of(&used);
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
-    cairn_pool_count(&counting, cairn_aligner_memory(&params->aligner));
+    (void)carve(&counting, &used);
+    cairn_pool_count(&counting, cairn_aligner_memory(&used.aligner));
     cairn_pool_count(&counting, cairn_force_field_memory(&field));
     cairn_pool_count(&counting, cairn_virtual_scan_memory(&hypotheses));
     cairn_pool_count(&counting, cairn_wall_slide_memory(&slide));
@@ -120,6 +157,7 @@ cairn_status cairn_virtual_align_create(cairn_virtual_align **align, cairn_pool 
     size_t need = cairn_virtual_align_memory(params);
     cairn_force_field_params field;
     cairn_virtual_scan_params hypotheses;
+    cairn_virtual_align_params used;
     cairn_wall_slide_params slide;
     cairn_virtual_align *made;
 
@@ -127,11 +165,12 @@ cairn_status cairn_virtual_align_create(cairn_virtual_align **align, cairn_pool 
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pool_has_room(pool, need))
         return CAIRN_NO_MEMORY;
-    field = field_of(params);
-    hypotheses = hypotheses_of(params);
-    slide = slide_of(params);
-    made = carve(pool, params);
-    cairn_virtual_align_must(cairn_aligner_create(&made->aligner, pool, &params->aligner));
+    used = in_mode(params);
+    field = field_of(&used);
+    hypotheses = hypotheses_of(&used);
+    slide = slide_of(&used);
+    made = carve(pool, &used);
+    cairn_virtual_align_must(cairn_aligner_create(&made->aligner, pool, &used.aligner));
     cairn_virtual_align_must(cairn_force_field_create(&made->field, pool, &field));
     cairn_virtual_align_must(cairn_virtual_scan_create(&made->hypotheses, pool, &hypotheses));
     cairn_virtual_align_must(cairn_wall_slide_create(&made->slide, pool, &slide));

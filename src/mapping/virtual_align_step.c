@@ -10,6 +10,11 @@ enum { LEAST_PART = 3 };
 /* m of wall across the main direction: with less, hypotheses cannot hold a scan. */
 static const cairn_real LEAST_ACROSS = CAIRN_REAL(0.1);
 
+static int is_as_written(const cairn_virtual_align *align)
+{
+    return align->params.mode == CAIRN_MODE_AS_WRITTEN;
+}
+
 /* ---- The aligner ---- */
 
 /* Whether the aligner has found any two scans that belong together. */
@@ -154,6 +159,8 @@ static cairn_status step_place(cairn_virtual_align *align, cairn_budget *budget)
         cairn_virtual_align_must(cairn_force_field_fix(align->field, align->cursor, !place->moves));
     }
     cairn_force_field_restart(align->field);
+    if (is_as_written(align)) /* V[0] is empty. */
+        cairn_virtual_align_must(cairn_force_field_set_extra(align->field, NULL, NULL, 0));
     align->since = 0;
     align->result.rounds += align->result.moved > 0;
     return CAIRN_OK;
@@ -307,6 +314,8 @@ static virtual_align_phase next_phase(const cairn_virtual_align *align)
     case VIRTUAL_ALIGN_KEEP:
         return VIRTUAL_ALIGN_PLACE;
     case VIRTUAL_ALIGN_PLACE:
+        if (is_as_written(align))
+            return VIRTUAL_ALIGN_ITERATE;
         return align->result.moved > 0 ? VIRTUAL_ALIGN_GATHER : last_phase(align);
     case VIRTUAL_ALIGN_BEGIN_SLIDE:
         return VIRTUAL_ALIGN_SLIDE;

@@ -36,6 +36,7 @@ cairn_virtual_scan_params cairn_virtual_scan_default(void)
         .line_support = CAIRN_REAL(0.3),
         .line_angle = CAIRN_REAL(0.2),
         .least_scans = 2,
+        .mode = CAIRN_MODE_DEFAULT,
         .least_length = CAIRN_REAL(0.5),
         .hough = cairn_hough_default(),
         .rectangle = cairn_rectangle_default(),
@@ -58,6 +59,37 @@ cairn_virtual_scan_params cairn_virtual_scan_default(void)
     return params;
 }
 
+/* Points that a line as written has at least. */
+static const cairn_real LEAST_VOTES = 40;
+
+/* The params with what the mode leaves no choice of. */
+static cairn_virtual_scan_params in_mode(const cairn_virtual_scan_params *params)
+{
+    cairn_virtual_scan_params p = *params, fixed = cairn_virtual_scan_default();
+
+    if (p.mode == CAIRN_MODE_AS_WRITTEN) {
+        p.ellipses = 0;
+        p.stride = 1;
+        p.line_support = fixed.line_support;
+        p.line_angle = fixed.line_angle;
+        p.least_scans = 1;
+        p.least_length = 0;
+        p.hough.mode = CAIRN_MODE_AS_WRITTEN;
+        p.rectangle.oriented = 0;
+    }
+    return p;
+}
+
+cairn_virtual_scan_params cairn_virtual_scan_as_written(void)
+{
+    cairn_virtual_scan_params params = cairn_virtual_scan_default();
+
+    params.mode = CAIRN_MODE_AS_WRITTEN;
+    params.hough = cairn_hough_as_written();
+    params.hough.least_votes = LEAST_VOTES;
+    return in_mode(&params);
+}
+
 static int is_count(int32_t count, int32_t least, int32_t most)
 {
     return count >= least && count <= most;
@@ -65,12 +97,13 @@ static int is_count(int32_t count, int32_t least, int32_t most)
 
 static int params_are_valid(const cairn_virtual_scan_params *p)
 {
-    return p != NULL && is_count(p->max_scans, 1, 1 << 20) && is_count(p->max_points, 1, 1 << 24) &&
+    return is_count(p->max_scans, 1, 1 << 20) && is_count(p->max_points, 1, 1 << 24) &&
            is_count(p->max_segments, 1, 1 << 20) && is_count(p->max_hypotheses, 1, 1024) &&
            is_count(p->max_virtual, 1, 1 << 24) && is_count(p->max_detectors, 0, 16) && p->stride >= 1 &&
            p->spacing > 0 && p->spacing <= LIMIT && p->weight >= 0 && p->weight <= LIMIT && p->line_support > 0 &&
            p->line_support <= 1 && p->line_angle > 0 && p->line_angle <= LIMIT && p->least_scans >= 1 &&
-           p->least_length >= 0 && p->least_length <= LIMIT && cairn_hough_memory(&p->hough) > 0 &&
+           p->least_length >= 0 && p->least_length <= LIMIT &&
+           (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) && cairn_hough_memory(&p->hough) > 0 &&
            cairn_ellipse_memory(&p->ellipse) > 0;
 }
 
@@ -162,12 +195,16 @@ static cairn_virtual_scan *carve(cairn_pool *pool, const cairn_virtual_scan_para
 
 size_t cairn_virtual_scan_memory(const cairn_virtual_scan_params *params)
 {
+    cairn_virtual_scan_params used;
     cairn_pool counting;
 
-    if (!params_are_valid(params))
+    if (params == NULL)
+        return 0;
+    used = in_mode(params);
+    if (!params_are_valid(&used))
         return 0;
     cairn_pool_init_counting(&counting);
-    (void)carve(&counting, params);
+    (void)carve(&counting, &used);
     return cairn_pool_counted(&counting);
 }
 
@@ -175,14 +212,16 @@ cairn_status cairn_virtual_scan_create(cairn_virtual_scan **virtual_scan, cairn_
                                        const cairn_virtual_scan_params *params)
 {
     size_t need = cairn_virtual_scan_memory(params);
+    cairn_virtual_scan_params used;
     cairn_virtual_scan *made;
 
     if (virtual_scan == NULL || pool == NULL || need == 0)
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pool_has_room(pool, need))
         return CAIRN_NO_MEMORY;
-    made = carve(pool, params);
-    made->params = *params;
+    used = in_mode(params);
+    made = carve(pool, &used);
+    made->params = used;
     *virtual_scan = made;
     return CAIRN_OK;
 }
@@ -208,6 +247,8 @@ static void adjust_lines(cairn_virtual_scan *v, cairn_real sigma)
     cairn_real angle = cairn_min(cairn_max(v->params.line_angle * sigma, hough.angle_tolerance), CAIRN_PI / 6);
     cairn_status status;
 
+    if (v->params.mode == CAIRN_MODE_AS_WRITTEN)
+        return;
     hough.support_distance = cairn_max(hough.support_distance, v->params.line_support * sigma);
     hough.separation = cairn_max(hough.separation, 2 * v->params.line_support * sigma);
     hough.distance_step = cairn_max(hough.distance_step, hough.support_distance / 2);

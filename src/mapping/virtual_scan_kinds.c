@@ -120,24 +120,30 @@ static void next_item(cairn_virtual_scan *v)
     v->item++;
 }
 
+/* As written: of the points that take part in a line, by those of the first, which has the most; else the covered share. */
+static cairn_real strength_of(const cairn_virtual_scan *v, const cairn_hough_line *lines, const cairn_hough_line *l)
+{
+    return v->params.mode == CAIRN_MODE_AS_WRITTEN ? l->votes / lines->votes : l->covered / (l->high - l->low);
+}
+
 cairn_status cairn_virtual_lay_lines(cairn_virtual_scan *v, cairn_budget *budget)
 {
-    int32_t count;
+    int32_t count, is_as_written = v->params.mode == CAIRN_MODE_AS_WRITTEN;
     const cairn_hough_line *lines = cairn_hough_list(v->hough, &count);
 
     for (; v->item < count; next_item(v)) {
         const cairn_hough_line *l = &lines[v->item];
         cairn_hypothesis *h;
 
-        if (!v->is_counted && count_scans(v, is_on_line, budget) != CAIRN_OK)
+        if (!is_as_written && !v->is_counted && count_scans(v, is_on_line, budget) != CAIRN_OK)
             return CAIRN_MORE;
-        if (v->scans < v->params.least_scans)
+        if (!is_as_written && v->scans < v->params.least_scans)
             continue;
         if (!cairn_budget_pay(budget, &v->paid, price(v, l->high - l->low)))
             return CAIRN_MORE;
-        h = add_hypothesis(v, CAIRN_HYPOTHESIS_LINE, l->covered / (l->high - l->low));
+        h = add_hypothesis(v, CAIRN_HYPOTHESIS_LINE, strength_of(v, lines, l));
         if (h != NULL) {
-            h->scans = v->scans;
+            h->scans = is_as_written ? 0 : v->scans;
             lay_out(v, h, cairn_hough_segment(l));
         }
     }
