@@ -141,7 +141,7 @@ static void list_candidates(cairn_map_merge *m, merge_offer *offer)
     offer->count = count + 1;
 }
 
-static void count_images(cairn_map_merge *m, const merge_state *s)
+void cairn_merge_count_images(cairn_map_merge *m, const merge_state *s)
 {
     m->offer.psi_sum += s->psi;
     m->offer.gamma_sum += s->gamma;
@@ -172,8 +172,7 @@ static int is_same_pose(cairn_pose a, cairn_pose b)
     return a.x == b.x && a.y == b.y && a.theta == b.theta;
 }
 
-/* 1 when two particles have put the same maps at the same places. */
-static int is_same_history(const merge_state *a, const merge_state *b)
+int cairn_merge_is_same_history(const merge_state *a, const merge_state *b)
 {
     while (a != NULL && b != NULL && a != b) {
         if (a->map != b->map || !is_same_pose(a->reference_map, b->reference_map))
@@ -190,7 +189,7 @@ static merge_offer *offer_for(cairn_map_merge *m, const merge_state *state)
     merge_offer *fresh;
 
     for (int32_t i = 0; i < MERGE_OFFERS; i++)
-        if (m->offer.made[i].state != NULL && is_same_history(m->offer.made[i].state, state))
+        if (m->offer.made[i].state != NULL && cairn_merge_is_same_history(m->offer.made[i].state, state))
             return &m->offer.made[i];
     fresh = &m->offer.made[m->offer.count++ % MERGE_OFFERS];
     fresh->state = state;
@@ -256,14 +255,13 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
         if (offer->list[i].map >= 0)
-            count_images(m, &offer->list[i]);
+            cairn_merge_count_images(m, &offer->list[i]);
     }
     m->offer.stage = 0;
     return CAIRN_OK;
 }
 
-/* Psi~ gamma~ (9.5, 9.6), each normalised over all candidates of the step; a single one has 1. */
-static cairn_real log_images(const cairn_map_merge *m, const merge_state *s)
+cairn_real cairn_merge_log_images(const cairn_map_merge *m, const merge_state *s)
 {
     cairn_real gammas = m->offer.gamma_sum - (cairn_real)m->offer.offered * m->offer.gamma_least;
     cairn_real psi = s->psi / m->offer.psi_sum, gamma = (s->gamma - m->offer.gamma_least) / gammas;
@@ -283,7 +281,7 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     (void)index;
     (void)budget;
     if (m->params.perception == CAIRN_MERGE_IMAGES && s->map >= 0)
-        *log_likelihood = log_images(m, s);
+        *log_likelihood = cairn_merge_log_images(m, s);
     else if (m->params.perception == CAIRN_MERGE_IMAGES)
         *log_likelihood = -20;
     else
