@@ -63,6 +63,12 @@ static cairn_map_merge_params params_for(const settings *s, const bench_parts *p
     return p;
 }
 
+static int is_near(cairn_pose pose, sim_pose truth, double metres, double radians)
+{
+    return hypot((double)pose.x - truth.x, (double)pose.y - truth.y) <= metres &&
+           fabs(remainder((double)pose.theta - truth.theta, 360 * DEGREE)) <= radians;
+}
+
 /* Where the best modes of true neighbours lie, beside the best wrong ones. */
 static void print_modes(const cairn_map_merge *merge, const bench_parts *parts)
 {
@@ -72,6 +78,7 @@ static void print_modes(const cairn_map_merge *merge, const bench_parts *parts)
             cairn_pose t = {(cairn_real)truth.x, (cairn_real)truth.y, (cairn_real)truth.theta}, pose;
             cairn_merge_score score;
             cairn_real evidence;
+            int32_t right = 0;
 
             if (cairn_map_merge_score(merge, a, b, t, &score) != CAIRN_OK)
                 continue;
@@ -93,6 +100,10 @@ static void print_modes(const cairn_map_merge *merge, const bench_parts *parts)
                     snprintf(key, sizeof key, "conflict%d", (int)k);
                 bench_json_number(key, (double)score.conflict);
             }
+            for (int32_t k = 0; cairn_map_merge_mode(merge, a, b, k, &pose, &evidence); k++)
+                if (is_near(pose, truth, PLACE_M, PLACE_RAD) && ++right == 1)
+                    bench_json_integer("right_mode", k);
+            bench_json_integer("right_modes", right);
             bench_json_end();
         }
 }
@@ -141,8 +152,7 @@ static int32_t count_near(const cairn_map_merge *merge, const bench_parts *parts
             cairn_pose_between(cairn_map_merge_of(merge, k).reference_map, cairn_map_merge_of(merge, i).reference_map);
         sim_pose truth = bench_pose_between(parts->list[k].world_map, parts->list[i].world_map);
 
-        near += is_placed(merge, i) && hypot((double)seen.x - truth.x, (double)seen.y - truth.y) <= metres &&
-                fabs(remainder((double)seen.theta - truth.theta, 360 * DEGREE)) <= radians;
+        near += is_placed(merge, i) && is_near(seen, truth, metres, radians);
     }
     return near;
 }

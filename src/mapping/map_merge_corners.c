@@ -11,6 +11,9 @@
 /* rad: openings of similar corners differ by at most so much. */
 #define SIMILAR_OPENING (10 * (CAIRN_PI / 180))
 
+/* m: by so much a leg's length is uncertain; short legs, which are alike by chance, are less similar for it. */
+#define LEG_NOISE CAIRN_REAL(0.20)
+
 enum { CORRESPONDENCES = 3 };
 
 /* m: how far a leg of a corner reaches. */
@@ -23,7 +26,8 @@ static cairn_real leg_length(const merge_map *map, const cairn_corner *c, int32_
     return cairn_max(a, b);
 }
 
-/* How alike two corners are, 0 ... 1: the mean over both legs of the shorter length by the longer one. Below 0: not similar. */
+/* How alike two corners are, 0 ... 1: the mean over both legs of the shorter length by the longer one with its noise. Below 0: not
+ * similar. */
 static cairn_real similarity_of(const merge_map *first, const cairn_corner *a, const merge_map *second,
                                 const cairn_corner *b)
 {
@@ -34,7 +38,7 @@ static cairn_real similarity_of(const merge_map *first, const cairn_corner *a, c
     for (int32_t leg = 0; leg < 2; leg++) {
         cairn_real u = leg_length(first, a, leg), v = leg_length(second, b, leg);
 
-        sum += cairn_min(u, v) / cairn_max(cairn_max(u, v), CAIRN_REAL(1e-6));
+        sum += cairn_min(u, v) / (cairn_max(u, v) + LEG_NOISE);
     }
     return sum / 2;
 }
