@@ -278,7 +278,7 @@ static void print_seed(int64_t seed, const outcome *out)
     bench_json_integer("hypotheses", out->result.hypotheses);
     bench_json_integer("resamplings", out->result.resamplings);
     bench_json_integer("units", out->result.units);
-    bench_json_integer("most_particles", out->result.most);
+    bench_json_integer("most_particles", out->result.most_particles);
     bench_json_end();
     fflush(stdout);
 }

@@ -15,13 +15,14 @@
  *     far away as both corners have that leg;
  *   - p(x | x', u) is a sum of Gaussians about the registrations of a map, 0.2 m and 0.05 rad wide, all maps alike; it is
  *     drawn from at the registrations themselves, so no Gaussian (9.4) is fitted;
- *   - the kernel of Psi and gamma has mu = 0 and sigma = 2 cells, is 0 from 10 sigma on, and Manhattan distances run along
+ *   - the kernel of Psi and gamma has mu = 0 and sigma = 0.5 cells (of 0.5, 1 and 2 the best on other arenas), is 0 from 10
+ *     sigma on, and Manhattan distances run along
  *     the rows and columns of the image in which the nearest cell is looked for: no image is resampled;
  *   - {c1, c2} in gamma is read as both orders, so d has four terms; d is at least 1e-6; a single place has Psi~ = gamma~ = 1,
  *     and so have all when the sum is 0;
  *   - a cell of the merged map is what most maps say, and occupied among equals; its cells are those of the reference;
  *   - u registers a map with all maps merged (section 9.2.1), not only with the last one (9.3);
- *   - the filter starts at the reference with one particle; beyond 4 times `particles` the lightest go;
+ *   - the filter starts at the reference with one particle; beyond twice `particles` the lightest go;
  *   - the result is the heaviest particle; a place that would make the merged map larger than 6 max_cells is left out.
  *
  *     clear -> add() for each map -> begin() -> step(budget) until CAIRN_OK -> read(), of() */
@@ -165,11 +166,10 @@ typedef struct cairn_merge_result {
     int32_t reference;
     int32_t hypotheses; /* pairs of corners that were tried */
     int32_t resamplings;
+    int32_t most_particles; /* after any step: as written, more than `particles` while N_eff is high */
     cairn_real n_eff;    /* of the last step */
     cairn_real evidence; /* nats, of the whole; as written: the sum of Psi */
     int64_t units;
-    int32_t particles; /* at the end of the last step */
-    int32_t most;      /* at the end of any step: as written, more than `particles` while N_eff is high */
 } cairn_merge_result;
 
 cairn_merge_result cairn_map_merge_read(const cairn_map_merge *merge);

@@ -183,7 +183,7 @@ static cairn_map_merge *carve(cairn_pool *pool, const cairn_map_merge_params *p)
     cairn_segment *lines = cairn_pool_take(pool, maps * (size_t)p->max_segments, sizeof *lines);
     merge_mode *modes = cairn_pool_take(pool, pairs_of(p) * (size_t)p->max_modes, sizeof *modes);
     int32_t *mode_count = cairn_pool_take(pool, pairs_of(p), sizeof *mode_count);
-    merge_memory *memory = cairn_pool_take(pool, MERGE_MEMORY, sizeof *memory);
+    merge_memory *memory = is_written(p) ? NULL : cairn_pool_take(pool, MERGE_MEMORY, sizeof *memory);
 
     if (m != NULL) {
         memset(m, 0, sizeof *m);
@@ -400,8 +400,7 @@ static void finish(cairn_map_merge *m)
     r->hypotheses = m->tried;
     r->resamplings = cairn_particle_filter_read(m->filter).resamplings;
     r->n_eff = cairn_particle_filter_read(m->filter).n_eff;
-    r->particles = cairn_particle_filter_count(m->filter);
-    r->most = m->written != NULL ? m->written->most_particles : m->params.particles;
+    r->most_particles = is_written(&m->params) ? m->written->most_particles : m->params.particles;
     for (int32_t i = 0; i < m->map_count; i++) {
         cairn_merge_placed *p = &m->placed[i];
 
@@ -510,7 +509,7 @@ void cairn_merge_score_at(const cairn_map_merge *m, int32_t a, int32_t b, cairn_
     score->agree = (s[0].agree * second->spacing + s[1].agree * first->spacing) / 2;
     score->conflict = s[0].conflict * second->spacing + s[1].conflict * first->spacing;
     score->evidence = cairn_merge_nats(m, score->agree, score->conflict);
-    if (m->written != NULL) {
+    if (is_written(&m->params)) {
         merge_images images;
         cairn_budget budget = {CAIRN_UNBOUNDED};
         int32_t paid = 0;
@@ -568,7 +567,7 @@ const char *cairn_merge_verdict_text(cairn_merge_verdict verdict)
 
 cairn_merge_result cairn_map_merge_read(const cairn_map_merge *merge)
 {
-    const cairn_merge_result none = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0};
+    const cairn_merge_result none = {0, 0, 0, 0, 0, 0, 0, 0, 0};
 
     return merge->done ? merge->result : none;
 }

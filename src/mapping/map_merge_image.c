@@ -15,8 +15,13 @@
 
 /* Cells: parameters of the kernel, and the distance from which on it is 0. */
 #define MU    CAIRN_REAL(0.0)
-#define SIGMA CAIRN_REAL(2.0)
-enum { REACH = 20, CELLS_PER_UNIT = 4 };
+#define SIGMA CAIRN_REAL(0.5)
+enum { REACH = 5, CELLS_PER_UNIT = 4 };
+
+/* Cells: rows of less slope are level, and not clipped. */
+#define LEVEL CAIRN_REAL(1e-6)
+/* Cells: nearer to an image's edge rounding may put a cell outside. */
+#define EDGE CAIRN_REAL(0.05)
 
 /* Least d, so that its logarithm is finite. */
 #define LEAST_D CAIRN_REAL(1e-6)
@@ -55,11 +60,12 @@ cairn_box cairn_merge_join(cairn_box a, cairn_box b)
 }
 
 /* The cell that a coordinate lies in, cut to -limit ... limit. */
-static int32_t cell_index(cairn_real at, int32_t limit)
+static inline int32_t cell_index(cairn_real at, int32_t limit)
 {
-    cairn_real most = (cairn_real)limit;
+    cairn_real most = (cairn_real)limit, within = at < most ? at > -most ? at : -most : most;
+    int32_t whole = cairn_real_to_int(within);
 
-    return cairn_real_to_int(cairn_floor(cairn_max(cairn_min(at, most), -most)));
+    return whole - ((cairn_real)whole > within);
 }
 
 /* ---- Comparing ---- */
@@ -69,7 +75,7 @@ static void set_window(merge_images *c, int32_t k, cairn_pose own_other)
 {
     const merge_map *own = c->map[k], *other = c->map[1 - k];
     cairn_box box = cairn_merge_box_of(other, own_other);
-    cairn_real margin = 2 * REACH * other->input.resolution, scale = 1 / own->input.resolution;
+    cairn_real margin = REACH * other->input.resolution, scale = 1 / own->input.resolution;
     int32_t width = own->input.cells.width, height = own->input.cells.height;
 
     c->begin[k][0] = cell_index((box.min.x - margin - own->corner.x) * scale, width);
@@ -107,46 +113,106 @@ static int32_t cut(int32_t at, int32_t side, int32_t *beside)
     return within;
 }
 
-static cairn_real kernel_of(const cairn_real *kernel, int32_t distance)
+/* Keeps of columns *begin ... *end - 1 those where start + column * step lies in low ... high, and at most `spare` more on
+ * either side; with a negative number so many fewer. */
+static void clip(cairn_real start, cairn_real step, cairn_real low, cairn_real high, int32_t spare, int32_t *begin,
+                 int32_t *end)
 {
-    return kernel[distance < MERGE_FAR ? distance : MERGE_FAR];
+    cairn_real a = (low - start) / step, b = (high - start) / step;
+    int32_t first = cell_index(cairn_min(a, b), *end) + 1 - spare, last = cell_index(cairn_max(a, b), *end) + spare;
+
+    *begin = *begin > first ? *begin : first;
+    *end = *end < last + 1 ? *end : last + 1;
 }
 
-/* Adds a row of image k. */
+/* A row of an image as it lies in the other one: cell (first + column * step) in cells. */
+typedef struct image_row {
+    const merge_map *other;
+    const uint16_t *cells;
+    cairn_vec2 first, step;
+    cairn_real same[2], other_class[2];
+    int32_t known;
+} image_row;
+
+static void add_cell(image_row *r, uint16_t own, uint16_t cell, int32_t beside, const cairn_real *kernel)
+{
+    int32_t to_occupied = beside + merge_to_occupied(cell), to_free = beside + merge_to_free(cell);
+
+    to_occupied = to_occupied < MERGE_FAR ? to_occupied : MERGE_FAR;
+    to_free = to_free < MERGE_FAR ? to_free : MERGE_FAR;
+    if (merge_class(own) == MERGE_OCCUPIED) {
+        r->same[1] += kernel[to_occupied];
+        r->other_class[1] += kernel[to_free];
+    } else {
+        r->same[0] += kernel[to_free];
+        r->other_class[0] += kernel[to_occupied];
+        r->known += beside == 0 && merge_class(cell) != MERGE_UNKNOWN;
+    }
+}
+
+/* Columns that may lie beside the other image. */
+static void add_outside(image_row *r, int32_t begin, int32_t end, const cairn_real *kernel)
+{
+    int32_t width = r->other->input.cells.width, height = r->other->input.cells.height;
+
+    for (int32_t column = begin; column < end; column++) {
+        int32_t u, v, beside = 0;
+
+        if (merge_class(r->cells[column]) == MERGE_UNKNOWN)
+            continue;
+        u = cut(cell_index(r->first.x + (cairn_real)column * r->step.x, width + REACH), width, &beside);
+        v = cut(cell_index(r->first.y + (cairn_real)column * r->step.y, height + REACH), height, &beside);
+        add_cell(r, r->cells[column], r->other->grid[(size_t)v * (size_t)width + (size_t)u], beside, kernel);
+    }
+}
+
+/* Columns that lie within it. */
+static void add_inside(image_row *r, int32_t begin, int32_t end, const cairn_real *kernel)
+{
+    size_t width = (size_t)r->other->input.cells.width;
+
+    for (int32_t column = begin; column < end; column++) {
+        size_t u = (size_t)(r->first.x + (cairn_real)column * r->step.x);
+        size_t v = (size_t)(r->first.y + (cairn_real)column * r->step.y);
+
+        if (merge_class(r->cells[column]) != MERGE_UNKNOWN)
+            add_cell(r, r->cells[column], r->other->grid[v * width + u], 0, kernel);
+    }
+}
+
+/* Adds a row of image k: the cells that come to lie within the kernel's reach of the other image, as the rest adds nothing. */
 static void add_row(merge_images *c, int32_t k, const cairn_real *kernel)
 {
     const merge_map *own = c->map[k], *other = c->map[1 - k];
-    int32_t width = other->input.cells.width, height = other->input.cells.height;
-    const uint16_t *row = own->grid + (size_t)c->row * (size_t)own->input.cells.width;
-    cairn_real scale = 1 / other->input.resolution, same[2] = {0, 0}, against[2] = {0, 0};
+    cairn_real width = (cairn_real)other->input.cells.width, height = (cairn_real)other->input.cells.height;
+    cairn_real scale = 1 / other->input.resolution, size = own->input.resolution, row = (cairn_real)c->row;
+    cairn_vec2 first = {own->corner.x + size / 2, own->corner.y + (row + CAIRN_REAL(0.5)) * size}, along = {size, 0};
+    int32_t begin = c->begin[k][0], end = c->end[k][0], from, to;
+    image_row r = {other, own->grid + (size_t)c->row * (size_t)own->input.cells.width, {0, 0}, {0, 0}, {0, 0}, {0, 0}, 0};
 
-    for (int32_t column = c->begin[k][0]; column < c->end[k][0]; column++) {
-        int32_t class = merge_class(row[column]), u, v, beside = 0;
-        cairn_real x = (cairn_real)column + CAIRN_REAL(0.5), y = (cairn_real)c->row + CAIRN_REAL(0.5);
-        cairn_vec2 p = {own->corner.x + x * own->input.resolution, own->corner.y + y * own->input.resolution};
-        uint16_t cell;
-
-        if (class == MERGE_UNKNOWN)
-            continue;
-        p = cairn_transform_point(c->to_other[k], p);
-        p.x = (p.x - other->corner.x) * scale;
-        p.y = (p.y - other->corner.y) * scale;
-        u = cut(cell_index(p.x, width + REACH), width, &beside);
-        v = cut(cell_index(p.y, height + REACH), height, &beside);
-        cell = other->grid[(size_t)v * (size_t)width + (size_t)u];
-        c->known += k == 1 && class == MERGE_FREE && beside == 0 && merge_class(cell) != MERGE_UNKNOWN;
-        if (class == MERGE_OCCUPIED) {
-            same[1] += kernel_of(kernel, beside + merge_to_occupied(cell));
-            against[1] += kernel_of(kernel, beside + merge_to_free(cell));
-        } else {
-            same[0] += kernel_of(kernel, beside + merge_to_free(cell));
-            against[0] += kernel_of(kernel, beside + merge_to_occupied(cell));
+    r.first = cairn_vec2_scale(cairn_vec2_sub(cairn_transform_point(c->to_other[k], first), other->corner), scale);
+    r.step = cairn_vec2_scale(cairn_transform_direction(c->to_other[k], along), scale);
+    if (cairn_abs(r.step.x) < LEVEL || cairn_abs(r.step.y) < LEVEL) {
+        add_outside(&r, begin, end, kernel);
+    } else {
+        clip(r.first.x, r.step.x, -REACH, width + REACH, 1, &begin, &end);
+        clip(r.first.y, r.step.y, -REACH, height + REACH, 1, &begin, &end);
+        from = begin;
+        to = end;
+        clip(r.first.x, r.step.x, EDGE, width - EDGE, -1, &from, &to);
+        clip(r.first.y, r.step.y, EDGE, height - EDGE, -1, &from, &to);
+        if (from < to) {
+            add_outside(&r, begin, from, kernel);
+            add_inside(&r, from, to, kernel);
+            begin = to;
         }
+        add_outside(&r, begin, end, kernel);
     }
     for (int32_t i = 0; i < 2; i++) {
-        c->same[k][i] += same[i];
-        c->other[k][i] += against[i];
+        c->same[k][i] += r.same[i];
+        c->other[k][i] += r.other_class[i];
     }
+    c->known += k == 1 ? r.known : 0;
 }
 
 int cairn_merge_go_on_images(merge_images *c, const cairn_real *kernel, int32_t *paid, cairn_budget *budget)

@@ -290,7 +290,6 @@ struct cairn_map_merge {
 
     /* The filter. */
     cairn_particle_filter *filter;
-    merge_written *written; /* NULL in the default mode */
     struct {
         merge_offer made[MERGE_OFFERS]; /* of particles of this step; many are alike */
         merge_offer *now;
@@ -298,7 +297,10 @@ struct cairn_map_merge {
         cairn_real psi_sum, gamma_sum, gamma_least; /* over all candidates of the step */
         int32_t offered;
     } offer;
-    merge_memory *memory; /* [MERGE_MEMORY] */
+    union {
+        merge_memory *memory;   /* [MERGE_MEMORY] in the default mode */
+        merge_written *written; /* in the mode as written */
+    };
     int32_t merged;       /* steps of the filter */
     struct {
         int32_t list[MERGE_MAPS_MOST];     /* maps placed, in their order */
@@ -464,7 +466,7 @@ cairn_status cairn_merge_register_corners(cairn_map_merge *m, cairn_budget *budg
 
 /* ---- map_merge_written.c ---- */
 
-enum { MERGE_GROWTH = 4, MERGE_MERGED = 6, MERGE_PLACES_MOST = 1024 };
+enum { MERGE_GROWTH = 2, MERGE_MERGED = 6, MERGE_PLACES_MOST = 1024 };
 
 cairn_particle_filter_params cairn_merge_written_params(const cairn_map_merge_params *p);
 cairn_particle_model cairn_merge_written_model(cairn_map_merge *m);
