@@ -14,8 +14,6 @@
 /* m: by so much a leg's length is uncertain; short legs, which are alike by chance, are less similar for it. */
 #define LEG_NOISE CAIRN_REAL(0.20)
 
-enum { CORRESPONDENCES = 3 };
-
 /* m: how far a leg of a corner reaches. */
 static cairn_real leg_length(const merge_map *map, const cairn_corner *c, int32_t leg)
 {
@@ -43,18 +41,17 @@ static cairn_real similarity_of(const merge_map *first, const cairn_corner *a, c
     return sum / 2;
 }
 
-/* The motion from the frame of `from` into that of `to` with the least sum of squared distances. */
-static cairn_pose motion_of(const cairn_vec2 *to, const cairn_vec2 *from)
+cairn_pose cairn_merge_motion_of(const cairn_vec2 *to, const cairn_vec2 *from)
 {
     cairn_vec2 p = {0, 0}, q = {0, 0}, moved;
     cairn_real sine = 0, cosine = 0;
     cairn_pose pose = {0, 0, 0};
 
-    for (int32_t i = 0; i < CORRESPONDENCES; i++) {
-        p = cairn_vec2_add(p, cairn_vec2_scale(to[i], CAIRN_REAL(1.0) / CORRESPONDENCES));
-        q = cairn_vec2_add(q, cairn_vec2_scale(from[i], CAIRN_REAL(1.0) / CORRESPONDENCES));
+    for (int32_t i = 0; i < MERGE_CORRESPONDENCES; i++) {
+        p = cairn_vec2_add(p, cairn_vec2_scale(to[i], CAIRN_REAL(1.0) / MERGE_CORRESPONDENCES));
+        q = cairn_vec2_add(q, cairn_vec2_scale(from[i], CAIRN_REAL(1.0) / MERGE_CORRESPONDENCES));
     }
-    for (int32_t i = 0; i < CORRESPONDENCES; i++) {
+    for (int32_t i = 0; i < MERGE_CORRESPONDENCES; i++) {
         cairn_vec2 u = cairn_vec2_sub(from[i], q), v = cairn_vec2_sub(to[i], p);
 
         sine += cairn_vec2_cross(u, v);
@@ -70,7 +67,7 @@ static cairn_pose motion_of(const cairn_vec2 *to, const cairn_vec2 *from)
 static cairn_pose registration_of(const merge_map *first, const cairn_corner *a, const merge_map *second,
                                   const cairn_corner *b)
 {
-    cairn_vec2 to[CORRESPONDENCES] = {a->position}, from[CORRESPONDENCES] = {b->position};
+    cairn_vec2 to[MERGE_CORRESPONDENCES] = {a->position}, from[MERGE_CORRESPONDENCES] = {b->position};
 
     for (int32_t leg = 0; leg < 2; leg++) {
         cairn_real length = cairn_min(leg_length(first, a, leg), leg_length(second, b, leg));
@@ -78,7 +75,7 @@ static cairn_pose registration_of(const merge_map *first, const cairn_corner *a,
         to[1 + leg] = cairn_vec2_add(a->position, cairn_vec2_scale(a->leg[leg], length));
         from[1 + leg] = cairn_vec2_add(b->position, cairn_vec2_scale(b->leg[leg], length));
     }
-    return motion_of(to, from);
+    return cairn_merge_motion_of(to, from);
 }
 
 static void begin_pair(cairn_map_merge *m)

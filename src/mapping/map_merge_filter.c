@@ -141,7 +141,7 @@ static void list_candidates(cairn_map_merge *m, merge_offer *offer)
     offer->count = count + 1;
 }
 
-void cairn_merge_count_images(cairn_map_merge *m, const merge_state *s)
+static void count_images(cairn_map_merge *m, const merge_state *s)
 {
     m->offer.psi_sum += s->psi;
     m->offer.gamma_sum += s->gamma;
@@ -255,13 +255,14 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
         if (offer->list[i].map >= 0)
-            cairn_merge_count_images(m, &offer->list[i]);
+            count_images(m, &offer->list[i]);
     }
     m->offer.stage = 0;
     return CAIRN_OK;
 }
 
-cairn_real cairn_merge_log_images(const cairn_map_merge *m, const merge_state *s)
+/* Psi~ gamma~ (9.5, 9.6), each normalised over all candidates of the step; a single one has 1. */
+static cairn_real log_images(const cairn_map_merge *m, const merge_state *s)
 {
     cairn_real gammas = m->offer.gamma_sum - (cairn_real)m->offer.offered * m->offer.gamma_least;
     cairn_real psi = s->psi / m->offer.psi_sum, gamma = (s->gamma - m->offer.gamma_least) / gammas;
@@ -281,7 +282,7 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
     (void)index;
     (void)budget;
     if (m->params.perception == CAIRN_MERGE_IMAGES && s->map >= 0)
-        *log_likelihood = cairn_merge_log_images(m, s);
+        *log_likelihood = log_images(m, s);
     else if (m->params.perception == CAIRN_MERGE_IMAGES)
         *log_likelihood = -20;
     else

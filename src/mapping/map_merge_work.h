@@ -177,6 +177,8 @@ typedef struct merge_written {
     int32_t listed, most_listed;
     merge_places *places; /* [max_particles] of the filter */
     int32_t stage, map, cursor, at;
+    cairn_real psi_sum, gamma_first, gamma_sum, gamma_least; /* over all candidates; of gamma beyond the first one's */
+    int32_t offered;
     int32_t steps;          /* of the filter */
     int32_t most_particles; /* at the end of a step */
     merge_images images;
@@ -433,12 +435,6 @@ int32_t cairn_merge_places(const cairn_map_merge *m, int32_t map, merge_mode *li
 /* 1 when two particles have put the same maps at the same places. */
 int cairn_merge_is_same_history(const merge_state *a, const merge_state *b);
 
-/* Takes the Psi and gamma of a candidate into the sums of the step. */
-void cairn_merge_count_images(cairn_map_merge *m, const merge_state *s);
-
-/* The logarithm of Psi~ gamma~ (9.5, 9.6), each normalised over all candidates of the step; a single one has 1. */
-cairn_real cairn_merge_log_images(const cairn_map_merge *m, const merge_state *s);
-
 /* ---- map_merge_image.c ---- */
 
 /* Compares image b, placed at a_b, with image a; go_on returns 1 when all is added up. Four cells a unit. */
@@ -460,6 +456,11 @@ cairn_box cairn_merge_join(cairn_box a, cairn_box b);
 int cairn_merge_has_room(const cairn_map_merge *m, cairn_box box);
 
 /* ---- map_merge_corners.c ---- */
+
+enum { MERGE_CORRESPONDENCES = 3 };
+
+/* The motion from the frame of from[MERGE_CORRESPONDENCES] into that of to[] with the least sum of squared distances. */
+cairn_pose cairn_merge_motion_of(const cairn_vec2 *to, const cairn_vec2 *from);
 
 /* As the modes of every pair of maps: the registrations of their most similar corners. */
 cairn_status cairn_merge_register_corners(cairn_map_merge *m, cairn_budget *budget);

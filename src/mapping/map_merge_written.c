@@ -178,6 +178,31 @@ static int weigh_places(cairn_map_merge *m, const merge_places *places, cairn_bu
     return 1;
 }
 
+/* Gamma is counted from that of the first candidate on: the sum of equal ones is 0 in spite of rounding. */
+static void count_images(merge_written *w, const merge_state *s)
+{
+    if (w->offered == 0) {
+        w->gamma_first = s->gamma;
+        w->psi_sum = w->gamma_sum = w->gamma_least = 0;
+    }
+    w->psi_sum += s->psi;
+    w->gamma_sum += s->gamma - w->gamma_first;
+    w->gamma_least = cairn_min(w->gamma_least, s->gamma - w->gamma_first);
+    w->offered++;
+}
+
+/* The logarithm of Psi~ gamma~, each normalised over the candidates of all particles; where a sum is 0 all have 1. */
+static cairn_real log_images(const merge_written *w, const merge_state *s)
+{
+    cairn_real gammas = w->gamma_sum - (cairn_real)w->offered * w->gamma_least;
+    cairn_real psi = w->psi_sum > 0 ? s->psi / w->psi_sum : 1;
+    cairn_real gamma = gammas > 0 ? (s->gamma - w->gamma_first - w->gamma_least) / gammas : 1;
+
+    if (w->offered < 2)
+        return 0;
+    return psi * gamma > 0 ? cairn_log(psi * gamma) : -CAIRN_REAL_MAX;
+}
+
 static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index, cairn_budget *budget)
 {
     cairn_map_merge *m = context;
@@ -218,7 +243,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
-        cairn_merge_count_images(m, s);
+        count_images(w, s);
     }
     m->offer.stage = OFFER_FIND;
     return CAIRN_OK;
@@ -227,10 +252,12 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index, const void *state,
                                cairn_real *log_likelihood, cairn_budget *budget)
 {
+    const cairn_map_merge *m = context;
+
     (void)filter;
     (void)index;
     (void)budget;
-    *log_likelihood = cairn_merge_log_images(context, state);
+    *log_likelihood = log_images(m->written, state);
     return CAIRN_OK;
 }
 
@@ -292,8 +319,7 @@ cairn_status cairn_merge_run_written(cairn_map_merge *m, cairn_budget *budget)
             status = cairn_particle_filter_begin(m->filter);
             CAIRN_ASSERT(status == CAIRN_OK);
             m->offer.stage = OFFER_FIND;
-            m->offer.psi_sum = m->offer.gamma_sum = 0;
-            m->offer.offered = 0;
+            w->offered = 0;
             w->listed = 0;
             m->cursor = 1;
         }
