@@ -43,16 +43,23 @@ typedef struct outcome {
     cairn_merge_result result;
 } outcome;
 
-static cairn_map_merge_params params_for(const settings *s, const bench_parts *parts, int32_t extra)
+static cairn_map_merge_params base_params(const settings *s)
 {
     cairn_map_merge_params p = s->as_written ? cairn_map_merge_as_written() : cairn_map_merge_default();
+
+    p.particles = (int32_t)s->particles;
+    if (s->perception != NULL && strcmp(s->perception, "images") == 0)
+        p.perception = CAIRN_MERGE_IMAGES;
+    return p;
+}
+
+static cairn_map_merge_params params_for(const settings *s, const bench_parts *parts, int32_t extra)
+{
+    cairn_map_merge_params p = base_params(s);
     int64_t cells = 0;
 
     p.max_maps = parts->count + extra;
-    p.particles = (int32_t)s->particles;
     p.max_corners = s->corners > 0 ? s->corners : p.max_corners;
-    if (s->perception != NULL && strcmp(s->perception, "images") == 0)
-        p.perception = CAIRN_MERGE_IMAGES;
     for (int32_t i = 0; i < parts->count; i++) {
         int32_t own = parts->list[i].side * parts->list[i].side;
 
@@ -435,7 +442,8 @@ int main(int argc, char **argv)
                       "of the smaller map's known cells that neighbours share"),
         OPTION_INTEGER("--seeds", &s.seeds, 1, 100000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 1e9, "N", "of the first arena"),
-        {"--particles", OPTION_IS_INTEGER, &s.particles, 1, 4096, "N", "of the filter; as written 50", &s.gave_particles},
+        {"--particles", OPTION_IS_INTEGER, &s.particles, 1, 4096, "N", "of the filter; as written 50",
+         &s.gave_particles},
         OPTION_TEXT("--perception", &s.perception, "NAME", "evidence, or images: Psi and gamma of the thesis"),
         OPTION_FLAG("--as-written", &s.as_written, "chapter 9 of the thesis as written: corners alone, images alone"),
         OPTION_TEXT("--scene", &s.parts.scene, "NAME", "arena"),
@@ -472,7 +480,10 @@ int main(int argc, char **argv)
         s.particles = cairn_map_merge_as_written().particles;
     if (sim_scene_find(s.parts.scene) < 0)
         return options_refuse("bench/merge", "unknown scene '%s'", s.parts.scene);
-    if (s.maps != NULL)
-        return bench_maps_run(s.maps, (int)s.particles);
+    if (s.maps != NULL) {
+        cairn_map_merge_params params = base_params(&s);
+
+        return bench_maps_run(s.maps, &params);
+    }
     return s.scaling ? run_scaling(s) : run_arenas(&s);
 }

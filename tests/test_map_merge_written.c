@@ -66,8 +66,8 @@ static void run(cairn_map_merge *merge, int32_t units)
     assert_ok(status);
 }
 
-static cairn_map_merge *merge_with(cairn_pool *pool, const cairn_map_merge_params *p, const cut_map *maps, int32_t count,
-                                   const int32_t *order)
+static cairn_map_merge *merge_with(cairn_pool *pool, const cairn_map_merge_params *p, const cut_map *maps,
+                                   int32_t count, const int32_t *order)
 {
     cairn_map_merge *merge;
 
@@ -432,7 +432,8 @@ static void maps_without_corners_are_refused(void **state)
     merge = merge_with(&pool, &p, maps + 1, 2, NULL); /* the reference itself has none */
     assert_int_equal(cairn_map_merge_read(merge).placed, 1);
     assert_int_equal(cairn_map_merge_of(merge, 1).verdict, CAIRN_MERGE_NO_CORNER);
-    assert_string_equal(cairn_merge_verdict_text(CAIRN_MERGE_NO_CORNER), "no corner of it is like one of the maps merged");
+    assert_string_equal(cairn_merge_verdict_text(CAIRN_MERGE_NO_CORNER),
+                        "no corner of it is like one of the maps merged");
     test_pool_free(&pool);
     merge = merge_with(&pool, &p, maps, 1, NULL);
     assert_int_equal(cairn_map_merge_read(merge).placed, 1);

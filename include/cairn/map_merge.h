@@ -153,12 +153,12 @@ typedef struct cairn_merge_placed {
     cairn_pose reference_map; /* of the map's frame in that of the reference; of a refused map the best place found */
     cairn_real support;       /* nats from all maps placed with it; as written: Psi against the maps merged before it */
     cairn_real rival;         /* support of its best other place; as written: 0 */
-    cairn_real wrong;         /* probability that the place is wrong, 0 ... 1; of the reference 0; as written: the weight of
+    cairn_real wrong;   /* probability that the place is wrong, 0 ... 1; of the reference 0; as written: the weight of
                                * all particles that have the map elsewhere */
-    int32_t neighbours;       /* maps that support it; as written: 1, that with the corner */
-    int32_t rank;             /* 0: the reference, 1: the first one merged ...; of refused maps they go on */
-    int32_t modes;            /* rival places beside the map that supports it best */
-    int32_t corners;          /* in the map */
+    int32_t neighbours; /* maps that support it; as written: 1, that with the corner */
+    int32_t rank;       /* 0: the reference, 1: the first one merged ...; of refused maps they go on */
+    int32_t modes;      /* rival places beside the map that supports it best */
+    int32_t corners;    /* in the map */
 } cairn_merge_placed;
 
 typedef struct cairn_merge_result {
@@ -167,8 +167,8 @@ typedef struct cairn_merge_result {
     int32_t hypotheses; /* pairs of corners that were tried */
     int32_t resamplings;
     int32_t most_particles; /* after any step: as written, more than `particles` while N_eff is high */
-    cairn_real n_eff;    /* of the last step */
-    cairn_real evidence; /* nats, of the whole; as written: the sum of Psi */
+    cairn_real n_eff;       /* of the last step */
+    cairn_real evidence;    /* nats, of the whole; as written: the sum of Psi */
     int64_t units;
 } cairn_merge_result;
 

@@ -63,9 +63,10 @@ static int params_are_valid(const cairn_map_merge_params *p)
            is_count(p->max_map_cells, 1, p->max_cells) && is_count(p->max_points, POINTS_LEAST, POINTS_MOST) &&
            is_count(p->max_segments, 1, 4096) && is_count(p->max_corners, 1, 1024) && is_count(p->max_modes, 1, 32) &&
            is_count(p->particles, 1, 4096) && is_count(p->mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN) &&
-           (p->mode == CAIRN_MODE_DEFAULT || p->perception == CAIRN_MERGE_IMAGES) && p->perception >= CAIRN_MERGE_EVIDENCE &&
-           p->perception <= CAIRN_MERGE_IMAGES && p->correlation > 0 && cairn_is_finite(p->correlation) &&
-           p->min_score > 0 && cairn_is_finite(p->min_score) && p->min_margin >= 0 && cairn_is_finite(p->min_margin);
+           (p->mode == CAIRN_MODE_DEFAULT || p->perception == CAIRN_MERGE_IMAGES) &&
+           p->perception >= CAIRN_MERGE_EVIDENCE && p->perception <= CAIRN_MERGE_IMAGES && p->correlation > 0 &&
+           cairn_is_finite(p->correlation) && p->min_score > 0 && cairn_is_finite(p->min_score) && p->min_margin >= 0 &&
+           cairn_is_finite(p->min_margin);
 }
 
 static cairn_corner_params corner_params(const cairn_map_merge_params *p)

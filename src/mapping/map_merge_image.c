@@ -188,7 +188,8 @@ static void add_row(merge_images *c, int32_t k, const cairn_real *kernel)
     cairn_real scale = 1 / other->input.resolution, size = own->input.resolution, row = (cairn_real)c->row;
     cairn_vec2 first = {own->corner.x + size / 2, own->corner.y + (row + CAIRN_REAL(0.5)) * size}, along = {size, 0};
     int32_t begin = c->begin[k][0], end = c->end[k][0], from, to;
-    image_row r = {other, own->grid + (size_t)c->row * (size_t)own->input.cells.width, {0, 0}, {0, 0}, {0, 0}, {0, 0}, 0};
+    image_row r = {other, own->grid + (size_t)c->row * (size_t)own->input.cells.width, {0, 0}, {0, 0}, {0, 0}, {0, 0},
+                   0};
 
     r.first = cairn_vec2_scale(cairn_vec2_sub(cairn_transform_point(c->to_other[k], first), other->corner), scale);
     r.step = cairn_vec2_scale(cairn_transform_direction(c->to_other[k], along), scale);

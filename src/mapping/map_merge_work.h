@@ -156,8 +156,9 @@ typedef struct merge_images {
     cairn_transform to_other[2];
     int32_t begin[2][2], end[2][2]; /* columns and rows of map k that the other one can feel: [k][0 column, 1 row] */
     int32_t turn, row;              /* the map whose rows are added, and the next one */
-    cairn_real same[2][2], other[2][2]; /* sums of the kernel, [map][class - MERGE_FREE]: to cells of that class, of the other */
-    int32_t known;                  /* free cells of the second map that the first one knows */
+    cairn_real same[2][2],
+        other[2][2]; /* sums of the kernel, [map][class - MERGE_FREE]: to cells of that class, of the other */
+    int32_t known;   /* free cells of the second map that the first one knows */
 } merge_images;
 
 /* The candidates of a particle: those of an earlier one when both have the same history. */
@@ -303,7 +304,7 @@ struct cairn_map_merge {
         merge_memory *memory;   /* [MERGE_MEMORY] in the default mode */
         merge_written *written; /* in the mode as written */
     };
-    int32_t merged;       /* steps of the filter */
+    int32_t merged; /* steps of the filter */
     struct {
         int32_t list[MERGE_MAPS_MOST];     /* maps placed, in their order */
         cairn_pose pose[MERGE_MAPS_MOST];  /* of each map, in the frame of the reference's centre */

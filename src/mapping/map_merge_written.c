@@ -356,15 +356,16 @@ static cairn_real weight_of(const cairn_map_merge *m, int32_t map)
 /* The maps of the best particle, in the order in which it has merged them. */
 static void take_best(cairn_map_merge *m)
 {
-    const merge_state *best = cairn_particle_filter_particle(m->filter, cairn_particle_filter_read(m->filter).best).state;
+    const merge_state *best =
+        cairn_particle_filter_particle(m->filter, cairn_particle_filter_read(m->filter).best).state;
 
     (void)cairn_merge_gather(m, best);
     memset(&m->check, 0, sizeof m->check);
     memset(m->placed, 0, sizeof m->placed);
     for (int32_t i = 0; i < m->map_count; i++) {
         m->placed[i].verdict = m->maps[i].point_count == 0 || m->maps[i].free == 0 ? CAIRN_MERGE_EMPTY
-                               : is_within_reach(m, i)                               ? CAIRN_MERGE_NO_OVERLAP
-                                                                                     : CAIRN_MERGE_NO_CORNER;
+                               : is_within_reach(m, i)                             ? CAIRN_MERGE_NO_OVERLAP
+                                                                                   : CAIRN_MERGE_NO_CORNER;
         m->placed[i].corners = m->maps[i].corner_count;
         m->placed[i].wrong = 1;
     }
