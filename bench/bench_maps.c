@@ -79,10 +79,10 @@ static cairn_status add_coarse(cairn_map_merge *merge, const picture *p, int32_t
 }
 
 /* Where `source` lies in `target`, in pixels. 1 and *found set when it was placed; -1 on failure. */
-static int merge_at(const picture *target, const picture *source, int32_t k, double size, int particles,
-                    cairn_merge_placed *found)
+static int merge_at(const picture *target, const picture *source, int32_t k, double size,
+                    const cairn_map_merge_params *base, cairn_merge_placed *found)
 {
-    cairn_map_merge_params params = cairn_map_merge_default();
+    cairn_map_merge_params params = *base;
     int32_t cells = target->width * target->height, own = source->width * source->height;
     cairn_status status = CAIRN_MORE;
     cairn_map_merge *merge = NULL;
@@ -96,7 +96,6 @@ static int merge_at(const picture *target, const picture *source, int32_t k, dou
     params.max_cells = cells + own;
     params.max_map_cells = cells > own ? cells : own;
     params.max_points = 4096;
-    params.particles = particles;
     bytes = cairn_map_merge_memory(&params) + CAIRN_ALIGN;
     memory = malloc(bytes);
     room[0] = malloc((size_t)cells);
@@ -138,16 +137,17 @@ static int is_better(int placed, const cairn_merge_placed *tried, int best, cons
     return f->k == 0 || placed > best || (placed == best && tried->support > f->placed.support);
 }
 
-/* Cells from fine to coarse until the place is sure; maps of several surveys differ in size by some percent. */
-static int merge_pair(const picture *target, const picture *source, int particles, finding *f)
+/* Cells from fine to coarse until the place is sure; maps of several surveys differ in size by some percent. As written: the
+ * cells of the maps, but MOST_SIDE of them to a side at most. */
+static int merge_pair(const picture *target, const picture *source, const cairn_map_merge_params *base, finding *f)
 {
     int32_t side = target->width > target->height ? target->width : target->height;
     int best = 0;
 
     for (int32_t k = side > MOST_SIDE ? (side - 1) / MOST_SIDE + 1 : 1;; k = next_size(k)) {
-        for (int i = 0; i < SIZES; i++) {
+        for (int i = 0; i < (base->mode == CAIRN_MODE_AS_WRITTEN ? 1 : SIZES); i++) {
             cairn_merge_placed tried;
-            int placed = merge_at(target, source, k, SIZE[i], particles, &tried);
+            int placed = merge_at(target, source, k, SIZE[i], base, &tried);
 
             if (placed < 0)
                 return placed;
@@ -158,7 +158,8 @@ static int merge_pair(const picture *target, const picture *source, int particle
                 best = placed;
             }
         }
-        if ((best && (double)f->placed.wrong <= SURE) || side / next_size(k) < LEAST_SIDE)
+        if (base->mode == CAIRN_MODE_AS_WRITTEN || (best && (double)f->placed.wrong <= SURE) ||
+            side / next_size(k) < LEAST_SIDE)
             return best;
     }
 }
@@ -226,12 +227,12 @@ typedef struct tally {
 } tally;
 
 /* truth: NULL when only the target's walls tell. */
-static void run_pair(const picture *target, const picture *source, const shift *truth, double right, int particles,
-                     tally *t)
+static void run_pair(const picture *target, const picture *source, const shift *truth, double right,
+                     const cairn_map_merge_params *base, tally *t)
 {
     finding found = {{0, {0, 0, 0}, 0, 0, 0, 0, 0, 0, 0}, 0, 1};
     double start = bench_seconds(), off = (double)NAN;
-    int placed = merge_pair(target, source, particles, &found);
+    int placed = merge_pair(target, source, base, &found);
 
     t->pairs++;
     if (placed > 0)
@@ -252,7 +253,7 @@ static void run_pair(const picture *target, const picture *source, const shift *
     fflush(stdout);
 }
 
-static int run_halmstad(const char *folder, int particles, tally *t)
+static int run_halmstad(const char *folder, const cairn_map_merge_params *base, tally *t)
 {
     char path[1100], line[1024];
     FILE *file;
@@ -273,7 +274,7 @@ static int run_halmstad(const char *folder, int particles, tally *t)
         if (load(folder, names[0], &source) && load(folder, names[1], &target)) {
             shift truth = {cos(theta), sin(theta), scale, x, y};
 
-            run_pair(&target, &source, &truth, RIGHT_HALMSTAD, particles, t);
+            run_pair(&target, &source, &truth, RIGHT_HALMSTAD, base, t);
         }
         free(source.cells);
         free(target.cells);
@@ -283,7 +284,7 @@ static int run_halmstad(const char *folder, int particles, tally *t)
 }
 
 /* Parts of a map onto the whole. */
-static void run_parts(const char *folder, int particles, tally *t)
+static void run_parts(const char *folder, const cairn_map_merge_params *base, tally *t)
 {
     picture whole = {"", NULL, 0, 0};
 
@@ -294,24 +295,24 @@ static void run_parts(const char *folder, int particles, tally *t)
 
             snprintf(name, sizeof name, "intel_local_%02d", i);
             if (load(folder, name, &part))
-                run_pair(&whole, &part, NULL, RIGHT_PARTS, particles, t);
+                run_pair(&whole, &part, NULL, RIGHT_PARTS, base, t);
             free(part.cells);
         }
     free(whole.cells);
 }
 
-int bench_maps_run(const char *folder, int particles)
+int bench_maps_run(const char *folder, const cairn_map_merge_params *base)
 {
     tally halmstad = {0, 0, 0, 0}, parts = {0, 0, 0, 0};
     char path[1024];
 
     snprintf(path, sizeof path, "%s/halmstad", folder);
-    if (!run_halmstad(path, particles, &halmstad)) {
+    if (!run_halmstad(path, base, &halmstad)) {
         fprintf(stderr, "merge: no %s/pairs.csv: the maps are not there\n", path);
         return 3;
     }
     snprintf(path, sizeof path, "%s/parts", folder);
-    run_parts(path, particles, &parts);
+    run_parts(path, base, &parts);
     bench_json_begin("merge");
     bench_json_integer("pairs", halmstad.pairs);
     bench_json_integer("right", halmstad.right);

@@ -32,6 +32,7 @@ typedef struct settings {
     const char *maps, *perception;
     int32_t decoy, pair, repeat, modes, order, scaling;
     int32_t corners; /* of a map at most; 0: as many as the default */
+    int32_t as_written, gave_particles;
 } settings;
 
 typedef struct outcome {
@@ -42,15 +43,23 @@ typedef struct outcome {
     cairn_merge_result result;
 } outcome;
 
+static cairn_map_merge_params base_params(const settings *s)
+{
+    cairn_map_merge_params p = s->as_written ? cairn_map_merge_as_written() : cairn_map_merge_default();
+
+    p.particles = (int32_t)s->particles;
+    if (s->perception != NULL && strcmp(s->perception, "images") == 0)
+        p.perception = CAIRN_MERGE_IMAGES;
+    return p;
+}
+
 static cairn_map_merge_params params_for(const settings *s, const bench_parts *parts, int32_t extra)
 {
-    cairn_map_merge_params p = cairn_map_merge_default();
+    cairn_map_merge_params p = base_params(s);
     int64_t cells = 0;
 
     p.max_maps = parts->count + extra;
-    p.particles = (int32_t)s->particles;
     p.max_corners = s->corners > 0 ? s->corners : p.max_corners;
-    p.perception = strcmp(s->perception, "images") == 0 ? CAIRN_MERGE_IMAGES : CAIRN_MERGE_EVIDENCE;
     for (int32_t i = 0; i < parts->count; i++) {
         int32_t own = parts->list[i].side * parts->list[i].side;
 
@@ -59,6 +68,12 @@ static cairn_map_merge_params params_for(const settings *s, const bench_parts *p
     }
     p.max_cells = (int32_t)(cells + extra * (int64_t)p.max_map_cells);
     return p;
+}
+
+static int is_near(cairn_pose pose, sim_pose truth, double metres, double radians)
+{
+    return hypot((double)pose.x - truth.x, (double)pose.y - truth.y) <= metres &&
+           fabs(remainder((double)pose.theta - truth.theta, 360 * DEGREE)) <= radians;
 }
 
 /* Where the best modes of true neighbours lie, beside the best wrong ones. */
@@ -70,6 +85,7 @@ static void print_modes(const cairn_map_merge *merge, const bench_parts *parts)
             cairn_pose t = {(cairn_real)truth.x, (cairn_real)truth.y, (cairn_real)truth.theta}, pose;
             cairn_merge_score score;
             cairn_real evidence;
+            int32_t right = 0;
 
             if (cairn_map_merge_score(merge, a, b, t, &score) != CAIRN_OK)
                 continue;
@@ -91,6 +107,10 @@ static void print_modes(const cairn_map_merge *merge, const bench_parts *parts)
                     snprintf(key, sizeof key, "conflict%d", (int)k);
                 bench_json_number(key, (double)score.conflict);
             }
+            for (int32_t k = 0; cairn_map_merge_mode(merge, a, b, k, &pose, &evidence); k++)
+                if (is_near(pose, truth, PLACE_M, PLACE_RAD) && ++right == 1)
+                    bench_json_integer("right_mode", k);
+            bench_json_integer("right_modes", right);
             bench_json_end();
         }
 }
@@ -139,8 +159,7 @@ static int32_t count_near(const cairn_map_merge *merge, const bench_parts *parts
             cairn_pose_between(cairn_map_merge_of(merge, k).reference_map, cairn_map_merge_of(merge, i).reference_map);
         sim_pose truth = bench_pose_between(parts->list[k].world_map, parts->list[i].world_map);
 
-        near += is_placed(merge, i) && hypot((double)seen.x - truth.x, (double)seen.y - truth.y) <= metres &&
-                fabs(remainder((double)seen.theta - truth.theta, 360 * DEGREE)) <= radians;
+        near += is_placed(merge, i) && is_near(seen, truth, metres, radians);
     }
     return near;
 }
@@ -266,6 +285,7 @@ static void print_seed(int64_t seed, const outcome *out)
     bench_json_integer("hypotheses", out->result.hypotheses);
     bench_json_integer("resamplings", out->result.resamplings);
     bench_json_integer("units", out->result.units);
+    bench_json_integer("most_particles", out->result.most_particles);
     bench_json_end();
     fflush(stdout);
 }
@@ -414,7 +434,6 @@ int main(int argc, char **argv)
                   .seed = 1,
                   .particles = 100,
                   .overlap = 30,
-                  .perception = "evidence",
                   .parts = {.scene = "rescue", .tile = 12, .resolution = 0.05, .places = 12}};
     int64_t places = 12;
     const option table[] = {
@@ -423,8 +442,10 @@ int main(int argc, char **argv)
                       "of the smaller map's known cells that neighbours share"),
         OPTION_INTEGER("--seeds", &s.seeds, 1, 100000, "N", "arenas"),
         OPTION_INTEGER("--seed", &s.seed, 0, 1e9, "N", "of the first arena"),
-        OPTION_INTEGER("--particles", &s.particles, 1, 4096, "N", "of the filter"),
+        {"--particles", OPTION_IS_INTEGER, &s.particles, 1, 4096, "N", "of the filter; as written 50",
+         &s.gave_particles},
         OPTION_TEXT("--perception", &s.perception, "NAME", "evidence, or images: Psi and gamma of the thesis"),
+        OPTION_FLAG("--as-written", &s.as_written, "chapter 9 of the thesis as written: corners alone, images alone"),
         OPTION_TEXT("--scene", &s.parts.scene, "NAME", "arena"),
         OPTION_NUMBER("--tile", &s.parts.tile, 3, 20, "M", "side of a robot's part, m"),
         OPTION_INTEGER("--places", &places, 1, 64, "P", "from which a robot scans"),
@@ -450,9 +471,19 @@ int main(int argc, char **argv)
     s.parts.overlap = s.overlap / 100;
     s.parts.places = (int32_t)places;
     s.parts.pair = s.pair;
+    if (s.perception != NULL && strcmp(s.perception, "images") != 0 && strcmp(s.perception, "evidence") != 0)
+        return options_refuse("bench/merge", "--perception %s, expected evidence or images", s.perception);
+    if (s.as_written && s.perception != NULL && strcmp(s.perception, "images") != 0)
+        return options_refuse("bench/merge", "--as-written weighs places by images, expected no --perception %s",
+                              s.perception);
+    if (s.as_written && !s.gave_particles)
+        s.particles = cairn_map_merge_as_written().particles;
     if (sim_scene_find(s.parts.scene) < 0)
         return options_refuse("bench/merge", "unknown scene '%s'", s.parts.scene);
-    if (s.maps != NULL)
-        return bench_maps_run(s.maps, (int)s.particles);
+    if (s.maps != NULL) {
+        cairn_map_merge_params params = base_params(&s);
+
+        return bench_maps_run(s.maps, &params);
+    }
     return s.scaling ? run_scaling(s) : run_arenas(&s);
 }

@@ -524,8 +524,9 @@ uint64_t golden_places(void)
 
 enum { MAP_SIDE = 40 };
 
-/* A map of a part of a hall with boxes at all angles, in cells of 0.1 m, seen from a frame of its own. */
-static void draw_map(cairn_pose hall_map, uint8_t *cells)
+/* A map of a part of a hall with `boxes` boxes at all angles, `size` times 0.6 by 0.3 m, in cells of 0.1 m, seen from a frame of its
+ * own. */
+static void draw_map(cairn_pose hall_map, uint8_t *cells, int32_t boxes, cairn_real size)
 {
     cairn_random random = cairn_random_seed(17, 1);
     cairn_transform hall = cairn_transform_of(hall_map);
@@ -544,20 +545,20 @@ static void draw_map(cairn_pose hall_map, uint8_t *cells)
         cells[i] = cairn_abs(p.y) > CAIRN_REAL(1.9)   ? CAIRN_CELL_UNKNOWN
                    : cairn_abs(p.y) > CAIRN_REAL(1.8) ? CAIRN_CELL_OCCUPIED
                                                       : CAIRN_CELL_FREE;
-        for (int32_t k = 0; k < 12; k++) {
+        for (int32_t k = 0; k < boxes; k++) {
             cairn_vec2 q = cairn_transform_point(cairn_transform_of(cairn_pose_inverse(box[k])), p);
 
-            if (cairn_abs(q.x) < CAIRN_REAL(0.3) && cairn_abs(q.y) < CAIRN_REAL(0.15))
+            if (cairn_abs(q.x) < CAIRN_REAL(0.3) * size && cairn_abs(q.y) < CAIRN_REAL(0.15) * size)
                 cells[i] = CAIRN_CELL_OCCUPIED;
         }
     }
 }
 
-uint64_t golden_merged(void)
+/* Two maps merged; 0 when the second one is not placed. */
+static uint64_t merge_two(cairn_map_merge_params params, int32_t boxes, cairn_real size)
 {
     static uint8_t cells[2][MAP_SIDE * MAP_SIDE];
     static const cairn_pose hall_map[2] = {{-1, 0, 0}, {CAIRN_REAL(0.2), CAIRN_REAL(0.1), CAIRN_REAL(0.3)}};
-    cairn_map_merge_params params = cairn_map_merge_default();
     cairn_budget budget = unbounded();
     cairn_merge_placed placed;
     cairn_map_merge *merge;
@@ -580,7 +581,7 @@ uint64_t golden_merged(void)
     for (int32_t i = 0; i < 2; i++) {
         cairn_merge_map map = {{cells[i], MAP_SIDE, MAP_SIDE, MAP_SIDE}, CAIRN_REAL(0.1), {-2, -2, 0}};
 
-        draw_map(hall_map[i], cells[i]);
+        draw_map(hall_map[i], cells[i], boxes, size);
         if (cairn_map_merge_add(merge, &map, NULL) != CAIRN_OK)
             return 0;
     }
@@ -591,4 +592,14 @@ uint64_t golden_merged(void)
         return 0;
     hash = add_real(add_real(add_pose(hash, placed.reference_map), placed.support), placed.wrong);
     return add_real(hash, cairn_map_merge_read(merge).evidence);
+}
+
+uint64_t golden_merged(void)
+{
+    return merge_two(cairn_map_merge_default(), 12, 1);
+}
+
+uint64_t golden_merged_as_written(void)
+{
+    return merge_two(cairn_map_merge_as_written(), 5, 3);
 }

@@ -26,6 +26,7 @@ const golden_scene golden_scenes[] = {
     {"filtered", golden_filtered},
     {"places", golden_places},
     {"merged", golden_merged},
+    {"merged_as_written", golden_merged_as_written},
     {"contours", golden_contours},
     {"edgels", golden_edgels},
     {"symmetry", golden_symmetry},

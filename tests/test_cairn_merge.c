@@ -169,6 +169,36 @@ static void a_warm_start(void **state)
     assert_non_null(strstr(o.out, "maps       2, 1 placed"));
 }
 
+/* By images maps are refused more often, and as written none is that has a corner like another one's. */
+static void by_images_and_as_written(void **state)
+{
+    outcome o = programs_run("cairn merge @/a.yaml @/b.yaml @/c.yaml -o @/images --perception images --coarsen 1");
+    cairn_pose_row *row;
+    cairn_file_error error;
+    int32_t count;
+
+    (void)state;
+    assert_string_equal(o.err, "");
+    assert_int_equal(o.code, 0);
+    assert_non_null(strstr(o.out, "maps       3, "));
+    o = programs_run("cairn merge @/a.yaml @/b.yaml @/d.yaml -o @/written --as-written --order 0,1,2");
+    assert_string_equal(o.err, "");
+    assert_int_equal(o.code, 0);
+    assert_non_null(strstr(o.out, "maps       3, 3 placed")); /* the stranger, too */
+    assert_non_null(strstr(o.out, "cells      of 1 by 1"));
+    assert_ok(cairn_pose_table_read(&row, &count, files_path("written/transforms.csv"), &error));
+    assert_int_equal(count, 3);
+    for (int32_t i = 0; i < 3; i++)
+        assert_string_equal(row[i].verdict, "placed");
+    cairn_pose_table_free(row);
+    o = programs_run(
+        "cairn merge @/a.yaml @/b.yaml -o @/written --as-written --perception images --particles 5 --seed 2");
+    assert_int_equal(o.code, 0);
+    o = programs_run("cairn merge @/a.yaml -o @/one --as-written");
+    assert_int_equal(o.code, 0);
+    assert_non_null(strstr(o.out, "maps       1, 1 placed"));
+}
+
 static void assert_refused(const char *words, const char *piece)
 {
     outcome o = programs_run("cairn merge %s", words);
@@ -195,6 +225,12 @@ static void command_lines_are_refused(void **state)
     assert_refused("@/a.yaml @/b.yaml -o @/no --start @/missing.csv", "missing.csv");
     assert_refused("@/a.yaml @/b.yaml -o @/no --pool 1K", "pool");
     assert_refused("@/a.yaml @/b.yaml -o @/a.yaml/no", "a.yaml");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --perception sight", "--perception sight, expected evidence or images");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --as-written --perception evidence", "expected one of both");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --as-written --start @/merged/transforms.csv",
+                   "--start with --as-written");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --as-written --coarsen 2", "--coarsen with --as-written");
+    assert_refused("@/a.yaml @/b.yaml -o @/no --as-written --min-score 6", "--min-score with --as-written");
     assert_int_not_equal(access(files_path("no"), F_OK), 0); /* nothing was left */
 }
 
@@ -211,9 +247,8 @@ static void help_is_printed(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(three_maps_and_a_stranger),
-        cmocka_unit_test(a_warm_start),
-        cmocka_unit_test(command_lines_are_refused),
+        cmocka_unit_test(three_maps_and_a_stranger), cmocka_unit_test(a_warm_start),
+        cmocka_unit_test(by_images_and_as_written),  cmocka_unit_test(command_lines_are_refused),
         cmocka_unit_test(help_is_printed),
     };
 

@@ -15,6 +15,31 @@ enum { YAML, IMAGE, TRANSFORMS_YAML, TRANSFORMS_CSV, PLACES, PICTURE, FILES };
 static const char *const file_names[FILES] = {"map.yaml",       "map.pgm",    "transforms.yaml",
                                               "transforms.csv", "places.csv", "map.svg"};
 
+/* Options that chapter 9 does not have, or that name nothing, are refused; with it come its own number of particles and its
+ * perception. OPTIONS_READ when all is well. */
+static option_result settle_mode(merge_settings *s)
+{
+    const char *other = s->start != NULL ? "--start" : s->gave_coarsen ? "--coarsen" : "--min-score";
+
+    if (s->perception != NULL && strcmp(s->perception, "images") != 0 && strcmp(s->perception, "evidence") != 0)
+        return (option_result)options_refuse(MERGE_PROGRAM, "--perception %s, expected evidence or images",
+                                             s->perception);
+    if (!s->as_written)
+        return OPTIONS_READ;
+    if (s->perception != NULL && strcmp(s->perception, "images") != 0)
+        return (option_result)options_refuse(MERGE_PROGRAM,
+                                             "--perception %s with --as-written: the thesis weighs places by images, "
+                                             "expected one of both",
+                                             s->perception);
+    if (s->start != NULL || s->gave_coarsen || s->gave_min_score)
+        return (option_result)options_refuse(
+            MERGE_PROGRAM, "%s with --as-written: the thesis has no such thing, expected one of both", other);
+    if (!s->gave_particles)
+        s->particles = cairn_map_merge_as_written().particles;
+    s->coarsen = 1;
+    return OPTIONS_READ;
+}
+
 static option_result read_settings(merge_settings *s, int argc, char **argv)
 {
     const option table[] = {
@@ -24,12 +49,20 @@ static option_result read_settings(merge_settings *s, int argc, char **argv)
                        "the map, counted from 0, whose frame all others are placed in"),
         OPTION_TEXT("--order", &s->order, "I,I,...", "merge in this order, all maps, the reference first"),
         OPTION_TEXT("--scale", &s->scale, "M,M,...", "side of a cell of each map in m, in place of what its file says"),
-        OPTION_INTEGER("--coarsen", &s->coarsen, 0, 64, "K",
-                       "make one cell of K by K, for maps that are bent (0: as\nneeded)"),
-        OPTION_NUMBER("--min-score", &s->min_score, 0.1, 1000, "NATS", "maps with less support are refused"),
+        {"--coarsen", OPTION_IS_INTEGER, &s->coarsen, 0, 64, "K",
+         "make one cell of K by K, for maps that are bent (0: as\nneeded)", &s->gave_coarsen},
+        {"--min-score", OPTION_IS_NUMBER, &s->min_score, 0.1, 1000, "NATS", "maps with less support are refused",
+         &s->gave_min_score},
         OPTION_TEXT("--start", &s->start, "FILE",
                     "transforms.csv of an earlier merging: kept unless others are better"),
-        OPTION_INTEGER("--particles", &s->particles, 1, 4096, "N", "of the filter"),
+        OPTION_TEXT("--perception", &s->perception, "NAME",
+                    "what places are weighed by: evidence, or images: Psi and\ngamma of the thesis (9.5, 9.6)"),
+        OPTION_FLAG("--as-written", &s->as_written,
+                    "chapter 9 of the thesis as written: corners alone, images\nalone, 50 particles; no map is refused "
+                    "that has a corner like\nanother one's"),
+        {"--particles", OPTION_IS_INTEGER, &s->particles, 1, 4096, "N",
+         "of the filter; more than a few tell rival places apart that\nonly a later map decides between",
+         &s->gave_particles},
         OPTION_INTEGER("--seed", &s->seed, 0, 9e15, "N", "of its random numbers"),
         OPTION_TEXT("--pool", &s->pool, "BYTES", "memory of the merging (just what it needs)"),
         OPTION_FLAG("--quiet", &s->quiet, "no summary"),
@@ -52,7 +85,7 @@ static option_result read_settings(merge_settings *s, int argc, char **argv)
     if (s->reference >= s->count)
         return (option_result)options_refuse(MERGE_PROGRAM, "--reference %" PRId64 ", expected at most %" PRId32,
                                              s->reference, s->count - 1);
-    return OPTIONS_READ;
+    return settle_mode(s);
 }
 
 /* Reads as many numbers, with commas between, as there are maps. 0 after a line on standard error. */
@@ -150,7 +183,8 @@ static int load_maps(merge_job *job)
 
 static cairn_map_merge_params params_for(const merge_job *job)
 {
-    cairn_map_merge_params p = cairn_map_merge_default();
+    const merge_settings *s = job->settings;
+    cairn_map_merge_params p = s->as_written ? cairn_map_merge_as_written() : cairn_map_merge_default();
     int64_t cells = 0, most = 0;
 
     for (int32_t i = 0; i < job->settings->count; i++) {
@@ -163,9 +197,11 @@ static cairn_map_merge_params params_for(const merge_job *job)
     p.max_cells = cells > CAIRN_MAP_FILE_CELLS_MOST ? 0 : (int32_t)cells;
     p.max_map_cells = (int32_t)most;
     p.max_points = 4096;
-    p.particles = (int32_t)job->settings->particles;
-    p.min_score = (cairn_real)job->settings->min_score;
-    p.seed = (uint64_t)job->settings->seed;
+    if (s->perception != NULL && strcmp(s->perception, "images") == 0)
+        p.perception = CAIRN_MERGE_IMAGES;
+    p.particles = (int32_t)s->particles;
+    p.min_score = (cairn_real)s->min_score;
+    p.seed = (uint64_t)s->seed;
     return p;
 }
 

@@ -16,10 +16,11 @@ enum { MERGE_TOOL_MAPS = 64, MERGE_LEAST_SIDE = 175, MERGE_MOST_SIDE = 800 };
 
 typedef struct merge_settings {
     const char *map[MERGE_TOOL_MAPS];
-    const char *folder, *order, *scale, *start, *pool;
+    const char *folder, *order, *scale, *start, *pool, *perception;
     int64_t reference, coarsen, particles, seed;
     double min_score;
-    int32_t count, quiet;
+    int32_t count, quiet, as_written;
+    int32_t gave_coarsen, gave_min_score, gave_particles;
 } merge_settings;
 
 typedef struct merge_tool_map {

@@ -157,7 +157,7 @@ cairn_status merge_write_yaml(const merge_job *job, const char *path, cairn_file
 /* A word for each verdict, without spaces. */
 static const char *verdict_word(cairn_merge_verdict verdict)
 {
-    static const char *const words[] = {"placed", "empty", "no-overlap", "weak", "ambiguous", "slides"};
+    static const char *const words[] = {"placed", "empty", "no-overlap", "weak", "ambiguous", "slides", "no-corner"};
 
     return words[verdict];
 }

@@ -198,6 +198,11 @@ static void virtual_align_as_written_set_default(void *params)
     *(cairn_virtual_align_params *)params = cairn_virtual_align_as_written();
 }
 
+static void written_map_merge_set_default(void *params)
+{
+    *(cairn_map_merge_params *)params = cairn_map_merge_as_written();
+}
+
 #define OBJECT(room) .name = #room, .set_default = room##_set_default, .memory = room##_memory
 #define HAS(room, name, field)                                                                                         \
     {                                                                                                                  \
@@ -337,6 +342,12 @@ const pool_object pool_objects[] = {
      {HAS(map_merge, "map", max_maps), HAS(map_merge, "cell", max_cells),
       HAS(map_merge, "cell of a map", max_map_cells), HAS(map_merge, "point", max_points),
       HAS(map_merge, "segment", max_segments), HAS(map_merge, "corner", max_corners), HAS(map_merge, "mode", max_modes),
+      HAS(map_merge, "particle", particles)}},
+    {.name = "map_merge_as_written",
+     .set_default = written_map_merge_set_default,
+     .memory = map_merge_memory,
+     0,
+     {HAS(map_merge, "map", max_maps), HAS(map_merge, "cell", max_cells), HAS(map_merge, "mode", max_modes),
       HAS(map_merge, "particle", particles)}},
     {.name = "force_field_spaced",
      .set_default = spaced_force_field_set_default,

@@ -4,6 +4,27 @@
  * moves it is the registration of corners, of the directions of walls and of where walls bend; what it sees is the map itself.
  * A particle filter follows the rival places. What the maps do not support is refused and said so.
  *
+ * Mode CAIRN_MODE_AS_WRITTEN is chapter 9 as it is printed: what moves the virtual robot is the registration of pairs of
+ * similar corners alone, in closed form; what it sees is weighed by Psi and gamma (9.5, 9.6) of whole images, against the
+ * map merged so far; the filter draws from the optimal proposal (9.3) and has more than `particles` particles while N_eff
+ * is at least half of them. Nothing is refined, and no map is refused that has a corner like one of the maps merged. Choices,
+ * where the text is silent:
+ *   - two corners are similar when both are concave, convex or mixed, their openings differ by at most 10 degrees and the
+ *     lengths of their legs, in order, agree best of all pairs of the two maps: the max_modes best pairs are registered;
+ *   - a registration is the least squares motion of three points of each corner: its vertex and a point on either leg, as
+ *     far away as both corners have that leg;
+ *   - p(x | x', u) is a sum of Gaussians about the registrations of a map, 0.2 m and 0.05 rad wide, all maps alike; it is
+ *     drawn from at the registrations themselves, so no Gaussian (9.4) is fitted;
+ *   - the kernel of Psi and gamma has mu = 0 and sigma = 0.5 cells (of 0.5, 1 and 2 the best on other arenas), is 0 from 10
+ *     sigma on, and Manhattan distances run along
+ *     the rows and columns of the image in which the nearest cell is looked for: no image is resampled;
+ *   - {c1, c2} in gamma is read as both orders, so d has four terms; d is at least 1e-6; a single place has Psi~ = gamma~ = 1,
+ *     and so have all when the sum is 0;
+ *   - a cell of the merged map is what most maps say, and occupied among equals; its cells are those of the reference;
+ *   - u registers a map with all maps merged (section 9.2.1), not only with the last one (9.3);
+ *   - the filter starts at the reference with one particle; beyond twice `particles` the lightest go;
+ *   - the result is the heaviest particle; a place that would make the merged map larger than 6 max_cells is left out.
+ *
  *     clear -> add() for each map -> begin() -> step(budget) until CAIRN_OK -> read(), of() */
 #ifndef CAIRN_MAP_MERGE_H
 #define CAIRN_MAP_MERGE_H
@@ -35,15 +56,20 @@ typedef struct cairn_map_merge_params {
     int32_t max_modes;     /* of a pair of maps: rival places that are kept, 1 ... 32 */
     int32_t particles;     /* 1 ... 4096 */
     cairn_merge_perception perception;
+    int32_t mode;           /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN, which needs CAIRN_MERGE_IMAGES */
     cairn_real correlation; /* cells of the first map, > 0: walls so long agree or not as one (10) */
-    cairn_real min_score;   /* nats, > 0: with less support a map is refused */
-    cairn_real min_margin;  /* nats, >= 0: so much more than its best rival place */
+    cairn_real min_score;   /* nats, > 0: with less support a map is refused; not as written */
+    cairn_real min_margin;  /* nats, >= 0: so much more than its best rival place; not as written */
     uint64_t seed;
 } cairn_map_merge_params;
 
 /* 16 maps of 400 x 400 cells, 2048 points, 256 segments, 48 corners, 6 modes, 100 particles, by evidence; correlation over 10
  * cells, least score 6 and margin 3 nats. */
 cairn_map_merge_params cairn_map_merge_default(void);
+
+/* Chapter 9 as written: as above, but by images, with 50 particles (the thesis: 50 to 100 in the mean) and 12 modes, which are
+ * the pairs of similar corners of two maps. */
+cairn_map_merge_params cairn_map_merge_as_written(void);
 
 /* 0 for params that create() would refuse. */
 size_t cairn_map_merge_memory(const cairn_map_merge_params *params);
@@ -73,7 +99,8 @@ void cairn_map_merge_clear(cairn_map_merge *merge);
 CAIRN_CHECKED cairn_status cairn_map_merge_add(cairn_map_merge *merge, const cairn_merge_map *map, cairn_fault *fault);
 
 /* Says that a map lies at map_map in the frame of the reference, as an earlier merging has found: that place is tried too,
- * and kept unless another one is better by min_margin. CAIRN_BAD_ARGUMENT: no such map; CAIRN_NOT_FINITE. Constant time. */
+ * and kept unless another one is better by min_margin. CAIRN_BAD_ARGUMENT: no such map; CAIRN_NOT_FINITE; CAIRN_UNSUPPORTED:
+ * as written. Constant time. */
 CAIRN_CHECKED cairn_status cairn_map_merge_guess(cairn_map_merge *merge, int32_t map, cairn_pose reference_map);
 
 /* Starts. reference: the map whose frame all others are placed in. order: NULL, or [maps] a permutation that begins with the
@@ -99,8 +126,9 @@ typedef struct cairn_merge_score {
     cairn_real gamma;        /* (9.6) */
 } cairn_merge_score;
 
-/* Scores a place of map b beside map a (a_b in the frames of the maps) at once. CAIRN_BAD_ARGUMENT: no such maps, or they are
- * not prepared (no merging has ended); CAIRN_NOT_FINITE. Linear in the points. */
+/* Scores a place of map b beside map a (a_b in the frames of the maps) at once. psi, disagreement and gamma are those of an
+ * even choice of cells, d of exact disagreement; as written of all cells, with one kernel. CAIRN_BAD_ARGUMENT: no such maps, or they
+ * are not prepared (no merging has ended); CAIRN_NOT_FINITE. Linear in the points, as written in the cells. */
 CAIRN_CHECKED cairn_status cairn_map_merge_score(const cairn_map_merge *merge, int32_t a, int32_t b, cairn_pose a_b,
                                                  cairn_merge_score *score);
 
@@ -113,7 +141,8 @@ enum {
     CAIRN_MERGE_NO_OVERLAP = 2, /* refused: no place agrees with any other map */
     CAIRN_MERGE_WEAK = 3,       /* refused: the best place has too little support */
     CAIRN_MERGE_AMBIGUOUS = 4,  /* refused: another place has nearly as much */
-    CAIRN_MERGE_SLIDES = 5      /* refused: it could be shifted along its walls */
+    CAIRN_MERGE_SLIDES = 5,     /* refused: it could be shifted along its walls */
+    CAIRN_MERGE_NO_CORNER = 6   /* as written: no corner of it is like one of the maps merged */
 };
 
 /* In words, without a full stop. */
@@ -122,13 +151,14 @@ const char *cairn_merge_verdict_text(cairn_merge_verdict verdict);
 typedef struct cairn_merge_placed {
     cairn_merge_verdict verdict;
     cairn_pose reference_map; /* of the map's frame in that of the reference; of a refused map the best place found */
-    cairn_real support;       /* nats from all maps placed with it */
-    cairn_real rival;         /* support of its best other place */
-    cairn_real wrong;         /* probability that the place is wrong, 0 ... 1; of the reference 0 */
-    int32_t neighbours;       /* maps that support it */
-    int32_t rank;             /* 0: the reference, 1: the first one merged ...; of refused maps they go on */
-    int32_t modes;            /* rival places beside the map that supports it best */
-    int32_t corners;          /* in the map */
+    cairn_real support;       /* nats from all maps placed with it; as written: Psi against the maps merged before it */
+    cairn_real rival;         /* support of its best other place; as written: 0 */
+    cairn_real wrong;   /* probability that the place is wrong, 0 ... 1; of the reference 0; as written: the weight of
+                               * all particles that have the map elsewhere */
+    int32_t neighbours; /* maps that support it; as written: 1, that with the corner */
+    int32_t rank;       /* 0: the reference, 1: the first one merged ...; of refused maps they go on */
+    int32_t modes;      /* rival places beside the map that supports it best */
+    int32_t corners;    /* in the map */
 } cairn_merge_placed;
 
 typedef struct cairn_merge_result {
@@ -136,8 +166,9 @@ typedef struct cairn_merge_result {
     int32_t reference;
     int32_t hypotheses; /* pairs of corners that were tried */
     int32_t resamplings;
-    cairn_real n_eff;    /* of the last step */
-    cairn_real evidence; /* nats, of the whole */
+    int32_t most_particles; /* after any step: as written, more than `particles` while N_eff is high */
+    cairn_real n_eff;       /* of the last step */
+    cairn_real evidence;    /* nats, of the whole; as written: the sum of Psi */
     int64_t units;
 } cairn_merge_result;
 
@@ -146,7 +177,8 @@ cairn_merge_result cairn_map_merge_read(const cairn_map_merge *merge);
 /* All zero when there is no such map. */
 cairn_merge_placed cairn_map_merge_of(const cairn_map_merge *merge, int32_t map);
 
-/* Rival places of map b beside map a, the best first; 0 when there are no more. *a_b is in the frames of the maps. */
+/* Rival places of map b beside map a, the best first; 0 when there are no more. *a_b is in the frames of the maps; as written,
+ * *evidence is the similarity of the corners, 0 ... 1. */
 int32_t cairn_map_merge_mode(const cairn_map_merge *merge, int32_t a, int32_t b, int32_t index, cairn_pose *a_b,
                              cairn_real *evidence);
 

@@ -41,6 +41,17 @@ cairn_map_merge_params cairn_map_merge_default(void)
     return params;
 }
 
+cairn_map_merge_params cairn_map_merge_as_written(void)
+{
+    cairn_map_merge_params params = cairn_map_merge_default();
+
+    params.mode = CAIRN_MODE_AS_WRITTEN;
+    params.perception = CAIRN_MERGE_IMAGES;
+    params.particles = 50;
+    params.max_modes = 12;
+    return params;
+}
+
 static int is_count(int32_t n, int32_t least, int32_t most)
 {
     return n >= least && n <= most;
@@ -51,9 +62,11 @@ static int params_are_valid(const cairn_map_merge_params *p)
     return p != NULL && is_count(p->max_maps, 1, MERGE_MAPS_MOST) && is_count(p->max_cells, 1, CELLS_MOST) &&
            is_count(p->max_map_cells, 1, p->max_cells) && is_count(p->max_points, POINTS_LEAST, POINTS_MOST) &&
            is_count(p->max_segments, 1, 4096) && is_count(p->max_corners, 1, 1024) && is_count(p->max_modes, 1, 32) &&
-           is_count(p->particles, 1, 4096) && p->perception >= CAIRN_MERGE_EVIDENCE &&
-           p->perception <= CAIRN_MERGE_IMAGES && p->correlation > 0 && cairn_is_finite(p->correlation) &&
-           p->min_score > 0 && cairn_is_finite(p->min_score) && p->min_margin >= 0 && cairn_is_finite(p->min_margin);
+           is_count(p->particles, 1, 4096) && is_count(p->mode, CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN) &&
+           (p->mode == CAIRN_MODE_DEFAULT || p->perception == CAIRN_MERGE_IMAGES) &&
+           p->perception >= CAIRN_MERGE_EVIDENCE && p->perception <= CAIRN_MERGE_IMAGES && p->correlation > 0 &&
+           cairn_is_finite(p->correlation) && p->min_score > 0 && cairn_is_finite(p->min_score) && p->min_margin >= 0 &&
+           cairn_is_finite(p->min_margin);
 }
 
 static cairn_corner_params corner_params(const cairn_map_merge_params *p)
@@ -68,12 +81,34 @@ static cairn_corner_params corner_params(const cairn_map_merge_params *p)
     return c;
 }
 
-/* A map's side is at most that of a raster, or all its cells in one row. */
+static int is_written(const cairn_map_merge_params *p)
+{
+    return p->mode == CAIRN_MODE_AS_WRITTEN;
+}
+
+/* Cells of the merged map at most, as written. */
+static int32_t merged_cells(const cairn_map_merge_params *p)
+{
+    return p->max_cells < CELLS_MOST / MERGE_MERGED ? MERGE_MERGED * p->max_cells : CELLS_MOST;
+}
+
+/* Cells of an image whose distances are measured. */
+static int32_t image_cells(const cairn_map_merge_params *p)
+{
+    return is_written(p) ? merged_cells(p) : p->max_map_cells;
+}
+
+/* An image's side is at most that of a raster, or all its cells in one row. */
 static cairn_distance_map_params distance_params(const cairn_map_merge_params *p)
 {
-    cairn_distance_map_params d = {p->max_map_cells < CAIRN_RASTER_MAX_SIDE ? p->max_map_cells : CAIRN_RASTER_MAX_SIDE};
+    cairn_distance_map_params d = {image_cells(p) < CAIRN_RASTER_MAX_SIDE ? image_cells(p) : CAIRN_RASTER_MAX_SIDE};
 
     return d;
+}
+
+static cairn_particle_filter_params filter_params(const cairn_map_merge_params *p)
+{
+    return is_written(p) ? cairn_merge_written_params(p) : cairn_merge_filter_params(p);
 }
 
 static size_t pairs_of(const cairn_map_merge_params *p)
@@ -88,7 +123,7 @@ static void carve_objects(cairn_map_merge *m, cairn_pool *pool, const cairn_map_
 {
     cairn_corner_params corners = corner_params(p);
     cairn_distance_map_params distances = distance_params(p);
-    cairn_particle_filter_params filter = cairn_merge_filter_params(p);
+    cairn_particle_filter_params filter = filter_params(p);
     cairn_particle_model model;
     cairn_status status;
 
@@ -98,7 +133,7 @@ static void carve_objects(cairn_map_merge *m, cairn_pool *pool, const cairn_map_
         cairn_pool_count(pool, cairn_particle_filter_memory(&filter));
         return;
     }
-    model = cairn_merge_model(m);
+    model = is_written(p) ? cairn_merge_written_model(m) : cairn_merge_model(m);
     status = cairn_corner_create(&m->corners, pool, &corners);
     CAIRN_ASSERT(status == CAIRN_OK);
     status = cairn_distance_map_create(&m->distances, pool, &distances);
@@ -108,13 +143,37 @@ static void carve_objects(cairn_map_merge *m, cairn_pool *pool, const cairn_map_
     (void)status;
 }
 
+/* What the mode as written needs besides. */
+static merge_written *carve_written(cairn_pool *pool, const cairn_map_merge_params *p)
+{
+    cairn_particle_filter_params filter = cairn_merge_written_params(p);
+    size_t cells = (size_t)merged_cells(p), listed = (size_t)filter.max_candidates;
+    merge_written *w = cairn_pool_take_one(pool, sizeof *w);
+    uint16_t *grid = cairn_pool_take(pool, cells, sizeof *grid);
+    uint8_t *classes = cairn_pool_take(pool, cells, 1);
+    merge_state *list = cairn_pool_take(pool, listed, sizeof *list);
+    merge_places *places = cairn_pool_take(pool, (size_t)filter.max_particles, sizeof *places);
+
+    if (w != NULL) {
+        memset(w, 0, sizeof *w);
+        w->merged.grid = grid;
+        w->cells = classes;
+        w->most_cells = merged_cells(p);
+        w->list = list;
+        w->most_listed = filter.max_candidates;
+        w->places = places;
+        cairn_merge_set_kernel(w->kernel);
+    }
+    return w;
+}
+
 static cairn_map_merge *carve(cairn_pool *pool, const cairn_map_merge_params *p)
 {
     size_t maps = (size_t)p->max_maps, points = (size_t)p->max_points;
     cairn_map_merge *m = cairn_pool_take_one(pool, sizeof *m);
     merge_map *list = cairn_pool_take(pool, maps, sizeof *list);
     uint16_t *grid = cairn_pool_take(pool, (size_t)p->max_cells, sizeof *grid);
-    int32_t *scratch = cairn_pool_take(pool, (size_t)p->max_map_cells, sizeof *scratch);
+    int32_t *scratch = cairn_pool_take(pool, (size_t)image_cells(p), sizeof *scratch);
     merge_point *surface = cairn_pool_take(pool, (maps + 1) * points, sizeof *surface);
     cairn_vec2 *open = cairn_pool_take(pool, maps * (points / 2), sizeof *open);
     cairn_corner *corners = cairn_pool_take(pool, maps * (size_t)p->max_corners, sizeof *corners);
@@ -125,7 +184,7 @@ static cairn_map_merge *carve(cairn_pool *pool, const cairn_map_merge_params *p)
     cairn_segment *lines = cairn_pool_take(pool, maps * (size_t)p->max_segments, sizeof *lines);
     merge_mode *modes = cairn_pool_take(pool, pairs_of(p) * (size_t)p->max_modes, sizeof *modes);
     int32_t *mode_count = cairn_pool_take(pool, pairs_of(p), sizeof *mode_count);
-    merge_memory *memory = cairn_pool_take(pool, MERGE_MEMORY, sizeof *memory);
+    merge_memory *memory = is_written(p) ? NULL : cairn_pool_take(pool, MERGE_MEMORY, sizeof *memory);
 
     if (m != NULL) {
         memset(m, 0, sizeof *m);
@@ -151,6 +210,12 @@ static cairn_map_merge *carve(cairn_pool *pool, const cairn_map_merge_params *p)
         }
     }
     carve_objects(m, pool, p);
+    if (is_written(p)) {
+        merge_written *written = carve_written(pool, p);
+
+        if (m != NULL)
+            m->written = written;
+    }
     return m;
 }
 
@@ -264,6 +329,8 @@ cairn_status cairn_map_merge_guess(cairn_map_merge *merge, int32_t map, cairn_po
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pose_is_finite(reference_map))
         return CAIRN_NOT_FINITE;
+    if (is_written(&merge->params))
+        return CAIRN_UNSUPPORTED;
     merge->maps[map].has_guess = 1;
     merge->maps[map].given = reference_map;
     return CAIRN_OK;
@@ -334,6 +401,7 @@ static void finish(cairn_map_merge *m)
     r->hypotheses = m->tried;
     r->resamplings = cairn_particle_filter_read(m->filter).resamplings;
     r->n_eff = cairn_particle_filter_read(m->filter).n_eff;
+    r->most_particles = is_written(&m->params) ? m->written->most_particles : m->params.particles;
     for (int32_t i = 0; i < m->map_count; i++) {
         cairn_merge_placed *p = &m->placed[i];
 
@@ -351,6 +419,22 @@ static void finish(cairn_map_merge *m)
     m->done = 1;
 }
 
+static cairn_status step_default(cairn_map_merge *merge, cairn_budget *budget)
+{
+    return merge->stage == MERGE_PREPARING  ? cairn_merge_prepare(merge, budget)
+           : merge->stage == MERGE_PAIRING  ? cairn_merge_find_modes(merge, budget)
+           : merge->stage == MERGE_VISITING ? cairn_merge_run_filter(merge, budget)
+                                            : cairn_merge_check(merge, budget);
+}
+
+static cairn_status step_written(cairn_map_merge *merge, cairn_budget *budget)
+{
+    return merge->stage == MERGE_PREPARING  ? cairn_merge_prepare(merge, budget)
+           : merge->stage == MERGE_PAIRING  ? cairn_merge_register_corners(merge, budget)
+           : merge->stage == MERGE_VISITING ? cairn_merge_run_written(merge, budget)
+                                            : cairn_merge_end_written(merge, budget);
+}
+
 cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_budget *budget)
 {
     int32_t before;
@@ -361,10 +445,7 @@ cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_budget *budget)
         return CAIRN_OK;
     before = budget->left;
     while (merge->stage < MERGE_FINISHED) {
-        cairn_status status = merge->stage == MERGE_PREPARING  ? cairn_merge_prepare(merge, budget)
-                              : merge->stage == MERGE_PAIRING  ? cairn_merge_find_modes(merge, budget)
-                              : merge->stage == MERGE_VISITING ? cairn_merge_run_filter(merge, budget)
-                                                               : cairn_merge_check(merge, budget);
+        cairn_status status = is_written(&merge->params) ? step_written(merge, budget) : step_default(merge, budget);
 
         if (status != CAIRN_OK) {
             merge->units += before - budget->left;
@@ -429,6 +510,17 @@ void cairn_merge_score_at(const cairn_map_merge *m, int32_t a, int32_t b, cairn_
     score->agree = (s[0].agree * second->spacing + s[1].agree * first->spacing) / 2;
     score->conflict = s[0].conflict * second->spacing + s[1].conflict * first->spacing;
     score->evidence = cairn_merge_nats(m, score->agree, score->conflict);
+    if (is_written(&m->params)) {
+        merge_images images;
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+        int32_t paid = 0;
+
+        cairn_merge_begin_images(&images, first, second, centres);
+        while (!cairn_merge_go_on_images(&images, m->written->kernel, &paid, &budget))
+            budget.left = CAIRN_UNBOUNDED;
+        cairn_merge_end_images(&images, score);
+        return;
+    }
     share[0] = add_images(first, second, there, score);
     share[1] = add_images(second, first, back, score);
     score->overlap = first->free < second->free ? share[1] : share[0];
@@ -467,6 +559,8 @@ const char *cairn_merge_verdict_text(cairn_merge_verdict verdict)
         return "another place has nearly as much support";
     case CAIRN_MERGE_SLIDES:
         return "it could be shifted along its walls";
+    case CAIRN_MERGE_NO_CORNER:
+        return "no corner of it is like one of the maps merged";
     default:
         return "unknown verdict";
     }
@@ -474,7 +568,7 @@ const char *cairn_merge_verdict_text(cairn_merge_verdict verdict)
 
 cairn_merge_result cairn_map_merge_read(const cairn_map_merge *merge)
 {
-    const cairn_merge_result none = {0, 0, 0, 0, 0, 0, 0, 0};
+    const cairn_merge_result none = {0, 0, 0, 0, 0, 0, 0, 0, 0};
 
     return merge->done ? merge->result : none;
 }

@@ -172,8 +172,7 @@ static int is_same_pose(cairn_pose a, cairn_pose b)
     return a.x == b.x && a.y == b.y && a.theta == b.theta;
 }
 
-/* 1 when two particles have put the same maps at the same places. */
-static int is_same_history(const merge_state *a, const merge_state *b)
+int cairn_merge_is_same_history(const merge_state *a, const merge_state *b)
 {
     while (a != NULL && b != NULL && a != b) {
         if (a->map != b->map || !is_same_pose(a->reference_map, b->reference_map))
@@ -190,7 +189,7 @@ static merge_offer *offer_for(cairn_map_merge *m, const merge_state *state)
     merge_offer *fresh;
 
     for (int32_t i = 0; i < MERGE_OFFERS; i++)
-        if (m->offer.made[i].state != NULL && is_same_history(m->offer.made[i].state, state))
+        if (m->offer.made[i].state != NULL && cairn_merge_is_same_history(m->offer.made[i].state, state))
             return &m->offer.made[i];
     fresh = &m->offer.made[m->offer.count++ % MERGE_OFFERS];
     fresh->state = state;

@@ -44,9 +44,8 @@ static int32_t height_of(const merge_map *map)
     return map->input.cells.height;
 }
 
-static cairn_status begin_distance(cairn_map_merge *m, uint8_t match)
+static cairn_status begin_distance(cairn_map_merge *m, const merge_map *map, uint8_t match)
 {
-    merge_map *map = current(m);
     cairn_distance_map_input input;
 
     input.pixels = map->input.cells;
@@ -60,14 +59,15 @@ static cairn_status begin_distance(cairn_map_merge *m, uint8_t match)
     return cairn_distance_map_begin(m->distances, &input);
 }
 
-static cairn_status step_distance(cairn_map_merge *m, uint8_t match, cairn_budget *budget)
+cairn_status cairn_merge_measure(cairn_map_merge *m, const merge_map *map, uint8_t match, int32_t *cursor,
+                                 cairn_budget *budget)
 {
-    if (m->cursor == 0) {
-        cairn_status status = begin_distance(m, match);
+    if (*cursor == 0) {
+        cairn_status status = begin_distance(m, map, match);
 
         CAIRN_ASSERT(status == CAIRN_OK);
         (void)status;
-        m->cursor = 1;
+        *cursor = 1;
     }
     return cairn_distance_map_step(m->distances, budget);
 }
@@ -77,27 +77,25 @@ static uint16_t class_of(uint8_t value)
     return value == CAIRN_CELL_OCCUPIED ? MERGE_OCCUPIED : value == CAIRN_CELL_FREE ? MERGE_FREE : MERGE_UNKNOWN;
 }
 
-/* Packs the distances at hand into the grid, 16 cells a unit: `shift` 0: to occupied cells, with the class; 7: to free ones. */
-static cairn_status step_pack(cairn_map_merge *m, int32_t shift, cairn_budget *budget)
+cairn_status cairn_merge_pack(cairn_map_merge *m, merge_map *map, int32_t shift, int32_t *cursor, cairn_budget *budget)
 {
-    merge_map *map = current(m);
     int32_t count = width_of(map) * height_of(map);
 
-    for (; m->cursor < count; m->cursor++) {
-        int32_t d = m->scratch[m->cursor];
+    for (; *cursor < count; ++*cursor) {
+        int32_t at = *cursor, d = m->scratch[at];
         uint16_t packed = (uint16_t)(d < MERGE_FAR ? d : MERGE_FAR);
 
-        if (m->cursor % 16 == 0 && !cairn_budget_pay(budget, &m->paid, 1))
+        if (at % 16 == 0 && !cairn_budget_pay(budget, &m->paid, 1))
             return CAIRN_MORE;
         if (shift == 0) {
-            int32_t x = m->cursor % width_of(map), y = m->cursor / width_of(map);
+            int32_t x = at % width_of(map), y = at / width_of(map);
             uint16_t class = class_of(map->input.cells.data[y * map->input.cells.stride + x]);
 
-            map->grid[m->cursor] = (uint16_t)(packed | class << 14);
+            map->grid[at] = (uint16_t)(packed | class << 14);
             map->occupied += class == MERGE_OCCUPIED;
             map->free += class == MERGE_FREE;
         } else {
-            map->grid[m->cursor] = (uint16_t)(map->grid[m->cursor] | packed << shift);
+            map->grid[at] = (uint16_t)(map->grid[at] | packed << shift);
         }
     }
     return CAIRN_OK;
@@ -449,13 +447,13 @@ static cairn_status step_phase(cairn_map_merge *m, cairn_budget *budget)
 {
     switch (m->phase) {
     case MERGE_OCCUPIED_DISTANCE:
-        return step_distance(m, CAIRN_CELL_OCCUPIED, budget);
+        return cairn_merge_measure(m, current(m), CAIRN_CELL_OCCUPIED, &m->cursor, budget);
     case MERGE_OCCUPIED_PACK:
-        return step_pack(m, 0, budget);
+        return cairn_merge_pack(m, current(m), 0, &m->cursor, budget);
     case MERGE_FREE_DISTANCE:
-        return step_distance(m, CAIRN_CELL_FREE, budget);
+        return cairn_merge_measure(m, current(m), CAIRN_CELL_FREE, &m->cursor, budget);
     case MERGE_FREE_PACK:
-        return step_pack(m, 7, budget);
+        return cairn_merge_pack(m, current(m), 7, &m->cursor, budget);
     case MERGE_SURFACE:
         return step_surface(m, budget);
     case MERGE_NORMALS:

@@ -148,6 +148,43 @@ typedef struct merge_fit {
     int32_t under_way;
 } merge_fit;
 
+/* ---- As written ---- */
+
+/* Psi and d of two images (9.5, 9.6) being added up: rows of the one, then of the other. */
+typedef struct merge_images {
+    const merge_map *map[2];
+    cairn_transform to_other[2];
+    int32_t begin[2][2], end[2][2]; /* columns and rows of map k that the other one can feel: [k][0 column, 1 row] */
+    int32_t turn, row;              /* the map whose rows are added, and the next one */
+    cairn_real same[2][2],
+        other[2][2]; /* sums of the kernel, [map][class - MERGE_FREE]: to cells of that class, of the other */
+    int32_t known;   /* free cells of the second map that the first one knows */
+} merge_images;
+
+/* The candidates of a particle: those of an earlier one when both have the same history. */
+typedef struct merge_places {
+    const merge_state *state;
+    int32_t first, count;
+} merge_places;
+
+/* What the mode as written needs besides. */
+typedef struct merge_written {
+    merge_map merged; /* of the particle under way, in the frame of the reference's centre */
+    uint8_t *cells;   /* [most_cells] its classes */
+    int32_t most_cells;
+    cairn_box box; /* m, of the maps merged */
+    cairn_real kernel[MERGE_FAR + 1];
+    merge_state *list; /* [most_listed] candidates of this step; `evidence` is the log of their prior mass */
+    int32_t listed, most_listed;
+    merge_places *places; /* [max_particles] of the filter */
+    int32_t stage, map, cursor, at;
+    cairn_real psi_sum, gamma_first, gamma_sum, gamma_least; /* over all candidates; of gamma beyond the first one's */
+    int32_t offered;
+    int32_t steps;          /* of the filter */
+    int32_t most_particles; /* at the end of a step */
+    merge_images images;
+} merge_written;
+
 typedef struct merge_memory {
     int32_t first, second; /* maps; first -1: free */
     int32_t x, y, theta;   /* rounded */
@@ -263,8 +300,11 @@ struct cairn_map_merge {
         cairn_real psi_sum, gamma_sum, gamma_least; /* over all candidates of the step */
         int32_t offered;
     } offer;
-    merge_memory *memory; /* [MERGE_MEMORY] */
-    int32_t merged;       /* steps of the filter */
+    union {
+        merge_memory *memory;   /* [MERGE_MEMORY] in the default mode */
+        merge_written *written; /* in the mode as written */
+    };
+    int32_t merged; /* steps of the filter */
     struct {
         int32_t list[MERGE_MAPS_MOST];     /* maps placed, in their order */
         cairn_pose pose[MERGE_MAPS_MOST];  /* of each map, in the frame of the reference's centre */
@@ -328,6 +368,14 @@ static inline int32_t merge_pair(int32_t first, int32_t second)
 
 cairn_status cairn_merge_prepare(cairn_map_merge *m, cairn_budget *budget);
 
+/* Distances in the cells of a map to those of a class, into m->scratch; *cursor is 0 before the first call. */
+cairn_status cairn_merge_measure(cairn_map_merge *m, const merge_map *map, uint8_t match, int32_t *cursor,
+                                 cairn_budget *budget);
+
+/* Packs the distances at hand into the grid, 16 cells a unit: `shift` 0: to occupied cells, with the class, which is counted;
+ * 7: to free ones. */
+cairn_status cairn_merge_pack(cairn_map_merge *m, merge_map *map, int32_t shift, int32_t *cursor, cairn_budget *budget);
+
 /* ---- map_merge_pairs.c ---- */
 
 /* A map placed beside another one by all rotations that their lines suggest and all translations. */
@@ -384,6 +432,48 @@ int cairn_merge_gather(cairn_map_merge *m, const void *state);
 
 /* Rival places of a map beside all of near[], the best first; returns their number. */
 int32_t cairn_merge_places(const cairn_map_merge *m, int32_t map, merge_mode *list, int32_t most);
+
+/* 1 when two particles have put the same maps at the same places. */
+int cairn_merge_is_same_history(const merge_state *a, const merge_state *b);
+
+/* ---- map_merge_image.c ---- */
+
+/* Compares image b, placed at a_b, with image a; go_on returns 1 when all is added up. Four cells a unit. */
+void cairn_merge_begin_images(merge_images *c, const merge_map *a, const merge_map *b, cairn_pose a_b);
+int cairn_merge_go_on_images(merge_images *c, const cairn_real *kernel, int32_t *paid, cairn_budget *budget);
+
+/* psi, disagreement, gamma and overlap. */
+void cairn_merge_end_images(const merge_images *c, cairn_merge_score *score);
+
+/* exp(x (2 mu - x) / (2 sigma^2)) of distances 0 ... MERGE_FAR in cells. */
+void cairn_merge_set_kernel(cairn_real *kernel);
+
+/* Draws the maps near[] into one image, as m->written->merged; 1 when it is done. Begins with written->stage 0. */
+int cairn_merge_draw_merged(cairn_map_merge *m, cairn_budget *budget);
+
+/* The box of a map's cells at a pose; that of both boxes; 1 when an image of it has room. */
+cairn_box cairn_merge_box_of(const merge_map *map, cairn_pose pose);
+cairn_box cairn_merge_join(cairn_box a, cairn_box b);
+int cairn_merge_has_room(const cairn_map_merge *m, cairn_box box);
+
+/* ---- map_merge_corners.c ---- */
+
+enum { MERGE_CORRESPONDENCES = 3 };
+
+/* The motion from the frame of from[MERGE_CORRESPONDENCES] into that of to[] with the least sum of squared distances. */
+cairn_pose cairn_merge_motion_of(const cairn_vec2 *to, const cairn_vec2 *from);
+
+/* As the modes of every pair of maps: the registrations of their most similar corners. */
+cairn_status cairn_merge_register_corners(cairn_map_merge *m, cairn_budget *budget);
+
+/* ---- map_merge_written.c ---- */
+
+enum { MERGE_GROWTH = 2, MERGE_MERGED = 6, MERGE_PLACES_MOST = 1024 };
+
+cairn_particle_filter_params cairn_merge_written_params(const cairn_map_merge_params *p);
+cairn_particle_model cairn_merge_written_model(cairn_map_merge *m);
+cairn_status cairn_merge_run_written(cairn_map_merge *m, cairn_budget *budget);
+cairn_status cairn_merge_end_written(cairn_map_merge *m, cairn_budget *budget);
 
 /* ---- map_merge_check.c ---- */
 

@@ -1,0 +1,132 @@
+/* Registration of pairs of similar corners in closed form: the motion update of the virtual robot as written.
+ *
+ * Method. Every corner of a map is compared with every corner of another one of the same kind and opening; the pairs whose legs
+ * are most alike in length are kept. Each of them fixes a rigid motion by three correspondences: the vertex, and a point on each leg
+ * as far from it as both corners have that leg. The motion is that of least squares (Horn 1987, Arun 1987, in the plane).
+ * Source: Adluru 2008, section 9.3. */
+#include "src/core/build.h"
+
+#include "src/mapping/map_merge_work.h"
+
+/* rad: openings of similar corners differ by at most so much. */
+#define SIMILAR_OPENING (10 * (CAIRN_PI / 180))
+
+/* m: by so much a leg's length is uncertain; short legs, which are alike by chance, are less similar for it. */
+#define LEG_NOISE CAIRN_REAL(0.20)
+
+/* m: how far a leg of a corner reaches. */
+static cairn_real leg_length(const merge_map *map, const cairn_corner *c, int32_t leg)
+{
+    cairn_segment s = map->lines[c->segment[leg]];
+    cairn_real a = cairn_vec2_dot(c->leg[leg], cairn_vec2_sub(s.a, c->position));
+    cairn_real b = cairn_vec2_dot(c->leg[leg], cairn_vec2_sub(s.b, c->position));
+
+    return cairn_max(a, b);
+}
+
+/* How alike two corners are, 0 ... 1: the mean over both legs of the shorter length by the longer one with its noise. Below 0: not
+ * similar. */
+static cairn_real similarity_of(const merge_map *first, const cairn_corner *a, const merge_map *second,
+                                const cairn_corner *b)
+{
+    cairn_real sum = 0;
+
+    if (a->kind != b->kind || cairn_abs(a->opening - b->opening) > SIMILAR_OPENING)
+        return -1;
+    for (int32_t leg = 0; leg < 2; leg++) {
+        cairn_real u = leg_length(first, a, leg), v = leg_length(second, b, leg);
+
+        sum += cairn_min(u, v) / (cairn_max(u, v) + LEG_NOISE);
+    }
+    return sum / 2;
+}
+
+cairn_pose cairn_merge_motion_of(const cairn_vec2 *to, const cairn_vec2 *from)
+{
+    cairn_vec2 p = {0, 0}, q = {0, 0}, moved;
+    cairn_real sine = 0, cosine = 0;
+    cairn_pose pose = {0, 0, 0};
+
+    for (int32_t i = 0; i < MERGE_CORRESPONDENCES; i++) {
+        p = cairn_vec2_add(p, cairn_vec2_scale(to[i], CAIRN_REAL(1.0) / MERGE_CORRESPONDENCES));
+        q = cairn_vec2_add(q, cairn_vec2_scale(from[i], CAIRN_REAL(1.0) / MERGE_CORRESPONDENCES));
+    }
+    for (int32_t i = 0; i < MERGE_CORRESPONDENCES; i++) {
+        cairn_vec2 u = cairn_vec2_sub(from[i], q), v = cairn_vec2_sub(to[i], p);
+
+        sine += cairn_vec2_cross(u, v);
+        cosine += cairn_vec2_dot(u, v);
+    }
+    pose.theta = cairn_atan2(sine, cosine);
+    moved = cairn_pose_point(pose, q);
+    pose.x = p.x - moved.x;
+    pose.y = p.y - moved.y;
+    return pose;
+}
+
+static cairn_pose registration_of(const merge_map *first, const cairn_corner *a, const merge_map *second,
+                                  const cairn_corner *b)
+{
+    cairn_vec2 to[MERGE_CORRESPONDENCES] = {a->position}, from[MERGE_CORRESPONDENCES] = {b->position};
+
+    for (int32_t leg = 0; leg < 2; leg++) {
+        cairn_real length = cairn_min(leg_length(first, a, leg), leg_length(second, b, leg));
+
+        to[1 + leg] = cairn_vec2_add(a->position, cairn_vec2_scale(a->leg[leg], length));
+        from[1 + leg] = cairn_vec2_add(b->position, cairn_vec2_scale(b->leg[leg], length));
+    }
+    return cairn_merge_motion_of(to, from);
+}
+
+static void begin_pair(cairn_map_merge *m)
+{
+    m->cursor = 0;
+    if (m->other < m->map_count)
+        m->mode_count[merge_pair(m->map, m->other)] = 0;
+}
+
+/* All pairs of corners of the pair of maps at hand. */
+static cairn_status step_pair(cairn_map_merge *m, cairn_budget *budget)
+{
+    const merge_map *first = &m->maps[m->map], *second = &m->maps[m->other];
+    int32_t count = first->corner_count * second->corner_count, pair = merge_pair(m->map, m->other);
+    merge_mode *modes = m->modes + (size_t)pair * (size_t)m->params.max_modes;
+
+    for (; m->cursor < count; m->cursor++) {
+        const cairn_corner *a = &first->corners[m->cursor / second->corner_count];
+        const cairn_corner *b = &second->corners[m->cursor % second->corner_count];
+        merge_mode mode;
+
+        if (!cairn_budget_pay(budget, &m->paid, 4))
+            return CAIRN_MORE;
+        mode.evidence = similarity_of(first, a, second, b);
+        if (mode.evidence < 0)
+            continue;
+        m->tried++;
+        mode.first_second = registration_of(first, a, second, b);
+        cairn_merge_keep(modes, &m->mode_count[pair], m->params.max_modes, mode, 0, 0);
+    }
+    return CAIRN_OK;
+}
+
+cairn_status cairn_merge_register_corners(cairn_map_merge *m, cairn_budget *budget)
+{
+    if (m->phase == MERGE_OCCUPIED_DISTANCE) {
+        m->map = 0;
+        m->other = 1;
+        begin_pair(m);
+        m->phase = MERGE_HYPOTHESES;
+    }
+    while (m->other < m->map_count) {
+        cairn_status status = step_pair(m, budget);
+
+        if (status != CAIRN_OK)
+            return status;
+        if (++m->map == m->other) {
+            m->map = 0;
+            m->other++;
+        }
+        begin_pair(m);
+    }
+    return CAIRN_OK;
+}
