@@ -70,7 +70,7 @@ typedef struct cairn_skeleton cairn_skeleton;
 cairn_skeleton_params cairn_skeleton_default(void);
 
 /* CAIRN_MODE_AS_WRITTEN: 8000 CPs, 512 parts of 32,768 points, 256 steps, 50 particles, R sigma 2 px, symmetry 10 degrees, Delta_p exp(-2), p_min
- * exp(6), D sigma and C sigma as in the default. */
+ * exp(12), D sigma and C sigma as in the default. */
 cairn_skeleton_params cairn_skeleton_as_written(void);
 
 /* 0 for params that create() would refuse. */
