@@ -171,8 +171,10 @@ static void test_lines(void **state)
     char *text;
 
     (void)state;
-    for (int32_t i = 0; i < 80; i++)
-        edgels[i] = (cairn_edgel){{10 + (cairn_real)(i / 2), i % 2 ? 20 : 30}, {0, i % 2 ? 1 : -1}, 1};
+    for (int32_t i = 0; i < 40; i++) {
+        edgels[2 * i] = (cairn_edgel){{10 + (cairn_real)i, 30}, {0, -1}, 1};
+        edgels[2 * i + 1] = (cairn_edgel){{10 + (cairn_real)i, 20}, {0, 1}, 1};
+    }
     params.max_width = 60;
     params.max_height = 50;
     params.max_edgels = 80;
