@@ -2,7 +2,8 @@
  *
  * Every class's model on the images of all classes; no size, no rotation is given, and nothing is trained. Hit: IoU of the boxes >= 0.5,
  * each object once. A line for each class: the detection rate at 0.3 and 0.4 false positives per image, the 11-point average precision, and
- * the precision at the thesis's recall, which counts boxes above 0.2 as hits (precision_at_recall; with 0.5: precision_at_recall_half).
+ * the precision at the thesis's recall, which counts boxes above 0.2 as hits (precision_at_recall, with the greatest recall that is reached so,
+ * recall_most_fifth; with 0.5: precision_at_recall_half). The last line has the means over the classes.
  * --method parts: by configurations of parts; --as-written: by the method of the thesis; --bundles, --nearest and --modes change what the other
  * is made of. --method
  * chamfer: the plain oriented chamfer twin. --curves DIR: CLASS.csv and CLASS.svg, precision over recall and detection rate
@@ -309,7 +310,7 @@ static int write_curves(const settings *s, const char *name, const cairn_detecti
 }
 
 typedef struct means {
-    double rate03, rate04, precision, classes;
+    double rate03, rate04, precision, at_recall, recall, classes;
 } means;
 
 static int print_class(run *r, int32_t k, means *m)
@@ -342,12 +343,15 @@ static int print_class(run *r, int32_t k, means *m)
         bench_json_number("dr04_high", high);
         bench_json_number("ap", precision);
         bench_json_number("recall_most", t->count > 0 ? half[t->count - 1].recall : 0);
+        bench_json_number("recall_most_fifth", t->count > 0 ? fifth[t->count - 1].recall : 0);
         bench_json_number("precision_at_recall", cairn_detection_precision_at(fifth, t->count, classes[k].recall));
         bench_json_number("precision_at_recall_half", cairn_detection_precision_at(half, t->count, classes[k].recall));
         bench_json_end();
         m->rate03 += rate03;
         m->rate04 += rate04;
         m->precision += precision;
+        m->at_recall += cairn_detection_precision_at(fifth, t->count, classes[k].recall);
+        m->recall += t->count > 0 ? fifth[t->count - 1].recall : 0;
         m->classes++;
         ok = write_curves(r->s, classes[k].folder, half, t->count);
     }
@@ -369,7 +373,7 @@ static void print_stages(const stage_clock *c)
 
 static int print_all(run *r)
 {
-    means m = {0, 0, 0, 0};
+    means m = {0, 0, 0, 0, 0, 0};
 
     for (int32_t k = 0; k < CLASSES; k++)
         if (r->wanted[k] && !print_class(r, k, &m))
@@ -379,6 +383,8 @@ static int print_all(run *r)
     bench_json_number("dr03_mean", m.rate03 / m.classes);
     bench_json_number("dr04_mean", m.rate04 / m.classes);
     bench_json_number("ap_mean", m.precision / m.classes);
+    bench_json_number("precision_at_recall_mean", m.at_recall / m.classes);
+    bench_json_number("recall_most_fifth_mean", m.recall / m.classes);
     bench_json_number("seconds_median", bench_median(r->seconds, (size_t)r->timed));
     print_stages(&r->stages);
     bench_json_true("summary");

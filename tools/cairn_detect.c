@@ -40,12 +40,12 @@ typedef struct settings {
 static int check_as_written(const settings *s)
 {
     const char *other = s->method != NULL && strcmp(s->method, "parts") != 0 ? "--method other than parts"
-                        : s->bundles != NULL                                ? "--bundles"
-                        : s->modes                                          ? "--modes"
-                        : s->occluded                                       ? "--occluded"
-                        : s->candidates > 0                                 ? "--candidates"
-                        : s->verify >= 0                                    ? "--verify"
-                                                                            : NULL;
+                        : s->bundles != NULL                                 ? "--bundles"
+                        : s->modes                                           ? "--modes"
+                        : s->occluded                                        ? "--occluded"
+                        : s->candidates > 0                                  ? "--candidates"
+                        : s->verify >= 0                                     ? "--verify"
+                                                                             : NULL;
 
     if (other == NULL)
         return 1;

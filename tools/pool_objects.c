@@ -188,6 +188,11 @@ static void spaced_force_field_set_default(void *params)
     *(cairn_force_field_params *)params = field;
 }
 
+static void written_part_configuration_set_default(void *params)
+{
+    *(cairn_part_configuration_params *)params = cairn_part_configuration_as_written();
+}
+
 #define OBJECT(room) .name = #room, .set_default = room##_set_default, .memory = room##_memory
 #define HAS(room, name, field)                                                                                         \
     {                                                                                                                  \
@@ -329,6 +334,11 @@ const pool_object pool_objects[] = {
      {HAS(force_field, "scan", max_scans), HAS(force_field, "segment", max_segments),
       HAS(force_field, "point", max_points), HAS(force_field, "corner", max_corners),
       HAS(force_field, "bond", max_bonds), HAS(force_field, "extra point", max_extra)}},
+    {.name = "part_configuration_written",
+     .set_default = written_part_configuration_set_default,
+     .memory = part_configuration_memory,
+     1,
+     {HAS(part_configuration, "configuration", max_found)}},
     {.name = NULL},
 };
 

@@ -142,10 +142,6 @@ static cairn_part_configuration_params configuration_params(const searcher *s)
         params.nearest = p->nearest;
         params.max_found = DETECT_WRITTEN;
         params.min_sum = LEAST_SUM;
-        if (getenv("CH45_SUM") != NULL)
-            params.min_sum = (cairn_real)atof(getenv("CH45_SUM"));
-        if (getenv("CH45_MOST") != NULL)
-            params.max_found = atoi(getenv("CH45_MOST"));
         return params;
     }
     params.max_votes = CAIRN_PART_FRAGMENTS * p->matches;
@@ -404,8 +400,6 @@ static cairn_status compare_whole(searcher *s, detect_hypothesis *h)
         return CAIRN_EMPTY;
     status = run_context(s, &input);
     h->distance = cairn_shape_context_read(s->context).symmetric;
-    if (getenv("CH45_ASSIGN") != NULL)
-        h->distance = cairn_shape_context_read(s->context).distance;
     return status;
 }
 
