@@ -31,6 +31,7 @@ const golden_scene golden_scenes[] = {
     {"edgels", golden_edgels},
     {"symmetry", golden_symmetry},
     {"symmetry_as_written", golden_symmetry_as_written},
+    {"parts_as_written", golden_parts_as_written},
     {"grouped", golden_grouped},
     {"skeletons", golden_skeletons},
     {"skeletons_written", golden_skeletons_written},
