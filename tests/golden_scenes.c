@@ -22,6 +22,7 @@ const golden_scene golden_scenes[] = {
     {"mapped", golden_mapped},
     {"filtered", golden_filtered},
     {"places", golden_places},
+    {"places_as_written", golden_places_as_written},
     {"merged", golden_merged},
     {"contours", golden_contours},
     {"edgels", golden_edgels},

@@ -139,9 +139,10 @@ static cairn_status run(const align_job *job, cairn_place_map *map)
     return status;
 }
 
-static const char *verdict_of(const map_scan *scan, const cairn_place_map_place *place)
+/* is_told: the scan's own pose is known, and not just that of its place. */
+static const char *verdict_of(const map_scan *scan, const cairn_place_map_place *place, int32_t is_told)
 {
-    return scan->point_count == 0 ? "blind" : place->part > 0 ? "apart" : place->ambiguous ? "uncertain" : "placed";
+    return scan->point_count == 0 ? "blind" : place->part > 0 ? "apart" : place->ambiguous || !is_told ? "uncertain" : "placed";
 }
 
 /* Poses of all scans; those of other parts are in frames of their own and are not drawn. */
@@ -151,11 +152,12 @@ static void read_result(align_job *job, const grouping *g, const cairn_place_map
 
     for (int32_t i = 0; i < job->log->count; i++) {
         cairn_place_map_place place = cairn_place_map_place_of(map, g->place[i]);
+        int32_t is_told = job->settings->as_written || cairn_place_map_scan_is_aligned(map, i);
         map_scan *scan = &job->scans[i];
 
         scan->after = cairn_place_map_scan_pose(map, i);
-        scan->verdict = verdict_of(scan, &place);
-        scan->doubtful = place.part > 0 || place.ambiguous;
+        scan->verdict = verdict_of(scan, &place, is_told);
+        scan->doubtful = place.part > 0 || place.ambiguous || !is_told;
         if (!job->settings->as_written)
             scan->support = place.support;
         if (place.part > 0)
