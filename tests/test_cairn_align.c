@@ -105,7 +105,8 @@ static void matches_as_written(void **state)
 {
     static const char *const files[] = {"match.json",    "match.svg", "tangents.svg",
                                         "histogram.svg", "pairs.svg", "filters.svg"};
-    outcome o = programs_run("cairn match @/near/scans.log:0 @/near/scans.log:4 --as-written --json --pictures -o @/match");
+    outcome o =
+        programs_run("cairn match @/near/scans.log:0 @/near/scans.log:4 --as-written --json --pictures -o @/match");
 
     (void)state;
     assert_int_equal(o.code, 0);
@@ -117,7 +118,8 @@ static void matches_as_written(void **state)
         (void)snprintf(path, sizeof path, "match/%s", files[k]);
         assert_int_equal(access(files_path(path), F_OK), 0);
     }
-    o = programs_run("cairn match @/near/scans.log:0 @/near/scans.log:4 --as-written --start 0,0,0 --window 1,4 --json");
+    o = programs_run(
+        "cairn match @/near/scans.log:0 @/near/scans.log:4 --as-written --start 0,0,0 --window 1,4 --json");
     assert_int_equal(o.code, 0);
     assert_non_null(strstr(o.out, "\"candidates\": 9"));
 }
@@ -155,7 +157,8 @@ static void options_that_do_not_go_together(void **state)
         (void)snprintf(line, sizeof line, "cairn align @/near/scans.log -o @/no %s", sample[k][0]);
         assert_line_refused(line, sample[k][1]);
     }
-    assert_line_refused("cairn match a b --as-written --method shape", "--as-written with --method, expected one of them");
+    assert_line_refused("cairn match a b --as-written --method shape",
+                        "--as-written with --method, expected one of them");
     assert_line_refused("cairn match a b --as-written --spacing 0.1", "--as-written with --spacing, expected without");
 }
 
@@ -172,8 +175,8 @@ static void logs_that_hold_little(void **state)
     assert_int_not_equal(programs_run("cairn align @/empty.log --no-poses -o @/no").code, 0);
     assert_line_refused("cairn align @/blind.log --no-poses -o @/no", "no scan shows a wall");
     for (int k = 0; k < 2; k++) {
-        outcome o = programs_run("cairn align @/odd.log --no-poses --headings 1 %s -o @/odd",
-                                 k == 1 ? "--as-written" : "");
+        outcome o =
+            programs_run("cairn align @/odd.log --no-poses --headings 1 %s -o @/odd", k == 1 ? "--as-written" : "");
 
         assert_true(o.code == 0 || o.code == 2); /* damaged lines are left out */
         assert_true(o.code == 0 || strncmp(o.err, "cairn align: ", 13) == 0 || strstr(o.err, "odd.log:") != NULL);
@@ -183,10 +186,8 @@ static void logs_that_hold_little(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(places_without_poses),
-        cmocka_unit_test(as_written),
-        cmocka_unit_test(matches_as_written),
-        cmocka_unit_test(options_that_do_not_go_together),
+        cmocka_unit_test(places_without_poses),  cmocka_unit_test(as_written),
+        cmocka_unit_test(matches_as_written),    cmocka_unit_test(options_that_do_not_go_together),
         cmocka_unit_test(logs_that_hold_little),
     };
 

@@ -79,9 +79,10 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
                     "scans that find no place go by lines and rooms that the map suggests (default)"),
         OPTION_FLAG("--no-poses", &s->no_poses,
                     "how places lie is not read from the log: they are matched, all with all, as wholes"),
-        OPTION_INTEGER("--headings", &s->headings, 1, 64, "N",
-                       "N scans a place, evenly around, no pose of the log is read; else the log says which scans are of one "
-                       "place, and how they lie in it (--no-poses)"),
+        OPTION_INTEGER(
+            "--headings", &s->headings, 1, 64, "N",
+            "N scans a place, evenly around, no pose of the log is read; else the log says which scans are of one "
+            "place, and how they lie in it (--no-poses)"),
         OPTION_FLAG("--as-written", &s->as_written,
                     "the map of the thesis, chapter 6: each place with the last three, headings known to 2 degrees "
                     "(--no-poses)"),
