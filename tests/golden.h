@@ -112,6 +112,7 @@ uint64_t golden_virtual_as_written(void);
 uint64_t golden_mapped(void);
 uint64_t golden_filtered(void);
 uint64_t golden_places(void);
+uint64_t golden_places_as_written(void);
 uint64_t golden_merged(void);
 uint64_t golden_merged_as_written(void);
 uint64_t golden_contours(void);

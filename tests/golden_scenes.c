@@ -25,6 +25,7 @@ const golden_scene golden_scenes[] = {
     {"mapped", golden_mapped},
     {"filtered", golden_filtered},
     {"places", golden_places},
+    {"places_as_written", golden_places_as_written},
     {"merged", golden_merged},
     {"merged_as_written", golden_merged_as_written},
     {"contours", golden_contours},
