@@ -77,7 +77,7 @@ TOOLS    := $(if $(CAIRN_SRC),$(BUILD)/cairn $(BUILD)/cairn-float) $(if $(ARENA_
 TESTS    := $(TEST_SRC:tests/%.c=%)
 BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
-.PHONY: all help code-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
+.PHONY: all help code-objects test-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
 .PHONY: check check-long check-freestanding mutate amalgamation coverage
 .PHONY: thesis install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
 .DELETE_ON_ERROR:
@@ -246,11 +246,12 @@ check-long:
 	@sh tools/deps.sh build test check
 	@sh tools/check-long.sh $(BUILD)
 
-# Every object of everything but the tests, and of everything, for the checks of warnings.
+# Every object of what is shipped or measures, those of the tests, and both, for the checks of warnings.
 CODE_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(FW_LOOP) $(FW_SURVEY) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC)
 ALL_TEST_SRC = $(TEST_SRC) $(filter tests/%,$(TEST_COMMON)) $(GOLDEN) $(NEEDS_test_long) $(NEEDS_test_memory)
 code-objects: $(call object,double,$(CODE_SRC) $(VISION_SRC) $(APPEARANCE_SRC)) $(call object,float,$(CODE_SRC))
-objects: code-objects $(call object,double,$(ALL_TEST_SRC)) $(call object,float,$(ALL_TEST_SRC))
+test-objects: $(call object,double,$(ALL_TEST_SRC)) $(call object,float,$(ALL_TEST_SRC))
+objects: code-objects test-objects
 
 # The firmware: the float library in the loop of a robot on bare Cortex-M7 and M4F, and tests/golden.c in float and double.
 FW        := $(BUILD)/firmware
