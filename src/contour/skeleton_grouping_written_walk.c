@@ -99,7 +99,7 @@ static int32_t scan_circle(const cairn_skeleton *g, cairn_vec2 middle, int32_t s
     return count;
 }
 
-static void look_ahead(cairn_skeleton *g, const written_state *s)
+static void collect_ahead(cairn_skeleton *g, const written_state *s)
 {
     skeleton_written *w = g->written;
 
@@ -323,7 +323,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     if (!w->collected) {
         if (!cairn_budget_pay(budget, &g->stage, cost_of_look(g, last)))
             return CAIRN_MORE;
-        look_ahead(g, last);
+        collect_ahead(g, last);
         w->collected = 1;
     }
     cost = (p.steps + 1) *
