@@ -442,9 +442,11 @@ int main(int argc, char **argv)
 {
     static const double sigmas[] = {0.04, 0.15, 0.5, 1};
     int64_t harmonics = 8, most = 100000, seed = 1;
+    double sigma = 0;
     const option table[] = {
         OPTION_INTEGER("--harmonics", &harmonics, 0, 32, "N", "of |cos| of the difference of directions"),
         OPTION_INTEGER("--points", &most, 1000, 1000000, "N", "at most; 1000, 10000 ..."),
+        OPTION_NUMBER("--sigma", &sigma, 0, 2, "M", "this one alone, m; 0: 0.04, 0.15, 0.5 and 1"),
         OPTION_INTEGER("--seed", &seed, 0, 9e15, "N", "of the walls"),
     };
     const option_set set = {"bench/gauss", "[options]", "The fast Gauss transform against the sums of force_field.",
@@ -465,7 +467,8 @@ int main(int argc, char **argv)
 
         done = make_points(&p, count, (uint64_t)seed);
         for (size_t k = 0; k < sizeof sigmas / sizeof *sigmas && done; k++)
-            done = compare(&p, sigmas[k], (int32_t)harmonics);
+            if (sigma <= 0 || k == 0)
+                done = compare(&p, sigma > 0 ? sigma : sigmas[k], (int32_t)harmonics);
         free(p.point);
     }
     return done ? 0 : 1;

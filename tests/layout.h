@@ -384,6 +384,7 @@ static const layout OPEN_STRUCTS[] = {
     {FIELD(cairn_corner_params, max_opening, 16, 12)},
     {FIELD(cairn_corner_params, end_distance, 24, 16)},
     {FIELD(cairn_corner_params, merge_angle, 40, 24)},
+    {FIELD(cairn_corner_params, crossings, 48, 28)},
     {SIZE(cairn_csm_params, 16, 16)},
     {FIELD(cairn_csm_params, range_max, 0, 0)},
     {FIELD(cairn_csm_params, range_sigma, 8, 8)},
