@@ -25,8 +25,10 @@ static int32_t lay_chain(const cairn_curve *chain, cairn_real step, cairn_real *
         cairn_segment side = {chain->points[i], chain->points[(i + 1) % chain->count]};
         cairn_real length = cairn_segment_length(side);
 
-        for (; *at < length && count < room; *at += step)
+        while (*at < length && count < room) {
             points[count++] = cairn_vec2_add(side.a, cairn_vec2_scale(cairn_vec2_sub(side.b, side.a), *at / length));
+            *at += step;
+        }
         *at -= length;
     }
     return count;
