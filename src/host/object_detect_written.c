@@ -14,6 +14,16 @@
 
 #include "src/host/object_detect_work.h"
 
+cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t height)
+{
+    cairn_object_detect_params params = cairn_object_detect_default(width, height);
+
+    params.mode = CAIRN_MODE_AS_WRITTEN;
+    params.method = CAIRN_DETECT_PARTS;
+    params.verify = 0;
+    return params;
+}
+
 /* ---- The shape of a hypothesis ---- */
 
 /* Adds what of even steps falls on a chain; *at: px from its first point to the next step. */
