@@ -2,7 +2,14 @@
  *
  * Every place and size is looked at: what each edge is worth for the outline there, against what edges near it come to by chance.
  * The best places are looked at again with the outline bent onto the edges (contour_search), and verified by contour grouping. Or, as in the thesis, places come from parts:
- * fragments of the outline along chains of edges that agree. Image coordinates, pixels. */
+ * fragments of the outline along chains of edges that agree. Image coordinates, pixels.
+ *
+ * As written (CAIRN_MODE_AS_WRITTEN): all configurations of the K nearest of all votes, those of little similarity left out, ranked by the shape
+ * context distance of their edge fragments to the whole outline, with appearance by eq. 5.1; boxes are those about the fragments; nothing is bent,
+ * grouped or verified. Choices, where the text is silent: those of part_bundle, fragment_match and part_configuration; sums of similarity
+ * below 0.75 are left out, and all but the 1024 greatest of the model and of its mirror image; a match votes whatever its similarity; the shape
+ * of a hypothesis is that of its whole edge fragments, 64 even points against 64 of the outline, not warped first; the distance is the sum of the mean costs of
+ * the best matches in both directions (Belongie et al. 2002); of boxes that share more than `overlap` of their union the best one stays. */
 #ifndef CAIRN_OBJECT_DETECT_H
 #define CAIRN_OBJECT_DETECT_H
 

@@ -112,16 +112,6 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
     return params;
 }
 
-cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t height)
-{
-    cairn_object_detect_params params = cairn_object_detect_default(width, height);
-
-    params.mode = CAIRN_MODE_AS_WRITTEN;
-    params.method = CAIRN_DETECT_PARTS;
-    params.verify = 0;
-    return params;
-}
-
 void cairn_detections_free(cairn_detections *detections)
 {
     free(detections->found);

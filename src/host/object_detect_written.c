@@ -14,6 +14,16 @@
 
 #include "src/host/object_detect_work.h"
 
+cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t height)
+{
+    cairn_object_detect_params params = cairn_object_detect_default(width, height);
+
+    params.mode = CAIRN_MODE_AS_WRITTEN;
+    params.method = CAIRN_DETECT_PARTS;
+    params.verify = 0;
+    return params;
+}
+
 /* ---- The shape of a hypothesis ---- */
 
 /* Adds what of even steps falls on a chain; *at: px from its first point to the next step. */
@@ -25,8 +35,10 @@ static int32_t lay_chain(const cairn_curve *chain, cairn_real step, cairn_real *
         cairn_segment side = {chain->points[i], chain->points[(i + 1) % chain->count]};
         cairn_real length = cairn_segment_length(side);
 
-        for (; *at < length && count < room; *at += step)
+        while (*at < length && count < room) {
             points[count++] = cairn_vec2_add(side.a, cairn_vec2_scale(cairn_vec2_sub(side.b, side.a), *at / length));
+            *at += step;
+        }
         *at -= length;
     }
     return count;
