@@ -106,7 +106,8 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
         table, sizeof table / sizeof *table};
     option_result result;
 
-    for (size_t i = 0; i < set.count && i < OPTIONS_MOST; i++)
+    _Static_assert(sizeof table / sizeof *table <= OPTIONS_MOST, "an option has no room for whether it was given");
+    for (size_t i = 0; i < sizeof table / sizeof *table; i++)
         table[i].given = &given[i];
     result = tool_read_options(&set, argc, argv, &s->log, &s->folder);
     if (result == OPTIONS_READ)
