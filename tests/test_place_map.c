@@ -803,7 +803,8 @@ static void bad_params_are_refused(void **state)
 
     (void)state;
     REFUSED(mode, -1);
-    REFUSED(mode, 2);
+    REFUSED(mode, CAIRN_PLACE_MAP_AS_WRITTEN); /* with a match that is not as written */
+    REFUSED(mode, CAIRN_PLACE_MAP_SEQUENTIAL + 1);
     REFUSED(max_places, 1);
     REFUSED(max_places, 257);
     REFUSED(max_scans, 1);

@@ -33,6 +33,8 @@ static const struct align_method *method_of(const align_settings *s)
     return NULL;
 }
 
+enum { OPTIONS_MOST = 32 };
+
 /* An option that does not go together with others, and why. */
 typedef struct align_rule {
     int32_t is_broken; /* 1: what it does not go together with is given */
@@ -96,7 +98,7 @@ static int check_settings(align_settings *s, const option *table, size_t count)
 
 static option_result read_settings(align_settings *s, int argc, char **argv)
 {
-    int32_t given[32] = {0};
+    int32_t given[OPTIONS_MOST] = {0};
     option table[] = {
         OPTION_TEXT("-o", &s->folder, "DIR", "folder for poses.csv, map.pgm, map.yaml and map.svg"),
         OPTION_TEXT("--method", &s->method, "NAME",
@@ -139,7 +141,8 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
         table, sizeof table / sizeof *table};
     option_result result;
 
-    for (size_t i = 0; i < set.count; i++)
+    _Static_assert(sizeof table / sizeof *table <= OPTIONS_MOST, "an option has no room for whether it was given");
+    for (size_t i = 0; i < sizeof table / sizeof *table; i++)
         table[i].given = &given[i];
     result = tool_read_options(&set, argc, argv, &s->log, &s->folder);
     if (result != OPTIONS_READ)
