@@ -33,7 +33,9 @@ TRAPS     := $(if $(ASSERTIONS),$(if $(SANITIZE)$(COVERAGE),,$(shell t='-fsaniti
 # planes become vectors, the same bits.
 LIB_FLAGS  = -std=c11 $(CWARN) $(WERROR) $(COMMON) -fno-math-errno $(if $(ASSERTIONS),-DCAIRN_ASSERTIONS) $(TRAPS)
 HOST_FLAGS = -std=c11 -D_POSIX_C_SOURCE=200809L -D_DEFAULT_SOURCE $(CWARN) $(WERROR) $(COMMON) $(HOST_OPT) $(TRAPS)
-CXX_FLAGS  = -std=c++17 $(WARN) $(WERROR) $(COMMON)
+# Tests are compiled more often than they run.
+TEST_OPT   = $(if $(filter tests/%,$<),$(if $(filter -O2 -O3,$(OPT)),-O1))
+CXX_FLAGS  = -std=c++17 $(WARN) $(WERROR) $(COMMON) $(TRAPS)
 
 # Rooms. Box2D, libyaml, zlib, libpng, OpenCV and cmocka are looked for where Debian puts them; what is missing switches off what
 # needs it (tools/deps.sh brings it).
@@ -75,7 +77,8 @@ TOOLS    := $(if $(CAIRN_SRC),$(BUILD)/cairn $(BUILD)/cairn-float) $(if $(ARENA_
 TESTS    := $(TEST_SRC:tests/%.c=%)
 BENCHES  := $(BENCH_SRC:bench/%.c=$(BUILD)/bench/%)
 
-.PHONY: all help objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance check check-freestanding mutate amalgamation coverage
+.PHONY: all help code-objects objects test run-tests golden run-golden demo run-demo bench run-bench vision appearance
+.PHONY: check check-long check-freestanding mutate amalgamation coverage
 .PHONY: thesis install clean format missing firmware run-firmware firmware-test run-firmware-test firmware-endless footprint
 .DELETE_ON_ERROR:
 .SECONDARY:
@@ -92,6 +95,7 @@ help:
 	@echo "make appearance     libcairn-appearance, which learns what classes look like (installs OpenCV's features2d and ml)"
 	@echo "make thesis         runs the experiments of the thesis, writes docs/thesis.md (DATA=FOLDER ITEMS='2/29 ...')"
 	@echo "make check          warnings, formats, analyzers, freestanding proof, room order"
+	@echo "make check-long     what .ci/run leaves out because it takes long; a release passes both"
 	@echo "make mutate         plants faults in src/ and counts those that the tests find (N=40 SEED=1)"
 	@echo "make firmware       the library in a robot's loop on Cortex-M7 and M4F"
 	@echo "make firmware-test  runs it in an emulator and compares it with this machine, bit by bit"
@@ -124,10 +128,10 @@ $(BUILD)/%/src/host/report_player_page.c.o: $(BUILD)/src/host/report_player_page
 # Everything else.
 $(BUILD)/double/%.c.o: %.c
 	@mkdir -p $(@D)
-	$(CC) $(HOST_FLAGS) $(CFLAGS) -c $< -o $@
+	$(CC) $(HOST_FLAGS) $(TEST_OPT) $(CFLAGS) -c $< -o $@
 $(BUILD)/float/%.c.o: %.c
 	@mkdir -p $(@D)
-	$(CC) -DCAIRN_FLOAT $(HOST_FLAGS) $(CFLAGS) -c $< -o $@
+	$(CC) -DCAIRN_FLOAT $(HOST_FLAGS) $(TEST_OPT) $(CFLAGS) -c $< -o $@
 $(BUILD)/double/%.cpp.o: %.cpp
 	@mkdir -p $(@D)
 	$(CXX) $(CXX_FLAGS) $(CXXFLAGS) -c $< -o $@
@@ -238,9 +242,15 @@ check:
 check-freestanding:
 	@sh tools/check.sh $(BUILD) freestanding
 
-# Every object of everything, for the checks of warnings.
-ALL_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(TEST_SRC) $(filter tests/%,$(TEST_COMMON)) $(GOLDEN) $(NEEDS_test_long) $(FW_LOOP) $(FW_SURVEY) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC)
-objects: $(call object,double,$(ALL_SRC) $(VISION_SRC) $(APPEARANCE_SRC)) $(call object,float,$(ALL_SRC))
+check-long:
+	@sh tools/deps.sh build test check
+	@sh tools/check-long.sh $(BUILD)
+
+# Every object of everything but the tests, and of everything, for the checks of warnings.
+CODE_SRC = $(LIB_SRC) $(HOST_SRC) $(SIM_SRC) $(FW_LOOP) $(FW_SURVEY) firmware/board_host.c $(BENCH_SRC) $(BENCH_COMMON) $(CAIRN_SRC) $(ARENA_SRC)
+ALL_TEST_SRC = $(TEST_SRC) $(filter tests/%,$(TEST_COMMON)) $(GOLDEN) $(NEEDS_test_long) $(NEEDS_test_memory)
+code-objects: $(call object,double,$(CODE_SRC) $(VISION_SRC) $(APPEARANCE_SRC)) $(call object,float,$(CODE_SRC))
+objects: code-objects $(call object,double,$(ALL_TEST_SRC)) $(call object,float,$(ALL_TEST_SRC))
 
 # The firmware: the float library in the loop of a robot on bare Cortex-M7 and M4F, and tests/golden.c in float and double.
 FW        := $(BUILD)/firmware

@@ -436,7 +436,7 @@ static group_score score_of(const group_image *image, const group_grouping *g, i
     const group_box *b = &image->box[instance];
     double far = fmax(1, FAR_SHARE * hypot(b->right - b->left, b->bottom - b->top));
     uint8_t *near = grown(image, g->pixels, NEAR), *along = grown(image, image->outline[instance], far);
-    group_score s = {instance, 0, 0, 0, 0, 0, 0};
+    group_score s = {.instance = instance};
     int32_t present = 0, covered = 0, thin_present = 0, thin_covered = 0, right = 0;
     group_box box = box_of(image, g->pixels);
 
@@ -456,6 +456,7 @@ static group_score score_of(const group_image *image, const group_grouping *g, i
     s.precision = g->pixel_count > 0 ? (double)right / g->pixel_count : 0;
     s.iou = g->pixel_count > 0 ? overlap(&box, b) : 0;
     s.thin = thin_present > 0 && thin_covered >= HIT_COVERAGE * thin_present && s.precision >= HIT_PRECISION;
+    s.covered = s.coverage >= HIT_COVERAGE;
     s.hit = s.coverage >= HIT_COVERAGE && s.precision >= HIT_PRECISION;
     return s;
 }

@@ -63,7 +63,8 @@ void group_found_sort(group_found *found);
 
 typedef struct group_score {
     int32_t instance, hit;
-    int32_t thin; /* 1: a hit when the outline is the line in the middle of its stroke */
+    int32_t covered; /* 1: as the thesis counts: 80 % of what is present is grouped, whatever else is */
+    int32_t thin;    /* 1: a hit when the outline is the line in the middle of its stroke */
     double coverage, precision, present, iou;
 } group_score;
 

@@ -52,8 +52,8 @@ static void place_frames(const bench_match_settings *s, uint64_t seed, bench_mat
         p->first_scan[p->place_count] = k;
         p->frame[p->place_count] = p->truth[k];
         if (s->as_written && k > 0)
-            p->frame[p->place_count].theta = p->truth[0].theta + (double)cairn_random_uniform(&random, -1, 1) *
-                                                                     s->heading_error * BENCH_DEGREE;
+            p->frame[p->place_count].theta =
+                p->truth[0].theta + (double)cairn_random_uniform(&random, -1, 1) * s->heading_error * BENCH_DEGREE;
         p->place_count++;
     }
 }

@@ -20,8 +20,9 @@ typedef struct bench_match_settings {
     double sub_error[2]; /* m, degrees */
     int32_t walkers, strangers;
     int32_t same_headings; /* 1: the scans of all places have the same headings, as in the thesis */
-    int32_t as_written;    /* 1: the method and the setting of chapter 6: headings of places are the same, and known, up to ... */
-    double heading_error;  /* ... uniform +-, degrees */
+    int32_t
+        as_written; /* 1: the method and the setting of chapter 6: headings of places are the same, and known, up to ... */
+    double heading_error; /* ... uniform +-, degrees */
 } bench_match_settings;
 
 /* What a mapper is given of an arena, or of two that have nothing to do with each other, and the truth that it is not. */

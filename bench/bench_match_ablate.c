@@ -101,8 +101,8 @@ static int ablate_arena(const bench_match_settings *s, const cairn_place_map_par
         if (s->as_written)
             shift.theta = cairn_random_uniform(&random, -1, 1) * (cairn_real)(s->heading_error * BENCH_DEGREE);
         for (int k = 0; k < STAGES && done; k++)
-            done = ablate_match(match[k], query, count, target, target_count, shift,
-                                s->as_written ? WRITTEN_WINDOW : 0, &out[k]);
+            done = ablate_match(match[k], query, count, target, target_count, shift, s->as_written ? WRITTEN_WINDOW : 0,
+                                &out[k]);
     }
     free(m.memory);
     bench_match_free(&p);

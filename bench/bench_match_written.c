@@ -127,8 +127,7 @@ static int draw_errors(const char *path, const bench_match_problem *p, const sim
 int bench_match_draw_written(const bench_match_settings *settings, const bench_match_problem *p, uint64_t seed,
                              const char *folder)
 {
-    static const char *const titles[BENCH_PANELS] = {
-        "(a) by shape", "(b) + ICP", "(c) decoupled", "(d) actual"};
+    static const char *const titles[BENCH_PANELS] = {"(a) by shape", "(b) + ICP", "(c) decoupled", "(d) actual"};
     size_t n = (size_t)p->scan_count;
     sim_pose *places = malloc(BENCH_WRITTEN_STAGES * n * sizeof *places);
     sim_pose *scans = malloc(BENCH_WRITTEN_STAGES * n * sizeof *scans);

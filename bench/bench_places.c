@@ -19,7 +19,6 @@ void bench_pose_errors(const sim_pose *truth, const sim_pose *poses, int32_t cou
     }
 }
 
-
 /* End points of the beams of all scans, in the frames of the scans: scans[k].point into one array; NULL: no memory. */
 static cairn_vec2 *hits_of(const sim_scan *sims, int32_t count, cairn_report_scan *scans)
 {
@@ -85,8 +84,7 @@ int bench_draw_maps(const char *path, const char *heading, const char *const tit
 
     if (points != NULL && copies != NULL) {
         for (int k = 0; k < BENCH_PANELS; k++)
-            fill_panel(sims, count, poses[k], titles[k], notes[k], sizeof notes[k], copies + (size_t)k * n,
-                       &panels[k]);
+            fill_panel(sims, count, poses[k], titles[k], notes[k], sizeof notes[k], copies + (size_t)k * n, &panels[k]);
         picture.title = heading;
         picture.panel = panels;
         picture.panel_count = BENCH_PANELS;

@@ -10,8 +10,8 @@ enum { BENCH_PANELS = 4 };
 void bench_pose_errors(const sim_pose *truth, const sim_pose *poses, int32_t count, double *metres, double *degrees);
 
 /* The scans at the poses of each panel; each [count]. 0: a line on standard error. */
-int bench_draw_maps(const char *path, const char *heading, const char *const titles[BENCH_PANELS], const sim_scan *scans,
-                    int32_t count, const sim_pose *const poses[BENCH_PANELS]);
+int bench_draw_maps(const char *path, const char *heading, const char *const titles[BENCH_PANELS],
+                    const sim_scan *scans, int32_t count, const sim_pose *const poses[BENCH_PANELS]);
 
 /* errors-SEED.svg: true and found poses of the scans, and their errors drawn larger. */
 int bench_draw_errors(const char *folder, uint64_t seed, const sim_scan *scans, int32_t count, const sim_pose *poses);

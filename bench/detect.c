@@ -2,8 +2,10 @@
  *
  * Every class's model on the images of all classes; no size, no rotation is given, and nothing is trained. Hit: IoU of the boxes >= 0.5,
  * each object once. A line for each class: the detection rate at 0.3 and 0.4 false positives per image, the 11-point average precision, and
- * the precision at the thesis's recall, which counts boxes above 0.2 as hits (precision_at_recall; with 0.5: precision_at_recall_half).
- * --method parts: by configurations of parts, as in the thesis; --bundles, --nearest and --modes change what it is made of. --method
+ * the precision at the thesis's recall, which counts boxes above 0.2 as hits (precision_at_recall, with the greatest recall that is reached so,
+ * recall_most_fifth; with 0.5: precision_at_recall_half). The last line has the means over the classes.
+ * --method parts: by configurations of parts; --as-written: by the method of the thesis; --bundles, --nearest and --modes change what the other
+ * is made of. --method
  * chamfer: the plain oriented chamfer twin. --curves DIR: CLASS.csv and CLASS.svg, precision over recall and detection rate
  * over false positives per image. --verify: the weight of verification by contour grouping, 0: without. */
 #include <inttypes.h>
@@ -23,7 +25,7 @@ typedef struct settings {
     const char *bundles;
     int64_t most, candidates, matches, nearest, train;
     double overlap, weight, verify;
-    int32_t each, no_mirror, modes, stages, occluded;
+    int32_t each, no_mirror, modes, stages, occluded, as_written;
 } settings;
 
 static const struct {
@@ -158,7 +160,8 @@ static int run_chamfer(run *r, const group_image *image, int32_t own)
 /* The time of an image and a model has that of the edges and the field, which all models of an image share. */
 static int run_default(run *r, const group_image *image, const char *folder, int32_t own, cairn_file_error *error)
 {
-    cairn_object_detect_params params = cairn_object_detect_default(image->width, image->height);
+    cairn_object_detect_params params = r->s->as_written ? cairn_object_detect_as_written(image->width, image->height)
+                                                         : cairn_object_detect_default(image->width, image->height);
     cairn_raster_u8_view view = {image->edges, image->width, image->height, image->width};
     double start, field_seconds;
     cairn_contour_tokens tokens;
@@ -307,7 +310,7 @@ static int write_curves(const settings *s, const char *name, const cairn_detecti
 }
 
 typedef struct means {
-    double rate03, rate04, precision, classes;
+    double rate03, rate04, precision, at_recall, recall, classes;
 } means;
 
 static int print_class(run *r, int32_t k, means *m)
@@ -327,6 +330,7 @@ static int print_class(run *r, int32_t k, means *m)
         bench_json_begin("detect");
         bench_json_text("class", classes[k].folder);
         bench_json_text("method", r->s->method);
+        bench_json_text("mode", r->s->as_written ? "as written" : "default");
         bench_json_integer("images", t->images);
         bench_json_integer("instances", t->instances);
         cairn_detection_interval(rate03, t->instances, &low, &high);
@@ -339,12 +343,15 @@ static int print_class(run *r, int32_t k, means *m)
         bench_json_number("dr04_high", high);
         bench_json_number("ap", precision);
         bench_json_number("recall_most", t->count > 0 ? half[t->count - 1].recall : 0);
+        bench_json_number("recall_most_fifth", t->count > 0 ? fifth[t->count - 1].recall : 0);
         bench_json_number("precision_at_recall", cairn_detection_precision_at(fifth, t->count, classes[k].recall));
         bench_json_number("precision_at_recall_half", cairn_detection_precision_at(half, t->count, classes[k].recall));
         bench_json_end();
         m->rate03 += rate03;
         m->rate04 += rate04;
         m->precision += precision;
+        m->at_recall += cairn_detection_precision_at(fifth, t->count, classes[k].recall);
+        m->recall += t->count > 0 ? fifth[t->count - 1].recall : 0;
         m->classes++;
         ok = write_curves(r->s, classes[k].folder, half, t->count);
     }
@@ -366,7 +373,7 @@ static void print_stages(const stage_clock *c)
 
 static int print_all(run *r)
 {
-    means m = {0, 0, 0, 0};
+    means m = {0, 0, 0, 0, 0, 0};
 
     for (int32_t k = 0; k < CLASSES; k++)
         if (r->wanted[k] && !print_class(r, k, &m))
@@ -376,6 +383,8 @@ static int print_all(run *r)
     bench_json_number("dr03_mean", m.rate03 / m.classes);
     bench_json_number("dr04_mean", m.rate04 / m.classes);
     bench_json_number("ap_mean", m.precision / m.classes);
+    bench_json_number("precision_at_recall_mean", m.at_recall / m.classes);
+    bench_json_number("recall_most_fifth_mean", m.recall / m.classes);
     bench_json_number("seconds_median", bench_median(r->seconds, (size_t)r->timed));
     print_stages(&r->stages);
     bench_json_true("summary");
@@ -396,6 +405,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
     const option table[] = {
         OPTION_TEXT("--class", &s->class_name, "NAME", "Applelogos, Bottles, Giraffes, Mugs or Swans; without it all"),
         OPTION_TEXT("--method", &s->method, "NAME", "default, parts or chamfer"),
+        OPTION_FLAG("--as-written", &s->as_written, "of parts: the method of the thesis"),
         OPTION_TEXT("--bundles", &s->bundles, "HOW", "of parts: rule, one (fragment in each) or none"),
         OPTION_INTEGER("--matches", &s->matches, 1, 64, "N", "of parts: chains that vote for each fragment"),
         OPTION_INTEGER("--nearest", &s->nearest, 1, 64, "K", "of parts: votes that configurations are made of"),
@@ -421,6 +431,16 @@ static option_result read_settings(settings *s, int argc, char **argv)
     size_t count = 0;
     option_result result = options_read(&set, argc, argv, NULL, &count);
 
+    if (result == OPTIONS_READ && s->as_written &&
+        ((s->method != NULL && strcmp(s->method, "parts") != 0) || s->bundles != NULL || s->modes || s->occluded ||
+         s->candidates > 0 || s->verify > 0))
+        return (option_result)options_refuse(
+            "bench/detect", "--as-written with another method than parts, --bundles, --modes, --occluded, --candidates "
+                            "or --verify, which the thesis does not have, expected it without them");
+    s->method = s->method != NULL ? s->method : s->as_written ? "parts" : "default";
+    s->bundles = s->bundles != NULL ? s->bundles : "rule";
+    s->candidates = s->candidates > 0 ? s->candidates : cairn_object_detect_default(1, 1).candidates;
+    s->verify = s->as_written ? 0 : s->verify >= 0 ? s->verify : (double)cairn_object_detect_default(1, 1).verify;
     if (result == OPTIONS_READ && strcmp(s->method, "default") != 0 && strcmp(s->method, "chamfer") != 0 &&
         strcmp(s->method, "parts") != 0)
         return (option_result)options_refuse("bench/detect", "--method %s, expected default, parts or chamfer",
@@ -441,11 +461,9 @@ static option_result read_settings(settings *s, int argc, char **argv)
 int main(int argc, char **argv)
 {
     cairn_object_detect_params params = cairn_object_detect_default(1, 1);
-    settings s = {.method = "default",
-                  .bundles = "rule",
-                  .data = "../shared/data",
+    settings s = {.data = "../shared/data",
                   .most = 100000,
-                  .candidates = params.candidates,
+                  .candidates = -1,
                   .matches = params.matches,
                   .nearest = params.nearest};
     option_result result;
@@ -454,7 +472,7 @@ int main(int argc, char **argv)
 
     s.overlap = (double)params.overlap;
     s.weight = (double)params.appearance_weight;
-    s.verify = (double)params.verify;
+    s.verify = -1;
     result = read_settings(&s, argc, argv);
     if (result != OPTIONS_READ)
         return (int)result;

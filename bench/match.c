@@ -234,9 +234,10 @@ static int check(settings *s)
         return 0;
     }
     if (s->world.as_written && (s->method != NULL || s->decoupled || s->by_icp)) {
-        fprintf(stderr,
-                "bench/match: --as-written with %s, which it has not or always does: expected without\n",
-                s->method != NULL ? "--method" : s->decoupled ? "--decoupled" : "--decoupled-icp");
+        fprintf(stderr, "bench/match: --as-written with %s, which it has not or always does: expected without\n",
+                s->method != NULL ? "--method"
+                : s->decoupled    ? "--decoupled"
+                                  : "--decoupled-icp");
         return 0;
     }
     if (s->world.as_written || s->method == NULL)

@@ -69,6 +69,8 @@ int main(void)
     print("scan_match", "2048 target points, 4096 dense ones, 16 views", cairn_scan_match_memory(&match));
     match.mode = CAIRN_SCAN_MATCH_SHAPE;
     print("scan_match", "the same, by shape", cairn_scan_match_memory(&match));
+    match = cairn_scan_match_as_written();
+    print("scan_match", "as written: 4812 target and 1604 query readings", cairn_scan_match_memory(&match));
     print("hough", "360 x 256 bins, 32 lines", cairn_hough_memory(&hough));
     print("rectangle", "1024 segments, 256 sides, 2048 pairs, 32 rectangles", cairn_rectangle_memory(&rectangle));
     print("ellipse", "2 x 96 x 96 cells, 32 ellipses", cairn_ellipse_memory(&ellipse));
@@ -110,6 +112,8 @@ int main(void)
     print("place_map", "16 places of 1024 points and 2048 beams, 4096 hypotheses", cairn_place_map_memory(&places));
     places.decoupled = CAIRN_PLACE_MAP_JOINTLY;
     print("place_map", "the same, scans aligned jointly", cairn_place_map_memory(&places));
+    places = cairn_place_map_as_written();
+    print("place_map", "as written: 16 places of 2048 readings", cairn_place_map_memory(&places));
     print("occupancy_grid", "400 x 400 cells", cairn_occupancy_grid_memory(&grid));
     print("mapper", "181 beams, 64 key scans", cairn_mapper_memory(&mapper));
     mapper = cairn_mapper_default_for(1024, 181);

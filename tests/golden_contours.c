@@ -6,7 +6,9 @@
 #include "cairn/edge_chain.h"
 #include "cairn/edge_segment.h"
 #include "cairn/edgel.h"
+#include "cairn/part_configuration.h"
 #include "cairn/self_similarity.h"
+#include "cairn/shape_context.h"
 #include "cairn/skeleton_grouping.h"
 #include "cairn/symmetric_point.h"
 #include "tests/golden.h"
@@ -397,7 +399,11 @@ uint64_t golden_skeletons(void)
 
 uint64_t golden_skeletons_written(void)
 {
-    return golden_skeletons_of(cairn_skeleton_as_written());
+    cairn_skeleton_params params = cairn_skeleton_as_written();
+
+    /* Walks are short here. */
+    params.min_log_odds = 3;
+    return golden_skeletons_of(params);
 }
 
 /* ---- The axes of a leaf ---- */
@@ -448,4 +454,75 @@ uint64_t golden_symmetry_as_written(void)
     cairn_self_similarity_params params = cairn_self_similarity_as_written();
 
     return symmetry_of_leaf(&params);
+}
+
+/* ---- Every configuration of votes, two whole shapes ---- */
+
+static uint64_t add_configurations(uint64_t hash)
+{
+    enum { VOTES = 40 };
+    cairn_part_configuration_params params = cairn_part_configuration_as_written();
+    cairn_random random = cairn_random_seed(17, 0);
+    cairn_part_configuration_result r;
+    cairn_part_configurator *configurator;
+    cairn_budget budget = {INT32_MAX};
+    cairn_part_vote votes[VOTES];
+    cairn_pool pool;
+
+    params.max_votes = VOTES;
+    params.max_found = 200;
+    params.min_sum = 1;
+    for (int32_t i = 0; i < VOTES; i++) {
+        cairn_part_vote vote = {i % 4, cairn_random_below(&random, 12), {0, 0}, 0, 0, 0, 20, 0};
+
+        vote.centre.x = cairn_random_uniform(&random, 0, 300);
+        vote.centre.y = cairn_random_uniform(&random, 0, 200);
+        vote.scale = cairn_random_uniform(&random, 40, 90);
+        vote.gain = cairn_random_uniform(&random, CAIRN_REAL(0.1), 1);
+        votes[i] = vote;
+    }
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        cairn_part_configuration_create(&configurator, &pool, &params) != CAIRN_OK ||
+        cairn_part_configuration_begin(configurator, votes, VOTES, NULL) != CAIRN_OK ||
+        cairn_part_configuration_step(configurator, &budget) != CAIRN_OK)
+        return 0;
+    r = cairn_part_configuration_read(configurator);
+    for (int32_t i = 0; i < r.count; i++) {
+        hash = add_point(add_real(add_real(hash, r.found[i].score), r.found[i].scale), r.found[i].centre);
+        hash = add_bytes(hash, &r.votes[r.found[i].first], (size_t)r.found[i].count * sizeof *r.votes);
+    }
+    hash = add_bytes(hash, &r.made, sizeof r.made);
+    return add_bytes(hash, &budget.left, sizeof budget.left);
+}
+
+uint64_t golden_parts_as_written(void)
+{
+    enum { POINTS = 24 };
+    cairn_shape_context_params params = cairn_shape_context_default();
+    cairn_shape_context_input input = {CAIRN_SHAPE_CONTEXT_WHOLE, NULL, NULL, POINTS, POINTS - 4, 0};
+    cairn_random random = cairn_random_seed(18, 0);
+    cairn_budget budget = {INT32_MAX};
+    cairn_vec2 first[POINTS], second[POINTS];
+    cairn_shape_context *context;
+    cairn_shape_context_result r;
+    cairn_pool pool;
+    uint64_t hash = add_configurations(GOLDEN_START);
+
+    for (int32_t i = 0; i < POINTS; i++) {
+        first[i].x = cairn_random_uniform(&random, 0, 60);
+        first[i].y = cairn_random_uniform(&random, 0, 40);
+        second[i].x = cairn_random_uniform(&random, 0, 30);
+        second[i].y = cairn_random_uniform(&random, 0, 50);
+    }
+    params.max_points = POINTS;
+    input.first = first;
+    input.second = second;
+    if (hash == 0 || cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        cairn_shape_context_create(&context, &pool, &params) != CAIRN_OK ||
+        cairn_shape_context_begin(context, &input) != CAIRN_OK ||
+        cairn_shape_context_step(context, &budget) != CAIRN_OK)
+        return 0;
+    r = cairn_shape_context_read(context);
+    hash = add_real(add_real(hash, r.distance), r.symmetric);
+    return add_bytes(hash, &budget.left, sizeof budget.left);
 }

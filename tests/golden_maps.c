@@ -522,6 +522,43 @@ uint64_t golden_places(void)
     return add_real(hash, cairn_place_map_read(map).total);
 }
 
+/* The map of chapter 6 as written: a robot that keeps its heading. */
+uint64_t golden_places_as_written(void)
+{
+    enum { PLACES = 3 };
+    static golden_sweep sweep;
+    cairn_place_map_params params = cairn_place_map_as_written();
+    cairn_random random = cairn_random_seed(19, 1);
+    cairn_budget budget = unbounded();
+    cairn_place_map *map;
+    cairn_scan_view view;
+    cairn_scan *scan;
+    cairn_pool pool;
+    uint64_t hash = GOLDEN_START;
+
+    params.max_places = params.max_scans = PLACES;
+    params.max_place_points = GOLDEN_BEAMS;
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK || (scan = golden_new_scan(&pool)) == NULL ||
+        cairn_place_map_create(&map, &pool, &params) != CAIRN_OK)
+        return 0;
+    for (int32_t i = 0; i < PLACES; i++) {
+        cairn_pose pose = {2 + CAIRN_REAL(0.2) * (cairn_real)i, 2, CAIRN_REAL(0.01) * (cairn_real)i};
+
+        golden_make_sweep(&sweep, &random, pose);
+        if (!golden_fit_sweep(scan, &sweep))
+            return 0;
+        view = cairn_scan_read(scan);
+        if (cairn_place_map_add_scan(map, i, &view, cairn_pose_identity(), NULL) != CAIRN_OK)
+            return 0;
+    }
+    if (cairn_place_map_begin(map) != CAIRN_OK || cairn_place_map_step(map, &budget) != CAIRN_OK ||
+        cairn_place_map_read(map).decoupled < 1)
+        return 0;
+    for (int32_t i = 0; i < PLACES; i++)
+        hash = add_pose(add_pose(hash, cairn_place_map_place_of(map, i).map_place), cairn_place_map_scan_pose(map, i));
+    return hash;
+}
+
 enum { MAP_SIDE = 40 };
 
 /* A map of a part of a hall with `boxes` boxes at all angles, `size` times 0.6 by 0.3 m, in cells of 0.1 m, seen from a frame of its

@@ -1,6 +1,6 @@
 #!/bin/sh
 # Runs test programs, two at a time: tests/run.sh BUILD PROGRAM...
-# Prints each program's failures and a closing line with the totals; exits with 1 when a test failed or a program died.
+# Prints each program's seconds and failures and a closing line with the totals; exits with 1 when a test failed or a program died.
 build=$1
 shift
 mkdir -p "$build/log"
@@ -20,11 +20,15 @@ if [ -d "$comma/de_DE.UTF-8" ] || { mkdir -p "$comma" && localedef -i de_DE -f U
     export LOCPATH="$comma"
 fi
 
-# The log of build/tests/test_pool is build/log/tests-test_pool, its exit status stands in build/log/tests-test_pool.exit.
+# The log of build/tests/test_pool is build/log/tests-test_pool; its exit status stands in build/log/tests-test_pool.exit, when it
+# began and ended, in seconds, in build/log/tests-test_pool.time.
 printf '%s\n' "$@" | xargs -P 2 -n 1 sh -c '
     log=$1/log/$(basename "$(dirname "$2")")-$(basename "$2")
+    read -r began idle </proc/uptime
     LD_PRELOAD=$TEST_PRELOAD "$2" >"$log" 2>&1
-    echo $? >"$log.exit"' run "$build"
+    echo $? >"$log.exit"
+    read -r ended idle </proc/uptime
+    echo "$began $ended" >"$log.time"' run "$build"
 
 # named WORD LOG: the tests that cmocka lists behind the word, each once.
 named()
@@ -40,12 +44,13 @@ for program in "$@"; do
     ok=$(grep -c '^\[       OK \]' "$log")
     bad=$(named FAILED "$log" | wc -w)
     left=$(named SKIPPED "$log")
+    took=$(awk '{ printf "%.1f s", $2 - $1 }' "$log.time")
     if [ "$status" -ne 0 ] || [ "$ok" -eq 0 ]; then
         [ "$bad" -gt 0 ] || bad=1
-        echo "FAILED $name (exit $status)"
+        echo "FAILED $name (exit $status, $took)"
         grep -v '^\[       OK \]\|^\[ RUN' "$log"
     else
-        echo "ok     $name: $ok tests${left:+, skipped: $left}"
+        echo "ok     $name: $ok tests, $took${left:+, skipped: $left}"
     fi
     skipped=$((skipped + $(echo "$left" | wc -w)))
     passed=$((passed + ok))

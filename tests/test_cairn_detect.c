@@ -156,6 +156,14 @@ static void test_by_parts(void **state)
     assert_non_null(strstr(text, "\"parts\": [{\"bundle\": "));
     assert_non_null(strstr(text, "\"missing\": ["));
     free(text);
+    assert_done(programs_run("cairn detect @/bottle0.png --edges @/edges.png --model @/bottle.shape --as-written -o "
+                             "@/written --quiet --min-score -2"));
+    text = read_in("written/bottle0.json");
+    box = strstr(text, "\"box\": [");
+    assert_non_null(box);
+    assert_near(strtod(box + 8, NULL), 27, 6);
+    assert_non_null(strstr(text, "\"parts\": [{\"bundle\": "));
+    free(text);
     text = read_in("found/bottle0.json");
     assert_null(strstr(text, "\"parts\""));
     free(text);
@@ -405,6 +413,11 @@ static void test_refusals(void **state)
         {"@/bottle0.png --model @/bottle.shape --jobs 0 -o @/refused", "expected"},
         {"@/bottle0.png --model @/bottle.shape --method best -o @/refused", "--method best, expected evidence or"},
         {"@/bottle0.png --model @/bottle.shape --bundles two -o @/refused", "--bundles two, expected rule, one or"},
+        {"@/bottle0.png --model @/bottle.shape --as-written --method evidence -o @/refused",
+         "--method other than parts with --as-written"},
+        {"@/bottle0.png --model @/bottle.shape --as-written --verify 0.1 -o @/refused", "--verify with --as-written"},
+        {"@/bottle0.png --model @/bottle.shape --as-written --occluded -o @/refused", "--occluded with --as-written"},
+        {"@/bottle0.png --model @/bottle.shape --as-written --bundles one -o @/refused", "--bundles with --as-written"},
         {"@/bottle0.png --model @/bottle.shape --nearest 65 -o @/refused", "expected"},
         {"@/bottle0.png --model @/bottle.shape --overlap 2 -o @/refused", "expected"},
         {"@/bottle0.png --model @/bottle.shape --verify 101 -o @/refused", "--verify"},

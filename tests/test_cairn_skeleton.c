@@ -99,10 +99,38 @@ static void a_bar_is_found(void **state)
     text = read_file("strong/bar.json");
     assert_holds(text, "\"contours\": []");
     free(text);
-    assert_done(programs_run("cairn skeleton @/bar.png --weight as-written --quiet -o @/written"));
-    text = read_file("written/bar.json");
-    assert_holds(text, "\"proposed\": true");
+}
+
+/* The method as written, by both names: parts are objects of their own, and there are no contours between regions. */
+static void as_written_finds_it(void **state)
+{
+    static const char *const names[] = {"--as-written", "--weight as-written"};
+    char *text, *first = NULL;
+
+    (void)state;
+    if (cairn_vision_load(NULL) == CAIRN_UNSUPPORTED)
+        skip();
+    for (int32_t i = 0; i < 2; i++) {
+        assert_done(
+            programs_run("cairn skeleton @/bar.png %s --radius 8:12 --min-log-odds 3 --lines --quiet -o @/written%d",
+                         names[i], (int)i));
+        text = read_file(i ? "written1/bar.json" : "written0/bar.json");
+        assert_holds(text, "\"proposed\": false");
+        assert_holds(text, "\"contours\": []");
+        assert_holds(text, "\"verdict\": \"found\"");
+        assert_true(number_of(text, "centres") > 100 && number_of(text, "free_ends") == 2);
+        if (first != NULL)
+            assert_string_equal(text, first);
+        free(first);
+        first = text;
+    }
+    free(first);
+    text = read_file("written0/bar-lines.svg");
+    assert_well_formed(text);
+    assert_true(count_of(text, "class=\"line\"") >= 1);
+    assert_true(count_of(text, "h0") > 100);
     free(text);
+    assert_null(files_read(files_path("found/bar-lines.svg"), NULL));
 }
 
 /* Of a bar of 20 x 140 px radii up to 10. */
@@ -131,6 +159,11 @@ static void bad_input_is_refused(void **state)
     assert_refused(programs_run("cairn skeleton @/bar.png --radius 9:10 --learn @/outlines -o @/x"),
                    "expected one of them");
     assert_refused(programs_run("cairn skeleton @/bar.png --weight none -o @/x"), "expected evidence or as-written");
+    assert_refused(programs_run("cairn skeleton @/bar.png --as-written --weight evidence -o @/x"),
+                   "expected one of them");
+    assert_refused(programs_run("cairn skeleton @/bar.png --as-written --contrast 6 -o @/x"), "how steep edges are");
+    assert_refused(programs_run("cairn skeleton @/bar.png --as-written --min-strength 2 -o @/x"), "between regions");
+    assert_refused(programs_run("cairn skeleton @/bar.png @/bar-lines.png --lines -o @/x"), "would overwrite");
     assert_refused(programs_run("cairn skeleton @/bar.png @/outlines/bar.png -o @/x"), "both named 'bar'");
     assert_refused(programs_run("cairn skeleton @/bar.png --learn @/nowhere -o @/x"), "expected a folder of outlines");
     assert_refused(programs_run("cairn skeleton @/bar.png --learn @/empty -o @/x"), "holds no outlines");
@@ -149,6 +182,7 @@ int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_bar_is_found),
+        cmocka_unit_test(as_written_finds_it),
         cmocka_unit_test(radii_are_learnt),
         cmocka_unit_test(bad_input_is_refused),
     };

@@ -141,10 +141,15 @@ static void test_an_axis(void **state)
     assert_non_null(strstr(svg, "class=\"second\""));
     free(svg);
     free(json);
-    assert_done(programs_run("cairn symmetry @/kite.png -o @/written --mode as-written --quiet"));
+    assert_done(programs_run("cairn symmetry @/kite.png -o @/written --as-written --quiet"));
     json = read_in("written/kite.json");
     assert_non_null(strstr(json, "\"mode\": \"as written\""));
     assert_null(strstr(json, "\"division\": 0"));
+    /* Its older name. */
+    assert_done(programs_run("cairn symmetry @/kite.png -o @/older --mode as-written --quiet"));
+    svg = read_in("older/kite.json");
+    assert_string_equal(svg, json);
+    free(svg);
     free(json);
 }
 
@@ -212,6 +217,8 @@ static void test_refusals(void **state)
     assert_refused(programs_run("cairn symmetry @/kite.png"), "no folder to write to (-o), expected");
     assert_refused(programs_run("cairn symmetry @/kite.png @/kite.png -o @/none"), "are both named 'kite', expected");
     assert_refused(programs_run("cairn symmetry @/kite.png -o @/none --mode best"), "--mode best, expected re-ranked");
+    assert_refused(programs_run("cairn symmetry @/kite.png -o @/none --mode re-ranked --as-written"),
+                   "--mode re-ranked with --as-written");
     assert_refused(programs_run("cairn symmetry @/kite.png -o @/none --holes some"), "--holes some, expected keep");
     assert_refused(programs_run("cairn symmetry @/kite.png -o @/none --points 8"), "expected");
     assert_refused(programs_run("cairn symmetry @/pierced.png -o @/none --holes refuse"), "a hole of");

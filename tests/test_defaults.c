@@ -673,7 +673,7 @@ static void of_contours(void **state)
         VALUE(written.radius, 2),
         VALUE(written.symmetry, 10 * DEGREE),
         VALUE(written.stop, 2),
-        VALUE(written.min_log_odds, 6),
+        VALUE(written.min_log_odds, 12),
         VALUE(sp.max_segments, 4096),
         VALUE(sp.max_points, 8192),
         VALUE(sp.samples, 5),

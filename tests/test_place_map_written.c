@@ -287,9 +287,9 @@ static void takes_exactly_what_it_says(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(places_in_order), cmocka_unit_test(stages),
-        cmocka_unit_test(a_blind_place),   cmocka_unit_test(budgets_do_not_matter),
-        cmocka_unit_test(few_places_and_far_ones),  cmocka_unit_test(takes_exactly_what_it_says),
+        cmocka_unit_test(places_in_order),         cmocka_unit_test(stages),
+        cmocka_unit_test(a_blind_place),           cmocka_unit_test(budgets_do_not_matter),
+        cmocka_unit_test(few_places_and_far_ones), cmocka_unit_test(takes_exactly_what_it_says),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

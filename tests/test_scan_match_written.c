@@ -239,8 +239,7 @@ static overlap look(const bed *b, cairn_pose pose, double reach, double gate)
             const cairn_oriented_point *p = &b->target[k];
             double distance = hypot((double)p->position.x - x, (double)p->position.y - y);
 
-            if (distance < nearest &&
-                dx * (double)p->direction.x + dy * (double)p->direction.y >= cos(10 * DEGREE)) {
+            if (distance < nearest && dx * (double)p->direction.x + dy * (double)p->direction.y >= cos(10 * DEGREE)) {
                 nearest = distance;
                 at = k;
             }

@@ -152,6 +152,49 @@ static void pairs_whole_shapes_at_the_least_cost(void **state)
     test_pool_free(&c.pool);
 }
 
+/* Both ways, without a look at the pairs; the same when the shapes are exchanged. */
+static void measures_both_ways(void **state)
+{
+    cairn_random random = cairn_random_seed(17, 1);
+    comparing c;
+
+    (void)state;
+    start(&c);
+    for (int trial = 0; trial < 40; trial++) {
+        static double cost[MOST][MOST];
+        int32_t n = 2 + cairn_random_below(&random, MOST - 1), m = 2 + cairn_random_below(&random, MOST - 1);
+        cairn_shape_context_result r;
+        double expected = 0;
+
+        c.input.first = c.first;
+        c.input.second = c.second;
+        draw(&c, &random, n, m);
+        twin_costs(&c, cost);
+        for (int32_t i = 0; i < n; i++) {
+            double least = 1e30;
+
+            for (int32_t j = 0; j < m; j++)
+                least = fmin(least, cost[i][j]);
+            expected += least / n;
+        }
+        for (int32_t j = 0; j < m; j++) {
+            double least = 1e30;
+
+            for (int32_t i = 0; i < n; i++)
+                least = fmin(least, cost[i][j]);
+            expected += least / m;
+        }
+        r = run(&c);
+        assert_near(r.symmetric, expected, NUMBER(1e-12, 1e-5));
+        c.input.first = c.second;
+        c.input.second = c.first;
+        c.input.first_count = m;
+        c.input.second_count = n;
+        assert_near(run(&c).symmetric, expected, NUMBER(1e-12, 1e-5));
+    }
+    test_pool_free(&c.pool);
+}
+
 static void takes_the_nearest_for_parts(void **state)
 {
     cairn_random random = cairn_random_seed(12, 1);
@@ -401,6 +444,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(pairs_whole_shapes_at_the_least_cost),
+        cmocka_unit_test(measures_both_ways),
         cmocka_unit_test(takes_the_nearest_for_parts),
         cmocka_unit_test(is_zero_for_the_same_shape_at_another_size_and_place),
         cmocka_unit_test(takes_odd_points),

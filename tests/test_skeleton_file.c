@@ -154,15 +154,58 @@ static void test_folders_are_named(void **state)
     assert_non_null(strstr(error.text, "none/a.json"));
     assert_status(cairn_skeleton_file_draw(&p, files_path("none/a.svg"), &error), CAIRN_IO);
     assert_non_null(strstr(error.text, "none/a.svg"));
+    assert_status(cairn_skeleton_file_draw_lines(&p, NULL, files_path("none/b.svg"), &error), CAIRN_IO);
+    assert_non_null(strstr(error.text, "none/b.svg"));
+}
+
+/* Two facing lines of edgels: their CPs, all of the same radius, and the line through them; without a skeleton only the image. */
+static void test_lines(void **state)
+{
+    cairn_skeleton_params params = cairn_skeleton_as_written();
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+    cairn_edgel edgels[80];
+    cairn_skeleton_input in = {edgels, 80, 60, 50, 4, 6};
+    cairn_skeleton_picture p = picture(1);
+    cairn_skeleton *skeleton;
+    cairn_pool pool;
+    char *text;
+
+    (void)state;
+    for (int32_t i = 0; i < 40; i++) {
+        edgels[2 * i] = (cairn_edgel){{10 + (cairn_real)i, 30}, {0, -1}, 1};
+        edgels[2 * i + 1] = (cairn_edgel){{10 + (cairn_real)i, 20}, {0, 1}, 1};
+    }
+    params.max_width = 60;
+    params.max_height = 50;
+    params.max_edgels = 80;
+    pool = test_pool(cairn_skeleton_memory(&params));
+    assert_ok(cairn_skeleton_create(&skeleton, &pool, &params));
+    assert_ok(cairn_skeleton_begin(skeleton, &in));
+    assert_ok(cairn_skeleton_step(skeleton, &budget));
+    p.result = cairn_skeleton_read(skeleton);
+    assert_ok(cairn_skeleton_file_draw_lines(&p, skeleton, files_path("lines.svg"), &error));
+    text = files_read(files_path("lines.svg"), NULL);
+    assert_non_null(text);
+    assert_well_formed(text);
+    assert_int_equal(count_of(text, "h0\"/>"), p.result.centres);
+    assert_int_equal(count_of(text, "<path class=\"line\""), p.result.starts);
+    assert_non_null(strstr(text, "M30.0 25.0h0"));
+    free(text);
+    test_pool_free(&pool);
+    p = picture(1);
+    assert_ok(cairn_skeleton_file_draw_lines(&p, NULL, files_path("lines.svg"), &error));
+    text = files_read(files_path("lines.svg"), NULL);
+    assert_well_formed(text);
+    assert_int_equal(count_of(text, "h0\"/>"), 0);
+    free(text);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_json),
-        cmocka_unit_test(test_picture),
-        cmocka_unit_test(test_nothing_found),
-        cmocka_unit_test(test_folders_are_named),
+        cmocka_unit_test(test_json),          cmocka_unit_test(test_picture),
+        cmocka_unit_test(test_nothing_found), cmocka_unit_test(test_folders_are_named),
+        cmocka_unit_test(test_lines),
     };
 
     return cmocka_run_group_tests(tests, files_setup, files_teardown);

@@ -71,6 +71,7 @@ static cairn_skeleton_params small_params(void)
     params.max_points = 8000;
     params.max_steps = 60;
     params.particles = 12;
+    params.min_log_odds = 3;
     return params;
 }
 

@@ -72,12 +72,12 @@ static int check_grouping(const align_job *job, const grouping *g)
     const align_settings *s = job->settings;
 
     if (s->headings > 0 && job->log->count % s->headings != 0)
-        return options_refuse(ALIGN_PROGRAM,
-                              "%s holds %" PRId32 " scans, expected a multiple of --headings %" PRId64, s->log,
-                              job->log->count, s->headings);
+        return options_refuse(ALIGN_PROGRAM, "%s holds %" PRId32 " scans, expected a multiple of --headings %" PRId64,
+                              s->log, job->log->count, s->headings);
     if (g->places < 2)
         return options_refuse(ALIGN_PROGRAM, "%s holds one place, expected two or more%s", s->log,
-                              s->headings > 0 ? "" : ": scans within 0.5 m by the log are of one, or give --headings N");
+                              s->headings > 0 ? ""
+                                              : ": scans within 0.5 m by the log are of one, or give --headings N");
     if (g->places > PLACES_MOST)
         return options_refuse(ALIGN_PROGRAM, "%s holds %" PRId32 " places, expected at most %d", s->log, g->places,
                               PLACES_MOST);
@@ -139,9 +139,13 @@ static cairn_status run(const align_job *job, cairn_place_map *map)
     return status;
 }
 
-static const char *verdict_of(const map_scan *scan, const cairn_place_map_place *place)
+/* is_told: the scan's own pose is known, and not just that of its place. */
+static const char *verdict_of(const map_scan *scan, const cairn_place_map_place *place, int32_t is_told)
 {
-    return scan->point_count == 0 ? "blind" : place->part > 0 ? "apart" : place->ambiguous ? "uncertain" : "placed";
+    return scan->point_count == 0         ? "blind"
+           : place->part > 0              ? "apart"
+           : place->ambiguous || !is_told ? "uncertain"
+                                          : "placed";
 }
 
 /* Poses of all scans; those of other parts are in frames of their own and are not drawn. */
@@ -151,11 +155,12 @@ static void read_result(align_job *job, const grouping *g, const cairn_place_map
 
     for (int32_t i = 0; i < job->log->count; i++) {
         cairn_place_map_place place = cairn_place_map_place_of(map, g->place[i]);
+        int32_t is_told = job->settings->as_written || cairn_place_map_scan_is_aligned(map, i);
         map_scan *scan = &job->scans[i];
 
         scan->after = cairn_place_map_scan_pose(map, i);
-        scan->verdict = verdict_of(scan, &place);
-        scan->doubtful = place.part > 0 || place.ambiguous;
+        scan->verdict = verdict_of(scan, &place, is_told);
+        scan->doubtful = place.part > 0 || place.ambiguous || !is_told;
         if (!job->settings->as_written)
             scan->support = place.support;
         if (place.part > 0)
@@ -164,8 +169,8 @@ static void read_result(align_job *job, const grouping *g, const cairn_place_map
     snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " places without odometry%s", result.places,
              job->settings->as_written ? ", as written" : "");
     snprintf(job->summary, sizeof job->summary,
-             "places     %" PRId32 ", %" PRId32 " in the largest of %" PRId32 " parts, %" PRId32
-             " ambiguous; %" PRId32 " scans aligned by themselves\n%s",
+             "places     %" PRId32 ", %" PRId32 " in the largest of %" PRId32 " parts, %" PRId32 " ambiguous; %" PRId32
+             " scans aligned by themselves\n%s",
              result.places, result.placed, result.parts, result.ambiguous, result.decoupled,
              job->settings->as_written ? "           as written: places that lie wrongly are not told\n" : "");
 }

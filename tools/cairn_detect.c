@@ -29,12 +29,29 @@ typedef struct settings {
     picture_settings pictures;
     int64_t strength, jobs, candidates, nearest, matches;
     double overlap, score, weight, verify;
-    int32_t no_mirror, modes, occluded, quiet;
+    int32_t no_mirror, modes, occluded, as_written, quiet;
     cairn_part_cut cut[CAIRN_PART_FRAGMENTS]; /* of --cuts */
     int32_t cut_count;
     cairn_appearance_model look; /* of --appearance */
     detect_truth truth;          /* of --truth */
 } settings;
+
+/* 0: a line says which option the thesis does not have. */
+static int check_as_written(const settings *s)
+{
+    const char *other = s->method != NULL && strcmp(s->method, "parts") != 0 ? "--method other than parts"
+                        : s->bundles != NULL                                 ? "--bundles"
+                        : s->modes                                           ? "--modes"
+                        : s->occluded                                        ? "--occluded"
+                        : s->candidates > 0                                  ? "--candidates"
+                        : s->verify >= 0                                     ? "--verify"
+                                                                             : NULL;
+
+    if (other == NULL)
+        return 1;
+    (void)options_refuse(PROGRAM, "%s with --as-written, which the thesis does not have, expected one of them", other);
+    return 0;
+}
 
 static option_result read_settings(settings *s, int argc, char **argv)
 {
@@ -55,6 +72,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
                       "of a detection that is reported, by its outline alone"),
         OPTION_TEXT("--method", &s->method, "NAME",
                     "evidence: every place and size by its edges; parts: fragments of the outline that agree"),
+        OPTION_FLAG("--as-written", &s->as_written,
+                    "by parts as in the thesis: all configurations, boxes about the fragments"),
         OPTION_INTEGER("--nearest", &s->nearest, 1, 64, "K", "of parts: votes that configurations are made of"),
         OPTION_INTEGER("--matches", &s->matches, 1, 64, "N", "of parts: chains that vote for each fragment"),
         OPTION_TEXT("--bundles", &s->bundles, "HOW",
@@ -97,6 +116,12 @@ static option_result read_settings(settings *s, int argc, char **argv)
                                              : s->model == NULL ? "no model (--model)"
                                                                 : "no folder to write to (-o)",
                                              set.synopsis);
+    if (s->as_written && !check_as_written(s))
+        return OPTIONS_BAD;
+    s->method = s->method != NULL ? s->method : s->as_written ? "parts" : "evidence";
+    s->bundles = s->bundles != NULL ? s->bundles : "rule";
+    s->candidates = s->candidates > 0 ? s->candidates : cairn_object_detect_default(1, 1).candidates;
+    s->verify = s->as_written ? 0 : s->verify >= 0 ? s->verify : (double)cairn_object_detect_default(1, 1).verify;
     if (strcmp(s->method, "evidence") != 0 && strcmp(s->method, "parts") != 0)
         return (option_result)options_refuse(PROGRAM, "--method %s, expected evidence or parts", s->method);
     if (strcmp(s->bundles, "rule") != 0 && strcmp(s->bundles, "one") != 0 && strcmp(s->bundles, "none") != 0)
@@ -126,7 +151,8 @@ static cairn_status detect(const settings *s, work *w, const cairn_shape_model *
 {
     const cairn_vision_image *edges = &w->picture.edges;
     cairn_raster_u8_view view = {edges->samples, edges->width, edges->height, edges->width};
-    cairn_object_detect_params params = cairn_object_detect_default(edges->width, edges->height);
+    cairn_object_detect_params params = s->as_written ? cairn_object_detect_as_written(edges->width, edges->height)
+                                                      : cairn_object_detect_default(edges->width, edges->height);
     const cairn_vision_image *grey = &w->picture.grey;
     cairn_appearance_field *look = NULL;
     cairn_detect_field *field;
@@ -404,13 +430,11 @@ int tool_detect(int argc, char **argv)
     s.strength = 1;
     s.jobs = sysconf(_SC_NPROCESSORS_ONLN);
     s.jobs = s.jobs < 1 ? 1 : s.jobs > JOBS_MOST ? JOBS_MOST : s.jobs;
-    s.method = "evidence";
-    s.bundles = "rule";
     s.nearest = params.nearest;
     s.matches = params.matches;
     s.weight = (double)params.appearance_weight;
-    s.verify = (double)params.verify;
-    s.candidates = params.candidates;
+    s.verify = -1;
+    s.candidates = -1;
     s.overlap = (double)params.overlap;
     s.score = (double)params.min_score;
     result = read_settings(&s, argc, argv);

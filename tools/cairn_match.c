@@ -97,8 +97,9 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_FLAG("--pictures", &s->pictures,
                     "draw A and B before and after, the directions of B; by shape also what each stage does"),
         OPTION_TEXT("--method", &s->method, "NAME", "default, or shape: sequences of directions, as in the thesis"),
-        OPTION_FLAG("--as-written", &s->as_written,
-                    "the method of the thesis as printed: the heading is that of --start (0) to 2 degrees, or by --window"),
+        OPTION_FLAG(
+            "--as-written", &s->as_written,
+            "the method of the thesis as printed: the heading is that of --start (0) to 2 degrees, or by --window"),
         OPTION_TEXT("--start", &s->start_text, "X,Y,DEG", "where B may be as seen from A, m, m, degrees (anywhere)"),
         OPTION_PAIR("--window", s->window, 0, 1000, "M,DEG",
                     "B is at most so far from --start in x, y, m, and heading, degrees"),

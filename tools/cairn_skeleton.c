@@ -89,7 +89,7 @@ static option_result read_settings(settings *s, int argc, char **argv)
                     "centre points of every pair of edges about lines, weights 3.7 to 3.9"),
         OPTION_TEXT("--weight", &s->weight, "NAME", "evidence, or as-written, which is --as-written"),
         OPTION_NUMBER("--min-log-odds", &s->log_odds, 0, 1e6, "L",
-                      "of a part that is reported (20; as written the logarithm of p_min, 3)"),
+                      "of a part that is reported (20; as written the logarithm of p_min, 12)"),
         OPTION_NUMBER("--min-strength", &s->strength, 0, 1e6, "S",
                       "of a contour between regions that is reported (2); not as written"),
         OPTION_NUMBER("--sigma", &s->sigma, 0.7, 8, "PX", "blur before edges are looked for"),

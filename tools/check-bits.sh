@@ -1,26 +1,34 @@
 #!/bin/sh
-# Shows that every compiler and option gives the same bits: tools/check-bits.sh BUILD
+# Shows that every compiler and option gives the same bits: tools/check-bits.sh BUILD [rest]
 #
 # Builds the library with tests/golden*.c in many ways, in double and in float, and compares what they print with each other
 # and with tests/golden-double.txt and tests/golden-float.txt, which a change of results must bring up to date. The options
 # do not say -ffp-contract=off: src/core/build.h must see to it alone. -std=c11 -O2 is what tests/test_golden.c is built with.
-# Compilers that are not there are left out; aarch64 runs under qemu-user. Bare Cortex-M: tools/firmware-test.sh.
-work=$1/bits
+# Without an optimizer a compiler spends its time on headers: there it gets the amalgamation, which must give the same bits, too.
+# Compilers that are not there are left out, and that is said; aarch64 runs under qemu-user. Bare Cortex-M, -Os:
+# tools/firmware-test.sh. rest: the ways that are left to tools/check-long.sh.
+work=$1/bits${2:+-$2}
 rm -rf "$work"
-mkdir -p "$work"
-sources="firmware/board_host.c $(ls tests/golden*.c src/core/*.c src/contour/*.c src/mapping/*.c 2>/dev/null | tr '\n' ' ')"
+mkdir -p "$work" && sh tools/amalgamate.sh "$work" || exit 1
+scenes="firmware/board_host.c $(ls tests/golden*.c | tr '\n' ' ')"
+library=$(ls src/core/*.c src/contour/*.c src/mapping/*.c 2>/dev/null | tr '\n' ' ')
 
-variants="gcc -std=gnu11 -O0
-gcc -std=gnu11 -O3 -march=native
-gcc -std=gnu11 -Os -fno-inline
-clang -std=gnu11 -O0
+variants="gcc -std=gnu11 -O3 -march=native
 clang -std=gnu11 -O3 -march=native
-aarch64-linux-gnu-gcc -std=gnu11 -O0 -static
-aarch64-linux-gnu-gcc -std=gnu11 -O3 -static"
+aarch64-linux-gnu-gcc -std=gnu11 -O3 -static
+gcc -std=gnu11 -O0
+clang -std=gnu11 -O0
+aarch64-linux-gnu-gcc -std=gnu11 -O0 -static"
+[ "$2" != rest ] || variants="gcc -std=gnu11 -Os -fno-inline"
 number=0
 echo "$variants" | while read -r compiler options; do
-    command -v "$compiler" >/dev/null 2>&1 || continue
+    command -v "$compiler" >/dev/null 2>&1 || {
+        echo "skipped same bits of $compiler $options: no $compiler" | tee -a "${SKIPPED:-/dev/null}" >&2
+        continue
+    }
     number=$((number + 1))
+    sources="$scenes $library"
+    case $options in *-O0*) sources="$scenes $work/cairn.c" ;; esac
     echo "$compiler $options -I. -Iinclude -w $sources -o $work/double-$number -lm"
     echo "$compiler $options -DCAIRN_FLOAT -I. -Iinclude -w $sources -o $work/float-$number -lm"
     echo "$compiler $options" >"$work/options-$number"

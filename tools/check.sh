@@ -1,7 +1,8 @@
 #!/bin/sh
 # All that `make check` checks: tools/check.sh BUILD [STEP]...
 #
-# A step prints a line "ok ..." or what is wrong; all steps run, and the exit status is 1 when one found something.
+# A step prints a line "ok ..." or what is wrong; all steps run, and the exit status is 1 when one found something. The steps
+# whose names end in _rest are those of tools/check-long.sh. What is left out is said, and written to the file $SKIPPED, too.
 build=${1:?usage: tools/check.sh BUILD [STEP]...}
 shift
 out=$build/check
@@ -27,6 +28,11 @@ said()
     return "$2"
 }
 
+skipped()
+{
+    echo "skipped $*" | tee -a "${SKIPPED:-/dev/null}"
+}
+
 # The gcc build: its objects are also those that the freestanding proof reads.
 gcc_build()
 {
@@ -34,14 +40,21 @@ gcc_build()
         CFLAGS='-fstack-usage -fcallgraph-info=su -fno-stack-protector -U_FORTIFY_SOURCE' "$@"
 }
 
-# Everything compiles without a warning. Those of clang do not depend on the optimizer.
+# Everything compiles without a warning. Those of clang do not depend on the optimizer. What gcc says of the tests is an error in
+# .ci/run, whose `make test` compiles them with WERROR=-Werror, and in check-long.
 step_warnings()
 {
     {
-        gcc_build objects all &&
+        gcc_build code-objects all &&
             $make -s -j2 BUILD="$out/clang" CC=clang CXX=clang++ WERROR=-Werror ASSERTIONS=1 OPT=-O0 objects
     } >"$out/warnings.log" 2>&1
     said "warnings: gcc and clang, double and float" $? "$out/warnings.log"
+}
+
+step_warnings_rest()
+{
+    gcc_build TEST_OPT= objects >"$out/warnings_rest.log" 2>&1
+    said "warnings: gcc, the tests without traps" $? "$out/warnings_rest.log"
 }
 
 step_format()
@@ -51,45 +64,83 @@ step_format()
     said "format" $? "$out/format.log"
 }
 
-# Tests and benches may call the shell, count in reals, compare bytes and take in a tool's source; what they read wrongly
-# the sanitizers see. The dear files, those of sim, come first, so that both processes end together.
-step_tidy()
+# lint NAME FILE...: the dear files, those of sim, come first, so that both processes end together. Tests and benches may call the
+# shell, count in reals, compare bytes and take in a tool's source; what they read wrongly the sanitizers see.
+lint()
 {
+    log=$out/$1.log
+    shift
     export FLAGS='-std=c11 -D_POSIX_C_SOURCE=200809L -I. -Iinclude'
     export LOOSE='-cert-*,-clang-analyzer-*,-misc-no-recursion,-bugprone-not-null-terminated-result,-bugprone-suspicious-memory-comparison,-bugprone-suspicious-include'
-    # Files of the board, of its compiler and of generated scans are for the other compiler.
-    host_files=$(echo "$c_files" | grep -v '^firmware/\(board_cortex_m\|soft_double\|mission_\|survey_\)')
-    # Without OpenCV its headers cannot be read.
-    opencv=$(ls -d /usr/include/opencv4 /usr/local/include/opencv4 2>/dev/null | head -1)
-    [ -n "$opencv" ] || cpp_files=$(echo "$cpp_files" | grep -v /vision_shim)
-    [ -f "$opencv/opencv2/features2d.hpp" ] && [ -f "$opencv/opencv2/ml.hpp" ] ||
-        cpp_files=$(echo "$cpp_files" | grep -v /appearance_shim)
     export OPENCV="$opencv"
-    echo "$cpp_files" "$host_files" | xargs -P 2 -n 1 sh -c '
+    printf '%s\n' "$@" | xargs -P 2 -n 1 sh -c '
         case $1 in
         */vision_shim.cpp | */appearance_shim.cpp) clang-tidy --quiet "$1" -- -std=c++17 -I. -Iinclude -isystem "$OPENCV" ;;
         *.cpp) clang-tidy --quiet "$1" -- -std=c++17 -I. -Iinclude ;;
         tests/* | bench/*) clang-tidy --quiet --checks="$LOOSE" "$1" -- $FLAGS ;;
         *) clang-tidy --quiet "$1" -- $FLAGS ;;
-        esac || exit 1' tidy >"$out/tidy.log" 2>&1
+        esac || exit 1' tidy >"$log" 2>&1
     status=$?
-    sed -i '/^[0-9]* warnings\{0,1\} generated\.$/d' "$out/tidy.log" # and left out, for they are those of the system's headers
-    said "clang-tidy" $status "$out/tidy.log"
+    sed -i '/^[0-9]* warnings\{0,1\} generated\.$/d' "$log" # and left out, for they are those of the system's headers
+    return $status
 }
 
-# As it is compiled in double and in float, and not in all the ways that the headers of the system could be read.
+# What is shipped: src with all headers that it includes, and sim.
+step_tidy()
+{
+    # Without OpenCV its headers cannot be read.
+    opencv=$(ls -d /usr/include/opencv4 /usr/local/include/opencv4 2>/dev/null | head -1)
+    files=$cpp_files
+    [ -n "$opencv" ] || {
+        skipped "clang-tidy of vision_shim.cpp: no OpenCV"
+        files=$(echo "$files" | grep -v /vision_shim)
+    }
+    [ -f "$opencv/opencv2/features2d.hpp" ] && [ -f "$opencv/opencv2/ml.hpp" ] || {
+        skipped "clang-tidy of appearance_shim.cpp: no features2d or ml of OpenCV"
+        files=$(echo "$files" | grep -v /appearance_shim)
+    }
+    # shellcheck disable=SC2046,SC2086
+    lint tidy $files $(echo "$c_files" | grep '^src/')
+    said "clang-tidy of src and sim" $? "$out/tidy.log"
+}
+
+# Files of the board, of its compiler and of generated scans are for the other compiler.
+step_tidy_rest()
+{
+    # shellcheck disable=SC2046
+    lint tidy_rest $(echo "$c_files" | grep -v '^src/\|^firmware/\(board_cortex_m\|soft_double\|mission_\|survey_\)')
+    said "clang-tidy of tools, tests, bench and firmware" $? "$out/tidy_rest.log"
+}
+
+# analyze NAME STANDARD REAL FILE...: as it is compiled, and not in all the ways that the headers of the system could be read.
+analyze()
+{
+    log=$out/$1.log options="--std=$2 -D$3"
+    shift 3
+    # shellcheck disable=SC2086
+    [ $# -eq 0 ] || cppcheck --quiet -j 2 --enable=warning,performance,portability --error-exitcode=1 -I. -Iinclude \
+        -D__GNUC__=12 -D__unix__ $options "$@" >>"$log" 2>&1
+}
+
+# Everything in double; in float what is written differently there, and in check-long everything again.
 step_cppcheck()
 {
-    options="--quiet -j 2 --enable=warning,performance,portability --error-exitcode=1 -I. -Iinclude -D__GNUC__=12 -D__unix__"
     failed=0
     : >"$out/cppcheck.log"
-    for real in CAIRN_DOUBLE CAIRN_FLOAT; do
-        # shellcheck disable=SC2046,SC2086
-        cppcheck $options -D$real --std=c11 $(ls -d src tools bench firmware 2>/dev/null) >>"$out/cppcheck.log" 2>&1 || failed=1
-    done
-    # shellcheck disable=SC2086
-    [ -z "$cpp_files" ] || cppcheck $options --std=c++17 sim >>"$out/cppcheck.log" 2>&1 || failed=1
+    # shellcheck disable=SC2046,SC2086
+    {
+        analyze cppcheck c11 CAIRN_DOUBLE src tools bench firmware || failed=1
+        analyze cppcheck c11 CAIRN_FLOAT $(grep -l CAIRN_FLOAT $(echo "$c_files" | grep -v ^tests/)) || failed=1
+        analyze cppcheck c++17 CAIRN_DOUBLE $(ls -d sim 2>/dev/null) || failed=1
+    }
     said "cppcheck" $failed "$out/cppcheck.log"
+}
+
+step_cppcheck_rest()
+{
+    : >"$out/cppcheck_rest.log"
+    analyze cppcheck_rest c11 CAIRN_FLOAT src tools bench firmware
+    said "cppcheck in float" $? "$out/cppcheck_rest.log"
 }
 
 # Of C only, and of the library only: on C++ and on stdio gcc's analyzer is not ready.
@@ -146,6 +197,11 @@ step_layout()
 step_bits()
 {
     sh tools/check-bits.sh "$out"
+}
+
+step_bits_rest()
+{
+    sh tools/check-bits.sh "$out" rest
 }
 
 step_amalgamation()

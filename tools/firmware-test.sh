@@ -1,6 +1,7 @@
 #!/bin/sh
 # Runs the firmware in an emulator and compares it with the desktop, bit by bit: tools/firmware-test.sh BUILD/firmware MISSION...
 #
+# (tools/firmware-test.sh BUILD/firmware --emulate CPU MISSION is one run of an emulator: all of them are run two at a time.)
 # Every program prints poses and hashes; lines that begin with "measure" are of the machine and are left out. Keeps what each
 # printed beside it as NAME.txt, for tools/footprint.sh. LAPS of the environment tells a survey how many laps to drive.
 fw=${1:?usage: tools/firmware-test.sh BUILD/firmware MISSION...}
@@ -8,7 +9,7 @@ shift
 cairn=$fw/../cairn
 failed=0
 
-# With -icount one instruction is a nanosecond of the clock that the program reads.
+# With -icount one instruction is a nanosecond of the clock that the program reads. Its exit status stands in NAME.exit.
 emulate()
 {
     case $1 in
@@ -21,6 +22,17 @@ emulate()
             timeout $((600 + ${LAPS:-0} * 60)) qemu-system-arm -M $machine -nographic -icount shift=0 \
                 -semihosting-config "enable=on,target=native${LAPS:+,arg=$2,arg=$LAPS}" -kernel "../$2.elf" </dev/null
     ) >"$fw/$1/$2.txt" 2>&1
+    echo $? >"$fw/$1/$2.exit"
+}
+if [ "$1" = --emulate ]; then
+    emulate "$2" "$3"
+    exit 0
+fi
+
+# The missions need no double FPU, so that it makes no difference to them.
+cpus()
+{
+    case $1 in golden-*) echo m7 m7d m4 ;; *) echo m7 m4 ;; esac
 }
 
 # What a recording of the robot's flight says, the desktop does again.
@@ -48,6 +60,13 @@ for cpu in m7 m4; do
     }
 done
 
+rm -f "$fw"/m*/*.exit
+for name in "$@"; do
+    for cpu in $(cpus "$name"); do
+        echo "$cpu $name"
+    done
+done | xargs -P 2 -n 2 sh "$0" "$fw" --emulate
+
 for name in "$@"; do
     "$fw/host/$name" >"$fw/host/$name.txt" || {
         echo "FAILED firmware: $name on the desktop"
@@ -55,11 +74,8 @@ for name in "$@"; do
         exit 1
     }
     grep -v '^measure' "$fw/host/$name.txt" >"$fw/expected"
-    # The missions need no double FPU, so that it makes no difference to them.
-    case $name in golden-*) cpus='m7 m7d m4' ;; *) cpus='m7 m4' ;; esac
-    for cpu in $cpus; do
-        emulate $cpu "$name"
-        status=$?
+    for cpu in $(cpus "$name"); do
+        status=$(cat "$fw/$cpu/$name.exit")
         grep -v '^measure' "$fw/$cpu/$name.txt" >"$fw/found"
         if [ $status -eq 0 ] && [ -s "$fw/found" ] && cmp -s "$fw/expected" "$fw/found"; then
             echo "ok     firmware: $name on $cpu, same bits"

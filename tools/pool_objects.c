@@ -203,6 +203,11 @@ static void written_map_merge_set_default(void *params)
     *(cairn_map_merge_params *)params = cairn_map_merge_as_written();
 }
 
+static void written_part_configuration_set_default(void *params)
+{
+    *(cairn_part_configuration_params *)params = cairn_part_configuration_as_written();
+}
+
 #define OBJECT(room) .name = #room, .set_default = room##_set_default, .memory = room##_memory
 #define HAS(room, name, field)                                                                                         \
     {                                                                                                                  \
@@ -362,6 +367,11 @@ const pool_object pool_objects[] = {
      0,
      {HAS(virtual_align, "scan", aligner.max_scans), HAS(virtual_align, "segment", aligner.max_segments),
       HAS(virtual_align, "point", aligner.max_points), HAS(virtual_align, "virtual point", hypotheses.max_virtual)}},
+    {.name = "part_configuration_written",
+     .set_default = written_part_configuration_set_default,
+     .memory = part_configuration_memory,
+     1,
+     {HAS(part_configuration, "configuration", max_found)}},
     {.name = NULL},
 };
 

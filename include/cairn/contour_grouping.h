@@ -1,8 +1,26 @@
-/* contour_grouping: the contour of an object among edge segments, found by a virtual robot that walks along its axis.
+/* contour_grouping: the contour of a known object among edge segments.
  *
- * Adluru 2008, chapter 2: a particle filter over walks through the symmetric points of an image. A step takes one edge segment
- * on either side of the axis, or one, or none where the contour is hidden; the model of the shape weighs it. What is found
- * is a list of edge segments of the image, never the model's own outline. Image coordinates, pixels, radians. */
+ * The result is a list of edge segments of the image, never the model's own outline. Image coordinates, pixels, radians. Two modes:
+ *
+ * CAIRN_MODE_DEFAULT: hypothesis generation and fitting. Every pair of tokens (pieces of segments) that suits a sample of the model is a
+ * hypothesis; the best places are fitted by dynamic programming along the model's outline, and so are the ends of a particle filter's walks
+ * that begin there. Ablation: the result does not depend on the filter: with one particle (which also leaves one hypothesis) it is worse,
+ * with 20 nearly, and without either term of its weights it is the same (docs/accuracy.md).
+ *
+ * CAIRN_MODE_AS_WRITTEN: Adluru 2008, chapter 2: a particle filter that walks through the symmetric points of pairs of segments; the segments of
+ * the best walk of each mode of the posterior are the result, unchanged. One size is searched, the geometric mean of min_size and
+ * max_size; objects are neither turned nor mirrored. Choices, where the text is silent:
+ * - ds of (2.12) is the angle between the displacements, rad, plus the difference of their lengths in mean radii of the model; of displacements
+ *   shorter than a mean radius the angle counts in proportion. r and R of (2.13) are in mean radii of the model, too.
+ * - N of (2.13) is the density as printed: a step that fits raises the posterior. Of a mode the walk of the greatest posterior over all
+ *   steps is kept; two walks are of one mode when they share half of the segments of the shorter one. `stop` is Delta_p, 0.01.
+ * - The first particles: symmetric points of pairs of which one segment ends within L of an end point of a strong chain, in both senses of
+ *   the walk and of the model's path, drawn by (2.10) times (2.13).
+ * - Both sides grow in every step, each by one of the ten segments nearest to its open end, from the end nearer to it. A segment is explored
+ *   when its middle lies in the polygon between both sides; a symmetric point may not lie in it either. A step of the skeleton that turns
+ *   back by more than a right angle counts as an intersection.
+ * - Radii out of the model's range: by more than R_sigma.
+ * - A particle has at most 8 followers. */
 #ifndef CAIRN_CONTOUR_GROUPING_H
 #define CAIRN_CONTOUR_GROUPING_H
 
@@ -14,6 +32,7 @@ extern "C" {
 #endif
 
 typedef struct cairn_grouping_params {
+    int32_t mode;                  /* CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN */
     int32_t max_width, max_height; /* px, of the image, 1 ... 8192 (1024 and 1024) */
     int32_t max_tokens;            /* pieces of segments, 1 ... 2^20; of more every n-th is left out (8192) */
     int32_t max_samples;           /* of a model's paths, 1 ... 1024 (64) */
@@ -31,6 +50,12 @@ typedef struct cairn_grouping_params {
     cairn_real min_score; /* 0 ... 1: objects of which less is seen are not reported (0.2) */
     cairn_real min_evidence; /* >= 0: nor those with less evidence (13) */
     uint64_t seed;
+    /* Of the mode as written alone. */
+    int32_t
+        max_points; /* symmetric points of all pairs of segments, 1 ... 2^22; of more the most symmetric are kept (65,536) */
+    int32_t max_steps;       /* of a walk, 2 ... 1024 (128) */
+    cairn_real path_sigma;   /* > 0: D_sigma of (2.13) (0.7) */
+    cairn_real radius_sigma; /* > 0: R_sigma of (2.13), in mean radii of the model (0.2) */
 } cairn_grouping_params;
 
 /* What is searched, and in what. */
@@ -42,6 +67,11 @@ typedef struct cairn_grouping_input {
     cairn_real min_size, max_size;  /* px, > 0: of the diagonal of the object's box */
     cairn_real min_turn, max_turn;  /* rad, within -pi ... pi: from the model to the object, from x to y */
     cairn_real mean_length;         /* px, > 0: G of Adluru 2008, mean length of segments, as from edge_segment */
+    /* Of the mode as written alone. */
+    cairn_real
+        look_ahead; /* px, > 0: L, mean + half the deviation of the lengths before the cuts, as from edge_segment */
+    const cairn_vec2 *ends; /* [end_count] px, end points of the strong chains, where walks start; must stay, too */
+    int32_t end_count;
 } cairn_grouping_input;
 
 /* One object. image = origin + scale * (cosine, -sine; sine, cosine) * model. */
@@ -74,12 +104,27 @@ typedef struct cairn_grouping_result {
     int32_t token_count; /* pieces of segments */
     cairn_real best;     /* the score of the place with most evidence, reported or not */
     cairn_real best_evidence;
+    /* Of the mode as written alone. */
+    int32_t points, points_dropped; /* symmetric points; beyond max_points */
+    int32_t end;                    /* CAIRN_GROUPING_...: why the walk ended */
 } cairn_grouping_result;
+
+/* Why a walk of the mode as written ended. */
+enum {
+    CAIRN_GROUPING_NO_START = 0,    /* no symmetric point of the model's radii lies about an end of a strong chain */
+    CAIRN_GROUPING_POSTERIOR = 1,   /* the greatest posterior fell below `stop` */
+    CAIRN_GROUPING_NO_FOLLOWER = 2, /* no particle could go on */
+    CAIRN_GROUPING_STEPS = 3,       /* max_steps */
+    CAIRN_GROUPING_HISTORIES = 4    /* the memory for the histories of the particles is used up */
+};
 
 typedef struct cairn_grouping cairn_grouping;
 
 /* The values in brackets above, seed 1. */
 cairn_grouping_params cairn_grouping_default(void);
+
+/* The mode as written with the constants of the thesis. */
+cairn_grouping_params cairn_grouping_as_written(void);
 
 /* 0 for params that create() would refuse. About 5 KB for every particle, whatever the length of the paths; 60 bytes for every
  * token. */
@@ -119,6 +164,26 @@ typedef struct cairn_grouping_particle {
  * where there was none. *steps, when not NULL: steps that have ended. Cost: linear. */
 int32_t cairn_grouping_particles(const cairn_grouping *grouping, cairn_grouping_particle *particles, int32_t most,
                                  int32_t *steps);
+
+/* One symmetric point of a walk of the mode as written. Sides: 0 left of the walk in image coordinates (y down), 1 right. */
+typedef struct cairn_grouping_disc {
+    cairn_vec2 centre;        /* px */
+    cairn_real radius;        /* px */
+    cairn_real deviation;     /* rad */
+    cairn_vec2 open[2];       /* px: the open ends of both sides, about which the robot looks ahead */
+    int32_t segment[2];       /* of the input */
+    int32_t sample;           /* of the model's longest path, nearest by (2.12) */
+    cairn_real log_posterior; /* of the walk up to here, sum of the logarithms of (2.13) */
+} cairn_grouping_disc;
+
+/* The walk of a particle, from its start to the last step, the first `most` discs of it into discs[]; their number, 0 where there is no such
+ * particle and in the default mode. Cost: linear. */
+int32_t cairn_grouping_history(const cairn_grouping *grouping, int32_t particle, cairn_grouping_disc *discs,
+                               int32_t most);
+
+/* The same of an object of the result: its skeleton. */
+int32_t cairn_grouping_skeleton(const cairn_grouping *grouping, int32_t object, cairn_grouping_disc *discs,
+                                int32_t most);
 
 #ifdef __cplusplus
 }

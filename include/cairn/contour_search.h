@@ -27,6 +27,10 @@ typedef struct cairn_contour_tokens {
     int32_t width, height;  /* px, of the picture */
     cairn_real mean_length; /* px */
     size_t pool_bytes;      /* that it took to find them */
+    /* Of cairn_contour_tokens_find_written() alone. */
+    cairn_real look_ahead; /* px */
+    cairn_vec2 *ends;      /* [end_count] px: end points of the strong chains */
+    int32_t end_count;
 } cairn_contour_tokens;
 
 /* Finds the edges' segments; edgels: 1: edgels, short straight pieces at even steps along the chains, in their place. min_strength:
@@ -35,6 +39,13 @@ typedef struct cairn_contour_tokens {
 CAIRN_CHECKED cairn_status cairn_contour_tokens_find(cairn_contour_tokens *tokens, cairn_raster_u8_view strengths,
                                                      int32_t min_strength, int32_t edgels, const char *path,
                                                      cairn_file_error *error);
+
+/* The same for the mode as written (Adluru 2008, 2.6 and 2.7): the virtual segments at junctions as well (their chain is -1), and the end points of
+ * the chains whose mean strength is at least `strong` times that of all, by length. strong: finite, >= 0. */
+CAIRN_CHECKED cairn_status cairn_contour_tokens_find_written(cairn_contour_tokens *tokens,
+                                                             cairn_raster_u8_view strengths, int32_t min_strength,
+                                                             int32_t edgels, cairn_real strong, const char *path,
+                                                             cairn_file_error *error);
 void cairn_contour_tokens_free(cairn_contour_tokens *tokens);
 
 /* One disc of an object's axis. */
@@ -65,9 +76,10 @@ typedef struct cairn_contour_shape {
 typedef struct cairn_contour_object {
     cairn_grouped_object found; /* first: the index of its first segment in segments[] below; along: 0 */
     int32_t mirrored;           /* 1: it is the mirrored model */
-    int32_t first_disc;         /* discs[first_disc ... + the model's samples - 1], path by path */
+    int32_t first_disc;         /* discs[first_disc ... + disc_count - 1] */
+    int32_t disc_count;         /* the model's samples, path by path; in the mode as written the steps of the walk */
     int32_t first_outline;      /* outline[first_outline ... + outline_count - 1] */
-    int32_t outline_count;      /* the model's */
+    int32_t outline_count;      /* the model's; 0 in the mode as written, which bends no outline */
     cairn_real rigid, bent;     /* of the evidence: of the outline before it was bent, and of the bent one */
     cairn_contour_shape shape;
 } cairn_contour_object;
@@ -96,10 +108,15 @@ typedef struct cairn_contour_search_params {
     /* Called with the particles after every step of the walk; NULL: nobody asks. */
     void (*on_step)(void *context, const cairn_grouping_particle *particles, int32_t count, int32_t mirrored);
     void *context;
+    /* Of the mode as written: called after on_step with the walk of the heaviest particle; NULL: nobody asks. */
+    void (*on_walk)(void *context, const cairn_grouping_disc *discs, int32_t count);
 } cairn_contour_search_params;
 
 /* The values in brackets above; sizes from a tenth of the picture's diagonal, at least 24 px, to the whole. */
 cairn_contour_search_params cairn_contour_search_default(int32_t width, int32_t height);
+
+/* The mode as written: no mirror image, no turn; searched is the middle (geometric mean) of min_size and max_size. */
+cairn_contour_search_params cairn_contour_search_as_written(int32_t width, int32_t height);
 
 /* Looks for the objects. CAIRN_BAD_ARGUMENT: params, a model that cannot be searched (statuses of cairn_grouping_begin);
  * CAIRN_NO_MEMORY. On failure there is nothing to free. `path` is named by the error. */

@@ -64,10 +64,14 @@ typedef struct cairn_object_detect_params {
     /* Of EVIDENCE, 0 ... 100: what a score gains for each unit of evidence of a contour grouped at its place (grouped; contour_grouping). Of a
      * search it takes more than half the time. 0: nothing is grouped, but with `occluded`, which counts it by a weight of its own (0.08). */
     cairn_real verify;
+    int32_t mode; /* CAIRN_MODE_DEFAULT, or CAIRN_MODE_AS_WRITTEN, of PARTS only (DEFAULT) */
 } cairn_object_detect_params;
 
 /* The values in brackets above; sizes from a tenth of the picture's diagonal, at least 24 px, to the whole. */
 cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t height);
+
+/* CAIRN_MODE_AS_WRITTEN by PARTS with the thesis's constants: 2 matches a fragment, K = 20, lambda = 8; nothing is verified. */
+cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t height);
 
 /* What was found. rigid and bent: the mean over the outline's samples of the logarithm of how much likelier the edges there are with the
  * object than by chance, where the model was laid first, and where its bent outline lies, less what bending costs. */

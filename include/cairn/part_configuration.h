@@ -1,7 +1,14 @@
 /* part_configuration: parts of an object that agree where it is and how large.
  *
- * Every match of a fragment votes for the object's centre and scale. Of the votes nearest to each one all configurations are looked
- * through, of each bundle one part or none; the best one of each is a hypothesis (Adluru 2008, section 5.2.2). */
+ * Every match of a fragment votes for the object's centre and scale. Of the votes nearest to each one configurations are made, of each
+ * bundle one part or none (Adluru 2008, section 5.2.2). By default the best one near each vote, by gain less scatter, is a hypothesis.
+ * As written (CAIRN_MODE_AS_WRITTEN) all configurations of the K nearest of every vote are, those whose similarities sum to less than
+ * `min_sum` left out (section 5.3.1): (K / bundles + 1)^bundles for each vote, gone through exhaustively, each one once.
+ *
+ * Choices of the mode as written, where the text is silent: votes are near by their centres alone, the vote itself is one of the K, equally near
+ * ones by their index; the mapping of bundles to edge fragments is one to one, so that no chain is used twice; the empty configuration is none;
+ * the threshold (min_sum). Sums are bounded from above while configurations are gone through, so that what cannot reach the
+ * threshold is left out at once: nothing is lost by that. */
 #ifndef CAIRN_PART_CONFIGURATION_H
 #define CAIRN_PART_CONFIGURATION_H
 
@@ -17,7 +24,7 @@ typedef struct cairn_part_vote {
     int32_t chain;       /* and no piece of a chain twice */
     cairn_vec2 centre;   /* px, of the object */
     cairn_real scale;    /* px for a unit of the model, > 0 */
-    cairn_real gain;     /* > 0: what the part is worth alone */
+    cairn_real gain;     /* > 0: what the part is worth alone; as written its similarity */
     cairn_real from, to; /* px along the chain, from <= to */
     cairn_real round;    /* px, of a closed chain: its length; 0: it is open */
 } cairn_part_vote;
@@ -41,9 +48,12 @@ typedef struct cairn_part_configuration_params {
     cairn_real reach;     /* tolerances within which a vote is near, 0.5 ... 4 (3) */
     cairn_real
         overlap; /* 0 ... 1: two parts use a piece of a chain twice when more of the shorter one is in both (0.2) */
+    /* CAIRN_MODE_DEFAULT or CAIRN_MODE_AS_WRITTEN, which has neither seek, reach, ratio nor overlap, and max_votes up to 8192 (DEFAULT). */
+    int32_t mode;
+    cairn_real min_sum; /* >= 0, as written: of the similarities of a configuration; below it is left out (0) */
 } cairn_part_configuration_params;
 
-/* score: the sum of gain (1 - d^2 / 2) over its parts, d: how far a vote is from the mean of all, by gain, in tolerances. */
+/* As written score is gain. By default score: the sum of gain (1 - d^2 / 2) over its parts, d: how far a vote is from the mean of all, by gain, in tolerances. */
 typedef struct cairn_part_configuration {
     cairn_real score, gain; /* gain: the sum alone */
     cairn_vec2 centre;      /* px, the mean */
@@ -53,20 +63,24 @@ typedef struct cairn_part_configuration {
 } cairn_part_configuration;
 
 typedef struct cairn_part_configuration_result {
-    const cairn_part_configuration
-        *found; /* [count] the best first, no two of the same votes; valid until the next begin() */
+    /* [count] the best first, no two of the same votes; valid until the next begin(). As written of equal ones that of the earlier seed. */
+    const cairn_part_configuration *found;
     const int32_t *votes;
     int32_t count;
     int32_t seeds; /* votes or modes that were looked around */
     int32_t cut;   /* of these: more than max_nodes; there the best may be missing */
     int64_t nodes; /* steps of the searches, */
     int64_t pairs; /* and pairs of votes whose distance was measured */
+    int64_t made;  /* as written: configurations of min_sum or more, of which the best max_found are kept; else 0 */
 } cairn_part_configuration_result;
 
 typedef struct cairn_part_configurator cairn_part_configurator;
 
 /* The values in brackets above. */
 cairn_part_configuration_params cairn_part_configuration_default(void);
+
+/* CAIRN_MODE_AS_WRITTEN: K = 20, one part and more, no limit of nodes that matters (2^30), 4096 configurations, min_sum 0. */
+cairn_part_configuration_params cairn_part_configuration_as_written(void);
 
 /* 0 for params that create() would refuse. */
 size_t cairn_part_configuration_memory(const cairn_part_configuration_params *params);
@@ -84,7 +98,7 @@ CAIRN_CHECKED cairn_status cairn_part_configuration_begin(cairn_part_configurato
 
 /* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the configurations stand, or nothing was begun. For each vote: one for each cell of
  * the index that is within reach and each vote that shares its bucket, one for each node, one for four of those found; so quadratic in votes
- * that all lie at one place. */
+ * that all lie at one place. As written one for each vote, twelve and one for 512 votes for each node, twelve for each that is kept. */
 CAIRN_CHECKED cairn_status cairn_part_configuration_step(cairn_part_configurator *configurator, cairn_budget *budget);
 
 /* All zero until step() returns CAIRN_OK. */

@@ -141,6 +141,10 @@ cairn_consensus_alternative cairn_place_map_alternative(const cairn_place_map *m
  * aligned by itself. The identity for a scan that is not there. */
 cairn_pose cairn_place_map_scan_pose(const cairn_place_map *map, int32_t scan);
 
+/* 1 when the joint alignment tells the pose of this scan by itself; 0 when it rests on the pose of its place, is not there, or
+ * scans are not aligned jointly. */
+int32_t cairn_place_map_scan_is_aligned(const cairn_place_map *map, int32_t scan);
+
 #ifdef __cplusplus
 }
 #endif

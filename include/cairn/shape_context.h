@@ -60,12 +60,14 @@ CAIRN_CHECKED cairn_status cairn_shape_context_begin(cairn_shape_context *contex
 CAIRN_CHECKED cairn_status cairn_shape_context_step(cairn_shape_context *context, cairn_budget *budget);
 
 /* distance: WHOLE: the costs of all pairs and of the points without one, over the greater number of points (Belongie et al. 2002, without
- * their warping); PART: the mean cost of the first's points and the cost of what is missing (Adluru 2008, section 5.3.1). */
+ * their warping); symmetric: the mean over the first's points of the cost of the nearest of the second's, and the same the other way round, both
+ * added up: their shape context distance, the transform that they estimate being the identity. PART: the mean cost of the first's points and the cost of what is missing (Adluru 2008, section 5.3.1). */
 typedef struct cairn_shape_context_result {
     const int32_t
         *match; /* [count] of each of the first's points the second's; -1: none is left. Valid until the next begin() */
     int32_t count;
     cairn_real distance;
+    cairn_real symmetric; /* WHOLE: see above; 0 of PART */
 } cairn_shape_context_result;
 
 /* All zero until step() returns CAIRN_OK. */

@@ -60,6 +60,10 @@ size_t cairn_symmetric_point_memory(const cairn_symmetric_point_params *params);
 CAIRN_CHECKED cairn_status cairn_symmetric_point_create(cairn_symmetric_point_set **set, cairn_pool *pool,
                                                         const cairn_symmetric_point_params *params);
 
+/* Other radii than those of the params, from the next begin() on. CAIRN_BAD_ARGUMENT: NULL, or ones that create() would refuse. */
+CAIRN_CHECKED cairn_status cairn_symmetric_point_set_radii(cairn_symmetric_point_set *set, cairn_real min_radius,
+                                                           cairn_real max_radius);
+
 /* Starts on segments[0 ... count-1], which must stay until step() returns CAIRN_OK; what was found before is gone.
  * CAIRN_BAD_ARGUMENT: count < 0, or NULL with count > 0. CAIRN_FULL: count > max_segments. Constant time. */
 CAIRN_CHECKED cairn_status cairn_symmetric_point_begin(cairn_symmetric_point_set *set, const cairn_segment *segments,

@@ -16,9 +16,11 @@
 
 #include <string.h>
 
-#include "src/contour/contour_grouping_work.h"
+#include "src/contour/contour_grouping_written.h"
 
 enum { IDLE, CUT, SORT, LOOK, WEIGH, WALK, COLLECT, FINISH, DONE };
+/* And of the mode as written. */
+enum { POINTS = CUT, INDEX = SORT, SEED = LOOK, SEARCH = WEIGH, MODES = WALK };
 /* Ends of segments that are so near to each other are of one chain, px. */
 enum { CHAIN_GAP = 3 };
 /* Of a segment, and of all together before they are thinned out. */
@@ -45,6 +47,10 @@ cairn_grouping_params cairn_grouping_default(void)
         .min_score = CAIRN_REAL(0.2),
         .min_evidence = 13,
         .seed = 1,
+        .max_points = 65536,
+        .max_steps = 128,
+        .path_sigma = CAIRN_REAL(0.7),
+        .radius_sigma = CAIRN_REAL(0.2),
     };
     return params;
 }
@@ -62,7 +68,10 @@ static int params_are_valid(const cairn_grouping_params *p)
            p->max_objects >= 1 && p->max_objects <= 64 && p->token > 0 && cairn_is_finite(p->token) && p->deform > 0 &&
            cairn_is_finite(p->deform) && p->turn > 0 && cairn_is_finite(p->turn) && p->symmetry > 0 &&
            cairn_is_finite(p->symmetry) && is_share(p->missing) && is_share(p->stop) && p->min_score >= 0 &&
-           p->min_score <= 1 && p->min_evidence >= 0 && cairn_is_finite(p->min_evidence);
+           p->min_score <= 1 && p->min_evidence >= 0 && cairn_is_finite(p->min_evidence) &&
+           (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) && p->max_points >= 1 &&
+           p->max_points <= 1 << 22 && p->max_steps >= 2 && p->max_steps <= 1024 && p->path_sigma > 0 &&
+           cairn_is_finite(p->path_sigma) && p->radius_sigma > 0 && cairn_is_finite(p->radius_sigma);
 }
 
 static cairn_particle_filter_params filter_params(const cairn_grouping_params *p)
@@ -101,7 +110,7 @@ static cairn_particle_filter *carve_filter(cairn_pool *pool, const cairn_groupin
     return filter;
 }
 
-static cairn_grouping *carve(cairn_pool *pool, const cairn_grouping_params *p)
+static cairn_grouping *carve_default(cairn_pool *pool, const cairn_grouping_params *p)
 {
     size_t lists = (size_t)cells(p->max_width, GROUPING_CELL) * (size_t)cells(p->max_height, GROUPING_CELL);
     size_t sights = (size_t)cells(p->max_width, GROUPING_SIGHT) * (size_t)cells(p->max_height, GROUPING_SIGHT);
@@ -147,6 +156,22 @@ static cairn_grouping *carve(cairn_pool *pool, const cairn_grouping_params *p)
     return g;
 }
 
+static cairn_grouping *carve(cairn_pool *pool, const cairn_grouping_params *p)
+{
+    cairn_grouping *g;
+    struct grouping_written *written;
+
+    if (p->mode == CAIRN_MODE_DEFAULT)
+        return carve_default(pool, p);
+    g = cairn_pool_take_one(pool, sizeof *g);
+    if (g != NULL)
+        memset(g, 0, sizeof *g);
+    written = cairn_grouping_written_carve(pool, p, g);
+    if (g != NULL)
+        g->written = written;
+    return g;
+}
+
 size_t cairn_grouping_memory(const cairn_grouping_params *params)
 {
     cairn_pool counting;
@@ -187,7 +212,7 @@ static cairn_status check_input(const cairn_grouping *g, const cairn_grouping_in
     if (in->width > g->params.max_width || in->height > g->params.max_height ||
         in->model->sample_count > g->params.max_samples || in->model->outline_count > g->params.max_outline)
         return CAIRN_FULL;
-    return CAIRN_OK;
+    return g->written != NULL ? cairn_grouping_written_check(g, in) : CAIRN_OK;
 }
 
 cairn_status cairn_grouping_begin(cairn_grouping *g, const cairn_grouping_input *input)
@@ -220,9 +245,13 @@ cairn_status cairn_grouping_begin(cairn_grouping *g, const cairn_grouping_input 
     g->best = g->best_evidence = 0;
     g->cursor = g->other = g->paid = g->stage = g->has_walked = 0;
     g->link = -1;
+    g->phase = CUT;
+    if (g->written != NULL) {
+        cairn_grouping_written_begin(g);
+        return CAIRN_OK;
+    }
     cairn_grouping_look_begin(g);
     cairn_grouping_outline_begin(g);
-    g->phase = CUT;
     return CAIRN_OK;
 }
 
@@ -483,18 +512,34 @@ static cairn_status step_phase(cairn_grouping *g, cairn_budget *budget)
     }
 }
 
+static cairn_status step_written(cairn_grouping *g, cairn_budget *budget)
+{
+    switch (g->phase) {
+    case POINTS:
+        return cairn_grouping_written_points(g, budget);
+    case INDEX:
+        return cairn_grouping_written_index(g, budget);
+    case SEED:
+        return cairn_grouping_written_seed(g, budget);
+    case SEARCH:
+        return cairn_grouping_written_walk(g, budget);
+    default:
+        return cairn_grouping_written_finish(g, budget);
+    }
+}
+
 cairn_status cairn_grouping_step(cairn_grouping *g, cairn_budget *budget)
 {
     if (g == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
     while (g->phase != IDLE && g->phase != DONE) {
-        cairn_status status = step_phase(g, budget);
+        cairn_status status = g->written != NULL ? step_written(g, budget) : step_phase(g, budget);
 
         if (status < 0)
             g->phase = IDLE;
         if (status != CAIRN_OK)
             return status;
-        g->phase++;
+        g->phase = g->written != NULL && g->phase == MODES ? DONE : g->phase + 1;
         g->cursor = g->other = 0;
     }
     return CAIRN_OK;
@@ -518,5 +563,7 @@ cairn_grouping_result cairn_grouping_read(const cairn_grouping *g)
     r.token_count = g->token_count;
     r.best = g->best;
     r.best_evidence = g->best_evidence;
+    if (g->written != NULL)
+        cairn_grouping_written_read(g, &r);
     return r;
 }

@@ -152,8 +152,8 @@ static int32_t way_of(cairn_vec2 c)
 /* Chords of a way may be this sample's. */
 static void admit(grouping_way *way, int32_t sample)
 {
-    way->from = sample < way->from ? sample : way->from;
-    way->to = sample + 1 > way->to ? sample + 1 : way->to;
+    way->from = sample < way->from ? (int16_t)sample : way->from;
+    way->to = sample + 1 > way->to ? (int16_t)(sample + 1) : way->to;
 }
 
 /* The chord between the touches of a sample. */
@@ -185,7 +185,7 @@ void cairn_grouping_look_begin(cairn_grouping *g)
     g->most2 = g->input.max_size * g->input.max_size * MORE;
     g->cosine2 = g->turn_cosine > NARROW ? g->turn_cosine * g->turn_cosine * LESS : -2;
     for (int32_t i = 0; i < GROUPING_WAYS; i++) {
-        g->ways[i].from = INT32_MAX;
+        g->ways[i].from = INT16_MAX;
         g->ways[i].to = 0;
     }
     for (int32_t k = 0; k < g->input.model->sample_count; k++)

@@ -1,7 +1,7 @@
 /* The walk as it goes on, for those who watch it. */
 #include "src/core/build.h"
 
-#include "src/contour/contour_grouping_work.h"
+#include "src/contour/contour_grouping_written.h"
 
 int32_t cairn_grouping_particles(const cairn_grouping *g, cairn_grouping_particle *particles, int32_t most,
                                  int32_t *steps)
@@ -14,6 +14,10 @@ int32_t cairn_grouping_particles(const cairn_grouping *g, cairn_grouping_particl
         cairn_particle p = cairn_particle_filter_particle(g->filter, i);
         const grouping_state *s = p.state;
 
+        if (g->written != NULL) {
+            particles[i] = cairn_grouping_written_particle(g, &p);
+            continue;
+        }
         particles[i].origin = s->pose.t;
         particles[i].size = grouping_size(&s->pose);
         particles[i].turn = cairn_atan2(s->pose.b, s->pose.a);

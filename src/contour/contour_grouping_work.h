@@ -58,7 +58,7 @@ typedef struct grouping_start {
 
 /* Samples whose chords may run one way: none before the one and none from the other on. */
 typedef struct grouping_way {
-    int32_t from, to;
+    int16_t from, to;
 } grouping_way;
 
 /* Sums for the similarity that lies best. */
@@ -83,6 +83,7 @@ typedef struct grouping_state {
 struct cairn_grouping {
     cairn_grouping_params params;
     cairn_grouping_input input;
+    struct grouping_written *written; /* of the mode as written; NULL in the default one */
     cairn_particle_filter *filter;
     grouping_token *tokens;
     grouping_near *near;    /* [max_tokens] by cells */

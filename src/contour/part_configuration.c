@@ -10,6 +10,9 @@
  * MODES: the place looked around moves to the mean of the K nearest votes by gain exp(-d^2 / 2) until it moves no more, and is left
  * out when an earlier one is within half a tolerance.
  *
+ * As written: the K nearest come from all votes, one by one, by their centres; the tree is gone through whole, but for branches below the
+ * threshold (part_configuration_every.c).
+ *
  * Layout: the index; the votes near the seed in groups; one node for each level; the best configurations, in order by their slots.
  *
  * Limits: the tree is exponential in the bundles, (K / bundles + 1)^bundles nodes at most; max_nodes bounds it, and is told. One configuration
@@ -22,7 +25,13 @@
 
 #include "src/contour/part_configuration_work.h"
 
-enum { VOTES_MOST = 1 << 20, FOUND_MOST = 1 << 16, NODES_MOST = 1 << 30, PARTS = CONFIGURATION_PARTS };
+enum {
+    VOTES_MOST = 1 << 20,
+    WRITTEN_MOST = 8192,
+    FOUND_MOST = 1 << 16,
+    NODES_MOST = 1 << 30,
+    PARTS = CONFIGURATION_PARTS
+};
 /* Steps of a climb; kept configurations that are compared for a unit. */
 enum { CLIMBS = 30, COMPARED_A_UNIT = 4 };
 
@@ -32,10 +41,38 @@ static const cairn_real SETTLED = CAIRN_REAL(1e-4), SAME_MODE = CAIRN_REAL(0.25)
 
 cairn_part_configuration_params cairn_part_configuration_default(void)
 {
-    cairn_part_configuration_params params = {
-        512, 20, 2, 64, 1000000, CAIRN_PART_SEEK_NEAREST, CAIRN_REAL(0.08), CAIRN_REAL(0.15), 3, CAIRN_REAL(0.2)};
+    cairn_part_configuration_params params = {512,
+                                              20,
+                                              2,
+                                              64,
+                                              1000000,
+                                              CAIRN_PART_SEEK_NEAREST,
+                                              CAIRN_REAL(0.08),
+                                              CAIRN_REAL(0.15),
+                                              3,
+                                              CAIRN_REAL(0.2),
+                                              CAIRN_MODE_DEFAULT,
+                                              0};
 
     return params;
+}
+
+cairn_part_configuration_params cairn_part_configuration_as_written(void)
+{
+    cairn_part_configuration_params params = cairn_part_configuration_default();
+
+    params.mode = CAIRN_MODE_AS_WRITTEN;
+    params.min_parts = 1;
+    params.max_found = 4096;
+    params.max_nodes = NODES_MOST;
+    return params;
+}
+
+static int mode_is_good(const cairn_part_configuration_params *p)
+{
+    return (p->mode == CAIRN_MODE_DEFAULT || p->mode == CAIRN_MODE_AS_WRITTEN) && p->min_sum >= 0 &&
+           p->min_sum <= FAR &&
+           (p->mode == CAIRN_MODE_DEFAULT || (p->max_votes <= WRITTEN_MOST && p->seek == CAIRN_PART_SEEK_NEAREST));
 }
 
 static int capacities_are_good(const cairn_part_configuration_params *p)
@@ -47,7 +84,7 @@ static int capacities_are_good(const cairn_part_configuration_params *p)
 
 static int params_are_good(const cairn_part_configuration_params *p)
 {
-    return p != NULL && capacities_are_good(p) && p->seek >= CAIRN_PART_SEEK_NEAREST &&
+    return p != NULL && capacities_are_good(p) && mode_is_good(p) && p->seek >= CAIRN_PART_SEEK_NEAREST &&
            p->seek <= CAIRN_PART_SEEK_MODES && p->centre >= CAIRN_REAL(1e-4) && p->centre <= 10 &&
            p->ratio >= CAIRN_REAL(0.01) && p->ratio <= 1 && p->reach >= CAIRN_REAL(0.5) && p->reach <= 4 &&
            p->overlap >= 0 && p->overlap <= 1;
@@ -71,9 +108,13 @@ static cairn_part_configurator *carve(cairn_pool *pool, const cairn_part_configu
     vote_place *modes = cairn_pool_take(pool, votes, sizeof *modes);
     cairn_part_configuration *kept = cairn_pool_take(pool, found, sizeof *kept);
     int32_t *found_votes = cairn_pool_take(pool, found * PARTS, sizeof *found_votes);
+    configuration_every *every = NULL;
 
+    if (p->mode == CAIRN_MODE_AS_WRITTEN)
+        cairn_part_configuration_every_carve(pool, p, &every);
     if (c != NULL) {
         memset(c, 0, sizeof *c);
+        c->every = every;
         c->next = next;
         c->layer = next + votes;
         c->heads = heads;
@@ -135,11 +176,28 @@ static void sort_votes(cairn_part_configurator *c)
     }
 }
 
+cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurator *c, int32_t first)
+{
+    const configuration_node *n = &c->best_node;
+    cairn_part_configuration made;
+
+    sort_votes(c);
+    made.score = c->best;
+    made.gain = n->gain;
+    made.scale = c->query.at.scale * cairn_exp(n->ratio * c->params.ratio);
+    made.centre.x = c->query.at.centre.x + n->x * c->params.centre * c->query.at.scale;
+    made.centre.y = c->query.at.centre.y + n->y * c->params.centre * c->query.at.scale;
+    made.seed = c->seed;
+    made.first = first;
+    made.count = c->best_count;
+    memcpy(&c->found_votes[first], c->best_votes, (size_t)made.count * sizeof *c->best_votes);
+    return made;
+}
+
 /* The seed's best configuration among those found; the place of its votes stays with the slot that it takes. */
 static void keep(cairn_part_configurator *c)
 {
     cairn_part_configuration made;
-    const configuration_node *n = &c->best_node;
     int32_t at = 0;
 
     sort_votes(c);
@@ -153,15 +211,7 @@ static void keep(cairn_part_configurator *c)
         if (!(c->best > c->found[at].score))
             return;
     }
-    made.score = c->best;
-    made.gain = n->gain;
-    made.scale = c->query.at.scale * cairn_exp(n->ratio * c->params.ratio);
-    made.centre.x = c->query.at.centre.x + n->x * c->params.centre * c->query.at.scale;
-    made.centre.y = c->query.at.centre.y + n->y * c->params.centre * c->query.at.scale;
-    made.seed = c->seed;
-    made.first = c->found[at].first;
-    made.count = c->best_count;
-    memcpy(&c->found_votes[made.first], c->best_votes, (size_t)made.count * sizeof *c->best_votes);
+    made = cairn_part_configuration_describe(c, c->found[at].first);
     for (; at > 0 && c->found[at - 1].score < made.score; at--)
         c->found[at] = c->found[at - 1];
     c->found[at] = made;
@@ -174,7 +224,7 @@ static void next_seed(cairn_part_configurator *c)
 {
     vote_place at;
 
-    c->phase = CONFIGURATION_DONE;
+    c->phase = c->every != NULL ? CONFIGURATION_SORT : CONFIGURATION_DONE;
     if (++c->seed >= c->count)
         return;
     at.centre = c->votes[c->seed].centre;
@@ -236,6 +286,8 @@ static void end_gathering(cairn_part_configurator *c)
     }
     c->seeds++;
     cairn_part_configuration_plant(c);
+    if (c->every != NULL)
+        cairn_part_configuration_every_plant(c);
     c->phase = CONFIGURATION_ENUMERATE;
 }
 
@@ -257,8 +309,11 @@ static int do_gather(cairn_part_configurator *c, cairn_budget *budget)
 static int do_enumerate(cairn_part_configurator *c, cairn_budget *budget)
 {
     int ends = c->depth < 0 || c->visited == c->params.max_nodes;
+    int32_t units = c->every != NULL ? cairn_part_configuration_every_units(c)
+                    : ends           ? 1 + c->found_count / COMPARED_A_UNIT
+                                     : 1;
 
-    if (!cairn_budget_pay(budget, &c->paid, ends ? 1 + c->found_count / COMPARED_A_UNIT : 1))
+    if (!cairn_budget_pay(budget, &c->paid, units))
         return 0;
     if (!ends) {
         c->visited++;
@@ -267,7 +322,7 @@ static int do_enumerate(cairn_part_configurator *c, cairn_budget *budget)
     }
     c->cut += c->depth >= 0;
     c->all_nodes += c->visited;
-    if (c->best_count > 0)
+    if (c->best_count > 0 && c->every == NULL)
         keep(c);
     next_seed(c);
     return 1;
@@ -278,19 +333,30 @@ static int do_index(cairn_part_configurator *c, cairn_budget *budget)
 {
     int32_t buckets = (int32_t)c->mask + 1;
 
-    if (!cairn_budget_pay(budget, &c->paid, 1))
+    if (!cairn_budget_pay(budget, &c->paid, c->every != NULL ? cairn_part_configuration_every_units(c) : 1))
         return 0;
     if (c->indexed < buckets) {
         c->heads[c->indexed] = -1;
         c->sizes[c->indexed] = 0;
     } else if (c->indexed < buckets + c->count) {
         cairn_part_configuration_insert(c, c->indexed - buckets);
+        if (c->every != NULL)
+            cairn_part_configuration_every_clear(c, c->indexed - buckets);
     } else {
         c->seed = -1;
         next_seed(c);
         return 1;
     }
     c->indexed++;
+    return 1;
+}
+
+static int do_sort(cairn_part_configurator *c, cairn_budget *budget)
+{
+    if (!cairn_budget_pay(budget, &c->paid, cairn_part_configuration_every_units(c)))
+        return 0;
+    if (!cairn_part_configuration_every_sort(c))
+        c->phase = CONFIGURATION_DONE;
     return 1;
 }
 
@@ -328,6 +394,10 @@ cairn_status cairn_part_configuration_begin(cairn_part_configurator *c, const ca
     c->count = count;
     c->indexed = c->modes_count = c->found_count = c->seeds = c->cut = c->paid = 0;
     c->all_nodes = c->pairs = 0;
+    if (c->every != NULL) {
+        c->every->made = 0;
+        c->every->sorted = 0;
+    }
     c->phase = count > 0 ? CONFIGURATION_INDEX : CONFIGURATION_DONE;
     return CAIRN_OK;
 }
@@ -341,13 +411,14 @@ cairn_status cairn_part_configuration_step(cairn_part_configurator *c, cairn_bud
     while (more && c->phase != CONFIGURATION_IDLE && c->phase != CONFIGURATION_DONE)
         more = c->phase == CONFIGURATION_INDEX    ? do_index(c, budget)
                : c->phase == CONFIGURATION_GATHER ? do_gather(c, budget)
+               : c->phase == CONFIGURATION_SORT   ? do_sort(c, budget)
                                                   : do_enumerate(c, budget);
     return more ? CAIRN_OK : CAIRN_MORE;
 }
 
 cairn_part_configuration_result cairn_part_configuration_read(const cairn_part_configurator *c)
 {
-    cairn_part_configuration_result result = {NULL, NULL, 0, 0, 0, 0, 0};
+    cairn_part_configuration_result result = {NULL, NULL, 0, 0, 0, 0, 0, 0};
 
     if (c != NULL && c->phase == CONFIGURATION_DONE) {
         result.found = c->found;
@@ -357,6 +428,7 @@ cairn_part_configuration_result cairn_part_configuration_read(const cairn_part_c
         result.cut = c->cut;
         result.nodes = c->all_nodes;
         result.pairs = c->pairs;
+        result.made = c->every != NULL ? c->every->made : 0;
     }
     return result;
 }

@@ -85,6 +85,7 @@ void cairn_part_configuration_query(cairn_part_configurator *c, vote_place at)
     enter_layer(c);
     q->all = ((int64_t)q->max_x - q->min_x + 1) * ((int64_t)q->max_y - q->y + 1) >
              c->count; /* cells of other layers are fewer */
+    q->all = q->all || c->every != NULL;
     if (q->all)
         q->x = 0;
     c->near_count = 0;
@@ -110,10 +111,11 @@ static void offer(cairn_part_configurator *c, int32_t vote)
     n.x = (v->centre.x - c->query.at.centre.x) / size;
     n.y = (v->centre.y - c->query.at.centre.y) / size;
     n.ratio = (cairn_log(v->scale) - cairn_log(c->query.at.scale)) / c->params.ratio;
-    n.squared = n.x * n.x + n.y * n.y + n.ratio * n.ratio;
+    n.squared = c->every == NULL ? n.x * n.x + n.y * n.y + n.ratio * n.ratio
+                                 : cairn_vec2_norm_squared(cairn_vec2_sub(v->centre, c->query.at.centre));
     n.vote = vote;
     c->pairs++;
-    if (!(n.squared <= reach * reach))
+    if (c->every == NULL && !(n.squared <= reach * reach))
         return;
     at = c->near_count;
     while (at > 0 && (n.squared < c->near[at - 1].squared ||

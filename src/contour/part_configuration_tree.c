@@ -87,6 +87,11 @@ static configuration_node add(const configuration_node *node, const near_vote *n
     return added;
 }
 
+static int is_as_written(const cairn_part_configurator *c)
+{
+    return c->every != NULL;
+}
+
 static cairn_real score_of(const configuration_node *node)
 {
     return node->gain - node->scatter / 2;
@@ -112,7 +117,7 @@ static int is_free(const cairn_part_configurator *c, const configuration_node *n
     for (int32_t i = 0; i < node->parts; i++) {
         const cairn_part_vote *u = vote_of(c, c->chosen[i]);
 
-        if (u->chain == v->chain && shared(u, v) > c->params.overlap)
+        if (u->chain == v->chain && (is_as_written(c) || shared(u, v) > c->params.overlap))
             return 0;
     }
     return 1;
@@ -129,11 +134,15 @@ static void take_best(cairn_part_configurator *c, const configuration_node *node
         c->best_votes[i] = c->near[c->chosen[i]].vote;
 }
 
-/* 1 when nothing below the node can be better: each group that is left adds its greatest gain at most, for scatter never falls. */
+/* 1 when nothing below the node can be better: each group that is left adds its greatest gain at most, for scatter never falls. As written
+ * when nothing below it reaches the threshold. */
 static int is_hopeless(const cairn_part_configurator *c, const configuration_node *node)
 {
     cairn_real rest = c->groups[c->depth].most, bound = score_of(node) + rest;
 
+    if (is_as_written(c))
+        return node->gain + rest + SLACK * (node->gain + rest) < c->params.min_sum ||
+               node->parts + c->group_count - c->depth < c->params.min_parts;
     return bound + SLACK * (node->gain + node->scatter + rest) <= c->best ||
            node->parts + c->group_count - c->depth < c->params.min_parts;
 }
@@ -160,7 +169,13 @@ int cairn_part_configuration_visit(cairn_part_configurator *c)
         if (is_free(c, node, v)) {
             c->nodes[c->depth + 1] = add(node, &c->near[near], v->gain);
             c->chosen[node->parts] = near;
-            take_best(c, &c->nodes[++c->depth]);
+            c->depth++;
+            if (is_as_written(c)) {
+                cairn_part_configuration_every_take(c, node->parts + 1);
+                cairn_part_configuration_every_offer(c, &c->nodes[c->depth]);
+            } else {
+                take_best(c, &c->nodes[c->depth]);
+            }
         }
     }
     return 1;

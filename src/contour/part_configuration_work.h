@@ -6,7 +6,14 @@
 
 /* Of a configuration: parts at most. */
 enum { CONFIGURATION_PARTS = 64 };
-enum { CONFIGURATION_IDLE, CONFIGURATION_INDEX, CONFIGURATION_GATHER, CONFIGURATION_ENUMERATE, CONFIGURATION_DONE };
+enum {
+    CONFIGURATION_IDLE,
+    CONFIGURATION_INDEX,
+    CONFIGURATION_GATHER,
+    CONFIGURATION_ENUMERATE,
+    CONFIGURATION_SORT,
+    CONFIGURATION_DONE
+};
 
 /* A place among the votes. */
 typedef struct vote_place {
@@ -14,7 +21,7 @@ typedef struct vote_place {
     cairn_real scale;
 } vote_place;
 
-/* A vote near the seed: its place from there in tolerances. */
+/* A vote near the seed: its place from there in tolerances; squared: its distance, as written that of the centres in px^2. */
 typedef struct near_vote {
     cairn_real x, y, ratio, squared;
     int32_t vote;
@@ -42,6 +49,17 @@ typedef struct vote_query {
     int32_t all;        /* 1: the cells are more than the votes, which are looked at one by one; the next in x */
 } vote_query;
 
+/* As written: what tells a configuration that an earlier seed had, and the order of those found. A row of bits has one for each seed. */
+typedef struct configuration_every {
+    uint32_t *
+        seeds; /* [max_votes * words] of each vote: the seeds among whose nearest it is, up to the one that is looked around */
+    uint32_t
+        *both;    /* [(PARTS + 1) * words] row k: the seeds that have the first k parts of the partial configuration */
+    int64_t *age; /* [max_found] of each one found: how many were made before */
+    int64_t made;
+    int32_t words, sorted; /* sorted: how many of found are in their place, from the end */
+} configuration_every;
+
 struct cairn_part_configurator {
     cairn_part_configuration_params params;
     const cairn_part_vote *votes;
@@ -67,6 +85,7 @@ struct cairn_part_configurator {
     int32_t found_count, seeds, cut;
     int64_t all_nodes, pairs;
     int32_t phase, paid;
+    configuration_every *every; /* NULL: not as written */
 };
 
 /* The index. A layer holds the scales within one reach, its cells are as wide as the reach of its largest. */
@@ -81,5 +100,24 @@ void cairn_part_configuration_query_next(cairn_part_configurator *c);
 void cairn_part_configuration_plant(cairn_part_configurator *c);
 /* Visits a node; 0: there are no more. */
 int cairn_part_configuration_visit(cairn_part_configurator *c);
+/* What is found: the votes of best_votes, sorted here, with best_node; its votes go to found_votes[first ...]. */
+cairn_part_configuration cairn_part_configuration_describe(cairn_part_configurator *c, int32_t first);
+
+/* ---- As written (part_configuration_every.c) ---- */
+
+void cairn_part_configuration_every_carve(cairn_pool *pool, const cairn_part_configuration_params *p,
+                                          configuration_every **every);
+/* A vote has no seeds yet. */
+void cairn_part_configuration_every_clear(cairn_part_configurator *c, int32_t vote);
+/* The nearest of the seed are found: they have it. */
+void cairn_part_configuration_every_plant(cairn_part_configurator *c);
+/* The partial configuration has one more part: the last of chosen[0 ... parts - 1]. */
+void cairn_part_configuration_every_take(cairn_part_configurator *c, int32_t parts);
+/* Keeps the configuration unless an earlier seed had it or max_found better ones are there. */
+void cairn_part_configuration_every_offer(cairn_part_configurator *c, const configuration_node *node);
+/* Puts one more of found in its place; 0: all are. */
+int cairn_part_configuration_every_sort(cairn_part_configurator *c);
+/* Units of a node, of one that is sorted. */
+int32_t cairn_part_configuration_every_units(const cairn_part_configurator *c);
 
 #endif

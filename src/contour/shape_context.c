@@ -19,8 +19,8 @@
 enum { POINTS_MOST = 1024, RINGS = CAIRN_SHAPE_CONTEXT_RINGS, SECTORS = CAIRN_SHAPE_CONTEXT_SECTORS };
 enum { BINS = CAIRN_SHAPE_CONTEXT_BINS };
 /* Units of a row: distances, contexts and costs. */
-enum { DISTANCES_A_UNIT = 6, UNITS_A_COST = 3 };
-enum { IDLE, MEASURE, COUNT, COMPARE, ASSIGN, DONE };
+enum { DISTANCES_A_UNIT = 6, UNITS_A_COST = 3, NEAREST_A_UNIT = 16 };
+enum { IDLE, MEASURE, COUNT, COMPARE, NEAREST, ASSIGN, DONE };
 
 static const cairn_real FAR = CAIRN_REAL(1e9);
 
@@ -34,7 +34,7 @@ struct cairn_shape_context {
     cairn_assignment *assignment;
     int32_t count[2];
     cairn_real mean[2]; /* distance of two points: sums while they are measured */
-    cairn_real missing_share, distance;
+    cairn_real missing_share, distance, symmetric;
     int32_t phase, shape, row, paid;
 };
 
@@ -134,7 +134,7 @@ cairn_status cairn_shape_context_begin(cairn_shape_context *c, const cairn_shape
     c->count[1] = input->second_count;
     c->kind = input->kind;
     c->missing_share = input->missing_share;
-    c->mean[0] = c->mean[1] = c->distance = 0;
+    c->mean[0] = c->mean[1] = c->distance = c->symmetric = 0;
     c->shape = c->row = c->paid = 0;
     c->phase = MEASURE;
     return CAIRN_OK;
@@ -204,19 +204,68 @@ static cairn_real cost_of(const cairn_real *a, const cairn_real *b)
     return sum / 2;
 }
 
+/* A context by its bins that hold something. */
+typedef struct few_bins {
+    int32_t bin[BINS], count;
+    cairn_real share[BINS];
+} few_bins;
+
+static few_bins few_of(const cairn_real *context)
+{
+    few_bins few = {.count = 0};
+
+    for (int32_t k = 0; k < BINS; k++)
+        if (context[k] > 0) {
+            few.bin[few.count] = k;
+            few.share[few.count++] = context[k];
+        }
+    return few;
+}
+
+/* The same as cost_of(), for (a - b)^2 / (a + b) = a + b - 4 a b / (a + b), and shares sum to 1 where anything was counted: only bins that hold
+ * something of both count. */
+static cairn_real cost_of_few(const few_bins *a, const cairn_real *b)
+{
+    cairn_real both = 0;
+
+    for (int32_t k = 0; k < a->count; k++) {
+        cairn_real other = b[a->bin[k]];
+
+        if (other > 0)
+            both += a->share[k] * other / (a->share[k] + other);
+    }
+    if (!(both > 0))
+        return ((cairn_real)(a->count > 0) + (cairn_real)(few_of(b).count > 0)) / 2;
+    return cairn_max(0, 1 - 2 * both);
+}
+
 /* The costs of a point of the first; the cheapest is its match. */
 static void compare_row(cairn_shape_context *c)
 {
     cairn_real *cost = &c->cost[(size_t)c->row * (size_t)c->count[1]];
+    const cairn_real *own = &c->context[0][(size_t)c->row * BINS];
+    few_bins few = few_of(own);
     int32_t least = 0;
 
     for (int32_t k = 0; k < c->count[1]; k++) {
-        cost[k] = cost_of(&c->context[0][(size_t)c->row * BINS], &c->context[1][(size_t)k * BINS]);
+        const cairn_real *other = &c->context[1][(size_t)k * BINS];
+
+        cost[k] = c->kind == CAIRN_SHAPE_CONTEXT_PART ? cost_of(own, other) : cost_of_few(&few, other);
         if (cost[k] < cost[least])
             least = k;
     }
     c->match[c->row] = least;
     c->distance += cost[least];
+}
+
+/* WHOLE: the least cost of a point of the second, which stands in a column. */
+static void find_nearest(cairn_shape_context *c)
+{
+    cairn_real least = c->cost[c->row];
+
+    for (int32_t i = 1; i < c->count[0]; i++)
+        least = cairn_min(least, c->cost[(size_t)i * (size_t)c->count[1] + (size_t)c->row]);
+    c->symmetric += least / (cairn_real)c->count[1];
 }
 
 static void finish_whole(cairn_shape_context *c)
@@ -233,7 +282,7 @@ static void finish_whole(cairn_shape_context *c)
 static cairn_status end_rows(cairn_shape_context *c)
 {
     c->row = 0;
-    if (c->phase != COMPARE && c->shape == 0) {
+    if ((c->phase == MEASURE || c->phase == COUNT) && c->shape == 0) {
         c->shape = 1;
         return CAIRN_OK;
     }
@@ -251,15 +300,21 @@ static cairn_status end_rows(cairn_shape_context *c)
         c->phase = DONE;
         return CAIRN_OK;
     }
+    if (c->phase == COMPARE) {
+        c->symmetric = c->distance / (cairn_real)c->count[0];
+        c->phase = NEAREST;
+        return CAIRN_OK;
+    }
     c->phase = ASSIGN;
     return cairn_assignment_begin(c->assignment, c->cost, c->count[0], c->count[1]);
 }
 
 static int32_t units_of_row(const cairn_shape_context *c)
 {
-    return c->phase == MEASURE ? 1 + c->count[c->shape] / DISTANCES_A_UNIT
-           : c->phase == COUNT ? c->count[c->shape]
-                               : UNITS_A_COST * c->count[1];
+    return c->phase == MEASURE   ? 1 + c->count[c->shape] / DISTANCES_A_UNIT
+           : c->phase == COUNT   ? c->count[c->shape]
+           : c->phase == COMPARE ? UNITS_A_COST * c->count[1]
+                                 : 1 + c->count[0] / NEAREST_A_UNIT;
 }
 
 static void run_row(cairn_shape_context *c)
@@ -268,8 +323,16 @@ static void run_row(cairn_shape_context *c)
         measure_row(c);
     else if (c->phase == COUNT)
         count_row(c);
-    else
+    else if (c->phase == COMPARE)
         compare_row(c);
+    else
+        find_nearest(c);
+}
+
+/* Of the phase: points of the shape that is looked at, of NEAREST those of the second. */
+static int32_t rows_of(const cairn_shape_context *c)
+{
+    return c->count[c->phase == NEAREST ? 1 : c->shape];
 }
 
 cairn_status cairn_shape_context_step(cairn_shape_context *c, cairn_budget *budget)
@@ -278,11 +341,11 @@ cairn_status cairn_shape_context_step(cairn_shape_context *c, cairn_budget *budg
 
     if (c == NULL || budget == NULL)
         return CAIRN_BAD_ARGUMENT;
-    while (status == CAIRN_OK && c->phase >= MEASURE && c->phase <= COMPARE) {
+    while (status == CAIRN_OK && c->phase >= MEASURE && c->phase <= NEAREST) {
         if (!cairn_budget_pay(budget, &c->paid, units_of_row(c)))
             return CAIRN_MORE;
         run_row(c);
-        if (++c->row == c->count[c->shape])
+        if (++c->row == rows_of(c))
             status = end_rows(c);
     }
     if (status == CAIRN_OK && c->phase == ASSIGN) {
@@ -295,12 +358,13 @@ cairn_status cairn_shape_context_step(cairn_shape_context *c, cairn_budget *budg
 
 cairn_shape_context_result cairn_shape_context_read(const cairn_shape_context *c)
 {
-    cairn_shape_context_result result = {NULL, 0, 0};
+    cairn_shape_context_result result = {NULL, 0, 0, 0};
 
     if (c != NULL && c->phase == DONE) {
         result.match = c->match;
         result.count = c->count[0];
         result.distance = c->distance;
+        result.symmetric = c->symmetric;
     }
     return result;
 }

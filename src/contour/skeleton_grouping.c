@@ -64,7 +64,7 @@ cairn_skeleton_params cairn_skeleton_as_written(void)
     params.radius = 2;
     params.symmetry = 10 * (CAIRN_PI / 180);
     params.stop = 2;
-    params.min_log_odds = 6;
+    params.min_log_odds = 12;
     return params;
 }
 

@@ -178,6 +178,7 @@ static void cull_ahead(skeleton_written *w, const written_state *last)
 {
     const written_state *s = last, *before;
 
+    turn_inside(w, last->pair.touch[0], last->pair.touch[1]);
     for (; s != NULL; s = before) {
         before = cairn_particle_state_before(s);
         cull_own(w, s->pair.edgel);
@@ -190,7 +191,6 @@ static void cull_ahead(skeleton_written *w, const written_state *last)
         if (before == NULL)
             turn_inside(w, s->pair.touch[0], s->pair.touch[1]);
     }
-    turn_inside(w, last->pair.touch[0], last->pair.touch[1]);
     for (int32_t side = 0; side < 2; side++)
         for (int32_t i = 0; i < w->ahead_count[side]; i++)
             w->ahead[side][i].culled |= w->ahead[side][i].inside;

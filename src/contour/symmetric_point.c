@@ -123,6 +123,23 @@ cairn_status cairn_symmetric_point_create(cairn_symmetric_point_set **set, cairn
     return CAIRN_OK;
 }
 
+cairn_status cairn_symmetric_point_set_radii(cairn_symmetric_point_set *set, cairn_real min_radius,
+                                             cairn_real max_radius)
+{
+    cairn_symmetric_point_params params;
+
+    if (set == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    params = set->params;
+    params.min_radius = min_radius;
+    params.max_radius = max_radius;
+    if (!params_are_valid(&params))
+        return CAIRN_BAD_ARGUMENT;
+    set->params = params;
+    set->phase = IDLE;
+    return CAIRN_OK;
+}
+
 cairn_status cairn_symmetric_point_begin(cairn_symmetric_point_set *set, const cairn_segment *segments, int32_t count)
 {
     cairn_status status;

@@ -47,11 +47,15 @@ static void print_side(cairn_output *output, const cairn_contour_disc *discs, in
     cairn_output_print(output, "]");
 }
 
+/* In the mode as written the walk is the only path. */
 static void print_paths(cairn_output *output, const cairn_contour_picture *p, const cairn_contour_object *o)
 {
+    const cairn_shape_path walk = {.count = o->disc_count};
+    int32_t count = o->outline_count > 0 ? p->model->path_count : 1;
+
     cairn_output_print(output, "\"paths\": [");
-    for (int32_t i = 0; i < p->model->path_count; i++) {
-        const cairn_shape_path *path = &p->model->paths[i];
+    for (int32_t i = 0; i < count; i++) {
+        const cairn_shape_path *path = o->outline_count > 0 ? &p->model->paths[i] : &walk;
         const cairn_contour_disc *discs = &p->result->discs[o->first_disc + path->first];
 
         cairn_output_print(output, "%s\n    {", i > 0 ? "," : "");

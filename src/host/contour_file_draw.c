@@ -11,7 +11,7 @@ static const char *const side_names[3] = {"left", "right", "other"};
 /* 0 left, 1 right, 2 neither. */
 static int32_t side_of(const cairn_contour_picture *p, const cairn_contour_object *o, int32_t segment)
 {
-    for (int32_t k = 0; k < p->model->sample_count; k++)
+    for (int32_t k = 0; k < o->disc_count; k++)
         for (int32_t side = 0; side < 2; side++)
             if (p->result->discs[o->first_disc + k].side[side] == segment)
                 return side;
@@ -36,8 +36,11 @@ static void print_segments(cairn_output *output, const cairn_contour_picture *p,
 
 static void print_skeleton(cairn_output *output, const cairn_contour_picture *p, const cairn_contour_object *o)
 {
-    for (int32_t i = 0; i < p->model->path_count; i++) {
-        const cairn_shape_path *path = &p->model->paths[i];
+    const cairn_shape_path walk = {.count = o->disc_count};
+    int32_t count = o->outline_count > 0 ? p->model->path_count : 1;
+
+    for (int32_t i = 0; i < count; i++) {
+        const cairn_shape_path *path = o->outline_count > 0 ? &p->model->paths[i] : &walk;
         const cairn_contour_disc *discs = &p->result->discs[o->first_disc + path->first];
 
         cairn_output_print(output, "<path class=\"axis\" d=\"");

@@ -250,6 +250,7 @@ static int add_object(searcher *s, const cairn_grouping_result *found, int32_t i
     cairn_contour_object o = {.found = found->objects[index],
                               .mirrored = mirrored,
                               .first_disc = r->disc_count,
+                              .disc_count = model->sample_count,
                               .first_outline = r->outline_count,
                               .outline_count = model->outline_count};
     contour_laid laid = {s->fit.outline, model->outline_count, {0, 0}, 0};
@@ -434,16 +435,16 @@ static cairn_status search(searcher *s, const cairn_shape_model *model, int32_t 
                            const cairn_grouping_params *params)
 {
     const cairn_contour_search_params *p = s->params;
-    cairn_grouping_input input = {s->tokens->lines,
-                                  s->tokens->count,
-                                  s->tokens->width,
-                                  s->tokens->height,
-                                  model,
-                                  p->min_size,
-                                  p->max_size,
-                                  p->min_turn,
-                                  p->max_turn,
-                                  s->tokens->mean_length > 0 ? s->tokens->mean_length : 5};
+    cairn_grouping_input input = {.segments = s->tokens->lines,
+                                  .count = s->tokens->count,
+                                  .width = s->tokens->width,
+                                  .height = s->tokens->height,
+                                  .model = model,
+                                  .min_size = p->min_size,
+                                  .max_size = p->max_size,
+                                  .min_turn = p->min_turn,
+                                  .max_turn = p->max_turn,
+                                  .mean_length = s->tokens->mean_length > 0 ? s->tokens->mean_length : 5};
     double range = p->min_size > 0 && p->max_size > p->min_size ? log((double)(p->max_size / p->min_size)) : 0;
     int32_t bands = 1 + (int32_t)(range / log(BAND));
     cairn_grouping *grouping;
@@ -507,6 +508,8 @@ cairn_status cairn_contour_search_run(cairn_contour_result *result, const cairn_
     cairn_pool pool;
     void *memory;
 
+    if (grouping.mode == CAIRN_MODE_AS_WRITTEN)
+        return cairn_contour_search_written(result, tokens, model, params, path, error);
     memset(result, 0, sizeof *result);
     grouping.max_width = tokens->width;
     grouping.max_height = tokens->height;

@@ -2,12 +2,15 @@
 #include "src/core/build.h"
 
 #include <errno.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "cairn/contour_search.h"
 
 /* Edgels stand so many pixels apart, each with the direction between the pixels so far before and behind it. */
+/* The shortest piece of the mode as written, px: of shorter ones a walk has too many that fit. */
+#define WRITTEN_PIECE 10
 enum { EDGEL_STEP = 3, EDGEL_REACH = 3 };
 
 void cairn_contour_tokens_free(cairn_contour_tokens *tokens)
@@ -15,6 +18,7 @@ void cairn_contour_tokens_free(cairn_contour_tokens *tokens)
     free(tokens->lines);
     free(tokens->chain);
     free(tokens->strength);
+    free(tokens->ends);
     memset(tokens, 0, sizeof *tokens);
 }
 
@@ -56,13 +60,19 @@ static cairn_status take_edgels(cairn_contour_tokens *t, const cairn_edge_chain_
             t->chain[t->count++] = c;
         }
     }
-    t->mean_length = 5;
+    t->mean_length = t->look_ahead = 5;
     return CAIRN_OK;
 }
 
-/* Segments but the virtual ones: those lie on no edge. */
+/* What is looked for beside the segments themselves. */
+typedef struct token_kind {
+    int32_t edgels, written;
+    cairn_real strong;
+} token_kind;
+
+/* Segments, in the default mode but the virtual ones: those lie on no edge. */
 static cairn_status take_segments(cairn_contour_tokens *t, cairn_edge_segment_set *set,
-                                  const cairn_edge_chain_result *r)
+                                  const cairn_edge_chain_result *r, int32_t written)
 {
     cairn_status status = cairn_edge_segment_begin(set, r);
     cairn_edge_segment_result found;
@@ -79,16 +89,40 @@ static cairn_status take_segments(cairn_contour_tokens *t, cairn_edge_segment_se
     found = cairn_edge_segment_read(set);
     if (!allocate(t, found.count))
         return CAIRN_NO_MEMORY;
-    t->count = found.count - found.virtual_count;
+    t->count = found.count - (written ? 0 : found.virtual_count);
     for (int32_t i = 0; i < t->count; i++) {
         t->lines[i] = found.segments[i].line;
         t->chain[i] = found.segments[i].chain;
     }
     t->mean_length = found.mean_length;
+    t->look_ahead = found.look_ahead;
     return CAIRN_OK;
 }
 
-static cairn_status find(cairn_contour_tokens *t, cairn_raster_u8_view strengths, int32_t edgels,
+/* The end points of strong chains. */
+static cairn_status take_ends(cairn_contour_tokens *t, const cairn_edge_chain_result *r, cairn_real strong)
+{
+    double sum = 0, pixels = 0;
+
+    t->ends = malloc(2 * ((size_t)r->chain_count + 1) * sizeof *t->ends);
+    if (t->ends == NULL)
+        return CAIRN_NO_MEMORY;
+    for (int32_t c = 0; c < r->chain_count; c++) {
+        sum += (double)r->chains[c].strength * r->chains[c].count;
+        pixels += r->chains[c].count;
+    }
+    for (int32_t c = 0; c < r->chain_count; c++) {
+        const cairn_edge_chain *chain = &r->chains[c];
+
+        if ((double)chain->strength * pixels < (double)strong * sum)
+            continue;
+        t->ends[t->end_count++] = place_of(&r->pixels[chain->first]);
+        t->ends[t->end_count++] = place_of(&r->pixels[chain->first + chain->count - 1]);
+    }
+    return CAIRN_OK;
+}
+
+static cairn_status find(cairn_contour_tokens *t, cairn_raster_u8_view strengths, const token_kind *kind,
                          const cairn_edge_chain_params *chain, const cairn_edge_segment_params *segment,
                          cairn_pool *pool)
 {
@@ -112,7 +146,8 @@ static cairn_status find(cairn_contour_tokens *t, cairn_raster_u8_view strengths
         return status;
     r = cairn_edge_chain_read(chains);
     t->chains = r.chain_count;
-    return edgels ? take_edgels(t, &r) : take_segments(t, segments, &r);
+    status = kind->edgels ? take_edgels(t, &r) : take_segments(t, segments, &r, kind->written);
+    return status == CAIRN_OK && kind->written ? take_ends(t, &r, kind->strong) : status;
 }
 
 /* ---- Strengths ---- */
@@ -164,8 +199,8 @@ static int32_t count_edges(cairn_raster_u8_view strengths, int32_t min_strength)
     return count;
 }
 
-cairn_status cairn_contour_tokens_find(cairn_contour_tokens *tokens, cairn_raster_u8_view strengths,
-                                       int32_t min_strength, int32_t edgels, const char *path, cairn_file_error *error)
+static cairn_status find_tokens(cairn_contour_tokens *tokens, cairn_raster_u8_view strengths, int32_t min_strength,
+                                const token_kind *kind, const char *path, cairn_file_error *error)
 {
     cairn_edge_chain_params chain = cairn_edge_chain_default();
     cairn_edge_segment_params segment = cairn_edge_segment_default();
@@ -189,15 +224,17 @@ cairn_status cairn_contour_tokens_find(cairn_contour_tokens *tokens, cairn_raste
     chain.max_height = strengths.height;
     chain.max_edges = chain.max_chains = edges + 1;
     chain.min_strength = min_strength;
-    segment.max_lines = edgels ? 1 : edges + 1;
-    segment.max_segments = edgels ? 1 : 3 * (edges + 1);
+    if (kind->written && !kind->edgels)
+        segment.min_piece = WRITTEN_PIECE;
+    segment.max_lines = kind->edgels ? 1 : edges + 1;
+    segment.max_segments = kind->edgels ? 1 : 3 * (edges + 1);
     tokens->pool_bytes = cairn_edge_chain_memory(&chain) + cairn_edge_segment_memory(&segment) + CAIRN_ALIGN;
     memory = malloc(tokens->pool_bytes);
     if (memory == NULL)
         return cairn_file_error_system(error, path, "find edges of", ENOMEM);
     status = cairn_pool_init(&pool, memory, tokens->pool_bytes);
     if (status == CAIRN_OK)
-        status = find(tokens, strengths, edgels, &chain, &segment, &pool);
+        status = find(tokens, strengths, kind, &chain, &segment, &pool);
     free(memory);
     if (status == CAIRN_OK)
         rank_strengths(tokens, strengths);
@@ -209,4 +246,26 @@ cairn_status cairn_contour_tokens_find(cairn_contour_tokens *tokens, cairn_raste
                                     cairn_status_text(status));
     }
     return CAIRN_OK;
+}
+
+cairn_status cairn_contour_tokens_find(cairn_contour_tokens *tokens, cairn_raster_u8_view strengths,
+                                       int32_t min_strength, int32_t edgels, const char *path, cairn_file_error *error)
+{
+    token_kind kind = {edgels, 0, 0};
+
+    return find_tokens(tokens, strengths, min_strength, &kind, path, error);
+}
+
+cairn_status cairn_contour_tokens_find_written(cairn_contour_tokens *tokens, cairn_raster_u8_view strengths,
+                                               int32_t min_strength, int32_t edgels, cairn_real strong,
+                                               const char *path, cairn_file_error *error)
+{
+    token_kind kind = {edgels, 1, strong};
+
+    memset(tokens, 0, sizeof *tokens);
+    if (!isfinite((double)strong) || strong < 0)
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
+                                    "strong chains of %g times the mean strength, expected a number from 0 on",
+                                    (double)strong);
+    return find_tokens(tokens, strengths, min_strength, &kind, path, error);
 }

@@ -18,6 +18,11 @@ typedef struct contour_laid {
     cairn_real size;   /* px */
 } contour_laid;
 
+/* cairn_contour_search_run() in the mode as written. */
+cairn_status cairn_contour_search_written(cairn_contour_result *result, const cairn_contour_tokens *tokens,
+                                          const cairn_shape_model *model, const cairn_contour_search_params *params,
+                                          const char *path, cairn_file_error *error);
+
 /* Where a drawing's outline is open: places of the bent outline. */
 typedef struct contour_gaps {
     cairn_vec2 at[CAIRN_SHAPE_GAPS]; /* px */

@@ -6,7 +6,8 @@
  * after, make the score, with how the bent outline fits (contour_search_shape.c) and what contour grouping finds there
  * (object_detect_group.c); boxes are those of the bent outlines. Of detections that overlap the best stays.
  *
- * PARTS: the candidates are configurations of parts (object_detect_parts.c) and keep their scores; bending gives the box only.
+ * PARTS: the candidates are configurations of parts (object_detect_parts.c) and keep their scores; bending gives the box only. As written
+ * nothing is bent (object_detect_written.c).
  *
  * Source: this project's, but for PARTS; of Adluru 2008, section 5, only that there are two steps, coarse then fine. */
 #include "src/core/build.h"
@@ -105,8 +106,19 @@ cairn_object_detect_params cairn_object_detect_default(int32_t width, int32_t he
                                          NULL,
                                          NULL,
                                          0,
-                                         CAIRN_REAL(0.08)};
+                                         CAIRN_REAL(0.08),
+                                         CAIRN_MODE_DEFAULT};
 
+    return params;
+}
+
+cairn_object_detect_params cairn_object_detect_as_written(int32_t width, int32_t height)
+{
+    cairn_object_detect_params params = cairn_object_detect_default(width, height);
+
+    params.mode = CAIRN_MODE_AS_WRITTEN;
+    params.method = CAIRN_DETECT_PARTS;
+    params.verify = 0;
     return params;
 }
 
@@ -529,7 +541,7 @@ static int compare_detections(const void *a, const void *b)
 
     if (x->score != y->score)
         return x->score < y->score ? 1 : -1;
-    return x->first_outline - y->first_outline;
+    return x->first_outline != y->first_outline ? x->first_outline - y->first_outline : x->first_part - y->first_part;
 }
 
 static void keep_best(const detector *d, cairn_detections *found)
@@ -547,12 +559,37 @@ static void keep_best(const detector *d, cairn_detections *found)
 
             apart = overlap_of((float)o->left, (float)o->top, (float)o->right, (float)o->bottom, (float)b->left,
                                (float)b->top, (float)b->right, (float)b->bottom) <= (float)d->field->params.overlap &&
-                    inside_of(o, b) <= INSIDE;
+                    (cairn_detect_is_as_written(d->field) || inside_of(o, b) <= INSIDE);
         }
         if (apart)
             found->found[kept++] = *o;
     }
     found->count = kept;
+}
+
+static void take_configurations(detector *d, cairn_detections *found)
+{
+    found->parts = d->hypotheses.parts;
+    found->part_count = d->hypotheses.part_count;
+    found->bundles = d->hypotheses.bundles;
+    found->has_appearance = d->field->params.appearance != NULL;
+    d->hypotheses.parts = NULL;
+}
+
+/* Every hypothesis is a detection; of those in one place the best stays. */
+static cairn_status detect_as_written(detector *d, cairn_detections *found)
+{
+    cairn_status status = cairn_detect_parts(&d->hypotheses, d->field, d->model);
+
+    if (status != CAIRN_OK)
+        return status;
+    take_configurations(d, found);
+    cairn_detect_tell(d->field, CAIRN_DETECT_BOXES);
+    status = cairn_detect_written_take(found, &d->hypotheses, d->field);
+    if (status != CAIRN_OK)
+        return status;
+    keep_best(d, found);
+    return cairn_detect_written_draw(found, d->field, d->model);
 }
 
 static cairn_status detect(detector *d, cairn_detections *found)
@@ -574,11 +611,7 @@ static cairn_status detect(detector *d, cairn_detections *found)
         status = group(d);
     if (status != CAIRN_OK)
         return status;
-    found->parts = d->hypotheses.parts;
-    found->part_count = d->hypotheses.part_count;
-    found->bundles = d->hypotheses.bundles;
-    found->has_appearance = d->field->params.appearance != NULL;
-    d->hypotheses.parts = NULL;
+    take_configurations(d, found);
     found->found = malloc(((size_t)d->count + 1) * sizeof *found->found);
     found->outline = malloc(((size_t)d->count + 1) * (size_t)d->model->outline_count * sizeof *found->outline);
     if (found->found == NULL || found->outline == NULL)
@@ -643,7 +676,7 @@ cairn_status cairn_object_detect(cairn_detections *detections, const cairn_detec
     memset(detections, 0, sizeof *detections);
     if (status != CAIRN_OK)
         return cairn_file_error_set(error, status, path, 0, "%s", fault.what);
-    status = detect(&d, detections);
+    status = cairn_detect_is_as_written(field) ? detect_as_written(&d, detections) : detect(&d, detections);
     cairn_detect_parts_free(&d.hypotheses);
     cairn_detect_group_free(&d.groupings);
     free(d.outlines);

@@ -174,6 +174,13 @@ static cairn_status check_parts(const cairn_object_detect_params *p, const char 
     if (p->bundles < CAIRN_DETECT_BUNDLES || p->bundles > CAIRN_DETECT_NO_BUNDLES)
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "bundles %" PRId32 ", expected 0 to 2",
                                     p->bundles);
+    if (p->mode != CAIRN_MODE_DEFAULT && p->mode != CAIRN_MODE_AS_WRITTEN)
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0, "mode %" PRId32 ", expected 0 or 1", p->mode);
+    if (p->mode == CAIRN_MODE_AS_WRITTEN && (p->method != CAIRN_DETECT_PARTS || p->bundles != CAIRN_DETECT_BUNDLES ||
+                                             p->modes || p->occluded || p->verify > 0))
+        return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
+                                    "as written by another method, with other bundles, modes, occluded or verify, "
+                                    "which the thesis does not have, expected parts without them");
     if (p->matches < 1 || p->matches > MATCHES_MOST || p->nearest < 1 || p->nearest > NEAREST_MOST)
         return cairn_file_error_set(error, CAIRN_BAD_ARGUMENT, path, 0,
                                     "%" PRId32 " matches and %" PRId32 " nearest votes, expected 1 to %d and 1 to %d",

@@ -5,6 +5,9 @@
  * votes near each one the best configuration is taken (part_configuration). What of the chains it is made of is laid into the frame of the
  * model and compared with the whole outline by its shape contexts, what no part stands for counted as missing: score = 1 - distance.
  *
+ * As written (CAIRN_MODE_AS_WRITTEN): all configurations of the K nearest of all votes whose similarities sum to LEAST_SUM or more; the whole edge
+ * fragments of each are compared with the whole outline (object_detect_written.c).
+ *
  * Source: Adluru 2008, sections 5.2.2 and 5.3.1; as settled in the heads of the rooms. */
 #include "src/core/build.h"
 
@@ -17,7 +20,7 @@
 #include "cairn/shape_context.h"
 #include "src/host/object_detect_work.h"
 
-/* Points of the outline that are compared, and of all parts of a configuration. */
+/* Points of the outline that are compared, as written of a hypothesis, too; and of all parts of a configuration. */
 enum { OUTLINE_POINTS = 64, PART_POINTS = 128 };
 /* Two ends of a chain so near, in pixels, are one: the chain is closed. */
 #define CLOSED 3
@@ -25,6 +28,10 @@ enum { OUTLINE_POINTS = 64, PART_POINTS = 128 };
 #define STEP CAIRN_REAL(1.5)
 /* Configurations that are visited near one vote, at most. */
 enum { NODES_MOST = 100000 };
+
+/* As written: the threshold of summed similarities (section 5.3.1 names none); matches of any similarity vote. */
+#define LEAST_SUM      CAIRN_REAL(0.75)
+#define ANY_SIMILARITY CAIRN_REAL(1e-3)
 
 /* ---- Chains ---- */
 
@@ -119,6 +126,8 @@ static cairn_fragment_match_params match_params(const searcher *s)
     params.matches_each = f->params.matches;
     params.min_scale = f->params.min_size;
     params.max_scale = f->params.max_size;
+    if (cairn_detect_is_as_written(f))
+        params.min_similarity = ANY_SIMILARITY;
     return params;
 }
 
@@ -127,6 +136,14 @@ static cairn_part_configuration_params configuration_params(const searcher *s)
     const cairn_object_detect_params *p = &s->field->params;
     cairn_part_configuration_params params = cairn_part_configuration_default();
 
+    if (cairn_detect_is_as_written(s->field)) {
+        params = cairn_part_configuration_as_written();
+        params.max_votes = CAIRN_PART_FRAGMENTS * p->matches;
+        params.nearest = p->nearest;
+        params.max_found = DETECT_WRITTEN;
+        params.min_sum = LEAST_SUM;
+        return params;
+    }
     params.max_votes = CAIRN_PART_FRAGMENTS * p->matches;
     params.nearest = p->nearest;
     params.seek = p->modes ? CAIRN_PART_SEEK_MODES : CAIRN_PART_SEEK_NEAREST;
@@ -271,7 +288,7 @@ static int32_t vote(searcher *s, const cairn_fragment_match_result *found, int32
         v->chain = m->chain;
         v->centre = m->centre;
         v->scale = m->scale;
-        v->gain = m->similarity * f->length / s->parts.length;
+        v->gain = cairn_detect_is_as_written(s->field) ? m->similarity : m->similarity * f->length / s->parts.length;
         v->from = m->from;
         v->to = m->to;
         v->round = chain->closed ? cairn_curve_length(chain) : 0;
@@ -354,6 +371,38 @@ static cairn_real missing_share(const searcher *s, const detect_hypothesis *h)
     return cairn_max(0, cairn_min(1, 1 - seen / s->parts.length));
 }
 
+static cairn_status run_context(searcher *s, const cairn_shape_context_input *input)
+{
+    cairn_status status = cairn_shape_context_begin(s->context, input);
+    cairn_budget budget;
+
+    if (status != CAIRN_OK)
+        return status;
+    do {
+        budget.left = CAIRN_UNBOUNDED;
+        status = cairn_shape_context_step(s->context, &budget);
+    } while (status == CAIRN_MORE);
+    return status;
+}
+
+/* As written: whole against whole. CAIRN_EMPTY: there is no shape. */
+static cairn_status compare_whole(searcher *s, detect_hypothesis *h)
+{
+    cairn_vec2 points[OUTLINE_POINTS];
+    cairn_shape_context_input input = {.kind = CAIRN_SHAPE_CONTEXT_WHOLE,
+                                       .first = points,
+                                       .second = s->outline,
+                                       .first_count = OUTLINE_POINTS,
+                                       .second_count = s->outline_count};
+    cairn_status status;
+
+    if (!cairn_detect_written_lay(s->field, h, &s->made->parts[h->first_part], points, OUTLINE_POINTS))
+        return CAIRN_EMPTY;
+    status = run_context(s, &input);
+    h->distance = cairn_shape_context_read(s->context).symmetric;
+    return status;
+}
+
 static cairn_status compare_shapes(searcher *s, detect_hypothesis *h)
 {
     cairn_vec2 points[PART_POINTS];
@@ -362,17 +411,10 @@ static cairn_status compare_shapes(searcher *s, detect_hypothesis *h)
                                        .second = s->outline,
                                        .second_count = s->outline_count,
                                        .missing_share = missing_share(s, h)};
-    cairn_budget budget;
     cairn_status status;
 
     input.first_count = lay_parts(s, h, points);
-    status = cairn_shape_context_begin(s->context, &input);
-    if (status != CAIRN_OK)
-        return status;
-    do {
-        budget.left = CAIRN_UNBOUNDED;
-        status = cairn_shape_context_step(s->context, &budget);
-    } while (status == CAIRN_MORE);
+    status = run_context(s, &input);
     h->distance = cairn_shape_context_read(s->context).distance;
     return status;
 }
@@ -401,7 +443,9 @@ static cairn_status add_hypothesis(searcher *s, const cairn_part_configuration *
         p->from = m->from;
         p->to = m->to;
     }
-    status = compare_shapes(s, h);
+    status = cairn_detect_is_as_written(s->field) ? compare_whole(s, h) : compare_shapes(s, h);
+    if (status == CAIRN_EMPTY && cairn_detect_is_as_written(s->field))
+        return CAIRN_OK;
     if (status != CAIRN_OK)
         return status;
     h->score = 1 - h->distance;
@@ -432,14 +476,16 @@ cairn_status cairn_detect_parts(detect_hypotheses *made, const cairn_detect_fiel
                                 const cairn_shape_model *model)
 {
     searcher s = {.field = field, .model = model, .made = made};
+    int written = cairn_detect_is_as_written(field);
+    size_t most = written ? 2 * DETECT_WRITTEN : DETECT_HYPOTHESES;
     int32_t *match_of = malloc((size_t)CAIRN_PART_FRAGMENTS * (size_t)field->params.matches * sizeof *match_of);
     cairn_status status = CAIRN_NO_MEMORY;
     void *memory = NULL;
     cairn_pool pool;
 
     memset(made, 0, sizeof *made);
-    made->list = malloc(DETECT_HYPOTHESES * sizeof *made->list);
-    made->parts = malloc((size_t)DETECT_HYPOTHESES * DETECT_PARTS_MOST * sizeof *made->parts);
+    made->list = malloc(most * sizeof *made->list);
+    made->parts = malloc(most * (written ? CAIRN_PART_BUNDLES : DETECT_PARTS_MOST) * sizeof *made->parts);
     if (made->list != NULL && made->parts != NULL && match_of != NULL)
         status = create(&s, &pool, &memory);
     if (status == CAIRN_OK)

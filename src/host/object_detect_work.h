@@ -57,12 +57,15 @@ static inline void cairn_detect_tell(const cairn_detect_field *f, cairn_detect_s
 
 /* Hypotheses of one model at most, and parts of each. */
 enum { DETECT_HYPOTHESES = 128, DETECT_PARTS_MOST = 64 };
+/* As written: those with the most similarity, of the model and again of its mirror image. */
+enum { DETECT_WRITTEN = 1024 };
 
 /* An object by its parts. */
 typedef struct detect_hypothesis {
     cairn_vec2 origin; /* px, of the model */
     cairn_real size;   /* px */
     cairn_real score, distance, agreement;
+    cairn_real left, top, right, bottom; /* px, as written: the box about the fragments */
     int32_t mirrored;
     int32_t first_part, part_count; /* of parts[] */
 } detect_hypothesis;
@@ -121,5 +124,21 @@ void cairn_detect_lay(const detect_similarity *laid, const cairn_oriented_point 
 cairn_status cairn_detect_parts(detect_hypotheses *made, const cairn_detect_field *field,
                                 const cairn_shape_model *model);
 void cairn_detect_parts_free(detect_hypotheses *made);
+
+static inline int cairn_detect_is_as_written(const cairn_detect_field *f)
+{
+    return f->params.mode == CAIRN_MODE_AS_WRITTEN;
+}
+
+/* As written (object_detect_written.c). The fragments of a hypothesis: its box, and points[count] at even steps along all of them. 0: they have
+ * no length. */
+int cairn_detect_written_lay(const cairn_detect_field *field, detect_hypothesis *h, const cairn_detected_part *parts,
+                             cairn_vec2 *points, int32_t count);
+/* Detections of all hypotheses: found->found alone, from the heap. */
+cairn_status cairn_detect_written_take(cairn_detections *found, const detect_hypotheses *made,
+                                       const cairn_detect_field *field);
+/* The lines of the fragments, and the model's outline where its centroid was voted to be; for those in found->found. */
+cairn_status cairn_detect_written_draw(cairn_detections *found, const cairn_detect_field *field,
+                                       const cairn_shape_model *model);
 
 #endif

@@ -107,11 +107,12 @@ static int counts_are_good(const cairn_place_map_params *p)
 
 static int params_are_good(const cairn_place_map_params *p)
 {
-    return p != NULL && counts_are_good(p) && (!is_written(p) || written_is_good(p)) && is_positive(p->sight_reach) && is_positive(p->sight_cell) &&
-           is_positive(p->sight_margin) && p->sight_margin <= 20 * p->sight_cell && is_positive(p->for_point) &&
-           is_positive(p->for_floating) && is_positive(p->for_back) && is_positive(p->for_rough) &&
-           is_positive(p->against_point) && p->for_free >= 0 && p->for_free <= CAIRN_REAL(1e6) && p->floating >= 0 &&
-           p->floating <= 1 && p->chance >= 0 && p->chance <= CAIRN_REAL(1e6) && cairn_place_map_side(p) > 0;
+    return p != NULL && counts_are_good(p) && (!is_written(p) || written_is_good(p)) && is_positive(p->sight_reach) &&
+           is_positive(p->sight_cell) && is_positive(p->sight_margin) && p->sight_margin <= 20 * p->sight_cell &&
+           is_positive(p->for_point) && is_positive(p->for_floating) && is_positive(p->for_back) &&
+           is_positive(p->for_rough) && is_positive(p->against_point) && p->for_free >= 0 &&
+           p->for_free <= CAIRN_REAL(1e6) && p->floating >= 0 && p->floating <= 1 && p->chance >= 0 &&
+           p->chance <= CAIRN_REAL(1e6) && cairn_place_map_side(p) > 0;
 }
 
 /* Places that mode as_written matches with. */
@@ -310,7 +311,8 @@ static cairn_status check_scan(const cairn_place_map *map, int32_t place, const 
         return cairn_refuse(fault, -1, "the pose is too far off", CAIRN_BAD_ARGUMENT);
     if (place == params->max_places || map->scan_count == params->max_scans)
         return cairn_refuse(fault, -1, "more places or scans than max_places and max_scans", CAIRN_FULL);
-    if (points_of(map, view) > params->max_place_points - points || beams_of(map, view) > params->max_place_beams - beams)
+    if (points_of(map, view) > params->max_place_points - points ||
+        beams_of(map, view) > params->max_place_beams - beams)
         return cairn_refuse(fault, -1, "more points or beams than max_place_points and max_place_beams", CAIRN_FULL);
     return CAIRN_OK;
 }
@@ -450,4 +452,10 @@ cairn_consensus_alternative cairn_place_map_alternative(const cairn_place_map *m
 cairn_pose cairn_place_map_scan_pose(const cairn_place_map *map, int32_t scan)
 {
     return has_result(map) && scan >= 0 && scan < map->scan_count ? map->scans[scan].map_scan : cairn_pose_identity();
+}
+
+int32_t cairn_place_map_scan_is_aligned(const cairn_place_map *map, int32_t scan)
+{
+    return has_result(map) && scan >= 0 && scan < map->scan_count && map->aligner != NULL &&
+           cairn_aligner_pose_of(map->aligner, scan).placed;
 }

@@ -217,11 +217,13 @@ static void next_match(cairn_place_map *map)
         map->query = map->place + 1;
     }
     if (map->query < map->place_count) {
-        cairn_place_map_enter(map, is_pair && map->query > map->place + 1 ? CAIRN_PLACE_MAP_MATCH : CAIRN_PLACE_MAP_TARGET);
+        cairn_place_map_enter(map,
+                              is_pair && map->query > map->place + 1 ? CAIRN_PLACE_MAP_MATCH : CAIRN_PLACE_MAP_TARGET);
         return;
     }
     map->place = 0;
-    cairn_place_map_enter(map, map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL ? CAIRN_PLACE_MAP_REFINE : CAIRN_PLACE_MAP_WEIGH);
+    cairn_place_map_enter(map, map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL ? CAIRN_PLACE_MAP_REFINE
+                                                                              : CAIRN_PLACE_MAP_WEIGH);
     if (map->params.mode == CAIRN_PLACE_MAP_SEQUENTIAL)
         map->sweep = map->params.sweeps;
 }

@@ -382,7 +382,8 @@ int32_t cairn_match_shape_overlap(cairn_scan_match *x)
     at.x = s->shift.x + s->best_shift.x;
     at.y = s->shift.y + s->best_shift.y;
     if (s->most_pairs > 0)
-        s->overlap += cairn_match_shape_partner(x, &x->query.points[x->at], at, s->best_distance + OVERLAP_SLACK, &p, &distance) != NULL;
+        s->overlap += cairn_match_shape_partner(x, &x->query.points[x->at], at, s->best_distance + OVERLAP_SLACK, &p,
+                                                &distance) != NULL;
     cairn_match_charge(x, 2);
     if (++x->at < x->query.count)
         return 0;

@@ -29,10 +29,10 @@ struct match_shape {
     shape_descriptor *target, *query; /* [max_target], [max_query] */
     int32_t *part_of;                 /* [max_target] number of the part of a target point */
     int32_t part_first;               /* first point of the part at work */
-    int32_t is_summing;               /* as written: 1: pairs of an iteration are summed up, 0: its quality is measured */
-    cairn_oriented_point *turned;     /* [max_query] the query as it lies now */
-    cairn_sequence_pair *pairs;       /* [max_query] */
-    shape_segment *segments;          /* [max_query + 1] */
+    int32_t is_summing;           /* as written: 1: pairs of an iteration are summed up, 0: its quality is measured */
+    cairn_oriented_point *turned; /* [max_query] the query as it lies now */
+    cairn_sequence_pair *pairs;   /* [max_query] */
+    shape_segment *segments;      /* [max_query + 1] */
     int32_t pair_count, segment_count;
     int32_t with_lines; /* 1: points with nothing but a straight line about them pass the colinear filter, too */
     /* Rotations. */

@@ -1,0 +1,88 @@
+/* What the parts of contour_grouping's mode as written share. */
+#ifndef CAIRN_CONTOUR_CONTOUR_GROUPING_WRITTEN_H
+#define CAIRN_CONTOUR_CONTOUR_GROUPING_WRITTEN_H
+
+#include "cairn/symmetric_point.h"
+#include "src/contour/contour_grouping_work.h"
+
+/* Segments that a side may be extended by, the nearest ones, and the pairs of them. */
+enum { WRITTEN_CHOICE = 10, WRITTEN_PAIRS = WRITTEN_CHOICE * WRITTEN_CHOICE };
+
+/* One state of a particle: the symmetric point, its two segments, and the open end of each. */
+typedef struct written_state {
+    cairn_vec2 centre, start; /* px: x_t and x_1 */
+    cairn_real radius, deviation;
+    cairn_real log_posterior;
+    int32_t segment[2]; /* on the left and right of the walk */
+    int32_t end[2];     /* index of the open end: twice the segment, and one more at its second end */
+    int32_t way;        /* 0: along the model's path, 1: from its end */
+    int32_t sample;     /* k of (2.12) */
+} written_state;
+
+/* A side of the contour so far: the first and the last end of each segment in turn. */
+typedef struct written_side {
+    cairn_vec2 *vertex; /* [2 * max_steps] */
+    int32_t count;
+} written_side;
+
+/* A segment that a side may be extended by. */
+typedef struct written_extension {
+    cairn_real gap; /* px */
+    int32_t open;   /* index of the end that is open then */
+} written_extension;
+
+struct grouping_written {
+    cairn_symmetric_point_set *set;
+    cairn_point_grid *ends;     /* of all segments: 2 i and 2 i + 1 are those of segment i */
+    int32_t *slot;              /* [slots] hash of pairs of segments to symmetric points, -1: empty */
+    uint8_t *is_start;          /* [max_tokens] 1: an end lies about an end of a strong chain */
+    int32_t *stamp;             /* [max_tokens] the last look that the segment was part of */
+    cairn_grouping_disc *walk;  /* [max_objects * max_steps] of each place for an object */
+    int32_t *place;             /* [max_objects] of each object of the result */
+    const written_state **past; /* [max_steps] of the particle at hand */
+    written_side side[2];
+    cairn_vec2 *polygon;                 /* [4 * max_steps] */
+    cairn_symmetric_point_params points; /* of pairs of segments in this image */
+    int32_t slots, look;                 /* slots: a power of two; look: number of the last one */
+    int32_t past_count, polygon_count;
+    int32_t is_drawing; /* 1: the masses of the starts are summed up */
+    int32_t is_set;     /* 1: the set has been given the segments */
+    int32_t end;        /* CAIRN_GROUPING_... */
+    int32_t seeds;      /* starts that were drawn from */
+    int32_t draws;
+    int32_t is_keeping;     /* 1: the filter has made a step, and its particles are looked at */
+    cairn_real size;        /* px, that is searched */
+    cairn_real mean_radius; /* of the model's path, in sizes */
+    cairn_real sum, drawn;  /* of the masses of all starts, of those that were passed */
+    cairn_real log_stop;
+    cairn_random random;
+};
+
+/* The pool's pieces; the phases, in order; what stays in memory of (2.12) and (2.13). */
+struct grouping_written *cairn_grouping_written_carve(cairn_pool *pool, const cairn_grouping_params *params,
+                                                      cairn_grouping *g);
+cairn_status cairn_grouping_written_check(const cairn_grouping *g, const cairn_grouping_input *input);
+void cairn_grouping_written_begin(cairn_grouping *g);
+cairn_status cairn_grouping_written_points(cairn_grouping *g, cairn_budget *budget);
+cairn_status cairn_grouping_written_index(cairn_grouping *g, cairn_budget *budget);
+cairn_status cairn_grouping_written_seed(cairn_grouping *g, cairn_budget *budget);
+cairn_status cairn_grouping_written_walk(cairn_grouping *g, cairn_budget *budget);
+cairn_status cairn_grouping_written_finish(cairn_grouping *g, cairn_budget *budget);
+
+void cairn_grouping_written_read(const cairn_grouping *g, cairn_grouping_result *result);
+
+cairn_grouping_particle cairn_grouping_written_particle(const cairn_grouping *g, const cairn_particle *particle);
+
+/* The filter's callbacks. */
+cairn_particle_model cairn_grouping_written_model(cairn_grouping *g);
+
+/* The log of (2.13) of a symmetric point for a walk that started at `start`; *sample is k of (2.12). */
+cairn_real cairn_grouping_written_likelihood(const cairn_grouping *g, const written_state *s, int32_t *sample);
+
+/* The symmetric point of two segments, NULL: there is none. */
+const cairn_symmetric_point *cairn_grouping_written_point(const cairn_grouping *g, int32_t first, int32_t second);
+
+/* Keeps the walk of a particle when it is the best of its mode. */
+void cairn_grouping_written_keep(cairn_grouping *g, int32_t index);
+
+#endif

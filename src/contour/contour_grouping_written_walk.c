@@ -1,0 +1,297 @@
+/* The walk of the mode as written: the filter's callbacks.
+ *
+ * Method: a particle looks ahead about the open ends of both sides (2.4.2): segments with an end within L of the open one, outside the
+ * region that its contour encloses, are paired. Pairs are culled that cross the contour or the skeleton, or have no symmetric point of the
+ * model's radii outside that region. Masses are those of the gaps and of the loss of symmetry (2.11); likelihoods those of the displacement
+ * and of the radius (2.12, 2.13), which no proposal has seen. The past of a particle is read from its history.
+ *
+ * Source: Adluru 2008, sections 2.3 to 2.5. */
+#include "src/core/build.h"
+
+#include "src/contour/contour_grouping_written.h"
+
+enum { UNITS_A_PROPOSAL = 60, UNITS_A_STEP = 12 };
+
+/* ---- The model ---- */
+
+static cairn_real half_square(cairn_real x)
+{
+    return CAIRN_REAL(0.5) * x * x;
+}
+
+/* N(x; 0, sigma), a density as printed. */
+static cairn_real normal(cairn_real x, cairn_real sigma)
+{
+    static const cairn_real root = CAIRN_REAL(2.50662827463100050242); /* of 2 pi */
+
+    return cairn_exp(-half_square(x / sigma)) / (root * sigma);
+}
+
+/* Sample k of the longest path, walked from its first sample or from its last. */
+static const cairn_shape_sample *sample_of(const cairn_shape_model *m, int32_t way, int32_t k)
+{
+    const cairn_shape_path *path = &m->paths[0];
+
+    return &m->samples[path->first + (way ? path->count - 1 - k : k)];
+}
+
+/* ds of (2.12), of two displacements in sizes: the angle between them, rad, and the difference of their lengths in mean radii of the model. Of
+ * displacements shorter than a mean radius the angle counts in proportion. */
+static cairn_real dissimilarity(const struct grouping_written *w, cairn_vec2 model, cairn_vec2 seen)
+{
+    cairn_real length = cairn_vec2_norm(seen), expected = cairn_vec2_norm(model);
+    cairn_real angle = cairn_abs(cairn_atan2(cairn_vec2_cross(model, seen), cairn_vec2_dot(model, seen)));
+
+    return angle * cairn_min(1, cairn_min(length, expected) / w->mean_radius) +
+           cairn_abs(length - expected) / w->mean_radius;
+}
+
+cairn_real cairn_grouping_written_likelihood(const cairn_grouping *g, const written_state *s, int32_t *sample)
+{
+    const struct grouping_written *w = g->written;
+    const cairn_shape_model *m = g->input.model;
+    cairn_vec2 seen = cairn_vec2_scale(cairn_vec2_sub(s->centre, s->start), 1 / w->size);
+    cairn_vec2 origin = sample_of(m, s->way, 0)->centre;
+    cairn_real least = CAIRN_REAL_MAX, off;
+
+    *sample = 0;
+    for (int32_t k = 0; k < m->paths[0].count; k++) {
+        cairn_real d = dissimilarity(w, cairn_vec2_sub(sample_of(m, s->way, k)->centre, origin), seen);
+
+        if (d < least) {
+            least = d;
+            *sample = k;
+        }
+    }
+    if (!g->params.use_model)
+        return 0;
+    off = (s->radius / w->size - sample_of(m, s->way, *sample)->radius) / w->mean_radius;
+    return cairn_log(CAIRN_REAL(0.5) * normal(least, g->params.path_sigma) +
+                     CAIRN_REAL(0.5) * normal(off, g->params.radius_sigma));
+}
+
+/* ---- The past of a particle ---- */
+
+/* The end of a segment. */
+static cairn_vec2 end_at(const cairn_grouping *g, int32_t end)
+{
+    const cairn_segment *s = &g->input.segments[end / 2];
+
+    return end % 2 ? s->b : s->a;
+}
+
+static void add_side(const cairn_grouping *g, written_side *side, int32_t open)
+{
+    side->vertex[side->count++] = end_at(g, open ^ 1);
+    side->vertex[side->count++] = end_at(g, open);
+}
+
+/* Reads the history up to a state: the states, both sides, the region between them. */
+static void read_past(cairn_grouping *g, const written_state *last, int32_t count)
+{
+    struct grouping_written *w = g->written;
+
+    w->past_count = count;
+    w->look++;
+    for (int32_t i = count - 1; i >= 0; i--) {
+        w->past[i] = last;
+        w->stamp[last->segment[0]] = w->stamp[last->segment[1]] = w->look;
+        last = cairn_particle_state_before(last);
+    }
+    w->polygon_count = 0;
+    for (int32_t s = 0; s < 2; s++) {
+        w->side[s].count = 0;
+        for (int32_t i = 0; i < count; i++)
+            if (i == 0 || w->past[i]->segment[s] != w->past[i - 1]->segment[s])
+                add_side(g, &w->side[s], w->past[i]->end[s]);
+    }
+    for (int32_t i = 0; i < w->side[0].count; i++)
+        w->polygon[w->polygon_count++] = w->side[0].vertex[i];
+    for (int32_t i = w->side[1].count - 1; i >= 0; i--)
+        w->polygon[w->polygon_count++] = w->side[1].vertex[i];
+}
+
+/* 1 when a line crosses a side of the contour, whose last `but` vertices do not count. */
+static int crosses_side(const written_side *side, cairn_segment line, int32_t but)
+{
+    for (int32_t i = 0; i + 1 < side->count - but; i++) {
+        cairn_segment piece = {side->vertex[i], side->vertex[i + 1]};
+
+        if (cairn_segments_cross(piece, line))
+            return 1;
+    }
+    return 0;
+}
+
+/* ---- Extensions ---- */
+
+/* Whether a side may be extended by a segment: it lies outside the explored region, and neither it nor the gap to it crosses the contour. */
+static int is_open(const cairn_grouping *g, int32_t s, int32_t from, int32_t joined)
+{
+    const struct grouping_written *w = g->written;
+    cairn_segment bridge = {end_at(g, from), end_at(g, joined)}, line = {bridge.b, end_at(g, joined ^ 1)};
+    cairn_vec2 middle = cairn_vec2_scale(cairn_vec2_add(line.a, line.b), CAIRN_REAL(0.5));
+
+    return !cairn_polygon_contains(w->polygon, w->polygon_count, middle) && !crosses_side(&w->side[s], line, 4) &&
+           !crosses_side(&w->side[s], bridge, 4) && !crosses_side(&w->side[1 - s], line, 0) &&
+           !crosses_side(&w->side[1 - s], bridge, 0);
+}
+
+/* Puts an extension into the list, the nearest first; of one segment only that from its nearer end. */
+static void insert(written_extension *list, int32_t *count, written_extension e)
+{
+    int32_t at = 0;
+
+    while (at < *count && list[at].open / 2 != e.open / 2)
+        at++;
+    if (at < *count && list[at].gap <= e.gap)
+        return;
+    if (at == *count) {
+        if (*count == WRITTEN_CHOICE && list[*count - 1].gap <= e.gap)
+            return;
+        at = *count < WRITTEN_CHOICE ? (*count)++ : *count - 1;
+    }
+    for (; at > 0 && list[at - 1].gap > e.gap; at--)
+        list[at] = list[at - 1];
+    list[at] = e;
+}
+
+/* What side s may be extended by, within the circle about its open end: list[WRITTEN_CHOICE]; their number. */
+static int32_t look_ahead(const cairn_grouping *g, const written_state *before, int32_t s, written_extension *list)
+{
+    const struct grouping_written *w = g->written;
+    cairn_vec2 open = end_at(g, before->end[s]);
+    cairn_point_grid_cursor near = cairn_point_grid_begin(w->ends, open, g->input.look_ahead);
+    int32_t count = 0;
+
+    for (int32_t e = cairn_point_grid_next(w->ends, &near); e >= 0; e = cairn_point_grid_next(w->ends, &near)) {
+        written_extension x = {cairn_vec2_norm(cairn_vec2_sub(end_at(g, e), open)), e ^ 1};
+
+        if (w->stamp[e / 2] == w->look || (count == WRITTEN_CHOICE && x.gap >= list[count - 1].gap))
+            continue;
+        if (is_open(g, s, before->end[s], e))
+            insert(list, &count, x);
+    }
+    return count;
+}
+
+/* Whether the step of the skeleton to a point crosses the contour or the skeleton, or turns back by more than a right angle. */
+static int crosses_past(const cairn_grouping *g, const written_state *before, cairn_vec2 centre)
+{
+    const struct grouping_written *w = g->written;
+    cairn_segment step = {before->centre, centre};
+
+    if (crosses_side(&w->side[0], step, 0) || crosses_side(&w->side[1], step, 0))
+        return 1;
+    for (int32_t i = 0; i + 2 < w->past_count; i++) {
+        cairn_segment piece = {w->past[i]->centre, w->past[i + 1]->centre};
+
+        if (cairn_segments_cross(piece, step))
+            return 1;
+    }
+    return w->past_count > 1 && cairn_vec2_dot(cairn_vec2_sub(step.b, step.a),
+                                               cairn_vec2_sub(step.a, w->past[w->past_count - 2]->centre)) < 0;
+}
+
+/* Whether the extensions of both sides cross each other. */
+static int cross_each_other(const cairn_grouping *g, const written_state *before, const written_extension *left,
+                            const written_extension *right)
+{
+    cairn_segment line[2][2];
+    const written_extension *e[2] = {left, right};
+
+    for (int32_t s = 0; s < 2; s++) {
+        line[s][0].a = end_at(g, before->end[s]);
+        line[s][0].b = line[s][1].a = end_at(g, e[s]->open ^ 1);
+        line[s][1].b = end_at(g, e[s]->open);
+    }
+    for (int32_t i = 0; i < 4; i++)
+        if (cairn_segments_cross(line[0][i / 2], line[1][i % 2]))
+            return 1;
+    return 0;
+}
+
+/* (2.11) */
+static cairn_real log_mass(const cairn_grouping *g, const written_state *before, const written_state *s, cairn_real gap)
+{
+    cairn_real loss = cairn_max(s->deviation - before->deviation, 0);
+    cairn_real mass = -half_square(gap / g->input.mean_length);
+
+    return g->params.use_skeleton ? mass - half_square(loss / g->params.symmetry) : mass;
+}
+
+/* Offers the pair of two extensions, unless it is culled. */
+static cairn_status offer(cairn_grouping *g, cairn_particle_filter *filter, const written_state *before,
+                          const written_extension *left, const written_extension *right)
+{
+    const cairn_symmetric_point *p = cairn_grouping_written_point(g, left->open / 2, right->open / 2);
+    written_state next = *before;
+    cairn_status status;
+
+    if (p == NULL || cairn_polygon_contains(g->written->polygon, g->written->polygon_count, p->centre) ||
+        crosses_past(g, before, p->centre) || cross_each_other(g, before, left, right))
+        return CAIRN_OK;
+    next.centre = p->centre;
+    next.radius = p->radius;
+    next.deviation = p->deviation;
+    next.end[0] = left->open;
+    next.end[1] = right->open;
+    next.segment[0] = left->open / 2;
+    next.segment[1] = right->open / 2;
+    status = cairn_particle_filter_offer(filter, &next,
+                                         log_mass(g, before, &next, CAIRN_REAL(0.5) * (left->gap + right->gap)));
+    return status == CAIRN_FULL ? CAIRN_OK : status;
+}
+
+static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index, cairn_budget *budget)
+{
+    cairn_grouping *g = context;
+    cairn_particle particle = cairn_particle_filter_particle(filter, index);
+    const written_state *before = particle.state;
+    written_extension list[2][WRITTEN_CHOICE];
+    int32_t count[2];
+
+    if (!cairn_budget_pay(budget, &g->stage, UNITS_A_PROPOSAL + UNITS_A_STEP * particle.steps))
+        return CAIRN_MORE;
+    read_past(g, before, particle.steps + 1);
+    for (int32_t s = 0; s < 2; s++)
+        count[s] = look_ahead(g, before, s, list[s]);
+    for (int32_t i = 0; i < count[0]; i++)
+        for (int32_t j = 0; j < count[1]; j++) {
+            cairn_status status = CAIRN_OK;
+
+            if (list[0][i].open / 2 != list[1][j].open / 2)
+                status = offer(g, filter, before, &list[0][i], &list[1][j]);
+            if (status != CAIRN_OK)
+                return status;
+        }
+    return CAIRN_OK;
+}
+
+static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index, const void *state,
+                               cairn_real *log_likelihood, cairn_budget *budget)
+{
+    int32_t sample;
+
+    (void)filter;
+    (void)index;
+    (void)budget;
+    *log_likelihood = cairn_grouping_written_likelihood(context, state, &sample);
+    return CAIRN_OK;
+}
+
+static void append(void *context, const cairn_particle_filter *filter, int32_t index, void *state)
+{
+    written_state *s = state;
+
+    (void)filter;
+    (void)index;
+    s->log_posterior += cairn_grouping_written_likelihood(context, s, &s->sample);
+}
+
+cairn_particle_model cairn_grouping_written_model(cairn_grouping *g)
+{
+    cairn_particle_model model = {g, propose, likelihood, append, NULL};
+
+    return model;
+}

@@ -1,0 +1,624 @@
+/* The mode as written of contour_grouping: what it finds; each step of a walk against its definition, by slow twins; bad input. */
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "cairn/contour_grouping.h"
+#include "cairn/symmetric_point.h"
+
+enum { WIDTH = 260, HEIGHT = 220, MOST = 700, SIDES = 8, STEPS = 64 };
+
+static const double flask[SIDES][2] = {{-8, -60}, {8, -60},  {8, -30},   {22, -10},
+                                       {22, 60},  {-22, 60}, {-22, -10}, {-8, -30}};
+
+typedef struct scene {
+    cairn_segment lines[MOST];
+    cairn_vec2 ends[32];
+    int32_t count, end_count;
+} scene;
+
+typedef struct finder {
+    cairn_pool pool;
+    cairn_shape_builder *builder;
+    cairn_grouping *grouping;
+    cairn_grouping_params params;
+    cairn_shape_model model;
+} finder;
+
+static void add_line(scene *s, double ax, double ay, double bx, double by)
+{
+    cairn_segment line = {{(cairn_real)ax, (cairn_real)ay}, {(cairn_real)bx, (cairn_real)by}};
+
+    assert_true(s->count < MOST);
+    s->lines[s->count++] = line;
+}
+
+static void add_end(scene *s, double x, double y)
+{
+    cairn_vec2 end = {(cairn_real)x, (cairn_real)y};
+
+    s->ends[s->end_count++] = end;
+}
+
+/* The sides of the flask in pieces of some 8 px; its upper corners are ends of strong chains. */
+static void add_flask(scene *s, double x, double y)
+{
+    for (int i = 0; i < SIDES; i++) {
+        const double *a = flask[i], *b = flask[(i + 1) % SIDES];
+        int parts = (int)ceil(hypot(b[0] - a[0], b[1] - a[1]) / 8);
+
+        for (int k = 0; k < parts; k++)
+            add_line(s, x + a[0] + (b[0] - a[0]) * k / parts, y + a[1] + (b[1] - a[1]) * k / parts,
+                     x + a[0] + (b[0] - a[0]) * (k + 1) / parts, y + a[1] + (b[1] - a[1]) * (k + 1) / parts);
+    }
+    add_end(s, x + flask[0][0], y + flask[0][1]);
+    add_end(s, x + flask[1][0], y + flask[1][1]);
+}
+
+static void add_clutter(scene *s, int32_t count, uint64_t seed)
+{
+    cairn_random random = cairn_random_seed(seed, 3);
+
+    for (int32_t i = 0; i < count; i++) {
+        double x = (double)cairn_random_uniform(&random, 10, WIDTH - 10);
+        double y = (double)cairn_random_uniform(&random, 10, HEIGHT - 10);
+        double turn = (double)cairn_random_uniform(&random, 0, CAIRN_PI);
+
+        add_line(s, x - 4 * cos(turn), y - 4 * sin(turn), x + 4 * cos(turn), y + 4 * sin(turn));
+    }
+}
+
+static cairn_grouping_params small_params(void)
+{
+    cairn_grouping_params p = cairn_grouping_as_written();
+
+    p.max_width = WIDTH;
+    p.max_height = HEIGHT;
+    p.max_tokens = MOST;
+    p.max_points = 8192;
+    p.max_steps = STEPS;
+    p.particles = 60;
+    p.max_objects = 4;
+    return p;
+}
+
+static finder new_finder(const cairn_grouping_params *params)
+{
+    cairn_shape_builder_params shape = cairn_shape_builder_default();
+    cairn_vec2 v[SIDES];
+    cairn_curve outline = {v, SIDES, 1};
+    cairn_budget budget = {INT32_MAX};
+    finder f;
+
+    for (int i = 0; i < SIDES; i++) {
+        v[i].x = (cairn_real)flask[i][0];
+        v[i].y = (cairn_real)flask[i][1];
+    }
+    f.params = *params;
+    f.pool = test_pool(cairn_shape_builder_memory(&shape) + cairn_grouping_memory(params));
+    assert_ok(cairn_shape_builder_create(&f.builder, &f.pool, &shape));
+    assert_ok(cairn_grouping_create(&f.grouping, &f.pool, params));
+    assert_ok(cairn_shape_builder_begin(f.builder, &outline, 1));
+    assert_ok(cairn_shape_builder_step(f.builder, &budget));
+    f.model = cairn_shape_builder_read(f.builder);
+    return f;
+}
+
+static cairn_grouping_input input_of(const finder *f, const scene *s)
+{
+    cairn_grouping_input in = {.segments = s->lines,
+                               .count = s->count,
+                               .width = WIDTH,
+                               .height = HEIGHT,
+                               .model = &f->model,
+                               .min_size = f->model.size,
+                               .max_size = f->model.size,
+                               .mean_length = 8,
+                               .look_ahead = 16,
+                               .ends = s->ends,
+                               .end_count = s->end_count};
+
+    return in;
+}
+
+static cairn_grouping_result group(finder *f, const cairn_grouping_input *in)
+{
+    cairn_budget budget = {INT32_MAX};
+
+    assert_ok(cairn_grouping_begin(f->grouping, in));
+    assert_int_equal(cairn_grouping_read(f->grouping).object_count, 0);
+    assert_ok(cairn_grouping_step(f->grouping, &budget));
+    return cairn_grouping_read(f->grouping);
+}
+
+/* ---- What it finds ---- */
+
+static void a_flask_in_clutter_is_walked_along(void **state)
+{
+    cairn_grouping_params params = small_params();
+    finder f = new_finder(&params);
+    scene s = {.count = 0};
+    cairn_grouping_input in;
+    cairn_grouping_result r;
+    int32_t own, among = 0;
+
+    (void)state;
+    add_flask(&s, 130, 100);
+    own = s.count;
+    add_clutter(&s, 40, 1);
+    in = input_of(&f, &s);
+    r = group(&f, &in);
+    assert_true(r.object_count >= 1);
+    for (int32_t i = 0; i < r.objects[0].count; i++)
+        among += r.segments[r.objects[0].first + i] < own;
+    assert_true(among >= own * 5 / 10);
+    assert_true(among >= r.objects[0].count * 8 / 10);
+    assert_near(r.objects[0].origin.x, 130 + (double)f.model.origin.x, 8);
+    assert_near(r.objects[0].origin.y, 100 + (double)f.model.origin.y, 14);
+    assert_near(r.objects[0].size, f.model.size, 1e-3);
+    assert_true(r.objects[0].score > (cairn_real)0.7);
+    assert_int_equal(r.token_count, s.count);
+    assert_true(r.starts > 0 && r.points > 0 && r.points_dropped == 0 && r.end != CAIRN_GROUPING_NO_START);
+    assert_near(r.best_evidence, r.objects[0].evidence, 0);
+    for (int32_t i = 0; i < r.steps; i++)
+        assert_in_range(r.trace[i].particles, 1, params.particles);
+    for (int32_t i = 0, first = 0; i < r.object_count; first += r.objects[i++].count)
+        assert_int_equal(r.objects[i].first, first);
+    test_pool_free(&f.pool);
+}
+
+/* Without both terms a walk has no reason to follow the flask: all walks are alike by (2.13). */
+static void terms_can_be_switched_off(void **state)
+{
+    cairn_real posterior[3];
+    scene s = {.count = 0};
+
+    (void)state;
+    add_flask(&s, 130, 100);
+    add_clutter(&s, 120, 2);
+    for (int off = 0; off < 3; off++) {
+        cairn_grouping_params params = small_params();
+        cairn_grouping_input in;
+        cairn_grouping_result r;
+        finder f;
+
+        params.use_model = off != 1;
+        params.use_skeleton = off != 2;
+        f = new_finder(&params);
+        in = input_of(&f, &s);
+        r = group(&f, &in);
+        assert_true(r.object_count >= 1);
+        posterior[off] = r.objects[0].evidence;
+        test_pool_free(&f.pool);
+    }
+    assert_near(posterior[1], 0, 0);
+    assert_true(posterior[0] > 1 && posterior[2] != posterior[0]);
+}
+
+/* ---- Walks against their definition ---- */
+
+static double twin_normal(double x, double sigma)
+{
+    return exp(-x * x / (2 * sigma * sigma)) / (sigma * sqrt(2 * acos(-1)));
+}
+
+/* The log of (2.13), the path walked from its first or its last sample. */
+static double twin_likelihood(const finder *f, const cairn_grouping_disc *first, const cairn_grouping_disc *d, int way)
+{
+    const cairn_shape_model *m = &f->model;
+    int32_t n = m->paths[0].count;
+    const cairn_shape_sample *p = &m->samples[m->paths[0].first];
+    double size = (double)m->size, mean = 0, least = 1e9, radius = 0;
+    double x = (double)(d->centre.x - first->centre.x) / size, y = (double)(d->centre.y - first->centre.y) / size;
+
+    for (int32_t k = 0; k < n; k++)
+        mean += (double)p[k].radius / n;
+    for (int32_t k = 0; k < n; k++) {
+        const cairn_shape_sample *sample = &p[way ? n - 1 - k : k], *start = &p[way ? n - 1 : 0];
+        double mx = (double)(sample->centre.x - start->centre.x), my = (double)(sample->centre.y - start->centre.y);
+        double angle = fabs(remainder(atan2(y, x) - atan2(my, mx), 2 * acos(-1)));
+        double off =
+            angle * fmin(1, fmin(hypot(x, y), hypot(mx, my)) / mean) + fabs(hypot(x, y) - hypot(mx, my)) / mean;
+
+        if (off < least) {
+            least = off;
+            radius = (double)sample->radius;
+        }
+    }
+    return log(0.5 * twin_normal(least, 0.7) + 0.5 * twin_normal(((double)d->radius / size - radius) / mean, 0.2));
+}
+
+static double apart(cairn_vec2 a, cairn_vec2 b)
+{
+    return hypot((double)(a.x - b.x), (double)(a.y - b.y));
+}
+
+/* The range of the model's radii, a fifth of their mean wider on both sides. */
+static void model_radii(const finder *f, cairn_real radii[2])
+{
+    const cairn_shape_path *path = &f->model.paths[0];
+    cairn_real least = 1, most = 0, sum = 0;
+
+    for (int32_t k = path->first; k < path->first + path->count; k++) {
+        least = cairn_min(least, f->model.samples[k].radius);
+        most = cairn_max(most, f->model.samples[k].radius);
+        sum += f->model.samples[k].radius;
+    }
+    sum *= (cairn_real)0.2 / (cairn_real)path->count;
+    radii[0] = cairn_max(f->model.size * (least - sum), 0);
+    radii[1] = f->model.size * (most + sum);
+}
+
+/* Every disc is the symmetric point of its segments; every step leads from an open end to an end within the look-ahead, and takes two new
+ * segments; the posterior is the sum of (2.13) along one of the two ways. */
+static void assert_is_walk(const finder *f, const scene *s, const cairn_grouping_disc *d, int32_t count)
+{
+    double sum[2] = {0, 0};
+    int right[2] = {1, 1};
+    cairn_real radii[2];
+
+    model_radii(f, radii);
+    assert_true(count >= 1);
+    for (int32_t i = 0; i < count; i++) {
+        cairn_symmetric_point_params params = cairn_symmetric_point_default();
+        cairn_symmetric_point p;
+        int32_t low = d[i].segment[0] < d[i].segment[1] ? 0 : 1;
+
+        params.min_radius = radii[0];
+        params.max_radius = radii[1];
+        assert_int_equal(cairn_symmetric_point_of_segments(&params, s->lines[d[i].segment[low]],
+                                                           s->lines[d[i].segment[1 - low]], &p),
+                         1);
+        assert_near(apart(p.centre, d[i].centre), 0, 0);
+        assert_near(p.radius, d[i].radius, 0);
+        assert_near(p.deviation, d[i].deviation, 0);
+        for (int way = 0; way < 2; way++) {
+            sum[way] += twin_likelihood(f, &d[0], &d[i], way);
+            right[way] = right[way] && fabs(sum[way] - (double)d[i].log_posterior) < NUMBER(1e-9, 1e-2);
+        }
+        for (int k = 0; k < 2; k++) {
+            cairn_segment line = s->lines[d[i].segment[k]];
+            int at_b = apart(line.b, d[i].open[k]) == 0;
+
+            assert_true(at_b || apart(line.a, d[i].open[k]) == 0);
+            if (i > 0)
+                assert_true(apart(d[i - 1].open[k], at_b ? line.a : line.b) <= 16.001);
+            for (int32_t j = 0; j < i; j++)
+                assert_true(d[j].segment[0] != d[i].segment[k] && d[j].segment[1] != d[i].segment[k]);
+        }
+    }
+    assert_true(right[0] || right[1]);
+}
+
+static void walks_are_what_they_are_defined_to_be(void **state)
+{
+    cairn_grouping_params params = small_params();
+    finder f = new_finder(&params);
+    static cairn_grouping_disc d[STEPS];
+    cairn_grouping_particle particles[60];
+    int32_t steps, walks = 0, longest = 0;
+    cairn_status status;
+
+    (void)state;
+    for (uint64_t seed = 1; seed < 4; seed++) {
+        scene s = {.count = 0};
+        cairn_grouping_input in;
+        cairn_grouping_result r;
+
+        add_flask(&s, 120, 100);
+        add_clutter(&s, 80, seed);
+        in = input_of(&f, &s);
+        assert_ok(cairn_grouping_begin(f.grouping, &in));
+        assert_int_equal(cairn_grouping_history(f.grouping, 0, d, STEPS), 0);
+        do {
+            cairn_budget budget = {20000};
+
+            status = cairn_grouping_step(f.grouping, &budget);
+            for (int32_t i = 0; i < cairn_grouping_particles(f.grouping, particles, 60, &steps); i += 7) {
+                int32_t count = cairn_grouping_history(f.grouping, i, d, STEPS);
+
+                /* The step after may have been made, and not yet been counted. */
+                assert_in_range(count, steps + 1, steps + 2);
+                assert_is_walk(&f, &s, d, count);
+                assert_near(apart(particles[i].centre, d[count - 1].centre), 0, 0);
+                assert_int_equal(particles[i].sides, 2);
+                walks++;
+            }
+        } while (status == CAIRN_MORE);
+        assert_ok(status);
+        r = cairn_grouping_read(f.grouping);
+        for (int32_t i = 0; i < r.object_count; i++) {
+            int32_t count = cairn_grouping_skeleton(f.grouping, i, d, STEPS);
+
+            assert_int_equal(count, r.objects[i].seen);
+            assert_is_walk(&f, &s, d, count);
+            assert_near(d[count - 1].log_posterior, r.objects[i].evidence, 0);
+            assert_true(i == 0 || r.objects[i].evidence <= r.objects[i - 1].evidence);
+            longest = count > longest ? count : longest;
+            for (int32_t k = 0; k < count; k++)
+                for (int side = 0; side < 2; side++) {
+                    int is_listed = 0;
+
+                    for (int32_t j = 0; j < r.objects[i].count; j++)
+                        is_listed |= r.segments[r.objects[i].first + j] == d[k].segment[side];
+                    assert_true(is_listed);
+                }
+        }
+        assert_int_equal(cairn_grouping_skeleton(f.grouping, r.object_count, d, STEPS), 0);
+    }
+    assert_true(walks > 20 && longest >= 8);
+    assert_int_equal(cairn_grouping_history(f.grouping, -1, d, STEPS), 0);
+    assert_int_equal(cairn_grouping_history(f.grouping, 60, d, STEPS), 0);
+    assert_int_equal(cairn_grouping_history(NULL, 0, d, STEPS), 0);
+    assert_int_equal(cairn_grouping_skeleton(NULL, 0, d, STEPS), 0);
+    assert_true(cairn_grouping_history(f.grouping, 0, NULL, 0) > 1);
+    test_pool_free(&f.pool);
+}
+
+/* ---- Budgets, memory ---- */
+
+static uint64_t hash_of(const cairn_grouping_result *r)
+{
+    uint64_t hash = test_hash(TEST_HASH_START, &r->best, sizeof r->best);
+
+    hash = test_hash(hash, r->segments, (size_t)r->segment_count * sizeof *r->segments);
+    for (int32_t i = 0; i < r->object_count; i++) {
+        hash = test_hash(hash, &r->objects[i].evidence, sizeof r->objects[i].evidence);
+        hash = test_hash(hash, &r->objects[i].origin, sizeof r->objects[i].origin);
+    }
+    for (int32_t i = 0; i < r->steps; i++)
+        hash = test_hash(hash, &r->trace[i].n_eff, sizeof r->trace[i].n_eff);
+    return hash;
+}
+
+static void budgets_do_not_matter(void **state)
+{
+    static const int32_t budgets[] = {1, 7, 1000, INT32_MAX};
+    cairn_grouping_params params = small_params();
+    scene s = {.count = 0};
+    uint64_t first = 0;
+    cairn_grouping_input in;
+    finder f;
+
+    (void)state;
+    params.particles = 12;
+    f = new_finder(&params);
+    add_flask(&s, 130, 100);
+    add_clutter(&s, 30, 5);
+    in = input_of(&f, &s);
+    for (int i = 0; i < 4; i++) {
+        cairn_grouping_result r;
+        cairn_status status;
+        uint64_t hash;
+
+        assert_ok(cairn_grouping_begin(f.grouping, &in));
+        do {
+            cairn_budget budget = {budgets[i]};
+
+            status = cairn_grouping_step(f.grouping, &budget);
+            assert_true(budget.left >= 0);
+        } while (status == CAIRN_MORE);
+        assert_ok(status);
+        r = cairn_grouping_read(f.grouping);
+        assert_true(r.object_count >= 1);
+        hash = hash_of(&r);
+        first = i == 0 ? hash : first;
+        assert_true(hash == first);
+    }
+    test_pool_free(&f.pool);
+}
+
+static cairn_status create(void *context, cairn_pool *pool)
+{
+    cairn_grouping *grouping;
+
+    return cairn_grouping_create(&grouping, pool, context);
+}
+
+static void every_pool_size(void **state)
+{
+    cairn_grouping_params params = small_params();
+
+    (void)state;
+    params.max_tokens = 20;
+    params.max_points = 30;
+    params.max_steps = 4;
+    params.particles = 3;
+    params.max_objects = 1;
+    params.max_outline = 16;
+    test_every_pool_size(create, &params, cairn_grouping_memory(&params));
+}
+
+/* ---- Bad input ---- */
+
+static void bad_params_are_refused(void **state)
+{
+    cairn_grouping_params p;
+
+    (void)state;
+#define REFUSED(change)                                                                                                \
+    p = small_params();                                                                                                \
+    assert_true(cairn_grouping_memory(&p) > 0);                                                                        \
+    change;                                                                                                            \
+    assert_int_equal(cairn_grouping_memory(&p), 0)
+    REFUSED(p.mode = -1);
+    REFUSED(p.mode = 2);
+    REFUSED(p.max_points = 0);
+    REFUSED(p.max_points = (1 << 22) + 1);
+    REFUSED(p.max_steps = 1);
+    REFUSED(p.max_steps = 1025);
+    REFUSED(p.path_sigma = 0);
+    REFUSED(p.path_sigma = (cairn_real)NAN);
+    REFUSED(p.radius_sigma = 0);
+    REFUSED(p.radius_sigma = (cairn_real)INFINITY);
+#undef REFUSED
+    p = cairn_grouping_as_written();
+    assert_int_equal(p.mode, CAIRN_MODE_AS_WRITTEN);
+    assert_near(p.path_sigma, 0.7, 1e-6);
+    assert_near(p.radius_sigma, 0.2, 1e-6);
+    assert_int_equal(cairn_grouping_default().mode, CAIRN_MODE_DEFAULT);
+}
+
+static void bad_input_is_refused(void **state)
+{
+    cairn_grouping_params params = small_params();
+    finder f = new_finder(&params);
+    cairn_shape_model pathless = f.model;
+    cairn_budget budget = {INT32_MAX};
+    cairn_grouping_input good, in;
+    scene s = {.count = 0};
+
+    (void)state;
+    add_flask(&s, 130, 100);
+    good = input_of(&f, &s);
+    pathless.path_count = 0;
+#define REFUSED(change, status)                                                                                        \
+    in = good;                                                                                                         \
+    change;                                                                                                            \
+    assert_status(cairn_grouping_begin(f.grouping, &in), status)
+    REFUSED(in.look_ahead = 0, CAIRN_BAD_ARGUMENT);
+    REFUSED(in.look_ahead = (cairn_real)NAN, CAIRN_NOT_FINITE);
+    REFUSED(in.end_count = -1, CAIRN_BAD_ARGUMENT);
+    REFUSED(in.ends = NULL, CAIRN_BAD_ARGUMENT);
+    REFUSED(in.count = MOST + 1, CAIRN_FULL);
+    REFUSED(in.model = &pathless, CAIRN_BAD_ARGUMENT);
+    REFUSED(in.min_size = 0, CAIRN_BAD_ARGUMENT);
+#undef REFUSED
+    s.lines[3].a.x = (cairn_real)NAN;
+    assert_ok(cairn_grouping_begin(f.grouping, &good));
+    assert_status(cairn_grouping_step(f.grouping, &budget), CAIRN_NOT_FINITE);
+    assert_int_equal(cairn_grouping_read(f.grouping).object_count, 0);
+    s.lines[3].a.x = 0;
+    s.ends[0].y = (cairn_real)INFINITY;
+    assert_ok(cairn_grouping_begin(f.grouping, &good));
+    assert_status(cairn_grouping_step(f.grouping, &budget), CAIRN_NOT_FINITE);
+    test_pool_free(&f.pool);
+}
+
+static void no_start_is_told(void **state)
+{
+    cairn_grouping_params params = small_params();
+    finder f = new_finder(&params);
+    scene s = {.count = 0}, none = {.count = 0};
+    cairn_grouping_particle p;
+    cairn_grouping_input in;
+    cairn_grouping_result r;
+
+    (void)state;
+    add_flask(&s, 130, 100);
+    in = input_of(&f, &s);
+    in.end_count = 0;
+    r = group(&f, &in);
+    assert_int_equal(r.end, CAIRN_GROUPING_NO_START);
+    assert_int_equal(r.object_count + r.steps + r.starts, 0);
+    assert_int_equal(cairn_grouping_particles(f.grouping, &p, 1, NULL), 0);
+    /* Nor is there one in an image without a chain. */
+    in = input_of(&f, &none);
+    r = group(&f, &in);
+    assert_int_equal(r.end, CAIRN_GROUPING_NO_START);
+    assert_int_equal(r.points, 0);
+    test_pool_free(&f.pool);
+}
+
+/* Two segments face each other, and nothing else is near: 500 particles start, and none can go on. */
+static void all_particles_may_die(void **state)
+{
+    cairn_grouping_params params = small_params();
+    scene s = {.count = 0};
+    cairn_grouping_input in;
+    cairn_grouping_result r;
+    finder f;
+
+    (void)state;
+    params.particles = 500;
+    f = new_finder(&params);
+    add_line(&s, 100, 50, 100, 58);
+    add_line(&s, 124, 50, 124, 58);
+    add_end(&s, 100, 50);
+    in = input_of(&f, &s);
+    r = group(&f, &in);
+    assert_int_equal(r.points, 1);
+    assert_int_equal(r.starts, 4);
+    assert_int_equal(r.end, CAIRN_GROUPING_NO_FOLLOWER);
+    assert_int_equal(r.object_count + r.steps, 0);
+    /* Again with what can be found. */
+    s.count = s.end_count = 0;
+    add_flask(&s, 130, 100);
+    in = input_of(&f, &s);
+    assert_true(group(&f, &in).object_count >= 1);
+    test_pool_free(&f.pool);
+}
+
+/* Parallel lines all over: more than ten thousand symmetric points, of which as many are kept as there is room for. */
+static void ten_thousand_points(void **state)
+{
+    cairn_grouping_params params = small_params();
+    scene s = {.count = 0};
+    cairn_grouping_input in;
+    cairn_grouping_result r;
+    finder f;
+
+    (void)state;
+    params.max_points = 3000;
+    params.particles = 10;
+    f = new_finder(&params);
+    for (int y = 10; y < 200; y += 10)
+        for (int x = 10; x < 250; x += 10)
+            add_line(&s, x, y, x, y + 9);
+    add_end(&s, 50, 50);
+    in = input_of(&f, &s);
+    r = group(&f, &in);
+    assert_int_equal(r.points, 3000);
+    assert_true(r.points + r.points_dropped > 10000);
+    assert_true(r.end != CAIRN_GROUPING_NO_START);
+    test_pool_free(&f.pool);
+}
+
+/* Two steps are all that there is memory for; and histories without room end the walk, not the search. */
+static void steps_are_bounded(void **state)
+{
+    cairn_grouping_params params = small_params();
+    scene s = {.count = 0};
+    cairn_grouping_input in;
+    cairn_grouping_result r;
+    finder f;
+
+    (void)state;
+    params.max_steps = 3;
+    f = new_finder(&params);
+    add_flask(&s, 130, 100);
+    in = input_of(&f, &s);
+    r = group(&f, &in);
+    assert_int_equal(r.steps, 2);
+    assert_int_equal(r.end, CAIRN_GROUPING_STEPS);
+    assert_true(r.object_count >= 1 && r.objects[0].seen <= 3);
+    test_pool_free(&f.pool);
+    params = small_params();
+    params.stop = 1;
+    f = new_finder(&params);
+    in = input_of(&f, &s);
+    in.min_size = in.max_size = 3 * f.model.size;
+    r = group(&f, &in);
+    assert_true(r.end == CAIRN_GROUPING_POSTERIOR || r.end == CAIRN_GROUPING_NO_START ||
+                r.end == CAIRN_GROUPING_NO_FOLLOWER);
+    test_pool_free(&f.pool);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_flask_in_clutter_is_walked_along),
+        cmocka_unit_test(terms_can_be_switched_off),
+        cmocka_unit_test(walks_are_what_they_are_defined_to_be),
+        cmocka_unit_test(budgets_do_not_matter),
+        cmocka_unit_test(every_pool_size),
+        cmocka_unit_test(bad_params_are_refused),
+        cmocka_unit_test(bad_input_is_refused),
+        cmocka_unit_test(no_start_is_told),
+        cmocka_unit_test(all_particles_may_die),
+        cmocka_unit_test(ten_thousand_points),
+        cmocka_unit_test(steps_are_bounded),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,224 @@
+/* Shapes detected by parts as written: what a hypothesis is made of, its box and score; nothing, very much, one fragment alone. */
+#include "tests/flag_picture.h"
+
+#include "cairn/part_bundle.h"
+#include "src/host/object_detect_work.h"
+
+/* The box about all lines of the chains that the parts are. */
+static void assert_box(const cairn_contour_tokens *tokens, const cairn_detections *found, const cairn_detection *d)
+{
+    cairn_box box = cairn_box_empty();
+    int32_t lines = 0;
+
+    for (int32_t i = 0; i < tokens->count; i++)
+        for (int32_t k = 0; k < d->part_count; k++)
+            if (tokens->chain[i] == found->parts[d->first_part + k].chain) {
+                box = cairn_box_extend(cairn_box_extend(box, tokens->lines[i].a), tokens->lines[i].b);
+                lines++;
+            }
+    assert_int_equal(d->segment_count, lines);
+    /* Ends of lines are joined halfway. */
+    assert_near(d->left, box.min.x, 3);
+    assert_near(d->top, box.min.y, 3);
+    assert_near(d->right, box.max.x, 3);
+    assert_near(d->bottom, box.max.y, 3);
+}
+
+/* One fragment of a bundle, one to one with chains; nothing but the distance of shapes counts. */
+static void assert_hypothesis(const cairn_contour_tokens *tokens, const cairn_detections *found,
+                              const cairn_detection *d)
+{
+    uint32_t bundles = 0;
+    double sum = 0;
+
+    assert_near(d->score, 1 - (double)d->distance, 1e-6);
+    assert_near(d->rigid, 0, 0);
+    assert_near(d->bent, 0, 0);
+    assert_near(d->grouped, 0, 0);
+    assert_true(d->part_count >= 1);
+    assert_in_range(d->first_part + d->part_count, d->part_count, found->part_count);
+    for (int32_t i = 0; i < d->part_count; i++) {
+        const cairn_detected_part *p = &found->parts[d->first_part + i];
+
+        assert_in_range(p->bundle, 0, found->bundles - 1);
+        assert_false(bundles >> p->bundle & 1);
+        bundles |= UINT32_C(1) << p->bundle;
+        sum += (double)p->similarity;
+        for (int32_t k = 0; k < i; k++)
+            assert_int_not_equal(p->chain, found->parts[d->first_part + k].chain);
+    }
+    assert_near(d->agreement, sum, 1e-5);
+    assert_box(tokens, found, d);
+}
+
+static cairn_detections detect(const cairn_contour_tokens *tokens, const cairn_object_detect_params *params)
+{
+    cairn_shape_model_file model = make_model();
+    cairn_detect_field *field;
+    cairn_detections found;
+
+    assert_ok(cairn_detect_field_make(&field, tokens, params, "edges", &error));
+    assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));
+    for (int32_t i = 0; i < found.count; i++) {
+        assert_true(i == 0 || found.found[i].score <= found.found[i - 1].score);
+        assert_hypothesis(tokens, &found, &found.found[i]);
+    }
+    cairn_detect_field_free(field);
+    cairn_shape_model_file_free(&model);
+    return found;
+}
+
+static cairn_object_detect_params written_params(void)
+{
+    cairn_object_detect_params params = cairn_object_detect_as_written(WIDTH, HEIGHT);
+
+    params.min_score = -10;
+    return params;
+}
+
+/* Whole, mirrored, with a side hidden: its chains are the hypothesis; the box is about them. */
+static void finds_a_shape(void **state)
+{
+    static const struct {
+        double x, y, scale;
+        int mirrored;
+        int32_t hidden;
+    } cases[] = {{110, 40, 1, 0, -1}, {200, 30, 1.2, 1, -1}, {60, 70, 0.9, 0, 7}, {230, 60, 1, 1, 0}};
+
+    (void)state;
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        cairn_object_detect_params params = written_params();
+        cairn_contour_tokens tokens;
+        cairn_detections found;
+
+        clear_picture();
+        draw_flag_without(cases[k].x, cases[k].y, cases[k].scale, cases[k].mirrored, cases[k].hidden);
+        tokens = find_tokens(0);
+        found = detect(&tokens, &params);
+        assert_true(found.count >= 1);
+        assert_true(share_of(&found.found[0], cases[k].x, cases[k].y, cases[k].scale, cases[k].mirrored) > 0.85);
+        assert_int_equal(found.found[0].mirrored, cases[k].mirrored);
+        assert_true(found.found[0].distance < (cases[k].hidden < 0 ? CAIRN_REAL(0.3) : CAIRN_REAL(0.8)));
+        cairn_detections_free(&found);
+        cairn_contour_tokens_free(&tokens);
+    }
+}
+
+/* No chain, chains too many to keep all configurations of, more near votes than there are, every match. */
+static void is_bounded(void **state)
+{
+    cairn_object_detect_params params = written_params();
+    cairn_contour_tokens tokens;
+    cairn_detections found;
+
+    (void)state;
+    clear_picture();
+    tokens = find_tokens(0);
+    found = detect(&tokens, &params);
+    assert_int_equal(found.count, 0);
+    cairn_detections_free(&found);
+    cairn_contour_tokens_free(&tokens);
+    clear_picture();
+    draw_clutter(12);
+    draw_flag(110, 40, 1, 0);
+    tokens = find_tokens(0);
+    found = detect(&tokens, &params);
+    assert_in_range(found.count, 1, 2 * DETECT_WRITTEN);
+    assert_true(found.part_count <= 2 * DETECT_WRITTEN * CAIRN_PART_BUNDLES);
+    cairn_detections_free(&found);
+    params.nearest = 64;
+    found = detect(&tokens, &params);
+    assert_true(found.count >= 1);
+    cairn_detections_free(&found);
+    cairn_contour_tokens_free(&tokens);
+}
+
+/* A model of one fragment by hand: a configuration is one chain. */
+static void takes_one_fragment(void **state)
+{
+    static const cairn_part_cut cut = {0, 20, 0};
+    cairn_object_detect_params params = written_params();
+    cairn_shape_model_file model = make_model();
+    cairn_contour_tokens tokens;
+    cairn_detect_field *field;
+    cairn_detections found;
+
+    (void)state;
+    clear_picture();
+    draw_flag(110, 40, 1, 0);
+    tokens = find_tokens(0);
+    params.cuts = &cut;
+    params.cut_count = 1;
+    assert_ok(cairn_detect_field_make(&field, &tokens, &params, "edges", &error));
+    assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));
+    assert_int_equal(found.bundles, 1);
+    for (int32_t i = 0; i < found.count; i++)
+        assert_int_equal(found.found[i].part_count, 1);
+    cairn_detections_free(&found);
+    cairn_detect_field_free(field);
+    cairn_contour_tokens_free(&tokens);
+    cairn_shape_model_file_free(&model);
+}
+
+static void hear_stage(void *context, cairn_detect_stage stage)
+{
+    char *heard = context;
+    size_t count = strlen(heard);
+
+    assert_true(count < 15);
+    heard[count] = (char)('0' + stage);
+}
+
+static void tells_its_stages(void **state)
+{
+    cairn_object_detect_params params = written_params();
+    char heard[16] = "";
+    cairn_contour_tokens tokens;
+    cairn_detections found;
+
+    (void)state;
+    clear_picture();
+    draw_flag(110, 40, 1, 0);
+    tokens = find_tokens(0);
+    params.on_stage = hear_stage;
+    params.on_stage_context = heard;
+    found = detect(&tokens, &params);
+    assert_string_equal(heard, "01012");
+    cairn_detections_free(&found);
+    cairn_contour_tokens_free(&tokens);
+}
+
+/* What the thesis does not have. */
+static void refuses_other_methods(void **state)
+{
+    enum { BAD = 7 };
+    cairn_object_detect_params bad[BAD];
+    cairn_contour_tokens tokens = {.width = WIDTH, .height = HEIGHT};
+    cairn_detect_field *field;
+
+    (void)state;
+    for (int i = 0; i < BAD; i++)
+        bad[i] = written_params();
+    bad[0].mode = 2;
+    bad[1].mode = -1;
+    bad[2].method = CAIRN_DETECT_EVIDENCE;
+    bad[3].bundles = CAIRN_DETECT_NO_BUNDLES;
+    bad[4].modes = 1;
+    bad[5].occluded = 1;
+    bad[6].verify = 1;
+    for (int i = 0; i < BAD; i++) {
+        assert_status(cairn_detect_field_make(&field, &tokens, &bad[i], "edges", &error), CAIRN_BAD_ARGUMENT);
+        assert_error_holds(i < 2 ? "expected 0 or 1" : "as written");
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(finds_a_shape),         cmocka_unit_test(is_bounded),
+        cmocka_unit_test(takes_one_fragment),    cmocka_unit_test(tells_its_stages),
+        cmocka_unit_test(refuses_other_methods),
+    };
+
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,36 @@
+#!/bin/sh
+# What a release must pass beside .ci/run, and what takes too long for every change: tools/check-long.sh BUILD
+#
+# All steps run; each prints its minutes, and the exit status is 1 when one found something.
+build=${1:?usage: tools/check-long.sh BUILD}
+make=${MAKE:-make}
+unset MAKEFLAGS MFLAGS MAKELEVEL
+SKIPPED=$(mktemp)
+export SKIPPED
+trap 'rm -f "$SKIPPED"' EXIT
+start=$(date +%s)
+failures=
+
+step()
+{
+    name=$1
+    shift
+    begin=$(date +%s)
+    echo "== $name"
+    "$@" || failures="$failures, $name"
+    awk -v name="$name" -v s=$(($(date +%s) - begin)) 'BEGIN { printf "== %s took %.1f min\n", name, s / 60 }'
+}
+
+# .ci/run looks for wrong addresses in double, and for undefined behaviour by traps that do not say what they found.
+step "tests with the sanitizers of addresses and of undefined behaviour, double and float" \
+    $make -j2 BUILD="$build/sanitized" SANITIZE=1 test
+for name in warnings_rest tidy_rest cppcheck_rest bits_rest; do
+    step "check $name" sh tools/check.sh "$build" $name
+done
+total=$(awk -v s=$(($(date +%s) - start)) 'BEGIN { printf "%.1f min", s / 60 }')
+skipped=$(wc -l <"$SKIPPED")
+[ -z "$failures" ] || {
+    echo "make check-long: failed: ${failures#, }; $total, $skipped steps skipped"
+    exit 1
+}
+echo "make check-long: all passed in $total, $skipped steps skipped"
