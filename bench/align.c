@@ -438,7 +438,9 @@ int main(int argc, char **argv)
             "--method", &given_method, "NAME",
             "default, gradient (as in the thesis), icp, lum, lum-alone: without registration, sequential: scan by "
             "scan by the mapper, filter: by 30 particles (default)"),
-        OPTION_FLAG("--as-written", &s.as_written, "chapter 7 of the thesis: method gradient"),
+        OPTION_FLAG(
+            "--as-written", &s.as_written,
+            "as the thesis has it: gradient (chapter 7, the default then), lum and lum-alone (10, the same then)"),
         OPTION_FLAG("--online", &s.online,
                     "scan after scan, each against all before (section 7.3.6), with --as-written or method gradient"),
         OPTION_TEXT("--scene", &s.kind.scene, "NAME", "scene of the arenas (rescue)"),
@@ -450,8 +452,6 @@ int main(int argc, char **argv)
         OPTION_PAIR("--jitter", s.kind.jitter, 0, 360, "M,DEG", "spread of the sensors of one place, m and degrees"),
         OPTION_PAIR("--within", s.within, 0.001, 180, "M,DEG", "of the truth, to be aligned (0.05,1)"),
         OPTION_INTEGER("--steps", &s.steps, 1, 100000, "N", "iterations of gradient and lum at most"),
-        OPTION_FLAG("--as-written", &s.as_written,
-                    "gradient, lum and lum-alone (the same then) as the thesis has them"),
         OPTION_FLAG("--return", &s.again, "disturbs the solution, too, and aligns it again"),
         OPTION_FLAG("--chain", &s.chain,
                     "poses from nothing: the scans of each place matched as a whole, then the method"),

@@ -124,10 +124,9 @@ static cairn_status field_add(void *object, const cairn_scan_view *view, cairn_p
     return cairn_force_field_add_scan(object, view, NULL, pose, NULL);
 }
 
-static cairn_status run_field(const bench_problem *problem, cairn_scan *scan, room most, cairn_pose *poses,
-                              int32_t *steps)
+static cairn_status run_field_with(cairn_force_field_params params, const bench_problem *problem, cairn_scan *scan,
+                                   room most, cairn_pose *poses, int32_t *steps)
 {
-    cairn_force_field_params params = cairn_force_field_default();
     aligning a = {NULL, field_iterate, field_running, field_pose};
     cairn_force_field *field = NULL;
     cairn_pool pool;
@@ -150,6 +149,18 @@ static cairn_status run_field(const bench_problem *problem, cairn_scan *scan, ro
         poses[i] = start_of(problem, i);
     free(memory);
     return status;
+}
+
+static cairn_status run_field(const bench_problem *problem, cairn_scan *scan, room most, cairn_pose *poses,
+                              int32_t *steps)
+{
+    return run_field_with(cairn_force_field_default(), problem, scan, most, poses, steps);
+}
+
+static cairn_status run_field_as_written(const bench_problem *problem, cairn_scan *scan, room most, cairn_pose *poses,
+                                         int32_t *steps)
+{
+    return run_field_with(cairn_force_field_as_written(), problem, scan, most, poses, steps);
 }
 
 /* ---- default ---- */
@@ -285,8 +296,8 @@ static cairn_status run_lum_as_written(const bench_problem *problem, cairn_scan 
 int bench_track_run(bench_track_method method, const bench_problem *problem, int32_t as_written, cairn_pose *poses,
                     int32_t *steps)
 {
-    static cairn_status (*const runs[])(const bench_problem *, cairn_scan *, room, cairn_pose *,
-                                        int32_t *) = {run_field, run_aligner, run_lum};
+    static cairn_status (*const runs[2][3])(const bench_problem *, cairn_scan *, room, cairn_pose *, int32_t *) = {
+        {run_field, run_aligner, run_lum}, {run_field_as_written, run_aligner, run_lum_as_written}};
     cairn_scan_params params = cairn_scan_default();
     cairn_scan *scan = NULL;
     room most = {0, 0, 0};
@@ -303,8 +314,7 @@ int bench_track_run(bench_track_method method, const bench_problem *problem, int
     if (status == CAIRN_OK)
         status = add_all(problem, scan, add_room, &most);
     if (status == CAIRN_OK)
-        status = (as_written && method == BENCH_TRACK_LUM ? run_lum_as_written : runs[method])(problem, scan, most,
-                                                                                               poses, steps);
+        status = runs[as_written != 0][method](problem, scan, most, poses, steps);
     free(memory);
     if (status < 0)
         fprintf(stderr, "bench: %s: %s\n", bench_track_name(method), cairn_status_text(status));

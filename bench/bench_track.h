@@ -22,7 +22,8 @@ const char *bench_track_name(bench_track_method method);
 /* Step of sample k. */
 int32_t bench_track_step(int32_t k);
 
-/* Aligns the problem from its start. as_written not 0: lum as the thesis has it, without registration, of the hits of the beams; gradient is so anyway. poses: [BENCH_TRACK_SAMPLES * count], sample by sample; a method that has ended keeps
+/* Aligns the problem from its start. as_written not 0: gradient and lum as the thesis has them, lum without registration and of the hits of the
+ * beams. poses: [BENCH_TRACK_SAMPLES * count], sample by sample; a method that has ended keeps
  * its poses. *steps: how many it took. 0 on failure, with a line on standard error. */
 int bench_track_run(bench_track_method method, const bench_problem *problem, int32_t as_written, cairn_pose *poses,
                     int32_t *steps);

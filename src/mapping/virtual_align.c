@@ -67,7 +67,7 @@ cairn_virtual_align_params cairn_virtual_align_as_written(void)
     cairn_virtual_align_params params = cairn_virtual_align_default();
 
     params.mode = CAIRN_MODE_AS_WRITTEN;
-    params.field = cairn_force_field_default();
+    params.field = cairn_force_field_as_written();
     params.field.max_steps = STEPS_AS_WRITTEN;
     params.hypotheses = cairn_virtual_scan_as_written();
     return in_mode(&params);
