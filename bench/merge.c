@@ -76,6 +76,37 @@ static int is_near(cairn_pose pose, sim_pose truth, double metres, double radian
            fabs(remainder((double)pose.theta - truth.theta, 360 * DEGREE)) <= radians;
 }
 
+/* Whether the place of a pair that is best by Psi, by gamma, and by the product of Psi and of gamma beyond its least (fig. 9.5) is
+ * right. */
+static void print_best(const cairn_map_merge *merge, int32_t a, int32_t b, sim_pose truth)
+{
+    static const char *const names[3] = {"psi_right", "gamma_right", "product_right"};
+    cairn_real best[3] = {0, 0, 0}, least = 0, evidence;
+    int32_t right[3] = {0, 0, 0};
+    cairn_merge_score score;
+    cairn_pose pose;
+
+    for (int32_t k = 0; cairn_map_merge_mode(merge, a, b, k, &pose, &evidence); k++)
+        if (cairn_map_merge_score(merge, a, b, pose, &score) == CAIRN_OK)
+            least = k == 0 || score.gamma < least ? score.gamma : least;
+    for (int32_t k = 0; cairn_map_merge_mode(merge, a, b, k, &pose, &evidence); k++) {
+        cairn_real by[3];
+
+        if (cairn_map_merge_score(merge, a, b, pose, &score) != CAIRN_OK)
+            continue;
+        by[0] = score.psi;
+        by[1] = score.gamma - least;
+        by[2] = by[0] * by[1];
+        for (int i = 0; i < 3; i++)
+            if (k == 0 || by[i] > best[i]) {
+                best[i] = by[i];
+                right[i] = is_near(pose, truth, PLACE_M, PLACE_RAD);
+            }
+    }
+    for (int i = 0; i < 3; i++)
+        bench_json_integer(names[i], right[i]);
+}
+
 /* Where the best modes of true neighbours lie, beside the best wrong ones. */
 static void print_modes(const cairn_map_merge *merge, const bench_parts *parts)
 {
@@ -111,6 +142,8 @@ static void print_modes(const cairn_map_merge *merge, const bench_parts *parts)
                 if (is_near(pose, truth, PLACE_M, PLACE_RAD) && ++right == 1)
                     bench_json_integer("right_mode", k);
             bench_json_integer("right_modes", right);
+            if (right > 0)
+                print_best(merge, a, b, truth);
             bench_json_end();
         }
 }

@@ -5,7 +5,8 @@
  * the key scans where this path has them. A particle matches the new key scan against its own map, once against what it saw
  * lately and once against what it saw there long ago; candidates are drawn around both places and weighed by how well the
  * scan lies on both maps and how far they are from the motion. A loop is closed by the particles whose paths fit when
- * it ends; no path is corrected afterwards.
+ * it ends; no path is corrected afterwards. On public logs more than one particle betters headings at most, not places
+ * (docs/accuracy.md, "What the particles are worth").
  *
  *     add(scan) -> step(budget) until CAIRN_OK -> best(), path() ... */
 #ifndef CAIRN_FILTER_MAPPER_H

@@ -2,7 +2,8 @@
  *
  * A virtual robot visits one map after the other. Its pose at a map is that map's place among those merged so far; what
  * moves it is the registration of corners, of the directions of walls and of where walls bend; what it sees is the map itself.
- * A particle filter follows the rival places. What the maps do not support is refused and said so.
+ * A particle filter follows the rival places: ten particles are as good as a hundred, and one is where no later map has to
+ * decide between places. What the maps do not support is refused and said so.
  *
  * Mode CAIRN_MODE_AS_WRITTEN is chapter 9 as it is printed: what moves the virtual robot is the registration of pairs of
  * similar corners alone, in closed form; what it sees is weighed by Psi and gamma (9.5, 9.6) of whole images, against the
