@@ -114,6 +114,7 @@ uint64_t golden_contours(void);
 uint64_t golden_edgels(void);
 uint64_t golden_symmetry(void);
 uint64_t golden_grouped(void);
+uint64_t golden_grouped_written(void);
 uint64_t golden_skeletons(void);
 
 typedef struct golden_scene {

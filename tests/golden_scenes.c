@@ -27,6 +27,7 @@ const golden_scene golden_scenes[] = {
     {"edgels", golden_edgels},
     {"symmetry", golden_symmetry},
     {"grouped", golden_grouped},
+    {"grouped_written", golden_grouped_written},
     {"skeletons", golden_skeletons},
     {NULL, NULL},
 };
