@@ -95,7 +95,7 @@ struct grouping_written *cairn_grouping_written_carve(cairn_pool *pool, const ca
     uint8_t *is_start = cairn_pool_take(pool, (size_t)p->max_tokens, 1);
     int32_t *stamp = cairn_pool_take(pool, (size_t)p->max_tokens, sizeof *stamp);
     cairn_grouping_disc *walk = cairn_pool_take(pool, (size_t)p->max_objects * (size_t)p->max_steps, sizeof *walk);
-    const written_state **past = cairn_pool_take(pool, (size_t)p->max_steps, sizeof *past);
+    const written_state **past = cairn_pool_take(pool, (size_t)p->max_steps, sizeof(const written_state *));
     cairn_vec2 *side = cairn_pool_take(pool, 4 * (size_t)p->max_steps, sizeof *side);
     cairn_vec2 *polygon = cairn_pool_take(pool, 4 * (size_t)p->max_steps, sizeof *polygon);
     cairn_grouping_trace *trace = cairn_pool_take(pool, (size_t)p->max_steps, sizeof *trace);
