@@ -121,6 +121,7 @@ uint64_t golden_symmetry(void);
 uint64_t golden_symmetry_as_written(void);
 uint64_t golden_parts_as_written(void);
 uint64_t golden_grouped(void);
+uint64_t golden_grouped_written(void);
 uint64_t golden_skeletons(void);
 uint64_t golden_skeletons_written(void);
 

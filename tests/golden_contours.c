@@ -296,6 +296,58 @@ uint64_t golden_grouped(void)
     return hash;
 }
 
+/* The jug and clutter by the method of the thesis. */
+uint64_t golden_grouped_written(void)
+{
+    cairn_shape_builder_params shape = cairn_shape_builder_default();
+    cairn_grouping_params params = cairn_grouping_as_written();
+    static cairn_segment lines[MOST_LINES];
+    cairn_random random = cairn_random_seed(33, 1);
+    cairn_vec2 corners[JUG], at = {120, 80}, ends[JUG];
+    cairn_curve outline = {corners, JUG, 1};
+    cairn_budget budget = {INT32_MAX};
+    cairn_shape_builder *builder;
+    cairn_grouping *grouping;
+    cairn_grouping_input in;
+    cairn_shape_model model;
+    cairn_pool pool;
+
+    shape.points = 64;
+    params.max_width = GROUP_WIDTH;
+    params.max_height = GROUP_HEIGHT;
+    params.max_tokens = MOST_LINES;
+    params.max_outline = 100;
+    params.max_points = 4096;
+    params.max_steps = 40;
+    params.particles = 40;
+    params.max_objects = 3;
+    for (int32_t i = 0; i < JUG; i++) {
+        corners[i].x = jug[i][0];
+        corners[i].y = jug[i][1];
+        ends[i].x = at.x + jug[i][0];
+        ends[i].y = at.y + jug[i][1];
+    }
+    if (cairn_pool_init(&pool, golden_memory, GOLDEN_MEMORY) != CAIRN_OK ||
+        cairn_shape_builder_create(&builder, &pool, &shape) != CAIRN_OK ||
+        cairn_grouping_create(&grouping, &pool, &params) != CAIRN_OK ||
+        cairn_shape_builder_begin(builder, &outline, 1) != CAIRN_OK ||
+        cairn_shape_builder_step(builder, &budget) != CAIRN_OK)
+        return 0;
+    model = cairn_shape_builder_read(builder);
+    memset(&in, 0, sizeof in);
+    in.segments = lines;
+    in.count = add_clutter(lines, add_jug(lines, 0, at, 1, JUG), 60, &random);
+    in.width = GROUP_WIDTH;
+    in.height = GROUP_HEIGHT;
+    in.model = &model;
+    in.min_size = in.max_size = model.size;
+    in.mean_length = 9;
+    in.look_ahead = 14;
+    in.ends = ends;
+    in.end_count = 4;
+    return group(GOLDEN_START, grouping, &in);
+}
+
 /* ---- Two bars, one bent, and noise ---- */
 
 enum { SKELETON_WIDTH = 128, SKELETON_HEIGHT = 96, MOST_EDGELS = 900 };

@@ -34,6 +34,7 @@ const golden_scene golden_scenes[] = {
     {"symmetry_as_written", golden_symmetry_as_written},
     {"parts_as_written", golden_parts_as_written},
     {"grouped", golden_grouped},
+    {"grouped_written", golden_grouped_written},
     {"skeletons", golden_skeletons},
     {"skeletons_written", golden_skeletons_written},
     {NULL, NULL},

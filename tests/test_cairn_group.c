@@ -103,6 +103,38 @@ static void test_found(void **state)
     assert_holds(o.out, "object");
 }
 
+/* The method of the thesis: what it writes can be read; an image without an edge has no object. */
+static void test_as_written(void **state)
+{
+    char *text;
+
+    (void)state;
+    assert_done(programs_run("cairn group @/bottle.png --edges @/edges.png --model @/bottle.shape --as-written --scale "
+                             "164 --particles 200 --report -o @/written"));
+    text = read_in("written/bottle.json");
+    assert_json(text);
+    assert_int_equal(count_of(text, "\"verdict\": \"found\""), 1);
+    assert_true(count_of(text, "\"skeleton\": [[") >= 1);
+    free(text);
+    text = read_in("written/bottle.svg");
+    assert_well_formed(text);
+    free(text);
+    text = read_in("written/bottle.html");
+    assert_non_null(strstr(text, "symmetric points, sample"));
+    free(text);
+    memset(edges, 0, sizeof edges);
+    {
+        cairn_file_error error;
+
+        assert_int_equal(cairn_image_write_png(files_path("empty.png"), edges, WIDTH, HEIGHT, &error), CAIRN_OK);
+    }
+    assert_done(programs_run("cairn group @/bottle.png --edges @/empty.png --model @/bottle.shape --as-written --scale "
+                             "164 --report -o @/written"));
+    text = read_in("written/bottle.json");
+    assert_int_equal(count_of(text, "\"verdict\": \"none\""), 1);
+    free(text);
+}
+
 /* What is halved comes out in the image's own pixels. */
 static void test_halved(void **state)
 {
@@ -183,6 +215,11 @@ static void test_refusals(void **state)
         {"@/bottle.png --model @/bottle.shape --rotation -181:0 -o @/refused", "--rotation -181:0, expected"},
         {"@/bottle.png --model @/bottle.shape --rotation 1:x -o @/refused", "--rotation 1:x, expected"},
         {"@/bottle.png --model @/bottle.shape --tokens lines -o @/refused", "--tokens lines, expected"},
+        {"@/bottle.png --model @/bottle.shape --as-written -o @/refused", "--as-written without --scale, expected"},
+        {"@/bottle.png --model @/bottle.shape --as-written --scale 160 --rotation 0:9 -o @/refused",
+         "--rotation with --as-written, expected it without"},
+        {"@/bottle.png --model @/bottle.shape --as-written --scale 160 --min-score 0.5 -o @/refused",
+         "--min-score with --as-written, expected it without"},
         {"@/bottle.png --model @/bottle.shape --low 9 --high 8 -o @/refused", "--low 9 is above --high 8, expected"},
         {"@/bottle.png --model @/bottle.shape --particles 0 -o @/refused", "expected"},
         {"@/bottle.png --edges @/dot.pgm --model @/bottle.shape -o @/refused", "1 x 1 pixels, expected 320 x 240"},
@@ -229,8 +266,9 @@ static void test_large_images(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_found),           cmocka_unit_test(test_halved),   cmocka_unit_test(test_no_object),
-        cmocka_unit_test(test_edges_by_opencv), cmocka_unit_test(test_refusals), cmocka_unit_test(test_large_images),
+        cmocka_unit_test(test_found),           cmocka_unit_test(test_halved),     cmocka_unit_test(test_no_object),
+        cmocka_unit_test(test_edges_by_opencv), cmocka_unit_test(test_as_written), cmocka_unit_test(test_refusals),
+        cmocka_unit_test(test_large_images),
     };
 
     programs_find(argc, argv);

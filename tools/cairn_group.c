@@ -23,10 +23,10 @@ typedef struct settings {
     size_t count;
     const char *model, *edges, *scale, *rotation, *tokens, *folder;
     int64_t particles, strength, side, paths;
-    double score, evidence, sigma, low, high;
+    double score, evidence, sigma, low, high, strong;
     uint64_t seed;
     double least_size, most_size, least_turn, most_turn;
-    int32_t no_mirror, report, quiet;
+    int32_t no_mirror, report, quiet, as_written;
 } settings;
 
 /* "A:B" or "A". 0: it is none, or A is above B. */
@@ -41,6 +41,23 @@ static int read_range(const char *text, double *least, double *most)
     if (colon != NULL && !cairn_number_read(colon + 1, strlen(colon + 1), most))
         return 0;
     return isfinite(*least) && isfinite(*most) && *least <= *most;
+}
+
+/* What the thesis does not have, and what it cannot do without. */
+static option_result check_written(const settings *s)
+{
+    const char *other = s->rotation != NULL ? "--rotation"
+                        : s->score >= 0     ? "--min-score"
+                        : s->evidence >= 0  ? "--min-evidence"
+                                            : NULL;
+
+    if (s->as_written && other != NULL)
+        return (option_result)options_refuse(
+            PROGRAM, "%s with --as-written, expected it without: the thesis has nothing of the kind", other);
+    if (s->as_written && s->scale == NULL)
+        return (option_result)options_refuse(
+            PROGRAM, "--as-written without --scale, expected the object's size: the thesis sets it by hand");
+    return OPTIONS_READ;
 }
 
 static option_result check_settings(settings *s)
@@ -63,7 +80,7 @@ static option_result check_settings(settings *s)
     if (s->low > s->high)
         return (option_result)options_refuse(PROGRAM, "--low %g is above --high %g, expected it below", s->low,
                                              s->high);
-    return OPTIONS_READ;
+    return check_written(s);
 }
 
 static option_result read_settings(settings *s, int argc, char **argv)
@@ -82,6 +99,11 @@ static option_result read_settings(settings *s, int argc, char **argv)
         OPTION_TEXT("--tokens", &s->tokens, "NAME", "what is grouped: segments, or edgels"),
         OPTION_INTEGER("--paths", &s->paths, 1, CAIRN_SHAPE_PATHS, "N",
                        "of a model that is made from a picture, at most"),
+        OPTION_FLAG("--as-written", &s->as_written,
+                    "the method of the thesis: particles walk from symmetric point to symmetric point,\n"
+                    "along the longest path of the model, at the middle of --scale, unturned and unmirrored"),
+        OPTION_NUMBER("--strong", &s->strong, 0, 100, "F",
+                      "of --as-written: walks start about the ends of chains of F times the mean strength"),
         OPTION_FLAG("--no-mirror", &s->no_mirror, "the model only as it is, not its mirror image"),
         OPTION_NUMBER("--min-score", &s->score, 0, 1, "S", "of an object that is reported; without it the library's"),
         OPTION_NUMBER("--min-evidence", &s->evidence, 0, 1000, "E",
@@ -98,8 +120,8 @@ static option_result read_settings(settings *s, int argc, char **argv)
     };
     const option_set set = {
         PROGRAM, "IMAGE... --model SHAPE -o DIR [options]",
-        "Finds the contours of a known object in images (TIFF, PNG, JPEG, PGM): edge segments of the image\n"
-        "on both sides of the object's axis, grouped by particles that walk along it.",
+        "Finds the contours of a known object in images (TIFF, PNG, JPEG, PGM): edge segments of the image,\n"
+        "grouped by fitting the model's outline to them wherever pairs of them suit its axis.",
         table, sizeof table / sizeof *table};
     option_result result;
 
@@ -130,9 +152,13 @@ static cairn_status search(const settings *s, work *w, const cairn_shape_model *
 {
     cairn_raster_u8_view view = {w->picture.edges.samples, w->picture.edges.width, w->picture.edges.height,
                                  w->picture.edges.width};
-    cairn_contour_search_params p = cairn_contour_search_default(w->picture.edges.width, w->picture.edges.height);
+    int32_t width = w->picture.edges.width, height = w->picture.edges.height, edgels = s->tokens[0] == 'e';
+    cairn_contour_search_params p =
+        s->as_written ? cairn_contour_search_as_written(width, height) : cairn_contour_search_default(width, height);
     cairn_status status =
-        cairn_contour_tokens_find(&w->tokens, view, (int32_t)s->strength, s->tokens[0] == 'e', w->path, error);
+        s->as_written ? cairn_contour_tokens_find_written(&w->tokens, view, (int32_t)s->strength, edgels,
+                                                          (cairn_real)s->strong, w->path, error)
+                      : cairn_contour_tokens_find(&w->tokens, view, (int32_t)s->strength, edgels, w->path, error);
 
     if (status != CAIRN_OK)
         return status;
@@ -144,7 +170,7 @@ static cairn_status search(const settings *s, work *w, const cairn_shape_model *
         p.min_turn = cairn_max(-CAIRN_PI, (cairn_real)(s->least_turn * DEGREE));
         p.max_turn = cairn_min(CAIRN_PI, (cairn_real)(s->most_turn * DEGREE));
     }
-    p.mirror = !s->no_mirror;
+    p.mirror = p.mirror && !s->no_mirror;
     p.grouping.particles = (int32_t)s->particles;
     p.grouping.seed = s->seed;
     if (s->score >= 0)
@@ -153,7 +179,9 @@ static cairn_status search(const settings *s, work *w, const cairn_shape_model *
         p.min_evidence = (cairn_real)s->evidence;
     if (s->report) {
         p.on_step = group_record_step;
+        p.on_walk = group_record_walk;
         p.context = &w->record;
+        w->record.look_ahead = (double)w->tokens.look_ahead;
     }
     return cairn_contour_search_run(&w->result, &w->tokens, model, &p, w->path, error);
 }
@@ -254,6 +282,7 @@ int tool_group(int argc, char **argv)
     s.side = 1600;
     s.paths = builder.max_paths;
     s.score = s.evidence = -1;
+    s.strong = 1;
     s.sigma = canny.sigma;
     s.low = canny.low;
     s.high = canny.high;

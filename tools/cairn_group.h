@@ -11,10 +11,17 @@ typedef struct group_record {
     int32_t steps, room, particle_room;
     int32_t mirrored_from; /* the first step with the mirrored model; steps: none */
     int32_t lacking;       /* 1: there was no memory */
+    /* Of the mode as written: the walk of the heaviest particle after every step. */
+    cairn_grouping_disc *discs; /* of all steps */
+    int32_t *walk;              /* [steps + 1] */
+    int32_t walks, walk_room, disc_room;
+    double look_ahead; /* px */
 } group_record;
 
 /* For cairn_contour_search_params.on_step; the context is a group_record, all 0 at first. */
 void group_record_step(void *context, const cairn_grouping_particle *particles, int32_t count, int32_t mirrored);
+/* For on_walk. */
+void group_record_walk(void *context, const cairn_grouping_disc *discs, int32_t count);
 void group_record_free(group_record *record);
 
 /* Writes the page. CAIRN_IO, CAIRN_NO_MEMORY. */

@@ -12,7 +12,10 @@
 /* Strengths of the dashes of the model; of a group's other models. */
 #define BEST_STRENGTH  1
 #define OTHER_STRENGTH 0.25
-enum { MODELS_SHOWN = 6 };
+/* Of the mode as written: of the skeleton. */
+#define SKELETON_STRENGTH 0.6
+#define PI                3.14159265358979323846
+enum { MODELS_SHOWN = 6, CIRCLE = 48 };
 
 void group_record_step(void *context, const cairn_grouping_particle *particles, int32_t count, int32_t mirrored)
 {
@@ -44,8 +47,43 @@ void group_record_step(void *context, const cairn_grouping_particle *particles, 
     r->first[++r->steps] = used + count;
 }
 
+/* Makes room for `more` items behind `used`. 0: there is no memory. */
+static int grow(group_record *r, void **items, int32_t *room, int32_t used, int32_t more, size_t size)
+{
+    void *grown;
+
+    if (used + more <= *room)
+        return 1;
+    grown = realloc(*items, (size_t)(2 * *room + more + 64) * size);
+    r->lacking |= grown == NULL;
+    if (grown == NULL)
+        return 0;
+    *items = grown;
+    *room = 2 * *room + more + 64;
+    return 1;
+}
+
+void group_record_walk(void *context, const cairn_grouping_disc *discs, int32_t count)
+{
+    group_record *r = context;
+    int32_t used = r->walks > 0 ? r->walk[r->walks] : 0;
+    void *walk = r->walk, *all = r->discs;
+    int ok = grow(r, &walk, &r->walk_room, r->walks + 2, 0, sizeof *r->walk) &&
+             grow(r, &all, &r->disc_room, used, count, sizeof *r->discs);
+
+    r->walk = walk;
+    r->discs = all;
+    if (!ok)
+        return;
+    memcpy(&r->discs[used], discs, (size_t)count * sizeof *discs);
+    r->walk[r->walks] = used;
+    r->walk[++r->walks] = used + count;
+}
+
 void group_record_free(group_record *record)
 {
+    free(record->discs);
+    free(record->walk);
     free(record->particles);
     free(record->first);
     memset(record, 0, sizeof *record);
@@ -101,6 +139,43 @@ static int32_t add_outline(const cairn_shape_model *m, const cairn_grouping_part
     return count;
 }
 
+static int32_t add_dash(cairn_report_guess *guess, cairn_vec2 a, cairn_vec2 b, double strength)
+{
+    guess->segment.a = flipped(a);
+    guess->segment.b = flipped(b);
+    guess->strength = (cairn_real)strength;
+    return 1;
+}
+
+/* The walk of the heaviest particle: its contour and skeleton, and the circles about both open ends in which it looks ahead; their number. */
+static int32_t add_walk(const group_record *r, const cairn_contour_picture *p, int32_t step,
+                        cairn_report_guess *guesses)
+{
+    const cairn_grouping_disc *d = &r->discs[r->walk[step]];
+    int32_t n = 0, count = r->walk[step + 1] - r->walk[step];
+
+    for (int32_t i = 0; i < count; i++) {
+        for (int32_t k = 0; k < 2; k++) {
+            cairn_segment line = p->tokens->lines[d[i].segment[k]];
+
+            n += add_dash(&guesses[n], line.a, line.b, BEST_STRENGTH);
+        }
+        if (i > 0)
+            n += add_dash(&guesses[n], d[i - 1].centre, d[i].centre, SKELETON_STRENGTH);
+    }
+    for (int32_t k = 0; k < 2 && count > 0; k++)
+        for (int32_t i = 0; i < CIRCLE; i += 2) {
+            double from = 2 * PI * i / CIRCLE, to = 2 * PI * (i + 1) / CIRCLE;
+            cairn_vec2 at = d[count - 1].open[k];
+            cairn_vec2 a = {at.x + (cairn_real)(r->look_ahead * cos(from)),
+                            at.y + (cairn_real)(r->look_ahead * sin(from))};
+            cairn_vec2 b = {at.x + (cairn_real)(r->look_ahead * cos(to)), at.y + (cairn_real)(r->look_ahead * sin(to))};
+
+            n += add_dash(&guesses[n], a, b, OTHER_STRENGTH);
+        }
+    return n;
+}
+
 static cairn_pose pose_of(const cairn_shape_model *m, const cairn_grouping_particle *p, int mirrored)
 {
     int32_t before = p->sample > 0 ? p->sample - 1 : 0,
@@ -141,14 +216,21 @@ static cairn_status add_frame(cairn_report_player *player, const group_record *r
         room->doubtful[i + 1] = particles[i].sides == 0;
         best = particles[i].log_weight > particles[best].log_weight ? i : best;
     }
-    for (int32_t k = 1; k < MODELS_SHOWN && count > MODELS_SHOWN; k++)
+    if (r->walks > 0)
+        frame.guess_count = add_walk(r, p, step, room->guess);
+    for (int32_t k = 1; k < MODELS_SHOWN && count > MODELS_SHOWN && r->walks == 0; k++)
         frame.guess_count += add_outline(p->model, &particles[k * (count / MODELS_SHOWN)], mirrored, OTHER_STRENGTH,
                                          &room->guess[frame.guess_count]);
-    if (count > 0)
+    if (count > 0 && r->walks == 0)
         frame.guess_count +=
             add_outline(p->model, &particles[best], mirrored, BEST_STRENGTH, &room->guess[frame.guess_count]);
-    (void)snprintf(label, sizeof label, "%s, sample %d%s", mirrored ? "mirrored model" : "model",
-                   count > 0 ? (int)particles[best].sample : 0, t->resampled ? ", resampled" : "");
+    if (r->walks > 0)
+        (void)snprintf(label, sizeof label, "%d symmetric points, sample %d%s",
+                       (int)(r->walk[step + 1] - r->walk[step]), count > 0 ? (int)particles[best].sample : 0,
+                       t->resampled ? ", resampled" : "");
+    else
+        (void)snprintf(label, sizeof label, "%s, sample %d%s", mirrored ? "mirrored model" : "model",
+                       count > 0 ? (int)particles[best].sample : 0, t->resampled ? ", resampled" : "");
     frame.label = label;
     return cairn_report_player_add_frame(player, &frame);
 }
@@ -156,10 +238,15 @@ static cairn_status add_frame(cairn_report_player *player, const group_record *r
 static cairn_status add_frames(cairn_report_player *player, const group_record *r, const cairn_contour_picture *p,
                                int32_t most)
 {
-    frame_room room = {malloc(((size_t)most + 1) * sizeof *room.pose), malloc((size_t)most + 1),
-                       malloc((size_t)MODELS_SHOWN * (size_t)p->model->outline_count * sizeof *room.guess)};
-    cairn_status status = room.pose != NULL && room.doubtful != NULL && room.guess != NULL ? CAIRN_OK : CAIRN_NO_MEMORY;
+    int32_t discs = 0;
+    frame_room room = {malloc(((size_t)most + 1) * sizeof *room.pose), malloc((size_t)most + 1), NULL};
+    cairn_status status;
 
+    for (int32_t step = 0; step < r->walks; step++)
+        discs = r->walk[step + 1] - r->walk[step] > discs ? r->walk[step + 1] - r->walk[step] : discs;
+    room.guess = malloc(((size_t)MODELS_SHOWN * (size_t)p->model->outline_count + 3 * (size_t)discs + CIRCLE) *
+                        sizeof *room.guess);
+    status = room.pose != NULL && room.doubtful != NULL && room.guess != NULL ? CAIRN_OK : CAIRN_NO_MEMORY;
     for (int32_t step = 0; step < r->steps && status == CAIRN_OK; step++)
         status = add_frame(player, r, p, step, &room);
     /* Where no walk was begun there are the edges to see. */

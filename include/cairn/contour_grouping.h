@@ -4,16 +4,18 @@
  *
  * CAIRN_MODE_DEFAULT: hypothesis generation and fitting. Every pair of tokens (pieces of segments) that suits a sample of the model is a
  * hypothesis; the best places are fitted by dynamic programming along the model's outline, and so are the ends of a particle filter's walks
- * that begin there. Ablation: the result does not depend on the filter: with one particle (which also leaves one hypothesis) it is worse,
- * with 20 nearly, and without either term of its weights it is the same (docs/accuracy.md).
+ * that begin there. Ablation (docs/accuracy.md): `particles` matters, because it is the number of hypotheses that are kept as well; neither
+ * term of the filter's weights does: without them the same is found, in clutter, of hidden objects and of several. A walk's
+ * weights decide nothing here.
  *
  * CAIRN_MODE_AS_WRITTEN: Adluru 2008, chapter 2: a particle filter that walks through the symmetric points of pairs of segments; the segments of
  * the best walk of each mode of the posterior are the result, unchanged. One size is searched, the geometric mean of min_size and
  * max_size; objects are neither turned nor mirrored. Choices, where the text is silent:
  * - ds of (2.12) is the angle between the displacements, rad, plus the difference of their lengths in mean radii of the model; of displacements
  *   shorter than a mean radius the angle counts in proportion. r and R of (2.13) are in mean radii of the model, too.
- * - N of (2.13) is the density as printed: a step that fits raises the posterior. Of a mode the walk of the greatest posterior over all
- *   steps is kept; two walks are of one mode when they share half of the segments of the shorter one. `stop` is Delta_p, 0.01.
+ * - N is 1 at its mean. The posterior of a walk is the product of (2.13) divided by Delta_p (`stop`, 0.5) in every step: the walk ends when
+ *   the greatest one is below 1. Of a mode the walk of the greatest posterior over all steps is kept; two walks are of one mode when they
+ *   share half of the segments of the shorter one.
  * - The first particles: symmetric points of pairs of which one segment ends within L of an end point of a strong chain, in both senses of
  *   the walk and of the model's path, drawn by (2.10) times (2.13).
  * - Both sides grow in every step, each by one of the ten segments nearest to its open end, from the end nearer to it. A segment is explored
@@ -112,7 +114,7 @@ typedef struct cairn_grouping_result {
 /* Why a walk of the mode as written ended. */
 enum {
     CAIRN_GROUPING_NO_START = 0,    /* no symmetric point of the model's radii lies about an end of a strong chain */
-    CAIRN_GROUPING_POSTERIOR = 1,   /* the greatest posterior fell below `stop` */
+    CAIRN_GROUPING_POSTERIOR = 1,   /* the greatest posterior fell below 1 */
     CAIRN_GROUPING_NO_FOLLOWER = 2, /* no particle could go on */
     CAIRN_GROUPING_STEPS = 3,       /* max_steps */
     CAIRN_GROUPING_HISTORIES = 4    /* the memory for the histories of the particles is used up */
@@ -173,7 +175,7 @@ typedef struct cairn_grouping_disc {
     cairn_vec2 open[2];       /* px: the open ends of both sides, about which the robot looks ahead */
     int32_t segment[2];       /* of the input */
     int32_t sample;           /* of the model's longest path, nearest by (2.12) */
-    cairn_real log_posterior; /* of the walk up to here, sum of the logarithms of (2.13) */
+    cairn_real log_posterior; /* of the walk up to here, sum of the logarithms of (2.13) over `stop` */
 } cairn_grouping_disc;
 
 /* The walk of a particle, from its start to the last step, the first `most` discs of it into discs[]; their number, 0 where there is no such

@@ -6,7 +6,7 @@
  *    drawn by quality (2.10) and likelihood (2.13).
  * 3. The walk (contour_grouping_written_walk.c): prior proposal, prior boosting, residual resampling when N_eff < N / 2.
  * 4. After each step the best walk of every mode is kept (contour_grouping_written_mode.c). The walk ends when the greatest posterior is below
- *    `stop`, or no particle can go on.
+ *    that of `stop` a step, or no particle can go on.
  *
  * Source: Adluru 2008, chapter 2; choices: contour_grouping.h. */
 #include "src/core/build.h"
@@ -26,7 +26,7 @@ cairn_grouping_params cairn_grouping_as_written(void)
     cairn_grouping_params params = cairn_grouping_default();
 
     params.mode = CAIRN_MODE_AS_WRITTEN;
-    params.stop = CAIRN_REAL(0.01);
+    params.stop = CAIRN_REAL(0.5);
     return params;
 }
 
@@ -95,7 +95,7 @@ struct grouping_written *cairn_grouping_written_carve(cairn_pool *pool, const ca
     uint8_t *is_start = cairn_pool_take(pool, (size_t)p->max_tokens, 1);
     int32_t *stamp = cairn_pool_take(pool, (size_t)p->max_tokens, sizeof *stamp);
     cairn_grouping_disc *walk = cairn_pool_take(pool, (size_t)p->max_objects * (size_t)p->max_steps, sizeof *walk);
-    const written_state **past = cairn_pool_take(pool, (size_t)p->max_steps, sizeof *past);
+    const written_state **past = cairn_pool_take(pool, (size_t)p->max_steps, sizeof(const written_state *));
     cairn_vec2 *side = cairn_pool_take(pool, 4 * (size_t)p->max_steps, sizeof *side);
     cairn_vec2 *polygon = cairn_pool_take(pool, 4 * (size_t)p->max_steps, sizeof *polygon);
     cairn_grouping_trace *trace = cairn_pool_take(pool, (size_t)p->max_steps, sizeof *trace);
@@ -266,6 +266,7 @@ static cairn_real start_at(const cairn_grouping *g, const cairn_symmetric_point 
 {
     const cairn_segment *lines = g->input.segments;
     cairn_vec2 ahead = cairn_vec2_left(cairn_vec2_sub(p->touch[1], p->touch[0]));
+    cairn_real likelihood;
     int32_t back = which & 1;
 
     memset(s, 0, sizeof *s);
@@ -283,9 +284,9 @@ static cairn_real start_at(const cairn_grouping *g, const cairn_symmetric_point 
 
         s->end[side] = 2 * s->segment[side] + (cairn_vec2_dot(ahead, cairn_vec2_sub(line->b, line->a)) > 0);
     }
-    s->log_posterior = cairn_grouping_written_likelihood(g, s, &s->sample);
-    return s->log_posterior +
-           (g->params.use_skeleton ? cairn_log(cairn_symmetric_point_quality(p, g->params.symmetry)) : 0);
+    likelihood = cairn_grouping_written_likelihood(g, s, &s->sample);
+    s->log_posterior = likelihood - g->written->log_stop;
+    return likelihood + (g->params.use_skeleton ? cairn_log(cairn_symmetric_point_quality(p, g->params.symmetry)) : 0);
 }
 
 static int is_seed(const struct grouping_written *w, const cairn_symmetric_point *p)
@@ -376,7 +377,7 @@ static int take_step(cairn_grouping *g)
 /* After a step: CAIRN_GROUPING_..., why it was the last one; 0: it was not. */
 static int32_t why_last(const cairn_grouping *g)
 {
-    if (greatest_posterior(g) < g->written->log_stop)
+    if (greatest_posterior(g) < 0)
         return CAIRN_GROUPING_POSTERIOR;
     return g->steps + 1 >= g->params.max_steps ? CAIRN_GROUPING_STEPS : 0;
 }

@@ -196,7 +196,7 @@ cairn_status cairn_grouping_written_finish(cairn_grouping *g, cairn_budget *budg
 {
     struct grouping_written *w = g->written;
 
-    while (g->cursor == 0 && g->object_count > 0 && g->objects[g->object_count - 1].evidence < w->log_stop)
+    while (g->cursor == 0 && g->object_count > 0 && g->objects[g->object_count - 1].evidence < 0)
         g->object_count--;
     for (; g->cursor < g->object_count; g->cursor++) {
         cairn_grouped_object *o = &g->objects[g->cursor];

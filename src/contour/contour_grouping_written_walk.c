@@ -19,12 +19,10 @@ static cairn_real half_square(cairn_real x)
     return CAIRN_REAL(0.5) * x * x;
 }
 
-/* N(x; 0, sigma), a density as printed. */
+/* N(x; 0, sigma), 1 at 0. */
 static cairn_real normal(cairn_real x, cairn_real sigma)
 {
-    static const cairn_real root = CAIRN_REAL(2.50662827463100050242); /* of 2 pi */
-
-    return cairn_exp(-half_square(x / sigma)) / (root * sigma);
+    return cairn_exp(-half_square(x / sigma));
 }
 
 /* Sample k of the longest path, walked from its first sample or from its last. */
@@ -282,11 +280,12 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
 
 static void append(void *context, const cairn_particle_filter *filter, int32_t index, void *state)
 {
+    const cairn_grouping *g = context;
     written_state *s = state;
 
     (void)filter;
     (void)index;
-    s->log_posterior += cairn_grouping_written_likelihood(context, s, &s->sample);
+    s->log_posterior += cairn_grouping_written_likelihood(g, s, &s->sample) - g->written->log_stop;
 }
 
 cairn_particle_model cairn_grouping_written_model(cairn_grouping *g)
