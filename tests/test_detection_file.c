@@ -37,7 +37,14 @@ static cairn_detection found[] = {{.left = 1,
                                    .segment_count = 2,
                                    .outline_count = 5}};
 
-static const cairn_contour_tokens tokens = {lines, chains, strengths, 3, 2, 64, 48, 5, 0};
+static const cairn_contour_tokens tokens = {.lines = lines,
+                                            .chain = chains,
+                                            .strength = strengths,
+                                            .count = 3,
+                                            .chains = 2,
+                                            .width = 64,
+                                            .height = 48,
+                                            .mean_length = 5};
 static const cairn_detections detections = {found, segments, outline, NULL, 1, 2, 5, 0, 0, 0},
                               none = {NULL, NULL, NULL, NULL, 0, 0, 0, 0, 0, 0};
 
