@@ -137,14 +137,13 @@ static void assert_line_refused(const char *command, const char *piece)
 static void options_that_do_not_go_together(void **state)
 {
     static const char *const sample[][2] = {
-        {"--no-poses --method default", "--method with --no-poses, expected without: places are matched as wholes"},
-        {"--no-poses --spread 1,5", "--spread with --no-poses, expected without: there is no start"},
-        {"--no-poses --virtual", "--virtual with --no-poses, expected without"},
-        {"--no-poses --steps 3", "--steps with --no-poses, expected without: it does not go in steps"},
-        {"--no-poses --report x.html", "--report with --no-poses, expected without: it has no steps to play"},
-        {"--headings 4", "--headings without --no-poses, expected with it"},
-        {"--as-written", "--as-written without --no-poses, expected with it"},
-        {"--no-poses --as-written --spacing 0.1", "--spacing with --as-written, expected without"},
+        {"--no-poses --method default", "--method with --no-poses: places are matched as wholes"},
+        {"--no-poses --spread 1,5", "--spread with --no-poses: there is no start"},
+        {"--no-poses --virtual", "--virtual with --no-poses: no scan has a start to be guessed from"},
+        {"--no-poses --steps 3", "--steps with --no-poses: it does not go in steps"},
+        {"--no-poses --report x.html", "--report with --no-poses: it has no steps to play"},
+        {"--headings 4", "--headings with the poses of the log: it says how many scans a place has"},
+        {"--no-poses --as-written --spacing 0.1", "--spacing with --as-written: it takes the readings as they come"},
         {"--no-poses --headings 0", "--headings is '0', expected a whole number from 1 to 64"},
         {"--no-poses --headings 5", "holds 16 scans, expected a multiple of --headings 5"},
         {"--no-poses --headings 16", "holds one place, expected two or more"},
