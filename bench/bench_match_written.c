@@ -60,7 +60,8 @@ static void fill_marks(const sim_pose *truth, const sim_pose *found, int32_t cou
         *plus++ = point_at(truth[i].x, truth[i].y - size);
         *plus++ = point_at(truth[i].x, truth[i].y + size);
         for (int k = 0; k < 2 * CIRCLE; k++) {
-            double angle = (k + 1) / 2 * (360.0 / CIRCLE) * BENCH_DEGREE;
+            int corner = (k + 1) / 2;
+            double angle = corner * (360.0 / CIRCLE) * BENCH_DEGREE;
 
             *circle++ = point_at(found[i].x + size * cos(angle), found[i].y + size * sin(angle));
         }

@@ -26,8 +26,11 @@ static void cut_out(cut_map *map, world_at world, double x0, double x1, double y
     map->width = (int32_t)lround((x1 - x0) / CELL);
     map->height = (int32_t)lround((y1 - y0) / CELL);
     assert_true(map->width * map->height <= CELLS_MOST);
-    for (int32_t i = 0; i < map->width * map->height; i++)
-        map->cells[i] = world(x0 + (i % map->width + 0.5) * CELL, y0 + (i / map->width + 0.5) * CELL);
+    for (int32_t i = 0; i < map->width * map->height; i++) {
+        int32_t column = i % map->width, row = i / map->width;
+
+        map->cells[i] = world(x0 + (column + 0.5) * CELL, y0 + (row + 0.5) * CELL);
+    }
 }
 
 static cairn_merge_map view_of(const cut_map *map)
@@ -152,7 +155,8 @@ static double slow_s(const cut_map *from, const cut_map *to, cairn_pose to_from,
     int32_t count = 0;
 
     for (int32_t i = 0; i < from->width * from->height; i++) {
-        double x = (i % from->width + 0.5) * CELL, y = (i / from->width + 0.5) * CELL;
+        int32_t column = i % from->width, row = i / from->width;
+        double x = (column + 0.5) * CELL, y = (row + 0.5) * CELL;
         double u = (c * x - s * y + (double)to_from.x) / CELL, v = (s * x + c * y + (double)to_from.y) / CELL;
         double least = 1e9;
 
@@ -160,8 +164,11 @@ static double slow_s(const cut_map *from, const cut_map *to, cairn_pose to_from,
             continue;
         count++;
         for (int32_t k = 0; k < to->width * to->height; k++)
-            if (to->cells[k] == c2)
-                least = fmin(least, fabs(floor(u) - k % to->width) + fabs(floor(v) - k / to->width));
+            if (to->cells[k] == c2) {
+                int32_t there = k % to->width, up = k / to->width;
+
+                least = fmin(least, fabs(floor(u) - there) + fabs(floor(v) - up));
+            }
         sum += exp(-least * least / (2 * 0.25));
     }
     return count > 0 ? sum / count : 0;
@@ -246,10 +253,11 @@ static void registration_is_the_best_motion(void **state)
             for (int32_t step = 0; step < 9; step++) {
                 cairn_pose tried = {0, 0, (cairn_real)(k * 3.14159265358979 / 1800)};
                 cairn_vec2 moved = cairn_pose_point(tried, middle[1]);
+                int32_t right = step % 3 - 1, up = step / 3 - 1;
                 double sum;
 
-                tried.x = middle[0].x - moved.x + CAIRN_REAL(0.01) * (cairn_real)(step % 3 - 1);
-                tried.y = middle[0].y - moved.y + CAIRN_REAL(0.01) * (cairn_real)(step / 3 - 1);
+                tried.x = middle[0].x - moved.x + CAIRN_REAL(0.01) * (cairn_real)right;
+                tried.y = middle[0].y - moved.y + CAIRN_REAL(0.01) * (cairn_real)up;
                 sum = squared_distances(to, from, tried);
                 best = sum < best ? sum : best;
             }

@@ -152,8 +152,10 @@ static int32_t way_of(cairn_vec2 c)
 /* Chords of a way may be this sample's. */
 static void admit(grouping_way *way, int32_t sample)
 {
-    way->from = sample < way->from ? (int16_t)sample : way->from;
-    way->to = sample + 1 > way->to ? (int16_t)(sample + 1) : way->to;
+    if (sample < way->from)
+        way->from = (int16_t)sample;
+    if (sample >= way->to)
+        way->to = (int16_t)(sample + 1);
 }
 
 /* The chord between the touches of a sample. */

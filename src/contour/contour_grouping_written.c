@@ -58,7 +58,7 @@ static cairn_particle_filter_params filter_params(const cairn_grouping_params *p
     f.max_candidates = p->particles * WRITTEN_PAIRS;
     f.past = 0;
     f.max_blocks = BLOCKS_A_PARTICLE * p->particles + p->max_steps;
-    f.state_bytes = (int32_t)sizeof(written_state);
+    f.state_bytes = (int32_t)sizeof(grouping_written_state);
     return f;
 }
 
@@ -95,7 +95,8 @@ struct grouping_written *cairn_grouping_written_carve(cairn_pool *pool, const ca
     uint8_t *is_start = cairn_pool_take(pool, (size_t)p->max_tokens, 1);
     int32_t *stamp = cairn_pool_take(pool, (size_t)p->max_tokens, sizeof *stamp);
     cairn_grouping_disc *walk = cairn_pool_take(pool, (size_t)p->max_objects * (size_t)p->max_steps, sizeof *walk);
-    const written_state **past = cairn_pool_take(pool, (size_t)p->max_steps, sizeof(const written_state *));
+    const grouping_written_state **past =
+        cairn_pool_take(pool, (size_t)p->max_steps, sizeof(const grouping_written_state *));
     cairn_vec2 *side = cairn_pool_take(pool, 4 * (size_t)p->max_steps, sizeof *side);
     cairn_vec2 *polygon = cairn_pool_take(pool, 4 * (size_t)p->max_steps, sizeof *polygon);
     cairn_grouping_trace *trace = cairn_pool_take(pool, (size_t)p->max_steps, sizeof *trace);
@@ -262,7 +263,8 @@ cairn_status cairn_grouping_written_index(cairn_grouping *g, cairn_budget *budge
 /* ---- First particles ---- */
 
 /* One of the four walks that may start at a point: its sense, and that of the model's path; the log of its mass. */
-static cairn_real start_at(const cairn_grouping *g, const cairn_symmetric_point *p, int32_t which, written_state *s)
+static cairn_real start_at(const cairn_grouping *g, const cairn_symmetric_point *p, int32_t which,
+                           grouping_written_state *s)
 {
     const cairn_segment *lines = g->input.segments;
     cairn_vec2 ahead = cairn_vec2_left(cairn_vec2_sub(p->touch[1], p->touch[0]));
@@ -305,7 +307,7 @@ cairn_status cairn_grouping_written_seed(cairn_grouping *g, cairn_budget *budget
     points = cairn_symmetric_point_list(w->set, &count);
     for (; g->cursor < STARTS_A_POINT * count; g->cursor++) {
         const cairn_symmetric_point *p = &points[g->cursor / STARTS_A_POINT];
-        written_state s;
+        grouping_written_state s;
 
         if (!cairn_budget_pay(budget, &g->paid, UNITS_A_START))
             return CAIRN_MORE;
@@ -323,7 +325,7 @@ cairn_status cairn_grouping_written_seed(cairn_grouping *g, cairn_budget *budget
     }
     for (; g->other < STARTS_A_POINT * count && w->draws < g->params.particles; g->other++) {
         const cairn_symmetric_point *p = &points[g->other / STARTS_A_POINT];
-        written_state s;
+        grouping_written_state s;
 
         if (!cairn_budget_pay(budget, &g->paid, UNITS_A_START))
             return CAIRN_MORE;
@@ -350,7 +352,7 @@ static cairn_real greatest_posterior(const cairn_grouping *g)
     cairn_real most = -CAIRN_REAL_MAX;
 
     for (int32_t i = 0; i < cairn_particle_filter_count(g->filter); i++) {
-        const written_state *s = cairn_particle_filter_particle(g->filter, i).state;
+        const grouping_written_state *s = cairn_particle_filter_particle(g->filter, i).state;
 
         most = cairn_max(most, s->log_posterior);
     }

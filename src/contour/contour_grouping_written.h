@@ -9,7 +9,7 @@
 enum { WRITTEN_CHOICE = 10, WRITTEN_PAIRS = WRITTEN_CHOICE * WRITTEN_CHOICE };
 
 /* One state of a particle: the symmetric point, its two segments, and the open end of each. */
-typedef struct written_state {
+typedef struct grouping_written_state {
     cairn_vec2 centre, start; /* px: x_t and x_1 */
     cairn_real radius, deviation;
     cairn_real log_posterior;
@@ -17,7 +17,7 @@ typedef struct written_state {
     int32_t end[2];     /* index of the open end: twice the segment, and one more at its second end */
     int32_t way;        /* 0: along the model's path, 1: from its end */
     int32_t sample;     /* k of (2.12) */
-} written_state;
+} grouping_written_state;
 
 /* A side of the contour so far: the first and the last end of each segment in turn. */
 typedef struct written_side {
@@ -33,13 +33,13 @@ typedef struct written_extension {
 
 struct grouping_written {
     cairn_symmetric_point_set *set;
-    cairn_point_grid *ends;     /* of all segments: 2 i and 2 i + 1 are those of segment i */
-    int32_t *slot;              /* [slots] hash of pairs of segments to symmetric points, -1: empty */
-    uint8_t *is_start;          /* [max_tokens] 1: an end lies about an end of a strong chain */
-    int32_t *stamp;             /* [max_tokens] the last look that the segment was part of */
-    cairn_grouping_disc *walk;  /* [max_objects * max_steps] of each place for an object */
-    int32_t *place;             /* [max_objects] of each object of the result */
-    const written_state **past; /* [max_steps] of the particle at hand */
+    cairn_point_grid *ends;              /* of all segments: 2 i and 2 i + 1 are those of segment i */
+    int32_t *slot;                       /* [slots] hash of pairs of segments to symmetric points, -1: empty */
+    uint8_t *is_start;                   /* [max_tokens] 1: an end lies about an end of a strong chain */
+    int32_t *stamp;                      /* [max_tokens] the last look that the segment was part of */
+    cairn_grouping_disc *walk;           /* [max_objects * max_steps] of each place for an object */
+    int32_t *place;                      /* [max_objects] of each object of the result */
+    const grouping_written_state **past; /* [max_steps] of the particle at hand */
     written_side side[2];
     cairn_vec2 *polygon;                 /* [4 * max_steps] */
     cairn_symmetric_point_params points; /* of pairs of segments in this image */
@@ -77,7 +77,7 @@ cairn_grouping_particle cairn_grouping_written_particle(const cairn_grouping *g,
 cairn_particle_model cairn_grouping_written_model(cairn_grouping *g);
 
 /* The log of (2.13) of a symmetric point for a walk that started at `start`; *sample is k of (2.12). */
-cairn_real cairn_grouping_written_likelihood(const cairn_grouping *g, const written_state *s, int32_t *sample);
+cairn_real cairn_grouping_written_likelihood(const cairn_grouping *g, const grouping_written_state *s, int32_t *sample);
 
 /* The symmetric point of two segments, NULL: there is none. */
 const cairn_symmetric_point *cairn_grouping_written_point(const cairn_grouping *g, int32_t first, int32_t second);

@@ -56,7 +56,7 @@ static cairn_vec2 end_at(const cairn_grouping *g, int32_t end)
     return end % 2 ? s->b : s->a;
 }
 
-static void set_disc(const cairn_grouping *g, cairn_grouping_disc *d, const written_state *s)
+static void set_disc(const cairn_grouping *g, cairn_grouping_disc *d, const grouping_written_state *s)
 {
     d->centre = s->centre;
     d->radius = s->radius;
@@ -72,7 +72,7 @@ static void set_disc(const cairn_grouping *g, cairn_grouping_disc *d, const writ
 }
 
 /* Marks the segments of a walk; their number. */
-static int32_t mark(cairn_grouping *g, const written_state *last)
+static int32_t mark(cairn_grouping *g, const grouping_written_state *last)
 {
     struct grouping_written *w = g->written;
     int32_t count = 0;
@@ -104,7 +104,7 @@ static void list_segments(cairn_grouping *g, cairn_grouped_object *o, const cair
 }
 
 /* Writes a walk into its place. */
-static void write_walk(cairn_grouping *g, cairn_grouped_object *o, const written_state *last, int32_t steps)
+static void write_walk(cairn_grouping *g, cairn_grouped_object *o, const grouping_written_state *last, int32_t steps)
 {
     cairn_grouping_disc *walk = &g->written->walk[g->params.max_steps * slot_of(g, o)];
 
@@ -119,7 +119,7 @@ static void write_walk(cairn_grouping *g, cairn_grouped_object *o, const written
 void cairn_grouping_written_keep(cairn_grouping *g, int32_t index)
 {
     cairn_particle p = cairn_particle_filter_particle(g->filter, index);
-    const written_state *s = p.state;
+    const grouping_written_state *s = p.state;
     cairn_grouped_object o = {.evidence = s->log_posterior};
     int32_t count, at;
 
@@ -222,7 +222,7 @@ cairn_status cairn_grouping_written_finish(cairn_grouping *g, cairn_budget *budg
 
 cairn_grouping_particle cairn_grouping_written_particle(const cairn_grouping *g, const cairn_particle *p)
 {
-    const written_state *s = p->state;
+    const grouping_written_state *s = p->state;
     const cairn_shape_model *m = g->input.model;
     const cairn_shape_path *path = &m->paths[0];
     cairn_grouping_particle particle = {
@@ -235,7 +235,7 @@ cairn_grouping_particle cairn_grouping_written_particle(const cairn_grouping *g,
 
 int32_t cairn_grouping_history(const cairn_grouping *g, int32_t particle, cairn_grouping_disc *discs, int32_t most)
 {
-    const written_state *s;
+    const grouping_written_state *s;
     int32_t count;
 
     if (g == NULL || g->written == NULL || !g->has_walked || particle < 0 ||

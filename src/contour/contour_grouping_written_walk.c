@@ -44,7 +44,7 @@ static cairn_real dissimilarity(const struct grouping_written *w, cairn_vec2 mod
            cairn_abs(length - expected) / w->mean_radius;
 }
 
-cairn_real cairn_grouping_written_likelihood(const cairn_grouping *g, const written_state *s, int32_t *sample)
+cairn_real cairn_grouping_written_likelihood(const cairn_grouping *g, const grouping_written_state *s, int32_t *sample)
 {
     const struct grouping_written *w = g->written;
     const cairn_shape_model *m = g->input.model;
@@ -85,7 +85,7 @@ static void add_side(const cairn_grouping *g, written_side *side, int32_t open)
 }
 
 /* Reads the history up to a state: the states, both sides, the region between them. */
-static void read_past(cairn_grouping *g, const written_state *last, int32_t count)
+static void read_past(cairn_grouping *g, const grouping_written_state *last, int32_t count)
 {
     struct grouping_written *w = g->written;
 
@@ -155,7 +155,8 @@ static void insert(written_extension *list, int32_t *count, written_extension e)
 }
 
 /* What side s may be extended by, within the circle about its open end: list[WRITTEN_CHOICE]; their number. */
-static int32_t look_ahead(const cairn_grouping *g, const written_state *before, int32_t s, written_extension *list)
+static int32_t find_extensions(const cairn_grouping *g, const grouping_written_state *before, int32_t s,
+                               written_extension *list)
 {
     const struct grouping_written *w = g->written;
     cairn_vec2 open = end_at(g, before->end[s]);
@@ -174,7 +175,7 @@ static int32_t look_ahead(const cairn_grouping *g, const written_state *before, 
 }
 
 /* Whether the step of the skeleton to a point crosses the contour or the skeleton, or turns back by more than a right angle. */
-static int crosses_past(const cairn_grouping *g, const written_state *before, cairn_vec2 centre)
+static int crosses_past(const cairn_grouping *g, const grouping_written_state *before, cairn_vec2 centre)
 {
     const struct grouping_written *w = g->written;
     cairn_segment step = {before->centre, centre};
@@ -192,8 +193,8 @@ static int crosses_past(const cairn_grouping *g, const written_state *before, ca
 }
 
 /* Whether the extensions of both sides cross each other. */
-static int cross_each_other(const cairn_grouping *g, const written_state *before, const written_extension *left,
-                            const written_extension *right)
+static int cross_each_other(const cairn_grouping *g, const grouping_written_state *before,
+                            const written_extension *left, const written_extension *right)
 {
     cairn_segment line[2][2];
     const written_extension *e[2] = {left, right};
@@ -210,7 +211,8 @@ static int cross_each_other(const cairn_grouping *g, const written_state *before
 }
 
 /* (2.11) */
-static cairn_real log_mass(const cairn_grouping *g, const written_state *before, const written_state *s, cairn_real gap)
+static cairn_real log_mass(const cairn_grouping *g, const grouping_written_state *before,
+                           const grouping_written_state *s, cairn_real gap)
 {
     cairn_real loss = cairn_max(s->deviation - before->deviation, 0);
     cairn_real mass = -half_square(gap / g->input.mean_length);
@@ -219,11 +221,11 @@ static cairn_real log_mass(const cairn_grouping *g, const written_state *before,
 }
 
 /* Offers the pair of two extensions, unless it is culled. */
-static cairn_status offer(cairn_grouping *g, cairn_particle_filter *filter, const written_state *before,
+static cairn_status offer(cairn_grouping *g, cairn_particle_filter *filter, const grouping_written_state *before,
                           const written_extension *left, const written_extension *right)
 {
     const cairn_symmetric_point *p = cairn_grouping_written_point(g, left->open / 2, right->open / 2);
-    written_state next = *before;
+    grouping_written_state next = *before;
     cairn_status status;
 
     if (p == NULL || cairn_polygon_contains(g->written->polygon, g->written->polygon_count, p->centre) ||
@@ -245,7 +247,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 {
     cairn_grouping *g = context;
     cairn_particle particle = cairn_particle_filter_particle(filter, index);
-    const written_state *before = particle.state;
+    const grouping_written_state *before = particle.state;
     written_extension list[2][WRITTEN_CHOICE];
     int32_t count[2];
 
@@ -253,7 +255,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
         return CAIRN_MORE;
     read_past(g, before, particle.steps + 1);
     for (int32_t s = 0; s < 2; s++)
-        count[s] = look_ahead(g, before, s, list[s]);
+        count[s] = find_extensions(g, before, s, list[s]);
     for (int32_t i = 0; i < count[0]; i++)
         for (int32_t j = 0; j < count[1]; j++) {
             cairn_status status = CAIRN_OK;
@@ -281,7 +283,7 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
 static void append(void *context, const cairn_particle_filter *filter, int32_t index, void *state)
 {
     const cairn_grouping *g = context;
-    written_state *s = state;
+    grouping_written_state *s = state;
 
     (void)filter;
     (void)index;

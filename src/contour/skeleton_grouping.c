@@ -107,7 +107,7 @@ static cairn_particle_filter_params filter_params(const cairn_skeleton_params *p
         f.by_entropy = 0;
         f.max_followers = WRITTEN_FOLLOWERS;
         f.max_candidates = p->particles * WRITTEN_FOLLOWERS;
-        f.state_bytes = (int32_t)sizeof(written_state);
+        f.state_bytes = (int32_t)sizeof(skeleton_written_state);
         return f;
     }
     f.max_followers = SKELETON_FOLLOWERS;

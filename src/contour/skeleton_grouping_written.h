@@ -25,12 +25,12 @@ typedef struct written_rule {
 } written_rule;
 
 /* One pose of the virtual robot, x_t. */
-typedef struct written_state {
+typedef struct skeleton_written_state {
     written_pair pair;        /* touch[0] of one contour, touch[1] of the other, all along a walk */
     cairn_vec2 heading;       /* of length 1: sum of the four vectors between the edgels before and these */
     cairn_real log_step;      /* logarithm of (3.7), of its greatest value; 0 for the first pose */
     cairn_real log_followers; /* logarithm of the number of followers that the pose before has */
-} written_state;
+} skeleton_written_state;
 
 /* An edgel in a look-ahead circle. */
 typedef struct written_ahead {

@@ -64,7 +64,7 @@ static cairn_real log_step(const cairn_skeleton *g, const written_pair *before, 
 /* ---- Proposal ---- */
 
 /* Where the contour of a side goes on, C sigma along the edgel's orientation. */
-static cairn_vec2 ahead_of(const cairn_skeleton *g, const written_state *s, int32_t side)
+static cairn_vec2 ahead_of(const cairn_skeleton *g, const skeleton_written_state *s, int32_t side)
 {
     cairn_vec2 tangent = cairn_vec2_left(s->pair.inward[side]);
     cairn_real way = cairn_vec2_dot(tangent, s->heading) < 0 ? -g->params.reach : g->params.reach;
@@ -99,7 +99,7 @@ static int32_t scan_circle(const cairn_skeleton *g, cairn_vec2 middle, int32_t s
     return count;
 }
 
-static void collect_ahead(cairn_skeleton *g, const written_state *s)
+static void collect_ahead(cairn_skeleton *g, const skeleton_written_state *s)
 {
     skeleton_written *w = g->written;
 
@@ -113,7 +113,7 @@ static void collect_ahead(cairn_skeleton *g, const written_state *s)
     }
 }
 
-static int32_t cost_of_look(const cairn_skeleton *g, const written_state *s)
+static int32_t cost_of_look(const cairn_skeleton *g, const skeleton_written_state *s)
 {
     cairn_real reach = g->params.reach;
     int32_t cost = UNITS_A_PARTICLE;
@@ -174,9 +174,9 @@ static void cull_crossing(skeleton_written *w, const written_pair *last, cairn_s
 }
 
 /* Of the edgels ahead those are culled that lie in explored regions, or whose contour would cross itself. */
-static void cull_ahead(skeleton_written *w, const written_state *last)
+static void cull_ahead(skeleton_written *w, const skeleton_written_state *last)
 {
-    const written_state *s = last, *before;
+    const skeleton_written_state *s = last, *before;
 
     turn_inside(w, last->pair.touch[0], last->pair.touch[1]);
     for (; s != NULL; s = before) {
@@ -253,7 +253,7 @@ static void keep(skeleton_written *w, const written_pair *pair)
 }
 
 /* Each edgel ahead of one end with each ahead of the other. */
-static void make_pairs(cairn_skeleton *g, const written_state *last)
+static void make_pairs(cairn_skeleton *g, const skeleton_written_state *last)
 {
     skeleton_written *w = g->written;
     written_rule rule = cairn_skeleton_written_rule(g, MARGIN * g->params.radius);
@@ -273,9 +273,9 @@ static void make_pairs(cairn_skeleton *g, const written_state *last)
 }
 
 /* Pairs whose axis crosses the axis so far. */
-static void cull_axes(skeleton_written *w, const written_state *last)
+static void cull_axes(skeleton_written *w, const skeleton_written_state *last)
 {
-    const written_state *s = last, *before = cairn_particle_state_before(last);
+    const skeleton_written_state *s = last, *before = cairn_particle_state_before(last);
 
     for (; before != NULL; s = before, before = cairn_particle_state_before(before)) {
         cairn_segment piece = {before->pair.centre, s->pair.centre};
@@ -288,14 +288,15 @@ static void cull_axes(skeleton_written *w, const written_state *last)
     }
 }
 
-static cairn_status offer_pairs(const cairn_skeleton *g, cairn_particle_filter *filter, const written_state *last)
+static cairn_status offer_pairs(const cairn_skeleton *g, cairn_particle_filter *filter,
+                                const skeleton_written_state *last)
 {
     int32_t followers = 0;
 
     for (int32_t i = 0; i < g->written->pair_count; i++)
         followers += !g->written->pairs[i].crossed;
     for (int32_t i = 0; i < g->written->pair_count; i++) {
-        written_state next;
+        skeleton_written_state next;
         cairn_status status;
 
         if (g->written->pairs[i].crossed)
@@ -317,7 +318,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     cairn_skeleton *g = context;
     skeleton_written *w = g->written;
     cairn_particle p = cairn_particle_filter_particle(filter, index);
-    const written_state *last = p.state;
+    const skeleton_written_state *last = p.state;
     int32_t cost;
 
     if (!w->collected) {
@@ -342,7 +343,7 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index, const void *state,
                                cairn_real *log_likelihood, cairn_budget *budget)
 {
-    const written_state *s = state;
+    const skeleton_written_state *s = state;
 
     (void)context;
     (void)filter;
@@ -362,7 +363,7 @@ cairn_particle_model cairn_skeleton_written_model(cairn_skeleton *g)
 /* ---- Runs ---- */
 
 /* The first pose: a CP, seen along one way of its line. 0: it is none. */
-static int first_state(const cairn_skeleton *g, const skeleton_centre *c, cairn_vec2 way, written_state *s)
+static int first_state(const cairn_skeleton *g, const skeleton_centre *c, cairn_vec2 way, skeleton_written_state *s)
 {
     written_rule rule = cairn_skeleton_written_rule(g, MARGIN * g->params.radius);
 
@@ -390,7 +391,7 @@ static cairn_status begin_run(cairn_skeleton *g)
     g->stage = 0;
     g->written->collected = 0;
     for (int32_t i = 0; i < g->centre_count && status == CAIRN_OK; i++) {
-        written_state s;
+        skeleton_written_state s;
 
         if (view.label[i] != start->centre || !cairn_skeleton_is_mirrored(g, &g->centres[i], line) ||
             number++ % stride != 0 || !first_state(g, &g->centres[i], way, &s))
@@ -400,7 +401,7 @@ static cairn_status begin_run(cairn_skeleton *g)
     return status;
 }
 
-static const written_state *best_of(const cairn_skeleton *g)
+static const skeleton_written_state *best_of(const cairn_skeleton *g)
 {
     return cairn_particle_filter_particle(g->filter, cairn_particle_filter_read(g->filter).best).state;
 }
@@ -434,12 +435,12 @@ static cairn_status run(cairn_skeleton *g, cairn_budget *budget)
 static void end_run(cairn_skeleton *g)
 {
     skeleton_part *part = &g->candidates[g->candidate_count];
-    const written_state *s = cairn_particle_filter_count(g->filter) > 0 ? best_of(g) : NULL;
+    const skeleton_written_state *s = cairn_particle_filter_count(g->filter) > 0 ? best_of(g) : NULL;
     int32_t count = 0;
 
     if (s != NULL && s->log_step < -g->params.stop)
         s = cairn_particle_state_before(s);
-    for (const written_state *at = s; at != NULL; at = cairn_particle_state_before(at))
+    for (const skeleton_written_state *at = s; at != NULL; at = cairn_particle_state_before(at))
         count++;
     part->first = g->disc_count;
     part->count = count;
