@@ -63,6 +63,7 @@ static int check_settings(align_settings *s, const option *table, size_t count)
     }
     is_lum = strcmp(s->method, "lum") == 0;
     is_gradient = strcmp(s->method, "gradient") == 0;
+    s->as_written |= s->by_hypotheses && is_gradient;
     const align_rule rules[] = {
         {s->no_poses, "--method", "--no-poses", "places are matched as wholes, which is a method of its own"},
         {s->no_poses, "--spread", "--no-poses", "there is no start that is off"},
@@ -88,7 +89,6 @@ static int check_settings(align_settings *s, const option *table, size_t count)
                                  rules[i].with, rules[i].why);
             return 0;
         }
-    s->as_written |= s->by_hypotheses && is_gradient;
     if (s->as_written && !is_given(table, count, "--steps"))
         s->steps = is_lum ? LUM_STEPS : s->by_hypotheses ? VIRTUAL_STEPS : s->steps;
     if (isnan(s->spacing))
@@ -137,7 +137,8 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
     const option_set set = {
         ALIGN_PROGRAM, "LOG -o DIR [options]",
         "Aligns all scans of a CARMEN log (plain or gzipped) at once. Their order does not matter; the\n"
-        "poses in the log are the start, or with --no-poses not read.",
+        "poses in the log are the start; with --no-poses they only say which scans are of one place, and how they\n"
+        "lie in it (with --headings not even that).",
         table, sizeof table / sizeof *table};
     option_result result;
 

@@ -22,7 +22,7 @@ typedef struct grouping {
     int32_t places, points_most, beams_most;
 } grouping;
 
-/* Whether scan i is of the place of the scan before it. */
+/* Whether scan i is of the place whose first scan is `first`. */
 static int is_same_place(const align_job *job, int32_t first, int32_t i)
 {
     cairn_pose a = job->log->record[first].robot, b = job->log->record[i].robot;

@@ -27,6 +27,7 @@ typedef struct settings {
     uint64_t seed;
     double least_size, most_size, least_turn, most_turn;
     int32_t no_mirror, report, quiet, as_written;
+    int32_t strong_given;
 } settings;
 
 /* "A:B" or "A". 0: it is none, or A is above B. */
@@ -54,6 +55,12 @@ static option_result check_written(const settings *s)
     if (s->as_written && other != NULL)
         return (option_result)options_refuse(
             PROGRAM, "%s with --as-written, expected it without: the thesis has nothing of the kind", other);
+    if (!s->as_written && s->strong_given)
+        return (option_result)options_refuse(
+            PROGRAM, "--strong without --as-written, expected with it: only its walks start so");
+    if (s->as_written && s->no_mirror)
+        return (option_result)options_refuse(
+            PROGRAM, "--no-mirror with --as-written, expected it without: the thesis mirrors nothing");
     if (s->as_written && s->scale == NULL)
         return (option_result)options_refuse(
             PROGRAM, "--as-written without --scale, expected the object's size: the thesis sets it by hand");
@@ -85,7 +92,7 @@ static option_result check_settings(settings *s)
 
 static option_result read_settings(settings *s, int argc, char **argv)
 {
-    const option table[] = {
+    option table[] = {
         OPTION_TEXT("--model", &s->model, "SHAPE",
                     "what to look for: a model (cairn model), a silhouette or a drawing"),
         OPTION_TEXT("-o", &s->folder, "DIR", "folder to write NAME.svg and NAME.json to, for each image NAME.*"),
@@ -125,6 +132,9 @@ static option_result read_settings(settings *s, int argc, char **argv)
         table, sizeof table / sizeof *table};
     option_result result;
 
+    for (size_t k = 0; k < set.count; k++)
+        if (strcmp(table[k].name, "--strong") == 0)
+            table[k].given = &s->strong_given;
     s->count = IMAGES_MOST;
     result = options_read(&set, argc, argv, s->images, &s->count);
     return result == OPTIONS_READ ? check_settings(s) : result;

@@ -300,7 +300,7 @@ cairn_status group_record_write(const group_record *r, const cairn_contour_pictu
     static const cairn_report_curve curves[] = {
         {"N_eff", NULL, "particles that carry the weight"},
         {"best likelihood", NULL, "of a step, in the mean"},
-        {"modes", NULL, "groups of particles whose models lie apart"},
+        {"modes", NULL, "groups of particles (as written: of one start)"},
         {"followers", NULL, NULL},
     };
     cairn_report_player_params params = cairn_report_player_default();

@@ -32,6 +32,12 @@ filled()
 }
 
 failed=0
+for item in "$@"; do
+    grep -q "^$item |" tools/thesis.txt || {
+        echo "tools/thesis.txt has no item $item" >&2
+        exit 2
+    }
+done
 while IFS='|' read -r item column command text; do
     case $item in '' | '#'*) continue ;; esac
     item=$(echo $item) column=$(echo $column) text=$(echo $text)
@@ -40,7 +46,8 @@ while IFS='|' read -r item column command text; do
     fi
     command=$(printf '%s\n' $command | sed "s|^@|$data|; s|^build/|$build/|" | tr '\n' ' ')
     echo "$item $column: $command"
-    if line=$($command </dev/null 2>"$out/errors" | grep '^{' | tail -1) && [ -n "$line" ] && cell=$(filled "$text" "$line"); then
+    if $command </dev/null >"$out/printed" 2>"$out/errors" && line=$(grep '^{' "$out/printed" | tail -1) && [ -n "$line" ] &&
+        cell=$(filled "$text" "$line"); then
         echo "    $cell"
         printf '%s|%s|%s\n' "$item" "$column" "$cell" >>"$out/cells"
     else

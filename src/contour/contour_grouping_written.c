@@ -19,7 +19,7 @@
 enum { BLOCKS_A_PARTICLE = 24, FOLLOWERS = 8 };
 /* Ends in a cell of the grid lie within so many px. */
 #define CELL 8
-enum { STARTS_A_POINT = 4, UNITS_A_START = 6, UNITS_A_KEEP = 4 };
+enum { STARTS_A_POINT = 4, UNITS_A_START = 6, UNITS_A_KEEP = 4, OBJECTS_A_UNIT = 8 };
 
 cairn_grouping_params cairn_grouping_as_written(void)
 {
@@ -163,6 +163,7 @@ void cairn_grouping_written_begin(cairn_grouping *g)
     w->size = cairn_sqrt(g->input.min_size * g->input.max_size);
     read_model(w, g->input.model, g->params.radius_sigma);
     w->log_stop = cairn_log(g->params.stop);
+    w->look = 0;
     w->random = cairn_random_seed(g->params.seed, 1);
     w->is_set = w->is_drawing = w->end = w->seeds = w->draws = w->is_keeping = 0;
     w->sum = w->drawn = 0;
@@ -242,6 +243,7 @@ cairn_status cairn_grouping_written_index(cairn_grouping *g, cairn_budget *budge
         if (!cairn_budget_pay(budget, &g->paid, 1))
             return CAIRN_MORE;
         w->is_start[g->other / 2] = 0;
+        w->stamp[g->other / 2] = 0;
         status = cairn_point_grid_insert(w->ends, g->other % 2 ? s->b : s->a);
         if (status != CAIRN_OK)
             return status;
@@ -309,7 +311,7 @@ cairn_status cairn_grouping_written_seed(cairn_grouping *g, cairn_budget *budget
         const cairn_symmetric_point *p = &points[g->cursor / STARTS_A_POINT];
         grouping_written_state s;
 
-        if (!cairn_budget_pay(budget, &g->paid, UNITS_A_START))
+        if (!cairn_budget_pay(budget, &g->paid, is_seed(w, p) ? UNITS_A_START + cairn_grouping_written_units(g) : 1))
             return CAIRN_MORE;
         if (!is_seed(w, p))
             continue;
@@ -327,7 +329,7 @@ cairn_status cairn_grouping_written_seed(cairn_grouping *g, cairn_budget *budget
         const cairn_symmetric_point *p = &points[g->other / STARTS_A_POINT];
         grouping_written_state s;
 
-        if (!cairn_budget_pay(budget, &g->paid, UNITS_A_START))
+        if (!cairn_budget_pay(budget, &g->paid, is_seed(w, p) ? UNITS_A_START + cairn_grouping_written_units(g) : 1))
             return CAIRN_MORE;
         if (!is_seed(w, p))
             continue;
@@ -369,7 +371,7 @@ static int take_step(cairn_grouping *g)
         return 0;
     g->steps++;
     trace->n_eff = t.n_eff;
-    trace->log_likelihood = greatest_posterior(g) / (cairn_real)(g->steps + 1);
+    trace->log_likelihood = greatest_posterior(g) / (cairn_real)(g->steps + 1) + g->written->log_stop;
     trace->followers = t.followers;
     trace->resampled = t.resampled;
     trace->particles = t.particles;
@@ -405,7 +407,9 @@ cairn_status cairn_grouping_written_walk(cairn_grouping *g, cairn_budget *budget
             g->cursor = 0;
         }
         for (; g->cursor < cairn_particle_filter_count(g->filter); g->cursor++) {
-            if (!cairn_budget_pay(budget, &g->paid, UNITS_A_KEEP + g->steps))
+            int32_t units = UNITS_A_KEEP + g->steps * (1 + g->object_count / OBJECTS_A_UNIT);
+
+            if (!cairn_budget_pay(budget, &g->paid, units))
                 return CAIRN_MORE;
             cairn_grouping_written_keep(g, g->cursor);
         }

@@ -48,6 +48,7 @@ struct grouping_written {
     int32_t is_drawing; /* 1: the masses of the starts are summed up */
     int32_t is_set;     /* 1: the set has been given the segments */
     int32_t end;        /* CAIRN_GROUPING_... */
+    int32_t cost;       /* units of the proposal that is being paid */
     int32_t seeds;      /* starts that were drawn from */
     int32_t draws;
     int32_t is_keeping;     /* 1: the filter has made a step, and its particles are looked at */
@@ -75,6 +76,9 @@ cairn_grouping_particle cairn_grouping_written_particle(const cairn_grouping *g,
 
 /* The filter's callbacks. */
 cairn_particle_model cairn_grouping_written_model(cairn_grouping *g);
+
+/* Units of one likelihood. */
+int32_t cairn_grouping_written_units(const cairn_grouping *g);
 
 /* The log of (2.13) of a symmetric point for a walk that started at `start`; *sample is k of (2.12). */
 cairn_real cairn_grouping_written_likelihood(const cairn_grouping *g, const grouping_written_state *s, int32_t *sample);

@@ -10,7 +10,8 @@
 
 #include "src/contour/contour_grouping_written.h"
 
-enum { UNITS_A_PROPOSAL = 60, UNITS_A_STEP = 12 };
+/* Units: of a proposal, of a step of its past; of an end in a look-ahead circle, and of a pair, with each so many steps of the past. */
+enum { UNITS_A_PROPOSAL = 60, UNITS_A_STEP = 12, STEPS_AN_END = 1, STEPS_A_PAIR = 2 };
 
 /* ---- The model ---- */
 
@@ -66,6 +67,11 @@ cairn_real cairn_grouping_written_likelihood(const cairn_grouping *g, const grou
     off = (s->radius / w->size - sample_of(m, s->way, *sample)->radius) / w->mean_radius;
     return cairn_log(CAIRN_REAL(0.5) * normal(least, g->params.path_sigma) +
                      CAIRN_REAL(0.5) * normal(off, g->params.radius_sigma));
+}
+
+int32_t cairn_grouping_written_units(const cairn_grouping *g)
+{
+    return 1 + g->input.model->paths[0].count;
 }
 
 /* ---- The past of a particle ---- */
@@ -243,6 +249,29 @@ static cairn_status offer(cairn_grouping *g, cairn_particle_filter *filter, cons
     return status == CAIRN_FULL ? CAIRN_OK : status;
 }
 
+/* Ends of segments in the look-ahead circle of a side. */
+static int32_t ends_ahead(const cairn_grouping *g, const grouping_written_state *before, int32_t s)
+{
+    cairn_vec2 open = end_at(g, before->end[s]);
+    cairn_point_grid_cursor near = cairn_point_grid_begin(g->written->ends, open, g->input.look_ahead);
+    int32_t count = 0;
+
+    while (cairn_point_grid_next(g->written->ends, &near) >= 0)
+        count++;
+    return count;
+}
+
+/* Units of a proposal. */
+static int32_t cost_of_proposal(const cairn_grouping *g, const grouping_written_state *before, int32_t steps)
+{
+    int32_t left = ends_ahead(g, before, 0), right = ends_ahead(g, before, 1);
+    int32_t pairs = (left < WRITTEN_CHOICE ? left : WRITTEN_CHOICE) * (right < WRITTEN_CHOICE ? right : WRITTEN_CHOICE);
+    int64_t units = UNITS_A_PROPOSAL + UNITS_A_STEP * steps + pairs * (1 + steps / STEPS_A_PAIR) +
+                    ((int64_t)left + right) * (1 + steps / STEPS_AN_END);
+
+    return units < INT32_MAX ? (int32_t)units : INT32_MAX;
+}
+
 static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index, cairn_budget *budget)
 {
     cairn_grouping *g = context;
@@ -251,7 +280,9 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
     written_extension list[2][WRITTEN_CHOICE];
     int32_t count[2];
 
-    if (!cairn_budget_pay(budget, &g->stage, UNITS_A_PROPOSAL + UNITS_A_STEP * particle.steps))
+    if (g->stage == 0)
+        g->written->cost = cost_of_proposal(g, before, particle.steps);
+    if (!cairn_budget_pay(budget, &g->stage, g->written->cost))
         return CAIRN_MORE;
     read_past(g, before, particle.steps + 1);
     for (int32_t s = 0; s < 2; s++)
@@ -271,12 +302,15 @@ static cairn_status propose(void *context, cairn_particle_filter *filter, int32_
 static cairn_status likelihood(void *context, const cairn_particle_filter *filter, int32_t index, const void *state,
                                cairn_real *log_likelihood, cairn_budget *budget)
 {
+    cairn_grouping *g = context;
     int32_t sample;
 
     (void)filter;
     (void)index;
-    (void)budget;
-    *log_likelihood = cairn_grouping_written_likelihood(context, state, &sample);
+    /* append() computes it once more. */
+    if (!cairn_budget_pay(budget, &g->stage, 2 * cairn_grouping_written_units(g)))
+        return CAIRN_MORE;
+    *log_likelihood = cairn_grouping_written_likelihood(g, state, &sample);
     return CAIRN_OK;
 }
 

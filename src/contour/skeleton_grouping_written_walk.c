@@ -72,7 +72,7 @@ static cairn_vec2 ahead_of(const cairn_skeleton *g, const skeleton_written_state
     return cairn_vec2_add(s->pair.touch[side], cairn_vec2_scale(tangent, way));
 }
 
-/* Calls of the two passes over a look-ahead circle: the first counts, the second takes one in `stride`. */
+/* Edgels in a look-ahead circle: their number; with a list, every `stride`-th of them is put into it. */
 static int32_t scan_circle(const cairn_skeleton *g, cairn_vec2 middle, int32_t stride, written_ahead *list)
 {
     cairn_real reach = g->params.reach;

@@ -8,10 +8,12 @@
 
 #include "cairn/contour_search.h"
 
-/* Edgels stand so many pixels apart, each with the direction between the pixels so far before and behind it. */
 /* The shortest piece of the mode as written, px: of shorter ones a walk has too many that fit. */
 #define WRITTEN_PIECE 10
+/* Edgels stand so many pixels apart, each with the direction between the pixels so far before and behind it. */
 enum { EDGEL_STEP = 3, EDGEL_REACH = 3 };
+/* px: length of an edgel, which stands for mean length and look-ahead of segments. */
+#define EDGEL_LENGTH 5
 
 void cairn_contour_tokens_free(cairn_contour_tokens *tokens)
 {
@@ -60,7 +62,7 @@ static cairn_status take_edgels(cairn_contour_tokens *t, const cairn_edge_chain_
             t->chain[t->count++] = c;
         }
     }
-    t->mean_length = t->look_ahead = 5;
+    t->mean_length = t->look_ahead = EDGEL_LENGTH;
     return CAIRN_OK;
 }
 

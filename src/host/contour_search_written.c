@@ -29,21 +29,24 @@ typedef struct written_run {
     cairn_grouping *grouping;
     cairn_grouping_particle *particles; /* [params->grouping.particles] */
     cairn_grouping_disc *discs;         /* [max_steps] */
+    cairn_vec2 *starts;                 /* [params->grouping.particles] of the groups of particles */
     int32_t seen;                       /* steps */
 } written_run;
 
-/* Groups of particles with the same first symmetric point: hypotheses from starts of their own. */
+/* Groups of particles whose walks began at the same symmetric point. */
 static int32_t count_modes(const written_run *r, int32_t count)
 {
     int32_t modes = 0;
 
     for (int32_t i = 0; i < count; i++) {
+        cairn_grouping_disc first;
         int32_t k = 0;
 
-        while (k < i && (r->particles[k].centre.x != r->particles[i].centre.x ||
-                         r->particles[k].centre.y != r->particles[i].centre.y))
+        (void)cairn_grouping_history(r->grouping, i, &first, 1);
+        while (k < modes && (r->starts[k].x != first.centre.x || r->starts[k].y != first.centre.y))
             k++;
-        modes += k == i;
+        if (k == modes)
+            r->starts[modes++] = first.centre;
     }
     return modes;
 }
@@ -163,9 +166,11 @@ cairn_status cairn_contour_search_written(cairn_contour_result *result, const ca
     memory = malloc(result->pool_bytes);
     r.particles = malloc((size_t)(grouping.particles > 0 ? grouping.particles : 1) * sizeof *r.particles);
     r.discs = malloc((size_t)(grouping.max_steps > 0 ? grouping.max_steps : 1) * sizeof *r.discs);
+    r.starts = malloc((size_t)(grouping.particles > 0 ? grouping.particles : 1) * sizeof *r.starts);
     result->modes[0] = calloc((size_t)(grouping.max_steps > 0 ? grouping.max_steps : 1), sizeof *result->modes[0]);
-    status = memory != NULL && r.particles != NULL && r.discs != NULL && result->modes[0] != NULL ? CAIRN_OK
-                                                                                                  : CAIRN_NO_MEMORY;
+    status = memory != NULL && r.particles != NULL && r.discs != NULL && r.starts != NULL && result->modes[0] != NULL
+                 ? CAIRN_OK
+                 : CAIRN_NO_MEMORY;
     if (status == CAIRN_OK)
         status = cairn_pool_init(&pool, memory, result->pool_bytes);
     if (status == CAIRN_OK)
@@ -173,6 +178,7 @@ cairn_status cairn_contour_search_written(cairn_contour_result *result, const ca
     free(memory);
     free(r.particles);
     free(r.discs);
+    free(r.starts);
     if (status == CAIRN_OK)
         return CAIRN_OK;
     cairn_contour_result_free(result);

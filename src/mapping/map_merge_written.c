@@ -364,7 +364,7 @@ static void take_best(cairn_map_merge *m)
     memset(m->placed, 0, sizeof m->placed);
     for (int32_t i = 0; i < m->map_count; i++) {
         m->placed[i].verdict = m->maps[i].point_count == 0 || m->maps[i].free == 0 ? CAIRN_MERGE_EMPTY
-                               : is_within_reach(m, i)                             ? CAIRN_MERGE_NO_OVERLAP
+                               : is_near(m, i) || is_within_reach(m, i)            ? CAIRN_MERGE_NO_OVERLAP
                                                                                    : CAIRN_MERGE_NO_CORNER;
         m->placed[i].corners = m->maps[i].corner_count;
         m->placed[i].wrong = 1;
