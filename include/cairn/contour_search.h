@@ -90,8 +90,7 @@ typedef struct cairn_contour_result {
     cairn_contour_disc *discs;
     cairn_contour_place *outline;
     cairn_grouping_trace *trace[2]; /* of the model as it is, and mirrored */
-    int32_t *modes[2];              /* [steps] groups of particles after each step: their models lie apart;
-                                     * as written: walks that began at different symmetric points */
+    int32_t *modes[2];              /* [steps] groups of particles: models apart; as written: starts apart */
     int32_t steps[2], starts[2];
     int32_t object_count, segment_count, disc_count, outline_count;
     cairn_real best;          /* the best score of all, reported or not */
