@@ -14,6 +14,10 @@
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT OFF
 #elif defined(__GNUC__)
+#if defined(__FMA__) || defined(__AVX512F__)
+/* Without fused instructions, because gcc 12 makes vfmaddsub of vectorized loops even when contraction is off. */
+#pragma GCC target("no-fma,no-avx512f")
+#endif
 /* Without straight-line vectorization, because gcc 12 makes vfmaddsub of it even when contraction is off. */
 #pragma GCC optimize("fp-contract=off", "no-tree-slp-vectorize")
 #endif
