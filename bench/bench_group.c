@@ -362,6 +362,10 @@ void group_found_add(group_found *found, const group_image *image, const cairn_c
                      const cairn_contour_result *result)
 {
     found->best = fmax(found->best, (double)result->best_evidence);
+    if (result->mode == CAIRN_MODE_AS_WRITTEN && found->searches < GROUP_INSTANCES) {
+        found->end[found->searches++] = result->end;
+        found->points_dropped += result->points_dropped;
+    }
     for (int32_t i = 0; i < result->object_count && found->count < GROUP_GROUPINGS; i++) {
         const cairn_contour_object *o = &result->objects[i];
         group_grouping *g = &found->grouping[found->count];

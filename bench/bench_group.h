@@ -53,6 +53,9 @@ typedef struct group_found {
     group_grouping grouping[GROUP_GROUPINGS];
     int32_t count;
     double best;
+    /* Of the mode as written: what the searches on this image came to, one after the other. */
+    int32_t searches, end[GROUP_INSTANCES]; /* CAIRN_GROUPING_... */
+    int32_t points_dropped;                 /* of all together */
 } group_found;
 
 void group_found_clear(group_found *found);

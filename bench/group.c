@@ -9,7 +9,8 @@
  * read as they are: images with .jpg, edges with _edges.tif, boxes with _CLASS.groundtruth, outlines with _CLASS_outlines.pgm or
  * .png, or masks with .mask.N.png, whose border is the outline; instances with neither, or none
  * with edges, are left out and counted. hit_rate_thin: the same against the line in the middle of the outlines' strokes, some of which are
- * as wide as what coverage allows. */
+ * as wide as what coverage allows. With --as-written also points_dropped, symmetric points beyond the memory for them, and why walks ended:
+ * end_no_start, end_posterior, end_no_follower, end_steps, end_histories count the searches (with --each: end, of the instance's). */
 #include <dirent.h>
 #include <inttypes.h>
 #include <math.h>
@@ -43,6 +44,9 @@ typedef struct sums {
     double *seconds;
     size_t pool_bytes;
     int32_t timed;
+    /* Of the mode as written. */
+    int64_t points_dropped;
+    int32_t ends[CAIRN_GROUPING_HISTORIES + 1]; /* searches by why the walk ended */
 } sums;
 
 static const struct {
@@ -235,7 +239,33 @@ static void print_best(const group_found *found)
     bench_json_number("best", found->best);
 }
 
-static void print_each(const group_image *image, const group_found *found, const group_score *score)
+/* Why the walk of a search ended, and what was left out. */
+static void print_end(const group_found *found, int32_t search)
+{
+    if (search >= found->searches)
+        return;
+    bench_json_text("end", cairn_contour_end_text(found->end[search]));
+    bench_json_integer("points_dropped", found->points_dropped);
+}
+
+static void add_ends(sums *t, const group_found *found)
+{
+    t->points_dropped += found->points_dropped;
+    for (int32_t i = 0; i < found->searches; i++)
+        t->ends[found->end[i]]++;
+}
+
+static void print_ends(const sums *t)
+{
+    static const char *const keys[] = {"end_no_start", "end_posterior", "end_no_follower", "end_steps",
+                                       "end_histories"};
+
+    bench_json_integer("points_dropped", t->points_dropped);
+    for (int32_t i = 0; i <= CAIRN_GROUPING_HISTORIES; i++)
+        bench_json_integer(keys[i], t->ends[i]);
+}
+
+static void print_each(const group_image *image, const group_found *found, const group_score *score, int32_t search)
 {
     bench_json_begin("group");
     bench_json_text("image", image->name);
@@ -247,6 +277,7 @@ static void print_each(const group_image *image, const group_found *found, const
     bench_json_number("box_iou", score->iou);
     bench_json_integer("groupings", found->count);
     print_best(found);
+    print_end(found, search);
     bench_json_end();
 }
 
@@ -268,6 +299,7 @@ static int run_own(const settings *s, sums *t, const char *folder, const char *n
     taken = group_measure(&image, &found, score);
     t->images++;
     t->own_false += found.count - taken;
+    add_ends(t, &found);
     for (int32_t i = 0; i < image.instances; i++) {
         if (score[i].present == 0) {
             t->without_outline++;
@@ -280,7 +312,7 @@ static int run_own(const settings *s, sums *t, const char *folder, const char *n
         t->coverage += score[i].coverage;
         t->precision += score[i].precision;
         if (s->each)
-            print_each(&image, &found, &score[i]);
+            print_each(&image, &found, &score[i], i);
     }
     if (s->draw != NULL)
         group_draw(s->draw, &image, &found);
@@ -305,11 +337,13 @@ static int run_other(const settings *s, sums *t, const char *folder, const char 
                             : search(s, t, &image, model, &params, &found);
     t->other_images++;
     t->false_groupings += found.count;
+    add_ends(t, &found);
     if (s->each && ok) {
         bench_json_begin("group");
         bench_json_text("other", image.name);
         bench_json_integer("groupings", found.count);
         print_best(&found);
+        print_end(&found, 0);
         bench_json_end();
     }
     group_found_clear(&found);
@@ -384,6 +418,8 @@ static void print_summary(const settings *s, sums *t)
     bench_json_number("seconds_median", bench_median(t->seconds, (size_t)t->timed));
     bench_json_number("seconds_most", most_of(t->seconds, t->timed));
     bench_json_integer("pool_bytes", (int64_t)t->pool_bytes);
+    if (s->as_written)
+        print_ends(t);
     bench_json_true("summary");
     bench_json_end();
 }

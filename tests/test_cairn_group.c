@@ -115,6 +115,7 @@ static void test_as_written(void **state)
     assert_json(text);
     assert_int_equal(count_of(text, "\"verdict\": \"found\""), 1);
     assert_true(count_of(text, "\"skeleton\": [[") >= 1);
+    assert_int_equal(count_of(text, "\"points_dropped\": 0, \"end\": \""), 1);
     free(text);
     text = read_in("written/bottle.svg");
     assert_well_formed(text);
@@ -132,6 +133,7 @@ static void test_as_written(void **state)
                              "164 --report -o @/written"));
     text = read_in("written/bottle.json");
     assert_int_equal(count_of(text, "\"verdict\": \"none\""), 1);
+    assert_int_equal(count_of(text, "\"end\": \"no start\""), 1);
     free(text);
 }
 

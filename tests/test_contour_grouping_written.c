@@ -577,7 +577,7 @@ static void ten_thousand_points(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Two steps are all that there is memory for; and histories without room end the walk, not the search. */
+/* Two steps are all that there is memory for. */
 static void steps_are_bounded(void **state)
 {
     cairn_grouping_params params = small_params();
@@ -596,14 +596,39 @@ static void steps_are_bounded(void **state)
     assert_int_equal(r.end, CAIRN_GROUPING_STEPS);
     assert_true(r.object_count >= 1 && r.objects[0].seen <= 3);
     test_pool_free(&f.pool);
-    params = small_params();
-    params.stop = 1;
+}
+
+/* A corridor whose sides are cut into pieces of 4 px, of which only the next two are ahead: no walk dies and none is resampled, so the
+ * histories share nothing. When their memory is used up the walk ends; what was found until then is the result. */
+static void histories_are_bounded(void **state)
+{
+    cairn_grouping_params params = small_params();
+    scene s = {.count = 0};
+    cairn_grouping_input in;
+    cairn_grouping_result r;
+    finder f;
+
+    (void)state;
+    params.particles = 20;
+    params.use_model = 0;
     f = new_finder(&params);
+    for (int x = 10; x < 250; x += 4) {
+        add_line(&s, x, 100, x + 4, 100);
+        add_line(&s, x, 124, x + 4, 124);
+    }
+    add_end(&s, 10, 100);
     in = input_of(&f, &s);
-    in.min_size = in.max_size = 3 * f.model.size;
+    in.look_ahead = 3;
     r = group(&f, &in);
-    assert_true(r.end == CAIRN_GROUPING_POSTERIOR || r.end == CAIRN_GROUPING_NO_START ||
-                r.end == CAIRN_GROUPING_NO_FOLLOWER);
+    assert_int_equal(r.end, CAIRN_GROUPING_HISTORIES);
+    assert_in_range(r.steps, 24, STEPS - 2);
+    assert_true(r.object_count >= 1);
+    assert_int_equal(r.objects[0].seen, r.steps + 1);
+    /* The next search has its memory again. */
+    s.count = s.end_count = 0;
+    add_flask(&s, 130, 100);
+    in = input_of(&f, &s);
+    assert_true(group(&f, &in).end != CAIRN_GROUPING_HISTORIES);
     test_pool_free(&f.pool);
 }
 
@@ -621,6 +646,7 @@ int main(void)
         cmocka_unit_test(all_particles_may_die),
         cmocka_unit_test(ten_thousand_points),
         cmocka_unit_test(steps_are_bounded),
+        cmocka_unit_test(histories_are_bounded),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -27,6 +27,8 @@ refused "$(echo "$row" | sed 's/as written/well/')" '' 'none of those'
 refused "$(echo "$row" | sed 's/as written/left out/')" '' 'does not say'
 refused "$row
 $row" '' 'twice'
+refused "$(echo "$row" | sed 's/| 3 |/| |/')" '2/1 | default | build/cairn map --no-odometry | {x}' 'column default is empty'
+refused "$(echo "$row" | sed 's/| 2 |/|  |/')" '2/1 | as_written | build/cairn map --no-odometry | {x}' 'column as_written is empty'
 refused "$row" '2/2 | default | build/cairn map | {x}' 'no row'
 refused "$row" '2/1 | first | build/cairn map | {x}' 'column'
 refused "$row" '2/1 | default | build/cairn map --no-moons | {x}' 'unknown option'

@@ -3,7 +3,7 @@
 #
 # Every function that it names (cairn_...()) is declared in a header; every command in backticks and every experiment is accepted
 # by the parser of its program's options; every row has eight cells, a state that the document explains, and an item of its own;
-# every experiment has its row.
+# every experiment has its row, and its cell there is not empty.
 build=${1:?usage: tools/check-thesis.sh BUILD [DOCUMENT] [EXPERIMENTS]}
 document=${2:-docs/thesis.md}
 experiments=${3:-tools/thesis.txt}
@@ -36,6 +36,9 @@ while IFS='|' read -r item column command _; do
     item=$(echo $item) column=$(echo $column)
     grep -q "^| $item |" "$document" || refuse "$experiments: $item has no row in $document"
     case $column in as_written | default) ;; *) refuse "$experiments: $item: column '$column', expected as_written or default" ;; esac
+    awk -F '|' -v item="$item" -v cell="$([ "$column" = default ] && echo 9 || echo 8)" '
+        $2 == " " item " " && $cell ~ /^ *$/ { empty = 1 }
+        END { exit empty }' "$document" || refuse "$document: $item: column $column is empty, expected what \`$(echo $command)\` gives (make thesis)"
     accepted "$(echo $command)" "$experiments"
 done <"$build/thesis-experiments"
 

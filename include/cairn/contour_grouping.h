@@ -36,20 +36,24 @@ extern "C" {
 typedef struct cairn_grouping_params {
     int32_t mode;                  /* CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN */
     int32_t max_width, max_height; /* px, of the image, 1 ... 8192 (1024 and 1024) */
-    int32_t max_tokens;            /* pieces of segments, 1 ... 2^20; of more every n-th is left out (8192) */
+    int32_t max_tokens;            /* 1 ... 2^20 (8192). Default: pieces of segments, of more every n-th is left out; as
+                                    * written: segments, begin() refuses more */
     int32_t max_samples;           /* of a model's paths, 1 ... 1024 (64) */
     int32_t max_outline;           /* samples of a model's outline, 1 ... 4096 (512) */
     int32_t particles;             /* 1 ... 4096 (300) */
     int32_t max_objects;           /* 1 ... 64 (8) */
     int32_t use_model;             /* 0: steps are not weighed by the model (1) */
     int32_t use_skeleton;          /* 0: steps are not drawn by the symmetry of their points (1) */
-    cairn_real token;              /* px, > 0: segments are cut into pieces so long (10) */
-    cairn_real deform;             /* > 0, of the object's size: sigma of places on the contour (0.025) */
-    cairn_real turn;               /* rad, > 0: sigma of its directions (15 degrees) */
-    cairn_real symmetry;           /* rad, > 0: S, sigma of a loss of symmetry from one step to the next (45 degrees) */
-    cairn_real missing;            /* 0 ... 1, > 0: likelihood of a side that is not seen (0.3) */
-    cairn_real stop;      /* 0 ... 1: the walk ends when the best likelihood of a step, in the mean, is below (0.3) */
-    cairn_real min_score; /* 0 ... 1: objects of which less is seen are not reported (0.2) */
+    /* token, deform, turn, missing, min_score and min_evidence are of the default mode alone. */
+    cairn_real token;    /* px, > 0: segments are cut into pieces of this length (10) */
+    cairn_real deform;   /* > 0, of the object's size: sigma of places on the contour (0.025) */
+    cairn_real turn;     /* rad, > 0: sigma of its directions (15 degrees) */
+    cairn_real symmetry; /* rad, > 0: S, sigma of a loss of symmetry from one step to the next (45 degrees) */
+    cairn_real missing;  /* 0 ... 1, > 0: likelihood of a side that is not seen (0.3) */
+    /* 0 ... 1, > 0: the walk ends when the best likelihood of a step, in the mean, is below; as written Delta_p, see above (0.3; as written
+     * 0.5). */
+    cairn_real stop;
+    cairn_real min_score;    /* 0 ... 1: objects of which less is seen are not reported (0.2) */
     cairn_real min_evidence; /* >= 0: nor those with less evidence (13) */
     uint64_t seed;
     /* Of the mode as written alone. */
@@ -76,36 +80,42 @@ typedef struct cairn_grouping_input {
     int32_t end_count;
 } cairn_grouping_input;
 
-/* One object. image = origin + scale * (cosine, -sine; sine, cosine) * model. */
+/* One object. image = origin + scale * (cosine, -sine; sine, cosine) * model. Where a field differs in the mode as written, that is said
+ * behind "as written". */
 typedef struct cairn_grouped_object {
-    cairn_real evidence;  /* about the logarithm of how much likelier its segments are with the object than by chance */
-    cairn_real score;     /* 0 ... 1: how much of the outline was seen, and how well */
-    cairn_vec2 origin;    /* px */
-    cairn_real size;      /* px */
-    cairn_real turn;      /* rad */
+    cairn_real evidence; /* about the logarithm of how much likelier its segments are with the object than by chance; as
+                          * written the logarithm of its walk's posterior */
+    cairn_real score;    /* 0 ... 1: how much of the outline was seen, and how well; as written the share of the model's
+                          * longest path that was walked along */
+    cairn_vec2 origin;   /* px; as written the mean over the walk's discs */
+    cairn_real size;     /* px; as written the one that is searched */
+    cairn_real turn;     /* rad; as written 0 */
     int32_t first, count; /* segments[first ... first + count - 1] of the result */
     int32_t along; /* along[along ... along + outline_count - 1]: which part of the model was seen, and by what */
-    int32_t seen;  /* samples of the paths of which a side was seen */
+    int32_t seen;  /* samples of the paths of which a side was seen; as written discs of the walk */
     int32_t start; /* the sample of the model at which its walk began */
 } cairn_grouped_object;
 
 /* One step of the walk. */
 typedef struct cairn_grouping_trace {
-    cairn_real n_eff, log_likelihood; /* of the best particle, mean over its steps */
+    cairn_real n_eff;
+    cairn_real log_likelihood; /* of the best particle, mean over its steps; as written of the greatest posterior */
     int32_t followers, resampled, particles;
 } cairn_grouping_trace;
 
 typedef struct cairn_grouping_result {
     const cairn_grouped_object *objects; /* [object_count] that of most evidence first */
-    const int32_t *segments; /* indices of the input's segments, object by object, in the order of the outline */
-    const int32_t
-        *along; /* index of the segment at each sample of the model's outline, -1: not seen; object by object */
+    const int32_t *segments; /* indices of the input's segments, object by object, in the order of the outline; as
+                              * written those left of the walk, on its way, then those right of it, on the way back */
+    const int32_t *along;    /* index of the segment at each sample of the model's outline, -1: not seen; object by
+                              * object; as written at the samples nearest to those of the walk's discs alone */
     const cairn_grouping_trace *trace; /* [steps] */
     int32_t object_count, segment_count, steps;
-    int32_t starts;      /* places that looked like the model at first sight */
-    int32_t token_count; /* pieces of segments */
-    cairn_real best;     /* the score of the place with most evidence, reported or not */
-    cairn_real best_evidence;
+    int32_t starts;      /* hypotheses: places that suit the model by a pair of tokens; as written states that the first
+                          * particles were drawn from, four of each symmetric point about an end of a strong chain */
+    int32_t token_count; /* pieces of segments; as written segments */
+    cairn_real best; /* the score of the place with most evidence, reported or not; as written of the first object */
+    cairn_real best_evidence; /* and its evidence */
     /* Of the mode as written alone. */
     int32_t points, points_dropped; /* symmetric points; beyond max_points */
     int32_t end;                    /* CAIRN_GROUPING_...: why the walk ended */
@@ -128,8 +138,8 @@ cairn_grouping_params cairn_grouping_default(void);
 /* The mode as written with the constants of the thesis. */
 cairn_grouping_params cairn_grouping_as_written(void);
 
-/* 0 for params that create() would refuse. About 5 KB for every particle, whatever the length of the paths; 60 bytes for every
- * token. */
+/* 0 for params that create() would refuse. Default: about 5 KB for every particle, whatever the length of the paths; 100 bytes for every
+ * token. As written: about 13 KB for every particle, 90 bytes for every token, 80 for every symmetric point, and for every object 110 a step. */
 size_t cairn_grouping_memory(const cairn_grouping_params *params);
 
 /* CAIRN_BAD_ARGUMENT, CAIRN_NO_MEMORY. */
@@ -137,20 +147,24 @@ CAIRN_CHECKED cairn_status cairn_grouping_create(cairn_grouping **grouping, cair
                                                  const cairn_grouping_params *params);
 
 /* Starts on an image; what was found before is gone. CAIRN_BAD_ARGUMENT: NULL, a range that is not one, a bad model.
- * CAIRN_FULL: an image or a model beyond the params. CAIRN_NOT_FINITE: a number of the input. Cost: linear in the model. */
+ * CAIRN_FULL: an image or a model beyond the params; as written also more than max_tokens segments. CAIRN_NOT_FINITE: a number of the
+ * input. Cost: linear in the model. */
 CAIRN_CHECKED cairn_status cairn_grouping_begin(cairn_grouping *grouping, const cairn_grouping_input *input);
 
-/* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the result stands, or nothing was begun. CAIRN_NOT_FINITE: a segment is
- * not finite; CAIRN_FULL: segments of more than 2^24 tokens; given up. First sight
- * costs a unit for every 16 pairs of tokens, and for each pair and sample of the model that go together (of 2^22 pairs at
+/* Goes on. CAIRN_MORE: the budget is used up. CAIRN_OK: the result stands, or nothing was begun. CAIRN_NOT_FINITE: a segment (as written also
+ * an end of a chain) is not finite; CAIRN_FULL, in the default mode: segments of more than 2^24 tokens; given up.
+ * Cost in the default mode: a unit for every 16 pairs of tokens, and for each pair and sample of the model that go together (of 2^22 pairs at
  * most); the walk some 60 units a particle and sample; every start, every walk's end and nine times every object 12 units a
- * sample of the outline, the first two up to five times. */
+ * sample of the outline, the first two up to five times.
+ * Cost as written: that of cairn_symmetric_point_step(); two samples of the path for each start; every particle and step 60 units and 12 for
+ * each step before, one for each end in its circles and for each pair of the nearest ten, more with the length of the walk. */
 CAIRN_CHECKED cairn_status cairn_grouping_step(cairn_grouping *grouping, cairn_budget *budget);
 
 /* All zero until step() returns CAIRN_OK; valid until the next begin(). */
 cairn_grouping_result cairn_grouping_read(const cairn_grouping *grouping);
 
-/* A particle of the walk: the model where it lies now, and the disc of the step that was last. */
+/* A particle of the walk: the model where it lies now, and the disc of the step that was last. As written the model is where that disc has its
+ * sample, at the size that is searched, unturned, and both sides are seen. */
 typedef struct cairn_grouping_particle {
     cairn_vec2 origin; /* px */
     cairn_real size;   /* px */

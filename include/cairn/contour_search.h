@@ -96,7 +96,14 @@ typedef struct cairn_contour_result {
     cairn_real best;          /* the best score of all, reported or not */
     cairn_real best_evidence; /* and the most evidence */
     size_t pool_bytes;        /* the larger of both searches' */
+    int32_t mode;             /* CAIRN_MODE_... of the search */
+    /* Of the mode as written alone. */
+    int32_t points, points_dropped; /* symmetric points; those beyond the memory for them, the least symmetric */
+    int32_t end;                    /* CAIRN_GROUPING_...: why the walk ended */
 } cairn_contour_result;
+
+/* A CAIRN_GROUPING_... in words: "no start", "posterior", "no follower", "steps", "histories"; "" of another number. */
+const char *cairn_contour_end_text(int32_t end);
 
 typedef struct cairn_contour_search_params {
     cairn_grouping_params grouping; /* its capacities are set by the search; its objects are looked at again */
@@ -119,7 +126,7 @@ cairn_contour_search_params cairn_contour_search_default(int32_t width, int32_t 
 cairn_contour_search_params cairn_contour_search_as_written(int32_t width, int32_t height);
 
 /* Looks for the objects. CAIRN_BAD_ARGUMENT: params, a model that cannot be searched (statuses of cairn_grouping_begin);
- * CAIRN_NO_MEMORY. On failure there is nothing to free. `path` is named by the error. */
+ * CAIRN_FULL: in the mode as written, of more than 2^20 segments; CAIRN_NO_MEMORY. On failure there is nothing to free. `path` is named by the error. */
 CAIRN_CHECKED cairn_status cairn_contour_search_run(cairn_contour_result *result, const cairn_contour_tokens *tokens,
                                                     const cairn_shape_model *model,
                                                     const cairn_contour_search_params *params, const char *path,

@@ -110,6 +110,12 @@ static inline cairn_real cairn_rint(cairn_real x)
 #endif
 }
 
+/* Half the square of x: the exponent of a normal density, without its sign. */
+static inline cairn_real cairn_half_square(cairn_real x)
+{
+    return CAIRN_REAL(0.5) * x * x;
+}
+
 static inline cairn_real cairn_min(cairn_real a, cairn_real b)
 {
     return a < b ? a : b;

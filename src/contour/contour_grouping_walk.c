@@ -48,11 +48,6 @@ static int32_t sample_of_step(const cairn_shape_model *m, int32_t start, int32_t
     return -1;
 }
 
-static cairn_real half_square(cairn_real x)
-{
-    return CAIRN_REAL(0.5) * x * x;
-}
-
 /* What the state will be when the sides of its sample are these tokens. */
 static void take_sides(const cairn_grouping *g, grouping_state *s, const cairn_vec2 at[2])
 {
@@ -85,9 +80,9 @@ static void take_sides(const cairn_grouping *g, grouping_state *s, const cairn_v
 static cairn_real log_mass(const cairn_grouping *g, const grouping_state *before, const grouping_state *s)
 {
     cairn_real loss = cairn_max(s->deviation - before->deviation, 0);
-    cairn_real mass = -half_square(s->gap / g->input.mean_length);
+    cairn_real mass = -cairn_half_square(s->gap / g->input.mean_length);
 
-    return g->params.use_skeleton ? mass - half_square(loss / g->params.symmetry) : mass;
+    return g->params.use_skeleton ? mass - cairn_half_square(loss / g->params.symmetry) : mass;
 }
 
 static cairn_status propose(void *context, cairn_particle_filter *filter, int32_t index, cairn_budget *budget)
@@ -137,7 +132,7 @@ static cairn_real side_cost(const cairn_grouping *g, const grouping_state *s, in
     cairn_real across = cairn_vec2_cross(wanted, s->off[side]) / (size * sigma);
     cairn_real sine = cairn_vec2_cross(wanted, g->tokens[s->token[side]].direction) / (size * g->params.turn);
 
-    return half_square(across * CAIRN_REAL(0.5)) + half_square(sine);
+    return cairn_half_square(across * CAIRN_REAL(0.5)) + cairn_half_square(sine);
 }
 
 /* (2.13) where both sides are seen, with the directions of the sides; a side that is not seen has a price of its own. */
@@ -164,9 +159,9 @@ static cairn_status likelihood(void *context, const cairn_particle_filter *filte
         return CAIRN_OK;
     place = cairn_vec2_norm(cairn_vec2_sub(s->centre, grouping_place(&s->pose, d->centre))) / (PLACE_SIGMA * 2 * sigma);
     radius = (s->radius - d->radius * grouping_size(&s->pose)) / (RADIUS_SIGMA * sigma);
-    *log_likelihood += cairn_max(
-        cairn_log(CAIRN_REAL(0.5) * cairn_exp(-half_square(place)) + CAIRN_REAL(0.5) * cairn_exp(-half_square(radius))),
-        missing);
+    *log_likelihood += cairn_max(cairn_log(CAIRN_REAL(0.5) * cairn_exp(-cairn_half_square(place)) +
+                                           CAIRN_REAL(0.5) * cairn_exp(-cairn_half_square(radius))),
+                                 missing);
     return CAIRN_OK;
 }
 

@@ -59,6 +59,14 @@ struct grouping_written {
     cairn_random random;
 };
 
+/* An end of a segment, px: index 2 i is the first and 2 i + 1 the second end of segment i. */
+static inline cairn_vec2 grouping_written_end(const cairn_grouping *g, int32_t end)
+{
+    const cairn_segment *s = &g->input.segments[end / 2];
+
+    return end % 2 ? s->b : s->a;
+}
+
 /* The pool's pieces; the phases, in order; what stays in memory of (2.12) and (2.13). */
 struct grouping_written *cairn_grouping_written_carve(cairn_pool *pool, const cairn_grouping_params *params,
                                                       cairn_grouping *g);

@@ -49,13 +49,6 @@ static int32_t free_slot(const cairn_grouping *g)
     }
 }
 
-static cairn_vec2 end_at(const cairn_grouping *g, int32_t end)
-{
-    const cairn_segment *s = &g->input.segments[end / 2];
-
-    return end % 2 ? s->b : s->a;
-}
-
 static void set_disc(const cairn_grouping *g, cairn_grouping_disc *d, const grouping_written_state *s)
 {
     d->centre = s->centre;
@@ -65,7 +58,7 @@ static void set_disc(const cairn_grouping *g, cairn_grouping_disc *d, const grou
     d->log_posterior = s->log_posterior;
     for (int32_t k = 0; k < 2; k++) {
         d->segment[k] = s->segment[k];
-        d->open[k] = end_at(g, s->end[k]);
+        d->open[k] = grouping_written_end(g, s->end[k]);
     }
     if (s->way)
         d->sample = g->input.model->paths[0].count - 1 - s->sample;

@@ -15,15 +15,10 @@ enum { UNITS_A_PROPOSAL = 60, UNITS_A_STEP = 12, STEPS_AN_END = 1, STEPS_A_PAIR 
 
 /* ---- The model ---- */
 
-static cairn_real half_square(cairn_real x)
-{
-    return CAIRN_REAL(0.5) * x * x;
-}
-
 /* N(x; 0, sigma), 1 at 0. */
 static cairn_real normal(cairn_real x, cairn_real sigma)
 {
-    return cairn_exp(-half_square(x / sigma));
+    return cairn_exp(-cairn_half_square(x / sigma));
 }
 
 /* Sample k of the longest path, walked from its first sample or from its last. */
@@ -76,18 +71,10 @@ int32_t cairn_grouping_written_units(const cairn_grouping *g)
 
 /* ---- The past of a particle ---- */
 
-/* The end of a segment. */
-static cairn_vec2 end_at(const cairn_grouping *g, int32_t end)
-{
-    const cairn_segment *s = &g->input.segments[end / 2];
-
-    return end % 2 ? s->b : s->a;
-}
-
 static void add_side(const cairn_grouping *g, written_side *side, int32_t open)
 {
-    side->vertex[side->count++] = end_at(g, open ^ 1);
-    side->vertex[side->count++] = end_at(g, open);
+    side->vertex[side->count++] = grouping_written_end(g, open ^ 1);
+    side->vertex[side->count++] = grouping_written_end(g, open);
 }
 
 /* Reads the history up to a state: the states, both sides, the region between them. */
@@ -133,7 +120,8 @@ static int crosses_side(const written_side *side, cairn_segment line, int32_t bu
 static int is_open(const cairn_grouping *g, int32_t s, int32_t from, int32_t joined)
 {
     const struct grouping_written *w = g->written;
-    cairn_segment bridge = {end_at(g, from), end_at(g, joined)}, line = {bridge.b, end_at(g, joined ^ 1)};
+    cairn_segment bridge = {grouping_written_end(g, from), grouping_written_end(g, joined)},
+                  line = {bridge.b, grouping_written_end(g, joined ^ 1)};
     cairn_vec2 middle = cairn_vec2_scale(cairn_vec2_add(line.a, line.b), CAIRN_REAL(0.5));
 
     return !cairn_polygon_contains(w->polygon, w->polygon_count, middle) && !crosses_side(&w->side[s], line, 4) &&
@@ -165,12 +153,12 @@ static int32_t find_extensions(const cairn_grouping *g, const grouping_written_s
                                written_extension *list)
 {
     const struct grouping_written *w = g->written;
-    cairn_vec2 open = end_at(g, before->end[s]);
+    cairn_vec2 open = grouping_written_end(g, before->end[s]);
     cairn_point_grid_cursor near = cairn_point_grid_begin(w->ends, open, g->input.look_ahead);
     int32_t count = 0;
 
     for (int32_t e = cairn_point_grid_next(w->ends, &near); e >= 0; e = cairn_point_grid_next(w->ends, &near)) {
-        written_extension x = {cairn_vec2_norm(cairn_vec2_sub(end_at(g, e), open)), e ^ 1};
+        written_extension x = {cairn_vec2_norm(cairn_vec2_sub(grouping_written_end(g, e), open)), e ^ 1};
 
         if (w->stamp[e / 2] == w->look || (count == WRITTEN_CHOICE && x.gap >= list[count - 1].gap))
             continue;
@@ -206,9 +194,9 @@ static int cross_each_other(const cairn_grouping *g, const grouping_written_stat
     const written_extension *e[2] = {left, right};
 
     for (int32_t s = 0; s < 2; s++) {
-        line[s][0].a = end_at(g, before->end[s]);
-        line[s][0].b = line[s][1].a = end_at(g, e[s]->open ^ 1);
-        line[s][1].b = end_at(g, e[s]->open);
+        line[s][0].a = grouping_written_end(g, before->end[s]);
+        line[s][0].b = line[s][1].a = grouping_written_end(g, e[s]->open ^ 1);
+        line[s][1].b = grouping_written_end(g, e[s]->open);
     }
     for (int32_t i = 0; i < 4; i++)
         if (cairn_segments_cross(line[0][i / 2], line[1][i % 2]))
@@ -221,9 +209,9 @@ static cairn_real log_mass(const cairn_grouping *g, const grouping_written_state
                            const grouping_written_state *s, cairn_real gap)
 {
     cairn_real loss = cairn_max(s->deviation - before->deviation, 0);
-    cairn_real mass = -half_square(gap / g->input.mean_length);
+    cairn_real mass = -cairn_half_square(gap / g->input.mean_length);
 
-    return g->params.use_skeleton ? mass - half_square(loss / g->params.symmetry) : mass;
+    return g->params.use_skeleton ? mass - cairn_half_square(loss / g->params.symmetry) : mass;
 }
 
 /* Offers the pair of two extensions, unless it is culled. */
@@ -252,7 +240,7 @@ static cairn_status offer(cairn_grouping *g, cairn_particle_filter *filter, cons
 /* Ends of segments in the look-ahead circle of a side. */
 static int32_t ends_ahead(const cairn_grouping *g, const grouping_written_state *before, int32_t s)
 {
-    cairn_vec2 open = end_at(g, before->end[s]);
+    cairn_vec2 open = grouping_written_end(g, before->end[s]);
     cairn_point_grid_cursor near = cairn_point_grid_begin(g->written->ends, open, g->input.look_ahead);
     int32_t count = 0;
 

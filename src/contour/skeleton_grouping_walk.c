@@ -43,15 +43,10 @@ typedef struct choice {
     int32_t edgel, sense;
 } choice;
 
-static cairn_real half_square(cairn_real x)
-{
-    return CAIRN_REAL(0.5) * x * x;
-}
-
 /* Logarithm of a normal density. */
 static cairn_real log_normal(cairn_real x, cairn_real sigma)
 {
-    return -half_square(x / sigma) - cairn_log(sigma) - CAIRN_REAL(0.9189385332046727);
+    return -cairn_half_square(x / sigma) - cairn_log(sigma) - CAIRN_REAL(0.9189385332046727);
 }
 
 static cairn_real angle_from(cairn_vec2 a, cairn_vec2 b)
@@ -155,7 +150,7 @@ static cairn_real range_gain(const cairn_skeleton *g, cairn_real radius)
 {
     cairn_real off = cairn_max(cairn_max(g->input.min_radius - radius, radius - g->input.max_radius), 0);
 
-    return cairn_max(-half_square(off / (g->params.radius * radius)), RANGE_LOSS_MOST);
+    return cairn_max(-cairn_half_square(off / (g->params.radius * radius)), RANGE_LOSS_MOST);
 }
 
 static cairn_real pair_gain(const cairn_skeleton *g, const skeleton_state *before, const skeleton_state *s)
@@ -253,7 +248,7 @@ static int has_been(const skeleton_state *last, cairn_vec2 next)
     const skeleton_state *s = last;
 
     for (int32_t i = 0; s != NULL; i++, s = cairn_particle_state_before(s))
-        if (i > NEAR_PAST && cairn_vec2_norm_squared(cairn_vec2_sub(s->centre, next)) < half_square(s->radius))
+        if (i > NEAR_PAST && cairn_vec2_norm_squared(cairn_vec2_sub(s->centre, next)) < cairn_half_square(s->radius))
             return 1;
     return 0;
 }

@@ -121,8 +121,12 @@ static void print_number(cairn_output *output, const char *name, double value)
 
 static void print_trace(cairn_output *output, const cairn_contour_result *r, int32_t mirrored)
 {
-    cairn_output_print(output, "  {\"mirrored\": %s, \"starts\": %d, \"steps\": [", mirrored ? "true" : "false",
+    cairn_output_print(output, "  {\"mirrored\": %s, \"starts\": %d, ", mirrored ? "true" : "false",
                        (int)r->starts[mirrored]);
+    if (r->mode == CAIRN_MODE_AS_WRITTEN)
+        cairn_output_print(output, "\"points\": %d, \"points_dropped\": %d, \"end\": \"%s\", ", (int)r->points,
+                           (int)r->points_dropped, cairn_contour_end_text(r->end));
+    cairn_output_print(output, "\"steps\": [");
     for (int32_t i = 0; i < r->steps[mirrored]; i++) {
         const cairn_grouping_trace *t = &r->trace[mirrored][i];
 

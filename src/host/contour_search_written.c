@@ -9,7 +9,12 @@
 #include "src/host/contour_search_work.h"
 
 /* Symmetric points for every segment, and the most of all. */
-enum { POINTS_A_SEGMENT = 160, POINTS_MOST = 1 << 18, LEAST_TOKENS = 64, LOOK_EVERY = 2000 };
+enum { POINTS_A_SEGMENT = 160, POINTS_MOST = 1 << 18, LEAST_TOKENS = 64 };
+/* Segments that a search takes at most. */
+enum { TOKENS_MOST = 1 << 20 };
+/* Units between two looks at the walk, and at most for each of N particles: a step costs more than 50 for each particle, and fewer than N / 2
+ * are resampled, so that no two steps are made between two looks. */
+enum { LOOK_EVERY = 2000, LOOK_UNITS_A_PARTICLE = 25 };
 
 cairn_contour_search_params cairn_contour_search_as_written(int32_t width, int32_t height)
 {
@@ -20,6 +25,13 @@ cairn_contour_search_params cairn_contour_search_as_written(int32_t width, int32
     params.min_turn = params.max_turn = 0;
     params.mirror = 0;
     return params;
+}
+
+const char *cairn_contour_end_text(int32_t end)
+{
+    static const char *const text[] = {"no start", "posterior", "no follower", "steps", "histories"};
+
+    return end >= 0 && end < (int32_t)(sizeof text / sizeof *text) ? text[end] : "";
 }
 
 /* What a run writes to. */
@@ -53,12 +65,12 @@ static int32_t count_modes(const written_run *r, int32_t count)
 
 static void look(written_run *r)
 {
-    int32_t steps, count = cairn_grouping_particles(r->grouping, r->particles, r->params->grouping.particles, &steps);
-    int32_t best = 0;
+    int32_t steps, best = 0, count = cairn_grouping_particles(r->grouping, NULL, 0, &steps);
 
     if (steps == r->seen || steps > r->params->grouping.max_steps)
         return;
     r->seen = steps;
+    (void)cairn_grouping_particles(r->grouping, r->particles, count, NULL);
     r->result->modes[0][steps - 1] = count_modes(r, count);
     if (r->params->on_step != NULL)
         r->params->on_step(r->params->context, r->particles, count, 0);
@@ -109,6 +121,10 @@ static cairn_status take_result(written_run *r)
     out->starts[0] = found.starts;
     out->best = found.best;
     out->best_evidence = found.best_evidence;
+    out->mode = CAIRN_MODE_AS_WRITTEN;
+    out->points = found.points;
+    out->points_dropped = found.points_dropped;
+    out->end = found.end;
     for (int32_t i = 0; i < found.object_count; i++)
         take_object(r, &found, i);
     return CAIRN_OK;
@@ -117,20 +133,58 @@ static cairn_status take_result(written_run *r)
 static cairn_status run(written_run *r, cairn_pool *pool, const cairn_grouping_params *params,
                         const cairn_grouping_input *input)
 {
+    int32_t units;
     cairn_status status = cairn_grouping_create(&r->grouping, pool, params);
 
     if (status == CAIRN_OK)
         status = cairn_grouping_begin(r->grouping, input);
     if (status != CAIRN_OK)
         return status;
+    units = LOOK_UNITS_A_PARTICLE * params->particles;
+    units = units < LOOK_EVERY ? units : LOOK_EVERY;
     do {
-        cairn_budget budget = {LOOK_EVERY};
+        cairn_budget budget = {units};
 
         status = cairn_grouping_step(r->grouping, &budget);
         if (status >= 0)
             look(r);
     } while (status == CAIRN_MORE);
     return status == CAIRN_OK ? take_result(r) : status;
+}
+
+/* What a search was refused for: the first argument that is out of its range; NULL: none is. */
+static const char *bad_argument(const cairn_grouping_params *grouping, const cairn_grouping_input *input)
+{
+    cairn_fault fault = {-1, NULL};
+
+    if (input->width < 1 || input->height < 1 || input->width > CAIRN_CONTOUR_SIDE_MOST ||
+        input->height > CAIRN_CONTOUR_SIDE_MOST)
+        return "the image's sides, expected 1 to 8192 pixels";
+    if (cairn_shape_model_check(input->model, &fault) != CAIRN_OK)
+        return fault.what;
+    if (!(input->min_size > 0) || !(input->max_size >= input->min_size))
+        return "the sizes, expected 0 < min_size <= max_size";
+    if (cairn_grouping_memory(grouping) == 0)
+        return "the params of the grouping, expected the ranges of contour_grouping.h";
+    return NULL;
+}
+
+static cairn_status refuse(cairn_status status, const cairn_grouping_params *grouping,
+                           const cairn_grouping_input *input, const char *path, cairn_file_error *error)
+{
+    const char *what = cairn_status_text(status);
+
+    if (status == CAIRN_NO_MEMORY)
+        return cairn_file_error_system(error, path, "search", ENOMEM);
+    if (status == CAIRN_FULL)
+        return cairn_file_error_set(error, status, path, 0, "%d segments, expected at most %d", (int)input->count,
+                                    TOKENS_MOST);
+    if (status == CAIRN_NOT_FINITE)
+        what = cairn_is_finite(input->max_size) ? "a segment or an end of a chain is not finite, expected finite places"
+                                                : "max_size is not finite, expected a finite one";
+    else if (status == CAIRN_BAD_ARGUMENT && bad_argument(grouping, input) != NULL)
+        what = bad_argument(grouping, input);
+    return cairn_file_error_set(error, status, path, 0, "%s", what);
 }
 
 cairn_status cairn_contour_search_written(cairn_contour_result *result, const cairn_contour_tokens *tokens,
@@ -171,6 +225,8 @@ cairn_status cairn_contour_search_written(cairn_contour_result *result, const ca
     status = memory != NULL && r.particles != NULL && r.discs != NULL && r.starts != NULL && result->modes[0] != NULL
                  ? CAIRN_OK
                  : CAIRN_NO_MEMORY;
+    if (status == CAIRN_OK && tokens->count > TOKENS_MOST)
+        status = CAIRN_FULL;
     if (status == CAIRN_OK)
         status = cairn_pool_init(&pool, memory, result->pool_bytes);
     if (status == CAIRN_OK)
@@ -182,8 +238,5 @@ cairn_status cairn_contour_search_written(cairn_contour_result *result, const ca
     if (status == CAIRN_OK)
         return CAIRN_OK;
     cairn_contour_result_free(result);
-    if (status == CAIRN_NO_MEMORY)
-        return cairn_file_error_system(error, path, "search", ENOMEM);
-    return cairn_file_error_set(error, status, path, 0, "%s, expected a model and a size above 0",
-                                cairn_status_text(status));
+    return refuse(status, &grouping, &input, path, error);
 }
