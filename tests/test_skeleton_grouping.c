@@ -1,25 +1,4 @@
-#include "tests/test.h"
-
-#include <math.h>
-
-#include "cairn/skeleton_grouping.h"
-
-#define PI 3.14159265358979323846
-
-enum { MOST = 3000, WIDTH = 200, HEIGHT = 160 };
-/* What the fit of lines may use beyond the budget: an item. */
-enum { OVERDRAWN = 12 + 64 / 8 };
-
-static cairn_edgel edgels[MOST];
-static int32_t edgel_count;
-
-static void add(double x, double y, double nx, double ny)
-{
-    cairn_edgel e = {{(cairn_real)x, (cairn_real)y}, {(cairn_real)nx, (cairn_real)ny}, 10};
-
-    assert_true(edgel_count < MOST);
-    edgels[edgel_count++] = e;
-}
+#include "tests/skeleton_scene.h"
 
 /* Edgels a pixel apart along a line, the bright side to the left of the way (y up). */
 static void add_line(double ax, double ay, double bx, double by)
@@ -47,19 +26,6 @@ static void add_arc(double cx, double cy, double r, double from, double to, doub
         add(cx + r * cos(t), cy + r * sin(t), -inward * cos(t), -inward * sin(t));
 }
 
-static void add_noise(int32_t count, uint64_t seed)
-{
-    cairn_random random = cairn_random_seed(seed, 0);
-
-    for (int32_t i = 0; i < count; i++) {
-        double x = (double)cairn_random_uniform(&random, 0, WIDTH),
-               y = (double)cairn_random_uniform(&random, 0, HEIGHT);
-        double turn = (double)cairn_random_uniform(&random, (cairn_real)-PI, (cairn_real)PI);
-
-        add(x, y, cos(turn), sin(turn));
-    }
-}
-
 static cairn_skeleton_params small_params(void)
 {
     cairn_skeleton_params params = cairn_skeleton_default();
@@ -72,38 +38,6 @@ static cairn_skeleton_params small_params(void)
     params.max_parts = 32;
     params.max_points = 2000;
     return params;
-}
-
-static cairn_skeleton_input input_of(double least, double most)
-{
-    cairn_skeleton_input in = {edgels, edgel_count, WIDTH, HEIGHT, (cairn_real)least, (cairn_real)most};
-
-    return in;
-}
-
-struct fixture {
-    cairn_pool pool;
-    cairn_skeleton *skeleton;
-};
-
-static struct fixture with(cairn_skeleton_params params)
-{
-    struct fixture f;
-
-    f.pool = test_pool(cairn_skeleton_memory(&params));
-    assert_ok(cairn_skeleton_create(&f.skeleton, &f.pool, &params));
-    edgel_count = 0;
-    return f;
-}
-
-static cairn_skeleton_result run(cairn_skeleton *skeleton, double least, double most)
-{
-    cairn_skeleton_input in = input_of(least, most);
-    cairn_budget budget = {CAIRN_UNBOUNDED};
-
-    assert_ok(cairn_skeleton_begin(skeleton, &in));
-    assert_ok(cairn_skeleton_step(skeleton, &budget));
-    return cairn_skeleton_read(skeleton);
 }
 
 /* What holds of any result. */
@@ -649,55 +583,13 @@ static void starts_are_left_out(void **state)
 
 /* ---- Budgets ---- */
 
-static uint64_t tell(void *context)
-{
-    cairn_skeleton_result r = cairn_skeleton_read(context);
-    uint64_t hash = test_hash(TEST_HASH_START, &r.part_count, sizeof r.part_count);
-
-    for (int32_t i = 0; i < r.point_count; i++)
-        hash = test_hash(hash, &r.points[i], sizeof r.points[i]);
-    for (int32_t i = 0; i < r.part_count; i++)
-        hash = test_hash(hash, &r.parts[i].log_odds, sizeof r.parts[i].log_odds);
-    return test_hash(hash, &r.starts, sizeof r.starts);
-}
-
-static cairn_status begin_scene(void *context)
-{
-    cairn_skeleton_input in = input_of(0, 0);
-
-    return cairn_skeleton_begin(context, &in);
-}
-
-static cairn_status step_scene(void *context, cairn_budget *budget)
-{
-    return cairn_skeleton_step(context, budget);
-}
-
 static void budgets_do_not_matter(void **state)
 {
-    static const int32_t budgets[] = {1, 7, 1000};
     struct fixture f = with(small_params());
-    uint64_t all;
 
     (void)state;
     draw_scene();
-    (void)run(f.skeleton, 0, 0);
-    all = tell(f.skeleton);
-    for (size_t k = 0; k < sizeof budgets / sizeof *budgets; k++) {
-        cairn_status status = CAIRN_MORE;
-
-        assert_ok(begin_scene(f.skeleton));
-        while (status == CAIRN_MORE) {
-            cairn_budget budget = {budgets[k]};
-
-            assert_int_equal(cairn_skeleton_read(f.skeleton).part_count, 0);
-            status = cairn_skeleton_step(f.skeleton, &budget);
-            assert_true(budget.left >= -OVERDRAWN && (status != CAIRN_MORE || budget.left <= 0));
-        }
-        assert_ok(status);
-        assert_true(cairn_skeleton_read(f.skeleton).part_count > 0);
-        assert_true(tell(f.skeleton) == all);
-    }
+    assert_any_budget(f.skeleton);
     test_pool_free(&f.pool);
 }
 
@@ -868,13 +760,6 @@ static void bad_params_are_refused(void **state)
     assert_status(cairn_skeleton_create(&skeleton, NULL, &good), CAIRN_BAD_ARGUMENT);
     assert_int_equal(pool.used, 0);
     test_pool_free(&pool);
-}
-
-static cairn_status create_in(void *context, cairn_pool *pool)
-{
-    cairn_skeleton *skeleton;
-
-    return cairn_skeleton_create(&skeleton, pool, context);
 }
 
 static void memory_is_what_it_says(void **state)

@@ -1,0 +1,132 @@
+/* Edgels of an image by hand, a skeleton_grouping with a pool of its own, and what it does with any budget: what the tests of both modes
+ * share. */
+#ifndef CAIRN_TESTS_SKELETON_SCENE_H
+#define CAIRN_TESTS_SKELETON_SCENE_H
+
+#include "tests/test.h"
+
+#include <math.h>
+
+#include "cairn/skeleton_grouping.h"
+
+#define PI 3.14159265358979323846
+
+enum { MOST = 3000, WIDTH = 200, HEIGHT = 160 };
+/* What the fit of lines may use beyond the budget, and what moving CPs costs. */
+enum { OVERDRAWN = 12 + 64 / 8 };
+
+static cairn_edgel edgels[MOST];
+static int32_t edgel_count;
+
+static inline void add(double x, double y, double nx, double ny)
+{
+    cairn_edgel e = {{(cairn_real)x, (cairn_real)y}, {(cairn_real)nx, (cairn_real)ny}, 10};
+
+    assert_true(edgel_count < MOST);
+    edgels[edgel_count++] = e;
+}
+
+static inline void add_noise(int32_t count, uint64_t seed)
+{
+    cairn_random random = cairn_random_seed(seed, 0);
+
+    for (int32_t i = 0; i < count; i++) {
+        double x = (double)cairn_random_uniform(&random, 0, WIDTH),
+               y = (double)cairn_random_uniform(&random, 0, HEIGHT);
+        double turn = (double)cairn_random_uniform(&random, (cairn_real)-PI, (cairn_real)PI);
+
+        add(x, y, cos(turn), sin(turn));
+    }
+}
+
+static inline cairn_skeleton_input input_of(double least, double most)
+{
+    cairn_skeleton_input in = {edgels, edgel_count, WIDTH, HEIGHT, (cairn_real)least, (cairn_real)most};
+
+    return in;
+}
+
+struct fixture {
+    cairn_pool pool;
+    cairn_skeleton *skeleton;
+};
+
+static inline struct fixture with(cairn_skeleton_params params)
+{
+    struct fixture f;
+
+    f.pool = test_pool(cairn_skeleton_memory(&params));
+    assert_ok(cairn_skeleton_create(&f.skeleton, &f.pool, &params));
+    edgel_count = 0;
+    return f;
+}
+
+static inline cairn_skeleton_result run(cairn_skeleton *skeleton, double least, double most)
+{
+    cairn_skeleton_input in = input_of(least, most);
+    cairn_budget budget = {CAIRN_UNBOUNDED};
+
+    assert_ok(cairn_skeleton_begin(skeleton, &in));
+    assert_ok(cairn_skeleton_step(skeleton, &budget));
+    return cairn_skeleton_read(skeleton);
+}
+
+/* ---- Budgets and memory ---- */
+
+static inline uint64_t tell(void *context)
+{
+    cairn_skeleton_result r = cairn_skeleton_read(context);
+    uint64_t hash = test_hash(TEST_HASH_START, &r.part_count, sizeof r.part_count);
+
+    for (int32_t i = 0; i < r.point_count; i++)
+        hash = test_hash(hash, &r.points[i], sizeof r.points[i]);
+    for (int32_t i = 0; i < r.part_count; i++)
+        hash = test_hash(hash, &r.parts[i].log_odds, sizeof r.parts[i].log_odds);
+    return test_hash(hash, &r.starts, sizeof r.starts);
+}
+
+static inline cairn_status begin_scene(void *context)
+{
+    cairn_skeleton_input in = input_of(0, 0);
+
+    return cairn_skeleton_begin(context, &in);
+}
+
+static inline cairn_status step_scene(void *context, cairn_budget *budget)
+{
+    return cairn_skeleton_step(context, budget);
+}
+
+/* The scene that was drawn gives the same result with small budgets, none of which is overdrawn by more than an item. */
+static inline void assert_any_budget(cairn_skeleton *skeleton)
+{
+    static const int32_t budgets[] = {1, 7, 1000};
+    uint64_t all;
+
+    (void)run(skeleton, 0, 0);
+    all = tell(skeleton);
+    for (size_t k = 0; k < sizeof budgets / sizeof *budgets; k++) {
+        cairn_status status = CAIRN_MORE;
+
+        assert_ok(begin_scene(skeleton));
+        while (status == CAIRN_MORE) {
+            cairn_budget budget = {budgets[k]};
+
+            assert_int_equal(cairn_skeleton_read(skeleton).part_count, 0);
+            status = cairn_skeleton_step(skeleton, &budget);
+            assert_true(budget.left >= -OVERDRAWN && (status != CAIRN_MORE || budget.left <= 0));
+        }
+        assert_ok(status);
+        assert_true(cairn_skeleton_read(skeleton).part_count > 0);
+        assert_true(tell(skeleton) == all);
+    }
+}
+
+static inline cairn_status create_in(void *context, cairn_pool *pool)
+{
+    cairn_skeleton *skeleton;
+
+    return cairn_skeleton_create(&skeleton, pool, context);
+}
+
+#endif
