@@ -1,28 +1,9 @@
 /* Configurations of parts against all configurations of the nearest of all votes; modes; nothing, the same place, very many. */
-#include "tests/test.h"
+#include "tests/voting.h"
 
-#include <math.h>
-
-#include "cairn/part_configuration.h"
 #include "src/contour/part_configuration_work.h"
 
-enum { VOTES = 400, NEAREST = 64 };
-
-typedef struct voting {
-    cairn_pool pool;
-    cairn_part_configuration_params params;
-    cairn_part_configurator *configurator;
-    cairn_part_vote votes[VOTES];
-    int32_t count;
-} voting;
-
-static void start(voting *v, const cairn_part_configuration_params *params)
-{
-    v->params = *params;
-    v->count = 0;
-    v->pool = test_pool(cairn_part_configuration_memory(params));
-    assert_ok(cairn_part_configuration_create(&v->configurator, &v->pool, params));
-}
+enum { NEAREST = 64 };
 
 static cairn_part_vote *vote(voting *v, int32_t bundle, double x, double y, double scale, double gain)
 {
@@ -62,16 +43,6 @@ static void vote_at_random(voting *v, int32_t count, int32_t bundles, uint64_t s
         made->to = made->from + cairn_random_uniform(&random, 5, 40);
         made->round = made->chain % 3 == 0 ? 80 : 0;
     }
-}
-
-static cairn_part_configuration_result run(voting *v)
-{
-    cairn_budget budget = {INT32_MAX};
-    cairn_fault fault;
-
-    assert_ok(cairn_part_configuration_begin(v->configurator, v->votes, v->count, &fault));
-    assert_ok(cairn_part_configuration_step(v->configurator, &budget));
-    return cairn_part_configuration_read(v->configurator);
 }
 
 /* ---- The obvious way: all votes sorted by distance, all configurations ---- */
@@ -408,82 +379,23 @@ static void looks_near_only(void **state)
 
 /* ---- Budgets ---- */
 
-static cairn_status begin_votes(void *context)
-{
-    voting *v = context;
-
-    return cairn_part_configuration_begin(v->configurator, v->votes, v->count, NULL);
-}
-
-static cairn_status step_votes(void *context, cairn_budget *budget)
-{
-    voting *v = context;
-
-    return cairn_part_configuration_step(v->configurator, budget);
-}
-
-static uint64_t tell(void *context)
-{
-    voting *v = context;
-    cairn_part_configuration_result r = cairn_part_configuration_read(v->configurator);
-    uint64_t hash = test_hash(TEST_HASH_START, &r.nodes, sizeof r.nodes);
-
-    for (int32_t k = 0; k < r.count; k++) {
-        hash = test_hash(hash, &r.found[k].score, 5 * sizeof(cairn_real));
-        hash = test_hash(hash, &r.votes[r.found[k].first], (size_t)r.found[k].count * sizeof(int32_t));
-    }
-    return hash;
-}
-
 static void does_not_depend_on_budgets(void **state)
 {
-    static const int32_t budgets[] = {1, 7, 1000};
 
     (void)state;
     for (int seek = 0; seek < 2; seek++) {
         cairn_part_configuration_params params = cairn_part_configuration_default();
-        cairn_budget all = {INT32_MAX};
         voting v;
-        test_stepped object = {begin_votes, step_votes, tell, &v};
-        uint64_t hash;
 
         params.seek = seek;
         start(&v, &params);
         vote_at_random(&v, 100, 4, 9);
-        assert_ok(begin_votes(&v));
-        assert_null(cairn_part_configuration_read(v.configurator).found);
-        assert_ok(step_votes(&v, &all));
-        assert_true(cairn_part_configuration_read(v.configurator).count > 0);
-        hash = tell(&v);
-        for (int i = 0; i < 3; i++) {
-            int32_t used = 0;
-            cairn_status status;
-
-            assert_ok(begin_votes(&v));
-            do {
-                cairn_budget budget = {budgets[i]};
-
-                status = step_votes(&v, &budget);
-                assert_true(budget.left >= 0);
-                used += budgets[i] - budget.left;
-            } while (status == CAIRN_MORE);
-            assert_ok(status);
-            assert_int_equal(used, INT32_MAX - all.left);
-            assert_true(tell(&v) == hash);
-        }
-        test_begins_anew(&object, 7);
+        assert_any_budget(&v);
         test_pool_free(&v.pool);
     }
 }
 
 /* ---- Refusals ---- */
-
-static cairn_status create(void *context, cairn_pool *pool)
-{
-    cairn_part_configurator *configurator;
-
-    return cairn_part_configuration_create(&configurator, pool, context);
-}
 
 static void refuses_bad_params(void **state)
 {

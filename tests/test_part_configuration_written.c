@@ -1,28 +1,9 @@
 /* Configurations as written, against all subsets of the nearest of all votes. */
-#include "tests/test.h"
+#include "tests/voting.h"
 
-#include <math.h>
 #include <stdlib.h>
 
-#include "cairn/part_configuration.h"
-
-enum { VOTES = 60, SETS = 200000 };
-
-typedef struct voting {
-    cairn_pool pool;
-    cairn_part_configuration_params params;
-    cairn_part_configurator *configurator;
-    cairn_part_vote votes[VOTES];
-    int32_t count;
-} voting;
-
-static void start(voting *v, const cairn_part_configuration_params *params)
-{
-    v->params = *params;
-    v->count = 0;
-    v->pool = test_pool(cairn_part_configuration_memory(params));
-    assert_ok(cairn_part_configuration_create(&v->configurator, &v->pool, params));
-}
+enum { MOST = 60, SETS = 200000 };
 
 static cairn_part_configuration_params written(int32_t votes)
 {
@@ -51,16 +32,6 @@ static void vote_at_random(voting *v, int32_t count, int32_t bundles, uint64_t s
         made->to = made->from + cairn_random_uniform(&random, 0, 40);
         made->round = made->chain % 2 == 0 ? 80 : 0;
     }
-}
-
-static cairn_part_configuration_result run(voting *v)
-{
-    cairn_budget budget = {INT32_MAX};
-    cairn_fault fault;
-
-    assert_ok(cairn_part_configuration_begin(v->configurator, v->votes, v->count, &fault));
-    assert_ok(cairn_part_configuration_step(v->configurator, &budget));
-    return cairn_part_configuration_read(v->configurator);
 }
 
 /* ---- The obvious way ---- */
@@ -147,7 +118,7 @@ static void makes_every_configuration(void **state)
 
     (void)state;
     for (uint64_t round = 0; round < 6; round++) {
-        cairn_part_configuration_params params = written(VOTES);
+        cairn_part_configuration_params params = written(MOST);
         slow_search s = {.bundles = bundles[round], .sets = sets, .sums = found};
         cairn_part_configuration_result r;
         voting v;
@@ -201,7 +172,7 @@ static void makes_every_configuration(void **state)
 /* Near and far votes, of any scale, go together when they are among the K nearest; a chain only once. */
 static void has_no_other_gates(void **state)
 {
-    cairn_part_configuration_params params = written(VOTES);
+    cairn_part_configuration_params params = written(MOST);
     cairn_part_configuration_result r;
     voting v;
 
@@ -228,7 +199,7 @@ static void has_no_other_gates(void **state)
 /* Fewer votes than K, one vote, none; very many configurations end by max_nodes, which is told. */
 static void is_bounded(void **state)
 {
-    cairn_part_configuration_params params = written(VOTES);
+    cairn_part_configuration_params params = written(MOST);
     cairn_part_configuration_result r;
     voting v;
 
@@ -247,92 +218,34 @@ static void is_bounded(void **state)
     params.max_nodes = 1000;
     params.max_found = 16;
     start(&v, &params);
-    vote_at_random(&v, VOTES, 30, 3);
+    vote_at_random(&v, MOST, 30, 3);
     r = run(&v);
-    assert_int_equal(r.cut, VOTES);
-    assert_int_equal(r.nodes, 1000 * VOTES);
+    assert_int_equal(r.cut, MOST);
+    assert_int_equal(r.nodes, 1000 * MOST);
     assert_int_equal(r.count, 16);
     test_pool_free(&v.pool);
 }
 
 /* ---- Budgets and refusals ---- */
 
-static cairn_status begin_votes(void *context)
-{
-    voting *v = context;
-
-    return cairn_part_configuration_begin(v->configurator, v->votes, v->count, NULL);
-}
-
-static cairn_status step_votes(void *context, cairn_budget *budget)
-{
-    voting *v = context;
-
-    return cairn_part_configuration_step(v->configurator, budget);
-}
-
-static uint64_t tell(void *context)
-{
-    voting *v = context;
-    cairn_part_configuration_result r = cairn_part_configuration_read(v->configurator);
-    uint64_t hash = test_hash(TEST_HASH_START, &r.nodes, sizeof r.nodes);
-
-    for (int32_t k = 0; k < r.count; k++) {
-        hash = test_hash(hash, &r.found[k].score, 5 * sizeof(cairn_real));
-        hash = test_hash(hash, &r.votes[r.found[k].first], (size_t)r.found[k].count * sizeof(int32_t));
-    }
-    return hash;
-}
-
 static void does_not_depend_on_budgets(void **state)
 {
-    static const int32_t budgets[] = {1, 7, 1000};
-    cairn_part_configuration_params params = written(VOTES);
-    cairn_budget all = {INT32_MAX};
+    cairn_part_configuration_params params = written(MOST);
     voting v;
-    test_stepped object = {begin_votes, step_votes, tell, &v};
-    uint64_t hash;
 
     (void)state;
     params.nearest = 12;
     params.max_found = 100;
     start(&v, &params);
     vote_at_random(&v, 30, 4, 9);
-    assert_ok(begin_votes(&v));
-    assert_null(cairn_part_configuration_read(v.configurator).found);
-    assert_ok(step_votes(&v, &all));
+    assert_any_budget(&v);
     assert_int_equal(cairn_part_configuration_read(v.configurator).count, 100);
-    hash = tell(&v);
-    for (int i = 0; i < 3; i++) {
-        int32_t used = 0;
-        cairn_status status;
-
-        assert_ok(begin_votes(&v));
-        do {
-            cairn_budget budget = {budgets[i]};
-
-            status = step_votes(&v, &budget);
-            assert_true(budget.left >= 0);
-            used += budgets[i] - budget.left;
-        } while (status == CAIRN_MORE);
-        assert_ok(status);
-        assert_int_equal(used, INT32_MAX - all.left);
-        assert_true(tell(&v) == hash);
-    }
-    test_begins_anew(&object, 7);
     test_pool_free(&v.pool);
-}
-
-static cairn_status create(void *context, cairn_pool *pool)
-{
-    cairn_part_configurator *configurator;
-
-    return cairn_part_configuration_create(&configurator, pool, context);
 }
 
 static void refuses_bad_params(void **state)
 {
-    cairn_part_configuration_params good = written(VOTES), bad[6];
+    cairn_part_configuration_params good = written(MOST), bad[6];
 
     (void)state;
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
