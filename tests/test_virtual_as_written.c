@@ -1,90 +1,5 @@
 /* Virtual scans as written: algorithm 2 by hand, with a virtual scan in every step; lines as strong as they have points; rooms. */
-#include "tests/test.h"
-
-#include <math.h>
-
-#include "bench/bench_score.h"
-#include "cairn/virtual_align.h"
-#include "sim/arena.h"
-
-#define DEGREE 0.017453292519943295
-
-enum { SCANS = 5 };
-
-/* ---- Scans of rooms ---- */
-
-struct rooms {
-    sim_arena *arena;
-    sim_survey *survey;
-    const sim_scan *scans;
-    cairn_pose start[SCANS];
-};
-
-static cairn_pool scan_pool;
-static cairn_scan *scan_object;
-
-static int open_scan(void **state)
-{
-    cairn_scan_params params = cairn_scan_default();
-
-    (void)state;
-    params.max_beams = 401;
-    scan_pool = test_pool(cairn_scan_memory(&params));
-    assert_ok(cairn_scan_create(&scan_object, &scan_pool, &params));
-    return 0;
-}
-
-static int close_scan(void **state)
-{
-    (void)state;
-    test_pool_free(&scan_pool);
-    return 0;
-}
-
-static cairn_scan_view fit(const sim_scan *scan)
-{
-    cairn_scan_input input = sim_scan_input(scan);
-    cairn_budget budget = {CAIRN_UNBOUNDED};
-
-    assert_ok(cairn_scan_begin(scan_object, &input, NULL));
-    assert_ok(cairn_scan_step(scan_object, &budget));
-    return cairn_scan_read(scan_object);
-}
-
-static struct rooms visit(uint64_t seed)
-{
-    sim_arena_options arena = sim_arena_default();
-    sim_survey_options options = sim_survey_default();
-    cairn_random random = cairn_random_seed(seed, 80);
-    struct rooms r;
-    int32_t count;
-
-    arena.seed = options.seed = seed;
-    arena.scene = SIM_ROOMS;
-    options.places = SCANS;
-    options.headings = 1;
-    options.fov = 360 * DEGREE;
-    r.arena = sim_arena_create(&arena, NULL, 0);
-    assert_non_null(r.arena);
-    r.survey = sim_survey_create(r.arena, &options, NULL, 0);
-    assert_non_null(r.survey);
-    r.scans = sim_survey_scans(r.survey, &count);
-    assert_int_equal(count, SCANS);
-    for (int32_t i = 0; i < SCANS; i++) {
-        sim_pose truth = r.scans[i].truth;
-
-        r.start[i].x = (cairn_real)truth.x + cairn_random_uniform(&random, CAIRN_REAL(-0.75), CAIRN_REAL(0.75));
-        r.start[i].y = (cairn_real)truth.y + cairn_random_uniform(&random, CAIRN_REAL(-0.75), CAIRN_REAL(0.75));
-        r.start[i].theta = (cairn_real)truth.theta + cairn_random_uniform(&random, CAIRN_REAL(-0.26), CAIRN_REAL(0.26));
-    }
-    return r;
-}
-
-static void leave(struct rooms *r)
-{
-    sim_survey_free(r->survey);
-    sim_arena_free(r->arena);
-}
+#include "tests/four_rooms.h"
 
 /* Algorithm 2 for rooms: the constants of section 7.4.2 with all lengths six times as great, 30 units of 0.03 m for 15 cm. */
 static cairn_virtual_align_params rooms_params(int32_t steps)
@@ -103,36 +18,9 @@ static cairn_virtual_align_params rooms_params(int32_t steps)
     return p;
 }
 
-static cairn_virtual_align *new_align(cairn_pool *pool, const cairn_virtual_align_params *params, const struct rooms *r)
-{
-    cairn_virtual_align *align;
-
-    *pool = test_pool(cairn_virtual_align_memory(params));
-    assert_ok(cairn_virtual_align_create(&align, pool, params));
-    for (int32_t i = 0; i < SCANS; i++) {
-        cairn_scan_view view = fit(&r->scans[i]);
-
-        assert_ok(cairn_virtual_align_add_scan(align, &view, r->start[i], NULL));
-    }
-    return align;
-}
-
-static void run(cairn_virtual_align *align, int32_t units)
-{
-    cairn_budget budget = {units};
-    cairn_status status;
-
-    assert_ok(cairn_virtual_align_begin(align));
-    while ((status = cairn_virtual_align_step(align, &budget)) == CAIRN_MORE) {
-        assert_int_equal(budget.left, 0);
-        budget.left = units;
-    }
-    assert_ok(status);
-}
-
 /* ---- Algorithm 2, line by line ---- */
 
-struct twin {
+struct reference {
     cairn_pool pool;
     cairn_force_field *field;
     cairn_virtual_scan *hypotheses;
@@ -140,7 +28,7 @@ struct twin {
     int32_t with_hypotheses; /* iterations */
 };
 
-static void twin_runs(struct twin *t, const cairn_virtual_align_params *params, const struct rooms *r)
+static void reference_runs(struct reference *t, const cairn_virtual_align_params *params, const struct rooms *r)
 {
     cairn_force_field_params field = params->field;
     cairn_virtual_scan_params hypotheses = params->hypotheses;
@@ -184,10 +72,10 @@ static void is_algorithm_2(void **state)
     static const int32_t units[] = {CAIRN_UNBOUNDED, 1000, 7, 1};
     cairn_virtual_align_params p = rooms_params(4);
     struct rooms r = visit(5);
-    struct twin t;
+    struct reference t;
 
     (void)state;
-    twin_runs(&t, &p, &r);
+    reference_runs(&t, &p, &r);
     assert_int_equal(t.with_hypotheses, 3);
     /* Not read as written: */
     p.every = 9;
@@ -198,42 +86,24 @@ static void is_algorithm_2(void **state)
     p.field.mode = CAIRN_FORCE_FIELD_SPRINGS;
     p.hypotheses.mode = CAIRN_MODE_DEFAULT;
     for (size_t k = 0; k < sizeof units / sizeof *units; k++) {
-        cairn_pool pool;
-        cairn_virtual_align *align = new_align(&pool, &p, &r);
+        struct bed bed = bed_with(&p);
 
-        run(align, units[k]);
+        add_rooms(&bed, &r);
+        run(bed.align, units[k]);
         if (k == 0)
-            run(align, units[k]); /* again: the virtual scan of the first run is forgotten */
-        assert_int_equal(cairn_virtual_align_read(align).iterations, 4);
-        assert_int_equal(cairn_virtual_align_read(align).active, 3);
+            run(bed.align, units[k]); /* again: the virtual scan of the first run is forgotten */
+        assert_int_equal(cairn_virtual_align_read(bed.align).iterations, 4);
+        assert_int_equal(cairn_virtual_align_read(bed.align).active, 3);
         for (int32_t i = 0; i < SCANS; i++) {
-            cairn_pose pose = cairn_virtual_align_pose_of(align, i).aligned.map_scan;
+            cairn_pose pose = cairn_virtual_align_pose_of(bed.align, i).aligned.map_scan;
 
-            assert_int_equal(cairn_virtual_align_pose_of(align, i).moved, 1);
+            assert_int_equal(cairn_virtual_align_pose_of(bed.align, i).moved, 1);
             assert_memory_equal(&pose, &t.pose[i], sizeof pose);
         }
-        test_pool_free(&pool);
+        test_pool_free(&bed.pool);
     }
     test_pool_free(&t.pool);
     leave(&r);
-}
-
-/* Scans within 0.12 m and 1 degree of the truth after the best common motion. */
-static int32_t right(const struct rooms *r, const cairn_virtual_align *align)
-{
-    sim_pose truth[SCANS], found[SCANS], moved[SCANS];
-    int32_t use[SCANS];
-
-    for (int32_t i = 0; i < SCANS; i++) {
-        cairn_pose p = cairn_virtual_align_pose_of(align, i).aligned.map_scan;
-
-        truth[i] = r->scans[i].truth;
-        found[i].x = (double)p.x;
-        found[i].y = (double)p.y;
-        found[i].theta = (double)p.theta;
-        use[i] = 1;
-    }
-    return bench_fit_common(truth, found, use, SCANS, 0.12, DEGREE, moved);
 }
 
 /* What figs 8.9 and 8.10 show: with virtual scans the rooms come together, without they do not. */
@@ -246,15 +116,15 @@ static void rooms_come_together(void **state)
         for (int32_t virtual = 0; virtual < 2; virtual ++) {
             cairn_virtual_align_params p = rooms_params(30);
             struct rooms r = visit(seed);
-            cairn_virtual_align *align;
-            cairn_pool pool;
+            struct bed bed;
 
             p.hypotheses.lines = p.hypotheses.rectangles = virtual;
-            align = new_align(&pool, &p, &r);
-            run(align, CAIRN_UNBOUNDED);
-            *(virtual ? &with : &without) += right(&r, align);
-            assert_int_equal(cairn_virtual_align_read(align).active, virtual ? 29 : 0);
-            test_pool_free(&pool);
+            bed = bed_with(&p);
+            add_rooms(&bed, &r);
+            run(bed.align, CAIRN_UNBOUNDED);
+            *(virtual ? &with : &without) += right(&r, bed.align);
+            assert_int_equal(cairn_virtual_align_read(bed.align).active, virtual ? 29 : 0);
+            test_pool_free(&bed.pool);
             leave(&r);
         }
     assert_true(with >= 12);
@@ -379,13 +249,6 @@ static void faces_are_not_told_apart(void **state)
 }
 
 /* ---- Params ---- */
-
-static cairn_status create(void *context, cairn_pool *pool)
-{
-    cairn_virtual_align *align;
-
-    return cairn_virtual_align_create(&align, pool, context);
-}
 
 static void constants_are_those_of_the_thesis(void **state)
 {
