@@ -1,12 +1,9 @@
-/* scan_match, mode as_written: every stage beside its slow obvious twin. */
-#include "tests/test.h"
+/* scan_match, mode as_written: every stage beside a slow reference implementation. */
+#include "tests/match_bed.h"
 
 #include <math.h>
 
-#include "cairn/scan_match.h"
 #include "tests/rooms.h"
-
-enum { MOST = 400 };
 
 static const double DEGREE = 0.017453292519943295;
 
@@ -17,37 +14,6 @@ static const double DEGREE = 0.017453292519943295;
         assert_near(actual_pose.y, expected_pose.y, metres);                                                           \
         assert_near(cairn_wrap_angle(actual_pose.theta - expected_pose.theta), 0, radians);                            \
     } while (0)
-
-/* The corners of a room with niches, counter-clockwise. */
-static const cairn_vec2 room[] = {{-2, -2}, {3, -2}, {3, 0},  {2, 0},  {2, 1},   {3, 1},
-                                  {3, 3},   {-2, 3}, {-2, 1}, {-3, 1}, {-3, -1}, {-2, -1}};
-
-/* Points every 9.3 cm along the room's walls as seen from a pose, those of some walls left out. */
-static int32_t see(cairn_oriented_point *points, cairn_pose pose, int32_t first_wall, int32_t walls)
-{
-    cairn_transform t = cairn_transform_of(cairn_pose_inverse(pose));
-    int32_t corners = sizeof room / sizeof *room, count = 0;
-
-    for (int32_t w = first_wall; w < first_wall + walls; w++) {
-        cairn_vec2 a = room[w % corners], along = cairn_vec2_sub(room[(w + 1) % corners], a);
-        cairn_vec2 unit = cairn_vec2_unit(along);
-
-        for (cairn_real s = CAIRN_REAL(0.05); s < cairn_vec2_norm(along); s += CAIRN_REAL(0.093)) {
-            assert_true(count < MOST);
-            points[count].position = cairn_transform_point(t, cairn_vec2_add(a, cairn_vec2_scale(unit, s)));
-            points[count++].direction = cairn_transform_direction(t, unit);
-        }
-    }
-    return count;
-}
-
-typedef struct bed {
-    cairn_pool pool;
-    cairn_scan_match *match;
-    cairn_oriented_point target[MOST], query[MOST];
-    cairn_scan_match_part target_part, query_part;
-    cairn_pose start, truth;
-} bed;
 
 static cairn_scan_match_params small_params(cairn_scan_match_mode mode)
 {
@@ -64,37 +30,19 @@ static void make_bed(bed *b, cairn_scan_match_mode mode)
 {
     static const cairn_pose from = {CAIRN_REAL(0.35), CAIRN_REAL(-0.15), CAIRN_REAL(0.3227)};
     static const cairn_pose home = {0, 0, CAIRN_REAL(0.3)};
-    cairn_scan_match_params params = small_params(mode);
 
-    memset(b, 0, sizeof *b);
-    b->pool = test_pool(cairn_scan_match_memory(&params));
-    assert_ok(cairn_scan_match_create(&b->match, &b->pool, &params));
-    b->target_part.points = b->target;
-    b->target_part.count = see(b->target, home, 0, 10);
-    b->query_part.points = b->query;
-    b->query_part.count = see(b->query, from, 3, 9);
+    open_bed(b, small_params(mode), home, 10, from);
     b->truth = cairn_pose_between(home, from);
-    assert_ok(cairn_scan_match_add_target(b->match, &b->target_part, cairn_pose_identity(), NULL));
 }
 
-static cairn_scan_match_result run(bed *b, const cairn_scan_match_window *window)
-{
-    cairn_budget budget = {CAIRN_UNBOUNDED};
+/* ---- The reference implementation ---- */
 
-    assert_ok(cairn_scan_match_begin(b->match, &b->query_part, b->start, window, NULL));
-    assert_int_equal(cairn_scan_match_pair_count(b->match), 0);
-    assert_ok(cairn_scan_match_step(b->match, &budget));
-    return cairn_scan_match_read(b->match);
-}
-
-/* ---- The slow twin ---- */
-
-typedef struct twin {
+typedef struct reference {
     double query[MOST][2], target[MOST][2]; /* of the pairs that the colinear filter leaves */
     int32_t count;
     double x, y, distance; /* the translation of the segment that wins, and its mean distance */
     int32_t kept;
-} twin;
+} reference;
 
 /* Angle between two lines, rad, 0 ... pi / 2. */
 static double between_lines(double ax, double ay, double bx, double by)
@@ -103,7 +51,7 @@ static double between_lines(double ax, double ay, double bx, double by)
 }
 
 /* Tells the pairs by the colinear filter as printed, checks it, and keeps what it leaves. */
-static void filter_pairs(const bed *b, twin *out, int32_t *dropped)
+static void filter_pairs(const bed *b, reference *out, int32_t *dropped)
 {
     cairn_pose pose = cairn_scan_match_pair_pose(b->match);
     double c = cos((double)pose.theta), s = sin((double)pose.theta);
@@ -138,7 +86,7 @@ static double jump(const double a[2], const double b[2])
 }
 
 /* Mean vector of pairs first ... end-1, and their mean distance from a translation. */
-static void mean_vector(const twin *t, int32_t first, int32_t end, double mean[2])
+static void mean_vector(const reference *t, int32_t first, int32_t end, double mean[2])
 {
     mean[0] = mean[1] = 0;
     for (int32_t i = first; i < end; i++)
@@ -146,12 +94,12 @@ static void mean_vector(const twin *t, int32_t first, int32_t end, double mean[2
             mean[k] += (t->target[i][k] - t->query[i][k]) / (end - first);
 }
 
-static double off(const twin *t, int32_t i, const double mean[2])
+static double off(const reference *t, int32_t i, const double mean[2])
 {
     return hypot(t->target[i][0] - t->query[i][0] - mean[0], t->target[i][1] - t->query[i][1] - mean[1]);
 }
 
-static double mean_off(const twin *t, int32_t first, int32_t end, const double mean[2])
+static double mean_off(const reference *t, int32_t first, int32_t end, const double mean[2])
 {
     double sum = 0;
 
@@ -161,7 +109,7 @@ static double mean_off(const twin *t, int32_t first, int32_t end, const double m
 }
 
 /* The segment filter and the segment-wise translation, 6.2.4 and 6.3. */
-static void translate(twin *t)
+static void translate(reference *t)
 {
     int32_t first[MOST + 1], segments = 0, best = -1, most = 0, agrees[MOST];
 
@@ -294,7 +242,7 @@ static cairn_pose icp(const bed *b, cairn_pose pose, double reach)
 
 /* ---- Tests ---- */
 
-static void finds_and_each_stage_follows_its_twin(void **state)
+static void finds_and_each_stage_follows_its_reference(void **state)
 {
     static const cairn_pose starts[] = {{0, 0, 0}, {CAIRN_REAL(0.2), CAIRN_REAL(-0.1), 0}, {-1, 1, CAIRN_REAL(0.02)}};
     const cairn_scan_match_window window = {2, 2 * CAIRN_PI / 180};
@@ -303,14 +251,14 @@ static void finds_and_each_stage_follows_its_twin(void **state)
     (void)state;
     for (int k = 0; k < 3; k++) {
         static bed b, whole;
-        static twin t;
+        static reference t;
         cairn_scan_match_result by_shape, found;
         cairn_pose pose, expected;
         int32_t dropped;
 
         make_bed(&b, CAIRN_SCAN_MATCH_AS_WRITTEN_SEGMENTS);
         b.start = starts[k];
-        by_shape = run(&b, &window);
+        by_shape = run_in(&b, &window);
         assert_int_equal(by_shape.count, 1);
         assert_int_equal(cairn_scan_match_measured(b.match).candidates, 5);
         filter_pairs(&b, &t, &dropped);
@@ -324,7 +272,7 @@ static void finds_and_each_stage_follows_its_twin(void **state)
 
         make_bed(&whole, CAIRN_SCAN_MATCH_AS_WRITTEN);
         whole.start = starts[k];
-        found = run(&whole, &window);
+        found = run_in(&whole, &window);
         assert_int_equal(found.count, 1);
         expected = icp(&whole, pose, t.distance + 0.4);
         assert_pose_near(found.hypotheses[0].target_query, expected, NUMBER(1e-9, 2e-2), NUMBER(1e-9, 1e-2));
@@ -340,7 +288,7 @@ static void finds_and_each_stage_follows_its_twin(void **state)
 static void the_colinear_filter_stands_alone(void **state)
 {
     static bed b;
-    static twin t;
+    static reference t;
     int32_t dropped, count;
 
     (void)state;
@@ -348,14 +296,14 @@ static void the_colinear_filter_stands_alone(void **state)
     for (int k = 0; k < 8; k++) {
         b.start.x = CAIRN_REAL(0.13) * (cairn_real)k;
         b.start.y = CAIRN_REAL(-0.21) * (cairn_real)(k % 3);
-        (void)run(&b, NULL);
+        (void)run_in(&b, NULL);
         filter_pairs(&b, &t, &dropped);
         count = cairn_scan_match_pair_count(b.match);
         assert_true(count > 20 && dropped + t.count == count);
     }
     test_pool_free(&b.pool);
     make_bed(&b, CAIRN_SCAN_MATCH_AS_WRITTEN_LINES);
-    (void)run(&b, NULL);
+    (void)run_in(&b, NULL);
     for (int32_t i = 0; i < cairn_scan_match_pair_count(b.match); i++)
         assert_true(cairn_scan_match_pair_at(b.match, i).stage != CAIRN_SCAN_MATCH_COLINEAR);
     test_pool_free(&b.pool);
@@ -377,7 +325,7 @@ static void every_degree_of_the_window(void **state)
         cairn_scan_match_window window = {0, (cairn_real)(windows[k].degrees * DEGREE)};
         double turned;
 
-        (void)run(&b, &window);
+        (void)run_in(&b, &window);
         assert_int_equal(cairn_scan_match_measured(b.match).candidates, windows[k].rotations);
         turned = (double)(cairn_scan_match_pair_pose(b.match).theta - b.start.theta) / DEGREE;
         assert_near(turned, round(turned), 1e-3);
@@ -397,7 +345,7 @@ static void budgets_do_not_matter(void **state)
     b.query_part.count = b.target_part.count = 90;
     cairn_scan_match_clear_target(b.match);
     assert_ok(cairn_scan_match_add_target(b.match, &b.target_part, cairn_pose_identity(), NULL));
-    assert_int_equal(run(&b, NULL).count, 1);
+    assert_int_equal(run_in(&b, NULL).count, 1);
     whole = cairn_scan_match_read(b.match).hypotheses[0];
     units = cairn_scan_match_measured(b.match).units;
     for (int k = 0; k < 3; k++) {
@@ -444,7 +392,7 @@ static void parts_by_icp_alone(void **state)
     assert_pose_near(found.hypotheses[0].target_query, expected, NUMBER(1e-9, 2e-2), NUMBER(1e-9, 1e-2));
     assert_int_equal(cairn_scan_match_pair_count(b.match), 0);
 
-    (void)run(&b, NULL); /* the target is still known by its descriptors */
+    (void)run_in(&b, NULL); /* the target is still known by its descriptors */
     assert_int_equal(cairn_scan_match_read(b.match).count, 1);
     half = b.query_part;
     half.count /= 2;
@@ -491,7 +439,7 @@ static void nothing_in_common(void **state)
     b.target_part.count = 20;
     cairn_scan_match_clear_target(b.match);
     assert_ok(cairn_scan_match_add_target(b.match, &b.target_part, cairn_pose_identity(), NULL));
-    assert_int_equal(run(&b, NULL).count, 0);
+    assert_int_equal(run_in(&b, NULL).count, 0);
     assert_int_equal(cairn_scan_match_read(b.match).verdict, CAIRN_SCAN_MATCH_NONE);
     test_pool_free(&b.pool);
 }
@@ -574,7 +522,7 @@ static void readings_have_the_direction_of_the_nearest_segment(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(finds_and_each_stage_follows_its_twin),
+        cmocka_unit_test(finds_and_each_stage_follows_its_reference),
         cmocka_unit_test(the_colinear_filter_stands_alone),
         cmocka_unit_test(every_degree_of_the_window),
         cmocka_unit_test(budgets_do_not_matter),
