@@ -105,6 +105,32 @@ static inline double share_of(const cairn_detection *d, double x, double y, doub
     return w * h / (9600 * scale * scale + (double)(d->right - d->left) * (double)(d->bottom - d->top) - w * h);
 }
 
+/* What is detected of the flag among tokens, the best first. */
+static inline cairn_detections detect_flag(const cairn_contour_tokens *tokens, const cairn_object_detect_params *params)
+{
+    cairn_shape_model_file model = make_model();
+    cairn_detect_field *field;
+    cairn_detections found;
+
+    assert_ok(cairn_detect_field_make(&field, tokens, params, "edges", &error));
+    assert_ok(cairn_object_detect(&found, field, &model.model, "edges", &error));
+    for (int32_t i = 1; i < found.count; i++)
+        assert_true(found.found[i].score <= found.found[i - 1].score);
+    cairn_detect_field_free(field);
+    cairn_shape_model_file_free(&model);
+    return found;
+}
+
+/* Stages come one after the other, of the model and of its mirror image: writes each as a digit behind those before, char[16]. */
+static inline void hear_stage(void *context, cairn_detect_stage stage)
+{
+    char *heard = context;
+    size_t count = strlen(heard);
+
+    assert_true(count < 15);
+    heard[count] = (char)('0' + stage);
+}
+
 static inline void assert_error_holds(const char *piece)
 {
     if (strstr(error.text, piece) == NULL)
