@@ -1,70 +1,23 @@
-#include "tests/test.h"
-
-#include <math.h>
-
-#include "cairn/contour_grouping.h"
+#include "tests/contour_scene.h"
 
 #define PI     3.14159265358979323846
 #define DEGREE (PI / 180)
 
-enum { WIDTH = 320, HEIGHT = 240, MOST = 400, SIDES = 7 };
+enum { SIDES = 7 };
 
 /* A lamp: nothing in it is alike upside down or from behind. */
 static const double lamp[SIDES][2] = {{-10, -40}, {14, -40}, {26, 0}, {6, 4}, {10, 40}, {-14, 40}, {-4, 4}};
 
-typedef struct scene {
-    cairn_segment lines[MOST];
-    int32_t count;
-} scene;
-
-typedef struct finder {
-    cairn_pool pool;
-    cairn_shape_builder *builder;
-    cairn_grouping *grouping;
-    cairn_grouping_params params;
-    cairn_shape_model model;
-} finder;
-
-static void add_line(scene *s, double ax, double ay, double bx, double by)
-{
-    cairn_segment line = {{(cairn_real)ax, (cairn_real)ay}, {(cairn_real)bx, (cairn_real)by}};
-
-    assert_true(s->count < MOST);
-    s->lines[s->count++] = line;
-}
-
 /* The lamp's sides in pieces of some 8 px, those of number `from` to `to` - 1 only. Indices of its segments are in order. */
 static void add_lamp(scene *s, double x, double y, double scale, double turn, int from, int to)
 {
+    double c = scale * cos(turn), w = scale * sin(turn);
+
     for (int i = from; i < to; i++) {
         const double *a = lamp[i], *b = lamp[(i + 1) % SIDES];
-        int parts = (int)ceil(hypot(b[0] - a[0], b[1] - a[1]) * scale / 8);
 
-        for (int k = 0; k < parts; k++) {
-            double t = (double)k / parts, u = (k + 1.0) / parts, px[2], py[2];
-
-            for (int e = 0; e < 2; e++) {
-                double w = e ? u : t, mx = a[0] + w * (b[0] - a[0]), my = a[1] + w * (b[1] - a[1]);
-
-                px[e] = x + scale * (cos(turn) * mx - sin(turn) * my);
-                py[e] = y + scale * (sin(turn) * mx + cos(turn) * my);
-            }
-            add_line(s, px[0], py[0], px[1], py[1]);
-        }
-    }
-}
-
-static void add_clutter(scene *s, int32_t count, uint64_t seed)
-{
-    cairn_random random = cairn_random_seed(seed, 3);
-
-    for (int32_t i = 0; i < count; i++) {
-        double x = (double)cairn_random_uniform(&random, 10, WIDTH - 10);
-        double y = (double)cairn_random_uniform(&random, 10, HEIGHT - 10);
-        double turn = (double)cairn_random_uniform(&random, 0, (cairn_real)PI);
-        double half = (double)cairn_random_uniform(&random, 2, 8);
-
-        add_line(s, x - half * cos(turn), y - half * sin(turn), x + half * cos(turn), y + half * sin(turn));
+        add_pieces(s, x + c * a[0] - w * a[1], y + w * a[0] + c * a[1], x + c * b[0] - w * b[1],
+                   y + w * b[0] + c * b[1]);
     }
 }
 
@@ -81,24 +34,7 @@ static cairn_grouping_params small_params(void)
 
 static finder new_finder(const cairn_grouping_params *params)
 {
-    cairn_shape_builder_params shape = cairn_shape_builder_default();
-    cairn_vec2 v[SIDES];
-    cairn_curve outline = {v, SIDES, 1};
-    cairn_budget budget = {INT32_MAX};
-    finder f;
-
-    for (int i = 0; i < SIDES; i++) {
-        v[i].x = (cairn_real)lamp[i][0];
-        v[i].y = (cairn_real)lamp[i][1];
-    }
-    f.params = *params;
-    f.pool = test_pool(cairn_shape_builder_memory(&shape) + cairn_grouping_memory(params));
-    assert_ok(cairn_shape_builder_create(&f.builder, &f.pool, &shape));
-    assert_ok(cairn_grouping_create(&f.grouping, &f.pool, params));
-    assert_ok(cairn_shape_builder_begin(f.builder, &outline, 1));
-    assert_ok(cairn_shape_builder_step(f.builder, &budget));
-    f.model = cairn_shape_builder_read(f.builder);
-    return f;
+    return new_finder_of(params, lamp, SIDES);
 }
 
 static cairn_grouping_input input_of(const finder *f, const scene *s)
@@ -117,16 +53,6 @@ static cairn_grouping_input input_of(const finder *f, const scene *s)
     };
 
     return in;
-}
-
-static cairn_grouping_result group(finder *f, const cairn_grouping_input *in)
-{
-    cairn_budget budget = {INT32_MAX};
-
-    assert_ok(cairn_grouping_begin(f->grouping, in));
-    assert_int_equal(cairn_grouping_read(f->grouping).token_count, 0);
-    assert_ok(cairn_grouping_step(f->grouping, &budget));
-    return cairn_grouping_read(f->grouping);
 }
 
 /* The share of the segments first ... last - 1 that an object has, and of its own that are among them. */
@@ -176,7 +102,7 @@ static void it_is_found_in_clutter_at_any_size_and_turn(void **state)
 
         add_lamp(&s, w[0], w[1], w[2], w[3], 0, SIDES);
         own = s.count;
-        add_clutter(&s, 150, (uint64_t)i);
+        add_clutter(&s, 150, 2, 8, (uint64_t)i);
         in = input_of(&f, &s);
         r = group(&f, &in);
         assert_int_equal(r.object_count, 1);
@@ -296,7 +222,7 @@ static void a_part_is_enough(void **state)
         evidence = group(&f, &in).best_evidence;
         add_lamp(&s, 150, 110, 1.2, 5 * DEGREE, from, to);
         own = s.count;
-        add_clutter(&s, 60, (uint64_t)part);
+        add_clutter(&s, 60, 2, 8, (uint64_t)part);
         in = input_of(&f, &s);
         r = group(&f, &in);
         assert_int_equal(r.object_count, 1);
@@ -339,7 +265,7 @@ static void what_the_border_cuts_is_found(void **state)
             s.lines[s.count++] = all.lines[i];
     own = s.count;
     assert_true(own < all.count * 4 / 5);
-    add_clutter(&s, 60, 4);
+    add_clutter(&s, 60, 2, 8, 4);
     in = input_of(&f, &s);
     r = group(&f, &in);
     assert_int_equal(r.object_count, 1);
@@ -357,7 +283,7 @@ static void what_is_not_there_is_not_found(void **state)
     scene s = {.count = 0}, none = {.count = 0};
 
     (void)state;
-    add_clutter(&s, 200, 9);
+    add_clutter(&s, 200, 2, 8, 9);
     in = input_of(&f, &s);
     r = group(&f, &in);
     assert_int_equal(r.object_count, 0);
@@ -540,7 +466,7 @@ static void evidence_is_that_of_the_slow_twin(void **state)
         cairn_grouping_result r;
 
         add_lamp(&s, 140 + 7.3 * i, 100 + 4.1 * i, 0.9 + 0.1 * i, (2.5 * i - 5) * DEGREE, i % 3, SIDES);
-        add_clutter(&s, 40 * i + 20, (uint64_t)i);
+        add_clutter(&s, 40 * i + 20, 2, 8, (uint64_t)i);
         in = input_of(&f, &s);
         r = group(&f, &in);
         assert_true(r.object_count >= 1);
@@ -718,7 +644,7 @@ static void parts_can_be_switched_off(void **state)
 
     (void)state;
     add_lamp(&s, 160, 120, 1, 0, 0, SIDES);
-    add_clutter(&s, 100, 8);
+    add_clutter(&s, 100, 2, 8, 8);
     for (int off = 0; off < 3; off++) {
         params = small_params();
         params.use_model = off != 1;
@@ -775,7 +701,7 @@ static void budgets_do_not_matter(void **state)
     params.particles = 8;
     f = new_finder(&params);
     add_lamp(&s, 160, 120, 1, 0, 0, SIDES);
-    add_clutter(&s, 10, 5);
+    add_clutter(&s, 10, 2, 8, 5);
     in = input_of(&f, &s);
     assert_ok(cairn_grouping_begin(f.grouping, &in));
     assert_ok(cairn_grouping_step(f.grouping, &all));
@@ -860,13 +786,6 @@ static void bad_input_is_refused(void **state)
     assert_int_equal(cairn_grouping_read(f.grouping).object_count, 0);
     assert_int_equal(cairn_grouping_read(NULL).steps, 0);
     test_pool_free(&f.pool);
-}
-
-static cairn_status create(void *context, cairn_pool *pool)
-{
-    cairn_grouping *g;
-
-    return cairn_grouping_create(&g, pool, context);
 }
 
 static void bad_params_are_refused(void **state)

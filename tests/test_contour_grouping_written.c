@@ -1,37 +1,12 @@
-/* The mode as written of contour_grouping: what it finds; each step of a walk against its definition, by slow twins; bad input. */
-#include "tests/test.h"
+/* The mode as written of contour_grouping: what it finds; each step of a walk against its definition, by a slow reference implementation; bad input. */
+#include "tests/contour_scene.h"
 
-#include <math.h>
-
-#include "cairn/contour_grouping.h"
 #include "cairn/symmetric_point.h"
 
-enum { WIDTH = 260, HEIGHT = 220, MOST = 700, SIDES = 8, STEPS = 64 };
+enum { SIDES = 8, STEPS = 64 };
 
 static const double flask[SIDES][2] = {{-8, -60}, {8, -60},  {8, -30},   {22, -10},
                                        {22, 60},  {-22, 60}, {-22, -10}, {-8, -30}};
-
-typedef struct scene {
-    cairn_segment lines[MOST];
-    cairn_vec2 ends[32];
-    int32_t count, end_count;
-} scene;
-
-typedef struct finder {
-    cairn_pool pool;
-    cairn_shape_builder *builder;
-    cairn_grouping *grouping;
-    cairn_grouping_params params;
-    cairn_shape_model model;
-} finder;
-
-static void add_line(scene *s, double ax, double ay, double bx, double by)
-{
-    cairn_segment line = {{(cairn_real)ax, (cairn_real)ay}, {(cairn_real)bx, (cairn_real)by}};
-
-    assert_true(s->count < MOST);
-    s->lines[s->count++] = line;
-}
 
 static void add_end(scene *s, double x, double y)
 {
@@ -45,27 +20,11 @@ static void add_flask(scene *s, double x, double y)
 {
     for (int i = 0; i < SIDES; i++) {
         const double *a = flask[i], *b = flask[(i + 1) % SIDES];
-        int parts = (int)ceil(hypot(b[0] - a[0], b[1] - a[1]) / 8);
 
-        for (int k = 0; k < parts; k++)
-            add_line(s, x + a[0] + (b[0] - a[0]) * k / parts, y + a[1] + (b[1] - a[1]) * k / parts,
-                     x + a[0] + (b[0] - a[0]) * (k + 1) / parts, y + a[1] + (b[1] - a[1]) * (k + 1) / parts);
+        add_pieces(s, x + a[0], y + a[1], x + b[0], y + b[1]);
     }
     add_end(s, x + flask[0][0], y + flask[0][1]);
     add_end(s, x + flask[1][0], y + flask[1][1]);
-}
-
-static void add_clutter(scene *s, int32_t count, uint64_t seed)
-{
-    cairn_random random = cairn_random_seed(seed, 3);
-
-    for (int32_t i = 0; i < count; i++) {
-        double x = (double)cairn_random_uniform(&random, 10, WIDTH - 10);
-        double y = (double)cairn_random_uniform(&random, 10, HEIGHT - 10);
-        double turn = (double)cairn_random_uniform(&random, 0, CAIRN_PI);
-
-        add_line(s, x - 4 * cos(turn), y - 4 * sin(turn), x + 4 * cos(turn), y + 4 * sin(turn));
-    }
 }
 
 static cairn_grouping_params small_params(void)
@@ -84,24 +43,7 @@ static cairn_grouping_params small_params(void)
 
 static finder new_finder(const cairn_grouping_params *params)
 {
-    cairn_shape_builder_params shape = cairn_shape_builder_default();
-    cairn_vec2 v[SIDES];
-    cairn_curve outline = {v, SIDES, 1};
-    cairn_budget budget = {INT32_MAX};
-    finder f;
-
-    for (int i = 0; i < SIDES; i++) {
-        v[i].x = (cairn_real)flask[i][0];
-        v[i].y = (cairn_real)flask[i][1];
-    }
-    f.params = *params;
-    f.pool = test_pool(cairn_shape_builder_memory(&shape) + cairn_grouping_memory(params));
-    assert_ok(cairn_shape_builder_create(&f.builder, &f.pool, &shape));
-    assert_ok(cairn_grouping_create(&f.grouping, &f.pool, params));
-    assert_ok(cairn_shape_builder_begin(f.builder, &outline, 1));
-    assert_ok(cairn_shape_builder_step(f.builder, &budget));
-    f.model = cairn_shape_builder_read(f.builder);
-    return f;
+    return new_finder_of(params, flask, SIDES);
 }
 
 static cairn_grouping_input input_of(const finder *f, const scene *s)
@@ -121,16 +63,6 @@ static cairn_grouping_input input_of(const finder *f, const scene *s)
     return in;
 }
 
-static cairn_grouping_result group(finder *f, const cairn_grouping_input *in)
-{
-    cairn_budget budget = {INT32_MAX};
-
-    assert_ok(cairn_grouping_begin(f->grouping, in));
-    assert_int_equal(cairn_grouping_read(f->grouping).object_count, 0);
-    assert_ok(cairn_grouping_step(f->grouping, &budget));
-    return cairn_grouping_read(f->grouping);
-}
-
 /* ---- What it finds ---- */
 
 static void a_flask_in_clutter_is_walked_along(void **state)
@@ -147,7 +79,7 @@ static void a_flask_in_clutter_is_walked_along(void **state)
     f = new_finder(&params);
     add_flask(&s, 130, 100);
     own = s.count;
-    add_clutter(&s, 40, 1);
+    add_clutter(&s, 40, 4, 4, 1);
     in = input_of(&f, &s);
     r = group(&f, &in);
     assert_true(r.object_count >= 1);
@@ -177,7 +109,7 @@ static void terms_can_be_switched_off(void **state)
 
     (void)state;
     add_flask(&s, 130, 100);
-    add_clutter(&s, 120, 2);
+    add_clutter(&s, 120, 4, 4, 2);
     for (int off = 0; off < 3; off++) {
         cairn_grouping_params params = small_params();
         cairn_grouping_input in;
@@ -200,13 +132,14 @@ static void terms_can_be_switched_off(void **state)
 
 /* ---- Walks against their definition ---- */
 
-static double twin_normal(double x, double sigma)
+static double reference_normal(double x, double sigma)
 {
     return exp(-x * x / (2 * sigma * sigma));
 }
 
 /* The log of (2.13), the path walked from its first or its last sample. */
-static double twin_likelihood(const finder *f, const cairn_grouping_disc *first, const cairn_grouping_disc *d, int way)
+static double reference_likelihood(const finder *f, const cairn_grouping_disc *first, const cairn_grouping_disc *d,
+                                   int way)
 {
     const cairn_shape_model *m = &f->model;
     int32_t n = m->paths[0].count;
@@ -228,7 +161,8 @@ static double twin_likelihood(const finder *f, const cairn_grouping_disc *first,
             radius = (double)sample->radius;
         }
     }
-    return log(0.5 * twin_normal(least, 0.7) + 0.5 * twin_normal(((double)d->radius / size - radius) / mean, 0.2));
+    return log(0.5 * reference_normal(least, 0.7) +
+               0.5 * reference_normal(((double)d->radius / size - radius) / mean, 0.2));
 }
 
 static double apart(cairn_vec2 a, cairn_vec2 b)
@@ -276,7 +210,7 @@ static void assert_is_walk(const finder *f, const scene *s, const cairn_grouping
         assert_near(p.radius, d[i].radius, 0);
         assert_near(p.deviation, d[i].deviation, 0);
         for (int way = 0; way < 2; way++) {
-            sum[way] += twin_likelihood(f, &d[0], &d[i], way) - log(0.5);
+            sum[way] += reference_likelihood(f, &d[0], &d[i], way) - log(0.5);
             right[way] = right[way] && fabs(sum[way] - (double)d[i].log_posterior) < NUMBER(1e-9, 1e-2);
         }
         for (int k = 0; k < 2; k++) {
@@ -309,7 +243,7 @@ static void walks_are_what_they_are_defined_to_be(void **state)
         cairn_grouping_result r;
 
         add_flask(&s, 120, 100);
-        add_clutter(&s, 80, seed);
+        add_clutter(&s, 80, 4, 4, seed);
         in = input_of(&f, &s);
         assert_ok(cairn_grouping_begin(f.grouping, &in));
         assert_int_equal(cairn_grouping_history(f.grouping, 0, d, STEPS), 0);
@@ -387,7 +321,7 @@ static void budgets_do_not_matter(void **state)
     params.particles = 12;
     f = new_finder(&params);
     add_flask(&s, 130, 100);
-    add_clutter(&s, 30, 5);
+    add_clutter(&s, 30, 4, 4, 5);
     in = input_of(&f, &s);
     for (int i = 0; i < 4; i++) {
         cairn_grouping_result r;
@@ -409,13 +343,6 @@ static void budgets_do_not_matter(void **state)
         assert_true(hash == first);
     }
     test_pool_free(&f.pool);
-}
-
-static cairn_status create(void *context, cairn_pool *pool)
-{
-    cairn_grouping *grouping;
-
-    return cairn_grouping_create(&grouping, pool, context);
 }
 
 static void every_pool_size(void **state)
