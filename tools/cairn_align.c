@@ -7,10 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "cairn/lum.h"
 #include "cairn/output.h"
-
-/* The most points, and segments, of all scans. */
-#define POINTS_MOST (1 << 24)
+#include "cairn/virtual_align.h"
 
 /* m, degrees: how far poses in the log are off when nothing else is said. */
 static const double SPREAD_M = 0.6, SPREAD_DEG = 35;
@@ -21,9 +20,6 @@ static const struct align_method {
     int (*run)(align_job *job);
     double spacing; /* m, of the points */
 } methods[] = {{"default", align_by_default, 0.1}, {"gradient", align_by_field, 0.1}, {"lum", align_by_lum, 0.03}};
-
-/* Iterations at most as written: of algorithm 2 those of fig. 8.12, of Lu and Milios those of section 10.5.1. */
-enum { VIRTUAL_STEPS = 100, LUM_STEPS = 500 };
 
 static const struct align_method *method_of(const align_settings *s)
 {
@@ -90,7 +86,9 @@ static int check_settings(align_settings *s, const option *table, size_t count)
             return 0;
         }
     if (s->as_written && !is_given(table, count, "--steps"))
-        s->steps = is_lum ? LUM_STEPS : s->by_hypotheses ? VIRTUAL_STEPS : s->steps;
+        s->steps = is_lum             ? cairn_lum_as_written().max_iterations
+                   : s->by_hypotheses ? cairn_virtual_align_as_written().field.max_steps
+                                      : s->steps;
     if (isnan(s->spacing))
         s->spacing = method_of(s)->spacing;
     return 1;
@@ -238,10 +236,10 @@ static int survey(align_job *job, cairn_scan *scan)
     tool_progress_end(&progress);
     if (points == 0)
         return options_refuse(ALIGN_PROGRAM, "%s: no scan shows a wall, expected at least one", log);
-    if (points > POINTS_MOST || segments > POINTS_MOST)
+    if (points > ALIGN_POINTS_MOST || segments > ALIGN_POINTS_MOST)
         return options_refuse(ALIGN_PROGRAM,
                               "%s: the scans have %" PRId64 " points, expected at most %d: widen --spacing", log,
-                              points, POINTS_MOST);
+                              points, ALIGN_POINTS_MOST);
     job->segments = (int32_t)segments;
     job->points = (int32_t)points;
     return TOOL_OK;

@@ -9,6 +9,9 @@
 
 #define ALIGN_PROGRAM "cairn align"
 
+/* The most points, and segments, of all scans that an aligner takes. */
+#define ALIGN_POINTS_MOST (1 << 24)
+
 typedef struct align_settings {
     const char *log, *folder, *method, *pool, *report;
     int64_t max_scans, steps, seed;

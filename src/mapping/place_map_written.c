@@ -11,8 +11,6 @@
 
 enum { POINTS_TO_UNIT = 16 };
 
-static const cairn_real WRITTEN_HEADINGS = 2 * CAIRN_PI / 180; /* rad: headings of places are known to +-this */
-
 /* The points of a scan, moved, behind what is there. Returns the number of points then. */
 static int32_t append_scan(cairn_place_map *map, const cairn_place_scan *scan, cairn_pose pose, int32_t count)
 {
@@ -114,7 +112,7 @@ static void take_match(cairn_place_map *map)
 
 static void match_item(cairn_place_map *map, cairn_budget *budget)
 {
-    cairn_scan_match_window window = {CAIRN_SCAN_EXTENT, WRITTEN_HEADINGS};
+    cairn_scan_match_window window = {CAIRN_SCAN_EXTENT, CAIRN_SCAN_MATCH_WRITTEN_HEADING};
     cairn_pose start = cairn_pose_identity();
     cairn_scan_match_part part;
     cairn_pose before;
