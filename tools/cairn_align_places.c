@@ -373,8 +373,8 @@ int align_draw_places(align_job *job)
 
     if (code != TOOL_OK)
         return code;
-    poses.place = malloc(PLACES_PANELS * (size_t)g->places * sizeof *poses.place);
-    poses.scan = malloc(PLACES_PANELS * (size_t)g->scans * sizeof *poses.scan);
+    poses.place = malloc(PLACES_PANELS * ((size_t)g->places + 1) * sizeof *poses.place);
+    poses.scan = malloc(PLACES_PANELS * ((size_t)g->scans + 1) * sizeof *poses.scan);
     if (poses.place == NULL || poses.scan == NULL) {
         (void)options_refuse(ALIGN_PROGRAM, "no memory for the pictures");
         code = TOOL_FAILED;
