@@ -260,8 +260,8 @@ int align_places_new(const align_job *job, align_places **places)
     *places = NULL;
     if (g != NULL) {
         g->scans = job->log->count;
-        g->place = malloc(n * sizeof *g->place);
-        g->place_scan = malloc(n * sizeof *g->place_scan);
+        g->place = calloc(n, sizeof *g->place);
+        g->place_scan = calloc(n, sizeof *g->place_scan);
     }
     if (g == NULL || g->place == NULL || g->place_scan == NULL) {
         align_places_free(g);
