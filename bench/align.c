@@ -57,13 +57,27 @@ typedef struct outcome {
 
 /* ---- The method ---- */
 
-static int run_method(const settings *s, const sim_scan *scans, int32_t count, bench_pose *poses, outcome *out)
+/* With --online --chain: place after place. */
+static int run_online_chain(const settings *s, const sim_scan *scans, int32_t count, uint64_t seed, bench_pose *poses,
+                            bench_run *run)
+{
+    bench_chain *chain = bench_chain_open(scans, count, s->as_written, s->sub_error, seed);
+    int done = chain != NULL && bench_run_gradient(scans, count, (int32_t)s->steps, 1, chain, poses, run);
+
+    bench_chain_close(chain);
+    return done;
+}
+
+static int run_method(const settings *s, const sim_scan *scans, int32_t count, uint64_t seed, bench_pose *poses,
+                      outcome *out)
 {
     bench_run run = {0, 0, 0, 0, 0, 0, 0};
     int done;
 
-    if (strcmp(s->method, "gradient") == 0)
-        done = bench_run_gradient(scans, count, (int32_t)s->steps, s->online, poses, &run);
+    if (s->online && s->chain)
+        done = run_online_chain(s, scans, count, seed, poses, &run);
+    else if (strcmp(s->method, "gradient") == 0)
+        done = bench_run_gradient(scans, count, (int32_t)s->steps, s->online, NULL, poses, &run);
     else if (strcmp(s->method, "icp") == 0)
         done = bench_run_icp(scans, count, 20, poses, &run);
     else if (strncmp(s->method, "lum", 3) == 0)
@@ -232,7 +246,7 @@ static int run_return(const settings *s, const sim_scan *scans, const bench_boun
         poses[i].pose.y += (double)cairn_random_uniform(&random, -1, 1) * s->kind.metres;
         poses[i].pose.theta += (double)cairn_random_uniform(&random, -1, 1) * s->kind.degrees * DEGREE;
     }
-    done = done && run_method(s, scans, count, poses, &unused);
+    done = done && run_method(s, scans, count, seed, poses, &unused);
     if (done) {
         for (size_t i = 0; i < n; i++)
             second[i] = poses[i].pose;
@@ -260,11 +274,11 @@ static int run_arena(const settings *s, uint64_t seed, outcome *out)
         done = bounds != NULL &&
                bench_bound_compute(p.arena, p.scans, p.count, s->kind.metres, s->kind.degrees * DEGREE, bounds) >= 0;
     }
-    if (done && s->chain)
-        done = bench_chain_start(p.scans, p.count, s->sub_error, seed, p.poses);
+    if (done && s->chain && !s->online)
+        done = bench_chain_start(p.scans, p.count, s->as_written, s->sub_error, seed, p.poses);
     for (int32_t i = 0; i < p.count && done; i++)
         p.start[i] = p.poses[i].pose;
-    done = done && run_method(s, p.scans, p.count, p.poses, out);
+    done = done && run_method(s, p.scans, p.count, seed, p.poses, out);
     if (done)
         score(s, p.arena, p.scans, p.truth, p.start, p.poses, bounds, p.count, out);
     if (done && s->again)
@@ -303,6 +317,8 @@ static void print_common(const settings *s, const outcome *o)
         bench_json_integer("rising_steps", o->steps_rising);
     if (s->online)
         bench_json_true("online");
+    if (s->chain)
+        bench_json_true("chain");
     if (o->flags) {
         bench_json_number("false_flags", share_of(o->false_flags, o->observable));
         bench_json_number("missed_flags", share_of(o->missed_flags, o->unobservable));
@@ -400,6 +416,14 @@ static int check(const settings *s)
         fprintf(stderr, "bench/align: --online with method %s, expected gradient\n", s->method);
         return 0;
     }
+    if (s->online && s->chain && !s->as_written) {
+        fprintf(stderr, "bench/align: --online with --chain, expected --as-written, too\n");
+        return 0;
+    }
+    if (s->chain && s->again && s->online) {
+        fprintf(stderr, "bench/align: --return with --online and --chain, which have no start: expected without\n");
+        return 0;
+    }
     if ((s->ablate || s->growth) && strcmp(s->method, "default") != 0) {
         fprintf(stderr, "bench/align: --ablate and --growth are for method default\n");
         return 0;
@@ -453,8 +477,10 @@ int main(int argc, char **argv)
         OPTION_PAIR("--within", s.within, 0.001, 180, "M,DEG", "of the truth, to be aligned (0.05,1)"),
         OPTION_INTEGER("--steps", &s.steps, 1, 100000, "N", "iterations of gradient and lum at most"),
         OPTION_FLAG("--return", &s.again, "disturbs the solution, too, and aligns it again"),
-        OPTION_FLAG("--chain", &s.chain,
-                    "poses from nothing: the scans of each place matched as a whole, then the method"),
+        OPTION_FLAG(
+            "--chain", &s.chain,
+            "poses from nothing: the scans of each place matched as a whole, then the method; as written by shape "
+            "(chapter 6), with --online place after place"),
         OPTION_PAIR("--sub-error", s.sub_error, 0, 10, "M,DEG", "of the poses within a place, for --chain (0,0)"),
         OPTION_FLAG("--ablate", &s.ablate, "all arenas again without each ingredient of default"),
         OPTION_FLAG(

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "bench/bench_match.h"
 #include "bench/bench_score.h"
 #include "cairn/place_map.h"
 #include "cairn/random.h"
@@ -10,40 +11,43 @@
 #define DEGREE 0.017453292519943295
 
 /* Reader and mapper in one pool, and the order in which the scans are given: place by place. */
-typedef struct chain {
+struct bench_chain {
     void *memory;
     cairn_scan *scan;
     cairn_place_map *map;
+    const sim_scan *scans;
     int32_t *order; /* [count] */
-    int32_t places;
-} chain;
+    int32_t count, places, given, as_written;
+    const double *error;
+    double heading; /* of the frame of the place at work, as written */
+    cairn_random random;
+};
 
-static void sort_by_place(const sim_scan *scans, int32_t count, chain *c)
+static void sort_by_place(bench_chain *c)
 {
     int32_t taken = 0;
 
-    for (c->places = 0; taken < count; c->places++)
-        for (int32_t i = 0; i < count; i++)
-            if (scans[i].place == c->places)
+    for (c->places = 0; taken < c->count; c->places++)
+        for (int32_t i = 0; i < c->count; i++)
+            if (c->scans[i].place == c->places)
                 c->order[taken++] = i;
 }
 
-static cairn_status open_chain(const sim_scan *scans, int32_t count, chain *c)
+static cairn_status open_chain(bench_chain *c)
 {
-    cairn_place_map_params params = cairn_place_map_default();
+    cairn_place_map_params params = c->as_written ? cairn_place_map_as_written() : cairn_place_map_default();
     cairn_scan_params scan = cairn_scan_default();
     cairn_status status;
     cairn_pool pool;
     size_t bytes;
 
-    c->order = malloc((size_t)count * sizeof *c->order);
-    if (c->order == NULL)
-        return CAIRN_NO_MEMORY;
-    sort_by_place(scans, count, c);
-    scan.max_beams = scans[0].count;
+    sort_by_place(c);
+    scan.max_beams = c->scans[0].count;
     params.max_places = c->places;
-    params.max_scans = count;
-    params.max_place_beams = (count / c->places + 1) * scans[0].count;
+    params.max_scans = c->count;
+    params.max_place_beams = (c->count / c->places + 1) * c->scans[0].count;
+    if (c->as_written)
+        params.max_place_points = params.max_place_beams;
     bytes = cairn_scan_memory(&scan) + cairn_place_map_memory(&params) + CAIRN_ALIGN;
     c->memory = malloc(bytes);
     status = c->memory == NULL ? CAIRN_NO_MEMORY : cairn_pool_init(&pool, c->memory, bytes);
@@ -52,16 +56,56 @@ static cairn_status open_chain(const sim_scan *scans, int32_t count, chain *c)
     return status == CAIRN_OK ? cairn_place_map_create(&c->map, &pool, &params) : status;
 }
 
-/* Where a scan lies to the first one of its place, as far as is known. */
-static cairn_pose within_place(const sim_scan *first, const sim_scan *scan, const double error[2], cairn_random *random)
+static void report(cairn_status status)
 {
-    sim_pose seen = bench_pose_between(first->truth, scan->truth);
+    fprintf(stderr, "bench/align: places: %s\n", cairn_status_text(status));
+}
+
+void bench_chain_close(bench_chain *c)
+{
+    if (c == NULL)
+        return;
+    free(c->memory);
+    free(c->order);
+    free(c);
+}
+
+bench_chain *bench_chain_open(const sim_scan *scans, int32_t count, int32_t as_written, const double error[2],
+                              uint64_t seed)
+{
+    bench_chain *c = calloc(1, sizeof *c);
+    cairn_status status = CAIRN_NO_MEMORY;
+
+    if (c != NULL) {
+        c->scans = scans;
+        c->count = count;
+        c->as_written = as_written;
+        c->error = error;
+        c->random = cairn_random_seed(seed, 80);
+        c->order = malloc((size_t)count * sizeof *c->order);
+        if (c->order != NULL)
+            status = open_chain(c);
+    }
+    if (status == CAIRN_OK)
+        return c;
+    report(status);
+    bench_chain_close(c);
+    return NULL;
+}
+
+/* Where a scan lies in its place, as far as is known: to the first one, or as written in the heading that all frames have nearly. */
+static cairn_pose within_place(bench_chain *c, const sim_scan *first, const sim_scan *scan)
+{
+    sim_pose frame = first->truth, seen;
     cairn_pose pose;
 
+    if (c->as_written)
+        frame.theta = c->heading;
+    seen = bench_pose_between(frame, scan->truth);
     if (scan != first) {
-        seen.x += (double)cairn_random_uniform(random, -1, 1) * error[0];
-        seen.y += (double)cairn_random_uniform(random, -1, 1) * error[0];
-        seen.theta += (double)cairn_random_uniform(random, -1, 1) * error[1] * DEGREE;
+        seen.x += (double)cairn_random_uniform(&c->random, -1, 1) * c->error[0];
+        seen.y += (double)cairn_random_uniform(&c->random, -1, 1) * c->error[0];
+        seen.theta += (double)cairn_random_uniform(&c->random, -1, 1) * c->error[1] * DEGREE;
     }
     pose.x = (cairn_real)seen.x;
     pose.y = (cairn_real)seen.y;
@@ -69,51 +113,89 @@ static cairn_pose within_place(const sim_scan *first, const sim_scan *scan, cons
     return pose;
 }
 
-static cairn_status map_places(const sim_scan *scans, int32_t count, const double error[2], uint64_t seed, chain *c)
+/* Gives the mapper the next place. The heading of its frame is that of the first scan of all, +-2 degrees. */
+static cairn_status give_place(bench_chain *c)
 {
-    const sim_scan *first = NULL;
+    const sim_scan *first = &c->scans[c->order[c->given]];
     cairn_status status = CAIRN_OK;
-    cairn_budget budget = {CAIRN_UNBOUNDED};
-    cairn_random random = cairn_random_seed(seed, 80);
 
-    for (int32_t k = 0; k < count && status == CAIRN_OK; k++) {
-        const sim_scan *scan = &scans[c->order[k]];
+    c->heading = c->scans[c->order[0]].truth.theta;
+    if (c->given > 0 && c->as_written)
+        c->heading += (double)cairn_random_uniform(&c->random, -1, 1) * (double)CAIRN_SCAN_MATCH_WRITTEN_HEADING;
+    while (status == CAIRN_OK && c->given < c->count && c->scans[c->order[c->given]].place == first->place) {
+        const sim_scan *scan = &c->scans[c->order[c->given]];
         cairn_scan_view view;
 
-        if (first == NULL || first->place != scan->place)
-            first = scan;
         status = bench_fit_scan(c->scan, scan, &view);
         if (status == CAIRN_OK)
-            status =
-                cairn_place_map_add_scan(c->map, scan->place, &view, within_place(first, scan, error, &random), NULL);
-    }
-    if (status == CAIRN_OK)
-        status = cairn_place_map_begin(c->map);
-    while (status == CAIRN_OK && (status = cairn_place_map_step(c->map, &budget)) == CAIRN_MORE) {
-        budget.left = CAIRN_UNBOUNDED;
-        status = CAIRN_OK;
+            status = cairn_place_map_add_scan(c->map, scan->place, &view, within_place(c, first, scan), NULL);
+        c->given++;
     }
     return status;
 }
 
-int bench_chain_start(const sim_scan *scans, int32_t count, const double error[2], uint64_t seed, bench_pose *poses)
+static cairn_status step(bench_chain *c)
 {
-    chain c = {NULL, NULL, NULL, NULL, 0};
-    cairn_status status = open_chain(scans, count, &c);
+    cairn_status status;
 
+    do {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        status = cairn_place_map_step(c->map, &budget);
+    } while (status == CAIRN_MORE);
+    return status;
+}
+
+static void read_poses(const bench_chain *c, int32_t first, bench_pose *poses)
+{
+    for (int32_t k = first; k < c->given; k++)
+        poses[c->order[k]].pose = bench_sim_pose(cairn_place_map_scan_pose(c->map, k));
+}
+
+int32_t bench_chain_next(bench_chain *c, bench_pose *poses, const int32_t **order)
+{
+    int32_t first = c->given;
+    cairn_status status;
+
+    *order = c->order;
+    if (c->given == c->count)
+        return 0;
+    status = give_place(c);
     if (status == CAIRN_OK)
-        status = map_places(scans, count, error, seed, &c);
-    for (int32_t k = 0; k < count && status == CAIRN_OK; k++) {
-        cairn_pose pose = cairn_place_map_scan_pose(c.map, k);
-        sim_pose *to = &poses[c.order[k]].pose;
-
-        to->x = (double)pose.x;
-        to->y = (double)pose.y;
-        to->theta = (double)pose.theta;
+        status = cairn_place_map_extend(c->map);
+    if (status == CAIRN_OK)
+        status = step(c);
+    if (status != CAIRN_OK) {
+        report(status);
+        return -1;
     }
-    if (status != CAIRN_OK)
-        fprintf(stderr, "bench/align: places: %s\n", cairn_status_text(status));
-    free(c.memory);
-    free(c.order);
+    read_poses(c, first, poses);
+    return c->given;
+}
+
+cairn_status bench_chain_move(bench_chain *c, int32_t k, cairn_pose pose)
+{
+    return cairn_place_map_move_scan(c->map, k, pose);
+}
+
+int bench_chain_start(const sim_scan *scans, int32_t count, int32_t as_written, const double error[2], uint64_t seed,
+                      bench_pose *poses)
+{
+    bench_chain *c = bench_chain_open(scans, count, as_written, error, seed);
+    cairn_status status = CAIRN_OK;
+
+    if (c == NULL)
+        return 0;
+    while (status == CAIRN_OK && c->given < count)
+        status = give_place(c);
+    if (status == CAIRN_OK)
+        status = cairn_place_map_begin(c->map);
+    if (status == CAIRN_OK)
+        status = step(c);
+    if (status == CAIRN_OK)
+        read_poses(c, 0, poses);
+    else
+        report(status);
+    bench_chain_close(c);
     return status == CAIRN_OK;
 }

@@ -12,6 +12,7 @@ enum { FIELD, BEFORE, AFTER, FIELDS };
 typedef struct simulation {
     const sim_scan *scans;
     int32_t count, online;
+    bench_chain *chain; /* NULL: the scans come one by one */
     cairn_scan_params scan_params;
     cairn_force_field_params params, probe_params;
     cairn_scan *scan;
@@ -123,18 +124,47 @@ static cairn_status run_field(simulation *s)
     return status < 0 ? status : CAIRN_OK;
 }
 
+static cairn_status add_scan(simulation *s, int32_t i, const bench_pose *poses)
+{
+    cairn_scan_view view;
+    cairn_status status = bench_fit_scan(s->scan, &s->scans[i], &view);
+
+    for (int32_t k = 0; k < FIELDS && status == CAIRN_OK; k++)
+        if (s->field[k] != NULL)
+            status = cairn_force_field_add_scan(s->field[k], &view, NULL, pose_of(poses[i].pose), NULL);
+    return status;
+}
+
+/* Place after place, each matched by shape with those before it; the poses when the field stands. */
+static cairn_status simulate_chain(simulation *s, bench_pose *poses)
+{
+    cairn_status status = CAIRN_OK;
+    const int32_t *order;
+    int32_t before = 0, given;
+
+    while (status == CAIRN_OK && (given = bench_chain_next(s->chain, poses, &order)) > 0) {
+        for (; before < given && status == CAIRN_OK; before++)
+            status = add_scan(s, order[before], poses);
+        cairn_force_field_restart(s->field[FIELD]);
+        if (status == CAIRN_OK)
+            status = run_field(s);
+        for (int32_t k = 0; k < given && status == CAIRN_OK; k++) {
+            cairn_pose pose = cairn_force_field_pose(s->field[FIELD], k);
+
+            poses[order[k]].pose = sim_of(pose);
+            status = bench_chain_move(s->chain, k, pose);
+        }
+    }
+    return status == CAIRN_OK && before < s->count ? CAIRN_BAD_ARGUMENT : status;
+}
+
 /* Adds all scans and lets the field run; the poses when it stands. */
 static cairn_status simulate(simulation *s, bench_pose *poses)
 {
     cairn_status status = CAIRN_OK;
 
     for (int32_t i = 0; i < s->count && status == CAIRN_OK; i++) {
-        cairn_scan_view view;
-
-        status = bench_fit_scan(s->scan, &s->scans[i], &view);
-        for (int32_t k = 0; k < FIELDS && status == CAIRN_OK; k++)
-            if (s->field[k] != NULL)
-                status = cairn_force_field_add_scan(s->field[k], &view, NULL, pose_of(poses[i].pose), NULL);
+        status = add_scan(s, i, poses);
         if (!s->online || status != CAIRN_OK)
             continue;
         cairn_force_field_restart(s->field[FIELD]);
@@ -147,10 +177,10 @@ static cairn_status simulate(simulation *s, bench_pose *poses)
     return status;
 }
 
-int bench_run_gradient(const sim_scan *scans, int32_t count, int32_t iterations, int32_t online, bench_pose *poses,
-                       bench_run *run)
+int bench_run_gradient(const sim_scan *scans, int32_t count, int32_t iterations, int32_t online, bench_chain *chain,
+                       bench_pose *poses, bench_run *run)
 {
-    simulation s = {.scans = scans, .count = count, .online = online};
+    simulation s = {.scans = scans, .count = count, .online = online, .chain = chain};
     cairn_status status;
     size_t bytes = 0;
 
@@ -162,7 +192,7 @@ int bench_run_gradient(const sim_scan *scans, int32_t count, int32_t iterations,
     if (status == CAIRN_OK)
         status = open_fields(&s, &bytes);
     if (status == CAIRN_OK)
-        status = simulate(&s, poses);
+        status = chain != NULL ? simulate_chain(&s, poses) : simulate(&s, poses);
     if (status != CAIRN_OK)
         fprintf(stderr, "bench/align: %s\n", cairn_status_text(status));
     run->steps = s.steps;

@@ -1,6 +1,8 @@
 /* cairn align --no-poses and cairn match --as-written, as a user runs them. */
 #include "tests/test.h"
 
+#include <math.h>
+
 #include "cairn/pose_table.h"
 #include "tests/programs.h"
 
@@ -101,6 +103,105 @@ static void as_written(void **state)
     assert_same("written/poses.csv", "written-far/poses.csv");
 }
 
+static cairn_pose_row *read_poses(const char *folder)
+{
+    char path[128];
+    cairn_pose_row *row;
+    int32_t count;
+
+    (void)snprintf(path, sizeof path, "%s/poses.csv", folder);
+    assert_ok(cairn_pose_table_read(&row, &count, files_path(path), NULL));
+    assert_int_equal(count, 16);
+    return row;
+}
+
+/* The distance between a scan's poses in two folders at most, m. */
+static double farthest(const char *first, const char *second)
+{
+    cairn_pose_row *a = read_poses(first), *b = read_poses(second);
+    double most = 0;
+
+    for (int i = 0; i < 16; i++)
+        most = fmax(most, hypot((double)(a[i].pose.x - b[i].pose.x), (double)(a[i].pose.y - b[i].pose.y)));
+    cairn_pose_table_free(a);
+    cairn_pose_table_free(b);
+    return most;
+}
+
+/* Force field simulation begins where shape has put the places, and moves the scans by decimetres at most. */
+static void shape_then_forces(void **state)
+{
+    outcome o;
+
+    (void)state;
+    assert_int_equal(programs_run("cairn align @/near/scans.log --no-poses --as-written -o @/shape --quiet").code, 0);
+    o = programs_run("cairn align @/near/scans.log --no-poses --as-written --method gradient -o @/chain");
+    assert_int_equal(o.code, 0);
+    assert_non_null(strstr(o.out, "places     4, "));
+    assert_non_null(strstr(o.out, "steps      50 (out of steps)\npotential "));
+    assert_int_equal(count_verdict("chain", "aligned"), 16);
+    assert_true(farthest("shape", "chain") > 0.01 && farthest("shape", "chain") < 0.5);
+    o = programs_run("cairn align @/near/scans.log --no-poses --as-written --method gradient --steps 1 -o @/first");
+    assert_int_equal(o.code, 0);
+    assert_true(farthest("shape", "first") < farthest("shape", "chain"));
+}
+
+/* Place after place, with nothing but the order of the scans. */
+static void shape_then_forces_online(void **state)
+{
+    outcome o =
+        programs_run("cairn align @/near/scans.log --no-poses --as-written --online --headings 4 --steps 10 -o @/on");
+
+    (void)state;
+    assert_int_equal(o.code, 0);
+    assert_non_null(strstr(o.out, "places     4, 4 of them matched by shape\nsteps      40 (out of steps)"));
+    assert_int_equal(count_verdict("on", "aligned"), 16);
+    o = programs_run(
+        "cairn align @/far/scans.log --no-poses --as-written --online --headings 4 --steps 10 -o @/on-far");
+    assert_int_equal(o.code, 0);
+    assert_same("on/poses.csv", "on-far/poses.csv");
+    o = programs_run("cairn align @/far/scans.log --no-poses --as-written --method gradient --headings 4 --steps 10 "
+                     "-o @/off --quiet");
+    assert_int_equal(o.code, 0);
+    assert_true(farthest("on", "off") > 1e-3);
+}
+
+static int32_t count_in(const char *text, const char *piece)
+{
+    int32_t count = 0;
+
+    for (text = strstr(text, piece); text != NULL; text = strstr(text + 1, piece))
+        count++;
+    return count;
+}
+
+/* Figures 6.6 and 6.7: nothing else is different for them. */
+static void pictures_as_written(void **state)
+{
+    static const char *const panels[] = {"(a) by shape", "(b) + ICP", "(c) decoupled", "(d) poses of the log",
+                                         "error 0.000 m, 0.0 deg"};
+    outcome o =
+        programs_run("cairn align @/near/scans.log --no-poses --as-written --headings 4 --pictures -o @/drawn --quiet");
+    char *text;
+
+    (void)state;
+    assert_int_equal(o.code, 0);
+    assert_int_equal(programs_run("cairn align @/near/scans.log --no-poses --as-written --headings 4 -o @/plain").code,
+                     0);
+    assert_same("drawn/poses.csv", "plain/poses.csv");
+    assert_int_equal(access(files_path("plain/errors.svg"), F_OK), -1);
+    text = files_read(files_path("drawn/stages.svg"), NULL);
+    assert_non_null(text);
+    for (size_t k = 0; k < sizeof panels / sizeof *panels; k++)
+        assert_int_equal(count_in(text, panels[k]), 1);
+    free(text);
+    text = files_read(files_path("drawn/errors.svg"), NULL);
+    assert_non_null(text);
+    assert_non_null(strstr(text, "Fig. 6.6"));
+    assert_non_null(strstr(text, "pose in the log"));
+    free(text);
+}
+
 static void matches_as_written(void **state)
 {
     static const char *const files[] = {"match.json",    "match.svg", "tangents.svg",
@@ -142,6 +243,17 @@ static void options_that_do_not_go_together(void **state)
         {"--no-poses --virtual", "--virtual with --no-poses: no scan has a start to be guessed from"},
         {"--no-poses --steps 3", "--steps with --no-poses: it does not go in steps"},
         {"--no-poses --report x.html", "--report with --no-poses: it has no steps to play"},
+        {"--no-poses --method gradient", "--method with --no-poses: places are matched as wholes"},
+        {"--no-poses --as-written --method lum", "--method with --no-poses: places are matched as wholes"},
+        {"--no-poses --online", "--online with --no-poses: no scan has a start"},
+        {"--no-poses --as-written --steps 3", "--steps with --no-poses: it does not go in steps"},
+        {"--no-poses --as-written --online --report x.html", "--report with --online: the player needs all scans"},
+        {"--no-poses --as-written --online --virtual", "--virtual with --no-poses: no scan has a start"},
+        {"--as-written --pictures", "--pictures with a map other than --no-poses --as-written"},
+        {"--no-poses --pictures", "--pictures with a map other than --no-poses --as-written"},
+        {"--no-poses --as-written --online --pictures", "--pictures with gradient: they show places"},
+        {"--no-poses --as-written --online --headings 5", "holds 16 scans, expected a multiple of --headings 5"},
+        {"--no-poses --as-written --online --pool 1K", "--pool is '1K', expected at least"},
         {"--headings 4", "--headings with the poses of the log: it says how many scans a place has"},
         {"--no-poses --as-written --spacing 0.1", "--spacing with --as-written: it takes the readings as they come"},
         {"--no-poses --headings 0", "--headings is '0', expected a whole number from 1 to 64"},
@@ -185,8 +297,13 @@ static void logs_that_hold_little(void **state)
 int main(int argc, char **argv)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(places_without_poses),  cmocka_unit_test(as_written),
-        cmocka_unit_test(matches_as_written),    cmocka_unit_test(options_that_do_not_go_together),
+        cmocka_unit_test(places_without_poses),
+        cmocka_unit_test(as_written),
+        cmocka_unit_test(shape_then_forces),
+        cmocka_unit_test(shape_then_forces_online),
+        cmocka_unit_test(pictures_as_written),
+        cmocka_unit_test(matches_as_written),
+        cmocka_unit_test(options_that_do_not_go_together),
         cmocka_unit_test(logs_that_hold_little),
     };
 

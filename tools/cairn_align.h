@@ -108,7 +108,7 @@ void align_field_read(align_job *job, const cairn_force_field *field, cairn_real
 
 extern const char *const align_picture_names[2];
 
-/* After align_by_places(): maps the places again after each stage, and draws. Poses of the log are the actual ones, and no more. TOOL_OK,
+/* After align_by_places(): maps the places again up to the stages before, and draws. Poses of the log are the actual ones, and no more. TOOL_OK,
  * or another exit code after a line on standard error. */
 int align_draw_places(align_job *job);
 

@@ -260,8 +260,8 @@ int align_places_new(const align_job *job, align_places **places)
     *places = NULL;
     if (g != NULL) {
         g->scans = job->log->count;
-        g->place = malloc(n * sizeof *g->place);
-        g->place_scan = malloc(n * sizeof *g->place_scan);
+        g->place = calloc(n, sizeof *g->place);
+        g->place_scan = calloc(n, sizeof *g->place_scan);
     }
     if (g == NULL || g->place == NULL || g->place_scan == NULL) {
         align_places_free(g);
@@ -295,7 +295,8 @@ cairn_pose align_places_scan(const align_places *g, int32_t i)
 
 const char *const align_picture_names[2] = {"errors.svg", "stages.svg"};
 
-/* Poses of the places and the scans after each stage, and those of the log, in the frame of the first place. */
+/* Poses of the places and the scans after each stage, and those of the log, in the frame of the first place. Of places after the last stage
+ * there are none. */
 typedef struct stage_poses {
     cairn_pose *place, *scan; /* [PLACES_PANELS][places], [PLACES_PANELS][scans] */
     places_stage stage;
@@ -311,7 +312,8 @@ static void read_stage(align_job *job, const align_places *g, const cairn_place_
         poses->scan[poses->stage * job->log->count + k] = cairn_place_map_scan_pose(map, k);
 }
 
-static void read_log(const align_job *job, const align_places *g, stage_poses *poses)
+/* The last stage is the job's. */
+static void read_rest(const align_job *job, const align_places *g, stage_poses *poses)
 {
     int32_t n = job->log->count;
     cairn_pose log_map = cairn_pose_compose(job->log->record[0].robot, cairn_pose_inverse(align_places_scan(g, 0)));
@@ -319,6 +321,7 @@ static void read_log(const align_job *job, const align_places *g, stage_poses *p
     for (int32_t k = n - 1; k >= 0; k--) {
         cairn_pose scan = cairn_pose_between(log_map, job->log->record[k].robot);
 
+        poses->scan[PLACES_DECOUPLED * n + k] = job->scans[k].after;
         poses->scan[PLACES_STAGES * n + k] = scan;
         poses->place[PLACES_STAGES * g->places + g->place[k]] =
             cairn_pose_compose(scan, cairn_pose_inverse(g->place_scan[k]));
@@ -370,13 +373,13 @@ int align_draw_places(align_job *job)
 
     if (code != TOOL_OK)
         return code;
-    poses.place = malloc(PLACES_PANELS * (size_t)g->places * sizeof *poses.place);
-    poses.scan = malloc(PLACES_PANELS * (size_t)g->scans * sizeof *poses.scan);
+    poses.place = malloc(PLACES_PANELS * ((size_t)g->places + 1) * sizeof *poses.place);
+    poses.scan = malloc(PLACES_PANELS * ((size_t)g->scans + 1) * sizeof *poses.scan);
     if (poses.place == NULL || poses.scan == NULL) {
         (void)options_refuse(ALIGN_PROGRAM, "no memory for the pictures");
         code = TOOL_FAILED;
     }
-    for (; poses.stage < PLACES_STAGES && code == TOOL_OK; poses.stage++) {
+    for (; poses.stage < PLACES_DECOUPLED && code == TOOL_OK; poses.stage++) {
         cairn_place_map_params params = align_places_params(job, g), stage = places_stage_params(poses.stage);
 
         params.decoupled = stage.decoupled;
@@ -384,7 +387,7 @@ int align_draw_places(align_job *job)
         code = map_places(job, g, &params, read_stage, &poses);
     }
     if (code == TOOL_OK) {
-        read_log(job, g, &poses);
+        read_rest(job, g, &poses);
         code = draw(job, g, &poses, &error) == CAIRN_OK ? TOOL_OK : tool_report(&error);
     }
     free(poses.place);

@@ -24,7 +24,7 @@ filled()
                 value = substr($0, RSTART, RLENGTH)
                 sub(/^"[^"]*": */, "", value)
                 gsub(/"/, "", value)
-                if (value ~ /^-?[0-9]*\.[0-9]+(e[-+]?[0-9]+)?$/) value = sprintf("%.3g", value)
+                if (value ~ /^-?[0-9]*\.[0-9]+(e[-+]?[0-9]+)?$/) value = sprintf(value + 0 >= 1000 || value + 0 <= -1000 ? "%.0f" : "%.3g", value)
                 sub("\\{" key "\\}", value, text)
             }
             print text
