@@ -62,7 +62,7 @@ int bench_match_map(const bench_match_problem *problem, bench_match_machine *mac
 
 sim_pose bench_sim_pose(cairn_pose pose);
 
-/* The mapper as written, after so many of its stages: shape alone, and ICP, and decoupled ICP. */
+/* The mapper as written, after its first stage, the first two, and all three: shape alone, and ICP, and decoupled ICP. */
 typedef int32_t bench_match_written_stage;
 enum { BENCH_WRITTEN_SHAPE, BENCH_WRITTEN_ICP, BENCH_WRITTEN_DECOUPLED, BENCH_WRITTEN_STAGES };
 cairn_place_map_params bench_match_written_params(const bench_match_settings *settings,

@@ -359,7 +359,7 @@ static void particles_grow_with_the_modes(void **state)
     assert_int_equal(result.placed, 3);
     assert_true(result.most_particles > p.particles && result.most_particles <= 2 * p.particles);
     assert_true(result.hypotheses >= 3 * 16);
-    assert_true(cairn_map_merge_of(merge, 1).wrong > CAIRN_REAL(0.3)); /* which way it is turned nobody knows */
+    assert_true(cairn_map_merge_of(merge, 1).wrong > CAIRN_REAL(0.3)); /* which way it is turned is not determined */
     test_pool_free(&pool);
 }
 
@@ -449,7 +449,7 @@ static void maps_without_corners_are_refused(void **state)
     test_pool_free(&pool);
 }
 
-/* A merged map that has no room: every candidate of every particle goes, and what was merged stays. */
+/* A merged map without capacity: every candidate of every particle goes, and what was merged stays. */
 static void no_room_for_the_merged_map(void **state)
 {
     static cut_map maps[2];
