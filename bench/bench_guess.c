@@ -7,6 +7,7 @@
 #include "bench/bench_json.h"
 #include "cairn/random.h"
 #include "cairn/small_matrix.h"
+#include "cairn/virtual_align.h"
 
 #define DEGREE 0.017453292519943295
 
@@ -390,9 +391,6 @@ cairn_hypothesis_detector bench_lie_detector(bench_lie *lie)
     return detector;
 }
 
-/* m between the points of hypotheses as virtual_align asks for them. */
-static const double SPACING = 0.3;
-
 /* Within 0.15 m and 15 degrees of a side of the lie. */
 static int is_on_lie(const bench_lie *lie, const cairn_oriented_point *p)
 {
@@ -423,7 +421,7 @@ int bench_lie_is_believed(const bench_lie *lie, const cairn_virtual_scan *hypoth
 
         for (int32_t k = h[i].first_point; k < h[i].end_point; k++)
             on += is_on_lie(lie, &p[k]);
-        if (h[i].weight > 0 && on > (h[i].end_point - h[i].first_point) / 2.0 && on * SPACING > outline / 2)
+        if (h[i].weight > 0 && on > (h[i].end_point - h[i].first_point) / 2.0 && on * lie->spacing > outline / 2)
             return 1;
     }
     return 0;
@@ -437,6 +435,7 @@ bench_lie bench_lie_draw(const sim_pose *start, int32_t count, uint64_t seed)
 
     memset(&lie, 0, sizeof lie);
     lie.when = 1;
+    lie.spacing = (double)cairn_virtual_align_default().hypotheses.spacing;
     lie.rectangle.centre.x = (cairn_real)about->x + cairn_random_uniform(&random, -1, 1);
     lie.rectangle.centre.y = (cairn_real)about->y + cairn_random_uniform(&random, -1, 1);
     lie.rectangle.centre.theta = cairn_random_uniform(&random, 0, CAIRN_PI / 2);

@@ -34,6 +34,7 @@ void bench_guess_straightness(const sim_arena *arena, const sim_scan *scans, con
 typedef struct bench_lie {
     cairn_rectangle rectangle;
     int32_t when, detections;
+    double spacing; /* m, between the points of hypotheses */
 } bench_lie;
 
 /* Somewhere among the scans, which stand at start[0 ... count-1], as large as a room; told in the second detection. */

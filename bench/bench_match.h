@@ -5,6 +5,7 @@
 #include "bench/bench_score.h"
 #include "cairn/place_map.h"
 #include "sim/arena.h"
+#include "tools/cairn_places_picture.h"
 
 #define BENCH_DEGREE 0.017453292519943295
 
@@ -62,11 +63,8 @@ int bench_match_map(const bench_match_problem *problem, bench_match_machine *mac
 
 sim_pose bench_sim_pose(cairn_pose pose);
 
-/* The mapper as written, after its first stage, the first two, and all three: shape alone, and ICP, and decoupled ICP. */
-typedef int32_t bench_match_written_stage;
-enum { BENCH_WRITTEN_SHAPE, BENCH_WRITTEN_ICP, BENCH_WRITTEN_DECOUPLED, BENCH_WRITTEN_STAGES };
-cairn_place_map_params bench_match_written_params(const bench_match_settings *settings,
-                                                  bench_match_written_stage stage);
+/* The mapper as written after a stage, with the capacities that the problem needs. */
+cairn_place_map_params bench_match_written_params(const bench_match_settings *settings, places_stage stage);
 
 /* Maps an arena as written and draws fig-6.6-SEED.svg and fig-6.7-SEED.svg into a folder. 0: a line on standard error. */
 int bench_match_draw_written(const bench_match_settings *settings, const bench_match_problem *problem, uint64_t seed,

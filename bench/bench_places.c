@@ -8,6 +8,7 @@
 
 #include "bench/bench_json.h"
 #include "cairn/report.h"
+#include "tools/cairn_places_picture.h"
 
 #define DEGREE 0.017453292519943295
 
@@ -48,49 +49,33 @@ static cairn_vec2 *hits_of(const sim_scan *sims, int32_t count, cairn_report_sca
     return points;
 }
 
-/* The poses of one panel, and their errors as its note. */
-static void fill_panel(const sim_scan *sims, int32_t count, const sim_pose *poses, const char *title, char *note,
-                       size_t note_size, cairn_pose *out, cairn_report_panel *panel)
+cairn_pose bench_cairn_pose(sim_pose p)
 {
-    double metres = 0, degrees = 0, m, d;
+    cairn_pose pose = {(cairn_real)p.x, (cairn_real)p.y, (cairn_real)p.theta};
 
-    for (int32_t k = 0; k < count; k++) {
-        bench_pose_errors(&sims[k].truth, &poses[k], 1, &m, &d);
-        metres += m / count;
-        degrees += d / count;
-        out[k].x = (cairn_real)poses[k].x;
-        out[k].y = (cairn_real)poses[k].y;
-        out[k].theta = (cairn_real)poses[k].theta;
-    }
-    (void)snprintf(note, note_size, "error %.3f m, %.1f deg", metres, degrees);
-    memset(panel, 0, sizeof *panel);
-    panel->title = title;
-    panel->note = note;
-    panel->pose = out;
+    return pose;
 }
 
 int bench_draw_maps(const char *path, const char *heading, const char *const titles[BENCH_PANELS], const sim_scan *sims,
                     int32_t count, const sim_pose *const poses[BENCH_PANELS])
 {
     size_t n = (size_t)count;
-    cairn_report_map picture = cairn_report_map_default();
-    cairn_report_panel panels[BENCH_PANELS];
+    places_maps maps = {.title = heading, .count = count};
     cairn_report_scan *scans = malloc(n * sizeof *scans);
     cairn_pose *copies = malloc(BENCH_PANELS * n * sizeof *copies);
     cairn_vec2 *points = scans != NULL ? hits_of(sims, count, scans) : NULL;
-    char notes[BENCH_PANELS][80];
     cairn_file_error error;
     int done = 0;
 
     if (points != NULL && copies != NULL) {
-        for (int k = 0; k < BENCH_PANELS; k++)
-            fill_panel(sims, count, poses[k], titles[k], notes[k], sizeof notes[k], copies + (size_t)k * n, &panels[k]);
-        picture.title = heading;
-        picture.panel = panels;
-        picture.panel_count = BENCH_PANELS;
-        picture.scan = scans;
-        picture.scan_count = count;
-        done = cairn_report_map_write(path, &picture, &error) == CAIRN_OK;
+        for (int k = 0; k < BENCH_PANELS; k++) {
+            for (size_t i = 0; i < n; i++)
+                copies[(size_t)k * n + i] = bench_cairn_pose(poses[k][i]);
+            maps.panel_title[k] = titles[k];
+            maps.pose[k] = copies + (size_t)k * n;
+        }
+        maps.scan = scans;
+        done = places_draw_maps(path, &maps, &error) == CAIRN_OK;
         if (!done)
             fprintf(stderr, "bench/match: cannot write %s\n", path);
     }

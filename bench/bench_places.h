@@ -3,13 +3,16 @@
 #define CAIRN_BENCH_PLACES_H
 
 #include "bench/bench_score.h"
+#include "tools/cairn_places_picture.h"
 
-enum { BENCH_PANELS = 4 };
+enum { BENCH_PANELS = PLACES_PANELS };
+
+cairn_pose bench_cairn_pose(sim_pose pose);
 
 /* Distances in m, and angles in degrees, of poses from the truth; all [count]. */
 void bench_pose_errors(const sim_pose *truth, const sim_pose *poses, int32_t count, double *metres, double *degrees);
 
-/* The scans at the poses of each panel; each [count]. 0: a line on standard error. */
+/* The scans at the poses of each panel, the last of them true; each [count]. 0: a line on standard error. */
 int bench_draw_maps(const char *path, const char *heading, const char *const titles[BENCH_PANELS],
                     const sim_scan *scans, int32_t count, const sim_pose *const poses[BENCH_PANELS]);
 

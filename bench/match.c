@@ -88,7 +88,7 @@ static cairn_place_map_params params_of(const settings *s)
     cairn_place_map_params params = cairn_place_map_default();
 
     if (s->world.as_written)
-        return bench_match_written_params(&s->world, BENCH_WRITTEN_DECOUPLED);
+        return bench_match_written_params(&s->world, PLACES_DECOUPLED);
     params.max_places = (int32_t)s->world.places;
     params.max_scans = BENCH_MATCH_HEADINGS * (int32_t)s->world.places;
     if (s->decoupled || s->by_icp)

@@ -381,6 +381,17 @@ static void shared_borders(void **state)
         }
 }
 
+static void a_motion_about_a_point(void **state)
+{
+    cairn_vec2 from = {1, 0}, to = {-2, 5};
+    cairn_pose motion = cairn_pose_about(from, to, 0, 3), straight = cairn_pose_about(from, to, 2, 0);
+    cairn_pose by_hand = {-2, 4, CAIRN_PI / 2}, shift = {-3, 5, 0};
+
+    (void)state;
+    assert_pose(motion, by_hand, TOLERANCE);
+    assert_pose(straight, shift, TOLERANCE);
+}
+
 /* Sum of squares that cairn_pose_fit makes least. */
 static double misfit(const cairn_pose *from, const cairn_pose *to, const int32_t *use, int count, double ahead,
                      const double motion[3])
@@ -495,6 +506,7 @@ static void twists(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_motion_about_a_point),
         cmocka_unit_test(the_fit_is_the_least),
         cmocka_unit_test(vectors),
         cmocka_unit_test(transforms),

@@ -233,6 +233,83 @@ static void few_places_and_far_ones(void **state)
     test_pool_free(&b.pool);
 }
 
+static void add_place(bed *b, int32_t place)
+{
+    for (int32_t k = 0; k < HEADINGS; k++, b->scans++) {
+        cairn_pose place_scan = {CAIRN_REAL(0.02) * (cairn_real)k, 0, (cairn_real)(90 * k * DEGREE)};
+
+        assert_ok(add(b, place, k, place_scan, 0));
+    }
+}
+
+static void extend(bed *b, int32_t each)
+{
+    cairn_status status = CAIRN_MORE;
+
+    assert_ok(cairn_place_map_extend(b->map));
+    while (status == CAIRN_MORE) {
+        cairn_budget budget = {each};
+
+        status = cairn_place_map_step(b->map, &budget);
+    }
+    assert_ok(status);
+}
+
+/* Place after place is the same as all at once; what another aligner has moved stays where it is, and the next place follows. */
+static void places_one_by_one(void **state)
+{
+    cairn_place_map_params params = small_params();
+    cairn_pose at_once, pose;
+    int64_t used;
+    uint64_t hash;
+    bed b;
+
+    (void)state;
+    make_bed(&b, &params);
+    assert_status(cairn_place_map_extend(b.map), CAIRN_EMPTY);
+    load(&b, -1);
+    (void)solve(&b, CAIRN_UNBOUNDED, &used);
+    hash = hash_of(b.map, b.scans);
+    at_once = cairn_place_map_scan_pose(b.map, HEADINGS * (PLACES - 1));
+    for (int k = 0; k < 2; k++) {
+        cairn_place_map_clear(b.map);
+        b.scans = 0;
+        for (int32_t place = 0; place < PLACES; place++) {
+            add_place(&b, place);
+            assert_status(cairn_place_map_move_scan(b.map, b.scans - 1, at_once), CAIRN_BAD_ARGUMENT);
+            extend(&b, place % 2 ? 7 : CAIRN_UNBOUNDED);
+            assert_int_equal(cairn_place_map_read(b.map).placed, place + 1);
+            if (k == 0 || place != PLACES - 2)
+                continue;
+            for (int32_t s = 0; s < b.scans; s++) { /* 2 m to the right */
+                pose = cairn_place_map_scan_pose(b.map, s);
+                pose.x += 2;
+                assert_ok(cairn_place_map_move_scan(b.map, s, pose));
+                assert_near(cairn_place_map_scan_pose(b.map, s).x, pose.x, 0);
+            }
+        }
+        assert_int_equal(cairn_place_map_read(b.map).decoupled, (PLACES - 1) * HEADINGS);
+        if (k == 0)
+            assert_true(hash_of(b.map, b.scans) == hash);
+    }
+    pose = cairn_place_map_scan_pose(b.map, HEADINGS * (PLACES - 1));
+    assert_near(pose.x, at_once.x + 2, 0.3);
+    assert_near(pose.y, at_once.y, 0.3);
+    pose.y = (cairn_real)NAN;
+    assert_status(cairn_place_map_move_scan(b.map, 0, pose), CAIRN_NOT_FINITE);
+    pose.y = CAIRN_REAL(1e9);
+    assert_status(cairn_place_map_move_scan(b.map, 0, pose), CAIRN_BAD_ARGUMENT);
+    assert_status(cairn_place_map_move_scan(b.map, -1, at_once), CAIRN_BAD_ARGUMENT);
+    test_pool_free(&b.pool);
+    params = cairn_place_map_default();
+    params.max_places = params.max_scans = 2;
+    params.consensus.max_hypotheses = 64;
+    make_bed(&b, &params);
+    assert_status(cairn_place_map_extend(b.map), CAIRN_UNSUPPORTED);
+    assert_status(cairn_place_map_move_scan(b.map, 0, at_once), CAIRN_UNSUPPORTED);
+    test_pool_free(&b.pool);
+}
+
 static void takes_exactly_what_it_says(void **state)
 {
     cairn_place_map_params params = small_params();
@@ -258,9 +335,13 @@ static void takes_exactly_what_it_says(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(places_in_order),         cmocka_unit_test(stages),
-        cmocka_unit_test(a_blind_place),           cmocka_unit_test(budgets_do_not_matter),
-        cmocka_unit_test(few_places_and_far_ones), cmocka_unit_test(takes_exactly_what_it_says),
+        cmocka_unit_test(places_in_order),
+        cmocka_unit_test(stages),
+        cmocka_unit_test(a_blind_place),
+        cmocka_unit_test(budgets_do_not_matter),
+        cmocka_unit_test(few_places_and_far_ones),
+        cmocka_unit_test(places_one_by_one),
+        cmocka_unit_test(takes_exactly_what_it_says),
     };
 
     return cmocka_run_group_tests(tests, NULL, NULL);

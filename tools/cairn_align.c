@@ -7,10 +7,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "cairn/lum.h"
 #include "cairn/output.h"
-
-/* The most points, and segments, of all scans. */
-#define POINTS_MOST (1 << 24)
+#include "cairn/output_set.h"
+#include "cairn/virtual_align.h"
 
 /* m, degrees: how far poses in the log are off when nothing else is said. */
 static const double SPREAD_M = 0.6, SPREAD_DEG = 35;
@@ -21,9 +21,6 @@ static const struct align_method {
     int (*run)(align_job *job);
     double spacing; /* m, of the points */
 } methods[] = {{"default", align_by_default, 0.1}, {"gradient", align_by_field, 0.1}, {"lum", align_by_lum, 0.03}};
-
-/* Iterations at most as written: of algorithm 2 those of fig. 8.12, of Lu and Milios those of section 10.5.1. */
-enum { VIRTUAL_STEPS = 100, LUM_STEPS = 500 };
 
 static const struct align_method *method_of(const align_settings *s)
 {
@@ -56,7 +53,7 @@ static int check_settings(align_settings *s, const option *table, size_t count)
     int32_t is_lum, is_gradient;
 
     if (s->method == NULL)
-        s->method = s->as_written && !s->no_poses ? "gradient" : methods[0].name;
+        s->method = s->as_written && (!s->no_poses || s->online) ? "gradient" : methods[0].name;
     if (method_of(s) == NULL) {
         (void)options_refuse(ALIGN_PROGRAM, "unknown method '%s', expected default, gradient or lum", s->method);
         return 0;
@@ -64,20 +61,25 @@ static int check_settings(align_settings *s, const option *table, size_t count)
     is_lum = strcmp(s->method, "lum") == 0;
     is_gradient = strcmp(s->method, "gradient") == 0;
     s->as_written |= s->by_hypotheses && is_gradient;
+    s->chain = s->no_poses && s->as_written && is_gradient;
     const align_rule rules[] = {
-        {s->no_poses, "--method", "--no-poses", "places are matched as wholes, which is a method of its own"},
+        {s->no_poses && !s->chain, "--method", "--no-poses",
+         "places are matched as wholes, which is a method of its own (as written gradient may follow)"},
         {s->no_poses, "--spread", "--no-poses", "there is no start that is off"},
         {s->no_poses, "--virtual", "--no-poses", "no scan has a start to be guessed from"},
-        {s->no_poses, "--online", "--no-poses", "no scan has a start to be moved from"},
-        {s->no_poses, "--steps", "--no-poses", "it does not go in steps"},
-        {s->no_poses, "--report", "--no-poses", "it has no steps to play"},
+        {s->no_poses && !s->chain, "--online", "--no-poses", "no scan has a start to be moved from"},
+        {s->no_poses && !s->chain, "--steps", "--no-poses", "it does not go in steps"},
+        {s->no_poses && !s->chain, "--report", "--no-poses", "it has no steps to play"},
         {!s->no_poses, "--headings", "the poses of the log",
          "it says how many scans a place has where no poses are read (--no-poses)"},
         {s->as_written && !s->no_poses && !is_lum && !is_gradient, "--as-written", "--method default",
          "the thesis has gradient and lum"},
         {s->as_written, "--spread", "--as-written", "the thesis's methods do not ask how far off poses are"},
         {s->as_written && is_lum, "--spacing", "--as-written", "method lum pairs the scans' own points"},
-        {s->as_written && s->no_poses, "--spacing", "--as-written", "it takes the readings as they come"},
+        {s->as_written && s->no_poses && !s->chain, "--spacing", "--as-written", "it takes the readings as they come"},
+        {!(s->no_poses && s->as_written), "--pictures", "a map other than --no-poses --as-written",
+         "they show the stages of that"},
+        {s->chain, "--pictures", "gradient", "they show places matched by shape alone"},
         {is_lum, "--virtual", "--method lum", "hypotheses go with default or gradient"},
         {!is_gradient, "--online", "a method other than gradient", "scan after scan is a mode of gradient"},
         {s->online, "--virtual", "--online", "hypotheses are made of all scans"},
@@ -90,7 +92,9 @@ static int check_settings(align_settings *s, const option *table, size_t count)
             return 0;
         }
     if (s->as_written && !is_given(table, count, "--steps"))
-        s->steps = is_lum ? LUM_STEPS : s->by_hypotheses ? VIRTUAL_STEPS : s->steps;
+        s->steps = is_lum             ? cairn_lum_as_written().max_iterations
+                   : s->by_hypotheses ? cairn_virtual_align_as_written().field.max_steps
+                                      : s->steps;
     if (isnan(s->spacing))
         s->spacing = method_of(s)->spacing;
     return 1;
@@ -106,9 +110,12 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
         OPTION_FLAG(
             "--as-written", &s->as_written,
             "as the thesis is printed, with its constants: chapter 7 (gradient, then the default), 8 (--virtual), 10 "
-            "(lum), 6 (--no-poses: each place with the three before, headings known to 2 degrees)"),
+            "(lum), 6 (--no-poses: each place with the three before, headings known to 2 degrees; with --method "
+            "gradient or "
+            "--online 7 from there)"),
         OPTION_FLAG("--online", &s->online,
-                    "scan after scan, each against all before, --steps iterations each (gradient)"),
+                    "scan after scan, each against all before, --steps iterations each (gradient); with --no-poses "
+                    "place after place, each matched by shape first"),
         OPTION_PAIR("--spread", s->spread, 0.001, 360, "M,DEG",
                     "poses in the log are off by at most about so much, m in x and y, degrees (default)"),
         OPTION_FLAG("--virtual", &s->by_hypotheses,
@@ -120,6 +127,8 @@ static option_result read_settings(align_settings *s, int argc, char **argv)
             "--headings", &s->headings, 1, 64, "N",
             "N scans a place, evenly around, no pose of the log is read; else the log says which scans are of one "
             "place, and how they lie in it (--no-poses)"),
+        OPTION_FLAG("--pictures", &s->pictures,
+                    "draws errors.svg and stages.svg, too: poses and maps after each stage (--no-poses --as-written)"),
         OPTION_INTEGER("--steps", &s->steps, 1, 100000, "N",
                        "iterations at most (gradient, lum); as written 100 with --virtual, 500 with lum"),
         OPTION_INTEGER("--max-scans", &s->max_scans, 1, 100000, "N", "scans at most"),
@@ -173,9 +182,9 @@ static cairn_status fit(cairn_scan *scan, const cairn_scan_input *input, cairn_s
     return status;
 }
 
-int align_add_scans(align_job *job, cairn_scan *scan, align_add add, void *aligner)
+int align_add_range(align_job *job, cairn_scan *scan, int32_t first, int32_t end, align_add add, void *aligner)
 {
-    for (int32_t i = 0; i < job->log->count; i++) {
+    for (int32_t i = first; i < end; i++) {
         const cairn_carmen_record *record = &job->log->record[i];
         cairn_fault fault = {-1, NULL};
         cairn_scan_view view;
@@ -187,6 +196,11 @@ int align_add_scans(align_job *job, cairn_scan *scan, align_add add, void *align
             return tool_report_scan(job->settings->log, record->line, status, &fault);
     }
     return TOOL_OK;
+}
+
+int align_add_scans(align_job *job, cairn_scan *scan, align_add add, void *aligner)
+{
+    return align_add_range(job, scan, 0, job->log->count, add, aligner);
 }
 
 cairn_status align_open_player(align_job *job, cairn_report_player_params params, const char *how)
@@ -238,10 +252,10 @@ static int survey(align_job *job, cairn_scan *scan)
     tool_progress_end(&progress);
     if (points == 0)
         return options_refuse(ALIGN_PROGRAM, "%s: no scan shows a wall, expected at least one", log);
-    if (points > POINTS_MOST || segments > POINTS_MOST)
+    if (points > ALIGN_POINTS_MOST || segments > ALIGN_POINTS_MOST)
         return options_refuse(ALIGN_PROGRAM,
                               "%s: the scans have %" PRId64 " points, expected at most %d: widen --spacing", log,
-                              points, POINTS_MOST);
+                              points, ALIGN_POINTS_MOST);
     job->segments = (int32_t)segments;
     job->points = (int32_t)points;
     return TOOL_OK;
@@ -281,6 +295,7 @@ static int write_all(const align_job *job)
     output.range = s->range;
     output.player = job->player;
     output.report = s->report;
+    output.before = s->chain ? "places matched by shape" : NULL;
     return map_output_write(&output, s->folder, &error) == CAIRN_OK ? TOOL_OK : tool_report(&error);
 }
 
@@ -294,11 +309,13 @@ static int run(align_job *job)
     job->scan.spacing = (cairn_real)job->settings->spacing;
     code = measure(job);
     if (code == TOOL_OK && job->settings->no_poses)
-        code = align_by_places(job);
+        code = job->settings->chain ? align_by_chain(job) : align_by_places(job);
     else if (code == TOOL_OK)
         code = job->settings->by_hypotheses ? align_by_hypotheses(job) : method_of(job->settings)->run(job);
     if (code == TOOL_OK)
         code = write_all(job);
+    if (code == TOOL_OK && job->settings->pictures)
+        code = align_draw_places(job);
     if (code == TOOL_OK && !job->settings->quiet)
         printf("scans      %" PRId32 " (%" PRId64 " damaged lines left out)\n"
                "seconds    %.3f\n"
@@ -327,7 +344,8 @@ int tool_align(int argc, char **argv)
     result = read_settings(&s, argc, argv);
     if (result != OPTIONS_READ)
         return result;
-    if (map_output_check(s.folder, 0, s.report, &error) != CAIRN_OK)
+    if (map_output_check(s.folder, 0, s.report, &error) != CAIRN_OK ||
+        (s.pictures && cairn_output_set_check(s.folder, align_picture_names, 2, &error) != CAIRN_OK))
         return tool_report(&error);
     code = tool_load(&log, s.log, s.range_max, s.quiet);
     if (code != TOOL_OK)

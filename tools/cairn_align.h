@@ -3,11 +3,16 @@
 #define CAIRN_TOOLS_CAIRN_ALIGN_H
 
 #include "cairn/aligner.h"
+#include "cairn/force_field.h"
+#include "cairn/place_map.h"
 #include "tools/cairn_map_output.h"
 #include "tools/cairn_player.h"
 #include "tools/cairn_tool.h"
 
 #define ALIGN_PROGRAM "cairn align"
+
+/* The most points, and segments, of all scans that an aligner takes. */
+#define ALIGN_POINTS_MOST (1 << 24)
 
 typedef struct align_settings {
     const char *log, *folder, *method, *pool, *report;
@@ -18,6 +23,8 @@ typedef struct align_settings {
     int32_t no_poses;
     int32_t as_written; /* the method as the thesis prints it; with hypotheses, method gradient is that */
     int32_t online;     /* of gradient */
+    int32_t chain;      /* gradient from places matched as written */
+    int32_t pictures;   /* figures 6.6 and 6.7 */
     int64_t headings;   /* scans of a place; 0: by the poses of the log */
 } align_settings;
 
@@ -59,5 +66,50 @@ int align_by_hypotheses(align_job *job); /* default, and virtual scans for what 
 int align_by_field(align_job *job);
 int align_by_lum(align_job *job);
 int align_by_places(align_job *job); /* without poses: places matched as wholes */
+int align_by_chain(align_job *job);  /* as written: places matched by shape, then the field from there */
+
+/* ---- Places, for those who add them one by one ---- */
+
+typedef struct align_places align_places;
+
+/* Which scans of a job are of one place. TOOL_OK; or another exit code after a line on standard error, and *places is NULL. */
+int align_places_new(const align_job *job, align_places **places);
+void align_places_free(align_places *places);
+
+/* Scans of place `place`, 0 ... its count - 1: first ... end - 1. 0: there is no such place. */
+int32_t align_places_range(const align_places *places, int32_t place, int32_t *first, int32_t *end);
+
+/* Params of the map of all places, and where scan i lies in its place. */
+cairn_place_map_params align_places_params(const align_job *job, const align_places *places);
+cairn_pose align_places_scan(const align_places *places, int32_t i);
+
+/* Opens a pool for the map and `more` bytes. TOOL_OK, or another exit code after a line on standard error. */
+int align_places_open(const align_job *job, const align_places *places, const cairn_place_map_params *params,
+                      size_t more, cairn_pool *pool);
+
+/* Steps a map to its end. */
+cairn_status align_places_run(cairn_place_map *map);
+
+/* Scans first ... end - 1 of the job, fitted and handed over; as align_add_scans(). */
+int align_add_range(align_job *job, cairn_scan *scan, int32_t first, int32_t end, align_add add, void *aligner);
+
+/* ---- The field, for those who start it themselves ---- */
+
+/* Params of the field as written with room for the job's scans. */
+cairn_force_field_params align_field_params(const align_job *job);
+
+/* Lets the field run to its end; first_potential: of the poses at the start. */
+cairn_status align_field_run(const align_job *job, cairn_force_field *field, cairn_real *first_potential);
+
+/* Takes the poses of the field, and appends to the summary how it went. */
+void align_field_read(align_job *job, const cairn_force_field *field, cairn_real first_potential);
+
+/* ---- Figures 6.6 and 6.7, errors.svg and stages.svg in the job's folder, beside the map ---- */
+
+extern const char *const align_picture_names[2];
+
+/* After align_by_places(): maps the places again after each stage, and draws. Poses of the log are the actual ones, and no more. TOOL_OK,
+ * or another exit code after a line on standard error. */
+int align_draw_places(align_job *job);
 
 #endif

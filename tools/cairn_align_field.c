@@ -2,6 +2,7 @@
  * and each scan that comes. */
 #include <inttypes.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "tools/cairn_align.h"
 
@@ -36,13 +37,18 @@ static cairn_status iterate(const align_job *job, cairn_force_field *field, play
     return status >= 0 && record != NULL ? player_field_end(record) : status;
 }
 
+cairn_status align_field_run(const align_job *job, cairn_force_field *field, cairn_real *first_potential)
+{
+    return iterate(job, field, NULL, first_potential);
+}
+
 static cairn_status iterate_and_record(align_job *job, cairn_force_field *field, cairn_real *first_potential)
 {
     player_field record;
     cairn_status status;
 
     if (job->player == NULL)
-        return iterate(job, field, NULL, first_potential);
+        return align_field_run(job, field, first_potential);
     status = player_field_begin(&record, job->player, field);
     if (status == CAIRN_OK)
         status = iterate(job, field, &record, first_potential);
@@ -67,7 +73,7 @@ static cairn_status add_online(void *to, const cairn_scan_view *view, cairn_pose
     if (status != CAIRN_OK)
         return status;
     cairn_force_field_restart(o->field);
-    status = iterate(o->job, o->field, NULL, &o->first_potential);
+    status = align_field_run(o->job, o->field, &o->first_potential);
     tool_progress_at(&o->progress, ++o->scans);
     return status < 0 ? status : CAIRN_OK;
 }
@@ -84,41 +90,48 @@ static int align_online(align_job *job, cairn_scan *scan, cairn_force_field *fie
     return code;
 }
 
-static void read_result(align_job *job, const cairn_force_field *field, cairn_real first_potential,
-                        cairn_real first_sigma)
+cairn_force_field_params align_field_params(const align_job *job)
+{
+    cairn_force_field_params params = cairn_force_field_as_written();
+
+    params.max_scans = job->log->count;
+    params.max_segments = params.max_corners = job->segments;
+    params.max_points = job->points;
+    params.max_steps = (int32_t)job->settings->steps;
+    return params;
+}
+
+void align_field_read(align_job *job, const cairn_force_field *field, cairn_real first_potential)
 {
     cairn_force_field_state state = cairn_force_field_read(field);
+    size_t used = strlen(job->summary);
 
     for (int32_t i = 0; i < job->log->count; i++) {
         job->scans[i].after = cairn_force_field_pose(field, i);
         job->scans[i].doubtful = job->scans[i].point_count == 0;
         job->scans[i].verdict = job->scans[i].doubtful ? "blind" : "aligned";
     }
-    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " steps of force field simulation%s", state.iterations,
-             job->settings->online ? ", online" : "");
-    snprintf(job->summary, sizeof job->summary,
+    snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " steps of force field simulation%s%s", state.iterations,
+             job->settings->chain ? " from places matched by shape" : "", job->settings->online ? ", online" : "");
+    snprintf(job->summary + used, sizeof job->summary - used,
              "steps      %" PRId32 " (%s)\n"
              "potential  %.6g at sigma %.3g m -> %.6g at sigma %.3g m\n",
              state.iterations, state.verdict == CAIRN_FORCE_FIELD_CONVERGED ? "converged" : "out of steps",
-             (double)first_potential, (double)first_sigma, (double)state.potential, (double)state.sigma);
+             (double)first_potential, (double)cairn_force_field_as_written().sigma_start, (double)state.potential,
+             (double)state.sigma);
 }
 
 int align_by_field(align_job *job)
 {
-    cairn_force_field_params params = cairn_force_field_as_written();
+    cairn_force_field_params params = align_field_params(job);
     cairn_force_field *field = NULL;
     cairn_scan *scan = NULL;
     cairn_real first_potential = 0;
     cairn_status status;
     cairn_pool pool;
-    int code;
+    int code = tool_pool_open(&pool, ALIGN_PROGRAM, job->settings->pool,
+                              cairn_force_field_memory(&params) + cairn_scan_memory(&job->scan));
 
-    params.max_scans = job->log->count;
-    params.max_segments = params.max_corners = job->segments;
-    params.max_points = job->points;
-    params.max_steps = (int32_t)job->settings->steps;
-    code = tool_pool_open(&pool, ALIGN_PROGRAM, job->settings->pool,
-                          cairn_force_field_memory(&params) + cairn_scan_memory(&job->scan));
     if (code != TOOL_OK)
         return code;
     status = cairn_scan_create(&scan, &pool, &job->scan);
@@ -135,8 +148,8 @@ int align_by_field(align_job *job)
     if (status < 0)
         code = align_refuse(job, status);
     else if (code == TOOL_OK)
-        read_result(job, field, first_potential, params.sigma_start);
-    job->pool_bytes = pool.peak;
+        align_field_read(job, field, first_potential);
+    job->pool_bytes = pool.peak > job->pool_bytes ? pool.peak : job->pool_bytes;
     tool_pool_close(&pool);
     return code;
 }

@@ -7,9 +7,6 @@
 #include "cairn/lum.h"
 #include "tools/cairn_align.h"
 
-/* Points that an object takes at most. */
-#define POINTS_MOST (1 << 24)
-
 /* Iterations between two searches for links. */
 #define REBUILD 5
 
@@ -141,7 +138,7 @@ static int32_t hits_most(const align_job *job)
 {
     int64_t all = (int64_t)job->log->count * job->log->info.beams_most;
 
-    return all < POINTS_MOST ? (int32_t)all : POINTS_MOST;
+    return all < ALIGN_POINTS_MOST ? (int32_t)all : ALIGN_POINTS_MOST;
 }
 
 int align_by_lum(align_job *job)

@@ -5,8 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "cairn/place_map.h"
+#include "cairn/output_set.h"
 #include "tools/cairn_align.h"
+#include "tools/cairn_places_picture.h"
 
 /* Scans of one place lie so near to its first one by the log, m. */
 #define PLACE_RADIUS 0.5
@@ -16,11 +17,11 @@
 
 enum { PLACES_MOST = 256, HYPOTHESES_MOST = 1 << 20 };
 
-typedef struct grouping {
+struct align_places {
     int32_t *place;         /* [scans] */
     cairn_pose *place_scan; /* [scans] */
-    int32_t places, points_most, beams_most;
-} grouping;
+    int32_t scans, places, points_most, beams_most;
+};
 
 /* Whether scan i is of the place whose first scan is `first`. */
 static int is_same_place(const align_job *job, int32_t first, int32_t i)
@@ -48,7 +49,7 @@ static cairn_pose pose_in_place(const align_job *job, int32_t first, int32_t i)
 }
 
 /* Which scans are of one place, and how they lie in it. */
-static void group_scans(const align_job *job, grouping *g)
+static void group_scans(const align_job *job, align_places *g)
 {
     int32_t first = 0, points = 0, beams = 0;
 
@@ -67,7 +68,7 @@ static void group_scans(const align_job *job, grouping *g)
     }
 }
 
-static int check_grouping(const align_job *job, const grouping *g)
+static int check_grouping(const align_job *job, const align_places *g)
 {
     const align_settings *s = job->settings;
 
@@ -84,7 +85,7 @@ static int check_grouping(const align_job *job, const grouping *g)
     return TOOL_OK;
 }
 
-static cairn_place_map_params params_of(const align_job *job, const grouping *g)
+cairn_place_map_params align_places_params(const align_job *job, const align_places *g)
 {
     int as_written = job->settings->as_written;
     cairn_place_map_params params = as_written ? cairn_place_map_as_written() : cairn_place_map_default();
@@ -110,7 +111,7 @@ static cairn_place_map_params params_of(const align_job *job, const grouping *g)
 
 typedef struct adding {
     cairn_place_map *map;
-    const grouping *grouping;
+    const align_places *grouping;
     int32_t at;
 } adding;
 
@@ -123,18 +124,25 @@ static cairn_status add_to_map(void *context, const cairn_scan_view *view, cairn
     return cairn_place_map_add_scan(to->map, to->grouping->place[i], view, to->grouping->place_scan[i], fault);
 }
 
+cairn_status align_places_run(cairn_place_map *map)
+{
+    cairn_status status;
+
+    do {
+        cairn_budget budget = {CAIRN_UNBOUNDED};
+
+        status = cairn_place_map_step(map, &budget);
+    } while (status == CAIRN_MORE);
+    return status;
+}
+
 static cairn_status run(const align_job *job, cairn_place_map *map)
 {
     tool_progress progress = tool_progress_begin("map", 1, job->settings->quiet);
     cairn_status status = cairn_place_map_begin(map);
 
-    while (status == CAIRN_OK || status == CAIRN_MORE) {
-        cairn_budget budget = {CAIRN_UNBOUNDED};
-
-        status = cairn_place_map_step(map, &budget);
-        if (status == CAIRN_OK)
-            break;
-    }
+    if (status == CAIRN_OK)
+        status = align_places_run(map);
     tool_progress_end(&progress);
     return status;
 }
@@ -149,10 +157,11 @@ static const char *verdict_of(const map_scan *scan, const cairn_place_map_place 
 }
 
 /* Poses of all scans; those of other parts are in frames of their own and are not drawn. */
-static void read_result(align_job *job, const grouping *g, const cairn_place_map *map)
+static void read_result(align_job *job, const align_places *g, const cairn_place_map *map, void *unused)
 {
     cairn_place_map_result result = cairn_place_map_read(map);
 
+    (void)unused;
     for (int32_t i = 0; i < job->log->count; i++) {
         cairn_place_map_place place = cairn_place_map_place_of(map, g->place[i]);
         int32_t is_told = job->settings->as_written || cairn_place_map_scan_is_aligned(map, i);
@@ -163,7 +172,7 @@ static void read_result(align_job *job, const grouping *g, const cairn_place_map
         scan->doubtful = place.part > 0 || place.ambiguous || !is_told;
         if (!job->settings->as_written)
             scan->support = place.support;
-        if (place.part > 0)
+        if (place.part > 0 && !job->settings->chain)
             scan->beam_count = scan->point_count = scan->segment_count = 0;
     }
     snprintf(job->subtitle, sizeof job->subtitle, "%" PRId32 " places without odometry%s", result.places,
@@ -175,27 +184,35 @@ static void read_result(align_job *job, const grouping *g, const cairn_place_map
              job->settings->as_written ? "           as written: places that lie wrongly are not told\n" : "");
 }
 
-static int map_places(align_job *job, const grouping *g)
+int align_places_open(const align_job *job, const align_places *g, const cairn_place_map_params *params, size_t more,
+                      cairn_pool *pool)
 {
-    cairn_place_map_params params = params_of(job, g);
-    adding to = {NULL, g, 0};
-    cairn_scan *scan = NULL;
-    cairn_status status;
-    cairn_pool pool;
-    size_t need = cairn_place_map_memory(&params);
-    int code;
+    size_t need = cairn_place_map_memory(params);
 
     if (need == 0)
         return options_refuse(ALIGN_PROGRAM,
                               "%s: %" PRId32 " places of up to %" PRId32 " points and %" PRId32
                               " beams are too many, expected at most %d of each in all",
-                              job->settings->log, g->places, params.max_place_points, g->beams_most, 1 << 20);
-    code = tool_pool_open(&pool, ALIGN_PROGRAM, job->settings->pool, need + cairn_scan_memory(&job->scan));
+                              job->settings->log, g->places, params->max_place_points, g->beams_most, 1 << 20);
+    return tool_pool_open(pool, ALIGN_PROGRAM, job->settings->pool, need + more);
+}
+
+/* Maps the places with these params and gives the map to `read` while it is there. */
+static int map_places(align_job *job, const align_places *g, const cairn_place_map_params *params,
+                      void (*read)(align_job *job, const align_places *g, const cairn_place_map *map, void *to),
+                      void *to_read)
+{
+    adding to = {NULL, g, 0};
+    cairn_scan *scan = NULL;
+    cairn_status status;
+    cairn_pool pool;
+    int code = align_places_open(job, g, params, cairn_scan_memory(&job->scan), &pool);
+
     if (code != TOOL_OK)
         return code;
     status = cairn_scan_create(&scan, &pool, &job->scan);
     if (status == CAIRN_OK)
-        status = cairn_place_map_create(&to.map, &pool, &params);
+        status = cairn_place_map_create(&to.map, &pool, params);
     if (status == CAIRN_OK)
         code = align_add_scans(job, scan, add_to_map, &to);
     if (status == CAIRN_OK && code == TOOL_OK)
@@ -203,28 +220,175 @@ static int map_places(align_job *job, const grouping *g)
     if (status < 0)
         code = align_refuse(job, status);
     else if (code == TOOL_OK)
-        read_result(job, g, to.map);
-    job->pool_bytes = pool.peak;
+        read(job, g, to.map, to_read);
+    job->pool_bytes = pool.peak > job->pool_bytes ? pool.peak : job->pool_bytes;
     tool_pool_close(&pool);
     return code;
 }
 
 int align_by_places(align_job *job)
 {
+    align_places *g;
+    int code = align_places_new(job, &g);
+
+    if (code == TOOL_OK) {
+        cairn_place_map_params params = align_places_params(job, g);
+
+        code = map_places(job, g, &params, read_result, NULL);
+    }
+    align_places_free(g);
+    return code;
+}
+
+/* ---- Places one by one ---- */
+
+void align_places_free(align_places *g)
+{
+    if (g == NULL)
+        return;
+    free(g->place);
+    free(g->place_scan);
+    free(g);
+}
+
+int align_places_new(const align_job *job, align_places **places)
+{
     size_t n = (size_t)job->log->count;
-    grouping g = {malloc(n * sizeof *g.place), malloc(n * sizeof *g.place_scan), 0, 0, 0};
+    align_places *g = calloc(1, sizeof *g);
     int code;
 
-    if (g.place == NULL || g.place_scan == NULL) {
-        (void)options_refuse(ALIGN_PROGRAM, "no memory for %" PRId32 " scans", job->log->count);
-        code = TOOL_FAILED;
-    } else {
-        group_scans(job, &g);
-        code = check_grouping(job, &g);
-        if (code == TOOL_OK)
-            code = map_places(job, &g);
+    *places = NULL;
+    if (g != NULL) {
+        g->scans = job->log->count;
+        g->place = malloc(n * sizeof *g->place);
+        g->place_scan = malloc(n * sizeof *g->place_scan);
     }
-    free(g.place);
-    free(g.place_scan);
+    if (g == NULL || g->place == NULL || g->place_scan == NULL) {
+        align_places_free(g);
+        (void)options_refuse(ALIGN_PROGRAM, "no memory for %" PRId32 " scans", job->log->count);
+        return TOOL_FAILED;
+    }
+    group_scans(job, g);
+    code = check_grouping(job, g);
+    if (code == TOOL_OK)
+        *places = g;
+    else
+        align_places_free(g);
+    return code;
+}
+
+int32_t align_places_range(const align_places *g, int32_t place, int32_t *first, int32_t *end)
+{
+    for (*first = 0; *first < g->scans && g->place[*first] < place; ++*first)
+        ;
+    for (*end = *first; *end < g->scans && g->place[*end] == place; ++*end)
+        ;
+    return *end > *first;
+}
+
+cairn_pose align_places_scan(const align_places *g, int32_t i)
+{
+    return g->place_scan[i];
+}
+
+/* ---- Figures 6.6 and 6.7 ---- */
+
+const char *const align_picture_names[2] = {"errors.svg", "stages.svg"};
+
+/* Poses of the places and the scans after each stage, and those of the log, in the frame of the first place. */
+typedef struct stage_poses {
+    cairn_pose *place, *scan; /* [PLACES_PANELS][places], [PLACES_PANELS][scans] */
+    places_stage stage;
+} stage_poses;
+
+static void read_stage(align_job *job, const align_places *g, const cairn_place_map *map, void *to)
+{
+    stage_poses *poses = to;
+
+    for (int32_t i = 0; i < g->places; i++)
+        poses->place[poses->stage * g->places + i] = cairn_place_map_place_of(map, i).map_place;
+    for (int32_t k = 0; k < job->log->count; k++)
+        poses->scan[poses->stage * job->log->count + k] = cairn_place_map_scan_pose(map, k);
+}
+
+static void read_log(const align_job *job, const align_places *g, stage_poses *poses)
+{
+    int32_t n = job->log->count;
+    cairn_pose log_map = cairn_pose_compose(job->log->record[0].robot, cairn_pose_inverse(align_places_scan(g, 0)));
+
+    for (int32_t k = n - 1; k >= 0; k--) {
+        cairn_pose scan = cairn_pose_between(log_map, job->log->record[k].robot);
+
+        poses->scan[PLACES_STAGES * n + k] = scan;
+        poses->place[PLACES_STAGES * g->places + g->place[k]] =
+            cairn_pose_compose(scan, cairn_pose_inverse(g->place_scan[k]));
+    }
+}
+
+static cairn_status draw(const align_job *job, const align_places *g, const stage_poses *poses, cairn_file_error *error)
+{
+    size_t n = (size_t)job->log->count, places = (size_t)g->places;
+    places_errors errors = {"pose in the log", poses->place + PLACES_STAGES * places,
+                            poses->place + PLACES_BY_SHAPE * places, poses->place + PLACES_WITH_ICP * places,
+                            g->places};
+    places_maps maps = {.title = "Fig. 6.7: maps without odometry", .count = job->log->count};
+    cairn_report_scan *seen = calloc(n, sizeof *seen);
+    cairn_output_set *files = NULL;
+    cairn_status status = CAIRN_NO_MEMORY;
+
+    for (int k = 0; k < PLACES_PANELS; k++) {
+        maps.panel_title[k] = k < PLACES_STAGES ? places_stage_titles[k] : "(d) poses of the log";
+        maps.pose[k] = poses->scan + (size_t)k * n;
+    }
+    for (size_t i = 0; i < n && seen != NULL; i++) {
+        seen[i].point = job->scans[i].point;
+        seen[i].point_count = job->scans[i].point_count;
+    }
+    maps.scan = seen;
+    if (seen != NULL)
+        status = cairn_output_set_open(&files, job->settings->folder, align_picture_names, 2, error);
+    else
+        (void)cairn_file_error_set(error, status, "stages.svg", 0, "no memory for the picture");
+    if (status == CAIRN_OK)
+        status = places_draw_errors(cairn_output_set_path(files, 0), &errors, error);
+    if (status == CAIRN_OK)
+        status = places_draw_maps(cairn_output_set_path(files, 1), &maps, error);
+    if (status == CAIRN_OK)
+        status = cairn_output_set_commit(files, error);
+    else
+        cairn_output_set_discard(files);
+    free(seen);
+    return status;
+}
+
+int align_draw_places(align_job *job)
+{
+    align_places *g;
+    stage_poses poses = {NULL, NULL, PLACES_BY_SHAPE};
+    cairn_file_error error;
+    int code = align_places_new(job, &g);
+
+    if (code != TOOL_OK)
+        return code;
+    poses.place = malloc(PLACES_PANELS * (size_t)g->places * sizeof *poses.place);
+    poses.scan = malloc(PLACES_PANELS * (size_t)g->scans * sizeof *poses.scan);
+    if (poses.place == NULL || poses.scan == NULL) {
+        (void)options_refuse(ALIGN_PROGRAM, "no memory for the pictures");
+        code = TOOL_FAILED;
+    }
+    for (; poses.stage < PLACES_STAGES && code == TOOL_OK; poses.stage++) {
+        cairn_place_map_params params = align_places_params(job, g), stage = places_stage_params(poses.stage);
+
+        params.decoupled = stage.decoupled;
+        params.match.mode = stage.match.mode;
+        code = map_places(job, g, &params, read_stage, &poses);
+    }
+    if (code == TOOL_OK) {
+        read_log(job, g, &poses);
+        code = draw(job, g, &poses, &error) == CAIRN_OK ? TOOL_OK : tool_report(&error);
+    }
+    free(poses.place);
+    free(poses.scan);
+    align_places_free(g);
     return code;
 }

@@ -42,9 +42,6 @@ static cairn_report_player_params player_params(void)
     return params;
 }
 
-/* Points of the virtual scan at most, as written, and bins across the map: lines reach over all of it. */
-enum { AS_WRITTEN_POINTS = 1 << 15, AS_WRITTEN_DISTANCES = 512 };
-
 static cairn_virtual_align_params params_of(const align_job *job)
 {
     cairn_virtual_align_params params;
@@ -59,8 +56,8 @@ static cairn_virtual_align_params params_of(const align_job *job)
     params.aligner.max_hypotheses = params.aligner.max_fill = 1; /* it does not run */
     params.field.max_steps = (int32_t)job->settings->steps;
     params.hypotheses.spacing = (cairn_real)job->settings->spacing;
-    params.hypotheses.max_virtual = AS_WRITTEN_POINTS;
-    params.hypotheses.hough.distances = AS_WRITTEN_DISTANCES;
+    params.hypotheses.max_virtual = CAIRN_VIRTUAL_ALIGN_WRITTEN_POINTS;
+    params.hypotheses.hough.distances = CAIRN_VIRTUAL_ALIGN_WRITTEN_DISTANCES;
     return params;
 }
 

@@ -338,7 +338,7 @@ static cairn_status write_picture(const map_output *output, const cairn_map_file
             doubtful[i] = s->doubtful;
         }
         panel[0].title = "before";
-        panel[0].note = "poses of the log";
+        panel[0].note = output->before != NULL ? output->before : "poses of the log";
         panel[0].pose = before;
         panel[1].title = "after";
         panel[1].note = output->grid_panel ? "occupancy grid and path" : "aligned";

@@ -32,6 +32,7 @@ typedef struct map_output {
     const char *title, *subtitle;
     map_scan *scan; /* [count] */
     int32_t count;
+    const char *before;                 /* what the poses before are; NULL: those of the log */
     int32_t in_order;                   /* 1: the poses are a path */
     int32_t grid_panel;                 /* 1: the picture after shows the grid, otherwise the walls of the scans */
     double resolution;                  /* m */

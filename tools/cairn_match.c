@@ -15,9 +15,6 @@
 #define PROGRAM "cairn match"
 #define RADIANS (3.14159265358979323846 / 180)
 
-/* Degrees to which the heading is known as written. */
-#define WRITTEN_HEADINGS 2
-
 /* Metres and degrees of a start may be so large. */
 #define START_MOST 1e5
 
@@ -213,10 +210,11 @@ static cairn_status match_query(const match_record *record, cairn_scan_match *ma
 static cairn_status run_match(const settings *s, match_record *record, cairn_scan_match *match)
 {
     cairn_scan_match_part target = part_of(&record->target);
-    double angle = s->as_written && !s->window_given ? WRITTEN_HEADINGS : s->window[1];
-    cairn_scan_match_window window = {(cairn_real)s->window[0], (cairn_real)(angle * RADIANS)};
+    cairn_scan_match_window window = {(cairn_real)s->window[0], (cairn_real)(s->window[1] * RADIANS)};
     cairn_status status = cairn_scan_match_add_target(match, &target, cairn_pose_identity(), NULL);
 
+    if (s->as_written && !s->window_given)
+        window.angle = CAIRN_SCAN_MATCH_WRITTEN_HEADING;
     if (status == CAIRN_OK)
         status = match_query(record, match, record->start, record->has_start ? &window : NULL);
     record->result = cairn_scan_match_read(match);

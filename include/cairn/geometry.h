@@ -144,6 +144,10 @@ cairn_twist cairn_twist_of(cairn_pose motion);
 /* Where it has led at a fraction of the motion: exp(fraction * twist). A fraction above 1 goes on. */
 cairn_pose cairn_twist_at(cairn_twist twist, cairn_real fraction);
 
+/* The motion that brings `from` onto `to` and turns by the angle of (dot, cross). With the centroids of pairs of points, and the
+ * sums of the dot and cross products of their offsets from these, the motion of least squares of the pairs, in closed form. */
+cairn_pose cairn_pose_about(cairn_vec2 from, cairn_vec2 to, cairn_real dot, cairn_real cross);
+
 /* The motion of least squares that brings from[i] onto to[i] for all i below count with use[i] (NULL: all); a heading
  * counts as a point `ahead` m ahead of the pose's origin, > 0. Identity when there is none. Cost: linear. */
 cairn_pose cairn_pose_fit(const cairn_pose *from, const cairn_pose *to, const int32_t *use, int32_t count,

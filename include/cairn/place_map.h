@@ -104,6 +104,15 @@ CAIRN_CHECKED cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_
 /* Starts to map. CAIRN_EMPTY: no scans. CAIRN_BAD_ARGUMENT: NULL. Constant time. */
 CAIRN_CHECKED cairn_status cairn_place_map_begin(cairn_place_map *map);
 
+/* As written: starts to map the places that were added since the last map was complete; those before stay where they are. Without
+ * a complete map, as begin(). CAIRN_UNSUPPORTED: another mode; statuses of begin(). Cost: linear in the places added. */
+CAIRN_CHECKED cairn_status cairn_place_map_extend(cairn_place_map *map);
+
+/* As written: moves a scan of the last complete map, say to where another aligner has it; places that extend() adds are matched with it
+ * there. map_place stays. CAIRN_UNSUPPORTED: another mode; CAIRN_BAD_ARGUMENT: NULL, a scan that is not in the map, a pose too
+ * far off; CAIRN_NOT_FINITE. Constant time. */
+CAIRN_CHECKED cairn_status cairn_place_map_move_scan(cairn_place_map *map, int32_t scan, cairn_pose map_scan);
+
 /* CAIRN_OK: nothing left to do. CAIRN_MORE. CAIRN_BAD_ARGUMENT: NULL. */
 CAIRN_CHECKED cairn_status cairn_place_map_step(cairn_place_map *map, cairn_budget *budget);
 

@@ -79,6 +79,9 @@ cairn_scan_match_params cairn_scan_match_default(void);
  * The thesis has no verdict: that and the evidence are the library's own and change nothing in the pose. */
 cairn_scan_match_params cairn_scan_match_as_written(void);
 
+/* rad: as written a heading is known to +-this (6.3). */
+#define CAIRN_SCAN_MATCH_WRITTEN_HEADING (2 * CAIRN_PI / 180)
+
 /* A scan, or a piece of a map, in a frame of its own. The arrays are the caller's and are only read. */
 typedef struct cairn_scan_match_part {
     const cairn_oriented_point *points; /* [count] every `spacing` along the surfaces, in the order of the scan */

@@ -74,6 +74,9 @@ cairn_virtual_align_params cairn_virtual_align_default(void);
 /* Mode as written: see above. */
 cairn_virtual_align_params cairn_virtual_align_as_written(void);
 
+/* For hypotheses.max_virtual and hypotheses.hough.distances as written, of maps of some 20 m: a line reaches over all of the map. */
+enum { CAIRN_VIRTUAL_ALIGN_WRITTEN_POINTS = 1 << 15, CAIRN_VIRTUAL_ALIGN_WRITTEN_DISTANCES = 512 };
+
 /* 0 for params that create() would refuse. */
 size_t cairn_virtual_align_memory(const cairn_virtual_align_params *params);
 

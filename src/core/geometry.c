@@ -104,15 +104,24 @@ cairn_pose cairn_twist_at(cairn_twist twist, cairn_real fraction)
     return pose;
 }
 
+cairn_pose cairn_pose_about(cairn_vec2 from, cairn_vec2 to, cairn_real dot, cairn_real cross)
+{
+    cairn_pose motion = {0, 0, cairn_atan2(cross, dot)};
+    cairn_vec2 turned = cairn_pose_point(motion, from);
+
+    motion.x = to.x - turned.x;
+    motion.y = to.y - turned.y;
+    return motion;
+}
+
 cairn_pose cairn_pose_fit(const cairn_pose *from, const cairn_pose *to, const int32_t *use, int32_t count,
                           cairn_real ahead)
 {
     cairn_real sine = 0, cosine = 0;
-    cairn_pose motion = {0, 0, 0};
-    cairn_vec2 a, b, turned;
+    cairn_vec2 a, b;
 
     if (mean_position(from, use, count, &a) == 0)
-        return motion;
+        return cairn_pose_identity();
     (void)mean_position(to, use, count, &b);
     for (int32_t i = 0; i < count; i++)
         if (use == NULL || use[i]) {
@@ -122,11 +131,7 @@ cairn_pose cairn_pose_fit(const cairn_pose *from, const cairn_pose *to, const in
             sine += cairn_vec2_cross(p, q) + ahead * ahead * cairn_sin(turn);
             cosine += cairn_vec2_dot(p, q) + ahead * ahead * cairn_cos(turn);
         }
-    motion.theta = cairn_atan2(sine, cosine);
-    turned = cairn_transform_point(cairn_transform_of(motion), a);
-    motion.x = b.x - turned.x;
-    motion.y = b.y - turned.y;
-    return motion;
+    return cairn_pose_about(a, b, cosine, sine);
 }
 
 cairn_real cairn_segment_length(cairn_segment segment)

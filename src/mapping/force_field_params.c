@@ -88,7 +88,7 @@ cairn_force_field_params cairn_force_field_springs(cairn_real sigma_start, int32
     params.dt_factor = cairn_sqrt(CAIRN_REAL(0.7));
     params.reach = CAIRN_REAL(2.5);
     params.twist = 40;
-    params.roi = 0;
+    params.roi = CAIRN_FORCE_FIELD_ROI_NONE;
     params.max_steps = steps;
     return params;
 }

@@ -81,11 +81,6 @@ static cairn_corner_params corner_params(const cairn_map_merge_params *p)
     return c;
 }
 
-static int is_written(const cairn_map_merge_params *p)
-{
-    return p->mode == CAIRN_MODE_AS_WRITTEN;
-}
-
 /* Cells of the merged map at most, as written. */
 static int32_t merged_cells(const cairn_map_merge_params *p)
 {
@@ -95,7 +90,7 @@ static int32_t merged_cells(const cairn_map_merge_params *p)
 /* Cells of an image whose distances are measured. */
 static int32_t image_cells(const cairn_map_merge_params *p)
 {
-    return is_written(p) ? merged_cells(p) : p->max_map_cells;
+    return merge_is_written(p) ? merged_cells(p) : p->max_map_cells;
 }
 
 /* An image's side is at most that of a raster, or all its cells in one row. */
@@ -108,7 +103,7 @@ static cairn_distance_map_params distance_params(const cairn_map_merge_params *p
 
 static cairn_particle_filter_params filter_params(const cairn_map_merge_params *p)
 {
-    return is_written(p) ? cairn_merge_written_params(p) : cairn_merge_filter_params(p);
+    return merge_is_written(p) ? cairn_merge_written_params(p) : cairn_merge_filter_params(p);
 }
 
 static size_t pairs_of(const cairn_map_merge_params *p)
@@ -133,7 +128,7 @@ static void carve_objects(cairn_map_merge *m, cairn_pool *pool, const cairn_map_
         cairn_pool_count(pool, cairn_particle_filter_memory(&filter));
         return;
     }
-    model = is_written(p) ? cairn_merge_written_model(m) : cairn_merge_model(m);
+    model = merge_is_written(p) ? cairn_merge_written_model(m) : cairn_merge_model(m);
     status = cairn_corner_create(&m->corners, pool, &corners);
     CAIRN_ASSERT(status == CAIRN_OK);
     status = cairn_distance_map_create(&m->distances, pool, &distances);
@@ -184,7 +179,7 @@ static cairn_map_merge *carve(cairn_pool *pool, const cairn_map_merge_params *p)
     cairn_segment *lines = cairn_pool_take(pool, maps * (size_t)p->max_segments, sizeof *lines);
     merge_mode *modes = cairn_pool_take(pool, pairs_of(p) * (size_t)p->max_modes, sizeof *modes);
     int32_t *mode_count = cairn_pool_take(pool, pairs_of(p), sizeof *mode_count);
-    merge_memory *memory = is_written(p) ? NULL : cairn_pool_take(pool, MERGE_MEMORY, sizeof *memory);
+    merge_memory *memory = merge_is_written(p) ? NULL : cairn_pool_take(pool, MERGE_MEMORY, sizeof *memory);
 
     if (m != NULL) {
         memset(m, 0, sizeof *m);
@@ -210,7 +205,7 @@ static cairn_map_merge *carve(cairn_pool *pool, const cairn_map_merge_params *p)
         }
     }
     carve_objects(m, pool, p);
-    if (is_written(p)) {
+    if (merge_is_written(p)) {
         merge_written *written = carve_written(pool, p);
 
         if (m != NULL)
@@ -329,7 +324,7 @@ cairn_status cairn_map_merge_guess(cairn_map_merge *merge, int32_t map, cairn_po
         return CAIRN_BAD_ARGUMENT;
     if (!cairn_pose_is_finite(reference_map))
         return CAIRN_NOT_FINITE;
-    if (is_written(&merge->params))
+    if (merge_is_written(&merge->params))
         return CAIRN_UNSUPPORTED;
     merge->maps[map].has_guess = 1;
     merge->maps[map].given = reference_map;
@@ -401,7 +396,7 @@ static void finish(cairn_map_merge *m)
     r->hypotheses = m->tried;
     r->resamplings = cairn_particle_filter_read(m->filter).resamplings;
     r->n_eff = cairn_particle_filter_read(m->filter).n_eff;
-    r->most_particles = is_written(&m->params) ? m->written->most_particles : m->params.particles;
+    r->most_particles = merge_is_written(&m->params) ? m->written->most_particles : m->params.particles;
     for (int32_t i = 0; i < m->map_count; i++) {
         cairn_merge_placed *p = &m->placed[i];
 
@@ -445,7 +440,8 @@ cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_budget *budget)
         return CAIRN_OK;
     before = budget->left;
     while (merge->stage < MERGE_FINISHED) {
-        cairn_status status = is_written(&merge->params) ? step_written(merge, budget) : step_default(merge, budget);
+        cairn_status status =
+            merge_is_written(&merge->params) ? step_written(merge, budget) : step_default(merge, budget);
 
         if (status != CAIRN_OK) {
             merge->units += before - budget->left;
@@ -459,74 +455,7 @@ cairn_status cairn_map_merge_step(cairn_map_merge *merge, cairn_budget *budget)
     return CAIRN_OK;
 }
 
-/* ---- Scores ---- */
-
-/* Points of one class of a map in the other one's grid: sums of the kernels of Psi and d, which count the whole map. */
-typedef struct image_sums {
-    cairn_real same, other;
-    int32_t known;
-} image_sums;
-
-static cairn_real kernel_of(int32_t cells)
-{
-    return cells > 20 ? 0 : cairn_exp(-(cairn_real)(cells * cells) / 8);
-}
-
-static void add_image(const merge_map *to, cairn_vec2 p, int32_t class, image_sums *s)
-{
-    uint16_t cell =
-        merge_cell_at(to, (p.x - to->corner.x) / to->input.resolution, (p.y - to->corner.y) / to->input.resolution);
-
-    s->known += merge_class(cell) != MERGE_UNKNOWN;
-    s->same += kernel_of(class == MERGE_OCCUPIED ? merge_to_occupied(cell) : merge_to_free(cell));
-    s->other += merge_class(cell) != MERGE_UNKNOWN && merge_class(cell) != class;
-}
-
-/* Both classes of `from` in the grid of `to`: adds to psi and d; the known share of the free cells. */
-static cairn_real add_images(const merge_map *to, const merge_map *from, cairn_transform t, cairn_merge_score *score)
-{
-    image_sums walls = {0, 0, 0}, open = {0, 0, 0};
-    cairn_real points = cairn_max((cairn_real)from->point_count, 1), cells = cairn_max((cairn_real)from->open_count, 1);
-
-    for (int32_t i = 0; i < from->point_count; i++)
-        add_image(to, cairn_transform_point(t, from->points[i].at), MERGE_OCCUPIED, &walls);
-    for (int32_t i = 0; i < from->open_count; i++)
-        add_image(to, cairn_transform_point(t, from->open[i]), MERGE_FREE, &open);
-    score->psi += walls.same / points + open.same / cells;
-    score->disagreement += walls.other / points + open.other / cells;
-    return (cairn_real)open.known / cells;
-}
-
-void cairn_merge_score_at(const cairn_map_merge *m, int32_t a, int32_t b, cairn_pose centres, cairn_merge_score *score)
-{
-    const merge_map *first = &m->maps[a], *second = &m->maps[b];
-    cairn_transform there = cairn_transform_of(centres), back = cairn_transform_of(cairn_pose_inverse(centres));
-    merge_sums s[2] = {{0, 0, 0, 0, {0, 0}, 0}, {0, 0, 0, 0, {0, 0}, 0}};
-    cairn_real share[2], d;
-
-    memset(score, 0, sizeof *score);
-    cairn_merge_sum(m, first, second, &there, 0, second->point_count, &s[0]);
-    cairn_merge_sum(m, second, first, &back, 0, first->point_count, &s[1]);
-    score->agree = (s[0].agree * second->spacing + s[1].agree * first->spacing) / 2;
-    score->conflict = s[0].conflict * second->spacing + s[1].conflict * first->spacing;
-    score->evidence = cairn_merge_nats(m, score->agree, score->conflict);
-    if (is_written(&m->params)) {
-        merge_images images;
-        cairn_budget budget = {CAIRN_UNBOUNDED};
-        int32_t paid = 0;
-
-        cairn_merge_begin_images(&images, first, second, centres);
-        while (!cairn_merge_go_on_images(&images, m->written->kernel, &paid, &budget))
-            budget.left = CAIRN_UNBOUNDED;
-        cairn_merge_end_images(&images, score);
-        return;
-    }
-    share[0] = add_images(first, second, there, score);
-    share[1] = add_images(second, first, back, score);
-    score->overlap = first->free < second->free ? share[1] : share[0];
-    d = cairn_max(score->disagreement, CAIRN_REAL(1e-6));
-    score->gamma = -cairn_log(d) - d;
-}
+/* ---- Reading ---- */
 
 cairn_status cairn_map_merge_score(const cairn_map_merge *merge, int32_t a, int32_t b, cairn_pose a_b,
                                    cairn_merge_score *score)
@@ -541,8 +470,6 @@ cairn_status cairn_map_merge_score(const cairn_map_merge *merge, int32_t a, int3
     score->conflict *= merge->unit;
     return CAIRN_OK;
 }
-
-/* ---- Reading ---- */
 
 const char *cairn_merge_verdict_text(cairn_merge_verdict verdict)
 {

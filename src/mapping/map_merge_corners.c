@@ -43,9 +43,8 @@ static cairn_real similarity_of(const merge_map *first, const cairn_corner *a, c
 
 cairn_pose cairn_merge_motion_of(const cairn_vec2 *to, const cairn_vec2 *from)
 {
-    cairn_vec2 p = {0, 0}, q = {0, 0}, moved;
+    cairn_vec2 p = {0, 0}, q = {0, 0};
     cairn_real sine = 0, cosine = 0;
-    cairn_pose pose = {0, 0, 0};
 
     for (int32_t i = 0; i < MERGE_CORRESPONDENCES; i++) {
         p = cairn_vec2_add(p, cairn_vec2_scale(to[i], CAIRN_REAL(1.0) / MERGE_CORRESPONDENCES));
@@ -57,11 +56,7 @@ cairn_pose cairn_merge_motion_of(const cairn_vec2 *to, const cairn_vec2 *from)
         sine += cairn_vec2_cross(u, v);
         cosine += cairn_vec2_dot(u, v);
     }
-    pose.theta = cairn_atan2(sine, cosine);
-    moved = cairn_pose_point(pose, q);
-    pose.x = p.x - moved.x;
-    pose.y = p.y - moved.y;
-    return pose;
+    return cairn_pose_about(q, p, cosine, sine);
 }
 
 static cairn_pose registration_of(const merge_map *first, const cairn_corner *a, const merge_map *second,

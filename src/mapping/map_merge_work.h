@@ -417,8 +417,14 @@ int cairn_merge_go_on_lines(cairn_map_merge *m, cairn_budget *budget);
 /* Nats for so many m of wall that agree, and that do not. */
 cairn_real cairn_merge_nats(const cairn_map_merge *m, cairn_real agree, cairn_real conflict);
 
-/* ---- map_merge.c ---- */
+static inline int merge_is_written(const cairn_map_merge_params *p)
+{
+    return p->mode == CAIRN_MODE_AS_WRITTEN;
+}
 
+/* ---- map_merge_score.c ---- */
+
+/* The score of map b whose centre lies at `centres` seen from that of map a; lengths in units of the merging. */
 void cairn_merge_score_at(const cairn_map_merge *m, int32_t a, int32_t b, cairn_pose centres, cairn_merge_score *score);
 
 /* ---- map_merge_filter.c ---- */
@@ -468,7 +474,11 @@ cairn_status cairn_merge_register_corners(cairn_map_merge *m, cairn_budget *budg
 
 /* ---- map_merge_written.c ---- */
 
-enum { MERGE_GROWTH = 2, MERGE_MERGED = 6, MERGE_PLACES_MOST = 1024 };
+enum {
+    MERGE_GROWTH = 2,        /* times the particles asked for: so many while N_eff is at least half of them */
+    MERGE_MERGED = 6,        /* times max_cells: cells of the box about all maps merged, at most */
+    MERGE_PLACES_MOST = 1024 /* registrations that a particle draws from, at most */
+};
 
 cairn_particle_filter_params cairn_merge_written_params(const cairn_map_merge_params *p);
 cairn_particle_model cairn_merge_written_model(cairn_map_merge *m);

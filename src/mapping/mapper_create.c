@@ -26,7 +26,7 @@ cairn_mapper_params cairn_mapper_default(void)
     params.field.sigma_end = CAIRN_REAL(0.02);
     params.field.dt_start = CAIRN_REAL(0.01);
     params.field.dt_end = CAIRN_REAL(0.005);
-    params.field.roi = 0;
+    params.field.roi = CAIRN_FORCE_FIELD_ROI_NONE;
     params.field.max_steps = 10;
     params.loop.max_loops = 4096;
     params.loop.max_fill = 32768;

@@ -276,7 +276,7 @@ void cairn_place_map_clear(cairn_place_map *map)
 {
     map->place_count = map->scan_count = map->point_count = map->beam_count = 0;
     map->phase = CAIRN_PLACE_MAP_IDLE;
-    map->debt = 0;
+    map->place = map->debt = 0;
     if (map->aligner != NULL)
         cairn_aligner_clear(map->aligner);
 }
@@ -345,6 +345,8 @@ cairn_status cairn_place_map_add_scan(cairn_place_map *map, int32_t place, const
     scan->beam_count = beams_of(map, view);
     if (is_written(&map->params)) {
         (void)cairn_scan_match_readings(view, map->points + map->point_count);
+        scan->map_scan =
+            cairn_pose_compose(map->places[place].map_place, place_scan); /* of a place that was mapped before */
     } else {
         memcpy(map->points + map->point_count, view->points, (size_t)view->point_count * sizeof *map->points);
         memcpy(map->beams + map->beam_count, view->beams, (size_t)view->beam_count * sizeof *map->beams);
@@ -379,6 +381,34 @@ cairn_status cairn_place_map_begin(cairn_place_map *map)
         map->places[i].map_place = cairn_pose_identity();
         map->places[i].part = 0;
     }
+    return CAIRN_OK;
+}
+
+cairn_status cairn_place_map_extend(cairn_place_map *map)
+{
+    if (map == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    if (!is_written(&map->params))
+        return CAIRN_UNSUPPORTED;
+    if (map->place == 0)
+        return cairn_place_map_begin(map);
+    cairn_place_map_written_extend(map);
+    return CAIRN_OK;
+}
+
+cairn_status cairn_place_map_move_scan(cairn_place_map *map, int32_t scan, cairn_pose map_scan)
+{
+    if (map == NULL)
+        return CAIRN_BAD_ARGUMENT;
+    if (!is_written(&map->params))
+        return CAIRN_UNSUPPORTED;
+    if (scan < 0 || scan >= map->scan_count || map->scans[scan].place >= map->place)
+        return CAIRN_BAD_ARGUMENT;
+    if (!cairn_pose_is_finite(map_scan))
+        return CAIRN_NOT_FINITE;
+    if (!(cairn_abs(map_scan.x) <= CAIRN_SCAN_EXTENT && cairn_abs(map_scan.y) <= CAIRN_SCAN_EXTENT))
+        return CAIRN_BAD_ARGUMENT;
+    map->scans[scan].map_scan = map_scan;
     return CAIRN_OK;
 }
 

@@ -165,7 +165,8 @@ void cairn_place_map_place_scans(cairn_place_map *map, int32_t place);
 /* Poses become those seen from the part's first place; the result stands. */
 void cairn_place_map_finish(cairn_place_map *map);
 
-/* place_map_written.c: one item of mode as_written. */
+/* place_map_written.c: mode as_written goes on after its first `place` places; one item of it. */
+void cairn_place_map_written_extend(cairn_place_map *map);
 void cairn_place_map_written_item(cairn_place_map *map, cairn_budget *budget);
 
 /* Does one item and adds its cost to the debt; items of the match, the consensus and icp take from the budget instead. */

@@ -4,14 +4,12 @@
  * 2. The place, its scans one after the other, is matched with it by shape and ICP (scan_match, mode as_written), from the position of the
  * place before and the heading of the first. 3. On request each of its scans is aligned by itself by the same ICP with the same target.
  *
- * `next` counts the scans of the place that are decoupled; `place` is not used. */
+ * `next` counts the scans of the place that are decoupled; `place` is the number of places of the last complete map. */
 #include "src/core/build.h"
 
 #include "src/mapping/place_map_work.h"
 
 enum { POINTS_TO_UNIT = 16 };
-
-static const cairn_real WRITTEN_HEADINGS = 2 * CAIRN_PI / 180; /* rad: headings of places are known to +-this */
 
 /* The points of a scan, moved, behind what is there. Returns the number of points then. */
 static int32_t append_scan(cairn_place_map *map, const cairn_place_scan *scan, cairn_pose pose, int32_t count)
@@ -54,9 +52,10 @@ static void target_item(cairn_place_map *map)
     int32_t first = map->query;
 
     map->debt++;
-    if (map->query == 1)
+    if (map->query == 1 && map->place == 0)
         cairn_place_map_place_scans(map, 0);
     if (map->query >= map->place_count) {
+        map->place = map->place_count;
         cairn_place_map_finish(map);
         return;
     }
@@ -114,7 +113,7 @@ static void take_match(cairn_place_map *map)
 
 static void match_item(cairn_place_map *map, cairn_budget *budget)
 {
-    cairn_scan_match_window window = {CAIRN_SCAN_EXTENT, WRITTEN_HEADINGS};
+    cairn_scan_match_window window = {CAIRN_SCAN_EXTENT, CAIRN_SCAN_MATCH_WRITTEN_HEADING};
     cairn_pose start = cairn_pose_identity();
     cairn_scan_match_part part;
     cairn_pose before;
@@ -160,6 +159,17 @@ static void decouple_item(cairn_place_map *map, cairn_budget *budget)
         map->running = cairn_scan_match_begin_icp(map->match, &part, scan->map_scan, NULL) == CAIRN_OK;
         map->next += !map->running;
     }
+}
+
+void cairn_place_map_written_extend(cairn_place_map *map)
+{
+    for (int32_t i = map->place; i < map->place_count; i++) {
+        map->places[i].map_place = cairn_pose_identity();
+        map->places[i].part = 0;
+    }
+    map->query = map->place;
+    map->next = map->running = map->debt = 0;
+    cairn_place_map_enter(map, CAIRN_PLACE_MAP_TARGET);
 }
 
 void cairn_place_map_written_item(cairn_place_map *map, cairn_budget *budget)

@@ -316,7 +316,6 @@ int32_t cairn_consensus_within_bounds(const cairn_pose_consensus *consensus, int
     struct fit fit = {{0, 0}, {0, 0}, 0, 0, 0};
     cairn_pose motion = {0, 0, 0};
     cairn_turned_pose pose;
-    cairn_vec2 turned;
     int32_t within = 1;
 
     if (map_part != NULL)
@@ -331,10 +330,7 @@ int32_t cairn_consensus_within_bounds(const cairn_pose_consensus *consensus, int
     for (int32_t i = 0; i < consensus->node_count; i++)
         if (bounded_pose(consensus, i, part, node, candidate, &pose))
             add_turn(&fit, &consensus->bounds[i], pose);
-    motion.theta = cairn_atan2(fit.cross, fit.dot);
-    turned = cairn_pose_point(motion, fit.from);
-    motion.x = fit.to.x - turned.x;
-    motion.y = fit.to.y - turned.y;
+    motion = cairn_pose_about(fit.from, fit.to, fit.dot, fit.cross);
     for (int32_t i = 0; i < consensus->node_count && within; i++)
         if (bounded_pose(consensus, i, part, node, candidate, &pose))
             within = is_within(&consensus->bounds[i], motion, pose);

@@ -33,8 +33,8 @@ static const cairn_real ALIKE_SINE = CAIRN_REAL(0.17364818);
 static const cairn_real JUMP = CAIRN_REAL(0.3); /* m, between segments */
 static const cairn_real SEGMENT_FACTOR = 2, SEGMENT_SLACK = CAIRN_REAL(0.2);
 static const cairn_real OVERLAP_SLACK = CAIRN_REAL(0.4); /* m */
-/* As written: the heading is known to +-this, rad; a window that is short of a whole degree by this share of one has it. */
-static const cairn_real WRITTEN_HEADINGS = 2 * CAIRN_PI / 180, STEP_SLACK = CAIRN_REAL(1e-3);
+static const cairn_real STEP_SLACK =
+    CAIRN_REAL(1e-3); /* as written a window short of a whole degree by this share of one has it */
 
 enum { BIN_DIFFERS = 64, BINS_DIFFER = 2, COARSE = 5, ITERATIONS = 20, LEAST_PAIRS = 3 };
 
@@ -111,7 +111,7 @@ void cairn_match_shape_begin(cairn_scan_match *x)
     int32_t steps;
 
     if (cairn_match_is_as_written(x) && !x->has_window)
-        half = WRITTEN_HEADINGS;
+        half = CAIRN_SCAN_MATCH_WRITTEN_HEADING;
     s->shift.x = x->has_window ? x->start.x : 0;
     s->shift.y = x->has_window ? x->start.y : 0;
     s->step = half <= COARSE * DEGREE || cairn_match_is_as_written(x) ? DEGREE : COARSE * DEGREE;
@@ -448,12 +448,8 @@ cairn_pose cairn_match_shape_moved(const shape_sums *sums, cairn_pose pose)
     cairn_real n = (cairn_real)sums->pairs;
     cairn_vec2 from = cairn_vec2_scale(sums->from, 1 / n), to = cairn_vec2_scale(sums->to, 1 / n);
     cairn_real sine = sums->cross - n * cairn_vec2_cross(from, to), cosine = sums->dot - n * cairn_vec2_dot(from, to);
-    cairn_pose turn = {0, 0, cairn_atan2(sine, cosine)};
-    cairn_vec2 turned = cairn_pose_point(turn, from);
 
-    turn.x = to.x - turned.x;
-    turn.y = to.y - turned.y;
-    return cairn_pose_compose(turn, pose);
+    return cairn_pose_compose(cairn_pose_about(from, to, cosine, sine), pose);
 }
 
 /* 1 when the alignment ended. */

@@ -51,7 +51,7 @@ static cairn_virtual_align_params in_mode(const cairn_virtual_align_params *para
 
     if (p.mode == CAIRN_MODE_AS_WRITTEN) {
         p.field.mode = CAIRN_FORCE_FIELD_GRADIENT;
-        p.field.roi = 0;
+        p.field.roi = CAIRN_FORCE_FIELD_ROI_NONE;
         p.field.sides_below = 0;
         p.hypotheses.mode = CAIRN_MODE_AS_WRITTEN;
         p.slide = cairn_wall_slide_default();
