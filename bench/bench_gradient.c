@@ -36,8 +36,8 @@ static sim_pose sim_of(cairn_pose p)
     return pose;
 }
 
-/* How much room the scans need in a field. */
-static cairn_status count_room(simulation *s)
+/* The capacities that a field needs for the scans. */
+static cairn_status count_capacities(simulation *s)
 {
     size_t bytes = cairn_scan_memory(&s->scan_params) + CAIRN_ALIGN;
     void *memory = malloc(bytes);
@@ -188,7 +188,7 @@ int bench_run_gradient(const sim_scan *scans, int32_t count, int32_t iterations,
     s.scan_params.max_beams = scans[0].count;
     s.params = cairn_force_field_as_written();
     s.params.max_steps = iterations;
-    status = count_room(&s);
+    status = count_capacities(&s);
     if (status == CAIRN_OK)
         status = open_fields(&s, &bytes);
     if (status == CAIRN_OK)

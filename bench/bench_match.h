@@ -63,7 +63,7 @@ int bench_match_map(const bench_match_problem *problem, bench_match_machine *mac
 
 sim_pose bench_sim_pose(cairn_pose pose);
 
-/* The mapper as written after a stage, with room for the problem. */
+/* The mapper as written after a stage, with the capacities that the problem needs. */
 cairn_place_map_params bench_match_written_params(const bench_match_settings *settings, places_stage stage);
 
 /* Maps an arena as written and draws fig-6.6-SEED.svg and fig-6.7-SEED.svg into a folder. 0: a line on standard error. */

@@ -20,7 +20,7 @@ typedef struct bench_prediction {
  * steps, weighted by their maps. The interval of 95 % is of 1000 draws of arenas. 0 when memory is lacking. */
 int bench_predict(const bench_predict_maps *all, uint64_t seed, bench_prediction *p);
 
-/* Its keys, each with the name before it, into the line of JSON at hand. */
+/* Its keys, each with the name before it, into the line of JSON that was begun. */
 void bench_predict_print(const char *name, const bench_prediction *p);
 
 #endif

@@ -87,13 +87,13 @@ static cairn_status add_all(const bench_problem *problem, cairn_scan *scan, add_
 }
 
 /* Counts segments and points. */
-typedef struct room {
+typedef struct capacity {
     int32_t segments, points, beams;
-} room;
+} capacity;
 
-static cairn_status add_room(void *object, const cairn_scan_view *view, cairn_pose pose)
+static cairn_status add_capacity(void *object, const cairn_scan_view *view, cairn_pose pose)
 {
-    room *r = object;
+    capacity *r = object;
 
     (void)pose;
     r->segments += view->segment_count;
@@ -125,7 +125,7 @@ static cairn_status field_add(void *object, const cairn_scan_view *view, cairn_p
 }
 
 static cairn_status run_field_with(cairn_force_field_params params, const bench_problem *problem, cairn_scan *scan,
-                                   room most, cairn_pose *poses, int32_t *steps)
+                                   capacity most, cairn_pose *poses, int32_t *steps)
 {
     aligning a = {NULL, field_iterate, field_running, field_pose};
     cairn_force_field *field = NULL;
@@ -151,14 +151,14 @@ static cairn_status run_field_with(cairn_force_field_params params, const bench_
     return status;
 }
 
-static cairn_status run_field(const bench_problem *problem, cairn_scan *scan, room most, cairn_pose *poses,
+static cairn_status run_field(const bench_problem *problem, cairn_scan *scan, capacity most, cairn_pose *poses,
                               int32_t *steps)
 {
     return run_field_with(cairn_force_field_default(), problem, scan, most, poses, steps);
 }
 
-static cairn_status run_field_as_written(const bench_problem *problem, cairn_scan *scan, room most, cairn_pose *poses,
-                                         int32_t *steps)
+static cairn_status run_field_as_written(const bench_problem *problem, cairn_scan *scan, capacity most,
+                                         cairn_pose *poses, int32_t *steps)
 {
     return run_field_with(cairn_force_field_as_written(), problem, scan, most, poses, steps);
 }
@@ -185,7 +185,7 @@ static cairn_status aligner_add(void *object, const cairn_scan_view *view, cairn
     return cairn_aligner_add_scan(object, view, pose, NULL);
 }
 
-static cairn_status run_aligner(const bench_problem *problem, cairn_scan *scan, room most, cairn_pose *poses,
+static cairn_status run_aligner(const bench_problem *problem, cairn_scan *scan, capacity most, cairn_pose *poses,
                                 int32_t *steps)
 {
     aligning a = {NULL, aligner_iterate, aligner_running, aligner_pose};
@@ -273,7 +273,7 @@ static cairn_status run_lum_with(cairn_lum_params params, add_scan add, const be
     return status;
 }
 
-static cairn_status run_lum(const bench_problem *problem, cairn_scan *scan, room most, cairn_pose *poses,
+static cairn_status run_lum(const bench_problem *problem, cairn_scan *scan, capacity most, cairn_pose *poses,
                             int32_t *steps)
 {
     cairn_lum_params params = cairn_lum_default();
@@ -284,7 +284,7 @@ static cairn_status run_lum(const bench_problem *problem, cairn_scan *scan, room
     return run_lum_with(params, lum_add, problem, scan, poses, steps);
 }
 
-static cairn_status run_lum_as_written(const bench_problem *problem, cairn_scan *scan, room most, cairn_pose *poses,
+static cairn_status run_lum_as_written(const bench_problem *problem, cairn_scan *scan, capacity most, cairn_pose *poses,
                                        int32_t *steps)
 {
     cairn_lum_params params = cairn_lum_as_written();
@@ -296,11 +296,11 @@ static cairn_status run_lum_as_written(const bench_problem *problem, cairn_scan 
 int bench_track_run(bench_track_method method, const bench_problem *problem, int32_t as_written, cairn_pose *poses,
                     int32_t *steps)
 {
-    static cairn_status (*const runs[2][3])(const bench_problem *, cairn_scan *, room, cairn_pose *, int32_t *) = {
+    static cairn_status (*const runs[2][3])(const bench_problem *, cairn_scan *, capacity, cairn_pose *, int32_t *) = {
         {run_field, run_aligner, run_lum}, {run_field_as_written, run_aligner, run_lum_as_written}};
     cairn_scan_params params = cairn_scan_default();
     cairn_scan *scan = NULL;
-    room most = {0, 0, 0};
+    capacity most = {0, 0, 0};
     cairn_pool pool;
     void *memory;
     cairn_status status;
@@ -312,7 +312,7 @@ int bench_track_run(bench_track_method method, const bench_problem *problem, int
     if (status == CAIRN_OK)
         status = cairn_scan_create(&scan, &pool, &params);
     if (status == CAIRN_OK)
-        status = add_all(problem, scan, add_room, &most);
+        status = add_all(problem, scan, add_capacity, &most);
     if (status == CAIRN_OK)
         status = runs[as_written != 0][method](problem, scan, most, poses, steps);
     free(memory);

@@ -14,15 +14,13 @@
 #include "bench/bench_bsds.h"
 #include "bench/bench_group.h"
 #include "bench/bench_json.h"
+#include "bench/bench_skeleton.h"
 #include "bench/bench_sweep.h"
 #include "cairn/boundary.h"
 #include "cairn/skeleton_grouping.h"
 #include "tools/options.h"
 
-#define NEAR         3 /* px */
 #define LEAST_RECALL 0.3
-
-enum { MOST_PLACES = 20000 };
 
 typedef struct settings {
     int64_t scenes, seed, k, images;
@@ -40,15 +38,6 @@ typedef struct finder {
     cairn_skeleton *skeleton;
     cairn_boundary *boundary; /* of photographs alone */
 } finder;
-
-typedef struct place {
-    double x, y, r;
-} place;
-
-typedef struct places {
-    place at[MOST_PLACES];
-    int32_t count;
-} places;
 
 typedef struct sums {
     int32_t scenes;
@@ -137,165 +126,6 @@ static int find(finder *f, const scene *s, double least, double most)
     return group(f, view, least, most);
 }
 
-/* ---- Measures ---- */
-
-/* Places a pixel apart between two. */
-static void add_way(places *p, place a, place b)
-{
-    int32_t steps = 1 + (int32_t)hypot(b.x - a.x, b.y - a.y);
-
-    for (int32_t i = 0; i < steps && p->count < MOST_PLACES; i++) {
-        double t = (double)i / steps;
-        place at = {a.x + t * (b.x - a.x), a.y + t * (b.y - a.y), a.r + t * (b.r - a.r)};
-
-        p->at[p->count++] = at;
-    }
-}
-
-static void add_truth(places *p, const scene *s, const sweep_shape *shape)
-{
-    p->count = 0;
-    for (int32_t l = 0; l < shape->limbs; l++)
-        for (int32_t i = 0; i + 1 < SWEEP_NODES; i++) {
-            place end[2];
-
-            for (int k = 0; k < 2; k++) {
-                const sweep_node *n = &shape->nodes[l][i + k];
-
-                end[k].x = s->at[0] + s->size * (cos(s->turn) * n->x - sin(s->turn) * n->y);
-                end[k].y = s->at[1] + s->size * (sin(s->turn) * n->x + cos(s->turn) * n->y);
-                end[k].r = s->size * n->r;
-            }
-            add_way(p, end[0], end[1]);
-        }
-}
-
-static place place_of(const cairn_skeleton_point *q)
-{
-    place p = {(double)q->centre.x, (double)q->centre.y, (double)q->radius};
-
-    return p;
-}
-
-/* The axes of the likeliest object, or of all of them; ends are led to where they join. */
-static void add_found(places *p, const cairn_skeleton_result *r, int all)
-{
-    p->count = 0;
-    for (int32_t i = 0; i < r->part_count; i++) {
-        const cairn_skeleton_part *part = &r->parts[i];
-        const cairn_skeleton_point *q = &r->points[part->first];
-
-        if (!all && part->object != 0)
-            continue;
-        for (int32_t k = 0; k + 1 < part->count; k++)
-            add_way(p, place_of(&q[k]), place_of(&q[k + 1]));
-        for (int32_t end = 0; end < 2; end++)
-            if (part->joint[end] >= 0)
-                add_way(p, place_of(&q[end ? part->count - 1 : 0]), place_of(&r->points[part->joint[end]]));
-    }
-}
-
-/* The nearest of the others; -1: there is none within `most`. */
-static int32_t nearest(const places *others, const place *p, double most)
-{
-    double best = most * most;
-    int32_t at = -1;
-
-    for (int32_t i = 0; i < others->count; i++) {
-        double dx = others->at[i].x - p->x, dy = others->at[i].y - p->y;
-
-        if (dx * dx + dy * dy <= best) {
-            best = dx * dx + dy * dy;
-            at = i;
-        }
-    }
-    return at;
-}
-
-static double share_near(const places *p, const places *others, double most)
-{
-    int32_t near = 0;
-
-    for (int32_t i = 0; i < p->count; i++)
-        near += nearest(others, &p->at[i], most) >= 0;
-    return p->count > 0 ? (double)near / p->count : 0;
-}
-
-static double f_of(double precision, double recall)
-{
-    return precision + recall > 0 ? 2 * precision * recall / (precision + recall) : 0;
-}
-
-static double axis_f(const places *found, const places *truth)
-{
-    double near = 0.01 * hypot(SCENE_WIDTH, SCENE_HEIGHT);
-
-    return f_of(share_near(found, truth, near), share_near(truth, found, near));
-}
-
-/* Median share that the radius is off, where the axis is right; NaN: nowhere. */
-static double radius_error(const places *found, const places *truth)
-{
-    static double off[MOST_PLACES];
-    size_t count = 0;
-
-    for (int32_t i = 0; i < found->count; i++) {
-        int32_t at = nearest(truth, &found->at[i], 0.01 * hypot(SCENE_WIDTH, SCENE_HEIGHT));
-
-        if (at >= 0)
-            off[count++] = fabs(found->at[i].r - truth->at[at].r) / truth->at[at].r;
-    }
-    return bench_median(off, count);
-}
-
-static double discs_iou(const places *found, const scene *s)
-{
-    static uint8_t covered[SCENE_PIXELS];
-    int32_t both = 0, either = 0;
-
-    memset(covered, 0, sizeof covered);
-    for (int32_t i = 0; i < found->count; i++) {
-        const place *p = &found->at[i];
-
-        for (int32_t y = (int32_t)fmax(0, p->y - p->r); y <= fmin(SCENE_HEIGHT - 1, p->y + p->r); y++)
-            for (int32_t x = (int32_t)fmax(0, p->x - p->r); x <= fmin(SCENE_WIDTH - 1, p->x + p->r); x++)
-                if ((x - p->x) * (x - p->x) + (y - p->y) * (y - p->y) <= p->r * p->r)
-                    covered[y * SCENE_WIDTH + x] = 1;
-    }
-    for (int32_t i = 0; i < SCENE_PIXELS; i++) {
-        both += covered[i] && s->inside[i];
-        either += covered[i] || s->inside[i];
-    }
-    return either > 0 ? (double)both / either : 0;
-}
-
-/* Of the contours of the likeliest object, or of all. */
-static double boundary_f(const cairn_skeleton_result *r, const scene *s, int all)
-{
-    static places found, truth;
-
-    found.count = truth.count = 0;
-    for (int32_t i = 0; i < r->part_count; i++) {
-        const cairn_skeleton_point *q = &r->points[r->parts[i].first];
-
-        for (int32_t k = 0; (all || r->parts[i].object == 0) && k + 1 < r->parts[i].count; k++)
-            for (int side = 0; side < 2; side++) {
-                place a = {(double)q[k].touch[side].x, (double)q[k].touch[side].y, 0};
-                place b = {(double)q[k + 1].touch[side].x, (double)q[k + 1].touch[side].y, 0};
-
-                add_way(&found, a, b);
-            }
-    }
-    for (int32_t i = 0; i < SCENE_PIXELS && truth.count < MOST_PLACES; i++)
-        if (s->truth[i] > 0) {
-            int32_t y = i / SCENE_WIDTH;
-            place p = {i % SCENE_WIDTH, y, 0};
-
-            truth.at[truth.count++] = p;
-        }
-    return f_of(share_near(&found, &truth, NEAR), share_near(&truth, &found, NEAR));
-}
-
 /* ---- Scenes ---- */
 
 static void dot(uint8_t *pixels, double x, double y, int red, int green, int blue)
@@ -311,7 +141,7 @@ static void dot(uint8_t *pixels, double x, double y, int red, int green, int blu
 
 /* The likeliest object's contours blue and axes red, those of others dark, the true axis green: PPM. */
 static void draw(const settings *set, int64_t index, const scene *s, const cairn_skeleton_result *r,
-                 const places *truth)
+                 const skeleton_places *truth)
 {
     static uint8_t pixels[3 * SCENE_PIXELS];
     char path[512];
@@ -327,7 +157,7 @@ static void draw(const settings *set, int64_t index, const scene *s, const cairn
         dot(pixels, truth->at[i].x, truth->at[i].y, 0, 200, 0);
     for (int32_t i = 0; i < r->part_count; i++) {
         int bright = r->parts[i].object == 0 ? 255 : 110;
-        static places way;
+        static skeleton_places way;
 
         for (int what = 0; what < 3; what++) {
             const cairn_skeleton_point *q = &r->points[r->parts[i].first];
@@ -336,14 +166,14 @@ static void draw(const settings *set, int64_t index, const scene *s, const cairn
             for (int32_t k = 0; k + 1 < r->parts[i].count; k++) {
                 cairn_vec2 from = what < 2 ? q[k].touch[what] : q[k].centre;
                 cairn_vec2 to = what < 2 ? q[k + 1].touch[what] : q[k + 1].centre;
-                place a = {(double)from.x, (double)from.y, 0}, b = {(double)to.x, (double)to.y, 0};
+                skeleton_place a = {(double)from.x, (double)from.y, 0}, b = {(double)to.x, (double)to.y, 0};
 
-                add_way(&way, a, b);
+                skeleton_add_way(&way, a, b);
             }
             for (int32_t end = 0; end < 2 && what == 2; end++)
                 if (r->parts[i].joint[end] >= 0)
-                    add_way(&way, place_of(&q[end ? r->parts[i].count - 1 : 0]),
-                            place_of(&r->points[r->parts[i].joint[end]]));
+                    skeleton_add_way(&way, skeleton_place_of(&q[end ? r->parts[i].count - 1 : 0]),
+                                     skeleton_place_of(&r->points[r->parts[i].joint[end]]));
             for (int32_t k = 0; k < way.count; k++)
                 dot(pixels, way.at[k].x, way.at[k].y, what < 2 ? 0 : bright, 0, what < 2 ? bright : 0);
         }
@@ -356,19 +186,19 @@ static void draw(const settings *set, int64_t index, const scene *s, const cairn
 static void measure(const settings *set, sums *t, const finder *f, const scene *s, const sweep_shape *shape,
                     int64_t index)
 {
-    static places truth, found;
+    static skeleton_places truth, found;
     cairn_skeleton_result r = cairn_skeleton_read(f->skeleton);
     double all, axis, error, iou, ends, boundary, all_boundary;
 
-    add_truth(&truth, s, shape);
-    add_found(&found, &r, 1);
-    all = axis_f(&found, &truth);
-    add_found(&found, &r, 0);
-    axis = axis_f(&found, &truth);
-    error = radius_error(&found, &truth);
-    iou = discs_iou(&found, s);
-    boundary = boundary_f(&r, s, 0);
-    all_boundary = boundary_f(&r, s, 1);
+    skeleton_add_truth(&truth, s, shape);
+    skeleton_add_found(&found, &r, 1);
+    all = skeleton_axis_f(&found, &truth);
+    skeleton_add_found(&found, &r, 0);
+    axis = skeleton_axis_f(&found, &truth);
+    error = skeleton_radius_error(&found, &truth);
+    iou = skeleton_discs_iou(&found, s);
+    boundary = skeleton_boundary_f(&r, s, 0);
+    all_boundary = skeleton_boundary_f(&r, s, 1);
     ends = r.object_count > 0 ? (double)r.objects[0].free_ends / shape->ends : 0;
     t->f += axis;
     t->all_f += all;

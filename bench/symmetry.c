@@ -33,7 +33,7 @@ typedef struct settings {
     uint64_t seed;
     double bend, skew, noise, turn;
     int32_t articulated, mpeg7, each, as_written;
-    int modes; /* the first so many of them */
+    int modes; /* how many of modes[] are run */
     const char *data;
 } settings;
 

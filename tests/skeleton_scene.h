@@ -71,6 +71,24 @@ static inline cairn_skeleton_result run(cairn_skeleton *skeleton, double least, 
     return cairn_skeleton_read(skeleton);
 }
 
+/* Edgels of both senses at one place are no part. */
+static inline void assert_nothing_at_one_place(cairn_skeleton *skeleton)
+{
+    for (int32_t i = 0; i < 50; i++)
+        add(10, 10, i % 2 ? 1 : -1, 0);
+    assert_int_equal(run(skeleton, 5, 10).part_count, 0);
+}
+
+/* Only edgels far outside of the image: sorted into its outermost cells. */
+static inline void place_far_edgels(void)
+{
+    edgel_count = 0;
+    for (int32_t i = 0; i < 60; i++) {
+        add(-500 + i, -300, 0, 1);
+        add(1e6 + i, 1e6, 0, -1);
+    }
+}
+
 /* ---- Budgets and memory ---- */
 
 static inline uint64_t tell(void *context)

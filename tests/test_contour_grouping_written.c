@@ -479,7 +479,7 @@ static void all_particles_may_die(void **state)
     test_pool_free(&f.pool);
 }
 
-/* Parallel lines all over: more than ten thousand symmetric points, of which as many are kept as there is room for. */
+/* Parallel lines all over: more than ten thousand symmetric points, of which max_points are kept. */
 static void ten_thousand_points(void **state)
 {
     cairn_grouping_params params = small_params();

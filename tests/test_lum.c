@@ -1,4 +1,4 @@
-/* Lu and Milios against a plain twin with all pairs of points and a dense solution; rooms that come back; pieces, refusals,
+/* Lu and Milios against a plain reference implementation with all pairs of points and a dense solution; rooms that come back; pieces, refusals,
  * budgets. */
 #include "tests/test.h"
 
@@ -104,7 +104,7 @@ static cairn_status run(cairn_lum *lum, int32_t units)
     }
 }
 
-/* ---- The twin: one iteration ---- */
+/* ---- The reference implementation: one iteration ---- */
 
 static void transform_point(cairn_pose pose, cairn_vec2 p, double q[2])
 {
@@ -115,8 +115,8 @@ static void transform_point(cairn_pose pose, cairn_vec2 p, double q[2])
 }
 
 /* Normal equations of one link over (tx, ty, phi) about the origin: h, right side, |Z|^2; returns the pairs. */
-static int32_t twin_link(const cairn_lum_params *params, const cairn_pose *poses, int32_t i, int32_t j, double h[3][3],
-                         double g[3], double *miss)
+static int32_t reference_link(const cairn_lum_params *params, const cairn_pose *poses, int32_t i, int32_t j,
+                              double h[3][3], double g[3], double *miss)
 {
     int32_t pairs = 0;
 
@@ -180,7 +180,7 @@ static void eliminate(double *m, int n)
 }
 
 /* D^T C^-1 D as eq. 10.2 has it: D the measured difference, C = s^2 (M^T M)^-1 built and inverted again. */
-static double twin_w(double h[3][3], const double d[3], double variance)
+static double reference_w(double h[3][3], const double d[3], double variance)
 {
     double c[3][6], w = 0;
 
@@ -213,7 +213,7 @@ static double twin_w(double h[3][3], const double d[3], double variance)
 }
 
 /* Moves the poses by one iteration; returns W of the differences before it. */
-static double twin_iterate(const cairn_lum_params *params, cairn_pose *poses)
+static double reference_iterate(const cairn_lum_params *params, cairn_pose *poses)
 {
     static double m[ROWS][ROWS + 1];
     double error = 0;
@@ -224,7 +224,7 @@ static double twin_iterate(const cairn_lum_params *params, cairn_pose *poses)
     for (int32_t i = 0; i < SCANS; i++)
         for (int32_t j = i + 1; j < SCANS; j++) {
             double h[3][3], g[3], miss, d[3][4], left, by;
-            int32_t pairs = twin_link(params, poses, i, j, h, g, &miss);
+            int32_t pairs = reference_link(params, poses, i, j, h, g, &miss);
 
             if (pairs <= params->min_pairs)
                 continue;
@@ -236,7 +236,7 @@ static double twin_iterate(const cairn_lum_params *params, cairn_pose *poses)
             eliminate(&d[0][0], 3);
             left = miss - d[0][3] * g[0] - d[1][3] * g[1] - d[2][3] * g[2];
             by = 1 / fmax(left / (2.0 * pairs - 3), (double)params->sigma * (double)params->sigma);
-            error += twin_w(h, (const double[]){d[0][3], d[1][3], d[2][3]}, 1 / by);
+            error += reference_w(h, (const double[]){d[0][3], d[1][3], d[2][3]}, 1 / by);
             for (int u = 0; u < 3; u++) {
                 for (int v = 0; v < 3; v++) {
                     if (i > 0) {
@@ -262,7 +262,7 @@ static double twin_iterate(const cairn_lum_params *params, cairn_pose *poses)
     return error;
 }
 
-static void iterations_are_those_of_the_twin(void **state)
+static void iterations_are_those_of_the_reference(void **state)
 {
     (void)state;
     for (int32_t rebuild = 0; rebuild < 4; rebuild++) {
@@ -291,7 +291,7 @@ static void iterations_are_those_of_the_twin(void **state)
         assert_ok(cairn_lum_begin(lum));
         for (int32_t k = 1; k <= 3; k++) {
             cairn_budget budget = {CAIRN_UNBOUNDED};
-            double error = twin_iterate(&params, poses);
+            double error = reference_iterate(&params, poses);
 
             assert_ok(cairn_lum_iterate(lum, &budget));
             assert_int_equal(cairn_lum_read(lum).iterations, k);
@@ -349,7 +349,7 @@ static void a_room_comes_back(void **state)
 
 /* The pose that brings a[i] nearest to b[i] for those used, headings as points 1 m ahead: by the normal equations of small
  * turns, again and again. */
-static cairn_pose twin_motion(const cairn_pose *a, const cairn_pose *b, const int *used)
+static cairn_pose reference_motion(const cairn_pose *a, const cairn_pose *b, const int *used)
 {
     double theta = 0, tx = 0, ty = 0;
 
@@ -381,8 +381,8 @@ static cairn_pose twin_motion(const cairn_pose *a, const cairn_pose *b, const in
 }
 
 /* The score of the best of the matches of a scan with those placed; its pose. */
-static double twin_match(const cairn_lum_params *params, const cairn_pose *placed, const int *used, int32_t scan,
-                         cairn_pose start, cairn_pose *pose)
+static double reference_match(const cairn_lum_params *params, const cairn_pose *placed, const int *used, int32_t scan,
+                              cairn_pose start, cairn_pose *pose)
 {
     cairn_icp_params icp_params = cairn_icp_default();
     double best = 0;
@@ -426,7 +426,7 @@ static double twin_match(const cairn_lum_params *params, const cairn_pose *place
 }
 
 /* All scans one after the other; returns how many were matched. */
-static int32_t twin_register(const cairn_lum_params *params, cairn_pose *placed)
+static int32_t reference_register(const cairn_lum_params *params, cairn_pose *placed)
 {
     int used[SCANS] = {0};
     cairn_pose starts[SCANS], motion = {0, 0, 0}, back;
@@ -445,7 +445,7 @@ static int32_t twin_register(const cairn_lum_params *params, cairn_pose *placed)
 
             if (used[i] || scans[i].count == 0)
                 continue;
-            score = twin_match(params, placed, used, i, cairn_pose_compose(motion, starts[i]), &pose);
+            score = reference_match(params, placed, used, i, cairn_pose_compose(motion, starts[i]), &pose);
             if (score > best) {
                 best = score;
                 next = i;
@@ -461,7 +461,7 @@ static int32_t twin_register(const cairn_lum_params *params, cairn_pose *placed)
             }
         if (next >= 0) {
             used[next] = 1;
-            motion = twin_motion(starts, placed, used);
+            motion = reference_motion(starts, placed, used);
         }
     } while (next >= 0);
     for (int32_t i = 0; i < SCANS; i++)
@@ -523,7 +523,7 @@ static void check_registration(const cairn_lum_params *params, const cairn_pose 
     test_pool_free(&pool);
 }
 
-static void registration_is_that_of_the_twin(void **state)
+static void registration_is_that_of_the_reference(void **state)
 {
     cairn_lum_params params = small_params();
     cairn_pose placed[SCANS];
@@ -535,8 +535,8 @@ static void registration_is_that_of_the_twin(void **state)
     roughen();
     scans[0].count -= 12; /* the first scan is not the first that is placed */
     scans[3].count -= 9;
-    check_registration(&params, placed, twin_register(&params, placed));
-    assert_int_equal(twin_register(&params, placed), SCANS - 1);
+    check_registration(&params, placed, reference_register(&params, placed));
+    assert_int_equal(reference_register(&params, placed), SCANS - 1);
     double_points(); /* which are left out again */
     check_registration(&params, placed, SCANS - 1);
     make_scans(0.4, 0.35);
@@ -548,7 +548,7 @@ static void registration_is_that_of_the_twin(void **state)
     params.direction_gate = CAIRN_REAL(0.7);
     params.distance = CAIRN_REAL(0.3);
     params.sigma = CAIRN_REAL(0.05);
-    assert_int_equal(twin_register(&params, placed), 1);
+    assert_int_equal(reference_register(&params, placed), 1);
     check_registration(&params, placed, 1);
     for (int32_t i = 0; i < SCANS; i++) {
         scans[i].count = 0;
@@ -562,12 +562,12 @@ static void registration_is_that_of_the_twin(void **state)
     params = small_params();
     params.registers = 1;
     params.register_spacing = CAIRN_REAL(0.02);
-    assert_int_equal(twin_register(&params, placed), 2);
+    assert_int_equal(reference_register(&params, placed), 2);
     check_registration(&params, placed, 2);
     make_scans(0.4, 0.35);
     roughen();
     params.register_turn = 0;
-    check_registration(&params, placed, twin_register(&params, placed));
+    check_registration(&params, placed, reference_register(&params, placed));
 }
 
 /* From poses that the links alone do not bring back. */
@@ -972,9 +972,9 @@ static void refusals(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(iterations_are_those_of_the_twin),
+        cmocka_unit_test(iterations_are_those_of_the_reference),
         cmocka_unit_test(a_room_comes_back),
-        cmocka_unit_test(registration_is_that_of_the_twin),
+        cmocka_unit_test(registration_is_that_of_the_reference),
         cmocka_unit_test(registration_brings_back_what_is_far),
         cmocka_unit_test(pieces_stay_and_are_told),
         cmocka_unit_test(capacities_are_told),

@@ -1,6 +1,4 @@
-#include "tests/test.h"
-
-#include "cairn/map_merge.h"
+#include "tests/merging.h"
 #include "tests/world.h"
 
 static cairn_merge_map map_of(const view *v)
@@ -39,20 +37,6 @@ static struct fixture merge_with(const cairn_map_merge_params *p)
     f.pool = test_pool(cairn_map_merge_memory(p));
     assert_ok(cairn_map_merge_create(&f.merge, &f.pool, p));
     return f;
-}
-
-static void run(cairn_map_merge *merge, int32_t units)
-{
-    cairn_status status;
-
-    do {
-        cairn_budget budget = {units};
-
-        status = cairn_map_merge_step(merge, &budget);
-        assert_true(budget.left >= 0);
-        assert_true(status != CAIRN_MORE || budget.left == 0);
-    } while (status == CAIRN_MORE);
-    assert_ok(status);
 }
 
 static void merge_views(cairn_map_merge *merge, view *const *views, int32_t count, int32_t reference)
@@ -152,13 +136,6 @@ static void test_params_are_refused(void **state)
     assert_status(cairn_map_merge_create(&merge, NULL, &good), CAIRN_BAD_ARGUMENT);
     assert_int_equal(pool.used, 0);
     test_pool_free(&pool);
-}
-
-static cairn_status create(void *context, cairn_pool *pool)
-{
-    cairn_map_merge *merge;
-
-    return cairn_map_merge_create(&merge, pool, context);
 }
 
 static void test_memory_is_exact(void **state)
@@ -348,20 +325,6 @@ static void test_size_of_cells_is_only_a_unit(void **state)
     }
     free_views(views, 3);
     test_pool_free(&f.pool);
-}
-
-static uint64_t hash_of(const cairn_map_merge *merge, int32_t maps)
-{
-    uint64_t hash = TEST_HASH_START;
-
-    for (int32_t i = 0; i < maps; i++) {
-        cairn_merge_placed p = cairn_map_merge_of(merge, i);
-
-        hash = test_hash(hash, &p.reference_map, sizeof p.reference_map);
-        hash = test_hash(hash, &p.support, sizeof p.support);
-        hash = test_hash(hash, &p.wrong, sizeof p.wrong);
-    }
-    return hash;
 }
 
 static void test_budgets_do_not_matter(void **state)

@@ -107,7 +107,7 @@ static int greater_first(const void *a, const void *b)
     return x < y ? 1 : x > y ? -1 : 0;
 }
 
-/* All of them, each once, by their sums; where there is no room the greatest sums. */
+/* All of them, each once, by their sums; beyond max_found the greatest sums. */
 static void makes_every_configuration(void **state)
 {
     static const int32_t nearest[] = {20, 8, 20, 12, 5, 64}, bundles[] = {4, 3, 1, 5, 4, 2};

@@ -1,8 +1,7 @@
-#include "tests/test.h"
+#include "tests/place_mapping.h"
 
 #include <math.h>
 
-#include "cairn/place_map.h"
 #include "sim/arena.h"
 #include "src/mapping/place_map_work.h"
 #include "tests/rooms.h"
@@ -121,20 +120,11 @@ static void make_mapper(struct mapper *m, const cairn_place_map_params *params)
     assert_ok(cairn_place_map_create(&m->map, &m->pool, params));
 }
 
-static cairn_scan_view view_of(struct mapper *m, const cairn_scan_input *input)
-{
-    cairn_budget budget = {CAIRN_UNBOUNDED};
-
-    assert_ok(cairn_scan_begin(m->scan, input, NULL));
-    assert_ok(cairn_scan_step(m->scan, &budget));
-    return cairn_scan_read(m->scan);
-}
-
 static void load(struct mapper *m, const struct scans *scans)
 {
     cairn_place_map_clear(m->map);
     for (int32_t k = 0; k < scans->count; k++) {
-        cairn_scan_view view = view_of(m, &scans->input[k]);
+        cairn_scan_view view = view_of(m->scan, &scans->input[k]);
 
         assert_ok(cairn_place_map_add_scan(m->map, scans->place[k], &view, scans->place_scan[k], NULL));
     }
@@ -168,18 +158,6 @@ static int32_t count_right(const struct mapper *m, const struct scans *scans, do
                  fabs((double)cairn_wrap_angle(pose.theta - seen.theta)) < radians;
     }
     return right;
-}
-
-static uint64_t hash_of(const struct mapper *m, int32_t scans)
-{
-    uint64_t hash = TEST_HASH_START;
-
-    for (int32_t k = 0; k < scans; k++) {
-        cairn_pose pose = cairn_place_map_scan_pose(m->map, k);
-
-        hash = test_hash(hash, &pose, sizeof pose);
-    }
-    return hash;
 }
 
 /* ---- What it finds ---- */
@@ -291,8 +269,8 @@ static void the_order_of_budgets_and_stamps_do_not_matter(void **state)
         assert_ok(status);
         assert_int_equal(cairn_place_map_read(m.map).units, units);
         if (b == 0)
-            first = hash_of(&m, arena.scans.count);
-        assert_true(hash_of(&m, arena.scans.count) == first);
+            first = hash_of(m.map, arena.scans.count);
+        assert_true(hash_of(m.map, arena.scans.count) == first);
     }
     test_pool_free(&m.pool);
     free_arena(&arena);
@@ -397,7 +375,7 @@ static void an_aligner_that_is_full_refuses(void **state)
     assert_int_equal(cairn_place_map_memory(&params), 0);
     params.aligner.max_segments = 1;
     make_mapper(&m, &params);
-    view = view_of(&m, &scans.input[0]);
+    view = view_of(m.scan, &scans.input[0]);
     assert_status(cairn_place_map_add_scan(m.map, 0, &view, cairn_pose_identity(), NULL), CAIRN_FULL);
     assert_status(cairn_place_map_begin(m.map), CAIRN_EMPTY);
     test_pool_free(&m.pool);
@@ -664,7 +642,7 @@ static uint64_t hash_of_all(const struct mapper *m, const struct scans *scans)
     cairn_place_map_result r = cairn_place_map_read(m->map);
     int64_t counts[] = {r.places, r.placed, r.parts, r.ambiguous, r.matches, r.hypotheses, r.decoupled};
     cairn_real sums[] = {r.total, r.rival};
-    uint64_t hash = test_hash(hash_of(m, scans->count), counts, sizeof counts);
+    uint64_t hash = test_hash(hash_of(m->map, scans->count), counts, sizeof counts);
 
     hash = test_hash(hash, sums, sizeof sums);
     for (int32_t i = 0; i < r.places; i++) {
@@ -754,13 +732,6 @@ static void results_stay_as_they_are(void **state)
 }
 
 /* ---- Contracts ---- */
-
-static cairn_status create(void *context, cairn_pool *pool)
-{
-    cairn_place_map *map;
-
-    return cairn_place_map_create(&map, pool, context);
-}
 
 static void memory_is_exact(void **state)
 {
@@ -885,7 +856,7 @@ static void bad_scans_are_refused(void **state)
     rooms_add_box(&room, -3, -2, 3, 2);
     scans.count = 0;
     add_room_scan(&scans, &room, 0, pose);
-    view = view_of(&m, &scans.input[0]);
+    view = view_of(m.scan, &scans.input[0]);
     assert_status(cairn_place_map_begin(NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_place_map_step(NULL, NULL), CAIRN_BAD_ARGUMENT);
     assert_status(cairn_place_map_step(m.map, NULL), CAIRN_BAD_ARGUMENT);

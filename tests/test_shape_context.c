@@ -86,7 +86,7 @@ static void count_context(const cairn_vec2 *p, int32_t n, int32_t at, double mea
         context[k] /= counted;
 }
 
-static void twin_costs(const comparing *c, double cost[MOST][MOST])
+static void reference_costs(const comparing *c, double cost[MOST][MOST])
 {
     const cairn_shape_context_input *in = &c->input;
     double second = mean_distance(c->second, in->second_count);
@@ -137,7 +137,7 @@ static void pairs_whole_shapes_at_the_least_cost(void **state)
 
         draw(&c, &random, n, m);
         c.input.missing_share = trial % 2 == 0 ? 1 : 0;
-        twin_costs(&c, cost);
+        reference_costs(&c, cost);
         expected = (least_of(cost, n, m, 0, 0, n > m ? n - m : 0) + 0.75 * (n > m ? n - m : m - n)) / more;
         r = run(&c);
         assert_int_equal(r.count, n);
@@ -169,7 +169,7 @@ static void measures_both_ways(void **state)
         c.input.first = c.first;
         c.input.second = c.second;
         draw(&c, &random, n, m);
-        twin_costs(&c, cost);
+        reference_costs(&c, cost);
         for (int32_t i = 0; i < n; i++) {
             double least = 1e30;
 
@@ -213,7 +213,7 @@ static void takes_the_nearest_for_parts(void **state)
         for (int32_t i = 0; i < n; i++)
             c.first[i] = cairn_vec2_scale(c.first[i], 6);
         c.input.missing_share = CAIRN_REAL(0.25) * (cairn_real)(trial % 5);
-        twin_costs(&c, cost);
+        reference_costs(&c, cost);
         r = run(&c);
         for (int32_t i = 0; i < n; i++) {
             double least = 1e30;

@@ -458,16 +458,8 @@ static void little_or_nothing(void **state)
     add(10, 10, 1, 0);
     found = run(f.skeleton, 5, 10);
     assert_int_equal(found.part_count, 0);
-    for (int32_t i = 0; i < 50; i++)
-        add(10, 10, i % 2 ? 1 : -1, 0);
-    found = run(f.skeleton, 5, 10);
-    assert_int_equal(found.part_count, 0);
-    /* Far outside of the image: sorted into its outermost cells. */
-    edgel_count = 0;
-    for (int32_t i = 0; i < 60; i++) {
-        add(-500 + i, -300, 0, 1);
-        add(1e6 + i, 1e6, 0, -1);
-    }
+    assert_nothing_at_one_place(f.skeleton);
+    place_far_edgels();
     found = run(f.skeleton, 5, 10);
     check(&found, &params);
     test_pool_free(&f.pool);

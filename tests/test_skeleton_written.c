@@ -108,15 +108,8 @@ static void little_or_nothing(void **state)
     assert_false(cairn_skeleton_mirror_line(NULL, 0, &line));
     found = run(f.skeleton, 0, 0);
     assert_int_equal(found.part_count, 0);
-    for (int32_t i = 0; i < 50; i++)
-        add(10, 10, i % 2 ? 1 : -1, 0);
-    found = run(f.skeleton, 5, 10);
-    assert_int_equal(found.part_count, 0);
-    edgel_count = 0;
-    for (int32_t i = 0; i < 60; i++) {
-        add(-500 + i, -300, 0, 1);
-        add(1e6 + i, 1e6, 0, -1);
-    }
+    assert_nothing_at_one_place(f.skeleton);
+    place_far_edgels();
     found = run(f.skeleton, 5, 10);
     check(&found, &params);
     test_pool_free(&f.pool);

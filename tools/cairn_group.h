@@ -8,13 +8,13 @@
 typedef struct group_record {
     cairn_grouping_particle *particles; /* of all steps */
     int32_t *first;                     /* [steps + 1] */
-    int32_t steps, room, particle_room;
+    int32_t steps, capacity, particle_capacity;
     int32_t mirrored_from; /* the first step with the mirrored model; steps: none */
     int32_t lacking;       /* 1: there was no memory */
     /* Of the mode as written: the walk of the heaviest particle after every step. */
     cairn_grouping_disc *discs; /* of all steps */
     int32_t *walk;              /* [steps + 1] */
-    int32_t walks, walk_room, disc_room;
+    int32_t walks, walk_capacity, disc_capacity;
     double look_ahead; /* px */
 } group_record;
 

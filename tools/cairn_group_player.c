@@ -22,44 +22,44 @@ void group_record_step(void *context, const cairn_grouping_particle *particles, 
     group_record *r = context;
     int32_t used = r->steps > 0 ? r->first[r->steps] : 0;
 
-    if (r->steps + 2 > r->room) {
-        int32_t *grown = realloc(r->first, (size_t)(2 * r->room + 64) * sizeof *grown);
+    if (r->steps + 2 > r->capacity) {
+        int32_t *grown = realloc(r->first, (size_t)(2 * r->capacity + 64) * sizeof *grown);
 
         r->lacking |= grown == NULL;
         if (grown == NULL)
             return;
         r->first = grown;
-        r->room = 2 * r->room + 64;
+        r->capacity = 2 * r->capacity + 64;
         r->first[0] = 0;
     }
-    if (used + count > r->particle_room) {
-        int32_t room = 2 * r->particle_room + count + 1024;
-        cairn_grouping_particle *grown = realloc(r->particles, (size_t)room * sizeof *grown);
+    if (used + count > r->particle_capacity) {
+        int32_t capacity = 2 * r->particle_capacity + count + 1024;
+        cairn_grouping_particle *grown = realloc(r->particles, (size_t)capacity * sizeof *grown);
 
         r->lacking |= grown == NULL;
         if (grown == NULL)
             return;
         r->particles = grown;
-        r->particle_room = room;
+        r->particle_capacity = capacity;
     }
     memcpy(&r->particles[used], particles, (size_t)count * sizeof *particles);
     r->mirrored_from = mirrored ? r->mirrored_from : r->steps + 1;
     r->first[++r->steps] = used + count;
 }
 
-/* Makes room for `more` items behind `used`. 0: there is no memory. */
-static int grow(group_record *r, void **items, int32_t *room, int32_t used, int32_t more, size_t size)
+/* Grows a list until it holds `more` items behind `used`. 0: there is no memory. */
+static int grow(group_record *r, void **items, int32_t *capacity, int32_t used, int32_t more, size_t size)
 {
     void *grown;
 
-    if (used + more <= *room)
+    if (used + more <= *capacity)
         return 1;
-    grown = realloc(*items, (size_t)(2 * *room + more + 64) * size);
+    grown = realloc(*items, (size_t)(2 * *capacity + more + 64) * size);
     r->lacking |= grown == NULL;
     if (grown == NULL)
         return 0;
     *items = grown;
-    *room = 2 * *room + more + 64;
+    *capacity = 2 * *capacity + more + 64;
     return 1;
 }
 
@@ -68,8 +68,8 @@ void group_record_walk(void *context, const cairn_grouping_disc *discs, int32_t 
     group_record *r = context;
     int32_t used = r->walks > 0 ? r->walk[r->walks] : 0;
     void *walk = r->walk, *all = r->discs;
-    int ok = grow(r, &walk, &r->walk_room, r->walks + 2, 0, sizeof *r->walk) &&
-             grow(r, &all, &r->disc_room, used, count, sizeof *r->discs);
+    int ok = grow(r, &walk, &r->walk_capacity, r->walks + 2, 0, sizeof *r->walk) &&
+             grow(r, &all, &r->disc_capacity, used, count, sizeof *r->discs);
 
     r->walk = walk;
     r->discs = all;
@@ -186,14 +186,14 @@ static cairn_pose pose_of(const cairn_shape_model *m, const cairn_grouping_parti
     return pose;
 }
 
-typedef struct frame_room {
+typedef struct frame_memory {
     cairn_pose *pose;
     uint8_t *doubtful;
     cairn_report_guess *guess;
-} frame_room;
+} frame_memory;
 
 static cairn_status add_frame(cairn_report_player *player, const group_record *r, const cairn_contour_picture *p,
-                              int32_t step, frame_room *room)
+                              int32_t step, frame_memory *memory)
 {
     int mirrored = step >= r->mirrored_from;
     int32_t own = mirrored ? step - r->mirrored_from : step, count = r->first[step + 1] - r->first[step], best = 0;
@@ -202,28 +202,28 @@ static cairn_status add_frame(cairn_report_player *player, const group_record *r
     double values[4] = {(double)t->n_eff, exp((double)t->log_likelihood), (double)p->result->modes[mirrored][own],
                         (double)t->followers};
     cairn_report_frame frame = {.step = step + 1,
-                                .pose = room->pose,
-                                .doubtful = room->doubtful,
+                                .pose = memory->pose,
+                                .doubtful = memory->doubtful,
                                 .value = values,
-                                .guess = room->guess,
+                                .guess = memory->guess,
                                 .pose_count = count + 1};
     char label[96];
 
-    memset(&room->pose[0], 0, sizeof room->pose[0]);
-    room->doubtful[0] = 0;
+    memset(&memory->pose[0], 0, sizeof memory->pose[0]);
+    memory->doubtful[0] = 0;
     for (int32_t i = 0; i < count; i++) {
-        room->pose[i + 1] = pose_of(p->model, &particles[i], mirrored);
-        room->doubtful[i + 1] = particles[i].sides == 0;
+        memory->pose[i + 1] = pose_of(p->model, &particles[i], mirrored);
+        memory->doubtful[i + 1] = particles[i].sides == 0;
         best = particles[i].log_weight > particles[best].log_weight ? i : best;
     }
     if (r->walks > 0)
-        frame.guess_count = add_walk(r, p, step, room->guess);
+        frame.guess_count = add_walk(r, p, step, memory->guess);
     for (int32_t k = 1; k < MODELS_SHOWN && count > MODELS_SHOWN && r->walks == 0; k++)
         frame.guess_count += add_outline(p->model, &particles[k * (count / MODELS_SHOWN)], mirrored, OTHER_STRENGTH,
-                                         &room->guess[frame.guess_count]);
+                                         &memory->guess[frame.guess_count]);
     if (count > 0 && r->walks == 0)
         frame.guess_count +=
-            add_outline(p->model, &particles[best], mirrored, BEST_STRENGTH, &room->guess[frame.guess_count]);
+            add_outline(p->model, &particles[best], mirrored, BEST_STRENGTH, &memory->guess[frame.guess_count]);
     if (r->walks > 0)
         (void)snprintf(label, sizeof label, "%d symmetric points, sample %d%s",
                        (int)(r->walk[step + 1] - r->walk[step]), count > 0 ? (int)particles[best].sample : 0,
@@ -239,27 +239,27 @@ static cairn_status add_frames(cairn_report_player *player, const group_record *
                                int32_t most)
 {
     int32_t discs = 0;
-    frame_room room = {malloc(((size_t)most + 1) * sizeof *room.pose), malloc((size_t)most + 1), NULL};
+    frame_memory memory = {malloc(((size_t)most + 1) * sizeof *memory.pose), malloc((size_t)most + 1), NULL};
     cairn_status status;
 
     for (int32_t step = 0; step < r->walks; step++)
         discs = r->walk[step + 1] - r->walk[step] > discs ? r->walk[step + 1] - r->walk[step] : discs;
-    room.guess = malloc(((size_t)MODELS_SHOWN * (size_t)p->model->outline_count + 3 * (size_t)discs + CIRCLE) *
-                        sizeof *room.guess);
-    status = room.pose != NULL && room.doubtful != NULL && room.guess != NULL ? CAIRN_OK : CAIRN_NO_MEMORY;
+    memory.guess = malloc(((size_t)MODELS_SHOWN * (size_t)p->model->outline_count + 3 * (size_t)discs + CIRCLE) *
+                          sizeof *memory.guess);
+    status = memory.pose != NULL && memory.doubtful != NULL && memory.guess != NULL ? CAIRN_OK : CAIRN_NO_MEMORY;
     for (int32_t step = 0; step < r->steps && status == CAIRN_OK; step++)
-        status = add_frame(player, r, p, step, &room);
+        status = add_frame(player, r, p, step, &memory);
     /* Where no walk was begun there are the edges to see. */
     if (r->steps == 0 && status == CAIRN_OK) {
         cairn_report_frame frame = {
-            .step = 1, .label = "nothing looks like the model", .pose = room.pose, .pose_count = 1};
+            .step = 1, .label = "nothing looks like the model", .pose = memory.pose, .pose_count = 1};
 
-        memset(room.pose, 0, sizeof *room.pose);
+        memset(memory.pose, 0, sizeof *memory.pose);
         status = cairn_report_player_add_frame(player, &frame);
     }
-    free(room.pose);
-    free(room.doubtful);
-    free(room.guess);
+    free(memory.pose);
+    free(memory.doubtful);
+    free(memory.guess);
     return status;
 }
 

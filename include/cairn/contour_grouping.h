@@ -36,14 +36,15 @@ extern "C" {
 typedef struct cairn_grouping_params {
     int32_t mode;                  /* CAIRN_MODE_DEFAULT, CAIRN_MODE_AS_WRITTEN */
     int32_t max_width, max_height; /* px, of the image, 1 ... 8192 (1024 and 1024) */
-    int32_t max_tokens;            /* 1 ... 2^20 (8192). Default: pieces of segments, of more every n-th is left out; as
-                                    * written: segments, begin() refuses more */
-    int32_t max_samples;           /* of a model's paths, 1 ... 1024 (64) */
-    int32_t max_outline;           /* samples of a model's outline, 1 ... 4096 (512) */
-    int32_t particles;             /* 1 ... 4096 (300) */
-    int32_t max_objects;           /* 1 ... 64 (8) */
-    int32_t use_model;             /* 0: steps are not weighed by the model (1) */
-    int32_t use_skeleton;          /* 0: steps are not drawn by the symmetry of their points (1) */
+    /* 1 ... 2^20 (8192). Default: pieces of segments, of more every n-th is left out; as written: segments, begin()
+     * refuses more. */
+    int32_t max_tokens;
+    int32_t max_samples;  /* of a model's paths, 1 ... 1024 (64) */
+    int32_t max_outline;  /* samples of a model's outline, 1 ... 4096 (512) */
+    int32_t particles;    /* 1 ... 4096 (300) */
+    int32_t max_objects;  /* 1 ... 64 (8) */
+    int32_t use_model;    /* 0: steps are not weighed by the model (1) */
+    int32_t use_skeleton; /* 0: steps are not drawn by the symmetry of their points (1) */
     /* token, deform, turn, missing, min_score and min_evidence are of the default mode alone. */
     cairn_real token;    /* px, > 0: segments are cut into pieces of this length (10) */
     cairn_real deform;   /* > 0, of the object's size: sigma of places on the contour (0.025) */
@@ -83,13 +84,15 @@ typedef struct cairn_grouping_input {
 /* One object. image = origin + scale * (cosine, -sine; sine, cosine) * model. Where a field differs in the mode as written, that is said
  * behind "as written". */
 typedef struct cairn_grouped_object {
-    cairn_real evidence; /* about the logarithm of how much likelier its segments are with the object than by chance; as
-                          * written the logarithm of its walk's posterior */
-    cairn_real score;    /* 0 ... 1: how much of the outline was seen, and how well; as written the share of the model's
-                          * longest path that was walked along */
-    cairn_vec2 origin;   /* px; as written the mean over the walk's discs */
-    cairn_real size;     /* px; as written the one that is searched */
-    cairn_real turn;     /* rad; as written 0 */
+    /* About the logarithm of how much likelier its segments are with the object than by chance; as written the
+     * logarithm of its walk's posterior. */
+    cairn_real evidence;
+    /* 0 ... 1: how much of the outline was seen, and how well; as written the share of the model's longest path that
+     * was walked along. */
+    cairn_real score;
+    cairn_vec2 origin;    /* px; as written the mean over the walk's discs */
+    cairn_real size;      /* px; as written the one that is searched */
+    cairn_real turn;      /* rad; as written 0 */
     int32_t first, count; /* segments[first ... first + count - 1] of the result */
     int32_t along; /* along[along ... along + outline_count - 1]: which part of the model was seen, and by what */
     int32_t seen;  /* samples of the paths of which a side was seen; as written discs of the walk */
@@ -105,14 +108,17 @@ typedef struct cairn_grouping_trace {
 
 typedef struct cairn_grouping_result {
     const cairn_grouped_object *objects; /* [object_count] that of most evidence first */
-    const int32_t *segments; /* indices of the input's segments, object by object, in the order of the outline; as
-                              * written those left of the walk, on its way, then those right of it, on the way back */
-    const int32_t *along;    /* index of the segment at each sample of the model's outline, -1: not seen; object by
-                              * object; as written at the samples nearest to those of the walk's discs alone */
+    /* Indices of the input's segments, object by object, in the order of the outline; as written those left of the
+     * walk, on its way, then those right of it, on the way back. */
+    const int32_t *segments;
+    /* Index of the segment at each sample of the model's outline, -1: not seen; object by object; as written at the
+     * samples nearest to those of the walk's discs alone. */
+    const int32_t *along;
     const cairn_grouping_trace *trace; /* [steps] */
     int32_t object_count, segment_count, steps;
-    int32_t starts;      /* hypotheses: places that suit the model by a pair of tokens; as written states that the first
-                          * particles were drawn from, four of each symmetric point about an end of a strong chain */
+    /* Hypotheses: places that suit the model by a pair of tokens; as written states that the first particles were
+     * drawn from, four of each symmetric point about an end of a strong chain. */
+    int32_t starts;
     int32_t token_count; /* pieces of segments; as written segments */
     cairn_real best; /* the score of the place with most evidence, reported or not; as written of the first object */
     cairn_real best_evidence; /* and its evidence */

@@ -112,10 +112,10 @@ typedef struct cairn_contour_search_params {
     cairn_real min_size, max_size;  /* px, > 0 */
     cairn_real min_turn, max_turn;  /* rad (-15 ... 15 degrees) */
     int32_t mirror;                 /* 1: the mirrored model is looked for, too (1) */
-    /* Called with the particles after every step of the walk; NULL: nobody asks. */
+    /* Called with the particles after every step of the walk; NULL: not called. */
     void (*on_step)(void *context, const cairn_grouping_particle *particles, int32_t count, int32_t mirrored);
     void *context;
-    /* Of the mode as written: called after on_step with the walk of the heaviest particle; NULL: nobody asks. */
+    /* Of the mode as written: called after on_step with the walk of the heaviest particle; NULL: not called. */
     void (*on_walk)(void *context, const cairn_grouping_disc *discs, int32_t count);
 } cairn_contour_search_params;
 

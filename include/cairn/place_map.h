@@ -79,7 +79,7 @@ cairn_place_map_params cairn_place_map_default(void);
  * - the scans of a place, one after the other, are one sequence and one set of points for the histograms (the "complete scan");
  * - a place starts from the position of the place before it, and from the heading of the first;
  * - scans are decoupled right after the ICP of their place, with its target, its overlap distance and its rules;
- * - a place none of whose correspondences are left lies in a part of its own, and is nobody's target.
+ * - a place none of whose correspondences are left lies in a part of its own, and is no target of another.
  * The thesis does not tell doubtful places: `ambiguous` and `support` are 0. */
 cairn_place_map_params cairn_place_map_as_written(void);
 

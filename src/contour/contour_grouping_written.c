@@ -17,7 +17,7 @@
 
 /* States in histories for every particle: paths that particles share are stored once. */
 enum { BLOCKS_A_PARTICLE = 24, FOLLOWERS = 8 };
-/* Ends in a cell of the grid lie within so many px. */
+/* px: the side of a cell of the grid of ends. */
 #define CELL 8
 enum { STARTS_A_POINT = 4, UNITS_A_START = 6, UNITS_A_KEEP = 4, OBJECTS_A_UNIT = 8 };
 

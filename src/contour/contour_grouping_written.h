@@ -39,7 +39,7 @@ struct grouping_written {
     int32_t *stamp;                      /* [max_tokens] the last look that the segment was part of */
     cairn_grouping_disc *walk;           /* [max_objects * max_steps] of each place for an object */
     int32_t *place;                      /* [max_objects] of each object of the result */
-    const grouping_written_state **past; /* [max_steps] of the particle at hand */
+    const grouping_written_state **past; /* [max_steps] of the current particle */
     written_side side[2];
     cairn_vec2 *polygon;                 /* [4 * max_steps] */
     cairn_symmetric_point_params points; /* of pairs of segments in this image */

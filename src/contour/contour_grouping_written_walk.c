@@ -10,7 +10,8 @@
 
 #include "src/contour/contour_grouping_written.h"
 
-/* Units: of a proposal, of a step of its past; of an end in a look-ahead circle, and of a pair, with each so many steps of the past. */
+/* Units: of a proposal, of a step of its past; steps of the past that an end in a look-ahead circle, and a pair,
+ * is checked against in one unit. */
 enum { UNITS_A_PROPOSAL = 60, UNITS_A_STEP = 12, STEPS_AN_END = 1, STEPS_A_PAIR = 2 };
 
 /* ---- The model ---- */

@@ -2,7 +2,8 @@
  *
  * Method: a configuration that an earlier seed had is one all of whose votes are among that seed's nearest. Each vote has a row of bits, one for each
  * seed that it is near to; the rows of a configuration's votes, and-ed as parts are added, tell which seeds have it, and it is taken from the
- * first of them. Those found are a heap with the worst at its root, which goes when there is a better one and no room; at the end it is sorted.
+ * first of them. Those found are a heap with the worst at its root, which goes when there is a better one and the heap is full; at the end
+ * it is sorted.
  *
  * Source: Adluru 2008, section 5.2.2. */
 #include "src/core/build.h"

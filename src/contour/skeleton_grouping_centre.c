@@ -15,8 +15,8 @@
 #define LARGE       CAIRN_REAL(1.0)
 #define COST_MOST   CAIRN_REAL(4.0)
 /* Radii that are looked for below and above the range: large discs are the ones that lie between objects. */
-#define ROOM       CAIRN_REAL(1.6)
-#define ROOM_ABOVE CAIRN_REAL(1.25)
+#define MARGIN_BELOW CAIRN_REAL(1.6)
+#define MARGIN_ABOVE CAIRN_REAL(1.25)
 /* Radii where none are given, px and share of the image's shorter side. */
 #define LEAST_RADIUS CAIRN_REAL(3.0)
 #define MOST_RADIUS  CAIRN_REAL(0.15)
@@ -37,8 +37,8 @@ void cairn_skeleton_set_limits(cairn_skeleton *g)
 
     g->stride = (int32_t)(((int64_t)g->edgel_count + room - 1) / room);
     g->stride = g->stride > 0 ? g->stride : 1;
-    g->low = written ? g->input.min_radius : g->input.min_radius / ROOM;
-    g->high = written ? g->input.max_radius : g->input.max_radius * ROOM_ABOVE;
+    g->low = written ? g->input.min_radius : g->input.min_radius / MARGIN_BELOW;
+    g->high = written ? g->input.max_radius : g->input.max_radius * MARGIN_ABOVE;
     if (g->input.max_radius == 0) {
         g->low = LEAST_RADIUS;
         g->high = cairn_max(MOST_RADIUS * side, LEAST_RADIUS);
@@ -198,8 +198,8 @@ static void take_range(cairn_skeleton *g)
         high++;
     g->input.min_radius = radius_of(g, low);
     g->input.max_radius = cairn_min(radius_of(g, high + 1), g->high);
-    g->low = cairn_max(g->low, g->input.min_radius / ROOM);
-    g->high = cairn_min(g->high, g->input.max_radius * ROOM_ABOVE);
+    g->low = cairn_max(g->low, g->input.min_radius / MARGIN_BELOW);
+    g->high = cairn_min(g->high, g->input.max_radius * MARGIN_ABOVE);
 }
 
 cairn_status cairn_skeleton_propose_range(cairn_skeleton *g, cairn_budget *budget)

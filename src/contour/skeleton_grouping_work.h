@@ -129,7 +129,7 @@ static inline cairn_vec2 skeleton_inward(const skeleton_edgel *e, int32_t sense)
 /* Edgels for each pixel about a place. */
 cairn_real cairn_skeleton_density(const cairn_skeleton *g, cairn_vec2 at);
 
-/* Radii that are looked for: the range, with room about it in the default mode. */
+/* Radii that are looked for: the range, widened in the default mode. */
 void cairn_skeleton_set_limits(cairn_skeleton *g);
 
 /* The phases. */

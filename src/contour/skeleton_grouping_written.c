@@ -9,7 +9,7 @@
 
 /* Normals that are farther from the chord than this (cosine: 75 degrees) have no projection onto its bisector. */
 #define LEAST_COSINE CAIRN_REAL(0.26)
-/* Units for looking at so many pairs of edgels, and for moving so many CPs. */
+/* Pairs of edgels that are looked at, and CPs that are moved, in one unit. */
 enum { PAIRS_A_UNIT = 2, MOVED_A_UNIT = 16 };
 
 written_rule cairn_skeleton_written_rule(const cairn_skeleton *g, cairn_real margin)

@@ -17,7 +17,7 @@
 
 #include "src/contour/skeleton_grouping_written.h"
 
-/* A radius may lie so many R sigma off the range. */
+/* R sigma that a radius may lie off the range. */
 #define MARGIN CAIRN_REAL(3.0)
 /* Logarithm of the share of its greatest value at which a step makes a part neither likelier nor less likely. */
 #define LOG_REFERENCE CAIRN_REAL(-0.5)
@@ -236,7 +236,7 @@ static int is_twisted(const written_pair *before, const written_pair *now)
     return is_crossed(left, right);
 }
 
-/* One in `stride` of those seen; when there is no room every other one goes. */
+/* One in `stride` of those seen; when the list is full every other one goes. */
 static void keep(skeleton_written *w, const written_pair *pair)
 {
     int64_t number = w->seen++;
@@ -463,7 +463,7 @@ static void end_run(cairn_skeleton *g)
     g->candidate_count++;
 }
 
-/* From line to line, both ways, as long as there is room. */
+/* From line to line, both ways, until max_parts or max_points is reached. */
 cairn_status cairn_skeleton_written_walks(cairn_skeleton *g, cairn_budget *budget)
 {
     for (; g->start < g->start_count; g->start++) {

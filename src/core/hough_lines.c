@@ -43,7 +43,7 @@ static void mark_place(cairn_hough *hough, cairn_vec2 p)
     hough->places[place / 32] |= (uint32_t)1 << (place % 32);
 }
 
-/* 1 when the point belongs to the line at hand, from which it is s away. As written: when it has voted for it. */
+/* 1 when the point belongs to the current line, from which it is s away. As written: when it has voted for it. */
 static int belongs(const cairn_hough *hough, const cairn_oriented_point *p, cairn_real s)
 {
     cairn_real reach = hough->params.support_distance, along, across;
